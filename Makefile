@@ -1,0 +1,45 @@
+# The one list of verbs, for people and for CI.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STUDY := studies/mace-1993.toml
+
+.PHONY: study test test-all check docs bench lock clean
+
+study: $(VENV)/run.stamp  ## the paper: out/mace-1993/report.html
+	$(BIN)/middeck study $(STUDY) -o out/mace-1993
+
+test: check  ## lint, types, import contract, tests, docs examples
+	$(BIN)/python -m pytest -rs
+
+test-all: check  ## the same with every long campaign whole; writes tests/results.json
+	MIDDECK_LONG=1 $(BIN)/python -m pytest -rs
+
+check: $(VENV)/dev.stamp
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/basedpyright
+	$(BIN)/lint-imports
+
+docs: $(VENV)/dev.stamp  ## docs/_build/html
+	$(BIN)/sphinx-build -W -b html docs docs/_build/html
+
+bench: $(VENV)/dev.stamp  ## benchmarks/results/*.json and docs/benchmarks.md
+	$(BIN)/python benchmarks/run.py
+
+$(VENV)/run.stamp: requirements.lock pyproject.toml
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --require-hashes -r requirements.lock
+	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation -e .
+	touch $@
+
+$(VENV)/dev.stamp: requirements-dev.lock $(VENV)/run.stamp
+	$(BIN)/python -m pip install --quiet --require-hashes -r requirements-dev.lock
+	touch $@
+
+lock:  ## needs uv; writes both locks, hashes and no addresses
+	uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-emit-find-links --no-header --extra build pyproject.toml -o requirements.lock
+	uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-emit-find-links --no-header --all-extras pyproject.toml -o requirements-dev.lock
+
+clean:
+	rm -rf $(VENV) out docs/_build

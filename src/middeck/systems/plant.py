@@ -1,0 +1,65 @@
+"""The waist itself: a linear model with named ports, w u z y as in the paper's Figure 8."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from middeck.systems.modal import ModalSystem, modal_to_statespace
+from middeck.systems.ports import Port, port_indices
+from middeck.systems.statespace import StateSpace
+from middeck.values import record
+
+
+@record
+class Plant:
+    """A linear time-invariant model between named inputs and outputs.
+
+    Parameters
+    ----------
+    dynamics:
+        Modal form where the model has one (from a structure), otherwise a state space.
+    inputs, outputs:
+        Ports in the order of the columns and rows.
+    w, u:
+        Names of the inputs that disturb and of those that control.
+    z, y:
+        Names of the outputs to be kept small and of those fed back. A port may be in several groups.
+    """
+
+    dynamics: ModalSystem | StateSpace
+    inputs: tuple[Port, ...]
+    outputs: tuple[Port, ...]
+    w: tuple[str, ...] = ()
+    u: tuple[str, ...] = ()
+    z: tuple[str, ...] = ()
+    y: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        shape = (len(self.outputs), len(self.inputs))
+        rows, columns = self.system.D.shape
+        if shape != (rows, columns):
+            raise ValueError(f"Plant: {shape[0]} outputs and {shape[1]} inputs named, dynamics has {rows}, {columns}")
+        port_indices(self.inputs, (*self.w, *self.u), "input")
+        port_indices(self.outputs, (*self.z, *self.y), "output")
+
+    @property
+    def system(self) -> StateSpace:
+        """The plant as a state space (computed, not stored)."""
+        return modal_to_statespace(self.dynamics) if isinstance(self.dynamics, ModalSystem) else self.dynamics
+
+    def input_indices(self, names: Sequence[str]) -> list[int]:
+        """Columns of the inputs ``names``."""
+        return port_indices(self.inputs, names, "input")
+
+    def output_indices(self, names: Sequence[str]) -> list[int]:
+        """Rows of the outputs ``names``."""
+        return port_indices(self.outputs, names, "output")
+
+
+def subsystem(plant: Plant, inputs: Sequence[str], outputs: Sequence[str]) -> StateSpace:
+    """The state space from ``inputs`` to ``outputs``, by name."""
+    system = plant.system
+    columns, rows = plant.input_indices(inputs), plant.output_indices(outputs)
+    return StateSpace(system.A, system.B[:, columns], system.C[rows], system.D[np.ix_(rows, columns)])

@@ -1,0 +1,47 @@
+"""Frequency responses: measured or computed, on stated lines, with named ports."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Complex, Float
+
+from middeck.systems.modal import ModalSystem, modal_response
+from middeck.systems.plant import Plant
+from middeck.systems.ports import Port
+from middeck.systems.statespace import SampledStateSpace, StateSpace
+from middeck.values import record
+
+
+@record
+class FrequencyResponse:
+    """Complex response H[line, output, input] at ``frequency_hz``.
+
+    ``variance`` is that of the estimate H (noise of both real and imaginary part together), per line and
+    entry; None for a computed response.
+    """
+
+    frequency_hz: Float[np.ndarray, " line"]
+    H: Complex[np.ndarray, "line output input"]
+    inputs: tuple[Port, ...]
+    outputs: tuple[Port, ...]
+    variance: Float[np.ndarray, "line output input"] | None = None
+
+
+def statespace_response(
+    system: StateSpace | SampledStateSpace, omega: Float[np.ndarray, " line"]
+) -> Complex[np.ndarray, "line output input"]:
+    """C (p I - A)^-1 B + D with p = j omega, or exp(j omega T) for a sampled system; ``omega`` in rad/s."""
+    omega = np.asarray(omega, dtype=float)
+    p = np.exp(1j * omega * system.period_s) if isinstance(system, SampledStateSpace) else 1j * omega
+    if not len(system.A):
+        return np.broadcast_to(system.D.astype(complex), (len(p), *system.D.shape)).copy()
+    pencil = p[:, None, None] * np.eye(len(system.A)) - system.A
+    return np.asarray(system.C @ np.linalg.solve(pencil, np.broadcast_to(system.B, (len(p), *system.B.shape))) + system.D)
+
+
+def evaluate_plant(plant: Plant, frequency_hz: Float[np.ndarray, " line"]) -> FrequencyResponse:
+    """The plant's frequency response at ``frequency_hz``, all ports."""
+    omega = 2.0 * np.pi * np.asarray(frequency_hz, dtype=float)
+    dynamics = plant.dynamics
+    H = modal_response(dynamics, omega) if isinstance(dynamics, ModalSystem) else statespace_response(dynamics, omega)
+    return FrequencyResponse(np.asarray(frequency_hz, dtype=float), H, plant.inputs, plant.outputs)

@@ -1,0 +1,53 @@
+"""Linear systems as four real matrices, continuous or sampled; which of the two is a type."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Complex, Float
+
+from middeck.values import record
+
+
+@record
+class StateSpace:
+    """Continuous system x' = A x + B u, y = C x + D u."""
+
+    A: Float[np.ndarray, "state state"]
+    B: Float[np.ndarray, "state input"]
+    C: Float[np.ndarray, "output state"]
+    D: Float[np.ndarray, "output input"]
+
+
+@record
+class SampledStateSpace:
+    """Sampled system x[k+1] = A x[k] + B u[k], y[k] = C x[k] + D u[k], at ``period_s``."""
+
+    A: Float[np.ndarray, "state state"]
+    B: Float[np.ndarray, "state input"]
+    C: Float[np.ndarray, "output state"]
+    D: Float[np.ndarray, "output input"]
+    period_s: float
+
+
+def gain_system(D: Float[np.ndarray, "output input"]) -> StateSpace:
+    """A system without states: y = D u."""
+    outputs, inputs = np.shape(D)
+    return StateSpace(np.zeros((0, 0)), np.zeros((0, inputs)), np.zeros((outputs, 0)), D)
+
+
+def series(first: StateSpace, second: StateSpace) -> StateSpace:
+    """``second`` driven by ``first``: y = second(first(u)); states ordered (first, second)."""
+    A = np.block(
+        [
+            [first.A, np.zeros((len(first.A), len(second.A)))],
+            [second.B @ first.C, second.A],
+        ]
+    )
+    B = np.vstack([first.B, second.B @ first.D])
+    C = np.hstack([second.D @ first.C, second.C])
+    return StateSpace(A, B, C, second.D @ first.D)
+
+
+def poles(system: StateSpace | SampledStateSpace) -> Complex[np.ndarray, " state"]:
+    """Eigenvalues of A (rad/s for a continuous system, z-plane for a sampled one)."""
+    return np.linalg.eigvals(system.A).astype(complex)
