@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from typing import Any, TypeVar, cast, dataclass_transform, get_args, get_type_hints
+from typing import Any, TypeVar, dataclass_transform, get_args, get_type_hints
 
 import jaxtyping
 import numpy as np
@@ -33,7 +33,7 @@ T = TypeVar("T")
 @dataclass_transform(frozen_default=True)
 def record(cls: type[T]) -> type[T]:
     """Make ``cls`` a frozen dataclass that locks its arrays and compares by value."""
-    namespace = cast(Any, cls)
+    namespace: Any = cls
     user_check = namespace.__dict__.get("__post_init__")
 
     def post_init(self: Any) -> None:
@@ -45,7 +45,7 @@ def record(cls: type[T]) -> type[T]:
     namespace.__eq__ = _equal
     namespace.__hash__ = _hash
     namespace.__reduce__ = _reduce
-    return cast(type[T], dataclasses.dataclass(frozen=True, eq=False)(cls))
+    return dataclasses.dataclass(frozen=True, eq=False)(cls)
 
 
 def _lock_arrays(self: Any) -> None:
@@ -76,7 +76,9 @@ def _check_shape(where: str, shape: tuple[int, ...], dims: str, sizes: dict[str,
         fixed = int(dim) if dim.isdigit() else sizes.setdefault(dim, size)
         fits = fits and fixed == size
     if not fits:
-        known = ", ".join(f"{d} = {sizes[d]}" for d in names if d in sizes) if len(names) == len(shape) else ""
+        known = (
+            ", ".join(f"{d} = {sizes[d]}" for d in names if d in sizes) if len(names) == len(shape) else ""
+        )
         raise ValueError(f"{where}: shape {shape} does not fit {dims!r}" + (f" ({known})" if known else ""))
 
 

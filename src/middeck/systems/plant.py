@@ -40,7 +40,9 @@ class Plant:
         shape = (len(self.outputs), len(self.inputs))
         rows, columns = self.system.D.shape
         if shape != (rows, columns):
-            raise ValueError(f"Plant: {shape[0]} outputs and {shape[1]} inputs named, dynamics has {rows}, {columns}")
+            raise ValueError(
+                f"Plant: {shape[0]} outputs and {shape[1]} inputs named, dynamics has {rows}, {columns}"
+            )
         port_indices(self.inputs, (*self.w, *self.u), "input")
         port_indices(self.outputs, (*self.z, *self.y), "output")
 

@@ -33,5 +33,7 @@ def port_indices(ports: Sequence[Port], names: Sequence[str], side: str) -> list
     known = [p.name for p in ports]
     unknown = [n for n in names if n not in known]
     if unknown:
-        raise ConfigError(f"no {side} named {', '.join(map(repr, unknown))}", hint=f"one of {', '.join(known)}")
+        raise ConfigError(
+            f"no {side} named {', '.join(map(repr, unknown))}", hint=f"one of {', '.join(known)}"
+        )
     return [known.index(n) for n in names]

@@ -36,12 +36,18 @@ def statespace_response(
     if not len(system.A):
         return np.broadcast_to(system.D.astype(complex), (len(p), *system.D.shape)).copy()
     pencil = p[:, None, None] * np.eye(len(system.A)) - system.A
-    return np.asarray(system.C @ np.linalg.solve(pencil, np.broadcast_to(system.B, (len(p), *system.B.shape))) + system.D)
+    return np.asarray(
+        system.C @ np.linalg.solve(pencil, np.broadcast_to(system.B, (len(p), *system.B.shape))) + system.D
+    )
 
 
 def evaluate_plant(plant: Plant, frequency_hz: Float[np.ndarray, " line"]) -> FrequencyResponse:
     """The plant's frequency response at ``frequency_hz``, all ports."""
     omega = 2.0 * np.pi * np.asarray(frequency_hz, dtype=float)
     dynamics = plant.dynamics
-    H = modal_response(dynamics, omega) if isinstance(dynamics, ModalSystem) else statespace_response(dynamics, omega)
+    H = (
+        modal_response(dynamics, omega)
+        if isinstance(dynamics, ModalSystem)
+        else statespace_response(dynamics, omega)
+    )
     return FrequencyResponse(np.asarray(frequency_hz, dtype=float), H, plant.inputs, plant.outputs)
