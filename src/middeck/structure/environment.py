@@ -34,8 +34,19 @@ class Suspension:
 
 
 @record
+class AnchoredSpring:
+    """A linear spring from an attach point to a fixed anchor in W: stiffness [N/m], free length [m]."""
+
+    name: str
+    attach: str
+    anchor: Float[np.ndarray, "3"]
+    stiffness: float
+    free_length: float
+
+
+@record
 class Environment:
-    """Gravity vector in the world frame [m/s^2] and the suspension, if any.
+    """Gravity vector in the world frame [m/s^2], the suspension and further springs to ground, if any.
 
     >>> Environment.orbit().gravity.tolist()
     [0.0, 0.0, 0.0]
@@ -44,6 +55,7 @@ class Environment:
     title: str
     gravity: Float[np.ndarray, "3"]
     suspension: Suspension | None = None
+    springs: tuple[AnchoredSpring, ...] = ()
 
     @staticmethod
     def orbit() -> Environment:
