@@ -26,6 +26,9 @@ class Plant:
         Names of the inputs that disturb and of those that control.
     z, y:
         Names of the outputs to be kept small and of those fed back. A port may be in several groups.
+    state_names:
+        What each state belongs to (a mode's two states carry its name), where the dynamics does not say it
+        itself; empty if unknown.
     """
 
     dynamics: ModalSystem | StateSpace
@@ -35,6 +38,7 @@ class Plant:
     u: tuple[str, ...] = ()
     z: tuple[str, ...] = ()
     y: tuple[str, ...] = ()
+    state_names: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         shape = (len(self.outputs), len(self.inputs))
@@ -43,6 +47,8 @@ class Plant:
             raise ValueError(
                 f"Plant: {shape[0]} outputs and {shape[1]} inputs named, dynamics has {rows}, {columns}"
             )
+        if self.state_names and len(self.state_names) != len(self.system.A):
+            raise ValueError(f"Plant: {len(self.state_names)} state names for {len(self.system.A)} states")
         port_indices(self.inputs, (*self.w, *self.u), "input")
         port_indices(self.outputs, (*self.z, *self.y), "output")
 
@@ -58,6 +64,13 @@ class Plant:
     def output_indices(self, names: Sequence[str]) -> list[int]:
         """Rows of the outputs ``names``."""
         return port_indices(self.outputs, names, "output")
+
+
+def name_states(plant: Plant) -> tuple[str, ...]:
+    """The mode (or other part) that each state belongs to; ``"state 3"`` where nothing is known."""
+    if isinstance(plant.dynamics, ModalSystem):
+        return tuple(name for name in plant.dynamics.names for _ in range(2))
+    return plant.state_names or tuple(f"state {i}" for i in range(len(plant.dynamics.A)))
 
 
 def subsystem(plant: Plant, inputs: Sequence[str], outputs: Sequence[str]) -> StateSpace:

@@ -1,0 +1,136 @@
+"""One design at many authorities, on many plants: where it helps, and what breaks first."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from middeck.control.closed_loop import close_loop
+from middeck.control.compensator import Compensator
+from middeck.control.participation import find_participation
+from middeck.control.performance import Performance, measure_metric
+from middeck.systems.plant import Plant
+from middeck.systems.stability import is_stable
+from middeck.values import record
+
+Design = Callable[[float], Compensator]
+"""From authority to compensator; e.g. ``functools.partial(design_lqg, plant, weights, kalman=kalman)``."""
+
+
+@record
+class AuthoritySweep:
+    """The metric of each plant at each authority.
+
+    Parameters
+    ----------
+    authority:
+        The levels.
+    plants:
+        Names of the plants, in the order of the rows.
+    db:
+        20 log10 of the metric over the reference; improvement is negative, ``inf`` where unstable.
+    stable:
+        Whether the closed loop is stable.
+    compensator_stable:
+        Whether the compensator is, by the same threshold.
+    """
+
+    authority: Float[np.ndarray, " level"]
+    plants: tuple[str, ...]
+    db: Float[np.ndarray, "plant level"]
+    stable: Bool[np.ndarray, "plant level"]
+    compensator_stable: Bool[np.ndarray, " level"]
+
+
+@record
+class FirstInstability:
+    """The lowest authority found unstable, and who takes part.
+
+    Parameters
+    ----------
+    log10_authority:
+        The unstable end of the last interval.
+    pole:
+        The eigenvalue of largest real part there [rad/s].
+    frequency_hz:
+        Its imaginary part.
+    mode_name:
+        The mode with the largest share.
+    participation:
+        That share, over all states of the plant.
+    compensator_share:
+        Share of the compensator's states, over all states.
+    """
+
+    log10_authority: float
+    pole: complex
+    frequency_hz: float
+    mode_name: str
+    participation: float
+    compensator_share: float
+
+
+def sweep_authority(
+    design: Design,
+    levels: Float[np.ndarray, " level"],
+    *,
+    on: Mapping[str, Plant],
+    performance: Performance,
+    reference: float,
+) -> AuthoritySweep:
+    """Close every plant with the design at every authority; ``reference`` is the metric called 0 dB."""
+    laws = [design(float(level)) for level in levels]
+    loops = {name: [close_loop(plant, law) for law in laws] for name, plant in on.items()}
+    metric = np.array([[measure_metric(loop, performance) for loop in row] for row in loops.values()])
+    return AuthoritySweep(
+        np.asarray(levels, dtype=float),
+        tuple(on),
+        20.0 * np.log10(metric.reshape(len(on), len(laws)) / reference),
+        np.array([[loop.stable for loop in row] for row in loops.values()]).reshape(len(on), len(laws)),
+        np.array([is_stable(law.system) for law in laws], dtype=bool),
+    )
+
+
+def find_first_instability(
+    design: Design,
+    plant: Plant,
+    *,
+    first: float,
+    last: float = 7.0,
+    step: float = 0.25,
+    resolution: float = 0.005,
+) -> FirstInstability | None:
+    """Search log10 authority upwards from ``first``; None if every level up to ``last`` is stable.
+
+    The first unstable level is bisected to ``resolution`` against the level before it; the unstable end is
+    reported. Stability may return above it.
+    """
+
+    def unstable(log10_authority: float) -> bool:
+        return not close_loop(plant, design(10.0**log10_authority)).stable
+
+    # 1e-9: `last` itself is a level however the steps round.
+    levels = first + step * np.arange(int(np.floor((last - first) / step + 1e-9)) + 1)
+    found = next((float(level) for level in levels if unstable(float(level))), None)
+    if found is None:
+        return None
+    high, low = found, found - step
+    while found > first and high - low > resolution:
+        middle = (low + high) / 2.0
+        low, high = (low, middle) if unstable(middle) else (middle, high)
+    return _describe(design, plant, high)
+
+
+def _describe(design: Design, plant: Plant, log10_authority: float) -> FirstInstability:
+    part = find_participation(close_loop(plant, design(10.0**log10_authority)))
+    lead = int(np.argmax(part.shares))
+    return FirstInstability(
+        log10_authority,
+        part.pole,
+        part.pole.imag / (2.0 * np.pi),
+        part.names[lead],
+        float(part.shares[lead] / part.shares.sum()),
+        part.compensator,
+    )

@@ -1,0 +1,61 @@
+"""Local proportional-derivative loops: the inner loop that holds the rigid-body modes."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.control.partition import partition_modes
+from middeck.systems.plant import Plant, name_states
+from middeck.systems.statespace import StateSpace
+from middeck.values import record
+
+
+@record
+class PDLoops:
+    """torque = -(kp angle + kd rate), one loop for each name, ideal sensors.
+
+    Loop ``name`` reads the outputs ``name`` [rad] and ``name_rate`` [rad/s] and drives the input ``name``.
+
+    Parameters
+    ----------
+    kp, kd:
+        Gains [N m/rad] and [N m s/rad].
+    """
+
+    names: tuple[str, ...]
+    kp: Float[np.ndarray, " loop"]
+    kd: Float[np.ndarray, " loop"]
+
+    def __post_init__(self) -> None:
+        if len(self.names) != len(self.kp):
+            raise ValueError(f"PDLoops: {len(self.names)} names for {len(self.kp)} gains")
+
+
+def close_inner_loop(plant: Plant, pd: PDLoops) -> Plant:
+    """The plant with ``pd`` closed: same ports, and the states of its modes in their order.
+
+    Modes that no port reaches or sees are left out (`partition_modes` names them): they belong to no
+    transfer function, and no loop could hold them. Raises `ConfigError` for loops whose ports do not exist.
+    """
+    active = partition_modes(plant).active
+    system = active.system
+    columns = active.input_indices(pd.names)
+    angles = active.output_indices(pd.names)
+    rates = active.output_indices([f"{name}_rate" for name in pd.names])
+    gain = np.zeros((len(active.inputs), len(active.outputs)))
+    gain[columns, angles] = -pd.kp
+    gain[columns, rates] = -pd.kd
+    closed = close_static(system, gain)
+    return dataclasses.replace(active, dynamics=closed, state_names=name_states(active))
+
+
+def close_static(system: StateSpace, gain: Float[np.ndarray, "input output"]) -> StateSpace:
+    """The system under u = r + gain y, from r to y."""
+    # (I - gain D)^-1: the loop through the direct term; the identity where D = 0.
+    through = np.linalg.inv(np.eye(len(gain)) - gain @ system.D)
+    B = system.B @ through
+    feedback = through @ gain @ system.C
+    return StateSpace(system.A + system.B @ feedback, B, system.C + system.D @ feedback, system.D @ through)

@@ -1,0 +1,52 @@
+"""Which mode moves in an eigenvector, whatever the scaling of the states (Pérez-Arriaga et al. 1982)."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg as sla
+from jaxtyping import Float
+
+from middeck.control.closed_loop import ClosedLoop
+from middeck.errors import NumericalError
+from middeck.values import record
+
+
+@record
+class Participation:
+    """Shares in one eigenvalue of a closed loop.
+
+    Parameters
+    ----------
+    pole:
+        The eigenvalue [rad/s], imaginary part not negative.
+    names:
+        The modes (or other parts) of the plant, in its order.
+    shares:
+        |left * right eigenvector|, summed over each mode's states; ``shares`` and ``compensator`` sum to one.
+    compensator:
+        Share of all compensator states together.
+    """
+
+    pole: complex
+    names: tuple[str, ...]
+    shares: Float[np.ndarray, " mode"]
+    compensator: float
+
+
+def find_participation(loop: ClosedLoop) -> Participation:
+    """Who takes part in the eigenvalue of largest real part.
+
+    For a plant built from modes the states are the modal ones, position and rate, with or without static
+    feedback around it. Raises `NumericalError` for a defective eigenvalue, where shares do not exist.
+    """
+    values, left, right = sla.eig(loop.system.A, left=True, right=True)
+    lead = int(np.argmax(values.real))
+    product = np.abs(left[:, lead].conj() * right[:, lead])
+    if abs(np.vdot(left[:, lead], right[:, lead])) < 1e-12:
+        raise NumericalError(f"the eigenvalue {values[lead]:.3g} is defective: participation does not exist")
+    product /= product.sum()
+    names = tuple(dict.fromkeys(loop.state_names))
+    index = np.array([names.index(name) for name in loop.state_names], dtype=int)
+    shares = np.bincount(index, weights=product[: len(index)], minlength=len(names))
+    pole = complex(values[lead].real, abs(values[lead].imag))
+    return Participation(pole, names, shares, float(product[len(index) :].sum()))

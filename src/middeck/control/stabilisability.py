@@ -1,0 +1,73 @@
+"""Which modes no feedback can hold, and their names (Popov, Belevitch and Hautus test)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.errors import NotStabilisableError
+
+RANK_FLOOR = 1e-10
+"""Singular values of [A - lambda I, B] below this, relative to A, count as zero: a million times rounding,
+ten million times below the weakest rigid mode of a structure (1e-3)."""
+CANDIDATE = float(np.sqrt(np.finfo(float).eps))
+"""A double pole on the axis is computed with an error of the square root of rounding (times A)."""
+
+
+def unreachable_states(
+    A: Float[np.ndarray, "state state"], B: Float[np.ndarray, "state input"], *, only_axis: bool = False
+) -> Float[np.ndarray, " state"]:
+    """How much each state belongs to modes that do not decay and that no input reaches (0: not at all).
+
+    The squared row norms of an orthonormal basis of the left null spaces of [A - lambda I, B], one
+    lambda per group of equal eigenvalues with real part >= 0 (``only_axis``: = 0).
+
+    >>> unreachable_states(np.diag([0.0, -1.0]), np.array([[0.0], [1.0]]))
+    array([1., 0.])
+    """
+    n = len(A)
+    share = np.zeros(n)
+    if not n:
+        return share
+    size = float(np.linalg.norm(A, 2)) or 1.0
+    length = np.linalg.norm(B, axis=0)
+    unit = size * B[:, length > 0.0] / length[length > 0.0]
+    seen: list[complex] = []
+    for pole in np.linalg.eigvals(A):
+        off_axis = only_axis and pole.real > CANDIDATE * size
+        known = any(abs(pole - other) < 10.0 * CANDIDATE * size for other in seen)
+        if pole.real < -CANDIDATE * size or pole.imag < 0.0 or off_axis or known:
+            continue
+        seen.append(complex(pole))
+        U, s, _ = np.linalg.svd(np.hstack([A - pole * np.eye(n), unit]))
+        for w in U.T[s <= RANK_FLOOR * size]:
+            # The null vector knows the eigenvalue to rounding, even where A's own is badly conditioned.
+            if (w.conj() @ A @ w).real >= -RANK_FLOOR * size:
+                share += np.abs(w) ** 2
+    return share
+
+
+def require_reachable(
+    A: Float[np.ndarray, "state state"],
+    B: Float[np.ndarray, "state input"],
+    names: Sequence[str] = (),
+    *,
+    only_axis: bool = False,
+    complaint: str = "no input reaches it",
+    hint: str = "give it an actuator, or leave it out of the design if nothing observes it either",
+) -> None:
+    """Raise `NotStabilisableError` that names the modes (``names``: one per state) which nothing can hold."""
+    share = unreachable_states(A, B, only_axis=only_axis)
+    if not share.any():
+        return
+    labels = list(names) or [f"state {i}" for i in range(len(A))]
+    total: dict[str, float] = {}
+    for label, part in zip(labels, share, strict=True):
+        total[label] = total.get(label, 0.0) + float(part)
+    # A tenth: parts of a mode spread over several names are all named, traces of rounding are not.
+    blamed = tuple(label for label, part in total.items() if part > 0.1)
+    raise NotStabilisableError(
+        f"{complaint}, and it does not decay: {', '.join(blamed)}", hint=hint, modes=blamed, shares=share
+    )
