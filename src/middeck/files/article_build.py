@@ -1,0 +1,180 @@
+"""From a valid article form to the `Structure` it describes."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.files.article_form import (
+    ArticleForm,
+    GimbalForm,
+    MaterialForm,
+    NodeForm,
+    RevoluteForm,
+    SectionForm,
+    StrutForm,
+)
+from middeck.structure.article import (
+    Actuator,
+    AttachPoint,
+    Body,
+    Damping,
+    Joint,
+    JointState,
+    Member,
+    Node,
+    Section,
+    Sensor,
+    Spring,
+    Structure,
+)
+
+AXES = {"x": np.array([1.0, 0.0, 0.0]), "y": np.array([0.0, 1.0, 0.0]), "z": np.array([0.0, 0.0, 1.0])}
+
+
+def build_structure(form: ArticleForm) -> Structure:
+    """The value that a valid form describes; ports are those of `default_ports` and the listed ones."""
+    nodes = tuple(_node(n) for n in form.node)
+    actuators, sensors = default_ports(form)
+    listed_a = tuple(Actuator(a.name, a.frame, _unit(a.axis)) for a in form.actuator)
+    listed_s = tuple(
+        Sensor(s.name, s.frame, _unit(s.axis), (s.axis_frame or s.frame) if s.axis else "")
+        for s in form.sensor
+    )
+    return Structure(
+        title=form.title or form.name,
+        nodes=nodes,
+        members=tuple(_member(s, form, {n.name: n.position for n in nodes}) for s in form.strut),
+        joints=(*(j for g in form.gimbal for j in _gimbal(g)), *(_revolute(r) for r in form.revolute)),
+        springs=tuple(
+            Spring(s.name or f"{s.from_}-{s.to}", s.from_, s.to, s.stiffness_n_per_m, s.free_length_m)
+            for s in form.spring
+        ),
+        attach_points=_attach_points(form),
+        actuators=(*actuators, *listed_a),
+        sensors=(*sensors, *listed_s),
+        damping=Damping(form.damping.flexible, form.damping.suspension, form.damping.rigid),
+    )
+
+
+def default_ports(form: ArticleForm) -> tuple[tuple[Actuator, ...], tuple[Sensor, ...]]:
+    """The ports that an article has without listing them.
+
+    The wheel node gives ``bus_x``, ``bus_y``, ``bus_z``: torque on it and its inertial rotation about its own
+    axes. A gimbal ``g`` gives ``g_in_x``, ``g_in_z``, the inertial rotation of its payload about the axes of
+    the stage, and ``g_rel_x``, ``g_rel_z``, joint torques and angles. A revolute ``r`` gives ``r_rel``.
+    """
+    actuators: list[Actuator] = []
+    sensors: list[Sensor] = []
+    if form.wheel_node is not None:
+        for letter, axis in AXES.items():
+            actuators.append(Actuator(f"bus_{letter}", form.wheel_node, axis))
+            sensors.append(Sensor(f"bus_{letter}", form.wheel_node, axis, form.wheel_node))
+    for g in form.gimbal:
+        sensors += [Sensor(f"{g.name}_in_{a}", f"{g.name}_z", AXES[a], f"{g.name}_x") for a in "xz"]
+        sensors += [Sensor(f"{g.name}_rel_{a}", f"{g.name}_{a}", None) for a in "xz"]
+        actuators += [Actuator(f"{g.name}_rel_{a}", f"{g.name}_{a}", None) for a in "xz"]
+    for r in form.revolute:
+        sensors.append(Sensor(f"{r.name}_rel", r.name, None))
+        actuators.append(Actuator(f"{r.name}_rel", r.name, None))
+    return tuple(actuators), tuple(sensors)
+
+
+def tube_section(section: SectionForm, material: MaterialForm) -> Section:
+    """Round tube: I = pi (D^4 - d^4) / 64, torsion constant 2 I, shear stiffness k G A if k is given."""
+    outer, inner = section.outer_diameter_m or 0.0, section.inner_diameter_m or 0.0
+    area = np.pi * (outer**2 - inner**2) / 4.0
+    second_moment = np.pi * (outer**4 - inner**4) / 64.0
+    E, rho = material.E_pa, material.rho_kg_m3
+    G = E / (2.0 * (1.0 + material.nu))
+    GA = np.inf if section.shear is None else section.shear * G * area
+    EI, rho_I = E * second_moment, rho * second_moment
+    return Section(E * area, 2.0 * G * second_moment, EI, EI, rho * area, rho_I, rho_I, GA, GA)
+
+
+def _section(form: SectionForm, materials: dict[str, MaterialForm]) -> Section:
+    if form.material is not None:
+        return tube_section(form, materials[form.material])
+    return Section(
+        EA=form.EA_n or 0.0,
+        GJ=form.GJ_nm2 or 0.0,
+        EI_y=form.EI_y_nm2 or 0.0,
+        EI_z=form.EI_z_nm2 or 0.0,
+        rho_A=form.rho_A_kg_per_m or 0.0,
+        rho_I_y=form.rho_I_y_kg_m or 0.0,
+        rho_I_z=form.rho_I_z_kg_m or 0.0,
+        GA_y=form.GA_y_n or np.inf,
+        GA_z=form.GA_z_n or np.inf,
+    )
+
+
+def _body(mass: float, cg: tuple[float, ...], inertia: object) -> Body:
+    return Body(mass, np.array(cg), np.zeros((3, 3)) if inertia is None else np.array(inertia))
+
+
+def _node(form: NodeForm) -> Node:
+    position = np.array([form.x_m, form.y_m, form.z_m])
+    return Node(form.name, position, form.size_m, _body(form.mass_kg, form.cg_m, form.inertia_kg_m2))
+
+
+def _member(strut: StrutForm, form: ArticleForm, positions: dict[str, np.ndarray]) -> Member:
+    along = positions[strut.to] - positions[strut.from_]
+    return Member(
+        name=strut.name or f"{strut.from_}-{strut.to}",
+        start=strut.from_,
+        end=strut.to,
+        section=_section(form.section[strut.section], form.material),
+        elements=strut.elements or form.mesh.elements_per_strut,
+        up=default_up(along) if strut.up is None else np.array(strut.up),
+    )
+
+
+def default_up(along: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
+    """World y, or world x for a member within eight degrees of upright.
+
+    >>> default_up(np.array([0.0, 2.0, 0.0])).tolist()
+    [1.0, 0.0, 0.0]
+    """
+    return AXES["x"] if abs(along[1]) > 0.99 * np.linalg.norm(along) else AXES["y"]
+
+
+def _gimbal(form: GimbalForm) -> tuple[Joint, Joint]:
+    stage = _body(form.stage_mass_kg, form.stage_cg_m, form.stage_inertia_kg_m2)
+    payload = _body(form.payload_mass_kg, form.payload_cg_m, form.payload_inertia_kg_m2)
+    rest_x = form.rest_x_deg if form.state_x == "sprung" else form.command_x_deg
+    rest_z = form.rest_z_deg if form.state_z == "sprung" else form.command_z_deg
+    outer = _axis(form.state_x, form.angle_x_deg, form.stiffness_x_nm_per_rad, rest_x)
+    inner = _axis(form.state_z, form.angle_z_deg, form.stiffness_z_nm_per_rad, rest_z)
+    x = f"{form.name}_x"
+    return (
+        Joint(x, form.node, np.array(form.offset_m), AXES["x"], outer[0], stage, *outer[1:]),
+        Joint(f"{form.name}_z", x, np.zeros(3), AXES["z"], inner[0], payload, *inner[1:]),
+    )
+
+
+def _revolute(form: RevoluteForm) -> Joint:
+    axis = np.array(form.axis) / np.linalg.norm(form.axis)
+    body = _body(form.mass_kg, form.cg_m, form.inertia_kg_m2)
+    target = form.rest_deg if form.state == "sprung" else form.command_deg
+    nominal = _axis(form.state, form.angle_deg, form.stiffness_nm_per_rad, target)
+    return Joint(form.name, form.parent, np.array(form.offset_m), axis, nominal[0], body, *nominal[1:])
+
+
+def _axis(
+    state: str, angle_deg: float, stiffness: float | None, target_deg: float | None
+) -> tuple[float, JointState, float, float]:
+    """Nominal angle [rad], state, stiffness [N m/rad] and target [rad], which by default is nominal."""
+    target = angle_deg if target_deg is None else target_deg
+    return float(np.deg2rad(angle_deg)), JointState(state), stiffness or 0.0, float(np.deg2rad(target))
+
+
+def _attach_points(form: ArticleForm) -> tuple[AttachPoint, ...]:
+    listed = tuple(AttachPoint(a.name, a.frame, np.array(a.offset_m)) for a in form.attach)
+    if form.suspension is None:
+        return listed
+    pairs = zip(form.suspension.nodes, form.suspension.offsets_m, strict=True)
+    return (*(AttachPoint(node, node, np.array(offset)) for node, offset in pairs), *listed)
+
+
+def _unit(axis: tuple[float, float, float] | None) -> Float[np.ndarray, "3"] | None:
+    return None if axis is None else np.array(axis) / np.linalg.norm(axis)

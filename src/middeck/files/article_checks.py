@@ -1,0 +1,302 @@
+"""What is wrong with an article beyond the form of its keys: names, geometry, bodies.
+
+The checks read the raw tables and pass over what the form has already refused, so that one run reports all.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any, cast
+
+import numpy as np
+
+from middeck.files.faults import Finding, nearest, show
+from middeck.files.form import inertia_matrix
+from middeck.files.toml_lines import Path
+
+Table = dict[str, Any]
+
+TUBE_KEYS = ("outer_diameter_m", "inner_diameter_m", "shear")
+STIFFNESS_KEYS = ("EA_n", "GJ_nm2", "EI_y_nm2", "EI_z_nm2", "rho_A_kg_per_m")
+GENERAL_KEYS = (*STIFFNESS_KEYS, "GA_y_n", "GA_z_n", "rho_I_y_kg_m", "rho_I_z_kg_m")
+# Decimal input of a flat body meets the triangle inequality with equality only to rounding.
+ROUNDING = 1e-9
+
+
+def article_findings(data: Table) -> list[Finding]:
+    """All faults of an article's content; ``data`` need not fit the form."""
+    return [
+        *_sections(data),
+        *_names(data),
+        *_references(data),
+        *_geometry(data),
+        *_unconnected(data),
+        *_bodies(data),
+        *_axes(data),
+        *_attach(data),
+        *_cycles(data),
+    ]
+
+
+def tables(data: Table, key: str) -> Iterator[tuple[int, Table]]:
+    """The tables of the array ``key`` with their indices; nothing if it is no array of tables."""
+    items = data.get(key)
+    for index, item in enumerate(cast("list[Any]", items) if isinstance(items, list) else []):
+        if isinstance(item, dict):
+            yield index, cast("Table", item)
+
+
+def named_tables(data: Table, key: str) -> dict[str, Table]:
+    """The sub-tables of table ``key`` by name."""
+    found = data.get(key)
+    pairs = cast("Table", found).items() if isinstance(found, dict) else ()
+    return {name: cast("Table", t) for name, t in pairs if isinstance(t, dict)}
+
+
+def node_names(data: Table) -> list[str]:
+    """Names of the nodes."""
+    return [str(t["name"]) for _, t in tables(data, "node") if "name" in t]
+
+
+def joint_names(data: Table) -> list[str]:
+    """Names of the joints: two for a gimbal, one for a revolute."""
+    gimbals = [f"{t['name']}_{a}" for _, t in tables(data, "gimbal") if "name" in t for a in "xz"]
+    return gimbals + [str(t["name"]) for _, t in tables(data, "revolute") if "name" in t]
+
+
+def attach_names(data: Table) -> list[str]:
+    """Names of the attach points: the suspension's nodes and the listed ones."""
+    listed = [str(t["name"]) for _, t in tables(data, "attach") if "name" in t]
+    return [*map(str, _suspension_array(data, "nodes")), *listed]
+
+
+def _suspension_array(data: Table, key: str) -> list[Any]:
+    suspension = data.get("suspension")
+    value = cast("Table", suspension).get(key) if isinstance(suspension, dict) else None
+    return cast("list[Any]", value) if isinstance(value, list) else []
+
+
+def _sections(data: Table) -> Iterator[Finding]:
+    materials = named_tables(data, "material")
+    for name, section in named_tables(data, "section").items():
+        path = ("section", name)
+        tube, general = "material" in section, any(k in section for k in GENERAL_KEYS)
+        if not tube and not general:
+            yield Finding(
+                (*path, "material"), "missing", hint="a material and diameters, or EA_n, GJ_nm2, ..."
+            )
+        for key in (k for k in (GENERAL_KEYS if tube else TUBE_KEYS if general else ()) if k in section):
+            kind = "material and diameters" if tube else "stiffnesses"
+            yield Finding((*path, key), f"a section by its {kind} has no such key", show(section[key]))
+        for key in (k for k in STIFFNESS_KEYS if general and not tube and k not in section):
+            yield Finding((*path, key), "missing in a section by its stiffnesses")
+        if not tube:
+            continue
+        yield from _unknown((*path, "material"), section["material"], list(materials), "material")
+        outer, inner = section.get("outer_diameter_m"), section.get("inner_diameter_m", 0.0)
+        if outer is None:
+            yield Finding((*path, "outer_diameter_m"), "missing, in m")
+        elif _all_numbers(outer, inner) and not inner < outer:
+            yield Finding(
+                (*path, "inner_diameter_m"), f"must be < outer_diameter_m = {outer:g} m", show(inner)
+            )
+
+
+def _names(data: Table) -> Iterator[Finding]:
+    """Frames share one name space; attach points, members and either side of ports have theirs."""
+    frames = [(("node", i, "name"), t.get("name")) for i, t in tables(data, "node")]
+    for i, t in tables(data, "gimbal"):
+        frames += [(("gimbal", i, "name"), f"{t.get('name')}_{a}") for a in "xz"]
+    frames += [(("revolute", i, "name"), t.get("name")) for i, t in tables(data, "revolute")]
+    yield from _twice(frames, "frame")
+    points = [(("suspension", "nodes", i), n) for i, n in enumerate(_suspension_array(data, "nodes"))]
+    points += [(("attach", i, "name"), t.get("name")) for i, t in tables(data, "attach")]
+    yield from _twice(points, "attach point")
+    for kind in ("strut", "spring"):
+        ends = [(i, t, t.get("name", f"{t.get('from')}-{t.get('to')}")) for i, t in tables(data, kind)]
+        yield from _twice([((kind, i, "name" if "name" in t else "from"), n) for i, t, n in ends], kind)
+    for kind in ("actuator", "sensor"):
+        ports: list[tuple[Path, Any]] = [((kind,), name) for name in _default_ports(data, kind)]
+        yield from _twice(
+            [*ports, *(((kind, i, "name"), t.get("name")) for i, t in tables(data, kind))], kind
+        )
+
+
+def _default_ports(data: Table, kind: str) -> list[str]:
+    ports = [f"bus_{a}" for a in "xyz"] if "wheel_node" in data else []
+    for _, t in tables(data, "gimbal"):
+        ports += [f"{t.get('name')}_rel_{a}" for a in "xz"]
+        ports += [f"{t.get('name')}_in_{a}" for a in "xz"] if kind == "sensor" else []
+    return ports + [f"{t.get('name')}_rel" for _, t in tables(data, "revolute")]
+
+
+def _twice(named: Sequence[tuple[Path, Any]], kind: str) -> Iterator[Finding]:
+    seen: set[Any] = set()
+    for path, name in named:
+        if isinstance(name, str) and name in seen:
+            yield Finding(path, f"a second {kind} of this name", show(name), "give each its own name")
+        seen.add(name if isinstance(name, str) else None)
+
+
+def _references(data: Table) -> Iterator[Finding]:
+    nodes, joints = node_names(data), joint_names(data)
+    frames, points = nodes + joints, attach_names(data)
+    sections = list(named_tables(data, "section"))
+    if "wheel_node" in data:
+        yield from _unknown(("wheel_node",), data["wheel_node"], nodes, "node")
+    wanted = [
+        ("strut", "from", nodes, "node"),
+        ("strut", "to", nodes, "node"),
+        ("strut", "section", sections, "section"),
+        ("gimbal", "node", frames, "frame"),
+        ("revolute", "parent", frames, "frame"),
+        ("attach", "frame", frames, "frame"),
+        ("spring", "from", points, "attach point"),
+        ("spring", "to", points, "attach point"),
+        ("sensor", "axis_frame", frames, "frame"),
+    ]
+    for table, key, known, kind in wanted:
+        for i, t in tables(data, table):
+            if key in t:
+                yield from _unknown((table, i, key), t[key], known, kind)
+    for table in ("actuator", "sensor"):
+        for i, t in tables(data, table):
+            known, kind = (frames, "frame") if "axis" in t else (joints, "joint (or give an axis)")
+            yield from _unknown((table, i, "frame"), t.get("frame"), known, kind)
+    for i, name in enumerate(_suspension_array(data, "nodes")):
+        yield from _unknown(("suspension", "nodes", i), name, frames, "frame")
+
+
+def _unknown(path: Path, name: Any, known: list[str], kind: str) -> Iterator[Finding]:
+    if isinstance(name, str) and name not in known:
+        hint = nearest(name, known) or f"define a {kind} first"
+        yield Finding(path, f"no {kind} of this name", show(name), hint)
+
+
+def _geometry(data: Table) -> Iterator[Finding]:
+    nodes = {t["name"]: t for _, t in tables(data, "node") if isinstance(t.get("name"), str)}
+    for i, strut in tables(data, "strut"):
+        a, b = nodes.get(str(strut.get("from"))), nodes.get(str(strut.get("to")))
+        places = [_position(n) for n in (a, b) if n is not None]
+        sizes = [n.get("size_m", 0.0) for n in (a, b) if n is not None]
+        if len(places) < 2 or places[0] is None or places[1] is None or not _all_numbers(*sizes):
+            continue
+        along = places[1] - places[0]
+        spacing, taken = float(np.linalg.norm(along)), 0.5 * sum(sizes)
+        ends = f"{strut['from']} to {strut['to']}"
+        if spacing == 0.0 or spacing <= taken:
+            message = f"a member of no length: the nodes are {spacing:g} m apart and take {taken:g} m of it"
+            yield Finding(("strut", i, "to"), message, ends, "move the nodes apart or lessen size_m")
+        up = strut.get("up")
+        if _is_vector(up) and spacing > 0.0:
+            across = np.linalg.norm(np.cross(along / spacing, np.array(up, dtype=float)))
+            if across <= 1e-6 * np.linalg.norm(np.array(up, dtype=float)):  # own y axis undefined to 6 digits
+                yield Finding(("strut", i, "up"), "must not be zero nor along the member", show(up))
+
+
+def _position(node: Table) -> np.ndarray | None:
+    xyz = [node.get("x_m"), node.get("y_m", 0.0), node.get("z_m", 0.0)]
+    return np.array(xyz, dtype=float) if _all_numbers(*xyz) else None
+
+
+def _all_numbers(*values: Any) -> bool:
+    return all(isinstance(v, int | float) and not isinstance(v, bool) and math.isfinite(v) for v in values)
+
+
+def _is_vector(value: Any) -> bool:
+    items = cast("list[Any]", value) if isinstance(value, list) else []
+    return len(items) == 3 and _all_numbers(*items)
+
+
+def _unconnected(data: Table) -> Iterator[Finding]:
+    """Of two or more nodes each must end a member or hold an end of a spring."""
+    points = {str(t.get("name")): str(t.get("frame")) for _, t in tables(data, "attach")}
+    joined = {str(t.get(end)) for _, t in tables(data, "strut") for end in ("from", "to")}
+    for _, t in tables(data, "spring"):
+        joined |= {points.get(str(t.get(end)), str(t.get(end))) for end in ("from", "to")}
+    nodes = list(tables(data, "node"))
+    for i, node in nodes if len(nodes) > 1 else []:
+        if isinstance(node.get("name"), str) and node["name"] not in joined:
+            yield Finding(
+                ("node", i, "name"), "an unconnected node: no strut or spring joins it", show(node["name"]),
+                "add a [[strut]] from or to it, or remove it",
+            )  # fmt: skip
+
+
+def _bodies(data: Table) -> Iterator[Finding]:
+    for table, prefix in (("node", ""), ("revolute", ""), ("gimbal", "stage_"), ("gimbal", "payload_")):
+        for i, t in tables(data, table):
+            key = f"{prefix}inertia_kg_m2"
+            if key not in t:
+                continue
+            mass = t.get(f"{prefix}mass_kg", 0.0)
+            if mass == 0.0:
+                yield Finding((table, i, key), "an inertia without mass", hint=f"give {prefix}mass_kg")
+            yield from _triangle((table, i, key), t[key], bool(t.get("rotors_excluded", False)))
+
+
+def _triangle(path: Path, inertia: Any, rotors_excluded: bool) -> Iterator[Finding]:
+    """The sum of two principal inertias is at least the third; not so where spin inertias are taken out."""
+    try:
+        a, b, c = np.linalg.eigvalsh(np.array(inertia_matrix(inertia)))
+    except ValueError:  # the form has refused it
+        return
+    if a + b < c * (1.0 - ROUNDING) and not rotors_excluded:
+        message = f"no body has this inertia: {a:g} + {b:g} < {c:g} kg m^2 (triangle inequality)"
+        yield Finding(path, message, show(inertia), "rotors_excluded = true if it leaves spinning rotors out")
+
+
+def _axes(data: Table) -> Iterator[Finding]:
+    """Axis vectors must have a length; spring and target keys belong to one state each."""
+    for table in ("revolute", "actuator", "sensor"):
+        for i, t in tables(data, table):
+            if _is_vector(t.get("axis")) and not any(t["axis"]):
+                yield Finding((table, i, "axis"), "must not be the zero vector", show(t["axis"]))
+    for table, middles in (("gimbal", ("_x", "_z")), ("revolute", ("",))):
+        for (i, t), middle in itertools.product(tables(data, table), middles):
+            yield from _axis_state((table, i), t, middle)
+
+
+def _axis_state(path: Path, t: Table, middle: str) -> Iterator[Finding]:
+    state = t.get(f"state{middle}", "free")
+    stiffness = f"stiffness{middle}_nm_per_rad"
+    if state == "sprung" and stiffness not in t:
+        yield Finding((*path, stiffness), "missing: a sprung axis needs its stiffness, in N m/rad")
+    owners = {stiffness: "sprung", f"rest{middle}_deg": "sprung", f"command{middle}_deg": "driven"}
+    for key, owner in owners.items():
+        if key in t and state != owner and state in ("free", "sprung", "locked", "driven"):
+            advice = f'state{middle} = "{owner}"'
+            yield Finding(
+                (*path, key), f"only a {owner} axis has this; this one is {state}", show(t[key]), advice
+            )
+
+
+def _attach(data: Table) -> Iterator[Finding]:
+    nodes, offsets = _suspension_array(data, "nodes"), _suspension_array(data, "offsets_m")
+    if nodes and offsets and len(nodes) != len(offsets):
+        message = f"{len(offsets)} offsets for {len(nodes)} nodes; must be one each, in m"
+        yield Finding(("suspension", "offsets_m"), message)
+    for i, t in tables(data, "spring"):
+        if t.get("from") == t.get("to"):
+            yield Finding(("spring", i, "to"), "a spring from an attach point to itself", show(t.get("to")))
+
+
+def _cycles(data: Table) -> Iterator[Finding]:
+    """Every chain of joints must end at a node."""
+    parents: dict[str, tuple[str, Path]] = {}
+    for i, t in tables(data, "gimbal"):
+        parents[f"{t.get('name')}_x"] = (str(t.get("node")), ("gimbal", i, "node"))
+        parents[f"{t.get('name')}_z"] = (f"{t.get('name')}_x", ("gimbal", i, "node"))
+    for i, t in tables(data, "revolute"):
+        parents[str(t.get("name"))] = (str(t.get("parent")), ("revolute", i, "parent"))
+    for name, (parent, path) in parents.items():
+        trail = {name}
+        while parent in parents and parent not in trail:
+            trail.add(parent)
+            parent = parents[parent][0]
+        if parent == name:
+            yield Finding(
+                path, f"joint {name!r} carries itself", hint="let the chain of joints end at a node"
+            )

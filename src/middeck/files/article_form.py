@@ -1,0 +1,182 @@
+"""The form of ``articles/*.toml``: every key that a test article may have."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from middeck.files.form import Finite, Form, Inertia, Name, NotNegative, Positive, Vector, whole, within
+
+State = Literal["free", "sprung", "locked", "driven"]
+ORIGIN = (0.0, 0.0, 0.0)
+
+
+class MeshForm(Form):
+    """How finely members are divided."""
+
+    elements_per_strut: Annotated[int, whole(1, 200)] = 8
+
+
+class MaterialForm(Form):
+    """Isotropic: Young's modulus, Poisson's ratio (G = E / (2 (1 + nu))) and density."""
+
+    E_pa: Positive
+    nu: Annotated[float, within(above=-1.0, most=0.5)]
+    rho_kg_m3: Positive
+
+
+class SectionForm(Form):
+    """A round tube (material, diameters, shear coefficient) or any section by its stiffnesses."""
+
+    material: str | None = None
+    outer_diameter_m: Positive | None = None
+    inner_diameter_m: NotNegative | None = None
+    shear: Annotated[float, within(above=0.0, most=1.0)] | None = None
+    EA_n: Positive | None = None
+    GJ_nm2: Positive | None = None
+    EI_y_nm2: Positive | None = None
+    EI_z_nm2: Positive | None = None
+    GA_y_n: Positive | None = None
+    GA_z_n: Positive | None = None
+    rho_A_kg_per_m: Positive | None = None
+    rho_I_y_kg_m: NotNegative | None = None
+    rho_I_z_kg_m: NotNegative | None = None
+
+
+class NodeForm(Form):
+    """A rigid node; without ``inertia_kg_m2`` its mass is a point at ``cg_m``."""
+
+    name: Name
+    x_m: Finite
+    y_m: Finite = 0.0
+    z_m: Finite = 0.0
+    size_m: NotNegative = 0.0
+    mass_kg: NotNegative = 0.0
+    cg_m: Vector = ORIGIN
+    inertia_kg_m2: Inertia | None = None
+    rotors_excluded: bool = False
+
+
+class StrutForm(Form):
+    """A member; ``up`` fixes its own y axis (default: world y, or world x for an upright member)."""
+
+    name: Name | None = None
+    section: str
+    from_: str = Field(alias="from")
+    to: str
+    up: Vector | None = None
+    elements: Annotated[int, whole(1, 200)] | None = None
+
+
+class GimbalForm(Form):
+    """Two axes that cross: ``<name>_x`` carries the stage and ``<name>_z``, on it, the payload."""
+
+    name: Name
+    node: str
+    offset_m: Vector = ORIGIN
+    angle_x_deg: Annotated[float, within(least=-180.0, most=180.0)] = 0.0
+    angle_z_deg: Annotated[float, within(least=-180.0, most=180.0)] = 0.0
+    stage_mass_kg: NotNegative = 0.0
+    stage_cg_m: Vector = ORIGIN
+    stage_inertia_kg_m2: Inertia | None = None
+    payload_mass_kg: Positive
+    payload_cg_m: Vector = ORIGIN
+    payload_inertia_kg_m2: Inertia
+    state_x: State = "free"
+    state_z: State = "free"
+    stiffness_x_nm_per_rad: Positive | None = None
+    stiffness_z_nm_per_rad: Positive | None = None
+    rest_x_deg: Finite | None = None
+    rest_z_deg: Finite | None = None
+    command_x_deg: Finite | None = None
+    command_z_deg: Finite | None = None
+
+
+class RevoluteForm(Form):
+    """One axis that carries a body; ``parent`` is a node or another joint."""
+
+    name: Name
+    parent: str
+    offset_m: Vector = ORIGIN
+    axis: Vector
+    angle_deg: Annotated[float, within(least=-180.0, most=180.0)] = 0.0
+    mass_kg: NotNegative
+    cg_m: Vector = ORIGIN
+    inertia_kg_m2: Inertia | None = None
+    state: State = "free"
+    stiffness_nm_per_rad: Positive | None = None
+    rest_deg: Finite | None = None
+    command_deg: Finite | None = None
+
+
+class AttachForm(Form):
+    """A named point of a frame."""
+
+    name: Name
+    frame: str
+    offset_m: Vector = ORIGIN
+
+
+class SpringForm(Form):
+    """A linear spring between two attach points."""
+
+    name: Name | None = None
+    from_: str = Field(alias="from")
+    to: str
+    stiffness_n_per_m: Positive
+    free_length_m: NotNegative
+
+
+class SuspensionForm(Form):
+    """Attach points with the names of their nodes."""
+
+    nodes: Annotated[tuple[str, ...], Field(strict=False)]
+    offsets_m: Annotated[tuple[Vector, ...], Field(strict=False)]
+
+
+class ActuatorForm(Form):
+    """A torque on a frame about its ``axis``; without an axis, the torque of a joint."""
+
+    name: Name
+    frame: str
+    axis: Vector | None = None
+
+
+class SensorForm(Form):
+    """An inertial rotation of a frame about an axis of ``axis_frame``; without an axis, a joint's angle."""
+
+    name: Name
+    frame: str
+    axis: Vector | None = None
+    axis_frame: str | None = None
+
+
+class DampingForm(Form):
+    """Modal damping ratios."""
+
+    flexible: Annotated[float, within(least=0.0, below=1.0)] = 0.01
+    suspension: Annotated[float, within(least=0.0, below=1.0)] = 0.03
+    rigid: Annotated[float, within(least=0.0, below=1.0)] = 0.0
+
+
+class ArticleForm(Form):
+    """A test article."""
+
+    schema_: Literal[1] = Field(alias="schema")
+    name: Name
+    title: str = ""
+    wheel_node: str | None = None
+    mesh: MeshForm = MeshForm()
+    material: dict[str, MaterialForm] = Field(default_factory=dict)
+    section: dict[str, SectionForm] = Field(default_factory=dict)
+    node: Annotated[tuple[NodeForm, ...], Field(strict=False, min_length=1)]
+    strut: Annotated[tuple[StrutForm, ...], Field(strict=False)] = ()
+    gimbal: Annotated[tuple[GimbalForm, ...], Field(strict=False)] = ()
+    revolute: Annotated[tuple[RevoluteForm, ...], Field(strict=False)] = ()
+    attach: Annotated[tuple[AttachForm, ...], Field(strict=False)] = ()
+    spring: Annotated[tuple[SpringForm, ...], Field(strict=False)] = ()
+    suspension: SuspensionForm | None = None
+    actuator: Annotated[tuple[ActuatorForm, ...], Field(strict=False)] = ()
+    sensor: Annotated[tuple[SensorForm, ...], Field(strict=False)] = ()
+    damping: DampingForm = DampingForm()

@@ -1,0 +1,195 @@
+"""Read articles, environments and studies; every configuration error of all of them at once."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import tomllib
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, Generic, Literal, TypeVar, cast
+
+from pydantic import ValidationError
+
+from middeck.errors import ConfigError
+from middeck.files.article_build import build_structure
+from middeck.files.article_checks import article_findings, attach_names
+from middeck.files.article_form import ArticleForm
+from middeck.files.environment_form import (
+    EnvironmentForm,
+    build_environment,
+    environment_findings,
+    joint_findings,
+)
+from middeck.files.faults import Fault, Finding, form_findings, nearest, raise_faults
+from middeck.files.form import Form
+from middeck.files.overrides import Target, apply_overrides
+from middeck.files.toml_lines import Path as KeyPath
+from middeck.files.toml_lines import key_lines, line_of
+from middeck.structure.article import Structure
+from middeck.structure.environment import Environment
+from middeck.values import record
+
+F = TypeVar("F", bound=Form)
+Kind = Literal["article", "environment", "study"]
+
+
+@record
+class Source:
+    """A parsed document: its tables, where their keys stand, and its SHA-256."""
+
+    file: str
+    data: Any
+    lines: Any
+    sha256: str
+
+
+@record
+class Checked(Generic[F]):
+    """A document after its checks: the form (None if it is broken), its data and its faults."""
+
+    form: F | None
+    data: Any
+    faults: tuple[Fault, ...]
+    place: Callable[[Finding], Fault]
+
+
+def read_source(path: str | Path) -> Source:
+    """Parse a TOML file; raises `ConfigError` if it is missing, empty, not UTF-8 or not TOML."""
+    file = Path(path)
+    try:
+        raw = file.read_bytes()
+    except OSError as error:
+        advice = "check the path" if isinstance(error, FileNotFoundError) else "check the file's permissions"
+        raise ConfigError(f"cannot be read: {error.strerror}", where=str(path), hint=advice) from None
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = raw[: error.start].count(b"\n") + 1
+        raise ConfigError("not UTF-8 text", where=f"{path}:{line}", hint="save the file as UTF-8") from None
+    text = text.replace("\r\n", "\n")
+    if not text.strip():
+        raise ConfigError("the file is empty", where=str(path), hint="compare articles/mace-dm.toml")
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        found = re.search(r"line (\d+)", str(error))
+        line = found.group(1) if found else str(text.count("\n") + 1)
+        advice = "mend the syntax on or just before this line; at the end of the file it may be cut off"
+        raise ConfigError(f"not valid TOML: {error}", where=f"{path}:{line}", hint=advice) from None
+    return Source(str(path), data, key_lines(text), hashlib.sha256(raw).hexdigest())
+
+
+def check(
+    source: Source,
+    data: Any,
+    changed: dict[KeyPath, str],
+    form: type[F],
+    more: Callable[[Any], list[Finding]],
+) -> Checked[F]:
+    """Check ``data`` (the source with overrides) against its form and its further rules."""
+
+    def place(finding: Finding) -> Fault:
+        key = ".".join(map(str, finding.path))
+        for end in range(len(finding.path), 0, -1):
+            setter = changed.get(finding.path[:end])
+            if setter:
+                return Fault(f"--set {setter}", 0, key, finding.message, finding.value, finding.hint)
+        line = line_of(source.lines, finding.path)
+        return Fault(source.file, line, key, finding.message, finding.value, finding.hint)
+
+    findings, valid = [], None
+    try:
+        valid = form.model_validate(data)
+    except ValidationError as error:
+        findings = form_findings(error, form)
+    findings = [*findings, *more(data)]
+    first = {f.path: f for f in reversed(findings)}  # one finding per key; the form speaks first
+    faults = sorted((place(f) for f in first.values()), key=lambda f: (f.file, f.line))
+    return Checked(valid, data, tuple(faults), place)
+
+
+def load_structure(path: str | Path, overrides: Sequence[str] = ()) -> Structure:
+    """The article in file ``path``; raises `ConfigError` with all its faults."""
+    source = read_source(path)
+    article = _check_all([(source, ArticleForm, article_findings)], overrides)[0]
+    return _structure(article)
+
+
+def load_environment(path: str | Path, overrides: Sequence[str] = ()) -> Environment:
+    """The environment in file ``path``; raises `ConfigError` with all its faults."""
+    source = read_source(path)
+    checked = _check_all([(source, EnvironmentForm, environment_findings)], overrides)[0]
+    return _environment(checked)
+
+
+def load_case(
+    article: str | Path, environment: str | Path, overrides: Sequence[str] = ()
+) -> tuple[Structure, Environment]:
+    """An article and an environment, joined by the names of attach points.
+
+    Raises `ConfigError` with all faults of both, among them names that the article lacks.
+    """
+    sources = [
+        (read_source(article), ArticleForm, article_findings),
+        (read_source(environment), EnvironmentForm, environment_findings),
+    ]
+    first, second = _check_all(sources, overrides)
+    return _structure(first), _environment(second)
+
+
+def _structure(checked: Checked[Any]) -> Structure:
+    return build_structure(cast("ArticleForm", checked.form))
+
+
+def _environment(checked: Checked[Any]) -> Environment:
+    return build_environment(cast("EnvironmentForm", checked.form))
+
+
+def _check_all(
+    sources: Sequence[tuple[Source, type[Form], Any]], overrides: Sequence[str]
+) -> list[Checked[Any]]:
+    """Override and check documents that belong to one case; raises all their faults together."""
+    article = next((str(s.data.get("name")) for s, form, _ in sources if form is ArticleForm), "")
+    targets = [Target(s.file, s.data, form, article) for s, form, _ in sources]
+    documents, changed = apply_overrides(targets, overrides)
+    checked = [
+        check(source, data, marks, form, more)
+        for (source, form, more), data, marks in zip(sources, documents, changed, strict=True)
+    ]
+    raise_faults([*(f for c in checked for f in c.faults), *_join(checked)])
+    return checked
+
+
+def _join(checked: Sequence[Checked[Any]]) -> list[Fault]:
+    """What an environment names and the article of its case lacks."""
+    articles = [c for c in checked if isinstance(c.form, ArticleForm)]
+    if not articles:
+        return []
+    points, name = attach_names(articles[0].data), articles[0].data["name"]
+    return [
+        c.place(finding)
+        for c in checked
+        if isinstance(c.form, EnvironmentForm)
+        for finding in joint_findings(c.form, points, name)
+    ]
+
+
+def find_document(name: str, kind: Kind) -> Path:
+    """The file that ``name`` means: an existing path, else ``articles/NAME.toml`` and the like.
+
+    The folder is sought in the current folder and then in those above it.
+    """
+    given = Path(name)
+    if given.is_file():
+        return given
+    folder = {"article": "articles", "environment": "environments", "study": "studies", "record": "data"}[
+        kind
+    ]
+    roots = [Path(), *Path.cwd().parents]
+    for root in roots:
+        candidate = root / folder / f"{name}.toml"
+        if candidate.is_file():
+            return candidate
+    known = sorted(p.stem for root in roots for p in (root / folder).glob("*.toml"))
+    raise ConfigError(f"no {kind} {name!r}", hint=nearest(name, known) or f"give the path of a {kind} file")

@@ -1,0 +1,139 @@
+"""Configuration errors: all of them at once, each with file, line, key, value, allowed range and advice."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from pydantic import ValidationError
+
+from middeck.errors import ConfigError
+from middeck.files.form import UNITS, Form, stem, unit_of
+from middeck.files.shapes import form_at
+from middeck.files.toml_lines import Path
+from middeck.values import record
+
+# Endings that people write where another unit is expected.
+FOREIGN_UNITS = frozenset(ending[1:] for ending in UNITS) | {
+    *("mm", "cm", "um", "km", "in", "inch", "ft", "g", "gram", "t", "lb", "lbf", "mpa", "gpa", "kpa", "psi"),
+    *("ms", "us", "ns", "min", "khz", "mhz", "rad", "degrees", "rpm", "kn", "nmm", "ncm", "deg_s", "percent"),
+    *("kgm2", "kg_mm2", "g_mm2", "g_cm3", "n_per_mm", "nm_per_deg"),
+}
+
+
+@record
+class Fault:
+    """One thing wrong: where (``file``, ``line``, ``key``), what, the ``value`` and what to try.
+
+    ``file`` is ``--set`` and ``line`` zero for a value that an override has set.
+    """
+
+    file: str
+    line: int
+    key: str
+    message: str
+    value: str = ""
+    hint: str = ""
+
+    def __str__(self) -> str:
+        place = f"{self.file}:{self.line}" if self.line else self.file
+        value = f" = {self.value}" if self.value else ""
+        hint = f"\n  try: {self.hint}" if self.hint else ""
+        return f"{place}: {self.key}{value}: {self.message}{hint}"
+
+
+@record
+class Finding:
+    """A fault before it is known in which file and on which line it lies."""
+
+    path: Path
+    message: str
+    value: str = ""
+    hint: str = ""
+
+
+def raise_faults(faults: Sequence[Fault]) -> None:
+    """Raise one `ConfigError` with all ``faults`` (its ``data["faults"]``); nothing if there are none."""
+    if not faults:
+        return
+    text = "\n".join(str(f) for f in faults)
+    if len(faults) > 1:
+        text = f"{len(faults)} errors in the configuration\n{text}"
+    raise ConfigError(text, faults=tuple(faults))
+
+
+def nearest(word: str, known: Iterable[str]) -> str:
+    """``did you mean 'x'?`` or, with nothing near, the list of what there is.
+
+    >>> nearest("mas_kg", ["mass_kg", "size_m"])
+    "did you mean 'mass_kg'?"
+    """
+    choices = list(known)
+    close = difflib.get_close_matches(word, choices, 1, 0.6)
+    if close:
+        return f"did you mean {close[0]!r}?"
+    return f"one of {', '.join(choices)}" if choices else ""
+
+
+def show(value: Any) -> str:
+    """``value`` as TOML would write it, cut to 60 characters."""
+    text = str(value).lower() if isinstance(value, bool) else repr(value).replace("'", '"')
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def form_findings(error: ValidationError, form: type[Form]) -> list[Finding]:
+    """The errors of pydantic in our words."""
+    return [_finding(item, form) for item in error.errors(include_url=False)]
+
+
+def _finding(item: Any, form: type[Form]) -> Finding:
+    path: Path = tuple(item["loc"])
+    named = [p for p in path if isinstance(p, str)]
+    key = named[-1] if named else ""
+    kind: str = item["type"]
+    if kind == "extra_forbidden":
+        return _unknown_key(path, key, item["input"], form)
+    if kind == "missing":
+        return Finding(path, "missing" + _in_unit(key))
+    messages: dict[str, str] = {
+        "range": f"must be {item.get('ctx', {}).get('allowed')}{_in_unit(key, ' ')}",
+        "finite": "must be a finite number" + _in_unit(key),
+        "inertia": f"{item['msg']}; must be {item.get('ctx', {}).get('allowed')}{_in_unit(key)}",
+        "float_type": "must be a number" + _in_unit(key),
+        "int_type": "must be a whole number",
+        "string_type": "must be a text in quotes",
+        "bool_type": "must be true or false",
+        "model_type": "must be a table",
+        "dict_type": "must be a table",
+        "list_type": "must be an array",
+        "tuple_type": "must be an array",
+        "string_pattern_mismatch": "must begin with a letter and hold letters, digits, '_' and '-' only",
+    }
+    return Finding(path, messages.get(kind, str(item["msg"])), show(item["input"]))
+
+
+def _unknown_key(path: Path, key: str, value: Any, form: type[Form]) -> Finding:
+    table = form_at(form, path[:-1])
+    known = [f.alias or name for name, f in table.model_fields.items()] if table else []
+    for expected in known:
+        if _is_other_unit(key, expected):
+            unit = unit_of(expected) or "a pure number"
+            return Finding(
+                path, f"unknown key; {expected!r} is expected, in {unit}", show(value), f"convert to {unit}"
+            )
+    return Finding(path, "unknown key", show(value), nearest(key, known))
+
+
+def _is_other_unit(key: str, expected: str) -> bool:
+    if key == expected:
+        return False
+    root = stem(expected)
+    return (
+        key == root or stem(key) == root or any(key.lower() == f"{root}_{u}".lower() for u in FOREIGN_UNITS)
+    )
+
+
+def _in_unit(key: str, lead: str = ", in ") -> str:
+    unit = unit_of(key)
+    return f"{lead}{unit}" if unit else ""

@@ -1,0 +1,135 @@
+"""What a document may hold: strict tables, finite numbers in stated ranges, units in the key.
+
+The unit of a value is the ending of its key (``mass_kg``), so that it is written once and read by people,
+by the checks (`unit_of`) and by ``--set`` (`stem`).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PlainValidator
+from pydantic_core import PydanticCustomError
+
+# Key ending -> unit in words; the longest ending that fits counts.
+UNITS = {
+    "_m": "m",
+    "_kg": "kg",
+    "_s": "s",
+    "_n": "N",
+    "_pa": "Pa",
+    "_hz": "Hz",
+    "_db": "dB",
+    "_deg": "deg",
+    "_nm": "N m",
+    "_nm2": "N m^2",
+    "_kg_m": "kg m",
+    "_kg_m2": "kg m^2",
+    "_kg_m3": "kg/m^3",
+    "_kg_per_m": "kg/m",
+    "_m_s2": "m/s^2",
+    "_rad_s": "rad/s",
+    "_n_per_m": "N/m",
+    "_nm_per_rad": "N m/rad",
+    "_nms_per_rad": "N m s/rad",
+    "_rad_per_rthz": "rad/sqrt(Hz)",
+    "_rad_per_s_per_rthz": "rad/s/sqrt(Hz)",
+    "_rad_per_s_per_rts": "rad/s/sqrt(s)",
+}
+
+
+def stem(key: str) -> str:
+    """The key without its unit ending.
+
+    >>> stem("inertia_kg_m2"), stem("angle_x_deg"), stem("nu")
+    ('inertia', 'angle_x', 'nu')
+    """
+    ending = _ending(key)
+    return key[: len(key) - len(ending)]
+
+
+def unit_of(key: str) -> str:
+    """The unit that the ending of ``key`` states; empty for a pure number.
+
+    >>> unit_of("pd_kd_nms_per_rad")
+    'N m s/rad'
+    """
+    return UNITS.get(_ending(key), "")
+
+
+def _ending(key: str) -> str:
+    fitting = [e for e in UNITS if key.endswith(e) and len(key) > len(e)]
+    return max(fitting, key=len, default="")
+
+
+class Form(BaseModel):
+    """Base of every table: frozen, no unknown keys, no silent conversion."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, validate_by_name=False)
+
+
+def within(
+    above: float = -math.inf, least: float = -math.inf, below: float = math.inf, most: float = math.inf
+) -> AfterValidator:
+    """A check for a finite number with ``above < x``, ``least <= x``, ``x < below`` and ``x <= most``."""
+    bounds = [(">", above), (">=", least), ("<", below), ("<=", most)]
+    allowed = " and ".join(f"{sign} {bound:g}" for sign, bound in bounds if math.isfinite(bound))
+
+    def check(value: float) -> float:
+        if not math.isfinite(value):
+            raise PydanticCustomError("finite", "not a finite number", {"allowed": allowed or "finite"})
+        if not (above < value < below and least <= value <= most):
+            raise PydanticCustomError("range", "out of range", {"allowed": allowed})
+        return value
+
+    return AfterValidator(check)
+
+
+def whole(least: int, most: int) -> AfterValidator:
+    """A check for a whole number from ``least`` to ``most``."""
+
+    def check(value: int) -> int:
+        if not least <= value <= most:
+            raise PydanticCustomError("range", "out of range", {"allowed": f"{least} to {most}"})
+        return value
+
+    return AfterValidator(check)
+
+
+Finite = Annotated[float, within()]
+NotNegative = Annotated[float, within(least=0.0)]
+Positive = Annotated[float, within(above=0.0)]
+# TOML has arrays, not tuples: this one conversion is wanted, the items stay strict.
+Vector = Annotated[tuple[Finite, Finite, Finite], Field(strict=False)]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_-]*$")]
+
+
+def inertia_matrix(value: Any) -> tuple[tuple[float, ...], ...]:
+    """Three principal values or a full 3x3 matrix as a matrix; refuses what no body can have."""
+    allowed = {"allowed": "[Ixx, Iyy, Izz], each > 0, or a symmetric, positive definite 3x3 matrix"}
+    matrix = _numbers(value)
+    if matrix.shape == (3,):
+        matrix = np.diag(matrix)
+    if matrix.shape != (3, 3):
+        raise PydanticCustomError("inertia", "not three numbers nor a 3x3 matrix", allowed)
+    if not np.isfinite(matrix).all():
+        raise PydanticCustomError("inertia", "not finite", allowed)
+    if np.abs(matrix - matrix.T).max() > 1e-12 * np.abs(matrix).max():  # rounding of decimal input
+        raise PydanticCustomError("inertia", "not symmetric", allowed)
+    if np.linalg.eigvalsh(matrix)[0] <= 0.0:
+        raise PydanticCustomError("inertia", "not positive definite", allowed)
+    return tuple(tuple(row) for row in matrix.tolist())
+
+
+def _numbers(value: Any) -> np.ndarray:
+    """``value`` as an array; empty if it is ragged or holds anything but numbers."""
+    try:
+        array = np.array(value)
+    except ValueError:
+        array = np.array([])
+    return array.astype(float) if array.dtype.kind in "if" else np.array([])
+
+
+Inertia = Annotated[Any, PlainValidator(inertia_matrix)]

@@ -1,0 +1,88 @@
+"""On which line of a TOML file a key stands; the standard reader does not say."""
+
+from __future__ import annotations
+
+import tomllib
+from typing import Any, cast
+
+Path = tuple[str | int, ...]
+
+
+def key_lines(text: str) -> dict[Path, int]:
+    """Line, counted from one, of every table and key of a valid TOML ``text``.
+
+    Items of arrays of tables are numbered from zero; the items of a plain array stand at its key.
+
+    >>> key_lines("[[node]]\\nx = 1\\n[[node]]\\nx = 2\\n")[("node", 1, "x")]
+    4
+    """
+    lines = text.splitlines()
+    found: dict[Path, int] = {}
+    counts: dict[Path, int] = {}
+    table: Path = ()
+    number = 0
+    while number < len(lines):
+        line = lines[number].strip()
+        span = 1
+        if line.startswith("["):
+            table = _open_table(line, counts)
+            for end in range(1, len(table) + 1):
+                found.setdefault(table[:end], number + 1)
+        elif line and not line.startswith("#"):
+            value, span = _value(lines[number:])
+            for path in _paths(value):
+                found.setdefault(table + path, number + 1)
+        number += span
+    return found
+
+
+def line_of(lines: dict[Path, int], path: Path) -> int:
+    """Line of ``path`` or of the nearest table around it; the first line if there is none."""
+    for end in range(len(path), 0, -1):
+        if path[:end] in lines:
+            return lines[path[:end]]
+    return 1
+
+
+def _open_table(line: str, counts: dict[Path, int]) -> Path:
+    keys = _only_path(tomllib.loads(line))
+    path: Path = ()
+    for depth, key in enumerate(keys):
+        path = (*path, key)
+        last = depth == len(keys) - 1
+        if last and line.startswith("[["):
+            counts[path] = counts.get(path, -1) + 1
+        if path in counts:
+            path = (*path, counts[path])
+    return path
+
+
+def _only_path(value: Any) -> tuple[str, ...]:
+    keys: list[str] = []
+    while value:
+        value = cast("list[Any]", value)[0] if isinstance(value, list) else value
+        if not value:
+            break
+        key, value = next(iter(value.items()))
+        keys.append(key)
+    return tuple(keys)
+
+
+def _value(lines: list[str]) -> tuple[dict[str, Any], int]:
+    """The key and value that begin on the first of ``lines``, and how many lines they take."""
+    for span in range(1, len(lines) + 1):
+        try:
+            return tomllib.loads("\n".join(lines[:span])), span
+        except tomllib.TOMLDecodeError:
+            continue
+    return {}, 1
+
+
+def _paths(value: Any) -> list[Path]:
+    paths: list[Path] = []
+    items = enumerate(cast("list[Any]", value)) if isinstance(value, list) else value.items()
+    for key, child in items:
+        paths.append((key,))
+        if isinstance(child, dict | list):
+            paths += [(key, *path) for path in _paths(child)]
+    return paths
