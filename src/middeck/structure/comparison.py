@@ -1,0 +1,101 @@
+"""What an environment does to the modes: pairs, ratios, cross-orthogonality, MAC, subspace angles."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg as sla
+from jaxtyping import Float, Int
+from scipy.optimize import linear_sum_assignment
+
+from middeck.structure.modes import Modes
+from middeck.values import record
+
+
+@record
+class ModeComparison:
+    """Modes of one structure in two environments: ``orbit`` (0) and ``lab`` (1), the lowest ``count`` each.
+
+    Parameters
+    ----------
+    cross_orthogonality:
+        |Phi_0' M_0 Phi_1|, rows orbit, columns lab; each side mass-normalised with its own mass.
+    mac:
+        Modal assurance criterion over the translations and rotations of the nodes and the joint angles.
+    pairs:
+        (orbit, lab) indices of flexible modes, one to one, with the largest sum of cross-orthogonality.
+    ratio:
+        Frequency lab over orbit of each pair.
+    subspace_angle:
+        Principal angles [rad], ascending, between the rigid-body modes and the suspension modes.
+    """
+
+    orbit: Modes
+    lab: Modes
+    count: int
+    cross_orthogonality: Float[np.ndarray, "orbit lab"]
+    mac: Float[np.ndarray, "orbit lab"]
+    pairs: Int[np.ndarray, "pair 2"]
+    ratio: Float[np.ndarray, " pair"]
+    subspace_angle: Float[np.ndarray, " angle"]
+
+
+def compare_modes(orbit: Modes, lab: Modes, count: int = 26) -> ModeComparison:
+    """Compare the lowest ``count`` modes; both sides must share the structure, hence the coordinates.
+
+    Lab shapes enter as displacements and small rotations in fixed world axes and relative joint angles,
+    which are the coordinates of `Modes.shapes`; the mass is that of the orbit state.
+    """
+    count = min(count, len(orbit.omega), len(lab.omega))
+    phi_0, phi_1 = orbit.shapes[:, :count], lab.shapes[:, :count]
+    cross = np.abs(phi_0.T @ (orbit.mass @ phi_1))
+    pairs = _pair(orbit.kind[:count], lab.kind[:count], cross)
+    return ModeComparison(
+        orbit,
+        lab,
+        count,
+        cross,
+        _mac(orbit, phi_0, phi_1),
+        pairs,
+        lab.omega[pairs[:, 1]] / orbit.omega[pairs[:, 0]],
+        _subspace_angles(orbit, lab),
+    )
+
+
+def _pair(kind_0: tuple[str, ...], kind_1: tuple[str, ...], cross: np.ndarray) -> np.ndarray:
+    rows = np.array([i for i, k in enumerate(kind_0) if k == "flexible"], dtype=int)
+    columns = np.array([i for i, k in enumerate(kind_1) if k == "flexible"], dtype=int)
+    i, j = linear_sum_assignment(cross[np.ix_(rows, columns)], maximize=True)
+    return np.stack([rows[i], columns[j]], axis=1)
+
+
+def _mac(modes: Modes, phi_0: np.ndarray, phi_1: np.ndarray) -> np.ndarray:
+    """Allemang and Brown 1982, on what a test would measure: the named nodes and the joints."""
+    tree = modes.equilibrium.model.tree
+    nodes = len(modes.equilibrium.model.structure.nodes)
+    seen = np.concatenate([np.arange(6 * nodes), np.arange(6 * tree.roots, tree.size)])
+    a, b = phi_0[seen], phi_1[seen]
+    return (a.T @ b) ** 2 / np.outer(np.sum(a**2, axis=0), np.sum(b**2, axis=0))
+
+
+def _subspace_angles(orbit: Modes, lab: Modes) -> np.ndarray:
+    """Principal angles in the metric of the orbit mass (Björck and Golub 1973), sine and cosine form."""
+    rigid = [i for i, k in enumerate(orbit.kind) if k == "rigid"]
+    hung = [i for i, k in enumerate(lab.kind) if k == "suspension"]
+    if not rigid or not hung:
+        return np.zeros(0)
+    L = sla.cholesky(_moving(orbit, orbit.mass.toarray()))
+    a, b = (L @ _moving_rows(orbit, s) for s in (orbit.shapes[:, rigid], lab.shapes[:, hung]))
+    return np.sort(sla.subspace_angles(a, b))
+
+
+def _moving(modes: Modes, M: np.ndarray) -> np.ndarray:
+    index = _moving_index(modes)
+    return M[np.ix_(index, index)]
+
+
+def _moving_rows(modes: Modes, shapes: np.ndarray) -> np.ndarray:
+    return shapes[_moving_index(modes)]
+
+
+def _moving_index(modes: Modes) -> np.ndarray:
+    return np.flatnonzero(np.any(modes.shapes != 0.0, axis=1))

@@ -1,0 +1,54 @@
+"""Rotations as matrices; increments as rotation vectors in the world frame: R_new = exp(theta) R."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+
+def skew(v: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 3 3"]:
+    """Cross-product matrices: skew(v) @ a = v x a.
+
+    >>> (skew(np.array([1.0, 2.0, 3.0])) @ np.array([0.0, 0.0, 1.0])).tolist()
+    [2.0, -1.0, 0.0]
+    """
+    v = np.asarray(v, dtype=float)
+    out = np.zeros((*v.shape, 3))
+    out[..., 0, 1], out[..., 0, 2] = -v[..., 2], v[..., 1]
+    out[..., 1, 0], out[..., 1, 2] = v[..., 2], -v[..., 0]
+    out[..., 2, 0], out[..., 2, 1] = -v[..., 1], v[..., 0]
+    return out
+
+
+def rotation_exp(theta: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 3 3"]:
+    """Rotation matrices of rotation vectors [rad] (Rodrigues).
+
+    >>> np.round(rotation_exp(np.array([0.0, 0.0, np.pi / 2])) @ [1.0, 0.0, 0.0], 12).tolist()
+    [0.0, 1.0, 0.0]
+    """
+    theta = np.asarray(theta, dtype=float)
+    angle = np.linalg.norm(theta, axis=-1)[..., None, None]
+    S = skew(theta)
+    # np.sinc(x) = sin(pi x)/(pi x): exact at zero angle, no branch.
+    return np.eye(3) + np.sinc(angle / np.pi) * S + 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2 * (S @ S)
+
+
+def rotation_log(R: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "3"]:
+    """Rotation vector [rad] of a rotation matrix; the angle lies in [0, pi).
+
+    >>> np.round(rotation_log(rotation_exp(np.array([0.1, -0.2, 0.3]))), 12).tolist()
+    [0.1, -0.2, 0.3]
+    """
+    axial = 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+    sine = float(np.linalg.norm(axial))
+    angle = float(np.arctan2(sine, 0.5 * (np.trace(R) - 1.0)))
+    return axial if sine == 0.0 else axial * (angle / sine)
+
+
+def symmetric_double_cross(
+    a: Float[np.ndarray, "*batch 3"], b: Float[np.ndarray, "*batch 3"]
+) -> Float[np.ndarray, "*batch 3 3"]:
+    """Hessian in theta of a . (exp(theta) b) at theta = 0: (a b' + b a')/2 - (a . b) I."""
+    outer = a[..., :, None] * b[..., None, :]
+    dot = np.sum(a * b, axis=-1)[..., None, None]
+    return 0.5 * (outer + np.swapaxes(outer, -1, -2)) - dot * np.eye(3)
