@@ -1,8 +1,12 @@
 """The continuous algebraic Riccati equation, over many decades of intensity.
 
-Balanced Hamiltonian, ordered real Schur form (Laub 1979, IEEE TAC 24), one Newton step (Kleinman 1968,
-IEEE TAC 13), SciPy's generalised Schur method where that is better. The balancing is symplectic (Benner
-2001, "Symplectic balancing of Hamiltonian matrices", SIAM J. Sci. Comput. 22).
+Balanced Hamiltonian (Benner 2001, "Symplectic balancing of Hamiltonian matrices", SIAM J. Sci. Comput. 22),
+ordered real Schur form (Laub 1979, IEEE TAC 24), Newton steps (Kleinman 1968, IEEE TAC 13); SciPy's
+generalised Schur method where the first finds no solution.
+
+Two habits keep the residual at rounding although X B cancels where sensors are good: X B R^-1/2 is formed
+before it is squared, and Newton adds a correction driven by the residual instead of solving afresh, in
+coordinates where X has a unit diagonal.
 """
 
 from __future__ import annotations
@@ -17,10 +21,8 @@ from middeck.control.stabilisability import require_reachable
 from middeck.errors import ConfigError, NumericalError
 from middeck.values import record
 
-GOOD = 1e-11
-"""Relative residual above which the second method is tried; a few hundred states leave 1e-14 to 1e-12."""
 WORTHLESS = 1e-6
-"""Relative residual above which there is no solution to return."""
+"""Relative residual above which there is no solution to return; rounding leaves 1e-15 to 1e-12."""
 
 
 @record
@@ -36,8 +38,7 @@ class RiccatiSolution:
     poles:
         Eigenvalues of A - BK [rad/s].
     residual:
-        Frobenius norm of the left-hand side over the sum of its terms' norms, in balanced coordinates,
-        where small and large intensities weigh alike.
+        Frobenius norm of the left-hand side over the sum of its terms' norms, in the caller's coordinates.
     """
 
     X: Float[np.ndarray, "state state"]
@@ -75,7 +76,8 @@ def solve_riccati(
     Abar, Qbar = A - Bn @ Sn.T, Q - Sn @ Sn.T
     require_reachable(Abar, B, names)
     require_reachable(Abar.T, Qbar, names, only_axis=True, complaint="the cost (or process noise) misses it")
-    X, residual = _solve_balanced(Abar, Bn @ Bn.T, Qbar)
+    X = _solve_balanced(Abar, Bn, Qbar)
+    residual = _residual(X, Abar, Bn, Qbar)[1]
     gain = sla.cho_solve((factor, True), (X @ B + S).T)
     poles = np.linalg.eigvals(A - B @ gain).astype(complex)
     if not np.isfinite(residual) or residual > WORTHLESS or poles.real.max(initial=-1.0) >= 0.0:
@@ -89,19 +91,20 @@ def solve_riccati(
     return RiccatiSolution(X, gain, poles, residual)
 
 
-def _solve_balanced(
-    A: np.ndarray, G: np.ndarray, Q: np.ndarray
-) -> tuple[Float[np.ndarray, "state state"], float]:
-    """Solution and residual of A'X + XA - XGX + Q = 0, G = B R^-1 B'."""
-    t = _balancing(A, G, Q)
-    scaled = A * t / t[:, None], G / np.outer(t, t), Q * np.outer(t, t)
-    candidates = _refined(_solve_schur(*scaled), *scaled)
-    if not candidates or min(c[1] for c in candidates) > GOOD:
-        candidates += _refined(_solve_pencil(*scaled), *scaled)
-    if not candidates:
-        return np.zeros_like(A), np.inf
-    X, residual = min(candidates, key=lambda c: c[1])
-    return X / np.outer(t, t), residual
+def _solve_balanced(A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[np.ndarray, "state state"]:
+    """Solve A'X + XA - (XB)(XB)' + Q = 0; a matrix of infinities if no method finds a solution."""
+    t = _balancing(A, B @ B.T, Q)
+    scaled = A * t / t[:, None], B / t[:, None], Q * np.outer(t, t)
+    X = _solve_schur(*scaled)
+    if X is None:
+        X = _solve_pencil(*scaled)
+    if X is None:
+        return np.full_like(A, np.inf)
+    # On to coordinates where X has about a unit diagonal: its small entries matter as much as its large ones.
+    unit = np.exp2(-np.round(np.log2(np.where(np.diag(X) > 0.0, np.diag(X), 1.0)) / 2.0))
+    t = t * unit
+    X = _refined(X * np.outer(unit, unit), A * t / t[:, None], B / t[:, None], Q * np.outer(t, t))
+    return X / np.outer(t, t)
 
 
 def _balancing(A: np.ndarray, G: np.ndarray, Q: np.ndarray) -> Float[np.ndarray, " state"]:
@@ -114,39 +117,45 @@ def _balancing(A: np.ndarray, G: np.ndarray, Q: np.ndarray) -> Float[np.ndarray,
     return np.exp2(np.round((log[:n] - log[n:]) / 2.0))
 
 
-def _solve_schur(A: np.ndarray, G: np.ndarray, Q: np.ndarray) -> Float[np.ndarray, "state state"] | None:
+def _solve_schur(A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[np.ndarray, "state state"] | None:
     n = len(A)
     try:
-        _, U, stable = sla.schur(np.block([[A, -G], [-Q, -A.T]]), sort="lhp")
+        _, U, stable = sla.schur(np.block([[A, -B @ B.T], [-Q, -A.T]]), sort="lhp")
         if stable != n:
             return None
-        X = sla.solve(U[:n, :n].T, U[n:, :n].T)
-    except (sla.LinAlgError, sla.LinAlgWarning):
+        X = np.linalg.solve(U[:n, :n].T, U[n:, :n].T)
+    except np.linalg.LinAlgError:
         return None
     return (X + X.T) / 2.0
 
 
-def _solve_pencil(A: np.ndarray, G: np.ndarray, Q: np.ndarray) -> Float[np.ndarray, "state state"] | None:
-    values, vectors = np.linalg.eigh(G)
-    B = vectors * np.sqrt(np.maximum(values, 0.0))
+def _solve_pencil(A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[np.ndarray, "state state"] | None:
     try:
-        return np.asarray(sla.solve_continuous_are(A, B, Q, np.eye(len(A))))
-    except (sla.LinAlgError, ValueError):
+        return np.asarray(sla.solve_continuous_are(A, B, Q, np.eye(B.shape[1])))
+    except (np.linalg.LinAlgError, ValueError):
         return None
 
 
-def _refined(
-    X: Float[np.ndarray, "state state"] | None, A: np.ndarray, G: np.ndarray, Q: np.ndarray
-) -> list[tuple[Float[np.ndarray, "state state"], float]]:
-    """The solution before and after one Newton step (Kleinman 1968), each with its residual."""
-    if X is None or not np.isfinite(X).all():
-        return []
-    step = sla.solve_continuous_lyapunov((A - G @ X).T, -(Q + X @ G @ X))
-    return [(Y, _residual(Y, A, G, Q)) for Y in (X, (step + step.T) / 2.0)]
+def _refined(X: np.ndarray, A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[np.ndarray, "state state"]:
+    """Newton steps (Kleinman 1968) in correction form, as long as each halves the residual."""
+    defect, size = _residual(X, A, B, Q)
+    while size > 0.0:
+        step = np.asarray(sla.solve_continuous_lyapunov((A - B @ (X @ B).T).T, -defect))
+        candidate = X + (step + step.T) / 2.0
+        defect, candidate_size = _residual(candidate, A, B, Q)
+        if not candidate_size < size:
+            break
+        X, previous, size = candidate, size, candidate_size
+        if size > previous / 2.0:
+            break
+    return X
 
 
-def _residual(X: np.ndarray, A: np.ndarray, G: np.ndarray, Q: np.ndarray) -> float:
-    linear, quadratic = A.T @ X, X @ G @ X
-    left = np.linalg.norm(linear + linear.T - quadratic + Q)
+def _residual(
+    X: np.ndarray, A: np.ndarray, B: np.ndarray, Q: np.ndarray
+) -> tuple[Float[np.ndarray, "state state"], float]:
+    linear, factor = A.T @ X, X @ B
+    quadratic = factor @ factor.T
+    defect = linear + linear.T - quadratic + Q
     terms = 2.0 * np.linalg.norm(linear) + np.linalg.norm(quadratic) + np.linalg.norm(Q)
-    return float(left / terms) if terms > 0.0 else 0.0
+    return defect, float(np.linalg.norm(defect) / terms) if terms > 0.0 else 0.0
