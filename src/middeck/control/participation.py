@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
 import scipy.linalg as sla
 from jaxtyping import Float
@@ -39,8 +41,9 @@ def find_participation(loop: ClosedLoop) -> Participation:
     For a plant built from modes the states are the modal ones, position and rate, with or without static
     feedback around it. Raises `NumericalError` for a defective eigenvalue, where shares do not exist.
     """
-    values, left, right = sla.eig(loop.system.A, left=True, right=True)
-    lead = int(np.argmax(values.real))
+    form = cast("tuple[np.ndarray, np.ndarray, np.ndarray]", sla.eig(loop.system.A, left=True, right=True))
+    values, left, right = form
+    lead = int(np.argmax(np.real(values)))
     product = np.abs(left[:, lead].conj() * right[:, lead])
     if abs(np.vdot(left[:, lead], right[:, lead])) < 1e-12:
         raise NumericalError(f"the eigenvalue {values[lead]:.3g} is defective: participation does not exist")
@@ -48,5 +51,7 @@ def find_participation(loop: ClosedLoop) -> Participation:
     names = tuple(dict.fromkeys(loop.state_names))
     index = np.array([names.index(name) for name in loop.state_names], dtype=int)
     shares = np.bincount(index, weights=product[: len(index)], minlength=len(names))
-    pole = complex(values[lead].real, abs(values[lead].imag))
-    return Participation(pole, names, shares, float(product[len(index) :].sum()))
+    pole = complex(values[lead])
+    return Participation(
+        complex(pole.real, abs(pole.imag)), names, shares, float(product[len(index) :].sum())
+    )

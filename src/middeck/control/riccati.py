@@ -12,6 +12,7 @@ coordinates where X has a unit diagonal.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import cast
 
 import numpy as np
 import scipy.linalg as sla
@@ -65,20 +66,19 @@ def solve_riccati(
     >>> solve_riccati(np.eye(1), np.eye(1), 3.0 * np.eye(1), np.eye(1)).X     # 2x - x^2 + 3 = 0
     array([[3.]])
     """
-    A, B, Q, R = (np.asarray(M, dtype=float) for M in (A, B, Q, R))
-    S = np.zeros_like(B) if S is None else np.asarray(S, dtype=float)
+    cross = np.zeros(np.shape(B)) if S is None else np.asarray(S, dtype=float)
     try:
         factor = sla.cholesky(R, lower=True)
     except sla.LinAlgError as error:
         raise ConfigError("the control weight (or sensor noise) R is not positive definite") from error
     Bn = sla.solve_triangular(factor, B.T, lower=True).T
-    Sn = sla.solve_triangular(factor, S.T, lower=True).T
+    Sn = sla.solve_triangular(factor, cross.T, lower=True).T
     Abar, Qbar = A - Bn @ Sn.T, Q - Sn @ Sn.T
     require_reachable(Abar, B, names)
     require_reachable(Abar.T, Qbar, names, only_axis=True, complaint="the cost (or process noise) misses it")
     X = _solve_balanced(Abar, Bn, Qbar)
     residual = _residual(X, Abar, Bn, Qbar)[1]
-    gain = sla.cho_solve((factor, True), (X @ B + S).T)
+    gain = sla.cho_solve((factor, True), (X @ B + cross).T)
     poles = np.linalg.eigvals(A - B @ gain).astype(complex)
     if not np.isfinite(residual) or residual > WORTHLESS or poles.real.max(initial=-1.0) >= 0.0:
         raise NumericalError(
@@ -95,15 +95,14 @@ def _solve_balanced(A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[np.nda
     """Solve A'X + XA - (XB)(XB)' + Q = 0; a matrix of infinities if no method finds a solution."""
     t = _balancing(A, B @ B.T, Q)
     scaled = A * t / t[:, None], B / t[:, None], Q * np.outer(t, t)
-    X = _solve_schur(*scaled)
-    if X is None:
-        X = _solve_pencil(*scaled)
-    if X is None:
+    found = _solve_schur(*scaled)
+    found = _solve_pencil(*scaled) if found is None else found
+    if found is None:
         return np.full_like(A, np.inf)
     # On to coordinates where X has about a unit diagonal: its small entries matter as much as its large ones.
-    unit = np.exp2(-np.round(np.log2(np.where(np.diag(X) > 0.0, np.diag(X), 1.0)) / 2.0))
+    unit = np.exp2(-np.round(np.log2(np.where(np.diag(found) > 0.0, np.diag(found), 1.0)) / 2.0))
     t = t * unit
-    X = _refined(X * np.outer(unit, unit), A * t / t[:, None], B / t[:, None], Q * np.outer(t, t))
+    X = _refined(found * np.outer(unit, unit), A * t / t[:, None], B / t[:, None], Q * np.outer(t, t))
     return X / np.outer(t, t)
 
 
@@ -120,7 +119,8 @@ def _balancing(A: np.ndarray, G: np.ndarray, Q: np.ndarray) -> Float[np.ndarray,
 def _solve_schur(A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[np.ndarray, "state state"] | None:
     n = len(A)
     try:
-        _, U, stable = sla.schur(np.block([[A, -B @ B.T], [-Q, -A.T]]), sort="lhp")
+        H = np.block([[A, -B @ B.T], [-Q, -A.T]])
+        _, U, stable = cast("tuple[np.ndarray, np.ndarray, int]", sla.schur(H, sort="lhp"))
         if stable != n:
             return None
         X = np.linalg.solve(U[:n, :n].T, U[n:, :n].T)
@@ -138,17 +138,15 @@ def _solve_pencil(A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[np.ndarr
 
 def _refined(X: np.ndarray, A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[np.ndarray, "state state"]:
     """Newton steps (Kleinman 1968) in correction form, as long as each halves the residual."""
-    defect, size = _residual(X, A, B, Q)
-    while size > 0.0:
-        step = np.asarray(sla.solve_continuous_lyapunov((A - B @ (X @ B).T).T, -defect))
-        candidate = X + (step + step.T) / 2.0
-        defect, candidate_size = _residual(candidate, A, B, Q)
-        if not candidate_size < size:
-            break
-        X, previous, size = candidate, size, candidate_size
-        if size > previous / 2.0:
-            break
-    return X
+    best, (defect, size) = X, _residual(X, A, B, Q)
+    halved = size > 0.0
+    while halved:
+        step = np.asarray(sla.solve_continuous_lyapunov((A - B @ (best @ B).T).T, -defect))
+        candidate = best + (step + step.T) / 2.0
+        defect, now = _residual(candidate, A, B, Q)
+        halved = 0.0 < now < size / 2.0
+        best, size = (candidate, now) if now < size else (best, size)
+    return best
 
 
 def _residual(
