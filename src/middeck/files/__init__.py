@@ -1,5 +1,6 @@
 """Files in, values out, and back: documents, overrides, records, JSON.
 
-``load_structure(path)``, ``load_environment(path)``, ``load_case(article, environment, overrides)``,
-``load_study(path, overrides)`` in `documents` and `studies`; ``load_record(path)`` in `records`.
+``documents``: ``load_structure(path)``, ``load_environment(path)``, ``load_case(article, environment, set)``;
+``studies``: ``load_study(path, set)``; ``records``: ``load_record(path)``, ``write_record(path, record)``;
+``json_output``: ``json_text(value)``, ``write_json(path, value)``.
 """

@@ -36,12 +36,11 @@ Kind = Literal["article", "environment", "study"]
 
 @record
 class Source:
-    """A parsed document: its tables, where their keys stand, and its SHA-256."""
+    """A parsed document: its tables and where their keys stand."""
 
     file: str
     data: Any
     lines: Any
-    sha256: str
 
 
 @record
@@ -56,28 +55,46 @@ class Checked(Generic[F]):
 
 def read_source(path: str | Path) -> Source:
     """Parse a TOML file; raises `ConfigError` if it is missing, empty, not UTF-8 or not TOML."""
-    file = Path(path)
     try:
-        raw = file.read_bytes()
+        raw = Path(path).read_bytes()
     except OSError as error:
-        advice = "check the path" if isinstance(error, FileNotFoundError) else "check the file's permissions"
-        raise ConfigError(f"cannot be read: {error.strerror}", where=str(path), hint=advice) from None
+        raise_faults([Fault(str(path), 0, "", f"cannot be read: {error.strerror}", hint="check the path")])
+        raise  # not reached: for the type checker
     try:
-        text = raw.decode("utf-8-sig")
+        text = raw.decode("utf-8-sig").replace("\r\n", "\n")
     except UnicodeDecodeError as error:
         line = raw[: error.start].count(b"\n") + 1
-        raise ConfigError("not UTF-8 text", where=f"{path}:{line}", hint="save the file as UTF-8") from None
-    text = text.replace("\r\n", "\n")
+        raise_faults([Fault(str(path), line, "", "not UTF-8 text", hint="save the file as UTF-8")])
+        raise
     if not text.strip():
-        raise ConfigError("the file is empty", where=str(path), hint="compare articles/mace-dm.toml")
+        raise_faults([Fault(str(path), 1, "", "the file is empty", hint="compare articles/mace-dm.toml")])
     try:
-        data = tomllib.loads(text)
+        return Source(str(path), tomllib.loads(text), key_lines(text))
     except tomllib.TOMLDecodeError as error:
         found = re.search(r"line (\d+)", str(error))
-        line = found.group(1) if found else str(text.count("\n") + 1)
+        line = int(found.group(1)) if found else text.rstrip().count("\n") + 1
         advice = "mend the syntax on or just before this line; at the end of the file it may be cut off"
-        raise ConfigError(f"not valid TOML: {error}", where=f"{path}:{line}", hint=advice) from None
-    return Source(str(path), data, key_lines(text), hashlib.sha256(raw).hexdigest())
+        raise_faults([Fault(str(path), line, "", f"not valid TOML: {error}", hint=advice)])
+        raise
+
+
+def read_sources(paths: Sequence[str | Path]) -> list[Source]:
+    """`read_source` of each path; the errors of all are raised together."""
+    sources: list[Source] = []
+    faults: list[Fault] = []
+    for path in paths:
+        try:
+            sources.append(read_source(path))
+        except ConfigError as error:
+            faults += error.data["faults"]
+    raise_faults(list(dict.fromkeys(faults)))
+    return sources
+
+
+def sha256_of(path: str | Path) -> str:
+    """SHA-256 of a file's bytes, for provenance."""
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def check(
@@ -130,11 +147,11 @@ def load_case(
 
     Raises `ConfigError` with all faults of both, among them names that the article lacks.
     """
-    sources = [
-        (read_source(article), ArticleForm, article_findings),
-        (read_source(environment), EnvironmentForm, environment_findings),
-    ]
-    first, second = _check_all(sources, overrides)
+    body, surroundings = read_sources([article, environment])
+    first, second = _check_all(
+        [(body, ArticleForm, article_findings), (surroundings, EnvironmentForm, environment_findings)],
+        overrides,
+    )
     return _structure(first), _environment(second)
 
 
@@ -157,12 +174,12 @@ def _check_all(
         check(source, data, marks, form, more)
         for (source, form, more), data, marks in zip(sources, documents, changed, strict=True)
     ]
-    raise_faults([*(f for c in checked for f in c.faults), *_join(checked)])
+    raise_faults([*(f for c in checked for f in c.faults), *join_findings(checked)])
     return checked
 
 
-def _join(checked: Sequence[Checked[Any]]) -> list[Fault]:
-    """What an environment names and the article of its case lacks."""
+def join_findings(checked: Sequence[Checked[Any]]) -> list[Fault]:
+    """What the environments name and the article among ``checked`` lacks."""
     articles = [c for c in checked if isinstance(c.form, ArticleForm)]
     if not articles:
         return []

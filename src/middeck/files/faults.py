@@ -36,11 +36,20 @@ class Fault:
     value: str = ""
     hint: str = ""
 
+    @property
+    def place(self) -> str:
+        """File and line as editors understand them."""
+        return f"{self.file}:{self.line}" if self.line else self.file
+
+    @property
+    def what(self) -> str:
+        """Key, value and what is wrong, in one line."""
+        named = f"{self.key} = {self.value}" if self.value else self.key
+        return f"{named}: {self.message}" if named else self.message
+
     def __str__(self) -> str:
-        place = f"{self.file}:{self.line}" if self.line else self.file
-        value = f" = {self.value}" if self.value else ""
         hint = f"\n  try: {self.hint}" if self.hint else ""
-        return f"{place}: {self.key}{value}: {self.message}{hint}"
+        return f"{self.place}: {self.what}{hint}"
 
 
 @record
@@ -57,10 +66,10 @@ def raise_faults(faults: Sequence[Fault]) -> None:
     """Raise one `ConfigError` with all ``faults`` (its ``data["faults"]``); nothing if there are none."""
     if not faults:
         return
-    text = "\n".join(str(f) for f in faults)
-    if len(faults) > 1:
-        text = f"{len(faults)} errors in the configuration\n{text}"
-    raise ConfigError(text, faults=tuple(faults))
+    if len(faults) == 1:
+        raise ConfigError(faults[0].what, where=faults[0].place, hint=faults[0].hint, faults=tuple(faults))
+    lines = "\n".join(map(str, faults))
+    raise ConfigError(f"{len(faults)} errors in the configuration\n{lines}", faults=tuple(faults))
 
 
 def nearest(word: str, known: Iterable[str]) -> str:

@@ -34,6 +34,7 @@ UNITS = {
     "_n_per_m": "N/m",
     "_nm_per_rad": "N m/rad",
     "_nms_per_rad": "N m s/rad",
+    "_nm_per_rthz": "N m/sqrt(Hz)",
     "_rad_per_rthz": "rad/sqrt(Hz)",
     "_rad_per_s_per_rthz": "rad/s/sqrt(Hz)",
     "_rad_per_s_per_rts": "rad/s/sqrt(s)",

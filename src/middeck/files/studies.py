@@ -1,0 +1,188 @@
+"""Read a study with the articles and environments it stands on."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, cast
+
+from middeck.files.article_build import build_structure
+from middeck.files.article_checks import article_findings
+from middeck.files.article_form import ArticleForm
+from middeck.files.documents import (
+    Checked,
+    Source,
+    check,
+    join_findings,
+    read_source,
+    read_sources,
+    sha256_of,
+)
+from middeck.files.environment_form import EnvironmentForm, build_environment, environment_findings
+from middeck.files.faults import Fault, Finding, raise_faults, show
+from middeck.files.overrides import Target, apply_overrides
+from middeck.files.study_form import (
+    ControlForm,
+    Figure6Form,
+    MirrorForm,
+    RigForm,
+    SisoForm,
+    StudyForm,
+    port_findings,
+    study_findings,
+)
+from middeck.files.toml_lines import Path as KeyPath
+from middeck.files.toml_lines import line_of
+from middeck.structure.article import Structure
+from middeck.structure.environment import Environment
+from middeck.values import record
+
+
+@record
+class Case:
+    """An article in an environment, both by their names in the study."""
+
+    article: str
+    environment: str
+    structure: Structure
+    surroundings: Environment
+
+
+@record
+class Study:
+    """All that a study needs, read and checked.
+
+    Parameters
+    ----------
+    cases:
+        Every article in every environment; see `case`.
+    control, rig, figure_6, siso, mirror:
+        The tables of the study file: attributes are its keys, units in their endings.
+    train_file, test_file:
+        Paths of the mirror's records.
+    inputs:
+        Name (from the study's folder) and SHA-256 of every file that was read or is to be read.
+    overrides:
+        What ``--set`` has changed.
+    """
+
+    title: str
+    seed: int
+    cases: tuple[Case, ...]
+    control: ControlForm
+    rig: RigForm
+    figure_6: Figure6Form
+    siso: SisoForm
+    mirror: MirrorForm
+    train_file: Path
+    test_file: Path
+    inputs: tuple[tuple[str, str], ...]
+    overrides: tuple[str, ...]
+
+    def case(self, article: str, environment: str) -> tuple[Structure, Environment]:
+        """The structure and environment of these names; KeyError if the study has none."""
+        for c in self.cases:
+            if (c.article, c.environment) == (article, environment):
+                return c.structure, c.surroundings
+        raise KeyError((article, environment))
+
+
+def load_study(path: str | Path, overrides: Sequence[str] = ()) -> Study:
+    """The study in file ``path`` with ``overrides``.
+
+    Raises `ConfigError` with every fault of the study, its articles and its environments together.
+    """
+    source = read_source(path)
+    # The file names must be known, overridden or not, before the other documents can be overridden.
+    (data,), _ = apply_overrides(
+        [Target(source.file, source.data, StudyForm)], [o for o in overrides if _is_reference(o)]
+    )
+    base = Path(path).parent
+    _raise_missing(source, data, base)
+    names, files = _references(data, "article"), _references(data, "environment")
+    sources = read_sources([base / p for _, p in (*names, *files)])
+    articles = {name: s for (name, _), s in zip(names, sources, strict=False)}
+    environments = {name: s for (name, _), s in zip(files, sources[len(names) :], strict=True)}
+    study, structures, surroundings = _check(source, articles, environments, overrides)
+    form = cast("StudyForm", study.form)
+    records = [base / form.mirror.train, base / form.mirror.test]
+    files = [Path(path), *(Path(s.file) for s in (*articles.values(), *environments.values())), *records]
+    built = {name: build_structure(cast("ArticleForm", c.form)) for name, c in structures.items()}
+    cases = tuple(
+        Case(a, e, built[a], build_environment(cast("EnvironmentForm", c.form)))
+        for (a, e), c in surroundings.items()
+    )
+    inputs = tuple((Path(os.path.relpath(f, base)).as_posix(), sha256_of(f)) for f in files)
+    return Study(
+        form.title, form.seed, cases, form.control, form.rig, form.figure_6, form.siso, form.mirror,
+        records[0], records[1], inputs, tuple(overrides),
+    )  # fmt: skip
+
+
+def _is_reference(override: str) -> bool:
+    """Whether ``override`` names a file, as ``article.dm=...`` and ``mirror.train=...`` do."""
+    parts = override.partition("=")[0].strip().split(".")
+    return len(parts) == 2 and parts[0] in ("article", "environment", "mirror")
+
+
+def _raise_missing(source: Source, data: Any, base: Path) -> None:
+    """Raise the files that the study names and that are not there, each at its own line."""
+    wanted: list[tuple[KeyPath, str]] = []
+    for table in ("article", "environment", "mirror"):
+        wanted += [((table, name), file) for name, file in _references(data, table)]
+    advice = "a path from the study file's own folder"
+    missing = [(key, file) for key, file in wanted if not (base / file).is_file()]
+    raise_faults(
+        [
+            Fault(
+                source.file,
+                line_of(source.lines, key),
+                f"{key[0]}.{key[1]}",
+                "no such file",
+                show(file),
+                advice,
+            )
+            for key, file in missing
+        ]
+    )
+
+
+def _references(data: Any, key: str) -> list[tuple[str, str]]:
+    table = data.get(key)
+    pairs = cast("dict[str, Any]", table).items() if isinstance(table, dict) else ()
+    return [(name, path) for name, path in pairs if isinstance(path, str)]
+
+
+def _check(
+    study: Source, articles: dict[str, Source], environments: dict[str, Source], overrides: Sequence[str]
+) -> tuple[Checked[Any], dict[str, Checked[Any]], dict[tuple[str, str], Checked[Any]]]:
+    """Override and check all documents together; an environment once for each article it may hold."""
+    pairs = [(a, e) for a in articles for e in environments]
+    parts = [
+        (study, StudyForm, study_findings, ""),
+        *((s, ArticleForm, article_findings, name) for name, s in articles.items()),
+        *((environments[e], EnvironmentForm, environment_findings, a) for a, e in pairs),
+    ]
+    targets = [Target(s.file, s.data, form, article) for s, form, _, article in parts]
+    documents, changed = apply_overrides(targets, overrides)
+    checked: list[Checked[Any]] = [
+        check(source, data, marks, form, more)
+        for (source, form, more, _), data, marks in zip(parts, documents, changed, strict=True)
+    ]
+    structures = dict(zip(articles, checked[1:], strict=False))
+    surroundings = dict(zip(pairs, checked[1 + len(articles) :], strict=True))
+    faults: list[Fault] = [f for c in checked for f in c.faults]
+    for (a, _), c in surroundings.items():
+        faults += join_findings([structures[a], c])
+    faults += [checked[0].place(f) for f in _ports(checked[0], structures)]
+    raise_faults(list(dict.fromkeys(faults)))
+    return checked[0], structures, surroundings
+
+
+def _ports(study: Checked[Any], structures: dict[str, Checked[Any]]) -> list[Finding]:
+    if study.form is None or any(c.faults for c in structures.values()):
+        return []
+    built = {name: build_structure(cast("ArticleForm", c.form)) for name, c in structures.items()}
+    ports = {n: ([a.name for a in s.actuators], [x.name for x in s.sensors]) for n, s in built.items()}
+    return port_findings(study.form, ports)

@@ -1,0 +1,223 @@
+"""The form of ``studies/*.toml``: the values of a closed-loop study and of its rig."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal, cast
+
+from pydantic import Field
+
+from middeck.files.faults import Finding, nearest, show
+from middeck.files.form import Finite, Form, Name, NotNegative, Positive, whole, within
+
+Names = Annotated[tuple[str, ...], Field(strict=False, min_length=1)]
+Numbers = Annotated[tuple[NotNegative, ...], Field(strict=False, min_length=1)]
+Band = Annotated[tuple[Positive, Positive], Field(strict=False)]
+
+
+class ControlForm(Form):
+    """Inner loops, LQG and the sweep of authority (Figure 7)."""
+
+    article: str
+    modes_kept: Annotated[int, whole(7, 10000)]
+    inputs: Names
+    disturbances: Names
+    angles: Names
+    pd_loops: Names
+    pd_kp_nm_per_rad: Numbers
+    pd_kd_nms_per_rad: Numbers
+    metric: Names
+    metric_weights: Numbers
+    input_weight: Annotated[tuple[Positive, ...], Field(strict=False, min_length=1)]
+    angle_noise_rad_per_rthz: Positive
+    rate_noise_rad_per_s_per_rthz: Positive
+    actuator_noise_ratio: NotNegative
+    three_sigma_deg: Positive
+    band_hz: Band
+    log10_authority_first: Annotated[float, within(least=-12.0, most=12.0)]
+    log10_authority_last: Annotated[float, within(least=-12.0, most=12.0)]
+    levels: Annotated[int, whole(2, 10000)]
+
+
+class RigForm(Form):
+    """Simulated hardware."""
+
+    sample_hz: Positive
+    delay_s: NotNegative
+    wheel_torque_nm: Positive
+    wheel_rotor_inertia_kg_m2: Positive
+    wheel_speed_rad_s: Positive
+    gimbal_torque_nm: Positive
+    gimbal_friction_nm: NotNegative
+    gimbal_viscous_nms_per_rad: NotNegative
+    encoder_counts: Annotated[int, whole(4, 2**32)]
+    gyro_noise_rad_per_s_per_rthz: NotNegative
+    gyro_bias_rad_s: Finite
+    gyro_bias_walk_rad_per_s_per_rts: NotNegative
+    gyro_bandwidth_hz: Positive
+    converter_bits: Annotated[int, whole(1, 32)]
+    anti_alias_hz: Positive
+    umbilical_hz: NotNegative
+    identification_noise: NotNegative
+
+
+class Figure6Form(Form):
+    """One input to several outputs, in orbit, in the laboratory and on the rig."""
+
+    article: str
+    input: str
+    outputs: Names
+    band_hz: Band
+    modes_kept: Annotated[int, whole(1, 10000)]
+
+
+class AuthorityForm(Form):
+    """One level of authority and why it was chosen."""
+
+    log10_authority: Annotated[float, within(least=-12.0, most=12.0)]
+    reason: Annotated[str, Field(min_length=1)]
+
+
+class SisoForm(Form):
+    """Identify, design and verify one loop on the rig (Figures 9a and 9b)."""
+
+    article: str
+    environment: str
+    actuator: str
+    sensor: str
+    period_s: Positive
+    periods: Annotated[int, whole(1, 1000)]
+    band_hz: Band
+    fit_band_hz: Band
+    states: Annotated[int, whole(2, 1000)]
+    pade_order: Annotated[int, whole(0, 12)]
+    angle_weight: Positive
+    input_weight: Positive
+    disturbance_nm_per_rthz: Positive
+    angle_noise_rad_per_rthz: Positive
+    pair_shift_percent: Finite
+    pair_shift_hz: Positive
+    low: AuthorityForm
+    high: AuthorityForm
+
+
+class MirrorForm(Form):
+    """A measured record to fit and one to judge the fit by."""
+
+    train: str
+    test: str
+    states: Annotated[int, whole(2, 1000)]
+
+
+class StudyForm(Form):
+    """A study: documents it stands on, and its settings."""
+
+    schema_: Literal[1] = Field(alias="schema")
+    title: str
+    seed: Annotated[int, whole(0, 2**63 - 1)]
+    article: dict[Name, str]
+    environment: dict[Name, str]
+    control: ControlForm
+    rig: RigForm
+    figure_6: Figure6Form
+    siso: SisoForm
+    mirror: MirrorForm
+
+
+Table = dict[str, Any]
+
+
+def study_findings(data: Table) -> list[Finding]:
+    """What is wrong with a study beyond the form of its keys; tolerates a broken form."""
+    control, siso = _table(data, "control"), _table(data, "siso")
+    return [
+        *_one_each(control, "pd_loops", ["pd_kp_nm_per_rad", "pd_kd_nms_per_rad"]),
+        *_one_each(control, "metric", ["metric_weights"]),
+        *_one_each(control, "inputs", ["input_weight"]),
+        *_ascending(data, "control", "band_hz"),
+        *_ascending(data, "figure_6", "band_hz"),
+        *_ascending(data, "siso", "band_hz"),
+        *_ascending(data, "siso", "fit_band_hz"),
+        *_levels(control),
+        *_documents(data),
+        *_even(siso),
+    ]
+
+
+def _table(data: Table, key: str) -> Table:
+    value = data.get(key)
+    return cast("Table", value) if isinstance(value, dict) else {}
+
+
+def _one_each(control: Table, names: str, keys: list[str]) -> Iterator[Finding]:
+    wanted = control.get(names)
+    for key in keys:
+        given = control.get(key)
+        if isinstance(wanted, list) and isinstance(given, list):
+            count, needed = len(cast("list[Any]", given)), len(cast("list[Any]", wanted))
+            if count != needed:
+                message = f"{count} values for the {needed} {names}; must be one each"
+                yield Finding(("control", key), message, show(given))
+
+
+def _ascending(data: Table, table: str, key: str) -> Iterator[Finding]:
+    band = _table(data, table).get(key)
+    match band:
+        case [int() | float() as low, int() | float() as high] if not low < high:
+            yield Finding((table, key), "must ascend, [lowest, highest] in Hz", show(band))
+        case _:
+            return
+
+
+def _levels(control: Table) -> Iterator[Finding]:
+    first, last = control.get("log10_authority_first"), control.get("log10_authority_last")
+    if isinstance(first, int | float) and isinstance(last, int | float) and not first < last:
+        message = f"must be > log10_authority_first = {first:g}"
+        yield Finding(("control", "log10_authority_last"), message, show(last))
+
+
+def _even(siso: Table) -> Iterator[Finding]:
+    states = siso.get("states")
+    if isinstance(states, int) and states % 2:
+        yield Finding(("siso", "states"), "must be even: two for each mode", show(states))
+
+
+def _documents(data: Table) -> Iterator[Finding]:
+    """Settings name articles and environments of the study."""
+    wanted = [("control", "article"), ("figure_6", "article"), ("siso", "article"), ("siso", "environment")]
+    for table, key in wanted:
+        name, known = _table(data, table).get(key), _table(data, key)
+        if isinstance(name, str) and known and name not in known:
+            yield Finding((table, key), f"no {key} of this name in [{key}]", show(name), nearest(name, known))
+    for key in ("orbit", "lab"):
+        if _table(data, "environment") and key not in _table(data, "environment"):
+            yield Finding(("environment", key), "missing: the path of an environment file")
+
+
+def port_findings(form: StudyForm, ports: dict[str, tuple[list[str], list[str]]]) -> list[Finding]:
+    """Ports that an article of the study lacks; ``ports`` gives its actuators and its sensors by article."""
+    control, figure_6, siso = form.control, form.figure_6, form.siso
+    actuators, sensors = ports.get(control.article, ([], []))
+    rates = [f"{s}_rate" for s in ports.get(figure_6.article, ([], []))[1]]
+    wanted = [
+        *((("control", "inputs", i), n, actuators) for i, n in enumerate(control.inputs)),
+        *((("control", "disturbances", i), n, actuators) for i, n in enumerate(control.disturbances)),
+        *((("control", "angles", i), n, sensors) for i, n in enumerate(control.angles)),
+        *((("control", "metric", i), n, sensors) for i, n in enumerate(control.metric)),
+        *(
+            (("control", "pd_loops", i), n, [a for a in actuators if a in sensors])
+            for i, n in enumerate(control.pd_loops)
+        ),
+        (("figure_6", "input"), figure_6.input, ports.get(figure_6.article, ([], []))[0]),
+        *(
+            (("figure_6", "outputs", i), n, [*ports.get(figure_6.article, ([], []))[1], *rates])
+            for i, n in enumerate(figure_6.outputs)
+        ),
+        (("siso", "actuator"), siso.actuator, ports.get(siso.article, ([], []))[0]),
+        (("siso", "sensor"), siso.sensor, ports.get(siso.article, ([], []))[1]),
+    ]
+    return [
+        Finding(path, "the article has no such port", show(name), nearest(name, known))
+        for path, name, known in wanted
+        if name not in known
+    ]
