@@ -12,8 +12,10 @@ from typing import Any, cast
 
 import numpy as np
 
+from middeck.files.article_form import GimbalForm, NodeForm, RevoluteForm
 from middeck.files.faults import Finding, nearest, show
 from middeck.files.form import inertia_matrix
+from middeck.files.shapes import keys_of
 from middeck.files.toml_lines import Path
 
 Table = dict[str, Any]
@@ -21,6 +23,7 @@ Table = dict[str, Any]
 TUBE_KEYS = ("outer_diameter_m", "inner_diameter_m", "shear")
 STIFFNESS_KEYS = ("EA_n", "GJ_nm2", "EI_y_nm2", "EI_z_nm2", "rho_A_kg_per_m")
 GENERAL_KEYS = (*STIFFNESS_KEYS, "GA_y_n", "GA_z_n", "rho_I_y_kg_m", "rho_I_z_kg_m")
+FORMS = {"node": NodeForm, "gimbal": GimbalForm, "revolute": RevoluteForm}
 # Decimal input of a flat body meets the triangle inequality with equality only to rounding.
 ROUNDING = 1e-9
 
@@ -231,8 +234,8 @@ def _bodies(data: Table) -> Iterator[Finding]:
             key = f"{prefix}inertia_kg_m2"
             if key not in t:
                 continue
-            mass = t.get(f"{prefix}mass_kg", 0.0)
-            if mass == 0.0:
+            whole = set(t) <= set(keys_of(FORMS[table]))  # else the mass may be there, misspelt
+            if t.get(f"{prefix}mass_kg", 0.0) == 0.0 and whole:
                 yield Finding((table, i, key), "an inertia without mass", hint=f"give {prefix}mass_kg")
             yield from _triangle((table, i, key), t[key], bool(t.get("rotors_excluded", False)))
 

@@ -32,6 +32,7 @@ from middeck.values import record
 
 F = TypeVar("F", bound=Form)
 Kind = Literal["article", "environment", "study"]
+FOLDERS: dict[Kind, str] = {"article": "articles", "environment": "environments", "study": "studies"}
 
 
 @record
@@ -192,21 +193,19 @@ def join_findings(checked: Sequence[Checked[Any]]) -> list[Fault]:
     ]
 
 
-def find_document(name: str, kind: Kind) -> Path:
+def find_document(name: str, kind: Kind, beside: str | Path | None = None) -> Path:
     """The file that ``name`` means: an existing path, else ``articles/NAME.toml`` and the like.
 
-    The folder is sought in the current folder and then in those above it.
+    The folder is sought in the current folder, then next to the folder of the file ``beside``, so that an
+    article's environments are found from anywhere. Raises `ConfigError` with the nearest name there is.
     """
     given = Path(name)
     if given.is_file():
         return given
-    folder = {"article": "articles", "environment": "environments", "study": "studies", "record": "data"}[
-        kind
-    ]
-    roots = [Path(), *Path.cwd().parents]
-    for root in roots:
-        candidate = root / folder / f"{name}.toml"
-        if candidate.is_file():
-            return candidate
-    known = sorted(p.stem for root in roots for p in (root / folder).glob("*.toml"))
+    roots = [Path()] if beside is None else [Path(), Path(beside).resolve().parent.parent]
+    folders = [root / FOLDERS[kind] for root in roots]
+    for folder in folders:
+        if (folder / f"{name}.toml").is_file():
+            return folder / f"{name}.toml"
+    known = sorted(p.stem for folder in folders for p in folder.glob("*.toml"))
     raise ConfigError(f"no {kind} {name!r}", hint=nearest(name, known) or f"give the path of a {kind} file")

@@ -43,7 +43,7 @@ class EnvironmentForm(Form):
     """Where an article is; without ``[constants]`` there is no gravity."""
 
     schema_: Literal[1] = Field(alias="schema")
-    title: str
+    name: Name
     constants: ConstantsForm | None = None
     suspension: CablesForm | None = None
     spring: Annotated[tuple[AnchoredSpringForm, ...], Field(strict=False)] = ()
@@ -103,4 +103,4 @@ def build_environment(form: EnvironmentForm) -> Environment:
     if cables is not None:
         held = cables.held
         suspension = Suspension(tuple(held), tuple(held.values()), cables.cable_length_m, cables.bounce_hz)
-    return Environment(form.title, gravity + 0.0, suspension, springs)  # + 0.0: no negative zeros
+    return Environment(form.name, gravity + 0.0, suspension, springs)  # + 0.0: no negative zeros

@@ -60,6 +60,7 @@ class Finding:
     message: str
     value: str = ""
     hint: str = ""
+    expected: str = ""  # the key that an unknown one stands for
 
 
 def raise_faults(faults: Sequence[Fault]) -> None:
@@ -78,7 +79,7 @@ def nearest(word: str, known: Iterable[str]) -> str:
     >>> nearest("mas_kg", ["mass_kg", "size_m"])
     "did you mean 'mass_kg'?"
     """
-    choices = list(known)
+    choices = list(dict.fromkeys(known))
     close = difflib.get_close_matches(word, choices, 1, 0.6)
     if close:
         return f"did you mean {close[0]!r}?"
@@ -93,7 +94,10 @@ def show(value: Any) -> str:
 
 def form_findings(error: ValidationError, form: type[Form]) -> list[Finding]:
     """The errors of pydantic in our words."""
-    return [_finding(item, form) for item in error.errors(include_url=False)]
+    found = [_finding(item, form) for item in error.errors(include_url=False)]
+    # A key in another unit is one fault, not also a missing key.
+    meant = {(f.path[:-1], f.expected) for f in found if f.expected}
+    return [f for f in found if (f.path[:-1], f.path[-1]) not in meant]
 
 
 def _finding(item: Any, form: type[Form]) -> Finding:
@@ -128,9 +132,8 @@ def _unknown_key(path: Path, key: str, value: Any, form: type[Form]) -> Finding:
     for expected in known:
         if _is_other_unit(key, expected):
             unit = unit_of(expected) or "a pure number"
-            return Finding(
-                path, f"unknown key; {expected!r} is expected, in {unit}", show(value), f"convert to {unit}"
-            )
+            message = f"unknown key; {expected!r} is expected, in {unit}"
+            return Finding(path, message, show(value), f"convert to {unit}", expected)
     return Finding(path, "unknown key", show(value), nearest(key, known))
 
 

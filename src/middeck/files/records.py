@@ -145,7 +145,8 @@ def _read_npz(file: Path) -> Record:
 
 def _npz_arrays(file: Path) -> dict[str, np.ndarray]:
     try:
-        with np.load(file, allow_pickle=False) as archive:
+        # Opened here, as np.load leaves a file open that it cannot read.
+        with open(file, "rb") as stream, np.load(stream, allow_pickle=False) as archive:
             return {name: archive[name] for name in archive.files}
     except (zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError, AttributeError, KeyError) as error:
         # AttributeError: np.load took the file for a single array, which is no archive.
