@@ -35,8 +35,7 @@ class Loads:
 class Assembly:
     """The potential at one configuration.
 
-    ``gradient`` and ``tangent`` are in the coordinates of the frame tree; ``jacobian`` takes them to poses;
-    ``force_scale`` [N] is the size of the terms that cancel in the gradient.
+    ``gradient`` and ``tangent`` are in the coordinates of the frame tree; ``jacobian`` takes them to poses.
     """
 
     energy: float
@@ -44,7 +43,6 @@ class Assembly:
     tangent: sp.csr_array
     jacobian: sp.csr_array
     tension: Float[np.ndarray, " device"]
-    force_scale: float
 
 
 def no_loads() -> Loads:
@@ -68,16 +66,16 @@ def assemble(
     energy -= float(model.body_mass @ (world[model.body_point] @ loads.gravity))
     gradient[model.body_point, :3] -= model.body_mass[:, None] * loads.gravity
     tension, more = _springs(model, world, loads, gradient, blocks)
-    scale = float(np.abs(gradient[:, :3]).max(initial=0.0))
     J = pose_jacobian(model.tree, model.points, poses)
-    K = J.T @ _block_matrix(len(world), blocks) @ J
-    K = K + pose_stiffness(model.tree, model.points, poses, gradient)
+    elastic = J.T @ _block_matrix(len(world), blocks) @ J
+    turning = pose_stiffness(model.tree, model.points, poses, gradient)
     joint_energy, joint_gradient, joint_stiffness = _sprung_joints(model, config)
     g = J.T @ gradient.ravel()
     g[6 * model.tree.roots :] += joint_gradient
-    K = K + sp.diags_array(np.concatenate([np.zeros(6 * model.tree.roots), joint_stiffness]))
-    K = sp.csr_array(0.5 * (K + K.T))  # symmetric by construction; this removes the rounding
-    return Assembly(energy + more + joint_energy, g, K, sp.csr_array(J), tension, scale)
+    hinges = sp.diags_array(np.concatenate([np.zeros(6 * model.tree.roots), joint_stiffness]))
+    K = elastic + turning + hinges
+    # Symmetric by construction; the mean removes the rounding.
+    return Assembly(energy + more + joint_energy, g, sp.csr_array(0.5 * (K + K.T)), J, tension)
 
 
 def mass_matrix(model: Model, config: Configuration) -> sp.csr_array:

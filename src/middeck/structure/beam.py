@@ -65,7 +65,7 @@ def beam_properties(sections: list[Section], lengths: Float[np.ndarray, " elemen
 
 
 class BeamState(NamedTuple):
-    """Strain energy [J], its gradient (element, 12) and Hessian (element, 12, 12) in (dx1, theta1, dx2, theta2)."""
+    """Energy [J], gradient (element, 12) and Hessian (element, 12, 12) in (dx1, theta1, dx2, theta2)."""
 
     energy: Array
     gradient: Array
@@ -160,8 +160,8 @@ def _local_mass(beams: BeamProperties) -> Array:
     """Gauss quadrature of shape functions; four points are exact for products of cubics."""
     points, weights = np.polynomial.legendre.leggauss(4)
     n, L = len(beams.length), beams.length
-    M = np.zeros((n, 12, 12))
-    for xi, w in zip(0.5 * (points + 1.0), 0.5 * weights * 1.0, strict=True):
+    mass = np.zeros((n, 12, 12))
+    for xi, w in zip(0.5 * (points + 1.0), 0.5 * weights, strict=True):
         N = np.zeros((n, 6, 12))  # displacement and rotation fields at the point
         for axis in (0, 3):
             N[:, axis, axis], N[:, axis, axis + 6] = 1.0 - xi, xi
@@ -173,8 +173,8 @@ def _local_mass(beams: BeamProperties) -> Array:
         density = np.stack(
             [beams.rho_A] * 3 + [beams.rho_I_y + beams.rho_I_z, beams.rho_I_y, beams.rho_I_z], axis=1
         )
-        M += (w * L)[:, None, None] * np.einsum("eia,ei,eib->eab", N, density, N)
-    return M
+        mass += (w * L)[:, None, None] * np.einsum("eia,ei,eib->eab", N, density, N)
+    return mass
 
 
 def _transverse_shapes(xi: float, L: Array, shear: Array) -> tuple[Array, Array]:
@@ -203,16 +203,16 @@ def _invariants(x: Array, T: Array) -> tuple[Array, Array, Array]:
     """Values (element, 8), gradients (element, 8, 12) and Hessians (element, 8, 12, 12)."""
     n = len(x)
     chord = x[:, 1] - x[:, 0]
-    l = np.linalg.norm(chord, axis=1)
-    e = chord / l[:, None]
+    span = np.linalg.norm(chord, axis=1)
+    e = chord / span[:, None]
     s = np.zeros((n, 8))
     ds, dds = np.zeros((n, 8, 12)), np.zeros((n, 8, 12, 12))
     P = np.eye(3) - e[:, :, None] * e[:, None, :]
-    s[:, LENGTH] = l
-    _put_chord(ds[:, LENGTH], dds[:, LENGTH], e, P / l[:, None, None])
+    s[:, LENGTH] = span
+    _put_chord(ds[:, LENGTH], dds[:, LENGTH], e, P / span[:, None, None])
     for end, first in ((0, 1), (1, 4)):
         for k in range(3):
-            _direction_cosine(s, ds, dds, first + k, e, l, P, T[:, end, :, k], 6 * end + 3)
+            _direction_cosine(s, ds, dds, first + k, e, span, P, T[:, end, :, k], 6 * end + 3)
     _twist(s, ds, dds, T)
     return s, ds, dds
 
@@ -226,19 +226,19 @@ def _put_chord(grad: Array, hess: Array, g: Array, H: Array) -> None:
 
 
 def _direction_cosine(
-    s: Array, ds: Array, dds: Array, i: int, e: Array, l: Array, P: Array, t: Array, rot: int
+    s: Array, ds: Array, dds: Array, i: int, e: Array, span: Array, P: Array, t: Array, rot: int
 ) -> None:
     """e . t for a triad vector t whose rotation coordinates start at ``rot``."""
     c = np.sum(e * t, axis=1)
     Pt = t - c[:, None] * e
     outer = Pt[:, :, None] * e[:, None, :]
     s[:, i] = c
-    H = -(outer + np.swapaxes(outer, 1, 2) + c[:, None, None] * P) / (l**2)[:, None, None]
-    _put_chord(ds[:, i], dds[:, i], Pt / l[:, None], H)
+    H = -(outer + np.swapaxes(outer, 1, 2) + c[:, None, None] * P) / (span**2)[:, None, None]
+    _put_chord(ds[:, i], dds[:, i], Pt / span[:, None], H)
     r = slice(rot, rot + 3)
     ds[:, i, r] = np.cross(t, e)
     dds[:, i, r, r] = symmetric_double_cross(e, t)
-    mixed = skew(t) @ P / l[:, None, None]
+    mixed = skew(t) @ P / span[:, None, None]
     for a, sign in ((0, -1.0), (6, 1.0)):
         dds[:, i, r, a : a + 3] = sign * mixed
         dds[:, i, a : a + 3, r] = sign * np.swapaxes(mixed, 1, 2)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
+from middeck.errors import EquilibriumError
 from middeck.values import record
 
 
@@ -23,7 +24,7 @@ class SpringLaw:
 
 @record
 class SpringState:
-    """Tension [N], energy [J], gradient and Hessian in (x of end, x of start)'s difference end - start."""
+    """Tension [N], energy [J], gradient and Hessian in the difference, end minus start."""
 
     tension: Float[np.ndarray, " spring"]
     energy: Float[np.ndarray, " spring"]
@@ -32,12 +33,25 @@ class SpringState:
 
 
 def spring_state(law: SpringLaw, span: Float[np.ndarray, "spring 3"]) -> SpringState:
-    """State of springs whose end minus start is ``span``; a span of zero length has no direction."""
+    """State of springs whose end minus start is ``span``.
+
+    With c = preload - k length the force is (k + c/l) span: a spring of no free length has c = 0 and is
+    linear everywhere, at l = 0 too. Raises `EquilibriumError` for any other spring whose ends coincide: its
+    force has no direction.
+    """
+    k, c = law.stiffness, law.preload - law.stiffness * law.length
     length = np.linalg.norm(span, axis=1)
-    n = span / length[:, None]
+    if np.any((length == 0.0) & (c != 0.0)):
+        raise EquilibriumError(
+            "the ends of a spring coincide, so that its force has no direction",
+            hint="move its anchor or attach point, or give it a free length of zero",
+        )
+    length_or_one = np.where(length > 0.0, length, 1.0)
+    n = span / length_or_one[:, None]
+    c_per_length = c / length_or_one
+    tension = c + k * length
     stretch = length - law.length
-    tension = law.preload + law.stiffness * stretch
-    nn = n[:, :, None] * n[:, None, :]
-    hessian = law.stiffness[:, None, None] * nn + (tension / length)[:, None, None] * (np.eye(3) - nn)
-    energy = law.preload * stretch + 0.5 * law.stiffness * stretch**2
-    return SpringState(tension, energy, tension[:, None] * n, hessian)
+    energy = law.preload * stretch + 0.5 * k * stretch**2
+    across = np.eye(3) - n[:, :, None] * n[:, None, :]
+    hessian = k[:, None, None] * np.eye(3) + c_per_length[:, None, None] * across
+    return SpringState(tension, energy, (k + c_per_length)[:, None] * span, hessian)

@@ -12,7 +12,7 @@ from middeck.structure.environment import Environment
 from middeck.structure.frames import Configuration, frame_poses
 from middeck.structure.mesh import Model, mesh_structure
 from middeck.structure.rotations import rotation_log
-from middeck.structure.statics import TOLERANCE, settle, static_coordinates
+from middeck.structure.statics import TOLERANCE, settle
 from middeck.structure.suspension import TunedSuspension, environment_loads, tune_suspension
 from middeck.values import record
 
@@ -26,7 +26,7 @@ class Equilibrium:
     config:
         Positions, rotations and angles at rest.
     residual:
-        Largest unbalanced force or moment over the weight (in orbit, over the weight on the ground).
+        Largest unbalanced force [N] or moment [N m] over the weight, or what `load_scale` puts in its place.
     history:
         (load factor, residual, damping) of every iteration.
     holding_torque:
@@ -62,18 +62,16 @@ def solve_equilibrium(structure: Structure, environment: Environment) -> Equilib
     tuned = tune_suspension(model, environment)
     loads = environment_loads(model, environment, tuned)
     settled = settle(model, loads)
-    active = static_coordinates(model)
     _check_cables(environment, settled.assembly.tension)
     # At rest dE/d(angle) is the moment that the motor has to balance.
     holding = settled.assembly.gradient[6 * model.tree.roots :] + _spring_torque(model, settled.config)
-    residual = settled.history[-1][1] if np.any(active) else 0.0
     return Equilibrium(
         model,
         environment,
         settled.config,
         loads,
         tuned,
-        residual,
+        settled.residual,
         settled.history,
         holding,
         settled.assembly.tension,

@@ -8,16 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from middeck.structure.article import (
-    Joint,
-    JointState,
-    Member,
-    Node,
-    Section,
-    Structure,
-    clear_length,
-)
+from middeck.structure.article import Body, Joint, JointState, Member, Node, Structure, clear_length
 from middeck.structure.beam import BeamProperties, beam_properties
+from middeck.structure.checks import check_structure
 from middeck.structure.frames import Configuration, FrameTree, PosePoints
 from middeck.values import record
 
@@ -59,72 +52,90 @@ class Model:
     spring_ends: Int[np.ndarray, "spring 2"]
 
 
-class _Ends(NamedTuple):
+class _Point(NamedTuple):
     frame: int
     offset: np.ndarray
 
 
+class _Mesh(NamedTuple):
+    """Members cut into elements: inner mesh nodes (name, position), and one row per element."""
+
+    inner: list[tuple[str, np.ndarray]]
+    ends: list[tuple[_Point, _Point]]
+    triads: list[np.ndarray]
+    lengths: list[float]
+    members: list[int]
+
+
 def mesh_structure(structure: Structure) -> Model:
-    """Mesh every member into its number of elements and lay out coordinates and poses."""
-    nodes = {n.name: i for i, n in enumerate(structure.nodes)}
-    names = [n.name for n in structure.nodes]
-    x = [n.position for n in structure.nodes]
-    ends: list[tuple[_Ends, _Ends]] = []
-    triads: list[np.ndarray] = []
-    sections: list[Section] = []
-    lengths: list[float] = []
-    owner: list[int] = []
-    by_name = {n.name: n for n in structure.nodes}
-    for m, member in enumerate(structure.members):
-        triad = member_triad(member, by_name)
-        length = clear_length(member, by_name) / member.elements
-        start, end = by_name[member.start], by_name[member.end]
-        chain = [_Ends(nodes[start.name], 0.5 * start.size * triad[:, 0])]
-        first = start.position + chain[0].offset
-        for k in range(1, member.elements):
-            names.append(f"{member.name}/{k}")
-            x.append(first + k * length * triad[:, 0])
-            chain.append(_Ends(len(x) - 1, np.zeros(3)))
-        chain.append(_Ends(nodes[end.name], -0.5 * end.size * triad[:, 0]))
-        ends += list(itertools.pairwise(chain))
-        triads += [triad] * member.elements
-        sections += [member.section] * member.elements
-        lengths += [length] * member.elements
-        owner += [m] * member.elements
-    tree, frame_names = _joint_frames(structure, names)
-    index = {name: i for i, name in enumerate(frame_names)}
-    flat = [e for pair in ends for e in pair]
-    bodies = [(index[p.name], p.body) for p in (*structure.nodes, *structure.joints) if p.body.mass > 0.0]
-    attach = [_Ends(index[a.frame], a.offset) for a in structure.attach_points]
-    points = [*flat, *(_Ends(f, b.cg) for f, b in bodies), *attach]
-    first_attach = len(flat) + len(bodies)
-    attach_at = {a.name: first_attach + i for i, a in enumerate(structure.attach_points)}
+    """Mesh every member into its number of elements and lay out coordinates and poses.
+
+    Raises `ConfigError` for a structure that names what it does not have, or whose geometry is impossible.
+    """
+    check_structure(structure)
+    mesh = _mesh_members(structure)
+    names = (*(n.name for n in structure.nodes), *(name for name, _ in mesh.inner))
+    frames = (*names, *(j.name for j in structure.joints))
+    index = {name: i for i, name in enumerate(frames)}
+    x = np.array([*(n.position for n in structure.nodes), *(x for _, x in mesh.inner)]).reshape(-1, 3)
+    bodies = [(index[p.name], p.body) for p in (*structure.nodes, *structure.joints) if _has_inertia(p.body)]
+    flat = [end for ends in mesh.ends for end in ends]
+    points = [
+        *flat,
+        *(_Point(frame, body.cg) for frame, body in bodies),
+        *(_Point(index[a.frame], a.offset) for a in structure.attach_points),
+    ]
+    attach = {a.name: len(flat) + len(bodies) + i for i, a in enumerate(structure.attach_points)}
+    sections = [structure.members[m].section for m in mesh.members]
+    spring_ends = [[attach[s.start], attach[s.end]] for s in structure.springs]
     return Model(
         structure=structure,
-        frames=tuple(frame_names),
-        tree=tree,
+        frames=frames,
+        tree=_frame_tree(structure, len(x), index),
         rest=Configuration(
-            np.array(x).reshape(-1, 3),
-            np.tile(np.eye(3), (len(x), 1, 1)),
-            np.array([held_angle(j) for j in structure.joints]),
+            x, np.tile(np.eye(3), (len(x), 1, 1)), np.array([held_angle(j) for j in structure.joints])
         ),
         points=PosePoints(
             np.array([p.frame for p in points], dtype=int),
             np.array([p.offset for p in points]).reshape(-1, 3),
         ),
         element_ends=np.arange(len(flat)).reshape(-1, 2),
-        element_triad=np.array(triads).reshape(-1, 3, 3),
-        element_member=np.array(owner, dtype=int),
-        beams=beam_properties(sections, np.array(lengths)),
+        element_triad=np.array(mesh.triads).reshape(len(flat) // 2, 3, 3),
+        element_member=np.array(mesh.members, dtype=int),
+        beams=beam_properties(sections, np.array(mesh.lengths)),
         body_point=len(flat) + np.arange(len(bodies)),
         body_mass=np.array([b.mass for _, b in bodies]),
-        body_inertia=np.array([b.inertia for _, b in bodies]).reshape(-1, 3, 3),
-        attach_names=tuple(attach_at),
-        attach_point=np.array(list(attach_at.values()), dtype=int),
-        spring_ends=np.array(
-            [[attach_at[s.start], attach_at[s.end]] for s in structure.springs], dtype=int
-        ).reshape(-1, 2),
+        body_inertia=np.array([b.inertia for _, b in bodies]).reshape(len(bodies), 3, 3),
+        attach_names=tuple(attach),
+        attach_point=np.array(list(attach.values()), dtype=int),
+        spring_ends=np.array(spring_ends, dtype=int).reshape(-1, 2),
     )
+
+
+def _mesh_members(structure: Structure) -> _Mesh:
+    nodes = {n.name: n for n in structure.nodes}
+    root = {n.name: i for i, n in enumerate(structure.nodes)}
+    mesh = _Mesh([], [], [], [], [])
+    for m, member in enumerate(structure.members):
+        triad = member_triad(member, nodes)
+        along = triad[:, 0]
+        length = clear_length(member, nodes) / member.elements
+        start, end = nodes[member.start], nodes[member.end]
+        first = start.position + 0.5 * start.size * along
+        chain = [_Point(root[start.name], 0.5 * start.size * along)]
+        for k in range(1, member.elements):
+            chain.append(_Point(len(nodes) + len(mesh.inner), np.zeros(3)))
+            mesh.inner.append((f"{member.name}/{k}", first + k * length * along))
+        chain.append(_Point(root[end.name], -0.5 * end.size * along))
+        mesh.ends.extend(itertools.pairwise(chain))
+        mesh.triads.extend([triad] * member.elements)
+        mesh.lengths.extend([length] * member.elements)
+        mesh.members.extend([m] * member.elements)
+    return mesh
+
+
+def _has_inertia(body: Body) -> bool:
+    return body.mass > 0.0 or bool(np.any(body.inertia))
 
 
 def member_triad(member: Member, nodes: dict[str, Node]) -> Float[np.ndarray, "3 3"]:
@@ -136,17 +147,14 @@ def member_triad(member: Member, nodes: dict[str, Node]) -> Float[np.ndarray, "3
     return np.stack([ex, ey, np.cross(ex, ey)], axis=1)
 
 
-def _joint_frames(structure: Structure, roots: list[str]) -> tuple[FrameTree, list[str]]:
-    """Frame tree with joints in an order in which parents come first (as given by the structure)."""
-    names = [*roots, *(j.name for j in structure.joints)]
-    index = {name: i for i, name in enumerate(names)}
-    tree = FrameTree(
-        len(roots),
-        np.array([index[j.parent] for j in structure.joints], dtype=int),
-        np.array([j.offset for j in structure.joints]).reshape(-1, 3),
-        np.array([j.axis for j in structure.joints]).reshape(-1, 3),
+def _frame_tree(structure: Structure, roots: int, index: dict[str, int]) -> FrameTree:
+    joints = structure.joints
+    return FrameTree(
+        roots,
+        np.array([index[j.parent] for j in joints], dtype=int),
+        np.array([j.offset for j in joints]).reshape(-1, 3),
+        np.array([j.axis for j in joints]).reshape(-1, 3),
     )
-    return tree, names
 
 
 def held_angle(joint: Joint) -> float:

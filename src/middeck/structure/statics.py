@@ -1,4 +1,4 @@
-"""Newton's method on the potential: pinned supports by multipliers, free hanging by damped descent."""
+"""Newton's method on the potential of a hanging structure, by damped descent under a growing load."""
 
 from __future__ import annotations
 
@@ -6,120 +6,48 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg as sla
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 
-from middeck.errors import EquilibriumError
 from middeck.structure.article import JointState
-from middeck.structure.assembly import Assembly, Loads, assemble, mass_matrix, no_loads
+from middeck.structure.assembly import Assembly, Loads, assemble, mass_matrix
 from middeck.structure.devices import SpringLaw
-from middeck.structure.frames import Configuration, frame_poses, move, points_in_world
+from middeck.structure.frames import Configuration, move
 from middeck.structure.mesh import Model
-from middeck.values import record
 
-# Relative to the load scale: a bus of axial stiffness 1e7 N/m at 1 m has rounding of 1e-9 N in 1e2 N.
+# Largest residual that counts as rest, over `load_scale`.
 TOLERANCE = 1e-9
-LOAD_STEPS = 4
+LOAD_FACTORS = (0.25, 0.5, 0.75, 1.0)
 MAX_ITERATIONS = 60
+MAX_HALVINGS = 30
 STANDARD_GRAVITY = 9.80665
-
-
-@record
-class PinnedPoints:
-    """Poses held in the world directions given as letters, e.g. "yz", one string per pose."""
-
-    point: Int[np.ndarray, " pinned"]
-    held: tuple[str, ...]
+# Least damping [1/s^2]: a thousandth of a slow pendulum's omega^2 neither holds nor hurries anything.
+LEAST_DAMPING = 1e-3
+# Largest change [m or rad] of a coordinate in one step: what the second-order chart follows well.
+LONGEST_STEP = 0.5
 
 
 class Settled(NamedTuple):
-    """Where Newton ended: configuration, its assembly, and (load factor, residual, damping) per iteration."""
+    """Where Newton ended, and (load factor, residual, damping) of every iteration on the way."""
 
     config: Configuration
     assembly: Assembly
+    residual: float
     history: tuple[tuple[float, float, float], ...]
 
 
 def static_coordinates(model: Model) -> Bool[np.ndarray, " coordinate"]:
     """Coordinates that move in statics: roots and sprung joints; other joints are held."""
-    joints = [j.state is JointState.SPRUNG for j in model.structure.joints]
-    return np.concatenate([np.ones(6 * model.tree.roots, dtype=bool), np.array(joints, dtype=bool)])
+    return _moving(model, (JointState.SPRUNG,))
 
 
 def dynamic_coordinates(model: Model) -> Bool[np.ndarray, " coordinate"]:
     """Coordinates that move in dynamics: roots, free and sprung joints."""
-    joints = [j.state in (JointState.FREE, JointState.SPRUNG) for j in model.structure.joints]
+    return _moving(model, (JointState.FREE, JointState.SPRUNG))
+
+
+def _moving(model: Model, states: tuple[JointState, ...]) -> np.ndarray:
+    joints = [joint.state in states for joint in model.structure.joints]
     return np.concatenate([np.ones(6 * model.tree.roots, dtype=bool), np.array(joints, dtype=bool)])
-
-
-def solve_pinned(
-    model: Model, gravity: Float[np.ndarray, "3"], pinned: PinnedPoints
-) -> Float[np.ndarray, "pinned 3"]:
-    """Support forces [N] at full gravity with the points held; nonlinear, by load steps.
-
-    Raises `EquilibriumError` when the supports leave a mechanism or the iteration does not converge.
-    """
-    points, axes = _held_directions(pinned)
-    config, force = model.rest, np.zeros(len(points))
-    active = static_coordinates(model)
-    start = points_in_world(model.points, frame_poses(model.tree, model.rest))[points, axes]
-    weight = _load_scale(model, gravity)
-    none = no_loads()
-    for step in range(1, LOAD_STEPS + 1):
-        loads = Loads(gravity * step / LOAD_STEPS, none.anchor, none.attach_point, none.law)
-        for _ in range(MAX_ITERATIONS):
-            load = np.zeros((len(model.points.frame), 6))
-            np.add.at(load, (points, axes), -force)  # a support force is minus an energy gradient
-            at = assemble(model, config, loads, load)
-            G = at.jacobian[6 * points + axes][:, active].toarray()
-            slip = points_in_world(model.points, frame_poses(model.tree, config))[points, axes] - start
-            residual = float(np.abs(at.gradient[active]).max()) / weight
-            if residual < TOLERANCE and float(np.abs(slip).max()) < TOLERANCE:
-                break
-            K = at.tangent[active][:, active].toarray()
-            q, change = _constrained_step(K, G, at.gradient[active], slip)
-            config = move(model.tree, config, _spread(q, active))
-            force = force - change
-        else:
-            raise EquilibriumError(
-                f"pinned at its attach points, the article does not settle (residual {residual:.1e})",
-                hint="check that the held directions stop every rigid motion",
-            )
-    out = np.zeros((len(pinned.point), 3))
-    rows = np.concatenate([np.full(len(h), i) for i, h in enumerate(pinned.held)])
-    np.add.at(out, (rows, axes), force)
-    return out
-
-
-def _held_directions(pinned: PinnedPoints) -> tuple[np.ndarray, np.ndarray]:
-    pairs = [(p, "xyz".index(c)) for p, h in zip(pinned.point, pinned.held, strict=True) for c in h]
-    points, axes = np.array(pairs, dtype=int).T
-    return points, axes
-
-
-def _constrained_step(
-    K: np.ndarray, G: np.ndarray, gradient: np.ndarray, slip: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Newton step (q, multipliers) of the saddle-point system, scaled to comparable rows."""
-    m = len(G)
-    scale = np.sqrt(np.abs(K).max())
-    KKT = np.block([[K, scale * G.T], [scale * G, np.zeros((m, m))]])
-    try:
-        with np.errstate(all="ignore"):
-            lu = sla.lu_factor(KKT)
-            step = sla.lu_solve(lu, -np.concatenate([gradient, scale * slip]))
-    except (sla.LinAlgError, sla.LinAlgWarning, ValueError) as error:
-        raise _mechanism() from error
-    if not np.all(np.isfinite(step)) or np.abs(step[: len(K)]).max() > 1e3:
-        raise _mechanism()
-    return step[: len(K)], scale * step[len(K) :]
-
-
-def _mechanism() -> EquilibriumError:
-    return EquilibriumError(
-        "pinned at its attach points, the article is still a mechanism",
-        where="suspension.held",
-        hint="hold enough directions: y and z at each of three points and x at one stop a straight bus",
-    )
 
 
 def settle(model: Model, loads: Loads) -> Settled:
@@ -129,78 +57,99 @@ def settle(model: Model, loads: Loads) -> Settled:
     tangent is not positive definite; it is reduced after every success and the last step is a pure Newton
     step. Convergence is on the true residual alone.
     """
-    active = static_coordinates(model)
-    scale = _load_scale(model, loads.gravity, loads)
+    scale = load_scale(model, loads)
     config = model.rest
     history: list[tuple[float, float, float]] = []
-    steps = np.linspace(1.0 / LOAD_STEPS, 1.0, LOAD_STEPS)
-    at = assemble(model, config, _scaled(loads, float(steps[0])))
-    for factor in steps:
-        now = _scaled(loads, float(factor))
-        config, at = _descend(model, config, now, active, float(factor), scale, history)
-    return Settled(config, at, tuple(history))
+    for factor in LOAD_FACTORS:
+        config, damping_used = _descend(model, config, scale_loads(loads, factor), scale)
+        history += [(factor, residual, damping) for residual, damping in damping_used]
+    return Settled(config, assemble(model, config, loads), history[-1][1], tuple(history))
 
 
-def _scaled(loads: Loads, factor: float) -> Loads:
+def scale_loads(loads: Loads, factor: float) -> Loads:
+    """Gravity and preloads times ``factor``; stiffnesses as they are."""
     law = SpringLaw(loads.law.preload * factor, loads.law.stiffness, loads.law.length)
     return Loads(loads.gravity * factor, loads.anchor, loads.attach_point, law)
 
 
+def load_scale(model: Model, loads: Loads) -> float:
+    """What a residual is compared with [N].
+
+    The weight (in orbit that on the ground), the largest preload, or, where that is more, the force that the
+    rounding of positions makes in the stiffest part: a stiffness of 1e7 N/m at 1 m rounds to 1e-9 N.
+    """
+    weight = model.structure.mass * max(float(np.linalg.norm(loads.gravity)), STANDARD_GRAVITY)
+    preload = float(np.abs(loads.law.preload).max(initial=0.0))
+    beams = model.beams
+    stiffness = (
+        beams.EA / beams.length,
+        12.0 * np.maximum(beams.EI_y, beams.EI_z) / beams.length**3,
+        loads.law.stiffness,
+        np.array([spring.stiffness for spring in model.structure.springs]),
+    )
+    stiffest = max(float(k.max(initial=0.0)) for k in stiffness)
+    farthest = max(float(np.abs(x).max(initial=0.0)) for x in (model.rest.x, loads.anchor))
+    rounding = 4.0 * np.finfo(float).eps * stiffest * farthest
+    return max(weight, preload, rounding / TOLERANCE)
+
+
 def _descend(
-    model: Model,
-    config: Configuration,
-    loads: Loads,
-    active: np.ndarray,
-    factor: float,
-    scale: float,
-    history: list[tuple[float, float, float]],
-) -> tuple[Configuration, Assembly]:
+    model: Model, config: Configuration, loads: Loads, scale: float
+) -> tuple[Configuration, list[tuple[float, float]]]:
+    """The configuration where the descent ends, and (residual, damping) of every iteration."""
+    active = static_coordinates(model)
+    mass = mass_matrix(model, config)[active][:, active].toarray()
     at = assemble(model, config, loads)
     damping = 0.0
-    M = mass_matrix(model, config)[active][:, active].toarray()
+    history: list[tuple[float, float]] = []
     for _ in range(MAX_ITERATIONS):
-        residual = float(np.abs(at.gradient[active]).max(initial=0.0)) / scale
-        history.append((factor, residual, damping))
+        residual = float(_unbalanced(at, active) / scale)
+        history.append((residual, damping))
         if residual < TOLERANCE:
             break
-        q, damping = _damped_step(at.tangent[active][:, active].toarray(), M, at.gradient[active], damping)
-        for _ in range(30):
-            trial = move(model.tree, config, _spread(q, active))
-            new = assemble(model, trial, loads)
-            smaller = np.abs(new.gradient[active]).max() < np.abs(at.gradient[active]).max()
-            if new.energy < at.energy or smaller:
-                break
-            q = 0.5 * q
-        else:
+        stiffness = at.tangent[active][:, active].toarray()
+        q, damping = _damped_step(stiffness, mass, at.gradient[active], damping)
+        better = _shorten(model, config, loads, at, q, active)
+        if better is None:
             break
-        config, at = trial, new
-    return config, at
+        config, at = better
+    return config, history
+
+
+def _unbalanced(at: Assembly, active: np.ndarray) -> float:
+    return float(np.abs(at.gradient[active]).max(initial=0.0))
+
+
+def _shorten(
+    model: Model, config: Configuration, loads: Loads, at: Assembly, q: np.ndarray, active: np.ndarray
+) -> tuple[Configuration, Assembly] | None:
+    """The first of q, q/2, q/4 ... that lowers the energy or the residual; None at rounding level."""
+    for _ in range(MAX_HALVINGS):
+        trial = move(model.tree, config, spread(q, active))
+        new = assemble(model, trial, loads)
+        if new.energy < at.energy or _unbalanced(new, active) < _unbalanced(at, active):
+            return trial, new
+        q = 0.5 * q
+    return None
 
 
 def _damped_step(
-    K: np.ndarray, M: np.ndarray, gradient: np.ndarray, damping: float
+    stiffness: np.ndarray, mass: np.ndarray, gradient: np.ndarray, damping: float
 ) -> tuple[np.ndarray, float]:
     """Solve (K + damping M) q = -gradient with the least damping that makes the matrix positive definite."""
-    damping = 0.0 if damping < 1e-3 else damping / 10.0
+    damping = 0.0 if damping < LEAST_DAMPING else damping / 10.0
     while True:
         try:
-            q = -sla.cho_solve(sla.cho_factor(K + damping * M), gradient)
+            q = -sla.cho_solve(sla.cho_factor(stiffness + damping * mass), gradient)
         except sla.LinAlgError:
-            damping = max(10.0 * damping, 1e-3)
-            continue
-        if np.abs(q).max() < 0.5:  # no rotation or shift beyond what the chart follows well
+            q = None
+        if q is not None and np.abs(q).max() < LONGEST_STEP:
             return q, damping
-        damping = max(10.0 * damping, 1e-3)
+        damping = max(10.0 * damping, LEAST_DAMPING)
 
 
-def _load_scale(model: Model, gravity: np.ndarray, loads: Loads | None = None) -> float:
-    """What a residual is compared with: the weight, on the ground at least, or the largest preload [N]."""
-    weight = model.structure.mass * max(float(np.linalg.norm(gravity)), STANDARD_GRAVITY)
-    pull = 0.0 if loads is None else float(np.abs(loads.law.preload).max(initial=0.0))
-    return max(weight, pull)
-
-
-def _spread(q: np.ndarray, active: np.ndarray) -> np.ndarray:
+def spread(q: Float[np.ndarray, " active"], active: Bool[np.ndarray, " coordinate"]) -> np.ndarray:
+    """The increment of all coordinates, zero where they are held."""
     full = np.zeros(len(active))
     full[active] = q
     return full

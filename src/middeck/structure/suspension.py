@@ -5,14 +5,13 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from middeck.errors import EquilibriumError
-from middeck.structure.article import AttachPoint
+from middeck.errors import ConfigError, EquilibriumError
 from middeck.structure.assembly import Loads, no_loads
 from middeck.structure.devices import SpringLaw
 from middeck.structure.environment import Environment, Suspension
 from middeck.structure.frames import frame_poses, points_in_world
 from middeck.structure.mesh import Model
-from middeck.structure.statics import PinnedPoints, solve_pinned
+from middeck.structure.pinned import PinnedPoints, solve_pinned
 from middeck.values import record
 
 
@@ -33,64 +32,74 @@ def tune_suspension(model: Model, environment: Environment) -> TunedSuspension:
     suspension = environment.suspension
     if suspension is None:
         return TunedSuspension((), np.zeros(0), np.zeros(0))
-    points = _attach_points(model, suspension)
-    held = PinnedPoints(points, suspension.held)
-    force = solve_pinned(model, environment.gravity, held)
+    held = PinnedPoints(_attach_points(model, suspension), suspension.held)
     g = float(np.linalg.norm(environment.gravity))
-    up = -environment.gravity / g
-    reaction = force @ up
-    for name, value in zip(suspension.attach, reaction, strict=True):
+    reaction = solve_pinned(model, environment.gravity, held) @ (-environment.gravity / g)
+    _check_pull(suspension.attach, reaction)
+    stiffness = reaction / g * (2.0 * np.pi * suspension.bounce_hz) ** 2
+    return TunedSuspension(suspension.attach, reaction, stiffness)
+
+
+def _check_pull(attach: tuple[str, ...], reaction: np.ndarray) -> None:
+    for name, value in zip(attach, reaction, strict=True):
         if value <= 0.0:
             raise EquilibriumError(
                 f"the cable at {name!r} would be slack: its pinned reaction is {value:.3f} N",
                 where=f"suspension at {name!r}",
                 hint="move the attach points so that each carries load, or hang the article by fewer",
-                reactions_n=dict(zip(suspension.attach, map(float, reaction), strict=True)),
+                reactions_n=dict(zip(attach, map(float, reaction), strict=True)),
             )
-    stiffness = reaction / g * (2.0 * np.pi * suspension.bounce_hz) ** 2
-    return TunedSuspension(suspension.attach, reaction, stiffness)
 
 
 def environment_loads(model: Model, environment: Environment, tuned: TunedSuspension) -> Loads:
     """Cables with the tuned law and their anchors straight above, and the environment's own springs."""
-    loads = no_loads()
-    poses = frame_poses(model.tree, model.rest)
-    world = points_in_world(model.points, poses)
-    attach: list[int] = []
-    anchors: list[np.ndarray] = []
-    laws: list[tuple[float, float, float]] = []
-    if environment.suspension is not None:
-        up = -environment.gravity / np.linalg.norm(environment.gravity)
-        length = environment.suspension.cable_length
-        for point, R, k in zip(
-            _attach_points(model, environment.suspension), tuned.reaction, tuned.stiffness, strict=True
-        ):
-            attach.append(point)
-            anchors.append(world[point] + length * up)
-            laws.append((R, k, length))
-    for spring in environment.springs:
-        attach.append(attach_index(model, spring.attach))
-        anchors.append(spring.anchor)
-        laws.append((0.0, spring.stiffness, spring.free_length))
-    if not attach:
-        return Loads(environment.gravity, loads.anchor, loads.attach_point, loads.law)
-    preload, stiffness, length = np.array(laws).T
+    devices = [*_cables(model, environment, tuned), *_ground_springs(model, environment)]
+    if not devices:
+        none = no_loads()
+        return Loads(environment.gravity, none.anchor, none.attach_point, none.law)
+    attach, anchor, law = zip(*devices, strict=True)
+    preload, stiffness, length = np.array(law).T
     return Loads(
         environment.gravity,
-        np.array(anchors),
+        np.array(anchor),
         np.array(attach, dtype=int),
         SpringLaw(preload, stiffness, length),
     )
 
 
+# Pose of the attach point, anchor in W, and (preload, stiffness, length at which the preload acts).
+_Device = tuple[int, np.ndarray, tuple[float, float, float]]
+
+
+def _cables(model: Model, environment: Environment, tuned: TunedSuspension) -> list[_Device]:
+    suspension = environment.suspension
+    if suspension is None:
+        return []
+    world = points_in_world(model.points, frame_poses(model.tree, model.rest))
+    length = suspension.cable_length
+    rise = -environment.gravity / np.linalg.norm(environment.gravity) * length
+    return [
+        (int(point), world[point] + rise, (float(R), float(k), length))
+        for point, R, k in zip(
+            _attach_points(model, suspension), tuned.reaction, tuned.stiffness, strict=True
+        )
+    ]
+
+
+def _ground_springs(model: Model, environment: Environment) -> list[_Device]:
+    return [
+        (attach_index(model, s.attach), s.anchor, (0.0, s.stiffness, s.free_length))
+        for s in environment.springs
+    ]
+
+
 def attach_index(model: Model, name: str) -> int:
-    """Pose of the attach point ``name``."""
+    """Pose of the attach point ``name``; raises `ConfigError` if there is none."""
     if name not in model.attach_names:
-        known: tuple[AttachPoint, ...] = model.structure.attach_points
-        raise EquilibriumError(
+        raise ConfigError(
             f"the article has no attach point {name!r}",
             where="environment",
-            hint=f"attach points are {', '.join(a.name for a in known) or 'none'}",
+            hint=f"attach points are {', '.join(model.attach_names) or 'none'}",
         )
     return int(model.attach_point[model.attach_names.index(name)])
 

@@ -1,0 +1,103 @@
+"""What a `Structure` must fulfil before it can be meshed, however it was made."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from middeck.errors import ConfigError
+from middeck.structure.article import Body, Structure, clear_length
+
+# A unit axis is one to rounding; anything further off is a mistake.
+UNIT_ERROR = 1e-9
+
+
+def check_structure(structure: Structure) -> None:
+    """Raise one `ConfigError` with all that is wrong."""
+    faults = [
+        *_twice(structure),
+        *_unknown_names(structure),
+        *_bodies(structure),
+        *_axes(structure),
+    ]
+    faults = faults or list(_members(structure))  # geometry needs the names to be right
+    if faults:
+        raise ConfigError(
+            "; ".join(faults),
+            where=f"structure {structure.title!r}",
+            hint="files are checked with line numbers: load_structure, or middeck check",
+        )
+
+
+def _twice(structure: Structure) -> Iterator[str]:
+    groups = {
+        "frame": (*structure.nodes, *structure.joints),
+        "attach point": structure.attach_points,
+        "member": structure.members,
+        "actuator": structure.actuators,
+        "sensor": structure.sensors,
+    }
+    for kind, parts in groups.items():
+        names = [part.name for part in parts]
+        for name in sorted({n for n in names if names.count(n) > 1}):
+            yield f"{kind} {name!r} is there twice"
+
+
+def _unknown_names(structure: Structure) -> Iterator[str]:
+    nodes = {n.name for n in structure.nodes}
+    joints = {j.name for j in structure.joints}
+    attach = {a.name for a in structure.attach_points}
+    carriers = set(nodes)
+    for joint in structure.joints:
+        if joint.parent not in carriers:
+            yield f"joint {joint.name!r} hangs on {joint.parent!r}, which is no node nor an earlier joint"
+        carriers.add(joint.name)
+    uses = [
+        *(("member", m.name, "node", n, nodes) for m in structure.members for n in (m.start, m.end)),
+        *(("attach point", a.name, "frame", a.frame, carriers) for a in structure.attach_points),
+        *(("spring", s.name, "attach point", n, attach) for s in structure.springs for n in (s.start, s.end)),
+    ]
+    for port in (*structure.actuators, *structure.sensors):
+        kind, known = ("joint", joints) if port.axis is None else ("frame", carriers)
+        uses.append(("port", port.name, kind, port.frame, known))
+    uses += [("sensor", s.name, "frame", s.axis_frame, carriers) for s in structure.sensors if s.axis_frame]
+    for what, name, kind, used, known in uses:
+        if used not in known:
+            yield f"{what} {name!r} names {kind} {used!r}, which there is not"
+
+
+def _bodies(structure: Structure) -> Iterator[str]:
+    for part in (*structure.nodes, *structure.joints):
+        if not _possible(part.body):
+            yield f"{part.name!r} carries a body whose mass or inertia is negative or not a number"
+
+
+def _possible(body: Body) -> bool:
+    numbers = np.concatenate([[body.mass], body.cg, body.inertia.ravel()])
+    if not np.all(np.isfinite(numbers)) or not np.array_equal(body.inertia, body.inertia.T):
+        return False
+    least = np.linalg.eigvalsh(body.inertia)[0]
+    return body.mass >= 0.0 and bool(least >= -UNIT_ERROR * np.abs(body.inertia).max())
+
+
+def _axes(structure: Structure) -> Iterator[str]:
+    axes = [("joint", j.name, j.axis) for j in structure.joints]
+    axes += [
+        ("port", p.name, p.axis) for p in (*structure.actuators, *structure.sensors) if p.axis is not None
+    ]
+    for what, name, axis in axes:
+        if not abs(np.linalg.norm(axis) - 1.0) < UNIT_ERROR:
+            yield f"{what} {name!r} has axis {axis.tolist()}, which is no unit vector"
+
+
+def _members(structure: Structure) -> Iterator[str]:
+    nodes = {n.name: n for n in structure.nodes}
+    for member in structure.members:
+        along = nodes[member.end].position - nodes[member.start].position
+        if not clear_length(member, nodes) > 0.0:
+            yield f"member {member.name!r} has no length between its nodes' ends"
+        elif not np.linalg.norm(np.cross(member.up, along)) > UNIT_ERROR * np.linalg.norm(along):
+            yield f"member {member.name!r} has its up vector along itself"
+        if member.elements < 1:
+            yield f"member {member.name!r} has {member.elements} elements"

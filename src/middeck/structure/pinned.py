@@ -1,0 +1,122 @@
+"""Support forces of a structure pinned at points: Newton's method with multipliers, at full gravity."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from middeck.errors import EquilibriumError
+from middeck.structure.assembly import Loads, assemble, mass_matrix, no_loads
+from middeck.structure.frames import Configuration, frame_poses, move, points_in_world
+from middeck.structure.mesh import Model
+from middeck.structure.statics import (
+    LOAD_FACTORS,
+    MAX_ITERATIONS,
+    TOLERANCE,
+    load_scale,
+    scale_loads,
+    spread,
+    static_coordinates,
+)
+from middeck.values import record
+
+# A motion that nothing resists is opposed by this acceleration, in g per metre: so weak that weight drives it
+# 25 km in one step and is found out, so strong that rounding alone does not drive it.
+HOLD_IN_G = 1e-5
+RUNAWAY_M = 10.0
+# Give of a support in one step, over that of the stiffest part; the next steps take it back. Without it,
+# supports that hold one rigid motion twice would leave their forces undetermined.
+SUPPORT_GIVES = 1e-4
+
+
+@record
+class PinnedPoints:
+    """Poses held in the world directions given as letters, e.g. "yz", one string per pose."""
+
+    point: Int[np.ndarray, " pinned"]
+    held: tuple[str, ...]
+
+
+class _Supports(NamedTuple):
+    """One row per held direction: which pinned point, its pose, world axis and undeformed coordinate."""
+
+    row: np.ndarray
+    pose: np.ndarray
+    axis: np.ndarray
+    start: np.ndarray
+
+
+def solve_pinned(
+    model: Model, gravity: Float[np.ndarray, "3"], pinned: PinnedPoints
+) -> Float[np.ndarray, "pinned 3"]:
+    """Support forces [N] at full gravity with the points held; nonlinear, by load steps.
+
+    Raises `EquilibriumError` when the weight drives a motion that the supports leave free, or when the
+    iteration does not converge. A free motion that no weight drives is let be: it changes no force.
+    """
+    supports = _supports(model, pinned)
+    none = no_loads()
+    loads = Loads(gravity, none.anchor, none.attach_point, none.law)
+    config, force = model.rest, np.zeros(len(supports.axis))
+    for factor in LOAD_FACTORS:
+        config, force = _settle_pinned(model, scale_loads(loads, factor), supports, config, force)
+    out = np.zeros((len(pinned.point), 3))
+    np.add.at(out, (supports.row, supports.axis), force)
+    return out
+
+
+def _supports(model: Model, pinned: PinnedPoints) -> _Supports:
+    held = [(i, p, "xyz".index(c)) for i, p in enumerate(pinned.point) for c in pinned.held[i]]
+    row, pose, axis = np.array(held, dtype=int).reshape(-1, 3).T
+    return _Supports(row, pose, axis, _coordinates(model, model.rest, pose, axis))
+
+
+def _coordinates(model: Model, config: Configuration, pose: np.ndarray, axis: np.ndarray) -> np.ndarray:
+    return points_in_world(model.points, frame_poses(model.tree, config))[pose, axis]
+
+
+def _settle_pinned(
+    model: Model, loads: Loads, supports: _Supports, config: Configuration, force: np.ndarray
+) -> tuple[Configuration, np.ndarray]:
+    active = static_coordinates(model)
+    scale = load_scale(model, loads)
+    hold = HOLD_IN_G * float(np.linalg.norm(loads.gravity))
+    mass = hold * mass_matrix(model, config)[active][:, active].toarray()
+    for _ in range(MAX_ITERATIONS):
+        load = np.zeros((len(model.points.frame), 6))
+        np.add.at(load, (supports.pose, supports.axis), -force)  # a support force is minus an energy gradient
+        at = assemble(model, config, loads, load)
+        gradient = at.gradient[active]
+        slip = _coordinates(model, config, supports.pose, supports.axis) - supports.start
+        if np.abs(gradient).max() < TOLERANCE * scale and np.abs(slip).max() < TOLERANCE:
+            return config, force
+        G = at.jacobian[6 * supports.pose + supports.axis][:, active].toarray()
+        q, change = _constrained_step(at.tangent[active][:, active].toarray() + mass, G, gradient, slip)
+        config, force = move(model.tree, config, spread(q, active)), force - change
+    raise EquilibriumError(
+        f"pinned at its attach points, the article does not settle in {MAX_ITERATIONS} iterations",
+        where="suspension.held",
+        hint="hold more directions, or look for members too soft to carry the weight",
+    )
+
+
+def _constrained_step(
+    K: np.ndarray, G: np.ndarray, gradient: np.ndarray, slip: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Newton step (q, multipliers) of the saddle-point system, scaled to comparable rows."""
+    m = len(G)
+    scale = np.sqrt(np.abs(K).max())
+    saddle = np.block([[K, scale * G.T], [scale * G, -SUPPORT_GIVES * np.eye(m)]])
+    try:
+        step = np.linalg.solve(saddle, -np.concatenate([gradient, scale * slip]))
+    except np.linalg.LinAlgError:
+        step = np.full(len(saddle), np.inf)
+    if not np.abs(step[: len(K)]).max() < RUNAWAY_M:
+        raise EquilibriumError(
+            "pinned at its attach points, the article is still a mechanism that its weight drives",
+            where="suspension.held",
+            hint="hold enough directions: y and z at each of three points and x at one stop a straight bus",
+        )
+    return step[: len(K)], scale * step[len(K) :]

@@ -1,0 +1,77 @@
+"""Rigid-body motions of a structure, and a named basis of the modes that cost no energy."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Float
+
+from middeck.structure.equilibrium import Equilibrium
+from middeck.structure.statics import dynamic_coordinates
+
+AXES = "xyz"
+# A motion that is less than this part new is one that earlier ones contain, e.g. a second coaxial joint.
+NEW_PART = 1e-3
+
+
+def rigid_motions(
+    equilibrium: Equilibrium, M: sp.csr_array
+) -> tuple[Float[np.ndarray, "coordinate motion"], tuple[str, ...]]:
+    """Unit translations along and rotations about the world axes, then a unit turn of every moving joint.
+
+    Rotations are about the centre of mass; a joint turns relative to its carrier, what hangs on it follows.
+    """
+    model = equilibrium.model
+    roots = model.tree.roots
+    motions = np.zeros((model.tree.size, 6))
+    step = motions[: 6 * roots].reshape(roots, 6, 6)
+    step[:, :3, :3] = step[:, 3:, 3:] = np.eye(3)
+    _rotate_about(motions, equilibrium.config.x)
+    _rotate_about(motions, equilibrium.config.x - _centre_of_mass(motions, M))
+    moving = np.flatnonzero(dynamic_coordinates(model)[6 * roots :])
+    joints = np.zeros((model.tree.size, len(moving)))
+    joints[6 * roots + moving, np.arange(len(moving))] = 1.0
+    names = [f"translation {a}" for a in AXES] + [f"rotation {a}" for a in AXES]
+    names += [f"gimbal {model.structure.joints[j].name.replace('_', ' ')}" for j in moving]
+    return np.hstack([motions, joints]), tuple(names)
+
+
+def _rotate_about(motions: np.ndarray, arm: Float[np.ndarray, "root 3"]) -> None:
+    """Write the displacements of the three unit rotations; ``arm`` is from the centre to each root."""
+    step = motions[: 6 * len(arm)].reshape(len(arm), 6, 6)
+    for axis in range(3):
+        step[:, :3, 3 + axis] = np.cross(np.eye(3)[axis], arm)
+
+
+def _centre_of_mass(motions: np.ndarray, M: sp.csr_array) -> np.ndarray:
+    """From the coupling of rotations about the origin with translations in the rigid mass matrix."""
+    rigid = motions.T @ (M @ motions)
+    return np.array([rigid[1, 5], rigid[2, 3], rigid[0, 4]]) / rigid[0, 0]
+
+
+def rigid_basis(
+    equilibrium: Equilibrium, M: sp.csr_array, space: Float[np.ndarray, "coordinate rigid"]
+) -> tuple[Float[np.ndarray, "coordinate rigid"], tuple[str, ...]]:
+    """A named, mass-orthonormal basis of the rigid-body modes: translations, rotations, joints in turn.
+
+    Any basis of the null space is as good; this one separates the translations, which no internal torque
+    moves, from the rest. Motions that the structure resists are skipped.
+    """
+    motions, motion_names = rigid_motions(equilibrium, M)
+    basis = np.zeros((len(space), 0))
+    names: list[str] = []
+    for motion, name in zip(motions.T, motion_names, strict=True):
+        inside = space @ (space.T @ (M @ motion))
+        for _ in range(2):  # Gram and Schmidt, twice for orthogonality at rounding level
+            inside = inside - basis @ (basis.T @ (M @ inside))
+        left, whole = (np.sqrt(v @ (M @ v)) for v in (inside, motion))
+        if left > NEW_PART * whole and len(names) < space.shape[1]:
+            basis = np.column_stack([basis, inside / left])
+            names.append(name)
+    missing = space.shape[1] - len(names)
+    if missing:  # mechanisms that are no single motion, e.g. a hinged frame or a loose part
+        rest = space - basis @ (basis.T @ (M @ space))
+        turn = np.linalg.svd(space.T @ (M @ rest))[0][:, :missing]
+        basis = np.column_stack([basis, space @ turn])
+        names += [f"mechanism {i + 1}" for i in range(missing)]
+    return basis, tuple(names)

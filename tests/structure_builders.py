@@ -1,0 +1,145 @@
+"""Small structures for the structural tests, built directly from the records."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from middeck.structure.article import (
+    Actuator,
+    AttachPoint,
+    Body,
+    Damping,
+    Joint,
+    Member,
+    Node,
+    Section,
+    Sensor,
+    Spring,
+    Structure,
+)
+from middeck.structure.assembly import Loads, assemble, mass_matrix, no_loads
+from middeck.structure.environment import AnchoredSpring, Environment
+from middeck.structure.frames import Configuration, move
+from middeck.structure.mesh import Model
+
+GRAVITY = np.array([0.0, -9.80665, 0.0])
+NONE = Body(0.0, np.zeros(3), np.zeros((3, 3)))
+# EI 100, GJ 80, EA 1e6, 0.5 kg/m: the tube of the suspended bus; no rotary inertia, so that Euler-Bernoulli
+# closed forms hold exactly; the polar inertia is split over both.
+TUBE = Section(1e6, 80.0, 100.0, 100.0, 0.5, 0.0, 0.0)
+
+
+def body(
+    mass: float, cg: Sequence[float] = (0.0, 0.0, 0.0), inertia: Sequence[float] = (0.0, 0.0, 0.0)
+) -> Body:
+    return Body(mass, np.array(cg), np.diag(inertia))
+
+
+def node(name: str, position: Sequence[float], body: Body = NONE, size: float = 0.0) -> Node:
+    return Node(name, np.array(position, dtype=float), size, body)
+
+
+def structure(
+    nodes: Sequence[Node],
+    members: Sequence[Member] = (),
+    joints: Sequence[Joint] = (),
+    springs: Sequence[Spring] = (),
+    attach: Sequence[AttachPoint] = (),
+    actuators: Sequence[Actuator] = (),
+    sensors: Sequence[Sensor] = (),
+) -> Structure:
+    return Structure(
+        "test",
+        tuple(nodes),
+        tuple(members),
+        tuple(joints),
+        tuple(springs),
+        tuple(attach),
+        tuple(actuators),
+        tuple(sensors),
+        Damping(0.01, 0.03),
+    )
+
+
+def member(
+    start: str, end: str, section: Section, elements: int, up: Sequence[float] = (0.0, 1.0, 0.0)
+) -> Member:
+    return Member(f"{start}-{end}", start, end, section, elements, np.array(up, dtype=float))
+
+
+def straight_beam(section: Section, length: float, elements: int, offset: float = 0.0) -> Structure:
+    """A bare beam along x between massless nodes; ``offset`` puts the nodes' half sizes outside it."""
+    nodes = [node("a", (-offset, 0, 0), size=2 * offset), node("b", (length + offset, 0, 0), size=2 * offset)]
+    return structure(nodes, [member("a", "b", section, elements)])
+
+
+def rigid_bar(mass: float, length: float, inertia: Sequence[float], attach_y: float = 0.0) -> Structure:
+    """One rigid node at the bar's middle with attach points at both ends."""
+    ends = [(-0.5 * length, attach_y, 0.0), (0.5 * length, attach_y, 0.0)]
+    points = [AttachPoint(n, "bar", np.array(p)) for n, p in zip(("left", "right"), ends, strict=True)]
+    return structure([node("bar", (0, 0, 0), body(mass, inertia=inertia))], attach=points)
+
+
+def springs_above(
+    points: dict[str, Sequence[float]], height: float, stiffness: float, free_length: float
+) -> tuple[AnchoredSpring, ...]:
+    """Equal vertical springs to anchors ``height`` above the given points."""
+    rise = np.array([0.0, height, 0.0])
+    return tuple(
+        AnchoredSpring(f"spring {n}", n, np.array(p) + rise, stiffness, free_length)
+        for n, p in points.items()
+    )
+
+
+def lab(*springs: AnchoredSpring, gravity: np.ndarray = GRAVITY) -> Environment:
+    return Environment("springs", gravity, None, tuple(springs))
+
+
+def clamped_matrices(
+    model: Model,
+    config: Configuration | None = None,
+    fixed: Sequence[int] = range(6),
+    load: np.ndarray | None = None,
+    loads: Loads | None = None,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Dense K, M and the kept coordinates with ``fixed`` coordinates held."""
+    config = model.rest if config is None else config
+    K = assemble(model, config, no_loads() if loads is None else loads, load).tangent.toarray()
+    M = mass_matrix(model, config).toarray()
+    keep = np.setdiff1d(np.arange(len(K)), list(fixed))
+    return K[np.ix_(keep, keep)], M[np.ix_(keep, keep)], keep
+
+
+def newton(
+    model: Model,
+    load: np.ndarray,
+    fixed: Sequence[int] = range(6),
+    steps: int = 1,
+    loads: Loads | None = None,
+    iterations: int = 60,
+) -> Configuration:
+    """Plain Newton iteration with ``fixed`` coordinates held under dead pose loads (energy gradients)."""
+    config = model.rest
+    keep = np.setdiff1d(np.arange(model.tree.size), list(fixed))
+    loads = no_loads() if loads is None else loads
+    for factor in np.linspace(1.0 / steps, 1.0, steps):
+        for _ in range(iterations):
+            at = assemble(model, config, loads, factor * load)
+            q = np.zeros(model.tree.size)
+            K = at.tangent[keep][:, keep].toarray()
+            q[keep] = -np.linalg.solve(K, at.gradient[keep])
+            # Shorten steps that turn or shift by more than the chart follows well.
+            q *= min(1.0, 0.5 / max(np.abs(q[3::1]).max(), 1e-300)) if np.abs(q).max() > 0.5 else 1.0
+            config = move(model.tree, config, q)
+            if np.abs(q).max() < 1e-12:
+                break
+        else:
+            raise AssertionError("the test's Newton iteration did not converge")
+    return config
+
+
+def random_configuration(model: Model, rng: np.random.Generator, size: float) -> Configuration:
+    """The rest configuration disturbed at random in every coordinate, to finite size."""
+    return move(model.tree, model.rest, size * rng.standard_normal(model.tree.size))
