@@ -21,7 +21,7 @@ from middeck.files.environment_form import (
     environment_findings,
     joint_findings,
 )
-from middeck.files.faults import Fault, Finding, form_findings, nearest, raise_faults
+from middeck.files.faults import Fault, Finding, form_findings, nearest, raise_fault, raise_faults
 from middeck.files.form import Form
 from middeck.files.overrides import Target, apply_overrides
 from middeck.files.toml_lines import Path as KeyPath
@@ -56,27 +56,25 @@ class Checked(Generic[F]):
 
 def read_source(path: str | Path) -> Source:
     """Parse a TOML file; raises `ConfigError` if it is missing, empty, not UTF-8 or not TOML."""
+    file = str(path)
     try:
         raw = Path(path).read_bytes()
     except OSError as error:
-        raise_faults([Fault(str(path), 0, "", f"cannot be read: {error.strerror}", hint="check the path")])
-        raise  # not reached: for the type checker
+        raise_fault(Fault(file, 0, "", f"cannot be read: {error.strerror}", hint="check the path"))
     try:
         text = raw.decode("utf-8-sig").replace("\r\n", "\n")
     except UnicodeDecodeError as error:
         line = raw[: error.start].count(b"\n") + 1
-        raise_faults([Fault(str(path), line, "", "not UTF-8 text", hint="save the file as UTF-8")])
-        raise
+        raise_fault(Fault(file, line, "", "not UTF-8 text", hint="save the file as UTF-8"))
     if not text.strip():
-        raise_faults([Fault(str(path), 1, "", "the file is empty", hint="compare articles/mace-dm.toml")])
+        raise_fault(Fault(file, 1, "", "the file is empty", hint="compare articles/mace-dm.toml"))
     try:
-        return Source(str(path), tomllib.loads(text), key_lines(text))
+        return Source(file, tomllib.loads(text), key_lines(text))
     except tomllib.TOMLDecodeError as error:
         found = re.search(r"line (\d+)", str(error))
         line = int(found.group(1)) if found else text.rstrip().count("\n") + 1
         advice = "mend the syntax on or just before this line; at the end of the file it may be cut off"
-        raise_faults([Fault(str(path), line, "", f"not valid TOML: {error}", hint=advice)])
-        raise
+        raise_fault(Fault(file, line, "", f"not valid TOML: {error}", hint=advice))
 
 
 def read_sources(paths: Sequence[str | Path]) -> list[Source]:

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, cast
 import numpy as np
 from pydantic import Field
 
-from middeck.files.faults import Finding, nearest
+from middeck.files.faults import Finding, nearest, show
 from middeck.files.form import Form, Name, NotNegative, Positive, Vector
 from middeck.structure.environment import AnchoredSpring, Environment, Suspension
 
@@ -51,22 +51,26 @@ class EnvironmentForm(Form):
 
 def environment_findings(data: dict[str, Any]) -> list[Finding]:
     """What is wrong with an environment beyond the form of its keys; tolerates a broken form."""
-    constants, suspension = data.get("constants"), data.get("suspension")
+    constants, suspension = _table(data, "constants"), _table(data, "suspension")
     found: list[Finding] = []
-    gravity = cast("dict[str, Any]", constants).get("gravity_m_s2") if isinstance(constants, dict) else 0.0
+    gravity = constants.get("gravity_m_s2", 0.0)
     if isinstance(gravity, int | float) and gravity > 0.0 and not suspension and not data.get("spring"):
         advice = "add [suspension] or [[spring]], or leave [constants] out for orbit"
-        found.append(
-            Finding(("constants", "gravity_m_s2"), "a missing suspension in gravity", str(gravity), advice)
-        )
-    if isinstance(constants, dict) and not any(cast("Any", constants).get("gravity_direction", [1.0])):
+        path = ("constants", "gravity_m_s2")
+        found.append(Finding(path, "a missing suspension in gravity", show(gravity), advice))
+    if constants.get("gravity_direction") == [0.0, 0.0, 0.0]:
         found.append(Finding(("constants", "gravity_direction"), "must not be the zero vector"))
-    if isinstance(suspension, dict) and suspension and gravity == 0.0:
+    if suspension and gravity == 0.0:
         advice = "give [constants] gravity_m_s2, or use [[spring]]"
         found.append(Finding(("suspension",), "cables carry nothing without gravity", hint=advice))
-    if isinstance(suspension, dict) and cast("Any", suspension).get("held") == {}:
+    if suspension.get("held") == {}:
         found.append(Finding(("suspension", "held"), "no attach point hangs on a cable", hint='n1 = "xyz"'))
     return found
+
+
+def _table(data: dict[str, Any], key: str) -> dict[str, Any]:
+    value = data.get(key)
+    return cast("dict[str, Any]", value) if isinstance(value, dict) else {}
 
 
 def joint_findings(form: EnvironmentForm, attach_points: list[str], article: str) -> list[Finding]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import Any, NoReturn
 
 from pydantic import ValidationError
 
@@ -68,9 +68,14 @@ def raise_faults(faults: Sequence[Fault]) -> None:
     if not faults:
         return
     if len(faults) == 1:
-        raise ConfigError(faults[0].what, where=faults[0].place, hint=faults[0].hint, faults=tuple(faults))
+        raise_fault(faults[0])
     lines = "\n".join(map(str, faults))
     raise ConfigError(f"{len(faults)} errors in the configuration\n{lines}", faults=tuple(faults))
+
+
+def raise_fault(fault: Fault) -> NoReturn:
+    """Raise a `ConfigError` with this one fault, in place of whatever it stands for."""
+    raise ConfigError(fault.what, where=fault.place, hint=fault.hint, faults=(fault,)) from None
 
 
 def nearest(word: str, known: Iterable[str]) -> str:

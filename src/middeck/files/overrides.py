@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from enum import Enum
 from typing import Any, cast
 
-from middeck.files.faults import Fault, nearest, raise_faults
+from middeck.files.faults import Fault, nearest, raise_fault, raise_faults
 from middeck.files.form import Form, stem
 from middeck.files.shapes import bare, child, is_form, keys_of
 from middeck.files.toml_lines import Path
@@ -52,7 +52,7 @@ def parse_override(text: str) -> Override:
     segments = tuple(s.strip() for s in key.strip().split("."))
     written = written.strip()
     if not equals or not all(segments) or not written:
-        raise_faults([_fault(text, "not of the form key=value", "--set suspension.bounce_hz=0.2")])
+        raise_fault(_fault(text, "not of the form key=value", "--set suspension.bounce_hz=0.2"))
     value = _parse_value(key, written)
     if len(segments) > 2 and segments[0] == "article":
         return Override(text, segments[2:], value, segments[1])
@@ -69,7 +69,7 @@ def _parse_value(key: str, written: str) -> Any:
         parsed = {"value": written} if re.fullmatch(r"[A-Za-z_][\w./ -]*", written) else {}
     if set(parsed) != {"value"}:
         advice = "numbers as 0.25, texts in quotes, arrays as [1.0, 2.0]"
-        raise_faults([_fault(key, f"the value {written!r} is not TOML", advice)])
+        raise_fault(_fault(key, f"the value {written!r} is not TOML", advice))
     return parsed["value"]
 
 
@@ -82,6 +82,8 @@ def reach(data: Any, annotation: Any, segments: Sequence[str]) -> tuple[Reach, P
     path: list[str | int] = []
     for depth, segment in enumerate(segments):
         annotation = bare(annotation)
+        if is_form(annotation) and not isinstance(data, dict):  # a table that another override has replaced
+            return Reach.UNKNOWN, tuple(path)
         last = depth == len(segments) - 1
         key = _match(segment, data, annotation)
         if key is None:
