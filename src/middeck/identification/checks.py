@@ -1,0 +1,74 @@
+"""Refuse what cannot be identified, by channel and reason, before anything is computed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from middeck.errors import DataError, FitError
+from middeck.systems.ports import Port
+from middeck.systems.record import Record
+from middeck.systems.response import FrequencyResponse
+
+FEWEST_SAMPLES = 16
+# A channel whose swing is within this share of its level is constant up to rounding.
+ROUNDING = 1e-13
+
+
+def check_record(record: Record) -> None:
+    """Raise `DataError` for a channel that is not finite or constant, and for too few samples."""
+    experiments, periods, samples, _ = record.u.shape
+    if record.y.shape[:3] != (experiments, periods, samples):
+        raise DataError(f"inputs have {record.u.shape[:3]} samples, outputs {record.y.shape[:3]}")
+    if not (np.isfinite(record.sample_hz) and record.sample_hz > 0.0):
+        raise DataError(f"a sampling rate of {record.sample_hz} Hz is none")
+    if experiments * periods == 0 or samples < FEWEST_SAMPLES:
+        raise DataError(
+            f"{experiments} experiments of {periods} periods of {samples} samples are too few",
+            hint=f"at least one period of {FEWEST_SAMPLES} samples",
+        )
+    _check_channels(record.u, record.inputs, "input")
+    _check_channels(record.y, record.outputs, "output")
+
+
+def _check_channels(x: np.ndarray, ports: tuple[Port, ...], side: str) -> None:
+    if len(ports) != x.shape[3]:
+        raise DataError(f"{len(ports)} {side}s are named, the record has {x.shape[3]}")
+    for port, channel in zip(ports, np.moveaxis(x, 3, 0), strict=True):
+        bad = ~np.isfinite(channel)
+        if bad.any():
+            e, p, k = np.argwhere(bad)[0]
+            raise DataError(
+                f"{bad.sum()} samples are not finite, first in experiment {e}, period {p}, sample {k}",
+                where=f"{side} {port.name}",
+                hint="cut the record before the gap, or repair the channel",
+            )
+        if np.ptp(channel) <= ROUNDING * np.abs(channel).max():
+            raise DataError(
+                f"the channel is constant at {channel.flat[0]:.6g} {port.unit}",
+                where=f"{side} {port.name}",
+                hint="leave the channel out, or check its cable and its gain",
+            )
+
+
+def check_response(measured: FrequencyResponse, unknowns: int) -> None:
+    """Raise `FitError` for a response that is not finite, constant or shorter than the unknowns."""
+    if not np.isfinite(measured.H).all():
+        raise FitError("the response is not finite on all lines", hint="leave the bad lines out")
+    if (np.diff(measured.frequency_hz) <= 0.0).any() or (measured.frequency_hz <= 0.0).any():
+        raise FitError("the frequencies of the response are not positive and rising")
+    numbers = 2 * measured.H.size
+    if unknowns >= numbers:
+        raise FitError(
+            f"{unknowns} unknowns cannot be fitted to {numbers} numbers ({len(measured.H)} lines)",
+            hint="fewer states, or a longer period for more lines",
+        )
+    for o, output in enumerate(measured.outputs):
+        row = measured.H[:, o]
+        if not np.any(row):
+            raise FitError("the response is zero on all lines", where=f"output {output.name}")
+        if np.abs(row - row.mean(axis=0)).max() <= 1e-9 * np.abs(row).max():
+            raise FitError(
+                "the response is constant: there is no mode to fit",
+                where=f"output {output.name}",
+                hint="a gain needs no model; check that the output is not the input itself",
+            )

@@ -1,0 +1,232 @@
+"""Fit a measurement model to a frequency response: start, race, refine, check."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.errors import ConfigError, FitError
+from middeck.identification.checks import check_response
+from middeck.identification.measurement_model import MeasurementModel, model_response
+from middeck.identification.polish import Polished, logarithmic_polish, polish
+from middeck.identification.refine import Data
+from middeck.identification.start import Options, Start, starts
+from middeck.identification.terms import shapes, unpack
+from middeck.identification.uncertainty import Uncertainty, bound
+from middeck.identification.weights import line_variance
+from middeck.systems.response import FrequencyResponse
+from middeck.values import record
+
+# The starts are compared on a subset of the lines; the best of them is then refined on all.
+RACE_LINES = 1000
+RACE_STEPS = 40
+# The start is weighted as if the model left this share of the response's rms.
+FIRST_EXCESS = 0.03
+
+
+@record
+class FitResult:
+    """A fitted model and how good it is.
+
+    Parameters
+    ----------
+    model:
+        The measurement model.
+    cost:
+        Mean of |weight times residual|^2: one where the model leaves what its weights expect.
+    error:
+        Relative complex error of each output on the fitted lines, sqrt(sum |E - H|^2 / sum |H|^2).
+    excess:
+        Standard deviation of each output's response that the model leaves beyond the measured variance;
+        zero for a model that explains its data.
+    uncertainty:
+        Standard deviations of frequencies, damping and delays.
+    history:
+        Cost of each step of the last search, in that search's weights.
+    warnings:
+        What the user should know; empty if nothing.
+    """
+
+    model: MeasurementModel
+    cost: float
+    error: Float[np.ndarray, " output"]
+    excess: Float[np.ndarray, " output"]
+    uncertainty: Uncertainty
+    history: Float[np.ndarray, " step"]
+    warnings: tuple[str, ...]
+
+
+def fit_response(
+    measured: FrequencyResponse,
+    *,
+    states: int,
+    sample_hz: float | None = None,
+    constants: Literal["real", "complex"] | None = None,
+    delay: bool | None = None,
+    direct: bool | None = None,
+    cost: Literal["weighted", "logarithmic"] = "weighted",
+) -> FitResult:
+    """Fit common poles, rank-one residues and delays to a measured response.
+
+    Stable by construction and real. The weights are the measured variance, averaged over neighbouring
+    lines, plus the variance that the model cannot follow (`weights`); the starts are subspace models of
+    several sizes, of which the likeliest after a short refinement is refined to the end.
+
+    Parameters
+    ----------
+    measured:
+        Response with its variance (`estimate_response`).
+    states:
+        Order of the model without its delays: two for each pair of poles.
+    sample_hz:
+        Give the sampling rate to fit a sampled model, right when the inputs were held and the band comes
+        near half the rate; by default the model is continuous.
+    constants:
+        "real": each residue is that of a mode driven by a force and seen as a displacement (relative
+        degree two), which makes a delay identifiable; the default in continuous time. "complex": any
+        residue; the default, and all there is, for a sampled model.
+    delay:
+        Whether each output has a delay; by default with real constants only. Complex constants take up a
+        short delay themselves, so that the two are confounded: the result then warns.
+    direct:
+        Whether there is a constant term, which also stands for modes above the band; by default with
+        complex constants only.
+    cost:
+        "weighted" least squares on the complex response, or "logarithmic": on log magnitude and phase
+        (the 1993 paper's), which follows the antiresonances as closely as the peaks.
+
+    Raises
+    ------
+    ConfigError
+        For options that exclude each other.
+    FitError
+        If the response is constant, all noise or too short for so many states, if an output leads its
+        input, or if no start could be refined.
+    """
+    options = _options(measured, states, sample_hz, constants, delay, direct)
+    check_response(measured, _unknowns(measured, options))
+    variance = line_variance(measured)
+    data = _first_data(measured, variance)
+    best = _race(data, variance, options)
+    best = polish(data, Start(best.layout, best.refined.theta), variance, steps=200, rounds=5) or best
+    if cost == "logarithmic":
+        best = logarithmic_polish(data, best, variance)
+    return _result(measured, options, best, sample_hz)
+
+
+def _options(
+    measured: FrequencyResponse,
+    states: int,
+    sample_hz: float | None,
+    constants: str | None,
+    delay: bool | None,
+    direct: bool | None,
+) -> Options:
+    real = (constants or ("real" if sample_hz is None else "complex")) == "real"
+    if states < 1:
+        raise ConfigError(f"a model of {states} states cannot be fitted", hint="one state or more")
+    if real and states % 2:
+        raise ConfigError(
+            f"{states} states are no whole number of modes", hint="an even number, or constants='complex'"
+        )
+    if sample_hz is not None and (real or delay):
+        raise ConfigError(
+            "a sampled model has complex constants and no separate delay",
+            hint="leave out constants and delay, or sample_hz",
+        )
+    if sample_hz is not None and measured.frequency_hz[-1] >= 0.5 * sample_hz:
+        raise ConfigError(
+            f"the response reaches {measured.frequency_hz[-1]:.6g} Hz, beyond half of {sample_hz:.6g} Hz"
+        )
+    with_delay = real if delay is None else delay
+    period_s = 0.0 if sample_hz is None else 1.0 / sample_hz
+    return Options(states, real, with_delay, not real if direct is None else direct, period_s)
+
+
+def _unknowns(measured: FrequencyResponse, options: Options) -> int:
+    """Unknowns if all poles are pairs."""
+    _, outputs, inputs = measured.H.shape
+    each = 1 if options.real_constants else 2
+    per_pair = 2 + each * (inputs - 1) + each * outputs
+    return (
+        -(-options.states // 2) * per_pair
+        + outputs * options.with_delay
+        + outputs * inputs * options.with_direct
+    )
+
+
+def _first_data(measured: FrequencyResponse, variance: np.ndarray) -> Data:
+    power = np.mean(np.abs(measured.H) ** 2, axis=(0, 2))
+    weight = 1.0 / np.sqrt(variance + FIRST_EXCESS**2 * power[:, None, None])
+    return Data(2j * np.pi * measured.frequency_hz, np.moveaxis(measured.H, 0, 1), weight)
+
+
+def _race(data: Data, variance: np.ndarray, options: Options) -> Polished:
+    """The likeliest of the starts, each refined for a while on some of the lines."""
+    some = slice(None, None, max(1, len(data.s) // RACE_LINES))
+    part = Data(data.s[some], data.H[:, some], data.weight[:, some])
+    if len(part.s) * part.H.shape[0] < 4 * options.states:
+        part, some = data, slice(None)
+    runs = (polish(part, s, variance[:, some], steps=RACE_STEPS, rounds=3) for s in starts(data, options))
+    done = [run for run in runs if run is not None]
+    if not done:
+        raise FitError(
+            f"no start for {options.states} states could be refined",
+            hint="fewer states, a wider band or a longer period",
+        )
+    return min(done, key=lambda run: run.likelihood)
+
+
+def _result(
+    measured: FrequencyResponse, options: Options, best: Polished, sample_hz: float | None
+) -> FitResult:
+    point = unpack(best.layout, best.refined.theta)
+    c = np.array([shapes(best.layout, point, x) for x in best.refined.step.linear])
+    direct = np.zeros((best.layout.outputs, best.layout.inputs))
+    if best.layout.with_direct:
+        direct = best.refined.step.linear[:, -best.layout.inputs :]
+    uncertainty = bound(best.layout, best.refined.theta, best.gram)
+    delay_s, warnings = _causal_delay(measured, point.delay_s, uncertainty)
+    model = MeasurementModel(
+        point.poles, c, point.b, direct, delay_s, measured.inputs, measured.outputs, sample_hz
+    )
+    r = np.abs(model_response(model, measured.frequency_hz) - measured.H) ** 2
+    if not np.isfinite(r).all():
+        raise FitError("the fitted response is not finite", hint="fewer states")
+    if not best.refined.converged:
+        warnings.append(f"the search had not settled after {len(best.refined.history)} steps")
+    if options.with_delay and not options.real_constants:
+        warnings.append("the delay is confounded with the complex residues: only their sum is certain")
+    error = np.sqrt(np.sum(r, axis=(0, 2)) / np.sum(np.abs(measured.H) ** 2, axis=(0, 2)))
+    return FitResult(
+        model,
+        2.0 * best.refined.step.cost / r.size,
+        error,
+        np.sqrt(best.excess),
+        uncertainty,
+        np.array(best.refined.history),
+        tuple(warnings),
+    )
+
+
+def _causal_delay(
+    measured: FrequencyResponse, delay_s: np.ndarray, uncertainty: Uncertainty
+) -> tuple[np.ndarray, list[str]]:
+    """Delays of zero or more; a small advance is a warning, a long one an error."""
+    warnings: list[str] = []
+    for o, tau in enumerate(delay_s):
+        name = measured.outputs[o].name
+        if tau < -1.0 / measured.frequency_hz[-1]:
+            raise FitError(
+                f"the output leads its input by {-tau:.6g} s",
+                where=f"output {name}",
+                hint="check which channel is the input, and that the period is more than twice the delay",
+            )
+        if tau < 0.0:
+            warnings.append(
+                f"output {name}: the fit leads by {-tau * 1e3:.3g} ms (+-{uncertainty.delay_s[o] * 1e3:.2g});"
+                " its delay is set to zero"
+            )
+    return np.maximum(delay_s, 0.0), warnings

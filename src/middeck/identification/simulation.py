@@ -1,0 +1,43 @@
+"""Steady-state simulation of a periodic record, and the error of a model on it."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.errors import DataError
+from middeck.identification.checks import check_record
+from middeck.identification.measurement_model import MeasurementModel, model_response
+from middeck.systems.record import Record
+
+
+def simulate_periodic(
+    model: MeasurementModel, record: Record
+) -> Float[np.ndarray, "experiment period sample output"]:
+    """The model's steady output for the inputs of ``record``, exact on every line of the period.
+
+    Raises
+    ------
+    DataError
+        If the record is not periodic or has other inputs than the model.
+    """
+    if not record.periodic:
+        raise DataError("a steady state needs a periodic record")
+    if [p.name for p in record.inputs] != [p.name for p in model.inputs]:
+        raise DataError(
+            f"the record has the inputs {', '.join(p.name for p in record.inputs)}",
+            hint=f"the model has {', '.join(p.name for p in model.inputs)}",
+        )
+    samples = record.u.shape[2]
+    frequency = np.fft.rfftfreq(samples, 1.0 / record.sample_hz)
+    U = np.fft.rfft(record.u, axis=2)
+    Y = np.einsum("koi,epki->epko", model_response(model, frequency), U)
+    return np.fft.irfft(Y, n=samples, axis=2)
+
+
+def nrmse(model: MeasurementModel, record: Record) -> Float[np.ndarray, " output"]:
+    """rms(y - y_model) / rms(y) of each output over all periods of all experiments."""
+    check_record(record)
+    y = simulate_periodic(model, record)
+    axes = (0, 1, 2)
+    return np.sqrt(np.sum((record.y - y) ** 2, axis=axes) / np.sum(record.y**2, axis=axes))

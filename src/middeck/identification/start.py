@@ -1,0 +1,241 @@
+"""Where a fit starts: poles from a frequency-domain subspace, at several sizes; nothing to tune.
+
+McKelvey, Akcay and Ljung (1996), algorithm 2: on the lines q_k of the unit circle, G_k stacked with the
+powers of q_k spans the observability matrix once the same powers of the input are projected out. A
+continuous response is mapped to the unit circle first, q = (a + s)/(a - s), with `a` in the middle of the
+band on a logarithmic scale, which spreads decades of modes over the circle. Poles outside are reflected.
+
+With complex modal constants the subspace has the order of the fit. With real ones it is made larger, so
+that the extra poles take up delay and noise, and the modes that matter most are kept (`_strongest`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import scipy.linalg
+from jaxtyping import Complex, Float
+
+from middeck.identification.refine import Data
+from middeck.identification.terms import Layout, Point, columns, fractions, pack, shapes
+from middeck.values import record
+
+# Block rows of the subspace, as multiples of what `states` needs at least.
+ROWS = (1.5, 2.0, 3.0)
+# Sizes of the subspace, as multiples of the states kept, for real modal constants.
+SIZES = (1.0, 1.5, 2.0)
+# Delays tried, in steps of this share of the shortest period in the band.
+DELAY_STEP = 0.125
+# Damping ratio above which a candidate is no mode of a structure but takes up delay or noise.
+HEAVY = 0.3
+
+
+@record
+class Options:
+    """What kind of model is fitted; see `fit_response`."""
+
+    states: int
+    real_constants: bool
+    with_delay: bool
+    with_direct: bool
+    period_s: float
+
+
+@record
+class Start:
+    """A layout and a first theta."""
+
+    layout: Layout
+    theta: Float[np.ndarray, " unknown"]
+
+
+def starts(data: Data, options: Options) -> Iterator[Start]:
+    """First guesses, from several sizes of the subspace."""
+    for size in SIZES if options.real_constants else (1.0,):
+        order = round(size * options.states)
+        for factor in ROWS:
+            found = subspace_poles(data, options.period_s, states=order, rows=_rows(data, order, factor))
+            if found is None:
+                continue
+            start = (
+                _real_start(data, options, found)
+                if options.real_constants
+                else _complex_start(data, options, found)
+            )
+            if start is not None:
+                yield start
+
+
+def _rows(data: Data, order: int, factor: float) -> int:
+    outputs, lines, inputs = data.H.shape
+    least = -(-order // outputs) + 1
+    return min(int(np.ceil(factor * least)), 2 * lines * inputs // (inputs + outputs) - 1)
+
+
+def subspace_poles(
+    data: Data, period_s: float, *, states: int, rows: int
+) -> Complex[np.ndarray, " state"] | None:
+    """Stable poles [rad/s] of the subspace model; None where the lines are too few for its size."""
+    outputs = data.H.shape[0]
+    if (rows - 1) * outputs < states:
+        return None
+    q, a = _circle(data.s, period_s)
+    basis = _observability(data, q, rows)[:, :states]
+    A = np.linalg.lstsq(basis[:-outputs], basis[outputs:], rcond=None)[0]
+    return _to_plane(np.linalg.eigvals(A), a, period_s)
+
+
+def _circle(s: np.ndarray, period_s: float) -> tuple[np.ndarray, float]:
+    if period_s:
+        return np.exp(s * period_s), 0.0
+    a = float(np.sqrt(s[0].imag * s[-1].imag))
+    return (a + s) / (a - s), a
+
+
+def _observability(data: Data, q: np.ndarray, rows: int) -> Float[np.ndarray, "row column"]:
+    outputs, _, inputs = data.H.shape
+    # One weight for each output and one for each line: the column space stays common.
+    weight = np.sqrt(np.mean(data.weight**2, axis=2))
+    level = np.sqrt(np.mean(weight**2, axis=1))
+    line = np.sqrt(np.mean((weight / level[:, None]) ** 2, axis=0))
+    powers = q[None] ** np.arange(rows)[:, None] * line
+    G = (powers[:, None, :, None] * (level[:, None, None] * data.H)[None]).reshape(rows * outputs, -1)
+    U = np.einsum("rk,ij->rikj", powers, np.eye(inputs)).reshape(rows * inputs, -1)
+    stacked = np.vstack([np.hstack([U.real, U.imag]), np.hstack([G.real, G.imag])])
+    R = scipy.linalg.qr(stacked.T, mode="r", check_finite=False)[0].T
+    return np.linalg.svd(R[rows * inputs :, rows * inputs : len(stacked)])[0]
+
+
+def _to_plane(z: np.ndarray, a: float, period_s: float) -> Complex[np.ndarray, " state"]:
+    size = np.abs(z)
+    # Reflected into the circle, and kept off it and off its centre, where a pole has no finite decay.
+    inside = np.clip(np.where(size > 1.0, 1.0 / np.maximum(size, 1.0), size), 1e-6, 1.0 - 1e-6)
+    z = (np.where(size > 0.0, z / np.where(size > 0.0, size, 1.0), 1.0) * inside).astype(complex)
+    return np.log(z) / period_s if period_s else a * (z - 1.0) / (z + 1.0)
+
+
+def _complex_start(data: Data, options: Options, found: np.ndarray) -> Start:
+    """All poles of the subspace, each with the rank-one part of its residue."""
+    nyquist = np.pi / options.period_s if options.period_s else np.inf
+    single = (found.imag == 0.0) | (np.abs(found.imag) >= nyquist * (1.0 - 1e-9))
+    upper = found[~single & (found.imag > 0.0)]
+    upper = upper[np.argsort(upper.imag)]
+    real = found[single]
+    poles = np.concatenate([upper, real.real + 1j * np.abs(real.imag)])
+    pair = np.arange(len(poles)) < len(upper)
+    return _start_at(data, options, poles, pair, np.zeros(len(data.H)))
+
+
+def _start_at(
+    data: Data, options: Options, poles: np.ndarray, pair: np.ndarray, delay_s: np.ndarray
+) -> Start:
+    b = _input_vectors(data, options, poles, pair, delay_s)
+    layout = Layout(
+        pair,
+        np.where(pair, 0.0, poles.imag),
+        np.argmax(np.abs(b), axis=1),
+        data.H.shape[2],
+        data.H.shape[0],
+        options.real_constants,
+        options.with_delay,
+        options.with_direct,
+        options.period_s,
+    )
+    return Start(layout, pack(layout, Point(poles, b, delay_s)))
+
+
+def _input_vectors(
+    data: Data, options: Options, poles: np.ndarray, pair: np.ndarray, delay_s: np.ndarray
+) -> Complex[np.ndarray, "mode input"]:
+    """b of each mode: the dominant right singular vector of its full residue matrix."""
+    outputs, _, inputs = data.H.shape
+    if inputs == 1:
+        return np.ones((len(poles), 1), dtype=complex)
+    layout, point, X = _one_by_one(data, options, poles, pair)
+    residues = np.zeros((len(poles), outputs, inputs), dtype=complex)
+    for o in range(outputs):
+        late, weight = np.exp(-data.s * delay_s[o]), np.sqrt(np.mean(data.weight[o] ** 2, axis=1))
+        A = np.ascontiguousarray(X * late * weight).view(float).T
+        y = np.ascontiguousarray((data.H[o] * weight[:, None]).T).view(float).T
+        x = np.linalg.lstsq(A, y, rcond=None)[0]
+        # A weight for the output makes rows of unlike units comparable.
+        level = np.sqrt(np.mean(weight**2))
+        residues[:, o] = level * np.array([shapes(layout, point, x[:, i]) for i in range(inputs)]).T
+    if options.real_constants:
+        residues[pair] *= 2j * poles.imag[pair, None, None]
+    b = np.linalg.svd(residues)[2][:, 0]
+    b = b / np.take_along_axis(b, np.argmax(np.abs(b), axis=1)[:, None], axis=1)
+    return np.where((pair & (not options.real_constants))[:, None], b, b.real)
+
+
+def _one_by_one(
+    data: Data, options: Options, poles: np.ndarray, pair: np.ndarray
+) -> tuple[Layout, Point, Complex[np.ndarray, "column line"]]:
+    """The columns of a single entry of H: every entry has residues of its own."""
+    layout = Layout(
+        pair,
+        np.where(pair, 0.0, poles.imag),
+        np.zeros(len(poles), dtype=int),
+        1,
+        1,
+        options.real_constants,
+        False,
+        options.with_direct,
+        options.period_s,
+    )
+    point = Point(poles, np.ones((len(poles), 1), dtype=complex), np.zeros(1))
+    return layout, point, columns(layout, point, fractions(layout, poles, data.s))[:, :, 0]
+
+
+def _real_start(data: Data, options: Options, found: np.ndarray) -> Start | None:
+    """The strongest oscillating modes among the candidates, at the best delay of each output."""
+    wanted = options.states // 2
+    light = (found.imag > 0.0) & (-found.real < HEAVY * np.abs(found))
+    poles = found[light][np.argsort(found[light].imag)]
+    if len(poles) < wanted:
+        return None
+    pair = np.ones(len(poles), dtype=bool)
+    _, _, X = _one_by_one(data, options, poles, pair)
+    delay_s = np.array([_best_delay(data, X, o) for o in range(len(data.H))])
+    delay_s = delay_s if options.with_delay else np.zeros(len(data.H))
+    kept = _strongest(data, X, delay_s, len(poles), wanted)
+    return _start_at(data, options, poles[kept], pair[kept], delay_s)
+
+
+def _best_delay(data: Data, X: Complex[np.ndarray, "column line"], output: int) -> float:
+    """The delay on a grid at which real constants explain most of one output."""
+    weight = np.sqrt(np.mean(data.weight[output] ** 2, axis=1))
+    Q = np.linalg.qr(np.ascontiguousarray(X * weight).view(float).T)[0]
+    target = data.H[output] * weight[:, None]
+    step = DELAY_STEP * 2.0 * np.pi / data.s[-1].imag
+    # Beyond half the record a delay is an advance: see `fit_response`.
+    longest = np.pi / np.min(np.diff(data.s.imag), initial=data.s[-1].imag)
+    count = max(2, min(int(longest / step), 256))
+    tau = step * np.arange(count)
+    explained = [
+        np.sum((Q.T @ np.ascontiguousarray((target * np.exp(data.s * t)[:, None]).T).view(float).T) ** 2)
+        for t in tau
+    ]
+    return float(tau[int(np.argmax(explained))])
+
+
+def _strongest(
+    data: Data, X: Complex[np.ndarray, "column line"], delay_s: np.ndarray, modes: int, wanted: int
+) -> np.ndarray:
+    """Drop one mode after the other, each time the one that is missed least (exact for least squares)."""
+    line = np.sqrt(np.mean(data.weight**2, axis=(0, 2)))
+    level = np.sqrt(np.mean(data.weight**2, axis=(1, 2)))
+    prompt = data.H * np.exp(data.s * delay_s[:, None])[:, :, None] * (level[:, None, None] * line[:, None])
+    A = np.ascontiguousarray(X * line).view(float).T
+    size = np.linalg.norm(A, axis=0)
+    A = A / size
+    y = np.ascontiguousarray(np.moveaxis(prompt, 1, 2)).view(float).reshape(-1, A.shape[0]).T
+    keep = np.arange(A.shape[1])
+    while np.sum(keep < modes) > wanted:
+        inverse = np.linalg.pinv(A[:, keep].T @ A[:, keep])
+        x = inverse @ (A[:, keep].T @ y)
+        missed = np.sum(x**2, axis=1) / np.diag(inverse)
+        missed[keep >= modes] = np.inf
+        keep = np.delete(keep, np.argmin(missed))
+    return keep[keep < modes]
