@@ -12,7 +12,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Bool, Float
 
-from middeck.systems.modal import ModalSystem, select_modes
+from middeck.systems.modal import ModalSystem, rate_scale, select_modes
 from middeck.systems.plant import Plant
 from middeck.values import record
 
@@ -55,16 +55,14 @@ def partition_modes(plant: Plant) -> ModePartition:
 
 def reached_modes(modal: ModalSystem) -> Bool[np.ndarray, " mode"]:
     """Which modes at least one input moves."""
-    return np.any(_relative(np.abs(modal.psi).T) > COUPLING_FLOOR, axis=0)
+    return _coupled(np.abs(modal.psi).T)
 
 
 def observed_modes(modal: ModalSystem) -> Bool[np.ndarray, " mode"]:
     """Which modes at least one output sees, by displacement or rate."""
-    by_shape = _relative(np.abs(modal.phi)) > COUPLING_FLOOR
-    by_rate = _relative(np.abs(modal.phi_rate)) > COUPLING_FLOOR
-    return np.any(by_shape | by_rate, axis=0)
+    return _coupled(np.maximum(np.abs(modal.phi), np.abs(modal.phi_rate) * rate_scale(modal)))
 
 
-def _relative(coupling: Float[np.ndarray, "port mode"]) -> Float[np.ndarray, "port mode"]:
+def _coupled(coupling: Float[np.ndarray, "port mode"]) -> Bool[np.ndarray, " mode"]:
     best = coupling.max(axis=1, initial=0.0, keepdims=True)
-    return coupling / np.where(best > 0.0, best, 1.0)
+    return np.any(coupling > COUPLING_FLOOR * best, axis=0)

@@ -92,13 +92,16 @@ def solve_riccati(
 
 
 def _solve_balanced(A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[np.ndarray, "state state"]:
-    """Solve A'X + XA - (XB)(XB)' + Q = 0; a matrix of infinities if no method finds a solution."""
+    """Solve A'X + XA - (XB)(XB)' + Q = 0."""
     t = _balancing(A, B @ B.T, Q)
     scaled = A * t / t[:, None], B / t[:, None], Q * np.outer(t, t)
     found = _solve_schur(*scaled)
     found = _solve_pencil(*scaled) if found is None else found
     if found is None:
-        return np.full_like(A, np.inf)
+        raise NumericalError(
+            "the Riccati equation has no stabilising solution: its Hamiltonian has poles on the axis",
+            hint="check that the cost (or the noise intensity) is positive semidefinite",
+        )
     # On to coordinates where X has about a unit diagonal: its small entries matter as much as its large ones.
     unit = np.exp2(-np.round(np.log2(np.where(np.diag(found) > 0.0, np.diag(found), 1.0)) / 2.0))
     t = t * unit

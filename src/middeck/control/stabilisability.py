@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import scipy.linalg as sla
 from jaxtyping import Float
 
 from middeck.errors import NotStabilisableError
@@ -12,8 +13,9 @@ from middeck.errors import NotStabilisableError
 RANK_FLOOR = 1e-10
 """Singular values of [A - lambda I, B] below this, relative to A, count as zero: a million times rounding,
 ten million times below the weakest rigid mode of a structure (1e-3)."""
-CANDIDATE = float(np.sqrt(np.finfo(float).eps))
-"""A double pole on the axis is computed with an error of the square root of rounding (times A)."""
+CANDIDATE = 1e-6
+"""How far left of the axis (relative to A) an eigenvalue may be computed and still be examined, on the axis:
+double poles at the origin are known to the square root of rounding only."""
 
 
 def unreachable_states(
@@ -31,21 +33,21 @@ def unreachable_states(
     share = np.zeros(n)
     if not n:
         return share
+    # In balanced coordinates, so that the units of the states do not matter.
+    A, (unit_of, _) = sla.matrix_balance(A, separate=True, permute=False)
+    B = B / unit_of[:, None]
     size = float(np.linalg.norm(A, 2)) or 1.0
     length = np.linalg.norm(B, axis=0)
     unit = size * B[:, length > 0.0] / length[length > 0.0]
     seen: list[complex] = []
     for pole in np.linalg.eigvals(A):
-        off_axis = only_axis and pole.real > CANDIDATE * size
-        known = any(abs(pole - other) < 10.0 * CANDIDATE * size for other in seen)
-        if pole.real < -CANDIDATE * size or pole.imag < 0.0 or off_axis or known:
+        here = complex(max(pole.real, 0.0), pole.imag)
+        skip = pole.real < -CANDIDATE * size or (only_axis and pole.real > CANDIDATE * size)
+        if skip or here.imag < 0.0 or any(abs(here - other) < CANDIDATE * size for other in seen):
             continue
-        seen.append(complex(pole))
-        U, s, _ = np.linalg.svd(np.hstack([A - pole * np.eye(n), unit]))
-        for w in U.T[s <= RANK_FLOOR * size]:
-            # The null vector knows the eigenvalue to rounding, even where A's own is badly conditioned.
-            if (w.conj() @ A @ w).real >= -RANK_FLOOR * size:
-                share += np.abs(w) ** 2
+        seen.append(here)
+        U, s, _ = np.linalg.svd(np.hstack([A - here * np.eye(n), unit]))
+        share += np.sum(np.abs(U[:, s <= RANK_FLOOR * size]) ** 2, axis=1)
     return share
 
 

@@ -92,7 +92,7 @@ def _hold_modal(
     blocks[:, 1, 1] = -2.0 * modal.zeta * modal.omega
     blocks[:, 1, 2] = 1.0 / scale
     exponential = np.asarray(sla.expm(blocks * duration_s))
-    A = sla.block_diag(*exponential[:, :2, :2])
+    A = np.asarray(sla.block_diag(*exponential[:, :2, :2]))
     B = (exponential[:, :2, 2, None] * modal.psi[:, None, :]).reshape(2 * n, -1)
     return A, B
 
@@ -106,7 +106,7 @@ def _append_delay(
     split: bool,
     period_s: float,
 ) -> SampledStateSpace:
-    """A chain of past inputs: the one ``whole`` samples old drives the state; if split, also the next older."""
+    """A chain of past inputs: the one ``whole`` samples old drives the state, and if split the next one."""
     n, m = system.B.shape
     depth = whole + split
     size = n + depth * m

@@ -27,7 +27,9 @@ def growth_rates(system: StateSpace | SampledStateSpace) -> Complex[np.ndarray, 
     size = np.abs(p)
     rate = np.full(len(p), -np.inf)
     np.log(size, out=rate, where=size > 0.0)
-    return (rate + 1j * np.angle(p)) / system.period_s
+    rates = np.empty(len(p), dtype=complex)
+    rates.real, rates.imag = rate / system.period_s, np.angle(p) / system.period_s
+    return rates
 
 
 def is_stable(system: StateSpace | SampledStateSpace) -> bool:

@@ -1,0 +1,142 @@
+"""Band-limited rms against closed forms and against quadrature that knows no eigenvalue."""
+
+import numpy as np
+import pytest
+import scipy.linalg as sla
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from middeck.errors import ConfigError
+from middeck.systems import norms
+from middeck.systems.norms import band_rms, band_rms_by_quadrature
+from middeck.systems.statespace import StateSpace, gain_system
+
+BAND = (0.1, 60.0)
+
+
+def resonators(n, seed=0, zeta=0.01, outputs=3, inputs=2):
+    rng = np.random.default_rng(seed)
+    omega = 2.0 * np.pi * np.geomspace(0.05, 90.0, n)
+    A = sla.block_diag(*[np.array([[0.0, w], [-w, -2.0 * zeta * w]]) for w in omega])
+    B, C = np.zeros((2 * n, inputs)), np.zeros((outputs, 2 * n))
+    B[1::2] = rng.standard_normal((n, inputs)) / omega[:, None]
+    C[:, ::2] = rng.standard_normal((outputs, n))
+    return StateSpace(A, B, C, np.zeros((outputs, inputs)))
+
+
+def turned(system, seed=1):
+    """The same system in coordinates where every entry of A is filled."""
+    T, _ = np.linalg.qr(np.random.default_rng(seed).standard_normal(system.A.shape))
+    return StateSpace(T @ system.A @ T.T, T @ system.B, system.C @ T.T, system.D)
+
+
+def test_first_order_lag():
+    # |G|^2 = 1/(1 + w^2): rms^2 = (1/pi) (atan w2 - atan w1) S.
+    lag = StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
+    w1, w2 = 2.0 * np.pi * np.array(BAND)
+    expected = np.sqrt(3.0 / np.pi * (np.arctan(w2) - np.arctan(w1)))
+    # One subtraction of two logarithms.
+    assert band_rms(lag, 3.0 * np.eye(1), BAND)[0] == pytest.approx(expected, rel=1e-14)
+
+
+def test_double_integrator_in_a_band_without_zero():
+    # |G|^2 = w^-4: rms^2 = (1/pi) (w1^-3 - w2^-3) / 3; the pole pair at the origin is defective.
+    system = StateSpace([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]])
+    w1, w2 = 2.0 * np.pi * np.array(BAND)
+    expected = np.sqrt((w1**-3 - w2**-3) / 3.0 / np.pi)
+    assert band_rms(system, np.eye(1), BAND)[0] == pytest.approx(expected, rel=1e-13)
+
+
+def test_single_integrator():
+    system = StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]])
+    w1, w2 = 2.0 * np.pi * np.array(BAND)
+    assert band_rms(system, np.eye(1), BAND)[0] == pytest.approx(
+        np.sqrt((1 / w1 - 1 / w2) / np.pi), rel=1e-13
+    )
+
+
+def test_whole_axis_limit_is_the_lyapunov_norm():
+    system = resonators(8)
+    X = sla.solve_continuous_lyapunov(system.A, -system.B @ system.B.T)
+    whole = np.sqrt(np.diag(system.C @ X @ system.C.T))
+    # What lies above f falls as f^-3 for a displacement: (1e4)^-3 of 90 Hz.
+    np.testing.assert_allclose(band_rms(system, np.eye(2), (0.0, 9e5)), whole, rtol=1e-10)
+
+
+@pytest.mark.parametrize(("modes", "zeta"), [(50, 0.01), (12, 1e-3)])
+def test_full_matrices_agree_with_quadrature(modes, zeta):
+    system = turned(resonators(modes, zeta=zeta))
+    intensity = np.array([[2.0, 0.5], [0.5, 1.0]]) * 1e-6
+    exact = band_rms(system, intensity, BAND)
+    np.testing.assert_allclose(exact, band_rms_by_quadrature(system, intensity, BAND), rtol=1e-10)
+
+
+def test_hundred_states_with_rigid_modes_agree_with_quadrature():
+    flexible = resonators(47)
+    rigid = np.zeros((6, 6))
+    rigid[0, 1] = rigid[2, 3] = rigid[4, 5] = 1.0
+    rng = np.random.default_rng(2)
+    B = np.vstack([np.zeros((6, 2)), flexible.B])
+    B[1:6:2] = 0.1 * rng.standard_normal((3, 2))
+    C = np.hstack([np.zeros((3, 6)), flexible.C])
+    C[:, 0:6:2] = rng.standard_normal((3, 3))
+    system = turned(StateSpace(sla.block_diag(rigid, flexible.A), B, C, flexible.D))
+    exact = band_rms(system, np.eye(2), BAND)
+    np.testing.assert_allclose(exact, band_rms_by_quadrature(system, np.eye(2), BAND), rtol=1e-10)
+
+
+def test_both_routes_agree():
+    system = turned(resonators(20))
+    band = 2.0 * np.pi * np.array(BAND)
+    by_blocks = np.sqrt(norms._block_integral(system, *band) / np.pi)
+    np.testing.assert_allclose(by_blocks, band_rms(system, np.eye(2), BAND), rtol=1e-10)
+
+
+def test_defective_chain_of_equal_lags():
+    # 1/(s + a)^4 has one eigenvector: |G|^2 = (w^2 + a^2)^-4, checked by quadrature.
+    a = 5.0
+    A = -a * np.eye(4) + np.diag(np.ones(3), 1)
+    system = StateSpace(A, np.eye(4)[:, 3:], np.eye(4)[:1], [[0.0]])
+    exact = band_rms(system, np.eye(1), BAND)
+    np.testing.assert_allclose(exact, band_rms_by_quadrature(system, np.eye(1), BAND), rtol=1e-10)
+
+
+def test_undamped_mode_outside_the_band():
+    # |G| = 1/(w0^2 - w^2), w0 below the band: no resonance inside, a stable quadrature.
+    w0 = 2.0 * np.pi * 0.05
+    system = StateSpace([[0.0, w0], [-w0, 0.0]], [[0.0], [1.0 / w0]], [[1.0, 0.0]], [[0.0]])
+    exact = band_rms(system, np.eye(1), BAND)
+    np.testing.assert_allclose(exact, band_rms_by_quadrature(system, np.eye(1), BAND), rtol=1e-10)
+
+
+def test_direct_term():
+    gain = gain_system([[3.0]])
+    assert band_rms(gain, np.eye(1), (1.0, 3.0))[0] == pytest.approx(3.0 * np.sqrt(2.0 * 2.0), rel=1e-14)
+    washout = StateSpace([[-50.0]], [[50.0]], [[-1.0]], [[1.0]])
+    exact = band_rms(washout, np.eye(1), BAND)
+    np.testing.assert_allclose(exact, band_rms_by_quadrature(washout, np.eye(1), BAND), rtol=1e-10)
+
+
+@settings(max_examples=25, deadline=None)
+@given(split=st.floats(0.11, 59.0), seed=st.integers(0, 1000))
+def test_squares_add_over_bands(split, seed):
+    system = resonators(6, seed=seed)
+    parts = [band_rms(system, np.eye(2), band) ** 2 for band in ((0.1, split), (split, 60.0))]
+    # The sum of positive numbers, each to 1e-12.
+    np.testing.assert_allclose(sum(parts), band_rms(system, np.eye(2), BAND) ** 2, rtol=1e-11)
+
+
+def test_an_unstable_system_is_infinite_although_its_integral_is_not():
+    system = StateSpace([[0.1]], [[1.0]], [[1.0]], [[0.0]])
+    assert np.isfinite(band_rms_by_quadrature(system, np.eye(1), BAND)[0])
+    assert band_rms(system, np.eye(1), BAND)[0] == np.inf
+
+
+def test_an_undamped_mode_inside_the_band_is_infinite():
+    system = StateSpace([[0.0, 9.0], [-9.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]])
+    assert band_rms(system, np.eye(1), BAND)[0] == np.inf
+
+
+def test_a_band_the_wrong_way_round_is_refused():
+    with pytest.raises(ConfigError, match="ordered"):
+        band_rms(resonators(1), np.eye(2), (3.0, 1.0))
