@@ -34,21 +34,26 @@ def unreachable_states(
     if not n:
         return share
     # In balanced coordinates, so that the units of the states do not matter.
-    A, (unit_of, _) = sla.matrix_balance(A, separate=True, permute=False)
-    B = B / unit_of[:, None]
-    size = float(np.linalg.norm(A, 2)) or 1.0
-    length = np.linalg.norm(B, axis=0)
-    unit = size * B[:, length > 0.0] / length[length > 0.0]
-    seen: list[complex] = []
-    for pole in np.linalg.eigvals(A):
-        here = complex(max(pole.real, 0.0), pole.imag)
-        skip = pole.real < -CANDIDATE * size or (only_axis and pole.real > CANDIDATE * size)
-        if skip or here.imag < 0.0 or any(abs(here - other) < CANDIDATE * size for other in seen):
-            continue
-        seen.append(here)
-        U, s, _ = np.linalg.svd(np.hstack([A - here * np.eye(n), unit]))
+    balanced, (unit_of, _) = sla.matrix_balance(A, separate=True, permute=False)
+    drive = B / unit_of[:, None]
+    size = float(np.linalg.norm(balanced, 2)) or 1.0
+    length = np.linalg.norm(drive, axis=0)
+    drive = size * drive[:, length > 0.0] / length[length > 0.0]
+    for pole in _marginal_poles(balanced, CANDIDATE * size, only_axis):
+        U, s, _ = np.linalg.svd(np.hstack([balanced - pole * np.eye(n), drive]))
         share += np.sum(np.abs(U[:, s <= RANK_FLOOR * size]) ** 2, axis=1)
     return share
+
+
+def _marginal_poles(A: np.ndarray, close: float, only_axis: bool) -> list[complex]:
+    """One of each group of poles with real part >= 0, those near the axis moved onto it, upper half."""
+    found: list[complex] = []
+    for pole in np.linalg.eigvals(A):
+        here = complex(max(pole.real, 0.0), pole.imag)
+        outside = pole.real < -close or here.imag < 0.0 or (only_axis and pole.real > close)
+        if not outside and all(abs(here - other) >= close for other in found):
+            found.append(here)
+    return found
 
 
 def require_reachable(

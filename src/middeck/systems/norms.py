@@ -66,7 +66,8 @@ def band_rms_by_quadrature(
     """The same by adaptive quadrature of |G|^2, cut at the resonances: slow, independent, for checks.
 
     The integrand is evaluated by solving with (jw I - A); no eigenvalue enters but to place the cuts.
-    Absolute tolerance 1e-13 of the whole for each piece. It is an integral and does not know whether the system is stable.
+    Absolute tolerance 1e-13 of the whole for each piece. It is an integral and does not know whether the
+    system is stable.
     """
     w1, w2 = _check_band(band_hz)
     root = _square_root(intensity)
