@@ -1,0 +1,59 @@
+"""Tests on the simulated rig of an article in the laboratory: a torque command in, sampled outputs out."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.files.study_form import RigForm, SisoForm
+from middeck.realtime.rig import LinearRig, build_linear_rig, run_open_loop
+from middeck.structure.modal_plant import build_plant
+from middeck.structure.modes import Modes
+from middeck.systems.excitation import random_multisine
+from middeck.systems.modal import ModalSystem
+from middeck.systems.plant import Plant
+from middeck.systems.record import Record
+from middeck.values import record
+
+RIG_MODES_HZ = 60.0  # the linear rig carries every mode up to here
+EXCITATION_NM = 0.1  # rms of the torque command; the rig is linear, the noise relative
+
+
+@record
+class RigTest:
+    """An open-loop record, the rig it was taken on, and one period of the torque command."""
+
+    rig: LinearRig
+    excitation: Float[np.ndarray, " sample"]
+    record: Record
+
+
+def rig_plant(modes: Modes, actuator: str, sensors: tuple[str, ...]) -> Plant:
+    """All modes up to `RIG_MODES_HZ` between one actuator, which also disturbs, and the sensors."""
+    count = int(np.searchsorted(modes.frequency_hz, RIG_MODES_HZ))
+    w = u = (actuator,)
+    return build_plant(modes, inputs=u, outputs=sensors, count=count, w=w, u=u, z=sensors, y=sensors)
+
+
+def shift_modes(plant: Plant, near_hz: float, factor: float) -> Plant:
+    """The same plant with the two modes nearest to ``near_hz`` moved by ``factor`` in frequency."""
+    import dataclasses
+
+    modal = plant.dynamics
+    assert isinstance(modal, ModalSystem)
+    pair = np.argsort(np.abs(modal.omega / (2.0 * np.pi) - near_hz))[:2]
+    omega = np.array(modal.omega)
+    omega[pair] *= factor
+    return dataclasses.replace(plant, dynamics=dataclasses.replace(modal, omega=omega))
+
+
+def run_rig_test(plant: Plant, rig: RigForm, siso: SisoForm, rng: np.random.Generator) -> RigTest:
+    """Random-phase multisine over the band; noise as a fraction of each output's own rms."""
+    excitation = random_multisine(siso.band_hz, siso.period_s, rig.sample_hz, EXCITATION_NM, rng)
+    silent = np.zeros(len(plant.outputs))
+    quiet = build_linear_rig(plant, sample_hz=rig.sample_hz, delay_s=rig.delay_s, noise_rms=silent)
+    clean = run_open_loop(quiet, excitation[:, None], periods=1, rng=rng)
+    noise = rig.identification_noise * np.sqrt(np.mean(clean.y[0, 0] ** 2, axis=0))
+    real = build_linear_rig(plant, sample_hz=rig.sample_hz, delay_s=rig.delay_s, noise_rms=noise)
+    taken = run_open_loop(real, excitation[:, None], periods=siso.periods, rng=rng)
+    return RigTest(real, excitation, taken)

@@ -1,0 +1,63 @@
+"""The study of the 1993 paper, stage by stage."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import partial
+
+import numpy as np
+
+from middeck.files.records import load_record
+from middeck.files.studies import Study
+from middeck.structure.comparison import ModeComparison
+from middeck.study.gravity import find_modes, study_gravity
+from middeck.study.gravity_responses import GravityResponses, study_gravity_responses
+from middeck.study.measured_control import MeasuredControl, study_measured_control
+from middeck.study.mirror import MirrorFit, study_mirror
+from middeck.study.zero_g_control import ZeroGControl, study_zero_g_control
+
+Outcome = ModeComparison | GravityResponses | ZeroGControl | MeasuredControl | MirrorFit
+# Share of the whole time, measured; only for the estimate of the remaining time.
+STAGES = {
+    "figures 4 and 5": 0.03,
+    "figure 6": 0.05,
+    "figure 7": 0.22,
+    "figure 9": 0.30,
+    "mirror": 0.40,
+}
+
+
+def run_stages(study: Study) -> Iterator[tuple[str, Callable[[], Outcome]]]:
+    """Name and computation of each stage, in order; a stage runs when it is called.
+
+    Every stage draws from its own stream of the study's seed, so that none depends on those before it.
+    """
+    control, figure_6, siso = study.control, study.figure_6, study.siso
+    streams = dict(zip(STAGES, np.random.SeedSequence(study.seed).spawn(len(STAGES)), strict=True))
+    rng = {name: np.random.default_rng(stream) for name, stream in streams.items()}
+    structure, orbit = study.case(control.article, "orbit")
+    _, lab = study.case(control.article, "lab")
+    comparison = partial(study_gravity, structure, orbit, lab, control.modes_kept)
+    found: list[ModeComparison] = []
+
+    def gravity() -> ModeComparison:
+        found.append(comparison())
+        return found[0]
+
+    def responses() -> GravityResponses:
+        modes = [find_modes(*study.case(figure_6.article, e)) for e in ("orbit", "lab")]
+        return study_gravity_responses(*modes, figure_6, study.rig, siso, rng["figure 6"])
+
+    def zero_g_control() -> ZeroGControl:
+        return study_zero_g_control({"orbit": found[0].orbit, "lab": found[0].lab}, control)
+
+    def measured_control() -> MeasuredControl:
+        modes = find_modes(*study.case(siso.article, siso.environment))
+        return study_measured_control(modes, study.rig, siso, rng["figure 9"])
+
+    def mirror() -> MirrorFit:
+        return study_mirror(
+            load_record(study.train_file), load_record(study.test_file), study.mirror.states
+        )
+
+    yield from zip(STAGES, (gravity, responses, zero_g_control, measured_control, mirror), strict=True)

@@ -1,0 +1,144 @@
+"""Figure 7: controllers designed on the 0-g model, impinged on the 0-g and the 1-g model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+
+import numpy as np
+
+from middeck.control.authority import (
+    AuthoritySweep,
+    FirstInstability,
+    find_first_instability,
+    sweep_authority,
+)
+from middeck.control.classical import PDLoops, close_inner_loop
+from middeck.control.closed_loop import leave_open
+from middeck.control.lqg import LQGWeights, design_filter, design_lqg
+from middeck.control.performance import Performance, measure_metric
+from middeck.files.study_form import ControlForm
+from middeck.structure.modal_plant import RATE, build_plant
+from middeck.structure.modes import Modes
+from middeck.systems.modal import ModalSystem, select_modes
+from middeck.systems.plant import Plant
+from middeck.values import record
+
+SUB_MODELS = ("all", "rigid", "flexible")
+SEARCH_LAST = 7.0  # log10 authority: beyond the plotted range
+
+
+@record
+class SubModelSweep:
+    """One sub-model over authority: the sweep, the lab metric under PD alone, the first instability."""
+
+    sweep: AuthoritySweep
+    reference_db_lab_pd: float
+    first_instability: FirstInstability | None
+    mode_frequency_hz: float | None
+
+
+@record
+class ZeroGControl:
+    """Figure 7 in numbers.
+
+    ``disturbance_psd`` is the two-sided intensity S_w [(N m)^2/Hz] that makes three sigma of the metric the
+    stated angle for the full 0-g model under PD alone; ``metric_pd`` that metric [rad] by environment.
+    """
+
+    log10_authority: np.ndarray
+    disturbance_psd: float
+    metric_pd: tuple[tuple[str, float], ...]
+    sweeps: tuple[tuple[str, SubModelSweep], ...]
+
+
+def control_plant(modes: Modes, control: ControlForm) -> Plant:
+    """The paper's plant: control and disturbance torques in, angles and rates out, metric angles as z.
+
+    The two secondary gimbal angles and rates are outputs for their PD loops alone; LQG never sees them.
+    """
+    measured = [*control.angles, *(f"{a}{RATE}" for a in control.angles)]
+    inner = [n for loop in control.pd_loops for n in (loop, f"{loop}{RATE}") if n not in measured]
+    inputs = list(dict.fromkeys([*control.disturbances, *control.inputs]))
+    return build_plant(
+        modes,
+        inputs=inputs,
+        outputs=[*measured, *inner],
+        count=control.modes_kept,
+        w=control.disturbances,
+        u=control.inputs,
+        z=control.metric,
+        y=measured,
+    )
+
+
+def sub_model(plant: Plant, kinds: tuple[str, ...], which: str) -> Plant:
+    """``plant`` with all its modes, the flexible ones, or those that are not flexible."""
+    import dataclasses
+
+    flexible = np.array([k == "flexible" for k in kinds])
+    keep = {"all": np.ones(len(flexible), dtype=bool), "flexible": flexible, "rigid": ~flexible}[which]
+    assert isinstance(plant.dynamics, ModalSystem)
+    return dataclasses.replace(plant, dynamics=select_modes(plant.dynamics, keep), state_names=())
+
+
+def study_zero_g_control(modes: Mapping[str, Modes], control: ControlForm) -> ZeroGControl:
+    """Design on the PD-controlled 0-g plant at every authority, judge on ``modes`` "orbit" and "lab"."""
+    pd = PDLoops(control.pd_loops, np.array(control.pd_kp_nm_per_rad), np.array(control.pd_kd_nms_per_rad))
+    whole = {env: control_plant(m, control) for env, m in modes.items()}
+    kinds = {env: m.kind[: control.modes_kept] for env, m in modes.items()}
+    plants = {
+        which: {env: close_inner_loop(sub_model(p, kinds[env], which), pd) for env, p in whole.items()}
+        for which in SUB_MODELS
+    }
+    psd = _disturbance_psd(plants["all"]["orbit"], control)
+    performance = _performance(control, psd)
+    levels = np.linspace(control.log10_authority_first, control.log10_authority_last, control.levels)
+    sweeps = tuple(
+        (which, _sweep(pair, control, psd, performance, levels, modes["lab"])) for which, pair in plants.items()
+    )
+    metric_pd = tuple((env, measure_metric(leave_open(p), performance)) for env, p in plants["all"].items())
+    return ZeroGControl(levels, psd, metric_pd, sweeps)
+
+
+def _performance(control: ControlForm, psd: float) -> Performance:
+    intensity = psd * np.eye(len(control.disturbances))
+    return Performance(np.array(control.metric_weights), intensity, control.band_hz)
+
+
+def _disturbance_psd(plant: Plant, control: ControlForm) -> float:
+    """S_w from 3 sigma = the stated angle; the metric is proportional to its root."""
+    unit = measure_metric(leave_open(plant), _performance(control, 1.0))
+    return float((np.radians(control.three_sigma_deg) / 3.0 / unit) ** 2)
+
+
+def design_weights(control: ControlForm, psd: float) -> LQGWeights:
+    """The sheet's weights and noise: disturbance and a small torque noise on every input, white sensors."""
+    n_w, n_u, n_y = len(control.disturbances), len(control.inputs), len(control.angles)
+    process = np.diag([psd] * n_w + [control.actuator_noise_ratio * psd] * n_u)
+    sensor = [control.angle_noise_rad_per_rthz**2] * n_y + [control.rate_noise_rad_per_s_per_rthz**2] * n_y
+    return LQGWeights(
+        np.array(control.metric_weights),
+        np.array(control.input_weight),
+        (*control.disturbances, *control.inputs),
+        process,
+        np.array(sensor),
+    )
+
+
+def _sweep(
+    pair: Mapping[str, Plant],
+    control: ControlForm,
+    psd: float,
+    performance: Performance,
+    levels: np.ndarray,
+    lab: Modes,
+) -> SubModelSweep:
+    weights = design_weights(control, psd)
+    design = partial(design_lqg, pair["orbit"], weights, kalman=design_filter(pair["orbit"], weights))
+    reference = measure_metric(leave_open(pair["orbit"]), performance)
+    sweep = sweep_authority(design, 10.0**levels, on=pair, performance=performance, reference=reference)
+    lab_pd = measure_metric(leave_open(pair["lab"]), performance)
+    first = find_first_instability(design, pair["lab"], first=control.log10_authority_first, last=SEARCH_LAST)
+    hz = None if first is None else float(lab.frequency_hz[lab.name.index(first.mode_name)])
+    return SubModelSweep(sweep, float(20.0 * np.log10(lab_pd / reference)), first, hz)
