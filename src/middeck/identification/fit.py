@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Literal
 
 import numpy as np
@@ -10,6 +11,7 @@ from jaxtyping import Float
 from middeck.errors import ConfigError, FitError
 from middeck.identification.checks import check_response
 from middeck.identification.measurement_model import MeasurementModel, model_response
+from middeck.identification.order import OrderChoice, choose, description_length, is_settled, sizes
 from middeck.identification.polish import Polished, logarithmic_polish, polish
 from middeck.identification.refine import Data
 from middeck.identification.start import Options, Start, starts
@@ -45,6 +47,8 @@ class FitResult:
         Standard deviations of frequencies, damping and delays.
     history:
         Cost of each step of the last search, in that search's weights.
+    order_reason:
+        Why the model has the order it has.
     warnings:
         What the user should know; empty if nothing.
     """
@@ -55,17 +59,19 @@ class FitResult:
     excess: Float[np.ndarray, " output"]
     uncertainty: Uncertainty
     history: Float[np.ndarray, " step"]
+    order_reason: str
     warnings: tuple[str, ...]
 
 
 def fit_response(
     measured: FrequencyResponse,
     *,
-    states: int,
+    states: int | None = None,
     sample_hz: float | None = None,
     constants: Literal["real", "complex"] | None = None,
     delay: bool | None = None,
     direct: bool | None = None,
+    residuals: bool = False,
     cost: Literal["weighted", "logarithmic"] = "weighted",
 ) -> FitResult:
     """Fit common poles, rank-one residues and delays to a measured response.
@@ -79,7 +85,8 @@ def fit_response(
     measured:
         Response with its variance (`estimate_response`).
     states:
-        Order of the model without its delays: two for each pair of poles.
+        Order of the model without its delays: two for each pair of poles. By default the order of the
+        shortest description (`order`), which takes longer.
     sample_hz:
         Give the sampling rate to fit a sampled model, right when the inputs were held and the band comes
         near half the rate; by default the model is continuous.
@@ -93,6 +100,9 @@ def fit_response(
     direct:
         Whether there is a constant term, which also stands for modes above the band; by default with
         complex constants only.
+    residuals:
+        Whether terms for the modes outside the band are fitted beside the states: 1/s^2 for those below,
+        a constant for those above (Ewins 2000, sec. 4.2). Continuous models only.
     cost:
         "weighted" least squares on the complex response, or "logarithmic": on log magnitude and phase
         (the 1993 paper's), which follows the antiresonances as closely as the peaks.
@@ -105,15 +115,44 @@ def fit_response(
         If the response is constant, all noise or too short for so many states, if an output leads its
         input, or if no start could be refined.
     """
-    options = _options(measured, states, sample_hz, constants, delay, direct)
+    options = _options(measured, states or 2, sample_hz, constants, delay, direct, residuals)
     check_response(measured, _unknowns(measured, options))
     variance = line_variance(measured)
     data = _first_data(measured, variance)
+    reason = f"{states} states were asked for"
+    if states is None:
+        choice = _recommend(measured, data, variance, options)
+        options, reason = dataclasses.replace(options, states=choice.states), choice.reason
     best = _race(data, variance, options)
     best = polish(data, Start(best.layout, best.refined.theta), variance, steps=200, rounds=5) or best
     if cost == "logarithmic":
         best = logarithmic_polish(data, best, variance)
-    return _result(measured, options, best, sample_hz)
+    return _result(measured, options, best, reason)
+
+
+def _recommend(
+    measured: FrequencyResponse, data: Data, variance: np.ndarray, options: Options
+) -> OrderChoice:
+    """The order of the shortest description, each order raced as a fit would be."""
+    part = _some_lines(data)
+    tried: list[int] = []
+    length: list[float] = []
+    for states in sizes():
+        sized = dataclasses.replace(options, states=states)
+        unknowns = _unknowns(measured, sized)
+        if 2 * unknowns > part.H.size:
+            break
+        try:
+            run = _race(data, variance, sized)
+        except FitError:
+            continue
+        tried.append(states)
+        length.append(description_length(run.likelihood, unknowns, 2 * part.H.size))
+        if is_settled(length):
+            break
+    if not tried:
+        raise FitError("no order could be fitted", hint="a wider band or a longer period")
+    return choose(tried, length)
 
 
 def _options(
@@ -123,6 +162,7 @@ def _options(
     constants: str | None,
     delay: bool | None,
     direct: bool | None,
+    residuals: bool,
 ) -> Options:
     real = (constants or ("real" if sample_hz is None else "complex")) == "real"
     if states < 1:
@@ -131,10 +171,10 @@ def _options(
         raise ConfigError(
             f"{states} states are no whole number of modes", hint="an even number, or constants='complex'"
         )
-    if sample_hz is not None and (real or delay):
+    if sample_hz is not None and (real or delay or residuals):
         raise ConfigError(
-            "a sampled model has complex constants and no separate delay",
-            hint="leave out constants and delay, or sample_hz",
+            "a sampled model has complex constants, no separate delay and no residual terms",
+            hint="leave out constants, delay and residuals, or sample_hz",
         )
     if sample_hz is not None and measured.frequency_hz[-1] >= 0.5 * sample_hz:
         raise ConfigError(
@@ -142,7 +182,8 @@ def _options(
         )
     with_delay = real if delay is None else delay
     period_s = 0.0 if sample_hz is None else 1.0 / sample_hz
-    return Options(states, real, with_delay, not real if direct is None else direct, period_s)
+    with_direct = residuals or (not real if direct is None else direct)
+    return Options(states, real, with_delay, residuals, with_direct, period_s)
 
 
 def _unknowns(measured: FrequencyResponse, options: Options) -> int:
@@ -153,7 +194,7 @@ def _unknowns(measured: FrequencyResponse, options: Options) -> int:
     return (
         -(-options.states // 2) * per_pair
         + outputs * options.with_delay
-        + outputs * inputs * options.with_direct
+        + outputs * inputs * (options.with_lower + options.with_direct)
     )
 
 
@@ -165,10 +206,8 @@ def _first_data(measured: FrequencyResponse, variance: np.ndarray) -> Data:
 
 def _race(data: Data, variance: np.ndarray, options: Options) -> Polished:
     """The likeliest of the starts, each refined for a while on some of the lines."""
-    some = slice(None, None, max(1, len(data.s) // RACE_LINES))
-    part = Data(data.s[some], data.H[:, some], data.weight[:, some])
-    if len(part.s) * part.H.shape[0] < 4 * options.states:
-        part, some = data, slice(None)
+    part = _some_lines(data)
+    some = _some(len(data.s))
     runs = (polish(part, s, variance[:, some], steps=RACE_STEPS, rounds=3) for s in starts(data, options))
     done = [run for run in runs if run is not None]
     if not done:
@@ -179,18 +218,24 @@ def _race(data: Data, variance: np.ndarray, options: Options) -> Polished:
     return min(done, key=lambda run: run.likelihood)
 
 
-def _result(
-    measured: FrequencyResponse, options: Options, best: Polished, sample_hz: float | None
-) -> FitResult:
+def _some(lines: int) -> slice:
+    return slice(None, None, max(1, lines // RACE_LINES))
+
+
+def _some_lines(data: Data) -> Data:
+    some = _some(len(data.s))
+    return Data(data.s[some], data.H[:, some], data.weight[:, some])
+
+
+def _result(measured: FrequencyResponse, options: Options, best: Polished, reason: str) -> FitResult:
+    sample_hz = 1.0 / options.period_s if options.period_s else None
     point = unpack(best.layout, best.refined.theta)
     c = np.array([shapes(best.layout, point, x) for x in best.refined.step.linear])
-    direct = np.zeros((best.layout.outputs, best.layout.inputs))
-    if best.layout.with_direct:
-        direct = best.refined.step.linear[:, -best.layout.inputs :]
+    lower, direct = _constant_terms(best)
     uncertainty = bound(best.layout, best.refined.theta, best.gram)
     delay_s, warnings = _causal_delay(measured, point.delay_s, uncertainty)
     model = MeasurementModel(
-        point.poles, c, point.b, direct, delay_s, measured.inputs, measured.outputs, sample_hz
+        point.poles, c, point.b, direct, lower, delay_s, measured.inputs, measured.outputs, sample_hz
     )
     r = np.abs(model_response(model, measured.frequency_hz) - measured.H) ** 2
     if not np.isfinite(r).all():
@@ -207,8 +252,17 @@ def _result(
         np.sqrt(best.excess),
         uncertainty,
         np.array(best.refined.history),
+        reason,
         tuple(warnings),
     )
+
+
+def _constant_terms(best: Polished) -> tuple[np.ndarray, np.ndarray]:
+    layout, linear = best.layout, best.refined.step.linear
+    none = np.zeros((layout.outputs, layout.inputs))
+    direct = linear[:, -layout.inputs :] if layout.with_direct else none
+    end = layout.columns - layout.inputs * layout.with_direct
+    return (linear[:, end - layout.inputs : end] if layout.with_lower else none), direct
 
 
 def _causal_delay(

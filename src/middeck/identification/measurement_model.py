@@ -20,8 +20,8 @@ from middeck.values import record
 class MeasurementModel:
     """A transfer matrix by its poles and rank-one residues, with a delay for each output.
 
-    H_o = exp(-s tau_o) [ sum_m c_om b_m / (q - lambda_m) + the conjugate term of each pair + D_o ], with
-    q = s and lambda = pole in continuous time, q = exp(s T) and lambda = exp(pole T) for a sampled model.
+    H_o = exp(-s tau_o) [ sum_m c_om b_m / (q - lambda_m) + the conjugate of each pair + L_o / s^2 + D_o ],
+    with q = s and lambda = pole in continuous time, q = exp(s T) and lambda = exp(pole T) if sampled.
 
     Parameters
     ----------
@@ -33,7 +33,9 @@ class MeasurementModel:
     participation:
         Input vectors b.
     direct:
-        Constant term D.
+        Constant term D: also what modes above the band leave in it.
+    lower:
+        L, what modes below the band leave in it; zero unless asked for.
     delay_s:
         Delay of each output [s], exact in responses, a Pade approximation only in `measured_plant`.
     sample_hz:
@@ -44,6 +46,7 @@ class MeasurementModel:
     shapes: Complex[np.ndarray, "output mode"]
     participation: Complex[np.ndarray, "mode input"]
     direct: Float[np.ndarray, "output input"]
+    lower: Float[np.ndarray, "output input"]
     delay_s: Float[np.ndarray, " output"]
     inputs: tuple[Port, ...]
     outputs: tuple[Port, ...]
@@ -52,9 +55,10 @@ class MeasurementModel:
     @property
     def is_pair(self) -> np.ndarray:
         """True for each mode that stands for a conjugate pair."""
-        single = self.poles.imag == 0.0
+        imag = np.imag(self.poles)
+        single = imag == 0.0
         if self.sample_hz is not None:
-            single |= self.poles.imag >= np.pi * self.sample_hz * (1.0 - 1e-9)
+            single |= imag >= np.pi * self.sample_hz * (1.0 - 1e-9)
         return ~single
 
     @property
@@ -71,10 +75,14 @@ def model_response(
     T = None if model.sample_hz is None else 1.0 / model.sample_hz
     q, pole = (s, model.poles) if T is None else (np.exp(s * T), np.exp(model.poles * T))
     c, b = model.shapes, model.participation
-    H = (c / (q[:, None, None] - pole)) @ b
+    sum_of_terms = (c / (q[:, None, None] - pole)) @ b
     pairs = np.flatnonzero(model.is_pair)
-    H += (c[:, pairs].conj() / (q[:, None, None] - pole[pairs].conj())) @ b[pairs].conj() + model.direct
-    return H * np.exp(-s[:, None] * model.delay_s)[:, :, None]
+    sum_of_terms += (c[:, pairs].conj() / (q[:, None, None] - pole[pairs].conj())) @ b[
+        pairs
+    ].conj() + model.direct
+    if np.any(model.lower):
+        sum_of_terms += model.lower / s[:, None, None] ** 2
+    return sum_of_terms * np.exp(-s[:, None] * model.delay_s)[:, :, None]
 
 
 def natural_hz(model: MeasurementModel) -> Float[np.ndarray, " mode"]:
@@ -84,7 +92,7 @@ def natural_hz(model: MeasurementModel) -> Float[np.ndarray, " mode"]:
 
 def damping_ratio(model: MeasurementModel) -> Float[np.ndarray, " mode"]:
     """-Re pole / |pole| of each mode."""
-    return -model.poles.real / np.abs(model.poles)
+    return -np.real(model.poles) / np.abs(model.poles)
 
 
 def sampled_statespace(model: MeasurementModel) -> SampledStateSpace:
@@ -108,7 +116,8 @@ def measured_plant(
     """The plant of a continuous model: block-modal states, then the states of the delays.
 
     One delay common to all outputs is put on the side with fewer channels, so that a model with one input
-    needs ``pade_order`` states for it in all; outputs that differ need as many each.
+    needs ``pade_order`` states for it in all; outputs that differ need as many each. The term 1/s^2 of modes
+    below the band is left out: it is no part of the plant, only of its neighbourhood.
 
     Raises
     ------
@@ -133,8 +142,12 @@ def _with_delays(system: StateSpace, delay_s: np.ndarray, order: int) -> StateSp
 
 
 def _parallel(systems: Sequence[StateSpace]) -> StateSpace:
-    parts = ([getattr(s, name) for s in systems] for name in "ABCD")
-    return StateSpace(*(scipy.linalg.block_diag(*p) for p in parts))
+    blocks = (_block_diagonal([getattr(s, name) for s in systems]) for name in "ABCD")
+    return StateSpace(*blocks)
+
+
+def _block_diagonal(blocks: Sequence[np.ndarray]) -> np.ndarray:
+    return np.asarray(scipy.linalg.block_diag(*blocks))
 
 
 def _modal_blocks(model: MeasurementModel, pole: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -157,4 +170,4 @@ def _modal_blocks(model: MeasurementModel, pole: np.ndarray) -> tuple[np.ndarray
             C.append(c.real[:, None])
     rows, columns = model.direct.shape
     empty_B, empty_C = np.zeros((0, columns)), np.zeros((rows, 0))
-    return scipy.linalg.block_diag(*A), np.vstack([*B, empty_B]), np.hstack([*C, empty_C])
+    return _block_diagonal(A), np.vstack([*B, empty_B]), np.hstack([*C, empty_C])

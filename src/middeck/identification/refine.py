@@ -16,11 +16,11 @@ import numpy as np
 import scipy.linalg
 from jaxtyping import Complex, Float
 
-from middeck.identification.terms import Layout, columns, fractions, slopes, unpack
+from middeck.identification.terms import Fractions, Layout, Point, columns, fractions, slopes, unpack
 from middeck.values import record
 
-# The cost of a step that cannot be evaluated (coinciding poles, overflow); the solver then shortens it.
-REJECTED = np.inf
+# Linear unknowns are not solved for where one column is the rest up to this share: coinciding poles.
+COINCIDENT = 1e-13
 MOST_STEPS = 200
 # A step that promises less than this share of the cost ends the search: 1e-10 of the cost moves each
 # unknown by about 1e-5 of its own standard deviation when the residual is noise.
@@ -58,61 +58,74 @@ class Refined:
 
 def weighted(layout: Layout, data: Data, theta: Float[np.ndarray, " unknown"]) -> Step | None:
     """Half the sum of |weight (H - E)|^2, the linear unknowns solved for; None where it has no value."""
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        point = unpack(layout, theta)
-        parts = fractions(layout, point.poles, data.s)
-        X0 = columns(layout, point, parts)
-    if not np.isfinite(X0).all():
+    point, parts, X = _terms(layout, data, theta)
+    if not np.isfinite(X).all():
         return None
-    cost, found = 0.0, []
+    cost, found = 0.0, np.zeros((layout.outputs, layout.columns))
     gradient, gram = np.zeros(len(theta)), np.zeros((len(theta), len(theta)))
     for o in range(layout.outputs):
         late = (np.exp(-data.s * point.delay_s[o])[:, None] * data.weight[o])[None]
-        Q, R = scipy.linalg.qr(_real(X0 * late).T, mode="economic", check_finite=False)
-        if np.abs(np.diag(R)).min() <= 1e-13 * np.abs(np.diag(R)).max():
+        Q, R = np.linalg.qr(_real(X * late).T)
+        if np.abs(np.diag(R)).min() <= COINCIDENT * np.abs(np.diag(R)).max():
             return None
         target = _real((data.weight[o] * data.H[o])[None])[0]
         on_columns = Q.T @ target
-        x = scipy.linalg.solve_triangular(R, on_columns)
+        found[o] = scipy.linalg.solve_triangular(R, on_columns)
         residual = target - Q @ on_columns
-        G = slopes(layout, point, parts, x, o) * late
-        if layout.with_delay:
-            G = np.concatenate([G, _by_delay(layout, o, data.s, x, X0 * late)])
-        J = _real(G)
-        projected = J @ Q
+        G = _real(_slopes_late(layout, data, point, parts, found[o], X, late, o))
+        J = G - (G @ Q) @ Q.T
         cost += 0.5 * float(residual @ residual)
         gradient -= J @ residual
-        gram += J @ J.T - projected @ projected.T
-        found.append(x)
-    if not np.isfinite(cost):
-        return None
-    return Step(cost, gradient, gram, np.array(found).reshape(layout.outputs, layout.columns))
+        gram += J @ J.T
+    return Step(cost, gradient, gram, found) if np.isfinite(cost) else None
 
 
 def logarithmic(layout: Layout, data: Data, theta: Float[np.ndarray, " unknown"]) -> Step | None:
     """Half the sum of |weight log(H / E)|^2: log magnitude and phase; theta ends in the linear unknowns."""
     linear = theta[len(theta) - layout.outputs * layout.columns :].reshape(layout.outputs, layout.columns)
     shared = len(theta) - linear.size
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        point = unpack(layout, theta[:shared])
-        parts = fractions(layout, point.poles, data.s)
-        X0 = columns(layout, point, parts)
+    point, parts, X = _terms(layout, data, theta[:shared])
     cost, gradient, gram = 0.0, np.zeros(len(theta)), np.zeros((len(theta), len(theta)))
     for o in range(layout.outputs):
-        X = X0 * np.exp(-data.s * point.delay_s[o])[None, :, None]
-        E = np.tensordot(linear[o], X, axes=1)
+        late = np.exp(-data.s * point.delay_s[o])[None, :, None]
+        E = np.tensordot(linear[o], X * late, axes=1)
         if not np.isfinite(E).all() or not E.all():
             return None
-        G = slopes(layout, point, parts, linear[o], o) * np.exp(-data.s * point.delay_s[o])[None, :, None]
-        if layout.with_delay:
-            G = np.concatenate([G, _by_delay(layout, o, data.s, linear[o], X)])
-        J = _real(np.concatenate([G, X]) * (data.weight[o] / E)[None])
+        G = _slopes_late(layout, data, point, parts, linear[o], X, late, o)
+        J = _real(np.concatenate([G, X * late]) * (data.weight[o] / E)[None])
         residual = _real((data.weight[o] * np.log(data.H[o] / E))[None])[0]
         own = np.r_[0:shared, shared + o * layout.columns : shared + (o + 1) * layout.columns]
         cost += 0.5 * float(residual @ residual)
         gradient[own] -= J @ residual
         gram[np.ix_(own, own)] += J @ J.T
     return Step(cost, gradient, gram, linear) if np.isfinite(cost) else None
+
+
+def _terms(layout: Layout, data: Data, theta: np.ndarray) -> tuple[Point, Fractions, np.ndarray]:
+    # A trial step may overflow: what it gives is then not finite, and the step is refused.
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        point = unpack(layout, theta)
+        parts = fractions(layout, point.poles, data.s)
+        return point, parts, columns(layout, point, parts, data.s)
+
+
+def _slopes_late(
+    layout: Layout,
+    data: Data,
+    point: Point,
+    parts: Fractions,
+    linear: np.ndarray,
+    X: np.ndarray,
+    late: np.ndarray,
+    output: int,
+) -> Complex[np.ndarray, "unknown line input"]:
+    """Slopes by theta of one output's response times ``late``, delays included."""
+    G = slopes(layout, point, parts, linear) * late
+    if not layout.with_delay:
+        return G
+    by_delay = np.zeros((layout.outputs, *G.shape[1:]), dtype=complex)
+    by_delay[output] = -data.s[:, None] * np.tensordot(linear, X * late, axes=1)
+    return np.concatenate([G, by_delay])
 
 
 def search(
@@ -150,12 +163,6 @@ def _solve(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
     return size * np.linalg.solve(matrix * size[:, None] * size, size * right)
 
 
-def _by_delay(layout: Layout, output: int, s: np.ndarray, x: np.ndarray, X: np.ndarray) -> np.ndarray:
-    G = np.zeros((layout.outputs, *X.shape[1:]), dtype=complex)
-    G[output] = -s[:, None] * np.tensordot(x, X, axes=1)
-    return G
-
-
 def _real(G: Complex[np.ndarray, "row line input"]) -> Float[np.ndarray, "row number"]:
     """Real and imaginary parts side by side, without a copy."""
     return np.ascontiguousarray(G).reshape(len(G), -1).view(float)
@@ -169,6 +176,6 @@ def residual_of(
 ) -> Complex[np.ndarray, "output line input"]:
     """H - E, unweighted."""
     point = unpack(layout, theta)
-    X = columns(layout, point, fractions(layout, point.poles, data.s))
+    X = columns(layout, point, fractions(layout, point.poles, data.s), data.s)
     late = np.exp(-data.s * point.delay_s[:, None])[:, :, None]
     return data.H - np.tensordot(linear, X, axes=1) * late

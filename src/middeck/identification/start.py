@@ -14,7 +14,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-import scipy.linalg
 from jaxtyping import Complex, Float
 
 from middeck.identification.refine import Data
@@ -38,6 +37,7 @@ class Options:
     states: int
     real_constants: bool
     with_delay: bool
+    with_lower: bool
     with_direct: bool
     period_s: float
 
@@ -89,7 +89,8 @@ def subspace_poles(
 def _circle(s: np.ndarray, period_s: float) -> tuple[np.ndarray, float]:
     if period_s:
         return np.exp(s * period_s), 0.0
-    a = float(np.sqrt(s[0].imag * s[-1].imag))
+    omega = np.imag(s)
+    a = float(np.sqrt(omega[0] * omega[-1]))
     return (a + s) / (a - s), a
 
 
@@ -103,8 +104,8 @@ def _observability(data: Data, q: np.ndarray, rows: int) -> Float[np.ndarray, "r
     G = (powers[:, None, :, None] * (level[:, None, None] * data.H)[None]).reshape(rows * outputs, -1)
     U = np.einsum("rk,ij->rikj", powers, np.eye(inputs)).reshape(rows * inputs, -1)
     stacked = np.vstack([np.hstack([U.real, U.imag]), np.hstack([G.real, G.imag])])
-    R = scipy.linalg.qr(stacked.T, mode="r", check_finite=False)[0].T
-    return np.linalg.svd(R[rows * inputs :, rows * inputs : len(stacked)])[0]
+    triangle = np.asarray(np.linalg.qr(stacked.T, mode="r")).T
+    return np.linalg.svd(triangle[rows * inputs :, rows * inputs : len(stacked)])[0]
 
 
 def _to_plane(z: np.ndarray, a: float, period_s: float) -> Complex[np.ndarray, " state"]:
@@ -118,11 +119,12 @@ def _to_plane(z: np.ndarray, a: float, period_s: float) -> Complex[np.ndarray, "
 def _complex_start(data: Data, options: Options, found: np.ndarray) -> Start:
     """All poles of the subspace, each with the rank-one part of its residue."""
     nyquist = np.pi / options.period_s if options.period_s else np.inf
-    single = (found.imag == 0.0) | (np.abs(found.imag) >= nyquist * (1.0 - 1e-9))
-    upper = found[~single & (found.imag > 0.0)]
-    upper = upper[np.argsort(upper.imag)]
+    imag = np.imag(found)
+    single = (imag == 0.0) | (np.abs(imag) >= nyquist * (1.0 - 1e-9))
+    upper = found[~single & (imag > 0.0)]
+    upper = upper[np.argsort(np.imag(upper))]
     real = found[single]
-    poles = np.concatenate([upper, real.real + 1j * np.abs(real.imag)])
+    poles = np.concatenate([upper, np.real(real) + 1j * np.abs(np.imag(real))])
     pair = np.arange(len(poles)) < len(upper)
     return _start_at(data, options, poles, pair, np.zeros(len(data.H)))
 
@@ -133,12 +135,13 @@ def _start_at(
     b = _input_vectors(data, options, poles, pair, delay_s)
     layout = Layout(
         pair,
-        np.where(pair, 0.0, poles.imag),
+        np.where(pair, 0.0, np.imag(poles)),
         np.argmax(np.abs(b), axis=1),
         data.H.shape[2],
         data.H.shape[0],
         options.real_constants,
         options.with_delay,
+        options.with_lower,
         options.with_direct,
         options.period_s,
     )
@@ -163,7 +166,7 @@ def _input_vectors(
         level = np.sqrt(np.mean(weight**2))
         residues[:, o] = level * np.array([shapes(layout, point, x[:, i]) for i in range(inputs)]).T
     if options.real_constants:
-        residues[pair] *= 2j * poles.imag[pair, None, None]
+        residues[pair] *= 2j * np.imag(poles)[pair, None, None]
     b = np.linalg.svd(residues)[2][:, 0]
     b = b / np.take_along_axis(b, np.argmax(np.abs(b), axis=1)[:, None], axis=1)
     return np.where((pair & (not options.real_constants))[:, None], b, b.real)
@@ -175,24 +178,26 @@ def _one_by_one(
     """The columns of a single entry of H: every entry has residues of its own."""
     layout = Layout(
         pair,
-        np.where(pair, 0.0, poles.imag),
+        np.where(pair, 0.0, np.imag(poles)),
         np.zeros(len(poles), dtype=int),
         1,
         1,
         options.real_constants,
         False,
+        options.with_lower,
         options.with_direct,
         options.period_s,
     )
     point = Point(poles, np.ones((len(poles), 1), dtype=complex), np.zeros(1))
-    return layout, point, columns(layout, point, fractions(layout, poles, data.s))[:, :, 0]
+    return layout, point, columns(layout, point, fractions(layout, poles, data.s), data.s)[:, :, 0]
 
 
 def _real_start(data: Data, options: Options, found: np.ndarray) -> Start | None:
     """The strongest oscillating modes among the candidates, at the best delay of each output."""
     wanted = options.states // 2
-    light = (found.imag > 0.0) & (-found.real < HEAVY * np.abs(found))
-    poles = found[light][np.argsort(found[light].imag)]
+    light = (np.imag(found) > 0.0) & (-np.real(found) < HEAVY * np.abs(found))
+    poles = found[light]
+    poles = poles[np.argsort(np.imag(poles))]
     if len(poles) < wanted:
         return None
     pair = np.ones(len(poles), dtype=bool)
@@ -208,9 +213,9 @@ def _best_delay(data: Data, X: Complex[np.ndarray, "column line"], output: int) 
     weight = np.sqrt(np.mean(data.weight[output] ** 2, axis=1))
     Q = np.linalg.qr(np.ascontiguousarray(X * weight).view(float).T)[0]
     target = data.H[output] * weight[:, None]
-    step = DELAY_STEP * 2.0 * np.pi / data.s[-1].imag
+    step = DELAY_STEP * 2.0 * np.pi / np.imag(data.s)[-1]
     # Beyond half the record a delay is an advance: see `fit_response`.
-    longest = np.pi / np.min(np.diff(data.s.imag), initial=data.s[-1].imag)
+    longest = np.pi / np.min(np.diff(np.imag(data.s)), initial=np.imag(data.s)[-1])
     count = max(2, min(int(longest / step), 256))
     tau = step * np.arange(count)
     explained = [
@@ -227,9 +232,8 @@ def _strongest(
     line = np.sqrt(np.mean(data.weight**2, axis=(0, 2)))
     level = np.sqrt(np.mean(data.weight**2, axis=(1, 2)))
     prompt = data.H * np.exp(data.s * delay_s[:, None])[:, :, None] * (level[:, None, None] * line[:, None])
-    A = np.ascontiguousarray(X * line).view(float).T
-    size = np.linalg.norm(A, axis=0)
-    A = A / size
+    raw = np.ascontiguousarray(X * line).view(float).T
+    A = raw / np.linalg.norm(raw, axis=0)
     y = np.ascontiguousarray(np.moveaxis(prompt, 1, 2)).view(float).reshape(-1, A.shape[0]).T
     keep = np.arange(A.shape[1])
     while np.sum(keep < modes) > wanted:

@@ -31,8 +31,8 @@ class Layout:
         The input whose entry of b is held, for each mode.
     real_constants:
         Pairs are phi psi / ((s - p)(s - conj p)) with real phi and psi: no velocity in the residue.
-    with_delay, with_direct:
-        Whether each output has a delay, and the model a direct term.
+    with_delay, with_lower, with_direct:
+        Whether each output has a delay, and the model a term 1/s^2 and a constant term.
     period_s:
         Sampling period, or zero in continuous time.
     """
@@ -44,6 +44,7 @@ class Layout:
     outputs: int
     real_constants: bool
     with_delay: bool
+    with_lower: bool
     with_direct: bool
     period_s: float
 
@@ -63,7 +64,8 @@ class Layout:
         """Linear unknowns of one output."""
         pairs = int(np.sum(self.pair))
         per_pair = 1 if self.real_constants else 2
-        return per_pair * pairs + len(self.pair) - pairs + (self.inputs if self.with_direct else 0)
+        terms = self.inputs * (self.with_lower + self.with_direct)
+        return per_pair * pairs + len(self.pair) - pairs + terms
 
     @property
     def unknowns(self) -> int:
@@ -88,9 +90,8 @@ def pack(layout: Layout, point: Point) -> Float[np.ndarray, " unknown"]:
     b = point.b / np.take_along_axis(point.b, layout.pivot[:, None], axis=1)
     entries = [b[m, i].imag if part else b[m, i].real for m, i, part in layout.free_b]
     delay = point.delay_s if layout.with_delay else np.zeros(0)
-    return np.concatenate(
-        [np.log(-point.poles.real), np.log(point.poles.imag[:pairs]), np.array(entries), delay]
-    )
+    sigma, omega = -np.real(point.poles), np.imag(point.poles)[:pairs]
+    return np.concatenate([np.log(sigma), np.log(omega), np.array(entries), delay])
 
 
 def unpack(layout: Layout, theta: Float[np.ndarray, " unknown"]) -> Point:
@@ -124,23 +125,30 @@ def fractions(layout: Layout, poles: np.ndarray, s: Complex[np.ndarray, " line"]
     return Fractions(1.0 / (q - pole[:, None]), 1.0 / (q - pole.conj()[:, None]), slope)
 
 
-def columns(layout: Layout, point: Point, parts: Fractions) -> Complex[np.ndarray, "column line input"]:
-    """Factors of the linear unknowns of an output, without its delay."""
-    lines = parts.upper.shape[1]
+def columns(
+    layout: Layout, point: Point, parts: Fractions, s: Complex[np.ndarray, " line"]
+) -> Complex[np.ndarray, "column line input"]:
+    """Factors of the linear unknowns of an output, without its delay: modes, 1/s^2, constant."""
+    lines = len(s)
     X = np.empty((layout.columns, lines, layout.inputs), dtype=complex)
     pairs, modes = int(np.sum(layout.pair)), len(layout.pair)
     b, up, low = point.b[:, None, :], parts.upper[:, :, None], parts.lower[:, :, None]
     if layout.real_constants:
-        X[:pairs] = b[:pairs].real * (up * low)[:pairs]
+        X[:pairs] = np.real(b[:pairs]) * (up * low)[:pairs]
         used = pairs
     else:
         first, second = b[:pairs] * up[:pairs], b[:pairs].conj() * low[:pairs]
         X[0 : 2 * pairs : 2] = first + second
         X[1 : 2 * pairs : 2] = 1j * (first - second)
         used = 2 * pairs
-    X[used : used + modes - pairs] = b[pairs:].real * up[pairs:]
+    X[used : used + modes - pairs] = np.real(b[pairs:]) * up[pairs:]
+    used += modes - pairs
+    each_input = np.eye(layout.inputs)[:, None, :]
+    if layout.with_lower:
+        X[used : used + layout.inputs] = each_input / (s**2)[None, :, None]
+        used += layout.inputs
     if layout.with_direct:
-        X[used + modes - pairs :] = np.eye(layout.inputs)[:, None, :]
+        X[used:] = each_input
     return X
 
 
@@ -150,7 +158,7 @@ def shapes(layout: Layout, point: Point, x: Float[np.ndarray, " column"]) -> Com
     c = np.zeros(modes, dtype=complex)
     if layout.real_constants:
         # phi / ((s - p)(s - conj p)) has the residue phi / (2 j omega_d) at p.
-        c[:pairs] = x[:pairs] / (2j * point.poles.imag[:pairs])
+        c[:pairs] = x[:pairs] / (2j * np.imag(point.poles)[:pairs])
         c[pairs:] = x[pairs:modes]
     else:
         c[:pairs] = x[0 : 2 * pairs : 2] + 1j * x[1 : 2 * pairs : 2]
@@ -159,7 +167,7 @@ def shapes(layout: Layout, point: Point, x: Float[np.ndarray, " column"]) -> Com
 
 
 def slopes(
-    layout: Layout, point: Point, parts: Fractions, x: Float[np.ndarray, " column"], output: int
+    layout: Layout, point: Point, parts: Fractions, x: Float[np.ndarray, " column"]
 ) -> Complex[np.ndarray, "unknown line input"]:
     """Derivative of one output's response by theta (delays apart), at the linear unknowns ``x``."""
     pairs, modes = int(np.sum(layout.pair)), len(layout.pair)

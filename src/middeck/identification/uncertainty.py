@@ -37,7 +37,7 @@ def bound(
     covariance = 0.5 * _inverse(gram)
     modes, pairs = len(layout.pair), int(np.sum(layout.pair))
     poles = unpack(layout, theta).poles
-    sigma, omega = -poles.real, poles.imag
+    sigma, omega = -np.real(poles), np.imag(poles)
     size = np.abs(poles)
     # By log sigma and log omega_d: d size and d (sigma / size).
     frequency = np.zeros((modes, len(theta)))

@@ -52,6 +52,8 @@ def _excess(power: np.ndarray, variance: np.ndarray) -> float:
     # At e = max |r|^2 every term is below one: the root lies between; in units of that, for any unit of H.
     top = power.max()
     power, variance = power / top, variance / top
-    return float(
-        top * scipy.optimize.brentq(lambda e: np.mean(power / (variance + e)) - 1.0, 0.0, 1.0, xtol=1e-12)
-    )
+
+    def beyond_one(e: float) -> float:
+        return float(np.mean(power / (variance + e))) - 1.0
+
+    return float(top * scipy.optimize.brentq(beyond_one, 0.0, 1.0, xtol=1e-12))
