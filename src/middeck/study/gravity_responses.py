@@ -45,8 +45,12 @@ def study_gravity_responses(
 ) -> GravityResponses:
     """Model both environments without PD, measure the rig in the laboratory, compare."""
     frequency_hz = np.geomspace(*figure.band_hz, LINES)
-    ports = {"inputs": (figure.input,), "outputs": figure.outputs, "count": figure.modes_kept}
-    plants = {"orbit": build_plant(orbit, **ports), "lab": build_plant(lab, **ports)}
+    plants = {
+        environment: build_plant(
+            modes, inputs=(figure.input,), outputs=figure.outputs, count=figure.modes_kept
+        )
+        for environment, modes in (("orbit", orbit), ("lab", lab))
+    }
     test = run_rig_test(rig_plant(lab, figure.input, figure.outputs), rig, siso, rng)
     measured = estimate_response(test.record, band_hz=figure.band_hz)
     return GravityResponses(

@@ -32,6 +32,7 @@ class MeasuredLoop:
     """
 
     name: str
+    log10_authority: float
     compensator: Compensator
     predicted: FrequencyResponse
     measured: FrequencyResponse | None
@@ -44,8 +45,9 @@ class MeasuredLoop:
 
 @record
 class MeasuredControl:
-    """The measured open loop, the fit to it, the design plant, and a loop at each authority."""
+    """The measured open loop, the fit to it in its band, the design plant, and a loop at each authority."""
 
+    fit_band_hz: tuple[float, float]
     open_loop: FrequencyResponse
     fit: FitResult
     fitted: FrequencyResponse
@@ -78,7 +80,7 @@ def study_measured_control(
         _run_loop(name, compensator, plant, fitted, measured, test, drifted, siso, rng)
         for name, compensator in compensators.items()
     )
-    return MeasuredControl(measured, fit, fitted, plant, loops)
+    return MeasuredControl(siso.fit_band_hz, measured, fit, fitted, plant, loops)
 
 
 def _in_band(response: FrequencyResponse, band_hz: tuple[float, float]) -> FrequencyResponse:
@@ -127,8 +129,11 @@ def _run_loop(
     measured_rms = np.inf if closed is None else _measured_rms(closed)
     return MeasuredLoop(
         name=name,
+        log10_authority={"low": siso.low, "high": siso.high}[name].log10_authority,
         compensator=compensator,
-        predicted=predict_closed_loop_response(fitted, evaluate_compensator(compensator, fitted.frequency_hz)),
+        predicted=predict_closed_loop_response(
+            fitted, evaluate_compensator(compensator, fitted.frequency_hz)
+        ),
         measured=closed,
         predicted_db=_db(predicted_rms / predicted_open),
         measured_db=_db(measured_rms / _measured_rms(measured)),

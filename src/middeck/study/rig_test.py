@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 from jaxtyping import Float
 
@@ -37,8 +39,6 @@ def rig_plant(modes: Modes, actuator: str, sensors: tuple[str, ...]) -> Plant:
 
 def shift_modes(plant: Plant, near_hz: float, factor: float) -> Plant:
     """The same plant with the two modes nearest to ``near_hz`` moved by ``factor`` in frequency."""
-    import dataclasses
-
     modal = plant.dynamics
     assert isinstance(modal, ModalSystem)
     pair = np.argsort(np.abs(modal.omega / (2.0 * np.pi) - near_hz))[:2]

@@ -45,8 +45,8 @@ def run_stages(study: Study) -> Iterator[tuple[str, Callable[[], Outcome]]]:
         return found[0]
 
     def responses() -> GravityResponses:
-        modes = [find_modes(*study.case(figure_6.article, e)) for e in ("orbit", "lab")]
-        return study_gravity_responses(*modes, figure_6, study.rig, siso, rng["figure 6"])
+        in_orbit, in_lab = (find_modes(*study.case(figure_6.article, e)) for e in ("orbit", "lab"))
+        return study_gravity_responses(in_orbit, in_lab, figure_6, study.rig, siso, rng["figure 6"])
 
     def zero_g_control() -> ZeroGControl:
         return study_zero_g_control({"orbit": found[0].orbit, "lab": found[0].lab}, control)
@@ -56,8 +56,6 @@ def run_stages(study: Study) -> Iterator[tuple[str, Callable[[], Outcome]]]:
         return study_measured_control(modes, study.rig, siso, rng["figure 9"])
 
     def mirror() -> MirrorFit:
-        return study_mirror(
-            load_record(study.train_file), load_record(study.test_file), study.mirror.states
-        )
+        return study_mirror(load_record(study.train_file), load_record(study.test_file), study.mirror.states)
 
     yield from zip(STAGES, (gravity, responses, zero_g_control, measured_control, mirror), strict=True)

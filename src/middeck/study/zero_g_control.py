@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from functools import partial
 
@@ -14,7 +15,7 @@ from middeck.control.authority import (
     sweep_authority,
 )
 from middeck.control.classical import PDLoops, close_inner_loop
-from middeck.control.closed_loop import leave_open
+from middeck.control.closed_loop import close_loop, leave_open
 from middeck.control.lqg import LQGWeights, design_filter, design_lqg
 from middeck.control.performance import Performance, measure_metric
 from middeck.files.study_form import ControlForm
@@ -22,6 +23,7 @@ from middeck.structure.modal_plant import RATE, build_plant
 from middeck.structure.modes import Modes
 from middeck.systems.modal import ModalSystem, select_modes
 from middeck.systems.plant import Plant
+from middeck.systems.stability import GROWTH_LIMIT
 from middeck.values import record
 
 SUB_MODELS = ("all", "rigid", "flexible")
@@ -30,12 +32,26 @@ SEARCH_LAST = 7.0  # log10 authority: beyond the plotted range
 
 @record
 class SubModelSweep:
-    """One sub-model over authority: the sweep, the lab metric under PD alone, the first instability."""
+    """One sub-model over authority.
+
+    Parameters
+    ----------
+    reference_db_lab_pd:
+        The lab metric under PD alone, over the orbit one.
+    first_instability:
+        In the lab, searched beyond the plotted range; None if there is none.
+    mode_frequency_hz, mode_kind:
+        Of the lab mode that leads it, in the lab without any control.
+    unstable_pairs:
+        Number of complex pairs past the stability limit there.
+    """
 
     sweep: AuthoritySweep
     reference_db_lab_pd: float
     first_instability: FirstInstability | None
     mode_frequency_hz: float | None
+    mode_kind: str
+    unstable_pairs: int
 
 
 @record
@@ -74,8 +90,6 @@ def control_plant(modes: Modes, control: ControlForm) -> Plant:
 
 def sub_model(plant: Plant, kinds: tuple[str, ...], which: str) -> Plant:
     """``plant`` with all its modes, the flexible ones, or those that are not flexible."""
-    import dataclasses
-
     flexible = np.array([k == "flexible" for k in kinds])
     keep = {"all": np.ones(len(flexible), dtype=bool), "flexible": flexible, "rigid": ~flexible}[which]
     assert isinstance(plant.dynamics, ModalSystem)
@@ -95,7 +109,8 @@ def study_zero_g_control(modes: Mapping[str, Modes], control: ControlForm) -> Ze
     performance = _performance(control, psd)
     levels = np.linspace(control.log10_authority_first, control.log10_authority_last, control.levels)
     sweeps = tuple(
-        (which, _sweep(pair, control, psd, performance, levels, modes["lab"])) for which, pair in plants.items()
+        (which, _sweep(pair, control, psd, performance, levels, modes["lab"]))
+        for which, pair in plants.items()
     )
     metric_pd = tuple((env, measure_metric(leave_open(p), performance)) for env, p in plants["all"].items())
     return ZeroGControl(levels, psd, metric_pd, sweeps)
@@ -139,6 +154,13 @@ def _sweep(
     reference = measure_metric(leave_open(pair["orbit"]), performance)
     sweep = sweep_authority(design, 10.0**levels, on=pair, performance=performance, reference=reference)
     lab_pd = measure_metric(leave_open(pair["lab"]), performance)
+    over_orbit = float(20.0 * np.log10(lab_pd / reference))
     first = find_first_instability(design, pair["lab"], first=control.log10_authority_first, last=SEARCH_LAST)
-    hz = None if first is None else float(lab.frequency_hz[lab.name.index(first.mode_name)])
-    return SubModelSweep(sweep, float(20.0 * np.log10(lab_pd / reference)), first, hz)
+    if first is None:
+        return SubModelSweep(sweep, over_orbit, None, None, "", 0)
+    mode = lab.name.index(first.mode_name)
+    loop = close_loop(pair["lab"], design(10.0**first.log10_authority))
+    growing = np.count_nonzero((np.imag(loop.poles) >= 0.0) & (np.real(loop.poles) > GROWTH_LIMIT))
+    return SubModelSweep(
+        sweep, over_orbit, first, float(lab.frequency_hz[mode]), lab.kind[mode], int(growing)
+    )
