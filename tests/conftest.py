@@ -1,0 +1,55 @@
+"""One thread for BLAS, seeded campaigns, and skips that CI does not allow."""
+
+import datetime
+import json
+import os
+import shutil
+from pathlib import Path
+
+# Before numpy is imported: small matrices gain nothing from threads, and bytes depend on their number.
+for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+    os.environ.setdefault(variable, "1")
+
+import pytest
+from hypothesis import settings
+
+LONG = os.environ.get("MIDDECK_LONG") == "1"
+SEED = 1993
+SHARE = 20  # `make test` runs a twentieth of each campaign
+
+settings.register_profile("short", max_examples=20, derandomize=True, deadline=None)
+settings.register_profile("long", max_examples=20 * SHARE, derandomize=True, deadline=None)
+settings.load_profile("long" if LONG else "short")
+
+
+@pytest.fixture(scope="session")
+def campaign():
+    """``campaign(whole)``: seeds of a campaign of ``whole`` runs, its first twentieth unless all are asked for."""
+
+    def seeds(whole: int) -> range:
+        return range(SEED, SEED + (whole if LONG else max(1, whole // SHARE)))
+
+    return seeds
+
+
+@pytest.fixture(scope="session")
+def chromium():
+    """Path of a real browser; without one the test is skipped, which CI turns into a failure."""
+    return _program("chromium", "chromium-browser", "google-chrome")
+
+
+def _program(*names: str) -> str:
+    found = next((path for name in names if (path := shutil.which(name))), None)
+    if found is None:
+        message = f"no {names[0]} on this machine"
+        (pytest.fail if os.environ.get("MIDDECK_NO_SKIP") == "1" else pytest.skip)(message)
+    return found
+
+
+def pytest_sessionfinish(session, exitstatus):
+    """`make test-all` leaves its result, to be committed."""
+    if LONG:
+        reporter = session.config.pluginmanager.get_plugin("terminalreporter")
+        counts = {k: len(reporter.stats.get(k, [])) for k in ("passed", "failed", "error", "skipped")}
+        result = {"date": datetime.date.today().isoformat(), "seed": SEED, "exit": int(exitstatus), **counts}
+        (Path(__file__).parent / "results.json").write_text(json.dumps(result, indent=1) + "\n")
