@@ -168,7 +168,7 @@ def _block_matrix(poses: int, blocks: list[tuple[np.ndarray, np.ndarray]]) -> sp
     columns: list[np.ndarray] = []
     values: list[np.ndarray] = []
     for ends, matrices in blocks:
-        index = (6 * ends[:, :, None] + np.arange(6)).reshape(len(ends), -1)
+        index = (6 * ends[:, :, None] + np.arange(6)).reshape(len(ends), 6 * ends.shape[1])
         rows.append(np.broadcast_to(index[:, :, None], matrices.shape).ravel())
         columns.append(np.broadcast_to(index[:, None, :], matrices.shape).ravel())
         values.append(matrices.ravel())

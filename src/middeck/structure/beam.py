@@ -147,33 +147,38 @@ def beam_mass(
     x: Float[np.ndarray, "element 2 3"],
     T: Float[np.ndarray, "element 2 3 3"],
 ) -> Float[np.ndarray, "element 12 12"]:
-    """Consistent mass, rotary and polar inertia included, turned into the world along the current chord."""
-    e = _unit(x[:, 1] - x[:, 0])
+    """Consistent mass, rotary and polar inertia included, on the current chord.
+
+    The mass per element is that of the undeformed state; the chord's own length makes rigid rotations of a
+    stretched element exact.
+    """
+    chord = np.linalg.norm(x[:, 1] - x[:, 0], axis=1)
+    e = (x[:, 1] - x[:, 0]) / chord[:, None]
     y = T[:, 0, :, 1] + T[:, 1, :, 1]
     y = _unit(y - np.sum(y * e, axis=1)[:, None] * e)
     frame = np.stack([e, y, np.cross(e, y)], axis=-1)
     turn = np.einsum("eij,pq->epiqj", frame, np.eye(4)).reshape(-1, 12, 12)
-    return turn @ _local_mass(beams) @ np.swapaxes(turn, 1, 2)
+    return turn @ _local_mass(beams, chord) @ np.swapaxes(turn, 1, 2)
 
 
-def _local_mass(beams: BeamProperties) -> Array:
+def _local_mass(beams: BeamProperties, chord: Array) -> Array:
     """Gauss quadrature of shape functions; four points are exact for products of cubics."""
     points, weights = np.polynomial.legendre.leggauss(4)
-    n, L = len(beams.length), beams.length
+    n = len(chord)
     mass = np.zeros((n, 12, 12))
     for xi, w in zip(0.5 * (points + 1.0), 0.5 * weights, strict=True):
         N = np.zeros((n, 6, 12))  # displacement and rotation fields at the point
         for axis in (0, 3):
             N[:, axis, axis], N[:, axis, axis + 6] = 1.0 - xi, xi
-        v, slope = _transverse_shapes(xi, L, beams.shear_y)
+        v, slope = _transverse_shapes(xi, chord, beams.shear_y)
         N[:, 1][:, [1, 5, 7, 11]], N[:, 5][:, [1, 5, 7, 11]] = v, slope
-        v, slope = _transverse_shapes(xi, L, beams.shear_z)
+        v, slope = _transverse_shapes(xi, chord, beams.shear_z)
         sign = np.array([1.0, -1.0, 1.0, -1.0])  # w' = -theta_y
         N[:, 2][:, [2, 4, 8, 10]], N[:, 4][:, [2, 4, 8, 10]] = v * sign, -slope * sign
         density = np.stack(
             [beams.rho_A] * 3 + [beams.rho_I_y + beams.rho_I_z, beams.rho_I_y, beams.rho_I_z], axis=1
         )
-        mass += (w * L)[:, None, None] * np.einsum("eia,ei,eib->eab", N, density, N)
+        mass += (w * beams.length)[:, None, None] * np.einsum("eia,ei,eib->eab", N, density, N)
     return mass
 
 
