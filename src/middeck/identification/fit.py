@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from middeck.errors import ConfigError, FitError
 from middeck.identification.checks import check_response
+from middeck.identification.exchange import exchanges
 from middeck.identification.measurement_model import MeasurementModel, model_response
 from middeck.identification.order import OrderChoice, choose, description_length, is_settled, sizes
 from middeck.identification.polish import Polished, logarithmic_polish, polish
@@ -21,9 +22,11 @@ from middeck.identification.weights import line_variance
 from middeck.systems.response import FrequencyResponse
 from middeck.values import record
 
-# The starts are compared on a subset of the lines; the best of them is then refined on all.
-RACE_LINES = 1000
+# The starts are compared on lines that hold about so many numbers; the best is then refined on all.
+RACE_NUMBERS = 5000
 RACE_STEPS = 40
+# An exchange of modes counts when it gains more likelihood than rounding and an unsettled search may.
+EXCHANGE_GAIN = 1.0
 # The start is weighted as if the model left this share of the response's rms.
 FIRST_EXCESS = 0.03
 
@@ -134,7 +137,7 @@ def _recommend(
     measured: FrequencyResponse, data: Data, variance: np.ndarray, options: Options
 ) -> OrderChoice:
     """The order of the shortest description, each order raced as a fit would be."""
-    part = _some_lines(data)
+    part, _ = _some_lines(data, variance)
     tried: list[int] = []
     length: list[float] = []
     for states in sizes():
@@ -205,26 +208,39 @@ def _first_data(measured: FrequencyResponse, variance: np.ndarray) -> Data:
 
 
 def _race(data: Data, variance: np.ndarray, options: Options) -> Polished:
-    """The likeliest of the starts, each refined for a while on some of the lines."""
-    part = _some_lines(data)
-    some = _some(len(data.s))
-    runs = (polish(part, s, variance[:, some], steps=RACE_STEPS, rounds=3) for s in starts(data, options))
-    done = [run for run in runs if run is not None]
-    if not done:
+    """The likeliest of the starts, each refined for a while on some of the lines, then its exchanges."""
+    part, some = _some_lines(data, variance)
+    best: Polished | None = None
+    for start in starts(data, options):
+        run = polish(part, start, some, steps=RACE_STEPS, rounds=3)
+        if run is not None and (best is None or run.likelihood < best.likelihood):
+            best = run
+    if best is None:
         raise FitError(
             f"no start for {options.states} states could be refined",
             hint="fewer states, a wider band or a longer period",
         )
-    return min(done, key=lambda run: run.likelihood)
+    return _exchange(part, some, options, best)
 
 
-def _some(lines: int) -> slice:
-    return slice(None, None, max(1, lines // RACE_LINES))
+def _exchange(part: Data, variance: np.ndarray, options: Options, best: Polished) -> Polished:
+    """Exchange modes as long as that pays; a model that leaves no excess has nothing to gain."""
+    while np.any(best.excess > 0.1 * variance.mean(axis=(1, 2))):
+        runs = (
+            polish(part, start, variance, steps=RACE_STEPS, rounds=3)
+            for start in exchanges(part, options, best, variance)
+        )
+        better = (run for run in runs if run is not None and run.likelihood < best.likelihood - EXCHANGE_GAIN)
+        found = next(better, None)
+        if found is None:
+            return best
+        best = found
+    return best
 
 
-def _some_lines(data: Data) -> Data:
-    some = _some(len(data.s))
-    return Data(data.s[some], data.H[:, some], data.weight[:, some])
+def _some_lines(data: Data, variance: np.ndarray) -> tuple[Data, np.ndarray]:
+    some = slice(None, None, max(1, data.H.size // RACE_NUMBERS))
+    return Data(data.s[some], data.H[:, some], data.weight[:, some]), variance[:, some]
 
 
 def _result(measured: FrequencyResponse, options: Options, best: Polished, reason: str) -> FitResult:

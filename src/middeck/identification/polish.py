@@ -50,7 +50,7 @@ def polish(
         if found is None:
             return None
         r = residual_of(layout, data, found.theta, found.step.linear)
-        before, excess = excess, excess_variance(r, variance)
+        before, excess = excess, excess_variance(data.H, r, variance)
         v = variance + excess[:, None, None]
         again = Data(data.s, data.H, 1.0 / np.sqrt(v))
         found = search(
@@ -72,7 +72,7 @@ def logarithmic_polish(data: Data, start: Polished, variance: np.ndarray) -> Pol
     shared = len(start.refined.theta)
     E = data.H - residual_of(layout, data, theta[:shared], start.refined.step.linear)
     size = np.maximum(np.abs(E) ** 2, np.finfo(float).tiny)
-    excess = excess_variance(np.log(data.H / E), variance / size)
+    excess = excess_variance(np.ones_like(E), np.log(data.H / E), variance / size)
     again = Data(data.s, data.H, 1.0 / np.sqrt(variance / size + excess[:, None, None]))
     found = search(lambda x: logarithmic(layout, again, x), theta)
     if found is None:

@@ -22,9 +22,9 @@ from middeck.values import record
 # Linear unknowns are not solved for where one column is the rest up to this share: coinciding poles.
 COINCIDENT = 1e-13
 MOST_STEPS = 200
-# A step that promises less than this share of the cost ends the search: 1e-10 of the cost moves each
-# unknown by about 1e-5 of its own standard deviation when the residual is noise.
-SMALLEST_GAIN = 1e-10
+# A step that promises less ends the search. Weights are one over standard deviations, so that an unknown one
+# deviation off costs 1/2 or more: 1e-3 is a twentieth of a deviation, for all unknowns together.
+SMALLEST_GAIN = 1e-3
 
 
 @record
@@ -143,7 +143,7 @@ def search(
         scale = np.maximum(np.diag(step.gram), 1e-14 * np.diag(step.gram).max())
         move = _solve(step.gram + damping * np.diag(scale), -step.gradient)
         promised = float(-move @ step.gradient - 0.5 * move @ step.gram @ move)
-        if promised <= SMALLEST_GAIN * step.cost:
+        if promised <= SMALLEST_GAIN:
             return Refined(theta, step, tuple(history), True)
         trial = evaluate(theta + move)
         gain = -1.0 if trial is None else (step.cost - trial.cost) / promised

@@ -126,12 +126,11 @@ def _complex_start(data: Data, options: Options, found: np.ndarray) -> Start:
     real = found[single]
     poles = np.concatenate([upper, np.real(real) + 1j * np.abs(np.imag(real))])
     pair = np.arange(len(poles)) < len(upper)
-    return _start_at(data, options, poles, pair, np.zeros(len(data.H)))
+    return start_at(data, options, poles, pair, np.zeros(len(data.H)))
 
 
-def _start_at(
-    data: Data, options: Options, poles: np.ndarray, pair: np.ndarray, delay_s: np.ndarray
-) -> Start:
+def start_at(data: Data, options: Options, poles: np.ndarray, pair: np.ndarray, delay_s: np.ndarray) -> Start:
+    """A start at given poles and delays; input vectors from the data."""
     b = _input_vectors(data, options, poles, pair, delay_s)
     layout = Layout(
         pair,
@@ -205,7 +204,7 @@ def _real_start(data: Data, options: Options, found: np.ndarray) -> Start | None
     delay_s = np.array([_best_delay(data, X, o) for o in range(len(data.H))])
     delay_s = delay_s if options.with_delay else np.zeros(len(data.H))
     kept = _strongest(data, X, delay_s, len(poles), wanted)
-    return _start_at(data, options, poles[kept], pair[kept], delay_s)
+    return start_at(data, options, poles[kept], pair[kept], delay_s)
 
 
 def _best_delay(data: Data, X: Complex[np.ndarray, "column line"], output: int) -> float:

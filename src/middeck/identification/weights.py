@@ -4,11 +4,13 @@ A variance per line estimated from few periods has few degrees of freedom: used 
 quiet by chance would rule the fit. It is averaged over neighbouring lines first.
 
 A model of limited order, or a real structure that is not quite linear, leaves more than the variance says.
-That excess is taken as one more variance e per output, the same on all lines, solved from
+That excess is taken as one more variance on all lines, e P_o with P_o the mean square response of the output
+and one share e for all outputs, solved from
 
-    sum |r|^2 / (v + e) = number of lines   (Paule and Mandel 1982)
+    sum |r|^2 / (v + e P) = number of lines   (Paule and Mandel 1982)
 
-so that a good model is weighted by its noise and a short one by the size of the response it must follow.
+so that a good model is weighted by its noise and a short one by the size of the responses it must follow. A
+share for each output would let a fit give up one output and then weigh it less for being so.
 """
 
 from __future__ import annotations
@@ -40,20 +42,20 @@ def line_variance(measured: FrequencyResponse) -> Float[np.ndarray, "output line
 
 
 def excess_variance(
-    residual: Complex[np.ndarray, "output line input"], variance: Float[np.ndarray, "output line input"]
+    data: Complex[np.ndarray, "output line input"],
+    residual: Complex[np.ndarray, "output line input"],
+    variance: Float[np.ndarray, "output line input"],
 ) -> Float[np.ndarray, " output"]:
-    """The variance e of each output that the model leaves beyond ``variance``; zero where none is left."""
-    return np.array([_excess(r, v) for r, v in zip(np.abs(residual) ** 2, variance, strict=True)])
-
-
-def _excess(power: np.ndarray, variance: np.ndarray) -> float:
-    if np.mean(power / variance) <= 1.0:
-        return 0.0
-    # At e = max |r|^2 every term is below one: the root lies between; in units of that, for any unit of H.
+    """The variance that the model leaves beyond ``variance`` in each output; zero where none is left."""
+    level = np.mean(np.abs(data) ** 2, axis=(1, 2))
+    power = np.abs(residual) ** 2 / level[:, None, None]
+    known = variance / level[:, None, None]
+    if np.mean(power / known) <= 1.0:
+        return np.zeros(len(level))
+    # At e = max |r|^2 every term is below one: the root lies between; in units of that, for any size of e.
     top = power.max()
-    power, variance = power / top, variance / top
 
     def beyond_one(e: float) -> float:
-        return float(np.mean(power / (variance + e))) - 1.0
+        return float(np.mean(power / (known + e * top))) - 1.0
 
-    return float(top * scipy.optimize.brentq(beyond_one, 0.0, 1.0, xtol=1e-12))
+    return top * float(scipy.optimize.brentq(beyond_one, 0.0, 1.0, xtol=1e-12)) * level
