@@ -1,0 +1,80 @@
+"""What holds for every plant: coordinates do not matter, more authority costs more and moves less."""
+
+import dataclasses
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from middeck.control.closed_loop import close_loop
+from middeck.control.lqg import LQGWeights, design_filter, design_lqg
+from middeck.control.partition import partition_modes
+from middeck.systems.modal import ModalSystem
+from middeck.systems.norms import band_rms
+from middeck.systems.plant import Plant
+from middeck.systems.ports import Port
+from middeck.systems.statespace import StateSpace
+
+BAND = (0.05, 20.0)
+WEIGHTS = LQGWeights(np.ones(2), np.ones(2), ("a", "b"), np.eye(2), np.full(2, 1e-4))
+
+
+def random_plant(seed, modes=5, rigid=1):
+    rng = np.random.default_rng(seed)
+    omega = np.concatenate([np.zeros(rigid), 2.0 * np.pi * np.sort(rng.uniform(0.2, 10.0, modes - rigid))])
+    psi, phi = rng.standard_normal((modes, 2)), rng.standard_normal((2, modes))
+    names = tuple(f"mode {i}" for i in range(modes))
+    modal = ModalSystem(omega, np.where(omega > 0.0, 0.01, 0.0), psi, phi, 0.0 * phi, names)
+    ports = (Port("a", "N"), Port("b", "N")), (Port("x", "m"), Port("y", "m"))
+    return Plant(modal, *ports, ("a", "b"), ("a", "b"), ("x", "y"), ("x", "y"))
+
+
+@settings(max_examples=15, deadline=None)
+@given(seed=st.integers(0, 10_000))
+def test_lqg_stabilises_and_its_output_cost_falls_with_authority(seed):
+    plant = random_plant(seed)
+    kalman = design_filter(plant, WEIGHTS)
+    whole = []
+    for authority in (0.1, 1.0, 10.0, 100.0):
+        law = design_lqg(plant, WEIGHTS, authority, kalman=kalman)
+        loop = close_loop(plant, law)
+        assert loop.stable
+        assert law.regulator.residual < 1e-12
+        # E[z'z] + rho E[u'u] falls as rho does: its slope in rho is E[u'u].
+        whole.append(law.cost)
+    assert np.all(np.diff(whole) < 0.0)
+
+
+@settings(max_examples=15, deadline=None)
+@given(seed=st.integers(0, 10_000))
+def test_coordinates_of_the_plant_do_not_matter(seed):
+    plant = random_plant(seed)
+    system = plant.system
+    T, _ = np.linalg.qr(np.random.default_rng(seed).standard_normal(system.A.shape))
+    turned = StateSpace(T @ system.A @ T.T, T @ system.B, system.C @ T.T, system.D)
+    other = dataclasses.replace(plant, dynamics=turned)
+    laws = [design_lqg(p, WEIGHTS, 10.0) for p in (plant, other)]
+    rms = [
+        band_rms(close_loop(p, law).system, np.eye(2), BAND)
+        for p, law in zip((plant, other), laws, strict=True)
+    ]
+    # Two Riccati equations with a double pole at the origin, ten states: half the digits are lost at most.
+    np.testing.assert_allclose(rms[0], rms[1], rtol=1e-8)
+    assert abs(laws[0].cost / laws[1].cost - 1.0) < 1e-8
+
+
+@settings(max_examples=15, deadline=None)
+@given(seed=st.integers(0, 10_000), inert=st.sets(st.integers(0, 4), max_size=4))
+def test_inert_modes_change_nothing(seed, inert):
+    plant = random_plant(seed, rigid=0)
+    modal = plant.dynamics
+    rows = sorted(inert)
+    psi, phi = modal.psi.copy(), modal.phi.copy()
+    psi[rows], phi[:, rows] = 0.0, 0.0
+    quiet = dataclasses.replace(plant, dynamics=dataclasses.replace(modal, psi=psi, phi=phi))
+    part = partition_modes(quiet)
+    assert part.inert == tuple(f"mode {i}" for i in rows)
+    law = design_lqg(quiet, WEIGHTS, 10.0)
+    assert law.inert == part.inert
+    loops = [close_loop(p, law) for p in (quiet, part.active)]
+    assert loops[0].system == loops[1].system
