@@ -10,6 +10,8 @@ from middeck.systems.record import Record
 from middeck.systems.response import FrequencyResponse
 
 FEWEST_SAMPLES = 16
+# Mean of |H|^2 / variance below which there is nothing but noise: that of noise alone is 1.
+ALL_NOISE = 1.2
 # A channel whose swing is within this share of its level is constant up to rounding.
 ROUNDING = 1e-13
 
@@ -66,6 +68,13 @@ def check_response(measured: FrequencyResponse, unknowns: int) -> None:
         row = measured.H[:, o]
         if not np.any(row):
             raise FitError("the response is zero on all lines", where=f"output {output.name}")
+        variance = None if measured.variance is None else measured.variance[:, o]
+        if variance is not None and np.sum(np.abs(row) ** 2) < ALL_NOISE * np.sum(variance):
+            raise FitError(
+                "all lines are noise: the response is no larger than its standard deviation",
+                where=f"output {output.name}",
+                hint="more periods, a larger excitation, or leave the output out",
+            )
         if np.abs(row - row.mean(axis=0)).max() <= 1e-9 * np.abs(row).max():
             raise FitError(
                 "the response is constant: there is no mode to fit",

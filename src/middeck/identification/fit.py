@@ -118,7 +118,9 @@ def fit_response(
         If the response is constant, all noise or too short for so many states, if an output leads its
         input, or if no start could be refined.
     """
-    options = _options(measured, states or 2, sample_hz, constants, delay, direct, residuals)
+    options = _options(
+        measured, 2 if states is None else states, sample_hz, constants, delay, direct, residuals
+    )
     check_response(measured, _unknowns(measured, options))
     variance = line_variance(measured)
     data = _first_data(measured, variance)

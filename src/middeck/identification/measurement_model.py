@@ -130,15 +130,26 @@ def measured_plant(
             hint="fit without sample_hz, or take sampled_statespace",
         )
     system = StateSpace(*_modal_blocks(model, model.poles), model.direct)
-    system = _with_delays(system, model.delay_s, pade_order)
-    return Plant(system, model.inputs, model.outputs, tuple(w), tuple(u), tuple(z), tuple(y))
+    system, names = _with_delays(system, _pole_names(model), model.delay_s, pade_order)
+    return Plant(system, model.inputs, model.outputs, tuple(w), tuple(u), tuple(z), tuple(y), names)
 
 
-def _with_delays(system: StateSpace, delay_s: np.ndarray, order: int) -> StateSpace:
+def _pole_names(model: MeasurementModel) -> tuple[str, ...]:
+    """One for each state, so that a design can say which pole it cannot hold."""
+    pairs = zip(natural_hz(model), model.is_pair, strict=True)
+    return tuple(f"pole at {hz:.4g} Hz" for hz, pair in pairs for _ in range(1 + pair))
+
+
+def _with_delays(
+    system: StateSpace, names: tuple[str, ...], delay_s: np.ndarray, order: int
+) -> tuple[StateSpace, tuple[str, ...]]:
     outputs, inputs = system.D.shape
-    if np.all(delay_s == delay_s[0]) and inputs < outputs:
-        return series(_parallel([pade(delay_s[0], order)] * inputs), system)
-    return series(system, _parallel([pade(tau, order) for tau in delay_s]))
+    at_input = bool(np.all(delay_s == delay_s[0])) and inputs < outputs
+    delays = _parallel([pade(tau, order) for tau in (delay_s[:1].repeat(inputs) if at_input else delay_s)])
+    labels = ("delay",) * len(delays.A)
+    if at_input:
+        return series(delays, system), (*labels, *names)
+    return series(system, delays), (*names, *labels)
 
 
 def _parallel(systems: Sequence[StateSpace]) -> StateSpace:

@@ -26,6 +26,9 @@ ROWS = (1.5, 2.0, 3.0)
 SIZES = (1.0, 1.5, 2.0)
 # Delays tried, in steps of this share of the shortest period in the band.
 DELAY_STEP = 0.125
+# First tried on either side of zero, and the share of the response that a right delay explains.
+FIRST_DELAYS = 64
+ENOUGH = 0.5
 # Damping ratio above which a candidate is no mode of a structure but takes up delay or noise.
 HEAVY = 0.3
 
@@ -208,20 +211,27 @@ def _real_start(data: Data, options: Options, found: np.ndarray) -> Start | None
 
 
 def _best_delay(data: Data, X: Complex[np.ndarray, "column line"], output: int) -> float:
-    """The delay on a grid at which real constants explain most of one output."""
+    """The delay (negative: a lead) on a grid at which real constants explain most of one output.
+
+    The grid grows to half the record until most is explained: lines no closer than that tell no longer delay.
+    """
     weight = np.sqrt(np.mean(data.weight[output] ** 2, axis=1))
     Q = np.linalg.qr(np.ascontiguousarray(X * weight).view(float).T)[0]
     target = data.H[output] * weight[:, None]
     step = DELAY_STEP * 2.0 * np.pi / np.imag(data.s)[-1]
-    # Beyond half the record a delay is an advance: see `fit_response`.
     longest = np.pi / np.min(np.diff(np.imag(data.s)), initial=np.imag(data.s)[-1])
-    count = max(2, min(int(longest / step), 256))
-    tau = step * np.arange(count)
-    explained = [
-        np.sum((Q.T @ np.ascontiguousarray((target * np.exp(data.s * t)[:, None]).T).view(float).T) ** 2)
-        for t in tau
-    ]
-    return float(tau[int(np.argmax(explained))])
+    count = FIRST_DELAYS
+    while True:
+        tau = step * np.arange(-count, count + 1)
+        explained = [_explained(Q, target * np.exp(data.s * t)[:, None]) for t in tau]
+        best = int(np.argmax(explained))
+        if explained[best] > ENOUGH * np.sum(np.abs(target) ** 2) or step * count >= longest:
+            return float(tau[best])
+        count = min(4 * count, int(np.ceil(longest / step)))
+
+
+def _explained(Q: np.ndarray, target: Complex[np.ndarray, "line input"]) -> float:
+    return float(np.sum((Q.T @ np.ascontiguousarray(target.T).view(float).T) ** 2))
 
 
 def _strongest(

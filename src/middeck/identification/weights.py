@@ -15,6 +15,8 @@ share for each output would let a fit give up one output and then weigh it less 
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import scipy.optimize
 from jaxtyping import Complex, Float
@@ -58,4 +60,5 @@ def excess_variance(
     def beyond_one(e: float) -> float:
         return float(np.mean(power / (known + e * top))) - 1.0
 
-    return top * float(scipy.optimize.brentq(beyond_one, 0.0, 1.0, xtol=1e-12)) * level
+    share: Any = scipy.optimize.brentq(beyond_one, 0.0, 1.0, xtol=1e-12)
+    return top * float(share) * level

@@ -1,0 +1,23 @@
+"""Stable and real whatever the search does: there is no theta of an unstable model."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from middeck.identification.terms import Layout, unpack
+
+numbers = st.lists(st.floats(-30.0, 30.0), min_size=8, max_size=8)
+
+
+@settings(deadline=None)
+@given(numbers, st.sampled_from([0.0, 1e-3]))
+def test_every_theta_is_a_stable_model(values, period_s):
+    layout = Layout(
+        np.array([True, True, False]), np.zeros(3), np.zeros(3, dtype=int), 2, 1,
+        True, False, False, False, period_s,
+    )  # fmt: skip
+    poles = unpack(layout, np.array(values)).poles
+    assert (poles.real < 0.0).all()
+    if period_s:
+        # exp rounds to one where the decay over a sample is below rounding.
+        assert (np.abs(np.exp(poles * period_s)) <= 1.0 + 1e-15).all()
