@@ -1,0 +1,48 @@
+"""The group of verbs; a verb's module is imported when it is asked for."""
+
+from __future__ import annotations
+
+from importlib import import_module
+
+import click
+
+from middeck import __version__
+
+VERBS = ("study", "modes", "compare", "response", "identify", "design")
+
+EXAMPLES = """\
+\b
+Examples:
+  middeck modes articles/mace-dm.toml --environment lab
+  middeck study studies/mace-1993.toml -o out/mace-1993
+
+\b
+--set key=value overrides any input value by the name it has in its file.
+Exit codes: 0 done, 2 usage or configuration, 3 missing extra, 4 bad data,
+5 numerical failure, 70 a fault of middeck, 130 interrupted.
+Manual: README.md and docs/ of the source; `middeck VERB --help` for a verb.
+"""
+
+
+class Verbs(click.Group):
+    """Finds verbs by name in `middeck.cli.verbs`."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """The verbs in the order of the work."""
+        return list(VERBS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """The verb's click command, imported now."""
+        if cmd_name not in VERBS:
+            return None
+        return import_module(f"middeck.cli.verbs.{cmd_name}").verb
+
+
+app = click.version_option(__version__, prog_name="middeck")(
+    Verbs(
+        "middeck",
+        help="Control of flexible structures that must work where they cannot be tested.",
+        epilog=EXAMPLES,
+        context_settings={"help_option_names": ["-h", "--help"]},
+    )
+)

@@ -1,0 +1,29 @@
+"""Errors of a computation get the name of the file whose content they are about."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
+
+from middeck.errors import MiddeckError
+
+
+@contextmanager
+def reading(*files: str | Path) -> Generator[None]:
+    """Put ``files`` before the place of an error that names none of them.
+
+    >>> from middeck.errors import DataError
+    >>> with reading("a.npz"):
+    ...     raise DataError("the channel is constant", where="input u")
+    Traceback (most recent call last):
+    ...
+    middeck.errors.DataError: a.npz, input u: the channel is constant
+    """
+    try:
+        yield
+    except MiddeckError as error:
+        names = [str(f) for f in files]
+        if not any(name in str(error) for name in names):
+            error.where = ", ".join([*names, *([error.where] if error.where else [])])
+        raise

@@ -1,0 +1,83 @@
+"""The console script: runs one verb and turns every ending into a documented exit code.
+
+== ==========================================================================================
+ 0 done
+ 1 the answer is no (only where a verdict was asked for)
+ 2 usage or configuration
+ 3 an optional package is missing
+ 4 bad data
+ 5 numerical failure: there is no trustworthy answer
+70 a fault of middeck itself (EX_SOFTWARE of sysexits.h), so that no script takes it for a "no"
+130 interrupted, by Ctrl-C or by SIGTERM
+== ==========================================================================================
+
+Nothing heavy is imported before `run` has arranged for interruptions.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+from typing import NoReturn
+
+INTERNAL = 70
+INTERRUPTED = 130
+
+
+def run() -> NoReturn:
+    """Entry point of the ``middeck`` command."""
+    from middeck.cli.interrupts import catch_interrupts
+
+    sys.exit(execute(sys.argv[1:], catch_interrupts()))
+
+
+def execute(arguments: Sequence[str], interrupted: Callable[[], bool]) -> int:
+    """Run the command line ``arguments``; errors go to stderr, the exit code is returned."""
+    try:
+        from middeck.cli.app import app
+
+        code = app.main(list(arguments), prog_name="middeck", standalone_mode=False)
+        return code if isinstance(code, int) else 0
+    except Exception as error:
+        if "--debug" in arguments:
+            import traceback
+
+            traceback.print_exc()
+        if interrupted():  # whatever the interruption was turned into on its way up
+            return _say("interrupted", INTERRUPTED)
+        return _explain(error)
+    except KeyboardInterrupt:
+        return _say("interrupted", INTERRUPTED)
+
+
+def _explain(error: Exception) -> int:
+    import click
+
+    from middeck.errors import MiddeckError
+
+    match error:
+        case MiddeckError():
+            return _say(f"error: {error}", error.exit_code)
+        case click.Abort():
+            return _say("interrupted", INTERRUPTED)
+        case click.exceptions.NoArgsIsHelpError():
+            return _say(error.format_message(), error.exit_code)
+        case click.UsageError() if error.ctx is not None:
+            advice = f"{error.ctx.get_usage()}\n  try: {error.ctx.command_path} --help"
+            return _say(f"error: {error.format_message()}\n{advice}", error.exit_code)
+        case click.ClickException():
+            return _say(f"error: {error.format_message()}", error.exit_code)
+        case OSError() if error.filename is not None:
+            return _say(f"error: {error.filename}: {error.strerror}\n  try: another path", 2)
+        case _:
+            what = " ".join(str(error).split())
+            return _say(
+                f"error: a fault of middeck: {type(error).__name__}: {what}; "
+                "please report it with what `middeck --version` and the same command with --debug print",
+                INTERNAL,
+            )
+
+
+def _say(message: str, code: int) -> int:
+    print(message, file=sys.stderr)
+    return code

@@ -1,0 +1,76 @@
+"""How far a run of stages is: a bar with the remaining time on a terminal, plain lines elsewhere."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Generator, Mapping
+from contextlib import contextmanager
+
+import click
+
+from middeck.cli.screen import is_terminal
+
+Begin = Callable[[str], None]
+End = Callable[[str, float], None]
+
+
+@contextmanager
+def follow(shares: Mapping[str, float]) -> Generator[tuple[Begin, End]]:
+    """Two functions to call when a stage begins and when it has ended after so many seconds, on stderr."""
+    if is_terminal(sys.stderr):
+        with _bar(shares) as functions:
+            yield functions
+    else:
+        yield lambda name: None, lambda name, seconds: click.echo(f"{name}  {seconds:.1f} s", err=True)
+
+
+def remaining_s(shares: Mapping[str, float], times: Mapping[str, float], now_s: float) -> float | None:
+    """What is left, ``now_s`` into the stage after those in ``times``, if all run at the pace so far.
+
+    >>> remaining_s({"a": 0.25, "b": 0.75}, {"a": 2.0}, 1.0)
+    5.0
+    """
+    done = sum(shares[name] for name in times)
+    if not done:
+        return None
+    pace = sum(times.values()) / done
+    return max(0.0, pace * (sum(shares.values()) - done) - now_s)
+
+
+@contextmanager
+def _bar(shares: Mapping[str, float]) -> Generator[tuple[Begin, End]]:
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn
+    from rich.text import Text
+
+    times: dict[str, float] = {}
+    since = [time.monotonic()]
+
+    class Remaining(ProgressColumn):
+        """The estimate of `remaining_s`, counting down between stages."""
+
+        def render(self, task: Task) -> Text:
+            """In whole seconds."""
+            left = remaining_s(shares, times, time.monotonic() - since[0])
+            return Text("" if left is None else f"about {left:.0f} s left")
+
+    columns = (
+        BarColumn(),
+        TextColumn("{task.percentage:.0f} %"),
+        Remaining(),
+        TextColumn("{task.description}"),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("", total=sum(shares.values()))
+
+        def begin(name: str) -> None:
+            since[0] = time.monotonic()
+            bar.update(task, description=name)
+
+        def end(name: str, seconds: float) -> None:
+            times[name] = seconds
+            bar.advance(task, shares[name])
+            bar.console.print(f"{name}  {seconds:.1f} s", highlight=False)
+
+        yield begin, end

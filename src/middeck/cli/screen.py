@@ -1,0 +1,96 @@
+"""Results on stdout: one JSON document, or tables; warnings on stderr."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from typing import Any, TextIO
+
+import click
+
+
+class Table:
+    """A titled table of texts; columns of numbers are set flush right."""
+
+    def __init__(self, title: str, headers: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+        self.title = title
+        self.headers = list(headers)
+        self.rows = [list(row) for row in rows]
+
+    @property
+    def flush_right(self) -> list[bool]:
+        """For each column, whether it holds numbers."""
+        return [all(_is_number(row[i]) for row in self.rows) for i in range(len(self.headers))]
+
+
+def _is_number(cell: str) -> bool:
+    return not cell or cell[0] in "+-.0123456789"
+
+
+def is_terminal(stream: TextIO) -> bool:
+    """Whether colours and moving bars are wanted there (NO_COLOR: no-color.org)."""
+    plain = bool(os.environ.get("NO_COLOR")) or os.environ.get("TERM") == "dumb"
+    return stream.isatty() and not plain
+
+
+def show(as_json: bool, document: Mapping[str, Any], *blocks: str | Table) -> None:
+    """Print the result: ``document`` as JSON, or the ``blocks`` for people."""
+    if as_json:
+        from middeck.files.json_output import json_text
+
+        _write(json_text(document))
+        return
+    for warning in document.get("warnings", ()):
+        click.echo(f"warning: {warning}", err=True)
+    if is_terminal(sys.stdout):
+        _show_rich(blocks)
+    else:
+        _write("\n".join(block if isinstance(block, str) else plain_table(block) for block in blocks))
+
+
+def _write(text: str) -> None:
+    """To stdout, also into a pipe whose reader has seen enough (``| head``)."""
+    try:
+        click.echo(text)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def plain_table(table: Table) -> str:
+    """Aligned columns.
+
+    >>> print(plain_table(Table("masses", ["node", "kg"], [["n1", "3.5"], ["n20", "12"]])))
+    <BLANKLINE>
+    masses
+    node   kg
+    n1    3.5
+    n20    12
+    """
+    lines = [table.headers, *table.rows]
+    widths = [max(len(line[i]) for line in lines) for i in range(len(table.headers))]
+    right = table.flush_right
+
+    def aligned(line: Sequence[str]) -> str:
+        cells = zip(line, widths, right, strict=True)
+        return "  ".join(c.rjust(w) if flush else c.ljust(w) for c, w, flush in cells).rstrip()
+
+    return "\n".join(["", table.title, *map(aligned, lines)])
+
+
+def _show_rich(blocks: Sequence[str | Table]) -> None:
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table as RichTable
+
+    console = Console()
+    for block in blocks:
+        if isinstance(block, str):
+            console.print(block, markup=False, highlight=False)
+            continue
+        drawn = RichTable(title=block.title, title_justify="left", box=box.SIMPLE_HEAD)
+        for header, flush in zip(block.headers, block.flush_right, strict=True):
+            drawn.add_column(header, justify="right" if flush else "left")
+        for row in block.rows:
+            drawn.add_row(*row)
+        console.print(drawn)

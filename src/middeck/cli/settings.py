@@ -1,0 +1,53 @@
+"""Settings of a computation that has no document of its own: options first, then ``--set``, all checked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any, TypeVar
+
+from middeck.errors import ConfigError
+from middeck.files.documents import Source, check
+from middeck.files.faults import raise_faults
+from middeck.files.form import Form, Positive, whole, within
+from middeck.files.overrides import Target, apply_overrides
+from middeck.files.study_form import Band
+
+F = TypeVar("F", bound=Form)
+
+
+class FitSettings(Form):
+    """How a response is fitted; keys as in the table [siso] of a study."""
+
+    states: Annotated[int, whole(1, 1000)]
+    band_hz: Band | None = None
+    sampled: bool | None = None
+
+
+class LoopSettings(Form):
+    """How a loop is designed and judged; the units are those of the ports, N m and rad in an article.
+
+    The last three are those of `FitSettings`, for a plant that is still to be fitted.
+    """
+
+    log10_authority: Annotated[float, within(least=-30.0, most=30.0)]
+    angle_noise_rad_per_rthz: Positive
+    disturbance_nm_per_rthz: Positive
+    pade_order: Annotated[int, whole(1, 12)]
+    band_hz: Band | None = None
+    states: Annotated[int, whole(1, 1000)] | None = None
+    fit_band_hz: Band | None = None
+    sampled: bool | None = None
+
+
+def settle(form: type[F], options: Mapping[str, Any], overrides: Sequence[str]) -> F:
+    """``options`` (None is left out) under ``overrides``, checked like a document; all faults at once."""
+    source = Source(
+        "options", {k: v for k, v in options.items() if v is not None}, {(k,): 0 for k in options}
+    )
+    listed = {k: list(v) if isinstance(v, tuple) else v for k, v in source.data.items()}
+    (data,), (changed,) = apply_overrides([Target(source.file, listed, form)], overrides)
+    checked = check(source, data, changed, form, lambda data: [])
+    raise_faults(checked.faults)
+    if checked.form is None:
+        raise ConfigError("the options do not fit together")
+    return checked.form

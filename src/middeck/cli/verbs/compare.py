@@ -1,0 +1,108 @@
+"""``middeck compare``: what gravity and suspension do to the modes (Figures 4 and 5)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from middeck.cli import options
+from middeck.cli.screen import Table, show
+
+if TYPE_CHECKING:
+    from middeck.structure.comparison import ModeComparison
+
+EPILOG = """\
+\b
+Examples:
+  middeck compare articles/mace-simple.toml
+  middeck compare articles/mace-dm.toml --set constants.gravity=3.71 --json
+"""
+
+
+@click.command("compare", epilog=EPILOG)
+@options.article
+@options.environment
+@options.count
+@options.common
+def verb(article: str, environment: str, count: int, overrides: tuple[str, ...], as_json: bool) -> None:
+    """Modes of ARTICLE in orbit beside those in an environment.
+
+    Pairs of flexible modes with their frequency ratios, cross-orthogonality, MAC, and the angles between
+    the rigid-body and the suspension modes.
+    """
+    from middeck.cli.cases import find_case, solve_in
+    from middeck.files.documents import load_case
+    from middeck.structure.comparison import compare_modes
+    from middeck.structure.environment import Environment
+
+    files = find_case(article, environment)
+    structure, surroundings = load_case(*files, overrides)
+    orbit = solve_in(structure, Environment.orbit(), files[0])
+    document = describe(compare_modes(orbit, solve_in(structure, surroundings, *files), count))
+    show(as_json, document, *_tables(document))
+
+
+def describe(comparison: ModeComparison) -> dict[str, Any]:
+    """The JSON document."""
+    import numpy as np
+
+    from middeck.cli.verbs.modes import mode_list
+
+    orbit, lab = comparison.orbit, comparison.lab
+    return {
+        "schema": "middeck.compare/1",
+        "article": orbit.equilibrium.model.structure.title,
+        "environment": lab.equilibrium.environment.title,
+        "orbit": mode_list(orbit, comparison.count),
+        "lab": mode_list(lab, comparison.count),
+        "pairs": comparison.pairs,
+        "ratio": comparison.ratio,
+        "matrix": comparison.cross_orthogonality,
+        "mac": comparison.mac,
+        "subspace_angle_deg": np.degrees(comparison.subspace_angle),
+        "warnings": (
+            *(f"in orbit: {w}" for w in orbit.warnings),
+            *(f"in {lab.equilibrium.environment.title}: {w}" for w in lab.warnings),
+        ),
+    }
+
+
+def _tables(document: dict[str, Any]) -> list[str | Table]:
+    orbit, lab, environment = document["orbit"], document["lab"], document["environment"]
+    headers = ["", "frequency Hz", "kind", "name"]
+    lists = [
+        Table(
+            title,
+            headers,
+            [
+                [str(i), f"{f:.5f}", kind, name]
+                for i, (f, kind, name) in enumerate(
+                    zip(side["frequency_hz"], side["kind"], side["name"], strict=True)
+                )
+                if kind != "flexible"
+            ],
+        )
+        for title, side in (("rigid-body modes in orbit", orbit), (f"suspension modes in {environment}", lab))
+    ]
+    pairs = [
+        [
+            str(i),
+            f"{orbit['frequency_hz'][i]:.5f}",
+            str(j),
+            f"{lab['frequency_hz'][j]:.5f}",
+            f"{ratio:.5f}",
+            f"{document['matrix'][i, j]:.4f}",
+            f"{document['mac'][i, j]:.4f}",
+            orbit["name"][i],
+        ]
+        for (i, j), ratio in zip(document["pairs"], document["ratio"], strict=True)
+    ]
+    titles = ["orbit", "Hz", environment, "Hz", "ratio", "cross-orthogonality", "MAC", "name in orbit"]
+    angles = ", ".join(f"{a:.3f}" for a in document["subspace_angle_deg"]) or "none"
+    return [
+        f"article      {document['article']}",
+        *lists,
+        Table("pairs of flexible modes", titles, pairs),
+        f"\nangles between the rigid-body and the suspension subspaces, deg: {angles}",
+    ]

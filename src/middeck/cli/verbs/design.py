@@ -1,0 +1,198 @@
+"""``middeck design``: an LQG compensator for an article, a fitted model or a record."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from middeck.cli import options
+from middeck.cli.screen import Table, show
+
+if TYPE_CHECKING:
+    from middeck.cli.lqg import DesignedLoop
+    from middeck.cli.plants import Band, Wanted
+    from middeck.cli.settings import LoopSettings
+    from middeck.systems.plant import Plant
+
+EPILOG = """\
+\b
+Examples:
+  middeck design articles/mace-dm.toml --environment lab --count 12 \\
+    --control pri_rel_z --measure pri_in_z --log10-authority 2
+  middeck design model.json --control piezo_1 --measure position_1 \\
+    --log10-authority 12 --angle-noise 1e-9 --disturbance 0.1 -o law.json
+"""
+
+
+@click.command("design", epilog=EPILOG)
+@click.argument("sources", nargs=-1, required=True, metavar="ARTICLE|MODEL.json|RECORD...")
+@options.environment
+@options.count
+@click.option("--control", multiple=True, metavar="PORT", help="Input to drive; may be repeated.")
+@click.option("--measure", multiple=True, metavar="PORT", help="Output to measure and quieten; same.")
+@click.option("--authority", type=click.FloatRange(min=0.0, min_open=True), help="1/rho.  [default: 10]")
+@click.option("--log10-authority", type=float, help="The same by its logarithm.")
+@click.option("--angle-noise", default=2e-5, show_default=True, help="Sensor noise, output unit/sqrt(Hz).")
+@click.option("--disturbance", default=1e-2, show_default=True, help="At the inputs, unit/sqrt(Hz).")
+@click.option("--pade-order", default=3, show_default=True, help="States for each delay of a fitted model.")
+@click.option(
+    "--band",
+    "band_hz",
+    type=options.Frequencies(2),
+    metavar="LO,HI",
+    help="Band of the rms [Hz].  [default: all modes]",
+)
+@options.states
+@click.option(
+    "--fit-band", "fit_band_hz", type=options.Frequencies(2), metavar="LO,HI", help="Band to fit a RECORD in."
+)
+@click.option("-o", "--output", "law_file", metavar="LAW.json", help="Write the compensator.")
+@options.common
+def verb(
+    sources: tuple[str, ...],
+    environment: str,
+    count: int,
+    control: tuple[str, ...],
+    measure: tuple[str, ...],
+    authority: float | None,
+    log10_authority: float | None,
+    law_file: str | None,
+    overrides: tuple[str, ...],
+    as_json: bool,
+    **given: Any,
+) -> None:
+    """Linear-quadratic Gaussian design, and what its closed loop promises.
+
+    The disturbance enters at the control inputs; every measured output is kept small. --set takes the
+    article's and the environment's keys, or for a fitted plant log10_authority, angle_noise, disturbance,
+    pade_order, band, states, fit_band and sampled.
+    """
+    from middeck.cli.lqg import design_loop
+    from middeck.cli.plants import Wanted
+    from middeck.cli.settings import LoopSettings, settle
+    from middeck.files.models import write_compensator
+
+    from_article = len(sources) == 1 and not sources[0].endswith((".json", ".npz", ".csv"))
+    settings = settle(
+        LoopSettings,
+        {
+            "log10_authority": _log10_authority(authority, log10_authority),
+            "angle_noise_rad_per_rthz": given["angle_noise"],
+            "disturbance_nm_per_rthz": given["disturbance"],
+            **{k: given[k] for k in ("pade_order", "band_hz", "states", "fit_band_hz")},
+        },
+        () if from_article else overrides,
+    )
+    wanted = Wanted(options.separate_names(control), options.separate_names(measure))
+    plant, band_hz = (
+        _article_plant(sources[0], environment, overrides, count, wanted)
+        if from_article
+        else _fitted_plant(sources, settings, wanted)
+    )
+    designed = design_loop(plant, settings, settings.band_hz or band_hz)
+    document = describe(designed, plant, settings)
+    if law_file is not None:
+        write_compensator(law_file, designed.compensator)
+    show(as_json, document, *_tables(document))
+
+
+def _log10_authority(authority: float | None, log10_authority: float | None) -> float:
+    import math
+
+    if authority is not None and log10_authority is not None:
+        raise click.UsageError("--authority and --log10-authority are the same: give one")
+    if log10_authority is not None:
+        return log10_authority
+    return math.log10(10.0 if authority is None else authority)
+
+
+def _article_plant(
+    article: str, environment: str, overrides: tuple[str, ...], count: int, wanted: Wanted
+) -> tuple[Plant, Band]:
+    from middeck.cli.cases import solve_case
+    from middeck.cli.plants import article_plant
+
+    return article_plant(solve_case(article, environment, overrides), count, wanted)
+
+
+def _fitted_plant(sources: tuple[str, ...], settings: LoopSettings, wanted: Wanted) -> tuple[Plant, Band]:
+    from middeck.cli.fitting import identify
+    from middeck.cli.plants import model_plant
+    from middeck.cli.settings import FitSettings, settle
+    from middeck.files.models import load_model
+
+    if len(sources) == 1 and Path(sources[0]).suffix == ".json":
+        return model_plant(load_model(sources[0]), settings.pade_order, wanted)
+    keys = {"states": settings.states, "band_hz": settings.fit_band_hz, "sampled": settings.sampled or False}
+    return model_plant(
+        identify(sources, settle(FitSettings, keys, ())).fit.model, settings.pade_order, wanted
+    )
+
+
+def describe(designed: DesignedLoop, plant: Plant, settings: LoopSettings) -> dict[str, Any]:
+    """The JSON document; rms and decibels are null where there is none."""
+    import numpy as np
+
+    from middeck.systems.stability import is_stable
+    from middeck.systems.statespace import poles
+
+    law, loop = designed.compensator, designed.loop
+    upper = np.array(sorted((p for p in loop.poles if p.imag >= 0.0), key=abs))
+    open_, closed = designed.rms_open, designed.rms_closed
+    db = 20.0 * np.log10(closed / open_) if loop.stable and np.isfinite(open_).all() else [None] * len(open_)
+    names = [p.name for p in loop.outputs]
+
+    def by_output(values: Any) -> dict[str, Any]:
+        return dict(
+            zip(names, (v if v is not None and np.isfinite(v) else None for v in values), strict=True)
+        )
+
+    return {
+        "schema": "middeck.design/1",
+        "log10_authority": settings.log10_authority,
+        "control": plant.u,
+        "measure": plant.y,
+        "plant_order": len(plant.system.A),
+        "inert": law.inert,
+        "order": len(law.system.A),
+        "compensator_stable": is_stable(law.system),
+        "compensator_pole": poles(law.system),
+        "stable": loop.stable,
+        "pole": upper,
+        "frequency_hz": np.abs(upper) / (2.0 * np.pi),
+        "damping": -np.real(upper) / np.where(upper == 0.0, 1.0, np.abs(upper)),
+        "band_hz": designed.band_hz,
+        "rms_open": by_output(open_),
+        "rms_closed": by_output(closed),
+        "db": by_output(db),
+        "riccati_residual": [law.regulator.residual, law.estimator.residual],
+        "warnings": _warnings(designed),
+    }
+
+
+def _warnings(designed: DesignedLoop) -> list[str]:
+    law = designed.compensator
+    return [f"left out of the design, as no port reaches or sees it: {name}" for name in law.inert]
+
+
+def _tables(document: dict[str, Any]) -> list[str | Table]:
+    def number(value: float | None, form: str) -> str:
+        return "-" if value is None else format(value, form)
+
+    low, high = document["band_hz"]
+    rows = [
+        [name, *(number(document[k][name], ".4e") for k in ("rms_open", "rms_closed")), number(db, ".2f")]
+        for name, db in document["db"].items()
+    ]
+    pairs = zip(document["frequency_hz"], document["damping"], strict=True)
+    stable = "stable" if document["stable"] else "UNSTABLE"
+    law = "stable" if document["compensator_stable"] else "unstable by itself"
+    return [
+        f"loop         {stable}, log10 authority {document['log10_authority']:g}",
+        f"compensator  {document['order']} states, {law}, for a plant of {document['plant_order']}",
+        f"from         {', '.join(document['measure'])} to {', '.join(document['control'])}",
+        Table(f"rms in {low:g}-{high:g} Hz", ["output", "open", "closed", "dB"], rows),
+        Table("poles of the loop", ["Hz", "damping"], [[f"{f:.5f}", f"{z:.5f}"] for f, z in pairs]),
+    ]

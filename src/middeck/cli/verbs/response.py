@@ -1,0 +1,109 @@
+"""``middeck response``: frequency responses of an article between its named ports."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from middeck.cli import options
+from middeck.cli.screen import Table, show
+
+if TYPE_CHECKING:
+    from middeck.systems.response import FrequencyResponse
+
+EPILOG = """\
+\b
+Examples:
+  middeck response articles/mace-dm.toml --environment lab \\
+    --input pri_rel_z --output pri_in_z_rate,bus_z_rate --at 0.5,1,8
+  middeck response articles/mace-dm.toml --environment orbit --json \\
+    --input bus_z --output bus_z --at 2 --set damping.flexible=0.02
+"""
+
+
+@click.command("response", epilog=EPILOG)
+@options.article
+@options.environment
+@click.option(
+    "--input", "inputs", multiple=True, required=True, metavar="PORT", help="Actuator; may be repeated."
+)
+@click.option(
+    "--output", "outputs", multiple=True, required=True, metavar="PORT", help="Sensor, or its _rate; same."
+)
+@click.option(
+    "--at", "frequency_hz", type=options.Frequencies(), required=True, metavar="HZ,HZ", help="Frequencies."
+)
+@options.count
+@options.common
+def verb(
+    article: str,
+    environment: str,
+    inputs: tuple[str, ...],
+    outputs: tuple[str, ...],
+    frequency_hz: tuple[float, ...],
+    count: int,
+    overrides: tuple[str, ...],
+    as_json: bool,
+) -> None:
+    """Frequency responses of ARTICLE, from torques to angles and rates.
+
+    Damping is the article's [damping].
+    """
+    import numpy as np
+
+    from middeck.cli.blame import reading
+    from middeck.cli.cases import find_case, solve_case
+    from middeck.structure.modal_plant import build_plant
+    from middeck.systems.response import evaluate_plant
+
+    modes = solve_case(article, environment, overrides)
+    u, y = options.separate_names(inputs), options.separate_names(outputs)
+    with reading(find_case(article, environment)[0]):
+        plant = build_plant(modes, inputs=u, outputs=y, count=count)
+    document = {
+        "schema": "middeck.response/1",
+        "article": modes.equilibrium.model.structure.title,
+        "environment": modes.equilibrium.environment.title,
+        **describe(evaluate_plant(plant, np.array(frequency_hz))),
+        "warnings": modes.warnings,
+    }
+    show(as_json, document, *_tables(document))
+
+
+def describe(response: FrequencyResponse) -> dict[str, Any]:
+    """Every pair of ports in ``responses``; the numbers of a single pair stand beside it as well."""
+    import numpy as np
+
+    pairs = [
+        {
+            "input": u.name,
+            "output": y.name,
+            "unit": f"{y.unit} per {u.unit}",
+            "frequency_hz": response.frequency_hz,
+            "re": np.real(response.H[:, o, i]),
+            "im": np.imag(response.H[:, o, i]),
+        }
+        for o, y in enumerate(response.outputs)
+        for i, u in enumerate(response.inputs)
+    ]
+    alone = pairs[0] if len(pairs) == 1 else {"frequency_hz": response.frequency_hz}
+    return {**alone, "responses": pairs}
+
+
+def _tables(document: dict[str, Any]) -> list[str | Table]:
+    import numpy as np
+
+    blocks: list[str | Table] = [
+        f"article      {document['article']}",
+        f"environment  {document['environment']}",
+    ]
+    for pair in document["responses"]:
+        H = pair["re"] + 1j * pair["im"]
+        rows = [
+            [f"{f:g}", f"{h.real:.6e}", f"{h.imag:.6e}", f"{abs(h):.6e}", f"{np.degrees(np.angle(h)):.2f}"]
+            for f, h in zip(pair["frequency_hz"], H, strict=True)
+        ]
+        title = f"{pair['input']} to {pair['output']}, {pair['unit']}"
+        blocks.append(Table(title, ["Hz", "real", "imaginary", "magnitude", "phase deg"], rows))
+    return blocks

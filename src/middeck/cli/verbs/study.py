@@ -1,0 +1,63 @@
+"""``middeck study``: every stage of a study, its figures and its report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from middeck.cli import options
+from middeck.cli.screen import Table, show
+
+if TYPE_CHECKING:
+    from middeck.files.studies import Study
+
+EPILOG = """\
+\b
+Examples:
+  middeck study studies/mace-1993.toml -o out/mace-1993
+  middeck study mace-1993 -o out/soft --set suspension.bounce_hz=0.2
+"""
+
+
+@click.command("study", epilog=EPILOG)
+@click.argument("study_file", metavar="STUDY")
+@click.option(
+    "-o", "--output", "out", type=click.Path(path_type=Path), required=True, help="Folder of the results."
+)
+@options.common
+def verb(study_file: str, out: Path, overrides: tuple[str, ...], as_json: bool) -> None:
+    """Run STUDY and write report.html, numbers.json and figures/*.svg.
+
+    Files are written whole as soon as their stage is done; an interrupted run leaves whole files only.
+    """
+    from middeck.files.documents import find_document
+    from middeck.files.studies import load_study
+
+    path = find_document(study_file, "study")
+    times = _run(load_study(path, overrides), out)
+    files = sorted(p for p in out.rglob("*") if p.is_file())
+    document = {"schema": "middeck.study/1", "study": path, "out": out, "time_s": times, "files": files}
+    rows = [[name, f"{seconds:.1f}"] for name, seconds in (*times.items(), ("all", sum(times.values())))]
+    show(as_json, document, f"report  {out / 'report.html'}", Table("times", ["stage", "s"], rows))
+
+
+def _run(study: Study, out: Path) -> dict[str, float]:
+    """Seconds that each stage and its figures took."""
+    import time
+
+    from middeck.cli.progress import follow
+    from middeck.report.build import StudyWriter
+    from middeck.study.stages import STAGES, run_stages
+
+    writer, times = StudyWriter(out, study), {}
+    with follow(STAGES) as (begin, end):
+        for name, compute in run_stages(study):
+            start = time.monotonic()
+            begin(name)
+            writer.add(name, compute())
+            times[name] = time.monotonic() - start
+            end(name, times[name])
+    writer.finish(times)
+    return times
