@@ -50,3 +50,8 @@ def test_figure_7_claims_hold_but_for_the_missed_target(outcomes):
 
 def test_figure_9_claims_hold(outcomes):
     assert all(row["holds"] for row in figure_9_claims(outcomes["figure 9"]))
+
+
+def test_closed_form_rms_agrees_with_quadrature(outcomes):
+    """The issue's 1e-10, on the loops of the study themselves."""
+    assert all(sweep.quadrature_error < 1e-10 for _, sweep in outcomes["figure 7"].sweeps)

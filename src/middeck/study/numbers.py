@@ -159,7 +159,12 @@ def _sub_model(sub: SubModelSweep) -> Numbers:
         "compensator_share": first.compensator_share,
         "unstable_pairs": sub.unstable_pairs,
     }
-    return {**sides, "reference_db_lab_pd": sub.reference_db_lab_pd, "first_instability": instability}
+    return {
+        **sides,
+        "reference_db_lab_pd": sub.reference_db_lab_pd,
+        "quadrature_error": sub.quadrature_error,
+        "first_instability": instability,
+    }
 
 
 def figure_9a(control: MeasuredControl) -> Numbers:

@@ -15,13 +15,14 @@ from middeck.control.authority import (
     sweep_authority,
 )
 from middeck.control.classical import PDLoops, close_inner_loop
-from middeck.control.closed_loop import close_loop, leave_open
+from middeck.control.closed_loop import ClosedLoop, close_loop, leave_open
 from middeck.control.lqg import LQGWeights, design_filter, design_lqg
 from middeck.control.performance import Performance, measure_metric
 from middeck.files.study_form import ControlForm
 from middeck.structure.modal_plant import RATE, build_plant
 from middeck.structure.modes import Modes
 from middeck.systems.modal import ModalSystem, select_modes
+from middeck.systems.norms import band_rms_by_quadrature
 from middeck.systems.plant import Plant
 from middeck.systems.stability import GROWTH_LIMIT
 from middeck.values import record
@@ -44,6 +45,9 @@ class SubModelSweep:
         Of the lab mode that leads it, in the lab without any control.
     unstable_pairs:
         Number of complex pairs past the stability limit there.
+    quadrature_error:
+        Largest relative difference of the closed-form metric from adaptive quadrature, over the stable loops
+        of the first and the last level.
     """
 
     sweep: AuthoritySweep
@@ -52,6 +56,7 @@ class SubModelSweep:
     mode_frequency_hz: float | None
     mode_kind: str
     unstable_pairs: int
+    quadrature_error: float
 
 
 @record
@@ -155,12 +160,19 @@ def _sweep(
     sweep = sweep_authority(design, 10.0**levels, on=pair, performance=performance, reference=reference)
     lab_pd = measure_metric(leave_open(pair["lab"]), performance)
     over_orbit = float(20.0 * np.log10(lab_pd / reference))
+    ends = [close_loop(plant, design(10.0**level)) for level in levels[[0, -1]] for plant in pair.values()]
+    error = max((_quadrature_error(loop, performance) for loop in ends if loop.stable), default=0.0)
     first = find_first_instability(design, pair["lab"], first=control.log10_authority_first, last=SEARCH_LAST)
     if first is None:
-        return SubModelSweep(sweep, over_orbit, None, None, "", 0)
+        return SubModelSweep(sweep, over_orbit, None, None, "", 0, error)
     mode = lab.name.index(first.mode_name)
     loop = close_loop(pair["lab"], design(10.0**first.log10_authority))
     growing = np.count_nonzero((np.imag(loop.poles) >= 0.0) & (np.real(loop.poles) > GROWTH_LIMIT))
     return SubModelSweep(
-        sweep, over_orbit, first, float(lab.frequency_hz[mode]), lab.kind[mode], int(growing)
+        sweep, over_orbit, first, float(lab.frequency_hz[mode]), lab.kind[mode], int(growing), error
     )
+
+
+def _quadrature_error(loop: ClosedLoop, performance: Performance) -> float:
+    rms = band_rms_by_quadrature(loop.system, performance.intensity, performance.band_hz)
+    return abs(measure_metric(loop, performance) / float(np.linalg.norm(performance.weights * rms)) - 1.0)
