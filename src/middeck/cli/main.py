@@ -16,6 +16,7 @@ Nothing heavy is imported before `run` has arranged for interruptions.
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable, Sequence
 from typing import NoReturn
@@ -28,6 +29,8 @@ def run() -> NoReturn:
     """Entry point of the ``middeck`` command."""
     from middeck.cli.interrupts import catch_interrupts
 
+    for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+        os.environ.setdefault(variable, "1")  # docs/decisions/0004-one-blas-thread.md
     sys.exit(execute(sys.argv[1:], catch_interrupts()))
 
 
