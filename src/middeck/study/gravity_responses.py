@@ -8,7 +8,7 @@ from middeck.files.study_form import Figure6Form, RigForm, SisoForm
 from middeck.identification.spectra import estimate_response
 from middeck.structure.modal_plant import build_plant
 from middeck.structure.modes import Modes
-from middeck.study.rig_test import rig_plant, run_rig_test
+from middeck.study.rig_experiment import rig_plant, run_rig_experiment
 from middeck.systems.plant import Plant
 from middeck.systems.response import FrequencyResponse, evaluate_plant
 from middeck.values import record
@@ -51,7 +51,7 @@ def study_gravity_responses(
         )
         for environment, modes in (("orbit", orbit), ("lab", lab))
     }
-    test = run_rig_test(rig_plant(lab, figure.input, figure.outputs), rig, siso, rng)
+    test = run_rig_experiment(rig_plant(lab, figure.input, figure.outputs), rig, siso, rng)
     measured = estimate_response(test.record, band_hz=figure.band_hz)
     return GravityResponses(
         evaluate_plant(plants["orbit"], frequency_hz),

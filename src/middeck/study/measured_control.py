@@ -14,7 +14,13 @@ from middeck.identification.measurement_model import measured_plant, model_respo
 from middeck.identification.spectra import estimate_response
 from middeck.realtime.rig import LinearRig, build_linear_rig, close_sampled_loop, run_closed_loop
 from middeck.structure.modes import Modes
-from middeck.study.rig_test import EXCITATION_NM, RigTest, rig_plant, run_rig_test, shift_modes
+from middeck.study.rig_experiment import (
+    EXCITATION_NM,
+    RigExperiment,
+    rig_plant,
+    run_rig_experiment,
+    shift_modes,
+)
 from middeck.systems.plant import Plant
 from middeck.systems.response import FrequencyResponse
 from middeck.systems.sampling import tustin
@@ -60,7 +66,7 @@ def study_measured_control(
 ) -> MeasuredControl:
     """Excite, fit, design at two authorities, predict, then measure each loop on the rig."""
     article = rig_plant(modes, siso.actuator, (siso.sensor,))
-    test = run_rig_test(article, rig_form, siso, rng)
+    test = run_rig_experiment(article, rig_form, siso, rng)
     measured = estimate_response(test.record, band_hz=siso.band_hz)
     fit = fit_response(_in_band(measured, siso.fit_band_hz), states=siso.states)
     ports = {"w": (siso.actuator,), "u": (siso.actuator,), "z": (siso.sensor,), "y": (siso.sensor,)}
@@ -115,7 +121,7 @@ def _run_loop(
     plant: Plant,
     fitted: FrequencyResponse,
     measured: FrequencyResponse,
-    test: RigTest,
+    test: RigExperiment,
     drifted: tuple[tuple[float, LinearRig], ...],
     siso: SisoForm,
     rng: np.random.Generator,

@@ -22,7 +22,7 @@ EXCITATION_NM = 0.1  # rms of the torque command; the rig is linear, the noise r
 
 
 @record
-class RigTest:
+class RigExperiment:
     """An open-loop record, the rig it was taken on, and one period of the torque command."""
 
     rig: LinearRig
@@ -47,7 +47,7 @@ def shift_modes(plant: Plant, near_hz: float, factor: float) -> Plant:
     return dataclasses.replace(plant, dynamics=dataclasses.replace(modal, omega=omega))
 
 
-def run_rig_test(plant: Plant, rig: RigForm, siso: SisoForm, rng: np.random.Generator) -> RigTest:
+def run_rig_experiment(plant: Plant, rig: RigForm, siso: SisoForm, rng: np.random.Generator) -> RigExperiment:
     """Random-phase multisine over the band; noise as a fraction of each output's own rms."""
     excitation = random_multisine(siso.band_hz, siso.period_s, rig.sample_hz, EXCITATION_NM, rng)
     silent = np.zeros(len(plant.outputs))
@@ -56,4 +56,4 @@ def run_rig_test(plant: Plant, rig: RigForm, siso: SisoForm, rng: np.random.Gene
     noise = rig.identification_noise * np.sqrt(np.mean(clean.y[0, 0] ** 2, axis=0))
     real = build_linear_rig(plant, sample_hz=rig.sample_hz, delay_s=rig.delay_s, noise_rms=noise)
     taken = run_open_loop(real, excitation[:, None], periods=siso.periods, rng=rng)
-    return RigTest(real, excitation, taken)
+    return RigExperiment(real, excitation, taken)
