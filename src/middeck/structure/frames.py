@@ -73,6 +73,40 @@ def move(tree: FrameTree, config: Configuration, q: Float[np.ndarray, " coordina
     )
 
 
+def rigid_columns(
+    tree: FrameTree, config: Configuration, centre: Float[np.ndarray, "3"]
+) -> Float[np.ndarray, "coordinate 6"]:
+    """Unit translations along and unit rotations about the world axes through ``centre``, joints held."""
+    columns = np.zeros((tree.size, 6))
+    step = columns[: 6 * tree.roots].reshape(tree.roots, 6, 6)
+    step[:, :3, :3] = step[:, 3:, 3:] = np.eye(3)
+    step[:, :3, 3:] = -skew(config.x - centre)
+    return columns
+
+
+def move_whole(
+    tree: FrameTree,
+    config: Configuration,
+    q: Float[np.ndarray, " coordinate"],
+    mass: Float[np.ndarray, "coordinate coordinate"],
+) -> Configuration:
+    """Like `move` to first order, but the rigid motion in ``q`` (by mass) turns the whole without strain.
+
+    Straight displacements stretch what turns: by 1e-3 of its length for a turn of 0.05, far more than a stiff
+    member bears, so that a descent with `move` would have to creep.
+    """
+    T = rigid_columns(tree, config, np.zeros(3))
+    rigid, *_ = np.linalg.lstsq(T.T @ mass @ T, T.T @ mass @ q, rcond=None)
+    rest = q - T @ rigid
+    R = rotation_exp(rigid[3:])
+    # The rotation is about the world origin: its second-order part must not carry a far structure along.
+    centre = config.x.mean(axis=0)
+    shift = rigid[:3] + np.cross(rigid[3:], centre)
+    turned = Configuration(centre + shift + (config.x - centre) @ R.T, R @ config.R, config.angle)
+    step = rest[: 6 * tree.roots].reshape(-1, 2, 3) @ R.T
+    return move(tree, turned, np.concatenate([step.ravel(), rest[6 * tree.roots :]]))
+
+
 def frame_poses(tree: FrameTree, config: Configuration) -> Poses:
     """World poses of all frames."""
     p, R = list(config.x), list(config.R)

@@ -40,25 +40,33 @@ def build_plant(
     count = min(count, len(modes.omega))
     ratio = {"rigid": damping.rigid, "suspension": damping.suspension, "flexible": damping.flexible}
     shapes = modes.shapes[:, :count]
-    rows = np.array([_sensor_row(modes, name.removesuffix(RATE)) for name in outputs]) @ shapes
-    rate = np.array([name.endswith(RATE) for name in outputs])[:, None]
+    columns = np.array([_actuator_column(modes, name) for name in inputs]).reshape(-1, len(shapes))
+    readings = [_split_rate(modes, name) for name in outputs]
+    rows = np.array([_sensor_row(modes, sensor) for sensor, _ in readings]).reshape(-1, len(shapes)) @ shapes
+    rate = np.array([is_rate for _, is_rate in readings], dtype=bool)
     dynamics = ModalSystem(
         modes.omega[:count],
         np.array([ratio[k] for k in modes.kind[:count]]),
-        shapes.T @ np.array([_actuator_column(modes, name) for name in inputs]).T,
-        np.where(rate, 0.0, rows),
-        np.where(rate, rows, 0.0),
+        shapes.T @ columns.T,
+        np.where(rate[:, None], 0.0, rows),
+        np.where(rate[:, None], rows, 0.0),
         modes.name[:count],
     )
     return Plant(
         dynamics,
         tuple(Port(n, "N m") for n in inputs),
-        tuple(Port(n, "rad/s" if n.endswith(RATE) else "rad") for n in outputs),
+        tuple(Port(n, "rad/s" if r else "rad") for n, r in zip(outputs, rate, strict=True)),
         tuple(w),
         tuple(u),
         tuple(z),
         tuple(y),
     )
+
+
+def _split_rate(modes: Modes, output: str) -> tuple[str, bool]:
+    """Sensor of an output and whether its rate is meant; a sensor may itself be called ``turn_rate``."""
+    is_sensor = any(s.name == output for s in modes.equilibrium.model.structure.sensors)
+    return (output, False) if is_sensor else (output.removesuffix(RATE), output.endswith(RATE))
 
 
 def _actuator_column(modes: Modes, name: str) -> Float[np.ndarray, " coordinate"]:

@@ -128,7 +128,11 @@ def _eigenpairs(model: Model, K: np.ndarray, M: np.ndarray) -> tuple[np.ndarray,
         mu, phi = mu[moved][::-1], phi[:, moved][:, ::-1]
         phi = phi / np.sqrt(np.einsum("im,ij,jm->m", phi, M, phi, optimize=True))
         size = np.einsum("im,im->m", np.abs(phi), np.abs(K) @ np.abs(phi))
-        return 1.0 / mu - sigma, phi, ROUNDING * (size + sigma)
+        lam = 1.0 / mu - sigma
+        # The inverse rounds to eps lam^2 / sigma, the Rayleigh quotient to eps size: take the finer.
+        high = lam**2 > sigma * size
+        lam[high] = np.einsum("im,ij,jm->m", phi[:, high], K, phi[:, high], optimize=True)
+        return lam, phi, ROUNDING * (size + sigma)
     raise _massless(model, K + sigma * M)
 
 

@@ -7,6 +7,7 @@ import scipy.sparse as sp
 from jaxtyping import Float
 
 from middeck.structure.equilibrium import Equilibrium
+from middeck.structure.frames import rigid_columns
 from middeck.structure.statics import dynamic_coordinates
 
 AXES = "xyz"
@@ -23,24 +24,14 @@ def rigid_motions(
     """
     model = equilibrium.model
     roots = model.tree.roots
-    motions = np.zeros((model.tree.size, 6))
-    step = motions[: 6 * roots].reshape(roots, 6, 6)
-    step[:, :3, :3] = step[:, 3:, 3:] = np.eye(3)
-    _rotate_about(motions, equilibrium.config.x)
-    _rotate_about(motions, equilibrium.config.x - _centre_of_mass(motions, M))
+    about_origin = rigid_columns(model.tree, equilibrium.config, np.zeros(3))
+    motions = rigid_columns(model.tree, equilibrium.config, _centre_of_mass(about_origin, M))
     moving = np.flatnonzero(dynamic_coordinates(model)[6 * roots :])
     joints = np.zeros((model.tree.size, len(moving)))
     joints[6 * roots + moving, np.arange(len(moving))] = 1.0
     names = [f"translation {a}" for a in AXES] + [f"rotation {a}" for a in AXES]
     names += [f"gimbal {model.structure.joints[j].name.replace('_', ' ')}" for j in moving]
     return np.hstack([motions, joints]), tuple(names)
-
-
-def _rotate_about(motions: np.ndarray, arm: Float[np.ndarray, "root 3"]) -> None:
-    """Write the displacements of the three unit rotations; ``arm`` is from the centre to each root."""
-    step = motions[: 6 * len(arm)].reshape(len(arm), 6, 6)
-    for axis in range(3):
-        step[:, :3, 3 + axis] = np.cross(np.eye(3)[axis], arm)
 
 
 def _centre_of_mass(motions: np.ndarray, M: sp.csr_array) -> np.ndarray:

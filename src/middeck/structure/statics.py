@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float
 from middeck.structure.article import JointState
 from middeck.structure.assembly import Assembly, Loads, assemble, mass_matrix
 from middeck.structure.devices import SpringLaw
-from middeck.structure.frames import Configuration, move
+from middeck.structure.frames import Configuration, move_whole
 from middeck.structure.mesh import Model
 
 # Largest residual that counts as rest, over `load_scale`.
@@ -98,7 +98,7 @@ def _descend(
 ) -> tuple[Configuration, list[tuple[float, float]]]:
     """The configuration where the descent ends, and (residual, damping) of every iteration."""
     active = static_coordinates(model)
-    mass = mass_matrix(model, config)[active][:, active].toarray()
+    mass = mass_matrix(model, config).toarray()
     at = assemble(model, config, loads)
     damping = 0.0
     history: list[tuple[float, float]] = []
@@ -108,8 +108,8 @@ def _descend(
         if residual < TOLERANCE:
             break
         stiffness = at.tangent[active][:, active].toarray()
-        q, damping = _damped_step(stiffness, mass, at.gradient[active], damping)
-        better = _shorten(model, config, loads, at, q, active)
+        q, damping = _damped_step(stiffness, mass[np.ix_(active, active)], at.gradient[active], damping)
+        better = _shorten(model, config, loads, at, spread(q, active), mass)
         if better is None:
             break
         config, at = better
@@ -121,11 +121,12 @@ def _unbalanced(at: Assembly, active: np.ndarray) -> float:
 
 
 def _shorten(
-    model: Model, config: Configuration, loads: Loads, at: Assembly, q: np.ndarray, active: np.ndarray
+    model: Model, config: Configuration, loads: Loads, at: Assembly, q: np.ndarray, mass: np.ndarray
 ) -> tuple[Configuration, Assembly] | None:
     """The first of q, q/2, q/4 ... that lowers the energy or the residual; None at rounding level."""
+    active = static_coordinates(model)
     for _ in range(MAX_HALVINGS):
-        trial = move(model.tree, config, spread(q, active))
+        trial = move_whole(model.tree, config, q, mass)
         new = assemble(model, trial, loads)
         if new.energy < at.energy or _unbalanced(new, active) < _unbalanced(at, active):
             return trial, new

@@ -1,0 +1,190 @@
+"""What cannot be answered is refused, with its name, its place and what to try."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from middeck.errors import ConfigError, EquilibriumError, NumericalError, UnstableEquilibriumError
+from middeck.structure.article import Actuator, AttachPoint, Body, Joint, Section, Sensor, Spring, Structure
+from middeck.structure.environment import AnchoredSpring, Environment, Suspension
+from middeck.structure.equilibrium import solve_equilibrium
+from middeck.structure.mesh import mesh_structure
+from middeck.structure.modes import solve_modes
+from structure_builders import GRAVITY, body, lab, member, node, rigid_bar, springs_above, structure
+
+TUBE = Section(1e6, 80.0, 100.0, 100.0, 0.5, 1e-4, 1e-4)
+X, Z = np.eye(3)[0], np.eye(3)[2]
+
+
+def bus(cg_y: float = -0.05, payload_y: float = -0.2) -> Structure:
+    nodes = [
+        node(n, (x, 0, 0), body(5.0, (0, cg_y, 0), (0.1, 0.1, 0.1)), 0.05)
+        for n, x in (("a", 0.0), ("b", 1.0))
+    ]
+    payload = Joint("p", "a", np.array([0, -0.05, 0]), X, 0.0, body(3.0, (0, payload_y, 0), (0.02,) * 3))
+    attach = [AttachPoint(n, n, np.array([0, 0.02, 0])) for n in "ab"]
+    return structure(nodes, [member("a", "b", TUBE, 3)], [payload], attach=attach)
+
+
+def cables(held=("xyz", "yz"), attach=("a", "b"), gravity=GRAVITY) -> Environment:
+    return Environment("lab", gravity, Suspension(attach, held, 4.0, 0.25))
+
+
+def test_gravity_and_nothing_to_hang_from():
+    with pytest.raises(EquilibriumError, match="nothing to hang from") as error:
+        solve_equilibrium(bus(), Environment("bare", GRAVITY))
+    assert "'bare'" in error.value.where
+    assert "orbit" in error.value.hint
+
+
+def test_suspension_without_gravity():
+    with pytest.raises(EquilibriumError, match="needs gravity"):
+        solve_equilibrium(bus(), cables(gravity=np.zeros(3)))
+
+
+@pytest.mark.parametrize("held", [("x", "x"), ("xz", "z")])
+def test_mechanism_that_the_weight_drives(held):
+    with pytest.raises(EquilibriumError, match="mechanism") as error:
+        solve_equilibrium(bus(), cables(held))
+    assert error.value.where == "suspension.held"
+
+
+def test_slack_cable_names_its_point_and_all_reactions():
+    """Both attach points on one side of the centre of mass: the near one pulls double, the far one pushes."""
+    parts = bus()
+    inside = [AttachPoint("a", "a", np.array([0, 0.02, 0])), AttachPoint("b", "a", np.array([-0.2, 0.02, 0]))]
+    with pytest.raises(EquilibriumError, match="cable at 'b' would be slack") as error:
+        solve_equilibrium(dataclasses.replace(parts, attach_points=tuple(inside)), cables())
+    reactions = error.value.data["reactions_n"]
+    assert reactions["b"] < 0.0 < reactions["a"]
+    assert sum(reactions.values()) == pytest.approx(parts.mass * 9.80665, rel=1e-6)
+
+
+def test_payload_above_its_axes_grows():
+    rest = solve_equilibrium(bus(payload_y=0.2), cables())
+    assert rest.converged  # its axis is held: at rest there is nothing wrong
+    with pytest.raises(UnstableEquilibriumError, match="payload pendulum p") as error:
+        solve_modes(rest)
+    # Faster than with a fixed carrier, which has m g d / (I + m d^2).
+    fixed = np.sqrt(3.0 * 9.80665 * 0.2 / (0.02 + 3.0 * 0.2**2))
+    assert error.value.data["growth"] > fixed
+    assert error.value.data["mode"] == "payload pendulum p"
+
+
+def test_an_article_above_its_attach_points_hangs_upside_down_or_not_at_all():
+    """Pinned it balances; free it may not be reported as resting with a mode that grows."""
+    top_heavy = bus(cg_y=0.3, payload_y=-0.01)
+    try:
+        modes = solve_modes(solve_equilibrium(top_heavy, cables()))
+    except (EquilibriumError, UnstableEquilibriumError):
+        return
+    assert np.all(modes.omega >= 0.0)
+
+
+def test_no_linearisation_about_a_state_that_is_not_at_rest():
+    rest = solve_equilibrium(bus(), cables())
+    moving = dataclasses.replace(rest, residual=1e-3)
+    assert not moving.converged
+    with pytest.raises(EquilibriumError, match="not at rest") as error:
+        solve_modes(moving)
+    assert error.value.data["history"] == rest.history
+
+
+def test_unknown_attach_point_is_a_fault_of_the_environment():
+    with pytest.raises(ConfigError, match="no attach point 'c'") as error:
+        solve_equilibrium(bus(), cables(attach=("a", "c")))
+    assert "a, b" in error.value.hint
+    with pytest.raises(ConfigError, match="no attach point 'd'"):
+        solve_equilibrium(bus(), lab(AnchoredSpring("s", "d", np.zeros(3), 1.0, 1.0)))
+
+
+def test_disconnected_part_falls_and_is_not_hidden_in_orbit():
+    nodes = [node(n, (i, 0, 0), body(1, inertia=(0.1,) * 3)) for i, n in enumerate("abcd")]
+    attach = [AttachPoint(n, n, np.array([0, 0.02, 0])) for n in "abcd"]
+    parts = structure(nodes, [member("a", "b", TUBE, 2), member("c", "d", TUBE, 2)], attach=attach)
+    orbit = solve_modes(solve_equilibrium(parts, Environment.orbit()))
+    assert orbit.kind.count("rigid") == 12
+    assert orbit.name[6:12] == tuple(f"mechanism {i}" for i in range(1, 7))
+    with pytest.raises(EquilibriumError, match="mechanism that its weight drives"):
+        solve_equilibrium(parts, cables())
+
+
+def test_spring_whose_ends_coincide():
+    bar = rigid_bar(2.0, 1.0, (0.1, 0.2, 0.3))
+    with pytest.raises(EquilibriumError, match="ends of a spring coincide"):
+        solve_equilibrium(bar, lab(AnchoredSpring("s", "left", np.array([-0.5, 0, 0]), 10.0, 1.0)))
+
+
+def test_motion_without_mass_or_stiffness_is_named():
+    """A free axis that carries nothing."""
+    empty = Joint("idle", "bar", np.zeros(3), X, 0.0, Body(0.0, np.zeros(3), np.zeros((3, 3))))
+    parts = dataclasses.replace(rigid_bar(2.0, 1.0, (0.1, 0.2, 0.3)), joints=(empty,))
+    with pytest.raises(NumericalError, match="no mass is held by no stiffness") as error:
+        solve_modes(solve_equilibrium(parts, Environment.orbit()))
+    assert "'idle'" in error.value.where
+
+
+def changed_member(**changes) -> Structure:
+    parts = bus()
+    return dataclasses.replace(parts, members=(dataclasses.replace(parts.members[0], **changes),))
+
+
+def changed_joint(**changes) -> Structure:
+    parts = bus()
+    return dataclasses.replace(parts, joints=(dataclasses.replace(parts.joints[0], **changes),))
+
+
+def with_ports(*ports) -> Structure:
+    actuators = tuple(p for p in ports if isinstance(p, Actuator))
+    sensors = tuple(p for p in ports if isinstance(p, Sensor))
+    return dataclasses.replace(bus(), actuators=actuators, sensors=sensors)
+
+
+BROKEN = {
+    "member 'a-b' names node 'zz'": changed_member(end="zz"),
+    "has its up vector along itself": changed_member(up=X),
+    "has no length between": changed_member(end="a"),
+    "has 0 elements": changed_member(elements=0),
+    "joint 'p' hangs on 'q'": changed_joint(parent="q"),
+    "which is no unit vector": changed_joint(axis=2 * X),
+    "negative or not a number": changed_joint(body=body(-1.0)),
+    "'p' carries a body": changed_joint(body=body(1.0, inertia=(-0.1, 0.1, 0.1))),
+    "'p' carries": changed_joint(body=body(np.nan)),
+    "port 't' names joint 'a'": with_ports(Actuator("t", "a", None)),
+    "port 'r' names frame 'zz'": with_ports(Sensor("r", "zz", Z, "a")),
+    "sensor 'r' names frame 'zz'": with_ports(Sensor("r", "a", Z, "zz")),
+    "actuator 't' is there twice": with_ports(Actuator("t", "a", Z), Actuator("t", "a", X)),
+    "spring 's' names attach point 'zz'": dataclasses.replace(
+        bus(), springs=(Spring("s", "a", "zz", 1.0, 1.0),)
+    ),
+    "frame 'a' is there twice": changed_joint(name="a"),
+    "attach point 'c' names frame 'zz'": dataclasses.replace(
+        bus(), attach_points=(AttachPoint("c", "zz", np.zeros(3)),)
+    ),
+}
+
+
+@pytest.mark.parametrize("message", BROKEN)
+def test_impossible_structures_are_refused_before_meshing(message: str):
+    with pytest.raises(ConfigError) as error:
+        mesh_structure(BROKEN[message])
+    assert message in str(error.value)
+
+
+def test_all_faults_come_at_once():
+    both = dataclasses.replace(changed_joint(axis=2 * X), members=changed_member(end="zz").members)
+    with pytest.raises(ConfigError, match=r"names node 'zz'.*no unit vector"):
+        mesh_structure(both)
+
+
+def test_slack_spring_to_ground_may_push():
+    """A spring is no cable: under a light bar it stands shorter than free, and says so with its tension."""
+    points = {"left": (-1.0, 0, 0), "right": (1.0, 0, 0)}
+    rest = solve_equilibrium(
+        rigid_bar(0.1, 2.0, (0.1, 0.2, 0.2)), lab(*springs_above(points, 3.0, 40.0, 2.9))
+    )
+    assert rest.converged
+    assert rest.tension == pytest.approx(0.05 * 9.80665, rel=1e-6)
