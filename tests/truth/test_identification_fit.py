@@ -124,7 +124,7 @@ def test_two_inputs_and_three_outputs():
 
 def test_stated_deviations_are_those_of_the_fits():
     rng = np.random.default_rng(11)
-    f, deviation, draws = np.arange(0.5, 4.0, 0.02), 2e-3, 150
+    f, deviation, draws = np.arange(0.5, 4.0, 0.02), 2e-3, 100
     s = 2j * np.pi * f
     w = 2.0 * np.pi * np.array([1.2, 1.7])[:, None]
     H = np.exp(-0.01 * s) * np.sum(np.array([[1.0], [0.8]]) / (s**2 + 0.02 * w * s + w**2), axis=0)
@@ -144,8 +144,8 @@ def test_stated_deviations_are_those_of_the_fits():
     ):
         spread = np.std([value(r, k) for r, k in zip(fits, order, strict=True)], axis=0, ddof=1)
         bound = np.mean([stated(r, k) for r, k in zip(fits, order, strict=True)], axis=0)
-        # 150 draws give a standard deviation to 6 %: four of those.
-        np.testing.assert_allclose(spread, bound, rtol=0.24)
+        # 100 draws give a standard deviation to 7 %: four of those.
+        np.testing.assert_allclose(spread, bound, rtol=0.28)
 
 
 def test_the_papers_plant_has_thirteen_states():
@@ -200,6 +200,29 @@ def test_logarithmic_cost_follows_the_zeros():
     # Both costs are efficient with right weights: again 1.6 times the bound; 0.05 dB (benchmark cases).
     assert gimbal_record.complex_error(E, truth) < 1.6 * 1.18e-4
     assert np.sqrt(np.mean((20.0 * np.log10(np.abs(E / truth))) ** 2)) < 0.05
+
+
+def test_logarithmic_cost_holds_the_weak_mode_that_least_squares_gives_up():
+    """Three close modes of a pendulum take two of the four pairs of least squares, which looks at the peak."""
+    f = np.arange(0.6, 15.0, 1.0 / 64.0)
+    s = 2j * np.pi * f
+    modes = [(1.31, 3.0), (1.325, 14.0), (1.408, 0.44), (1.76, 0.86), (8.67, 0.22), (9.42, 2.6)]
+    H = sum(g / (s**2 + 0.02 * w * s + w**2) for w, g in ((2 * np.pi * f0, g) for f0, g in modes))
+    H = H * np.exp(-0.010 * s)
+    noise = 1e-4 * np.abs(H).max()
+    rng = np.random.default_rng(0)
+    noisy = H + noise * (rng.standard_normal(len(f)) + 1j * rng.standard_normal(len(f))) / np.sqrt(2.0)
+    measured = FrequencyResponse(
+        f, noisy[:, None, None], gimbal_record.INPUTS[:1], gimbal_record.OUTPUTS[:1],
+        np.full((len(f), 1, 1), noise**2),
+    )  # fmt: skip
+    fitted = fit_response(measured, states=8, cost="logarithmic")
+    found = np.sort(natural_hz(fitted.model))
+    # 8.67 Hz is 30 times weaker than 9.42 Hz times its distance: to a tenth of its half-power bandwidth.
+    np.testing.assert_allclose(found[-2:], [8.67, 9.42], atol=0.1 * 0.02 * 9.0)
+    decibels = 20.0 * np.log10(np.abs(model_response(fitted.model, f)[:, 0, 0] / H))
+    assert np.sqrt(np.mean(decibels**2)) < 0.5
+    assert fitted.model.delay_s[0] == pytest.approx(0.010, abs=2e-4)
 
 
 def test_recommends_the_true_order():

@@ -13,6 +13,7 @@ from middeck.identification.polish import Polished
 from middeck.identification.refine import Data, residual_of
 from middeck.identification.start import Options, Start, start_at
 from middeck.identification.terms import Layout, columns, fractions, unpack
+from middeck.identification.weights import Spread
 
 # Lines over which the residual's peak is looked for, as a share of the frequency: a mode of 1 % is so wide.
 PEAK_WIDTH = 0.01
@@ -20,11 +21,11 @@ PEAK_WIDTH = 0.01
 CANDIDATES = 3
 
 
-def exchanges(data: Data, options: Options, best: Polished, variance: np.ndarray) -> Iterator[Start]:
+def exchanges(data: Data, options: Options, best: Polished, spread: Spread) -> Iterator[Start]:
     """Starts that have one pair (or two real poles) of ``best`` replaced by one at the residual's peak."""
     layout = best.layout
     point = unpack(layout, best.refined.theta)
-    weighted = Data(data.s, data.H, 1.0 / np.sqrt(variance + best.excess[:, None, None]))
+    weighted = Data(data.s, data.H, 1.0 / np.sqrt(spread.at(best.share)))
     pairs = np.flatnonzero(layout.pair)
     single = np.flatnonzero(~np.asarray(layout.pair))
     units = [np.array([m]) for m in pairs] + ([single[:2]] if len(single) >= 2 else [])

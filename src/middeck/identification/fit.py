@@ -18,14 +18,16 @@ from middeck.identification.refine import Data
 from middeck.identification.start import Options, Start, starts
 from middeck.identification.terms import shapes, unpack
 from middeck.identification.uncertainty import Uncertainty, bound
-from middeck.identification.weights import line_variance
+from middeck.identification.weights import Spread, spread_of
 from middeck.systems.response import FrequencyResponse
 from middeck.values import record
 
 # The starts are compared on lines that hold about so many numbers; the best is then refined on all.
 RACE_NUMBERS = 5000
 RACE_STEPS = 40
-# An exchange of modes counts when it gains more likelihood than rounding and an unsettled search may.
+# Exchanges are tried when more than this share of the variance is not the measured one, and one counts when
+# it gains more likelihood than rounding and an unsettled search may.
+WORTH_EXCHANGE = 0.1
 EXCHANGE_GAIN = 1.0
 # The start is weighted as if the model left this share of the response's rms.
 FIRST_EXCESS = 0.03
@@ -122,24 +124,22 @@ def fit_response(
         measured, 2 if states is None else states, sample_hz, constants, delay, direct, residuals
     )
     check_response(measured, _unknowns(measured, options))
-    variance = line_variance(measured)
-    data = _first_data(measured, variance)
+    spread = spread_of(measured, relative=cost == "logarithmic")
+    data = _first_data(measured, spread)
     reason = f"{states} states were asked for"
     if states is None:
-        choice = _recommend(measured, data, variance, options)
+        choice = _recommend(measured, data, spread, options)
         options, reason = dataclasses.replace(options, states=choice.states), choice.reason
-    best = _race(data, variance, options)
-    best = polish(data, Start(best.layout, best.refined.theta), variance, steps=200, rounds=5) or best
+    best = _race(data, spread, options)
+    best = polish(data, Start(best.layout, best.refined.theta), spread, steps=200, rounds=5) or best
     if cost == "logarithmic":
-        best = logarithmic_polish(data, best, variance)
+        best = logarithmic_polish(data, best, spread)
     return _result(measured, options, best, reason)
 
 
-def _recommend(
-    measured: FrequencyResponse, data: Data, variance: np.ndarray, options: Options
-) -> OrderChoice:
+def _recommend(measured: FrequencyResponse, data: Data, spread: Spread, options: Options) -> OrderChoice:
     """The order of the shortest description, each order raced as a fit would be."""
-    part, _ = _some_lines(data, variance)
+    part, _ = _some_lines(data, spread)
     tried: list[int] = []
     length: list[float] = []
     for states in sizes():
@@ -148,7 +148,7 @@ def _recommend(
         if 2 * unknowns > part.H.size:
             break
         try:
-            run = _race(data, variance, sized)
+            run = _race(data, spread, sized)
         except FitError:
             continue
         tried.append(states)
@@ -203,15 +203,14 @@ def _unknowns(measured: FrequencyResponse, options: Options) -> int:
     )
 
 
-def _first_data(measured: FrequencyResponse, variance: np.ndarray) -> Data:
-    power = np.mean(np.abs(measured.H) ** 2, axis=(0, 2))
-    weight = 1.0 / np.sqrt(variance + FIRST_EXCESS**2 * power[:, None, None])
+def _first_data(measured: FrequencyResponse, spread: Spread) -> Data:
+    weight = 1.0 / np.sqrt(spread.at(FIRST_EXCESS**2))
     return Data(2j * np.pi * measured.frequency_hz, np.moveaxis(measured.H, 0, 1), weight)
 
 
-def _race(data: Data, variance: np.ndarray, options: Options) -> Polished:
+def _race(data: Data, spread: Spread, options: Options) -> Polished:
     """The likeliest of the starts, each refined for a while on some of the lines, then its exchanges."""
-    part, some = _some_lines(data, variance)
+    part, some = _some_lines(data, spread)
     best: Polished | None = None
     for start in starts(data, options):
         run = polish(part, start, some, steps=RACE_STEPS, rounds=3)
@@ -225,12 +224,12 @@ def _race(data: Data, variance: np.ndarray, options: Options) -> Polished:
     return _exchange(part, some, options, best)
 
 
-def _exchange(part: Data, variance: np.ndarray, options: Options, best: Polished) -> Polished:
+def _exchange(part: Data, spread: Spread, options: Options, best: Polished) -> Polished:
     """Exchange modes as long as that pays; a model that leaves no excess has nothing to gain."""
-    while np.any(best.excess > 0.1 * variance.mean(axis=(1, 2))):
+    while best.share * np.mean(spread.size / spread.at(best.share)) > WORTH_EXCHANGE:
         runs = (
-            polish(part, start, variance, steps=RACE_STEPS, rounds=3)
-            for start in exchanges(part, options, best, variance)
+            polish(part, start, spread, steps=RACE_STEPS, rounds=3)
+            for start in exchanges(part, options, best, spread)
         )
         better = (run for run in runs if run is not None and run.likelihood < best.likelihood - EXCHANGE_GAIN)
         found = next(better, None)
@@ -240,9 +239,11 @@ def _exchange(part: Data, variance: np.ndarray, options: Options, best: Polished
     return best
 
 
-def _some_lines(data: Data, variance: np.ndarray) -> tuple[Data, np.ndarray]:
+def _some_lines(data: Data, spread: Spread) -> tuple[Data, Spread]:
     some = slice(None, None, max(1, data.H.size // RACE_NUMBERS))
-    return Data(data.s[some], data.H[:, some], data.weight[:, some]), variance[:, some]
+    return Data(data.s[some], data.H[:, some], data.weight[:, some]), Spread(
+        spread.variance[:, some], spread.size[:, some]
+    )
 
 
 def _result(measured: FrequencyResponse, options: Options, best: Polished, reason: str) -> FitResult:
@@ -267,7 +268,7 @@ def _result(measured: FrequencyResponse, options: Options, best: Polished, reaso
         model,
         2.0 * best.refined.step.cost / r.size,
         error,
-        np.sqrt(best.excess),
+        np.sqrt(best.share * np.mean(np.abs(measured.H) ** 2, axis=(0, 2))),
         uncertainty,
         np.array(best.refined.history),
         reason,

@@ -4,13 +4,14 @@ A variance per line estimated from few periods has few degrees of freedom: used 
 quiet by chance would rule the fit. It is averaged over neighbouring lines first.
 
 A model of limited order, or a real structure that is not quite linear, leaves more than the variance says.
-That excess is taken as one more variance on all lines, e P_o with P_o the mean square response of the output
-and one share e for all outputs, solved from
+That excess is taken as one more variance e P, with one share e for all lines and outputs, solved from
 
     sum |r|^2 / (v + e P) = number of lines   (Paule and Mandel 1982)
 
-so that a good model is weighted by its noise and a short one by the size of the responses it must follow. A
-share for each output would let a fit give up one output and then weigh it less for being so.
+so that a good model is weighted by its noise and a short one by the size of what it must follow. P is the
+mean square response of the output, or for the logarithmic cost |H|^2 of each line, which makes peaks and
+antiresonances count alike. A share for each output would let a fit give up one output and then weigh it less
+for being so.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ import scipy.optimize
 from jaxtyping import Complex, Float
 
 from middeck.systems.response import FrequencyResponse
+from middeck.values import record
 
 # Half width of the average over lines.
 NEIGHBOURS = 10
@@ -29,36 +31,48 @@ NEIGHBOURS = 10
 ROUNDING = 1e-22
 
 
-def line_variance(measured: FrequencyResponse) -> Float[np.ndarray, "output line input"]:
-    """Variance averaged over neighbouring lines; rounding alone where none was measured."""
-    power = np.mean(np.abs(measured.H) ** 2, axis=(0, 2))
-    floor = ROUNDING * power[:, None, None]
+@record
+class Spread:
+    """What a residual may come from: measured variance v, and the size P of what a model must follow."""
+
+    variance: Float[np.ndarray, "output line input"]
+    size: Float[np.ndarray, "output line input"]
+
+    def at(self, share: float) -> Float[np.ndarray, "output line input"]:
+        """v + share P."""
+        return self.variance + share * self.size
+
+
+def spread_of(measured: FrequencyResponse, *, relative: bool) -> Spread:
+    """Variance averaged over neighbouring lines, and the size of the output or (relative) of the line."""
+    H = np.moveaxis(measured.H, 0, 1)
+    power = np.broadcast_to(np.mean(np.abs(H) ** 2, axis=(1, 2), keepdims=True), H.shape)
+    variance = _smooth(measured) + ROUNDING * power
+    return Spread(variance, np.abs(H) ** 2 if relative else power)
+
+
+def _smooth(measured: FrequencyResponse) -> Float[np.ndarray, "output line input"]:
     if measured.variance is None:
-        return np.broadcast_to(floor, np.moveaxis(measured.H, 0, 1).shape).copy()
+        return np.zeros(np.moveaxis(measured.H, 0, 1).shape)
     v = np.moveaxis(measured.variance, 0, 1)
     half = min(NEIGHBOURS, v.shape[1] - 1)
     padded = np.pad(v, ((0, 0), (half, half), (0, 0)), mode="reflect")
     total = np.cumsum(np.pad(padded, ((0, 0), (1, 0), (0, 0))), axis=1)
     width = 2 * half + 1
-    return (total[:, width:] - total[:, :-width]) / width + floor
+    # Differences of sums can round below zero.
+    return np.maximum(total[:, width:] - total[:, :-width], 0.0) / width
 
 
-def excess_variance(
-    data: Complex[np.ndarray, "output line input"],
-    residual: Complex[np.ndarray, "output line input"],
-    variance: Float[np.ndarray, "output line input"],
-) -> Float[np.ndarray, " output"]:
-    """The variance that the model leaves beyond ``variance`` in each output; zero where none is left."""
-    level = np.mean(np.abs(data) ** 2, axis=(1, 2))
-    power = np.abs(residual) ** 2 / level[:, None, None]
-    known = variance / level[:, None, None]
-    if np.mean(power / known) <= 1.0:
-        return np.zeros(len(level))
-    # At e = max |r|^2 every term is below one: the root lies between; in units of that, for any size of e.
-    top = power.max()
+def excess_share(residual: Complex[np.ndarray, "output line input"], spread: Spread) -> float:
+    """The share e that the model leaves beyond the variance; zero where nothing is left."""
+    power = np.abs(residual) ** 2
+    if np.mean(power / spread.variance) <= 1.0:
+        return 0.0
+    # At e = max |r|^2 / P every term is below one: the root lies below; in units of that, for any size.
+    top = float(np.max(power / np.maximum(spread.size, np.finfo(float).tiny)))
 
     def beyond_one(e: float) -> float:
-        return float(np.mean(power / (known + e * top))) - 1.0
+        return float(np.mean(power / spread.at(e * top))) - 1.0
 
     share: Any = scipy.optimize.brentq(beyond_one, 0.0, 1.0, xtol=1e-12)
-    return top * float(share) * level
+    return top * float(share)
