@@ -203,7 +203,7 @@ def test_logarithmic_cost_follows_the_zeros():
 
 
 def test_logarithmic_cost_holds_the_weak_mode_that_least_squares_gives_up():
-    """Three close modes of a pendulum take two of the four pairs of least squares, which looks at the peak."""
+    """Three close modes of a pendulum take two of the four pairs of least squares, drawn to the peak."""
     f = np.arange(0.6, 15.0, 1.0 / 64.0)
     s = 2j * np.pi * f
     modes = [(1.31, 3.0), (1.325, 14.0), (1.408, 0.44), (1.76, 0.86), (8.67, 0.22), (9.42, 2.6)]
