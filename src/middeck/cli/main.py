@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import os
 import sys
+import warnings
 from collections.abc import Callable, Sequence
 from typing import NoReturn
 
@@ -31,7 +32,9 @@ def run() -> NoReturn:
 
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ.setdefault(variable, "1")  # docs/decisions/0004-one-blas-thread.md
-    sys.exit(execute(sys.argv[1:], catch_interrupts()))
+    interrupted = catch_interrupts()
+    warnings.showwarning = _show_warning
+    sys.exit(execute(sys.argv[1:], interrupted))
 
 
 def execute(arguments: Sequence[str], interrupted: Callable[[], bool]) -> int:
@@ -79,6 +82,11 @@ def _explain(error: Exception) -> int:
                 "please report it with what `middeck --version` and the same command with --debug print",
                 INTERNAL,
             )
+
+
+def _show_warning(message: Warning | str, *place: object) -> None:
+    """A library's warning in the form of ours, without the line of code."""
+    print(f"warning: {message}", file=sys.stderr)
 
 
 def _say(message: str, code: int) -> int:

@@ -44,26 +44,20 @@ def verb(article: str, environment: str, count: int, overrides: tuple[str, ...],
 
 
 def describe(comparison: ModeComparison) -> dict[str, Any]:
-    """The JSON document."""
-    import numpy as np
-
-    from middeck.cli.verbs.modes import mode_list
+    """The JSON document; keys as in figures 4 and 5 of numbers.json."""
+    from middeck.study.numbers import figure_4, figure_5
 
     orbit, lab = comparison.orbit, comparison.lab
+    place = lab.equilibrium.environment.title
     return {
         "schema": "middeck.compare/1",
         "article": orbit.equilibrium.model.structure.title,
-        "environment": lab.equilibrium.environment.title,
-        "orbit": mode_list(orbit, comparison.count),
-        "lab": mode_list(lab, comparison.count),
-        "pairs": comparison.pairs,
-        "ratio": comparison.ratio,
-        "matrix": comparison.cross_orthogonality,
-        "mac": comparison.mac,
-        "subspace_angle_deg": np.degrees(comparison.subspace_angle),
+        "environment": place,
+        **figure_4(comparison),
+        **figure_5(comparison),
         "warnings": (
             *(f"in orbit: {w}" for w in orbit.warnings),
-            *(f"in {lab.equilibrium.environment.title}: {w}" for w in lab.warnings),
+            *(f"in {place}: {w}" for w in lab.warnings),
         ),
     }
 

@@ -22,7 +22,7 @@ Examples:
   middeck design articles/mace-dm.toml --environment lab --count 12 \\
     --control pri_rel_z --measure pri_in_z --log10-authority 2
   middeck design model.json --control piezo_1 --measure position_1 \\
-    --log10-authority 12 --angle-noise 1e-9 --disturbance 0.1 -o law.json
+    --log10-authority 12 --angle-noise 1e-7 --disturbance 0.1 -o law.json
 """
 
 
@@ -63,12 +63,13 @@ def verb(
     as_json: bool,
     **given: Any,
 ) -> None:
-    """Linear-quadratic Gaussian design, and what its closed loop promises.
+    """LQG design for a plant, and what its closed loop promises.
 
     The disturbance enters at the control inputs; every measured output is kept small. --set takes the
     article's and the environment's keys, or for a fitted plant log10_authority, angle_noise, disturbance,
     pade_order, band, states, fit_band and sampled.
     """
+    from middeck.cli.blame import reading
     from middeck.cli.lqg import design_loop
     from middeck.cli.plants import Wanted
     from middeck.cli.settings import LoopSettings, settle
@@ -91,7 +92,8 @@ def verb(
         if from_article
         else _fitted_plant(sources, settings, wanted)
     )
-    designed = design_loop(plant, settings, settings.band_hz or band_hz)
+    with reading(*sources):
+        designed = design_loop(plant, settings, settings.band_hz or band_hz)
     document = describe(designed, plant, settings)
     if law_file is not None:
         write_compensator(law_file, designed.compensator)

@@ -44,7 +44,7 @@ def verb(
     overrides: tuple[str, ...],
     as_json: bool,
 ) -> None:
-    """Fit a model to measured records: common poles, residues and delays.
+    """Fit poles, residues and delays to measured records.
 
     RECORDs (.npz) hold whole steady periods; several are experiments of one test. --set takes states, band
     and sampled.

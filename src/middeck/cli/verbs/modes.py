@@ -38,40 +38,23 @@ def verb(article: str, environment: str, count: int, overrides: tuple[str, ...],
 
 
 def describe(modes: Modes, count: int) -> dict[str, Any]:
-    """The JSON document."""
-    import numpy as np
-
-    from middeck.structure.equilibrium import node_rotations
+    """The JSON document; keys as in numbers.json."""
+    from middeck.study.numbers import mode_numbers, rest_numbers
 
     rest = modes.equilibrium
-    structure, suspension = rest.model.structure, rest.suspension
-    devices = [*suspension.attach, *(s.name for s in rest.environment.springs)]
-    turned = node_rotations(rest).items()
+    suspension, environment = rest.suspension, rest.environment
+    devices = [*suspension.attach, *(s.name for s in environment.springs)]
     return {
         "schema": "middeck.modes/1",
-        "article": structure.title,
-        "environment": rest.environment.title,
-        "mass_kg": structure.mass,
-        **mode_list(modes, count),
-        "strain_share": modes.strain_share[:count],
+        "article": rest.model.structure.title,
+        "environment": environment.title,
+        "mass_kg": rest.model.structure.mass,
+        **mode_numbers(modes, count),
         "mode_residual": modes.residual[:count],
-        "residual": rest.residual,
-        "reactions_n": dict(zip(suspension.attach, suspension.reaction, strict=True)),
+        "equilibrium_residual": rest.residual,
+        **rest_numbers(rest),
         "stiffness_n_per_m": dict(zip(suspension.attach, suspension.stiffness, strict=True)),
         "tension_n": dict(zip(devices, rest.tension, strict=True)),
-        "holding_torque_nm": dict(zip((j.name for j in structure.joints), rest.holding_torque, strict=True)),
-        "node_rotation_deg": {node: np.degrees(vector) for node, vector in turned},
-        "warnings": modes.warnings,
-    }
-
-
-def mode_list(modes: Modes, count: int) -> dict[str, Any]:
-    """The keys that every list of modes has."""
-    return {
-        "frequency_hz": modes.frequency_hz[:count],
-        "kind": modes.kind[:count],
-        "name": modes.name[:count],
-        "rigid_residual": modes.rigid_residual,
     }
 
 
@@ -84,7 +67,7 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         f"mass         {document['mass_kg']:.3f} kg",
         f"article      {document['article']}",
         f"environment  {document['environment']}",
-        f"residual     {document['residual']:.1e} of the weight",
+        f"residual     {document['equilibrium_residual']:.1e} of the weight at rest",
         Table("modes", ["", "frequency Hz", "kind", "name", "strain"], rows),
     ]
     if document["reactions_n"]:

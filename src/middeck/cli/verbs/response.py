@@ -46,9 +46,9 @@ def verb(
     overrides: tuple[str, ...],
     as_json: bool,
 ) -> None:
-    """Frequency responses of ARTICLE, from torques to angles and rates.
+    """Frequency responses of ARTICLE between named ports.
 
-    Damping is the article's [damping].
+    From torques to angles and rates. Damping is the article's [damping].
     """
     import numpy as np
 
@@ -73,16 +73,14 @@ def verb(
 
 def describe(response: FrequencyResponse) -> dict[str, Any]:
     """Every pair of ports in ``responses``; the numbers of a single pair stand beside it as well."""
-    import numpy as np
+    from middeck.study.numbers import response_numbers
 
     pairs = [
         {
             "input": u.name,
             "output": y.name,
             "unit": f"{y.unit} per {u.unit}",
-            "frequency_hz": response.frequency_hz,
-            "re": np.real(response.H[:, o, i]),
-            "im": np.imag(response.H[:, o, i]),
+            **response_numbers(response, output=o, input=i),
         }
         for o, y in enumerate(response.outputs)
         for i, u in enumerate(response.inputs)

@@ -59,5 +59,5 @@ def _run(study: Study, out: Path) -> dict[str, float]:
             writer.add(name, compute())
             times[name] = time.monotonic() - start
             end(name, times[name])
-    writer.finish(times)
+    writer.finish()
     return times

@@ -1,0 +1,45 @@
+"""Run the command line, in this process or as its own."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from middeck.cli.main import execute
+
+ROOT = Path(__file__).parents[1]
+
+
+class Ended(NamedTuple):
+    code: int
+    out: str
+    err: str
+
+
+def middeck(capfd: pytest.CaptureFixture[str], *arguments: object) -> Ended:
+    """``middeck ARGUMENTS`` in this process."""
+    code = execute([str(a) for a in arguments], lambda: False)
+    return Ended(code, *capfd.readouterr())
+
+
+def script(*arguments: object) -> list[str]:
+    """The command that the installed script runs."""
+    return [sys.executable, "-c", "from middeck.cli.main import run; run()", *map(str, arguments)]
+
+
+def as_process(*arguments: object, cwd: Path = ROOT, **variables: str) -> Ended:
+    """``middeck ARGUMENTS`` as a process of its own, not on a terminal."""
+    done = subprocess.run(
+        script(*arguments),
+        capture_output=True,
+        text=True,
+        cwd=cwd,
+        env={**os.environ, **variables},
+        timeout=120,
+    )
+    return Ended(done.returncode, done.stdout, done.stderr)

@@ -1,0 +1,124 @@
+"""Help, versions, imports, colours and examples of the command line."""
+
+from __future__ import annotations
+
+import os
+import pty
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import middeck as package
+from cli_runner import ROOT, as_process, middeck, script
+from middeck.cli.app import VERBS
+
+Capture = pytest.CaptureFixture[str]
+HEAVY = ("numpy", "scipy", "pydantic", "matplotlib", "rich")
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["--version"], *([verb, "--help"] for verb in VERBS)])
+def test_help_and_version_import_nothing_heavy(arguments: list[str]) -> None:
+    code = f"""
+import sys
+from middeck.cli.main import execute
+code = execute({arguments!r}, lambda: False)
+print([m for m in {HEAVY!r} if m in sys.modules], code)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "[] 0"
+
+
+@pytest.mark.parametrize("arguments", [["--help"], *([verb, "--help"] for verb in VERBS)])
+def test_help_fits_eighty_columns_and_has_two_examples(capfd: Capture, arguments: list[str]) -> None:
+    ended = middeck(capfd, *arguments)
+    assert ended.code == 0
+    assert ended.err == ""
+    assert max(map(len, ended.out.splitlines())) <= 80
+    assert len(examples(ended.out)) == 2
+    assert "..." not in re.sub(
+        r"[A-Z\]]\.\.\.", "", ended.out
+    )  # nothing cut off; RECORD... and [ARGS]... repeat
+
+
+def examples(text: str) -> list[list[str]]:
+    """The commands below "Examples:", continued lines joined, without the name of the program."""
+    below = text.partition("Examples:\n")[2].partition("\n\n")[0].replace("\\\n", " ")
+    return [shlex.split(line)[1:] for line in below.splitlines() if line.strip().startswith("middeck")]
+
+
+@pytest.fixture
+def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with the project's documents and data, where examples may write."""
+    for name in ("articles", "environments", "studies", "data"):
+        (tmp_path / name).symlink_to(ROOT / name)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize("verb", [v for v in VERBS if v not in ("study", "design")])
+def test_every_example_of_a_verb_runs(project: Path, capfd: Capture, verb: str) -> None:
+    for arguments in examples(middeck(capfd, verb, "--help").out):
+        ended = middeck(capfd, *arguments)
+        assert (ended.code, ended.err) == (0, ""), arguments
+        assert ended.out
+
+
+def test_the_examples_of_design_run_after_those_of_identify(project: Path, capfd: Capture) -> None:
+    writes = next(e for e in examples(middeck(capfd, "identify", "--help").out) if "model.json" in e)
+    assert middeck(capfd, *writes).code == 0
+    for arguments in examples(middeck(capfd, "design", "--help").out):
+        assert middeck(capfd, *arguments).code == 0, arguments
+    assert (project / "law.json").exists()
+
+
+def test_the_version(capfd: Capture) -> None:
+    ended = middeck(capfd, "--version")
+    assert ended.code == 0
+    assert package.__version__ in ended.out
+
+
+def test_no_verb_is_a_usage_error_with_help_on_stderr(capfd: Capture) -> None:
+    ended = middeck(capfd)
+    assert (ended.code, ended.out) == (2, "")
+    for verb in VERBS:
+        assert verb in ended.err
+
+
+def on_a_terminal(*arguments: str, **variables: str) -> str:
+    """What a terminal is sent."""
+    ours, theirs = pty.openpty()
+    environment = {k: v for k, v in os.environ.items() if k != "NO_COLOR"} | {"TERM": "xterm", **variables}
+    process = subprocess.Popen(script(*arguments), stdout=theirs, stderr=theirs, cwd=ROOT, env=environment)
+    os.close(theirs)
+    sent = b""
+    try:
+        while part := os.read(ours, 65536):
+            sent += part
+    except OSError:  # Linux says so when the other side has closed
+        pass
+    os.close(ours)
+    assert process.wait() == 0
+    return sent.decode()
+
+
+def test_escape_codes_only_on_a_terminal_that_wants_them() -> None:
+    ask = ("modes", "articles/mace-dm.toml", "--environment", "orbit", "--count", "9")
+    piped = as_process(*ask, FORCE_COLOR="1")
+    assert "\x1b" not in piped.out + piped.err
+    fancy = on_a_terminal(*ask)
+    assert "\x1b[" in fancy
+    assert "translation x" in fancy
+    for variables in ({"NO_COLOR": "1"}, {"TERM": "dumb"}):
+        assert on_a_terminal(*ask, **variables).replace("\r\n", "\n") == piped.out
+
+
+def test_a_reader_that_has_seen_enough_is_no_error() -> None:
+    command = shlex.join(script("modes", "articles/mace-dm.toml", "--environment", "orbit", "--json"))
+    done = subprocess.run(
+        ["bash", "-c", f"{command} | true; echo ${{PIPESTATUS[0]}}"], capture_output=True, text=True, cwd=ROOT
+    )
+    assert (done.stdout, done.stderr) == ("0\n", "")
