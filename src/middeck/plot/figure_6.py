@@ -1,0 +1,63 @@
+"""Figure 6: gimbal torque to payload and bus rates, in 0-g, in 1-g and measured on the rig."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from middeck.plot.curves import draw_bode, wrapped_phase_deg
+from middeck.plot.style import COLOUR, LABEL, frequency_axis, new_figure, phase_axis, styled
+from middeck.study.gravity_responses import GravityResponses
+
+
+def figure_6a(responses: GravityResponses) -> Figure:
+    """Payload rate."""
+    return _figure(responses, 0, "payload z rate per gimbal z torque")
+
+
+def figure_6b(responses: GravityResponses) -> Figure:
+    """Bus rate at the torque wheels."""
+    return _figure(responses, 1, "bus z rate per gimbal z torque")
+
+
+@styled
+def _figure(responses: GravityResponses, output: int, title: str) -> Figure:
+    figure = new_figure(4.6)
+    magnitude, phase = figure.subplots(2, 1, sharex=True, height_ratios=[1.35, 1.0])
+    sides = {"rig": responses.rig, "orbit": responses.orbit, "lab": responses.lab}
+    for side, response in sides.items():
+        H, width = response.H[:, output, 0], 2.4 if side == "rig" else 1.1
+        draw_bode(
+            magnitude, phase, response.frequency_hz, H, color=COLOUR[side], label=LABEL[side], linewidth=width
+        )
+    _draw_delay(phase, responses, output)
+    magnitude.set_ylabel("magnitude [dB re 1 rad/s per N m]")
+    magnitude.set_title(title)
+    magnitude.legend(loc="best")
+    low, high = responses.orbit.frequency_hz[[0, -1]]
+    frequency_axis(magnitude, low, high, label=False)
+    frequency_axis(phase, low, high)
+    phase.tick_params(labelbottom=True)
+    phase_axis(phase)
+    return figure
+
+
+def _draw_delay(phase: Axes, responses: GravityResponses, output: int) -> None:
+    """The 1-g model behind the rig's delay: where it covers the measurement, delay explains the phase."""
+    f, H = responses.lab.frequency_hz, responses.lab.H[:, output, 0]
+    late = H * np.exp(-2j * np.pi * f * responses.delay_s)
+    text = (
+        f"1-g behind {1e3 * responses.delay_s:.2f} ms of delay; "
+        f"the gap above 5 Hz is {1e3 * responses.phase_gap_s[output]:.2f} ms"
+    )
+    phase.plot(
+        f,
+        wrapped_phase_deg(late),
+        label=text,
+        color=COLOUR["prediction"],
+        linewidth=1.2,
+        linestyle=(0, (2.5, 1.5)),
+    )
+    handles, labels = phase.get_legend_handles_labels()
+    phase.figure.legend(handles[-1:], labels[-1:], loc="outside lower center")

@@ -1,0 +1,25 @@
+"""The one picture of the result, for the front page of the project."""
+
+from __future__ import annotations
+
+from matplotlib.figure import Figure
+
+from middeck.plot.figure_4 import draw_ratios, draw_suspension_modes
+from middeck.plot.figure_7 import draw_performance
+from middeck.plot.style import new_figure, styled
+from middeck.structure.comparison import ModeComparison
+from middeck.study.zero_g_control import ZeroGControl
+
+
+@styled
+def picture(comparison: ModeComparison, control: ZeroGControl) -> Figure:
+    """What gravity and suspension do to the modes (Figure 4), and to controllers designed without (7a)."""
+    figure = new_figure(7.4, 8.6)
+    grid = figure.add_gridspec(2, 2, height_ratios=[1.15, 1.0], width_ratios=[1.0, 1.15])
+    performance = figure.add_subplot(grid[0, :])
+    draw_performance(performance, control)
+    performance.set_xlabel("log10 of control authority")
+    performance.set_title("controllers designed in 0-g: better and better in 0-g, unstable in 1-g")
+    draw_suspension_modes(figure.add_subplot(grid[1, 0]), comparison)
+    draw_ratios(figure.add_subplot(grid[1, 1]), comparison)
+    return figure

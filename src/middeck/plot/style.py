@@ -1,0 +1,102 @@
+"""The house style: one size of letters, one colour per environment, nothing from the user's own settings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from functools import wraps
+from typing import Any, ParamSpec
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+P = ParamSpec("P")
+
+# Okabe and Ito 2008: told apart with any colour vision; line styles and markers differ as well.
+COLOUR = {
+    "orbit": "#0072B2",
+    "lab": "#D55E00",
+    "rig": "#808080",
+    "prediction": "#009E73",
+    "low": "#CC79A7",
+    "high": "#7B2D5B",
+    "ghost": "#B5B5B5",
+    "ink": "#4D4D4D",
+    "shade": "#E9EEF3",
+}
+LABEL = {"orbit": "0-g", "lab": "1-g", "rig": "measured (simulated rig)"}
+WIDTH_IN = 7.2
+
+STYLE: dict[str, Any] = {
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans", "Verdana", "Arial", "Helvetica"],
+    "font.size": 9.0,
+    "axes.titlesize": 9.5,
+    "axes.titlelocation": "left",
+    "axes.labelsize": 9.0,
+    "axes.linewidth": 0.7,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "grid.color": "#DDDDDD",
+    "grid.linewidth": 0.5,
+    "lines.linewidth": 1.3,
+    "lines.markersize": 4.5,
+    "legend.fontsize": 8.0,
+    "legend.frameon": True,
+    "legend.framealpha": 0.9,
+    "legend.edgecolor": "none",
+    "xtick.labelsize": 8.0,
+    "ytick.labelsize": 8.0,
+    "figure.facecolor": "white",
+    "savefig.facecolor": "white",
+    "path.simplify": True,
+    "path.simplify_threshold": 0.2,
+    "svg.fonttype": "none",
+}
+
+
+@contextmanager
+def house_style(**more: Any) -> Generator[None]:
+    """Matplotlib's defaults and ours, whatever the user's configuration says; restored at the end."""
+    with mpl.rc_context():
+        mpl.rcdefaults()
+        settings: Any = mpl.rcParams  # typed by a list of keys; ours are checked when they are set
+        settings.update(STYLE | more)
+        yield
+
+
+def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
+    """Draw within the house style."""
+
+    @wraps(draw)
+    def wrapped(*args: P.args, **kwargs: P.kwargs) -> Figure:
+        with house_style():
+            return draw(*args, **kwargs)
+
+    return wrapped
+
+
+def new_figure(height_in: float, width_in: float = WIDTH_IN) -> Figure:
+    """An empty figure of the house's width, without pyplot's global state."""
+    return Figure(figsize=(width_in, height_in), layout="constrained")
+
+
+def frequency_axis(axes: Axes, low_hz: float, high_hz: float, *, label: bool = True) -> None:
+    """Logarithmic frequency [Hz] with plain numbers."""
+    axes.set_xscale("log")
+    axes.set_xlim(low_hz, high_hz)
+    axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    if label:
+        axes.set_xlabel("frequency [Hz]")
+    else:
+        axes.tick_params(labelbottom=False)
+
+
+def phase_axis(axes: Axes) -> None:
+    """Phase [deg], wrapped to one turn."""
+    axes.set_ylim(-180.0, 180.0)
+    axes.set_yticks([-180, -90, 0, 90, 180])
+    axes.set_ylabel("phase [deg]")

@@ -1,0 +1,100 @@
+"""The page: claims first, then each figure beside its sentence with the numbers under it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from middeck.report.drawings import DRAWINGS
+from middeck.report.tables import TABLES
+from middeck.report.words import Numbers, Table, fixed, percent, significant
+
+CLAIMS = {"figure_6": "figure-6a", "figure_7": "figure-7a", "figure_9b": "figure-9b"}
+
+
+class Section(NamedTuple):
+    """One figure with its sentence and tables."""
+
+    key: str
+    title: str
+    sentence: str
+    svg: Markup
+    tables: list[Table]
+
+
+class ClaimRow(NamedTuple):
+    """One row of the summary: where it is shown, what is claimed, whether it holds, the number."""
+
+    section: str
+    claim: str
+    holds: bool
+    number: str
+
+
+def render_page(title: str, numbers: Numbers, drawings: Mapping[str, str]) -> str:
+    """The whole report as HTML that needs no other file; ``numbers`` is the document of numbers.json."""
+    figures: Numbers = numbers["figures"]
+    environment = Environment(
+        loader=PackageLoader("middeck.report", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    inputs = dict(numbers["inputs"])
+    overrides, seed = inputs.pop("overrides"), inputs.pop("seed")
+    return environment.get_template("report.html.j2").render(
+        title=title,
+        claims=claim_rows(figures),
+        sections=_sections(figures, drawings),
+        versions=numbers["versions"],
+        inputs=inputs,
+        overrides=overrides,
+        seed=seed,
+    )
+
+
+def claim_rows(figures: Numbers) -> list[ClaimRow]:
+    """Every claim that a figure of ``figures`` judges, the mirror's outputs last."""
+    rows = [
+        ClaimRow(section, row["claim"], row["holds"], significant(row["number"]))
+        for figure, section in CLAIMS.items()
+        if figure in figures
+        for row in figures[figure]["claims"]
+    ]
+    return [*rows, *_mirror_claims(figures)]
+
+
+def _mirror_claims(figures: Numbers) -> list[ClaimRow]:
+    if "mirror" not in figures:
+        return []
+    mirror = figures["mirror"]
+    pairs = zip(mirror["held_out_nrmse"], mirror["published_nrmse"], strict=True)
+    return [
+        ClaimRow(
+            "mirror",
+            f"mirror, output {k + 1}: held-out NRMSE no worse than the published {percent(theirs)} [%]",
+            ours <= theirs,
+            fixed(100.0 * ours, 2),
+        )
+        for k, (ours, theirs) in enumerate(pairs)
+    ]
+
+
+def _sections(figures: Numbers, drawings: Mapping[str, str]) -> list[Section]:
+    return [
+        Section(
+            d.key,
+            d.title,
+            d.sentence(figures),
+            Markup(drawings[d.key]),  # our own SVG, whose texts are escaped already
+            TABLES[d.key](figures) if d.key in TABLES else [],
+        )
+        for stage in DRAWINGS.values()
+        for d in stage
+        if d.key in drawings
+    ]

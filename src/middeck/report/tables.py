@@ -1,0 +1,192 @@
+"""The tables under each figure, from the numbers that go to numbers.json."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from middeck.report.words import Numbers, Table, fixed, percent, significant, yes_no
+
+SUB_MODELS = {"all": "full", "rigid": "rigid", "flexible": "flexible"}
+
+
+def rest_tables(figures: Numbers) -> list[Table]:
+    """What the cables carry and the motors hold in 1-g."""
+    lab = figures["figure_4"]["lab"]
+    return [
+        Table("Pinned reactions (1-g)", ("attach point", "reaction [N]"),
+              [[name, fixed(v, 2)] for name, v in lab["reactions_n"].items()]),
+        Table("Holding torques (1-g)", ("joint", "torque [N m]"),
+              [[name, fixed(v, 4)] for name, v in lab["holding_torque_nm"].items()]),
+        Table("Rotation of the nodes at rest (1-g)", ("node", "x [deg]", "y [deg]", "z [deg]"),
+              [[name, *(fixed(a, 4) for a in v)] for name, v in lab["node_rotation_deg"].items()]),
+    ]  # fmt: skip
+
+
+def mode_tables(figures: Numbers) -> list[Table]:
+    """All modes of both environments, flexible ones beside their pair."""
+    numbers = figures["figure_4"]
+    orbit, lab = numbers["orbit"], numbers["lab"]
+    ratio = {j: (i, r) for (i, j), r in zip(numbers["pairs"], numbers["ratio"], strict=True)}
+    partner = {j: i for j, (i, _) in ratio.items()}
+    unpaired = [i for i in range(len(orbit["name"])) if i not in partner.values()]
+    rest = iter(unpaired)
+    rows: list[list[str]] = []
+    for j, name in enumerate(lab["name"]):
+        i = partner[j] if j in partner else next(rest, None)
+        left = (
+            ["–", "–", "–"] if i is None else [str(i), orbit["name"][i], fixed(orbit["frequency_hz"][i], 4)]
+        )
+        quotient = fixed(ratio[j][1], 4) if j in ratio else "–"
+        rows.append([str(j), name, fixed(lab["frequency_hz"][j], 4), *left, quotient])
+    head = ("1-g", "mode in 1-g", "[Hz]", "0-g", "mode in 0-g", "[Hz]", "ratio")
+    return [Table("Frequencies; rigid-body and suspension modes are not paired", head, rows)]
+
+
+def orthogonality_tables(figures: Numbers) -> list[Table]:
+    """The pairs, and the rigid subspace."""
+    numbers, five = figures["figure_4"], figures["figure_5"]
+    rows = [
+        [
+            str(j),
+            numbers["lab"]["name"][j],
+            str(i),
+            fixed(five["matrix"][i][j], 4),
+            fixed(five["mac"][i][j], 4),
+        ]
+        for i, j in numbers["pairs"]
+    ]
+    angles = [[str(k + 1), fixed(a, 3)] for k, a in enumerate(numbers["subspace_angle_deg"])]
+    return [
+        Table("Pairs of flexible modes", ("1-g", "mode in 1-g", "0-g", "cross-orthogonality", "MAC"), rows),
+        Table("Angles between rigid-body and suspension subspace", ("angle", "[deg]"), angles),
+    ]
+
+
+def response_tables(figures: Numbers) -> list[Table]:
+    """Magnitude errors and the delay that explains the phase."""
+    numbers = figures["figure_6"]
+    error, gap = numbers["magnitude_error_db"], numbers["phase_gap_s"]
+    rows = [
+        [name, fixed(error["orbit"][k], 3), fixed(error["lab"][k], 3), fixed(1e3 * gap[k], 4),
+         fixed(1e3 * numbers["delay_s"], 4)]
+        for k, name in enumerate(("payload z rate", "bus z rate"))
+    ]  # fmt: skip
+    head = ("output", "0-g error [dB]", "1-g error [dB]", "phase gap as delay [ms]", "rig's delay [ms]")
+    return [Table("Models against the simulated rig, rms of log magnitude in 0.3-30 Hz", head, rows)]
+
+
+def authority_tables(figures: Numbers) -> list[Table]:
+    """Disturbance, reference, first instabilities and all decibels."""
+    numbers = figures["figure_7"]
+    metric = numbers["metric_3sigma_deg_pd"]
+    references = [[f"1-g under PD alone, {name} [dB]", fixed(numbers[which]["reference_db_lab_pd"], 3)]
+                  for which, name in SUB_MODELS.items()]  # fmt: skip
+    rows = [
+        [
+            "disturbance intensity S_w, two-sided [(N m)²/Hz]",
+            significant(numbers["disturbance_psd_two_sided"], 6),
+        ],
+        ["3σ of the metric, 0-g, PD alone [deg]", fixed(metric["orbit"], 4)],
+        ["3σ of the metric, 1-g, PD alone [deg]", fixed(metric["lab"], 4)],
+        *references,
+    ]
+    onsets = [[name, *_onset(numbers[which]["first_instability"])] for which, name in SUB_MODELS.items()]
+    head = ("model", "log10 authority", "pole [Hz]", "leading mode", "mode [Hz]", "participation",
+            "compensator's share")  # fmt: skip
+    columns = [(which, env) for which in SUB_MODELS for env in ("orbit", "lab")]
+    levels = [
+        [fixed(level, 2), *(_decibels(numbers[which][env], k) for which, env in columns)]
+        for k, level in enumerate(numbers["log10_authority"])
+    ]
+    gravity = {"orbit": "0-g", "lab": "1-g"}
+    names = tuple(f"{SUB_MODELS[which]} {gravity[env]} [dB]" for which, env in columns)
+    return [
+        Table("Disturbance and reference", ("quantity", "value"), rows),
+        Table("First instability in 1-g", head, onsets),
+        Table("Performance against authority", ("log10 authority", *names), levels),
+    ]
+
+
+def _onset(first: Numbers | None) -> list[str]:
+    if first is None:
+        return ["none found", *["–"] * 5]
+    return [
+        fixed(first["log10_authority"], 3),
+        fixed(first["frequency_hz"], 4),
+        first["mode_name"],
+        fixed(first["mode_frequency_hz"], 4),
+        fixed(first["participation"], 3),
+        fixed(first["compensator_share"], 3),
+    ]
+
+
+def _decibels(side: Numbers, level: int) -> str:
+    return fixed(side["db"][level], 2) if side["stable"][level] else "unstable"
+
+
+def fit_tables(figures: Numbers) -> list[Table]:
+    """The fitted poles and delay."""
+    numbers = figures["figure_9a"]
+    columns = (numbers[k] for k in ("natural_hz", "natural_hz_deviation", "damping", "damping_deviation"))
+    modes = [
+        [fixed(f, 4), significant(df, 2), percent(z, 3), percent(dz, 3)]
+        for f, df, z, dz in sorted(zip(*columns, strict=True))
+    ]
+    delay_ms, deviation_ms = 1e3 * numbers["delay_s"], 1e3 * numbers["delay_deviation_s"]
+    rows = [
+        ["states of the fit", str(numbers["states"])],
+        ["states of the design plant, Padé delay included", str(numbers["plant_states"])],
+        ["delay [ms]", f"{fixed(delay_ms, 4)} ± {significant(deviation_ms, 2)}"],
+        ["band of the fit [Hz]", " to ".join(f"{f:g}" for f in numbers["fit_band_hz"])],
+        ["relative complex error in that band", percent(numbers["relative_error"], 3)],
+    ]  # fmt: skip
+    head = ("natural frequency [Hz]", "± [Hz]", "damping", "±")
+    return [
+        Table("Fitted modes, one standard deviation", head, modes),
+        Table("The fit", ("quantity", "value"), rows),
+    ]
+
+
+def loop_tables(figures: Numbers) -> list[Table]:
+    """Both loops."""
+    numbers = figures["figure_9b"]
+    rows = [
+        [
+            name,
+            fixed(numbers[name]["log10_authority"], 2),
+            fixed(numbers[name]["predicted_db"], 3),
+            fixed(numbers[name]["measured_db"], 3),
+            fixed(numbers[name]["rms_error_db"], 3),
+            ", ".join(f"{shift} %: {'stable' if ok else 'unstable'}"
+                      for shift, ok in numbers[name]["survives_shift_percent"].items()),
+        ]
+        for name in ("low", "high")
+    ]  # fmt: skip
+    head = ("authority", "log10", "predicted [dB]", "measured [dB]", "prediction error of rms [dB]",
+            "after a shift of the pair near 9 Hz")  # fmt: skip
+    return [Table("Payload rms angle in the band, over the open loop's", head, rows)]
+
+
+def mirror_tables(figures: Numbers) -> list[Table]:
+    """Held-out error beside the published one."""
+    numbers = figures["mirror"]
+    outputs = list(dict.fromkeys(entry["output"] for entry in numbers["entries"]))
+    columns = (numbers[k] for k in ("held_out_nrmse", "published_nrmse", "relative_error"))
+    rows = [
+        [name, percent(ours), percent(theirs), yes_no(ours <= theirs), percent(error)]
+        for name, ours, theirs, error in zip(outputs, *columns, strict=True)
+    ]
+    head = ("output", "held-out NRMSE", "published", "no worse", "relative error of the fit")
+    return [Table(f"{numbers['states']} states on the 300 mV record", head, rows)]
+
+
+TABLES: dict[str, Callable[[Numbers], list[Table]]] = {
+    "figure-3": rest_tables,
+    "figure-4": mode_tables,
+    "figure-5": orthogonality_tables,
+    "figure-6b": response_tables,
+    "figure-7b": authority_tables,
+    "figure-9a": fit_tables,
+    "figure-9b": loop_tables,
+    "mirror": mirror_tables,
+}
