@@ -68,7 +68,7 @@ def study_measured_control(
     article = rig_plant(modes, siso.actuator, (siso.sensor,))
     test = run_rig_experiment(article, rig_form, siso, rng)
     measured = estimate_response(test.record, band_hz=siso.band_hz)
-    fit = fit_response(_in_band(measured, siso.fit_band_hz), states=siso.states)
+    fit = fit_response(_in_band(measured, siso.fit_band_hz), states=siso.states, cost="logarithmic")
     ports = {"w": (siso.actuator,), "u": (siso.actuator,), "z": (siso.sensor,), "y": (siso.sensor,)}
     plant = measured_plant(fit.model, pade_order=siso.pade_order, **ports)
     fitted = FrequencyResponse(
