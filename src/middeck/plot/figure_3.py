@@ -69,9 +69,8 @@ def _one_scale(grid: np.ndarray) -> None:
 def _name_parts(axes: Axes, model: Model) -> None:
     """Node names above the nodes, the names of the carried bodies' last axes beside their boxes."""
     for node in model.structure.nodes:
-        axes.annotate(
-            node.name, node.position[:2], (0, 9), textcoords="offset points", ha="center", fontsize=7.5
-        )
+        x, y, _ = node.position
+        axes.annotate(node.name, (x, y), (0, 9), textcoords="offset points", ha="center", fontsize=7.5)
     poses = frame_poses(model.tree, model.rest)
     for joint in model.structure.joints:
         if np.any(joint.body.cg):

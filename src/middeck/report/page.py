@@ -10,7 +10,7 @@ from markupsafe import Markup
 
 from middeck.report.drawings import DRAWINGS
 from middeck.report.tables import TABLES
-from middeck.report.words import Numbers, Table, fixed, percent, significant
+from middeck.report.words import Numbers, Table, percent, significant
 
 CLAIMS = {"figure_6": "figure-6a", "figure_7": "figure-7a", "figure_9b": "figure-9b"}
 
@@ -77,9 +77,9 @@ def _mirror_claims(figures: Numbers) -> list[ClaimRow]:
     return [
         ClaimRow(
             "mirror",
-            f"mirror, output {k + 1}: held-out NRMSE no worse than the published {percent(theirs)} [%]",
+            f"mirror, output {k + 1}: held-out NRMSE no worse than the published {percent(theirs)}",
             ours <= theirs,
-            fixed(100.0 * ours, 2),
+            percent(ours),
         )
         for k, (ours, theirs) in enumerate(pairs)
     ]

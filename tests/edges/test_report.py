@@ -1,0 +1,344 @@
+"""Figures and report: real results of reduced stages, read back from the files that were written."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import pickle
+import re
+import subprocess
+import sys
+from collections import Counter
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from middeck.files.studies import load_study
+from middeck.plot.curves import keep_extremes, wrapped_phase_deg
+from middeck.plot.figure_3 import figure_3
+from middeck.plot.figure_7 import figure_7a, figure_7b
+from middeck.plot.svg import svg_text
+from middeck.report.build import StudyWriter
+from middeck.report.words import fixed
+from middeck.study.stages import run_stages
+
+ROOT = Path(__file__).parents[2]
+# Few levels and a small mirror model: every stage runs for real, none for long.
+REDUCED = ("control.levels=5", "control.log10_authority_first=0.5", "mirror.states=6")
+FIGURES = ("3", "4", "5", "6a", "6b", "7a", "7b", "9a", "9b")
+PRINT_WIDTH_MM, PRINT_HEIGHT_MM = 178.0, 265.0  # A4 less the margins of the print style
+SVG_LIMIT, PAGE_LIMIT = 400_000, 3_000_000  # bytes: what mail and a phone take without thinking
+
+
+@pytest.fixture(scope="session")
+def study():
+    return load_study(ROOT / "studies/mace-1993.toml", REDUCED)
+
+
+@pytest.fixture(scope="session")
+def outcomes(study):
+    return {name: compute() for name, compute in run_stages(study)}
+
+
+@pytest.fixture(scope="session")
+def written(tmp_path_factory, study, outcomes):
+    out = tmp_path_factory.mktemp("report")
+    write(out, study, outcomes)
+    return out
+
+
+def write(out: Path, study: Any, outcomes: dict[str, Any]) -> None:
+    writer = StudyWriter(out, study)
+    for name, outcome in outcomes.items():
+        writer.add(name, outcome)
+    writer.finish()
+
+
+@pytest.fixture(scope="session")
+def page(written):
+    return Page((written / "report.html").read_text(encoding="utf-8"))
+
+
+@pytest.fixture(scope="session")
+def numbers(written):
+    return json.loads((written / "numbers.json").read_text(encoding="utf-8"))["figures"]
+
+
+class Page(HTMLParser):
+    """What a reader of the page meets: tags with their attributes, tables by caption, texts of elements."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str]]] = []
+        self.tables: dict[str, list[list[str]]] = {}
+        self.texts: dict[str, str] = {}
+        self.section = ""
+        self._rows: list[list[str]] = []
+        self._caption, self._into, self._id = "", "", ""
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        named = {k: v or "" for k, v in attrs}
+        self.tags.append((tag, named))
+        self._id = named.get("id", self._id if tag in ("title", "desc") else "")
+        match tag:
+            case "table":
+                self._rows, self._caption = [], "Claims"
+            case "caption":
+                self._caption = ""
+            case "tr":
+                self._rows.append([])
+            case "th" | "td":
+                self._rows[-1].append("")
+            case _:
+                pass
+        self._into = tag if tag in ("caption", "th", "td") else self._into
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag == "table":
+            self.tables[self._caption] = self._rows
+        if tag in ("caption", "th", "td"):
+            self._into = ""
+        self._id = ""
+
+    def handle_data(self, data: str) -> None:
+        if self._into == "caption":
+            self._caption += data
+        elif self._into and self._rows:
+            self._rows[-1][-1] += data
+        if self._id:
+            self.texts[self._id] = self.texts.get(self._id, "") + data
+
+    def all(self, *names: str) -> list[dict[str, str]]:
+        return [attributes for tag, attributes in self.tags if tag in names]
+
+
+def number(text: str) -> float:
+    return float(text.replace("−", "-").removesuffix(" %"))
+
+
+def test_every_figure_is_written_and_stands_on_the_page(written, page):
+    keys = [*(f"figure-{name}" for name in FIGURES), "mirror"]
+    files = {p.stem for p in (written / "figures").iterdir()}
+    assert files == {*keys, "mace-1993"}
+    assert [a["id"] for a in page.all("section")] == ["claims", *keys, "assumptions", "provenance"]
+    assert not [p for p in written.rglob("*") if p.name.startswith(".")]
+
+
+def test_files_stay_small(written):
+    assert all(p.stat().st_size < SVG_LIMIT for p in (written / "figures").iterdir())
+    assert (written / "report.html").stat().st_size < PAGE_LIMIT
+
+
+def test_another_process_writes_the_same_bytes(tmp_path, study, outcomes, written):
+    """Neither the order of sets, nor what was drawn before, nor a clock reaches the files."""
+    with (tmp_path / "results.pickle").open("wb") as file:
+        pickle.dump((study, outcomes), file)
+    program = (
+        "import pickle, sys; from pathlib import Path; sys.path.insert(0, sys.argv[1]);"
+        "from test_report import write; write(Path('again'), *pickle.load(open('results.pickle', 'rb')))"
+    )
+    environment = {**os.environ, "PYTHONHASHSEED": "7", "TZ": "Asia/Tokyo"}
+    subprocess.run(
+        [sys.executable, "-c", program, str(Path(__file__).parent)], cwd=tmp_path, env=environment, check=True
+    )
+    files = sorted(p.relative_to(written) for p in written.rglob("*.*"))
+    assert files == sorted(p.relative_to(tmp_path / "again") for p in (tmp_path / "again").rglob("*.*"))
+    differing = [f for f in files if (written / f).read_bytes() != (tmp_path / "again" / f).read_bytes()]
+    assert differing == []
+
+
+def test_the_users_own_matplotlib_settings_neither_matter_nor_change(outcomes, written):
+    with mpl.rc_context({"lines.linewidth": 9.0, "font.size": 30.0, "svg.fonttype": "path"}):
+        figure = figure_3(outcomes["figures 4 and 5"])
+        svg = svg_text(figure, key="figure-3", title="t", description="d")
+        assert mpl.rcParams["lines.linewidth"] == 9.0
+        assert mpl.rcParams["font.size"] == 30.0
+    drawn = (written / "figures/figure-3.svg").read_text(encoding="utf-8")
+    assert svg.split("</desc>")[1] == drawn.split("</desc>")[1]
+
+
+def test_the_page_loads_nothing(written, page):
+    assert not page.all("script", "link", "img", "iframe", "object", "embed", "base", "form")
+    for tag, attributes in page.tags:
+        for name in ("src", "srcset", "href", "xlink:href", "data", "poster", "action"):
+            value = attributes.get(name, "#")
+            follows = tag == "a" and value.startswith("https://")
+            assert value.startswith(("#", "data:")) or follows, (tag, name, value)
+        assert not [name for name in attributes if name.startswith("on")]
+    text = (written / "report.html").read_text(encoding="utf-8")
+    assert "@import" not in text
+    assert set(re.findall(r"url\((.)", text)) <= {"#"}
+    policy = next(a["content"] for a in page.all("meta") if a.get("http-equiv") == "Content-Security-Policy")
+    assert "default-src 'none'" in policy
+
+
+def test_ids_are_unique_and_every_reference_resolves(written, page):
+    ids = Counter(a["id"] for _, a in page.tags if "id" in a)
+    assert [i for i, n in ids.items() if n > 1] == []
+    text = (written / "report.html").read_text(encoding="utf-8")
+    wanted = {*re.findall(r'href="#([^"]+)"', text), *re.findall(r"url\(#([^)]+)\)", text)}
+    for _, attributes in page.tags:
+        wanted.update(attributes.get("aria-labelledby", "").split())
+    assert wanted - set(ids) == set()
+
+
+def test_every_drawing_has_words(page):
+    drawings = [a for a in page.all("svg") if a.get("role") == "img"]
+    assert len(drawings) == len(FIGURES) + 1
+    for attributes in drawings:
+        title, description = (page.texts[i] for i in attributes["aria-labelledby"].split())
+        key = attributes["aria-labelledby"].split("-title")[0]
+        assert len(title) > 10
+        # One sentence: the same under the heading and for who cannot see the drawing.
+        assert description == page.texts[f"{key}-caption"]
+        assert description.endswith(".")
+
+
+def test_table_heads_have_scope(page):
+    heads = page.all("th")
+    assert heads
+    assert {a["scope"] for a in heads} == {"row", "col"}
+
+
+def test_no_drawing_is_taller_than_a_printed_page(written):
+    for file in (written / "figures").iterdir():
+        _, _, width, height = map(float, re.search(r'viewBox="([^"]+)"', file.read_text())[1].split())
+        assert height / width * PRINT_WIDTH_MM < PRINT_HEIGHT_MM - 40.0, file  # 40 mm: heading and sentence
+    text = (written / "report.html").read_text(encoding="utf-8")
+    assert re.search(r"@media print \{.*figure[^}]*\{ break-inside: avoid; \}", text, re.DOTALL)
+
+
+def test_frequencies_on_the_page_are_those_of_the_numbers(page, numbers):
+    four = numbers["figure_4"]
+    rows = page.tables["Frequencies; rigid-body and suspension modes are not paired"][1:]
+    assert [row[1] for row in rows] == four["lab"]["name"]
+    assert [row[2] for row in rows] == [fixed(f, 4) for f in four["lab"]["frequency_hz"]]
+    assert sorted(int(row[3]) for row in rows) == list(range(len(four["orbit"]["name"])))
+    for row in rows:
+        assert row[4] == four["orbit"]["name"][int(row[3])]
+        assert row[5] == fixed(four["orbit"]["frequency_hz"][int(row[3])], 4)
+    shown = {(int(row[3]), int(row[0])): row[6] for row in rows if row[6] != "–"}
+    expected = zip(four["pairs"], four["ratio"], strict=True)
+    assert shown == {tuple(pair): fixed(ratio, 4) for pair, ratio in expected}
+
+
+def test_decibels_on_the_page_are_those_of_the_numbers(page, numbers):
+    seven = numbers["figure_7"]
+    head, *rows = page.tables["Performance against authority"]
+    sides = [(which, env) for which in ("all", "rigid", "flexible") for env in ("orbit", "lab")]
+    assert len(head) == 1 + len(sides)
+    assert len(rows) == len(seven["log10_authority"]) == 5
+    for k, row in enumerate(rows):
+        for cell, (which, env) in zip(row[1:], sides, strict=True):
+            value = seven[which][env]["db"][k]
+            assert cell == ("unstable" if value is None else fixed(value, 2))
+    assert "unstable" in {cell for row in rows for cell in row}
+
+
+def test_other_tables_are_those_of_the_numbers(page, numbers):
+    lab = numbers["figure_4"]["lab"]
+    reactions = page.tables["Pinned reactions (1-g)"][1:]
+    assert dict(reactions) == {n: fixed(v, 2) for n, v in lab["reactions_n"].items()}
+    torques = page.tables["Holding torques (1-g)"][1:]
+    assert dict(torques) == {n: fixed(v, 4) for n, v in lab["holding_torque_nm"].items()}
+    loops = page.tables["Payload rms angle in the band, over the open loop's"][1:]
+    for row in loops:
+        loop = numbers["figure_9b"][row[0]]
+        assert row[2:4] == [fixed(loop["predicted_db"], 3), fixed(loop["measured_db"], 3)]
+    mirror = page.tables[f"{numbers['mirror']['states']} states on the 300 mV record"][1:]
+    assert [number(row[1]) for row in mirror] == [
+        pytest.approx(100.0 * e, abs=0.005)  # two decimals are shown
+        for e in numbers["mirror"]["held_out_nrmse"]
+    ]
+    assert [row[3] for row in mirror] == [
+        "yes" if ours <= theirs else "no"
+        for ours, theirs in zip(
+            numbers["mirror"]["held_out_nrmse"], numbers["mirror"]["published_nrmse"], strict=True
+        )
+    ]
+
+
+def test_every_claim_is_in_the_summary(page, numbers):
+    rows = {row[0]: row[1] for row in page.tables["Claims"][1:]}
+    claims = [c for f in ("figure_6", "figure_7", "figure_9b") for c in numbers[f]["claims"]]
+    assert claims
+    for claim in claims:
+        assert rows[claim["claim"]] == ("yes" if claim["holds"] else "no")
+    # So few states are too few for the mirror, and the page says so.
+    assert "no" in {holds for claim, holds in rows.items() if claim.startswith("mirror")}
+
+
+def test_the_page_says_where_it_comes_from(written, study):
+    text = (written / "report.html").read_text(encoding="utf-8")
+    assert all(digest in text and name in text for name, digest in study.inputs)
+    assert all(override in text for override in REDUCED)
+    assert "CC BY 4.0" in text
+    assert "15 gave" in text
+    assert "no dimension, mass, stiffness, gain or noise level" in text
+
+
+@pytest.mark.parametrize("draw", [figure_7a, figure_7b])
+def test_unstable_levels_are_not_drawn_as_decibels(outcomes, draw):
+    control = outcomes["figure 7"]
+    names = {"full": "all", "without": "rigid", "flexible": "flexible"}
+    lines = {line.get_label(): line for line in draw(control).axes[0].lines if ", " in str(line.get_label())}
+    assert lines
+    for label, line in lines.items():
+        gravity, which = re.match(r"(.-g), (\w+)", label).groups()
+        sweep = dict(control.sweeps)[names[which]].sweep
+        stable = sweep.stable[sweep.plants.index({"0-g": "orbit", "1-g": "lab"}[gravity])]
+        np.testing.assert_array_equal(np.isfinite(line.get_ydata()), stable)
+
+
+def test_part_of_a_study_gives_part_of_a_page(tmp_path, study, outcomes):
+    """Also: a title is text, never markup."""
+    name = "figures 4 and 5"
+    write(tmp_path, dataclasses.replace(study, title="<b>g & g</b>"), {name: outcomes[name]})
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    page = Page(text)
+    keys = ["figure-3", "figure-4", "figure-5"]
+    assert [a["id"] for a in page.all("section")] == ["claims", *keys, "assumptions", "provenance"]
+    assert "<h1>&lt;b&gt;g &amp; g&lt;/b&gt;</h1>" in text
+
+
+def test_a_browser_opens_it_from_disk(chromium, written, tmp_path):
+    flags = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync",
+             "--disable-background-networking", "--disable-component-update", f"--user-data-dir={tmp_path}"]  # fmt: skip
+    address = (written / "report.html").resolve().as_uri()
+    run = subprocess.run(
+        [chromium, *flags, "--dump-dom", address], capture_output=True, text=True, timeout=120, check=True
+    )
+    dom = Page(run.stdout)
+    assert len(dom.all("section")) == len(FIGURES) + 4
+    # The browser's own parser must agree with ours that nothing is nested wrongly: all tables survive whole.
+    assert dom.tables == Page((written / "report.html").read_text(encoding="utf-8")).tables
+
+
+@given(
+    st.lists(st.floats(-1e6, 1e6), min_size=40, max_size=400),
+    st.integers(2, 12),
+)
+def test_thinned_curves_keep_their_envelope(values, bins):
+    value = np.array(values)
+    f = np.geomspace(0.1, 60.0, len(value))
+    kept = keep_extremes(f, value, bins)
+    assert np.all(np.diff(kept) > 0)
+    assert {0, len(value) - 1} <= set(kept)
+    assert value[kept].max() == value.max()
+    assert value[kept].min() == value.min()
+    assert len(kept) <= max(2 * bins + 2, 3 * bins)
+
+
+def test_wrapped_phase_breaks_exactly_where_it_wraps():
+    f = np.linspace(0.0, 30.0, 1000)
+    phase = wrapped_phase_deg(np.exp(-2j * np.pi * f * 0.5))
+    turns = 15 - 0.5  # half a turn at 1 Hz: the first wrap, then one a turn
+    assert np.sum(np.isnan(phase)) == np.floor(turns + 0.5)
