@@ -10,12 +10,15 @@ from pathlib import Path
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(variable, "1")
 
-import pytest
-from hypothesis import settings
+import pytest  # noqa: E402
+from hypothesis import settings  # noqa: E402
 
 LONG = os.environ.get("MIDDECK_LONG") == "1"
 SEED = 1993
 SHARE = 20  # `make test` runs a twentieth of each campaign
+
+# An independent program with an environment of its own (JAX); nothing here imports it.
+collect_ignore = ["cross/sheet_by_autodiff"]
 
 settings.register_profile("short", max_examples=20, derandomize=True, deadline=None)
 settings.register_profile("long", max_examples=20 * SHARE, derandomize=True, deadline=None)
@@ -24,7 +27,7 @@ settings.load_profile("long" if LONG else "short")
 
 @pytest.fixture(scope="session")
 def campaign():
-    """``campaign(whole)``: seeds of a campaign of ``whole`` runs, its first twentieth unless all are asked for."""
+    """``campaign(whole)``: seeds of ``whole`` runs, of which the first twentieth unless all are asked for."""
 
     def seeds(whole: int) -> range:
         return range(SEED, SEED + (whole if LONG else max(1, whole // SHARE)))
