@@ -34,6 +34,16 @@ ROOT = Path(__file__).parents[2]
 REDUCED = ("control.levels=5", "control.log10_authority_first=0.5", "mirror.states=6")
 FIGURES = ("3", "4", "5", "6a", "6b", "7a", "7b", "9a", "9b")
 PRINT_WIDTH_MM, PRINT_HEIGHT_MM = 178.0, 265.0  # A4 less the margins of the print style
+BROWSER_FLAGS = (
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-sync",
+    "--disable-background-networking",
+    "--disable-component-update",
+)
 SVG_LIMIT, PAGE_LIMIT = 400_000, 3_000_000  # bytes: what mail and a phone take without thinking
 
 
@@ -310,8 +320,7 @@ def test_part_of_a_study_gives_part_of_a_page(tmp_path, study, outcomes):
 
 
 def test_a_browser_opens_it_from_disk(chromium, written, tmp_path):
-    flags = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync",
-             "--disable-background-networking", "--disable-component-update", f"--user-data-dir={tmp_path}"]  # fmt: skip
+    flags = (*BROWSER_FLAGS, f"--user-data-dir={tmp_path}")
     address = (written / "report.html").resolve().as_uri()
     run = subprocess.run(
         [chromium, *flags, "--dump-dom", address], capture_output=True, text=True, timeout=120, check=True
