@@ -88,6 +88,13 @@ def test_all_faults_at_once_of_article_environment_and_override(tmp_path: Path, 
         refused(capfd, 2, verb, *arguments, says=says)
 
 
+@pytest.mark.parametrize("key", ["offsets", "nodes"])
+def test_attach_points_without_one_offset_each(capfd: Capture, key: str) -> None:
+    refused(
+        capfd, 2, "modes", ARTICLE, "--set", f"suspension.{key}=[]", says=("suspension.offsets_m", "one each")
+    )
+
+
 def test_an_empty_and_a_missing_file(tmp_path: Path, capfd: Capture) -> None:
     empty = tmp_path / "empty.toml"
     empty.write_text("")

@@ -278,7 +278,9 @@ def _axis_state(path: Path, t: Table, middle: str) -> Iterator[Finding]:
 
 def _attach(data: Table) -> Iterator[Finding]:
     nodes, offsets = _suspension_array(data, "nodes"), _suspension_array(data, "offsets_m")
-    if nodes and offsets and len(nodes) != len(offsets):
+    suspension = data.get("suspension")
+    both = isinstance(suspension, dict) and "nodes" in suspension and "offsets_m" in suspension
+    if both and len(nodes) != len(offsets):
         message = f"{len(offsets)} offsets for {len(nodes)} nodes; must be one each, in m"
         yield Finding(("suspension", "offsets_m"), message)
     for i, t in tables(data, "spring"):
