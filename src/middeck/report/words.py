@@ -38,14 +38,12 @@ def significant(value: float | str | None, digits: int = 4) -> str:
         return value or "none"
     if value is None:
         return "–"
-    if value == 0.0 or 1e-3 <= abs(value) < 1e6:
-        decimals = digits - 1 - (math.floor(math.log10(abs(value))) if value else 0)
-        rounded = round(value, decimals)
-        return (
-            f"{rounded:.{max(decimals, 0)}f}".rstrip("0").rstrip(".").replace("-", "−")
-            if decimals > 0
-            else (f"{rounded:.0f}".replace("-", "−"))
-        )
+    if value == 0.0:
+        return "0"
+    if 1e-3 <= abs(value) < 1e6:
+        decimals = digits - 1 - math.floor(math.log10(abs(value)))
+        text = f"{round(value, decimals):.{max(decimals, 0)}f}"
+        return (text.rstrip("0").rstrip(".") if "." in text else text).replace("-", "−")
     mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
     return f"{mantissa}e{int(exponent)}".replace("-", "−")
 
