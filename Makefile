@@ -4,10 +4,13 @@ VENV := .venv
 BIN := $(VENV)/bin
 STUDY := studies/mace-1993.toml
 
-.PHONY: study test test-all check docs bench lock clean
+.PHONY: study picture test test-all check docs bench lock clean
 
 study: $(VENV)/run.stamp  ## the paper: out/mace-1993/report.html
 	$(BIN)/middeck study $(STUDY) -o out/mace-1993
+
+picture: study  ## the picture of the README
+	cp out/mace-1993/figures/mace-1993.svg docs/images/
 
 test: check  ## lint, types, import contract, tests, docs examples
 	$(BIN)/python -m pytest -rs

@@ -22,19 +22,36 @@ def json_text(value: Any) -> str:
     Arrays become lists, complex numbers and arrays ``{"re": ..., "im": ...}``, records tables.
     Raises `NumericalError`, naming the key, for a number that is not finite: write None where one is meant.
 
-    >>> print(json_text({"H": np.array([1 + 2j])}))
+    A list of plain numbers or texts stands on one line.
+
+    >>> print(json_text({"H": np.array([1 + 2j, 3])}))
     {
      "H": {
-      "re": [
-       1.0
-      ],
-      "im": [
-       2.0
-      ]
+      "re": [1.0, 3.0],
+      "im": [2.0, 0.0]
      }
     }
     """
-    return json.dumps(plain(value), indent=1, allow_nan=False, ensure_ascii=False)
+    return _text(plain(value), "\n")
+
+
+def _text(value: Any, line: str) -> str:
+    """JSON of a plain value; ``line`` is the line break with the indentation so far."""
+    inner = line + " "
+    match value:
+        case dict() if value:
+            pairs = cast("dict[str, Any]", value).items()
+            rows = (f"{_leaf(k)}: {_text(v, inner)}" for k, v in pairs)
+            return "{" + inner + ("," + inner).join(rows) + line + "}"
+        case list() if any(isinstance(v, dict | list) for v in cast("list[Any]", value)):
+            rows = (_text(v, inner) for v in cast("list[Any]", value))
+            return "[" + inner + ("," + inner).join(rows) + line + "]"
+        case _:
+            return _leaf(value)
+
+
+def _leaf(value: Any) -> str:
+    return json.dumps(value, allow_nan=False, ensure_ascii=False)
 
 
 def write_json(path: str | Path, value: Any) -> None:
