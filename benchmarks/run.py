@@ -14,8 +14,8 @@ HERE = Path(__file__).parent
 PAGE = HERE.parent / "docs" / "benchmarks.md"
 HEAD = """# Benchmarks
 
-Made by `make bench` from `benchmarks/results/*.json`; do not edit. Error stands before time, and time only beside
-that of a peer in the same run. *Level* is what was asked; a row without one is information.
+Made by `make bench` from `benchmarks/results/*.json`; do not edit. Error stands before time, and time only
+beside that of a peer in the same run. *Level* is what was asked; a row without one is information.
 """
 
 
