@@ -1,6 +1,6 @@
 """Run every benchmark of this folder (or those named), then make docs/benchmarks.md from their results.
 
-    python benchmarks/run.py [--table-only] [NAME ...]
+python benchmarks/run.py [--table-only] [NAME ...]
 """
 
 from __future__ import annotations
