@@ -223,7 +223,6 @@ def test_settings_of_a_fit(tmp_path: Path, capfd: Capture) -> None:
     path = tmp_path / "a.npz"
     write_record(path, record())
     fit = ("identify", path)
-    refused(capfd, 2, *fit, says=("states: missing", "give --states"))
     refused(capfd, 2, *fit, "--set", "statse=2", says=("statse", "'states'?"))
     refused(
         capfd, 2, *fit, "--set", "states=-2", "--set", "sampled=3", says=("2 errors", "1 to 1000", "sampled")

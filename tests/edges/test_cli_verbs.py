@@ -13,6 +13,8 @@ import pytest
 import middeck as md
 from cli_runner import ROOT, middeck
 from middeck.structure.equilibrium import node_rotations
+from middeck.systems.ports import Port
+from middeck.systems.record import Record
 
 SIMPLE = ROOT / "articles/mace-simple.toml"
 DM = ROOT / "articles/mace-dm.toml"
@@ -196,6 +198,24 @@ def test_the_sort_of_model_follows_from_the_band(capfd: Capture) -> None:
     assert document(capfd, *ask, "--band", "700,1000")["sampled"] is True
     assert document(capfd, *ask, "--band", "700,799")["sampled"] is False
     assert document(capfd, *ask, "--band", "700,799", "--set", "sampled=true")["sampled"] is True
+
+
+def test_without_states_the_recommended_order_is_taken(tmp_path: Path, capfd: Capture) -> None:
+    f = np.arange(129)[:, None]  # one mode at 20 Hz, 5 % damped, 1 Hz lines, a little noise
+    u = np.tile(np.random.default_rng(1).standard_normal((1, 1, 256, 1)), (1, 3, 1, 1))
+    y = np.fft.irfft(np.fft.rfft(u, axis=2) / (1.0 - (f / 20.0) ** 2 + 0.1j * f / 20.0), axis=2)
+    y = y + 1e-3 * np.random.default_rng(2).standard_normal(y.shape)
+    ports = (Port("torque", "N m"),), (Port("angle", "rad"),)
+    md.write_record(tmp_path / "one.npz", Record(256.0, u, y, *ports, True))
+    ended = middeck(capfd, "identify", tmp_path / "one.npz", "--band", "5,60", "--continuous", "--json")
+    assert ended.code == 0
+    assert "--states" in ended.err
+    found = json.loads(ended.out)
+    measured = md.estimate_response(md.load_record(tmp_path / "one.npz"), band_hz=(5.0, 60.0))
+    fit = md.fit_response(measured)
+    assert found["states"] == fit.model.states
+    assert found["order_reason"] == fit.order_reason
+    assert found["frequency_hz"] == (np.abs(fit.model.poles) / (2.0 * np.pi)).tolist()
 
 
 def test_design_straight_from_a_record(capfd: Capture) -> None:

@@ -78,7 +78,9 @@ count = click.option(
     "--count", type=click.IntRange(min=1), default=26, show_default=True, help="How many of the lowest modes."
 )
 band = click.option("--band", "band_hz", type=Frequencies(2), metavar="LO,HI", help="Band to fit [Hz].")
-states = click.option("--states", type=click.IntRange(min=1), help="Order of the fit: two for each mode.")
+states = click.option(
+    "--states", type=click.IntRange(min=1), help="Order of the fit.  [default: recommended, slow]"
+)
 
 
 def separate_names(values: tuple[str, ...]) -> tuple[str, ...]:

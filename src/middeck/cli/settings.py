@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, TypeVar
 
 from middeck.errors import ConfigError
 from middeck.files.documents import Source, check
-from middeck.files.faults import Fault, raise_faults
+from middeck.files.faults import raise_faults
 from middeck.files.form import Form, Positive, whole, within
 from middeck.files.overrides import Target, apply_overrides
 from middeck.files.study_form import Band
@@ -17,9 +16,9 @@ F = TypeVar("F", bound=Form)
 
 
 class FitSettings(Form):
-    """How a response is fitted; keys as in the table [siso] of a study."""
+    """How a response is fitted; keys as in [siso] of a study. Without ``states``: the recommended order."""
 
-    states: Annotated[int, whole(1, 1000)]
+    states: Annotated[int, whole(1, 1000)] | None = None
     band_hz: Band | None = None
     sampled: bool | None = None
 
@@ -48,14 +47,7 @@ def settle(form: type[F], options: Mapping[str, Any], overrides: Sequence[str]) 
     listed = {k: list(v) if isinstance(v, tuple) else v for k, v in source.data.items()}
     (data,), (changed,) = apply_overrides([Target(source.file, listed, form)], overrides)
     checked = check(source, data, changed, form, lambda data: [])
-    raise_faults([_with_option(fault) for fault in checked.faults])
+    raise_faults(checked.faults)
     if checked.form is None:
         raise ConfigError("the options do not fit together")
     return checked.form
-
-
-def _with_option(fault: Fault) -> Fault:
-    """A value that is missing is one that an option was to give."""
-    if not fault.message.startswith("missing"):
-        return fault
-    return dataclasses.replace(fault, hint=f"give --{fault.key}, or --set {fault.key}=...")

@@ -54,7 +54,10 @@ def verb(
     from middeck.files.models import write_model
 
     given = {"states": states, "band_hz": band_hz, "sampled": sampled}
-    found = identify(records, settle(FitSettings, given, overrides))
+    settings = settle(FitSettings, given, overrides)
+    if settings.states is None:
+        click.echo("trying one order after another, which takes minutes; --states N names one", err=True)
+    found = identify(records, settings)
     document = {**describe(found), "held_out_nrmse": _validate(found, validate), "records": records}
     if model_file is not None:
         write_model(model_file, found.fit.model)
@@ -86,6 +89,7 @@ def describe(found: Identified) -> dict[str, Any]:
         "inputs": model.inputs,
         "outputs": model.outputs,
         "states": model.states,
+        "order_reason": fit.order_reason,
         "sample_hz": found.sample_hz,
         "sampled": model.sample_hz is not None,
         "band_hz": [lines[0], lines[-1]],
@@ -123,6 +127,7 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
     low, high = document["band_hz"]
     return [
         f"{document['states']} states, {kind}, fitted to {document['lines']} lines in {low:g}-{high:g} Hz",
+        f"order: {document['order_reason']}",
         Table("poles", ["Hz", "+-", "damping", "+-"], poles),
         Table("outputs", ["output", "delay ms", "error of fit", "held-out NRMSE"], outputs),
     ]
