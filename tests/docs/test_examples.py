@@ -1,0 +1,144 @@
+"""Every Python block and every command on a page that teaches runs, in the order of the page.
+
+A page is one session: its blocks share their names and a folder with the repository's articles, environments,
+studies and data. TOML blocks that begin with a file name are written there first. A command that is shown to
+fail says so: ``# exit code 2``. What a page promises in words is held here, not on the page.
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from doc_pages import ROOT, Block, blocks
+
+from middeck.cli.main import execute
+
+PAGES = [
+    "README.md",
+    *(
+        str(p.relative_to(ROOT))
+        for f in ("tutorials", "how-to")
+        for p in sorted((ROOT / "docs" / f).glob("*.md"))
+    ),
+]
+# Tested elsewhere: the main job, and the verbs of make.
+ELSEWHERE = ("make ", "middeck study ")
+Names = dict[str, Any]
+
+
+def first_steps(names: Names) -> None:
+    """What the tutorial says one sees."""
+    orbit, hung = names["orbit"], names["hung"]
+    assert orbit.kind.count("rigid") == 10
+    assert hung.kind.count("suspension") == 10
+    assert names["rest"].holding_torque[0] == pytest.approx(2.77, abs=0.005)
+    np.testing.assert_allclose(names["comparison"].ratio[:2], [1.05, 1.07], atol=0.005)
+    assert names["md"].leave_open(names["plants"]["0-g"]).inert == tuple(f"translation {a}" for a in "xyz")
+    assert names["md"].leave_open(names["plants"]["1-g"]).inert == ()
+    pd = {n: names["three_sigma_deg"](names["md"].leave_open(p)) for n, p in names["held"].items()}
+    assert pd["0-g"] == pytest.approx(1.0, abs=0.01)
+    assert pd["1-g"] == pytest.approx(pd["0-g"] / 3.0, rel=0.2)
+    loops = {n: names["md"].close_loop(p, names["design"](10.0)) for n, p in names["held"].items()}
+    lqg = {n: names["three_sigma_deg"](loop) for n, loop in loops.items()}
+    assert pd["0-g"] / lqg["0-g"] == pytest.approx(7.0, abs=0.5)
+    assert lqg["1-g"] > pd["1-g"]
+    in_orbit, in_lab = names["sweep"].db
+    assert np.all(np.diff(in_orbit) < 0.0)
+    assert in_lab[0] < in_orbit[0]
+    assert np.all(np.isinf(in_lab[-6:]))
+    assert hung.kind[hung.name.index(names["first"].mode_name)] == "suspension"
+    assert not names["fit"].warnings
+    assert names["fit"].model.delay_s[0] == pytest.approx(0.010, rel=0.05)
+    assert len(names["fitted"].system.A) == 13
+    assert names["measured_rms"] == pytest.approx(names["predicted"]["closed"], rel=0.1)
+
+
+def your_own_article(names: Names) -> None:
+    """A swinging, stable article with one more rigid-body mode than six."""
+    assert names["modes"].kind.count("suspension") == 7
+    assert "payload pendulum paddle" in names["modes"].name
+
+
+def your_own_record(names: Names) -> None:
+    """Both files give back what was put in."""
+    assert names["fit"].model.delay_s[0] == pytest.approx(0.020, abs=1e-4)
+    assert np.abs(names["fit"].model.poles[0]) == pytest.approx(30.0, rel=1e-4)
+
+
+def override_a_value(names: Names) -> None:
+    """Both overrides arrived, the first in its article alone."""
+    study = names["study"]
+    assert study.control.actuator_noise_ratio == 0.0
+    assert study.case("simple", "lab")[0].attach_points[0].offset[2] == 0.0
+
+
+def readme(names: Names) -> None:
+    """The first flexible modes stiffen."""
+    assert np.all(names["comparison"].ratio[:4] > 1.0)
+
+
+PROMISES: dict[str, Callable[[Names], None]] = {
+    "README.md": readme,
+    "docs/tutorials/first-steps.md": first_steps,
+    "docs/how-to/your-own-article.md": your_own_article,
+    "docs/how-to/your-own-record.md": your_own_record,
+    "docs/how-to/override-a-value.md": override_a_value,
+}
+
+
+@pytest.fixture
+def session(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty folder that looks like the repository to what a page reads."""
+    for folder in ("articles", "environments", "studies", "data"):
+        (tmp_path / folder).symlink_to(ROOT / folder)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_a_page_runs_and_keeps_its_promises(page: str, session: Path) -> None:
+    names: Names = {"__name__": "page"}
+    ran = 0
+    for block in blocks(ROOT / page):
+        ran += _run(page, block, names)
+    assert ran > 0
+    PROMISES[page](names)
+
+
+def _run(page: str, block: Block, names: Names) -> int:
+    match block.language:
+        case "python":
+            # As many empty lines as are above the block: a traceback then names the line of the page.
+            exec(compile("\n" * block.line + block.text, str(ROOT / page), "exec"), names)
+        case "toml":
+            name = re.match(r"# (\S+\.toml)\n", block.text)
+            assert name is not None, f"{page}:{block.line}: the first line of a TOML block names its file"
+            Path(name[1]).write_text(block.text, encoding="utf-8")
+        case "sh":
+            return sum(_command(page, block.line + k, text) for k, text in _lines(block.text))
+        case _:
+            return 0
+    return 1
+
+
+def _lines(text: str) -> list[tuple[int, str]]:
+    """Number and text of each command, continued lines joined."""
+    joined = re.sub(r"\\\n\s*", " ", text)
+    return [(k, line) for k, line in enumerate(joined.splitlines(), 1) if line.strip()]
+
+
+def _command(page: str, line: int, text: str) -> int:
+    if text.startswith(ELSEWHERE):
+        return 0
+    program, *arguments = shlex.split(text, comments=True)
+    assert program == "middeck", f"{page}:{line}: {text}"
+    expected = re.search(r"# exit code (\d+)$", text)
+    code = execute(arguments, lambda: False)
+    assert code == (int(expected[1]) if expected else 0), f"{page}:{line}: {text}"
+    return 1

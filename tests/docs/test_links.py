@@ -1,0 +1,58 @@
+"""What the pages point to is there, and no tracked text betrays the machine it was written on."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from doc_pages import ROOT, tracked
+
+PAGES = tracked("*.md")
+LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
+TEST_FILE = re.compile(r"`(tests/[\w/-]+(?:\.py|/))`")
+# Homes, workplaces and temporary folders; addresses of hosts. A path in a regular expression is no path.
+PLACES = re.compile(
+    r"(?<![\w.~/-])/(?:home|root|work|mnt|Users|tmp)/[\w.-]+|\blocalhost:\d+|\b(?:\d{1,3}\.){3}\d{1,3}\b"
+)
+REGISTRIES = re.compile(
+    r"https?://[\w.-]*(?:pypi|pythonhosted|artifactory|nexus|proxy|index)[\w.-]*", re.IGNORECASE
+)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_internal_links_resolve(page):
+    text = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    for target in LINK.findall(text):
+        if "://" in target or target.startswith("mailto:"):
+            continue
+        file, _, anchor = target.partition("#")
+        there = (page.parent / file).resolve() if file else page
+        assert there.exists(), f"{page.name}: {target}"
+        if anchor:
+            headings = re.findall(r"^#+ (.+)$", there.read_text(encoding="utf-8"), re.MULTILINE)
+            slugs = {re.sub(r"[^\w -]", "", h).strip().lower().replace(" ", "-") for h in headings}
+            assert anchor in slugs, f"{page.name}: {target}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_test_files_that_a_page_names_exist(page):
+    for name in TEST_FILE.findall(page.read_text(encoding="utf-8")):
+        assert (ROOT / name).exists(), f"{page.name} names {name}"
+
+
+def test_every_page_of_the_manual_is_in_its_index():
+    index = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
+    entries = re.findall(r"^([\w*/-]+)$", index, re.MULTILINE)
+    reached = {p.resolve() for entry in entries for p in (ROOT / "docs").glob(f"{entry}.md")}
+    assert {p.resolve() for p in tracked("docs/*.md")} - reached == {ROOT / "docs" / "index.md"}
+
+
+def test_no_tracked_text_names_a_machine_or_a_registry():
+    found = []
+    for path in tracked():
+        if path.suffix in (".npz", ".svg") or path.samefile(__file__):
+            continue
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+            if match := PLACES.search(line) or REGISTRIES.search(line):
+                found.append(f"{path.relative_to(ROOT)}:{number}: {match[0]}")
+    assert not found, "\n".join(found)

@@ -1,0 +1,124 @@
+"""The reference names all there is and nothing else."""
+
+from __future__ import annotations
+
+import re
+import sys
+
+import pytest
+from doc_pages import ROOT, rows
+from pydantic_core import PydanticUndefined
+
+import middeck
+from middeck import errors
+from middeck.cli import main as console
+from middeck.cli.app import VERBS
+from middeck.files import article_form, environment_form, study_form
+from middeck.files.form import Form, unit_of
+
+REFERENCE = ROOT / "docs" / "reference"
+
+# The tables of files.md, in its order.
+FORMS: list[type[Form]] = [
+    article_form.ArticleForm,
+    article_form.MeshForm,
+    article_form.MaterialForm,
+    article_form.SectionForm,
+    article_form.NodeForm,
+    article_form.StrutForm,
+    article_form.GimbalForm,
+    article_form.RevoluteForm,
+    article_form.AttachForm,
+    article_form.SuspensionForm,
+    article_form.SpringForm,
+    article_form.ActuatorForm,
+    article_form.SensorForm,
+    article_form.DampingForm,
+    environment_form.EnvironmentForm,
+    environment_form.ConstantsForm,
+    environment_form.CablesForm,
+    environment_form.AnchoredSpringForm,
+    study_form.StudyForm,
+    study_form.ControlForm,
+    study_form.RigForm,
+    study_form.Figure6Form,
+    study_form.SisoForm,
+    study_form.AuthorityForm,
+    study_form.MirrorForm,
+]
+
+
+def test_every_public_name_is_listed_with_its_module():
+    listed = {row[0].strip("`"): row[2].strip("`") for row in rows(REFERENCE / "api.md")}
+    actual = {name: getattr(getattr(middeck, name), "__module__", "middeck") for name in middeck.__all__}
+    assert listed == actual
+
+
+def test_every_form_has_its_table():
+    """So that a form added later cannot be forgotten here."""
+    modules = (article_form, environment_form, study_form)
+    defined = {
+        x for m in modules for x in vars(m).values() if isinstance(x, type) and x.__module__ == m.__name__
+    }
+    assert {x for x in defined if issubclass(x, Form)} == set(FORMS)
+
+
+def _tables() -> list[list[list[str]]]:
+    """Rows of files.md, table by table."""
+    tables: list[list[list[str]]] = []
+    text = (REFERENCE / "files.md").read_text(encoding="utf-8")
+    for part in text.split("| key | unit | default | meaning |\n")[1:]:
+        body = part.split("\n\n")[0].splitlines()[1:]
+        tables.append([[c.strip() for c in line.strip("|").split("|")] for line in body])
+    return tables
+
+
+@pytest.mark.parametrize(
+    ("form", "table"), list(zip(FORMS, _tables(), strict=True)), ids=lambda x: getattr(x, "__name__", "")
+)
+def test_every_key_of_a_file_is_listed_with_its_unit_and_default(form: type[Form], table: list[list[str]]):
+    listed = {row[0].strip("`"): (row[1], row[2]) for row in table}
+    actual = {}
+    for name, field in form.model_fields.items():
+        key = field.alias or name
+        actual[key] = (unit_of(key), _default(field))
+    assert listed == actual
+
+
+def _default(field) -> str:
+    """As the page writes it: in TOML, or nothing where there is no plain default."""
+    if field.is_required():
+        return "required"
+    value = None if field.default is PydanticUndefined else field.default
+    match value:
+        case bool():
+            return f"`{str(value).lower()}`"
+        case int() | float():
+            return f"`{value}`"
+        case tuple() if value:
+            return f"`{list(value)}`"
+        case str() if value:
+            return f"`{value}`"
+    return ""
+
+
+def test_every_error_and_exit_code_is_listed():
+    listed = {(int(row[0]), row[1].strip("`")) for row in rows(REFERENCE / "errors.md")}
+    classes = [x for x in vars(errors).values() if isinstance(x, type) and issubclass(x, errors.MiddeckError)]
+    assert {pair for pair in listed if pair[1]} == {(c.exit_code, c.__name__) for c in classes}
+    documented = {int(code) for code in re.findall(r"^\s*(\d+) \S", console.__doc__ or "", re.MULTILINE)}
+    assert (
+        {code for code, _ in listed} == documented == {0, *range(1, 6), console.INTERNAL, console.INTERRUPTED}
+    )
+
+
+def test_every_verb_is_documented_and_fresh(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.syspath_prepend(str(ROOT / "docs"))
+    import make_cli_reference
+
+    try:
+        assert make_cli_reference.main(["--check"]) == 0, "run docs/make_cli_reference.py"
+    finally:
+        sys.modules.pop("make_cli_reference")
+    text = (REFERENCE / "cli.md").read_text(encoding="utf-8")
+    assert re.findall(r"^## middeck (\S+)$", text, re.MULTILINE) == list(VERBS)
