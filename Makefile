@@ -3,6 +3,9 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STUDY := studies/mace-1993.toml
+# docs/decisions/0004-one-blas-thread.md; before any plugin of pytest imports numpy.
+export OMP_NUM_THREADS ?= 1
+export OPENBLAS_NUM_THREADS ?= 1
 
 .PHONY: study picture test test-all check docs bench lock clean
 

@@ -85,6 +85,20 @@ def test_hundred_states_with_rigid_modes_agree_with_quadrature():
     np.testing.assert_allclose(exact, band_rms_by_quadrature(system, np.eye(2), BAND), rtol=1e-10)
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_rounding_of_a_double_pole_at_the_origin_is_no_growth(seed):
+    """In turned coordinates the double zero comes out as +-1e-7: no instability, and the same rms."""
+    rng = np.random.default_rng(seed)
+    A = sla.block_diag([[0.0, 1.0], [0.0, 0.0]], 300.0 * np.array([[-0.01, 1.0], [-1.0, -0.01]]))
+    plain = StateSpace(A, rng.standard_normal((4, 1)), rng.standard_normal((1, 4)), [[0.0]])
+    Q, _ = np.linalg.qr(rng.standard_normal((4, 4)))
+    turned_system = StateSpace(Q @ A @ Q.T, Q @ plain.B, plain.C @ Q.T, plain.D)
+    # The double pole itself carries rounding of 1e-16 * 300 / 0.6 into the band, squared by its second order.
+    np.testing.assert_allclose(
+        band_rms(turned_system, np.eye(1), BAND), band_rms_by_quadrature(plain, np.eye(1), BAND), rtol=1e-9
+    )
+
+
 def test_both_routes_agree():
     system = turned(resonators(20))
     band = 2.0 * np.pi * np.array(BAND)

@@ -48,12 +48,19 @@ def band_rms(
         & (np.abs(np.imag(values)) >= w1)
         & (np.abs(np.imag(values)) <= w2)
     )
-    if np.any(np.real(values) > GROWTH_LIMIT) or np.any(on_axis):
+    growing = (np.real(values) > GROWTH_LIMIT) & ~_at_origin(values, noisy.A, w1)
+    if np.any(growing) or np.any(on_axis):
         return np.full(len(system.C), np.inf)
     modal = _as_pole_sum(noisy, values.astype(complex), V, (w1, w2))
     square = _block_integral(noisy, w1, w2) if modal is None else _pair_integral(*modal, noisy.D, w1, w2)
     # A negative square is rounding about zero.
     return np.sqrt(np.maximum(square, 0.0) / np.pi)
+
+
+def _at_origin(values: np.ndarray, A: np.ndarray, w1: float) -> np.ndarray:
+    """Poles that cannot be told from a double one at the origin, which rounding splits by sqrt(eps) |A|."""
+    split = np.sqrt(np.finfo(float).eps) * np.linalg.norm(A)
+    return np.abs(values) < min(CLUSTER * w1, split)
 
 
 def band_rms_by_quadrature(
