@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pkgutil
 import re
 import sys
 
@@ -52,6 +53,14 @@ def test_every_public_name_is_listed_with_its_module():
     listed = {row[0].strip("`"): row[2].strip("`") for row in rows(REFERENCE / "api.md")}
     actual = {name: getattr(getattr(middeck, name), "__module__", "middeck") for name in middeck.__all__}
     assert listed == actual
+
+
+def test_what_the_paper_page_names_can_be_imported():
+    functions = [row[2] for row in rows(ROOT / "docs" / "paper.md")]
+    named = [name for cell in functions for name in re.findall(r"`([a-z_.0-9]+)`", cell)]
+    assert named
+    for name in named:
+        assert pkgutil.resolve_name(f"middeck.{name}") is not None
 
 
 def test_every_form_has_its_table():
