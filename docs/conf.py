@@ -7,8 +7,7 @@ author = "the middeck authors"
 release = version = __version__
 # Formulas are set by MathJax in the reader's browser; without a network they are read as TeX.
 extensions = ["myst_parser", "sphinx.ext.mathjax"]
-myst_enable_# Formulas are set by MathJax in the reader's browser; without a network they are read as TeX.
-extensions = ["dollarmath", "amsmath"]
+myst_enable_extensions = ["dollarmath", "amsmath"]
 myst_heading_anchors = 3
 exclude_patterns = ["_build"]
 html_theme = "furo"

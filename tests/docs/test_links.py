@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
 
 import pytest
 from doc_pages import ROOT, tracked
@@ -45,6 +47,15 @@ def test_every_page_of_the_manual_is_in_its_index():
     entries = re.findall(r"^([\w*/-]+)$", index, re.MULTILINE)
     reached = {p.resolve() for entry in entries for p in (ROOT / "docs").glob(f"{entry}.md")}
     assert {p.resolve() for p in tracked("docs/*.md")} - reached == {ROOT / "docs" / "index.md"}
+
+
+def test_the_manual_builds_without_a_warning(tmp_path):
+    """References between pages and markup; the same as `make docs` but for the HTML, which takes longer."""
+    command = [sys.executable, "-m", "sphinx", "-q", "-W", "-b", "dummy", "-d", str(tmp_path / "trees")]
+    done = subprocess.run(
+        [*command, str(ROOT / "docs"), str(tmp_path / "none")], capture_output=True, text=True, timeout=120
+    )
+    assert done.returncode == 0, done.stderr
 
 
 def test_no_tracked_text_names_a_machine_or_a_registry():
