@@ -141,7 +141,11 @@ def search(
     history = [step.cost]
     for _ in range(most_steps):
         scale = np.maximum(np.diag(step.gram), 1e-14 * np.diag(step.gram).max())
-        move = _solve(step.gram + damping * np.diag(scale), -step.gradient)
+        try:
+            move = _solve(step.gram + damping * np.diag(scale), -step.gradient)
+        except np.linalg.LinAlgError:  # two modes have met; more damping tells them apart
+            damping, growth = damping * growth, 2.0 * growth
+            continue
         promised = float(-move @ step.gradient - 0.5 * move @ step.gram @ move)
         if promised <= SMALLEST_GAIN:
             return Refined(theta, step, tuple(history), True)
