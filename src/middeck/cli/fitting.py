@@ -33,5 +33,10 @@ def identify(files: Sequence[str], settings: FitSettings) -> Identified:
         measured = estimate_response(taken, band_hz=settings.band_hz)
         reaches = measured.frequency_hz[-1] > HELD_ABOVE * taken.sample_hz
         sampled = bool(reaches) if settings.sampled is None else settings.sampled
-        fit = fit_response(measured, states=settings.states, sample_hz=taken.sample_hz if sampled else None)
+        fit = fit_response(
+            measured,
+            states=settings.states,
+            sample_hz=taken.sample_hz if sampled else None,
+            cost=settings.cost,
+        )
     return Identified(measured, taken.sample_hz, fit)

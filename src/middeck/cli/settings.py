@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 from middeck.errors import ConfigError
 from middeck.files.documents import Source, check
@@ -21,6 +21,7 @@ class FitSettings(Form):
     states: Annotated[int, whole(1, 1000)] | None = None
     band_hz: Band | None = None
     sampled: bool | None = None
+    cost: Literal["weighted", "logarithmic"] = "weighted"
 
 
 class LoopSettings(Form):

@@ -134,7 +134,7 @@ def fit_response(
     best = polish(data, Start(best.layout, best.refined.theta), spread, steps=200, rounds=5) or best
     if cost == "logarithmic":
         best = logarithmic_polish(data, best, spread)
-    return _result(measured, options, best, reason)
+    return _result(measured, options, best, spread, reason)
 
 
 def _recommend(measured: FrequencyResponse, data: Data, spread: Spread, options: Options) -> OrderChoice:
@@ -226,7 +226,7 @@ def _race(data: Data, spread: Spread, options: Options) -> Polished:
 
 def _exchange(part: Data, spread: Spread, options: Options, best: Polished) -> Polished:
     """Exchange modes as long as that pays; a model that leaves no excess has nothing to gain."""
-    while best.share * np.mean(spread.size / spread.at(best.share)) > WORTH_EXCHANGE:
+    while _model_error(best, spread) > WORTH_EXCHANGE:
         runs = (
             polish(part, start, spread, steps=RACE_STEPS, rounds=3)
             for start in exchanges(part, options, best, spread)
@@ -239,6 +239,11 @@ def _exchange(part: Data, spread: Spread, options: Options, best: Polished) -> P
     return best
 
 
+def _model_error(best: Polished, spread: Spread) -> float:
+    """Part of the variance behind the weights that is not the measured one."""
+    return float(best.share * np.mean(spread.size / spread.at(best.share)))
+
+
 def _some_lines(data: Data, spread: Spread) -> tuple[Data, Spread]:
     some = slice(None, None, max(1, data.H.size // RACE_NUMBERS))
     return Data(data.s[some], data.H[:, some], data.weight[:, some]), Spread(
@@ -246,7 +251,9 @@ def _some_lines(data: Data, spread: Spread) -> tuple[Data, Spread]:
     )
 
 
-def _result(measured: FrequencyResponse, options: Options, best: Polished, reason: str) -> FitResult:
+def _result(
+    measured: FrequencyResponse, options: Options, best: Polished, spread: Spread, reason: str
+) -> FitResult:
     sample_hz = 1.0 / options.period_s if options.period_s else None
     point = unpack(best.layout, best.refined.theta)
     c = np.array([shapes(best.layout, point, x) for x in best.refined.step.linear])
@@ -261,6 +268,11 @@ def _result(measured: FrequencyResponse, options: Options, best: Polished, reaso
         raise FitError("the fitted response is not finite", hint="fewer states")
     if not best.refined.converged:
         warnings.append(f"the search had not settled after {len(best.refined.history)} steps")
+    if _model_error(best, spread) > 0.5:
+        warnings.append(
+            f"most of what the fit leaves is not noise but modes it lacks ({np.sqrt(best.share):.1%} of the "
+            "response): the stated deviations do not cover that"
+        )
     if options.with_delay and not options.real_constants:
         warnings.append("the delay is confounded with the complex residues: only their sum is certain")
     error = np.sqrt(np.sum(r, axis=(0, 2)) / np.sum(np.abs(measured.H) ** 2, axis=(0, 2)))

@@ -31,6 +31,11 @@ Examples:
     default=None,
     help="Kind of model.  [default: sampled if the band passes 1/8 of the sampling rate]",
 )
+@click.option(
+    "--cost",
+    type=click.Choice(["weighted", "logarithmic"]),
+    help="What is made least: the weighted error, or that of log magnitude and phase.  [default: weighted]",
+)
 @click.option("--validate", multiple=True, metavar="RECORD", help="Held-out record; may be repeated.")
 @click.option("-o", "--output", "model_file", metavar="MODEL.json", help="Write the model.")
 @options.common
@@ -39,6 +44,7 @@ def verb(
     states: int | None,
     band_hz: tuple[float, float] | None,
     sampled: bool | None,
+    cost: str | None,
     validate: tuple[str, ...],
     model_file: str | None,
     overrides: tuple[str, ...],
@@ -46,14 +52,14 @@ def verb(
 ) -> None:
     """Fit poles, residues and delays to measured records.
 
-    RECORDs (.npz) hold whole steady periods; several are experiments of one test. --set takes states, band
-    and sampled.
+    RECORDs (.npz) hold whole steady periods; several are experiments of one test. --set takes states, band,
+    sampled and cost.
     """
     from middeck.cli.fitting import identify
     from middeck.cli.settings import FitSettings, settle
     from middeck.files.models import write_model
 
-    given = {"states": states, "band_hz": band_hz, "sampled": sampled}
+    given = {"states": states, "band_hz": band_hz, "sampled": sampled, "cost": cost}
     settings = settle(FitSettings, given, overrides)
     if settings.states is None:
         click.echo("trying one order after another, which takes minutes; --states N names one", err=True)
