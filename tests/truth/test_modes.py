@@ -259,3 +259,39 @@ def test_named_rigid_basis_splits_translations_from_the_rest():
     assert modes.shapes[3:, :3] == pytest.approx(np.zeros((3, 3)), abs=1e-10)
     # Cross moments of 3 kg at 2e4 m are 1e9 kg m^2: rounding leaves 1e-7 of 0.1 kg m^2.
     assert np.diag(modes.shapes[3:, 3:]) ** -2 == pytest.approx([0.1, 0.2, 0.3], rel=1e-3)
+
+
+@pytest.mark.parametrize("state", [JointState.FREE, JointState.LOCKED, JointState.DRIVEN])
+def test_the_one_rigid_mode_of_a_body_on_one_cable_is_its_yaw(state: JointState):
+    """Skewed joints make rotation x partly rigid too; the name is that of the motion that is rigid whole."""
+    axes = ((0.3, 0.0, 0.1), np.eye(3)[0]), ((-0.2, 0.0, 0.1), Z), ((0.0, 0.0, -0.3), np.eye(3)[0])
+    joints = [
+        Joint(
+            f"p{i}",
+            "a",
+            np.array(at),
+            axis,
+            0.0,
+            body(1.0 + i, (0.01, -0.2, 0.02), (0.02, 0.03, 0.04)),
+            state,
+        )
+        for i, (at, axis) in enumerate(axes)
+    ]
+    carrier = node("a", (0.3, 0.2, 0.1), body(4.0, (0.02, -0.05, 0.03), (0.2, 0.3, 0.25)))
+    parts = structure([carrier], joints=joints, attach=[AttachPoint("a", "a", np.array([0.05, 0.3, 0.02]))])
+    modes = modes_of(parts, Environment("lab", GRAVITY, Suspension(("a",), ("xyz",), 3.0, 0.3)))
+    assert modes.kind.count("rigid") == 1
+    assert modes.name[0] == "rotation y"
+    turn = modes.shapes[3:6, 0] / np.abs(modes.shapes[3:6, 0]).max()
+    assert turn == pytest.approx(
+        np.array([0.0, 1.0, 0.0]), abs=1e-6
+    )  # the statics stop at 1e-9 of the weight
+    assert modes.strain_share[0] == 0.0
+
+
+def test_rigid_modes_have_no_strain_to_share():
+    """Their potential energy is rounding, of strain and of the whole alike."""
+    modes = modes_of(straight_beam(dataclasses.replace(TUBE, rho_I_y=1e-4), 2.0, 6))
+    assert modes.kind[:6] == ("rigid",) * 6
+    assert np.all(modes.strain_share[:6] == 0.0)
+    assert modes.strain_share[6:9] == pytest.approx(1.0)

@@ -26,7 +26,7 @@ def check_structure(structure: Structure) -> None:
         raise ConfigError(
             "; ".join(faults),
             where=f"structure {structure.title!r}",
-            hint="files are checked with line numbers: load_structure, or middeck check",
+            hint="files are checked with line numbers by load_structure and by every verb",
         )
 
 

@@ -38,7 +38,8 @@ class Modes:
     kind, name:
         "rigid", "suspension" or "flexible", and what the mode is.
     strain_share:
-        Part of the potential energy that is elastic strain of members, springs and joints.
+        Part of the potential energy that is elastic strain of members, springs and joints;
+        zero for a rigid-body mode, which has no potential energy.
     residual:
         Of each mode, |K phi - omega^2 M phi| over the size of its terms; grows towards the top of the list.
     rigid_residual:

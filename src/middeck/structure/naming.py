@@ -33,6 +33,7 @@ def name_modes(
     strain = strain_energy(equilibrium, shapes)
     total = 0.5 * np.einsum("im,im->m", shapes, K @ shapes)
     share = np.clip(strain.sum(axis=1) / np.where(total > 0.0, total, np.inf), 0.0, 1.0)
+    share[[k == "rigid" for k in kind]] = 0.0  # of rounding there are no shares
     held = [m for m, k in enumerate(kind) if k == "suspension"]
     hung = dict(zip(held, _hung_names(equilibrium, M, shapes[:, held]), strict=True))
     names: list[str] = list(rigid_names)

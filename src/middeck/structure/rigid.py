@@ -46,19 +46,25 @@ def rigid_basis(
     """A named, mass-orthonormal basis of the rigid-body modes: translations, rotations, joints in turn.
 
     Any basis of the null space is as good; this one separates the translations, which no internal torque
-    moves, from the rest. Motions that the structure resists are skipped.
+    moves, from the rest. Motions that the structure resists in part come last, the freest of them first; those
+    that it resists wholly are skipped.
     """
     motions, motion_names = rigid_motions(equilibrium, M)
+    whole = _norm(motions, M)
+    inside = space @ (space.T @ (M @ motions))
+    free = _norm(motions - inside, M) < NEW_PART * whole
     basis = np.zeros((len(space), 0))
     names: list[str] = []
-    for motion, name in zip(motions.T, motion_names, strict=True):
-        inside = space @ (space.T @ (M @ motion))
-        for _ in range(2):  # Gram and Schmidt, twice for orthogonality at rounding level
-            inside = inside - basis @ (basis.T @ (M @ inside))
-        left, whole = (np.sqrt(v @ (M @ v)) for v in (inside, motion))
-        if left > NEW_PART * whole and len(names) < space.shape[1]:
-            basis = np.column_stack([basis, inside / left])
-            names.append(name)
+    waiting = list(range(motions.shape[1]))
+    while waiting and len(names) < space.shape[1]:
+        left = {i: _without(inside[:, i], basis, M) for i in waiting}
+        new = {i: float(_norm(left[i][:, None], M)[0] / whole[i]) for i in waiting}
+        waiting = [i for i in waiting if new[i] > NEW_PART]
+        best = next((i for i in waiting if free[i]), max(waiting, key=new.__getitem__, default=None))
+        if best is not None:
+            basis = np.column_stack([basis, left[best] / (new[best] * whole[best])])
+            names.append(motion_names[best])
+            waiting.remove(best)
     missing = space.shape[1] - len(names)
     if missing:  # mechanisms that are no single motion, e.g. a hinged frame or a loose part
         rest = space - basis @ (basis.T @ (M @ space))
@@ -66,3 +72,15 @@ def rigid_basis(
         basis = np.column_stack([basis, space @ turn])
         names += [f"mechanism {i + 1}" for i in range(missing)]
     return basis, tuple(names)
+
+
+def _norm(motions: np.ndarray, M: sp.csr_array) -> np.ndarray:
+    """Of each column in the mass metric."""
+    return np.sqrt(np.einsum("im,im->m", motions, M @ motions))
+
+
+def _without(motion: np.ndarray, basis: np.ndarray, M: sp.csr_array) -> np.ndarray:
+    """The part of ``motion`` that is orthogonal to ``basis``."""
+    for _ in range(2):  # Gram and Schmidt, twice for orthogonality at rounding level
+        motion = motion - basis @ (basis.T @ (M @ motion))
+    return motion
