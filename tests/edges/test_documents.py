@@ -30,6 +30,7 @@ from middeck.files.studies import load_study
 from middeck.files.study_form import StudyForm, study_findings
 from middeck.files.toml_lines import key_lines
 from middeck.structure.article import JointState
+from middeck.structure.environment import Environment
 
 ROOT = Path(__file__).parents[2]
 DM = ROOT / "articles/mace-dm.toml"
@@ -638,6 +639,18 @@ def test_documents_are_found_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert find_document("orbit", "environment", beside=DM) == ROOT / "environments/orbit.toml"
     with pytest.raises(ConfigError, match="did you mean 'orbit'"):
         find_document("orbt", "environment", beside=DM)
+    with pytest.raises(ConfigError, match="give the path of an article file"):
+        find_document("none", "article")
+
+
+def test_orbit_needs_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    article = written(tmp_path, "beam.toml", BEAM)
+    own = find_document("orbit", "environment", beside=article)
+    assert load_environment(own) == Environment.orbit() == load_environment(ROOT / "environments/orbit.toml")
+    (tmp_path / "environments").mkdir()
+    written(tmp_path, "environments/orbit.toml", "")
+    assert find_document("orbit", "environment") == Path("environments/orbit.toml")
 
 
 def test_lines_are_those_of_the_file() -> None:

@@ -116,6 +116,10 @@ def test_a_suspension_value_has_no_effect_in_orbit() -> None:
         ("node..mass=1", "not of the form key=value"),
         ("node.0.mass=[1", "is not TOML"),
         ("node.0.mass=1\nx = 2", "is not TOML"),
+        ("node.0.mass=1.2.3", "is not TOML"),
+        ("node.0.mass=..5", "is not TOML"),
+        ("suspension.bounce=0.2", "did you mean 'suspension.bounce_hz'?"),  # the sheet writes its unit out
+        ("gimbal.0.angle_x=30", "did you mean 'gimbal.0.angle_x_deg'?"),
     ],
 )
 def test_what_cannot_be_set_is_refused(override: str, said: str) -> None:
@@ -151,7 +155,37 @@ def test_later_overrides_win() -> None:
 @pytest.mark.parametrize(
     ("written", "value"),
     [("0.2", 0.2), (".2", 0.2), ("1e-5", 1e-5), ("2.", 2.0), ("24", 24), ("[1.0, 2.0]", [1.0, 2.0]),
-     ('"n3"', "n3"), ("n3", "n3"), ("true", True)],
+     ('"n3"', "n3"), ("n3", "n3"), ("true", True), ("../articles/x.toml", "../articles/x.toml"),
+     ("./x.toml", "./x.toml"), ("/tmp/a b/x-1.toml", "/tmp/a b/x-1.toml"), ("über/x.toml", "über/x.toml")],
 )  # fmt: skip
-def test_values_are_toml_and_bare_words(written: str, value: Any) -> None:
+def test_values_are_toml_and_bare_words_and_paths(written: str, value: Any) -> None:
     assert parse_override(f"a.b={written}").value == value
+
+
+WRITTEN_OUT = ("_hz", "_deg", "_s", "_nm")
+
+
+@pytest.mark.parametrize("path", [p for p, _ in SHEET_LEAVES if p[-1].endswith(WRITTEN_OUT)], ids=".".join)
+def test_a_unit_that_the_sheet_writes_out_is_not_left_out(path: tuple[str, ...]) -> None:
+    stripped = path[-1].rpartition("_")[0]
+    with pytest.raises(ConfigError, match="unknown key"):
+        apply_overrides(targets(), [f"{'.'.join((*path[:-1], stripped))}=1"])
+
+
+def test_a_missing_file_is_blamed_on_the_override_that_named_it() -> None:
+    with pytest.raises(ConfigError) as caught:
+        load_study(ROOT / "studies/mace-1993.toml", ["mirror.train=nofile.npz", "article.dm=../none.toml"])
+    assert [(f.file, f.key, f.value) for f in caught.value.data["faults"]] == [
+        ("--set article.dm", "article.dm", '"../none.toml"'),
+        ("--set mirror.train", "mirror.train", '"nofile.npz"'),
+    ]
+
+
+def test_a_bare_path_replaces_a_document() -> None:
+    study = load_study(ROOT / "studies/mace-1993.toml", ["article.simple=../articles/mace-simple.toml"])
+    assert study.case("simple", "orbit")[0].title.startswith("Simple")
+
+
+def test_a_value_wrong_in_two_documents_is_one_fault() -> None:
+    (fault,) = refused("schema=2").data["faults"]
+    assert (fault.file, fault.message) == ("--set schema", "must be 1")

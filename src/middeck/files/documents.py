@@ -5,7 +5,8 @@ from __future__ import annotations
 import hashlib
 import re
 import tomllib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, Generic, Literal, TypeVar, cast
 
@@ -32,6 +33,8 @@ from middeck.values import record
 
 F = TypeVar("F", bound=Form)
 Kind = Literal["article", "environment", "study"]
+# What ``--environment orbit`` means far from any environments/: it is the same everywhere.
+ORBIT = Path(__file__).with_name("orbit.toml")
 FOLDERS: dict[Kind, str] = {"article": "articles", "environment": "environments", "study": "studies"}
 
 
@@ -96,6 +99,17 @@ def sha256_of(path: str | Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
+def place_in(source: Source, changed: Mapping[KeyPath, str], finding: Finding) -> Fault:
+    """Where ``finding`` lies: at the override in ``changed`` that set the value, or in the file."""
+    key = ".".join(map(str, finding.path))
+    for end in range(len(finding.path), 0, -1):
+        setter = changed.get(finding.path[:end])
+        if setter:
+            return Fault(f"--set {setter}", 0, key, finding.message, finding.value, finding.hint)
+    line = line_of(source.lines, finding.path)
+    return Fault(source.file, line, key, finding.message, finding.value, finding.hint)
+
+
 def check(
     source: Source,
     data: Any,
@@ -105,15 +119,7 @@ def check(
 ) -> Checked[F]:
     """Check ``data`` (the source with overrides) against its form and its further rules."""
 
-    def place(finding: Finding) -> Fault:
-        key = ".".join(map(str, finding.path))
-        for end in range(len(finding.path), 0, -1):
-            setter = changed.get(finding.path[:end])
-            if setter:
-                return Fault(f"--set {setter}", 0, key, finding.message, finding.value, finding.hint)
-        line = line_of(source.lines, finding.path)
-        return Fault(source.file, line, key, finding.message, finding.value, finding.hint)
-
+    place = partial(place_in, source, changed)
     findings, valid = [], None
     try:
         valid = form.model_validate(data)
@@ -173,7 +179,8 @@ def _check_all(
         check(source, data, marks, form, more)
         for (source, form, more), data, marks in zip(sources, documents, changed, strict=True)
     ]
-    raise_faults([*(f for c in checked for f in c.faults), *join_findings(checked)])
+    faults = [*(f for c in checked for f in c.faults), *join_findings(checked)]
+    raise_faults(list(dict.fromkeys(faults)))  # an override of two documents may be wrong in both
     return checked
 
 
@@ -195,7 +202,8 @@ def find_document(name: str, kind: Kind, beside: str | Path | None = None) -> Pa
     """The file that ``name`` means: an existing path, else ``articles/NAME.toml`` and the like.
 
     The folder is sought in the current folder, then next to the folder of the file ``beside``, so that an
-    article's environments are found from anywhere. Raises `ConfigError` with the nearest name there is.
+    article's environments are found from anywhere; the environment ``orbit`` needs no file. Raises
+    `ConfigError` with the nearest name there is.
     """
     given = Path(name)
     if given.is_file():
@@ -205,5 +213,9 @@ def find_document(name: str, kind: Kind, beside: str | Path | None = None) -> Pa
     for folder in folders:
         if (folder / f"{name}.toml").is_file():
             return folder / f"{name}.toml"
+    if (kind, name) == ("environment", "orbit"):
+        return ORBIT
     known = sorted(p.stem for folder in folders for p in folder.glob("*.toml"))
-    raise ConfigError(f"no {kind} {name!r}", hint=nearest(name, known) or f"give the path of a {kind} file")
+    article = "an" if kind[0] in "ae" else "a"
+    advice = nearest(name, known) or f"give the path of {article} {kind} file"
+    raise ConfigError(f"no {kind} {name!r}", hint=advice)

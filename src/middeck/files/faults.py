@@ -128,6 +128,8 @@ def _finding(item: Any, form: type[Form]) -> Finding:
         "tuple_type": "must be an array",
         "string_pattern_mismatch": "must begin with a letter and hold letters, digits, '_' and '-' only",
     }
+    if kind == "literal_error":
+        messages[kind] = f"must be {item['ctx']['expected']}".replace("'", '"')
     return Finding(path, messages.get(kind, str(item["msg"])), show(item["input"]))
 
 

@@ -1,7 +1,7 @@
 """What a document may hold: strict tables, finite numbers in stated ranges, units in the key.
 
 The unit of a value is the ending of its key (``mass_kg``), so that it is written once and read by people,
-by the checks (`unit_of`) and by ``--set`` (`stem`).
+by the checks (`unit_of`, `stem`) and by ``--set`` (`sheet_name`).
 """
 
 from __future__ import annotations
@@ -39,6 +39,19 @@ UNITS = {
     "_rad_per_s_per_rthz": "rad/s/sqrt(Hz)",
     "_rad_per_s_per_rts": "rad/s/sqrt(s)",
 }
+
+# The data sheet writes out these units and leaves every other SI unit to its head line.
+WRITTEN_OUT = frozenset({"_hz", "_db", "_deg", "_s", "_nm", "_rad_s"})
+LEFT_OUT = {"gyro_bias_rad_s": "gyro_bias"}  # its one rate without a unit
+
+
+def sheet_name(key: str) -> str:
+    """What the data sheet calls ``key``: without its unit, unless the sheet writes that unit out.
+
+    >>> sheet_name("mass_kg"), sheet_name("bounce_hz"), sheet_name("pd_kp_nm_per_rad")
+    ('mass', 'bounce_hz', 'pd_kp')
+    """
+    return LEFT_OUT.get(key, key if _ending(key) in WRITTEN_OUT else stem(key))
 
 
 def stem(key: str) -> str:

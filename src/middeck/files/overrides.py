@@ -1,10 +1,11 @@
 """``--set key=value``: any input value, by the data sheet's name, wherever the value lives.
 
-A segment of the key fits a key of a file exactly or without its unit ending (``suspension.bounce_hz``,
-``node.0.mass`` for ``mass_kg``); an item of an array is named by its index or its ``name``. A leading
-``article.<name>.`` confines the override to the cases of that article. An override goes to every document
-in which its path exists, otherwise to each whose form allows the key there. A key of a table that a document
-leaves out (the suspension, in orbit) is known and has no effect; a key that no form knows is an error.
+A segment of the key fits a key of a file exactly or by the data sheet's name for it (``node.0.mass`` for
+``mass_kg``, but ``suspension.bounce_hz``: see `sheet_name`); an item of an array is named by its index or its
+``name``. A leading ``article.<name>.`` confines the override to the cases of that article. An override goes to
+every document in which its path exists, otherwise to each whose form allows the key there. A key of a table
+that a document leaves out (the suspension, in orbit) is known and has no effect; a key that no form knows is
+an error.
 """
 
 from __future__ import annotations
@@ -17,10 +18,13 @@ from enum import Enum
 from typing import Any, cast
 
 from middeck.files.faults import Fault, nearest, raise_fault, raise_faults
-from middeck.files.form import Form, stem
+from middeck.files.form import Form, sheet_name
 from middeck.files.shapes import bare, child, is_form, keys_of
 from middeck.files.toml_lines import Path
 from middeck.values import record
+
+# Words and paths; what begins like a number must be one.
+BARE = r"(?:[^\W\d]|\.{0,2}/)[\w./ -]*"
 
 
 @record
@@ -43,7 +47,7 @@ class Reach(Enum):
 
 
 def parse_override(text: str) -> Override:
-    """Parse ``key=value``; a bare word is a text.
+    """Parse ``key=value``; a bare word or path is a text.
 
     >>> parse_override("node.0.mass=3.1").value, parse_override("wheel_node=n3").value
     (3.1, 'n3')
@@ -60,13 +64,13 @@ def parse_override(text: str) -> Override:
 
 
 def _parse_value(key: str, written: str) -> Any:
-    """``written`` as TOML; decimals such as ``.2`` and bare words are understood too."""
+    """``written`` as TOML; decimals such as ``.2``, bare words and bare paths are understood too."""
     if re.fullmatch(r"[+-]?(\.\d+|\d+\.)(e[+-]?\d+)?", written, re.IGNORECASE):
         return float(written)
     try:
         parsed = tomllib.loads(f"value = {written}")
     except tomllib.TOMLDecodeError:
-        parsed = {"value": written} if re.fullmatch(r"[A-Za-z_][\w./ -]*", written) else {}
+        parsed = {"value": written} if re.fullmatch(BARE, written) else {}
     if set(parsed) != {"value"}:
         advice = "numbers as 0.25, texts in quotes, arrays as [1.0, 2.0]"
         raise_fault(_fault(key, f"the value {written!r} is not TOML", advice))
@@ -118,7 +122,7 @@ def _match(segment: str, data: Any, annotation: Any) -> str | int | None:
     if is_form(annotation):
         known = list(keys_of(annotation))
         exact = [k for k in known if k == segment]
-        return next(iter(exact or [k for k in known if stem(k) == segment]), None)
+        return next(iter(exact or [k for k in known if sheet_name(k) == segment]), None)
     if isinstance(data, dict):
         return segment if segment in data else None
     if isinstance(data, list):
@@ -203,7 +207,7 @@ def _unknown(override: Override, documents: Sequence[Any], targets: Sequence[Tar
 
 
 def leaf_names(data: Any, form: type[Form]) -> list[str]:
-    """The sheet names (without unit endings) and file names of all values of a document."""
+    """The sheet names and file names of all values of a document."""
     names: list[str] = []
 
     def walk(value: Any, annotation: Any, plain: str, full: str) -> None:
@@ -219,7 +223,7 @@ def leaf_names(data: Any, form: type[Form]) -> list[str]:
             names.extend(dict.fromkeys([plain, full]))
         for key, below in children.items():
             lead, path = (f"{plain}.", f"{full}.") if plain else ("", "")
-            name = stem(str(key)) if is_form(annotation) else str(key)
+            name = sheet_name(str(key)) if is_form(annotation) else str(key)
             walk(below, child(annotation, key), f"{lead}{name}", f"{path}{key}")
 
     walk(data, form, "", "")

@@ -15,6 +15,7 @@ from middeck.files.documents import (
     Source,
     check,
     join_findings,
+    place_in,
     read_source,
     read_sources,
     sha256_of,
@@ -33,7 +34,6 @@ from middeck.files.study_form import (
     study_findings,
 )
 from middeck.files.toml_lines import Path as KeyPath
-from middeck.files.toml_lines import line_of
 from middeck.structure.article import Structure
 from middeck.structure.environment import Environment
 from middeck.values import record
@@ -95,11 +95,11 @@ def load_study(path: str | Path, overrides: Sequence[str] = ()) -> Study:
     """
     source = read_source(path)
     # The file names must be known, overridden or not, before the other documents can be overridden.
-    (data,), _ = apply_overrides(
+    (data,), (changed,) = apply_overrides(
         [Target(source.file, source.data, StudyForm)], [o for o in overrides if _is_reference(o)]
     )
     base = Path(path).parent
-    _raise_missing(source, data, base)
+    _raise_missing(source, data, changed, base)
     names, files = _references(data, "article"), _references(data, "environment")
     sources = read_sources([base / p for _, p in (*names, *files)])
     articles = {name: s for (name, _), s in zip(names, sources, strict=False)}
@@ -126,26 +126,15 @@ def _is_reference(override: str) -> bool:
     return len(parts) == 2 and parts[0] in ("article", "environment", "mirror")
 
 
-def _raise_missing(source: Source, data: Any, base: Path) -> None:
-    """Raise the files that the study names and that are not there, each at its own line."""
+def _raise_missing(source: Source, data: Any, changed: dict[KeyPath, str], base: Path) -> None:
+    """Raise the files that the study names and that are not there, each at its line or override."""
     wanted: list[tuple[KeyPath, str]] = []
     for table in ("article", "environment", "mirror"):
         wanted += [((table, name), file) for name, file in _references(data, table)]
     advice = "a path from the study file's own folder"
     missing = [(key, file) for key, file in wanted if not (base / file).is_file()]
-    raise_faults(
-        [
-            Fault(
-                source.file,
-                line_of(source.lines, key),
-                f"{key[0]}.{key[1]}",
-                "no such file",
-                show(file),
-                advice,
-            )
-            for key, file in missing
-        ]
-    )
+    findings = (Finding(key, "no such file", show(file), advice) for key, file in missing)
+    raise_faults([place_in(source, changed, finding) for finding in findings])
 
 
 def _references(data: Any, key: str) -> list[tuple[str, str]]:

@@ -46,8 +46,8 @@ def rigid_basis(
     """A named, mass-orthonormal basis of the rigid-body modes: translations, rotations, joints in turn.
 
     Any basis of the null space is as good; this one separates the translations, which no internal torque
-    moves, from the rest. Motions that the structure resists in part come last, the freest of them first; those
-    that it resists wholly are skipped.
+    moves, from the rest. Motions that the structure resists in part come last, the freest of them first;
+    those that it resists wholly are skipped.
     """
     motions, motion_names = rigid_motions(equilibrium, M)
     whole = _norm(motions, M)
