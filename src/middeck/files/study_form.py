@@ -86,7 +86,7 @@ class SisoForm(Form):
     actuator: str
     sensor: str
     period_s: Positive
-    periods: Annotated[int, whole(1, 1000)]
+    periods: Annotated[int, whole(2, 1000)]  # the fit weighs by their scatter
     band_hz: Band
     fit_band_hz: Band
     states: Annotated[int, whole(2, 1000)]
@@ -139,6 +139,8 @@ def study_findings(data: Table) -> list[Finding]:
         *_ascending(data, "siso", "band_hz"),
         *_ascending(data, "siso", "fit_band_hz"),
         *_levels(control),
+        *_weighed(control),
+        *_two_rates(data),
         *_documents(data),
         *_even(siso),
     ]
@@ -174,6 +176,28 @@ def _levels(control: Table) -> Iterator[Finding]:
     if isinstance(first, int | float) and isinstance(last, int | float) and not first < last:
         message = f"must be > log10_authority_first = {first:g}"
         yield Finding(("control", "log10_authority_last"), message, show(last))
+
+
+def _weighed(control: Table) -> Iterator[Finding]:
+    match control.get("metric_weights"):
+        case [_, *_] as weights if all(w == 0 for w in cast("list[Any]", weights)):
+            message = "every weight is zero; at least one must be > 0"
+            yield Finding(("control", "metric_weights"), message, show(weights))
+        case _:
+            return
+
+
+def _two_rates(data: Table) -> Iterator[Finding]:
+    """Figures 6a and 6b show one rate each, of payload and bus in the paper."""
+    match _table(data, "figure_6").get("outputs"):
+        case [str() as first, str() as second] if first.endswith("_rate") and second.endswith("_rate"):
+            return
+        case list() as given:
+            message = "must be two rates: a payload's (Figure 6a), then the bus's (Figure 6b)"
+            advice = "names of sensors that end in _rate"
+            yield Finding(("figure_6", "outputs"), message, show(given), advice)
+        case _:
+            return
 
 
 def _even(siso: Table) -> Iterator[Finding]:

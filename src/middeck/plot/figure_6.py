@@ -7,22 +7,23 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from middeck.plot.curves import draw_bode, wrapped_phase_deg
+from middeck.plot.ports import port_words
 from middeck.plot.style import COLOUR, LABEL, frequency_axis, new_figure, phase_axis, styled
 from middeck.study.gravity_responses import GravityResponses
 
 
 def figure_6a(responses: GravityResponses) -> Figure:
-    """Payload rate."""
-    return _figure(responses, 0, "payload z rate per gimbal z torque")
+    """The first rate, the payload's."""
+    return _figure(responses, 0)
 
 
 def figure_6b(responses: GravityResponses) -> Figure:
-    """Bus rate at the torque wheels."""
-    return _figure(responses, 1, "bus z rate per gimbal z torque")
+    """The second rate, the bus's at the torque wheels."""
+    return _figure(responses, 1)
 
 
 @styled
-def _figure(responses: GravityResponses, output: int, title: str) -> Figure:
+def _figure(responses: GravityResponses, output: int) -> Figure:
     figure = new_figure(4.6)
     magnitude, phase = figure.subplots(2, 1, sharex=True, height_ratios=[1.35, 1.0])
     sides = {"rig": responses.rig, "orbit": responses.orbit, "lab": responses.lab}
@@ -33,7 +34,8 @@ def _figure(responses: GravityResponses, output: int, title: str) -> Figure:
         )
     _draw_delay(phase, responses, output)
     magnitude.set_ylabel("magnitude [dB re 1 rad/s per N m]")
-    magnitude.set_title(title)
+    rate, torque = responses.rig.outputs[output].name, responses.rig.inputs[0].name
+    magnitude.set_title(f"{port_words(rate)} per {port_words(torque)} torque")
     magnitude.legend(loc="best")
     low, high = responses.orbit.frequency_hz[[0, -1]]
     frequency_axis(magnitude, low, high, label=False)
@@ -47,10 +49,9 @@ def _draw_delay(phase: Axes, responses: GravityResponses, output: int) -> None:
     """The 1-g model behind the rig's delay: where it covers the measurement, delay explains the phase."""
     f, H = responses.lab.frequency_hz, responses.lab.H[:, output, 0]
     late = H * np.exp(-2j * np.pi * f * responses.delay_s)
-    text = (
-        f"1-g behind {1e3 * responses.delay_s:.2f} ms of delay; "
-        f"the gap above 5 Hz is {1e3 * responses.phase_gap_s[output]:.2f} ms"
-    )
+    gap = responses.phase_gap_s
+    text = f"1-g behind {1e3 * responses.delay_s:.2f} ms of delay"
+    text += "" if gap is None else f"; the gap above 5 Hz is {1e3 * gap[output]:.2f} ms"
     phase.plot(
         f,
         wrapped_phase_deg(late),

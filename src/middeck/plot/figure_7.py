@@ -90,7 +90,8 @@ def _draw_onset(axes: Axes, last: float, first: FirstInstability, curve: Curve, 
         axes.axvline(first.log10_authority, color=COLOUR["lab"], linewidth=1.0, linestyle=curve.line)
     else:
         where += ", beyond this plot"
-    who = f"{first.mode_name}, {first.frequency_hz:.2f} Hz, share {first.participation:.2f}"
+    how = f"{first.frequency_hz:.2f} Hz" if first.frequency_hz > 0.0 else "divergence"
+    who = f"{first.mode_name}, {how}, share {first.participation:.2f}"
     axes.annotate(
         f"{curve.label}: {where}\n{who}",
         (0.995, 0.985 - 0.11 * place),

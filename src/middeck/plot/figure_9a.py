@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from middeck.plot.curves import decibels, draw_bode
+from middeck.plot.ports import path_words
 from middeck.plot.style import COLOUR, frequency_axis, new_figure, phase_axis, styled
 from middeck.study.measured_control import MeasuredControl
 
@@ -23,7 +24,7 @@ def figure_9a(control: MeasuredControl) -> Figure:
     draw_bode(magnitude, phase, f, fit, color=COLOUR["prediction"], linewidth=1.1, label="fit")
     _name_what_is_outside(magnitude, control)
     magnitude.set_ylabel("magnitude [dB re 1 rad per N m]")
-    magnitude.set_title("gimbal z torque to payload z angle in 1-g")
+    magnitude.set_title(path_words(control.open_loop))
     magnitude.legend(loc="lower left")
     low, high = control.open_loop.frequency_hz[[0, -1]]
     frequency_axis(magnitude, low, high, label=False)
@@ -34,23 +35,21 @@ def figure_9a(control: MeasuredControl) -> Figure:
 
 
 def _name_what_is_outside(axes: Axes, control: MeasuredControl) -> None:
-    """Data less fit below the band is the mode that so few states do not hold; it is largest at its peak."""
+    """The band of the fit, and the mode below it that so few states do not hold."""
     f = control.open_loop.frequency_hz
-    below = f < control.fit_band_hz[0]
     low, high = control.fit_band_hz
     top = axes.get_ylim()[1]
     axes.set_ylim(top=top + 8.0)
     axes.annotate(f"fitted: {low:g} to {high:g} Hz", (np.sqrt(low * high), top + 7.0), ha="center", va="top",
                   fontsize=8.0)  # fmt: skip
-    if not below.any():
+    mode = control.below_fit
+    if mode is None:
         return
-    data, fit = control.open_loop.H[below, 0, 0], control.fitted.H[below, 0, 0]
-    at = int(np.argmax(np.abs(data - fit)))
-    near = slice(max(at - 2, 0), at + 3)
-    mode_hz = float(np.average(f[below][near], weights=np.abs(data - fit)[near] ** 2))
+    at = int(np.argmin(np.abs(f - mode.frequency_hz)))
+    near = slice(max(at - 2, 0), at + 3)  # the peak, wherever on the lines it falls
     axes.annotate(
-        f"suspension mode at {mode_hz:.2f} Hz:\noutside the fit",
-        (mode_hz, float(decibels(data)[at])),
+        f"{mode.kind} mode at {mode.frequency_hz:.2f} Hz:\noutside the fit",
+        (mode.frequency_hz, float(decibels(control.open_loop.H[near, 0, 0]).max())),
         (0, -48),
         textcoords="offset points",
         ha="center",

@@ -7,6 +7,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from middeck.plot.curves import draw_magnitude
+from middeck.plot.ports import path_words
 from middeck.plot.style import COLOUR, frequency_axis, new_figure, styled
 from middeck.study.measured_control import MeasuredControl
 
@@ -26,17 +27,19 @@ def figure_9b(control: MeasuredControl) -> Figure:
         if loop.measured is None:
             axes.plot([], [], **full, label=f"{who}: unstable on the rig")
         else:
-            label = f"{who}, measured: {loop.measured_db:.2f} dB"
+            label = f"{who}, measured{_decibels(loop.measured_db)}"
             draw_magnitude(axes, loop.measured.frequency_hz, loop.measured.H[:, 0, 0], **full, label=label)
         dashed: dict[str, Any] = {"color": COLOUR["prediction"], "linestyle": DASHES[loop.name]}
-        label = f"{who}, predicted: {loop.predicted_db:.2f} dB"
+        label = f"{who}, predicted{_decibels(loop.predicted_db)}"
         draw_magnitude(
             axes, loop.predicted.frequency_hz, loop.predicted.H[:, 0, 0], linewidth=1.0, label=label, **dashed
         )
     axes.set_ylabel("magnitude [dB re 1 rad per N m]")
-    axes.set_title(
-        "gimbal z disturbance to payload z angle in 1-g; dB: rms angle in the band over the open loop's"
-    )
+    axes.set_title(f"{path_words(control.open_loop)}; dB: rms angle in the band over the open loop's")
     axes.legend(loc="lower left")
     frequency_axis(axes, *control.open_loop.frequency_hz[[0, -1]])
     return figure
+
+
+def _decibels(value: float | None) -> str:
+    return "" if value is None else f": {value:.2f} dB"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from middeck.plot.figure_4 import draw_ratios, draw_suspension_modes
@@ -19,7 +20,21 @@ def picture(comparison: ModeComparison, control: ZeroGControl) -> Figure:
     performance = figure.add_subplot(grid[0, :])
     draw_performance(performance, control)
     performance.set_xlabel("log10 of control authority")
-    performance.set_title("controllers designed in 0-g: better and better in 0-g, unstable in 1-g")
+    performance.set_title(headline(control))
     draw_suspension_modes(figure.add_subplot(grid[1, 0]), comparison)
     draw_ratios(figure.add_subplot(grid[1, 1]), comparison)
     return figure
+
+
+def headline(control: ZeroGControl) -> str:
+    """What the curves show: whether 0-g only ever improves, and whether 1-g goes unstable in the range."""
+    sweep = dict(control.sweeps)["all"].sweep
+    orbit, lab = (sweep.plants.index(name) for name in ("orbit", "lab"))
+    if not sweep.stable[orbit].all():
+        in_orbit = "not stable throughout in 0-g"
+    elif np.all(np.diff(sweep.db[orbit]) < 0.0):
+        in_orbit = "better and better in 0-g"
+    else:
+        in_orbit = "stable in 0-g"
+    in_lab = "stable in 1-g" if sweep.stable[lab].all() else "unstable in 1-g"
+    return f"controllers designed in 0-g: {in_orbit}, {in_lab}"

@@ -10,7 +10,7 @@ from middeck.files.json_output import plain, write_json
 from middeck.files.studies import Study
 from middeck.plot.picture import picture
 from middeck.plot.svg import svg_text
-from middeck.report.drawings import draw_stage
+from middeck.report.drawings import DRAWINGS, draw_stage
 from middeck.report.page import render_page
 from middeck.report.words import Numbers
 from middeck.structure.comparison import ModeComparison
@@ -25,7 +25,8 @@ class StudyWriter:
     """Results of ``study`` in the folder ``out``: figures/*.svg, numbers.json, report.html.
 
     It collects what the stages hand over; nothing of it depends on a clock, so that equal results give equal
-    bytes.
+    bytes. What an earlier run left in ``out`` is removed at the start, so that a run cut short never leaves
+    its figures beside another run's numbers; files of other names stay.
     """
 
     def __init__(self, out: Path, study: Study) -> None:
@@ -33,6 +34,7 @@ class StudyWriter:
         self._study = study
         self._outcomes: dict[str, Outcome] = {}
         self._drawings: dict[str, str] = {}
+        _remove_earlier(out)
 
     def add(self, name: str, outcome: Outcome) -> None:
         """Draw the figures of one stage and write each to ``figures``."""
@@ -58,6 +60,13 @@ class StudyWriter:
             )
             svg = svg_text(picture(modes, control), key=PICTURE, title=self._study.title, description=words)
             write_text(self._out / "figures" / f"{PICTURE}.svg", svg)
+
+
+def _remove_earlier(out: Path) -> None:
+    """First the page and the numbers: they speak for all the rest."""
+    keys = [PICTURE, *(d.key for stage in DRAWINGS.values() for d in stage)]
+    for name in ("report.html", "numbers.json", *(f"figures/{key}.svg" for key in keys)):
+        (out / name).unlink(missing_ok=True)
 
 
 def write_text(path: Path, text: str) -> None:

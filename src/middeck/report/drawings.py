@@ -30,9 +30,13 @@ class Drawing(NamedTuple):
     """A figure: its key in file names and links, its title, how it is drawn and what it shows."""
 
     key: str
-    title: str
+    title: str | Callable[[Numbers], str]
     draw: Callable[[Any], Figure]
     sentence: Callable[[Numbers], str]
+
+    def heading(self, figures: Numbers) -> str:
+        """The title, which for some figures names what was measured."""
+        return self.title if isinstance(self.title, str) else self.title(figures)
 
 
 DRAWINGS: dict[type[Outcome], tuple[Drawing, ...]] = {
@@ -44,8 +48,8 @@ DRAWINGS: dict[type[Outcome], tuple[Drawing, ...]] = {
         ),
     ),
     GravityResponses: (
-        Drawing("figure-6a", "Figure 6a: gimbal torque to payload rate", figure_6a, sentences.figure_6a),
-        Drawing("figure-6b", "Figure 6b: gimbal torque to bus rate", figure_6b, sentences.figure_6b),
+        Drawing("figure-6a", sentences.title_6a, figure_6a, sentences.figure_6a),
+        Drawing("figure-6b", sentences.title_6b, figure_6b, sentences.figure_6b),
     ),
     ZeroGControl: (
         Drawing("figure-7a", "Figure 7a: performance against authority", figure_7a, sentences.figure_7a),
@@ -62,6 +66,6 @@ DRAWINGS: dict[type[Outcome], tuple[Drawing, ...]] = {
 def draw_stage(outcome: Outcome, figures: Numbers) -> dict[str, str]:
     """Key to SVG text of every figure of one stage; ``figures`` are the stage's own numbers."""
     return {
-        d.key: svg_text(d.draw(outcome), key=d.key, title=d.title, description=d.sentence(figures))
+        d.key: svg_text(d.draw(outcome), key=d.key, title=d.heading(figures), description=d.sentence(figures))
         for d in DRAWINGS[type(outcome)]
     }

@@ -89,7 +89,7 @@ def _sections(figures: Numbers, drawings: Mapping[str, str]) -> list[Section]:
     return [
         Section(
             d.key,
-            d.title,
+            d.heading(figures),
             d.sentence(figures),
             Markup(drawings[d.key]),  # our own SVG, whose texts are escaped already
             TABLES[d.key](figures) if d.key in TABLES else [],

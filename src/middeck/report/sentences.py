@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from middeck.plot.ports import port_words
 from middeck.report.words import Numbers, fixed, percent
+
+COUPLED = 0.1  # cross-orthogonality from which on two modes are said to mix
+PAIRED = 0.9  # and above which a flexible mode has kept its pair
 
 
 def figure_3(figures: Numbers) -> str:
@@ -14,8 +18,8 @@ def figure_3(figures: Numbers) -> str:
     joint, torque = max(lab["holding_torque_nm"].items(), key=lambda item: abs(item[1]))
     return (
         f"The article as it floats in 0-g and as it hangs in 1-g, where its cables carry {fixed(load, 1)}"
-        " N, the"
-        f" bus sags between them and the gimbal motor {joint} has to hold {fixed(torque, 2)} N m."
+        " N and"
+        f" the gimbal motor {joint} has to hold {fixed(torque, 2)} N m."
     )
 
 
@@ -25,51 +29,87 @@ def figure_4(figures: Numbers) -> str:
     hung = [f for f, k in zip(numbers["lab"]["frequency_hz"], numbers["lab"]["kind"], strict=True)
             if k == "suspension"]  # fmt: skip
     ratio = np.array(numbers["ratio"])
+    low, high = (f"{fixed(f, 3)}" for f in (min(hung, default=0.0), max(hung, default=0.0)))
     return (
-        f"The {len(hung)} rigid-body modes of 0-g become suspension and pendulum modes of"
-        f" {fixed(min(hung), 3)} to"
-        f" {fixed(max(hung), 3)} Hz, and the flexible modes shift by"
-        f" {fixed(100.0 * (ratio.min() - 1.0), 2)} to"
-        f" {fixed(100.0 * (ratio.max() - 1.0), 2)} %."
+        f"The {len(hung)} rigid-body modes of 0-g become suspension and pendulum modes of {low} to {high} Hz"
+        + (
+            f", and the flexible modes shift by {fixed(100.0 * (ratio.min() - 1.0), 2)} to"
+            f" {fixed(100.0 * (ratio.max() - 1.0), 2)} %."
+            if len(ratio)
+            else "; no flexible mode is among those compared."
+        )
     )
 
 
 def figure_5(figures: Numbers) -> str:
     """Who couples."""
     matrix = np.array(figures["figure_5"]["matrix"])
-    pairs = np.array(figures["figure_4"]["pairs"])
-    paired = matrix[pairs[:, 0], pairs[:, 1]]
-    block = matrix[np.ix_(pairs[:, 0], pairs[:, 1])] * (1.0 - np.eye(len(pairs)))
-    row, column = np.unravel_index(np.argmax(block), block.shape)
-    return (
-        "Without gravity's effects the matrix would be diagonal: the rigid-body modes mix into one coupled"
-        f" subspace, while flexible modes keep their pairs ({fixed(float(paired.min()), 3)} or more) and"
-        " couple"
-        f" mostly to neighbours (largest {fixed(float(block.max()), 3)}, 0-g mode {pairs[row, 0]} with"
-        " 1-g mode"
-        f" {pairs[column, 1]})."
+    pairs = np.array(figures["figure_4"]["pairs"], dtype=int).reshape(-1, 2)
+    sides = [figures["figure_4"][side]["kind"] for side in ("orbit", "lab")]
+    rigid, hung = ([i for i, k in enumerate(kinds) if k != "flexible"] for kinds in sides)
+    mixed = int(np.count_nonzero(matrix[np.ix_(rigid, hung)] > COUPLED))
+    said = (
+        "Without gravity's effects the matrix would be diagonal; here"
+        f" {mixed} of the {len(rigid) * len(hung)} entries between rigid-body and suspension modes exceed"
+        f" {COUPLED:g}"
     )
+    return said + (f", {_flexible_couplings(matrix, pairs)}." if len(pairs) > 1 else ".")
+
+
+def _flexible_couplings(matrix: np.ndarray, pairs: np.ndarray) -> str:
+    paired = float(matrix[pairs[:, 0], pairs[:, 1]].min())
+    block = matrix[np.ix_(pairs[:, 0], pairs[:, 1])] * (1.0 - np.eye(len(pairs)))
+    row, column = (int(k) for k in np.unravel_index(np.argmax(block), block.shape))
+    keep = "flexible modes keep their pairs" if paired > PAIRED else "not every flexible mode keeps its pair"
+    largest = float(block.max())
+    beside = "its neighbour" if abs(row - column) == 1 else "not its neighbour"
+    return (
+        f"while {keep} ({fixed(paired, 3)} or more) and couple to others by {fixed(largest, 3)} at most"
+        f" (0-g mode {pairs[row, 0]} with 1-g mode {pairs[column, 1]}, {beside})"
+    )
+
+
+def title_6a(figures: Numbers) -> str:
+    """Heading of the payload's figure."""
+    return f"Figure 6a: {_title_6(figures, 0)}"
+
+
+def title_6b(figures: Numbers) -> str:
+    """Heading of the bus's figure."""
+    return f"Figure 6b: {_title_6(figures, 1)}"
+
+
+def _title_6(figures: Numbers, output: int) -> str:
+    numbers = figures["figure_6"]
+    return f"{port_words(numbers['input'])} torque to {port_words(numbers['outputs'][output])}"
 
 
 def figure_6a(figures: Numbers) -> str:
     """The payload."""
-    return _figure_6(figures, 0, "payload")
+    return _figure_6(figures, 0)
 
 
 def figure_6b(figures: Numbers) -> str:
     """The bus."""
-    return _figure_6(figures, 1, "bus")
+    return _figure_6(figures, 1)
 
 
-def _figure_6(figures: Numbers, output: int, name: str) -> str:
+def _figure_6(figures: Numbers, output: int) -> str:
     numbers = figures["figure_6"]
-    errors = {env: fixed(e[output], 2) for env, e in numbers["magnitude_error_db"].items()}
+    name, band = port_words(numbers["outputs"][output]), numbers["magnitude_error_band_hz"]
+    if band is None:
+        follows = f"Nothing of the {name} is measured in 0.3 to 30 Hz, where models are compared"
+    else:
+        errors = {env: fixed(e[output], 2) for env, e in numbers["magnitude_error_db"].items()}
+        follows = (
+            f"In the {name} the 1-g model follows the simulated rig's magnitude within {errors['lab']} dB rms"
+            f" from {band[0]:g} to {band[1]:g} Hz, the 0-g model within {errors['orbit']} dB"
+        )
+    if numbers["phase_gap_s"] is None:
+        return f"{follows}; nothing is measured above 5 Hz, where the phase would show the rig's delay."
     return (
-        f"In the {name} rate the 1-g model follows the simulated rig's magnitude within {errors['lab']}"
-        " dB rms from"
-        f" 0.3 to 30 Hz, the 0-g model within {errors['orbit']} dB, and what is left in phase above 5 Hz"
-        " is a delay"
-        f" of {fixed(1e3 * numbers['phase_gap_s'][output], 2)} ms, the rig's own being"
+        f"{follows}, and what is left in phase above 5 Hz is a delay of"
+        f" {fixed(1e3 * numbers['phase_gap_s'][output], 2)} ms, the rig's own being"
         f" {fixed(1e3 * numbers['delay_s'], 2)} ms."
     )
 
@@ -78,16 +118,18 @@ def figure_7a(figures: Numbers) -> str:
     """Better in 0-g, unstable in 1-g."""
     numbers = figures["figure_7"]
     top, first = numbers["all"]["orbit"]["db"][-1], numbers["all"]["first_instability"]
-    gain = (
-        f"improve 0-g performance by {fixed(-top, 1)} dB" if top is not None else "are unstable in 0-g itself"
+    change = (
+        ""
+        if top is None
+        else f"{'improve' if top < 0.0 else 'worsen'} 0-g performance by {fixed(abs(top), 1)} dB"
     )
+    gain = f"{change} at the top level" if change else "are unstable in 0-g itself at the top level"
     if first is None:
         return f"Controllers designed on the 0-g model {gain} and stay stable in 1-g."
     return (
-        f"Controllers designed on the 0-g model {gain} at the top level, but in 1-g they are unstable"
-        " from log10"
-        f" authority {fixed(first['log10_authority'], 2)} on, where {first['mode_name']} at"
-        f" {fixed(first['frequency_hz'], 2)} Hz leads (crosses: unstable, so no decibels)."
+        f"Controllers designed on the 0-g model {gain}, and in 1-g they are unstable"
+        f" from log10 authority {fixed(first['log10_authority'], 2)} on, where {_leads(first)}"
+        " (crosses: unstable, so no decibels)."
     )
 
 
@@ -98,38 +140,57 @@ def figure_7b(figures: Numbers) -> str:
     onset = (
         "never within the search"
         if first is None
-        else f"only from log10 authority {fixed(first['log10_authority'], 2)} on ({first['mode_name']})"
+        else f"from log10 authority {fixed(first['log10_authority'], 2)} on, where {_leads(first)}"
     )
     return (
         f"With the flexible modes alone 1-g is {fixed(apart, 1)} dB from 0-g already under PD, and the"
-        " loop goes"
-        f" unstable {onset}."
+        f" loop goes unstable {onset}."
     )
+
+
+def _leads(first: Numbers) -> str:
+    """Who goes first, and whether it oscillates."""
+    if first["unstable_pairs"] == 0:
+        return f"{first['mode_name']} leads a divergence (a real pole, no oscillation)"
+    return f"{first['mode_name']} leads at {fixed(first['frequency_hz'], 2)} Hz"
 
 
 def figure_9a(figures: Numbers) -> str:
     """The fit."""
     numbers = figures["figure_9a"]
     low, high = numbers["fit_band_hz"]
+    below = numbers["mode_below_fit"]
+    outside = (
+        ""
+        if below is None
+        else f"; the {below['kind']} mode at {fixed(below['frequency_hz'], 2)} Hz, below that band, lies"
+        " outside the fit"
+    )
     return (
-        f"A fit of {numbers['states']} states and a delay of {fixed(1e3 * numbers['delay_s'], 2)} ms"
-        " follows the"
-        f" measured response from {low:g} to {high:g} Hz within {percent(numbers['relative_error'])}"
-        " (relative"
-        " complex error); the suspension mode below that band lies outside the fit."
+        f"A fit of {numbers['states']} states and a delay of {fixed(1e3 * numbers['delay_s'], 2)} ms follows"
+        f" the measured response from {low:g} to {high:g} Hz within {percent(numbers['relative_error'])}"
+        f" (relative complex error){outside}."
     )
 
 
 def figure_9b(figures: Numbers) -> str:
     """Prediction and measurement."""
     numbers = figures["figure_9b"]
-    parts = [
-        f"{fixed(loop['predicted_db'], 2)} dB predicted and "
-        + (f"{fixed(loop['measured_db'], 2)} dB measured" if loop["stable"] else "unstable on the rig")
-        + f" at {name} authority"
-        for name, loop in ((name, numbers[name]) for name in ("low", "high"))
-    ]
-    return f"Controllers designed on the fit change the payload's rms angle by {' and '.join(parts)}."
+    parts = [f"{_change(numbers[name])} at {name} authority" for name in ("low", "high")]
+    angle = port_words(figures["figure_9a"]["output"])
+    return f"Controllers designed on the fit change the {angle} rms angle by {' and '.join(parts)}."
+
+
+def _change(loop: Numbers) -> str:
+    predicted, measured = loop["predicted_db"], loop["measured_db"]
+    foreseen = (
+        "an amount that cannot be predicted (the fit or its loop is undamped in the band)"
+        if predicted is None
+        else f"{fixed(predicted, 2)} dB predicted"
+    )
+    if not loop["stable"]:
+        return f"{foreseen} and unstable on the rig"
+    return f"{foreseen} and {fixed(measured, 2)} dB measured"
 
 
 def mirror(figures: Numbers) -> str:

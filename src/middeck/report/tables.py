@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from middeck.plot.ports import port_words
 from middeck.report.words import Numbers, Table, fixed, percent, significant, yes_no
 
 SUB_MODELS = {"all": "full", "rigid": "rigid", "flexible": "flexible"}
@@ -65,14 +66,23 @@ def orthogonality_tables(figures: Numbers) -> list[Table]:
 def response_tables(figures: Numbers) -> list[Table]:
     """Magnitude errors and the delay that explains the phase."""
     numbers = figures["figure_6"]
-    error, gap = numbers["magnitude_error_db"], numbers["phase_gap_s"]
+    error, gap, band = (
+        numbers["magnitude_error_db"],
+        numbers["phase_gap_s"],
+        numbers["magnitude_error_band_hz"],
+    )
     rows = [
-        [name, fixed(error["orbit"][k], 3), fixed(error["lab"][k], 3), fixed(1e3 * gap[k], 4),
-         fixed(1e3 * numbers["delay_s"], 4)]
-        for k, name in enumerate(("payload z rate", "bus z rate"))
-    ]  # fmt: skip
+        [
+            port_words(name),
+            *(fixed(error[side] and error[side][k], 3) for side in ("orbit", "lab")),
+            fixed(gap and 1e3 * gap[k], 4),
+            fixed(1e3 * numbers["delay_s"], 4),
+        ]
+        for k, name in enumerate(numbers["outputs"])
+    ]
     head = ("output", "0-g error [dB]", "1-g error [dB]", "phase gap as delay [ms]", "rig's delay [ms]")
-    return [Table("Models against the simulated rig, rms of log magnitude in 0.3-30 Hz", head, rows)]
+    where = "" if band is None else f" in {band[0]:g}-{band[1]:g} Hz"
+    return [Table(f"Models against the simulated rig, rms of log magnitude{where}", head, rows)]
 
 
 def authority_tables(figures: Numbers) -> list[Table]:
@@ -112,7 +122,7 @@ def _onset(first: Numbers | None) -> list[str]:
         return ["none found", *["–"] * 5]
     return [
         fixed(first["log10_authority"], 3),
-        fixed(first["frequency_hz"], 4),
+        fixed(first["frequency_hz"], 4) if first["unstable_pairs"] else "divergence",
         first["mode_name"],
         fixed(first["mode_frequency_hz"], 4),
         fixed(first["participation"], 3),
@@ -163,7 +173,7 @@ def loop_tables(figures: Numbers) -> list[Table]:
         for name in ("low", "high")
     ]  # fmt: skip
     head = ("authority", "log10", "predicted [dB]", "measured [dB]", "prediction error of rms [dB]",
-            "after a shift of the pair near 9 Hz")  # fmt: skip
+            f"after a shift of the pair near {numbers['pair_shift_hz']:g} Hz")  # fmt: skip
     return [Table("Payload rms angle in the band, over the open loop's", head, rows)]
 
 

@@ -19,20 +19,29 @@ ERROR_BAND_HZ = (0.3, 30.0)
 
 
 @record
+class MagnitudeError:
+    """Rms of 20 log10 of the magnitude ratio model over rig, one for each output, in a band."""
+
+    band_hz: tuple[float, float]
+    orbit_db: np.ndarray
+    lab_db: np.ndarray
+
+
+@record
 class GravityResponses:
     """Responses of two models and of the rig.
 
     ``phase_gap_s`` is the delay that explains the phase between rig and 1-g model above 5 Hz, one for each
-    output; ``error_db`` the rms of 20 log10 of the magnitude ratio model over rig in 0.3-30 Hz.
+    output; None where nothing is measured there. ``magnitude_error`` holds in what is measured of 0.3-30 Hz,
+    and is None where that is nothing.
     """
 
     orbit: FrequencyResponse
     lab: FrequencyResponse
     rig: FrequencyResponse
     delay_s: float
-    phase_gap_s: np.ndarray
-    error_db_orbit: np.ndarray
-    error_db_lab: np.ndarray
+    phase_gap_s: np.ndarray | None
+    magnitude_error: MagnitudeError | None
 
 
 def study_gravity_responses(
@@ -59,14 +68,15 @@ def study_gravity_responses(
         measured,
         rig.delay_s,
         _phase_gap(plants["lab"], measured),
-        _magnitude_error(plants["orbit"], measured),
-        _magnitude_error(plants["lab"], measured),
+        _magnitude_error(plants["orbit"], plants["lab"], measured, (figure.band_hz, siso.band_hz)),
     )
 
 
-def _phase_gap(model: Plant, measured: FrequencyResponse) -> np.ndarray:
+def _phase_gap(model: Plant, measured: FrequencyResponse) -> np.ndarray | None:
     """Weighted least squares of the phase lag on omega, through the origin; lines count by their power."""
     lines = measured.frequency_hz > DELAY_FROM_HZ
+    if not lines.any():
+        return None
     omega = 2.0 * np.pi * measured.frequency_hz[lines]
     H, G = measured.H[lines, :, 0], evaluate_plant(model, measured.frequency_hz[lines]).H[:, :, 0]
     gap = np.unwrap(np.angle(H * G.conj()), axis=0)
@@ -74,9 +84,19 @@ def _phase_gap(model: Plant, measured: FrequencyResponse) -> np.ndarray:
     return -(weight * gap * omega[:, None]).sum(axis=0) / (weight * omega[:, None] ** 2).sum(axis=0)
 
 
-def _magnitude_error(model: Plant, measured: FrequencyResponse) -> np.ndarray:
-    low, high = ERROR_BAND_HZ
+def _magnitude_error(
+    orbit: Plant, lab: Plant, measured: FrequencyResponse, bands_hz: tuple[tuple[float, float], ...]
+) -> MagnitudeError | None:
+    """In the part of `ERROR_BAND_HZ` that all of ``bands_hz``, what is shown and what is excited, hold."""
+    low, high = max(b[0] for b in (ERROR_BAND_HZ, *bands_hz)), min(b[1] for b in (ERROR_BAND_HZ, *bands_hz))
     lines = (measured.frequency_hz >= low) & (measured.frequency_hz <= high)
-    G = evaluate_plant(model, measured.frequency_hz[lines]).H[:, :, 0]
-    ratio = 20.0 * np.log10(np.abs(G) / np.abs(measured.H[lines, :, 0]))
-    return np.sqrt(np.mean(ratio**2, axis=0))
+    if not lines.any():
+        return None
+    H = np.abs(measured.H[lines, :, 0])
+    orbit_db, lab_db = (
+        20.0 * np.log10(np.abs(evaluate_plant(p, measured.frequency_hz[lines]).H[:, :, 0]) / H)
+        for p in (orbit, lab)
+    )
+    return MagnitudeError(
+        (low, high), np.sqrt(np.mean(orbit_db**2, axis=0)), np.sqrt(np.mean(lab_db**2, axis=0))
+    )

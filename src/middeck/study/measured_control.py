@@ -10,7 +10,7 @@ from middeck.control.lqg import LQGWeights, design_filter, design_lqg
 from middeck.control.performance import Performance, measure_rms
 from middeck.files.study_form import RigForm, SisoForm
 from middeck.identification.fit import FitResult, fit_response
-from middeck.identification.measurement_model import measured_plant, model_response
+from middeck.identification.measurement_model import measured_plant, model_response, natural_hz
 from middeck.identification.spectra import estimate_response
 from middeck.realtime.rig import LinearRig, build_linear_rig, close_sampled_loop, run_closed_loop
 from middeck.structure.modes import Modes
@@ -21,11 +21,14 @@ from middeck.study.rig_experiment import (
     run_rig_experiment,
     shift_modes,
 )
+from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
 from middeck.systems.response import FrequencyResponse
 from middeck.systems.sampling import tustin
 from middeck.systems.stability import is_stable
 from middeck.values import record
+
+HELD = 0.02  # relative distance within which a fitted pole is a mode's
 
 
 @record
@@ -33,7 +36,9 @@ class MeasuredLoop:
     """One authority: the compensator, its loop as predicted from the fit and as measured on the rig.
 
     ``predicted_db`` and ``measured_db`` are 20 log10 of the closed-loop rms angle in the band over the
-    open-loop one, each from its own open loop; ``rms_error_db`` compares the two closed-loop rms angles.
+    open-loop one, each from its own open loop; ``rms_error_db`` compares the two closed-loop rms angles. Each
+    is None where one of its two has no finite rms: the rig's loop is unstable, or the fit or its loop has a
+    mode without damping in the band, as a fit to little more than noise may.
     ``survives`` says for each shift of the pair whether the sampled loop stays stable.
     """
 
@@ -42,22 +47,38 @@ class MeasuredLoop:
     compensator: Compensator
     predicted: FrequencyResponse
     measured: FrequencyResponse | None
-    predicted_db: float
-    measured_db: float
-    rms_error_db: float
+    predicted_db: float | None
+    measured_db: float | None
+    rms_error_db: float | None
     stable: bool
     survives: tuple[tuple[float, bool], ...]
 
 
 @record
+class OutsideMode:
+    """A mode of the article that the fit leaves out."""
+
+    name: str
+    kind: str
+    frequency_hz: float
+
+
+@record
 class MeasuredControl:
-    """The measured open loop, the fit to it in its band, the design plant, and a loop at each authority."""
+    """The measured open loop, the fit to it in its band, the design plant, and a loop at each authority.
+
+    ``below_fit`` is the mode that stands out most among those measured below the band of the fit; None where
+    there is none or a fitted pole holds it.
+    """
 
     fit_band_hz: tuple[float, float]
     open_loop: FrequencyResponse
     fit: FitResult
     fitted: FrequencyResponse
     plant: Plant
+    pade_order: int
+    pair_shift_hz: float
+    below_fit: OutsideMode | None
     loops: tuple[MeasuredLoop, ...]
 
 
@@ -86,7 +107,37 @@ def study_measured_control(
         _run_loop(name, compensator, plant, fitted, measured, test, drifted, siso, rng)
         for name, compensator in compensators.items()
     )
-    return MeasuredControl(siso.fit_band_hz, measured, fit, fitted, plant, loops)
+    below = _below_fit(article, modes, siso, fit)
+    return MeasuredControl(
+        siso.fit_band_hz,
+        measured,
+        fit,
+        fitted,
+        plant,
+        siso.pade_order,
+        siso.pair_shift_hz,
+        below,
+        loops,
+    )
+
+
+def _below_fit(article: Plant, modes: Modes, siso: SisoForm, fit: FitResult) -> OutsideMode | None:
+    """By the height of the resonances, |phi psi| / (2 zeta omega^2); held is what a fitted pole meets.
+
+    A pole meets a mode within 2 %, the shift of frequency that the study takes to break a loop.
+    """
+    modal = article.dynamics
+    assert isinstance(modal, ModalSystem)
+    f = modal.omega / (2.0 * np.pi)
+    below = (f >= siso.band_hz[0]) & (f < siso.fit_band_hz[0]) & (modal.zeta > 0.0)
+    if not below.any():
+        return None
+    at = np.flatnonzero(below)
+    height = np.abs(modal.phi[0, at] * modal.psi[at, 0]) / (2.0 * modal.zeta[at] * modal.omega[at] ** 2)
+    mode = int(at[np.argmax(height)])
+    if not height.any() or np.any(np.abs(natural_hz(fit.model) / f[mode] - 1.0) < HELD):
+        return None
+    return OutsideMode(modal.names[mode], modes.kind[mode], float(f[mode]))
 
 
 def _in_band(response: FrequencyResponse, band_hz: tuple[float, float]) -> FrequencyResponse:
@@ -141,9 +192,9 @@ def _run_loop(
             fitted, evaluate_compensator(compensator, fitted.frequency_hz)
         ),
         measured=closed,
-        predicted_db=_db(predicted_rms / predicted_open),
-        measured_db=_db(measured_rms / _measured_rms(measured)),
-        rms_error_db=_db(predicted_rms / measured_rms),
+        predicted_db=_db(predicted_rms, predicted_open),
+        measured_db=_db(measured_rms, _measured_rms(measured)),
+        rms_error_db=_db(predicted_rms, measured_rms),
         stable=closed is not None,
         survives=survives,
     )
@@ -162,5 +213,6 @@ def _measured_rms(response: FrequencyResponse) -> float:
     return float(EXCITATION_NM * np.sqrt(np.mean(np.abs(response.H) ** 2)))
 
 
-def _db(ratio: float) -> float:
-    return float(20.0 * np.log10(ratio)) if np.isfinite(ratio) else float("inf")
+def _db(rms: float, reference: float) -> float | None:
+    """None unless both are finite."""
+    return float(20.0 * np.log10(rms / reference)) if np.isfinite([rms, reference]).all() else None

@@ -109,6 +109,7 @@ def figure_6(responses: GravityResponses) -> Numbers:
     """Rates of payload and bus per torque, in this order of the outputs."""
     sides = {"orbit": responses.orbit, "lab": responses.lab, "rig": responses.rig}
     names = ("payload_z_rate", "bus_z_rate")
+    error = responses.magnitude_error
     return {
         **{
             side: {name: response_numbers(r, output=i) for i, name in enumerate(names)}
@@ -116,7 +117,10 @@ def figure_6(responses: GravityResponses) -> Numbers:
         },
         "phase_gap_s": responses.phase_gap_s,
         "delay_s": responses.delay_s,
-        "magnitude_error_db": {"orbit": responses.error_db_orbit, "lab": responses.error_db_lab},
+        "input": responses.rig.inputs[0].name,
+        "outputs": [port.name for port in responses.rig.outputs],
+        "magnitude_error_band_hz": error and error.band_hz,
+        "magnitude_error_db": {"orbit": error and error.orbit_db, "lab": error and error.lab_db},
         "claims": figure_6_claims(responses),
     }
 
@@ -158,6 +162,7 @@ def _sub_model(sub: SubModelSweep) -> Numbers:
         "participation": first.participation,
         "compensator_share": first.compensator_share,
         "unstable_pairs": sub.unstable_pairs,
+        "unstable_real_poles": sub.unstable_real,
     }
     return {
         **sides,
@@ -171,6 +176,8 @@ def figure_9a(control: MeasuredControl) -> Numbers:
     """The measured response of the rig and the fit to it."""
     model = control.fit.model
     return {
+        "input": control.open_loop.inputs[0].name,
+        "output": control.open_loop.outputs[0].name,
         "data": response_numbers(control.open_loop),
         "fit": response_numbers(control.fitted),
         "natural_hz": natural_hz(model),
@@ -183,6 +190,7 @@ def figure_9a(control: MeasuredControl) -> Numbers:
         "relative_error": control.fit.error[0],
         "states": model.states,
         "plant_states": len(control.plant.system.A),
+        "mode_below_fit": control.below_fit,
         "warnings": control.fit.warnings,
     }
 
@@ -191,6 +199,7 @@ def figure_9b(control: MeasuredControl) -> Numbers:
     """Loops at two authorities, predicted and measured."""
     return {
         "open_loop": response_numbers(control.open_loop),
+        "pair_shift_hz": control.pair_shift_hz,
         **{loop.name: _loop(loop) for loop in control.loops},
         "claims": figure_9_claims(control),
     }
@@ -202,8 +211,8 @@ def _loop(loop: MeasuredLoop) -> Numbers:
         "measured": None if loop.measured is None else response_numbers(loop.measured),
         "log10_authority": loop.log10_authority,
         "predicted_db": loop.predicted_db,
-        "measured_db": loop.measured_db if loop.stable else None,
-        "rms_error_db": loop.rms_error_db if loop.stable else None,
+        "measured_db": loop.measured_db,
+        "rms_error_db": loop.rms_error_db,
         "stable": loop.stable,
         "survives_shift_percent": {f"{percent:+g}": ok for percent, ok in loop.survives},
     }

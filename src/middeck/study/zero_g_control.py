@@ -18,6 +18,7 @@ from middeck.control.classical import PDLoops, close_inner_loop
 from middeck.control.closed_loop import ClosedLoop, close_loop, leave_open
 from middeck.control.lqg import LQGWeights, design_filter, design_lqg
 from middeck.control.performance import Performance, measure_metric
+from middeck.errors import ConfigError, NumericalError
 from middeck.files.study_form import ControlForm
 from middeck.structure.modal_plant import RATE, build_plant
 from middeck.structure.modes import Modes
@@ -43,8 +44,8 @@ class SubModelSweep:
         In the lab, searched beyond the plotted range; None if there is none.
     mode_frequency_hz, mode_kind:
         Of the lab mode that leads it, in the lab without any control.
-    unstable_pairs:
-        Number of complex pairs past the stability limit there.
+    unstable_pairs, unstable_real:
+        Numbers of complex pairs and of real poles, which diverge, past the stability limit there.
     quadrature_error:
         Largest relative difference of the closed-form metric from adaptive quadrature, over the stable loops
         of the first and the last level.
@@ -56,6 +57,7 @@ class SubModelSweep:
     mode_frequency_hz: float | None
     mode_kind: str
     unstable_pairs: int
+    unstable_real: int
     quadrature_error: float
 
 
@@ -103,6 +105,7 @@ def sub_model(plant: Plant, kinds: tuple[str, ...], which: str) -> Plant:
 
 def study_zero_g_control(modes: Mapping[str, Modes], control: ControlForm) -> ZeroGControl:
     """Design on the PD-controlled 0-g plant at every authority, judge on ``modes`` "orbit" and "lab"."""
+    _require_flexible(modes, control)
     pd = PDLoops(control.pd_loops, np.array(control.pd_kp_nm_per_rad), np.array(control.pd_kd_nms_per_rad))
     whole = {env: control_plant(m, control) for env, m in modes.items()}
     kinds = {env: m.kind[: control.modes_kept] for env, m in modes.items()}
@@ -121,6 +124,19 @@ def study_zero_g_control(modes: Mapping[str, Modes], control: ControlForm) -> Ze
     return ZeroGControl(levels, psd, metric_pd, sweeps)
 
 
+def _require_flexible(modes: Mapping[str, Modes], control: ControlForm) -> None:
+    """The flexible sub-model needs a mode on both sides, and below it no rigid mode may be cut off."""
+    needed = max(
+        m.kind.index("flexible") + 1 if "flexible" in m.kind else len(m.kind) for m in modes.values()
+    )
+    if control.modes_kept < needed:
+        raise ConfigError(
+            f"{control.modes_kept} modes hold no flexible one in orbit and in the laboratory",
+            where="control.modes_kept",
+            hint=f"at least {needed} for this article",
+        )
+
+
 def _performance(control: ControlForm, psd: float) -> Performance:
     intensity = psd * np.eye(len(control.disturbances))
     return Performance(np.array(control.metric_weights), intensity, control.band_hz)
@@ -129,6 +145,12 @@ def _performance(control: ControlForm, psd: float) -> Performance:
 def _disturbance_psd(plant: Plant, control: ControlForm) -> float:
     """S_w from 3 sigma = the stated angle; the metric is proportional to its root."""
     unit = measure_metric(leave_open(plant), _performance(control, 1.0))
+    if not 0.0 < unit < np.inf:
+        raise NumericalError(
+            f"under PD alone the metric in 0-g is {unit:g} for a unit disturbance, which no intensity scales",
+            where="control",
+            hint="a disturbance that the metric sees, and pd_kd_nms_per_rad that damp every reachable mode",
+        )
     return float((np.radians(control.three_sigma_deg) / 3.0 / unit) ** 2)
 
 
@@ -164,12 +186,13 @@ def _sweep(
     error = max((_quadrature_error(loop, performance) for loop in ends if loop.stable), default=0.0)
     first = find_first_instability(design, pair["lab"], first=control.log10_authority_first, last=SEARCH_LAST)
     if first is None:
-        return SubModelSweep(sweep, over_orbit, None, None, "", 0, error)
+        return SubModelSweep(sweep, over_orbit, None, None, "", 0, 0, error)
     mode = lab.name.index(first.mode_name)
     loop = close_loop(pair["lab"], design(10.0**first.log10_authority))
-    growing = np.count_nonzero((np.imag(loop.poles) >= 0.0) & (np.real(loop.poles) > GROWTH_LIMIT))
+    growing = np.imag(loop.poles)[np.real(loop.poles) > GROWTH_LIMIT]
+    pairs, real = int(np.count_nonzero(growing > 0.0)), int(np.count_nonzero(growing == 0.0))
     return SubModelSweep(
-        sweep, over_orbit, first, float(lab.frequency_hz[mode]), lab.kind[mode], int(growing), error
+        sweep, over_orbit, first, float(lab.frequency_hz[mode]), lab.kind[mode], pairs, real, error
     )
 
 
