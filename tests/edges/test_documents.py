@@ -26,8 +26,8 @@ from middeck.files.documents import (
 )
 from middeck.files.environment_form import EnvironmentForm, environment_findings
 from middeck.files.faults import Fault
-from middeck.files.studies import load_study
-from middeck.files.study_form import StudyForm, study_findings
+from middeck.files.studies import load_study, study_rules
+from middeck.files.study_form import StudyForm
 from middeck.files.toml_lines import key_lines
 from middeck.structure.article import JointState
 from middeck.structure.environment import Environment
@@ -701,7 +701,7 @@ JUNK = st.one_of(
 DOCUMENTS = [
     (DM, ArticleForm, article_findings),
     (LAB, EnvironmentForm, environment_findings),
-    (STUDY, StudyForm, study_findings),
+    (STUDY, StudyForm, study_rules),
 ]
 
 
@@ -723,3 +723,45 @@ def test_no_junk_breaks_the_checks(data: st.DataObject) -> None:
     checked = check(source, tables, {}, form, more)
     assert checked.faults or checked.form is not None
     assert all(f.key and f.message and f.line > 0 for f in checked.faults)
+
+
+# ---- what a study asks of its articles and its rig ---------------------------------------------------------
+
+IMPOSSIBLE = {
+    "a metric that is no output": (
+        'control.metric=["sec_in_z", "bus_x", "bus_y", "bus_z", "pri_in_x"]',
+        "control.metric.0",
+        "neither among angles nor among pd_loops",
+    ),
+    "a loop that is no input": (
+        'control.disturbances=["sec_rel_x"]',
+        "control.pd_loops.6",
+        "neither among inputs nor among disturbances",
+    ),
+    "no states for the delay": ("siso.pade_order=0", "siso.pade_order", "must be 1 to 12"),
+    "a rig that answers at once": ("rig.delay_s=0", "rig.delay_s", "must be >= 0.001 s"),
+    "a period of broken samples": ("siso.period_s=1.0001", "siso.period_s", "must be a whole number"),
+    "a band beyond half the rate": ("rig.sample_hz=100", "siso.band_hz.1", "below half of rig.sample_hz"),
+    "a locked axis to drive": ("gimbal.sec.state_x=locked", "gimbal.1.state_x", "drives 'sec_rel_x'"),
+    "a driven axis to drive": (
+        "article.dm.gimbal.0.state_z=driven",
+        "gimbal.0.state_z",
+        "drives 'pri_rel_z'",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", IMPOSSIBLE)
+def test_what_no_study_can_do_is_found_on_loading(case: str) -> None:
+    override, key, said = IMPOSSIBLE[case]
+    (fault,) = faults_of(load_study, STUDY, [override])
+    assert fault.key == key
+    assert said in fault.message
+    setter = override.partition("=")[0]
+    # The blame is on the override, or on the line of what does not go with it.
+    line = STUDY.read_text(encoding="utf-8").splitlines()[fault.line - 1]
+    assert fault.file == f"--set {setter}" or line.startswith(key.split(".")[1])
+
+
+def test_half_a_sample_of_delay_is_enough() -> None:
+    assert load_study(STUDY, ["rig.delay_s=0.001"]).rig.delay_s == 0.001

@@ -2,10 +2,10 @@
 
 A segment of the key fits a key of a file exactly or by the data sheet's name for it (``node.0.mass`` for
 ``mass_kg``, but ``suspension.bounce_hz``: see `sheet_name`); an item of an array is named by its index or its
-``name``. A leading ``article.<name>.`` confines the override to the cases of that article. An override goes to
-every document in which its path exists, otherwise to each whose form allows the key there. A key of a table
-that a document leaves out (the suspension, in orbit) is known and has no effect; a key that no form knows is
-an error.
+``name``. A leading ``article.<name>.`` confines the override to the cases of that article. An override goes
+to every document in which its path exists, otherwise to each whose form allows the key there. A key of a
+table that a document leaves out (the suspension, in orbit) is known and has no effect; a key that no form
+knows is an error.
 """
 
 from __future__ import annotations

@@ -23,6 +23,7 @@ from middeck.files.documents import (
 from middeck.files.environment_form import EnvironmentForm, build_environment, environment_findings
 from middeck.files.faults import Fault, Finding, raise_faults, show
 from middeck.files.overrides import Target, apply_overrides
+from middeck.files.study_checks import fixed_axes, signal_findings
 from middeck.files.study_form import (
     ControlForm,
     Figure6Form,
@@ -120,6 +121,11 @@ def load_study(path: str | Path, overrides: Sequence[str] = ()) -> Study:
     )  # fmt: skip
 
 
+def study_rules(data: dict[str, Any]) -> list[Finding]:
+    """What is wrong with the tables of a study beyond the form of their keys."""
+    return [*study_findings(data), *signal_findings(data)]
+
+
 def _is_reference(override: str) -> bool:
     """Whether ``override`` names a file, as ``article.dm=...`` and ``mirror.train=...`` do."""
     parts = override.partition("=")[0].strip().split(".")
@@ -149,7 +155,7 @@ def _check(
     """Override and check all documents together; an environment once for each article it may hold."""
     pairs = [(a, e) for a in articles for e in environments]
     parts = [
-        (study, StudyForm, study_findings, ""),
+        (study, StudyForm, study_rules, ""),
         *((s, ArticleForm, article_findings, name) for name, s in articles.items()),
         *((environments[e], EnvironmentForm, environment_findings, a) for a, e in pairs),
     ]
@@ -164,14 +170,22 @@ def _check(
     faults: list[Fault] = [f for c in checked for f in c.faults]
     for (a, _), c in surroundings.items():
         faults += join_findings([structures[a], c])
-    faults += [checked[0].place(f) for f in _ports(checked[0], structures)]
+    faults += _joint_faults(checked[0], structures)
     raise_faults(list(dict.fromkeys(faults)))
     return checked[0], structures, surroundings
 
 
-def _ports(study: Checked[Any], structures: dict[str, Checked[Any]]) -> list[Finding]:
+def _joint_faults(study: Checked[Any], structures: dict[str, Checked[Any]]) -> list[Fault]:
+    """What the study asks of its articles and they do not have; nothing while any of them is broken."""
     if study.form is None or any(c.faults for c in structures.values()):
         return []
     built = {name: build_structure(cast("ArticleForm", c.form)) for name, c in structures.items()}
     ports = {n: ([a.name for a in s.actuators], [x.name for x in s.sensors]) for n, s in built.items()}
-    return port_findings(study.form, ports)
+    return [
+        *(study.place(finding) for finding in port_findings(study.form, ports)),
+        *(
+            structures[name].place(finding)
+            for name, structure in built.items()
+            for finding in fixed_axes(study.form, name, structure, structures[name].data)
+        ),
+    ]

@@ -90,7 +90,7 @@ class SisoForm(Form):
     band_hz: Band
     fit_band_hz: Band
     states: Annotated[int, whole(2, 1000)]
-    pade_order: Annotated[int, whole(0, 12)]
+    pade_order: Annotated[int, whole(1, 12)]
     angle_weight: Positive
     input_weight: Positive
     disturbance_nm_per_rthz: Positive
