@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from middeck.errors import ConfigError, EquilibriumError, NumericalError, UnstableEquilibriumError
+from middeck.files.documents import load_case
 from middeck.structure.article import Actuator, AttachPoint, Body, Joint, Section, Sensor, Spring, Structure
 from middeck.structure.environment import AnchoredSpring, Environment, Suspension
 from middeck.structure.equilibrium import node_rotations, solve_equilibrium
@@ -188,3 +189,11 @@ def test_slack_spring_to_ground_may_push():
     )
     assert rest.converged
     assert rest.tension == pytest.approx(0.05 * 9.80665, rel=1e-6)
+
+
+def test_an_article_that_turned_over_says_so():
+    """Gravity upwards: the cables hang from below, and rest is half a turn away."""
+    article, upside_down = load_case(
+        "articles/mace-dm.toml", "environments/lab.toml", ["constants.gravity_direction=[0,1,0]"]
+    )
+    assert "turned by 180 deg" in solve_modes(solve_equilibrium(article, upside_down)).warnings[0]

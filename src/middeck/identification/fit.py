@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from middeck.errors import ConfigError, FitError
 from middeck.identification.checks import check_response
+from middeck.identification.doubts import causal_delay, doubts_of_model, doubts_of_record
 from middeck.identification.exchange import exchanges
 from middeck.identification.measurement_model import MeasurementModel, model_response
 from middeck.identification.order import OrderChoice, choose, description_length, is_settled, sizes
@@ -259,23 +260,20 @@ def _result(
     c = np.array([shapes(best.layout, point, x) for x in best.refined.step.linear])
     lower, direct = _constant_terms(best)
     uncertainty = bound(best.layout, best.refined.theta, best.gram)
-    delay_s, warnings = _causal_delay(measured, point.delay_s, uncertainty)
+    delay_s, warnings = causal_delay(measured, point.delay_s, uncertainty)
     model = MeasurementModel(
         point.poles, c, point.b, direct, lower, delay_s, measured.inputs, measured.outputs, sample_hz
     )
     r = np.abs(model_response(model, measured.frequency_hz) - measured.H) ** 2
     if not np.isfinite(r).all():
         raise FitError("the fitted response is not finite", hint="fewer states")
+    error = np.sqrt(np.sum(r, axis=(0, 2)) / np.sum(np.abs(measured.H) ** 2, axis=(0, 2)))
     if not best.refined.converged:
         warnings.append(f"the search had not settled after {len(best.refined.history)} steps")
-    if _model_error(best, spread) > 0.5:
-        warnings.append(
-            f"most of what the fit leaves is not noise but modes it lacks ({np.sqrt(best.share):.1%} of the "
-            "response): the stated deviations do not cover that"
-        )
     if options.with_delay and not options.real_constants:
         warnings.append("the delay is confounded with the complex residues: only their sum is certain")
-    error = np.sqrt(np.sum(r, axis=(0, 2)) / np.sum(np.abs(measured.H) ** 2, axis=(0, 2)))
+    warnings += doubts_of_record(measured)
+    warnings += doubts_of_model(measured, error, _model_error(best, spread), best.share)
     return FitResult(
         model,
         2.0 * best.refined.step.cost / r.size,
@@ -294,24 +292,3 @@ def _constant_terms(best: Polished) -> tuple[np.ndarray, np.ndarray]:
     direct = linear[:, -layout.inputs :] if layout.with_direct else none
     end = layout.columns - layout.inputs * layout.with_direct
     return (linear[:, end - layout.inputs : end] if layout.with_lower else none), direct
-
-
-def _causal_delay(
-    measured: FrequencyResponse, delay_s: np.ndarray, uncertainty: Uncertainty
-) -> tuple[np.ndarray, list[str]]:
-    """Delays of zero or more; a small advance is a warning, a long one an error."""
-    warnings: list[str] = []
-    for o, tau in enumerate(delay_s):
-        name = measured.outputs[o].name
-        if tau < -1.0 / measured.frequency_hz[-1]:
-            raise FitError(
-                f"the output leads its input by {-tau:.6g} s",
-                where=f"output {name}",
-                hint="check which channel is the input, and that the period is more than twice the delay",
-            )
-        if tau < 0.0:
-            warnings.append(
-                f"output {name}: the fit leads by {-tau * 1e3:.3g} ms (+-{uncertainty.delay_s[o] * 1e3:.2g});"
-                " its delay is set to zero"
-            )
-    return np.maximum(delay_s, 0.0), warnings

@@ -16,6 +16,8 @@ from middeck.structure.statics import TOLERANCE, settle
 from middeck.structure.suspension import TunedSuspension, environment_loads, tune_suspension
 from middeck.values import record
 
+FAR_TURN = np.radians(30.0)  # three times what an unlevelled article rolls
+
 
 @record
 class Equilibrium:
@@ -120,3 +122,12 @@ def node_rotations(equilibrium: Equilibrium) -> dict[str, Float[np.ndarray, "3"]
     poses = frame_poses(equilibrium.model.tree, equilibrium.config)
     nodes = equilibrium.model.structure.nodes
     return {node.name: rotation_log(poses.R[i]) for i, node in enumerate(nodes)}
+
+
+def rest_warnings(equilibrium: Equilibrium) -> tuple[str, ...]:
+    """A node that turned by more than `FAR_TURN`: the article hangs, but hardly as it was meant to."""
+    turned = {name: float(np.linalg.norm(v)) for name, v in node_rotations(equilibrium).items()}
+    name = max(turned, key=lambda n: turned[n])
+    if turned[name] <= FAR_TURN:
+        return ()
+    return (f"the article turned by {np.degrees(turned[name]):.0f} deg on the way to rest (node {name!r})",)

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from middeck.errors import EquilibriumError, NumericalError, UnstableEquilibriumError
 from middeck.structure.assembly import assemble, mass_matrix
 from middeck.structure.environment import Environment
-from middeck.structure.equilibrium import Equilibrium, solve_equilibrium
+from middeck.structure.equilibrium import Equilibrium, rest_warnings, solve_equilibrium
 from middeck.structure.mesh import Model
 from middeck.structure.naming import name_modes
 from middeck.structure.rigid import rigid_basis
@@ -46,7 +46,7 @@ class Modes:
         Largest |omega^2| of a rigid mode before it was set to zero, over the lowest omega^2 that was kept
         (over 1 rad^2/s^2 where none was).
     warnings:
-        Modes whose strain energy disagrees with their kind.
+        Nodes that turned far on the way to rest; modes whose strain energy disagrees with their kind.
     """
 
     equilibrium: Equilibrium
@@ -89,6 +89,7 @@ def solve_modes(equilibrium: Equilibrium) -> Modes:
     _check_stable(lam, names)
     active = dynamic_coordinates(equilibrium.model)
     residual = _residual(K[active], M[active], shapes, lam)
+    warnings = rest_warnings(equilibrium) + warnings
     return Modes(equilibrium, np.sqrt(lam), shapes, M, kind, names, share, residual, rigid_residual, warnings)
 
 
@@ -173,7 +174,8 @@ def _check_stable(lam: np.ndarray, names: tuple[str, ...]) -> None:
         if value < 0.0:
             raise UnstableEquilibriumError(
                 f"the rest state is not stable: mode {name!r} grows at {np.sqrt(-value):.4g} rad/s",
-                hint="is a payload above its axes, or a member buckled? lower gravity or spring the axis",
+                hint="is a payload above its axes, an attach point below the centre of mass, a member "
+                "buckled? lower gravity, spring the axis or move the attach points",
                 growth=float(np.sqrt(-value)),
                 mode=name,
             )

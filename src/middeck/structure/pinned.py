@@ -117,6 +117,7 @@ def _constrained_step(
         raise EquilibriumError(
             "pinned at its attach points, the article is still a mechanism that its weight drives",
             where="suspension.held",
-            hint="hold enough directions: y and z at each of three points and x at one stop a straight bus",
+            hint="hold enough directions: y and z at each of three points and x at one stop a straight bus; "
+            "if they are held, the article is far too soft or heavy: check the units of its lengths and E",
         )
     return step[: len(K)], scale * step[len(K) :]

@@ -1,0 +1,59 @@
+"""A fit that should not be trusted says so."""
+
+import numpy as np
+import pytest
+
+from middeck.identification.fit import fit_response
+from middeck.identification.spectra import estimate_response
+from middeck.systems.excitation import random_multisine
+from middeck.systems.modal import ModalSystem
+from middeck.systems.ports import Port
+from middeck.systems.record import Record
+from middeck.systems.sampling import sample_plant
+from middeck.systems.simulation import find_periodic_state, simulate
+
+PERIODS, SAMPLE_HZ = 4, 128.0
+
+
+@pytest.fixture(scope="module")
+def shaken():
+    """Two modes, 3.2 and 11.5 Hz at 1 %, four steady periods of 32 s with 0.1 % noise."""
+    omega = 2.0 * np.pi * np.array([3.2, 11.5])
+    modal = ModalSystem(omega, [0.01, 0.01], [[1.0], [0.7]], [[1.0, 0.8]], [[0.0, 0.0]], ("a", "b"))
+    rng = np.random.default_rng(5)
+    u = random_multisine((0.5, 14.0), 32.0, SAMPLE_HZ, 1.0, rng)[:, None]
+    sampled = sample_plant(modal, 1.0 / SAMPLE_HZ, 0.005)
+    y, _ = simulate(sampled, u, find_periodic_state(sampled, u))
+    many = np.broadcast_to(y, (PERIODS, *y.shape)) + 1e-3 * y.std() * rng.standard_normal((PERIODS, *y.shape))
+    return u, many
+
+
+def fit(u, y):
+    ports = (Port("force", "N"),), (Port("tip", "m"),)
+    record = Record(SAMPLE_HZ, np.broadcast_to(u, (1, PERIODS, *u.shape)), y[None], *ports, True)
+    return fit_response(estimate_response(record, band_hz=(0.5, 14.0)), states=4)
+
+
+def test_a_clean_record_raises_no_doubt_of_the_record(shaken):
+    result = fit(*shaken)
+    assert not [w for w in result.warnings if "scatters" in w or "unexplained" in w]
+    assert result.model.delay_s[0] == pytest.approx(0.005 + 0.5 / SAMPLE_HZ, abs=2e-4)  # hold included
+
+
+def test_drift_is_doubted(shaken):
+    u, y = shaken
+    slope = np.linspace(0.0, 50.0 * y.std(), y[..., 0].size).reshape(y.shape)
+    assert any("unexplained" in w or "scatters" in w for w in fit(u, y + slope).warnings)
+
+
+def test_a_spike_is_doubted(shaken):
+    u, y = shaken
+    spiked = y.copy()
+    spiked[1, 777] += 100.0 * y.std()
+    assert any("scatters" in w for w in fit(u, spiked).warnings)
+
+
+def test_an_unsteady_period_is_doubted(shaken):
+    u, y = shaken
+    growing = y * np.array([2.0, 1.0, 1.0, 1.0])[:, None, None]
+    assert any("scatters" in w for w in fit(u, growing).warnings)
