@@ -85,7 +85,7 @@ def draw_performance(axes: Axes, control: ZeroGControl, curves: tuple[Curve, ...
 
 def _draw_onset(axes: Axes, last: float, first: FirstInstability, curve: Curve, place: int) -> None:
     """A line where the loop is first unstable, and in the upper right corner the mode that leads."""
-    where = f"unstable from {first.log10_authority:.2f}"
+    where = f"first unstable at {first.log10_authority:.2f}"
     if first.log10_authority <= last:
         axes.axvline(first.log10_authority, color=COLOUR["lab"], linewidth=1.0, linestyle=curve.line)
     else:

@@ -60,12 +60,11 @@ def _flexible_couplings(matrix: np.ndarray, pairs: np.ndarray) -> str:
     paired = float(matrix[pairs[:, 0], pairs[:, 1]].min())
     block = matrix[np.ix_(pairs[:, 0], pairs[:, 1])] * (1.0 - np.eye(len(pairs)))
     row, column = (int(k) for k in np.unravel_index(np.argmax(block), block.shape))
-    keep = "flexible modes keep their pairs" if paired > PAIRED else "not every flexible mode keeps its pair"
-    largest = float(block.max())
-    beside = "its neighbour" if abs(row - column) == 1 else "not its neighbour"
+    keeps = "every flexible mode keeps" if paired > PAIRED else "not every flexible mode keeps"
+    beside = "the next one" if abs(row - column) == 1 else "not the next one"
     return (
-        f"while {keep} ({fixed(paired, 3)} or more) and couple to others by {fixed(largest, 3)} at most"
-        f" (0-g mode {pairs[row, 0]} with 1-g mode {pairs[column, 1]}, {beside})"
+        f"while {keeps} its pair (the weakest {fixed(paired, 3)}) and the largest coupling beside the pairs is"
+        f" {fixed(float(block.max()), 3)} (0-g mode {pairs[row, 0]} with 1-g mode {pairs[column, 1]}, {beside})"
     )
 
 
@@ -127,25 +126,34 @@ def figure_7a(figures: Numbers) -> str:
     if first is None:
         return f"Controllers designed on the 0-g model {gain} and stay stable in 1-g."
     return (
-        f"Controllers designed on the 0-g model {gain}, and in 1-g they are unstable"
-        f" from log10 authority {fixed(first['log10_authority'], 2)} on, where {_leads(first)}"
+        f"Controllers designed on the 0-g model {gain}, and in 1-g they are"
+        f" {_first_unstable(numbers, first)}, where {_leads(first)}"
         " (crosses: unstable, so no decibels)."
     )
 
 
 def figure_7b(figures: Numbers) -> str:
     """The flexible pair parts late."""
-    numbers = figures["figure_7"]["flexible"]
-    first, apart = numbers["first_instability"], numbers["reference_db_lab_pd"]
+    numbers = figures["figure_7"]
+    flexible = numbers["flexible"]
+    first, apart = flexible["first_instability"], flexible["reference_db_lab_pd"]
     onset = (
-        "never within the search"
+        "stable throughout the search"
         if first is None
-        else f"from log10 authority {fixed(first['log10_authority'], 2)} on, where {_leads(first)}"
+        else f"{_first_unstable(numbers, first)}, where {_leads(first)}"
     )
     return (
         f"With the flexible modes alone 1-g is {fixed(apart, 1)} dB from 0-g already under PD, and the"
-        f" loop goes unstable {onset}."
+        f" loop is {onset}."
     )
+
+
+def _first_unstable(numbers: Numbers, first: Numbers) -> str:
+    """Stability may return above; and below the first level nothing was searched."""
+    level = f"log10 authority {fixed(first['log10_authority'], 2)}"
+    if first["log10_authority"] <= numbers["log10_authority"][0]:
+        return f"unstable already at the first level, {level}"
+    return f"first unstable at {level}"
 
 
 def _leads(first: Numbers) -> str:

@@ -50,7 +50,7 @@ def figure_6_claims(responses: GravityResponses) -> list[Claim]:
 def figure_7_claims(control: ZeroGControl) -> list[Claim]:
     """Which of the paper's observations on 0-g controllers in 1-g come out."""
     sweeps = dict(control.sweeps)
-    return [*_level_claims(sweeps["all"]), *_instability_claims(sweeps)]
+    return [*_level_claims(sweeps["all"]), *_instability_claims(sweeps, control.log10_authority[0])]
 
 
 def _level_claims(whole: SubModelSweep) -> list[Claim]:
@@ -76,14 +76,19 @@ def _level_claims(whole: SubModelSweep) -> list[Claim]:
     ]
 
 
-def _instability_claims(sweeps: dict[str, SubModelSweep]) -> list[Claim]:
-    """What goes unstable first in 1-g, and whether the sub-models repeat it."""
+def _instability_claims(sweeps: dict[str, SubModelSweep], lowest: float) -> list[Claim]:
+    """What goes unstable first in 1-g, and whether the sub-models repeat it.
+
+    A loop that is unstable at the ``lowest`` level already has its onset somewhere below: two such are not
+    compared.
+    """
     whole = sweeps["all"]
     first = whole.first_instability
     repeats, parts = (sweeps[which].first_instability for which in ("rigid", "flexible"))
     decades = apart = None
     if first is not None:
-        decades = None if repeats is None else abs(repeats.log10_authority - first.log10_authority)
+        if repeats is not None and lowest not in (first.log10_authority, repeats.log10_authority):
+            decades = abs(repeats.log10_authority - first.log10_authority)
         apart = None if parts is None else parts.log10_authority - first.log10_authority
     real = f" (here {whole.unstable_real} real, a divergence)" if whole.unstable_real else ""
     leader = "" if first is None else f" ({first.mode_name})"

@@ -1,0 +1,245 @@
+"""Odd values through ``--set``: every result still keeps the contract, and every sentence is still true."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+
+from middeck.errors import ConfigError
+from middeck.files.json_output import json_text
+from middeck.files.studies import load_study
+from middeck.report.build import StudyWriter
+from middeck.study.claims import figure_7_claims
+from middeck.study.numbers import figure_numbers
+from middeck.study.stages import run_stages
+from middeck.study.zero_g_control import ZeroGControl
+
+ROOT = Path(__file__).parents[2]
+STUDY = ROOT / "studies/mace-1993.toml"
+LONG = os.environ.get("MIDDECK_LONG") == "1"
+CONTRACT = json.loads((ROOT / "tests/reference/numbers.schema.json").read_text())
+SHIPPED = json.loads(files("middeck.study").joinpath("numbers.schema.json").read_text())
+
+# Each case sets what cannot touch another: Figures 4 to 7 stand on [control], the others on their own tables.
+CASES = {
+    "moon": (
+        "constants.gravity=1.62",
+        'figure_6.outputs=["bus_z_rate", "pri_in_z_rate"]',
+        "siso.fit_band_hz=[0.25, 20]",
+    ),
+    "heavy": (
+        "node.0.mass=30",
+        "control.modes_kept=24",
+        "figure_6.band_hz=[0.1, 4]",
+        "rig.identification_noise=0.3",
+    ),
+}
+LONG_CASES = {
+    "soft": ("suspension.bounce_hz=0.2", "siso.pair_shift_hz=7", "siso.high.log10_authority=6"),
+    "late": ("control.log10_authority_first=3", "siso.states=4", "siso.pade_order=1"),
+    "many modes": ("control.modes_kept=60", "figure_6.band_hz=[35, 40]"),
+    "level": ("suspension.offsets.0.2=0", "rig.delay_s=0.002", "siso.pair_shift_percent=0"),
+}
+
+
+class Result:
+    """What one case wrote, read back."""
+
+    def __init__(self, out: Path) -> None:
+        text = (out / "numbers.json").read_text(encoding="utf-8")
+        self.document = json.loads(text)
+        self.figures: dict[str, Any] = self.document["figures"]
+        self.page = (out / "report.html").read_text(encoding="utf-8")
+        captions = re.findall(r'<figcaption id="([^"]+)-caption">(.*?)</figcaption>', self.page, re.DOTALL)
+        self.sentence: dict[str, str] = dict(captions)
+
+    def claim(self, figure: str, beginning: str) -> dict[str, Any]:
+        return next(c for c in self.figures[figure]["claims"] if beginning in c["claim"])
+
+
+@pytest.fixture(scope="module", params=[*CASES, *LONG_CASES] if LONG else CASES)
+def case(request: pytest.FixtureRequest) -> str:
+    return request.param
+
+
+RESULTS: dict[str, Result] = {}
+
+
+@pytest.fixture(scope="module")
+def result(case: str, tmp_path_factory: pytest.TempPathFactory) -> Result:
+    """All stages but the mirror, on which none of these values acts."""
+    if case not in RESULTS:
+        study = load_study(STUDY, (CASES | LONG_CASES)[case])
+        out = tmp_path_factory.mktemp("case")
+        writer = StudyWriter(out, study)
+        for name, compute in run_stages(study):
+            if name != "mirror":
+                writer.add(name, compute())
+        writer.finish()
+        RESULTS[case] = Result(out)
+    return RESULTS[case]
+
+
+def without_mirror(schema: dict[str, Any]) -> dict[str, Any]:
+    schema = json.loads(json.dumps(schema))
+    required = schema["properties"]["figures"]["required"]
+    if "mirror" in required:
+        required.remove("mirror")
+    return schema
+
+
+def test_numbers_keep_both_schemas(result: Result) -> None:
+    for schema in (CONTRACT, without_mirror(SHIPPED)):
+        jsonschema.validate(result.document, schema)
+
+
+def test_the_page_says_nothing_that_is_no_number(result: Result) -> None:
+    words = re.sub(r"<style.*?</style>|<[^>]*>", " ", result.page, flags=re.DOTALL)
+    assert not re.findall(r"(?<![\w-])(?:nan|-?inf|None)(?![\w-])", words)
+
+
+def test_claims_hold_only_with_what_they_need(result: Result) -> None:
+    for figure in ("figure_6", "figure_7", "figure_9b"):
+        for row in result.figures[figure]["claims"]:
+            never = "or never" in row["claim"]
+            assert row["number"] is not None or not row["holds"] or never, row
+
+
+def test_figures_4_and_5_always_show_the_papers_modes(result: Result) -> None:
+    assert len(result.figures["figure_4"]["orbit"]["frequency_hz"]) >= 26
+    assert len(result.figures["figure_5"]["matrix"]) >= 26
+
+
+@pytest.fixture(scope="module")
+def of(tmp_path_factory: pytest.TempPathFactory):
+    """A result that an earlier test has made."""
+    return lambda name: RESULTS.get(name) or pytest.skip("its case was not asked for")
+
+
+def test_moon_nothing_goes_unstable_and_every_row_is_there(of) -> None:
+    moon: Result = of("moon")
+    seven = moon.figures["figure_7"]
+    assert seven["all"]["first_instability"] is None
+    assert len(seven["claims"]) == 9
+    assert not moon.claim("figure_7", "1-g goes unstable")["holds"]
+    assert not moon.claim("figure_7", "one complex pair")["holds"]
+    assert "stay stable in 1-g" in moon.sentence["figure-7a"]
+
+
+def test_moon_words_follow_the_ports_and_the_band(of) -> None:
+    moon: Result = of("moon")
+    assert "In the bus z rate" in moon.sentence["figure-6a"]
+    assert "In the payload z rate" in moon.sentence["figure-6b"]
+    assert "Figure 6a: gimbal z torque to bus z rate" in moon.page
+    nine = moon.figures["figure_9a"]
+    below = nine["mode_below_fit"]
+    if below is None:
+        assert "outside the fit" not in moon.sentence["figure-9a"]
+    else:
+        assert below["frequency_hz"] < nine["fit_band_hz"][0]
+        assert f"{below['frequency_hz']:.2f} Hz" in moon.sentence["figure-9a"]
+
+
+def test_heavy_a_real_pole_is_a_divergence(of) -> None:
+    heavy: Result = of("heavy")
+    seven = heavy.figures["figure_7"]
+    first = seven["flexible"]["first_instability"]
+    assert first["frequency_hz"] == 0.0
+    assert (first["unstable_pairs"], first["unstable_real_poles"]) == (0, 1)
+    assert "divergence" in heavy.sentence["figure-7b"]
+    assert "0.00 Hz" not in heavy.sentence["figure-7b"]
+
+
+def test_heavy_nothing_is_said_of_what_is_not_measured(of) -> None:
+    heavy: Result = of("heavy")
+    six = heavy.figures["figure_6"]
+    assert six["phase_gap_s"] is None
+    assert six["magnitude_error_band_hz"] == [0.3, 4.0]
+    assert "from 0.3 to 4 Hz" in heavy.sentence["figure-6a"]
+    assert "above 5 Hz" in heavy.sentence["figure-6a"]
+    assert heavy.claim("figure_6", "phase gap") == {
+        "claim": "phase gap above 5 Hz equals the delay within 0.2 ms; largest gap [s]",
+        "holds": False,
+        "number": None,
+    }
+
+
+@pytest.fixture(scope="module")
+def late() -> ZeroGControl:
+    """Figure 7 at three levels, the first of which is unstable in 1-g already."""
+    study = load_study(STUDY, ("control.log10_authority_first=3", "control.levels=3"))
+    stages = dict(run_stages(study))
+    stages["figures 4 and 5"]()
+    outcome = stages["figure 7"]()
+    assert isinstance(outcome, ZeroGControl)
+    return outcome
+
+
+def test_an_unstable_first_level_has_no_decibels_and_ends_no_study(late: ZeroGControl) -> None:
+    rows = {row["claim"].partition(";")[0]: row for row in figure_7_claims(late)}
+    low = rows["1-g is better than 0-g at low authority [dB]"]
+    assert (low["holds"], low["number"]) == (False, None)
+    repeats = rows["the rigid sub-model repeats it with the same mode within 0.25 decade"]
+    assert (repeats["holds"], repeats["number"]) == (False, None)
+    json_text(figure_numbers(late))  # raises for what is not finite
+
+
+BAD = {
+    "control.metric_weights=[0, 0, 0, 0, 0]": ("control.metric_weights", "> 0"),
+    "siso.periods=1": ("siso.periods", "2 to 1000"),
+    'figure_6.outputs=["pri_in_z_rate"]': ("figure_6.outputs", "two rates"),
+    'figure_6.outputs=["pri_in_z", "bus_z_rate"]': ("figure_6.outputs", "two rates"),
+    'figure_6.outputs=["pri_in_z_rate", "bus_z_rate", "bus_x_rate"]': ("figure_6.outputs", "two rates"),
+}
+
+
+@pytest.mark.parametrize("override", BAD)
+def test_what_no_stage_can_use_is_refused_with_its_key(override: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        load_study(STUDY, (override,))
+    for words in BAD[override]:
+        assert words in str(caught.value)
+
+
+@pytest.mark.parametrize("kept", [8, 10])
+def test_too_few_modes_are_refused_with_the_number_that_is_needed(kept: int) -> None:
+    stages = dict(run_stages(load_study(STUDY, (f"control.modes_kept={kept}",))))
+    stages["figures 4 and 5"]()
+    with pytest.raises(ConfigError, match="no flexible one") as caught:
+        stages["figure 7"]()
+    assert caught.value.where == "control.modes_kept"
+    assert "at least 11" in caught.value.hint
+
+
+PROGRAM = """
+import sys
+from middeck.files.json_output import json_text
+from middeck.files.studies import load_study
+from middeck.study.numbers import study_numbers
+from middeck.study.stages import run_stages
+study = load_study(sys.argv[1], sys.argv[2:])
+outcomes = {name: compute() for name, compute in run_stages(study) if name != "mirror"}
+sys.stdout.write(json_text(study_numbers(study, outcomes)))
+"""
+
+
+def test_another_process_computes_the_same_bytes() -> None:
+    """Neither the order of sets nor the address of an array reaches the numbers."""
+    command = [sys.executable, "-c", PROGRAM, str(STUDY), "control.levels=5"]
+    runs = [
+        subprocess.Popen(command, stdout=subprocess.PIPE, env={**os.environ, "PYTHONHASHSEED": seed})
+        for seed in ("1", "7")
+    ]
+    texts = [run.communicate()[0] for run in runs]
+    assert [run.returncode for run in runs] == [0, 0]
+    assert len(texts[0]) > 100_000
+    assert texts[0] == texts[1]
