@@ -21,9 +21,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from middeck.files.studies import load_study
+from middeck.files.study_form import RigForm
 from middeck.plot.curves import keep_extremes, wrapped_phase_deg
 from middeck.plot.figure_3 import figure_3
 from middeck.plot.figure_7 import figure_7a, figure_7b
+from middeck.plot.picture import headline
 from middeck.plot.svg import svg_text
 from middeck.report.build import StudyWriter
 from middeck.report.words import fixed
@@ -163,6 +165,39 @@ def test_another_process_writes_the_same_bytes(tmp_path, study, outcomes, writte
     assert files == sorted(p.relative_to(tmp_path / "again") for p in (tmp_path / "again").rglob("*.*"))
     differing = [f for f in files if (written / f).read_bytes() != (tmp_path / "again" / f).read_bytes()]
     assert differing == []
+
+
+def test_a_run_cut_short_leaves_nothing_of_an_earlier_one(tmp_path, study, outcomes):
+    out = tmp_path / "out"
+    write(out, study, outcomes)
+    (out / "figures/mine.svg").write_text("<svg/>")
+    writer = StudyWriter(out, study)
+    left = sorted(p.relative_to(out).as_posix() for p in out.rglob("*.*"))
+    assert left == ["figures/mine.svg"]
+    writer.add("figure 6", outcomes["figure 6"])
+    assert not (out / "report.html").exists()
+    assert {p.stem for p in (out / "figures").iterdir()} == {"mine", "figure-6a", "figure-6b"}
+
+
+def test_the_picture_says_what_its_curves_show(outcomes):
+    control = outcomes["figure 7"]
+    assert headline(control) == "controllers designed in 0-g: better and better in 0-g, unstable in 1-g"
+    name, whole = control.sweeps[0]
+    assert name == "all"
+    calm = dataclasses.replace(whole.sweep, stable=np.ones_like(whole.sweep.stable))
+    sweeps = ((name, dataclasses.replace(whole, sweep=calm)), *control.sweeps[1:])
+    assert headline(dataclasses.replace(control, sweeps=sweeps)).endswith("stable in 1-g")
+    assert "unstable" not in headline(dataclasses.replace(control, sweeps=sweeps))
+
+
+def test_the_page_says_which_values_of_the_rig_count(page, written):
+    text = (written / "report.html").read_text(encoding="utf-8")
+    assumptions = text[text.index('id="assumptions"') :]
+    read = {"sample_hz", "delay_s", "identification_noise"}
+    assert all(f"<code>{key}</code>" in assumptions for key in read)
+    used = "".join(p.read_text() for p in (ROOT / "src/middeck/study").glob("*.py"))
+    for key in RigForm.model_fields:
+        assert (re.search(rf"\brig(_form)?\.{key}\b", used) is not None) == (key in read), key
 
 
 def test_the_users_own_matplotlib_settings_neither_matter_nor_change(outcomes, written):
