@@ -19,11 +19,11 @@ from middeck.study.zero_g_control import ZeroGControl, study_zero_g_control
 Outcome = ModeComparison | GravityResponses | ZeroGControl | MeasuredControl | MirrorFit
 # Share of the whole time, measured; only for the estimate of the remaining time.
 STAGES = {
-    "figures 4 and 5": 0.03,
-    "figure 6": 0.05,
-    "figure 7": 0.22,
-    "figure 9": 0.30,
-    "mirror": 0.40,
+    "figures 4 and 5": 0.06,
+    "figure 6": 0.06,
+    "figure 7": 0.34,
+    "figure 9": 0.10,
+    "mirror": 0.44,
 }
 
 PAPER_MODES = 26  # Figures 4 and 5 show at least these, however few the controllers are designed on
