@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from middeck.errors import MiddeckError
     from middeck.files.documents import load_case, load_environment, load_structure
     from middeck.files.models import load_model, write_compensator, write_model
-    from middeck.files.records import load_record, load_records, write_record
+    from middeck.files.records import load_record, load_records, split_periods, write_record
     from middeck.files.studies import load_study
     from middeck.identification.fit import fit_response
     from middeck.identification.measurement_model import measured_plant
@@ -71,6 +71,7 @@ _ROOM = {
     "sweep_authority": "control.authority",
     "write_compensator": "files.models",
     "write_model": "files.models",
+    "split_periods": "files.records",
     "write_record": "files.records",
 }
 
@@ -106,6 +107,7 @@ __all__ = [
     "nrmse",
     "solve_equilibrium",
     "solve_modes",
+    "split_periods",
     "sweep_authority",
     "write_compensator",
     "write_model",

@@ -4,7 +4,6 @@
 
     MiddeckError
     |-- ConfigError            exit 2   a document or an option is wrong
-    |-- MissingExtraError      exit 3   an optional package is not installed
     |-- DataError              exit 4   a record cannot be used
     `-- NumericalError         exit 5   a computation has no trustworthy answer
         |-- EquilibriumError            statics did not converge, or a cable went slack
@@ -54,12 +53,6 @@ class ConfigError(MiddeckError):
     """A document, a key or an option is wrong; several may be reported in one error."""
 
     exit_code = 2
-
-
-class MissingExtraError(MiddeckError):
-    """An optional package is not installed."""
-
-    exit_code = 3
 
 
 class DataError(MiddeckError):

@@ -322,6 +322,10 @@ def test_an_output_that_cannot_be_written(tmp_path: Path, capfd: Capture) -> Non
     blocked = tmp_path / "file"
     blocked.touch()
     law = blocked / "law.json"
+    for verb in ("identify", "design"):
+        nowhere = tmp_path / "new" / "m.json"
+        refused(capfd, 2, verb, "a.npz", "-o", nowhere, says=(f"-o {nowhere}: no such folder", "mkdir -p"))
+        assert not nowhere.parent.exists()
     stable = {"poles": {"re": [-0.1, -1.0], "im": [1.0, 50.0]}}
     refused(capfd, 2, "design", saved_model(tmp_path, **stable), "-o", law, says=(blocked,))
 

@@ -47,6 +47,7 @@ DOCUMENTED = [
     "sweep_authority",
     "write_compensator",
     "write_model",
+    "split_periods",
     "write_record",
 ]
 

@@ -1,13 +1,19 @@
 """Riccati equations against closed forms, against SciPy where it works, and where it does not."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import scipy.linalg as sla
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import middeck as md
 from middeck.control.riccati import solve_riccati
 from middeck.errors import ConfigError, NotStabilisableError, NumericalError
+
+ROOT = Path(__file__).parents[2]
+DM, LAB = ROOT / "articles/mace-dm.toml", ROOT / "environments/lab.toml"
 
 
 def residual(X, A, B, Q, R, S=None):
@@ -128,3 +134,14 @@ def test_weight_that_is_not_positive_is_refused():
 def test_indefinite_cost_without_solution_is_refused():
     with pytest.raises(NumericalError):
         solve_riccati(-np.eye(1), np.eye(1), np.array([[-5.0]]), np.eye(1))
+
+
+def test_a_newton_step_near_the_axis_is_judged_by_its_residual_without_a_warning():
+    """At 1e24 the closed loop's poles span so much that SciPy perturbs the Lyapunov equation of the step."""
+    modes = md.solve_modes(md.solve_equilibrium(*md.load_case(DM, LAB)))
+    u, y = ["pri_rel_z"], ["pri_in_z"]
+    plant = md.build_plant(modes, inputs=u, outputs=y, count=12, w=u, u=u, z=y, y=y)
+    weights = md.LQGWeights(np.ones(1), np.ones(1), tuple(u), np.array([[1e-4]]), np.array([4e-10]))
+    regulator = md.design_lqg(plant, weights, 1e24).regulator
+    assert regulator.residual < 1e-12  # rounding leaves 1e-15 to 1e-12
+    assert regulator.poles.real.max() < 0.0

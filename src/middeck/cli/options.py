@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeVar
 
 import click
+
+from middeck.errors import ConfigError
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -78,9 +81,22 @@ count = click.option(
     "--count", type=click.IntRange(min=1), default=26, show_default=True, help="How many of the lowest modes."
 )
 band = click.option("--band", "band_hz", type=Frequencies(2), metavar="LO,HI", help="Band to fit [Hz].")
+periods = click.option(
+    "--periods",
+    type=click.IntRange(min=1),
+    help="Whole steady periods in each RECORD.  [default: as its file says]",
+)
 states = click.option(
     "--states", type=click.IntRange(min=1), help="Order of the fit.  [default: recommended, slow]"
 )
+
+
+def in_a_folder(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
+    """``value``, the path of a file to write; refused before any work if its folder is not there."""
+    if value is not None and not Path(value).parent.is_dir():
+        folder = Path(value).parent
+        raise ConfigError("no such folder", where=f"{param.opts[0]} {value}", hint=f"mkdir -p {folder}")
+    return value
 
 
 def separate_names(values: tuple[str, ...]) -> tuple[str, ...]:

@@ -16,18 +16,22 @@ F = TypeVar("F", bound=Form)
 
 
 class FitSettings(Form):
-    """How a response is fitted; keys as in [siso] of a study. Without ``states``: the recommended order."""
+    """How a response is fitted; keys as in [siso] of a study. Without ``states``: the recommended order.
+
+    ``periods`` says how many whole ones each record holds; None leaves that to its file.
+    """
 
     states: Annotated[int, whole(1, 1000)] | None = None
     band_hz: Band | None = None
     sampled: bool | None = None
     cost: Literal["weighted", "logarithmic"] = "weighted"
+    periods: Annotated[int, whole(1, 1_000_000)] | None = None
 
 
 class LoopSettings(Form):
     """How a loop is designed and judged; the units are those of the ports, N m and rad in an article.
 
-    The last three are those of `FitSettings`, for a plant that is still to be fitted.
+    The last four are those of `FitSettings`, for a plant that is still to be fitted.
     """
 
     log10_authority: Annotated[float, within(least=-30.0, most=30.0)]
@@ -38,6 +42,7 @@ class LoopSettings(Form):
     states: Annotated[int, whole(1, 1000)] | None = None
     fit_band_hz: Band | None = None
     sampled: bool | None = None
+    periods: Annotated[int, whole(1, 1_000_000)] | None = None
 
 
 def settle(form: type[F], options: Mapping[str, Any], overrides: Sequence[str]) -> F:

@@ -33,6 +33,9 @@ NPZ_KEYS = (
 # Share of a time step by which a time stamp may be off: more than the rounding of printed stamps, and 0.4
 # degrees of phase at a tenth of the sampling rate.
 JITTER = 0.01
+# Scatter of the input over its periods, as a share of their mean: signals that do not repeat have 1 and more,
+# a measured input that repeats has its sensor's noise.
+REPEATS = 0.5
 
 
 def load_record(path: str | Path) -> Record:
@@ -41,7 +44,8 @@ def load_record(path: str | Path) -> Record:
     NPZ holds ``u`` (experiment, period or 1, sample, input), ``y`` (experiment, period, sample, output),
     ``sample_hz``, ``periodic``, ``input_names``, ``input_units``, ``output_names``, ``output_units`` and
     ``schema`` = 1; an ``u`` of one period stands for all. CSV begins with a line such as
-    ``time [s],u:torque [N m],y:angle [rad]`` and is one experiment, not periodic.
+    ``time [s],u:torque [N m],y:angle [rad]`` and is one experiment of one run, not known to be periodic
+    (`split_periods`).
 
     Raises `DataError`, naming file and channel, if the file is missing, truncated, empty or inconsistent, or
     if a sample is not a finite number.
@@ -83,6 +87,38 @@ def load_records(paths: Sequence[str | Path]) -> Record:
                 )
     u, y = np.concatenate([r.u for r in records]), np.concatenate([r.y for r in records])
     return Record(first.sample_hz, u, y, first.inputs, first.outputs, first.periodic)
+
+
+def split_periods(record: Record, periods: int) -> Record:
+    """``record``, one run of samples, as the whole steady ``periods`` that it is known to hold.
+
+    Raises `DataError` if it is cut already, if the samples are not so many equal periods, or if the input
+    does not repeat from one to the next.
+    """
+    held, samples = record.u.shape[1:3]
+    if held == periods and record.periodic:
+        return record
+    if held != 1:
+        raise DataError(f"the record is cut into {held} periods, not {periods}", hint="leave periods out")
+    if samples % periods:
+        raise DataError(
+            f"{samples} samples are not {periods} whole periods", hint="count the periods, or cut the record"
+        )
+    u, y = (x.reshape(len(x), periods, samples // periods, -1) for x in (record.u, record.y))
+    _check_repeats(u, record.inputs)
+    return Record(record.sample_hz, u, y, record.inputs, record.outputs, periodic=True)
+
+
+def _check_repeats(u: Float[np.ndarray, "experiment period sample input"], inputs: Sequence[Port]) -> None:
+    mean = u.mean(axis=1, keepdims=True)
+    scatter = np.sqrt(np.mean((u - mean) ** 2, axis=(1, 2)))
+    size = np.sqrt(np.mean((mean - u.mean(axis=(1, 2), keepdims=True)) ** 2, axis=(1, 2)))
+    for e, i in np.argwhere(scatter > REPEATS * size):
+        raise DataError(
+            f"the input does not repeat: it scatters by {scatter[e, i] / size[e, i]:.0%} of its mean period",
+            where=f"input {inputs[i].name}, experiment {e}",
+            hint="count the periods; record only steady ones",
+        )
 
 
 def write_record(path: str | Path, record: Record) -> None:

@@ -87,7 +87,7 @@ def response_scatter(record: Record, *, band_hz: tuple[float, float] | None = No
     if not record.periodic:
         raise DataError(
             "the record is not periodic, and a response is estimated from whole periods only",
-            hint="excite with a periodic multisine, cut whole steady periods and set periodic to true",
+            hint="excite with a periodic multisine, keep whole steady periods and say how many (--periods)",
         )
     samples = record.u.shape[2]
     frequency = np.fft.rfftfreq(samples, 1.0 / record.sample_hz)

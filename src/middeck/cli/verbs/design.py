@@ -44,11 +44,19 @@ Examples:
     metavar="LO,HI",
     help="Band of the rms [Hz].  [default: all modes]",
 )
+@options.periods
 @options.states
 @click.option(
     "--fit-band", "fit_band_hz", type=options.Frequencies(2), metavar="LO,HI", help="Band to fit a RECORD in."
 )
-@click.option("-o", "--output", "law_file", metavar="LAW.json", help="Write the compensator.")
+@click.option(
+    "-o",
+    "--output",
+    "law_file",
+    metavar="LAW.json",
+    callback=options.in_a_folder,
+    help="Write the compensator.",
+)
 @options.common
 def verb(
     sources: tuple[str, ...],
@@ -67,7 +75,7 @@ def verb(
 
     The disturbance enters at the control inputs; every measured output is kept small. --set takes the
     article's and the environment's keys, or for a fitted plant log10_authority, angle_noise, disturbance,
-    pade_order, band, states, fit_band and sampled.
+    pade_order, band_hz, states, fit_band_hz, sampled and periods.
     """
     from middeck.cli.blame import reading
     from middeck.cli.lqg import design_loop
@@ -82,7 +90,7 @@ def verb(
             "log10_authority": _log10_authority(authority, log10_authority),
             "angle_noise_rad_per_rthz": given["angle_noise"],
             "disturbance_nm_per_rthz": given["disturbance"],
-            **{k: given[k] for k in ("pade_order", "band_hz", "states", "fit_band_hz")},
+            **{k: given[k] for k in ("pade_order", "band_hz", "states", "fit_band_hz", "periods")},
         },
         () if from_article else overrides,
     )
@@ -127,7 +135,12 @@ def _fitted_plant(sources: tuple[str, ...], settings: LoopSettings, wanted: Want
 
     if len(sources) == 1 and Path(sources[0]).suffix == ".json":
         return model_plant(load_model(sources[0]), settings.pade_order, wanted)
-    keys = {"states": settings.states, "band_hz": settings.fit_band_hz, "sampled": settings.sampled or False}
+    keys = {
+        "states": settings.states,
+        "band_hz": settings.fit_band_hz,
+        "sampled": settings.sampled or False,
+        "periods": settings.periods,
+    }
     return model_plant(
         identify(sources, settle(FitSettings, keys, ())).fit.model, settings.pade_order, wanted
     )

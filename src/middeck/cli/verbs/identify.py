@@ -15,8 +15,9 @@ if TYPE_CHECKING:
 EPILOG = """\
 \b
 Examples:
-  middeck identify data/cubespec-fsm/mirror-300mV-train.npz --states 8 \\
-    --band 100,1000 --validate data/cubespec-fsm/mirror-300mV-test.npz
+  middeck identify data/cubespec-fsm/mirror-300mV-train.npz --states 16 \\
+    --sampled --band 100,1000 --validate \\
+    data/cubespec-fsm/mirror-300mV-test.npz
   middeck identify data/cubespec-fsm/mirror-300mV-train.npz --states 6 \\
     --band 300,1000 --continuous -o model.json --json
 """
@@ -24,6 +25,7 @@ Examples:
 
 @click.command("identify", epilog=EPILOG)
 @click.argument("records", nargs=-1, required=True, metavar="RECORD...")
+@options.periods
 @options.states
 @options.band
 @click.option(
@@ -37,10 +39,18 @@ Examples:
     help="What is made least: the weighted error, or that of log magnitude and phase.  [default: weighted]",
 )
 @click.option("--validate", multiple=True, metavar="RECORD", help="Held-out record; may be repeated.")
-@click.option("-o", "--output", "model_file", metavar="MODEL.json", help="Write the model.")
+@click.option(
+    "-o",
+    "--output",
+    "model_file",
+    metavar="MODEL.json",
+    callback=options.in_a_folder,
+    help="Write the model.",
+)
 @options.common
 def verb(
     records: tuple[str, ...],
+    periods: int | None,
     states: int | None,
     band_hz: tuple[float, float] | None,
     sampled: bool | None,
@@ -52,33 +62,37 @@ def verb(
 ) -> None:
     """Fit poles, residues and delays to measured records.
 
-    RECORDs (.npz) hold whole steady periods; several are experiments of one test. --set takes states, band,
-    sampled and cost.
+    RECORDs (.npz, or .csv with --periods) hold whole steady periods; several are experiments of one test.
+    --set takes states, band_hz, sampled, cost and periods.
     """
     from middeck.cli.fitting import identify
     from middeck.cli.settings import FitSettings, settle
     from middeck.files.models import write_model
 
-    given = {"states": states, "band_hz": band_hz, "sampled": sampled, "cost": cost}
+    given = {"states": states, "band_hz": band_hz, "sampled": sampled, "cost": cost, "periods": periods}
     settings = settle(FitSettings, given, overrides)
     if settings.states is None:
         click.echo("trying one order after another, which takes minutes; --states N names one", err=True)
     found = identify(records, settings)
-    document = {**describe(found), "held_out_nrmse": _validate(found, validate), "records": records}
+    document = {
+        **describe(found),
+        "held_out_nrmse": _validate(found, validate, settings.periods),
+        "records": records,
+    }
     if model_file is not None:
         write_model(model_file, found.fit.model)
     show(as_json, document, *_tables(document))
 
 
-def _validate(found: Identified, files: tuple[str, ...]) -> dict[str, float] | None:
+def _validate(found: Identified, files: tuple[str, ...], periods: int | None) -> dict[str, float] | None:
     """Error of the simulated outputs on held-out records; None without any."""
     from middeck.cli.blame import reading
-    from middeck.files.records import load_records
+    from middeck.cli.fitting import load_periods
     from middeck.identification.simulation import nrmse
 
     if not files:
         return None
-    held_out = load_records(files)
+    held_out = load_periods(files, periods)
     with reading(*files):
         error = nrmse(found.fit.model, held_out)
     return {p.name: float(e) for p, e in zip(found.fit.model.outputs, error, strict=True)}
@@ -109,7 +123,7 @@ def describe(found: Identified) -> dict[str, Any]:
         "delay_std_s": dict(zip(names, fit.uncertainty.delay_s, strict=True)),
         "error": dict(zip(names, fit.error, strict=True)),
         "cost": fit.cost,
-        "warnings": fit.warnings,
+        "warnings": found.warnings,
     }
 
 

@@ -1,0 +1,116 @@
+"""A run of samples becomes a periodic record by saying how many periods it holds."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cli_runner import middeck
+from middeck.errors import DataError
+from middeck.files.records import load_record, split_periods, write_record
+from middeck.systems.ports import Port
+from middeck.systems.record import Record
+
+Capture = pytest.CaptureFixture[str]
+HZ, SAMPLES, PERIODS = 256.0, 1024, 3
+MODES_HZ = (3.0, 8.5, 9.3, 22.0)
+DELAY_S = 0.010
+
+
+def run(last_hz: float) -> Record:
+    """Four modes of 1 %, 10 ms late, under three periods of a multisine up to ``last_hz``, as one run."""
+    rng = np.random.default_rng(3)
+    f = np.fft.rfftfreq(SAMPLES, 1.0 / HZ)
+    s = 2j * np.pi * f
+    omega = 2.0 * np.pi * np.array(MODES_HZ)
+    G = np.exp(-DELAY_S * s) * np.sum(
+        omega**2 / (s[:, None] ** 2 + 0.02 * omega * s[:, None] + omega**2), axis=1
+    )
+    lines = np.where((f > 0.0) & (f <= last_hz), np.exp(2j * np.pi * rng.random(len(f))), 0.0)
+    u, y = (np.tile(np.fft.irfft(x, n=SAMPLES), PERIODS)[None, None, :, None] for x in (lines, lines * G))
+    y = y + 1e-3 * y.std() * rng.standard_normal(y.shape)
+    return Record(HZ, u, y, (Port("torque", "N m"),), (Port("angle", "rad"),), False)
+
+
+def as_csv(path: Path, record: Record) -> Path:
+    time = np.arange(record.u.shape[2]) / HZ
+    table = np.column_stack([time, record.u[0, 0], record.y[0, 0]])
+    header = "time [s],u:torque [N m],y:angle [rad]"
+    np.savetxt(path, table, delimiter=",", header=header, comments="", fmt="%.17g")
+    return path
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    folder = tmp_path_factory.mktemp("runs")
+    csv, npz = as_csv(folder / "run.csv", run(30.0)), folder / "run.npz"
+    write_record(npz, run(30.0))
+    return csv, npz
+
+
+def test_csv_and_npz_are_identified_alike(files: tuple[Path, Path], capfd: Capture) -> None:
+    found = []
+    for path in files:
+        arguments = ("--periods", PERIODS, "--states", 8, "--validate", path, "--json")
+        ended = middeck(capfd, "identify", path, *arguments)
+        assert (ended.code, ended.err) == (0, "")
+        found.append(json.loads(ended.out))
+        assert found[-1]["frequency_hz"] == pytest.approx(MODES_HZ, rel=1e-4)  # 1e-3 of noise at 3.4 lines/Hz
+        assert found[-1]["delay_s"]["angle"] == pytest.approx(DELAY_S, abs=1e-4)
+        assert found[-1]["held_out_nrmse"]["angle"] < 0.01
+    assert found[0]["frequency_hz"] == found[1]["frequency_hz"]  # 17 digits carry every bit
+
+
+def test_design_takes_periods_too(files: tuple[Path, Path], capfd: Capture) -> None:
+    ended = middeck(capfd, "design", files[0], "--set", f"periods={PERIODS}", "--states", 8, "--json")
+    assert ended.code == 0, ended.err
+    assert json.loads(ended.out)["stable"] is True
+
+
+def test_without_periods_the_advice_is_to_give_them(files: tuple[Path, Path], capfd: Capture) -> None:
+    for path in files:
+        ended = middeck(capfd, "identify", path, "--states", 8)
+        assert (ended.code, ended.out) == (4, "")
+        assert "not periodic" in ended.err
+        assert "--periods" in ended.err
+        assert str(path) in ended.err
+
+
+@pytest.mark.parametrize(
+    ("periods", "said"), [(7, "not 7 whole periods"), (2, "does not repeat"), (4, "repeat")]
+)
+def test_a_wrong_number_of_periods(files: tuple[Path, Path], capfd: Capture, periods: int, said: str) -> None:
+    ended = middeck(capfd, "identify", files[0], "--states", 8, "--periods", periods)
+    assert (ended.code, ended.out) == (4, "")
+    assert said in ended.err
+    assert str(files[0]) in ended.err
+
+
+def test_a_record_that_is_cut_already(files: tuple[Path, Path]) -> None:
+    cut = split_periods(load_record(files[1]), PERIODS)
+    assert cut.u.shape == (1, PERIODS, SAMPLES, 1)
+    assert cut.periodic
+    assert split_periods(cut, PERIODS) == cut
+    with pytest.raises(DataError, match="cut into 3 periods, not 2"):
+        split_periods(cut, 2)
+
+
+def test_a_sampled_model_that_nobody_asked_for_is_said_to_have_no_delay(
+    tmp_path: Path, capfd: Capture
+) -> None:
+    """60 Hz is past an eighth of 256 Hz; ten sampled states do not hold four modes and 10 ms."""
+    path = tmp_path / "wide.npz"
+    write_record(path, run(60.0))
+    ask = ("identify", path, "--periods", PERIODS, "--states", 8, "--json")
+    found = json.loads(middeck(capfd, *ask).out)
+    assert found["sampled"] is True
+    chosen = [w for w in found["warnings"] if "--continuous" in w and "--band" in w and "no delay" in w]
+    assert len(chosen) == 1
+    assert any("modes it lacks" in w for w in found["warnings"])
+    for wanted in ("--sampled", "--continuous"):
+        asked = json.loads(middeck(capfd, *ask, wanted).out)
+        assert not any("was chosen" in w for w in asked["warnings"])
+    assert asked["delay_s"]["angle"] == pytest.approx(DELAY_S, abs=1e-4)
