@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import dataclasses
 import re
 import subprocess
 import sys
@@ -641,6 +642,18 @@ def test_documents_are_found_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyP
         find_document("orbt", "environment", beside=DM)
     with pytest.raises(ConfigError, match="give the path of an article file"):
         find_document("none", "article")
+
+
+@pytest.mark.parametrize("name", ["dm", "simple"])
+def test_the_laboratory_without_a_file_is_that_of_the_file(name: str) -> None:
+    article = load_structure(ROOT / f"articles/mace-{name}.toml")
+    assert Environment.lab(article) == load_environment(LAB)
+    low = Environment.lab(article, cable_length=3.0, bounce_hz=0.2, gravity=1.62)
+    assert low == load_environment(
+        LAB, ["suspension.cable_length=3", "suspension.bounce_hz=0.2", "constants.gravity=1.62"]
+    )
+    with pytest.raises(ConfigError, match="no attach point"):
+        Environment.lab(dataclasses.replace(article, attach_points=()))
 
 
 def test_orbit_needs_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

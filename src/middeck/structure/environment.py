@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
+from middeck.errors import ConfigError
+from middeck.structure.article import Structure
 from middeck.values import record
 
 
@@ -61,3 +63,24 @@ class Environment:
     def orbit() -> Environment:
         """Zero gravity, no suspension: the free, undeformed structure."""
         return Environment("orbit", np.zeros(3))
+
+    @staticmethod
+    def lab(
+        structure: Structure, *, cable_length: float = 4.0, bounce_hz: float = 0.25, gravity: float = 9.80665
+    ) -> Environment:
+        """Gravity along -y and a cable at every attach point of ``structure``.
+
+        For an article along x: the reactions are found with y and z held at each point, and x at the middle
+        one only, so that the held article is not strained. Raises `ConfigError` if there is no attach point.
+        """
+        attach = tuple(point.name for point in structure.attach_points)
+        if not attach:
+            raise ConfigError(
+                "no attach point to hang from",
+                where=f"structure {structure.title!r}",
+                hint="give it attach_points, or use Environment.orbit()",
+            )
+        middle = len(attach) // 2
+        held = tuple("xyz" if i == middle else "yz" for i in range(len(attach)))
+        down = np.array([0.0, -gravity, 0.0])
+        return Environment("lab", down, Suspension(attach, held, cable_length, bounce_hz))
