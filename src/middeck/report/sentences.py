@@ -63,8 +63,9 @@ def _flexible_couplings(matrix: np.ndarray, pairs: np.ndarray) -> str:
     keeps = "every flexible mode keeps" if paired > PAIRED else "not every flexible mode keeps"
     beside = "the next one" if abs(row - column) == 1 else "not the next one"
     return (
-        f"while {keeps} its pair (the weakest {fixed(paired, 3)}) and the largest coupling beside the pairs is"
-        f" {fixed(float(block.max()), 3)} (0-g mode {pairs[row, 0]} with 1-g mode {pairs[column, 1]}, {beside})"
+        f"while {keeps} its pair (the weakest {fixed(paired, 3)}) and the largest coupling beside the pairs"
+        f" is {fixed(float(block.max()), 3)} (0-g mode {pairs[row, 0]} with 1-g mode {pairs[column, 1]},"
+        f" {beside})"
     )
 
 
