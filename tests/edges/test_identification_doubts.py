@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from middeck.errors import FitError
 from middeck.identification.fit import fit_response
 from middeck.identification.spectra import estimate_response
 from middeck.systems.excitation import random_multisine
@@ -57,3 +58,11 @@ def test_an_unsteady_period_is_doubted(shaken):
     u, y = shaken
     growing = y * np.array([2.0, 1.0, 1.0, 1.0])[:, None, None]
     assert any("scatters" in w for w in fit(u, growing).warnings)
+
+
+def test_the_logarithmic_cost_wants_a_variance(shaken):
+    u, y = shaken
+    ports = (Port("force", "N"),), (Port("tip", "m"),)
+    once = Record(SAMPLE_HZ, u[None, None], y[None, :1], *ports, True)
+    with pytest.raises(FitError, match="two periods"):
+        fit_response(estimate_response(once, band_hz=(0.5, 14.0)), states=4, cost="logarithmic")

@@ -125,6 +125,11 @@ def fit_response(
         measured, 2 if states is None else states, sample_hz, constants, delay, direct, residuals
     )
     check_response(measured, _unknowns(measured, options))
+    if cost == "logarithmic" and measured.variance is None:
+        raise FitError(
+            "the logarithmic cost needs the variance of the response, and one period has none",
+            hint="record two periods or more, or take cost 'weighted'",
+        )
     spread = spread_of(measured, relative=cost == "logarithmic")
     data = _first_data(measured, spread)
     reason = f"{states} states were asked for"
