@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from middeck.errors import FitError
+from middeck.identification.doubts import doubts_of_model
 from middeck.identification.fit import fit_response
 from middeck.identification.spectra import estimate_response
 from middeck.systems.excitation import random_multisine
@@ -66,3 +67,13 @@ def test_the_logarithmic_cost_wants_a_variance(shaken):
     once = Record(SAMPLE_HZ, u[None, None], y[None, :1], *ports, True)
     with pytest.raises(FitError, match="two periods"):
         fit_response(estimate_response(once, band_hz=(0.5, 14.0)), states=4, cost="logarithmic")
+
+
+def test_a_model_worse_than_none_is_refused(shaken):
+    u, y = shaken
+    ports = (Port("force", "N"),), (Port("tip", "m"),)
+    record = Record(SAMPLE_HZ, np.broadcast_to(u, (1, PERIODS, *u.shape)), y[None], *ports, True)
+    measured = estimate_response(record, band_hz=(0.5, 14.0))
+    with pytest.raises(FitError, match="3 times the response") as caught:
+        doubts_of_model(measured, np.array([3.0]), 1.0, 9.0)
+    assert caught.value.where == "output tip"

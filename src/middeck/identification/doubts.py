@@ -13,6 +13,8 @@ from middeck.systems.response import FrequencyResponse
 # nonlinearity included (the mirror's 300 mV: 5 %); a model worth using explains nine tenths.
 SCATTER = 0.1
 LEFT = 0.1
+# Least squares leave no more than the response itself; twice that means that the search has failed.
+FAILED = 2.0
 
 
 def doubts_of_record(measured: FrequencyResponse) -> list[str]:
@@ -35,8 +37,15 @@ def doubts_of_model(
     """Outputs that the model does not explain, or deviations that do not cover what it lacks.
 
     ``model_error`` is the part of the assumed variance that is not noise, ``share`` its size as a part of
-    the mean square response.
+    the mean square response. Raises `FitError` for a model that is worse than none.
     """
+    if np.any(error > FAILED):
+        worst = int(np.argmax(error))
+        raise FitError(
+            f"the best model found leaves {error[worst]:.0f} times the response itself",
+            where=f"output {measured.outputs[worst].name}",
+            hint="ask for more states, or for a band without half a mode at its edge",
+        )
     poor = [
         f"output {port.name}: the model leaves {left:.0%} of the response unexplained; its parameters mean "
         "little. Look at the record, the band and the order"
