@@ -54,8 +54,18 @@ def figure_3(comparison: ModeComparison) -> Figure:
     grid[0, 0].set_ylim(top=LABELS_ABOVE_M)
     for axes, (right, _) in zip(grid[1], VIEWS.values(), strict=True):
         axes.set_xlabel(f"{AXIS[right]} [m]")
+    for column in grid.T:
+        _show_all(column)
     _one_scale(grid)
     return figure
+
+
+def _show_all(column: np.ndarray) -> None:
+    """One range across for the panels of a column, wide enough for what any of them draws."""
+    low = min(axes.dataLim.x0 for axes in column)
+    high = max(axes.dataLim.x1 for axes in column)
+    margin = 0.05 * (high - low)
+    column[0].set_xlim(low - margin, high + margin)
 
 
 def _one_scale(grid: np.ndarray) -> None:
