@@ -12,7 +12,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Bool, Float
 
-from middeck.systems.modal import ModalSystem, rate_scale, select_modes
+from middeck.systems.modal import ModalSystem, output_rows, rate_scale, select_modes
 from middeck.systems.plant import Plant
 from middeck.values import record
 
@@ -59,8 +59,12 @@ def reached_modes(modal: ModalSystem) -> Bool[np.ndarray, " mode"]:
 
 
 def observed_modes(modal: ModalSystem) -> Bool[np.ndarray, " mode"]:
-    """Which modes at least one output sees, by displacement or rate."""
-    return _coupled(np.maximum(np.abs(modal.phi), np.abs(modal.phi_rate) * rate_scale(modal)))
+    """Which modes at least one output sees, by displacement or rate.
+
+    An accelerometer does not see the state of a rigid mode: what it reads of it is the input, directly.
+    """
+    rows = output_rows(modal)
+    return _coupled(np.maximum(np.abs(rows.position), np.abs(rows.rate) * rate_scale(modal)))
 
 
 def _coupled(coupling: Float[np.ndarray, "port mode"]) -> Bool[np.ndarray, " mode"]:

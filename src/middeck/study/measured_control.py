@@ -21,7 +21,7 @@ from middeck.study.rig_experiment import (
     run_rig_experiment,
     shift_modes,
 )
-from middeck.systems.modal import ModalSystem
+from middeck.systems.modal import ModalSystem, output_rows
 from middeck.systems.plant import Plant
 from middeck.systems.response import FrequencyResponse
 from middeck.systems.sampling import tustin
@@ -133,7 +133,8 @@ def _below_fit(article: Plant, modes: Modes, siso: SisoForm, fit: FitResult) -> 
     if not below.any():
         return None
     at = np.flatnonzero(below)
-    height = np.abs(modal.phi[0, at] * modal.psi[at, 0]) / (2.0 * modal.zeta[at] * modal.omega[at] ** 2)
+    residue = output_rows(modal).position[0, at] * modal.psi[at, 0]
+    height = np.abs(residue) / (2.0 * modal.zeta[at] * modal.omega[at] ** 2)
     mode = int(at[np.argmax(height)])
     if not height.any() or np.any(np.abs(natural_hz(fit.model) / f[mode] - 1.0) < HELD):
         return None

@@ -16,7 +16,7 @@ from middeck.values import record
 
 @record
 class ModalSystem:
-    """A sum of modes: y = phi q + phi_rate q'.
+    """A sum of modes: y = phi q + phi_rate q' + phi_acceleration q'' + direct u.
 
     Parameters
     ----------
@@ -28,6 +28,11 @@ class ModalSystem:
         Output per unit modal coordinate, and per unit modal rate.
     names:
         Name of each mode.
+    phi_acceleration:
+        Output per unit modal acceleration; None where no output reads one. Kept apart from ``phi`` so that a
+        mode taken out takes its part of the direct term along.
+    direct:
+        Output per unit input that goes through no mode; None for nothing.
     """
 
     omega: Float[np.ndarray, " mode"]
@@ -36,10 +41,24 @@ class ModalSystem:
     phi: Float[np.ndarray, "output mode"]
     phi_rate: Float[np.ndarray, "output mode"]
     names: tuple[str, ...]
+    phi_acceleration: Float[np.ndarray, "output mode"] | None = None
+    direct: Float[np.ndarray, "output input"] | None = None
+
+
+@record
+class OutputRows:
+    """A modal system's outputs without q'': y = position q + rate q' + direct u."""
+
+    position: Float[np.ndarray, "output mode"]
+    rate: Float[np.ndarray, "output mode"]
+    direct: Float[np.ndarray, "output input"]
 
 
 def select_modes(modal: ModalSystem, keep: np.ndarray) -> ModalSystem:
-    """The sub-model of the modes ``keep`` (indices or mask); damping stays with its mode."""
+    """The sub-model of the modes ``keep`` (indices or mask); damping stays with its mode.
+
+    What a mode gives to an accelerometer's direct term goes with it; ``direct`` stays as it is.
+    """
     index = np.arange(len(modal.omega))[keep]
     return ModalSystem(
         modal.omega[index],
@@ -48,7 +67,26 @@ def select_modes(modal: ModalSystem, keep: np.ndarray) -> ModalSystem:
         modal.phi[:, index],
         modal.phi_rate[:, index],
         tuple(modal.names[i] for i in index),
+        None if modal.phi_acceleration is None else modal.phi_acceleration[:, index],
+        modal.direct,
     )
+
+
+def output_rows(modal: ModalSystem) -> OutputRows:
+    """The outputs with q'' put in by the equation of motion; what is left of it on u is direct.
+
+    >>> spring = ModalSystem([2.0], [0.0], [[3.0]], [[0.0]], [[0.0]], ("bounce",), [[1.0]])
+    >>> rows = output_rows(spring)                                      # y = q'' = 3 u - 4 q
+    >>> rows.position.tolist(), rows.direct.tolist()
+    ([[-4.0]], [[3.0]])
+    """
+    shape = len(modal.phi), modal.psi.shape[1]
+    direct = np.zeros(shape) if modal.direct is None else modal.direct
+    a = modal.phi_acceleration
+    if a is None:
+        return OutputRows(modal.phi, modal.phi_rate, direct)
+    damping = 2.0 * modal.zeta * modal.omega
+    return OutputRows(modal.phi - a * modal.omega**2, modal.phi_rate - a * damping, direct + a @ modal.psi)
 
 
 def modal_to_statespace(modal: ModalSystem) -> StateSpace:
@@ -63,9 +101,10 @@ def modal_to_statespace(modal: ModalSystem) -> StateSpace:
     B = np.zeros((2 * n, modal.psi.shape[1]))
     B[odd] = modal.psi / scale[:, None]
     C = np.zeros((len(modal.phi), 2 * n))
-    C[:, even] = modal.phi
-    C[:, odd] = modal.phi_rate * scale
-    return StateSpace(A, B, C, np.zeros((len(C), B.shape[1])))
+    rows = output_rows(modal)
+    C[:, even] = rows.position
+    C[:, odd] = rows.rate * scale
+    return StateSpace(A, B, C, rows.direct)
 
 
 def rate_scale(modal: ModalSystem) -> Float[np.ndarray, " mode"]:
@@ -80,4 +119,7 @@ def modal_response(
     s = 1j * np.asarray(omega, dtype=float)[:, None]
     q = 1.0 / (s**2 + 2.0 * modal.zeta * modal.omega * s + modal.omega**2)
     c = modal.phi[None] + s[:, :, None] * modal.phi_rate[None]
-    return np.asarray((c * q[:, None, :]) @ modal.psi)
+    if modal.phi_acceleration is not None:
+        c = c + s[:, :, None] ** 2 * modal.phi_acceleration[None]
+    through_modes = np.asarray((c * q[:, None, :]) @ modal.psi)
+    return through_modes if modal.direct is None else through_modes + modal.direct
