@@ -7,11 +7,13 @@ A *frame* is anything rigid that has a name: a node, or the body that a joint ca
 
 from __future__ import annotations
 
+from dataclasses import field
 from enum import Enum
 
 import numpy as np
 from jaxtyping import Float
 
+from middeck.errors import ConfigError
 from middeck.values import record
 
 
@@ -145,38 +147,157 @@ class Spring:
     free_length: float
 
 
+class ActuatorKind(Enum):
+    """What an actuator does."""
+
+    TORQUE = "torque"  # about an axis of a frame, or at a joint
+    FORCE = "force"  # at a point of a frame along one of its axes
+
+
 @record
 class Actuator:
-    """A torque [N m] on a frame about one of its axes, or at a joint (``axis`` is then None).
+    """A torque [N m] on a frame about one of its axes, or at a joint (``axis`` is then None); or a force [N].
 
-    A joint torque acts on the carried body, its opposite on the carrier. Axes turn with their bodies.
+    A joint torque acts on the carried body, its opposite on the carrier. A force acts at ``offset`` from the
+    frame's origin, in its axes. Axes turn with their bodies.
     """
 
     name: str
     frame: str
     axis: Float[np.ndarray, "3"] | None
+    kind: ActuatorKind = ActuatorKind.TORQUE
+    offset: Float[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))
+
+    def __post_init__(self) -> None:
+        _check_point(f"actuator {self.name!r}", self.kind is ActuatorKind.FORCE, self.axis, self.offset)
+
+
+class SensorKind(Enum):
+    """What a sensor reads."""
+
+    ANGLE = "angle"  # rotation [rad] about an axis, or a joint's angle; and its rate
+    ACCELEROMETER = "accelerometer"  # specific force [m/s^2] at a point along an axis of its frame
 
 
 @record
 class Sensor:
     """A small inertial rotation of ``frame`` about an axis of frame ``axis_frame``, or a joint angle.
 
-    ``axis`` is None for a joint angle. Every sensor also delivers its rate, named ``<name>_rate``.
+    ``axis`` is None for a joint angle. Every angle also delivers its rate, named ``<name>_rate``.
+
+    An accelerometer stands at ``offset`` from the origin of ``frame`` and reads n . (a - g), the acceleration
+    less gravity along its own axis n, which is fixed to ``frame`` and tilts with it.
     """
 
     name: str
     frame: str
     axis: Float[np.ndarray, "3"] | None
     axis_frame: str = ""
+    kind: SensorKind = SensorKind.ANGLE
+    offset: Float[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))
+
+    def __post_init__(self) -> None:
+        stands = self.kind is SensorKind.ACCELEROMETER
+        _check_point(f"sensor {self.name!r}", stands, self.axis, self.offset)
+        if stands and self.axis_frame not in ("", self.frame):
+            raise ConfigError(
+                f"sensor {self.name!r}: an accelerometer's axis is fixed to its own frame {self.frame!r}",
+                hint="leave axis_frame out",
+            )
+
+
+def _check_point(port: str, at_point: bool, axis: np.ndarray | None, offset: np.ndarray) -> None:
+    """A force or an accelerometer needs an axis; of a rotation it does not matter where."""
+    if at_point and axis is None:
+        raise ConfigError(f"{port}: a force or an accelerometer needs an axis", hint="a unit vector")
+    if not at_point and np.any(offset):
+        raise ConfigError(
+            f"{port}: a torque or an angle has no offset, it is the same all over its frame",
+            hint="leave the offset out",
+        )
+
+
+class DamperPlace(Enum):
+    """Where a viscous damper sits."""
+
+    JOINT = "joint"  # about the axis of a joint
+    SPRING = "spring"  # along a spring of the article
+    DEVICE = "device"  # along whatever the environment hangs or ties an attach point with
+
+
+@record
+class Damper:
+    """A viscous damper at the joint, spring or attach point ``at``.
+
+    ``c`` is in N m s/rad at a joint, otherwise in N s/m. One at an attach point comes and goes with the
+    device: in an environment that has none there it does nothing.
+    """
+
+    place: DamperPlace
+    at: str
+    c: float
+
+
+@record
+class DampingTable:
+    """Damping ratios measured at ascending frequencies [Hz], interpolated in the logarithm of frequency.
+
+    Outside of them a mode is refused, or with ``hold`` given the nearest ratio.
+    """
+
+    frequency_hz: Float[np.ndarray, " point"]
+    zeta: Float[np.ndarray, " point"]
+    hold: bool = False
+
+    def __post_init__(self) -> None:
+        f, zeta = self.frequency_hz, self.zeta
+        ordered = len(f) > 0 and bool(np.all(np.isfinite(f)) and f[0] > 0.0 and np.all(np.diff(f) > 0.0))
+        if not ordered:
+            raise ConfigError("a damping table needs positive, ascending frequencies", where="damping.table")
+        if not np.all((zeta >= 0.0) & (zeta < 1.0)):
+            raise ConfigError("a damping table holds ratios from 0 to below 1", where="damping.table")
 
 
 @record
 class Damping:
-    """Modal damping ratios by kind of mode."""
+    """Where damping comes from; a mode's ratio is its base, plus material, plus devices.
 
-    flexible: float
-    suspension: float
+    Parameters
+    ----------
+    flexible, suspension, rigid:
+        The base by kind of mode.
+    table:
+        The base of every mode that oscillates, instead of ``flexible`` and ``suspension``.
+    loss_factor:
+        (member, eta): adds half of eta weighted with the member's share of the mode's energy.
+    dampers:
+        Viscous dampers: add phi' C phi / (2 omega).
+    by_mode:
+        (name or number of a mode, ratio): that mode has this ratio and nothing else.
+    """
+
+    flexible: float = 0.0
+    suspension: float = 0.0
     rigid: float = 0.0
+    table: DampingTable | None = None
+    loss_factor: tuple[tuple[str, float], ...] = ()
+    dampers: tuple[Damper, ...] = ()
+    by_mode: tuple[tuple[str | int, float], ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.table is not None and (self.flexible or self.suspension):
+            raise ConfigError(
+                "ratios both by kind and from a table",
+                where="damping",
+                hint="leave out flexible and suspension, or the table",
+            )
+        ratios = (self.flexible, self.suspension, self.rigid, *(zeta for _, zeta in self.by_mode))
+        if not all(0.0 <= zeta < 1.0 for zeta in ratios):
+            raise ConfigError("a damping ratio must be >= 0 and < 1", where="damping")
+        if not all(
+            0.0 <= x < np.inf for x in (*(e for _, e in self.loss_factor), *(d.c for d in self.dampers))
+        ):
+            raise ConfigError("a loss factor or damper is negative or not finite", where="damping")
 
 
 @record
