@@ -7,6 +7,7 @@ import scipy.linalg as sla
 from jaxtyping import Float, Int
 from scipy.optimize import linear_sum_assignment
 
+from middeck.errors import ConfigError
 from middeck.structure.modes import Modes
 from middeck.values import record
 
@@ -43,8 +44,10 @@ def compare_modes(orbit: Modes, lab: Modes, count: int = 26) -> ModeComparison:
     """Compare the lowest ``count`` modes; both sides must share the structure, hence the coordinates.
 
     Lab shapes enter as displacements and small rotations in fixed world axes and relative joint angles,
-    which are the coordinates of `Modes.shapes`; the mass is that of the orbit state.
+    which are the coordinates of `Modes.shapes`; the mass is that of the orbit state. Raises `ConfigError` for
+    two different meshes or articles, whose modes `correlate_modes` compares at common nodes.
     """
+    _check_mesh(orbit, lab)
     count = min(count, len(orbit.omega), len(lab.omega))
     phi_0, phi_1 = orbit.shapes[:, :count], lab.shapes[:, :count]
     cross = np.abs(phi_0.T @ (orbit.mass @ phi_1))
@@ -59,6 +62,17 @@ def compare_modes(orbit: Modes, lab: Modes, count: int = 26) -> ModeComparison:
         lab.omega[pairs[:, 1]] / orbit.omega[pairs[:, 0]],
         _subspace_angles(orbit, lab),
     )
+
+
+def _check_mesh(orbit: Modes, lab: Modes) -> None:
+    sides = [m.equilibrium.model for m in (orbit, lab)]
+    if sides[0].frames != sides[1].frames:
+        titles = " and ".join(f"{s.structure.title!r} of {len(s.frames)} frames" for s in sides)
+        raise ConfigError(
+            "the modes are of different meshes or articles, without common coordinates",
+            where=titles,
+            hint="correlate_modes(modes, measure_modes(others), ...) compares them at common nodes",
+        )
 
 
 def _pair(kind_0: tuple[str, ...], kind_1: tuple[str, ...], cross: np.ndarray) -> np.ndarray:
