@@ -1,0 +1,273 @@
+"""A model against measured modes, as reviews ask for it, and how often a correct model would pass."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Float, Int
+
+from middeck.errors import ConfigError
+from middeck.structure.assurance import phase_collinearity
+from middeck.structure.effective_mass import EffectiveMass, measure_effective_mass
+from middeck.structure.evaluation import (
+    WINDOW,
+    Candidates,
+    Evaluation,
+    criterion_values,
+    evaluate_shapes,
+)
+from middeck.structure.measured_modes import MeasuredModes, MeasurementNoise, sensor_rows
+from middeck.structure.modes import Modes
+from middeck.structure.pass_probability import (
+    CorrectModel,
+    Probability,
+    judge,
+    run_correct_model,
+    stated_noise,
+)
+from middeck.structure.profiles import RECALLED, Criterion, Profile, Quantity
+from middeck.structure.reduction import ReducedMass, Reduction, reduce_mass
+from middeck.values import record
+
+RUNS = 1000
+
+
+@record
+class Finding:
+    """What one criterion says.
+
+    Parameters
+    ----------
+    items:
+        Names of the modes, for a COMAC of the channels, that it applies to.
+    values, worst:
+        Of each, and the one nearest to failing or farthest beyond; None where it applies to nothing, which
+        passes.
+    probability:
+        That a correct model would meet this criterion, given the noise of the test.
+    expected:
+        5, 50 and 95 % of the worst value that a correct model would show.
+    """
+
+    criterion: Criterion
+    items: tuple[str, ...]
+    values: Float[np.ndarray, " item"]
+    worst: float | None
+    passed: bool
+    probability: Probability
+    expected: Float[np.ndarray, "3"] | None
+
+
+@record
+class Correlation:
+    """A model and a test, compared and judged.
+
+    Parameters
+    ----------
+    candidates:
+        Indices in ``modes`` of the rows of ``evaluation.mac``.
+    pairs:
+        (mode, measured mode), one to one.
+    evaluation:
+        Frequency errors, MAC, COMAC, cross-orthogonality, self-orthogonality; its pairs count candidates.
+    reduced:
+        The mass at the channels, how it was made, and the condition of the sensor set.
+    phase_collinearity:
+        Of each measured mode; 1 for a real shape.
+    effective_mass:
+        Of every mode of the model.
+    unpaired, unmeasured:
+        Measured modes without a partner (the verdict is then no), and modes of the model within the test's
+        band that were not measured.
+    probability:
+        That a correct model would pass the whole profile.
+    """
+
+    modes: Modes
+    measured: MeasuredModes
+    profile: Profile
+    candidates: Int[np.ndarray, " candidate"]
+    pairs: Int[np.ndarray, "pair 2"]
+    evaluation: Evaluation
+    reduced: ReducedMass
+    phase_collinearity: Float[np.ndarray, " measured"]
+    effective_mass: EffectiveMass
+    findings: tuple[Finding, ...]
+    unpaired: tuple[int, ...]
+    unmeasured: tuple[int, ...]
+    probability: Probability
+    warnings: tuple[str, ...]
+
+    @property
+    def passed(self) -> bool:
+        """Whether every criterion is met and every measured mode is paired."""
+        return not self.unpaired and all(f.passed for f in self.findings)
+
+
+def correlate_modes(
+    modes: Modes,
+    measured: MeasuredModes,
+    profile: Profile,
+    *,
+    rng: np.random.Generator,
+    noise: MeasurementNoise | None = None,
+    reduction: Reduction = Reduction.SEREP,
+    runs: int = RUNS,
+) -> Correlation:
+    """Compare a model's modes with measured ones and judge them by ``profile``.
+
+    Each criterion comes with the probability that a correct model would meet it: ``runs`` times the model's
+    own paired modes get the stated noise and go through the same pairing, measures and limits. ``noise``
+    replaces the standard deviations that the test states. The reduced mass is built once, on the modes that
+    were paired.
+
+    Two models on different meshes are compared by `measure_modes` of the one at common nodes.
+
+    Raises `ConfigError` for a channel that the model does not have, a test without stated noise, no mode in
+    common, or channels that the reduction cannot work with.
+    """
+    spread = stated_noise(measured, noise)
+    if spread is None:
+        raise ConfigError(
+            "the test does not state how well it knows its frequencies and shapes",
+            where="measured modes",
+            hint="frequency_std_hz and shape_std with the test, or noise=MeasurementNoise(0.001, 0.02)",
+        )
+    if runs < 1:
+        raise ConfigError(f"{runs} runs of a correct model", where="runs", hint="1 or more, e.g. 1000")
+    rows = sensor_rows(modes, measured.node, measured.direction)
+    effective = measure_effective_mass(modes)
+    index = _candidates(modes, measured)
+    model, reduced = _model(modes, measured, rows, effective, index, profile, reduction)
+    found = evaluate_shapes(model, measured.frequency_hz, measured.shape)
+    correct = run_correct_model(model, profile, found, measured, spread, rng, runs)
+    pairs = np.stack([index[found.pairs[:, 0]], found.pairs[:, 1]], axis=1)
+    findings = _findings(modes, measured, model, found, profile, correct, pairs)
+    unpaired = tuple(sorted(set(range(len(measured.frequency_hz))) - set(pairs[:, 1].tolist())))
+    unmeasured = _unmeasured(modes, measured, pairs)
+    return Correlation(
+        modes,
+        measured,
+        profile,
+        index,
+        pairs,
+        found,
+        reduced,
+        phase_collinearity(measured.shape),
+        effective,
+        findings,
+        unpaired,
+        unmeasured,
+        correct.overall,
+        _warnings(modes, measured, profile, findings, unpaired, unmeasured),
+    )
+
+
+def _candidates(modes: Modes, measured: MeasuredModes) -> np.ndarray:
+    """Modes that are not rigid and within the pairing window of any measured frequency."""
+    low, high = measured.frequency_hz.min() / WINDOW, measured.frequency_hz.max() * WINDOW
+    hz = modes.frequency_hz
+    inside = [
+        i for i, kind in enumerate(modes.kind) if kind != "rigid" and hz[i] > 0.0 and low <= hz[i] <= high
+    ]
+    if not inside:
+        flexible = [f"{hz[i]:.4g}" for i, kind in enumerate(modes.kind) if kind != "rigid"][:6]
+        raise ConfigError(
+            f"no mode of the model between {low:.4g} and {high:.4g} Hz",
+            where="measured modes",
+            hint=f"are the frequencies in Hz? the model's lowest are {', '.join(flexible) or 'none'} Hz",
+        )
+    return np.array(inside, dtype=int)
+
+
+def _model(
+    modes: Modes,
+    measured: MeasuredModes,
+    rows: sp.csr_array,
+    effective: EffectiveMass,
+    index: np.ndarray,
+    profile: Profile,
+    reduction: Reduction,
+) -> tuple[Candidates, ReducedMass]:
+    """The candidates at the channels, and the mass reduced on those that the test pairs with.
+
+    Pairs rest on the MAC alone, so that they can be found before there is a mass.
+    """
+    channels = len(measured.node)
+    shape = np.asarray(rows @ modes.shapes[:, index])
+    significant = np.any(effective.fraction[index] > profile.significant_fraction, axis=1)
+    flexible = np.array([modes.kind[i] == "flexible" for i in index], dtype=bool)
+    hz = modes.frequency_hz[index]
+    first = Candidates(hz, shape, np.eye(channels), significant, flexible)
+    pairs = evaluate_shapes(first, measured.frequency_hz, measured.shape).pairs
+    if not len(pairs):
+        raise ConfigError(
+            "no measured mode resembles any of the model's", hint="check nodes, directions and frequencies"
+        )
+    reduced = reduce_mass(modes, rows, reduction, [int(i) for i in index[pairs[:, 0]]])
+    return Candidates(hz, shape, reduced.mass, significant, flexible), reduced
+
+
+def _findings(
+    modes: Modes,
+    measured: MeasuredModes,
+    model: Candidates,
+    found: Evaluation,
+    profile: Profile,
+    correct: CorrectModel,
+    pairs: np.ndarray,
+) -> tuple[Finding, ...]:
+    passed, worst = judge(model, found, profile)
+    findings: list[Finding] = []
+    for c, criterion in enumerate(profile.criteria):
+        values, members = criterion_values(model, found, criterion)
+        names = (
+            [measured.channels[i] for i in members]
+            if criterion.quantity is Quantity.COMAC
+            else [modes.name[pairs[i, 0]] for i in members]
+        )
+        findings.append(
+            Finding(
+                criterion,
+                tuple(names),
+                values,
+                float(worst[c]) if len(values) else None,
+                bool(passed[c]),
+                correct.of(c),
+                correct.expected(c),
+            )
+        )
+    return tuple(findings)
+
+
+def _unmeasured(modes: Modes, measured: MeasuredModes, pairs: np.ndarray) -> tuple[int, ...]:
+    low, high = measured.frequency_hz.min(), measured.frequency_hz.max()
+    partners = set(pairs[:, 0].tolist())
+    return tuple(
+        i
+        for i, hz in enumerate(modes.frequency_hz)
+        if low <= hz <= high and modes.kind[i] != "rigid" and i not in partners
+    )
+
+
+def _warnings(
+    modes: Modes,
+    measured: MeasuredModes,
+    profile: Profile,
+    findings: tuple[Finding, ...],
+    unpaired: tuple[int, ...],
+    unmeasured: tuple[int, ...],
+) -> tuple[str, ...]:
+    said: list[str] = []
+    recalled = sum(c.recalled for c in profile.criteria)
+    if recalled:
+        said.append(f"{recalled} of {len(profile.criteria)} limits of {profile.name} are {RECALLED}")
+    said += [
+        f"measured mode {i} of {measured.frequency_hz[i]:.4g} Hz has no partner in the model"
+        for i in unpaired
+    ]
+    said += [
+        f"mode {i} {modes.name[i]!r} of {modes.frequency_hz[i]:.4g} Hz was not measured" for i in unmeasured
+    ]
+    said += [f"no measured mode is judged by: {f.criterion}" for f in findings if not f.items]
+    return tuple(said)

@@ -1,0 +1,47 @@
+"""Modal effective mass: how much of the article each mode carries along when its supports move."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.structure.modes import Modes
+from middeck.structure.rigid import rigid_motions
+from middeck.values import record
+
+
+@record
+class EffectiveMass:
+    """Of each mode, for translations along (kg) and rotations about (kg m^2) the world axes.
+
+    Parameters
+    ----------
+    effective:
+        (r' M phi)^2 with r the rigid motion, joints held, and phi of unit modal mass.
+    rigid:
+        r' M r: the mass, and the moments of inertia about the centre of mass at rest.
+    """
+
+    effective: Float[np.ndarray, "mode 6"]
+    rigid: Float[np.ndarray, "6"]
+
+    @property
+    def fraction(self) -> Float[np.ndarray, "mode 6"]:
+        """Part of the rigid value; 0 in a direction without any."""
+        return self.effective / np.where(self.rigid > 0.0, self.rigid, np.inf)
+
+    @property
+    def completeness(self) -> Float[np.ndarray, "6"]:
+        """Sum of the fractions over the modes: 1 if none is missing; 1 in a direction without any."""
+        return np.where(self.rigid > 0.0, self.fraction.sum(axis=0), 1.0)
+
+
+def measure_effective_mass(modes: Modes) -> EffectiveMass:
+    """Effective masses of all ``modes`` (Wada, Bamford and Garba 1972).
+
+    Over all modes, the rigid ones included, they add up to the rigid mass. In a free article the rigid-body
+    modes have all of it and the flexible ones none; in a hung one the suspension modes have most.
+    """
+    r = rigid_motions(modes.equilibrium, modes.mass)[0][:, :6]
+    Mr = modes.mass @ r
+    return EffectiveMass((modes.shapes.T @ Mr) ** 2, np.einsum("im,im->m", r, Mr))

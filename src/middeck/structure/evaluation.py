@@ -1,0 +1,132 @@
+"""One evaluation of measured shapes against a model's: pairs, measures, and the values a profile judges.
+
+Kept apart from everything that is prepared once, so that a Monte Carlo run goes through the same lines as
+the test.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Bool, Complex, Float, Int
+from scipy.optimize import linear_sum_assignment
+
+from middeck.structure.assurance import (
+    coordinate_assurance,
+    largest_other,
+    modal_assurance,
+    orthogonality,
+)
+from middeck.structure.profiles import Criterion, Group, Quantity
+from middeck.values import record
+
+# Modes are one pair only if neither frequency is more than this times the other: a few sensors may see
+# shapes alike that are octaves apart.
+WINDOW = 2.0
+
+
+@record
+class Candidates:
+    """The model at the channels: the modes that a measured one may be paired with.
+
+    ``significant`` says which have more effective mass than the profile's part, ``flexible`` which are not
+    suspension modes.
+    """
+
+    frequency_hz: Float[np.ndarray, " candidate"]
+    shape: Float[np.ndarray, "channel candidate"]
+    mass: Float[np.ndarray, "channel channel"]
+    significant: Bool[np.ndarray, " candidate"]
+    flexible: Bool[np.ndarray, " candidate"]
+
+
+@record
+class Evaluation:
+    """What the test says of the model; rows of matrices are the model's, columns the test's.
+
+    Parameters
+    ----------
+    pairs:
+        (candidate, measured), one to one, in the order of the measured modes.
+    frequency_error:
+        Of each pair, model over test less one.
+    mac:
+        Over all candidates and measured modes.
+    comac:
+        Of each channel, over the pairs.
+    cross_orthogonality:
+        Between the pairs.
+    self_orthogonality:
+        Among all measured modes.
+    """
+
+    pairs: Int[np.ndarray, "pair 2"]
+    frequency_error: Float[np.ndarray, " pair"]
+    mac: Float[np.ndarray, "candidate measured"]
+    comac: Float[np.ndarray, " channel"]
+    cross_orthogonality: Float[np.ndarray, "pair pair"]
+    self_orthogonality: Float[np.ndarray, "measured measured"]
+
+
+def evaluate_shapes(
+    model: Candidates,
+    frequency_hz: Float[np.ndarray, " measured"],
+    shape: Complex[np.ndarray, "channel measured"],
+) -> Evaluation:
+    """Pair and compare; pairs have the largest sum of MAC among modes of neighbouring frequencies."""
+    mac = modal_assurance(model.shape, shape)
+    pairs = _pair(mac, model.frequency_hz, frequency_hz)
+    ours, theirs = pairs.T
+    a, b = model.shape[:, ours], shape[:, theirs]
+    return Evaluation(
+        pairs,
+        model.frequency_hz[ours] / frequency_hz[theirs] - 1.0,
+        mac,
+        coordinate_assurance(a, b),
+        orthogonality(a, b, model.mass),
+        orthogonality(shape, shape, model.mass),
+    )
+
+
+def _pair(mac: np.ndarray, ours_hz: np.ndarray, theirs_hz: np.ndarray) -> np.ndarray:
+    near = np.abs(np.log(ours_hz[:, None] / theirs_hz)) <= np.log(WINDOW)
+    score = np.where(near, mac, 0.0)
+    i, j = linear_sum_assignment(score, maximize=True)
+    pairs = np.stack([i, j], axis=1)[score[i, j] > 0.0]
+    return pairs[np.argsort(pairs[:, 1], kind="stable")]
+
+
+def criterion_values(
+    model: Candidates, found: Evaluation, criterion: Criterion
+) -> tuple[Float[np.ndarray, " item"], Int[np.ndarray, " item"]]:
+    """What ``criterion`` judges, and the pairs (for a COMAC the channels) that the values belong to."""
+    if criterion.quantity is Quantity.COMAC:
+        return found.comac, np.arange(len(found.comac))
+    values = _of_pairs(found, criterion.quantity)
+    members = np.flatnonzero(_members(model, found.pairs[:, 0], criterion.group))
+    return values[members], members
+
+
+def _of_pairs(found: Evaluation, quantity: Quantity) -> np.ndarray:
+    ours, theirs = found.pairs.T
+    match quantity:
+        case Quantity.FREQUENCY_ERROR:
+            return np.abs(found.frequency_error)
+        case Quantity.MAC:
+            return found.mac[ours, theirs]
+        case Quantity.CROSS_DIAGONAL:
+            return np.diag(found.cross_orthogonality)
+        case Quantity.CROSS_OFF_DIAGONAL:
+            return largest_other(found.cross_orthogonality)
+        case _:
+            return largest_other(found.self_orthogonality)[theirs]
+
+
+def _members(model: Candidates, ours: np.ndarray, group: Group) -> np.ndarray:
+    if group is Group.ALL:
+        return np.ones(len(ours), dtype=bool)
+    flexible = np.where(model.flexible[ours], model.frequency_hz[ours], np.inf)
+    fundamental = np.isfinite(flexible) & (flexible == flexible.min(initial=np.inf))
+    if group is Group.FUNDAMENTAL:
+        return fundamental
+    significant = model.significant[ours] & ~fundamental
+    return significant if group is Group.SIGNIFICANT else ~significant & ~fundamental

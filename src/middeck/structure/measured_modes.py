@@ -1,0 +1,250 @@
+"""Modes as a test sees them: frequencies, dampings, shapes at named nodes and directions, and their noise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from difflib import get_close_matches
+
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Complex, Float
+
+from middeck.errors import ConfigError, DataError
+from middeck.structure.frames import PosePoints, frame_poses, pose_jacobian
+from middeck.structure.mesh import Model
+from middeck.structure.modes import Modes
+from middeck.structure.statics import dynamic_coordinates
+from middeck.values import record
+
+AXES = ("x", "y", "z", "rx", "ry", "rz")
+ANGLE = "angle"
+DIRECTIONS = (*AXES, ANGLE)
+COUNT = 26
+
+
+@record
+class MeasuredModes:
+    """Modes identified in a test.
+
+    Parameters
+    ----------
+    frequency_hz, damping:
+        Natural frequencies [Hz] and damping ratios.
+    node, direction:
+        Of each channel: a node, a joint or a mesh node, and "x", "y", "z" (translation along the world axes),
+        "rx", "ry", "rz" (rotation about them) or, of a joint, "angle" (relative to its carrier).
+    shape:
+        Real or complex, of any scale from mode to mode; within a mode metres beside radians.
+    frequency_std_hz, damping_std, shape_std:
+        Standard deviations of the estimates, where the test states them; that of a complex shape is of real
+        and imaginary part together.
+
+    Raises `DataError` for what no test can have measured: a frequency that is not positive, a shape that is
+    zero or not finite, an unknown direction, two channels alike.
+    """
+
+    frequency_hz: Float[np.ndarray, " mode"]
+    damping: Float[np.ndarray, " mode"]
+    node: tuple[str, ...]
+    direction: tuple[str, ...]
+    shape: Complex[np.ndarray, "channel mode"]
+    frequency_std_hz: Float[np.ndarray, " mode"] | None = None
+    damping_std: Float[np.ndarray, " mode"] | None = None
+    shape_std: Float[np.ndarray, "channel mode"] | None = None
+
+    def __post_init__(self) -> None:
+        _check_channels(self.node, self.direction, len(self.shape))
+        _check_numbers(self)
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of the channels, e.g. "n1 x"."""
+        return tuple(f"{n} {d}" for n, d in zip(self.node, self.direction, strict=True))
+
+    @property
+    def is_real(self) -> bool:
+        """Whether no shape has an imaginary part."""
+        return not np.any(np.imag(self.shape))
+
+
+@record
+class MeasurementNoise:
+    """How well a test knows its modes, where it does not say so mode by mode.
+
+    Parameters
+    ----------
+    frequency:
+        Standard deviation of a frequency over the frequency.
+    shape:
+        Standard deviation of a channel over the rms of the mode's channels of its sort: translations, or
+        rotations and joint angles.
+    """
+
+    frequency: float
+    shape: float
+
+    def __post_init__(self) -> None:
+        for name, value in (("frequency", self.frequency), ("shape", self.shape)):
+            if not 0.0 <= value < 1.0:
+                raise ConfigError(
+                    f"the noise of the {name} is {value}",
+                    where=f"MeasurementNoise.{name}",
+                    hint="a relative standard deviation, 0 to below 1, e.g. 0.001 and 0.02",
+                )
+
+
+def _check_channels(node: tuple[str, ...], direction: tuple[str, ...], rows: int) -> None:
+    if len(node) != rows or len(direction) != rows:
+        raise DataError(
+            f"{len(node)} nodes and {len(direction)} directions for {rows} rows of shapes",
+            where="measured modes",
+            hint="one node and one direction for each row",
+        )
+    unknown = sorted(set(direction) - set(DIRECTIONS))
+    if unknown:
+        raise DataError(
+            f"no direction {unknown[0]!r}", where="measured modes", hint=f"one of {', '.join(DIRECTIONS)}"
+        )
+    pairs = list(zip(node, direction, strict=True))
+    twice = sorted({p for p in pairs if pairs.count(p) > 1})
+    if twice:
+        raise DataError(
+            f"two channels are {' '.join(twice[0])!r}", where="measured modes", hint="leave one of them out"
+        )
+
+
+def _check_numbers(measured: MeasuredModes) -> None:
+    optional = ("frequency_std_hz", "damping_std", "shape_std")
+    if not measured.shape.size:
+        raise DataError(f"shapes of {measured.shape.shape} channels and modes", where="measured modes")
+    for name in ("frequency_hz", "damping", "shape", *optional):
+        value = getattr(measured, name)
+        if value is not None and not np.isfinite(value).all():
+            raise DataError(f"{name} holds a number that is not finite", where="measured modes")
+        if name in optional and value is not None and np.any(value < 0.0):
+            raise DataError(f"{name} holds a negative number", where="measured modes")
+    if np.any(measured.frequency_hz <= 0.0):
+        raise DataError(
+            f"a frequency of {measured.frequency_hz.min()} Hz",
+            where="measured modes",
+            hint="must be > 0 Hz; leave rigid-body modes out",
+        )
+    still = np.flatnonzero(~np.any(measured.shape, axis=0))
+    if len(still):
+        raise DataError(f"the shape of mode {still[0]} is zero", where="measured modes")
+
+
+def measure_modes(
+    modes: Modes,
+    at: Sequence[tuple[str, str]] | None = None,
+    *,
+    chosen: Sequence[int] | None = None,
+    noise: MeasurementNoise | None = None,
+    rng: np.random.Generator | None = None,
+) -> MeasuredModes:
+    """What a test of ``modes`` would measure at the channels ``at`` = (node, direction), with ``noise``.
+
+    By default all six directions at every node of the article and the angle of every moving joint; of the
+    lowest 26 modes those that are not rigid, or the ones whose indices are ``chosen``. With noise, which
+    needs an ``rng``, the standard deviations are stated beside the values.
+
+    Raises `ConfigError` for a channel or a mode that the model does not have.
+    """
+    at = every_channel(modes.equilibrium.model) if at is None else at
+    node, direction = tuple(n for n, _ in at), tuple(d for _, d in at)
+    index = _chosen(modes, chosen)
+    shape = np.asarray(sensor_rows(modes, node, direction) @ modes.shapes[:, index])
+    ratio = modes.equilibrium.model.structure.damping
+    damping = np.array([getattr(ratio, modes.kind[i]) for i in index])
+    hz = modes.frequency_hz[index]
+    if noise is None:
+        return MeasuredModes(hz, damping, node, direction, shape)
+    if rng is None:
+        raise ConfigError("noise without a random generator", hint="rng=np.random.default_rng(seed)")
+    hz_std, shape_std = noise.frequency * hz, noise.shape * sort_rms(direction, shape)
+    return MeasuredModes(
+        hz + hz_std * rng.standard_normal(hz.shape),
+        damping,
+        node,
+        direction,
+        shape + shape_std * rng.standard_normal(shape.shape),
+        hz_std,
+        None,
+        shape_std,
+    )
+
+
+def every_channel(model: Model) -> list[tuple[str, str]]:
+    """Six directions at every node of the article, then the angle of every joint that moves."""
+    moving = dynamic_coordinates(model)[6 * model.tree.roots :]
+    joints = [j.name for j, free in zip(model.structure.joints, moving, strict=True) if free]
+    return [(n.name, d) for n in model.structure.nodes for d in AXES] + [(j, ANGLE) for j in joints]
+
+
+def sort_rms(
+    direction: Sequence[str], shape: Complex[np.ndarray, "channel mode"]
+) -> Float[np.ndarray, "channel mode"]:
+    """At each channel the rms of its mode over the channels of its sort: translations, or rotations."""
+    rms = np.zeros(shape.shape)
+    straight = np.array([d in AXES[:3] for d in direction])
+    for sort in (straight, ~straight):
+        if np.any(sort):
+            rms[sort] = np.sqrt(np.mean(np.abs(shape[sort]) ** 2, axis=0))
+    return rms
+
+
+def sensor_rows(modes: Modes, node: Sequence[str], direction: Sequence[str]) -> sp.csr_array:
+    """What the channels read per unit of every coordinate, at the rest state of ``modes``.
+
+    Raises `ConfigError` for a node, a direction or a joint angle that the model does not have.
+    """
+    model = modes.equilibrium.model
+    frames = np.array([_frame(model, name) for name in node], dtype=int)
+    poses = frame_poses(model.tree, modes.equilibrium.config)
+    points = PosePoints(frames, np.zeros((len(frames), 3)))
+    J = sp.lil_array((len(frames), model.tree.size))
+    motions = pose_jacobian(model.tree, points, poses)
+    for k, (name, way) in enumerate(zip(node, direction, strict=True)):
+        if way == ANGLE:
+            J[k, _angle(model, name)] = 1.0
+        elif way in AXES:
+            J[[k]] = motions[[6 * k + AXES.index(way)]]
+        else:
+            raise ConfigError(f"no direction {way!r}", where=name, hint=f"one of {', '.join(DIRECTIONS)}")
+    return sp.csr_array(J)
+
+
+def _frame(model: Model, name: str) -> int:
+    if name not in model.frames:
+        near = get_close_matches(name, model.frames, 1)
+        known = ", ".join([n.name for n in model.structure.nodes][:12])
+        hint = f"did you mean {near[0]!r}?" if near else f"nodes are {known}"
+        raise ConfigError(f"the model has no node {name!r}", where="measured channels", hint=hint)
+    return model.frames.index(name)
+
+
+def _angle(model: Model, name: str) -> int:
+    names = [j.name for j in model.structure.joints]
+    if name not in names:
+        raise ConfigError(
+            f"{name!r} is no joint and has no angle",
+            where="measured channels",
+            hint=f"joints are {', '.join(names) or 'none'}",
+        )
+    coordinate = 6 * model.tree.roots + names.index(name)
+    if not dynamic_coordinates(model)[coordinate]:
+        raise ConfigError(f"joint {name!r} does not move", where="measured channels", hint="leave it out")
+    return coordinate
+
+
+def _chosen(modes: Modes, chosen: Sequence[int] | None) -> np.ndarray:
+    if chosen is None:
+        return np.array([i for i, k in enumerate(modes.kind[:COUNT]) if k != "rigid"], dtype=int)
+    for i in chosen:
+        if not 0 <= i < len(modes.omega) or modes.kind[i] == "rigid":
+            raise ConfigError(
+                f"no mode {i} that a test would measure",
+                where="chosen modes",
+                hint=f"{modes.kind.count('rigid')} to {len(modes.omega) - 1}",
+            )
+    return np.array(chosen, dtype=int)

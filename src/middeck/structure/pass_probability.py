@@ -1,0 +1,136 @@
+"""How often a correct model would pass: its own modes with the test's noise, through the same evaluation."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.special as ssp
+from jaxtyping import Bool, Float
+
+from middeck.structure.evaluation import Candidates, Evaluation, criterion_values, evaluate_shapes
+from middeck.structure.measured_modes import MeasuredModes, MeasurementNoise, sort_rms
+from middeck.structure.profiles import Profile
+from middeck.values import record
+
+CONFIDENCE = 0.95
+# Percentiles of the worst value under a correct model.
+EXPECTED = (5.0, 50.0, 95.0)
+
+
+@record
+class Probability:
+    """A share of runs with its interval of 95 % confidence (Clopper and Pearson 1934)."""
+
+    passed: int
+    runs: int
+
+    @property
+    def value(self) -> float:
+        """The share itself."""
+        return self.passed / self.runs
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Lowest and highest probability that the count does not contradict.
+
+        >>> low, high = Probability(0, 100).interval
+        >>> low, round(high, 4)
+        (0.0, 0.0362)
+        """
+        k, n, tail = self.passed, self.runs, 0.5 * (1.0 - CONFIDENCE)
+        low = 0.0 if k == 0 else float(ssp.betaincinv(k, n - k + 1, tail))
+        high = 1.0 if k == n else float(ssp.betaincinv(k + 1, n - k, 1.0 - tail))
+        return low, high
+
+
+@record
+class CorrectModel:
+    """What the runs of a correct model gave.
+
+    Parameters
+    ----------
+    passed:
+        Whether each run met each criterion.
+    worst:
+        Worst value of each criterion in each run; nan where it applied to no mode.
+    paired:
+        Whether every mode of the run found its pair.
+    """
+
+    passed: Bool[np.ndarray, "run criterion"]
+    worst: Float[np.ndarray, "run criterion"]
+    paired: Bool[np.ndarray, " run"]
+
+    @property
+    def overall(self) -> Probability:
+        """That all criteria are met and all modes paired."""
+        both = self.passed.all(axis=1) & self.paired
+        return Probability(int(both.sum()), len(both))
+
+    def of(self, criterion: int) -> Probability:
+        """That one criterion is met."""
+        return Probability(int(self.passed[:, criterion].sum()), len(self.passed))
+
+    def expected(self, criterion: int) -> Float[np.ndarray, "3"] | None:
+        """5, 50 and 95 % of the worst value; None where the criterion never applied."""
+        seen = self.worst[:, criterion]
+        seen = seen[np.isfinite(seen)]
+        return np.percentile(seen, EXPECTED) if len(seen) else None
+
+
+def stated_noise(
+    measured: MeasuredModes, noise: MeasurementNoise | None
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Standard deviations of frequencies [Hz] and shapes: of ``noise`` if given, else the test's own."""
+    if noise is not None:
+        rms = sort_rms(measured.direction, measured.shape)
+        return noise.frequency * measured.frequency_hz, noise.shape * rms
+    if measured.frequency_std_hz is None or measured.shape_std is None:
+        return None
+    return measured.frequency_std_hz, measured.shape_std
+
+
+def run_correct_model(
+    model: Candidates,
+    profile: Profile,
+    nominal: Evaluation,
+    measured: MeasuredModes,
+    noise: tuple[np.ndarray, np.ndarray],
+    rng: np.random.Generator,
+    runs: int,
+) -> CorrectModel:
+    """Judge ``runs`` tests of an article that is the model: its paired modes with the stated noise.
+
+    A shape's noise keeps its size relative to the shape, whose scale is the test's own.
+    """
+    ours, theirs = nominal.pairs.T
+    hz, shape = model.frequency_hz[ours], model.shape[:, ours]
+    hz_std = noise[0][theirs] * hz / measured.frequency_hz[theirs]
+    length = np.linalg.norm(shape, axis=0) / np.linalg.norm(measured.shape[:, theirs], axis=0)
+    shape_std = noise[1][:, theirs] * length
+    passed, worst = np.zeros((2, runs, len(profile.criteria)))
+    paired = np.zeros(runs, dtype=bool)
+    for r in range(runs):
+        drawn_hz = hz + hz_std * rng.standard_normal(hz.shape)
+        drawn = shape + shape_std * _unit_noise(rng, shape.shape, measured.is_real)
+        # No test reports a frequency below zero; one drawn there finds no pair.
+        found = evaluate_shapes(model, np.maximum(drawn_hz, np.finfo(float).tiny), drawn)
+        paired[r] = len(found.pairs) == len(hz)
+        passed[r], worst[r] = judge(model, found, profile)
+    return CorrectModel(passed.astype(bool), worst, paired)
+
+
+def _unit_noise(rng: np.random.Generator, shape: tuple[int, ...], real: bool) -> np.ndarray:
+    if real:
+        return rng.standard_normal(shape)
+    return (rng.standard_normal(shape) + 1j * rng.standard_normal(shape)) / np.sqrt(2.0)
+
+
+def judge(model: Candidates, found: Evaluation, profile: Profile) -> tuple[np.ndarray, np.ndarray]:
+    """Of each criterion whether it is met, and its worst value (nan where it applies to nothing)."""
+    passed, worst = np.ones(len(profile.criteria), dtype=bool), np.full(len(profile.criteria), np.nan)
+    for c, criterion in enumerate(profile.criteria):
+        values, _ = criterion_values(model, found, criterion)
+        if len(values):
+            worst[c] = values.max() if criterion.quantity.has_upper_limit else values.min()
+            passed[c] = criterion.holds(float(worst[c]))
+    return passed, worst
