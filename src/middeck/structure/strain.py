@@ -42,13 +42,33 @@ def strain_energy(
     return energy
 
 
-def _member_energy(equilibrium: Equilibrium, changes: np.ndarray) -> Float[np.ndarray, "mode 5"]:
+def member_energy(
+    equilibrium: Equilibrium, shapes: Float[np.ndarray, "coordinate mode"]
+) -> Float[np.ndarray, "mode member"]:
+    """Elastic energy [J] of each mode in each member of the structure, in its order."""
+    model = equilibrium.model
+    energy = np.zeros((len(model.structure.members), shapes.shape[1]))
+    if len(model.element_ends):
+        poses = frame_poses(model.tree, equilibrium.config)
+        changes = pose_jacobian(model.tree, model.points, poses) @ shapes
+        density = _element_energy(equilibrium, changes.reshape(-1, 6, shapes.shape[1]))
+        np.add.at(energy, model.element_member, density.sum(axis=1))
+    return energy.T
+
+
+def _element_energy(equilibrium: Equilibrium, changes: np.ndarray) -> Float[np.ndarray, "element 6 mode"]:
+    """By deformation of the element; changes are those of all poses."""
     model = equilibrium.model
     x, T = element_poses(model, equilibrium.config)
     _, slope = beam_deformations(x, T)
     ends = changes[model.element_ends].reshape(len(x), 12, -1)
     deformation = np.einsum("eia,eam->eim", slope, ends)
-    density = 0.5 * deformation * np.einsum("eij,ejm->eim", beam_stiffness(model.beams), deformation)
+    return 0.5 * deformation * np.einsum("eij,ejm->eim", beam_stiffness(model.beams), deformation)
+
+
+def _member_energy(equilibrium: Equilibrium, changes: np.ndarray) -> Float[np.ndarray, "mode 5"]:
+    model = equilibrium.model
+    density = _element_energy(equilibrium, changes)
     energy = np.zeros((changes.shape[2], 5))
     energy[:, 0], energy[:, 1] = density[:, STRETCH].sum(axis=0), density[:, PHI].sum(axis=0)
     for own, rows in ((1, [Y1, Y2]), (2, [Z1, Z2])):

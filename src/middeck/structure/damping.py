@@ -1,0 +1,233 @@
+"""The damping ratio of every mode, from where its energy goes.
+
+Three sources add up: a base (by kind of mode, or from a measured table), the loss in the material, and
+viscous devices. A mode that is given its own ratio has that and nothing else.
+
+- Material: a loss factor eta makes the stiffness of a member k (1 + j eta). To first order the mode loses
+  the fraction sum_i eta_i U_i / U of its energy U = omega^2 / 2, and zeta = sum_i eta_i U_i / (2 U)
+  (Ungar and Kerwin 1962, J. Acoust. Soc. Am. 34; Johnson and Kienholz 1982, AIAA J. 20). Gravity and
+  preload store energy without loss: they are in U and in no U_i.
+- Devices: C = sum_d c_d r_d' r_d with r_d the rate of damper d per coordinate; zeta = phi' C phi / (2 omega).
+  What C does between modes is left out; to first order mode j joins mode i with the amplitude
+  |phi_i' C phi_j| omega / |omega_i^2 - omega_j^2| in quadrature (Rayleigh 1877, Theory of Sound, section
+  102). The largest is reported, and warned about above `COUPLING_LIMIT`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.errors import ConfigError
+from middeck.structure.article import Damper, DamperPlace, Damping, DampingTable, JointState
+from middeck.structure.equilibrium import Equilibrium
+from middeck.structure.frames import PosePoints, frame_poses, points_in_world, pose_jacobian
+from middeck.structure.modes import Modes
+from middeck.structure.strain import member_energy
+from middeck.values import record
+
+COUPLING_LIMIT = 0.1
+"""Amplitude of a neighbour in a damped mode above which real modes with a ratio each are a poor picture;
+the frequency is then wrong by half its square times the relative distance of the two."""
+UNCOUPLED = 1e-9
+"""Part of the geometric mean of their own damping below which two modes are coupled by rounding alone."""
+
+
+@record
+class ModalDamping:
+    """Damping ratios and where they come from.
+
+    Parameters
+    ----------
+    zeta:
+        Ratio of each mode.
+    base, material, device:
+        Parts by kind or table, by loss factors, by dampers; a mode with its own ratio has it as its base.
+    coupling:
+        Largest amplitude of one mode in another that dampers cause and that is left out.
+    warnings:
+        Coupling above `COUPLING_LIMIT`, rigid modes that a damper holds, names that no mode has.
+    """
+
+    zeta: Float[np.ndarray, " mode"]
+    base: Float[np.ndarray, " mode"]
+    material: Float[np.ndarray, " mode"]
+    device: Float[np.ndarray, " mode"]
+    coupling: float
+    warnings: tuple[str, ...]
+
+
+def estimate_damping(
+    modes: Modes, damping: Damping | None = None, *, count: int | None = None
+) -> ModalDamping:
+    """The ratio of each of the lowest ``count`` modes (all by default) under ``damping`` (the article's).
+
+    Raises `ConfigError` for a mode outside of the table, a member, joint, spring or attach point that there
+    is not, a damper at an axis that does not move, a mode number too high, and a sum that is not below one.
+    """
+    damping = modes.equilibrium.model.structure.damping if damping is None else damping
+    count = len(modes.omega) if count is None else min(count, len(modes.omega))
+    omega, shapes = modes.omega[:count], modes.shapes[:, :count]
+    base = _base(modes, damping, count)
+    material = _material(modes.equilibrium, damping, omega, shapes)
+    C = _modal_matrix(modes.equilibrium, damping, shapes)
+    device = np.divide(np.diag(C), 2.0 * omega, out=np.zeros(count), where=omega > 0.0)
+    warnings = _undamped_rigid(modes, np.diag(C))
+    for key, ratio in damping.by_mode:
+        index = _find_mode(modes, key)
+        if index is None:
+            warnings += (f"a damping ratio is given for mode {key!r}, which there is not here",)
+        elif index < count:
+            base[index], material[index], device[index] = ratio, 0.0, 0.0
+    zeta = base + material + device
+    _check_ratios(modes, zeta)
+    coupling, i, j = _coupling(C, omega)
+    if coupling > COUPLING_LIMIT:
+        pair = f"{modes.name[i]!r} and {modes.name[j]!r}"
+        warnings += (f"dampers couple modes {pair} by {coupling:.2g}; modal damping leaves that out",)
+    return ModalDamping(zeta, base, material, device, coupling, warnings)
+
+
+def _base(modes: Modes, damping: Damping, count: int) -> np.ndarray:
+    ratio = {"rigid": damping.rigid, "suspension": damping.suspension, "flexible": damping.flexible}
+    base = np.array([ratio[kind] for kind in modes.kind[:count]])
+    if damping.table is not None:
+        swings = modes.omega[:count] > 0.0
+        base[swings] = _interpolate(damping.table, modes.frequency_hz[:count][swings])
+    return base
+
+
+def _interpolate(table: DampingTable, frequency_hz: np.ndarray) -> np.ndarray:
+    low, high = table.frequency_hz[0], table.frequency_hz[-1]
+    outside = frequency_hz[(frequency_hz < low) | (frequency_hz > high)]
+    if len(outside) and not table.hold:
+        raise ConfigError(
+            f"a mode at {outside[0]:.4g} Hz is outside of the damping measured from {low:g} to {high:g} Hz",
+            where="damping.table",
+            hint='measure further, keep fewer modes, or hold the last ratio (outside = "hold")',
+        )
+    return np.interp(np.log(frequency_hz), np.log(table.frequency_hz), table.zeta)
+
+
+def _material(
+    equilibrium: Equilibrium, damping: Damping, omega: np.ndarray, shapes: np.ndarray
+) -> np.ndarray:
+    if not damping.loss_factor:
+        return np.zeros(len(omega))
+    members = _numbers(m.name for m in equilibrium.model.structure.members)
+    eta = np.zeros(len(members))
+    for name, value in damping.loss_factor:
+        eta[_number(name, "member", members)] = value
+    lost = member_energy(equilibrium, shapes) @ eta
+    return np.divide(lost, omega**2, out=np.zeros(len(omega)), where=omega > 0.0)
+
+
+def _modal_matrix(
+    equilibrium: Equilibrium, damping: Damping, shapes: np.ndarray
+) -> Float[np.ndarray, "mode mode"]:
+    """phi' C phi of all dampers [1/s]."""
+    none = np.zeros((0, shapes.shape[1]))
+    rates = [np.sqrt(d.c) * (_damper_rows(equilibrium, d) @ shapes) for d in damping.dampers]
+    rows = np.vstack([none, *rates])
+    return rows.T @ rows
+
+
+def _damper_rows(equilibrium: Equilibrium, damper: Damper) -> Float[np.ndarray, "line coordinate"]:
+    """Rate of a damper per unit rate of the coordinates; one row for each device at an attach point."""
+    model, structure = equilibrium.model, equilibrium.model.structure
+    if damper.place is DamperPlace.JOINT:
+        index = _number(damper.at, "joint", _numbers(j.name for j in structure.joints))
+        state = structure.joints[index].state
+        if state in (JointState.LOCKED, JointState.DRIVEN):
+            raise ConfigError(f"a damper at joint {damper.at!r}, which is {state.value}", where="damping")
+        return np.eye(1, model.tree.size, 6 * model.tree.roots + index)
+    if damper.place is DamperPlace.SPRING:
+        ends = model.spring_ends[_number(damper.at, "spring", _numbers(s.name for s in structure.springs))]
+        start, end = _positions(equilibrium, ends)
+        rows = _translations(equilibrium, ends)
+        return (_direction(end - start, damper) @ (rows[1] - rows[0]))[None]
+    point = model.attach_point[[_number(damper.at, "attach point", _numbers(model.attach_names))]]
+    anchors = equilibrium.loads.anchor[equilibrium.loads.attach_point == point[0]]
+    lines = [_direction(_positions(equilibrium, point)[0] - anchor, damper) for anchor in anchors]
+    return np.array(lines).reshape(-1, 3) @ _translations(equilibrium, point)[0]
+
+
+def _positions(equilibrium: Equilibrium, points: np.ndarray) -> np.ndarray:
+    model = equilibrium.model
+    some = PosePoints(model.points.frame[points], model.points.offset[points])
+    return points_in_world(some, frame_poses(model.tree, equilibrium.config))
+
+
+def _translations(equilibrium: Equilibrium, points: np.ndarray) -> Float[np.ndarray, "point 3 coordinate"]:
+    model = equilibrium.model
+    some = PosePoints(model.points.frame[points], model.points.offset[points])
+    J = pose_jacobian(model.tree, some, frame_poses(model.tree, equilibrium.config))
+    return J.toarray().reshape(len(points), 6, -1)[:, :3]
+
+
+def _direction(span: np.ndarray, damper: Damper) -> np.ndarray:
+    length = float(np.linalg.norm(span))
+    if length == 0.0:
+        raise ConfigError(
+            f"the ends of the damper at {damper.place.value} {damper.at!r} coincide: it has no direction",
+            where="damping",
+            hint="give the spring a length at rest, or damp by mode",
+        )
+    return span / length
+
+
+def _numbers(names: Iterable[str]) -> dict[str, int]:
+    return {name: i for i, name in enumerate(names)}
+
+
+def _number(name: str, what: str, known: dict[str, int]) -> int:
+    if name not in known:
+        some = ", ".join(list(known)[:20])
+        raise ConfigError(f"no {what} {name!r}", where="damping", hint=f"one of {some or 'none'}")
+    return known[name]
+
+
+def _find_mode(modes: Modes, key: str | int) -> int | None:
+    """Number of a mode; None for a name that no mode has in this environment."""
+    if isinstance(key, str):
+        return modes.name.index(key) if key in modes.name else None
+    if not 0 <= key < len(modes.omega):
+        raise ConfigError(
+            f"no mode {key}", where="damping.mode", hint=f"a number from 0 to {len(modes.omega) - 1}"
+        )
+    return key
+
+
+def _undamped_rigid(modes: Modes, own: np.ndarray) -> tuple[str, ...]:
+    """A damping ratio says nothing of a mode without a frequency."""
+    held = (modes.omega[: len(own)] == 0.0) & (own > UNCOUPLED * own.max(initial=0.0))
+    names = ", ".join(repr(modes.name[i]) for i in np.flatnonzero(held))
+    advice = "no ratio holds that: close it as a rate loop (PDLoops)"
+    return (f"a damper works on the rigid modes {names}; {advice}",) if names else ()
+
+
+def _check_ratios(modes: Modes, zeta: np.ndarray) -> None:
+    worst = int(np.argmax(zeta)) if len(zeta) else 0
+    if len(zeta) and not zeta[worst] < 1.0:
+        raise ConfigError(
+            f"mode {modes.name[worst]!r} would have the damping ratio {zeta[worst]:.3g}",
+            where="damping",
+            hint="a modal ratio is below 1; smaller loss factors or dampers, or a rate loop",
+        )
+
+
+def _coupling(C: np.ndarray, omega: np.ndarray) -> tuple[float, int, int]:
+    """The largest amplitude of one mode in another, and which two."""
+    own = np.sqrt(np.outer(np.diag(C), np.diag(C)))
+    apart = np.abs(omega[:, None] ** 2 - omega**2)
+    swings = np.maximum(omega[:, None], omega)
+    real = (np.abs(C) > UNCOUPLED * own) & (swings > 0.0) & ~np.eye(len(C), dtype=bool)
+    amplitude = np.zeros_like(C)
+    with np.errstate(divide="ignore"):  # equal frequencies: coupled without limit
+        np.divide(np.abs(C) * swings, apart, out=amplitude, where=real)
+    if not amplitude.any():
+        return 0.0, 0, 0
+    i, j = np.unravel_index(int(np.argmax(amplitude)), amplitude.shape)
+    return float(amplitude[i, j]), int(i), int(j)

@@ -1,0 +1,150 @@
+"""What named actuators do to the coordinates and what named sensors read of them, at rest.
+
+Sensor and actuator axes turn with their bodies. An accelerometer reads n . (a - g) along an axis n that is
+fixed to its frame; about rest, with the small rotation theta of the frame,
+
+    n . a - (theta x n) . g = n . a - theta . (n x g) :
+
+in 0-g acceleration only, in 1-g also g times tilt.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.errors import ConfigError
+from middeck.structure.article import Actuator, ActuatorKind, JointState, Sensor, SensorKind
+from middeck.structure.equilibrium import Equilibrium
+from middeck.structure.frames import PosePoints, frame_poses, pose_jacobian
+from middeck.systems.ports import Port
+from middeck.values import record
+
+RATE = "_rate"
+
+
+@record
+class InputRows:
+    """Generalised force per unit input, one row an input, and the ports."""
+
+    force: Float[np.ndarray, "input coordinate"]
+    ports: tuple[Port, ...]
+
+
+@record
+class OutputRows:
+    """Reading per unit coordinate, per unit rate and per unit acceleration of it, and the ports."""
+
+    position: Float[np.ndarray, "output coordinate"]
+    rate: Float[np.ndarray, "output coordinate"]
+    acceleration: Float[np.ndarray, "output coordinate"]
+    ports: tuple[Port, ...]
+
+
+def input_rows(equilibrium: Equilibrium, names: Sequence[str]) -> InputRows:
+    """Of the actuators ``names``: torques [N m] and forces [N].
+
+    Raises `ConfigError` for an unknown name or a torque at an axis that does not move.
+    """
+    known = {a.name: a for a in equilibrium.model.structure.actuators}
+    for name in names:
+        if name not in known:
+            raise ConfigError(f"no actuator {name!r}", hint=f"one of {', '.join(known)}")
+    chosen = [known[name] for name in names]
+    moves = _motions(equilibrium, chosen)
+    rows = np.zeros((len(chosen), equilibrium.model.tree.size))
+    for i, actuator in enumerate(chosen):
+        if actuator.axis is None:
+            _check_moves(equilibrium, actuator)
+            rows[i] = _joint_row(equilibrium, actuator.frame)
+        else:
+            part = slice(0, 3) if actuator.kind is ActuatorKind.FORCE else slice(3, 6)
+            rows[i] = _world_axis(equilibrium, actuator.frame, actuator.axis) @ moves[i, part]
+    units = {ActuatorKind.TORQUE: "N m", ActuatorKind.FORCE: "N"}
+    return InputRows(rows, tuple(Port(a.name, units[a.kind]) for a in chosen))
+
+
+def output_rows(equilibrium: Equilibrium, names: Sequence[str]) -> OutputRows:
+    """Of the sensors ``names``: angles [rad], their rates ``<name>_rate`` [rad/s], accelerometers [m/s^2].
+
+    Raises `ConfigError` for an unknown name; an accelerometer has no rate.
+    """
+    chosen = [_find_sensor(equilibrium, name) for name in names]
+    moves = _motions(equilibrium, [sensor for sensor, _ in chosen])
+    position, rate, acceleration = np.zeros((3, len(names), equilibrium.model.tree.size))
+    units: list[str] = []
+    for i, (sensor, is_rate) in enumerate(chosen):
+        if sensor.axis is None:
+            row = _joint_row(equilibrium, sensor.frame)
+        elif sensor.kind is SensorKind.ACCELEROMETER:
+            n = _world_axis(equilibrium, sensor.frame, sensor.axis)
+            acceleration[i] = n @ moves[i, :3]
+            row = -np.cross(n, equilibrium.environment.gravity) @ moves[i, 3:]
+        else:
+            row = _world_axis(equilibrium, sensor.axis_frame or sensor.frame, sensor.axis) @ moves[i, 3:]
+        (rate if is_rate else position)[i] = row
+        angle = "rad/s" if is_rate else "rad"
+        units.append("m/s^2" if sensor.kind is SensorKind.ACCELEROMETER else angle)
+    ports = tuple(Port(n, unit) for n, unit in zip(names, units, strict=True))
+    return OutputRows(position, rate, acceleration, ports)
+
+
+def accelerometer_offset(equilibrium: Equilibrium, name: str) -> float:
+    """What accelerometer ``name`` reads at rest [m/s^2]: -n . g, one g for an axis that points up.
+
+    A plant's output is the change from it. Raises `ConfigError` for another kind of sensor.
+    """
+    sensor, _ = _find_sensor(equilibrium, name)
+    if sensor.kind is not SensorKind.ACCELEROMETER or sensor.axis is None:
+        raise ConfigError(f"sensor {name!r} is no accelerometer", hint="an angle reads zero at rest")
+    return -float(_world_axis(equilibrium, sensor.frame, sensor.axis) @ equilibrium.environment.gravity)
+
+
+def _find_sensor(equilibrium: Equilibrium, output: str) -> tuple[Sensor, bool]:
+    """Sensor of an output and whether its rate is meant; a sensor may itself be called ``turn_rate``."""
+    sensors = {s.name: s for s in equilibrium.model.structure.sensors}
+    if output in sensors:
+        return sensors[output], False
+    sensor = sensors.get(output.removesuffix(RATE)) if output.endswith(RATE) else None
+    if sensor is None:
+        known = (n if s.kind is SensorKind.ACCELEROMETER else f"{n}, {n}{RATE}" for n, s in sensors.items())
+        raise ConfigError(f"no sensor {output.removesuffix(RATE)!r}", hint=f"one of {', '.join(known)}")
+    if sensor.kind is SensorKind.ACCELEROMETER:
+        raise ConfigError(f"accelerometer {sensor.name!r} has no rate", hint=f"take {sensor.name} itself")
+    return sensor, True
+
+
+def _motions(
+    equilibrium: Equilibrium, ports: Sequence[Actuator | Sensor]
+) -> Float[np.ndarray, "port 6 coordinate"]:
+    """Translation and world rotation of every port's point, per coordinate."""
+    model = equilibrium.model
+    if not ports:
+        return np.zeros((0, 6, model.tree.size))
+    frames = np.array([model.frames.index(p.frame) for p in ports], dtype=int)
+    points = PosePoints(frames, np.array([p.offset for p in ports]))
+    J = pose_jacobian(model.tree, points, frame_poses(model.tree, equilibrium.config))
+    return J.toarray().reshape(len(ports), 6, model.tree.size)
+
+
+def _world_axis(equilibrium: Equilibrium, frame: str, axis: np.ndarray) -> Float[np.ndarray, "3"]:
+    poses = frame_poses(equilibrium.model.tree, equilibrium.config)
+    return np.asarray(poses.R[equilibrium.model.frames.index(frame)] @ axis)
+
+
+def _joint_row(equilibrium: Equilibrium, joint: str) -> Float[np.ndarray, " coordinate"]:
+    model = equilibrium.model
+    row = np.zeros(model.tree.size)
+    row[6 * model.tree.roots + [j.name for j in model.structure.joints].index(joint)] = 1.0
+    return row
+
+
+def _check_moves(equilibrium: Equilibrium, actuator: Actuator) -> None:
+    joint = next(j for j in equilibrium.model.structure.joints if j.name == actuator.frame)
+    if joint.state in (JointState.LOCKED, JointState.DRIVEN):
+        raise ConfigError(
+            f"actuator {actuator.name!r} turns axis {joint.name!r}, which is {joint.state.value}",
+            hint="set the axis free or sprung, or leave this input out",
+        )
