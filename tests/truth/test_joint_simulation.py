@@ -1,0 +1,197 @@
+"""Friction and gaps in time: energy, order, and free and forced motion against independent solutions."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from middeck.errors import ConfigError
+from middeck.systems.deadband import Deadband
+from middeck.systems.friction import Friction
+from middeck.systems.joint_simulation import (
+    JointElements,
+    JointStates,
+    build_joint_stepper,
+    simulate_joints,
+    start_at_rest,
+)
+from middeck.systems.modal import ModalSystem
+from middeck.systems.plant import Plant
+from middeck.systems.ports import Port
+from middeck.systems.sampling import sample_plant
+from middeck.systems.simulation import simulate
+from middeck.systems.statespace import StateSpace
+
+J, KP = 0.062, 3.9  # a payload of 5 kg hanging 8 cm below its axis
+BEARING = Friction(slip_torque=0.004, stiffness=2.0)
+GEAR = Deadband(gap=0.002, stiffness=30.0)
+TORQUE, ANGLE = Port("gimbal", "N m"), Port("gimbal", "rad")
+
+
+def pendulum(zeta=0.0):
+    """One joint: inertia J and pendulum stiffness KP."""
+    one = np.array([[1.0 / np.sqrt(J)]])
+    modal = ModalSystem(np.array([np.sqrt(KP / J)]), np.array([zeta]), one, one, 0.0 * one, ("pendulum",))
+    return Plant(modal, (TORQUE,), (ANGLE,))
+
+
+def two_joints():
+    """Two joints of one article with five undamped modes, one of them rigid."""
+    omega = 2.0 * np.pi * np.array([0.0, 0.9, 1.7, 6.0, 31.0])
+    phi = np.random.default_rng(2).normal(size=(2, 5))
+    ports = tuple(Port(n, "N m") for n in "ab"), tuple(Port(n, "rad") for n in "ab")
+    return Plant(ModalSystem(omega, np.zeros(5), phi.T, phi, 0.0 * phi, tuple("vwxyz")), *ports)
+
+
+def at(*elements):
+    return JointElements("gimbal", "gimbal", tuple(elements))
+
+
+def released(stepper, angle):
+    """At rest at ``angle`` with the friction relaxed there."""
+    start = start_at_rest(stepper)
+    x = start.x.copy()
+    x[0] = angle * np.sqrt(J)
+    return JointStates(x, np.full(len(start.elements), angle))
+
+
+def reference(element, times, angle):
+    """The pendulum as an ordinary differential equation with the spring's torque as a state."""
+
+    def rate(_, y):
+        theta, speed, torque = y
+        if isinstance(element, Friction):
+            slips = abs(torque) >= element.slip_torque and torque * speed > 0.0
+            change = 0.0 if slips else element.stiffness * speed
+            total = np.clip(torque, -element.slip_torque, element.slip_torque)
+        else:
+            change, total = 0.0, element.resist(theta, 0.0)[0]
+        return [speed, -(KP * theta + total) / J, change]
+
+    # The right-hand side has corners: a fine fixed ceiling on the step keeps their error below 1e-9.
+    return solve_ivp(rate, (0.0, times[-1]), [angle, 0.0, 0.0], t_eval=times, rtol=1e-10, atol=1e-13,
+                     max_step=1e-3).y[0]  # fmt: skip
+
+
+@pytest.mark.parametrize("element", [BEARING, GEAR], ids=["friction", "deadband"])
+def test_free_motion_equals_an_independent_integration_to_second_order(element):
+    error = []
+    for steps in (400, 800, 1600):
+        times = np.linspace(0.0, 2.0, steps + 1)
+        stepper = build_joint_stepper(pendulum(), [at(element)], step_s=times[1])
+        start = released(stepper, 0.02)
+        if element is GEAR:
+            start = JointStates(start.x, np.zeros(1))
+        y, _ = simulate_joints(stepper, np.zeros((steps + 1, 1)), start)
+        error.append(np.abs(y[:, 0] - reference(element, times, 0.02)).max())
+    # Second order, give or take where the corners fall within a step.
+    assert np.log2(error[0] / error[2]) / 2.0 == pytest.approx(2.0, abs=0.3)
+    # A held mean makes a spring of frequency w slow by (w h)^2/12; the phase that is lost in 2 s.
+    w, h = np.sqrt((KP + element.stiffness) / J), times[1]
+    assert error[2] < 0.02 * (w * h) ** 2 / 12.0 * w * 2.0
+
+
+def energies(plant, stepper, steps, start):
+    """Energy of the plant's modes and of the elements after each step of free motion."""
+    state, total = start, []
+    omega = plant.dynamics.omega
+    scale = np.where(omega > 0.0, omega, 1.0)
+    for _ in range(steps):
+        _, state = simulate_joints(stepper, np.zeros((1, len(plant.inputs))), state)
+        q, rate = state.x[::2], state.x[1::2] * scale
+        angles = stepper.angle @ state.x
+        parts = [(e, a) for j, a in zip(stepper.joints, angles, strict=True) for e in j.elements]
+        stored = sum(e.stored_energy(a, s) for (e, a), s in zip(parts, state.elements, strict=True))
+        total.append(0.5 * np.sum(rate**2 + (omega * q) ** 2) + stored)
+    return np.array(total)
+
+
+@pytest.mark.parametrize("step_s", [0.001, 0.05])  # fine; and a twentieth of a second with contacts at 5 Hz
+def test_energy_never_grows_and_a_gap_keeps_it(step_s):
+    plant = two_joints()
+    rubbing = [JointElements(n, n, (BEARING, GEAR)) for n in "ab"]
+    gap = [JointElements(n, n, (GEAR,)) for n in "ab"]
+    for joints, lossless in ((rubbing, False), (gap, True)):
+        stepper = build_joint_stepper(plant, joints, step_s=step_s)
+        rest = start_at_rest(stepper)
+        x = 0.01 * np.random.default_rng(3).normal(size=len(rest.x))
+        elements = rest.elements
+        energy = energies(plant, stepper, 600, JointStates(x, elements))
+        # Rounding of a step.
+        assert np.diff(energy).max() < 1e-13 * energy[0]
+        if lossless:
+            assert energy[-1] == pytest.approx(energy[0], rel=1e-10)  # of 600 steps
+        else:
+            assert energy[-1] < (1.0 - 1e-4) * energy[0]
+
+
+def test_dissipated_energy_is_slip_torque_times_way_slipped():
+    stepper = build_joint_stepper(pendulum(), [at(BEARING)], step_s=0.002)
+    start, way, lost = released(stepper, 0.05), 0.0, 0.0
+    state = start
+    for _ in range(500):
+        before = state
+        _, state = simulate_joints(stepper, np.zeros((1, 1)), state)
+        way += abs(state.elements[0] - before.elements[0])
+    energy = [
+        0.5 * np.sum(s.x**2) * KP / J
+        + BEARING.stored_energy(float((stepper.angle @ s.x)[0]), float(s.elements[0]))
+        for s in (start, state)
+    ]
+    lost = energy[0] - energy[1]
+    assert way > 0.1
+    assert lost == pytest.approx(BEARING.slip_torque * way, rel=1e-11)  # rounding of 500 steps
+
+
+def test_without_elements_it_is_the_exact_sampled_plant():
+    plant = pendulum(zeta=0.02)
+    u = np.random.default_rng(4).normal(size=(300, 1))
+    stepper = build_joint_stepper(plant, [], step_s=0.01, delay_s=0.0137)
+    y, end = simulate_joints(stepper, u)
+    exact, last = simulate(sample_plant(plant.dynamics, 0.01, 0.0137), u)
+    assert np.array_equal(y, exact)
+    assert np.array_equal(end.x, last)
+
+
+def test_friction_that_never_slips_is_a_spring_and_viscous_damping_is_exact():
+    plant = pendulum(zeta=0.01)
+    u = np.random.default_rng(4).normal(size=(2000, 1))
+    step = 0.001
+    sticky = Friction(slip_torque=1e9, stiffness=2.0, viscous=0.05)
+    y, _ = simulate_joints(build_joint_stepper(plant, [at(sticky)], step_s=step), u)
+    drag = 2.0 * 0.01 * np.sqrt(KP * J) + 0.05
+    A = [[0.0, 1.0], [-(KP + 2.0) / J, -drag / J]]
+    spring = StateSpace(A, [[0.0], [1.0 / J]], [[1.0, 0.0]], [[0.0]])
+    exact, _ = simulate(sample_plant(spring, step), u)
+    # The held mean of a spring's torque shifts its frequency by (omega_k step)^2/12 at most, omega_k^2 = 2/J:
+    # 2.7e-6 of 20 rad over the run.
+    assert np.abs(y - exact).max() < 6e-5 * np.abs(exact).max()
+    only_drag = Friction(slip_torque=0.0, stiffness=1.0, viscous=0.05)
+    y, _ = simulate_joints(build_joint_stepper(plant, [at(only_drag)], step_s=step), u)
+    A[1][0] = -KP / J
+    exact, _ = simulate(sample_plant(StateSpace(A, spring.B, spring.C, spring.D), step), u)
+    assert np.abs(y - exact).max() < 1e-11 * np.abs(exact).max()  # rounding
+
+
+def test_a_joint_sticks_under_a_torque_below_its_friction_and_slips_above():
+    stepper = build_joint_stepper(pendulum(zeta=0.3), [at(BEARING)], step_s=0.002)
+    y, end = simulate_joints(stepper, np.full((4000, 1), 0.005))
+    assert end.elements[0] == 0.0  # the spring carries 0.0017 N m of it
+    assert y[-1, 0] == pytest.approx(0.005 / (KP + BEARING.stiffness), rel=1e-8)  # settled to e^-19
+    y, end = simulate_joints(stepper, np.full((4000, 1), 0.1))
+    assert y[-1, 0] == pytest.approx((0.1 - BEARING.slip_torque) / KP, rel=0.1)
+    assert end.elements[0] > 0.0
+
+
+def test_ports_that_are_not_of_one_joint_are_refused():
+    plant = two_joints()
+    with pytest.raises(ConfigError, match=r"not reciprocal|does not turn"):
+        build_joint_stepper(
+            plant, [JointElements("a", "b", (GEAR,)), JointElements("b", "a", (GEAR,))], step_s=0.01
+        )
+    with pytest.raises(ConfigError, match="two entries for joint 'a'"):
+        build_joint_stepper(plant, [JointElements("a", "a", ()), JointElements("a", "b", ())], step_s=0.01)
+    with pytest.raises(ConfigError, match="no input named 'c'"):
+        build_joint_stepper(plant, [JointElements("c", "a", (GEAR,))], step_s=0.01)
+    direct = Plant(StateSpace([[-1.0]], [[1.0]], [[1.0]], [[1.0]]), (TORQUE,), (ANGLE,))
+    with pytest.raises(ConfigError, match="at once"):
+        build_joint_stepper(direct, [at(GEAR)], step_s=0.01)
