@@ -71,6 +71,12 @@ def build_linear_rig(
     Half a sample of ``delay_s`` is the hold's own; the rest is true delay, in front of the plant. Raises
     `ConfigError` if less than that is left.
     """
+    sampled = sample_plant(plant.dynamics, 1.0 / sample_hz, pure_delay(sample_hz, delay_s))
+    return LinearRig(sampled, sample_hz, noise_rms, plant.inputs, plant.outputs)
+
+
+def pure_delay(sample_hz: float, delay_s: float) -> float:
+    """What is left of a total delay [s] without half a sample of hold; `ConfigError` if it is negative."""
     pure = delay_s - 0.5 / sample_hz
     # A rounding error below zero is zero.
     if pure < -1e-12:
@@ -78,8 +84,7 @@ def build_linear_rig(
             f"a total delay of {delay_s} s is less than the hold's own {0.5 / sample_hz} s at {sample_hz} Hz",
             hint="sample faster",
         )
-    sampled = sample_plant(plant.dynamics, 1.0 / sample_hz, max(pure, 0.0))
-    return LinearRig(sampled, sample_hz, noise_rms, plant.inputs, plant.outputs)
+    return max(pure, 0.0)
 
 
 def run_open_loop(
