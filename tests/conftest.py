@@ -17,8 +17,8 @@ LONG = os.environ.get("MIDDECK_LONG") == "1"
 SEED = 1993
 SHARE = 20  # `make test` runs a twentieth of each campaign
 
-# An independent program with an environment of its own (JAX); nothing here imports it.
-collect_ignore = ["cross/sheet_by_autodiff"]
+# Independent programs with environments of their own; nothing here imports them.
+collect_ignore = ["cross/sheet_by_autodiff", "cross/suspended_bus"]
 
 settings.register_profile("short", max_examples=20, derandomize=True, deadline=None)
 settings.register_profile("long", max_examples=20 * SHARE, derandomize=True, deadline=None)

@@ -1,0 +1,1 @@
+"""The suspended bus by MuJoCo, Exudyn and OpenSees."""
