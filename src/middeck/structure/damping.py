@@ -32,7 +32,7 @@ COUPLING_LIMIT = 0.1
 """Amplitude of a neighbour in a damped mode above which real modes with a ratio each are a poor picture;
 the frequency is then wrong by half its square times the relative distance of the two."""
 UNCOUPLED = 1e-9
-"""Part of the geometric mean of their own damping below which two modes are coupled by rounding alone."""
+"""Part of the largest entry of phi' C phi below which an entry is rounding."""
 
 
 @record
@@ -220,10 +220,9 @@ def _check_ratios(modes: Modes, zeta: np.ndarray) -> None:
 
 def _coupling(C: np.ndarray, omega: np.ndarray) -> tuple[float, int, int]:
     """The largest amplitude of one mode in another, and which two."""
-    own = np.sqrt(np.outer(np.diag(C), np.diag(C)))
     apart = np.abs(omega[:, None] ** 2 - omega**2)
     swings = np.maximum(omega[:, None], omega)
-    real = (np.abs(C) > UNCOUPLED * own) & (swings > 0.0) & ~np.eye(len(C), dtype=bool)
+    real = (np.abs(C) > UNCOUPLED * np.abs(C).max(initial=0.0)) & (swings > 0.0) & ~np.eye(len(C), dtype=bool)
     amplitude = np.zeros_like(C)
     with np.errstate(divide="ignore"):  # equal frequencies: coupled without limit
         np.divide(np.abs(C) * swings, apart, out=amplitude, where=real)
