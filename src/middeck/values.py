@@ -47,19 +47,24 @@ def _lock_arrays(self: Any) -> None:
         value = getattr(self, name)
         if value is None and optional:
             continue
-        kind = complex if spec is not None and "complex128" in spec.dtypes else None
-        array = _as_locked(value, spec, kind)
+        array = _as_locked(value, spec)
         if spec is not None:
             _check_shape(f"{type(self).__name__}.{name}", array.shape, spec.dim_str, sizes)
         object.__setattr__(self, name, array)
 
 
-def _as_locked(value: Any, spec: Any, kind: type | None) -> np.ndarray:
-    if kind is None and spec is not None and any(d.startswith("float") for d in spec.dtypes):
-        kind = float
-    array = np.array(value, dtype=kind)
+def _as_locked(value: Any, spec: Any) -> np.ndarray:
+    array = np.array(value, dtype=_kind(value, () if spec is None else spec.dtypes))
     array.setflags(write=False)
     return array
+
+
+def _kind(value: Any, dtypes: tuple[str, ...]) -> Any:
+    """Float, complex, either of them as it comes (an ``Inexact`` annotation), or anything."""
+    real, imaginary = "float64" in dtypes, "complex128" in dtypes
+    if real and imaginary:
+        return np.result_type(np.asarray(value), float)
+    return complex if imaginary else float if real else None
 
 
 def _check_shape(where: str, shape: tuple[int, ...], dims: str, sizes: dict[str, int]) -> None:

@@ -159,7 +159,7 @@ def test_sagging_cantilever_under_its_weight():
     model = mesh_structure(straight_beam(TUBE, L, 2))
     none = no_loads()
     g = 1e-4  # so weak that geometry stays linear: sag 1e-6 m, second-order terms 1e-12
-    loads = type(none)(np.array([0.0, -g, 0.0]), none.anchor, none.attach_point, none.law)
+    loads = dataclasses.replace(none, gravity=np.array([0.0, -g, 0.0]))
     config = newton(model, np.zeros((len(model.points.frame), 6)), loads=loads)
     assert tip(model, config)[1] == pytest.approx(-RHO * g * L**4 / (8 * EI), rel=1e-7)
 
@@ -168,7 +168,7 @@ def test_roll_up_under_an_end_moment():
     """M = 2 pi EI / L closes a beam into a circle, a regular polygon of the elements' chords.
 
     The moment turns about the fixed z axis and the bending stays in its plane, so that it is conservative.
-    The polygon closes exactly; its height L/(n tan(pi/n)) (n even) nears the circle's L/pi with order two.
+    Chord and bow together keep the centre line's length: the corners lie on the circle with order four.
     """
     heights = []
     for elements in (8, 16):
@@ -179,7 +179,7 @@ def test_roll_up_under_an_end_moment():
         heights.append(float(np.abs(np.ptp(config.x[:, 1]) / (L / np.pi) - 1.0)))
         # The rotation is exact: M L / EI for every element, whatever its chord does.
         assert config.R[1] == pytest.approx(np.eye(3), abs=1e-8)
-    assert observed_order(heights) == pytest.approx(2.0, abs=0.1)
+    assert observed_order(heights) == pytest.approx(4.0, abs=0.1)
 
 
 def bent_rod_tip(radius: float, angle: float, EA: float, EI: float, GJ: float, force: float) -> np.ndarray:
@@ -214,7 +214,7 @@ def test_forty_five_degree_bend():
     radius, angle, E = 100.0, np.pi / 4, 1e7
     section = Section(E, E / 12, E / 12, E / 12, 1.0, 0.1, 0.1)
     tips = []
-    for elements in (16, 32):
+    for elements in (32, 64):
         turns = np.linspace(0.0, angle, elements + 1)
         names = [f"n{i}" for i in range(elements + 1)]
         points = [(radius * np.sin(a), radius * (1.0 - np.cos(a)), 0.0) for a in turns]
@@ -228,7 +228,7 @@ def test_forty_five_degree_bend():
     assert exact == pytest.approx([47.1522, 15.6854, 53.4718], abs=1e-4)
     assert tips[1] == pytest.approx(exact, abs=0.003)
     # Straight chords of the arc: order two, so that one extrapolation removes most of the error.
-    assert (4 * tips[1] - tips[0]) / 3 == pytest.approx(exact, abs=2e-4)
+    assert (4 * tips[1] - tips[0]) / 3 == pytest.approx(exact, abs=1e-4)
 
 
 # Vibration
@@ -289,21 +289,22 @@ def axially_loaded(force: float, elements: int) -> tuple[Model, object, np.ndarr
 def test_axially_loaded_hinged_beam(share: float):
     """rho_A omega^2 = EI k^4 / s^2 + N k^2 / s with k = pi/L and stretch s = 1 + N/EA.
 
-    The tension works on the chords alone, not on the bow between them: an error N h^2 / 12 EI, of order two.
+    The tension works on chord and bow: order four, down to (N/EA)^2 = 2e-7, which the closed form leaves out.
     """
     errors = []
     force = share * np.pi**2 * EI / L**2
     k, stretch = np.pi / L, 1.0 + force / EA
     exact = np.sqrt((EI * k**4 / stretch**2 + force * k**2 / stretch) / RHO)
-    for elements in (8, 16, 32):
+    for elements in (2, 4, 32):
         model, config, load = axially_loaded(force, elements)
         omega = frequencies(model, 1, [0, 1, 2, 3, 7, 8], load, config)[0]
         errors.append(abs(omega / exact - 1.0))
-    assert observed_order(errors) == pytest.approx(2.0, abs=0.1)
+    assert observed_order(errors[:2]) == pytest.approx(4.0, abs=0.2)
+    assert errors[-1] < 2e-7
 
 
 def test_buckling_load():
-    """The tangent loses its stiffness at P (1 - P/EA) = pi^2 EI / L^2, found with order two."""
+    """The tangent loses its stiffness at P (1 - P/EA) = pi^2 EI / L^2, found with order four."""
     held = [0, 1, 2, 3, 7, 8]
 
     def least(force: float, elements: int) -> float:
@@ -313,10 +314,10 @@ def test_buckling_load():
 
     euler = np.pi**2 * EI / L**2
     errors = []
-    for elements in (4, 8, 16):
+    for elements in (2, 4):
         critical = brentq(lambda f, n=elements: least(-f, n), 0.8 * euler, 1.2 * euler, xtol=1e-8 * euler)
         errors.append(abs(critical * (1.0 - critical / EA) / euler - 1.0))
-    assert observed_order(errors) == pytest.approx(2.0, abs=0.1)
+    assert observed_order(errors) == pytest.approx(4.0, abs=0.2)
 
 
 def test_mass_of_a_bent_beam_under_rigid_motion():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 import scipy.linalg as sla
@@ -62,7 +64,7 @@ def loads_of(model: Model) -> Loads:
     anchors = np.array([[0.1, 3.0, 0.2], [1.0, 3.0, -0.3]])
     at = model.attach_point[[0, 2]]
     law = SpringLaw(np.array([20.0, 10.0]), np.array([5.0, 4.0]), np.array([2.5, 2.8]))
-    return Loads(GRAVITY + np.array([1.0, 0.0, 2.0]), anchors, at, law)
+    return Loads(GRAVITY + np.array([1.0, 0.0, 2.0]), anchors, at, law, np.zeros(len(at)))
 
 
 def energy_along(model: Model, config, loads, direction):
@@ -170,7 +172,7 @@ def test_compound_pendulum_with_offset_mass(angle: float):
     )
     model = mesh_structure(structure([node("n", (1, 2, 3), body(1.0))], joints=[joint]))
     none = no_loads()
-    loads = Loads(GRAVITY, none.anchor, none.attach_point, none.law)
+    loads = dataclasses.replace(none, gravity=GRAVITY)
     K, M, _ = clamped_matrices(model, loads=loads)
     g = 9.80665
     assert K[0, 0] / M[0, 0] == pytest.approx(m * g * d * np.cos(angle) / (inertia + m * d**2), rel=1e-12)
@@ -187,7 +189,7 @@ def test_double_compound_pendulum():
     ]
     model = mesh_structure(structure([node("n", (0, 0, 0), body(1.0))], joints=joints))
     none = no_loads()
-    K, M, _ = clamped_matrices(model, loads=Loads(GRAVITY, none.anchor, none.attach_point, none.law))
+    K, M, _ = clamped_matrices(model, loads=dataclasses.replace(none, gravity=GRAVITY))
     # Textbook form in absolute angles; the eigenvalues do not depend on the choice of angles.
     coupling = m[1] * arm * d[1]
     mass = np.array(
@@ -207,7 +209,7 @@ def test_spherical_pendulum_with_gimbal_under_load():
     ]
     model = mesh_structure(structure([node("n", (0, 0, 0), body(1.0))], joints=joints))
     none = no_loads()
-    K, _, _ = clamped_matrices(model, loads=Loads(GRAVITY, none.anchor, none.attach_point, none.law))
+    K, _, _ = clamped_matrices(model, loads=dataclasses.replace(none, gravity=GRAVITY))
     # Height of the centre of mass: -d cos(a) cos(b); both second derivatives at a = 45 degrees, b = 0.
     c = m * g * d * np.cos(np.pi / 4)
     assert pytest.approx(np.array([[c, 0.0], [0.0, c]]), abs=1e-12) == K

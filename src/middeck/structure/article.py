@@ -9,9 +9,10 @@ from __future__ import annotations
 
 from dataclasses import field
 from enum import Enum
+from typing import cast
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Inexact
 
 from middeck.errors import ConfigError
 from middeck.values import record
@@ -51,8 +52,8 @@ class Body:
     """Rigid mass on a frame: mass [kg], centre of mass [m] and inertia about it [kg m^2], frame axes."""
 
     mass: float
-    cg: Float[np.ndarray, "3"]
-    inertia: Float[np.ndarray, "3 3"]
+    cg: Inexact[np.ndarray, "3"]
+    inertia: Inexact[np.ndarray, "3 3"]
 
 
 @record
@@ -60,7 +61,7 @@ class Node:
     """A rigid node with six degrees of freedom; ``size`` is the clear distance members leave (see Member)."""
 
     name: str
-    position: Float[np.ndarray, "3"]
+    position: Inexact[np.ndarray, "3"]
     size: float
     body: Body
 
@@ -92,7 +93,9 @@ class JointState(Enum):
 
 @record
 class Joint:
-    """A revolute joint that carries a body: a frame of its own.
+    """A joint that carries a body, a frame of its own: it turns about its axis, or slides along it.
+
+    Of a slide, angles are travels [m], torques forces [N] and stiffness is [N/m]: a proof mass.
 
     Parameters
     ----------
@@ -114,17 +117,23 @@ class Joint:
         Spring of a sprung axis [N m/rad].
     target:
         Rest angle of a sprung axis or commanded angle of a driven one [rad].
+    slides:
+        Whether the joint shifts along its axis instead of turning about it.
+    travel:
+        Least and largest angle [rad] that the mechanism allows.
     """
 
     name: str
     parent: str
-    offset: Float[np.ndarray, "3"]
-    axis: Float[np.ndarray, "3"]
+    offset: Inexact[np.ndarray, "3"]
+    axis: Inexact[np.ndarray, "3"]
     angle: float
     body: Body
     state: JointState = JointState.FREE
     stiffness: float = 0.0
     target: float = 0.0
+    slides: bool = False
+    travel: tuple[float, float] = (-np.inf, np.inf)
 
 
 @record
@@ -133,7 +142,7 @@ class AttachPoint:
 
     name: str
     frame: str
-    offset: Float[np.ndarray, "3"]
+    offset: Inexact[np.ndarray, "3"]
 
 
 @record
@@ -323,6 +332,7 @@ class Structure:
 
 
 def clear_length(member: Member, nodes: dict[str, Node]) -> float:
-    """Length of the flexible part [m]: the spacing less half of either node's size."""
+    """Length of the flexible part [m]: the spacing less half of either node's size; analytic."""
     a, b = nodes[member.start], nodes[member.end]
-    return float(np.linalg.norm(b.position - a.position)) - 0.5 * (a.size + b.size)
+    along = b.position - a.position
+    return cast("float", np.sqrt(along @ along)) - 0.5 * (a.size + b.size)

@@ -7,7 +7,7 @@ k (l - length)^2 / 2. A cable is the same law and must not push.
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Inexact
 
 from middeck.errors import EquilibriumError
 from middeck.values import record
@@ -17,41 +17,53 @@ from middeck.values import record
 class SpringLaw:
     """Preload [N] at ``length`` [m] and stiffness [N/m] of each spring."""
 
-    preload: Float[np.ndarray, " spring"]
-    stiffness: Float[np.ndarray, " spring"]
-    length: Float[np.ndarray, " spring"]
+    preload: Inexact[np.ndarray, " spring"]
+    stiffness: Inexact[np.ndarray, " spring"]
+    length: Inexact[np.ndarray, " spring"]
 
 
 @record
 class SpringState:
-    """Tension [N], energy [J], gradient and Hessian in the difference, end minus start."""
+    """Tension [N], energy [J], gradient and Hessian in the difference, end minus start.
 
-    tension: Float[np.ndarray, " spring"]
-    energy: Float[np.ndarray, " spring"]
-    gradient: Float[np.ndarray, "spring 3"]
-    hessian: Float[np.ndarray, "spring 3 3"]
+    The Hessian is the sum of the ``material`` part, along the spring, and the ``geometric`` one, the tension
+    over the length across it.
+    """
+
+    tension: Inexact[np.ndarray, " spring"]
+    energy: Inexact[np.ndarray, " spring"]
+    gradient: Inexact[np.ndarray, "spring 3"]
+    material: Inexact[np.ndarray, "spring 3 3"]
+    geometric: Inexact[np.ndarray, "spring 3 3"]
 
 
-def spring_state(law: SpringLaw, span: Float[np.ndarray, "spring 3"]) -> SpringState:
-    """State of springs whose end minus start is ``span``.
+def spring_state(
+    law: SpringLaw,
+    span: Inexact[np.ndarray, "spring 3"],
+    tension: Inexact[np.ndarray, " spring"] | None = None,
+) -> SpringState:
+    """State of springs whose end minus start is ``span``; ``tension`` takes the place of their own.
 
     With c = preload - k length the force is (k + c/l) span: a spring of no free length has c = 0 and is
     linear everywhere, at l = 0 too. Raises `EquilibriumError` for any other spring whose ends coincide: its
     force has no direction.
     """
     k, c = law.stiffness, law.preload - law.stiffness * law.length
-    length = np.linalg.norm(span, axis=1)
+    length = np.sqrt(np.einsum("si,si->s", span, span))
     if np.any((length == 0.0) & (c != 0.0)):
         raise EquilibriumError(
             "the ends of a spring coincide, so that its force has no direction",
             hint="move its anchor or attach point, or give it a free length of zero",
         )
-    length_or_one = np.where(length > 0.0, length, 1.0)
+    length_or_one = np.where(length == 0.0, 1.0, length)
     n = span / length_or_one[:, None]
-    c_per_length = c / length_or_one
-    tension = c + k * length
+    own = c + k * length
+    pull = own if tension is None else tension
     stretch = length - law.length
     energy = law.preload * stretch + 0.5 * k * stretch**2
-    across = np.eye(3) - n[:, :, None] * n[:, None, :]
-    hessian = k[:, None, None] * np.eye(3) + c_per_length[:, None, None] * across
-    return SpringState(tension, energy, (k + c_per_length)[:, None] * span, hessian)
+    along = n[:, :, None] * n[:, None, :]
+    # T/l, and its limit k for a linear spring of no length.
+    per_length = np.where(length == 0.0, k, pull / length_or_one)
+    material = k[:, None, None] * along
+    geometric = per_length[:, None, None] * (np.eye(3) - along)
+    return SpringState(pull, energy, per_length[:, None] * span, material, geometric)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Inexact, Int
 
 from middeck.structure.article import Body, Joint, JointState, Member, Node, Structure, clear_length
 from middeck.structure.beam import BeamProperties, beam_properties
@@ -41,12 +42,12 @@ class Model:
     rest: Configuration
     points: PosePoints
     element_ends: Int[np.ndarray, "element 2"]
-    element_triad: Float[np.ndarray, "element 3 3"]
+    element_triad: Inexact[np.ndarray, "element 3 3"]
     element_member: Int[np.ndarray, " element"]
     beams: BeamProperties
     body_point: Int[np.ndarray, " body"]
-    body_mass: Float[np.ndarray, " body"]
-    body_inertia: Float[np.ndarray, "body 3 3"]
+    body_mass: Inexact[np.ndarray, " body"]
+    body_inertia: Inexact[np.ndarray, "body 3 3"]
     attach_names: tuple[str, ...]
     attach_point: Int[np.ndarray, " attach"]
     spring_ends: Int[np.ndarray, "spring 2"]
@@ -73,6 +74,11 @@ def mesh_structure(structure: Structure) -> Model:
     Raises `ConfigError` for a structure that names what it does not have, or whose geometry is impossible.
     """
     check_structure(structure)
+    return lay_out(structure)
+
+
+def lay_out(structure: Structure) -> Model:
+    """`mesh_structure` without its checks; analytic in every number of the structure."""
     mesh = _mesh_members(structure)
     names = (*(n.name for n in structure.nodes), *(name for name, _ in mesh.inner))
     frames = (*names, *(j.name for j in structure.joints))
@@ -93,7 +99,7 @@ def mesh_structure(structure: Structure) -> Model:
         frames=frames,
         tree=_frame_tree(structure, len(x), index),
         rest=Configuration(
-            x, np.tile(np.eye(3), (len(x), 1, 1)), np.array([held_angle(j) for j in structure.joints])
+            x, np.tile(np.eye(3), (len(x), 1, 1)), np.array([held_angle(j) for j in structure.joints]) + 0.0
         ),
         points=PosePoints(
             np.array([p.frame for p in points], dtype=int),
@@ -104,7 +110,7 @@ def mesh_structure(structure: Structure) -> Model:
         element_member=np.array(mesh.members, dtype=int),
         beams=beam_properties(sections, np.array(mesh.lengths)),
         body_point=len(flat) + np.arange(len(bodies)),
-        body_mass=np.array([b.mass for _, b in bodies]),
+        body_mass=np.array([b.mass for _, b in bodies]) + 0.0,
         body_inertia=np.array([b.inertia for _, b in bodies]).reshape(len(bodies), 3, 3),
         attach_names=tuple(attach),
         attach_point=np.array(list(attach.values()), dtype=int),
@@ -134,16 +140,21 @@ def _mesh_members(structure: Structure) -> _Mesh:
     return mesh
 
 
+def select_beams(beams: BeamProperties, rows: slice | np.ndarray) -> BeamProperties:
+    """The properties of some of the elements."""
+    return BeamProperties(*(getattr(beams, f.name)[rows] for f in dataclasses.fields(beams)))
+
+
 def _has_inertia(body: Body) -> bool:
-    return body.mass > 0.0 or bool(np.any(body.inertia))
+    return body.mass != 0.0 or bool(np.any(body.inertia))
 
 
-def member_triad(member: Member, nodes: dict[str, Node]) -> Float[np.ndarray, "3 3"]:
+def member_triad(member: Member, nodes: dict[str, Node]) -> Inexact[np.ndarray, "3 3"]:
     """Columns x (along the member), y (the part of ``up`` normal to it) and z."""
     ex = nodes[member.end].position - nodes[member.start].position
-    ex = ex / np.linalg.norm(ex)
+    ex = ex / np.sqrt(ex @ ex)
     ey = member.up - (member.up @ ex) * ex
-    ey = ey / np.linalg.norm(ey)
+    ey = ey / np.sqrt(ey @ ey)
     return np.stack([ex, ey, np.cross(ex, ey)], axis=1)
 
 
@@ -154,6 +165,7 @@ def _frame_tree(structure: Structure, roots: int, index: dict[str, int]) -> Fram
         np.array([index[j.parent] for j in joints], dtype=int),
         np.array([j.offset for j in joints]).reshape(-1, 3),
         np.array([j.axis for j in joints]).reshape(-1, 3),
+        np.array([j.slides for j in joints], dtype=bool),
     )
 
 

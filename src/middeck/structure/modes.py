@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 import numpy as np
-import scipy.linalg as sla
 import scipy.sparse as sp
 from jaxtyping import Float
 
 from middeck.errors import EquilibriumError, NumericalError, UnstableEquilibriumError
-from middeck.structure.assembly import assemble, mass_matrix
-from middeck.structure.environment import Environment
-from middeck.structure.equilibrium import Equilibrium, rest_warnings, solve_equilibrium
+from middeck.structure.assembly import assemble, mass_matrix, no_loads
+from middeck.structure.eigen import Eigenpairs, count_zero, solve_all, solve_lowest
+from middeck.structure.equilibrium import Equilibrium, rest_warnings
+from middeck.structure.factorisation import order
 from middeck.structure.mesh import Model
 from middeck.structure.naming import name_modes
 from middeck.structure.rigid import rigid_basis
 from middeck.structure.statics import dynamic_coordinates, static_coordinates
 from middeck.values import record
 
-# A mode is rigid whose energy is below this part of the sum of the absolute terms that cancel in it. Rounding
-# leaves 1e-17 on the two articles; a 0.02 Hz restraint on them leaves 1e-10.
-ROUNDING = 1e-14
+# Below this many coordinates all modes cost less than a few.
+SMALL = 600
 # Two entries of a shape are equally large when they differ by less: a sign rule must not hang on rounding.
 EQUAL_SIZE = 1e-6
 
@@ -66,8 +65,8 @@ class Modes:
         return self.omega / (2.0 * np.pi)
 
 
-def solve_modes(equilibrium: Equilibrium) -> Modes:
-    """All modes of finite frequency about ``equilibrium``.
+def solve_modes(equilibrium: Equilibrium, count: int | None = None) -> Modes:
+    """All modes of finite frequency about ``equilibrium``, or the ``count`` lowest of a large model.
 
     Raises `EquilibriumError` when the equilibrium was not reached and `UnstableEquilibriumError` when a mode
     grows. In an environment that holds the article, the n lowest modes are of kind "suspension", n being the
@@ -79,7 +78,7 @@ def solve_modes(equilibrium: Equilibrium) -> Modes:
             hint="look at the residual history; soften the load path or check the supports",
             history=equilibrium.history,
         )
-    K, M, lam, shapes, rigid = _solve(equilibrium)
+    K, M, lam, shapes, rigid = _solve(equilibrium, count)
     rigid_residual = float(np.abs(lam[:rigid]).max(initial=0.0) / (lam[rigid] if rigid < len(lam) else 1.0))
     lam[:rigid] = 0.0
     shapes[:, :rigid], rigid_names = rigid_basis(equilibrium, M, shapes[:, :rigid])
@@ -94,52 +93,36 @@ def solve_modes(equilibrium: Equilibrium) -> Modes:
 
 
 def _solve(
-    equilibrium: Equilibrium,
+    equilibrium: Equilibrium, count: int | None
 ) -> tuple[sp.csr_array, sp.csr_array, np.ndarray, np.ndarray, int]:
     """Tangent, mass, omega^2, shapes, and how many of them, which come first, are rigid."""
     model, active = equilibrium.model, dynamic_coordinates(equilibrium.model)
     at = assemble(model, equilibrium.config, equilibrium.loads)
-    M = mass_matrix(model, equilibrium.config)
-    K_active = at.tangent[active][:, active].toarray()
-    lam, phi, noise = _eigenpairs(model, K_active, M[active][:, active].toarray())
+    M = mass_matrix(model, equilibrium.config, equilibrium.loads)
+    pairs = _eigenpairs(model, at.tangent[active][:, active], M[active][:, active], count)
     # A force that Newton left unbalanced adds no more than itself to the tangent when the structure turns.
     unbalanced = float(np.abs(at.gradient[static_coordinates(model)]).max(initial=0.0))
-    noise = noise + unbalanced * np.abs(phi).max(axis=0) ** 2
-    rigid = np.abs(lam) < noise
+    noise = pairs.noise + unbalanced * np.abs(pairs.shapes).max(axis=0) ** 2
+    rigid = np.abs(pairs.lam) < noise
     order = np.argsort(~rigid, kind="stable")
-    shapes = np.zeros((len(active), len(lam)))
-    shapes[active] = phi[:, order]
-    return at.tangent, M, lam[order], shapes, int(np.sum(rigid))
+    shapes = np.zeros((len(active), len(rigid)))
+    shapes[active] = pairs.shapes[:, order]
+    return at.tangent, M, pairs.lam[order], shapes, int(np.sum(rigid))
 
 
-def _eigenpairs(model: Model, K: np.ndarray, M: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Ascending lambda = omega^2, shapes and the rounding of lambda, from M phi = mu (K + sigma M) phi.
-
-    The direct problem leaves rounding of 1e-16 times the largest omega^2 (1e13 here) on the smallest; its
-    inverse is accurate where the interest lies (Parlett 1980, section 15). Motions without mass have mu = 0
-    and are left out.
-    """
-    sigma = 1e-9 * np.abs(np.diag(K)).max() / np.abs(np.diag(M)).max() + 1.0
-    for _ in range(20):
-        try:
-            mu, phi = sla.eigh(M, K + sigma * M)
-        except sla.LinAlgError:  # an unstable state: shift beyond its growth rate
-            sigma *= 10.0
-            continue
-        moved = mu > len(mu) * np.finfo(float).eps * mu[-1]
-        mu, phi = mu[moved][::-1], phi[:, moved][:, ::-1]
-        phi = phi / np.sqrt(np.einsum("im,ij,jm->m", phi, M, phi, optimize=True))
-        size = np.einsum("im,im->m", np.abs(phi), np.abs(K) @ np.abs(phi))
-        lam = 1.0 / mu - sigma
-        # The inverse rounds to eps lam^2 / sigma, the Rayleigh quotient to eps size: take the finer.
-        high = lam**2 > sigma * size
-        lam[high] = np.einsum("im,ij,jm->m", phi[:, high], K, phi[:, high], optimize=True)
-        return lam, phi, ROUNDING * (size + sigma)
-    raise _massless(model, K + sigma * M)
+def _eigenpairs(model: Model, K: sp.csr_array, M: sp.csr_array, count: int | None) -> Eigenpairs:
+    if count is None or order(K) <= max(SMALL, 4 * count):
+        pairs = solve_all(K, M)
+        pairs = pairs and Eigenpairs(pairs.lam[:count], pairs.shapes[:, :count], pairs.noise[:count])
+    else:
+        pairs = solve_lowest(K, M, count)
+    if pairs is None:
+        raise _massless(model, K + M)
+    return pairs
 
 
-def _massless(model: Model, shifted: np.ndarray) -> NumericalError:
-    worst = int(np.argmax(np.abs(np.linalg.eigh(shifted)[1][:, 0])))
+def _massless(model: Model, shifted: sp.csr_array) -> NumericalError:
+    worst = int(np.argmin(abs(shifted).sum(axis=0)))
     coordinate = int(np.flatnonzero(dynamic_coordinates(model))[worst])
     roots = model.tree.roots
     frame = coordinate // 6 if coordinate < 6 * roots else coordinate - 5 * roots
@@ -160,7 +143,10 @@ def _kinds(equilibrium: Equilibrium, rigid: int, count: int) -> tuple[str, ...]:
 
 def _rigid_in_orbit(equilibrium: Equilibrium) -> int:
     """Number of rigid-body modes of the same structure, free and undeformed."""
-    return _solve(solve_equilibrium(equilibrium.model.structure, Environment.orbit()))[-1]
+    model, active = equilibrium.model, dynamic_coordinates(equilibrium.model)
+    K = assemble(model, model.rest, no_loads()).tangent[active][:, active]
+    M = mass_matrix(model, model.rest)[active][:, active]
+    return count_zero(K, M)
 
 
 def _signs(M: sp.csr_array, shapes: np.ndarray) -> np.ndarray:

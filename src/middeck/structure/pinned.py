@@ -5,10 +5,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import scipy.sparse as sp
 from jaxtyping import Float, Int
 
 from middeck.errors import EquilibriumError
 from middeck.structure.assembly import Loads, assemble, mass_matrix, no_loads
+from middeck.structure.factorisation import factorise
 from middeck.structure.frames import Configuration, frame_poses, move, points_in_world
 from middeck.structure.mesh import Model
 from middeck.structure.statics import (
@@ -58,9 +60,9 @@ def solve_pinned(
     """
     supports = _supports(model, pinned)
     none = no_loads()
-    loads = Loads(gravity, none.anchor, none.attach_point, none.law)
+    loads = Loads(gravity, none.anchor, none.attach_point, none.law, none.mass)
     config, force = model.rest, np.zeros(len(supports.axis))
-    for factor in LOAD_FACTORS:
+    for factor in (*LOAD_FACTORS, 1.0):
         config, force = _settle_pinned(model, scale_loads(loads, factor), supports, config, force)
     out = np.zeros((len(pinned.point), 3))
     np.add.at(out, (supports.row, supports.axis), force)
@@ -83,7 +85,7 @@ def _settle_pinned(
     active = static_coordinates(model)
     scale = load_scale(model, loads)
     hold = HOLD_IN_G * float(np.linalg.norm(loads.gravity))
-    mass = hold * mass_matrix(model, config)[active][:, active].toarray()
+    mass = hold * mass_matrix(model, config)[active][:, active]
     for _ in range(MAX_ITERATIONS):
         load = np.zeros((len(model.points.frame), 6))
         np.add.at(load, (supports.pose, supports.axis), -force)  # a support force is minus an energy gradient
@@ -92,8 +94,8 @@ def _settle_pinned(
         slip = _coordinates(model, config, supports.pose, supports.axis) - supports.start
         if np.abs(gradient).max() < TOLERANCE * scale and np.abs(slip).max() < TOLERANCE:
             return config, force
-        G = at.jacobian[6 * supports.pose + supports.axis][:, active].toarray()
-        q, change = _constrained_step(at.tangent[active][:, active].toarray() + mass, G, gradient, slip)
+        G = at.jacobian[6 * supports.pose + supports.axis][:, active]
+        q, change = _constrained_step(at.tangent[active][:, active] + mass, G, gradient, slip)
         config, force = move(model.tree, config, spread(q, active)), force - change
     raise EquilibriumError(
         f"pinned at its attach points, the article does not settle in {MAX_ITERATIONS} iterations",
@@ -103,21 +105,20 @@ def _settle_pinned(
 
 
 def _constrained_step(
-    K: np.ndarray, G: np.ndarray, gradient: np.ndarray, slip: np.ndarray
+    K: sp.csr_array, G: sp.csr_array, gradient: np.ndarray, slip: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Newton step (q, multipliers) of the saddle-point system, scaled to comparable rows."""
-    m = len(G)
-    scale = np.sqrt(np.abs(K).max())
-    saddle = np.block([[K, scale * G.T], [scale * G, -SUPPORT_GIVES * np.eye(m)]])
-    try:
-        step = np.linalg.solve(saddle, -np.concatenate([gradient, scale * slip]))
-    except np.linalg.LinAlgError:
-        step = np.full(len(saddle), np.inf)
-    if not np.abs(step[: len(K)]).max() < RUNAWAY_M:
+    """Newton step (q, multipliers m) with supports that give: K q + G'm = -gradient, G q - c m = -slip.
+
+    The multipliers are eliminated, m = (G q + slip)/c.
+    """
+    stiff = float(np.abs(K.diagonal()).max()) / SUPPORT_GIVES
+    factor = factorise(sp.csr_array(K + stiff * (G.T @ G)))
+    q = np.full(len(gradient), np.inf) if factor is None else -factor.solve(gradient + stiff * (G.T @ slip))
+    if not np.abs(q).max() < RUNAWAY_M:
         raise EquilibriumError(
             "pinned at its attach points, the article is still a mechanism that its weight drives",
             where="suspension.held",
             hint="hold enough directions: y and z at each of three points and x at one stop a straight bus; "
             "if they are held, the article is far too soft or heavy: check the units of its lengths and E",
         )
-    return step[: len(K)], scale * step[len(K) :]
+    return q, stiff * (G @ q + slip)

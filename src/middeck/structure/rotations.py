@@ -3,31 +3,31 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Inexact
 
 
-def skew(v: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 3 3"]:
+def skew(v: Inexact[np.ndarray, "*batch 3"]) -> Inexact[np.ndarray, "*batch 3 3"]:
     """Cross-product matrices: skew(v) @ a = v x a.
 
     >>> (skew(np.array([1.0, 2.0, 3.0])) @ np.array([0.0, 0.0, 1.0])).tolist()
     [2.0, -1.0, 0.0]
     """
-    v = np.asarray(v, dtype=float)
-    out = np.zeros((*v.shape, 3))
+    v = np.asarray(v)
+    out = np.zeros((*v.shape, 3), dtype=np.result_type(v, float))
     out[..., 0, 1], out[..., 0, 2] = -v[..., 2], v[..., 1]
     out[..., 1, 0], out[..., 1, 2] = v[..., 2], -v[..., 0]
     out[..., 2, 0], out[..., 2, 1] = -v[..., 1], v[..., 0]
     return out
 
 
-def rotation_exp(theta: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 3 3"]:
-    """Rotation matrices of rotation vectors [rad] (Rodrigues).
+def rotation_exp(theta: Inexact[np.ndarray, "*batch 3"]) -> Inexact[np.ndarray, "*batch 3 3"]:
+    """Rotation matrices of rotation vectors [rad] (Rodrigues); analytic in theta.
 
     >>> np.round(rotation_exp(np.array([0.0, 0.0, np.pi / 2])) @ [1.0, 0.0, 0.0], 12).tolist()
     [0.0, 1.0, 0.0]
     """
-    theta = np.asarray(theta, dtype=float)
-    angle = np.linalg.norm(theta, axis=-1)[..., None, None]
+    theta = np.asarray(theta)
+    angle = np.sqrt(np.sum(theta * theta, axis=-1))[..., None, None]
     S = skew(theta)
     # np.sinc(x) = sin(pi x)/(pi x): exact at zero angle, no branch.
     return np.eye(3) + np.sinc(angle / np.pi) * S + 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2 * (S @ S)
@@ -46,8 +46,8 @@ def rotation_log(R: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "3"]:
 
 
 def symmetric_double_cross(
-    a: Float[np.ndarray, "*batch 3"], b: Float[np.ndarray, "*batch 3"]
-) -> Float[np.ndarray, "*batch 3 3"]:
+    a: Inexact[np.ndarray, "*batch 3"], b: Inexact[np.ndarray, "*batch 3"]
+) -> Inexact[np.ndarray, "*batch 3 3"]:
     """Hessian in theta of a . (exp(theta) b) at theta = 0: (a b' + b a')/2 - (a . b) I."""
     outer = a[..., :, None] * b[..., None, :]
     dot = np.sum(a * b, axis=-1)[..., None, None]

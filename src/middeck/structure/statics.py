@@ -5,23 +5,27 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import scipy.linalg as sla
+import scipy.sparse as sp
 from jaxtyping import Bool, Float
 
 from middeck.structure.article import JointState
 from middeck.structure.assembly import Assembly, Loads, assemble, mass_matrix
 from middeck.structure.devices import SpringLaw
+from middeck.structure.factorisation import positive_factor
 from middeck.structure.frames import Configuration, move_whole
 from middeck.structure.mesh import Model
 
 # Largest residual that counts as rest, over `load_scale`.
 TOLERANCE = 1e-9
-LOAD_FACTORS = (0.25, 0.5, 0.75, 1.0)
-MAX_ITERATIONS = 60
+# Enough on the way to full load.
+ROUGH = 1e-4
+LOAD_FACTORS = (0.25, 0.5, 0.75)
+MAX_ITERATIONS = 200
 MAX_HALVINGS = 30
 STANDARD_GRAVITY = 9.80665
 # Least damping [1/s^2]: a thousandth of a slow pendulum's omega^2 neither holds nor hurries anything.
 LEAST_DAMPING = 1e-3
+DAMPING_STEP = 4.0
 # Largest change [m or rad] of a coordinate in one step: what the second-order chart follows well.
 LONGEST_STEP = 0.5
 
@@ -55,21 +59,23 @@ def settle(model: Model, loads: Loads) -> Settled:
 
     Damping (Levenberg 1944: a multiple of the mass) keeps each step a descent of the potential where the
     tangent is not positive definite; it is reduced after every success and the last step is a pure Newton
-    step. Convergence is on the true residual alone.
+    step. Convergence is on the true residual alone; on the way there a rough one will do.
     """
     scale = load_scale(model, loads)
     config = model.rest
     history: list[tuple[float, float, float]] = []
     for factor in LOAD_FACTORS:
-        config, damping_used = _descend(model, config, scale_loads(loads, factor), scale)
-        history += [(factor, residual, damping) for residual, damping in damping_used]
-    return Settled(config, assemble(model, config, loads), history[-1][1], tuple(history))
+        config, _, steps = _descend(model, config, scale_loads(loads, factor), scale, ROUGH)
+        history += [(factor, residual, damping) for residual, damping in steps]
+    config, at, steps = _descend(model, config, loads, scale, TOLERANCE)
+    history += [(1.0, residual, damping) for residual, damping in steps]
+    return Settled(config, at, history[-1][1], tuple(history))
 
 
 def scale_loads(loads: Loads, factor: float) -> Loads:
     """Gravity and preloads times ``factor``; stiffnesses as they are."""
     law = SpringLaw(loads.law.preload * factor, loads.law.stiffness, loads.law.length)
-    return Loads(loads.gravity * factor, loads.anchor, loads.attach_point, law)
+    return Loads(loads.gravity * factor, loads.anchor, loads.attach_point, law, loads.mass)
 
 
 def load_scale(model: Model, loads: Loads) -> float:
@@ -94,26 +100,27 @@ def load_scale(model: Model, loads: Loads) -> float:
 
 
 def _descend(
-    model: Model, config: Configuration, loads: Loads, scale: float
-) -> tuple[Configuration, list[tuple[float, float]]]:
-    """The configuration where the descent ends, and (residual, damping) of every iteration."""
+    model: Model, config: Configuration, loads: Loads, scale: float, enough: float
+) -> tuple[Configuration, Assembly, list[tuple[float, float]]]:
+    """Where the descent ends, and (residual, damping) of every iteration."""
     active = static_coordinates(model)
-    mass = mass_matrix(model, config).toarray()
+    mass = mass_matrix(model, config)
+    active_mass = mass[active][:, active]
     at = assemble(model, config, loads)
     damping = 0.0
     history: list[tuple[float, float]] = []
     for _ in range(MAX_ITERATIONS):
         residual = float(_unbalanced(at, active) / scale)
         history.append((residual, damping))
-        if residual < TOLERANCE:
+        if residual < enough:
             break
-        stiffness = at.tangent[active][:, active].toarray()
-        q, damping = _damped_step(stiffness, mass[np.ix_(active, active)], at.gradient[active], damping)
+        stiffness = at.tangent[active][:, active]
+        q, damping = _damped_step(stiffness, active_mass, at.gradient[active], damping)
         better = _shorten(model, config, loads, at, spread(q, active), mass)
         if better is None:
             break
         config, at = better
-    return config, history
+    return config, at, history
 
 
 def _unbalanced(at: Assembly, active: np.ndarray) -> float:
@@ -121,7 +128,7 @@ def _unbalanced(at: Assembly, active: np.ndarray) -> float:
 
 
 def _shorten(
-    model: Model, config: Configuration, loads: Loads, at: Assembly, q: np.ndarray, mass: np.ndarray
+    model: Model, config: Configuration, loads: Loads, at: Assembly, q: np.ndarray, mass: sp.csr_array
 ) -> tuple[Configuration, Assembly] | None:
     """The first of q, q/2, q/4 ... that lowers the energy or the residual; None at rounding level."""
     active = static_coordinates(model)
@@ -135,18 +142,16 @@ def _shorten(
 
 
 def _damped_step(
-    stiffness: np.ndarray, mass: np.ndarray, gradient: np.ndarray, damping: float
+    stiffness: sp.csr_array, mass: sp.csr_array, gradient: np.ndarray, damping: float
 ) -> tuple[np.ndarray, float]:
     """Solve (K + damping M) q = -gradient with the least damping that makes the matrix positive definite."""
-    damping = 0.0 if damping < LEAST_DAMPING else damping / 10.0
+    damping = 0.0 if damping < LEAST_DAMPING else damping / DAMPING_STEP
     while True:
-        try:
-            q = -sla.cho_solve(sla.cho_factor(stiffness + damping * mass), gradient)
-        except sla.LinAlgError:
-            q = None
+        factor = positive_factor(sp.csr_array(stiffness + damping * mass))
+        q = None if factor is None else -factor.solve(gradient)
         if q is not None and np.abs(q).max() < LONGEST_STEP:
             return q, damping
-        damping = max(10.0 * damping, LEAST_DAMPING)
+        damping = max(DAMPING_STEP * damping, LEAST_DAMPING)
 
 
 def spread(q: Float[np.ndarray, " active"], active: Bool[np.ndarray, " coordinate"]) -> np.ndarray:

@@ -7,7 +7,8 @@ from jaxtyping import Float
 
 from middeck.structure.article import JointState
 from middeck.structure.assembly import element_poses
-from middeck.structure.beam import PHI, STRETCH, Y1, Y2, Z1, Z2, beam_deformations, beam_stiffness
+from middeck.structure.beam import beam_deformations, beam_stiffness
+from middeck.structure.beam_kinematics import PHI, STRETCH, Y1, Y2, Z1, Z2
 from middeck.structure.equilibrium import Equilibrium
 from middeck.structure.frames import frame_poses, points_in_world, pose_jacobian
 
@@ -60,7 +61,7 @@ def _element_energy(equilibrium: Equilibrium, changes: np.ndarray) -> Float[np.n
     """By deformation of the element; changes are those of all poses."""
     model = equilibrium.model
     x, T = element_poses(model, equilibrium.config)
-    _, slope = beam_deformations(x, T)
+    _, slope = beam_deformations(model.beams, x, T)
     ends = changes[model.element_ends].reshape(len(x), 12, -1)
     deformation = np.einsum("eia,eam->eim", slope, ends)
     return 0.5 * deformation * np.einsum("eij,ejm->eim", beam_stiffness(model.beams), deformation)

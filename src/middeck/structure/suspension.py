@@ -56,7 +56,7 @@ def environment_loads(model: Model, environment: Environment, tuned: TunedSuspen
     devices = [*_cables(model, environment, tuned), *_ground_springs(model, environment)]
     if not devices:
         none = no_loads()
-        return Loads(environment.gravity, none.anchor, none.attach_point, none.law)
+        return Loads(environment.gravity, none.anchor, none.attach_point, none.law, none.mass)
     attach, anchor, law = zip(*devices, strict=True)
     preload, stiffness, length = np.array(law).T
     return Loads(
@@ -64,6 +64,7 @@ def environment_loads(model: Model, environment: Environment, tuned: TunedSuspen
         np.array(anchor),
         np.array(attach, dtype=int),
         SpringLaw(preload, stiffness, length),
+        np.zeros(len(attach)),
     )
 
 

@@ -1,0 +1,73 @@
+"""Consistent mass of beam elements, rotary and polar inertia included."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Inexact
+
+from middeck.structure.beam import BeamProperties
+from middeck.structure.beam_kinematics import chord
+
+Array = np.ndarray
+
+
+def beam_mass(
+    beams: BeamProperties,
+    x: Inexact[np.ndarray, "element 2 3"],
+    T: Inexact[np.ndarray, "element 2 3 3"],
+) -> Inexact[np.ndarray, "element 12 12"]:
+    """Consistent mass, rotary and polar inertia included, on the current chord.
+
+    The mass per element is that of the undeformed state; the chord's own length makes rigid rotations of a
+    stretched element exact.
+    """
+    e, span = chord(x)
+    y = T[:, 0, :, 1] + T[:, 1, :, 1]
+    y = _unit(y - np.sum(y * e, axis=1)[:, None] * e)
+    frame = np.stack([e, y, np.cross(e, y)], axis=-1)
+    turn = np.einsum("eij,pq->epiqj", frame, np.eye(4)).reshape(-1, 12, 12)
+    return turn @ _local_mass(beams, span) @ np.swapaxes(turn, 1, 2)
+
+
+def _local_mass(beams: BeamProperties, span: Array) -> Array:
+    """Gauss quadrature of shape functions; four points are exact for products of cubics."""
+    points, weights = np.polynomial.legendre.leggauss(4)
+    n = len(span)
+    dtype = np.result_type(span, beams.length, beams.rho_A, beams.rho_I_y, beams.rho_I_z, beams.shear_y)
+    mass = np.zeros((n, 12, 12), dtype)
+    for xi, w in zip(0.5 * (points + 1.0), 0.5 * weights, strict=True):
+        N = np.zeros((n, 6, 12), dtype)  # displacement and rotation fields at the point
+        for axis in (0, 3):
+            N[:, axis, axis], N[:, axis, axis + 6] = 1.0 - xi, xi
+        v, slope = _transverse_shapes(xi, span, beams.shear_y)
+        N[:, 1][:, [1, 5, 7, 11]], N[:, 5][:, [1, 5, 7, 11]] = v, slope
+        v, slope = _transverse_shapes(xi, span, beams.shear_z)
+        sign = np.array([1.0, -1.0, 1.0, -1.0])  # w' = -theta_y
+        N[:, 2][:, [2, 4, 8, 10]], N[:, 4][:, [2, 4, 8, 10]] = v * sign, -slope * sign
+        density = np.stack(
+            [beams.rho_A] * 3 + [beams.rho_I_y + beams.rho_I_z, beams.rho_I_y, beams.rho_I_z], axis=1
+        )
+        mass += (w * beams.length)[:, None, None] * (np.swapaxes(N * density[:, :, None], 1, 2) @ N)
+    return mass
+
+
+def _transverse_shapes(xi: float, L: Array, shear: Array) -> tuple[Array, Array]:
+    """Deflection v and section rotation for (v1, theta1, v2, theta2); cubic for shear = 0 (Friedman 1993)."""
+    f, xi2, xi3 = 1.0 / (1.0 + shear), xi**2, xi**3
+    v = [
+        f * (2 * xi3 - 3 * xi2 - shear * xi + 1 + shear),
+        f * L * (xi3 - (2 + shear / 2) * xi2 + (1 + shear / 2) * xi),
+        f * (-2 * xi3 + 3 * xi2 + shear * xi),
+        f * L * (xi3 - (1 - shear / 2) * xi2 - shear / 2 * xi),
+    ]
+    slope = [
+        f * 6 / L * (xi2 - xi),
+        f * (3 * xi2 - (4 + shear) * xi + 1 + shear),
+        -f * 6 / L * (xi2 - xi),
+        f * (3 * xi2 - (2 - shear) * xi),
+    ]
+    return np.stack(v, axis=1), np.stack(slope, axis=1)
+
+
+def _unit(v: Array) -> Array:
+    return v / np.sqrt(np.sum(v * v, axis=-1, keepdims=True))

@@ -1,0 +1,279 @@
+"""How a beam element sees its two end poses: eight invariants, six deformations, and their derivatives.
+
+The end poses are positions x1, x2 and triads T1 = (t1, t2, t3), T2 = (q1, q2, q3) whose first vectors are the
+section normals. With the chord e = (x2 - x1)/l the invariants are l, the direction cosines a = T1' e and
+b = T2' e, and the twist
+
+    phi = atan2(q2.t3 - q3.t2, q2.t2 + q3.t3),
+
+the twist part of the swing-twist decomposition of T1' T2. The bending rotation of an end against the chord
+is the shortest rotation, angle/sin(angle) times (a3, -a2), exact in the plane for any size; both ends are
+referred to the triad half-way along the twist. After Crisfield 1990 (CMAME 81) and Battini and Pacoste 2002
+(CMAME 191), with invariants in place of an element triad.
+
+The stretch is that of the centre line, chord and bow together: l - L + L/2 (mean of the slope squared); the
+slope being the cubic's, an axial force has its consistent geometric stiffness (Przemieniecki 1968, 15.2).
+
+The chart of an end pose is (dx, theta) with T_new = exp(theta) T; arrays hold one element per row. All of it
+is analytic: complex poses or lengths give derivatives by complex step.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Inexact
+
+from middeck.structure.rotations import skew, symmetric_double_cross
+
+Array = np.ndarray
+# Rows of the invariants and of the deformations.
+LENGTH, A, B, TWIST = 0, slice(1, 4), slice(4, 7), 7
+STRETCH, Y1, Z1, Y2, Z2, PHI = range(6)
+BENDING = slice(1, 5)
+ONE, TWO = slice(3, 6), slice(9, 12)
+
+
+class _Invariants(NamedTuple):
+    value: Array  # (element, 8)
+    slope: Array  # (element, 8, 12)
+    T: Array
+    chord: Array  # unit vector
+    span: Array
+    sine: _Dots
+    cosine: _Dots
+
+
+class _Dots(NamedTuple):
+    """A sum of products u . v with u fixed to end 2 and v to end 1: W = sum u v', its trace, its slope."""
+
+    W: Array
+    value: Array
+    slope: Array
+
+
+class Deformation(NamedTuple):
+    """Deformations (stretch, y1, z1, y2, z2, twist) of each element and what their derivatives need.
+
+    ``slope`` is (element, 6, 12) in the pose coordinates; `geometric_stiffness` takes the rest.
+    """
+
+    value: Array
+    slope: Array
+    invariants: _Invariants
+    first: Array  # (element, 6, 8) in the invariants
+    second: Array  # (element, 6, 8, 8)
+
+
+def deform(
+    length: Inexact[np.ndarray, " element"],
+    bow: Inexact[np.ndarray, "element 4 4"],
+    x: Inexact[np.ndarray, "element 2 3"],
+    T: Inexact[np.ndarray, "element 2 3 3"],
+) -> Deformation:
+    """Deformations of elements of undeformed ``length`` and mean squared slope ``bow`` (see `bowing`)."""
+    s = _invariants(x, T)
+    m, dm, ddm = _bending_and_twist(s.value, np.result_type(s.value, length, bow))
+    m[:, STRETCH] = s.value[:, LENGTH] - length
+    dm[:, STRETCH, LENGTH] = 1.0
+    theta, dtheta, ddtheta = m[:, BENDING], dm[:, BENDING], ddm[:, BENDING]
+    curve = length[:, None, None] * bow
+    pull = (curve @ theta[:, :, None])[:, :, 0]
+    m[:, STRETCH] += 0.5 * _dot(pull, theta)
+    dm[:, STRETCH] += (pull[:, None] @ dtheta)[:, 0]
+    ddm[:, STRETCH] += _transpose(dtheta) @ curve @ dtheta + np.einsum("ek,ekij->eij", pull, ddtheta)
+    return Deformation(m, dm @ s.slope, s, dm, ddm)
+
+
+def bowing(
+    shear_y: Inexact[np.ndarray, " element"], shear_z: Inexact[np.ndarray, " element"]
+) -> Inexact[np.ndarray, "element 4 4"]:
+    """Mean squared slope of the centre line against its chord, a quadratic form in (y1, z1, y2, z2)."""
+    out = np.zeros((len(shear_y), 4, 4), dtype=np.result_type(shear_y, shear_z))
+    for first, shear in ((0, shear_z), (1, shear_y)):
+        extra = shear / 6.0 + shear**2 / 12.0
+        factor = 1.0 / (1.0 + shear) ** 2
+        out[:, first, first] = out[:, first + 2, first + 2] = factor * (2.0 / 15.0 + extra)
+        out[:, first, first + 2] = out[:, first + 2, first] = -factor * (1.0 / 30.0 + extra)
+    return out
+
+
+def geometric_stiffness(
+    deformation: Deformation, force: Inexact[np.ndarray, "element 6"]
+) -> Inexact[np.ndarray, "element 12 12"]:
+    """Second derivative of force . deformation, ``force`` held, in the pose coordinates."""
+    s = deformation.invariants
+    bent = np.einsum("ek,ekij->eij", force, deformation.second)
+    out = np.asarray(_transpose(s.slope) @ bent @ s.slope)
+    weight = np.einsum("ek,eki->ei", force, deformation.first)
+    add_chord_block(out, _wide(weight[:, LENGTH] / s.span) * _across(s.chord))
+    for end, cosines, rotation in ((0, A, ONE), (1, B, TWO)):
+        # Three direction cosines, weighted, are the one of the weighted sum of the triad.
+        vector = (s.T[:, end] @ weight[:, cosines, None])[:, :, 0]
+        add_cosine_hessian(out, s.chord, s.span, vector, rotation)
+    _add_twist_hessian(out, s, weight[:, TWIST])
+    return out
+
+
+def add_cosine_hessian(out: Array, e: Array, span: Array, vector: Array, rotation: slice | None) -> None:
+    """Add the Hessian of e . vector; ``rotation`` are the coordinates that turn the vector, None if fixed."""
+    P = _across(e)
+    c = _dot(e, vector)
+    Pv = vector - c[:, None] * e
+    outer = Pv[:, :, None] * e[:, None, :]
+    add_chord_block(out, -(outer + _transpose(outer) + _wide(c) * P) / _wide(span**2))
+    if rotation is None:
+        return
+    out[:, rotation, rotation] += symmetric_double_cross(e, vector)
+    mixed = skew(vector) @ P / _wide(span)
+    for a, sign in ((0, -1.0), (6, 1.0)):
+        out[:, rotation, a : a + 3] += sign * mixed
+        out[:, a : a + 3, rotation] += sign * _transpose(mixed)
+
+
+def add_chord_block(out: Array, H: Array) -> None:
+    """Add a second derivative in the chord x2 - x1 to both end positions."""
+    for a, sign_a in ((0, -1.0), (6, 1.0)):
+        for b, sign_b in ((0, -1.0), (6, 1.0)):
+            out[:, a : a + 3, b : b + 3] += sign_a * sign_b * H
+
+
+def chord(x: Inexact[np.ndarray, "element 2 3"]) -> tuple[Array, Array]:
+    """Unit vector from end 1 to end 2, and their distance."""
+    along = x[:, 1] - x[:, 0]
+    span = np.sqrt(_dot(along, along))
+    return along / span[:, None], span
+
+
+def _invariants(x: Array, T: Array) -> _Invariants:
+    e, span = chord(x)
+    dtype = np.result_type(x, T)
+    s, ds = np.zeros((len(x), 8), dtype), np.zeros((len(x), 8, 12), dtype)
+    s[:, LENGTH] = span
+    ds[:, LENGTH, 0:3], ds[:, LENGTH, 6:9] = -e, e
+    for end, rows, rotation in ((0, A, ONE), (1, B, TWO)):
+        t = _transpose(T[:, end])  # rows are the triad's vectors
+        s[:, rows] = (t @ e[:, :, None])[:, :, 0]
+        Pt = (t - s[:, rows, None] * e[:, None, :]) / _wide(span)
+        ds[:, rows, 0:3], ds[:, rows, 6:9] = -Pt, Pt
+        ds[:, rows, rotation] = np.cross(t, e[:, None, :])
+    t2, t3, q2, q3 = T[:, 0, :, 1], T[:, 0, :, 2], T[:, 1, :, 1], T[:, 1, :, 2]
+    sine, cosine = _dots((q2, t3, 1.0), (q3, t2, -1.0)), _dots((q2, t2, 1.0), (q3, t3, 1.0))
+    s[:, TWIST] = arctan2(sine.value, cosine.value)
+    r2 = sine.value**2 + cosine.value**2
+    ds[:, TWIST] = _tall(cosine.value / r2) * sine.slope - _tall(sine.value / r2) * cosine.slope
+    return _Invariants(s, ds, T, e, span, sine, cosine)
+
+
+def _dots(*terms: tuple[Array, Array, float]) -> _Dots:
+    W = np.sum([sign * (u[:, :, None] * v[:, None, :]) for u, v, sign in terms], axis=0)
+    moment = np.sum([sign * np.cross(u, v) for u, v, sign in terms], axis=0)
+    slope = np.zeros((len(W), 12), dtype=W.dtype)
+    slope[:, TWO], slope[:, ONE] = moment, -moment
+    return _Dots(W, np.trace(W, axis1=1, axis2=2), slope)
+
+
+def _add_twist_hessian(out: Array, s: _Invariants, weight: Array) -> None:
+    """Of weight * atan2(sine, cosine)."""
+    S, C = s.sine, s.cosine
+    r2 = S.value**2 + C.value**2
+    W = _wide(weight * C.value / r2) * S.W - _wide(weight * S.value / r2) * C.W
+    trace = _wide(np.trace(W, axis1=1, axis2=2)) * np.eye(3)
+    same = 0.5 * (W + _transpose(W)) - trace
+    out[:, ONE, ONE] += same
+    out[:, TWO, TWO] += same
+    out[:, TWO, ONE] += trace - _transpose(W)
+    out[:, ONE, TWO] += trace - W
+    f_SS = -2.0 * weight * S.value * C.value / r2**2
+    f_SC = weight * (S.value**2 - C.value**2) / r2**2
+    left = _tall(f_SS) * S.slope + _tall(f_SC) * C.slope
+    right = _tall(f_SC) * S.slope - _tall(f_SS) * C.slope
+    out += S.slope[:, :, None] * left[:, None, :] + C.slope[:, :, None] * right[:, None, :]
+
+
+def _bending_and_twist(s: Array, dtype: np.dtype) -> tuple[Array, Array, Array]:
+    """Deformations but the stretch (element, 6), with first and second derivatives in the invariants."""
+    n = len(s)
+    m, dm, ddm = np.zeros((n, 6), dtype), np.zeros((n, 6, 8), dtype), np.zeros((n, 6, 8, 8), dtype)
+    m[:, PHI], dm[:, PHI, TWIST] = s[:, TWIST], 1.0
+    for first, half, (iy, iz) in ((1, 0.5, (Y1, Z1)), (4, -0.5, (Y2, Z2))):
+        f, df, ddf = _angle_over_sine(s[:, first])
+        c2, c3 = s[:, first + 1], s[:, first + 2]
+        cos, sin = np.cos(half * s[:, TWIST]), np.sin(half * s[:, TWIST])
+        # y = f h with h = cos c3 - sin c2, z = f g with g = -(sin c3 + cos c2); dh/dtwist = half g.
+        h, g = cos * c3 - sin * c2, -(sin * c3 + cos * c2)
+        for row, value, turned, (d2, d3), (e2, e3) in (
+            (iy, h, half * g, (-sin, cos), (-half * cos, -half * sin)),
+            (iz, g, -half * h, (-cos, -sin), (half * sin, -half * cos)),
+        ):
+            m[:, row] = f * value
+            dm[:, row, first] = df * value
+            dm[:, row, first + 1], dm[:, row, first + 2] = f * d2, f * d3
+            dm[:, row, TWIST] = f * turned
+            ddm[:, row, first, first] = ddf * value
+            ddm[:, row, TWIST, TWIST] = -f * half**2 * value
+            for a, b, value_ab in (
+                (first, first + 1, df * d2),
+                (first, first + 2, df * d3),
+                (first, TWIST, df * turned),
+                (first + 1, TWIST, f * e2),
+                (first + 2, TWIST, f * e3),
+            ):
+                ddm[:, row, a, b] = ddm[:, row, b, a] = value_ab
+    return m, dm, ddm
+
+
+def _angle_over_sine(c: Array) -> tuple[Array, Array, Array]:
+    """f = acos(c)/sqrt(1 - c^2) and two derivatives, smooth through c = 1.
+
+    (1 - c^2) f' = c f - 1; hence the series in x = 1 - c has a_n = n/(2n + 1) a_(n-1).
+    """
+    x = 1.0 - c
+    near = np.real(x) < 0.2
+    f, df, ddf = np.zeros_like(c), np.zeros_like(c), np.zeros_like(c)
+    a = 1.0
+    xn = x[near]
+    for n in range(24):  # 0.1^24: below rounding
+        if n:
+            a *= n / (2.0 * n + 1.0)
+        f[near] += a * xn**n
+        df[near] -= n * a * xn ** max(n - 1, 0)
+        ddf[near] += n * (n - 1) * a * xn ** max(n - 2, 0)
+    far = ~near
+    cf = c[far]
+    q = 1.0 - cf**2
+    f[far] = arctan2(np.sqrt(q), cf) / np.sqrt(q)
+    df[far] = (cf * f[far] - 1.0) / q
+    ddf[far] = (f[far] + 3.0 * cf * df[far]) / q
+    return f, df, ddf
+
+
+def arctan2(y: Array, x: Array) -> Array:
+    """The angle of (x, y), analytic: an imaginary part is taken to first order, as complex step needs."""
+    a, b = np.real(y), np.real(x)
+    angle = np.arctan2(a, b)
+    if not (np.iscomplexobj(y) or np.iscomplexobj(x)):
+        return angle
+    return angle + 1j * (b * np.imag(y) - a * np.imag(x)) / (a**2 + b**2)
+
+
+def _dot(a: Array, b: Array) -> Array:
+    return np.einsum("ei,ei->e", a, b)
+
+
+def _transpose(a: Array) -> Array:
+    return np.swapaxes(a, -1, -2)
+
+
+def _across(e: Array) -> Array:
+    """Projection normal to unit vectors."""
+    return np.eye(3) - e[:, :, None] * e[:, None, :]
+
+
+def _wide(a: Array) -> Array:
+    return a[:, None, None]
+
+
+def _tall(a: Array) -> Array:
+    return a[:, None]

@@ -1,0 +1,135 @@
+"""Natural modes of a symmetric pair, all of them (dense) or the lowest few (sparse).
+
+Both solve M phi = mu (K + sigma M) phi. The direct problem leaves rounding of 1e-16 times the largest omega^2
+(1e13 here) on the smallest; its inverse is accurate where the interest lies (Parlett 1980, section 15).
+Motions without mass have mu = 0 and are left out.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy.linalg as sla
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+from jaxtyping import Float
+
+from middeck.errors import NumericalError
+from middeck.structure.factorisation import Factor, factorise, order, positive_factor
+
+# A mode is rigid whose energy is below this part of the sum of the absolute terms that cancel in it. Rounding
+# leaves 1e-17 on the two articles; a 0.02 Hz restraint on them leaves 1e-10.
+ROUNDING = 1e-14
+# Shifts tried, each ten times the one before, until K + sigma M is positive definite.
+SHIFTS = 20
+# Modes sought beyond those asked for: among them the Sturm count looks for the widest gap.
+SPARE = 8
+SEED = 1993
+
+
+class Eigenpairs(NamedTuple):
+    """Ascending lambda = omega^2, mass-normalised shapes in columns, and the rounding of each lambda."""
+
+    lam: Float[np.ndarray, " mode"]
+    shapes: Float[np.ndarray, "n mode"]
+    noise: Float[np.ndarray, " mode"]
+
+
+def solve_all(K: sp.csr_array, M: sp.csr_array) -> Eigenpairs | None:
+    """Every mode of finite frequency; None where a massless motion has no stiffness either."""
+    dense, mass = K.toarray(), M.toarray()
+    sigma = _least_shift(K, M, 1e-9)
+    for _ in range(SHIFTS):
+        try:
+            mu, phi = sla.eigh(mass, dense + sigma * mass)
+        except sla.LinAlgError:  # an unstable state: shift beyond its growth rate
+            sigma *= 10.0
+            continue
+        moved = mu > len(mu) * np.finfo(float).eps * mu[-1]
+        return _refine(K, M, 1.0 / mu[moved][::-1] - sigma, phi[:, moved][:, ::-1], sigma)
+    return None
+
+
+def solve_lowest(K: sp.csr_array, M: sp.csr_array, count: int) -> Eigenpairs | None:
+    """The ``count`` lowest modes by shifted and inverted Lanczos iteration, none left out.
+
+    A Sturm count (a second factorisation, between two modes) proves that none is missing: Lanczos iteration
+    with one vector may overlook one of a cluster. Raises `NumericalError` where it still does after a second
+    start.
+    """
+    sigma = _least_shift(K, M, 1e-12)
+    for _ in range(SHIFTS):
+        factor = positive_factor(sp.csr_array(K + sigma * M))
+        if factor is not None:
+            break
+        sigma *= 10.0
+    else:
+        return None
+    wanted = min(count + SPARE, order(K) - 2)
+    for attempt in (1, 2):
+        pairs = _lanczos(K, M, factor, sigma, wanted, attempt)
+        if _count_below(K, M, pairs.lam, count):
+            return Eigenpairs(pairs.lam[:count], pairs.shapes[:, :count], pairs.noise[:count])
+    raise NumericalError(
+        f"the iteration for the {count} lowest modes leaves some out",
+        hint="ask for a few modes more, or for all of them (count=None) if the model is small",
+    )
+
+
+def count_zero(K: sp.csr_array, M: sp.csr_array) -> int:
+    """Number of modes whose omega^2 is zero but for rounding, by a Sturm count just above zero."""
+    shift = 1e-12 * _largest_ratio(K, M) or 1.0
+    factor = factorise(sp.csr_array(K - shift * M))
+    if factor is None or factor.negative < 0:
+        raise NumericalError(
+            "the number of rigid-body modes could not be counted",
+            hint="a motion without mass or stiffness? ask for all modes (count=None) of a coarser mesh",
+        )
+    return factor.negative
+
+
+def _largest_ratio(K: sp.csr_array, M: sp.csr_array) -> float:
+    return float(np.abs(K.diagonal()).max() / np.abs(M.diagonal()).max())
+
+
+def _least_shift(K: sp.csr_array, M: sp.csr_array, part: float) -> float:
+    return part * _largest_ratio(K, M) + 1.0
+
+
+def _lanczos(
+    K: sp.csr_array, M: sp.csr_array, factor: Factor, sigma: float, count: int, attempt: int
+) -> Eigenpairs:
+    inverse = spla.LinearOperator((order(K), order(K)), matvec=factor.solve, dtype=float)  # pyright: ignore[reportCallIssue]
+    start = np.random.default_rng(SEED + attempt).standard_normal(order(K))
+    lam, phi = spla.eigsh(
+        K,
+        k=count,
+        M=M,
+        sigma=-sigma,
+        OPinv=inverse,
+        v0=start,
+        ncv=min(order(K), (1 + attempt) * count),
+        maxiter=50 * count,
+    )
+    ascending = np.argsort(lam)
+    return _refine(K, M, lam[ascending], phi[:, ascending], sigma)
+
+
+def _refine(K: sp.csr_array, M: sp.csr_array, lam: np.ndarray, phi: np.ndarray, sigma: float) -> Eigenpairs:
+    phi = phi / np.sqrt(np.einsum("im,im->m", phi, M @ phi))
+    size = np.einsum("im,im->m", np.abs(phi), abs(K) @ np.abs(phi))
+    # The inverse rounds to eps lam^2 / sigma, the Rayleigh quotient to eps size: take the finer.
+    high = lam**2 > sigma * size
+    lam[high] = np.einsum("im,im->m", phi[:, high], K @ phi[:, high])
+    return Eigenpairs(lam, phi, ROUNDING * (size + sigma))
+
+
+def _count_below(K: sp.csr_array, M: sp.csr_array, lam: np.ndarray, count: int) -> bool:
+    """Whether the modes below the widest gap at or after number ``count`` are all there are."""
+    if len(lam) <= count:
+        return True  # the list ends with the last mode that there is
+    gap = np.diff(lam[count - 1 :])
+    last = count - 1 + int(np.argmax(gap))
+    factor = factorise(sp.csr_array(K - 0.5 * (lam[last] + lam[last + 1]) * M))
+    return factor is not None and factor.negative == last + 1
