@@ -18,6 +18,7 @@ from middeck.structure.evaluation import (
 )
 from middeck.structure.measured_modes import MeasuredModes, MeasurementNoise, sensor_rows
 from middeck.structure.modes import Modes
+from middeck.structure.naming import HALF
 from middeck.structure.pass_probability import (
     CorrectModel,
     Probability,
@@ -196,7 +197,7 @@ def _model(
     channels = len(measured.node)
     shape = np.asarray(rows @ modes.shapes[:, index])
     significant = np.any(effective.fraction[index] > profile.significant_fraction, axis=1)
-    flexible = np.array([modes.kind[i] == "flexible" for i in index], dtype=bool)
+    flexible = modes.strain_share[index] > HALF
     hz = modes.frequency_hz[index]
     first = Candidates(hz, shape, np.eye(channels), significant, flexible)
     pairs = evaluate_shapes(first, measured.frequency_hz, measured.shape).pairs

@@ -28,8 +28,8 @@ WINDOW = 2.0
 class Candidates:
     """The model at the channels: the modes that a measured one may be paired with.
 
-    ``significant`` says which have more effective mass than the profile's part, ``flexible`` which are not
-    suspension modes.
+    ``significant`` says which have more effective mass than the profile's part, ``flexible`` which have more
+    than half of their potential energy in strain: what holds an article may be stiff, so rank will not do.
     """
 
     frequency_hz: Float[np.ndarray, " candidate"]

@@ -1,0 +1,251 @@
+"""``middeck correlate``: a model against measured modes, judged by a profile of criteria."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from middeck.cli import options
+from middeck.cli.screen import Table, show
+
+if TYPE_CHECKING:
+    from middeck.structure.correlation import Correlation, Finding
+
+EPILOG = """\
+\b
+Examples:
+  middeck correlate articles/mace-simple.toml \\
+    data/virtual-survey/mace-simple-lab.json
+  middeck correlate articles/mace-simple.toml \\
+    data/virtual-survey/mace-simple-lab.json \\
+    --profile orion-adequate --reduction guyan --json
+"""
+# As in structure/profiles.py and reduction.py, which --help must not import; a test holds them together.
+PROFILES = ("ecss-e-st-32-11c", "nasa-std-5002", "smc-s-004", "orion-well", "orion-adequate", "coppolino")
+REDUCTIONS = ("serep", "guyan", "irs")
+SHOWN = 6
+
+
+@click.command("correlate", epilog=EPILOG)
+@options.article
+@click.argument("test", metavar="MODES.json")
+@options.environment
+@click.option(
+    "--profile",
+    type=click.Choice(PROFILES),
+    default=PROFILES[0],
+    show_default=True,
+    metavar="NAME",
+    help=f"Criteria: {', '.join(PROFILES)}.",
+)
+@click.option(
+    "--reduction",
+    type=click.Choice(REDUCTIONS),
+    default=REDUCTIONS[0],
+    show_default=True,
+    help="How the mass is brought to the sensors.",
+)
+@click.option(
+    "--noise",
+    type=options.Numbers(2),
+    metavar="F,S",
+    help="Standard deviations of frequencies and shapes, relative.  [default: as the test states]",
+)
+@click.option(
+    "--runs",
+    type=click.IntRange(min=1),
+    default=1000,
+    show_default=True,
+    help="Noisy tests of a correct model.",
+)
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the noise.")
+@click.option("--require", is_flag=True, help="End with exit code 1 if the model does not pass.")
+@options.common
+def verb(
+    article: str,
+    test: str,
+    environment: str,
+    profile: str,
+    reduction: str,
+    noise: tuple[float, float] | None,
+    runs: int,
+    seed: int,
+    require: bool,
+    overrides: tuple[str, ...],
+    as_json: bool,
+) -> None:
+    """Judge the modes of ARTICLE by measured ones.
+
+    Frequency error, cross- and self-orthogonality, MAC, COMAC, effective mass; each criterion of the profile
+    with the probability that a correct model would meet it, given the noise of the test.
+    """
+    import numpy as np
+
+    from middeck.cli.blame import reading
+    from middeck.cli.cases import solve_case
+    from middeck.files.measured_modes import load_measured_modes
+    from middeck.structure.correlation import correlate_modes
+    from middeck.structure.measured_modes import MeasurementNoise
+    from middeck.structure.profiles import find_profile
+    from middeck.structure.reduction import Reduction
+
+    measured = load_measured_modes(test)
+    given = None if noise is None else MeasurementNoise(*noise)
+    modes = solve_case(article, environment, overrides)
+    with reading(test):
+        found = correlate_modes(
+            modes,
+            measured,
+            find_profile(profile),
+            rng=np.random.default_rng(seed),
+            noise=given,
+            reduction=Reduction(reduction),
+            runs=runs,
+        )
+    document = {**describe(found), "seed": seed, "test": test}
+    show(as_json, document, *_tables(document))
+    if require and not found.passed:
+        click.get_current_context().exit(1)
+
+
+def describe(found: Correlation) -> dict[str, Any]:
+    """The JSON document; matrices have a row for each mode of the model, a column for each measured one."""
+    modes, measured, judged = found.modes, found.measured, found.evaluation
+    ours, theirs = found.pairs.T
+    return {
+        "schema": "middeck.correlate/1",
+        "article": modes.equilibrium.model.structure.title,
+        "environment": modes.equilibrium.environment.title,
+        "profile": found.profile.name,
+        "profile_title": found.profile.title,
+        "passed": found.passed,
+        "probability_of_a_correct_model": _probability(found.probability),
+        "criteria": [_criterion(f) for f in found.findings],
+        "pairs": found.pairs,
+        "name": [modes.name[i] for i in ours],
+        "frequency_hz": modes.frequency_hz[ours],
+        "measured_hz": measured.frequency_hz[theirs],
+        "frequency_error": judged.frequency_error,
+        "pair_mac": judged.mac[judged.pairs[:, 0], theirs],
+        "cross_orthogonality": judged.cross_orthogonality,
+        "self_orthogonality": judged.self_orthogonality,
+        "mac": judged.mac,
+        "mac_modes": found.candidates,
+        "comac": dict(zip(measured.channels, judged.comac, strict=True)),
+        "phase_collinearity": found.phase_collinearity,
+        "effective_mass_fraction": found.effective_mass.fraction[ours],
+        "effective_mass_sum": found.effective_mass.completeness,
+        "rigid_mass": found.effective_mass.rigid,
+        "reduction": found.reduced.reduction,
+        "sensor_condition": found.reduced.condition,
+        "unpaired": found.unpaired,
+        "unmeasured": found.unmeasured,
+        "warnings": (*modes.warnings, *found.warnings),
+    }
+
+
+def _probability(probability: Any) -> dict[str, Any]:
+    low, high = probability.interval
+    counts = {"passed": probability.passed, "runs": probability.runs}
+    return {"value": probability.value, "low_95": low, "high_95": high, **counts}
+
+
+def _criterion(finding: Finding) -> dict[str, Any]:
+    criterion = finding.criterion
+    return {
+        "quantity": criterion.quantity,
+        "group": criterion.group,
+        "limit": criterion.limit,
+        "limit_is": "largest" if criterion.quantity.has_upper_limit else "smallest",
+        "source": criterion.source,
+        "status": criterion.status,
+        "recalled": criterion.recalled,
+        "items": finding.items,
+        "values": finding.values,
+        "worst": finding.worst,
+        "passed": finding.passed,
+        "probability_of_a_correct_model": _probability(finding.probability),
+        "expected_of_a_correct_model": finding.expected,
+    }
+
+
+def _tables(document: dict[str, Any]) -> list[str | Table]:
+    overall = document["probability_of_a_correct_model"]
+    criteria = document["criteria"]
+    marks = sorted({f"[R] = {c['status']}" for c in criteria if c["recalled"]})
+    return [
+        f"article      {document['article']}",
+        f"environment  {document['environment']}",
+        f"profile      {document['profile']}: {document['profile_title']}",
+        f"sensors      condition {document['sensor_condition']:.3g}; mass by {document['reduction'].value}",
+        f"verdict      {'passes' if document['passed'] else 'does not pass'}",
+        f"a correct model would pass with probability {_interval(overall)} in {overall['runs']} runs",
+        _pairs(document),
+        Table(
+            "criteria",
+            ["criterion", "limit", "worst", "met", "a correct model meets it", "and shows"],
+            [_criterion_row(c) for c in criteria],
+        ),
+        *marks,
+        _effective(document),
+        _comac(document["comac"]),
+    ]
+
+
+def _interval(p: dict[str, Any]) -> str:
+    return f"{p['value']:.3f} ({p['low_95']:.3f} to {p['high_95']:.3f})"
+
+
+def _pairs(document: dict[str, Any]) -> Table:
+    from middeck.structure.assurance import largest_other
+
+    cross, themselves = document["cross_orthogonality"], document["self_orthogonality"]
+    others, own = largest_other(cross), largest_other(themselves)
+    rows = [
+        [
+            str(i),
+            f"{document['measured_hz'][p]:.4f}",
+            f"{document['frequency_hz'][p]:.4f}",
+            f"{100.0 * document['frequency_error'][p]:+.2f}",
+            f"{document['pair_mac'][p]:.4f}",
+            f"{cross[p, p]:.4f}",
+            f"{others[p]:.4f}",
+            f"{own[j]:.4f}",
+            document["name"][p],
+        ]
+        for p, (i, j) in enumerate(document["pairs"])
+    ]
+    headers = ["", "test Hz", "model Hz", "error %", "MAC", "cross", "off", "self off", "name"]
+    return Table("pairs", headers, rows)
+
+
+def _criterion_row(c: dict[str, Any]) -> list[str]:
+    sign = "<=" if c["limit_is"] == "largest" else ">="
+    mark = " [R]" if c["recalled"] else ""
+    shows = c["expected_of_a_correct_model"]
+    return [
+        f"{c['quantity'].value}, {c['group'].value}",
+        f"{sign} {c['limit']:g}{mark}",
+        "no mode" if c["worst"] is None else f"{c['worst']:.4f}",
+        "-" if c["worst"] is None else "yes" if c["passed"] else "NO",
+        _interval(c["probability_of_a_correct_model"]),
+        "" if shows is None else f"{shows[0]:.4f} to {shows[2]:.4f}",
+    ]
+
+
+def _effective(document: dict[str, Any]) -> Table:
+    rows = [
+        [name, *(f"{100.0 * part:.2f}" for part in parts)]
+        for name, parts in zip(
+            [*document["name"], "sum over all modes"],
+            [*document["effective_mass_fraction"], document["effective_mass_sum"]],
+            strict=True,
+        )
+    ]
+    return Table("effective mass, % of the rigid article", ["", "x", "y", "z", "rx", "ry", "rz"], rows)
+
+
+def _comac(comac: dict[str, float]) -> Table:
+    lowest = sorted(comac.items(), key=lambda item: item[1])[:SHOWN]
+    return Table("lowest COMAC", ["channel", "COMAC"], [[name, f"{value:.4f}"] for name, value in lowest])

@@ -1,0 +1,114 @@
+"""Measured modes as JSON: what a modal survey hands over, one document a test."""
+
+from __future__ import annotations
+
+import json
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+
+from middeck.errors import DataError
+from middeck.files.json_output import write_json
+from middeck.structure.measured_modes import MeasuredModes
+
+MEASURED_SCHEMA = "middeck.measured-modes/1"
+REQUIRED = ("frequency_hz", "damping", "node", "direction", "shape")
+OPTIONAL = ("frequency_std_hz", "damping_std", "shape_std")
+
+
+def load_measured_modes(path: str | Path) -> MeasuredModes:
+    """The measured modes in the JSON file ``path`` (docs/reference/files.md).
+
+    Raises `DataError`, naming file and key, if it is missing, empty, truncated, of another schema, incomplete
+    or inconsistent, if a key is unknown, or if a number is not finite or out of range.
+    """
+    data = _read(path)
+    _check_keys(data, str(path))
+    values = {k: _numbers(data[k], f"{path}, {k}") for k in ("frequency_hz", "damping")}
+    values |= {k: _numbers(data[k], f"{path}, {k}") for k in OPTIONAL if data.get(k) is not None}
+    shape = _shape(data["shape"], f"{path}, shape")
+    names = {k: _texts(data[k], f"{path}, {k}") for k in ("node", "direction")}
+    try:
+        return MeasuredModes(**values, **names, shape=shape)  # pyright: ignore[reportArgumentType]
+    except DataError as error:
+        raise DataError(error.what, where=str(path), hint=error.hint) from None
+    except ValueError as error:
+        advice = "one value for each mode, one row of shapes for each channel"
+        raise DataError(str(error), where=str(path), hint=advice) from None
+
+
+def write_measured_modes(path: str | Path, measured: MeasuredModes) -> None:
+    """Write ``measured`` whole or not at all; a real shape as rows of numbers, a complex one as re and im."""
+    shape = np.real(measured.shape) if measured.is_real else measured.shape
+    stated = {k: v for k in OPTIONAL if (v := getattr(measured, k)) is not None}
+    required = {k: getattr(measured, k) for k in REQUIRED} | {"shape": shape}
+    write_json(path, {"schema": MEASURED_SCHEMA, **required, **stated})
+
+
+def _read(path: str | Path) -> dict[str, Any]:
+    where = str(path)
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except OSError as error:
+        raise DataError(f"cannot be read: {error.strerror}", where=where, hint="check the path") from None
+    except UnicodeDecodeError:
+        raise DataError("not UTF-8 text", where=where, hint="measured modes are a JSON file") from None
+    if not text.strip():
+        raise DataError("the file is empty", where=where, hint="write it again")
+    try:
+        data = json.loads(text)
+    except json.JSONDecodeError as error:
+        what = f"truncated or not JSON: {error.msg}"
+        raise DataError(what, where=f"{path}:{error.lineno}", hint="write it again") from None
+    schema = cast("dict[str, Any]", data).get("schema") if isinstance(data, dict) else None
+    if schema != MEASURED_SCHEMA:
+        raise DataError(
+            f"schema is {schema!r}, this reader knows {MEASURED_SCHEMA!r}",
+            where=where,
+            hint="docs/reference/files.md describes it",
+        )
+    return cast("dict[str, Any]", data)
+
+
+def _check_keys(data: dict[str, Any], where: str) -> None:
+    known = ("schema", *REQUIRED, *OPTIONAL)
+    missing = [k for k in REQUIRED if k not in data]
+    if missing:
+        raise DataError(f"keys missing: {', '.join(missing)}", where=where, hint="add them")
+    for key in data:
+        if key not in known:
+            near = get_close_matches(key, known, 1)
+            hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
+            raise DataError(f"unknown key {key!r}", where=where, hint=hint)
+
+
+def _shape(value: Any, where: str) -> np.ndarray:
+    if not isinstance(value, dict):
+        return _numbers(value, where)
+    parts = cast("dict[str, Any]", value)
+    if set(parts) != {"re", "im"}:
+        raise DataError(
+            f"keys {', '.join(map(str, parts))}", where=where, hint='rows, or {"re", "im"} of rows'
+        )
+    re, im = (_numbers(parts[part], f"{where}.{part}") for part in ("re", "im"))
+    if re.shape != im.shape:
+        raise DataError(f"re has shape {re.shape}, im {im.shape}", where=where, hint="one im for each re")
+    return re + 1j * im
+
+
+def _numbers(value: Any, where: str) -> np.ndarray:
+    try:
+        array = np.array(value, dtype=float)
+    except (TypeError, ValueError):
+        raise DataError("not an array of numbers", where=where, hint="rows of equal length") from None
+    if not np.isfinite(array).all():
+        raise DataError("a number is not finite", where=where, hint="leave that mode or channel out")
+    return array
+
+
+def _texts(value: Any, where: str) -> tuple[str, ...]:
+    if not isinstance(value, list) or not all(isinstance(v, str) for v in cast("list[Any]", value)):
+        raise DataError("not a list of texts", where=where, hint="one name for each channel")
+    return tuple(cast("list[str]", value))
