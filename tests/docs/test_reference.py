@@ -35,6 +35,8 @@ FORMS: list[type[Form]] = [
     article_form.ActuatorForm,
     article_form.SensorForm,
     article_form.DampingForm,
+    article_form.DamperForm,
+    article_form.DampingTableForm,
     environment_form.EnvironmentForm,
     environment_form.ConstantsForm,
     environment_form.CablesForm,

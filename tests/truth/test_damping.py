@@ -165,8 +165,9 @@ def test_energy_held_by_gravity_is_not_lost():
     strain = np.minimum(found.zeta / (0.5 * eta), 1.0)
     np.testing.assert_allclose(strain, modes.strain_share, atol=1e-12)  # another order of sums
     assert 0.0 < found.zeta.max() / (0.5 * eta) - 1.0 < 1e-4
-    assert found.zeta[:6].max() < 1e-3 * eta  # what gravity and cables hold keeps its energy
-    assert found.zeta[6:8] == pytest.approx(0.5 * eta, rel=0.01)  # bending of a member that carries 40 N
+    # What gravity and cables hold keeps its energy to a part in hundreds; bending loses nearly all it should.
+    assert found.zeta[:6].max() < 0.005 * 0.5 * eta
+    assert found.zeta[6:].min() > 0.9 * 0.5 * eta
 
 
 # Devices

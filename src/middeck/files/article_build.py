@@ -12,19 +12,22 @@ from middeck.files.article_form import (
     NodeForm,
     RevoluteForm,
     SectionForm,
+    SensorForm,
     StrutForm,
 )
+from middeck.files.damping_build import build_damping
 from middeck.structure.article import (
     Actuator,
+    ActuatorKind,
     AttachPoint,
     Body,
-    Damping,
     Joint,
     JointState,
     Member,
     Node,
     Section,
     Sensor,
+    SensorKind,
     Spring,
     Structure,
 )
@@ -36,10 +39,9 @@ def build_structure(form: ArticleForm) -> Structure:
     """The value that a valid form describes; ports are those of `default_ports` and the listed ones."""
     nodes = tuple(_node(n) for n in form.node)
     actuators, sensors = default_ports(form)
-    listed_a = tuple(Actuator(a.name, a.frame, _unit(a.axis)) for a in form.actuator)
-    listed_s = tuple(
-        Sensor(s.name, s.frame, _unit(s.axis), (s.axis_frame or s.frame) if s.axis else "")
-        for s in form.sensor
+    listed_a = tuple(
+        Actuator(a.name, a.frame, _unit(a.axis), ActuatorKind(a.kind), np.array(a.offset_m))
+        for a in form.actuator
     )
     return Structure(
         title=form.title or form.name,
@@ -52,9 +54,15 @@ def build_structure(form: ArticleForm) -> Structure:
         ),
         attach_points=_attach_points(form),
         actuators=(*actuators, *listed_a),
-        sensors=(*sensors, *listed_s),
-        damping=Damping(form.damping.flexible, form.damping.suspension, form.damping.rigid),
+        sensors=(*sensors, *(_sensor(s) for s in form.sensor)),
+        damping=build_damping(form),
     )
+
+
+def _sensor(form: SensorForm) -> Sensor:
+    axis_frame = (form.axis_frame or form.frame) if form.axis else ""
+    kind = SensorKind(form.kind)
+    return Sensor(form.name, form.frame, _unit(form.axis), axis_frame, kind, np.array(form.offset_m))
 
 
 def default_ports(form: ArticleForm) -> tuple[tuple[Actuator, ...], tuple[Sensor, ...]]:

@@ -13,6 +13,7 @@ from typing import Any, cast
 import numpy as np
 
 from middeck.files.article_form import GimbalForm, NodeForm, RevoluteForm
+from middeck.files.damping_checks import damping_findings
 from middeck.files.faults import Finding, nearest, show
 from middeck.files.form import inertia_matrix
 from middeck.files.shapes import keys_of
@@ -23,6 +24,7 @@ Table = dict[str, Any]
 TUBE_KEYS = ("outer_diameter_m", "inner_diameter_m", "shear")
 STIFFNESS_KEYS = ("EA_n", "GJ_nm2", "EI_y_nm2", "EI_z_nm2", "rho_A_kg_per_m")
 GENERAL_KEYS = (*STIFFNESS_KEYS, "GA_y_n", "GA_z_n", "rho_I_y_kg_m", "rho_I_z_kg_m")
+AT_POINT = {"force": "a force", "accelerometer": "an accelerometer"}
 FORMS = {"node": NodeForm, "gimbal": GimbalForm, "revolute": RevoluteForm}
 # Decimal input of a flat body meets the triangle inequality with equality only to rounding.
 ROUNDING = 1e-9
@@ -38,8 +40,10 @@ def article_findings(data: Table) -> list[Finding]:
         *_unconnected(data),
         *_bodies(data),
         *_axes(data),
+        *_ports(data),
         *_attach(data),
         *_cycles(data),
+        *damping_findings(data, _damped_names(data)),
     ]
 
 
@@ -73,6 +77,18 @@ def attach_names(data: Table) -> list[str]:
     """Names of the attach points: the suspension's nodes and the listed ones."""
     listed = [str(t["name"]) for _, t in tables(data, "attach") if "name" in t]
     return [*map(str, _suspension_array(data, "nodes")), *listed]
+
+
+def _damped_names(data: Table) -> dict[str, list[str]]:
+    """What may be damped, by the key that names it."""
+    springs = [str(t.get("name", f"{t.get('from')}-{t.get('to')}")) for _, t in tables(data, "spring")]
+    return {
+        "joint": joint_names(data),
+        "spring": springs,
+        "attach": attach_names(data),
+        "material": list(named_tables(data, "material")),
+        "section": list(named_tables(data, "section")),
+    }
 
 
 def _suspension_array(data: Table, key: str) -> list[Any]:
@@ -166,7 +182,8 @@ def _references(data: Table) -> Iterator[Finding]:
                 yield from _unknown((table, i, key), t[key], known, kind)
     for table in ("actuator", "sensor"):
         for i, t in tables(data, table):
-            known, kind = (frames, "frame") if "axis" in t else (joints, "joint (or give an axis)")
+            anywhere = "axis" in t or t.get("kind") in AT_POINT
+            known, kind = (frames, "frame") if anywhere else (joints, "joint (or give an axis)")
             yield from _unknown((table, i, "frame"), t.get("frame"), known, kind)
     for i, name in enumerate(_suspension_array(data, "nodes")):
         yield from _unknown(("suspension", "nodes", i), name, frames, "frame")
@@ -260,6 +277,21 @@ def _axes(data: Table) -> Iterator[Finding]:
     for table, middles in (("gimbal", ("_x", "_z")), ("revolute", ("",))):
         for (i, t), middle in itertools.product(tables(data, table), middles):
             yield from _axis_state((table, i), t, middle)
+
+
+def _ports(data: Table) -> Iterator[Finding]:
+    """A force or an accelerometer stands at a point and has an axis there; a torque or an angle does not."""
+    for table in ("actuator", "sensor"):
+        for i, t in tables(data, table):
+            kind = t.get("kind")
+            if kind in AT_POINT and "axis" not in t:
+                yield Finding((table, i, "axis"), f"missing; {AT_POINT[kind]} needs one")
+            if kind not in AT_POINT and "offset_m" in t:
+                message = "a torque or an angle is the same all over its frame: it has no offset"
+                yield Finding((table, i, "offset_m"), message, show(t["offset_m"]))
+            if kind == "accelerometer" and t.get("axis_frame", t.get("frame")) != t.get("frame"):
+                message = "an accelerometer's axis is fixed to its own frame"
+                yield Finding((table, i, "axis_frame"), message, show(t["axis_frame"]), "leave it out")
 
 
 def _axis_state(path: Path, t: Table, middle: str) -> Iterator[Finding]:

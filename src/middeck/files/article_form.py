@@ -9,6 +9,7 @@ from pydantic import Field
 from middeck.files.form import Finite, Form, Inertia, Name, NotNegative, Positive, Vector, whole, within
 
 State = Literal["free", "sprung", "locked", "driven"]
+Ratio = Annotated[float, within(least=0.0, below=1.0)]
 ORIGIN = (0.0, 0.0, 0.0)
 
 
@@ -136,28 +137,62 @@ class SuspensionForm(Form):
 
 
 class ActuatorForm(Form):
-    """A torque on a frame about its ``axis``; without an axis, the torque of a joint."""
+    """A torque on a frame about its ``axis``, or a force; without an axis, the torque of a joint."""
 
     name: Name
     frame: str
     axis: Vector | None = None
+    kind: Literal["torque", "force"] = "torque"
+    offset_m: Vector = ORIGIN
 
 
 class SensorForm(Form):
-    """An inertial rotation of a frame about an axis of ``axis_frame``; without an axis, a joint's angle."""
+    """An inertial rotation of a frame about an axis of ``axis_frame``; without an axis, a joint's angle.
+
+    Or an accelerometer at a point of the frame, along an axis of it.
+    """
 
     name: Name
     frame: str
     axis: Vector | None = None
     axis_frame: str | None = None
+    kind: Literal["angle", "accelerometer"] = "angle"
+    offset_m: Vector = ORIGIN
+
+
+class DamperForm(Form):
+    """A viscous damper at one of ``joint``, ``spring`` and ``attach`` (a device of the environment there)."""
+
+    joint: str | None = None
+    spring: str | None = None
+    attach: str | None = None
+    c_ns_per_m: NotNegative | None = None
+    c_joint_nms_per_rad: NotNegative | None = None
+
+
+class DampingTableForm(Form):
+    """Ratios measured at frequencies that ascend."""
+
+    frequency_hz: Annotated[tuple[Positive, ...], Field(strict=False, min_length=1)]
+    ratio: Annotated[tuple[Ratio, ...], Field(strict=False)]
+    outside: Literal["refuse", "hold"] = "refuse"
 
 
 class DampingForm(Form):
-    """Modal damping ratios."""
+    """Modal damping ratios: a base, plus what materials and devices add; a mode may have its own.
 
-    flexible: Annotated[float, within(least=0.0, below=1.0)] = 0.01
-    suspension: Annotated[float, within(least=0.0, below=1.0)] = 0.03
-    rigid: Annotated[float, within(least=0.0, below=1.0)] = 0.0
+    Where a table is given, ``flexible`` and ``suspension`` are not; where loss factors are, ``flexible`` is
+    zero unless it is written.
+    """
+
+    flexible: Ratio = 0.01
+    suspension: Ratio = 0.03
+    rigid: Ratio = 0.0
+    table: DampingTableForm | None = None
+    material: dict[str, NotNegative] = Field(default_factory=dict)
+    section: dict[str, NotNegative] = Field(default_factory=dict)
+    device: Annotated[tuple[DamperForm, ...], Field(strict=False)] = ()
+    mode: dict[str, Ratio] = Field(default_factory=dict)
 
 
 class ArticleForm(Form):

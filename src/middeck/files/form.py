@@ -32,6 +32,7 @@ UNITS = {
     "_m_s2": "m/s^2",
     "_rad_s": "rad/s",
     "_n_per_m": "N/m",
+    "_ns_per_m": "N s/m",
     "_nm_per_rad": "N m/rad",
     "_nms_per_rad": "N m s/rad",
     "_nm_per_rthz": "N m/sqrt(Hz)",

@@ -1,0 +1,79 @@
+"""What is wrong with the ``[damping]`` of an article beyond the form of its keys."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, cast
+
+from middeck.files.faults import Finding, nearest, show
+
+Table = dict[str, Any]
+
+PLACES = ("joint", "spring", "attach")
+KEY = {"joint": "c_joint_nms_per_rad", "spring": "c_ns_per_m", "attach": "c_ns_per_m"}
+WORDS = {"attach": "attach point"}
+
+
+def damping_findings(data: Table, known: Mapping[str, Sequence[str]]) -> list[Finding]:
+    """Faults of ``[damping]`` in an article; ``known`` has the names of its parts by the key that uses one."""
+    damping = data.get("damping")
+    if not isinstance(damping, dict):
+        return []
+    table = cast("Table", damping)
+    return [*_table(table), *_loss_factors(table, known), *_devices(table, known)]
+
+
+def _table(damping: Table) -> Iterator[Finding]:
+    table = damping.get("table")
+    if not isinstance(table, dict):
+        return
+    for key in (k for k in ("flexible", "suspension") if k in damping):
+        message = "a ratio by kind beside a table that holds for every kind"
+        yield Finding(("damping", key), message, show(damping[key]), "leave out one of the two")
+    f, ratio = (cast("Table", table).get(key) for key in ("frequency_hz", "ratio"))
+    if not isinstance(f, list) or not isinstance(ratio, list):
+        return
+    frequencies, ratios = cast("list[Any]", f), cast("list[Any]", ratio)
+    if len(frequencies) != len(ratios):
+        message = f"{len(ratios)} ratios for {len(frequencies)} frequencies; must be one each"
+        yield Finding(("damping", "table", "ratio"), message)
+    numbers = all(isinstance(x, int | float) for x in frequencies)
+    if numbers and any(b <= a for a, b in itertools.pairwise(frequencies)):
+        yield Finding(("damping", "table", "frequency_hz"), "must ascend, in Hz", show(frequencies))
+
+
+def _loss_factors(damping: Table, known: Mapping[str, Sequence[str]]) -> Iterator[Finding]:
+    for key in ("material", "section"):
+        factors = damping.get(key)
+        for name in cast("Table", factors) if isinstance(factors, dict) else ():
+            yield from _unknown(("damping", key, name), name, key, known)
+
+
+def _devices(damping: Table, known: Mapping[str, Sequence[str]]) -> Iterator[Finding]:
+    devices = damping.get("device")
+    for i, item in enumerate(cast("list[Any]", devices) if isinstance(devices, list) else []):
+        if not isinstance(item, dict):
+            continue
+        device, path = cast("Table", item), ("damping", "device", i)
+        places = [p for p in PLACES if p in device]
+        if len(places) != 1:
+            yield Finding(path, f"names {len(places)} places; must be one", hint="joint, spring or attach")
+            continue
+        (place,) = places
+        yield from _unknown((*path, place), device[place], place, known)
+        wanted, other = KEY[place], next(k for k in KEY.values() if k != KEY[place])
+        if other in device:
+            message = f"a damper at a {WORDS.get(place, place)} has {wanted} instead"
+            yield Finding((*path, other), message, show(device[other]))
+        elif wanted not in device:
+            yield Finding((*path, wanted), f"missing; a damper at a {WORDS.get(place, place)} needs it")
+
+
+def _unknown(
+    path: tuple[str | int, ...], name: Any, key: str, known: Mapping[str, Sequence[str]]
+) -> Iterator[Finding]:
+    if isinstance(name, str) and name not in known[key]:
+        word = WORDS.get(key, key)
+        hint = nearest(name, known[key]) or f"define a {word} first"
+        yield Finding(path, f"no {word} of this name", show(name), hint)
