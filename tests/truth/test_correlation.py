@@ -10,7 +10,7 @@ import scipy.linalg as sla
 
 import middeck as md
 from cli_runner import ROOT
-from middeck.structure.article import AttachPoint, Section
+from middeck.structure.article import AttachPoint, Joint, Section
 from middeck.structure.assembly import assemble
 from middeck.structure.assurance import (
     coordinate_assurance,
@@ -106,6 +106,22 @@ def test_comac_finds_the_channel_that_is_wrong(rng: np.random.Generator):
 def test_a_travelling_shape_has_no_collinear_phases():
     around = np.exp(2j * np.pi * np.arange(8) / 8)[:, None]
     assert phase_collinearity(around) == pytest.approx(0.0, abs=ROUNDING)
+
+
+def test_channels_read_translations_rotations_angles_and_travels():
+    """A unit of each coordinate of a body with a hinged arm and a slide on it, as the channels see it."""
+    hinge = Joint("h", "a", np.array([0.5, 0, 0]), np.eye(3)[2], 0.0, body(1.0, inertia=(0.1,) * 3))
+    slide = Joint("s", "a", np.zeros(3), np.eye(3)[1], 0.0, body(1.0, inertia=(0.1,) * 3), slides=True)
+    parts = structure([node("a", (1, 2, 3), body(2.0, inertia=(0.1,) * 3))], joints=[hinge, slide])
+    modes = solve_modes(solve_equilibrium(parts, Environment.orbit()))
+    model = modes.equilibrium.model
+    at = every_channel(model)
+    assert at[6:] == [("h", "angle"), ("s", "travel")]
+    assert seen_by(modes, at).toarray() == pytest.approx(np.eye(8))
+    # The hinge's frame is 0.5 m along x from the node: it swings along y when the node turns about z.
+    assert seen_by(modes, [("h", "y"), ("h", "rz")]).toarray() == pytest.approx(
+        np.array([[0, 1, 0, 0, 0, 0.5, 0, 0], [0, 0, 0, 0, 0, 1, 1, 0]])
+    )
 
 
 # Reduced masses

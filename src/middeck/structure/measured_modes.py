@@ -10,6 +10,7 @@ import scipy.sparse as sp
 from jaxtyping import Complex, Float
 
 from middeck.errors import ConfigError, DataError
+from middeck.structure.damping import estimate_damping
 from middeck.structure.frames import PosePoints, frame_poses, pose_jacobian
 from middeck.structure.mesh import Model
 from middeck.structure.modes import Modes
@@ -17,8 +18,9 @@ from middeck.structure.statics import dynamic_coordinates
 from middeck.values import record
 
 AXES = ("x", "y", "z", "rx", "ry", "rz")
-ANGLE = "angle"
-DIRECTIONS = (*AXES, ANGLE)
+ANGLE, TRAVEL = "angle", "travel"
+DIRECTIONS = (*AXES, ANGLE, TRAVEL)
+STRAIGHT = (*AXES[:3], TRAVEL)
 COUNT = 26
 
 
@@ -32,7 +34,8 @@ class MeasuredModes:
         Natural frequencies [Hz] and damping ratios.
     node, direction:
         Of each channel: a node, a joint or a mesh node, and "x", "y", "z" (translation along the world axes),
-        "rx", "ry", "rz" (rotation about them) or, of a joint, "angle" (relative to its carrier).
+        "rx", "ry", "rz" (rotation about them) or, of a joint relative to its carrier, "angle" or, where it
+        slides, "travel".
     shape:
         Real or complex, of any scale from mode to mode; within a mode metres beside radians.
     frequency_std_hz, damping_std, shape_std:
@@ -154,8 +157,7 @@ def measure_modes(
     node, direction = tuple(n for n, _ in at), tuple(d for _, d in at)
     index = _chosen(modes, chosen)
     shape = np.asarray(sensor_rows(modes, node, direction) @ modes.shapes[:, index])
-    ratio = modes.equilibrium.model.structure.damping
-    damping = np.array([getattr(ratio, modes.kind[i]) for i in index])
+    damping = estimate_damping(modes, count=int(index.max(initial=0)) + 1).zeta[index]
     hz = modes.frequency_hz[index]
     if noise is None:
         return MeasuredModes(hz, damping, node, direction, shape)
@@ -175,10 +177,11 @@ def measure_modes(
 
 
 def every_channel(model: Model) -> list[tuple[str, str]]:
-    """Six directions at every node of the article, then the angle of every joint that moves."""
+    """Six directions at every node of the article, then the angle or travel of every joint that moves."""
     moving = dynamic_coordinates(model)[6 * model.tree.roots :]
-    joints = [j.name for j, free in zip(model.structure.joints, moving, strict=True) if free]
-    return [(n.name, d) for n in model.structure.nodes for d in AXES] + [(j, ANGLE) for j in joints]
+    joints = [j for j, free in zip(model.structure.joints, moving, strict=True) if free]
+    nodes = [(n.name, d) for n in model.structure.nodes for d in AXES]
+    return nodes + [(j.name, TRAVEL if j.slides else ANGLE) for j in joints]
 
 
 def sort_rms(
@@ -186,7 +189,7 @@ def sort_rms(
 ) -> Float[np.ndarray, "channel mode"]:
     """At each channel the rms of its mode over the channels of its sort: translations, or rotations."""
     rms = np.zeros(shape.shape)
-    straight = np.array([d in AXES[:3] for d in direction])
+    straight = np.array([d in STRAIGHT for d in direction])
     for sort in (straight, ~straight):
         if np.any(sort):
             rms[sort] = np.sqrt(np.mean(np.abs(shape[sort]) ** 2, axis=0))
@@ -205,8 +208,8 @@ def sensor_rows(modes: Modes, node: Sequence[str], direction: Sequence[str]) -> 
     J = sp.lil_array((len(frames), model.tree.size))
     motions = pose_jacobian(model.tree, points, poses)
     for k, (name, way) in enumerate(zip(node, direction, strict=True)):
-        if way == ANGLE:
-            J[k, _angle(model, name)] = 1.0
+        if way in (ANGLE, TRAVEL):
+            J[k, _joint(model, name, way)] = 1.0
         elif way in AXES:
             J[[k]] = motions[[6 * k + AXES.index(way)]]
         else:
@@ -223,15 +226,15 @@ def _frame(model: Model, name: str) -> int:
     return model.frames.index(name)
 
 
-def _angle(model: Model, name: str) -> int:
-    names = [j.name for j in model.structure.joints]
-    if name not in names:
+def _joint(model: Model, name: str, way: str) -> int:
+    fitting = {j.name: i for i, j in enumerate(model.structure.joints) if j.slides == (way == TRAVEL)}
+    if name not in fitting:
         raise ConfigError(
-            f"{name!r} is no joint and has no angle",
+            f"{name!r} is no joint with {'an angle' if way == ANGLE else 'a travel'}",
             where="measured channels",
-            hint=f"joints are {', '.join(names) or 'none'}",
+            hint=f"such joints are {', '.join(fitting) or 'not there'}",
         )
-    coordinate = 6 * model.tree.roots + names.index(name)
+    coordinate = 6 * model.tree.roots + fitting[name]
     if not dynamic_coordinates(model)[coordinate]:
         raise ConfigError(f"joint {name!r} does not move", where="measured channels", hint="leave it out")
     return coordinate
