@@ -71,6 +71,20 @@ def your_own_record(names: Names) -> None:
     assert np.abs(names["fit"].model.poles[0]) == pytest.approx(30.0, rel=1e-4)
 
 
+def correlate_with_a_test(names: Names) -> None:
+    """Frequencies fail and shapes agree; the table of chances; a file that comes back."""
+    verdicts = {f.criterion.quantity.value: f.passed for f in names["found"].findings}
+    assert verdicts == {
+        "frequency error": False,
+        "cross-orthogonality diagonal": True,
+        "cross-orthogonality off-diagonal": True,
+    }
+    assert names["chance"]["without", "guyan"] == names["chance"]["with roll", "guyan"] == 0.0
+    assert names["chance"]["with roll", "serep"] > 0.9 > names["chance"]["with roll", "irs"]
+    assert names["other"].passed
+    assert names["again"].passed
+
+
 def override_a_value(names: Names) -> None:
     """Both overrides arrived, the first in its article alone."""
     study = names["study"]
@@ -89,6 +103,7 @@ PROMISES: dict[str, Callable[[Names], None]] = {
     "docs/how-to/your-own-article.md": your_own_article,
     "docs/how-to/your-own-record.md": your_own_record,
     "docs/how-to/override-a-value.md": override_a_value,
+    "docs/how-to/correlate-with-a-test.md": correlate_with_a_test,
 }
 
 
