@@ -220,8 +220,8 @@ def sensor_rows(modes: Modes, node: Sequence[str], direction: Sequence[str]) -> 
 def _frame(model: Model, name: str) -> int:
     if name not in model.frames:
         near = get_close_matches(name, model.frames, 1)
-        known = ", ".join([n.name for n in model.structure.nodes][:12])
-        hint = f"did you mean {near[0]!r}?" if near else f"nodes are {known}"
+        known = [part.name for part in (*model.structure.nodes, *model.structure.joints)]
+        hint = f"did you mean {near[0]!r}?" if near else f"nodes and joints are {', '.join(known[:20])}"
         raise ConfigError(f"the model has no node {name!r}", where="measured channels", hint=hint)
     return model.frames.index(name)
 
