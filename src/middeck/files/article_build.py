@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 from jaxtyping import Float
 
@@ -10,6 +12,7 @@ from middeck.files.article_form import (
     GimbalForm,
     MaterialForm,
     NodeForm,
+    ProofMassForm,
     RevoluteForm,
     SectionForm,
     SensorForm,
@@ -21,6 +24,9 @@ from middeck.structure.article import (
     ActuatorKind,
     AttachPoint,
     Body,
+    Damper,
+    DamperPlace,
+    Damping,
     Joint,
     JointState,
     Member,
@@ -47,7 +53,11 @@ def build_structure(form: ArticleForm) -> Structure:
         title=form.title or form.name,
         nodes=nodes,
         members=tuple(_member(s, form, {n.name: n.position for n in nodes}) for s in form.strut),
-        joints=(*(j for g in form.gimbal for j in _gimbal(g)), *(_revolute(r) for r in form.revolute)),
+        joints=(
+            *(j for g in form.gimbal for j in _gimbal(g)),
+            *(_revolute(r) for r in form.revolute),
+            *(_proof_mass(p) for p in form.proof_mass),
+        ),
         springs=tuple(
             Spring(s.name or f"{s.from_}-{s.to}", s.from_, s.to, s.stiffness_n_per_m, s.free_length_m)
             for s in form.spring
@@ -55,7 +65,7 @@ def build_structure(form: ArticleForm) -> Structure:
         attach_points=_attach_points(form),
         actuators=(*actuators, *listed_a),
         sensors=(*sensors, *(_sensor(s) for s in form.sensor)),
-        damping=build_damping(form),
+        damping=_damping(form),
     )
 
 
@@ -70,7 +80,8 @@ def default_ports(form: ArticleForm) -> tuple[tuple[Actuator, ...], tuple[Sensor
 
     The wheel node gives ``bus_x``, ``bus_y``, ``bus_z``: torque on it and its inertial rotation about its own
     axes. A gimbal ``g`` gives ``g_in_x``, ``g_in_z``, the inertial rotation of its payload about the axes of
-    the stage, and ``g_rel_x``, ``g_rel_z``, joint torques and angles. A revolute ``r`` gives ``r_rel``.
+    the stage, and ``g_rel_x``, ``g_rel_z``, joint torques and angles. A revolute ``r`` gives ``r_rel``, a
+    proof mass ``p`` gives ``p_rel``: the force between it and its carrier, and how far it has slid.
     """
     actuators: list[Actuator] = []
     sensors: list[Sensor] = []
@@ -82,9 +93,9 @@ def default_ports(form: ArticleForm) -> tuple[tuple[Actuator, ...], tuple[Sensor
         sensors += [Sensor(f"{g.name}_in_{a}", f"{g.name}_z", AXES[a], f"{g.name}_x") for a in "xz"]
         sensors += [Sensor(f"{g.name}_rel_{a}", f"{g.name}_{a}", None) for a in "xz"]
         actuators += [Actuator(f"{g.name}_rel_{a}", f"{g.name}_{a}", None) for a in "xz"]
-    for r in form.revolute:
-        sensors.append(Sensor(f"{r.name}_rel", r.name, None))
-        actuators.append(Actuator(f"{r.name}_rel", r.name, None))
+    for joint in (*form.revolute, *form.proof_mass):
+        sensors.append(Sensor(f"{joint.name}_rel", joint.name, None))
+        actuators.append(Actuator(f"{joint.name}_rel", joint.name, None))
     return tuple(actuators), tuple(sensors)
 
 
@@ -153,11 +164,17 @@ def _gimbal(form: GimbalForm) -> tuple[Joint, Joint]:
     rest_z = form.rest_z_deg if form.state_z == "sprung" else form.command_z_deg
     outer = _axis(form.state_x, form.angle_x_deg, form.stiffness_x_nm_per_rad, rest_x)
     inner = _axis(form.state_z, form.angle_z_deg, form.stiffness_z_nm_per_rad, rest_z)
-    x = f"{form.name}_x"
+    x, limit = f"{form.name}_x", _limit(form.torque_limit_nm)
     return (
-        Joint(x, form.node, np.array(form.offset_m), AXES["x"], outer[0], stage, *outer[1:]),
-        Joint(f"{form.name}_z", x, np.zeros(3), AXES["z"], inner[0], payload, *inner[1:]),
-    )
+        Joint(
+            x, form.node, np.array(form.offset_m), AXES["x"], outer[0], stage, *outer[1:],
+            travel=_travel(form.travel_x_deg), torque_limit=limit,
+        ),
+        Joint(
+            f"{form.name}_z", x, np.zeros(3), AXES["z"], inner[0], payload, *inner[1:],
+            travel=_travel(form.travel_z_deg), torque_limit=limit,
+        ),
+    )  # fmt: skip
 
 
 def _revolute(form: RevoluteForm) -> Joint:
@@ -165,7 +182,55 @@ def _revolute(form: RevoluteForm) -> Joint:
     body = _body(form.mass_kg, form.cg_m, form.inertia_kg_m2)
     target = form.rest_deg if form.state == "sprung" else form.command_deg
     nominal = _axis(form.state, form.angle_deg, form.stiffness_nm_per_rad, target)
-    return Joint(form.name, form.parent, np.array(form.offset_m), axis, nominal[0], body, *nominal[1:])
+    return Joint(
+        form.name, form.parent, np.array(form.offset_m), axis, nominal[0], body, *nominal[1:],
+        travel=_travel(form.travel_deg), torque_limit=_limit(form.torque_limit_nm),
+    )  # fmt: skip
+
+
+def _travel(degrees: tuple[float, float] | None) -> tuple[float, float]:
+    low, high = (-np.inf, np.inf) if degrees is None else degrees
+    return float(np.deg2rad(low)), float(np.deg2rad(high))
+
+
+def _limit(torque: float | None) -> float:
+    return np.inf if torque is None else torque
+
+
+def _proof_mass(form: ProofMassForm) -> Joint:
+    """A slide of a point mass, at rest where its spring and, in gravity, its weight put it."""
+    axis = np.array(form.axis) / np.linalg.norm(form.axis)
+    return Joint(
+        form.name,
+        form.node,
+        np.array(form.offset_m),
+        axis,
+        0.0,
+        _body(form.mass_kg, (0.0, 0.0, 0.0), None),
+        JointState.SPRUNG,
+        _spring_of(form),
+        form.rest_m,
+        slides=True,
+        travel=(-np.inf, np.inf) if form.travel_m is None else form.travel_m,
+    )
+
+
+def _spring_of(form: ProofMassForm) -> float:
+    """Stiffness [N/m], given or by the mass's frequency on a carrier that is held."""
+    if form.natural_hz is None:
+        return form.stiffness_n_per_m or 0.0
+    return form.mass_kg * (2.0 * np.pi * form.natural_hz) ** 2
+
+
+def _damping(form: ArticleForm) -> Damping:
+    """``[damping]`` and a damper c = 2 zeta sqrt(k m) at every proof mass that has a ratio."""
+    own = tuple(
+        Damper(DamperPlace.JOINT, p.name, 2.0 * p.damping * float(np.sqrt(_spring_of(p) * p.mass_kg)))
+        for p in form.proof_mass
+        if p.damping > 0.0
+    )
+    damping = build_damping(form)
+    return dataclasses.replace(damping, dampers=(*damping.dampers, *own))
 
 
 def _axis(

@@ -40,6 +40,8 @@ def article_findings(data: Table) -> list[Finding]:
         *_unconnected(data),
         *_bodies(data),
         *_axes(data),
+        *_travels(data),
+        *_proof_masses(data),
         *_ports(data),
         *_attach(data),
         *_cycles(data),
@@ -68,7 +70,11 @@ def node_names(data: Table) -> list[str]:
 
 
 def joint_names(data: Table) -> list[str]:
-    """Names of the joints: two for a gimbal, one for a revolute."""
+    """Names of the joints: two for a gimbal, one for a revolute or a proof mass."""
+    return [*_axis_names(data), *(str(t["name"]) for _, t in tables(data, "proof_mass") if "name" in t)]
+
+
+def _axis_names(data: Table) -> list[str]:
     gimbals = [f"{t['name']}_{a}" for _, t in tables(data, "gimbal") if "name" in t for a in "xz"]
     return gimbals + [str(t["name"]) for _, t in tables(data, "revolute") if "name" in t]
 
@@ -83,7 +89,7 @@ def _damped_names(data: Table) -> dict[str, list[str]]:
     """What may be damped, by the key that names it."""
     springs = [str(t.get("name", f"{t.get('from')}-{t.get('to')}")) for _, t in tables(data, "spring")]
     return {
-        "joint": joint_names(data),
+        "joint": _axis_names(data),  # a proof mass has its own damping, not in N m s/rad
         "spring": springs,
         "attach": attach_names(data),
         "material": list(named_tables(data, "material")),
@@ -128,7 +134,8 @@ def _names(data: Table) -> Iterator[Finding]:
     frames = [(("node", i, "name"), t.get("name")) for i, t in tables(data, "node")]
     for i, t in tables(data, "gimbal"):
         frames += [(("gimbal", i, "name"), f"{t.get('name')}_{a}") for a in "xz"]
-    frames += [(("revolute", i, "name"), t.get("name")) for i, t in tables(data, "revolute")]
+    for table in ("revolute", "proof_mass"):
+        frames += [((table, i, "name"), t.get("name")) for i, t in tables(data, table)]
     yield from _twice(frames, "frame")
     points = [(("suspension", "nodes", i), n) for i, n in enumerate(_suspension_array(data, "nodes"))]
     points += [(("attach", i, "name"), t.get("name")) for i, t in tables(data, "attach")]
@@ -148,7 +155,8 @@ def _default_ports(data: Table, kind: str) -> list[str]:
     for _, t in tables(data, "gimbal"):
         ports += [f"{t.get('name')}_rel_{a}" for a in "xz"]
         ports += [f"{t.get('name')}_in_{a}" for a in "xz"] if kind == "sensor" else []
-    return ports + [f"{t.get('name')}_rel" for _, t in tables(data, "revolute")]
+    slides_or_turns = (*tables(data, "revolute"), *tables(data, "proof_mass"))
+    return ports + [f"{t.get('name')}_rel" for _, t in slides_or_turns]
 
 
 def _twice(named: Sequence[tuple[Path, Any]], kind: str) -> Iterator[Finding]:
@@ -171,6 +179,7 @@ def _references(data: Table) -> Iterator[Finding]:
         ("strut", "section", sections, "section"),
         ("gimbal", "node", frames, "frame"),
         ("revolute", "parent", frames, "frame"),
+        ("proof_mass", "node", frames, "frame"),
         ("attach", "frame", frames, "frame"),
         ("spring", "from", points, "attach point"),
         ("spring", "to", points, "attach point"),
@@ -270,13 +279,49 @@ def _triangle(path: Path, inertia: Any, rotors_excluded: bool) -> Iterator[Findi
 
 def _axes(data: Table) -> Iterator[Finding]:
     """Axis vectors must have a length; spring and target keys belong to one state each."""
-    for table in ("revolute", "actuator", "sensor"):
+    for table in ("revolute", "proof_mass", "actuator", "sensor"):
         for i, t in tables(data, table):
             if _is_vector(t.get("axis")) and not any(t["axis"]):
                 yield Finding((table, i, "axis"), "must not be the zero vector", show(t["axis"]))
     for table, middles in (("gimbal", ("_x", "_z")), ("revolute", ("",))):
         for (i, t), middle in itertools.product(tables(data, table), middles):
             yield from _axis_state((table, i), t, middle)
+
+
+def _travels(data: Table) -> Iterator[Finding]:
+    """A travel runs from least to largest; where the axis begins must lie within."""
+    for table, middles in (("gimbal", ("_x", "_z")), ("revolute", ("",))):
+        for (i, t), middle in itertools.product(tables(data, table), middles):
+            driven = t.get(f"state{middle}") == "driven"
+            start = f"command{middle}_deg" if driven and f"command{middle}_deg" in t else f"angle{middle}_deg"
+            yield from _travel((table, i), t, f"travel{middle}_deg", start)
+    for i, t in tables(data, "proof_mass"):
+        yield from _travel(("proof_mass", i), t, "travel_m", "travel_m")
+
+
+def _travel(path: Path, t: Table, key: str, start: str) -> Iterator[Finding]:
+    ends = cast("list[Any]", t[key]) if isinstance(t.get(key), list) else []
+    if len(ends) != 2 or not _all_numbers(*ends):  # the form has refused it, or there is none
+        return
+    at = 0.0 if start == key else t.get(start, 0.0)
+    if not ends[0] < ends[1]:
+        yield Finding((*path, key), "must rise from the least to the largest", show(ends))
+    elif _all_numbers(at) and not ends[0] <= at <= ends[1]:
+        place = (*path, start if start in t else key)
+        message = f"outside of {key} = {show(ends)}" if start != key else "must hold 0, where the mass begins"
+        yield Finding(place, message, show(t.get(start, 0.0)), "widen the travel or move the angle")
+
+
+def _proof_masses(data: Table) -> Iterator[Finding]:
+    """One spring, by its stiffness or by its frequency."""
+    for i, t in tables(data, "proof_mass"):
+        given = [key for key in ("stiffness_n_per_m", "natural_hz") if key in t]
+        if not given:
+            message = "missing; a proof mass needs it, or natural_hz"
+            yield Finding(("proof_mass", i, "stiffness_n_per_m"), message)
+        elif len(given) == 2:
+            yield Finding(("proof_mass", i, "natural_hz"), "beside stiffness_n_per_m", show(t["natural_hz"]),
+                          "leave out one of the two")  # fmt: skip
 
 
 def _ports(data: Table) -> Iterator[Finding]:
@@ -328,6 +373,8 @@ def _cycles(data: Table) -> Iterator[Finding]:
         parents[f"{t.get('name')}_z"] = (f"{t.get('name')}_x", ("gimbal", i, "node"))
     for i, t in tables(data, "revolute"):
         parents[str(t.get("name"))] = (str(t.get("parent")), ("revolute", i, "parent"))
+    for i, t in tables(data, "proof_mass"):
+        parents[str(t.get("name"))] = (str(t.get("node")), ("proof_mass", i, "node"))
     for name, (parent, path) in parents.items():
         trail = {name}
         while parent in parents and parent not in trail:

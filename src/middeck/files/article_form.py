@@ -6,7 +6,18 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from middeck.files.form import Finite, Form, Inertia, Name, NotNegative, Positive, Vector, whole, within
+from middeck.files.form import (
+    Finite,
+    Form,
+    Inertia,
+    Interval,
+    Name,
+    NotNegative,
+    Positive,
+    Vector,
+    whole,
+    within,
+)
 
 State = Literal["free", "sprung", "locked", "driven"]
 Ratio = Annotated[float, within(least=0.0, below=1.0)]
@@ -92,6 +103,9 @@ class GimbalForm(Form):
     rest_z_deg: Finite | None = None
     command_x_deg: Finite | None = None
     command_z_deg: Finite | None = None
+    travel_x_deg: Interval | None = None
+    travel_z_deg: Interval | None = None
+    torque_limit_nm: Positive | None = None
 
 
 class RevoluteForm(Form):
@@ -109,6 +123,23 @@ class RevoluteForm(Form):
     stiffness_nm_per_rad: Positive | None = None
     rest_deg: Finite | None = None
     command_deg: Finite | None = None
+    travel_deg: Interval | None = None
+    torque_limit_nm: Positive | None = None
+
+
+class ProofMassForm(Form):
+    """A mass that slides along an axis of its carrier against a spring, driven by a force between the two."""
+
+    name: Name
+    node: str
+    offset_m: Vector = ORIGIN
+    axis: Vector
+    mass_kg: Positive
+    stiffness_n_per_m: Positive | None = None
+    natural_hz: Positive | None = None
+    damping: Ratio = 0.0
+    rest_m: Finite = 0.0
+    travel_m: Interval | None = None
 
 
 class AttachForm(Form):
@@ -209,6 +240,7 @@ class ArticleForm(Form):
     strut: Annotated[tuple[StrutForm, ...], Field(strict=False)] = ()
     gimbal: Annotated[tuple[GimbalForm, ...], Field(strict=False)] = ()
     revolute: Annotated[tuple[RevoluteForm, ...], Field(strict=False)] = ()
+    proof_mass: Annotated[tuple[ProofMassForm, ...], Field(strict=False)] = ()
     attach: Annotated[tuple[AttachForm, ...], Field(strict=False)] = ()
     spring: Annotated[tuple[SpringForm, ...], Field(strict=False)] = ()
     suspension: SuspensionForm | None = None

@@ -118,6 +118,8 @@ NotNegative = Annotated[float, within(least=0.0)]
 Positive = Annotated[float, within(above=0.0)]
 # TOML has arrays, not tuples: this one conversion is wanted, the items stay strict.
 Vector = Annotated[tuple[Finite, Finite, Finite], Field(strict=False)]
+# Least and largest; which is which is checked with the article's other content.
+Interval = Annotated[tuple[Finite, Finite], Field(strict=False)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_-]*$")]
 
 

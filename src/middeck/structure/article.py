@@ -121,6 +121,8 @@ class Joint:
         Whether the joint shifts along its axis instead of turning about it.
     travel:
         Least and largest angle [rad] that the mechanism allows.
+    torque_limit:
+        Largest torque [N m] of its motor.
     """
 
     name: str
@@ -134,6 +136,12 @@ class Joint:
     target: float = 0.0
     slides: bool = False
     travel: tuple[float, float] = (-np.inf, np.inf)
+    torque_limit: float = np.inf
+
+
+def held_angle(joint: Joint) -> float:
+    """Angle [rad] at which statics begin: the command of a driven axis, else the nominal one."""
+    return joint.target if joint.state is JointState.DRIVEN else joint.angle
 
 
 @record

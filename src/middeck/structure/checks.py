@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 
 import numpy as np
 
 from middeck.errors import ConfigError
-from middeck.structure.article import Body, Structure, clear_length
+from middeck.structure.article import Body, Structure, clear_length, held_angle
 
 # A unit axis is one to rounding; anything further off is a mistake.
 UNIT_ERROR = 1e-9
@@ -20,6 +21,7 @@ def check_structure(structure: Structure) -> None:
         *_unknown_names(structure),
         *_bodies(structure),
         *_axes(structure),
+        *_travels(structure),
     ]
     faults = faults or list(_members(structure))  # geometry needs the names to be right
     if faults:
@@ -39,8 +41,8 @@ def _twice(structure: Structure) -> Iterator[str]:
         "sensor": structure.sensors,
     }
     for kind, parts in groups.items():
-        names = [part.name for part in parts]
-        for name in sorted({n for n in names if names.count(n) > 1}):
+        count = Counter(part.name for part in parts)
+        for name in sorted(n for n, times in count.items() if times > 1):
             yield f"{kind} {name!r} is there twice"
 
 
@@ -89,6 +91,16 @@ def _axes(structure: Structure) -> Iterator[str]:
     for what, name, axis in axes:
         if not abs(np.linalg.norm(axis) - 1.0) < UNIT_ERROR:
             yield f"{what} {name!r} has axis {axis.tolist()}, which is no unit vector"
+
+
+def _travels(structure: Structure) -> Iterator[str]:
+    for joint in structure.joints:
+        (low, high), start = joint.travel, held_angle(joint)
+        unit = "m" if joint.slides else "rad"
+        if not low < high:
+            yield f"joint {joint.name!r} has a travel that does not rise, {low:g} to {high:g} {unit}"
+        elif not low <= start <= high:
+            yield f"joint {joint.name!r} begins at {start:g} {unit}, out of its travel {low:g} to {high:g}"
 
 
 def _members(structure: Structure) -> Iterator[str]:

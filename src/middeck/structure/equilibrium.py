@@ -32,7 +32,8 @@ class Equilibrium:
     history:
         (load factor, residual, damping) of every iteration.
     holding_torque:
-        Torque [N m] that each joint's motor, spring or lock holds, positive on the carried body.
+        Torque [N m], of a slide force [N], that each joint's motor, spring or lock holds, positive on the
+        carried body.
     tension:
         Pull [N] of each device: the suspension's cables first, then the environment's springs.
     """
@@ -56,8 +57,9 @@ class Equilibrium:
 def solve_equilibrium(structure: Structure, environment: Environment) -> Equilibrium:
     """Rest state under gravity and suspension; `Environment.orbit()` is the undeformed structure.
 
-    Raises `EquilibriumError` for gravity without any support, a slack cable, or a mechanism; a state that
-    did not converge is returned with its residual history and ``converged`` false.
+    Raises `EquilibriumError` for gravity without any support, a slack cable, a mechanism, or a sprung joint
+    that comes to rest beyond its travel; a state that did not converge is returned with its residual history
+    and ``converged`` false.
     """
     model = mesh_structure(structure)
     _check_support(environment)
@@ -65,6 +67,8 @@ def solve_equilibrium(structure: Structure, environment: Environment) -> Equilib
     loads = environment_loads(model, environment, tuned)
     settled = settle(model, loads)
     _check_cables(environment, settled.assembly.tension)
+    if settled.residual < TOLERANCE:
+        _check_travel(model, settled.config)
     # At rest dE/d(angle) is the moment that the motor has to balance.
     holding = settled.assembly.gradient[6 * model.tree.roots :] + _spring_torque(model, settled.config)
     return Equilibrium(
@@ -114,6 +118,20 @@ def _check_cables(environment: Environment, tension: np.ndarray) -> None:
                 f"the cable at {name!r} is slack at equilibrium ({pull:.3f} N)",
                 where=f"suspension at {name!r}",
                 hint="a cable cannot push: move the attach points or lower the bounce frequency",
+            )
+
+
+def _check_travel(model: Model, config: Configuration) -> None:
+    """Held joints were checked with the structure; a sprung one goes where its load puts it."""
+    for joint, at in zip(model.structure.joints, config.angle, strict=True):
+        low, high = joint.travel
+        if not low <= at <= high:
+            unit = "m" if joint.slides else "rad"
+            raise EquilibriumError(
+                f"joint {joint.name!r} would rest at {at:.4g} {unit}, beyond its travel {low:g} to {high:g}",
+                where=f"joint {joint.name!r}",
+                hint="a stiffer spring, or one that is unstressed on the other side (rest), centres it",
+                angle=float(at),
             )
 
 

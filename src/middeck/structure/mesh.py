@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Inexact, Int
 
-from middeck.structure.article import Body, Joint, JointState, Member, Node, Structure, clear_length
+from middeck.structure.article import Body, Member, Node, Structure, clear_length, held_angle
 from middeck.structure.beam import BeamProperties, beam_properties
 from middeck.structure.checks import check_structure
 from middeck.structure.frames import Configuration, FrameTree, PosePoints
@@ -167,8 +167,3 @@ def _frame_tree(structure: Structure, roots: int, index: dict[str, int]) -> Fram
         np.array([j.axis for j in joints]).reshape(-1, 3),
         np.array([j.slides for j in joints], dtype=bool),
     )
-
-
-def held_angle(joint: Joint) -> float:
-    """Angle [rad] at which statics begin: the command of a driven axis, else the nominal one."""
-    return joint.target if joint.state is JointState.DRIVEN else joint.angle

@@ -30,7 +30,7 @@ def build_plant(
     z: Sequence[str] = (),
     y: Sequence[str] = (),
 ) -> Plant:
-    """The lowest ``count`` modes between named actuators [N m, N] and sensors [rad, with suffix _rate rad/s].
+    """The lowest ``count`` modes between named actuators [N m, N] and sensors [rad, m; with _rate per s].
 
     Sensor and actuator axes turn with their bodies: both are linearised at the equilibrium. An accelerometer
     [m/s^2] reads acceleration and, under gravity, g times tilt, as a change from `accelerometer_offset`; its

@@ -83,7 +83,7 @@ def _hung_label(motion: str, gravity: Float[np.ndarray, "3"]) -> str:
     what, _, axis = motion.partition(" ")
     if what == "gimbal":
         return f"payload pendulum {axis}"
-    if not np.any(gravity):
+    if what == "slide" or not np.any(gravity):
         return motion
     vertical = axis == AXES[int(np.argmax(np.abs(gravity)))]
     if what == "translation":

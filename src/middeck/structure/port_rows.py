@@ -44,7 +44,7 @@ class OutputRows:
 
 
 def input_rows(equilibrium: Equilibrium, names: Sequence[str]) -> InputRows:
-    """Of the actuators ``names``: torques [N m] and forces [N].
+    """Of the actuators ``names``: torques [N m] and forces [N], the latter also along a slide.
 
     Raises `ConfigError` for an unknown name or a torque at an axis that does not move.
     """
@@ -62,12 +62,13 @@ def input_rows(equilibrium: Equilibrium, names: Sequence[str]) -> InputRows:
         else:
             part = slice(0, 3) if actuator.kind is ActuatorKind.FORCE else slice(3, 6)
             rows[i] = _world_axis(equilibrium, actuator.frame, actuator.axis) @ moves[i, part]
-    units = {ActuatorKind.TORQUE: "N m", ActuatorKind.FORCE: "N"}
-    return InputRows(rows, tuple(Port(a.name, units[a.kind]) for a in chosen))
+    forces = (a.kind is ActuatorKind.FORCE or _slides(equilibrium, a) for a in chosen)
+    ports = tuple(Port(a.name, "N" if force else "N m") for a, force in zip(chosen, forces, strict=True))
+    return InputRows(rows, ports)
 
 
 def output_rows(equilibrium: Equilibrium, names: Sequence[str]) -> OutputRows:
-    """Of the sensors ``names``: angles [rad], their rates ``<name>_rate`` [rad/s], accelerometers [m/s^2].
+    """Of the sensors ``names``: angles [rad], travels [m], rates of both ``<name>_rate``, accelerations.
 
     Raises `ConfigError` for an unknown name; an accelerometer has no rate.
     """
@@ -85,10 +86,22 @@ def output_rows(equilibrium: Equilibrium, names: Sequence[str]) -> OutputRows:
         else:
             row = _world_axis(equilibrium, sensor.axis_frame or sensor.frame, sensor.axis) @ moves[i, 3:]
         (rate if is_rate else position)[i] = row
-        angle = "rad/s" if is_rate else "rad"
-        units.append("m/s^2" if sensor.kind is SensorKind.ACCELEROMETER else angle)
+        units.append(_unit(equilibrium, sensor) + ("/s" if is_rate else ""))
     ports = tuple(Port(n, unit) for n, unit in zip(names, units, strict=True))
     return OutputRows(position, rate, acceleration, ports)
+
+
+def _unit(equilibrium: Equilibrium, sensor: Sensor) -> str:
+    if sensor.kind is SensorKind.ACCELEROMETER:
+        return "m/s^2"
+    return "m" if _slides(equilibrium, sensor) else "rad"
+
+
+def _slides(equilibrium: Equilibrium, port: Actuator | Sensor) -> bool:
+    """Whether the port is that of a joint which slides."""
+    return port.axis is None and any(
+        j.slides for j in equilibrium.model.structure.joints if j.name == port.frame
+    )
 
 
 def accelerometer_offset(equilibrium: Equilibrium, name: str) -> float:
@@ -144,7 +157,8 @@ def _joint_row(equilibrium: Equilibrium, joint: str) -> Float[np.ndarray, " coor
 def _check_moves(equilibrium: Equilibrium, actuator: Actuator) -> None:
     joint = next(j for j in equilibrium.model.structure.joints if j.name == actuator.frame)
     if joint.state in (JointState.LOCKED, JointState.DRIVEN):
+        moves = "shifts" if joint.slides else "turns"
         raise ConfigError(
-            f"actuator {actuator.name!r} turns axis {joint.name!r}, which is {joint.state.value}",
+            f"actuator {actuator.name!r} {moves} axis {joint.name!r}, which is {joint.state.value}",
             hint="set the axis free or sprung, or leave this input out",
         )

@@ -6,6 +6,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float
 
+from middeck.structure.article import Joint
 from middeck.structure.equilibrium import Equilibrium
 from middeck.structure.frames import rigid_columns
 from middeck.structure.statics import dynamic_coordinates
@@ -18,9 +19,9 @@ NEW_PART = 1e-3
 def rigid_motions(
     equilibrium: Equilibrium, M: sp.csr_array
 ) -> tuple[Float[np.ndarray, "coordinate motion"], tuple[str, ...]]:
-    """Unit translations along and rotations about the world axes, then a unit turn of every moving joint.
+    """Unit translations along and rotations about the world axes, then a unit move of every moving joint.
 
-    Rotations are about the centre of mass; a joint turns relative to its carrier, what hangs on it follows.
+    Rotations are about the centre of mass; a joint moves relative to its carrier, what hangs on it follows.
     """
     model = equilibrium.model
     roots = model.tree.roots
@@ -30,8 +31,12 @@ def rigid_motions(
     joints = np.zeros((model.tree.size, len(moving)))
     joints[6 * roots + moving, np.arange(len(moving))] = 1.0
     names = [f"translation {a}" for a in AXES] + [f"rotation {a}" for a in AXES]
-    names += [f"gimbal {model.structure.joints[j].name.replace('_', ' ')}" for j in moving]
+    names += [_joint_name(model.structure.joints[j]) for j in moving]
     return np.hstack([motions, joints]), tuple(names)
+
+
+def _joint_name(joint: Joint) -> str:
+    return f"{'slide' if joint.slides else 'gimbal'} {joint.name.replace('_', ' ')}"
 
 
 def _centre_of_mass(motions: np.ndarray, M: sp.csr_array) -> np.ndarray:

@@ -12,7 +12,7 @@ from middeck.structure.beam_kinematics import PHI, STRETCH, Y1, Y2, Z1, Z2
 from middeck.structure.equilibrium import Equilibrium
 from middeck.structure.frames import frame_poses, points_in_world, pose_jacobian
 
-PARTS = ("axial", "torsion", "bending y-z", "bending x-z", "bending x-y", "spring", "joint")
+PARTS = ("axial", "torsion", "bending y-z", "bending x-z", "bending x-y", "spring", "joint", "slide")
 BENDING = slice(2, 5)
 
 
@@ -39,7 +39,9 @@ def strain_energy(
         energy[:, 5] = 0.5 * np.array([s.stiffness for s in model.structure.springs]) @ stretch**2
     joints = model.structure.joints
     stiffness = np.array([j.stiffness if j.state is JointState.SPRUNG else 0.0 for j in joints])
-    energy[:, 6] = 0.5 * stiffness @ shapes[6 * model.tree.roots :] ** 2
+    moves = shapes[6 * model.tree.roots :] ** 2
+    for part, of_it in ((6, ~model.tree.slides), (7, model.tree.slides)):
+        energy[:, part] = 0.5 * stiffness[of_it] @ moves[of_it]
     return energy
 
 

@@ -80,7 +80,9 @@ def rest_numbers(equilibrium: Equilibrium) -> Numbers:
     return {
         "reactions_n": dict(zip(suspension.attach, suspension.reaction, strict=True)),
         "holding_torque_nm": {
-            j.name: torque for j, torque in zip(joints, equilibrium.holding_torque, strict=True)
+            j.name: torque
+            for j, torque in zip(joints, equilibrium.holding_torque, strict=True)
+            if not j.slides
         },
         "node_rotation_deg": {name: np.degrees(v) for name, v in rotation.items()},
     }
