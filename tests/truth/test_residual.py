@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from middeck.errors import ConfigError
+from middeck.errors import ConfigError, NumericalError
 from middeck.structure.article import (
     Actuator,
     ActuatorKind,
@@ -229,3 +229,16 @@ def test_what_has_no_static_answer_is_refused():
     assert "7 modes or more" in refused.value.hint
     with pytest.raises(ConfigError, match="0 Hz"):
         compare_static_gain(modes, inputs=PORTS, outputs=PORTS, frequency_hz=0.0)
+
+
+def test_a_resonance_and_a_rigid_body_are_refused():
+    modes = orbit_modes()
+    resonance = float(modes.frequency_hz[8])
+    with pytest.raises(NumericalError, match=f"frequency of mode {modes.name[8]!r}"):
+        compare_static_gain(modes, inputs=PORTS, outputs=PORTS, count=7, frequency_hz=resonance)
+    bar = structure(
+        [node("a", (0, 0, 0), body(1.0, inertia=(0.1, 0.1, 0.1)))], sensors=[Sensor("z", "a", Z, "a")]
+    )
+    alone = solve_modes(solve_equilibrium(bar, Environment.orbit()))
+    with pytest.raises(ConfigError, match="0 Hz"):
+        compare_static_gain(alone, inputs=[], outputs=["z"])

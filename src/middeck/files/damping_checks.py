@@ -16,7 +16,7 @@ WORDS = {"attach": "attach point"}
 
 
 def damping_findings(data: Table, known: Mapping[str, Sequence[str]]) -> list[Finding]:
-    """Faults of ``[damping]`` in an article; ``known`` has the names of its parts by the key that uses one."""
+    """Faults of ``[damping]`` in an article; ``known`` has the names of its parts by key."""
     damping = data.get("damping")
     if not isinstance(damping, dict):
         return []

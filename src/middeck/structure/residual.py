@@ -10,24 +10,28 @@ coordinates as there are rigid modes are held, which costs the balanced forces n
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import scipy.linalg as sla
 import scipy.sparse as sp
-import scipy.sparse.linalg as spla
 from jaxtyping import Float
 
-from middeck.errors import ConfigError
+from middeck.errors import ConfigError, NumericalError
 from middeck.structure.assembly import assemble
+from middeck.structure.factorisation import Factor, factorise, positive_factor
 from middeck.structure.modes import Modes
 from middeck.structure.port_rows import input_rows, output_rows
 from middeck.structure.statics import dynamic_coordinates
 from middeck.systems.ports import Port
 from middeck.values import record
 
-# A gain below this part of the sum of the absolute terms that cancel in it is that of an uncoupled pair.
+# Residual of a solution, over the size of its terms, above which it is not one.
+WORTHLESS = 1e-8
+# A gain below this part of the most that it could be is that of an uncoupled pair.
 COUPLED = 1e-10
+# Relative distance from a mode's frequency below which the gain is nothing but that mode.
+RESONANT = 1e-6
 
 
 @record
@@ -39,7 +43,8 @@ class StaticGainComparison:
     frequency_hz:
         Where they are taken: zero, or with rigid modes a frequency far below the first flexible one.
     full:
-        Gain of the whole structure, every mode included, by a direct solution; a rate's without its factor j.
+        Gain of the whole structure, every mode included, by a direct solution for what the kept ones leave; a
+        rate's without its factor j.
     truncated, completed:
         Gain of the kept modes alone, and with the residual flexibility.
     truncated_error, completed_error:
@@ -73,12 +78,17 @@ def residual_flexibility(
             f"{count} modes kept of {rigid} rigid ones: what is left out has no static answer",
             hint=f"keep {rigid} modes or more, or static=False",
         )
-    active = dynamic_coordinates(modes.equilibrium.model)
-    K, M = _matrices(modes, active)
-    shapes = modes.shapes[active]
-    x = _solve_elastic(K, M, shapes[:, :rigid], force[:, active].T)
-    kept = shapes[:, rigid:count]
-    x -= kept @ ((kept.T @ force[:, active].T) / modes.omega[rigid:count, None] ** 2)
+    K, M, active = _matrices(modes)
+    held = np.zeros(int(np.sum(active)), dtype=bool)
+    held[_statically_determinate(modes.shapes[active, :rigid])] = True
+    factor = positive_factor(sp.csr_array(K[~held][:, ~held]))
+    if factor is None:
+        raise NumericalError(
+            "held where its rigid modes are, the structure is still not stiff",
+            hint="is there a rigid mode among those that are not zero? look at modes.rigid_residual",
+        )
+    kept = _Kept(modes.shapes[active, :count], M, modes.omega[:count] ** 2)
+    x = _answer_of_the_rest(K, factor, kept, force[:, active].T, ~held)
     return reading[:, active] @ x
 
 
@@ -93,48 +103,103 @@ def compare_static_gain(
     """What leaving out the modes beyond ``count`` does to low-frequency gains, without and with the residual.
 
     At 0 Hz; where there are rigid modes, at a tenth of the lowest frequency that is not zero, or at
-    ``frequency_hz``. Raises `ConfigError` for 0 Hz with rigid modes, and where `residual_flexibility` does.
+    ``frequency_hz``. Raises `ConfigError` for 0 Hz with rigid modes and where `residual_flexibility` does,
+    `NumericalError` at a resonance.
     """
-    rigid = modes.omega == 0.0
-    if frequency_hz is None:
-        frequency_hz = float(0.1 * modes.frequency_hz[~rigid].min()) if np.any(rigid) else 0.0
-    if np.any(rigid) and not frequency_hz > 0.0:
+    frequency_hz = _low_frequency(modes) if frequency_hz is None else frequency_hz
+    if modes.kind[:1] == ("rigid",) and not frequency_hz > 0.0:
         raise ConfigError("a free structure has no gain at 0 Hz", hint="a frequency_hz above zero")
     omega, count = 2.0 * np.pi * frequency_hz, min(count, len(modes.omega))
     drive, read = input_rows(modes.equilibrium, inputs), output_rows(modes.equilibrium, outputs)
-    C = read.position + omega * read.rate - omega**2 * read.acceleration
-    active = dynamic_coordinates(modes.equilibrium.model)
-    K, M = _matrices(modes, active)
-    x = _factor(sp.csc_array(K - omega**2 * M))(drive.force[:, active].T)
-    full, size = C[:, active] @ x, np.abs(C[:, active]) @ np.abs(x)
-    shapes = modes.shapes[:, :count]
-    modal = (shapes.T @ drive.force.T) / (modes.omega[:count] ** 2 - omega**2)[:, None]
-    truncated = C @ shapes @ modal
+    K, M, active = _matrices(modes)
+    B = drive.force[:, active].T
+    C = (read.position + omega * read.rate - omega**2 * read.acceleration)[:, active]
+    D = sp.csr_array(K - omega**2 * M)
+    kept = _Kept(modes.shapes[active, :count], M, modes.omega[:count] ** 2 - omega**2)
+    _check_off_resonance(modes, omega)
+    x, y = (kept.answer(F) + _dynamic_rest(D, kept, F) for F in (B, C.T))
+    full, truncated = C @ x, C @ kept.answer(B)
     completed = truncated + residual_flexibility(modes, drive.force, read.position, count)
-    scale = np.where(np.abs(full) > COUPLED * size, np.abs(full), np.nan)
+    # Cauchy and Schwarz: a gain is at most the mean of what each port does to itself.
+    most = np.sqrt(np.outer(np.abs(np.sum(C.T * y, axis=0)), np.abs(np.sum(B * x, axis=0))))
+    scale = np.where(np.abs(full) > COUPLED * most, np.abs(full), np.nan)
     errors = (np.abs(gain - full) / scale for gain in (truncated, completed))
     return StaticGainComparison(frequency_hz, drive.ports, read.ports, full, truncated, completed, *errors)
 
 
-def _matrices(modes: Modes, active: np.ndarray) -> tuple[sp.csr_array, sp.csr_array]:
-    equilibrium = modes.equilibrium
-    K = assemble(equilibrium.model, equilibrium.config, equilibrium.loads).tangent
-    return K[active][:, active], modes.mass[active][:, active]
+class _Kept(NamedTuple):
+    """Modes, the mass matrix, and their stiffness omega_k^2 - omega^2: zero for one that has no answer."""
+
+    shapes: np.ndarray
+    mass: sp.csr_array
+    stiffness: np.ndarray
+
+    def answer(self, force: np.ndarray) -> np.ndarray:
+        """Their displacement."""
+        compliance = np.zeros(len(self.stiffness))
+        np.divide(1.0, self.stiffness, out=compliance, where=self.stiffness != 0.0)
+        return self.shapes @ (compliance[:, None] * (self.shapes.T @ force))
+
+    def without(self, force: np.ndarray) -> np.ndarray:
+        """``force`` without its part on these modes."""
+        return force - self.mass @ (self.shapes @ (self.shapes.T @ force))
+
+    def apart(self, x: np.ndarray) -> np.ndarray:
+        """``x`` without its part along these modes."""
+        return x - self.shapes @ (self.shapes.T @ (self.mass @ x))
 
 
-def _solve_elastic(
-    K: sp.csr_array, M: sp.csr_array, rigid: np.ndarray, force: np.ndarray
+def _answer_of_the_rest(
+    D: sp.csr_array, factor: Factor, kept: _Kept, force: np.ndarray, free: np.ndarray
 ) -> Float[np.ndarray, "coordinate input"]:
-    """Displacements under ``force`` less its rigid part, without any rigid motion."""
-    balanced = force - M @ (rigid @ (rigid.T @ force))
-    free = np.ones(len(force), dtype=bool)
-    free[_statically_determinate(rigid)] = False
-    solve = _factor(sp.csc_array(K[free][:, free]))
+    """D^-1 ``force`` less what the kept modes answer, itself without any part along them.
+
+    The soft kept modes answer a million times more than the stiff rest: a difference would be rounding.
+    """
+    by_modes = kept.answer(force)
     x = np.zeros_like(force)
     for _ in range(2):  # once more for what rounding has left
-        x[free] += solve((balanced - K @ x)[free])
-        x -= rigid @ (rigid.T @ (M @ x))
+        x[free] += factor.solve(kept.without(force - D @ (by_modes + x))[free])
+        x = kept.apart(x)
     return x
+
+
+def _dynamic_rest(D: sp.csr_array, kept: _Kept, force: np.ndarray) -> Float[np.ndarray, "coordinate input"]:
+    """The same for a dynamic stiffness, factored without pivoting: its residual is looked at."""
+    factor = factorise(D)
+    if factor is not None:
+        x = _answer_of_the_rest(D, factor, kept, force, np.ones(len(force), dtype=bool))
+        wanted = kept.without(force - D @ kept.answer(force))
+        size = (abs(D) @ np.abs(x) + np.abs(wanted)).max(initial=0.0)
+        if np.abs(kept.without(wanted - D @ x)).max(initial=0.0) <= WORTHLESS * size:
+            return x
+    raise NumericalError(
+        "no gain could be computed at this frequency: is it that of a mode?",
+        hint="another frequency_hz, below the first flexible mode",
+    )
+
+
+def _check_off_resonance(modes: Modes, omega: float) -> None:
+    near = np.abs(modes.omega - omega) <= RESONANT * omega
+    if omega > 0.0 and np.any(near):
+        raise NumericalError(
+            f"the gain at the frequency of mode {modes.name[int(np.argmax(near))]!r} is that of its damping",
+            hint="another frequency_hz, below the first flexible mode",
+        )
+
+
+def _low_frequency(modes: Modes) -> float:
+    swings = modes.frequency_hz[modes.omega > 0.0]
+    free = len(swings) < len(modes.omega)
+    return float(0.1 * swings.min()) if free and len(swings) else 0.0
+
+
+def _matrices(modes: Modes) -> tuple[sp.csr_array, sp.csr_array, np.ndarray]:
+    """Stiffness and mass of the coordinates that move, and which they are."""
+    equilibrium = modes.equilibrium
+    active = dynamic_coordinates(equilibrium.model)
+    K = assemble(equilibrium.model, equilibrium.config, equilibrium.loads).tangent
+    return sp.csr_array(K[active][:, active]), sp.csr_array(modes.mass[active][:, active]), active
 
 
 def _statically_determinate(rigid: np.ndarray) -> np.ndarray:
@@ -143,11 +208,3 @@ def _statically_determinate(rigid: np.ndarray) -> np.ndarray:
         return np.zeros(0, dtype=int)
     _, pivots = cast("tuple[Any, np.ndarray]", sla.qr(rigid.T, mode="r", pivoting=True))
     return pivots[: rigid.shape[1]]
-
-
-def _factor(K: sp.csc_array) -> Any:
-    """Solver of a symmetric K by sparse LU with a symmetric order; about as much fill as Cholesky's."""
-    factors: Any = spla.splu(
-        K, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=1e-3, options={"SymmetricMode": True}
-    )
-    return factors.solve
