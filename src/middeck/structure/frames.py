@@ -89,6 +89,16 @@ def rigid_columns(
     return columns
 
 
+def split_rigid(
+    tree: FrameTree, config: Configuration, q: Inexact[np.ndarray, " coordinate"], mass: sp.csr_array
+) -> tuple[Inexact[np.ndarray, "6"], Inexact[np.ndarray, " coordinate"]]:
+    """Translation and rotation about the world origin that are nearest to ``q`` by mass, and what is left."""
+    T = rigid_columns(tree, config, np.zeros(3))
+    weighted = mass @ T
+    rigid, *_ = np.linalg.lstsq(T.T @ weighted, weighted.T @ q, rcond=None)
+    return rigid, q - T @ rigid
+
+
 def move_whole(
     tree: FrameTree, config: Configuration, q: Inexact[np.ndarray, " coordinate"], mass: sp.csr_array
 ) -> Configuration:
@@ -97,9 +107,7 @@ def move_whole(
     Straight displacements stretch what turns: by 1e-3 of its length for a turn of 0.05, far more than a stiff
     member bears, so that a descent with `move` would have to creep.
     """
-    T = rigid_columns(tree, config, np.zeros(3))
-    rigid, *_ = np.linalg.lstsq(T.T @ (mass @ T), T.T @ (mass @ q), rcond=None)
-    rest = q - T @ rigid
+    rigid, rest = split_rigid(tree, config, q, mass)
     R = rotation_exp(rigid[3:])
     # The rotation is about the world origin: its second-order part must not carry a far structure along.
     centre = config.x.mean(axis=0)

@@ -12,21 +12,22 @@ from middeck.structure.article import JointState
 from middeck.structure.assembly import Assembly, Loads, assemble, mass_matrix
 from middeck.structure.devices import SpringLaw
 from middeck.structure.factorisation import positive_factor
-from middeck.structure.frames import Configuration, move_whole
+from middeck.structure.frames import Configuration, move_whole, split_rigid
 from middeck.structure.mesh import Model
 
 # Largest residual that counts as rest, over `load_scale`.
 TOLERANCE = 1e-9
 # Enough on the way to full load.
 ROUGH = 1e-4
-LOAD_FACTORS = (0.25, 0.5, 0.75)
+LOAD_FACTORS = (0.5,)
 MAX_ITERATIONS = 200
 MAX_HALVINGS = 30
 STANDARD_GRAVITY = 9.80665
 # Least damping [1/s^2]: a thousandth of a slow pendulum's omega^2 neither holds nor hurries anything.
 LEAST_DAMPING = 1e-3
 DAMPING_STEP = 4.0
-# Largest change [m or rad] of a coordinate in one step: what the second-order chart follows well.
+# Largest turn [rad] and largest change [m or rad] of a coordinate beside the rigid motion in one step: what the
+# second-order chart follows well. A translation of the whole may be of any length.
 LONGEST_STEP = 0.5
 
 
@@ -105,7 +106,6 @@ def _descend(
     """Where the descent ends, and (residual, damping) of every iteration."""
     active = static_coordinates(model)
     mass = mass_matrix(model, config)
-    active_mass = mass[active][:, active]
     at = assemble(model, config, loads)
     damping = 0.0
     history: list[tuple[float, float]] = []
@@ -114,9 +114,8 @@ def _descend(
         history.append((residual, damping))
         if residual < enough:
             break
-        stiffness = at.tangent[active][:, active]
-        q, damping = _damped_step(stiffness, active_mass, at.gradient[active], damping)
-        better = _shorten(model, config, loads, at, spread(q, active), mass)
+        q, damping = _damped_step(model, config, at, mass, damping)
+        better = _shorten(model, config, loads, at, q, mass)
         if better is None:
             break
         config, at = better
@@ -142,15 +141,19 @@ def _shorten(
 
 
 def _damped_step(
-    stiffness: sp.csr_array, mass: sp.csr_array, gradient: np.ndarray, damping: float
+    model: Model, config: Configuration, at: Assembly, mass: sp.csr_array, damping: float
 ) -> tuple[np.ndarray, float]:
     """Solve (K + damping M) q = -gradient with the least damping that makes the matrix positive definite."""
+    active = static_coordinates(model)
+    stiffness, inertia = at.tangent[active][:, active], mass[active][:, active]
     damping = 0.0 if damping < LEAST_DAMPING else damping / DAMPING_STEP
     while True:
-        factor = positive_factor(sp.csr_array(stiffness + damping * mass))
-        q = None if factor is None else -factor.solve(gradient)
-        if q is not None and np.abs(q).max() < LONGEST_STEP:
-            return q, damping
+        factor = positive_factor(sp.csr_array(stiffness + damping * inertia))
+        if factor is not None:
+            q = spread(-factor.solve(at.gradient[active]), active)
+            rigid, rest = split_rigid(model.tree, config, q, mass)
+            if max(np.abs(rigid[3:]).max(), np.abs(rest).max()) < LONGEST_STEP:
+                return q, damping
         damping = max(DAMPING_STEP * damping, LEAST_DAMPING)
 
 
