@@ -310,6 +310,14 @@ def test_usage_and_data_errors_of_the_verb(capfd: Capture, tmp_path: Path):
     assert str(SURVEY) in dm.err  # its channels are not the article's
 
 
+def test_a_set_of_sensors_that_is_too_small_has_no_condition(capfd: Capture, lab: Modes, tmp_path: Path):
+    few = measure_modes(lab, [(f"n{i}", "z") for i in (1, 3, 5)], chosen=[10, 11, 12, 13])
+    write_measured_modes(tmp_path / "few.json", few)
+    ask = ("correlate", ARTICLE, tmp_path / "few.json", "--noise", "0,0", "--runs", 1, "--reduction", "guyan")
+    assert json.loads(middeck(capfd, *ask, "--json").out)["sensor_condition"] is None
+    assert "sensors      too few to tell the modes apart" in middeck(capfd, *ask).out
+
+
 def test_help_lists_every_profile_and_reduction():
     """The verb repeats the names, as help must not import what computes."""
     assert verb.PROFILES == PROFILE_NAMES

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -138,7 +139,7 @@ def describe(found: Correlation) -> dict[str, Any]:
         "effective_mass_sum": found.effective_mass.completeness,
         "rigid_mass": found.effective_mass.rigid,
         "reduction": found.reduced.reduction,
-        "sensor_condition": found.reduced.condition,
+        "sensor_condition": condition if math.isfinite(condition := found.reduced.condition) else None,
         "unpaired": found.unpaired,
         "unmeasured": found.unmeasured,
         "warnings": (*modes.warnings, *found.warnings),
@@ -178,7 +179,7 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         f"article      {document['article']}",
         f"environment  {document['environment']}",
         f"profile      {document['profile']}: {document['profile_title']}",
-        f"sensors      condition {document['sensor_condition']:.3g}; mass by {document['reduction'].value}",
+        f"sensors      {_condition(document['sensor_condition'])}; mass by {document['reduction'].value}",
         f"verdict      {'passes' if document['passed'] else 'does not pass'}",
         f"a correct model would pass with probability {_interval(overall)} in {overall['runs']} runs",
         _pairs(document),
@@ -191,6 +192,10 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         _effective(document),
         _comac(document["comac"]),
     ]
+
+
+def _condition(condition: float | None) -> str:
+    return "too few to tell the modes apart" if condition is None else f"condition {condition:.3g}"
 
 
 def _interval(p: dict[str, Any]) -> str:

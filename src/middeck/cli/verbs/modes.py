@@ -26,7 +26,7 @@ Examples:
 @options.count
 @options.common
 def verb(article: str, environment: str, count: int, overrides: tuple[str, ...], as_json: bool) -> None:
-    """Natural modes of ARTICLE about its rest state in an environment.
+    """Natural modes of ARTICLE at rest in an environment.
 
     Also the suspension's reactions, the torques that hold the joints, and how far the nodes turn.
     """

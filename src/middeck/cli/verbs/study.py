@@ -28,7 +28,7 @@ Examples:
 )
 @options.common
 def verb(study_file: str, out: Path, overrides: tuple[str, ...], as_json: bool) -> None:
-    """Run STUDY and write report.html, numbers.json and figures/*.svg.
+    """Run STUDY: write report.html, numbers.json and figures/*.svg.
 
     Files are written whole as soon as their stage is done; an interrupted run leaves whole files only.
     """
