@@ -1,0 +1,107 @@
+"""Modes followed from one state to another by their shapes, repeated frequencies included."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Float, Int
+from scipy.optimize import linear_sum_assignment
+
+from middeck.errors import NumericalError
+from middeck.structure.eigen import solve_all, solve_lowest
+from middeck.structure.factorisation import order
+from middeck.structure.mesh import Model
+from middeck.structure.modes import SMALL, Modes
+from middeck.structure.statics import dynamic_coordinates
+
+# Modes whose omega^2 differ by less, relative to the larger, have one frequency: any basis of theirs will do.
+REPEATED = 1e-6
+# A shape of which another holds more than half (this, squared) cannot be a second one's as well.
+HALF_SHAPE = float(np.sqrt(0.5))
+# Modes sought beyond those followed, so that one that comes down from above is found.
+SPARE = 10
+
+
+class Spectrum(NamedTuple):
+    """omega^2 [1/s^2], negative where a mode grows; mass-normalised shapes over all coordinates; the mass."""
+
+    lam: Float[np.ndarray, " mode"]
+    shapes: Float[np.ndarray, "coordinate mode"]
+    mass: sp.csr_array
+
+
+class Tracked(NamedTuple):
+    """What became of each reference shape: its spectrum, where it was found, and the cross-orthogonality."""
+
+    spectrum: Spectrum
+    index: Int[np.ndarray, " mode"]
+    match: Float[np.ndarray, " mode"]
+
+
+def spectrum_of(modes: Modes) -> Spectrum:
+    """What tracking needs of ``modes``."""
+    return Spectrum(modes.omega**2, modes.shapes, modes.mass)
+
+
+def solve_spectrum(
+    model: Model, K: sp.csr_array, M: sp.csr_array, count: int, unbalanced: float = 0.0
+) -> Spectrum:
+    """The ``count`` lowest modes of a tangent and a mass in all coordinates, ascending, unstable ones too.
+
+    All modes of a small model. An omega^2 that is rounding alone, or no more than the force ``unbalanced``
+    [N] makes, is exactly zero. Raises `NumericalError` where a massless motion is held by nothing.
+    """
+    active = dynamic_coordinates(model)
+    stiffness, mass = K[active][:, active], M[active][:, active]
+    small = order(stiffness) <= max(SMALL, 4 * (count + SPARE))
+    pairs = solve_all(stiffness, mass) if small else solve_lowest(stiffness, mass, count + SPARE)
+    if pairs is None:
+        raise NumericalError(
+            "a motion that has no mass is held by no stiffness",
+            where=f"structure {model.structure.title!r}",
+            hint="solve_modes of the same state names the frame; give it a mass and an inertia",
+        )
+    noise = pairs.noise + unbalanced * np.abs(pairs.shapes).max(axis=0) ** 2
+    shapes = np.zeros((len(active), len(pairs.lam)))
+    shapes[active] = pairs.shapes
+    return Spectrum(np.where(np.abs(pairs.lam) < noise, 0.0, pairs.lam), shapes, M)
+
+
+def align_repeated(spectrum: Spectrum, reference: Float[np.ndarray, "coordinate mode"]) -> Spectrum:
+    """The same modes, those of one frequency turned towards the reference shapes nearest to their span.
+
+    Within a repeated frequency, rigid-body modes included, an eigensolver's basis is arbitrary. The turn is
+    the orthogonal polar factor of the overlap: of all bases the one nearest to the reference.
+    """
+    lam, shapes = spectrum.lam.copy(), spectrum.shapes.copy()
+    overlap = reference.T @ (spectrum.mass @ shapes)
+    for cluster in _clusters(lam):
+        nearest = np.argsort(-np.sum(overlap[:, cluster] ** 2, axis=1), kind="stable")[: len(cluster)]
+        U, _, Vt = np.linalg.svd(overlap[np.ix_(np.sort(nearest), cluster)].T)
+        turn = np.hstack([U[:, : len(Vt)] @ Vt, U[:, len(Vt) :]])
+        lam[cluster] = np.einsum("ij,i,ij->j", turn, lam[cluster], turn)
+        shapes[:, cluster] = shapes[:, cluster] @ turn
+    return Spectrum(lam, shapes, spectrum.mass)
+
+
+def _clusters(lam: np.ndarray) -> list[np.ndarray]:
+    """Indices of the modes of each repeated frequency."""
+    ascending = np.argsort(lam, kind="stable")
+    size = np.abs(lam[ascending])
+    apart = np.diff(lam[ascending]) > REPEATED * np.maximum(size[1:], size[:-1])
+    return [c for c in np.split(ascending, np.flatnonzero(apart) + 1) if len(c) > 1]
+
+
+def track(reference: Spectrum, spectrum: Spectrum) -> Tracked:
+    """Each mode of ``reference`` in ``spectrum``, one to one, with the largest sum of squared overlaps.
+
+    The overlap is the cross-orthogonality |Phi_0' M_0 Phi_1| of shapes that are each normalised with their
+    own mass; its square is the part of the one shape that is the other.
+    """
+    turned = align_repeated(spectrum, reference.shapes)
+    cross = np.abs(reference.shapes.T @ (reference.mass @ turned.shapes))
+    _, index = linear_sum_assignment(cross**2, maximize=True)
+    found = Spectrum(turned.lam[index], turned.shapes[:, index], turned.mass)
+    return Tracked(found, np.array(index, dtype=int), cross[np.arange(len(index)), index])
