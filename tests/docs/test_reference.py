@@ -29,6 +29,7 @@ FORMS: list[type[Form]] = [
     article_form.StrutForm,
     article_form.GimbalForm,
     article_form.RevoluteForm,
+    article_form.ProofMassForm,
     article_form.AttachForm,
     article_form.SuspensionForm,
     article_form.SpringForm,
