@@ -2,12 +2,92 @@
 
 from __future__ import annotations
 
+import math
+from enum import Enum
+
 import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
 from middeck.structure.article import Structure
+from middeck.systems.friction import Friction
 from middeck.values import record
+
+
+class DeviceKind(Enum):
+    """Where a device has the article start from; under its load both pull alike."""
+
+    CONSTANT_FORCE = "constant_force"  # carries its load at the drawn height: no static deflection
+    SPRING = "spring"  # is unstretched at the drawn height: the article sinks by load over stiffness
+
+
+@record
+class Device:
+    """A cable from an anchor to an attach point, with a device that gives it a force and a stiffness.
+
+    At length l it pulls with R + k (l - L): R is its load, L its length under that load. It cannot push.
+
+    Parameters
+    ----------
+    name, attach:
+        Its own name, and that of the attach point which hangs on it.
+    kind:
+        A constant force with a small stiffness, or a linear spring that starts unstretched.
+    force:
+        R [N]; None to tune it to its share of the vertical reaction of the pinned article.
+    held:
+        World directions ("xyz" letters) pinned at the attach point while that reaction is found.
+    stiffness, bounce_hz:
+        k [N/m], or the frequency from which k = (R/g) (2 pi bounce_hz)^2 follows: one of the two.
+    cable_length, anchor:
+        L [m], the anchor being straight above the drawn attach point; or the anchor in W [m]: one of the two.
+    moving_mass:
+        Mass [kg] that moves with the attach point along the cable, and whose weight the device bears itself.
+    friction:
+        Along the cable: N and N/m stand in place of N m and N m/rad. It does not enter the rest state.
+
+    Raises `ConfigError` for values that cannot be, or that contradict each other.
+    """
+
+    name: str
+    attach: str
+    kind: DeviceKind = DeviceKind.CONSTANT_FORCE
+    force: float | None = None
+    held: str = ""
+    stiffness: float | None = None
+    bounce_hz: float | None = None
+    cable_length: float | None = None
+    anchor: Float[np.ndarray, "3"] | None = None
+    moving_mass: float = 0.0
+    friction: Friction | None = None
+
+    def __post_init__(self) -> None:
+        where = f"device {self.name!r}"
+        sizes = (self.force, self.stiffness, self.bounce_hz, self.cable_length)
+        if any(size is not None and not 0.0 < size < math.inf for size in sizes):
+            raise ConfigError(
+                f"force, stiffness, bounce_hz, cable_length are {sizes}",
+                where=where,
+                hint="each positive and finite",
+            )
+        if not 0.0 <= self.moving_mass < math.inf:
+            raise ConfigError(
+                f"a moving mass of {self.moving_mass} kg", where=where, hint="from zero, finite"
+            )
+        for this, that in (("stiffness", "bounce_hz"), ("cable_length", "anchor")):
+            if (getattr(self, this) is None) == (getattr(self, that) is None):
+                raise ConfigError(f"{this} or {that}: one of them, not both", where=where)
+        if (self.force is None) != bool(self.held):
+            raise ConfigError(
+                "pinned directions are for a tuned device, and a tuned device needs them",
+                where=where,
+                hint="give a force, or held such as 'yz'",
+            )
+
+    @property
+    def needs_gravity(self) -> bool:
+        """Whether its load, its stiffness or the place of its anchor follow from gravity."""
+        return self.force is None or self.bounce_hz is not None or self.cable_length is not None
 
 
 @record
@@ -27,17 +107,42 @@ class Suspension:
         Loaded length [m]; it sets the pendulum stiffness.
     bounce_hz:
         Bounce frequency to which every device is tuned.
+    kind, moving_mass, friction:
+        Of every device, see `Device`.
     """
 
     attach: tuple[str, ...]
     held: tuple[str, ...]
     cable_length: float
     bounce_hz: float
+    kind: DeviceKind = DeviceKind.CONSTANT_FORCE
+    moving_mass: float = 0.0
+    friction: Friction | None = None
+
+    @property
+    def devices(self) -> tuple[Device, ...]:
+        """Its devices, each named after its attach point."""
+        return tuple(
+            Device(
+                name,
+                name,
+                self.kind,
+                held=held,
+                bounce_hz=self.bounce_hz,
+                cable_length=self.cable_length,
+                moving_mass=self.moving_mass,
+                friction=self.friction,
+            )
+            for name, held in zip(self.attach, self.held, strict=True)
+        )
 
 
 @record
 class AnchoredSpring:
-    """A linear spring from an attach point to a fixed anchor in W: stiffness [N/m], free length [m]."""
+    """A linear spring from an attach point to a fixed anchor in W: stiffness [N/m], free length [m].
+
+    Unlike a `Device` it may push.
+    """
 
     name: str
     attach: str
@@ -48,7 +153,11 @@ class AnchoredSpring:
 
 @record
 class Environment:
-    """Gravity vector in the world frame [m/s^2], the suspension and further springs to ground, if any.
+    """Gravity vector in the world frame [m/s^2], and what holds the article, if anything.
+
+    ``suspension`` is one tuned cable per attach point, ``springs`` tie it to the ground, ``devices`` hang it
+    in any other way, any number of them at an attach point. Raises `ConfigError` where two devices have one
+    name.
 
     >>> Environment.orbit().gravity.tolist()
     [0.0, 0.0, 0.0]
@@ -58,6 +167,22 @@ class Environment:
     gravity: Float[np.ndarray, "3"]
     suspension: Suspension | None = None
     springs: tuple[AnchoredSpring, ...] = ()
+    devices: tuple[Device, ...] = ()
+
+    def __post_init__(self) -> None:
+        names = [device.name for device in self.hung]
+        for name in names:
+            if names.count(name) > 1:
+                raise ConfigError(
+                    f"two devices are called {name!r}",
+                    where=f"environment {self.title!r}",
+                    hint="a suspension's devices have the names of their attach points",
+                )
+
+    @property
+    def hung(self) -> tuple[Device, ...]:
+        """Every device that can only pull, those of the suspension first."""
+        return (*(() if self.suspension is None else self.suspension.devices), *self.devices)
 
     @staticmethod
     def orbit() -> Environment:

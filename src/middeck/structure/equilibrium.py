@@ -14,6 +14,7 @@ from middeck.structure.mesh import Model, mesh_structure
 from middeck.structure.rotations import rotation_log
 from middeck.structure.statics import TOLERANCE, settle
 from middeck.structure.suspension import TunedSuspension, environment_loads, tune_suspension
+from middeck.structure.travel import check_travel
 from middeck.values import record
 
 FAR_TURN = np.radians(30.0)  # three times what an unlevelled article rolls
@@ -35,7 +36,7 @@ class Equilibrium:
         Torque [N m], of a slide force [N], that each joint's motor, spring or lock holds, positive on the
         carried body.
     tension:
-        Pull [N] of each device: the suspension's cables first, then the environment's springs.
+        Pull [N] of each of ``devices``.
     """
 
     model: Model
@@ -47,6 +48,11 @@ class Equilibrium:
     history: tuple[tuple[float, float, float], ...]
     holding_torque: Float[np.ndarray, " joint"]
     tension: Float[np.ndarray, " device"]
+
+    @property
+    def devices(self) -> tuple[str, ...]:
+        """Names in the order of the loads: the suspension's, the environment's devices, then its springs."""
+        return (*self.suspension.name, *(spring.name for spring in self.environment.springs))
 
     @property
     def converged(self) -> bool:
@@ -66,9 +72,9 @@ def solve_equilibrium(structure: Structure, environment: Environment) -> Equilib
     tuned = tune_suspension(model, environment)
     loads = environment_loads(model, environment, tuned)
     settled = settle(model, loads)
-    _check_cables(environment, settled.assembly.tension)
+    _check_pull(tuned, settled.assembly.tension)
     if settled.residual < TOLERANCE:
-        _check_travel(model, settled.config)
+        check_travel(structure, settled.config.angle)
     # At rest dE/d(angle) is the moment that the motor has to balance.
     holding = settled.assembly.gradient[6 * model.tree.roots :] + _spring_torque(model, settled.config)
     return Equilibrium(
@@ -95,44 +101,35 @@ def _spring_torque(model: Model, config: Configuration) -> np.ndarray:
 
 
 def _check_support(environment: Environment) -> None:
-    supported = environment.suspension is not None or environment.springs
-    if np.any(environment.gravity) and not supported:
+    where = f"environment {environment.title!r}"
+    heavy = bool(np.any(environment.gravity))
+    if heavy and not environment.hung and not environment.springs:
         raise EquilibriumError(
             f"gravity of {np.linalg.norm(environment.gravity):.4g} m/s^2 and nothing to hang from",
-            where=f"environment {environment.title!r}",
-            hint="add a [suspension] table or springs to the environment, or use orbit",
+            where=where,
+            hint="add a [suspension] table, devices or springs to the environment, or use orbit",
         )
-    if environment.suspension is not None and not np.any(environment.gravity):
+    idle = [device.name for device in environment.hung if device.needs_gravity and not heavy]
+    if idle:
         raise EquilibriumError(
-            "a suspension tuned to its load needs gravity: its reactions would be zero",
-            where=f"environment {environment.title!r}",
-            hint="set constants.gravity, or remove the [suspension] table",
+            f"device {idle[0]!r}, tuned to its load, needs gravity: its reaction would be zero",
+            where=where,
+            hint="set constants.gravity; or give the device a force, a stiffness and an anchor",
         )
 
 
-def _check_cables(environment: Environment, tension: np.ndarray) -> None:
-    names = () if environment.suspension is None else environment.suspension.attach
-    for name, pull in zip(names, tension, strict=False):
-        if pull <= 0.0:
-            raise EquilibriumError(
-                f"the cable at {name!r} is slack at equilibrium ({pull:.3f} N)",
-                where=f"suspension at {name!r}",
-                hint="a cable cannot push: move the attach points or lower the bounce frequency",
-            )
-
-
-def _check_travel(model: Model, config: Configuration) -> None:
-    """Held joints were checked with the structure; a sprung one goes where its load puts it."""
-    for joint, at in zip(model.structure.joints, config.angle, strict=True):
-        low, high = joint.travel
-        if not low <= at <= high:
-            unit = "m" if joint.slides else "rad"
-            raise EquilibriumError(
-                f"joint {joint.name!r} would rest at {at:.4g} {unit}, beyond its travel {low:g} to {high:g}",
-                where=f"joint {joint.name!r}",
-                hint="a stiffer spring, or one that is unstressed on the other side (rest), centres it",
-                angle=float(at),
-            )
+def _check_pull(suspension: TunedSuspension, tension: np.ndarray) -> None:
+    """Springs, which follow the devices, may push."""
+    pull = dict(zip(suspension.name, map(float, tension), strict=False))
+    slack = {name: value for name, value in pull.items() if value <= 0.0}
+    if slack:
+        named = ", ".join(f"{name!r} ({value:.3f} N)" for name, value in slack.items())
+        raise EquilibriumError(
+            f"slack at equilibrium: the cable of {named}",
+            where="suspension",
+            hint="a cable cannot push: move the attach points, take a device away or lower its stiffness",
+            tension_n=pull,
+        )
 
 
 def node_rotations(equilibrium: Equilibrium) -> dict[str, Float[np.ndarray, "3"]]:

@@ -51,16 +51,18 @@ class _Supports(NamedTuple):
 
 
 def solve_pinned(
-    model: Model, gravity: Float[np.ndarray, "3"], pinned: PinnedPoints
+    model: Model, gravity: Float[np.ndarray, "3"], pinned: PinnedPoints, others: Loads | None = None
 ) -> Float[np.ndarray, "pinned 3"]:
     """Support forces [N] at full gravity with the points held; nonlinear, by load steps.
+
+    The devices of ``others`` act meanwhile; their gravity counts for nothing.
 
     Raises `EquilibriumError` when the weight drives a motion that the supports leave free, or when the
     iteration does not converge. A free motion that no weight drives is let be: it changes no force.
     """
     supports = _supports(model, pinned)
-    none = no_loads()
-    loads = Loads(gravity, none.anchor, none.attach_point, none.law, none.mass)
+    other = no_loads() if others is None else others
+    loads = Loads(gravity, other.anchor, other.attach_point, other.law, other.mass)
     config, force = model.rest, np.zeros(len(supports.axis))
     for factor in (*LOAD_FACTORS, 1.0):
         config, force = _settle_pinned(model, scale_loads(loads, factor), supports, config, force)

@@ -1,43 +1,99 @@
-"""From an environment to loads: pinned reactions, then the stiffness of each device (the paper's step 1)."""
+"""From an environment to loads: pinned reactions, then the force, stiffness and place of each device.
+
+The paper's step 1. Devices that carry a given force, and springs, act while the others are tuned, so that a
+tuned article stays where it was drawn.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import NamedTuple, cast
+
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Inexact
 
 from middeck.errors import ConfigError, EquilibriumError
 from middeck.structure.assembly import Loads, no_loads
 from middeck.structure.devices import SpringLaw
-from middeck.structure.environment import Environment, Suspension
+from middeck.structure.environment import AnchoredSpring, Device, DeviceKind, Environment
 from middeck.structure.frames import frame_poses, points_in_world
 from middeck.structure.mesh import Model
 from middeck.structure.pinned import PinnedPoints, solve_pinned
 from middeck.values import record
 
+LEAST_RISE = 1e-3
+"""Cosine to the vertical below which a cable is level, and could carry a weight with no finite force."""
+
 
 @record
 class TunedSuspension:
-    """Vertical reaction [N] and stiffness [N/m] at each attach point of the suspension."""
+    """Name, attach point, load R [N] and stiffness [N/m] of each device, those of the suspension first.
 
+    The load of a tuned device is the vertical reaction at its attach point, if it is alone there and upright.
+    """
+
+    name: tuple[str, ...]
     attach: tuple[str, ...]
-    reaction: Float[np.ndarray, " attach"]
-    stiffness: Float[np.ndarray, " attach"]
+    reaction: Inexact[np.ndarray, " device"]
+    stiffness: Inexact[np.ndarray, " device"]
 
 
 def tune_suspension(model: Model, environment: Environment) -> TunedSuspension:
-    """Pin the article at its attach points under full gravity; k = (R/g) (2 pi bounce)^2.
+    """Pin the article at the attach points of tuned devices, under full gravity; k = (R/g) (2 pi bounce)^2.
 
     Raises `EquilibriumError` where a device would have to push: a cable cannot.
     """
-    suspension = environment.suspension
-    if suspension is None:
-        return TunedSuspension((), np.zeros(0), np.zeros(0))
-    held = PinnedPoints(_attach_points(model, suspension), suspension.held)
-    g = float(np.linalg.norm(environment.gravity))
-    reaction = solve_pinned(model, environment.gravity, held) @ (-environment.gravity / g)
-    _check_pull(suspension.attach, reaction)
-    stiffness = reaction / g * (2.0 * np.pi * suspension.bounce_hz) ** 2
-    return TunedSuspension(suspension.attach, reaction, stiffness)
+    devices = environment.hung
+    tuned = [d for d in devices if d.force is None]
+    shares = _tuned_forces(model, environment, tuned) if tuned else {}
+    force = np.array([shares[d.name] if d.force is None else d.force for d in devices]) + 0.0
+    stiffness = np.array([_stiffness(environment, d, R) for d, R in zip(devices, force, strict=True)]) + 0.0
+    names, attach = tuple(d.name for d in devices), tuple(d.attach for d in devices)
+    return TunedSuspension(names, attach, force, stiffness)
+
+
+def _stiffness(environment: Environment, device: Device, force: float) -> float:
+    if device.bounce_hz is None:
+        return float(device.stiffness or 0.0)
+    return force / float(np.linalg.norm(environment.gravity)) * (2.0 * np.pi * device.bounce_hz) ** 2
+
+
+def _tuned_forces(model: Model, environment: Environment, tuned: Sequence[Device]) -> dict[str, float]:
+    """By name, what each tuned device bears: its share of the vertical reaction over its slope."""
+    attach = tuple(dict.fromkeys(d.attach for d in tuned))
+    held = tuple(
+        "".join(c for c in "xyz" if any(c in d.held for d in tuned if d.attach == name)) for name in attach
+    )
+    points = np.array([attach_index(model, name) for name in attach], dtype=int)
+    others = _others(model, environment)
+    up = _up(environment)
+    reaction = solve_pinned(model, environment.gravity, PinnedPoints(points, held), others) @ up
+    _check_pull(attach, reaction)
+    together = [d.attach for d in tuned]
+    pull = dict(zip(attach, reaction, strict=True))
+    return {d.name: float(pull[d.attach]) / together.count(d.attach) / _rise(model, d, up) for d in tuned}
+
+
+def _rise(model: Model, device: Device, up: np.ndarray) -> float:
+    """Cosine of a drawn cable to the vertical."""
+    if device.anchor is None:
+        return 1.0
+    span = device.anchor - _drawn(model, device)
+    length = _positive_length(device, span)
+    if not span @ up > LEAST_RISE * length:
+        raise ConfigError(
+            f"its anchor lies {span @ up:.3g} m above its attach point: it cannot be tuned to a weight",
+            where=f"device {device.name!r}",
+            hint="raise the anchor, or give the device a force",
+        )
+    return float(span @ up) / length
+
+
+def _others(model: Model, environment: Environment) -> Loads:
+    """What acts while the reactions are found: devices of given force, and springs."""
+    given = [(d, d.force) for d in environment.hung if d.force is not None]
+    lines = [_line(model, environment, d, R, _stiffness(environment, d, R)) for d, R in given]
+    return _loads(environment, [*lines, *(_tie(model, s) for s in environment.springs)])
 
 
 def _check_pull(attach: tuple[str, ...], reaction: np.ndarray) -> None:
@@ -52,46 +108,82 @@ def _check_pull(attach: tuple[str, ...], reaction: np.ndarray) -> None:
 
 
 def environment_loads(model: Model, environment: Environment, tuned: TunedSuspension) -> Loads:
-    """Cables with the tuned law and their anchors straight above, and the environment's own springs."""
-    devices = [*_cables(model, environment, tuned), *_ground_springs(model, environment)]
-    if not devices:
+    """Every device with its force, stiffness and anchor, then the environment's own springs.
+
+    Analytic in the model and in the forces and stiffnesses ``tuned``. Raises `ConfigError` for a spring that
+    would be longer than its cable, or an anchor in its attach point.
+    """
+    lines = [
+        _line(model, environment, device, R, k)
+        for device, R, k in zip(environment.hung, tuned.reaction, tuned.stiffness, strict=True)
+    ]
+    return _loads(environment, [*lines, *(_tie(model, s) for s in environment.springs)])
+
+
+class _Line(NamedTuple):
+    """Pose of an attach point, anchor in W, (preload, stiffness, length at which it acts), moving mass."""
+
+    point: int
+    anchor: np.ndarray
+    law: tuple[float, float, float]
+    mass: float
+
+
+def _loads(environment: Environment, lines: Sequence[_Line]) -> Loads:
+    if not lines:
         none = no_loads()
         return Loads(environment.gravity, none.anchor, none.attach_point, none.law, none.mass)
-    attach, anchor, law = zip(*devices, strict=True)
-    preload, stiffness, length = np.array(law).T
+    preload, stiffness, length = np.array([line.law for line in lines]).T
     return Loads(
         environment.gravity,
-        np.array(anchor),
-        np.array(attach, dtype=int),
+        np.array([line.anchor for line in lines]),
+        np.array([line.point for line in lines], dtype=int),
         SpringLaw(preload, stiffness, length),
-        np.zeros(len(attach)),
+        np.array([line.mass for line in lines]),
     )
 
 
-# Pose of the attach point, anchor in W, and (preload, stiffness, length at which the preload acts).
-_Device = tuple[int, np.ndarray, tuple[float, float, float]]
+def _tie(model: Model, spring: AnchoredSpring) -> _Line:
+    law = (0.0, spring.stiffness, spring.free_length)
+    return _Line(attach_index(model, spring.attach), spring.anchor, law, 0.0)
 
 
-def _cables(model: Model, environment: Environment, tuned: TunedSuspension) -> list[_Device]:
-    suspension = environment.suspension
-    if suspension is None:
-        return []
-    world = points_in_world(model.points, frame_poses(model.tree, model.rest))
-    length = suspension.cable_length
-    rise = -environment.gravity / np.linalg.norm(environment.gravity) * length
-    return [
-        (int(point), world[point] + rise, (float(R), float(k), length))
-        for point, R, k in zip(
-            _attach_points(model, suspension), tuned.reaction, tuned.stiffness, strict=True
+def _line(model: Model, environment: Environment, device: Device, force: float, stiffness: float) -> _Line:
+    """A constant force is carried at the drawn length; a spring is unstretched there, `sink` short of it."""
+    drawn = _drawn(model, device)
+    sink = force / stiffness if device.kind is DeviceKind.SPRING else 0.0
+    if device.anchor is not None:
+        anchor, length = device.anchor, _positive_length(device, device.anchor - drawn)
+    else:
+        length = float(device.cable_length or 0.0) - sink
+        anchor = drawn + _up(environment) * length
+    if np.real(length) <= 0.0:
+        raise ConfigError(
+            f"under its load a spring of this stiffness is {np.real(sink):.4g} m longer than free, "
+            f"more than its loaded length of {device.cable_length} m",
+            where=f"device {device.name!r}",
+            hint="lengthen the cable or raise the bounce frequency, or take a constant-force device",
         )
-    ]
+    # Of a spring the free length is written, so that on the way to full load it never pushes.
+    law = (0.0, stiffness, length) if device.kind is DeviceKind.SPRING else (force, stiffness, length)
+    return _Line(attach_index(model, device.attach), anchor, law, device.moving_mass)
 
 
-def _ground_springs(model: Model, environment: Environment) -> list[_Device]:
-    return [
-        (attach_index(model, s.attach), s.anchor, (0.0, s.stiffness, s.free_length))
-        for s in environment.springs
-    ]
+def _positive_length(device: Device, span: np.ndarray) -> float:
+    length = cast("float", np.sqrt(span @ span))
+    if np.real(length) == 0.0:
+        raise ConfigError("its anchor is its attach point", where=f"device {device.name!r}", hint="move it")
+    return length
+
+
+def _up(environment: Environment) -> Float[np.ndarray, "3"]:
+    return -environment.gravity / np.linalg.norm(environment.gravity)
+
+
+def _drawn(model: Model, device: Device) -> Inexact[np.ndarray, "3"]:
+    """Undeformed place of its attach point."""
+    world = points_in_world(model.points, frame_poses(model.tree, model.rest))
+    return world[attach_index(model, device.attach)]
 
 
 def attach_index(model: Model, name: str) -> int:
@@ -103,7 +195,3 @@ def attach_index(model: Model, name: str) -> int:
             hint=f"attach points are {', '.join(model.attach_names) or 'none'}",
         )
     return int(model.attach_point[model.attach_names.index(name)])
-
-
-def _attach_points(model: Model, suspension: Suspension) -> np.ndarray:
-    return np.array([attach_index(model, name) for name in suspension.attach], dtype=int)

@@ -78,7 +78,7 @@ def rest_numbers(equilibrium: Equilibrium) -> Numbers:
     suspension, joints = equilibrium.suspension, equilibrium.model.structure.joints
     rotation = node_rotations(equilibrium)
     return {
-        "reactions_n": dict(zip(suspension.attach, suspension.reaction, strict=True)),
+        "reactions_n": dict(zip(suspension.name, suspension.reaction, strict=True)),
         "holding_torque_nm": {
             j.name: torque
             for j, torque in zip(joints, equilibrium.holding_torque, strict=True)

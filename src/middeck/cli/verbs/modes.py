@@ -43,7 +43,6 @@ def describe(modes: Modes, count: int) -> dict[str, Any]:
 
     rest = modes.equilibrium
     suspension, environment = rest.suspension, rest.environment
-    devices = [*suspension.attach, *(s.name for s in environment.springs)]
     return {
         "schema": "middeck.modes/1",
         "article": rest.model.structure.title,
@@ -53,8 +52,8 @@ def describe(modes: Modes, count: int) -> dict[str, Any]:
         "mode_residual": modes.residual[:count],
         "equilibrium_residual": rest.residual,
         **rest_numbers(rest),
-        "stiffness_n_per_m": dict(zip(suspension.attach, suspension.stiffness, strict=True)),
-        "tension_n": dict(zip(devices, rest.tension, strict=True)),
+        "stiffness_n_per_m": dict(zip(suspension.name, suspension.stiffness, strict=True)),
+        "tension_n": dict(zip(rest.devices, rest.tension, strict=True)),
     }
 
 
