@@ -111,7 +111,7 @@ def _lanczos(
         sigma=-sigma,
         OPinv=inverse,
         v0=start,
-        ncv=min(order(K), (1 + attempt) * count),
+        ncv=min(order(K), attempt * count + count // 2 + 10),
         maxiter=50 * count,
         tol=LANCZOS,
     )
