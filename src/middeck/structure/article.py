@@ -34,6 +34,8 @@ class Section:
         Rotary inertia per length [kg m] about the own axes; their sum is the polar one.
     GA_y, GA_z:
         Shear stiffness [N] along own y and z; infinite for a Bernoulli beam.
+    density:
+        Of its material [kg/m^3], where there is one; only doubted, see `summarise`.
     """
 
     EA: float
@@ -45,6 +47,7 @@ class Section:
     rho_I_z: float
     GA_y: float = np.inf
     GA_z: float = np.inf
+    density: float | None = None
 
 
 @record
@@ -246,8 +249,8 @@ class DamperPlace(Enum):
 class Damper:
     """A viscous damper at the joint, spring or attach point ``at``.
 
-    ``c`` is in N m s/rad at a joint, otherwise in N s/m. One at an attach point comes and goes with the
-    device: in an environment that has none there it does nothing.
+    ``c`` is in N m s/rad at a joint that turns, otherwise in N s/m. One at an attach point comes and goes
+    with the device: in an environment that has none there it does nothing.
     """
 
     place: DamperPlace
