@@ -41,6 +41,7 @@ FORMS: list[type[Form]] = [
     environment_form.EnvironmentForm,
     environment_form.ConstantsForm,
     environment_form.CablesForm,
+    environment_form.DeviceForm,
     environment_form.AnchoredSpringForm,
     study_form.StudyForm,
     study_form.ControlForm,

@@ -25,7 +25,8 @@ from middeck.files.documents import (
     load_structure,
     read_source,
 )
-from middeck.files.environment_form import EnvironmentForm, environment_findings
+from middeck.files.environment_checks import environment_findings
+from middeck.files.environment_form import EnvironmentForm
 from middeck.files.faults import Fault
 from middeck.files.studies import load_study, study_rules
 from middeck.files.study_form import StudyForm

@@ -16,12 +16,8 @@ from middeck.errors import ConfigError
 from middeck.files.article_build import build_structure
 from middeck.files.article_checks import article_findings, attach_names
 from middeck.files.article_form import ArticleForm
-from middeck.files.environment_form import (
-    EnvironmentForm,
-    build_environment,
-    environment_findings,
-    joint_findings,
-)
+from middeck.files.environment_checks import environment_findings
+from middeck.files.environment_form import EnvironmentForm, build_environment, joint_findings
 from middeck.files.faults import Fault, Finding, form_findings, nearest, raise_fault, raise_faults
 from middeck.files.form import Form
 from middeck.files.overrides import Target, apply_overrides

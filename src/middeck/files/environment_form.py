@@ -2,16 +2,34 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, cast
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, PlainValidator
+from pydantic_core import PydanticCustomError
 
-from middeck.files.faults import Finding, nearest, show
+from middeck.files.faults import Finding, nearest
 from middeck.files.form import Form, Name, NotNegative, Positive, Vector
-from middeck.structure.environment import AnchoredSpring, Environment, Suspension
+from middeck.structure.environment import AnchoredSpring, Device, DeviceKind, Environment, Suspension
+from middeck.systems.friction import Friction
 
 Held = Annotated[str, Field(pattern=r"^x?y?z?$", min_length=1)]
+Kind = Literal["constant_force", "spring"]
+TUNED = "tuned"
+
+
+def force_or_tuned(value: Any) -> float | None:
+    """A positive force, or None for the word ``tuned``.
+
+    >>> force_or_tuned("tuned"), force_or_tuned(12)
+    (None, 12.0)
+    """
+    if value == TUNED:
+        return None
+    number = float(value) if isinstance(value, int | float) and not isinstance(value, bool) else -1.0
+    if not 0.0 < number < np.inf:
+        raise PydanticCustomError("range", "out of range", {"allowed": f'> 0 or "{TUNED}"'})
+    return number
 
 
 class ConstantsForm(Form):
@@ -22,11 +40,32 @@ class ConstantsForm(Form):
 
 
 class CablesForm(Form):
-    """One cable and device per attach point in ``held``, all of one length and bounce frequency."""
+    """One cable and device per attach point in ``held``, all alike but for their load."""
 
     cable_length_m: Positive
     bounce_hz: Positive
     held: dict[str, Held]
+    device: Kind = "constant_force"
+    moving_mass_kg: NotNegative = 0.0
+    friction_n: NotNegative = 0.0
+    presliding_m: Positive | None = None
+
+
+class DeviceForm(Form):
+    """A cable and device of its own; any number of them may share an attach point."""
+
+    name: Name
+    attach: str
+    kind: Kind = "constant_force"
+    force_n: Annotated[float | None, PlainValidator(force_or_tuned)] = Field(TUNED, validate_default=True)
+    held: Held | None = None
+    stiffness_n_per_m: Positive | None = None
+    bounce_hz: Positive | None = None
+    cable_length_m: Positive | None = None
+    anchor_m: Vector | None = None
+    moving_mass_kg: NotNegative = 0.0
+    friction_n: NotNegative = 0.0
+    presliding_m: Positive | None = None
 
 
 class AnchoredSpringForm(Form):
@@ -46,31 +85,8 @@ class EnvironmentForm(Form):
     name: Name
     constants: ConstantsForm | None = None
     suspension: CablesForm | None = None
+    device: Annotated[tuple[DeviceForm, ...], Field(strict=False)] = ()
     spring: Annotated[tuple[AnchoredSpringForm, ...], Field(strict=False)] = ()
-
-
-def environment_findings(data: dict[str, Any]) -> list[Finding]:
-    """What is wrong with an environment beyond the form of its keys; tolerates a broken form."""
-    constants, suspension = _table(data, "constants"), _table(data, "suspension")
-    found: list[Finding] = []
-    gravity = constants.get("gravity_m_s2", 0.0)
-    if isinstance(gravity, int | float) and gravity > 0.0 and not suspension and not data.get("spring"):
-        advice = "add [suspension] or [[spring]], or leave [constants] out for orbit"
-        path = ("constants", "gravity_m_s2")
-        found.append(Finding(path, "a missing suspension in gravity", show(gravity), advice))
-    if constants.get("gravity_direction") == [0.0, 0.0, 0.0]:
-        found.append(Finding(("constants", "gravity_direction"), "must not be the zero vector"))
-    if suspension and gravity == 0.0:
-        advice = "give [constants] gravity_m_s2, or use [[spring]]"
-        found.append(Finding(("suspension",), "cables carry nothing without gravity", hint=advice))
-    if suspension.get("held") == {}:
-        found.append(Finding(("suspension", "held"), "no attach point hangs on a cable", hint='n1 = "xyz"'))
-    return found
-
-
-def _table(data: dict[str, Any], key: str) -> dict[str, Any]:
-    value = data.get(key)
-    return cast("dict[str, Any]", value) if isinstance(value, dict) else {}
 
 
 def joint_findings(form: EnvironmentForm, attach_points: list[str], article: str) -> list[Finding]:
@@ -78,10 +94,11 @@ def joint_findings(form: EnvironmentForm, attach_points: list[str], article: str
     used = [
         (("suspension", "held", name), name) for name in (form.suspension.held if form.suspension else {})
     ]
+    devices = [(("device", i, "attach"), device.attach) for i, device in enumerate(form.device)]
     springs = [(("spring", i, "attach"), spring.attach) for i, spring in enumerate(form.spring)]
     return [
         Finding(path, f"article {article!r} has no attach point {name!r}", hint=nearest(name, attach_points))
-        for path, name in (*used, *springs)
+        for path, name in (*used, *devices, *springs)
         if name not in attach_points
     ]
 
@@ -94,7 +111,7 @@ def build_environment(form: EnvironmentForm) -> Environment:
         gravity = form.constants.gravity_m_s2 * direction / np.linalg.norm(direction)
     springs = tuple(
         AnchoredSpring(
-            s.name or f"spring_{s.attach}",
+            s.name or default_name(s.attach),
             s.attach,
             np.array(s.anchor_m),
             s.stiffness_n_per_m,
@@ -102,9 +119,44 @@ def build_environment(form: EnvironmentForm) -> Environment:
         )
         for s in form.spring
     )
-    cables = form.suspension
-    suspension = None
-    if cables is not None:
-        held = cables.held
-        suspension = Suspension(tuple(held), tuple(held.values()), cables.cable_length_m, cables.bounce_hz)
-    return Environment(form.name, gravity + 0.0, suspension, springs)  # + 0.0: no negative zeros
+    devices = tuple(_device(d) for d in form.device)
+    suspension = None if form.suspension is None else _suspension(form.suspension)
+    return Environment(form.name, gravity + 0.0, suspension, springs, devices)  # + 0.0: no negative zeros
+
+
+def default_name(attach: str) -> str:
+    """Of a spring that was given none."""
+    return f"spring_{attach}"
+
+
+def _suspension(cables: CablesForm) -> Suspension:
+    return Suspension(
+        tuple(cables.held),
+        tuple(cables.held.values()),
+        cables.cable_length_m,
+        cables.bounce_hz,
+        DeviceKind(cables.device),
+        cables.moving_mass_kg,
+        _friction(cables.friction_n, cables.presliding_m),
+    )
+
+
+def _device(d: DeviceForm) -> Device:
+    return Device(
+        d.name,
+        d.attach,
+        DeviceKind(d.kind),
+        d.force_n,
+        d.held or "",
+        d.stiffness_n_per_m,
+        d.bounce_hz,
+        d.cable_length_m,
+        None if d.anchor_m is None else np.array(d.anchor_m),
+        d.moving_mass_kg,
+        _friction(d.friction_n, d.presliding_m),
+    )
+
+
+def _friction(force: float, presliding: float | None) -> Friction | None:
+    """A device's friction: forces and metres in place of torques and radians."""
+    return Friction(force, force / presliding) if force and presliding else None

@@ -20,7 +20,8 @@ from middeck.files.documents import (
     read_sources,
     sha256_of,
 )
-from middeck.files.environment_form import EnvironmentForm, build_environment, environment_findings
+from middeck.files.environment_checks import environment_findings
+from middeck.files.environment_form import EnvironmentForm, build_environment
 from middeck.files.faults import Fault, Finding, raise_faults, show
 from middeck.files.overrides import Target, apply_overrides
 from middeck.files.study_checks import fixed_axes, signal_findings
