@@ -18,6 +18,7 @@ import ctypes
 import importlib.metadata
 import importlib.util
 import json
+import os
 import resource
 import sys
 import time
@@ -25,10 +26,16 @@ from pathlib import Path
 
 import numpy as np
 
-# The wheel brings a BLAS, but not the path to it.
+# The wheel brings the reference BLAS, but not the path to it. OPENSEES_BLAS names libraries that are to stand
+# before it, such as those of a distribution's OpenBLAS.
 _FOLDER = Path(next(iter(importlib.util.find_spec("openseespylinux").submodule_search_locations)))
-for _name in ("libquadmath.so.0", "libgfortran.so.4", "libblas.so.3", "liblapack.so.3"):
-    ctypes.CDLL(str(_FOLDER / "lib" / _name), mode=ctypes.RTLD_GLOBAL)
+_FASTER = [name for name in os.environ.get("OPENSEES_BLAS", "").split(":") if name]
+_OWN = [
+    str(_FOLDER / "lib" / name)
+    for name in ("libquadmath.so.0", "libgfortran.so.4", "libblas.so.3", "liblapack.so.3")
+]
+for _name in _FASTER + _OWN:
+    ctypes.CDLL(_name, mode=ctypes.RTLD_GLOBAL)
 
 import openseespy.opensees as ops  # noqa: E402
 
@@ -56,6 +63,7 @@ def main(source: str, target: str, mass: str = "consistent", system: str = "Mump
         "seconds": dict(zip(stages, np.diff(clock).tolist(), strict=True)),
         "cpu_seconds": dict(zip(stages, np.diff(cpu).tolist(), strict=True)),
         "iterations": iterations,
+        "blas": "OpenBLAS" if any("openblas" in name for name in _FASTER) else "reference",
         "peak_bytes": 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss,
         "dof": 6 * len(frame["x"]),
         "frequency_hz": (np.sign(lam) * np.sqrt(np.abs(lam)) / (2.0 * np.pi)).tolist(),
