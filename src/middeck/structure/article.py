@@ -82,7 +82,7 @@ class Member:
     end: str
     section: Section
     elements: int
-    up: Float[np.ndarray, "3"]
+    up: Inexact[np.ndarray, "3"]
 
 
 class JointState(Enum):
@@ -184,9 +184,9 @@ class Actuator:
 
     name: str
     frame: str
-    axis: Float[np.ndarray, "3"] | None
+    axis: Inexact[np.ndarray, "3"] | None
     kind: ActuatorKind = ActuatorKind.TORQUE
-    offset: Float[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))
+    offset: Inexact[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))
 
     def __post_init__(self) -> None:
         _check_point(f"actuator {self.name!r}", self.kind is ActuatorKind.FORCE, self.axis, self.offset)
@@ -211,10 +211,10 @@ class Sensor:
 
     name: str
     frame: str
-    axis: Float[np.ndarray, "3"] | None
+    axis: Inexact[np.ndarray, "3"] | None
     axis_frame: str = ""
     kind: SensorKind = SensorKind.ANGLE
-    offset: Float[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))
+    offset: Inexact[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))
 
     def __post_init__(self) -> None:
         stands = self.kind is SensorKind.ACCELEROMETER
@@ -312,7 +312,7 @@ class Damping:
                 hint="leave out flexible and suspension, or the table",
             )
         ratios = (self.flexible, self.suspension, self.rigid, *(zeta for _, zeta in self.by_mode))
-        if not all(0.0 <= zeta < 1.0 for zeta in ratios):
+        if not all(0.0 <= np.real(zeta) < 1.0 for zeta in ratios):
             raise ConfigError("a damping ratio must be >= 0 and < 1", where="damping")
         if not all(
             0.0 <= x < np.inf for x in (*(e for _, e in self.loss_factor), *(d.c for d in self.dampers))

@@ -60,8 +60,9 @@ def beam_properties(sections: list[Section], lengths: Inexact[np.ndarray, " elem
     return BeamProperties(
         lengths,
         *(column(n) for n in names),
-        shear_y=12.0 * column("EI_z") / (column("GA_y") * lengths**2),
-        shear_z=12.0 * column("EI_y") / (column("GA_z") * lengths**2),
+        # By the flexibility 1/GA: infinity times a complex length would be no number.
+        shear_y=12.0 * column("EI_z") * (1.0 / column("GA_y")) / lengths**2,
+        shear_z=12.0 * column("EI_y") * (1.0 / column("GA_z")) / lengths**2,
     )
 
 
@@ -114,9 +115,10 @@ def beam_deformations(
 
 def beam_stiffness(beams: BeamProperties) -> Inexact[np.ndarray, "element 6 6"]:
     """Stiffness on (stretch, y1, z1, y2, z2, twist): Przemieniecki 1968, with shear factor Phi."""
-    k = np.zeros(
-        (len(beams.length), 6, 6), dtype=np.result_type(beams.length, beams.EA, beams.GJ, beams.EI_y)
+    dtype = np.result_type(
+        beams.length, beams.EA, beams.GJ, beams.EI_y, beams.EI_z, beams.shear_y, beams.shear_z
     )
+    k = np.zeros((len(beams.length), 6, 6), dtype)
     k[:, STRETCH, STRETCH] = beams.EA / beams.length
     k[:, PHI, PHI] = beams.GJ / beams.length
     for (i, j), EI, shear in (

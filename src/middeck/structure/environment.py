@@ -6,7 +6,7 @@ import math
 from enum import Enum
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Inexact
 
 from middeck.errors import ConfigError
 from middeck.structure.article import Structure
@@ -57,20 +57,20 @@ class Device:
     stiffness: float | None = None
     bounce_hz: float | None = None
     cable_length: float | None = None
-    anchor: Float[np.ndarray, "3"] | None = None
+    anchor: Inexact[np.ndarray, "3"] | None = None
     moving_mass: float = 0.0
     friction: Friction | None = None
 
     def __post_init__(self) -> None:
         where = f"device {self.name!r}"
         sizes = (self.force, self.stiffness, self.bounce_hz, self.cable_length)
-        if any(size is not None and not 0.0 < size < math.inf for size in sizes):
+        if any(size is not None and not 0.0 < np.real(size) < math.inf for size in sizes):
             raise ConfigError(
                 f"force, stiffness, bounce_hz, cable_length are {sizes}",
                 where=where,
                 hint="each positive and finite",
             )
-        if not 0.0 <= self.moving_mass < math.inf:
+        if not 0.0 <= np.real(self.moving_mass) < math.inf:
             raise ConfigError(
                 f"a moving mass of {self.moving_mass} kg", where=where, hint="from zero, finite"
             )
@@ -146,7 +146,7 @@ class AnchoredSpring:
 
     name: str
     attach: str
-    anchor: Float[np.ndarray, "3"]
+    anchor: Inexact[np.ndarray, "3"]
     stiffness: float
     free_length: float
 
@@ -164,7 +164,7 @@ class Environment:
     """
 
     title: str
-    gravity: Float[np.ndarray, "3"]
+    gravity: Inexact[np.ndarray, "3"]
     suspension: Suspension | None = None
     springs: tuple[AnchoredSpring, ...] = ()
     devices: tuple[Device, ...] = ()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Inexact
 
 from middeck.errors import EquilibriumError
 from middeck.structure.article import JointState, Structure
@@ -46,8 +46,8 @@ class Equilibrium:
     suspension: TunedSuspension
     residual: float
     history: tuple[tuple[float, float, float], ...]
-    holding_torque: Float[np.ndarray, " joint"]
-    tension: Float[np.ndarray, " device"]
+    holding_torque: Inexact[np.ndarray, " joint"]
+    tension: Inexact[np.ndarray, " device"]
 
     @property
     def devices(self) -> tuple[str, ...]:

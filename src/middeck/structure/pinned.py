@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
-from jaxtyping import Float, Int
+from jaxtyping import Float, Inexact, Int
 
 from middeck.errors import EquilibriumError
 from middeck.structure.assembly import Loads, assemble, mass_matrix, no_loads
@@ -41,13 +41,21 @@ class PinnedPoints:
     held: tuple[str, ...]
 
 
-class _Supports(NamedTuple):
+class Supports(NamedTuple):
     """One row per held direction: which pinned point, its pose, world axis and undeformed coordinate."""
 
     row: np.ndarray
     pose: np.ndarray
     axis: np.ndarray
     start: np.ndarray
+
+
+class PinnedState(NamedTuple):
+    """Where the pinned structure rests, and the force [N] of each row of its supports."""
+
+    config: Configuration
+    supports: Supports
+    force: np.ndarray
 
 
 def solve_pinned(
@@ -60,29 +68,46 @@ def solve_pinned(
     Raises `EquilibriumError` when the weight drives a motion that the supports leave free, or when the
     iteration does not converge. A free motion that no weight drives is let be: it changes no force.
     """
-    supports = _supports(model, pinned)
     other = no_loads() if others is None else others
     loads = Loads(gravity, other.anchor, other.attach_point, other.law, other.mass)
+    state = settle_pinned(model, loads, pinned)
+    return support_forces(state.supports, state.force, len(pinned.point))
+
+
+def settle_pinned(model: Model, loads: Loads, pinned: PinnedPoints) -> PinnedState:
+    """The state behind `solve_pinned`, which says what it raises."""
+    supports = find_supports(model, pinned)
     config, force = model.rest, np.zeros(len(supports.axis))
     for factor in (*LOAD_FACTORS, 1.0):
         config, force = _settle_pinned(model, scale_loads(loads, factor), supports, config, force)
-    out = np.zeros((len(pinned.point), 3))
+    return PinnedState(config, supports, force)
+
+
+def support_forces(
+    supports: Supports, force: Inexact[np.ndarray, " row"], points: int
+) -> Inexact[np.ndarray, "pinned 3"]:
+    """The force of every row, as vectors at the pinned points."""
+    out = np.zeros((points, 3), dtype=force.dtype)
     np.add.at(out, (supports.row, supports.axis), force)
     return out
 
 
-def _supports(model: Model, pinned: PinnedPoints) -> _Supports:
+def find_supports(model: Model, pinned: PinnedPoints) -> Supports:
+    """The held directions of ``pinned``; analytic in the model."""
     held = [(i, p, "xyz".index(c)) for i, p in enumerate(pinned.point) for c in pinned.held[i]]
     row, pose, axis = np.array(held, dtype=int).reshape(-1, 3).T
-    return _Supports(row, pose, axis, _coordinates(model, model.rest, pose, axis))
+    return Supports(row, pose, axis, support_coordinates(model, model.rest, pose, axis))
 
 
-def _coordinates(model: Model, config: Configuration, pose: np.ndarray, axis: np.ndarray) -> np.ndarray:
+def support_coordinates(
+    model: Model, config: Configuration, pose: np.ndarray, axis: np.ndarray
+) -> np.ndarray:
+    """World coordinates of poses, each along one axis; analytic."""
     return points_in_world(model.points, frame_poses(model.tree, config))[pose, axis]
 
 
 def _settle_pinned(
-    model: Model, loads: Loads, supports: _Supports, config: Configuration, force: np.ndarray
+    model: Model, loads: Loads, supports: Supports, config: Configuration, force: np.ndarray
 ) -> tuple[Configuration, np.ndarray]:
     active = static_coordinates(model)
     scale = load_scale(model, loads)
@@ -93,7 +118,7 @@ def _settle_pinned(
         np.add.at(load, (supports.pose, supports.axis), -force)  # a support force is minus an energy gradient
         at = assemble(model, config, loads, load)
         gradient = at.gradient[active]
-        slip = _coordinates(model, config, supports.pose, supports.axis) - supports.start
+        slip = support_coordinates(model, config, supports.pose, supports.axis) - supports.start
         if np.abs(gradient).max() < TOLERANCE * scale and np.abs(slip).max() < TOLERANCE:
             return config, force
         G = at.jacobian[6 * supports.pose + supports.axis][:, active]

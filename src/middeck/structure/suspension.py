@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import NamedTuple, cast
 
 import numpy as np
-from jaxtyping import Float, Inexact
+from jaxtyping import Inexact
 
 from middeck.errors import ConfigError, EquilibriumError
 from middeck.structure.assembly import Loads, no_loads
@@ -38,14 +38,17 @@ class TunedSuspension:
     stiffness: Inexact[np.ndarray, " device"]
 
 
-def tune_suspension(model: Model, environment: Environment) -> TunedSuspension:
+def tune_suspension(
+    model: Model, environment: Environment, support: Inexact[np.ndarray, "pinned 3"] | None = None
+) -> TunedSuspension:
     """Pin the article at the attach points of tuned devices, under full gravity; k = (R/g) (2 pi bounce)^2.
 
-    Raises `EquilibriumError` where a device would have to push: a cable cannot.
+    Where ``support``, the forces of the pinned article, is known, all is analytic in it, in the model and in
+    the environment. Raises `EquilibriumError` where a device would have to push: a cable cannot.
     """
     devices = environment.hung
     tuned = [d for d in devices if d.force is None]
-    shares = _tuned_forces(model, environment, tuned) if tuned else {}
+    shares = _tuned_forces(model, environment, tuned, support) if tuned else {}
     force = np.array([shares[d.name] if d.force is None else d.force for d in devices]) + 0.0
     stiffness = np.array([_stiffness(environment, d, R) for d, R in zip(devices, force, strict=True)]) + 0.0
     names, attach = tuple(d.name for d in devices), tuple(d.attach for d in devices)
@@ -54,24 +57,39 @@ def tune_suspension(model: Model, environment: Environment) -> TunedSuspension:
 
 def _stiffness(environment: Environment, device: Device, force: float) -> float:
     if device.bounce_hz is None:
-        return float(device.stiffness or 0.0)
-    return force / float(np.linalg.norm(environment.gravity)) * (2.0 * np.pi * device.bounce_hz) ** 2
+        return device.stiffness or 0.0
+    return force / _norm(environment.gravity) * (2.0 * np.pi * device.bounce_hz) ** 2
 
 
-def _tuned_forces(model: Model, environment: Environment, tuned: Sequence[Device]) -> dict[str, float]:
+def _tuned_forces(
+    model: Model, environment: Environment, tuned: Sequence[Device], support: np.ndarray | None
+) -> dict[str, float]:
     """By name, what each tuned device bears: its share of the vertical reaction over its slope."""
-    attach = tuple(dict.fromkeys(d.attach for d in tuned))
+    attach = _tuned_attach(tuned)
+    if support is None:
+        pinned = pinned_points(model, environment)
+        support = solve_pinned(model, environment.gravity, pinned, pinned_loads(model, environment))
+    up = _up(environment)
+    reaction = support @ up
+    _check_pull(attach, np.real(reaction))
+    together = [d.attach for d in tuned]
+    pull = dict(zip(attach, reaction, strict=True))
+    return {d.name: pull[d.attach] / together.count(d.attach) / _rise(model, d, up) for d in tuned}
+
+
+def _tuned_attach(tuned: Sequence[Device]) -> tuple[str, ...]:
+    """Each attach point of tuned devices once."""
+    return tuple(dict.fromkeys(d.attach for d in tuned))
+
+
+def pinned_points(model: Model, environment: Environment) -> PinnedPoints:
+    """What is held while devices are tuned; no points where none is."""
+    tuned = [d for d in environment.hung if d.force is None]
+    attach = _tuned_attach(tuned)
     held = tuple(
         "".join(c for c in "xyz" if any(c in d.held for d in tuned if d.attach == name)) for name in attach
     )
-    points = np.array([attach_index(model, name) for name in attach], dtype=int)
-    others = _others(model, environment)
-    up = _up(environment)
-    reaction = solve_pinned(model, environment.gravity, PinnedPoints(points, held), others) @ up
-    _check_pull(attach, reaction)
-    together = [d.attach for d in tuned]
-    pull = dict(zip(attach, reaction, strict=True))
-    return {d.name: float(pull[d.attach]) / together.count(d.attach) / _rise(model, d, up) for d in tuned}
+    return PinnedPoints(np.array([attach_index(model, name) for name in attach], dtype=int), held)
 
 
 def _rise(model: Model, device: Device, up: np.ndarray) -> float:
@@ -80,17 +98,18 @@ def _rise(model: Model, device: Device, up: np.ndarray) -> float:
         return 1.0
     span = device.anchor - _drawn(model, device)
     length = _positive_length(device, span)
-    if not span @ up > LEAST_RISE * length:
+    rise = span @ up
+    if not np.real(rise) > LEAST_RISE * np.real(length):
         raise ConfigError(
-            f"its anchor lies {span @ up:.3g} m above its attach point: it cannot be tuned to a weight",
+            f"its anchor lies {np.real(rise):.3g} m above its attach point: it cannot be tuned to a weight",
             where=f"device {device.name!r}",
             hint="raise the anchor, or give the device a force",
         )
-    return float(span @ up) / length
+    return cast("float", rise / length)
 
 
-def _others(model: Model, environment: Environment) -> Loads:
-    """What acts while the reactions are found: devices of given force, and springs."""
+def pinned_loads(model: Model, environment: Environment) -> Loads:
+    """What acts while devices are tuned: gravity, devices of given force, and springs; analytic."""
     given = [(d, d.force) for d in environment.hung if d.force is not None]
     lines = [_line(model, environment, d, R, _stiffness(environment, d, R)) for d, R in given]
     return _loads(environment, [*lines, *(_tie(model, s) for s in environment.springs)])
@@ -110,7 +129,7 @@ def _check_pull(attach: tuple[str, ...], reaction: np.ndarray) -> None:
 def environment_loads(model: Model, environment: Environment, tuned: TunedSuspension) -> Loads:
     """Every device with its force, stiffness and anchor, then the environment's own springs.
 
-    Analytic in the model and in the forces and stiffnesses ``tuned``. Raises `ConfigError` for a spring that
+    Analytic in all three. Raises `ConfigError` for a spring that
     would be longer than its cable, or an anchor in its attach point.
     """
     lines = [
@@ -155,7 +174,7 @@ def _line(model: Model, environment: Environment, device: Device, force: float, 
     if device.anchor is not None:
         anchor, length = device.anchor, _positive_length(device, device.anchor - drawn)
     else:
-        length = float(device.cable_length or 0.0) - sink
+        length = (device.cable_length or 0.0) - sink
         anchor = drawn + _up(environment) * length
     if np.real(length) <= 0.0:
         raise ConfigError(
@@ -170,14 +189,19 @@ def _line(model: Model, environment: Environment, device: Device, force: float, 
 
 
 def _positive_length(device: Device, span: np.ndarray) -> float:
-    length = cast("float", np.sqrt(span @ span))
+    length = _norm(span)
     if np.real(length) == 0.0:
         raise ConfigError("its anchor is its attach point", where=f"device {device.name!r}", hint="move it")
     return length
 
 
-def _up(environment: Environment) -> Float[np.ndarray, "3"]:
-    return -environment.gravity / np.linalg.norm(environment.gravity)
+def _norm(v: np.ndarray) -> float:
+    """Analytic, as `numpy.linalg.norm` is not."""
+    return cast("float", np.sqrt(v @ v))
+
+
+def _up(environment: Environment) -> Inexact[np.ndarray, "3"]:
+    return -environment.gravity / _norm(environment.gravity)
 
 
 def _drawn(model: Model, device: Device) -> Inexact[np.ndarray, "3"]:
