@@ -1,0 +1,161 @@
+"""Frequency and damping of the modes against the amplitude of a joint that rubs, sticks or has play.
+
+Harmonic balance: at the amplitude A of the joint's angle in a mode, its elements act as k_eq(A) + j k_loss(A)
+(their describing functions; Krylov and Bogoliubov 1937, Caughey 1960). Since A is the joint's own amplitude
+the equivalent structure is known at once; nothing has to be guessed and corrected.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from middeck.errors import ConfigError
+from middeck.structure.article import Damping
+from middeck.structure.damping import estimate_damping
+from middeck.structure.joint_branches import (
+    JointSystem,
+    build_joint_system,
+    follow_branches,
+    joint_receptance,
+    solve_damped,
+)
+from middeck.structure.modes import Modes
+from middeck.systems.joint_element import Equivalent, JointElement, check_amplitudes, sum_equivalents
+from middeck.values import record
+
+ORDERS = (2, 3)
+"""Of the harmonics that harmonic balance leaves out, the two that are the largest."""
+LOWEST = 12
+"""Modes that are shown where none are named."""
+
+
+@record
+class AmplitudeCurves:
+    """Modes of a structure against the amplitude of one joint.
+
+    Parameters
+    ----------
+    joint:
+        Its name.
+    amplitude:
+        Of its angle [rad], zero to peak.
+    stiffness, loss:
+        What its elements are equivalent to [N m/rad]; ``viscous`` [N m s/rad] beside them.
+    mode, name:
+        Number and name of each mode without the elements; it is followed from there.
+    omega:
+        Angular frequency [rad/s] with the equivalent stiffness: where a swing at this amplitude is in
+        quadrature with what drives it.
+    zeta:
+        Damping ratio -Re s/|s| of the complex eigenvalue, modal damping included; not a number at zero
+        frequency.
+    overlap:
+        |phi' M phi| with the mode without the elements: how much of it is still the same.
+    joint_angle:
+        Angle of the joint per unit of the mass-normalised mode; ``amplitude`` over it is the modal amplitude.
+    distortion:
+        Largest higher harmonic of the joint's angle over ``amplitude``, to first order: what harmonic balance
+        leaves out. Above a tenth or so its numbers are a sketch.
+    """
+
+    joint: str
+    amplitude: Float[np.ndarray, " amplitude"]
+    stiffness: Float[np.ndarray, " amplitude"]
+    loss: Float[np.ndarray, " amplitude"]
+    viscous: float
+    mode: Int[np.ndarray, " mode"]
+    name: tuple[str, ...]
+    omega: Float[np.ndarray, "amplitude mode"]
+    zeta: Float[np.ndarray, "amplitude mode"]
+    overlap: Float[np.ndarray, "amplitude mode"]
+    joint_angle: Float[np.ndarray, "amplitude mode"]
+    distortion: Float[np.ndarray, "amplitude mode"]
+
+    @property
+    def frequency_hz(self) -> Float[np.ndarray, "amplitude mode"]:
+        """Natural frequencies [Hz]."""
+        return self.omega / (2.0 * np.pi)
+
+
+def sweep_amplitude(
+    modes: Modes,
+    *,
+    joint: str,
+    elements: Sequence[JointElement],
+    amplitudes: Float[np.ndarray, " amplitude"],
+    select: Sequence[int] | None = None,
+    damping: Damping | None = None,
+) -> AmplitudeCurves:
+    """Frequency and damping of the modes ``select`` against the amplitude of ``joint`` with ``elements``.
+
+    ``modes`` are those without the elements, the joint free or on its spring. All of them serve as a basis;
+    the residual flexibility stands for those that were not solved for. What that leaves out of omega^2 is
+    of the order of (omega/omega_highest)^2 times the flexibility's own effect, nothing with all modes.
+    By default the `LOWEST` modes; ``damping`` is the article's by default.
+
+    Raises `ConfigError` for a joint that does not move, no elements, amplitudes that are not positive, or a
+    mode that there is not.
+    """
+    if not elements:
+        raise ConfigError("no element acts at the joint", where="sweep_amplitude", hint="Friction, Deadband")
+    A = check_amplitudes(amplitudes)
+    chosen = _chosen(modes, select)
+    bare = estimate_damping(modes, damping).zeta
+    system = build_joint_system(modes, joint, bare)
+    equal = sum_equivalents(elements, A)
+    viscous = sum(e.viscous for e in elements)
+    # Modes that do not move the joint stay as they are.
+    omega, zeta = (np.tile(v[chosen], (len(A), 1)) for v in (modes.omega, bare))
+    overlap, angle, distortion = np.ones_like(omega), np.zeros_like(omega), np.zeros_like(omega)
+    moved = np.flatnonzero(np.isin(chosen, system.mode))
+    poles = np.array([np.flatnonzero(system.mode == m)[0] for m in chosen[moved]], dtype=int)
+    lam, shapes = follow_branches(system, equal.stiffness, poles)
+    omega[:, moved] = np.sqrt(lam)
+    zeta[:, moved] = _ratios(system, equal, viscous, shapes)
+    overlap[:, moved] = np.abs(shapes[:, poles, np.arange(len(poles))])
+    series = 1.0 + equal.stiffness[:, None] * system.flexibility
+    angle[:, moved] = np.abs(np.einsum("p,apm->am", system.angle, shapes)) / series
+    distortion[:, moved] = _distortion(system, elements, A, omega[:, moved])
+    zeta[omega == 0.0] = np.nan
+    names = tuple(modes.name[m] for m in chosen)
+    return AmplitudeCurves(
+        joint, A, equal.stiffness, equal.loss, viscous, chosen, names, omega, zeta, overlap, angle, distortion
+    )
+
+
+def _chosen(modes: Modes, select: Sequence[int] | None) -> Int[np.ndarray, " mode"]:
+    count = len(modes.omega)
+    chosen = np.arange(min(LOWEST, count)) if select is None else np.array(select, dtype=int).reshape(-1)
+    if not len(chosen) or np.any((chosen < 0) | (chosen >= count)):
+        raise ConfigError(
+            f"no modes {chosen.tolist()}", where="sweep_amplitude", hint=f"numbers from 0 to {count - 1}"
+        )
+    return chosen
+
+
+def _ratios(
+    system: JointSystem, equal: Equivalent, viscous: float, shapes: Float[np.ndarray, "amplitude pole mode"]
+) -> Float[np.ndarray, "amplitude mode"]:
+    """Damping ratio of every mode at every amplitude, from its complex eigenvalue."""
+    complex_stiffness = equal.stiffness + 1j * equal.loss
+    pairs = zip(shapes, complex_stiffness, strict=True)
+    s = np.array([solve_damped(system, phi, complex(k), viscous) for phi, k in pairs])
+    return -np.real(s) / np.where(s == 0.0, 1.0, np.abs(s))
+
+
+def _distortion(
+    system: JointSystem, elements: Sequence[JointElement], amplitude: np.ndarray, omega: np.ndarray
+) -> Float[np.ndarray, "amplitude mode"]:
+    """Higher harmonics of the elements' torque, on the structure without them."""
+    found = np.zeros(omega.shape)
+    for order in ORDERS:
+        torque = np.abs(sum(e.harmonic(amplitude, order) for e in elements))
+        for m in range(omega.shape[1]):
+            swings = omega[:, m] > 0.0
+            receptance = np.abs(joint_receptance(system, order * omega[swings, m]))
+            share = torque[swings] / amplitude[swings] * receptance
+            found[swings, m] = np.maximum(found[swings, m], share)
+    return found
