@@ -1,0 +1,145 @@
+"""How an article hangs: its tilt, what each device carries, and where its weight lies under what holds it."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.errors import ConfigError
+from middeck.structure.assembly import mass_matrix
+from middeck.structure.equilibrium import Equilibrium, node_rotations
+from middeck.structure.frames import frame_poses, points_in_world, rigid_columns
+from middeck.structure.rotations import rotation_exp, rotation_log
+from middeck.values import record
+
+# Of the largest extent of the attach points: what is thinner is a line or a point to an engineer.
+FLAT = 1e-6
+FIT_ITERATIONS = 50
+FITTED = 1e-14
+SPANS = ("point", "line", "plane", "space")
+
+
+@record
+class Attitude:
+    """How an article hangs. Rotation vectors [rad] and positions [m] are in W.
+
+    A rotation is split into a turn about the vertical and then a tilt, about a level axis: no tilt, level.
+
+    Parameters
+    ----------
+    tilt, heading:
+        Of the rigid body that fits the hung article best by mass: tilt, and turn about the vertical.
+    node, node_rotation, node_tilt:
+        Name, whole rotation and tilt of every node; what differs from ``tilt`` is the article's own bending.
+    device, tension:
+        Name and pull [N] of every device and spring.
+    centre_of_mass:
+        As drawn.
+    hangs_from:
+        What the attach points in use span as drawn: a "point", a "line", a "plane" or "space".
+    lies_off:
+        From that point, line or plane to the centre of mass, normal to it. A rigid article on a point or a
+        level line comes to rest with this vector downwards: what of it is not downwards now, tilts it.
+    """
+
+    tilt: Float[np.ndarray, "3"]
+    heading: float
+    node: tuple[str, ...]
+    node_rotation: Float[np.ndarray, "node 3"]
+    node_tilt: Float[np.ndarray, "node 3"]
+    device: tuple[str, ...]
+    tension: Float[np.ndarray, " device"]
+    centre_of_mass: Float[np.ndarray, "3"]
+    hangs_from: str
+    lies_off: Float[np.ndarray, "3"]
+
+
+def estimate_attitude(equilibrium: Equilibrium) -> Attitude:
+    """How the article hangs in ``equilibrium``; raises `ConfigError` where there is no gravity."""
+    gravity = equilibrium.environment.gravity
+    if not np.any(gravity):
+        raise ConfigError(
+            "nothing is level without gravity",
+            where=f"environment {equilibrium.environment.title!r}",
+            hint="give it constants.gravity, or take another environment",
+        )
+    up = -gravity / np.linalg.norm(gravity)
+    tilt, heading = split_rotation(fit_rotation(equilibrium), up)
+    turned = node_rotations(equilibrium)
+    rotations = np.array(list(turned.values()))
+    tilts = np.array([split_rotation(rotation_exp(v), up)[0] for v in rotations])
+    centre = _centre_of_mass(equilibrium)
+    span, lies_off = _span(equilibrium, centre)
+    return Attitude(
+        tilt,
+        heading,
+        tuple(turned),
+        rotations,
+        tilts,
+        equilibrium.devices,
+        equilibrium.tension,
+        centre,
+        span,
+        lies_off,
+    )
+
+
+def split_rotation(
+    R: Float[np.ndarray, "3 3"], up: Float[np.ndarray, "3"]
+) -> tuple[Float[np.ndarray, "3"], float]:
+    """Tilt, a rotation vector normal to ``up``, and the heading before it: R = exp(tilt) exp(heading up).
+
+    >>> up = np.array([0.0, 1.0, 0.0])
+    >>> tilt, heading = split_rotation(rotation_exp(np.array([0.1, 0, 0])) @ rotation_exp(0.3 * up), up)
+    >>> tilt.round(12).tolist(), round(heading, 12)
+    ([0.1, 0.0, 0.0], 0.3)
+    """
+    across = np.cross(up, R @ up)
+    sine = float(np.linalg.norm(across))
+    tilt = across * (np.arctan2(sine, up @ R @ up) / sine) if sine > 0.0 else across
+    return tilt, float(rotation_log(rotation_exp(tilt).T @ R) @ up)
+
+
+def fit_rotation(equilibrium: Equilibrium) -> Float[np.ndarray, "3 3"]:
+    """Rotation of the rigid body that fits the hung article best, its errors weighed by mass (Gauss-Newton).
+
+    The error of a frame is its displacement and rotation vector from where the rigid body has it.
+    """
+    model, config = equilibrium.model, equilibrium.config
+    M = mass_matrix(model, model.rest)
+    T = rigid_columns(model.tree, model.rest, np.zeros(3))
+    rigid = T.T @ (M @ T)
+    fit, p = np.eye(3), np.zeros(3)
+    for _ in range(FIT_ITERATIONS):
+        # In the axes of the rigid body, so that the mass is that of the undeformed state.
+        x = (config.x - p) @ fit - model.rest.x
+        turn = np.array([rotation_log(fit.T @ own) for own in config.R])
+        error = np.zeros(model.tree.size)
+        error[: 6 * model.tree.roots] = np.hstack([x, turn]).ravel()
+        step = np.linalg.solve(rigid, T.T @ (M @ error))
+        p = p + fit @ step[:3]
+        fit = fit @ rotation_exp(step[3:])
+        if np.abs(step[3:]).max() < FITTED:
+            break
+    return fit
+
+
+def _centre_of_mass(equilibrium: Equilibrium) -> Float[np.ndarray, "3"]:
+    """From the coupling of rotations about the origin with translations in the rigid mass matrix."""
+    model = equilibrium.model
+    T = rigid_columns(model.tree, model.rest, np.zeros(3))
+    rigid = T.T @ (mass_matrix(model, model.rest) @ T)
+    return np.array([rigid[1, 5], rigid[2, 3], rigid[0, 4]]) / rigid[0, 0]
+
+
+def _span(equilibrium: Equilibrium, centre: np.ndarray) -> tuple[str, Float[np.ndarray, "3"]]:
+    """What the attach points span, and what of the way from it to ``centre`` is normal to it."""
+    model = equilibrium.model
+    world = points_in_world(model.points, frame_poses(model.tree, model.rest))
+    feet = world[np.unique(equilibrium.loads.attach_point)]
+    middle = feet.mean(axis=0)
+    _, size, directions = np.linalg.svd(feet - middle, full_matrices=False)
+    rank = int(np.sum(size > FLAT * max(float(size.max(initial=0.0)), np.finfo(float).tiny)))
+    along = directions[:rank]
+    off = centre - middle
+    return SPANS[rank], off - along.T @ (along @ off)

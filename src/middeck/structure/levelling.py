@@ -1,0 +1,224 @@
+"""Attach points that make an article hang level: Newton's method on its tilts over their offsets."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.errors import ConfigError, EquilibriumError
+from middeck.structure.article import Structure
+from middeck.structure.attitude import Attitude, estimate_attitude
+from middeck.structure.environment import Environment
+from middeck.structure.equilibrium import Equilibrium, solve_equilibrium
+from middeck.structure.rigid import AXES
+from middeck.values import record
+
+LEVEL = 1e-7
+"""Tilt [rad] that counts as none: a millimetre in ten kilometres, and above what the residual of statics does
+to a roll, 1e-9 of the weight over a centre of mass some centimetres below its attach points."""
+STEP = 1e-4
+"""Of central differences [m]: their error is its square over the square of the centre of mass' depth, some
+1e-5 of the derivative, and the rounding of a rest state, 1e-8 rad, over it another 1e-4."""
+MAX_ITERATIONS = 20
+MAX_HALVINGS = 6
+NO_ROOM = 1e-6
+"""Of the limit: a step that has to be shorter than this to keep within it leads out."""
+STUCK = 1e-3
+"""Singular value of the tilts' derivative [rad/m], ten times what rounding alone makes (1e-8 rad over `STEP`);
+of offsets that level an article it is some 10 rad/m."""
+
+
+@record
+class Levelling:
+    """An article before and after its attach points were moved.
+
+    Parameters
+    ----------
+    structure, equilibrium:
+        With the attach points that level it.
+    before, after:
+        How it hung, and how it hangs.
+    moved, change:
+        (attach point, axis of its frame) and by how much it moved [m].
+    history:
+        Largest of the tilts sought [rad] at every iteration.
+    """
+
+    structure: Structure
+    equilibrium: Equilibrium
+    before: Attitude
+    after: Attitude
+    moved: tuple[tuple[str, str], ...]
+    change: Float[np.ndarray, " moved"]
+    history: tuple[float, ...]
+
+
+class _Task(NamedTuple):
+    structure: Structure
+    environment: Environment
+    free: tuple[tuple[str, str], ...]
+    about: str
+    node: str | None
+
+
+def level(
+    structure: Structure,
+    environment: Environment,
+    *,
+    free: Sequence[tuple[str, str]],
+    about: str | None = None,
+    node: str | None = None,
+    limit: float = 0.1,
+) -> Levelling:
+    """Move attach points until the tilts about the world axes ``about`` are zero.
+
+    Newton's method; derivatives are central differences of the whole rest state, tuned reactions, stiffnesses
+    and anchors included. Of more offsets than tilts the least change (in the root of the sum of squares) is
+    taken. What is returned was solved for anew: its tilt is that of its own rest state.
+
+    Parameters
+    ----------
+    free:
+        (attach point, "x", "y" or "z" of its frame): the offsets that may change.
+    about:
+        World axes; by default all but the one nearest to the vertical.
+    node:
+        Level this node instead of the rigid body that fits the article best.
+    limit:
+        Largest change of an offset [m].
+
+    Raises `ConfigError` for names that the article lacks, a limit that is not positive, or fewer offsets
+    than tilts; `EquilibriumError` where the offsets do not move the tilts, a change beyond ``limit`` would be
+    needed (both with the ``change_m`` reached), or the article does not hang at all.
+    """
+    if not 0.0 < limit < np.inf:
+        raise ConfigError(f"a limit of {limit} m", where="level", hint="positive and finite")
+    task = _task(structure, environment, free, about, node)
+    at = _hang(task, np.zeros(len(task.free)))
+    before, history = at.attitude, [at.size]
+    while at.size > LEVEL and len(history) <= MAX_ITERATIONS:
+        step = _step(task, at)
+        step = step * _room(at.change, step, limit)
+        if np.abs(step).max() < NO_ROOM * limit:
+            raise _unreached(task, at, f"would need more than the limit of {limit:g} m", history)
+        at = _better(task, at, step, history)
+        history.append(at.size)
+    if at.size > LEVEL:
+        raise _unreached(task, at, f"still tilts by {np.degrees(at.size):.3g} deg", history)
+    moved = _moved(task, at.change)
+    return Levelling(moved, at.rest, before, at.attitude, task.free, at.change, tuple(history))
+
+
+class _Hung(NamedTuple):
+    """Rest state, attitude and the tilts sought [rad] with offsets changed by ``change``."""
+
+    change: np.ndarray
+    rest: Equilibrium
+    attitude: Attitude
+    tilt: np.ndarray
+
+    @property
+    def size(self) -> float:
+        return float(np.abs(self.tilt).max())
+
+
+def _better(task: _Task, at: _Hung, step: np.ndarray, history: Sequence[float]) -> _Hung:
+    """The first of step, step/2, step/4 ... that hangs nearer to level."""
+    for _ in range(MAX_HALVINGS):
+        try:
+            trial = _hang(task, at.change + step)
+        except EquilibriumError:  # so far it does not hang at all
+            trial = None
+        if trial is not None and trial.size < at.size:
+            return trial
+        step = 0.5 * step
+    raise _unreached(task, at, f"stays tilted by {np.degrees(at.size):.3g} deg", history)
+
+
+def _room(change: np.ndarray, step: np.ndarray, limit: float) -> float:
+    """How much of ``step``, at most all of it, keeps within the limit."""
+    left = limit - np.sign(step) * change
+    return float(np.min(left / np.maximum(np.abs(step), left)))
+
+
+def _task(
+    structure: Structure,
+    environment: Environment,
+    free: Sequence[tuple[str, str]],
+    about: str | None,
+    node: str | None,
+) -> _Task:
+    points, nodes = [a.name for a in structure.attach_points], [n.name for n in structure.nodes]
+    for name, axis in free:
+        if name not in points or len(axis) != 1 or axis not in AXES:
+            raise ConfigError(
+                f"no offset {axis!r} of an attach point {name!r}",
+                where="level",
+                hint=f"x, y or z of {', '.join(points) or 'no attach point at all'}",
+            )
+    if node is not None and node not in nodes:
+        raise ConfigError(f"no node {node!r}", where="level", hint=f"one of {', '.join(nodes)}")
+    vertical = AXES[int(np.argmax(np.abs(environment.gravity)))]
+    axes = AXES.replace(vertical, "") if about is None else about
+    if not axes or len(set(axes)) < len(axes) or not set(axes) <= set(AXES) - {vertical}:
+        raise ConfigError(
+            f"no tilts about {axes!r}", where="level", hint=f"of the axes {AXES.replace(vertical, '')}, any"
+        )
+    chosen = tuple(dict.fromkeys((name, axis) for name, axis in free))
+    if len(chosen) < len(axes):
+        raise ConfigError(
+            f"{len(chosen)} offsets cannot take away {len(axes)} tilts, about {' and '.join(axes)}",
+            where="level",
+            hint="free as many offsets as tilts, or name fewer tilts",
+        )
+    return _Task(structure, environment, chosen, axes, node)
+
+
+def _moved(task: _Task, change: np.ndarray) -> Structure:
+    points = {a.name: a for a in task.structure.attach_points}
+    for (name, axis), by in zip(task.free, change, strict=True):
+        shift = by * np.eye(3)[AXES.index(axis)]
+        points[name] = dataclasses.replace(points[name], offset=points[name].offset + shift)
+    return dataclasses.replace(task.structure, attach_points=tuple(points.values()))
+
+
+def _hang(task: _Task, change: np.ndarray) -> _Hung:
+    rest = solve_equilibrium(_moved(task, change), task.environment)
+    if not rest.converged:
+        raise EquilibriumError(
+            f"no rest state on the way to a level one (residual {rest.residual:.1e})",
+            where="level",
+            hint="start from offsets that hang nearer to level",
+            history=rest.history,
+        )
+    attitude = estimate_attitude(rest)
+    tilt = attitude.tilt if task.node is None else attitude.node_tilt[attitude.node.index(task.node)]
+    return _Hung(change, rest, attitude, tilt[[AXES.index(axis) for axis in task.about]])
+
+
+def _step(task: _Task, at: _Hung) -> np.ndarray:
+    """Newton's; the shortest where there are more offsets than tilts."""
+    columns = [
+        (_hang(task, at.change + e).tilt - _hang(task, at.change - e).tilt) / (2.0 * STEP)
+        for e in STEP * np.eye(len(at.change))
+    ]
+    U, size, V = np.linalg.svd(np.array(columns).T, full_matrices=False)
+    if size[-1] <= STUCK:
+        axes = [axis for axis, part in zip(task.about, np.abs(U[:, -1]), strict=True) if part > 0.1]
+        raise _unreached(task, at, f"cannot be tilted about {' and '.join(axes)}", [at.size])
+    return -V.T @ ((U.T @ at.tilt) / size)
+
+
+def _unreached(task: _Task, at: _Hung, what: str, history: Sequence[float]) -> EquilibriumError:
+    found = {f"{name} {axis}": float(by) for (name, axis), by in zip(task.free, at.change, strict=True)}
+    return EquilibriumError(
+        f"with the offsets {', '.join(found)} the article {what}",
+        where="level",
+        hint="free other offsets, across the line of the attach points, or hang it by points out of line",
+        change_m=found,
+        history=tuple(history),
+    )
