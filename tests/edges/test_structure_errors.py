@@ -102,15 +102,26 @@ def test_unknown_attach_point_is_a_fault_of_the_environment():
         solve_equilibrium(bus(), lab(AnchoredSpring("s", "d", np.zeros(3), 1.0, 1.0)))
 
 
-def test_disconnected_part_falls_and_is_not_hidden_in_orbit():
-    nodes = [node(n, (i, 0, 0), body(1, inertia=(0.1,) * 3)) for i, n in enumerate("abcd")]
-    attach = [AttachPoint(n, n, np.array([0, 0.02, 0])) for n in "abcd"]
-    parts = structure(nodes, [member("a", "b", TUBE, 2), member("c", "d", TUBE, 2)], attach=attach)
-    orbit = solve_modes(solve_equilibrium(parts, Environment.orbit()))
-    assert orbit.kind.count("rigid") == 12
-    assert orbit.name[6:12] == tuple(f"mechanism {i}" for i in range(1, 7))
-    with pytest.raises(EquilibriumError, match="mechanism that its weight drives"):
-        solve_equilibrium(parts, cables())
+def test_disconnected_part_is_named_whatever_the_environment():
+    nodes = [node(n, (i, 0, 0), body(1, inertia=(0.1,) * 3)) for i, n in enumerate("abcde")]
+    attach = [AttachPoint(n, n, np.array([0, 0.02, 0])) for n in "abcde"]
+    parts = structure(nodes, [member(*ends, TUBE, 2) for ends in ("ab", "bc", "de")], attach=attach)
+    for environment in (Environment.orbit(), cables()):
+        with pytest.raises(ConfigError, match="no member or spring joins node 'd', 'e' to the rest"):
+            solve_equilibrium(parts, environment)
+    whole = dataclasses.replace(parts, springs=(Spring("s", "d", "a", 10.0, 1.0),))
+    assert solve_equilibrium(whole, Environment.orbit()).converged
+
+
+def test_what_a_joint_carries_is_joined_by_a_spring_to_it():
+    """A spring from a payload to another node: the chain of joints is followed to its node."""
+    parts = bus()
+    alone = node("c", (2, 0, 0), body(1, inertia=(0.1,) * 3))
+    attach = (*parts.attach_points, AttachPoint("p", "p", np.zeros(3)), AttachPoint("c", "c", np.zeros(3)))
+    broken = dataclasses.replace(parts, nodes=(*parts.nodes, alone), attach_points=attach)
+    with pytest.raises(ConfigError, match="joins node 'c'"):
+        mesh_structure(broken)
+    mesh_structure(dataclasses.replace(broken, springs=(Spring("s", "p", "c", 10.0, 1.0),)))
 
 
 def test_spring_whose_ends_coincide():

@@ -108,7 +108,7 @@ def tube_section(section: SectionForm, material: MaterialForm) -> Section:
     G = E / (2.0 * (1.0 + material.nu))
     GA = np.inf if section.shear is None else section.shear * G * area
     EI, rho_I = E * second_moment, rho * second_moment
-    return Section(E * area, 2.0 * G * second_moment, EI, EI, rho * area, rho_I, rho_I, GA, GA)
+    return Section(E * area, 2.0 * G * second_moment, EI, EI, rho * area, rho_I, rho_I, GA, GA, rho)
 
 
 def _section(form: SectionForm, materials: dict[str, MaterialForm]) -> Section:

@@ -18,6 +18,7 @@ from middeck.files.faults import Finding, nearest, show
 from middeck.files.form import inertia_matrix
 from middeck.files.shapes import keys_of
 from middeck.files.toml_lines import Path
+from middeck.structure.connectivity import separate_parts, some_names
 
 Table = dict[str, Any]
 
@@ -240,18 +241,41 @@ def _is_vector(value: Any) -> bool:
 
 
 def _unconnected(data: Table) -> Iterator[Finding]:
-    """Of two or more nodes each must end a member or hold an end of a spring."""
-    points = {str(t.get("name")): str(t.get("frame")) for _, t in tables(data, "attach")}
-    joined = {str(t.get(end)) for _, t in tables(data, "strut") for end in ("from", "to")}
+    """Members and springs must join all nodes; what they leave out is named at its first node."""
+    place = {t["name"]: i for i, t in tables(data, "node") if isinstance(t.get("name"), str)}
+    for part in separate_parts(list(place), _joined(data, set(place)))[1:]:
+        path: Path = ("node", place[part[0]], "name")
+        if len(part) == 1:
+            message = "an unconnected node: no strut or spring joins it"
+        else:
+            message = f"a disconnected part: no strut or spring joins {some_names(part)} to the rest"
+        yield Finding(path, message, show(part[0]), "add a [[strut]] from or to it, or remove it")
+
+
+def _joined(data: Table, nodes: set[str]) -> list[tuple[str, str]]:
+    """Pairs of nodes; where an end names nothing, another finding, all nodes used count as one part."""
+    carrier = {name: name for name in nodes}
+    for _, t in tables(data, "gimbal"):
+        carrier |= {f"{t.get('name')}_x": str(t.get("node")), f"{t.get('name')}_z": str(t.get("node"))}
+    for table, key in (("revolute", "parent"), ("proof_mass", "node")):
+        carrier |= {str(t.get("name")): str(t.get(key)) for _, t in tables(data, table)}
+    frame = {str(name): str(name) for name in _suspension_array(data, "nodes")}
+    frame |= {str(t.get("name")): str(t.get("frame")) for _, t in tables(data, "attach")}
+    ends = [(str(t.get("from")), str(t.get("to"))) for _, t in tables(data, "strut")]
     for _, t in tables(data, "spring"):
-        joined |= {points.get(str(t.get(end)), str(t.get(end))) for end in ("from", "to")}
-    nodes = list(tables(data, "node"))
-    for i, node in nodes if len(nodes) > 1 else []:
-        if isinstance(node.get("name"), str) and node["name"] not in joined:
-            yield Finding(
-                ("node", i, "name"), "an unconnected node: no strut or spring joins it", show(node["name"]),
-                "add a [[strut]] from or to it, or remove it",
-            )  # fmt: skip
+        ends.append((frame.get(str(t.get("from")), ""), frame.get(str(t.get("to")), "")))
+    pairs = [(_carrier(start, carrier), _carrier(end, carrier)) for start, end in ends]
+    used = [name for pair in pairs for name in pair]
+    return pairs if nodes.issuperset(used) else list(itertools.pairwise(n for n in used if n in nodes))
+
+
+def _carrier(frame: str, carrier: dict[str, str]) -> str:
+    """The node that a frame is fixed to in the end; a ring of joints, refused elsewhere, ends anywhere."""
+    for _ in carrier:
+        if carrier.get(frame, frame) == frame:
+            break
+        frame = carrier[frame]
+    return frame
 
 
 def _bodies(data: Table) -> Iterator[Finding]:

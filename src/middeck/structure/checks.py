@@ -9,6 +9,7 @@ import numpy as np
 
 from middeck.errors import ConfigError
 from middeck.structure.article import Body, Structure, clear_length, held_angle
+from middeck.structure.connectivity import joined_nodes, separate_parts, some_names
 
 # A unit axis is one to rounding; anything further off is a mistake.
 UNIT_ERROR = 1e-9
@@ -23,7 +24,7 @@ def check_structure(structure: Structure) -> None:
         *_axes(structure),
         *_travels(structure),
     ]
-    faults = faults or list(_members(structure))  # geometry needs the names to be right
+    faults = faults or [*_members(structure), *_parts(structure)]  # these need the names to be right
     if faults:
         raise ConfigError(
             "; ".join(faults),
@@ -113,3 +114,10 @@ def _members(structure: Structure) -> Iterator[str]:
             yield f"member {member.name!r} has its up vector along itself"
         if member.elements < 1:
             yield f"member {member.name!r} has {member.elements} elements"
+
+
+def _parts(structure: Structure) -> Iterator[str]:
+    """What nothing joins to the rest is another article: it has its own rigid-body modes."""
+    names = [node.name for node in structure.nodes]
+    for part in separate_parts(names, joined_nodes(structure))[1:]:
+        yield f"a disconnected part: no member or spring joins node {some_names(part)} to the rest"
