@@ -34,7 +34,7 @@ from middeck.values import record
 
 EFFECTS = ("suspension", "stiffness", "deformation")
 ORDERS = tuple(itertools.permutations(range(len(EFFECTS))))
-CORNERS = tuple(itertools.product((0, 1), repeat=len(EFFECTS)))
+CORNERS = tuple(itertools.product((0, 1), (0, 1), (0, 1)))
 
 Corner = tuple[int, int, int]
 
@@ -98,7 +98,7 @@ class GravityBudget:
 
     @property
     def doubtful(self) -> tuple[int, ...]:
-        """Modes that in some corner are less than half of what they are in orbit: shares are not theirs alone."""
+        """Rows that in some corner are less than half of what they are in orbit: their shares are unclear."""
         return tuple(map(int, np.flatnonzero(self.match.min(axis=(1, 2, 3)) < HALF_SHAPE)))
 
 
@@ -132,9 +132,9 @@ def build_budget(orbit: Modes, lab: Modes, count: int = 26) -> GravityBudget:
         corner[:, *on], match[:, *on] = found.spectrum.lam, found.match
     end = track(start, hung)
     corner[:, 1, 1, 1], match[:, 1, 1, 1] = end.spectrum.lam, end.match
-    rows = np.argsort(end.index, kind="stable")
+    rows = np.argsort(end.found, kind="stable")
     first = np.array([orbit.kind.index("rigid") if k == "rigid" else i for i, k in enumerate(orbit.kind)])
-    pairs = np.stack([first[:count], end.index], axis=1)
+    pairs = np.stack([first[:count], end.found], axis=1)
     return GravityBudget(orbit, lab, pairs[rows], corner[rows], match[rows])
 
 
@@ -155,10 +155,9 @@ def corner_matrices(orbit: Equilibrium, lab: Equilibrium, on: Corner) -> tuple[s
         own = inner_forces(model, orbit.config, orbit.loads)
         forces, gravity = Inner(own.beam, own.spring, np.zeros_like(inside.device)), orbit.loads.gravity
     parts = split_tangent(model, at, dataclasses.replace(lab.loads, gravity=gravity), forces)
-    K = parts.material + parts.geometric
-    if suspension:
-        K = K + split_tangent(model, at, lab.loads, inside).device
-    return sp.csr_array(K), mass_matrix(model, at, lab.loads if suspension else None)
+    held = split_tangent(model, at, lab.loads, inside).device
+    K = sp.csr_array(parts.material + parts.geometric + suspension * held)
+    return K, mass_matrix(model, at, lab.loads if suspension else None)
 
 
 def _check(orbit: Modes, lab: Modes) -> None:

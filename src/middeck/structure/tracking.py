@@ -36,7 +36,7 @@ class Tracked(NamedTuple):
     """What became of each reference shape: its spectrum, where it was found, and the cross-orthogonality."""
 
     spectrum: Spectrum
-    index: Int[np.ndarray, " mode"]
+    found: Int[np.ndarray, " mode"]
     match: Float[np.ndarray, " mode"]
 
 
@@ -103,5 +103,5 @@ def track(reference: Spectrum, spectrum: Spectrum) -> Tracked:
     turned = align_repeated(spectrum, reference.shapes)
     cross = np.abs(reference.shapes.T @ (reference.mass @ turned.shapes))
     _, index = linear_sum_assignment(cross**2, maximize=True)
-    found = Spectrum(turned.lam[index], turned.shapes[:, index], turned.mass)
-    return Tracked(found, np.array(index, dtype=int), cross[np.arange(len(index)), index])
+    theirs = Spectrum(turned.lam[index], turned.shapes[:, index], turned.mass)
+    return Tracked(theirs, np.array(index, dtype=int), cross[np.arange(len(index)), index])

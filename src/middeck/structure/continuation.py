@@ -1,0 +1,65 @@
+"""The rest state under slightly other loads, by plain Newton from a near one: on its branch or not at all."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Float
+
+from middeck.structure.assembly import Assembly, Loads, assemble, mass_matrix
+from middeck.structure.factorisation import factorise
+from middeck.structure.frames import Configuration, move_whole
+from middeck.structure.mesh import Model
+from middeck.structure.statics import TOLERANCE, load_scale, spread, static_coordinates
+
+MAX_ITERATIONS = 12
+# Each correction must be at most this part of the one before (Deuflhard 2004, section 2.1): Newton that does
+# not contract is on its way to another branch, or to none.
+CONTRACTION = 0.5
+# Largest correction [m or rad] of any coordinate.
+LONGEST_STEP = 0.3
+# Multiples of the mass [1/s^2] that stand in for the stiffness of a motion that nothing holds; the smallest
+# that will do.
+HOLDS = (0.0, 1e-8, 1e-5)
+
+
+def rest_near(model: Model, config: Configuration, loads: Loads) -> tuple[Configuration, Assembly] | None:
+    """The rest state under ``loads`` on the branch of ``config``, stable or not; None where Newton loses it.
+
+    Nothing here descends: where the branch loses stability it is followed all the same.
+    """
+    active = static_coordinates(model)
+    mass = mass_matrix(model, config)
+    enough = TOLERANCE * load_scale(model, loads)
+    at = assemble(model, config, loads)
+    size = np.inf
+    for _ in range(MAX_ITERATIONS):
+        rested = _unbalanced(at, active) < enough
+        q = _correction(at, mass, active)
+        length = np.inf if q is None else float(np.abs(q).max())
+        if q is None or (length > CONTRACTION * size and not rested):
+            break
+        moved = move_whole(model.tree, config, q, mass)
+        new = assemble(model, moved, loads)
+        if rested:  # one more step, to rounding, if it does any good
+            return (moved, new) if _unbalanced(new, active) < _unbalanced(at, active) else (config, at)
+        config, at, size = moved, new, length
+    return (config, at) if _unbalanced(at, active) < enough else None
+
+
+def _unbalanced(at: Assembly, active: np.ndarray) -> float:
+    return float(np.abs(at.gradient[active]).max(initial=0.0))
+
+
+def _correction(
+    at: Assembly, mass: sp.csr_array, active: np.ndarray
+) -> Float[np.ndarray, " coordinate"] | None:
+    K, M = at.tangent[active][:, active], mass[active][:, active]
+    for hold in HOLDS:
+        factor = factorise(sp.csr_array(K + hold * M))
+        if factor is None:
+            continue
+        q = -factor.solve(at.gradient[active])
+        if np.all(np.isfinite(q)) and np.abs(q).max(initial=0.0) < LONGEST_STEP:
+            return spread(q, active)
+    return None

@@ -1,0 +1,331 @@
+"""Modes followed while gravity changes: from 1-g to 0-g, to the Moon, or into a tilted laboratory.
+
+The rest state is continued from place to place by Newton's method, never by a fresh descent, which could end
+on another branch. Steps are shortened until each mode is clearly the same on both sides. Where the branch
+loses its stability, the path ends there, with the mode that lost it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.errors import ConfigError, UnstableEquilibriumError
+from middeck.structure.article import Structure
+from middeck.structure.assembly import Assembly, Loads, assemble, mass_matrix
+from middeck.structure.continuation import rest_near
+from middeck.structure.environment import Environment
+from middeck.structure.equilibrium import Equilibrium, solve_equilibrium
+from middeck.structure.frames import Configuration
+from middeck.structure.modes import Modes, solve_modes
+from middeck.structure.path_events import Advance, EventKind, GravityEvent, Station, find_exchanges
+from middeck.structure.places import DeviceRule, Place, gravity_between, loads_in
+from middeck.structure.statics import TOLERANCE, settle, static_coordinates
+from middeck.structure.tracking import HALF_SHAPE, solve_spectrum, spectrum_of, track
+from middeck.values import record
+
+# Parts of the way between two places.
+LONGEST_STEP = 1.0 / 20.0
+# A veering narrower than this is passed as a crossing.
+SHORTEST_STEP = 1e-4
+# To this the end of a branch, and the loss of stability, are found.
+FINEST = 1e-10
+# A mode is surely the same when this, squared, of its shape is; steps grow again above EASY.
+SURE = 0.9
+EASY = 0.97
+# Part of the neighbouring gravity at which devices are released on the way to orbit, or take hold.
+RELEASE = 1e-3
+
+
+@record
+class GravityPath:
+    """Modes along a path of gravities; a branch is a mode of the first station, wherever it goes.
+
+    Parameters
+    ----------
+    places, reached:
+        The places in order, and the station at each that was reached.
+    name, kind:
+        Of each branch, at the first station.
+    s:
+        Where each station is: 0 at the first place, 1 at the second, and so on.
+    gravity:
+        In W [m/s^2].
+    omega2:
+        omega^2 [1/s^2] of each branch.
+    match:
+        Cross-orthogonality with the station before; 1 at the first.
+    events:
+        Crossings, veerings and, last, what ended the path before its last place, if anything did.
+    """
+
+    structure: Structure
+    environment: Environment
+    rule: DeviceRule
+    places: tuple[Place, ...]
+    reached: tuple[int, ...]
+    name: tuple[str, ...]
+    kind: tuple[str, ...]
+    s: Float[np.ndarray, " station"]
+    gravity: Float[np.ndarray, "station 3"]
+    omega2: Float[np.ndarray, "station branch"]
+    match: Float[np.ndarray, "station branch"]
+    events: tuple[GravityEvent, ...]
+
+    @property
+    def complete(self) -> bool:
+        """Whether the last place was reached."""
+        return len(self.reached) == len(self.places)
+
+    @property
+    def frequency_hz(self) -> Float[np.ndarray, "station branch"]:
+        """Natural frequencies [Hz]; of a mode that grows, minus its rate over 2 pi."""
+        return np.sign(self.omega2) * np.sqrt(np.abs(self.omega2)) / (2.0 * np.pi)
+
+    @property
+    def size(self) -> Float[np.ndarray, " station"]:
+        """Size of gravity [m/s^2]."""
+        return np.linalg.norm(self.gravity, axis=1)
+
+    @property
+    def doubtful(self) -> tuple[tuple[int, int], ...]:
+        """(station, branch) where less than half of a shape is what it was a station before."""
+        return tuple((int(i), int(j)) for i, j in np.argwhere(self.match < HALF_SHAPE))
+
+
+class _Leg(NamedTuple):
+    """What stays the same between two places, number ``k`` and the next."""
+
+    full: Equilibrium
+    free: Equilibrium
+    loads_at: Callable[[np.ndarray], Loads]
+    a: Place
+    b: Place
+    k: int
+
+    def loads(self, s: float) -> Loads:
+        """The loads at ``s``."""
+        return self.loads_at(gravity_between(self.a, self.b, s - self.k))
+
+
+class _Stop(NamedTuple):
+    """Why a path ends: the last good station, and the first bad one, if there is a state at all."""
+
+    good: Station
+    bad: Station | None
+
+
+def follow_gravity(
+    structure: Structure,
+    environment: Environment,
+    places: Sequence[Place] | None = None,
+    *,
+    devices: DeviceRule = DeviceRule.KEPT,
+    count: int = 26,
+) -> GravityPath:
+    """Follow the ``count`` lowest modes from place to place; by default from ``environment`` to orbit.
+
+    The devices of ``environment`` are tuned in its own gravity; elsewhere they obey ``devices``. On the way
+    to a place without gravity they are released at a thousandth of the gravity before; on the way from one
+    they take hold there, and the article first settles under them.
+
+    An unstable rest state ends the path as a value: the last of ``events`` says where, and which mode. Raises
+    `ConfigError` for a path that goes nowhere and `EquilibriumError` where ``environment`` cannot hold the
+    article, or the first place has no rest state.
+    """
+    places = tuple(places or (Place(environment.title, environment.gravity), Place("orbit", np.zeros(3))))
+    _check(environment, places)
+    full, free = (solve_equilibrium(structure, e) for e in (environment, Environment.orbit()))
+    loads_at = loads_in(full, devices)
+    at_first = places[0].gravity
+    try:
+        modes = solve_modes(_settled(full, loads_at(at_first)) if np.any(at_first) else free, count)
+    except UnstableEquilibriumError as error:
+        start = _unstable_start(error, places[0])
+        nothing = np.zeros((0, 0))
+        return GravityPath(
+            structure, environment, devices, places, (), (), (), np.zeros(0), np.zeros((0, 3)), nothing,
+            nothing, (start,),
+        )  # fmt: skip
+    stations, reached, events = [_first_station(modes)], [0], list[GravityEvent]()
+    for k, (a, b) in enumerate(itertools.pairwise(places)):
+        leg = _Leg(full, free, loads_at, a, b, k)
+        more, stop = _follow_leg(leg, stations[-1])
+        ramp = [x for x in (stations[-1], *more) if np.any(x.gravity)]
+        events += find_exchanges(ramp, partial(_advance, leg), modes.name)
+        stations += more
+        if stop is not None:
+            events.append(_ending(stop, full.suspension.name, modes.name))
+            break
+        reached.append(len(stations) - 1)
+    return GravityPath(
+        structure,
+        environment,
+        devices,
+        places,
+        tuple(reached),
+        modes.name,
+        modes.kind,
+        np.array([x.s for x in stations]),
+        np.array([x.gravity for x in stations]),
+        np.array([x.spectrum.lam for x in stations]),
+        np.array([x.match for x in stations]),
+        tuple(events),
+    )
+
+
+def _check(environment: Environment, places: tuple[Place, ...]) -> None:
+    if not np.any(environment.gravity):
+        raise ConfigError(
+            "a path of gravities needs an environment with gravity, for which its devices are tuned",
+            where=f"environment {environment.title!r}",
+            hint="give the laboratory; orbit can be a place on the path",
+        )
+    still = any(np.array_equal(a.gravity, b.gravity) for a, b in itertools.pairwise(places))
+    if len(places) < 2 or still:
+        names = ", ".join(place.name for place in places)
+        raise ConfigError(f"a path that goes nowhere: {names}", where="places", hint="earth,moon,orbit")
+    for a, b in itertools.pairwise(places):
+        gravity_between(a, b, 0.5)  # refuses opposite ones
+
+
+def _settled(full: Equilibrium, loads: Loads) -> Equilibrium:
+    """The rest state under ``loads``, by descent from the undeformed structure."""
+    if loads == full.loads:
+        return full
+    found = settle(full.model, loads)
+    return dataclasses.replace(
+        full,
+        environment=dataclasses.replace(full.environment, gravity=loads.gravity),
+        config=found.config,
+        loads=loads,
+        residual=found.residual,
+        history=found.history,
+        tension=found.assembly.tension,
+    )
+
+
+def _unstable_start(error: UnstableEquilibriumError, place: Place) -> GravityEvent:
+    grows = -float(error.data["growth"]) / (2.0 * np.pi)
+    return GravityEvent(
+        EventKind.UNSTABLE_START, 0.0, place.gravity, (), (str(error.data["mode"]),), grows, 0.0
+    )
+
+
+def _first_station(modes: Modes) -> Station:
+    rest, match = modes.equilibrium, np.ones(len(modes.omega))
+    return Station(0.0, rest.environment.gravity, rest.config, spectrum_of(modes), match, rest.tension, 0.0)
+
+
+def _advance(leg: _Leg, before: Station, s: float) -> Station | None:
+    """From a station to a near ``s`` along the branch."""
+    loads = leg.loads(s)
+    found = rest_near(leg.full.model, before.config, loads)
+    return None if found is None else _station(leg, before, s, loads, *found)
+
+
+def _station(
+    leg: _Leg, before: Station, s: float, loads: Loads, config: Configuration, at: Assembly
+) -> Station:
+    model = leg.full.model
+    unbalanced = float(np.abs(at.gradient[static_coordinates(model)]).max(initial=0.0))
+    M = mass_matrix(model, config, loads)
+    spectrum = solve_spectrum(model, at.tangent, M, len(before.match), unbalanced)
+    found = track(before.spectrum, spectrum)
+    least = float(spectrum.lam.min(initial=0.0))
+    return Station(s, loads.gravity, config, found.spectrum, found.match, at.tension, least)
+
+
+def _follow_leg(leg: _Leg, start: Station) -> tuple[list[Station], _Stop | None]:
+    """The stations after ``start``, and why they end early, if they do."""
+    stations = [start]
+    hung = len(leg.full.suspension.name)
+    if leg.a.size == 0.0:
+        held = _take_hold(leg, start, leg.k + RELEASE)
+        if held is None or _is_bad(held, hung):
+            return [], _Stop(start, held)
+        stations.append(held)
+    end = leg.k + 1.0 - (RELEASE if leg.b.size == 0.0 else 0.0)
+    more, stop = _follow_ramp(stations[-1], partial(_advance, leg), end, hung)
+    stations += more
+    if stop is None and leg.b.size == 0.0:
+        stations.append(_release(leg, stations[-1]))
+    return stations[1:], stop
+
+
+def _take_hold(leg: _Leg, start: Station, s: float) -> Station | None:
+    """The article as it first hangs on its devices: a descent, as it may turn far in the least gravity."""
+    loads = leg.loads(s)
+    found = settle(leg.full.model, loads)
+    if found.residual >= TOLERANCE:
+        return None
+    return _station(leg, start, s, loads, found.config, found.assembly)
+
+
+def _release(leg: _Leg, before: Station) -> Station:
+    """In orbit, without devices."""
+    loads, config = leg.free.loads, leg.free.config
+    return _station(leg, before, leg.k + 1.0, loads, config, assemble(leg.full.model, config, loads))
+
+
+def _follow_ramp(
+    start: Station, advance: Advance, end: float, hung: int
+) -> tuple[list[Station], _Stop | None]:
+    """Stations up to ``end`` in steps short enough for each mode to be clearly the same."""
+    stations, step = [start], LONGEST_STEP
+    while stations[-1].s < end:
+        here = stations[-1]
+        s = end if here.s + step > end - FINEST else here.s + step
+        new = advance(here, s)
+        if new is None and step < FINEST:
+            return stations[1:], _Stop(here, None)
+        if new is not None and _is_bad(new, hung):
+            stop = _bisect(here, new, advance, hung)
+            return [*stations[1:], *([stop.good] if stop.good.s > here.s else [])], stop
+        if new is None or (new.match.min() < SURE and step > SHORTEST_STEP):
+            step *= 0.5
+            continue
+        stations.append(new)
+        step = min(2.0 * step, LONGEST_STEP) if new.match.min() > EASY else step
+    return stations[1:], None
+
+
+def _is_bad(station: Station, hung: int) -> bool:
+    """Unstable, or with a device that would have to push."""
+    return station.least < 0.0 or bool(np.any(station.tension[:hung] <= 0.0))
+
+
+def _bisect(good: Station, bad: Station, advance: Advance, hung: int) -> _Stop:
+    while bad.s - good.s > FINEST:
+        middle = advance(good, 0.5 * (good.s + bad.s))
+        if middle is None:
+            return _Stop(good, None)
+        if _is_bad(middle, hung):
+            bad = middle
+        else:
+            good = middle
+    return _Stop(good, bad)
+
+
+def _ending(stop: _Stop, devices: tuple[str, ...], names: tuple[str, ...]) -> GravityEvent:
+    good, bad = stop
+    last = (good if bad is None else bad).spectrum.lam
+    softest = int(np.argmin(last))
+    branch, name = (softest,), (names[softest],)
+    if bad is None:
+        kind = EventKind.NO_REST
+    elif bad.least < 0.0:
+        kind = EventKind.UNSTABLE
+        if last[softest] >= 0.0:
+            branch, name = (), ("a mode above those followed",)
+    else:
+        kind, branch = EventKind.SLACK, ()
+        name = tuple(n for n, pull in zip(devices, bad.tension, strict=False) if pull <= 0.0)
+    f = float(np.sqrt(max(good.spectrum.lam[softest], 0.0))) / (2.0 * np.pi) if branch else 0.0
+    return GravityEvent(kind, good.s, good.gravity, branch, name, f, 0.0)

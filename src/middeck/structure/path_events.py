@@ -1,0 +1,202 @@
+"""What happens to modes on a path of gravities: crossings, veerings, and the ends of a stable branch."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+from enum import Enum
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.structure.frames import Configuration
+from middeck.structure.tracking import REPEATED, Spectrum
+from middeck.values import record
+
+# A veering is looked at between the places where the gap of omega^2 is this many times its least: of two
+# modes that exchange their shapes, 60 of 90 degrees are turned there (tan 2 theta = coupling / detuning).
+WIDENED = 2.0
+# Secant steps towards a crossing; omega^2 is close to linear over one step of the path.
+SECANTS = 8
+CROSSED = 1e-12
+
+
+class EventKind(Enum):
+    """What happened; the last four end a path."""
+
+    CROSSING = "crossing"  # two modes change their order and keep their shapes
+    VEERING = "veering"  # two modes keep their order and exchange their shapes
+    UNSTABLE_START = "unstable start"  # the rest state at the first place is not stable
+    UNSTABLE = "loss of stability"  # omega^2 of a mode passes through zero
+    NO_REST = "no rest state"  # the branch ends: a limit point, as of a snap-through
+    SLACK = "slack device"  # it would have to push
+
+
+@record
+class GravityEvent:
+    """One event.
+
+    Parameters
+    ----------
+    s, gravity:
+        Where, as in `GravityPath`.
+    branch, name:
+        The modes concerned, or the slack devices by name alone.
+    frequency_hz:
+        Of the modes [Hz], the mean of two; of a mode that grows, minus its rate over 2 pi.
+    gap_hz:
+        Least distance of two veering modes [Hz], otherwise zero.
+    """
+
+    kind: EventKind
+    s: float
+    gravity: Float[np.ndarray, "3"]
+    branch: tuple[int, ...]
+    name: tuple[str, ...]
+    frequency_hz: float
+    gap_hz: float
+
+    @property
+    def ends(self) -> bool:
+        """Whether the path ends here."""
+        return self.kind not in (EventKind.CROSSING, EventKind.VEERING)
+
+    @property
+    def sentence(self) -> str:
+        """In words."""
+        at = f"at g = {np.linalg.norm(self.gravity):.6g} m/s^2"
+        names = " and ".join(repr(n) for n in self.name)
+        match self.kind:
+            case EventKind.CROSSING:
+                return f"{names} cross {at}, at {self.frequency_hz:.4g} Hz"
+            case EventKind.VEERING:
+                return f"{names} veer {at}: {self.gap_hz:.3g} Hz apart at {self.frequency_hz:.4g} Hz"
+            case EventKind.UNSTABLE_START:
+                return f"{names} is unstable where the path begins, {at}; follow it from its other end"
+            case EventKind.UNSTABLE:
+                return f"{names} loses stability {at}"
+            case EventKind.NO_REST:
+                return f"no rest state continues the branch beyond {at[3:]}; the softest mode is {names}"
+            case EventKind.SLACK:
+                return f"the device {names} goes slack {at}"
+
+
+class Station(NamedTuple):
+    """A rest state on a path, the modes that are followed, and the least omega^2 of all."""
+
+    s: float
+    gravity: np.ndarray
+    config: Configuration
+    spectrum: Spectrum
+    match: np.ndarray
+    tension: np.ndarray
+    least: float
+
+
+# From a station to a near place on the same branch; None where there is none.
+Advance = Callable[[Station, float], Station | None]
+
+
+def find_exchanges(
+    stations: Sequence[Station], advance: Advance, names: tuple[str, ...]
+) -> list[GravityEvent]:
+    """Crossings and veerings between all pairs of modes over a continuous part of a path, in its order."""
+    if len(stations) < 2:
+        return []
+    lam = np.array([x.spectrum.lam for x in stations])
+    events: list[GravityEvent] = []
+    for i, j in itertools.combinations(range(lam.shape[1]), 2):
+        order = _order(lam[:, i], lam[:, j])
+        crossed = _flips(order)
+        events += [_crossing((stations[p], stations[q]), (i, j), advance, names) for p, q in crossed]
+        if not crossed and _neighbours(lam, i, j):
+            events += _veerings(stations, lam, (i, j), names)
+    return sorted(events, key=lambda e: e.s)
+
+
+def _order(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Sign of a - b; 0 where they are one repeated frequency."""
+    return np.where(np.abs(a - b) > REPEATED * np.maximum(np.abs(a), np.abs(b)), np.sign(a - b), 0.0)
+
+
+def _flips(order: np.ndarray) -> list[tuple[int, int]]:
+    """Stations on either side of each change of order."""
+    apart = np.flatnonzero(order)
+    return [(int(p), int(q)) for p, q in itertools.pairwise(apart) if order[p] != order[q]]
+
+
+def _crossing(
+    ends: tuple[Station, Station], pair: tuple[int, int], advance: Advance, names: tuple[str, ...]
+) -> GravityEvent:
+    i, j = pair
+
+    def gap(x: Station) -> float:
+        return float(x.spectrum.lam[i] - x.spectrum.lam[j])
+
+    a, b = ends
+    nearest = min(ends, key=lambda x: abs(gap(x)))
+    for _ in range(SECANTS):
+        s = a.s - gap(a) * (b.s - a.s) / (gap(b) - gap(a))
+        middle = advance(ends[0], s)
+        if middle is None:
+            break
+        nearest = middle
+        if abs(gap(middle)) <= CROSSED * abs(float(middle.spectrum.lam[i])):
+            break
+        a, b = (middle, b) if gap(middle) * gap(a) > 0.0 else (a, middle)
+    f = _hz(nearest.spectrum.lam[list(pair)])
+    return GravityEvent(
+        EventKind.CROSSING, nearest.s, nearest.gravity, pair, (names[i], names[j]), float(f.mean()), 0.0
+    )
+
+
+def _neighbours(lam: np.ndarray, i: int, j: int) -> bool:
+    """Whether no third mode stands between the two at the place where they are nearest."""
+    p = int(np.argmin(np.abs(lam[:, i] - lam[:, j])))
+    low, high = sorted((lam[p, i], lam[p, j]))
+    return not np.any((lam[p] > low) & (lam[p] < high))
+
+
+def _veerings(
+    stations: Sequence[Station], lam: np.ndarray, pair: tuple[int, int], names: tuple[str, ...]
+) -> list[GravityEvent]:
+    gap = np.abs(lam[:, pair[0]] - lam[:, pair[1]])
+    least = [p for p in range(1, len(gap) - 1) if gap[p] < gap[p - 1] and gap[p] <= gap[p + 1]]
+    found: list[GravityEvent] = []
+    for p in least:
+        left = next((q for q in range(p, -1, -1) if gap[q] >= WIDENED * gap[p]), 0)
+        right = next((q for q in range(p, len(gap)) if gap[q] >= WIDENED * gap[p]), len(gap) - 1)
+        if _exchanged(stations[left], stations[right], pair):
+            found.append(_veering(stations, gap, p, pair, names))
+    return found
+
+
+def _exchanged(before: Station, after: Station, pair: tuple[int, int]) -> bool:
+    """Whether each shape is, at the end, more of what the other was than of itself."""
+    columns = list(pair)
+    cross = np.abs(
+        before.spectrum.shapes[:, columns].T @ (before.spectrum.mass @ after.spectrum.shapes[:, columns])
+    )
+    return bool(min(cross[0, 1], cross[1, 0]) > max(cross[0, 0], cross[1, 1]))
+
+
+def _veering(
+    stations: Sequence[Station], gap: np.ndarray, p: int, pair: tuple[int, int], names: tuple[str, ...]
+) -> GravityEvent:
+    """The least gap by a parabola through its square, exact for two modes of linear detuning."""
+    near = [stations[q] for q in (p - 1, p, p + 1)]
+    s0 = near[1].s
+    a, b, c = np.polyfit([x.s - s0 for x in near], gap[p - 1 : p + 2] ** 2, 2)
+    s, least = (s0 - b / (2.0 * a), c - b**2 / (4.0 * a)) if a > 0.0 else (s0, c)
+    part = (s - near[0].s) / (near[2].s - near[0].s)
+    gravity = near[0].gravity + part * (near[2].gravity - near[0].gravity)
+    f = _hz(near[1].spectrum.lam[list(pair)])
+    between = float(np.sqrt(max(least, 0.0)) / (4.0 * np.pi**2 * f.sum()))
+    return GravityEvent(
+        EventKind.VEERING, float(s), gravity, pair, (names[pair[0]], names[pair[1]]), float(f.mean()), between
+    )
+
+
+def _hz(lam: np.ndarray) -> np.ndarray:
+    return np.sqrt(np.maximum(lam, 0.0)) / (2.0 * np.pi)
