@@ -105,6 +105,11 @@ def test_band_rms_counts_the_direct_term():
     np.testing.assert_allclose(high, np.sqrt(2.0 * np.sum(D**2, axis=1) * 1e6), rtol=1e-4)
 
 
+def test_a_band_without_end_is_refused():
+    with pytest.raises(ConfigError, match="finite"):
+        band_rms(modal_to_statespace(system(hz=(0.3, 7.0))), np.eye(2), (0.1, np.inf))
+
+
 @pytest.mark.parametrize("delay_s", [0.0, 0.003, 0.0045])
 def test_a_held_input_comes_through_at_once_or_after_the_delay(delay_s):
     period = 0.002

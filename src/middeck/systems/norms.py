@@ -35,8 +35,8 @@ def band_rms(
 
     ``inf`` where a pole grows, or lies on the imaginary axis within the band (an integral over frequency
     would stay finite for the first and look good). Poles on the axis outside the band are no obstacle, the
-    double ones of rigid-body motion at the origin included. Raises `ConfigError` for a band that is not
-    0 <= low < high.
+    double ones of rigid-body motion at the origin included. A direct term counts with the width of the band. Raises
+    `ConfigError` for a band that is not 0 <= low < high < inf.
 
     >>> lag = StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]])           # |G|^2 = 1 / (1 + w^2)
     >>> float(band_rms(lag, np.eye(1), (0.0, 1.0 / (2.0 * np.pi)))[0] ** 2 * np.pi / np.arctan(1.0))
@@ -135,8 +135,11 @@ def _in_schur_form(system: StateSpace) -> Callable[[np.ndarray], np.ndarray]:
 
 def _check_band(band_hz: tuple[float, float]) -> tuple[float, float]:
     low, high = band_hz
-    if not 0.0 <= low < high:
-        raise ConfigError(f"band {band_hz} Hz: the limits must be ordered and not negative")
+    if not 0.0 <= low < high < np.inf:
+        raise ConfigError(
+            f"band {band_hz} Hz: the limits must be ordered, finite and not negative",
+            hint="a wide but finite band; a direct term makes the rms of white noise infinite without one",
+        )
     return 2.0 * np.pi * low, 2.0 * np.pi * high
 
 
