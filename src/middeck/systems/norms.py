@@ -35,8 +35,8 @@ def band_rms(
 
     ``inf`` where a pole grows, or lies on the imaginary axis within the band (an integral over frequency
     would stay finite for the first and look good). Poles on the axis outside the band are no obstacle, the
-    double ones of rigid-body motion at the origin included. A direct term counts with the width of the band. Raises
-    `ConfigError` for a band that is not 0 <= low < high < inf.
+    double ones of rigid-body motion at the origin included. A direct term counts with the width of the band.
+    Raises `ConfigError` for a band that is not 0 <= low < high < inf.
 
     >>> lag = StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]])           # |G|^2 = 1 / (1 + w^2)
     >>> float(band_rms(lag, np.eye(1), (0.0, 1.0 / (2.0 * np.pi)))[0] ** 2 * np.pi / np.arctan(1.0))
