@@ -182,6 +182,28 @@ def test_a_joint_sticks_under_a_torque_below_its_friction_and_slips_above():
     assert end.elements[0] > 0.0
 
 
+def test_an_accelerometer_feels_the_elements_at_once():
+    """J times the angular acceleration is what command, weight, drag and element leave over."""
+    modal = pendulum(zeta=0.05).dynamics
+    phi, rates, accelerations = (np.zeros((3, 1)) for _ in range(3))
+    phi[0] = rates[1] = accelerations[2] = modal.phi[0, 0]
+    ports = (ANGLE, Port("gimbal_rate", "rad/s"), Port("gimbal_acceleration", "rad/s^2"))
+    full = ModalSystem(modal.omega, modal.zeta, modal.psi, phi, rates, modal.names, accelerations)
+    element = Friction(slip_torque=0.004, stiffness=2.0, viscous=0.02)
+    stepper = build_joint_stepper(Plant(full, (TORQUE,), ports), [at(element, GEAR)], step_s=0.005)
+    u = 0.2 * np.sin(0.03 * np.arange(1500))[:, None]
+    y, _ = simulate_joints(stepper, u)
+    state, torque = 0.0, []
+    for angle in y[:, 0]:
+        value, state = element.resist(float(angle), state)
+        torque.append(value + GEAR.resist(float(angle), 0.0)[0])
+    drag = 2.0 * 0.05 * np.sqrt(KP * J) + element.viscous
+    left = u[:, 0] - KP * y[:, 0] - drag * y[:, 1] - np.array(torque)
+    assert np.abs(y[:, 0]).max() > 5.0 * element.slip_angle
+    # The way within a step is monotone to the integrator, so that its slider is that of the samples.
+    np.testing.assert_allclose(J * y[:, 2], left, atol=1e-12)
+
+
 def test_ports_that_are_not_of_one_joint_are_refused():
     plant = two_joints()
     with pytest.raises(ConfigError, match=r"not reciprocal|does not turn"):

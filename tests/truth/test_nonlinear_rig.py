@@ -145,7 +145,7 @@ def test_a_free_wheel_with_friction_runs_though_it_has_no_linear_steady_state():
     taken = run_nonlinear_open_loop(rig, u, periods=1, rng=np.random.default_rng(0), settle=20)
     assert taken.periodic  # stuck: it swings on the presliding spring
     w = 2.0 * np.pi
-    # About where the start has left the slider; the internal step, (w h)^2/24 at 14 rad/s.
+    # About where the start has left the slider; the internal step, (w h)^2/12 at 14 rad/s.
     assert 0.5 * np.ptp(taken.y) == pytest.approx(0.4 / abs(200.0 - w**2 + 2j * w), rel=1e-4)
 
 

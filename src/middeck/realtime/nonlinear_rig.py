@@ -58,7 +58,7 @@ def build_nonlinear_rig(
     """The rig of ``plant`` with ``joints``, and a total delay from torque command to sampled output.
 
     ``steps`` internal steps h in a tick lower the frequency w of a mode that the elements alone would hold by
-    (w h)^2/24 of itself; without elements the rig is exact. Half a sample of ``delay_s`` is the hold's own.
+    (w h)^2/12 of itself; without elements the rig is exact. Half a sample of ``delay_s`` is the hold's own.
     Raises `ConfigError` if less than that is left, for ports as `build_joint_stepper` does, or for no step.
     """
     if steps < 1:

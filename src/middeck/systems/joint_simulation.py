@@ -17,7 +17,7 @@ from jaxtyping import Float
 from middeck.errors import ConfigError, NumericalError
 from middeck.systems.joint_element import JointElement
 from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant, subsystem
+from middeck.systems.plant import Plant
 from middeck.systems.sampling import sample_plant
 from middeck.systems.statespace import SampledStateSpace, StateSpace
 from middeck.values import record
@@ -47,6 +47,8 @@ class JointStepper:
         State after a step of a unit torque held at each joint, without delay.
     angle:
         Angle of each joint per state.
+    direct:
+        What outputs answer at once to a torque at each joint: accelerations.
     joints:
         Elements of each joint.
     """
@@ -54,6 +56,7 @@ class JointStepper:
     sampled: SampledStateSpace
     push: Float[np.ndarray, "state joint"]
     angle: Float[np.ndarray, "joint state"]
+    direct: Float[np.ndarray, "output joint"]
     joints: tuple[JointElements, ...]
 
 
@@ -70,8 +73,8 @@ def build_joint_stepper(
 ) -> JointStepper:
     """The plant with ``joints``, commands delayed by ``delay_s``; viscous damping becomes part of the plant.
 
-    Raises `ConfigError` for a port that the plant lacks, two entries for one joint, an output that answers a
-    joint's torque at once, or a torque and an angle that are not of one joint.
+    Raises `ConfigError` for a port that the plant lacks, two entries for one joint, a joint whose angle
+    answers a torque at once, or a torque and an angle that are not of one joint.
     """
     for names in ([j.torque for j in joints], [j.angle for j in joints]):
         twice = sorted({n for n in names if names.count(n) > 1})
@@ -88,8 +91,9 @@ def build_joint_stepper(
     # Not the sampled C: a delayed feedthrough, which no joint has, would sit there.
     angle = np.zeros((len(joints), len(sampled.A)))
     angle[:, :states] = pushed.C[rows]
-    _check_collocated(angle @ push, pushed.D[:, columns], joints)
-    return JointStepper(sampled, push, angle, tuple(joints))
+    direct = pushed.D[:, columns]
+    _check_collocated(angle @ push, direct[rows], joints)
+    return JointStepper(sampled, push, angle, direct, tuple(joints))
 
 
 def start_at_rest(stepper: JointStepper) -> JointStates:
@@ -124,12 +128,16 @@ def simulate_joints(
     states = np.empty((len(u) + 1, len(A)))
     states[0] = start.x
     torque = [0.0] * len(elements)
+    at_once = bool(np.any(stepper.direct))
+    answers = np.zeros((len(u), len(stepper.direct)))
     begin: list[float] = (rows @ states[0]).tolist()
     for k in range(len(u)):
         x = states[k + 1]
         np.dot(A, states[k], out=x)
         x += drive[k]
         if elements:
+            if at_once:
+                answers[k] = stepper.direct @ _torques(elements, begin, inner)
             free: list[float] = (rows @ x).tolist()
             torque = _balance(elements, inner, begin, free, compliance, torque)
             x -= push @ np.array(torque)
@@ -137,7 +145,7 @@ def simulate_joints(
             inner = [_settle(parts, a, s) for parts, a, s in zip(elements, begin, inner, strict=True)]
     if not np.all(np.isfinite(states[-1])):
         raise NumericalError("the simulated state overflows", hint="is the plant itself unstable?")
-    y = states[:-1] @ stepper.sampled.C.T + u @ stepper.sampled.D.T
+    y = states[:-1] @ stepper.sampled.C.T + u @ stepper.sampled.D.T - answers
     return y, JointStates(states[-1].copy(), np.array([s for row in inner for s in row]))
 
 
@@ -147,17 +155,20 @@ def _add_viscous(plant: Plant, joints: Sequence[JointElements]) -> StateSpace | 
     if not np.any(damping):
         return plant.dynamics
     system = plant.system
-    port = subsystem(plant, [j.torque for j in joints], [j.angle for j in joints])
-    return StateSpace(system.A - (port.B * damping) @ (port.C @ system.A), system.B, system.C, system.D)
+    columns = plant.input_indices([j.torque for j in joints])
+    rates = system.C[plant.output_indices([j.angle for j in joints])] @ system.A
+    drag = damping[:, None] * rates
+    A, C = system.A - system.B[:, columns] @ drag, system.C - system.D[:, columns] @ drag
+    return StateSpace(A, system.B, C, system.D)
 
 
 def _check_collocated(compliance: np.ndarray, direct: np.ndarray, joints: Sequence[JointElements]) -> None:
     for i, joint in enumerate(joints):
-        if np.any(direct[:, i]):
+        if np.any(direct[i]):
             raise ConfigError(
-                f"an output answers the torque {joint.torque!r} at once",
+                f"the angle {joint.angle!r} answers a joint's torque at once",
                 where="JointElements",
-                hint="leave out accelerations and residual flexibility in a plant with friction",
+                hint="leave out residual flexibility (static=False) in a plant with friction",
             )
         if not compliance[i, i] > 0.0:
             raise ConfigError(
@@ -176,6 +187,16 @@ def _check_collocated(compliance: np.ndarray, direct: np.ndarray, joints: Sequen
 def _by_joint(stepper: JointStepper, flat: np.ndarray) -> list[list[float]]:
     values = iter(flat.tolist())
     return [[next(values) for _ in joint.elements] for joint in stepper.joints]
+
+
+def _torques(
+    elements: list[tuple[JointElement, ...]], angles: list[float], inner: list[list[float]]
+) -> list[float]:
+    """Torque of every joint where it stands."""
+    return [
+        sum(part.resist(angle, state)[0] for part, state in zip(parts, states, strict=True))
+        for parts, angle, states in zip(elements, angles, inner, strict=True)
+    ]
 
 
 def _settle(parts: tuple[JointElement, ...], angle: float, states: list[float]) -> list[float]:

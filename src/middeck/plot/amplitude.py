@@ -1,0 +1,77 @@
+"""Frequency and damping of modes against the amplitude of a joint with friction or play."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from middeck.plot.style import COLOUR, new_figure, styled
+from middeck.structure.amplitude import AmplitudeCurves
+
+DISTORTED = 0.1
+"""Part of higher harmonics above which a curve is drawn faint: harmonic balance is then a sketch."""
+LEAST = 1e-3
+"""Change of relative frequency and damping ratio together below which a mode is not worth a curve."""
+LINES = ("-", "--", "-.", ":")
+COLOURS = ("orbit", "lab", "prediction", "low", "high", "ink")
+
+
+@styled
+def amplitude(curves: AmplitudeCurves, show: Sequence[int] | None = None) -> Figure:
+    """Equivalent stiffness of the joint, relative frequency and damping of each mode, over the amplitude.
+
+    ``show`` are positions in ``curves`` of modes that are not at rest throughout; by default those whose
+    frequency or damping moves, six at most.
+    """
+    shown = _movers(curves) if show is None else list(show)
+    figure = new_figure(6.4)
+    top, middle, bottom = figure.subplots(3, 1, sharex=True, height_ratios=[0.8, 1.2, 1.2])
+    _draw_equivalents(top, curves)
+    for place, m in enumerate(shown):
+        _draw_mode(middle, curves, m, curves.omega[:, m] / curves.omega[:, m].max(), place)
+        _draw_mode(bottom, curves, m, 100.0 * curves.zeta[:, m], place)
+    middle.set_ylabel("frequency / its highest")
+    bottom.set_ylabel("damping ratio [%]")
+    bottom.set_ylim(bottom=0.0)
+    bottom.set_xlabel(f"amplitude of {curves.joint} [deg]")
+    if shown:
+        figure.legend(*middle.get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    top.set_title(f"{curves.joint}: faint where over {DISTORTED:.0%} of the swing are higher harmonics")
+    return figure
+
+
+def _movers(curves: AmplitudeCurves, most: int = 6) -> list[int]:
+    """The modes that amplitude changes most, relative frequency and damping ratio alike."""
+    highest = curves.omega.max(axis=0)
+    damping = np.where(np.isnan(curves.zeta), 0.0, curves.zeta)
+    change = np.ptp(curves.omega, axis=0) / np.where(highest > 0.0, highest, 1.0) + np.ptp(damping, axis=0)
+    first = np.argsort(-change, kind="stable")[:most]
+    return sorted(int(m) for m in first if change[m] > LEAST)
+
+
+def _draw_equivalents(axes: Axes, curves: AmplitudeCurves) -> None:
+    degrees = np.degrees(curves.amplitude)
+    axes.plot(degrees, curves.stiffness, color=COLOUR["ink"], label="equivalent stiffness")
+    axes.plot(degrees, curves.loss, "--", color=COLOUR["ink"], label="loss stiffness")
+    axes.set_xscale("log")
+    axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    axes.set_ylabel("[N m/rad]")
+    axes.legend(loc="best")
+
+
+def _draw_mode(axes: Axes, curves: AmplitudeCurves, m: int, value: np.ndarray, place: int) -> None:
+    """One curve, faint throughout and again strong where harmonic balance holds."""
+    look: dict[str, Any] = {
+        "color": COLOUR[COLOURS[place % len(COLOURS)]],
+        "linestyle": LINES[place % len(LINES)],
+    }
+    degrees = np.degrees(curves.amplitude)
+    axes.plot(degrees, value, alpha=0.3, **look)
+    sound = np.where(curves.distortion[:, m] <= DISTORTED, value, np.nan)
+    f = curves.frequency_hz[:, m]
+    span = f"{curves.name[m]}, {f.min():.2f} to {f.max():.2f} Hz"
+    axes.plot(degrees, sound, label=span, **look)
