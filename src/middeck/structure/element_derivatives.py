@@ -1,0 +1,98 @@
+"""How the stiffness and mass of beam elements, seen by modes, change as the elements move.
+
+The third derivative of an element's energy has 12 x 12 x 12 entries; nine complex steps give it, since an
+element that is shifted as a whole stays what it is. Contracted with pairs of modes it is a gradient: one for
+all parameters, whatever they do to the rest state.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from middeck.structure.assembly import CHUNK
+from middeck.structure.beam import BeamProperties, beam_state, beam_weight
+from middeck.structure.beam_inertia import beam_mass
+from middeck.structure.equilibrium import Equilibrium
+from middeck.structure.mesh import select_beams
+from middeck.structure.patches import STEP, derivative
+from middeck.structure.rotations import rotation_exp, skew, symmetric_double_cross
+
+DIRECTIONS = 9  # the first root's turn, the second one's shift and turn
+FIRST, SHIFT, SECOND = slice(3, 6), slice(6, 9), slice(9, 12)
+
+
+class _Elements(NamedTuple):
+    """Elements on two roots each: positions and rotations of these, and how the ends sit on them."""
+
+    beams: BeamProperties
+    x: np.ndarray
+    R: np.ndarray
+    offset: np.ndarray
+    triad: np.ndarray
+
+
+class PairGradients(NamedTuple):
+    """Gradient of phi_i'(K - lambda M) phi_j of each element in the coordinates of its roots."""
+
+    coordinates: np.ndarray  # (element, 12)
+    gradient: np.ndarray  # (element, 12, pair)
+
+
+def pair_gradients(
+    rest: Equilibrium, shapes: np.ndarray, left: np.ndarray, right: np.ndarray, lam: np.ndarray
+) -> PairGradients:
+    """For the pairs of columns ``left`` and ``right`` of ``shapes``, each with its own lambda."""
+    model = rest.model
+    roots = model.points.frame[model.element_ends]
+    coordinates = (6 * roots[:, :, None] + np.arange(6)).reshape(len(roots), 12)
+    gradient = np.zeros((len(roots), 12, len(left)))
+    for start in range(0, len(roots), CHUNK):
+        rows = slice(start, start + CHUNK)
+        elements = _Elements(
+            select_beams(model.beams, rows),
+            rest.config.x[roots[rows]],
+            rest.config.R[roots[rows]],
+            model.points.offset[model.element_ends[rows]],
+            model.element_triad[rows, None],
+        )
+        u = shapes[coordinates[rows]]
+        for direction in range(DIRECTIONS):
+            K, M = _matrices(_turned(elements, direction), rest.loads.gravity)
+            stiff, heavy = derivative(K) @ u, derivative(M) @ u
+            change = np.einsum("eip,eip->ep", u[:, :, left], stiff[:, :, right] - lam * heavy[:, :, right])
+            gradient[rows, 3 + direction] = change
+        gradient[rows, :3] = -gradient[rows, SHIFT]
+    return PairGradients(coordinates, gradient)
+
+
+def _turned(at: _Elements, direction: int) -> _Elements:
+    """One root perturbed along a coordinate."""
+    step = np.zeros(3, dtype=complex)
+    step[direction % 3] = STEP * 1j
+    end = 0 if direction < 3 else 1
+    x, R = at.x.astype(complex), at.R.astype(complex)
+    if 3 <= direction < 6:
+        x[:, end] += step
+    else:
+        R[:, end] = rotation_exp(step) @ R[:, end]
+    return _Elements(at.beams, x, R, at.offset, at.triad)
+
+
+def _matrices(at: _Elements, gravity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Tangent and mass (element, 12, 12) in the coordinates of the two roots."""
+    lever = (at.R @ at.offset[..., None])[..., 0]
+    x, T = at.x + lever, at.R @ at.triad
+    strain, weight = beam_state(at.beams, x, T), beam_weight(at.beams, x, T, gravity)
+    stiffness, mass = strain.hessian + weight.hessian, beam_mass(at.beams, x, T)
+    if not np.any(at.offset):
+        return stiffness, mass
+    A = np.zeros(stiffness.shape, dtype=stiffness.dtype)
+    A[:] = np.eye(12)
+    A[:, 0:3, FIRST], A[:, SHIFT, SECOND] = -skew(lever[:, 0]), -skew(lever[:, 1])
+    stiffness = np.swapaxes(A, 1, 2) @ stiffness @ A
+    load = (strain.gradient + weight.gradient).reshape(-1, 2, 6)
+    for end, turn in ((0, FIRST), (1, SECOND)):
+        stiffness[:, turn, turn] += symmetric_double_cross(load[:, end, :3], lever[:, end])
+    return stiffness, np.swapaxes(A, 1, 2) @ mass @ A

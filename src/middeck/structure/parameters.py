@@ -1,0 +1,223 @@
+"""Every number of a structure and its environment by name, to be read or changed.
+
+``node.n1.mass``, ``node.n1.cg.y``, ``node.n1.inertia.xx``, ``member.n1-n2.EI_y``, ``joint.pri_x.angle``,
+``environment.gravity.y``: the name of a part, then of its field, then of a component. ``member.n1-n2.E`` and
+``member.n1-n2.rho`` are factors on all stiffnesses and on all inertias of a member, ``members.E`` and
+``members.rho`` on those of all members.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Iterator, Sequence
+from difflib import get_close_matches
+from fnmatch import fnmatchcase
+from typing import Any
+
+import numpy as np
+
+from middeck.errors import ConfigError
+from middeck.structure.article import (
+    Actuator,
+    ActuatorKind,
+    JointState,
+    Section,
+    Sensor,
+    SensorKind,
+    Structure,
+)
+from middeck.structure.environment import Environment
+from middeck.values import record
+
+AXES = "xyz"
+STIFFNESS = ("EA", "GJ", "EI_y", "EI_z", "GA_y", "GA_z")
+INERTIA = ("rho_A", "rho_I_y", "rho_I_z")
+# Fields of each part and their units. Not here is what changes no rest state and no small motion about it:
+# travels and torque limits, friction.
+BODY = {"mass": "kg", "cg": "m", "inertia": "kg m^2"}
+NODE = {"position": "m", "size": "m"}
+SECTION = {
+    **{"EA": "N", "GJ": "N m^2", "EI_y": "N m^2", "EI_z": "N m^2", "GA_y": "N", "GA_z": "N"},
+    **{"rho_A": "kg/m", "rho_I_y": "kg m", "rho_I_z": "kg m"},
+}
+SPRING = {"stiffness": "N/m", "free_length": "m"}
+DAMPING = {"flexible": "", "suspension": "", "rigid": ""}
+SUSPENSION = {"cable_length": "m", "bounce_hz": "Hz", "moving_mass": "kg"}
+DEVICE = {**SUSPENSION, "force": "N", "stiffness": "N/m", "anchor": "m"}
+
+Path = tuple[Any, ...]
+
+
+@record
+class Parameter:
+    """One number: its name, its unit ("" for a factor or a direction), and its value.
+
+    ``spots`` are where it stands: "structure" or "environment", then names of fields and indices. A factor
+    (``scales``) multiplies what is there. A component of an axis turns it: its length stays one.
+    """
+
+    name: str
+    unit: str
+    value: float
+    spots: tuple[Path, ...]
+    scales: bool = False
+
+
+def list_parameters(structure: Structure, environment: Environment) -> tuple[Parameter, ...]:
+    """All parameters but the infinite ones: the shear stiffness of a Bernoulli beam has no derivative.
+
+    >>> from middeck.structure.article import Body, Damping, Node, Structure
+    >>> ball = Node("ball", np.zeros(3), 0.0, Body(2.0, np.zeros(3), np.eye(3)))
+    >>> one = Structure("one", (ball,), (), (), (), (), (), (), Damping())
+    >>> [p.name for p in list_parameters(one, Environment.orbit()) if p.value == 2.0]
+    ['node.ball.mass']
+    """
+    return tuple(p for p in _walk(structure, environment) if np.isfinite(p.value))
+
+
+def find_parameters(
+    structure: Structure, environment: Environment, patterns: Sequence[str]
+) -> tuple[Parameter, ...]:
+    """The parameters with the given names; ``*`` stands for any text, ``?`` for one letter.
+
+    Raises `ConfigError` for a name or pattern that fits none, with the nearest names.
+    """
+    every = {p.name: p for p in list_parameters(structure, environment)}
+    found: dict[str, Parameter] = {}
+    for pattern in patterns:
+        wild = any(c in pattern for c in "*?[")
+        fits = [n for n in every if fnmatchcase(n, pattern)] if wild else [pattern] * (pattern in every)
+        if not fits:
+            raise _unknown(pattern, every)
+        found |= {name: every[name] for name in fits}
+    return tuple(found.values())
+
+
+def _unknown(pattern: str, every: Iterable[str]) -> ConfigError:
+    near = get_close_matches(pattern, every, 5, 0.5)
+    return ConfigError(
+        f"no parameter {pattern!r}",
+        where="parameter",
+        hint=f"did you mean {', '.join(near)}?" if near else "e.g. node.*.mass, member.*.EI_y, environment.*",
+    )
+
+
+def set_parameter(
+    structure: Structure, environment: Environment, parameter: Parameter, value: complex
+) -> tuple[Structure, Environment]:
+    """Both with ``parameter`` at ``value``, which may be complex; what it does not touch stays as it is."""
+    both: dict[str, Any] = {"structure": structure, "environment": environment}
+    for side, *path in parameter.spots:
+        both[side] = _put(both[side], tuple(path), value, parameter.scales)
+    return both["structure"], both["environment"]
+
+
+def _put(at: Any, path: Path, value: complex, scales: bool) -> Any:
+    """A copy of ``at`` with the number at ``path`` replaced or scaled."""
+    if not path:
+        return at * value if scales else value
+    key, *rest = path
+    if isinstance(key, str):
+        new = _put(getattr(at, key), tuple(rest), value, scales)
+        if key == "axis":
+            new = new / np.sqrt(new @ new)
+        return dataclasses.replace(at, **{key: new})
+    if isinstance(at, np.ndarray):
+        new = at.astype(np.result_type(at, np.asarray(value)))
+        new[key] = value
+        return new
+    return (*at[:key], _put(at[key], tuple(rest), value, scales), *at[key + 1 :])
+
+
+def _walk(structure: Structure, environment: Environment) -> Iterator[Parameter]:
+    yield from _nodes(structure)
+    yield from _members(structure)
+    yield from _joints(structure)
+    for kind, group, fields in (
+        ("attach", "attach_points", {"offset": "m"}),
+        ("spring", "springs", SPRING),
+    ):
+        for i, part in enumerate(getattr(structure, group)):
+            yield from _fields(f"{kind}.{part.name}", part, ("structure", group, i), fields)
+    yield from _ports("actuator", "actuators", structure.actuators)
+    yield from _ports("sensor", "sensors", structure.sensors)
+    yield from _fields("damping", structure.damping, ("structure", "damping"), DAMPING)
+    yield from _environment(environment)
+
+
+def _nodes(structure: Structure) -> Iterator[Parameter]:
+    for i, node in enumerate(structure.nodes):
+        path: Path = ("structure", "nodes", i)
+        yield from _fields(f"node.{node.name}", node, path, NODE)
+        yield from _fields(f"node.{node.name}", node.body, (*path, "body"), BODY)
+
+
+def _members(structure: Structure) -> Iterator[Parameter]:
+    sections: list[tuple[Path, Section]] = []
+    for i, member in enumerate(structure.members):
+        path: Path = ("structure", "members", i)
+        sections.append(((*path, "section"), member.section))
+        yield from _fields(f"member.{member.name}", member.section, sections[-1][0], SECTION)
+        yield from _fields(f"member.{member.name}", member, path, {"up": ""})
+        yield from _factors(f"member.{member.name}", sections[-1:])
+    if sections:
+        yield from _factors("members", sections)
+
+
+def _factors(name: str, sections: Sequence[tuple[Path, Section]]) -> Iterator[Parameter]:
+    for what, fields in (("E", STIFFNESS), ("rho", INERTIA)):
+        spots = tuple((*p, f) for p, s in sections for f in fields if np.isfinite(getattr(s, f)))
+        yield Parameter(f"{name}.{what}", "", 1.0, spots, True)
+
+
+def _joints(structure: Structure) -> Iterator[Parameter]:
+    """Angle of a joint that is held there, spring and rest angle of a sprung one, command of a driven one."""
+    for i, joint in enumerate(structure.joints):
+        path: Path = ("structure", "joints", i)
+        turn, torque = ("m", "N/m") if joint.slides else ("rad", "N m/rad")
+        fields = {"offset": "m", "axis": ""}
+        if joint.state in (JointState.FREE, JointState.LOCKED):
+            fields["angle"] = turn
+        else:
+            fields["target"] = turn
+        if joint.state is JointState.SPRUNG:
+            fields["stiffness"] = torque
+        yield from _fields(f"joint.{joint.name}", joint, path, fields)
+        yield from _fields(f"joint.{joint.name}", joint.body, (*path, "body"), BODY)
+
+
+def _ports(kind: str, group: str, ports: Sequence[Actuator | Sensor]) -> Iterator[Parameter]:
+    """Where it is matters to a force and to an accelerometer only."""
+    for i, port in enumerate(ports):
+        stands = port.kind in (ActuatorKind.FORCE, SensorKind.ACCELEROMETER)
+        fields = {"axis": "", "offset": "m"} if stands else {"axis": ""}
+        yield from _fields(f"{kind}.{port.name}", port, ("structure", group, i), fields)
+
+
+def _environment(environment: Environment) -> Iterator[Parameter]:
+    root: Path = ("environment",)
+    yield from _fields("environment", environment, root, {"gravity": "m/s^2"})
+    if environment.suspension is not None:
+        yield from _fields("environment", environment.suspension, (*root, "suspension"), SUSPENSION)
+    for i, device in enumerate(environment.devices):
+        yield from _fields(f"environment.device.{device.name}", device, (*root, "devices", i), DEVICE)
+    for i, spring in enumerate(environment.springs):
+        name = f"environment.spring.{spring.name}"
+        yield from _fields(name, spring, (*root, "springs", i), {**SPRING, "anchor": "m"})
+
+
+def _fields(name: str, part: Any, path: Path, fields: dict[str, str]) -> Iterator[Parameter]:
+    for field, unit in fields.items():
+        value = getattr(part, field)
+        spot = (*path, field)
+        if value is None:
+            continue
+        if not isinstance(value, np.ndarray):
+            yield Parameter(f"{name}.{field}", unit, value, (spot,))
+        elif value.ndim == 1:
+            for i, axis in enumerate(AXES):
+                yield Parameter(f"{name}.{field}.{axis}", unit, float(value[i]), ((*spot, i),))
+        else:
+            for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)):
+                spots = tuple((*spot, k) for k in dict.fromkeys([(i, j), (j, i)]))
+                yield Parameter(f"{name}.{field}.{AXES[i]}{AXES[j]}", unit, float(value[i, j]), spots)

@@ -1,0 +1,107 @@
+"""Several models side by side as one, so that one assembly serves them all."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from middeck.structure.assembly import Loads
+from middeck.structure.beam import BeamProperties
+from middeck.structure.devices import SpringLaw
+from middeck.structure.frames import Configuration, FrameTree, PosePoints
+from middeck.structure.mesh import Model
+
+
+class Raft(NamedTuple):
+    """The merged model, and of each of its models the coordinates and the first pose in it."""
+
+    model: Model
+    coordinates: tuple[np.ndarray, ...]
+    first_pose: tuple[int, ...]
+
+
+def merge_models(models: Sequence[Model]) -> Raft:
+    """All roots come first, then all joints, each in the order of ``models``."""
+    roots = np.cumsum([0, *(m.tree.roots for m in models)])
+    joints = np.cumsum([0, *(len(m.tree.parent) for m in models)])
+    poses = np.cumsum([0, *(len(m.points.frame) for m in models)])
+    members = np.cumsum([0, *(len(m.structure.members) for m in models)])
+    frame = [
+        np.concatenate([np.arange(roots[i], roots[i + 1]), roots[-1] + np.arange(joints[i], joints[i + 1])])
+        for i in range(len(models))
+    ]
+    coordinates = tuple(
+        np.concatenate(
+            [
+                np.arange(6 * roots[i], 6 * roots[i + 1]),
+                6 * roots[-1] + np.arange(joints[i], joints[i + 1]),
+            ]
+        )
+        for i in range(len(models))
+    )
+    first = models[0]
+    structure = dataclasses.replace(
+        first.structure,
+        joints=tuple(j for m in models for j in m.structure.joints),
+        springs=tuple(s for m in models for s in m.structure.springs),
+    )
+    merged = Model(
+        structure=structure,
+        frames=tuple(f for m in models for f in m.frames[: m.tree.roots])
+        + tuple(f for m in models for f in m.frames[m.tree.roots :]),
+        tree=FrameTree(
+            int(roots[-1]),
+            _joined([f[m.tree.parent] for f, m in zip(frame, models, strict=True)]),
+            _joined([m.tree.offset for m in models]),
+            _joined([m.tree.axis for m in models]),
+            _joined([m.tree.slides for m in models]),
+        ),
+        rest=merge_configurations([m.rest for m in models]),
+        points=PosePoints(
+            _joined([f[m.points.frame] for f, m in zip(frame, models, strict=True)]),
+            _joined([m.points.offset for m in models]),
+        ),
+        element_ends=_shifted([m.element_ends for m in models], poses),
+        element_triad=_joined([m.element_triad for m in models]),
+        element_member=_shifted([m.element_member for m in models], members),
+        beams=BeamProperties(
+            *(_joined([getattr(m.beams, f.name) for m in models]) for f in dataclasses.fields(BeamProperties))
+        ),
+        body_point=_shifted([m.body_point for m in models], poses),
+        body_mass=_joined([m.body_mass for m in models]),
+        body_inertia=_joined([m.body_inertia for m in models]),
+        attach_names=tuple(a for m in models for a in m.attach_names),
+        attach_point=_shifted([m.attach_point for m in models], poses),
+        spring_ends=_shifted([m.spring_ends for m in models], poses),
+    )
+    return Raft(merged, coordinates, tuple(int(p) for p in poses[:-1]))
+
+
+def merge_configurations(configs: Sequence[Configuration]) -> Configuration:
+    """In the order of `merge_models`."""
+    return Configuration(
+        _joined([c.x for c in configs]), _joined([c.R for c in configs]), _joined([c.angle for c in configs])
+    )
+
+
+def merge_loads(raft: Raft, loads: Sequence[Loads]) -> Loads:
+    """The loads of each model on the raft; gravity must be the same in all."""
+    law = (_joined([getattr(x.law, f) for x in loads]) for f in ("preload", "stiffness", "length"))
+    return Loads(
+        loads[0].gravity,
+        _joined([x.anchor for x in loads]),
+        _joined([x.attach_point + p for x, p in zip(loads, raft.first_pose, strict=True)]),
+        SpringLaw(*law),
+        _joined([x.mass for x in loads]),
+    )
+
+
+def _joined(arrays: Sequence[np.ndarray]) -> np.ndarray:
+    return np.concatenate(arrays)
+
+
+def _shifted(arrays: Sequence[np.ndarray], starts: np.ndarray) -> np.ndarray:
+    return np.concatenate([a + s for a, s in zip(arrays, starts, strict=False)])

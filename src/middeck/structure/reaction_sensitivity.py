@@ -1,0 +1,116 @@
+"""How the support forces of the pinned article, to which devices are tuned, follow its parameters.
+
+The pinned article balances, g(q, p) = G'f, with its held coordinates where they were drawn, s(q, p) = 0. The
+derivatives of q and f solve
+
+    K dq - G'df = -dg,    G dq = -ds,
+
+with the same matrices, and the same give of the supports, as the last Newton step of `pinned`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import scipy.sparse as sp
+
+from middeck.errors import NumericalError
+from middeck.structure.assembly import assemble, mass_matrix
+from middeck.structure.equilibrium import Equilibrium
+from middeck.structure.factorisation import factorise
+from middeck.structure.mesh import Model
+from middeck.structure.patches import STEP, Patch, derivative, explicit_gradients, restrict
+from middeck.structure.pinned import (
+    HOLD_IN_G,
+    SUPPORT_GIVES,
+    Supports,
+    find_supports,
+    settle_pinned,
+    support_coordinates,
+    support_forces,
+)
+from middeck.structure.statics import static_coordinates
+from middeck.structure.suspension import pinned_loads, pinned_points
+
+# What the iteration may leave, over the terms that balance in it.
+SOLVED = 1e-11
+MAX_ITERATIONS = 30
+
+
+def differentiate_support(
+    rest: Equilibrium, patches: Sequence[Patch], drawn: np.ndarray
+) -> list[np.ndarray | None]:
+    """Support forces (pinned, 3) of every patch with their derivatives; None where nothing is tuned.
+
+    ``drawn`` are the derivatives of the undeformed configuration, a column a patch.
+    """
+    pinned = pinned_points(rest.model, rest.environment)
+    if not len(pinned.point):
+        return [None] * len(patches)
+    loads = pinned_loads(rest.model, rest.environment)
+    state = settle_pinned(rest.model, loads, pinned)
+    at = assemble(rest.model, state.config, loads, _hold(rest.model, state.supports, state.force))
+    rows = 6 * state.supports.pose + state.supports.axis
+    G = sp.csr_array(at.jacobian[rows])
+    own = [_own_supports(patch) for patch in patches]
+    force = explicit_gradients(
+        rest.model,
+        state.config,
+        patches,
+        [pinned_loads(p.model, p.environment) for p in patches],
+        [_hold(p.model, s, state.force) for p, s in zip(patches, own, strict=True)],
+    )
+    slip = [
+        support_coordinates(p.model, restrict(p, state.config), s.pose, s.axis) - s.start
+        for p, s in zip(patches, own, strict=True)
+    ]
+    active = static_coordinates(rest.model)
+    hold = HOLD_IN_G * float(np.linalg.norm(loads.gravity)) * mass_matrix(rest.model, state.config)
+    change = _solve(
+        sp.csr_array(at.tangent[active][:, active]),
+        sp.csr_array(hold[active][:, active]),
+        sp.csr_array(G[:, active]),
+        -(force + at.tangent @ drawn)[active],
+        -np.column_stack([derivative(s) for s in slip]) - G @ drawn,
+    )
+    forces = (state.force + STEP * 1j * change[:, p] for p in range(len(patches)))
+    return [support_forces(s, f, len(pinned.point)) for s, f in zip(own, forces, strict=True)]
+
+
+def _hold(model: Model, supports: Supports, force: np.ndarray) -> np.ndarray:
+    """The energy gradient that stands for the support forces."""
+    load = np.zeros((len(model.points.frame), 6))
+    np.add.at(load, (supports.pose, supports.axis), -force)
+    return load
+
+
+def _own_supports(patch: Patch) -> Supports:
+    return find_supports(patch.model, pinned_points(patch.model, patch.environment))
+
+
+def _solve(
+    K: sp.csr_array, hold: sp.csr_array, G: sp.csr_array, load: np.ndarray, shift: np.ndarray
+) -> np.ndarray:
+    """Forces f of K q - G'f = load, G q = shift, by iterative refinement of supports that give."""
+    stiff = float(np.abs(K.diagonal()).max()) / SUPPORT_GIVES
+    factor = factorise(sp.csr_array(K + hold + stiff * (G.T @ G)))
+    if factor is None:
+        raise _loose()
+    q, f = np.zeros_like(load), np.zeros_like(shift)
+    for _ in range(MAX_ITERATIONS):
+        left, slip = load - K @ q + G.T @ f, shift - G @ q
+        size = np.abs(load).max(axis=0) + (abs(K) @ np.abs(q)).max(axis=0)
+        if np.all(np.abs(left).max(axis=0) <= SOLVED * size):
+            return f
+        step = factor.solve(left + stiff * (G.T @ slip))
+        q, f = q + step, f - stiff * (G @ step - slip)
+    raise _loose()
+
+
+def _loose() -> NumericalError:
+    return NumericalError(
+        "the pinned article has no derivative: a parameter drives a motion that its supports leave free",
+        where="suspension.held",
+        hint="hold more directions while the devices are tuned",
+    )

@@ -1,0 +1,119 @@
+"""How a rest state moves with the parameters of an article and its environment.
+
+At rest the gradient g(q, p) of the potential vanishes, hence dq/dp = -K^-1 dg/dp (implicit function theorem),
+with dg/dp from perturbed patches (`patches`). Devices that are tuned follow the reactions of the pinned
+article, which are differentiated in the same way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.structure.article import JointState, Structure
+from middeck.structure.assembly import Loads, assemble
+from middeck.structure.equilibrium import Equilibrium
+from middeck.structure.frames import Configuration
+from middeck.structure.parameters import Parameter
+from middeck.structure.patches import (
+    STEP,
+    Patch,
+    assemble_patches,
+    derivative,
+    drawn_motion,
+    explicit_gradients,
+    follow,
+    make_patches,
+)
+from middeck.structure.reaction_sensitivity import differentiate_support
+from middeck.structure.static_solver import StaticSolver
+from middeck.structure.suspension import environment_loads, tune_suspension
+from middeck.values import record
+
+
+@record
+class RestSensitivities:
+    """Derivatives of a rest state, one column a parameter.
+
+    Parameters
+    ----------
+    motion:
+        Of the frame-tree coordinates: dx [m] and rotation vector [rad] of every root in W, joint angles.
+    reaction, stiffness:
+        Load [N] and stiffness [N/m] of every device that hangs the article, as of `TunedSuspension`.
+    holding_torque, tension:
+        As of `Equilibrium`.
+    """
+
+    parameters: tuple[Parameter, ...]
+    motion: Float[np.ndarray, "coordinate parameter"]
+    reaction: Float[np.ndarray, "hung parameter"]
+    stiffness: Float[np.ndarray, "hung parameter"]
+    holding_torque: Float[np.ndarray, "joint parameter"]
+    tension: Float[np.ndarray, "device parameter"]
+
+
+class Moved(NamedTuple):
+    """Patches under their own loads, and the derivative of the rest state, a column each."""
+
+    patches: tuple[Patch, ...]
+    loads: tuple[Loads, ...]
+    reaction: np.ndarray
+    stiffness: np.ndarray
+    motion: np.ndarray
+
+
+def differentiate_rest(rest: Equilibrium, parameters: Sequence[Parameter]) -> RestSensitivities:
+    """Derivatives of the rest state and of what holds it, the tuning of its suspension included.
+
+    Raises `NumericalError` where a parameter drives a motion that nothing holds.
+    """
+    moved = move_rest(rest, parameters)
+    torque = np.zeros((len(rest.holding_torque), len(parameters)))
+    tension = np.zeros((len(rest.tension), len(parameters)))
+    for at in assemble_patches(moved.patches, followed(moved, rest.config), moved.loads):
+        for p, own, devices in zip(at.which, at.raft.coordinates, at.devices, strict=True):
+            patch = moved.patches[p]
+            joints = own[6 * len(patch.roots) :]
+            spring = _spring_torque(patch.structure, rest, moved.motion[6 * rest.model.tree.roots :, p])
+            torque[:, p] = derivative(at.potential.gradient[joints]) + spring
+            tension[:, p] = derivative(at.potential.tension[devices])
+    return RestSensitivities(
+        tuple(parameters), moved.motion, moved.reaction, moved.stiffness, torque, tension
+    )
+
+
+def _spring_torque(perturbed: Structure, rest: Equilibrium, turn: np.ndarray) -> np.ndarray:
+    """Derivative of what springs hold, k (target - angle)."""
+    at = rest.config.angle + STEP * 1j * turn
+    torque = [
+        j.stiffness * (j.target - a) if j.state is JointState.SPRUNG else 0.0
+        for j, a in zip(perturbed.joints, at, strict=True)
+    ]
+    return derivative(np.array(torque, dtype=complex))
+
+
+def move_rest(rest: Equilibrium, parameters: Sequence[Parameter]) -> Moved:
+    """The derivative of the rest state, with the patches that it came from."""
+    patches = make_patches(rest.model, rest.environment, parameters)
+    drawn = np.column_stack([drawn_motion(rest.model, p) for p in patches])
+    forces = differentiate_support(rest, patches, drawn)
+    tuned = [tune_suspension(p.model, p.environment, f) for p, f in zip(patches, forces, strict=True)]
+    loads = [environment_loads(p.model, p.environment, t) for p, t in zip(patches, tuned, strict=True)]
+    at = assemble(rest.model, rest.config, rest.loads)
+    load = explicit_gradients(rest.model, rest.config, patches, loads) + at.tangent @ drawn
+    return Moved(
+        patches,
+        tuple(loads),
+        np.column_stack([derivative(t.reaction) for t in tuned]),
+        np.column_stack([derivative(t.stiffness) for t in tuned]),
+        drawn + StaticSolver.at(rest, at).solve(-load),
+    )
+
+
+def followed(moved: Moved, config: Configuration) -> list[Configuration]:
+    """Where each patch is, moved with the rest state."""
+    return [follow(patch, config, moved.motion[:, p]) for p, patch in enumerate(moved.patches)]

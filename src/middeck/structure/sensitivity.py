@@ -1,0 +1,143 @@
+"""Derivatives of natural frequencies in named parameters, the shift of the rest state included.
+
+For a mode of unit mass  dlambda = phi'(dK - lambda dM) phi,  lambda = omega^2  (Fox and Kapoor 1968, AIAA J.
+6), with dK and dM total: by the parameter itself, and by the way that the rest state goes
+(`rest_sensitivity`). Of equal frequencies only the space of their modes has derivatives in every direction;
+theirs are the eigenvalues of the small matrix Phi'(dK - lambda dM) Phi (Ojalvo 1988, AIAA J. 26), one set for
+each parameter.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.structure.assembly import mass_matrix
+from middeck.structure.element_derivatives import pair_gradients
+from middeck.structure.equilibrium import Equilibrium
+from middeck.structure.modes import Modes
+from middeck.structure.parameters import Parameter
+from middeck.structure.patches import assemble_patches, derivative
+from middeck.structure.rest_sensitivity import Moved, followed, move_rest
+from middeck.values import record
+
+# Frequencies are equal when their squares differ by less than this part: far above rounding, and far below
+# what any measurement tells apart.
+EQUAL = 1e-6
+
+
+@record
+class FrequencySensitivities:
+    """Derivatives of the lowest frequencies, one row a parameter.
+
+    Parameters
+    ----------
+    frequency_hz:
+        The frequencies [Hz] themselves.
+    d_lambda:
+        Of omega^2 [rad^2/s^2 per unit of the parameter]. Within a group in ascending order, whichever mode
+        each of them belongs to: those along the parameter, of which the group's mean alone is linear.
+    groups:
+        Modes, by number, that have one frequency.
+    """
+
+    parameters: tuple[Parameter, ...]
+    frequency_hz: Float[np.ndarray, " mode"]
+    d_lambda: Float[np.ndarray, "parameter mode"]
+    groups: tuple[tuple[int, ...], ...]
+
+    @property
+    def d_hz(self) -> Float[np.ndarray, "parameter mode"]:
+        """Derivatives of the frequencies [Hz per unit]; not a number where omega = sqrt(lambda) is zero."""
+        omega = 2.0 * np.pi * np.where(self.frequency_hz > 0.0, self.frequency_hz, np.nan)
+        return self.d_lambda / (4.0 * np.pi * omega)
+
+    @property
+    def relative(self) -> Float[np.ndarray, "parameter mode"]:
+        """Part of its frequency by which a mode moves when the parameter grows by a part of its own value."""
+        values = np.array([p.value for p in self.parameters])
+        return self.d_hz * values[:, None] / np.where(self.frequency_hz > 0.0, self.frequency_hz, np.nan)
+
+
+def differentiate_frequencies(
+    modes: Modes, parameters: Sequence[Parameter], count: int | None = None
+) -> FrequencySensitivities:
+    """Of the lowest ``count`` modes (all by default) in every parameter.
+
+    Exact to rounding: no differences are taken. Raises `NumericalError` where the rest state itself has no
+    derivative.
+    """
+    count = len(modes.omega) if count is None else min(count, len(modes.omega))
+    groups = group_modes(modes, count)
+    pairs = _pairs(modes, groups)
+    values = _pair_derivatives(
+        modes.equilibrium, move_rest(modes.equilibrium, parameters), modes.shapes, pairs
+    )
+    d_lambda = np.zeros((len(parameters), count))
+    for group in groups:
+        inside = [k for k, i in enumerate(pairs.left) if i in group]
+        small = np.zeros((len(parameters), len(group), len(group)))
+        i, j = pairs.left[inside] - group[0], pairs.right[inside] - group[0]
+        small[:, i, j] = small[:, j, i] = values[:, inside]
+        d_lambda[:, group] = np.linalg.eigvalsh(small)
+    return FrequencySensitivities(tuple(parameters), modes.frequency_hz[:count], d_lambda, groups)
+
+
+def group_modes(modes: Modes, count: int) -> tuple[tuple[int, ...], ...]:
+    """Runs of equal frequencies among the lowest ``count``; the rigid modes are one."""
+    lam = modes.omega[:count] ** 2
+    apart = np.flatnonzero(np.diff(lam) > EQUAL * lam[1:]) + 1
+    return tuple(tuple(int(m) for m in g) for g in np.split(np.arange(count), apart) if len(g))
+
+
+class _Pairs(NamedTuple):
+    """Modes of one group, two by two, and the lambda between them."""
+
+    left: np.ndarray
+    right: np.ndarray
+    lam: np.ndarray
+
+
+def _pairs(modes: Modes, groups: tuple[tuple[int, ...], ...]) -> _Pairs:
+    pairs = [p for g in groups for p in itertools.combinations_with_replacement(g, 2)]
+    left, right = np.array(pairs, dtype=int).reshape(-1, 2).T
+    return _Pairs(left, right, 0.5 * (modes.omega[left] ** 2 + modes.omega[right] ** 2))
+
+
+def _pair_derivatives(
+    rest: Equilibrium, moved: Moved, shapes: np.ndarray, pairs: _Pairs
+) -> Float[np.ndarray, "parameter pair"]:
+    """phi_i'(dK - lambda dM) phi_j: of the patches, and of the members that only move with the rest state."""
+    out = _of_patches(rest, moved, shapes, pairs)
+    if not np.any(moved.motion) or not len(rest.model.element_ends):
+        return out
+    elements = pair_gradients(rest, shapes, *pairs)
+    every = np.zeros((len(shapes), len(pairs.lam)))
+    np.add.at(every, elements.coordinates, elements.gradient)
+    out += moved.motion.T @ every
+    for p, patch in enumerate(moved.patches):
+        touched = np.isin(rest.model.element_member, patch.members)
+        motion = moved.motion[elements.coordinates[touched], p]
+        out[p] -= np.einsum("ek,ekq->q", motion, elements.gradient[touched])
+    return out
+
+
+def _of_patches(
+    rest: Equilibrium, moved: Moved, shapes: np.ndarray, pairs: _Pairs
+) -> Float[np.ndarray, "parameter pair"]:
+    out = np.zeros((len(moved.patches), len(pairs.lam)))
+    for at in assemble_patches(moved.patches, followed(moved, rest.config), moved.loads):
+        own = np.concatenate(at.raft.coordinates)
+        phi = np.zeros((len(own), shapes.shape[1]))
+        phi[own] = shapes[np.concatenate([moved.patches[p].coordinates for p in at.which])]
+        K, M = at.potential.tangent, mass_matrix(at.raft.model, at.config, at.loads)
+        K.data, M.data = derivative(K.data), derivative(M.data)
+        change = (K @ phi)[:, pairs.right] - (M @ phi)[:, pairs.right] * pairs.lam
+        work = phi[:, pairs.left] * change
+        for p, coordinates in zip(at.which, at.raft.coordinates, strict=True):
+            out[p] = work[coordinates].sum(axis=0)
+    return out

@@ -1,0 +1,84 @@
+"""Small displacements of a rest state under further loads, whatever of it is free to float."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+import scipy.linalg as sla
+import scipy.sparse as sp
+
+from middeck.errors import NumericalError
+from middeck.structure.assembly import Assembly, mass_matrix
+from middeck.structure.eigen import ROUNDING
+from middeck.structure.equilibrium import Equilibrium
+from middeck.structure.factorisation import Factor, factorise
+from middeck.structure.frames import rigid_columns
+from middeck.structure.statics import static_coordinates
+
+# What a solution may leave of its load, over the terms that balance in it.
+SOLVED = 1e-9
+
+
+class StaticSolver(NamedTuple):
+    """K of the coordinates that move in statics, factorised where as many are held as there are free motions.
+
+    ``free`` is a basis of these, orthonormal in the mass: a solution has no part of them.
+    """
+
+    K: sp.csr_array
+    mass: sp.csr_array
+    active: np.ndarray
+    held: np.ndarray
+    free: np.ndarray
+    factor: Factor
+
+    @staticmethod
+    def at(rest: Equilibrium, at: Assembly) -> StaticSolver:
+        """At a rest state whose potential is ``at``."""
+        active = static_coordinates(rest.model)
+        K = sp.csr_array(at.tangent[active][:, active])
+        M = sp.csr_array(mass_matrix(rest.model, rest.config, rest.loads)[active][:, active])
+        free = _free_motions(rest, K, M, float(np.abs(at.gradient[active]).max(initial=0.0)), active)
+        _, pivots = cast("tuple[Any, np.ndarray]", sla.qr(free.T, mode="r", pivoting=True))
+        held = pivots[: free.shape[1]]
+        kept = np.setdiff1d(np.arange(len(free)), held)
+        factor = factorise(sp.csr_array(K[kept][:, kept]))
+        if factor is None:
+            raise _loose()
+        return StaticSolver(K, M, active, held, free, factor)
+
+    def solve(self, load: np.ndarray) -> np.ndarray:
+        """Displacements (coordinate, load) under loads, both of all coordinates."""
+        out = np.zeros_like(load)
+        if not np.any(load):
+            return out
+        force = load[self.active]
+        kept = np.setdiff1d(np.arange(len(force)), self.held)
+        x = np.zeros_like(force)
+        for _ in range(3):  # twice more for what rounding has left
+            x[kept] += self.factor.solve((force - self.K @ x)[kept])
+        size = (abs(self.K) @ np.abs(x)).max(axis=0) + np.abs(force).max(axis=0)
+        if not np.all(np.abs(force - self.K @ x).max(axis=0) <= SOLVED * size):
+            raise _loose()
+        out[self.active] = x - self.free @ (self.free.T @ (self.mass @ x))
+        return out
+
+
+def _loose() -> NumericalError:
+    return NumericalError(
+        "the rest state has no derivative: a load drives a motion that nothing holds",
+        hint="a device, a spring or a locked joint holds it; or leave the parameter out",
+    )
+
+
+def _free_motions(
+    rest: Equilibrium, K: sp.csr_array, M: sp.csr_array, unbalanced: float, active: np.ndarray
+) -> np.ndarray:
+    """Rigid motions, joints held, that cost no energy but for rounding."""
+    T = rigid_columns(rest.model.tree, rest.config, rest.config.x.mean(axis=0))[active]
+    stiffness, size = T.T @ (K @ T), np.abs(T).T @ (abs(K) @ np.abs(T))
+    lam, turn = sla.eigh(0.5 * (stiffness + stiffness.T), T.T @ (M @ T))
+    motions = T @ turn
+    noise = ROUNDING * np.abs(turn).T @ size @ np.abs(turn)
+    return motions[:, np.abs(lam) < np.diag(noise) + unbalanced * np.abs(motions).max(axis=0) ** 2]
