@@ -15,6 +15,7 @@ from middeck.structure.mesh import Model
 from middeck.structure.naming import name_modes
 from middeck.structure.rigid import rigid_basis
 from middeck.structure.statics import dynamic_coordinates, static_coordinates
+from middeck.structure.trouble import loose_motions, where_lost
 from middeck.values import record
 
 # Below this many coordinates all modes cost less than a few.
@@ -73,11 +74,7 @@ def solve_modes(equilibrium: Equilibrium, count: int | None = None) -> Modes:
     number of rigid-body modes in orbit.
     """
     if not equilibrium.converged:
-        raise EquilibriumError(
-            f"no linearisation about a state that is not at rest (residual {equilibrium.residual:.1e})",
-            hint="look at the residual history; soften the load path or check the supports",
-            history=equilibrium.history,
-        )
+        raise _not_at_rest(equilibrium)
     K, M, lam, shapes, rigid = _solve(equilibrium, count)
     rigid_residual = float(np.abs(lam[:rigid]).max(initial=0.0) / (lam[rigid] if rigid < len(lam) else 1.0))
     lam[:rigid] = 0.0
@@ -88,8 +85,21 @@ def solve_modes(equilibrium: Equilibrium, count: int | None = None) -> Modes:
     _check_stable(lam, names)
     active = dynamic_coordinates(equilibrium.model)
     residual = _residual(K[active], M[active], shapes, lam)
-    warnings = rest_warnings(equilibrium) + warnings
+    warnings = rest_warnings(equilibrium) + loose_motions(equilibrium, rigid_names) + warnings
     return Modes(equilibrium, np.sqrt(lam), shapes, M, kind, names, share, residual, rigid_residual, warnings)
+
+
+def _not_at_rest(equilibrium: Equilibrium) -> EquilibriumError:
+    factor, frame, unbalanced = where_lost(equilibrium)
+    return EquilibriumError(
+        f"no linearisation about a state that is not at rest (residual {equilibrium.residual:.1e}): the way "
+        f"there was lost at {factor:.0%} of the load, {unbalanced:.3g} N are left at frame {frame!r}",
+        where=f"frame {frame!r}",
+        hint="look at the residual history; check the supports, and the stiffness of what joins that frame",
+        history=equilibrium.history,
+        load_factor=factor,
+        frame=frame,
+    )
 
 
 def _solve(

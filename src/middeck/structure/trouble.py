@@ -1,0 +1,55 @@
+"""Where statics went wrong, and what is left loose: the load and the node, the joint and its reason."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from middeck.structure.article import JointState, Structure
+from middeck.structure.assembly import assemble
+from middeck.structure.equilibrium import Equilibrium
+from middeck.structure.statics import ROUGH, static_coordinates
+
+
+class Lost(NamedTuple):
+    """Part of the load at which the way to rest was lost, and the frame with the largest unbalanced force."""
+
+    factor: float
+    frame: str
+    unbalanced: float
+
+
+def where_lost(equilibrium: Equilibrium) -> Lost:
+    """For a state that did not converge; ``unbalanced`` is in N, or N m of a moment."""
+    model = equilibrium.model
+    last = {factor: residual for factor, residual, _ in equilibrium.history}
+    factor = next((f for f, residual in last.items() if residual >= ROUGH), 1.0)
+    gradient = assemble(model, equilibrium.config, equilibrium.loads).gradient
+    left = np.where(static_coordinates(model), np.abs(gradient), 0.0)
+    worst = int(np.argmax(left))
+    roots = model.tree.roots
+    frame = worst // 6 if worst < 6 * roots else worst - 5 * roots
+    return Lost(factor, model.frames[frame], float(left[worst]))
+
+
+def loose_motions(equilibrium: Equilibrium, rigid: tuple[str, ...]) -> tuple[str, ...]:
+    """One sentence for each of the ``rigid`` modes of an article that gravity should hold: its names."""
+    if not np.any(equilibrium.environment.gravity):
+        return ()
+    reasons = _neutral_reasons(equilibrium.model.structure)
+    return tuple(
+        f"nothing holds {name!r} in {equilibrium.environment.title!r}: a mechanism in neutral balance"
+        + reasons.get(name, "")
+        for name in rigid
+    )
+
+
+def _neutral_reasons(structure: Structure) -> dict[str, str]:
+    """By the name of a free joint's motion: its payload balances about the axis, at any angle."""
+    reason = "; what it carries has its centre of mass on the axis, or the axis is upright: spring or lock it"
+    return {
+        f"gimbal {j.name.replace('_', ' ')}": reason
+        for j in structure.joints
+        if j.state is JointState.FREE and not j.slides
+    }
