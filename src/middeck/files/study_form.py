@@ -50,6 +50,9 @@ class RigForm(Form):
     gimbal_torque_nm: Positive
     gimbal_friction_nm: NotNegative
     gimbal_viscous_nms_per_rad: NotNegative
+    gimbal_presliding_deg: Positive | None = None
+    gimbal_deadband_deg: Positive | None = None
+    gimbal_flank_nm_per_rad: Positive | None = None
     encoder_counts: Annotated[int, whole(4, 2**32)]
     gyro_noise_rad_per_s_per_rthz: NotNegative
     gyro_bias_rad_s: Finite
@@ -142,6 +145,7 @@ def study_findings(data: Table) -> list[Finding]:
         *_weighed(control),
         *_two_rates(data),
         *_documents(data),
+        *_gap(data),
         *_even(siso),
     ]
 
@@ -204,6 +208,14 @@ def _even(siso: Table) -> Iterator[Finding]:
     states = siso.get("states")
     if isinstance(states, int) and states % 2:
         yield Finding(("siso", "states"), "must be even: two for each mode", show(states))
+
+
+def _gap(data: Table) -> Iterator[Finding]:
+    """A gap has flanks and flanks have a gap between them."""
+    rig, pair = _table(data, "rig"), ("gimbal_deadband_deg", "gimbal_flank_nm_per_rad")
+    for key, other in (pair, pair[::-1]):
+        if key in rig and other not in rig:
+            yield Finding(("rig", key), f"given without {other}", show(rig[key]), "give both or neither")
 
 
 def _documents(data: Table) -> Iterator[Finding]:

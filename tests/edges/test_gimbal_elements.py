@@ -1,0 +1,48 @@
+"""Friction and play of a study's gimbals: from its keys, in SI, and only where the keys say how."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from middeck.errors import ConfigError
+from middeck.files.studies import load_study
+from middeck.study.gimbal_elements import build_gimbal_elements
+from middeck.systems.deadband import Deadband
+from middeck.systems.friction import Friction
+
+ROOT = Path(__file__).parents[2]
+
+
+def study_with(tmp_path, *lines):
+    """The study of the paper with more ``lines`` under its [rig]."""
+    text = (ROOT / "studies/mace-1993.toml").read_text().replace('"../', f'"{ROOT}/')
+    path = tmp_path / "study.toml"
+    path.write_text(text.replace("[rig]", "\n".join(["[rig]", *lines, "# the rest:"]), 1))
+    return load_study(path)
+
+
+def test_the_study_as_it_stands_has_a_linear_rig():
+    assert build_gimbal_elements(load_study(ROOT / "studies/mace-1993.toml").rig) == ()
+
+
+def test_keys_become_elements_in_radians(tmp_path):
+    rig = study_with(
+        tmp_path,
+        "gimbal_presliding_deg = 0.05",
+        "gimbal_deadband_deg = 0.1",
+        "gimbal_flank_nm_per_rad = 30.0",
+    ).rig
+    friction, gap = build_gimbal_elements(rig, preload_nm=-0.5)
+    assert isinstance(friction, Friction)
+    assert (friction.slip_torque, friction.viscous) == (0.002, 0.001)
+    assert friction.slip_angle == pytest.approx(0.05 * np.pi / 180.0, rel=1e-15)
+    assert isinstance(gap, Deadband)
+    assert (gap.stiffness, gap.preload) == (30.0, -0.5)
+    assert gap.gap == pytest.approx(0.1 * np.pi / 180.0, rel=1e-15)
+
+
+@pytest.mark.parametrize("line", ["gimbal_deadband_deg = 0.1", "gimbal_flank_nm_per_rad = 3.0"])
+def test_a_gap_without_flanks_and_flanks_without_a_gap_are_refused(tmp_path, line):
+    with pytest.raises(ConfigError, match="give both or neither"):
+        study_with(tmp_path, line)
