@@ -6,6 +6,8 @@ fixed to its frame; about rest, with the small rotation theta of the frame,
     n . a - (theta x n) . g = n . a - theta . (n x g) :
 
 in 0-g acceleration only, in 1-g also g times tilt.
+
+Both are analytic: an equilibrium at complex positions gives complex rows.
 """
 
 from __future__ import annotations
@@ -13,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Inexact
 
 from middeck.errors import ConfigError
 from middeck.structure.article import Actuator, ActuatorKind, JointState, Sensor, SensorKind
@@ -29,7 +31,7 @@ RATE = "_rate"
 class InputRows:
     """Generalised force per unit input, one row an input, and the ports."""
 
-    force: Float[np.ndarray, "input coordinate"]
+    force: Inexact[np.ndarray, "input coordinate"]
     ports: tuple[Port, ...]
 
 
@@ -37,9 +39,9 @@ class InputRows:
 class OutputRows:
     """Reading per unit coordinate, per unit rate and per unit acceleration of it, and the ports."""
 
-    position: Float[np.ndarray, "output coordinate"]
-    rate: Float[np.ndarray, "output coordinate"]
-    acceleration: Float[np.ndarray, "output coordinate"]
+    position: Inexact[np.ndarray, "output coordinate"]
+    rate: Inexact[np.ndarray, "output coordinate"]
+    acceleration: Inexact[np.ndarray, "output coordinate"]
     ports: tuple[Port, ...]
 
 
@@ -54,7 +56,7 @@ def input_rows(equilibrium: Equilibrium, names: Sequence[str]) -> InputRows:
             raise ConfigError(f"no actuator {name!r}", hint=f"one of {', '.join(known)}")
     chosen = [known[name] for name in names]
     moves = _motions(equilibrium, chosen)
-    rows = np.zeros((len(chosen), equilibrium.model.tree.size))
+    rows = np.zeros((len(chosen), equilibrium.model.tree.size), moves.dtype)
     for i, actuator in enumerate(chosen):
         if actuator.axis is None:
             _check_moves(equilibrium, actuator)
@@ -74,7 +76,7 @@ def output_rows(equilibrium: Equilibrium, names: Sequence[str]) -> OutputRows:
     """
     chosen = [_find_sensor(equilibrium, name) for name in names]
     moves = _motions(equilibrium, [sensor for sensor, _ in chosen])
-    position, rate, acceleration = np.zeros((3, len(names), equilibrium.model.tree.size))
+    position, rate, acceleration = np.zeros((3, len(names), equilibrium.model.tree.size), moves.dtype)
     units: list[str] = []
     for i, (sensor, is_rate) in enumerate(chosen):
         if sensor.axis is None:
@@ -131,7 +133,7 @@ def _find_sensor(equilibrium: Equilibrium, output: str) -> tuple[Sensor, bool]:
 
 def _motions(
     equilibrium: Equilibrium, ports: Sequence[Actuator | Sensor]
-) -> Float[np.ndarray, "port 6 coordinate"]:
+) -> Inexact[np.ndarray, "port 6 coordinate"]:
     """Translation and world rotation of every port's point, per coordinate."""
     model = equilibrium.model
     if not ports:
@@ -142,12 +144,12 @@ def _motions(
     return J.toarray().reshape(len(ports), 6, model.tree.size)
 
 
-def _world_axis(equilibrium: Equilibrium, frame: str, axis: np.ndarray) -> Float[np.ndarray, "3"]:
+def _world_axis(equilibrium: Equilibrium, frame: str, axis: np.ndarray) -> Inexact[np.ndarray, "3"]:
     poses = frame_poses(equilibrium.model.tree, equilibrium.config)
     return np.asarray(poses.R[equilibrium.model.frames.index(frame)] @ axis)
 
 
-def _joint_row(equilibrium: Equilibrium, joint: str) -> Float[np.ndarray, " coordinate"]:
+def _joint_row(equilibrium: Equilibrium, joint: str) -> Inexact[np.ndarray, " coordinate"]:
     model = equilibrium.model
     row = np.zeros(model.tree.size)
     row[6 * model.tree.roots + [j.name for j in model.structure.joints].index(joint)] = 1.0

@@ -66,10 +66,11 @@ def differentiate_support(
         for p, s in zip(patches, own, strict=True)
     ]
     active = static_coordinates(rest.model)
-    hold = HOLD_IN_G * float(np.linalg.norm(loads.gravity)) * mass_matrix(rest.model, state.config)
+    mass = mass_matrix(rest.model, state.config)
+    hold = HOLD_IN_G * float(np.linalg.norm(loads.gravity)) * mass[active][:, active]
     change = _solve(
         sp.csr_array(at.tangent[active][:, active]),
-        sp.csr_array(hold[active][:, active]),
+        sp.csr_array(hold),
         sp.csr_array(G[:, active]),
         -(force + at.tangent @ drawn)[active],
         -np.column_stack([derivative(s) for s in slip]) - G @ drawn,

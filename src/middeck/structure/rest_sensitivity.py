@@ -30,7 +30,7 @@ from middeck.structure.patches import (
 )
 from middeck.structure.reaction_sensitivity import differentiate_support
 from middeck.structure.static_solver import StaticSolver
-from middeck.structure.suspension import environment_loads, tune_suspension
+from middeck.structure.suspension import TunedSuspension, environment_loads, tune_suspension
 from middeck.values import record
 
 
@@ -60,9 +60,8 @@ class Moved(NamedTuple):
     """Patches under their own loads, and the derivative of the rest state, a column each."""
 
     patches: tuple[Patch, ...]
+    tuned: tuple[TunedSuspension, ...]
     loads: tuple[Loads, ...]
-    reaction: np.ndarray
-    stiffness: np.ndarray
     motion: np.ndarray
 
 
@@ -82,7 +81,12 @@ def differentiate_rest(rest: Equilibrium, parameters: Sequence[Parameter]) -> Re
             torque[:, p] = derivative(at.potential.gradient[joints]) + spring
             tension[:, p] = derivative(at.potential.tension[devices])
     return RestSensitivities(
-        tuple(parameters), moved.motion, moved.reaction, moved.stiffness, torque, tension
+        tuple(parameters),
+        moved.motion,
+        np.column_stack([derivative(t.reaction) for t in moved.tuned]),
+        np.column_stack([derivative(t.stiffness) for t in moved.tuned]),
+        torque,
+        tension,
     )
 
 
@@ -107,9 +111,8 @@ def move_rest(rest: Equilibrium, parameters: Sequence[Parameter]) -> Moved:
     load = explicit_gradients(rest.model, rest.config, patches, loads) + at.tangent @ drawn
     return Moved(
         patches,
+        tuple(tuned),
         tuple(loads),
-        np.column_stack([derivative(t.reaction) for t in tuned]),
-        np.column_stack([derivative(t.stiffness) for t in tuned]),
         drawn + StaticSolver.at(rest, at).solve(-load),
     )
 

@@ -1,0 +1,141 @@
+"""Derivatives of a plant's matrices in named parameters: modes, damping, ports that turn with their bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.errors import ConfigError
+from middeck.structure.article import Damping
+from middeck.structure.damping import estimate_damping
+from middeck.structure.equilibrium import Equilibrium
+from middeck.structure.mode_sensitivity import ModeSensitivity, differentiate_shapes, perturbed_rest
+from middeck.structure.modes import Modes
+from middeck.structure.parameters import Parameter
+from middeck.structure.patches import derivative
+from middeck.structure.port_rows import input_rows, output_rows
+from middeck.structure.rest_sensitivity import move_rest
+from middeck.values import record
+
+
+@record
+class PlantSensitivity:
+    """Derivatives in one parameter of what `build_plant` gives without ``static``.
+
+    ``psi`` to ``phi_acceleration`` are those of the `ModalSystem`; A, B, C and D of its state space, with the
+    states of a group of equal frequencies turning as little as `ModeSensitivity` says. A then couples the
+    modes of a group: the transfer function's derivative is right, whatever becomes of the group.
+    """
+
+    parameter: Parameter
+    psi: Float[np.ndarray, "mode input"]
+    phi: Float[np.ndarray, "output mode"]
+    phi_rate: Float[np.ndarray, "output mode"]
+    phi_acceleration: Float[np.ndarray, "output mode"]
+    zeta: Float[np.ndarray, " mode"]
+    A: Float[np.ndarray, "state state"]
+    B: Float[np.ndarray, "state input"]
+    C: Float[np.ndarray, "output state"]
+    D: Float[np.ndarray, "output input"]
+
+
+def differentiate_plant(
+    modes: Modes,
+    parameters: Sequence[Parameter],
+    *,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    count: int = 26,
+) -> tuple[PlantSensitivity, ...]:
+    """Of the plant of the lowest ``count`` modes between named ports, under the article's own damping.
+
+    Raises `ConfigError` for an unknown port, and for damping by material or by devices, whose ratios depend
+    on the modes' shapes and are not differentiated.
+    """
+    rest, count = modes.equilibrium, min(count, len(modes.omega))
+    _check_damping(rest.model.structure.damping)
+    moved = move_rest(rest, parameters)
+    perturbed = [perturbed_rest(rest, moved, p) for p in range(len(parameters))]
+    changes = differentiate_shapes(modes, parameters, perturbed, count)
+    return tuple(
+        _of_parameter(modes, at, change, inputs, outputs, count)
+        for at, change in zip(perturbed, changes, strict=True)
+    )
+
+
+def _check_damping(damping: Damping) -> None:
+    if damping.loss_factor or damping.dampers:
+        raise ConfigError(
+            "damping by material or devices follows the shapes of the modes, and is not differentiated",
+            where="damping",
+            hint="ratios by kind of mode, from a table or by mode; or take frequencies and shapes only",
+        )
+
+
+def _of_parameter(
+    modes: Modes,
+    at: Equilibrium,
+    change: ModeSensitivity,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    count: int,
+) -> PlantSensitivity:
+    shapes, omega, rest = modes.shapes[:, :count], modes.omega[:count], modes.equilibrium
+    drive, read = input_rows(rest, inputs), output_rows(rest, outputs)
+    d_drive, d_read = input_rows(at, inputs), output_rows(at, outputs)
+
+    def seen(rows: np.ndarray, d_rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return rows @ shapes, derivative(d_rows) @ shapes + rows @ change.d_shapes
+
+    force, d_force = seen(drive.force, d_drive.force)
+    phi, d_phi = seen(read.position, d_read.position)
+    rate, d_rate = seen(read.rate, d_read.rate)
+    accel, d_accel = seen(read.acceleration, d_read.acceleration)
+    psi, d_psi = force.T, d_force.T
+    zeta, d_zeta = _ratios(modes, at, change, count)
+    # K and C of the modes are diagonal; their derivatives are full within a group.
+    stiff, d_stiff = np.diag(omega**2), change.d_lambda
+    both = omega[:, None] + omega
+    d_root = np.divide(d_stiff, both, out=np.zeros_like(d_stiff), where=both > 0.0)
+    damper = np.diag(2.0 * zeta * omega)
+    d_damper = (zeta[:, None] + zeta) * d_root + np.diag(2.0 * d_zeta * omega)
+    s = np.where(omega > 0.0, omega, 1.0)
+    d_s = np.diag(d_root)
+    even, odd = 2 * np.arange(count), 2 * np.arange(count) + 1
+    A, B = np.zeros((2 * count, 2 * count)), np.zeros((2 * count, len(psi[0])))
+    C = np.zeros((len(phi), 2 * count))
+    A[even, odd] = d_s
+    A[np.ix_(odd, even)] = (stiff * (d_s / s)[:, None] - d_stiff) / s[:, None]
+    A[np.ix_(odd, odd)] = -d_damper * s / s[:, None]
+    B[odd] = (d_psi - psi * (d_s / s)[:, None]) / s[:, None]
+    C[:, even] = d_phi - d_accel @ stiff - accel @ d_stiff
+    velocity, d_velocity = rate - accel @ damper, d_rate - d_accel @ damper - accel @ d_damper
+    C[:, odd] = d_velocity * s + velocity * d_s
+    D = d_accel @ psi + accel @ d_psi
+    return PlantSensitivity(change.parameter, d_psi, d_phi, d_rate, d_accel, d_zeta, A, B, C, D)
+
+
+def _ratios(
+    modes: Modes, at: Equilibrium, change: ModeSensitivity, count: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Damping ratios and their derivatives: a mode's own one is given, a table's has a slope."""
+    damping = modes.equilibrium.model.structure.damping
+    zeta = estimate_damping(modes, damping, count=count).zeta
+    perturbed = at.model.structure.damping
+    by_kind = {"rigid": perturbed.rigid, "suspension": perturbed.suspension, "flexible": perturbed.flexible}
+    slope = derivative(np.array([by_kind[kind] for kind in modes.kind[:count]], dtype=complex))
+    swings = modes.omega[:count] > 0.0
+    if damping.table is not None:
+        lam = modes.omega[:count][swings] ** 2
+        log_f = np.log(modes.frequency_hz[:count][swings])
+        known = np.log(damping.table.frequency_hz)
+        steps = np.diff(damping.table.zeta) / np.diff(known)
+        rise = np.concatenate([[0.0], steps, [0.0]])[np.searchsorted(known, log_f)]
+        slope[swings] = rise * np.diag(change.d_lambda)[swings] / (2.0 * lam)
+    for key, _ in damping.by_mode:
+        index = modes.name.index(key) if isinstance(key, str) and key in modes.name else key
+        if isinstance(index, int) and index < count:
+            slope[index] = 0.0
+    return zeta, slope
