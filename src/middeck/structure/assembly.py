@@ -28,7 +28,7 @@ from middeck.structure.mesh import Model, select_beams
 from middeck.values import record
 
 # Elements whose derivatives are formed together: their arrays, 10 kB each, should stay in the cache.
-CHUNK = 512
+CHUNK = 1024
 
 
 @record

@@ -14,7 +14,7 @@ from middeck.structure.factorisation import order
 from middeck.structure.mesh import Model
 from middeck.structure.naming import name_modes
 from middeck.structure.rigid import rigid_basis
-from middeck.structure.statics import dynamic_coordinates, static_coordinates
+from middeck.structure.statics import dynamic_coordinates, restrict, static_coordinates
 from middeck.structure.trouble import loose_motions, where_lost
 from middeck.values import record
 
@@ -80,7 +80,7 @@ def solve_modes(equilibrium: Equilibrium, count: int | None = None) -> Modes:
     lam[:rigid] = 0.0
     shapes[:, :rigid], rigid_names = rigid_basis(equilibrium, M, shapes[:, :rigid])
     shapes = shapes * _signs(M, shapes)
-    kind = _kinds(equilibrium, rigid, len(lam))
+    kind = _kinds(equilibrium, M, rigid, len(lam))
     names, share, warnings = name_modes(equilibrium, M, K, shapes, kind, rigid_names)
     _check_stable(lam, names)
     active = dynamic_coordinates(equilibrium.model)
@@ -109,15 +109,15 @@ def _solve(
     model, active = equilibrium.model, dynamic_coordinates(equilibrium.model)
     at = assemble(model, equilibrium.config, equilibrium.loads)
     M = mass_matrix(model, equilibrium.config, equilibrium.loads)
-    pairs = _eigenpairs(model, at.tangent[active][:, active], M[active][:, active], count)
+    pairs = _eigenpairs(model, restrict(at.tangent, active), restrict(M, active), count)
     # A force that Newton left unbalanced adds no more than itself to the tangent when the structure turns.
     unbalanced = float(np.abs(at.gradient[static_coordinates(model)]).max(initial=0.0))
     noise = pairs.noise + unbalanced * np.abs(pairs.shapes).max(axis=0) ** 2
     rigid = np.abs(pairs.lam) < noise
-    order = np.argsort(~rigid, kind="stable")
+    rank = np.argsort(~rigid, kind="stable")
     shapes = np.zeros((len(active), len(rigid)))
-    shapes[active] = pairs.shapes[:, order]
-    return at.tangent, M, pairs.lam[order], shapes, int(np.sum(rigid))
+    shapes[active] = pairs.shapes[:, rank]
+    return at.tangent, M, pairs.lam[rank], shapes, int(np.sum(rigid))
 
 
 def _eigenpairs(model: Model, K: sp.csr_array, M: sp.csr_array, count: int | None) -> Eigenpairs:
@@ -143,20 +143,19 @@ def _massless(model: Model, shifted: sp.csr_array) -> NumericalError:
     )
 
 
-def _kinds(equilibrium: Equilibrium, rigid: int, count: int) -> tuple[str, ...]:
+def _kinds(equilibrium: Equilibrium, M: sp.csr_array, rigid: int, count: int) -> tuple[str, ...]:
     """By rank: rigid ones, then as many held ones as orbit has more rigid ones, then flexible ones."""
     free = not np.any(equilibrium.environment.gravity) and not len(equilibrium.loads.attach_point)
-    held = 0 if free else _rigid_in_orbit(equilibrium) - rigid
+    held = 0 if free else _rigid_in_orbit(equilibrium, M) - rigid
     kinds = ("rigid",) * rigid + ("suspension",) * held
     return kinds + ("flexible",) * (count - len(kinds))
 
 
-def _rigid_in_orbit(equilibrium: Equilibrium) -> int:
-    """Number of rigid-body modes of the same structure, free and undeformed."""
+def _rigid_in_orbit(equilibrium: Equilibrium, M: sp.csr_array) -> int:
+    """Number of rigid-body modes of the same structure, free and undeformed: any mass counts them alike."""
     model, active = equilibrium.model, dynamic_coordinates(equilibrium.model)
-    K = assemble(model, model.rest, no_loads()).tangent[active][:, active]
-    M = mass_matrix(model, model.rest)[active][:, active]
-    return count_zero(K, M)
+    K = assemble(model, model.rest, no_loads()).tangent
+    return count_zero(restrict(K, active), restrict(M, active))
 
 
 def _signs(M: sp.csr_array, shapes: np.ndarray) -> np.ndarray:

@@ -26,8 +26,8 @@ STANDARD_GRAVITY = 9.80665
 # Least damping [1/s^2]: a thousandth of a slow pendulum's omega^2 neither holds nor hurries anything.
 LEAST_DAMPING = 1e-3
 DAMPING_STEP = 4.0
-# Largest turn [rad] and largest change [m or rad] of a coordinate beside the rigid motion in one step: what the
-# second-order chart follows well. A translation of the whole may be of any length.
+# Largest turn [rad] and largest change [m or rad] of a coordinate beside the rigid motion in one step: what
+# the second-order chart follows well. A translation of the whole may be of any length.
 LONGEST_STEP = 0.5
 
 
@@ -64,12 +64,13 @@ def settle(model: Model, loads: Loads) -> Settled:
     """
     scale = load_scale(model, loads)
     config = model.rest
+    mass = mass_matrix(model, config)
     history: list[tuple[float, float, float]] = []
     for factor in LOAD_FACTORS:
-        config, _, steps = _descend(model, config, scale_loads(loads, factor), scale, ROUGH)
-        history += [(factor, residual, damping) for residual, damping in steps]
-    config, at, steps = _descend(model, config, loads, scale, TOLERANCE)
-    history += [(1.0, residual, damping) for residual, damping in steps]
+        config, _, steps = _descend(model, config, scale_loads(loads, factor), mass, ROUGH * scale)
+        history += [(factor, residual / scale, damping) for residual, damping in steps]
+    config, at, steps = _descend(model, config, loads, mass, TOLERANCE * scale)
+    history += [(1.0, residual / scale, damping) for residual, damping in steps]
     return Settled(config, at, history[-1][1], tuple(history))
 
 
@@ -101,16 +102,15 @@ def load_scale(model: Model, loads: Loads) -> float:
 
 
 def _descend(
-    model: Model, config: Configuration, loads: Loads, scale: float, enough: float
+    model: Model, config: Configuration, loads: Loads, mass: sp.csr_array, enough: float
 ) -> tuple[Configuration, Assembly, list[tuple[float, float]]]:
-    """Where the descent ends, and (residual, damping) of every iteration."""
+    """Where the descent ends, and (residual [N], damping) of every iteration; ``mass`` need not be exact."""
     active = static_coordinates(model)
-    mass = mass_matrix(model, config)
     at = assemble(model, config, loads)
     damping = 0.0
     history: list[tuple[float, float]] = []
     for _ in range(MAX_ITERATIONS):
-        residual = float(_unbalanced(at, active) / scale)
+        residual = _unbalanced(at, active)
         history.append((residual, damping))
         if residual < enough:
             break
@@ -145,7 +145,7 @@ def _damped_step(
 ) -> tuple[np.ndarray, float]:
     """Solve (K + damping M) q = -gradient with the least damping that makes the matrix positive definite."""
     active = static_coordinates(model)
-    stiffness, inertia = at.tangent[active][:, active], mass[active][:, active]
+    stiffness, inertia = restrict(at.tangent, active), restrict(mass, active)
     damping = 0.0 if damping < LEAST_DAMPING else damping / DAMPING_STEP
     while True:
         factor = positive_factor(sp.csr_array(stiffness + damping * inertia))
@@ -155,6 +155,11 @@ def _damped_step(
             if max(np.abs(rigid[3:]).max(), np.abs(rest).max()) < LONGEST_STEP:
                 return q, damping
         damping = max(DAMPING_STEP * damping, LEAST_DAMPING)
+
+
+def restrict(K: sp.csr_array, active: Bool[np.ndarray, " coordinate"]) -> sp.csr_array:
+    """Rows and columns of the coordinates that move; the matrix itself where all do."""
+    return K if bool(np.all(active)) else sp.csr_array(K[active][:, active])
 
 
 def spread(q: Float[np.ndarray, " active"], active: Bool[np.ndarray, " coordinate"]) -> np.ndarray:
