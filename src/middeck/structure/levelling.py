@@ -28,7 +28,7 @@ MAX_HALVINGS = 6
 NO_ROOM = 1e-6
 """Of the limit: a step that has to be shorter than this to keep within it leads out."""
 STUCK = 1e-3
-"""Singular value of the tilts' derivative [rad/m], ten times what rounding alone makes (1e-8 rad over `STEP`);
+"""Singular value of the tilts' derivative [rad/m], ten times what rounding makes (1e-8 rad over `STEP`);
 of offsets that level an article it is some 10 rad/m."""
 
 
