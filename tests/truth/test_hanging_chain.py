@@ -1,0 +1,80 @@
+"""A cable of next to no bending stiffness, hung from its upper end: the zeros of the Bessel function J0.
+
+Work-equivalent gravity moments on cubic elements make the lower end of every element fall sideways, and the
+last one has no neighbour to hold it: with 20 elements and EI = 1e-4 N m^2 they make unstable modes that are
+not there (`beam_weight` says how the line's own length mends that).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.special import jn_zeros, jv
+
+from middeck.structure.article import AttachPoint, Section
+from middeck.structure.environment import AnchoredSpring
+from middeck.structure.equilibrium import solve_equilibrium
+from middeck.structure.modes import Modes, solve_modes
+from structure_builders import lab, member, node, structure
+
+G, LENGTH, RHO, EA = 9.80665, 2.0, 0.5, 1e6
+STRETCH = RHO * G * LENGTH / EA  # 1e-5: what an inextensible chain leaves out
+PIN = 1e7  # N/m, of no free length: the same in all directions
+
+
+def hung_chain(EI: float, elements: int) -> Modes:
+    cable = Section(EA, 1e-2, EI, EI, RHO, 1e-9, 1e-9)
+    parts = structure(
+        [node("top", (0, 0, 0)), node("end", (0, -LENGTH, 0))],
+        [member("top", "end", cable, elements, up=(1, 0, 0))],
+        attach=[AttachPoint("top", "top", np.zeros(3))],
+    )
+    return solve_modes(solve_equilibrium(parts, lab(AnchoredSpring("pin", "top", np.zeros(3), PIN, 0.0))))
+
+
+def swings(modes: Modes, count: int) -> np.ndarray:
+    """Angular frequencies of the lowest swings, each of which comes in two planes."""
+    omega = modes.omega[modes.omega > 0.0]
+    np.testing.assert_allclose(omega[1 : 2 * count : 2], omega[: 2 * count : 2], rtol=1e-7)  # rounding
+    return omega[: 2 * count : 2]
+
+
+@pytest.mark.parametrize("elements", [10, 20, 40])
+@pytest.mark.parametrize("EI", [1e-8, 1e-4, 1e-2, 1.0])
+def test_every_mode_of_a_hanging_cable_is_stable(EI: float, elements: int):
+    """`solve_modes` raises for a mode that grows; one rigid mode is left, the turn about the cable."""
+    modes = hung_chain(EI, elements)
+    assert modes.kind.count("rigid") == 1
+    assert np.all(modes.omega[1:] > 0.0)
+
+
+def test_chain_swings_at_the_zeros_of_the_bessel_function():
+    """omega = j_n / 2 sqrt(g/L): cubic elements find five of them within the stretch of the chain."""
+    exact = 0.5 * jn_zeros(0, 5) * np.sqrt(G / LENGTH)
+    assert swings(hung_chain(1e-8, 40), 5) == pytest.approx(exact, rel=0.5 * STRETCH)
+
+
+def test_chain_converges_with_order_four_or_better():
+    exact = 0.5 * jn_zeros(0, 5)[4] * np.sqrt(G / LENGTH)
+    errors = [abs(swings(hung_chain(1e-8, n), 5)[4] / exact - 1.0) for n in (10, 20)]
+    assert np.log2(errors[0] / errors[1]) > 3.8
+
+
+def test_bending_stiffness_raises_the_swings_as_perturbation_theory_says():
+    """d(omega^2) = EI int phi''^2 dx / int rho_A phi^2 dx with the chain's own shapes J0(j sqrt(x/L))."""
+    EI = 1e-5
+    bare, stiff = hung_chain(1e-8, 40), hung_chain(EI, 40)
+    j = jn_zeros(0, 1)[0]
+    x = (np.arange(20000) + 0.5) / 20000.0  # from the free end, over L
+
+    def shape(s: np.ndarray) -> np.ndarray:
+        return jv(0, j * np.sqrt(s))
+
+    h = 1e-4
+    curvature = (shape(x + h) - 2.0 * shape(x) + shape(np.abs(x - h))) / h**2 / LENGTH**2
+    inner = x > 2.0 * h  # the series of J0 is smooth there; nearer the end the difference reaches beyond it
+    curvature[~inner] = j**4 / 32.0 / LENGTH**2
+    gain = (EI - 1e-8) * np.mean(curvature**2) / (RHO * np.mean(shape(x) ** 2))
+    shift = swings(stiff, 1)[0] ** 2 - swings(bare, 1)[0] ** 2
+    # Second order in EI, and a boundary layer sqrt(EI / wL) = 1e-3 m at the pin that costs no first order.
+    assert shift == pytest.approx(gain, rel=0.02)
