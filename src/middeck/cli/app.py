@@ -9,7 +9,7 @@ import click
 
 from middeck import __version__
 
-VERBS = ("study", "modes", "compare", "correlate", "response", "identify", "design")
+VERBS = ("study", "check", "modes", "compare", "correlate", "response", "identify", "design")
 
 EXAMPLES = """\
 \b

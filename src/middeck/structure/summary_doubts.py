@@ -120,8 +120,8 @@ def _members(structure: Structure, length: np.ndarray, radius: np.ndarray) -> It
     ):
         if worst is not None:
             yield (
-                f"member {structure.members[worst].name!r} is {length[worst]:.4g} m long, its section's radius "
-                f"of gyration {radius[worst]:.3g} m: {wrong} all are read as m"
+                f"member {structure.members[worst].name!r} is {length[worst]:.4g} m long, its section's "
+                f"radius of gyration {radius[worst]:.3g} m: {wrong} all are read as m"
             )
 
 

@@ -1,0 +1,58 @@
+"""The summary of an article: what is shown before anything is solved."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from middeck.structure.summary import Summary
+
+# What is left where the terms of a sum cancel is printed as the zero that it stands for.
+ROUNDING = 1e-12
+
+
+def summary_numbers(summary: Summary) -> dict[str, Any]:
+    """As keys of a JSON document."""
+    slim = summary.slenderness
+    return {
+        "mass_kg": summary.mass,
+        "centre_of_mass_m": summary.centre,
+        "inertia_kg_m2": summary.inertia,
+        "size_m": summary.size,
+        "degrees_of_freedom": summary.coordinates,
+        "bending_scale_hz": summary.bending_hz,
+        "element_slenderness": None if slim is None else list(slim),
+        "rounding": summary.rounding,
+    }
+
+
+def summary_lines(numbers: dict[str, Any]) -> list[str]:
+    """Mass, centre of mass and inertia of a document, for people, and what else it has of a summary."""
+    inertia = np.asarray(numbers["inertia_kg_m2"])
+    products = [inertia[0, 1], inertia[0, 2], inertia[1, 2]]
+    return [
+        f"mass         {numbers['mass_kg']:.3f} kg",
+        f"centre       {_row(numbers['centre_of_mass_m'])} m, undeformed, x y z",
+        f"inertia      {_row(np.diag(inertia))} kg m^2 about it, xx yy zz",
+        f"             {_row(products)} kg m^2, xy xz yz",
+    ]
+
+
+def measure_lines(numbers: dict[str, Any]) -> list[str]:
+    """Size, scale of frequency and mesh."""
+    bending, slim = numbers["bending_scale_hz"], numbers["element_slenderness"]
+    lines = [f"size         {_row(numbers['size_m'])} m"]
+    if bending is not None:
+        lines.append(f"bending      of the order of {bending:.3g} Hz, free and undeformed")
+    mesh = f"mesh         {numbers['degrees_of_freedom']} degrees of freedom"
+    if slim is not None:
+        mesh += f"; elements {slim[0]:.3g} to {slim[1]:.3g} radii of gyration long"
+    return [*lines, mesh]
+
+
+def _row(values: Sequence[float] | np.ndarray) -> str:
+    row = np.asarray(values)
+    row = np.where(np.abs(row) > ROUNDING * np.abs(row).max(), row, 0.0)
+    return "  ".join(f"{value:.6g}" for value in row)

@@ -1,0 +1,185 @@
+"""Articles that are wrong in what they weigh, hold or measure: named, located, and found before solving."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cli_runner import ROOT, middeck
+from middeck.errors import ConfigError, EquilibriumError
+from middeck.files.documents import load_structure
+from middeck.structure import statics
+from middeck.structure.article import AttachPoint, Joint, Section, Structure
+from middeck.structure.environment import Environment, Suspension
+from middeck.structure.equilibrium import solve_equilibrium
+from middeck.structure.mesh import mesh_structure
+from middeck.structure.modes import solve_modes
+from structure_builders import GRAVITY, body, member, node, structure
+
+SIMPLE = ROOT / "articles/mace-simple.toml"
+TUBE = Section(1e6, 80.0, 100.0, 100.0, 0.5, 1e-4, 1e-4)
+X = np.eye(3)[0]
+Capture = pytest.CaptureFixture[str]
+
+
+def bus(payload_y: float = -0.2, **joint) -> Structure:
+    nodes = [
+        node(n, (x, 0, 0), body(5.0, (0, -0.05, 0), (0.1, 0.1, 0.1)), 0.05)
+        for n, x in (("a", 0.0), ("b", 1.0))
+    ]
+    payload = Joint(
+        "pay", "a", np.array([0, -0.05, 0]), X, 0.0, body(3.0, (0, payload_y, 0), (0.02,) * 3), **joint
+    )
+    attach = [AttachPoint(n, n, np.array([0, 0.02, 0])) for n in "ab"]
+    return structure(nodes, [member("a", "b", TUBE, 3)], [payload], attach=attach)
+
+
+LAB = Environment("lab", GRAVITY, Suspension(("a", "b"), ("xyz", "yz"), 4.0, 0.25))
+
+
+def test_a_pivot_through_the_centre_of_mass_is_named_as_neutral():
+    modes = solve_modes(solve_equilibrium(bus(payload_y=0.0), LAB))
+    assert modes.name[0] == "gimbal pay"
+    assert modes.omega[0] == 0.0
+    assert modes.warnings[0].startswith("nothing holds 'gimbal pay' in 'lab': a mechanism in neutral balance")
+    assert "centre of mass on the axis" in modes.warnings[0]
+
+
+def test_what_gravity_holds_and_what_orbit_leaves_free_are_no_findings():
+    for payload_y, environment in ((-0.2, LAB), (0.0, Environment.orbit())):
+        assert solve_modes(solve_equilibrium(bus(payload_y), environment)).warnings == ()
+
+
+def test_a_load_path_that_is_lost_says_where_and_at_which_load(monkeypatch: pytest.MonkeyPatch):
+    """Cut short after two iterations at each load: what is left is at the half load, and far from rest."""
+    monkeypatch.setattr(statics, "MAX_ITERATIONS", 2)
+    rest = solve_equilibrium(bus(), LAB)
+    assert not rest.converged
+    with pytest.raises(EquilibriumError, match="not at rest") as error:
+        solve_modes(rest)
+    data = error.value.data
+    assert data["history"] == rest.history
+    first = next(f for f, residual, _ in reversed(rest.history) if residual > statics.ROUGH)
+    assert data["load_factor"] in (first, *statics.LOAD_FACTORS)
+    assert f"lost at {data['load_factor']:.0%} of the load" in error.value.what
+    assert error.value.where == f"frame {data['frame']!r}"
+    assert data["frame"] in rest.model.frames
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"travel": (0.2, 1.0)}, "joint 'pay' begins at 0 rad, out of its travel 0.2 to 1"),
+        ({"travel": (1.0, -1.0)}, "joint 'pay' has a travel that does not rise"),
+    ],
+)
+def test_a_travel_that_the_angle_violates(changes, message: str):
+    with pytest.raises(ConfigError, match=message):
+        mesh_structure(bus(**changes))
+
+
+def test_ten_thousand_names_are_compared_without_squaring():
+    """Each name once: with a comparison of all pairs this would be 1e8 of them."""
+    nodes = [node(f"n{i}", (i, 0, 0), body(1.0, inertia=(0.1,) * 3)) for i in range(10_000)]
+    members = [member(f"n{i}", f"n{i + 1}", TUBE, 1) for i in range(9_999)]
+    parts = structure(nodes, members)
+    mesh_structure(parts)
+    with pytest.raises(ConfigError, match="frame 'n7' is there twice"):
+        mesh_structure(dataclasses.replace(parts, nodes=(*nodes, nodes[7])))
+
+
+def changed(tmp_path: Path, *changes: tuple[str, str]) -> Path:
+    text = SIMPLE.read_text(encoding="utf-8")
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new, 1)
+    file = tmp_path / "bad.toml"
+    file.write_text(text, encoding="utf-8")
+    return file
+
+
+def test_a_file_with_a_disconnected_part_names_its_nodes_and_the_line(tmp_path: Path):
+    """Without the strut from n3 to n4, n4 and n5 are an article of their own."""
+    strut = '[[strut]]\nsection = "strut"\nfrom = "n3"\nto = "n4"\n'
+    file = changed(tmp_path, (strut, ""))
+    with pytest.raises(ConfigError) as error:
+        load_structure(file)
+    (fault,) = error.value.data["faults"]
+    assert "no strut or spring joins 'n4', 'n5' to the rest" in fault.message
+    assert file.read_text().splitlines()[fault.line - 1] == 'name = "n4"'
+    attach = (
+        '\n[[attach]]\nname = "p"\nframe = "pri_z"\n\n[[attach]]\nname = "q"\nframe = "n4"\n'
+        '\n[[spring]]\nfrom = "p"\nto = "q"\nstiffness_n_per_m = 9.0\nfree_length_m = 1.0\n'
+    )
+    file.write_text(file.read_text() + attach)
+    assert load_structure(file).springs  # a spring from the payload of n1 joins them
+
+
+def test_a_file_whose_angle_is_outside_of_its_travel(tmp_path: Path):
+    file = changed(tmp_path, ("angle_x_deg = 45.0 ", "travel_x_deg = [-30.0, 30.0]\nangle_x_deg = 45.0 "))
+    with pytest.raises(ConfigError) as error:
+        load_structure(file)
+    (fault,) = error.value.data["faults"]
+    assert fault.key == "gimbal.0.angle_x_deg"
+    assert "outside of travel_x_deg = [-30.0, 30.0]" in fault.message
+    assert "45.0" in file.read_text().splitlines()[fault.line - 1]
+
+
+def test_check_shows_the_summary_first_and_finds_nothing(capfd: Capture):
+    ended = middeck(capfd, "check", SIMPLE, "lab", "--require")
+    assert (ended.code, ended.err) == (0, "")
+    lines = ended.out.splitlines()
+    assert [line.split()[0] for line in lines[:3]] == ["mass", "centre", "inertia"]
+    assert lines[-1] == "nothing found"
+    parts = load_structure(SIMPLE)
+    assert lines[0] == f"mass         {parts.mass:.3f} kg"
+
+
+def test_check_finds_units_in_a_file_and_says_no_only_if_asked(capfd: Capture, tmp_path: Path):
+    file = changed(tmp_path, ("E_pa = 2.35e9", "E_pa = 2.35"))
+    for flags, code in (((), 0), (("--require",), 1)):
+        ended = middeck(capfd, "check", file, *flags)
+        assert (ended.code, ended.err) == (code, "")
+        assert "sound would travel at" in ended.out
+        assert ended.out.index("mass  ") < ended.out.index("sound")
+    found = json.loads(middeck(capfd, "check", file, "--json").out)
+    assert not found["sound"]
+    assert {f["grade"] for f in found["findings"]} == {"doubt"}
+    # The sum in another order: rounding.
+    assert found["mass_kg"] == pytest.approx(load_structure(file).mass, rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("override", "grade", "words"),
+    [
+        ("gimbal.pri.payload_cg=[0,0.1,0]", "fault", "payload pendulum pri z' grows"),
+        ("gimbal.pri.payload_cg=[0,0,0]", "doubt", "nothing holds 'gimbal pri"),
+        ("material.lexan.rho=2.0", "doubt", "material of 2 kg/m^3"),
+        ("suspension.offsets_m=[[0,0.02,0],[-0.75,0.02,0],[-0.95,0.02,0]]", "fault", "still a mechanism"),
+    ],
+)
+def test_check_in_an_environment_finds_what_solving_would(
+    capfd: Capture, override: str, grade: str, words: str
+):
+    ended = middeck(capfd, "check", SIMPLE, "lab", "--set", override, "--json")
+    assert ended.code == 0
+    findings = json.loads(ended.out)["findings"]
+    assert any(f["grade"] == grade and words in f["what"] for f in findings), findings
+
+
+def test_check_of_a_broken_file_is_a_configuration_error(capfd: Capture, tmp_path: Path):
+    ended = middeck(capfd, "check", changed(tmp_path, ('name = "n2"', 'name = "n1"')), "lab")
+    assert ended.code == 2
+    assert ended.out == ""
+    assert "a second frame of this name" in ended.err
+
+
+def test_modes_shows_the_masses_even_where_there_is_no_rest(capfd: Capture):
+    ended = middeck(capfd, "modes", SIMPLE, "--set", "gimbal.pri.payload_cg=[0,0.1,0]")
+    assert ended.code == 5
+    assert [line.split()[0] for line in ended.out.splitlines()[:3]] == ["mass", "centre", "inertia"]
+    assert "grows at" in ended.err
