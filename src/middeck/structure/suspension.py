@@ -65,16 +65,16 @@ def _tuned_forces(
     model: Model, environment: Environment, tuned: Sequence[Device], support: np.ndarray | None
 ) -> dict[str, float]:
     """By name, what each tuned device bears: its share of the vertical reaction over its slope."""
-    attach = _tuned_attach(tuned)
+    attach, up = _tuned_attach(tuned), _up(environment)
+    slope = {d.name: _rise(model, d, up) for d in tuned}
     if support is None:
         pinned = pinned_points(model, environment)
         support = solve_pinned(model, environment.gravity, pinned, pinned_loads(model, environment))
-    up = _up(environment)
     reaction = support @ up
     _check_pull(attach, np.real(reaction))
     together = [d.attach for d in tuned]
     pull = dict(zip(attach, reaction, strict=True))
-    return {d.name: pull[d.attach] / together.count(d.attach) / _rise(model, d, up) for d in tuned}
+    return {d.name: pull[d.attach] / together.count(d.attach) / slope[d.name] for d in tuned}
 
 
 def _tuned_attach(tuned: Sequence[Device]) -> tuple[str, ...]:
