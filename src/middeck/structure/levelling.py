@@ -152,6 +152,8 @@ def _task(
     about: str | None,
     node: str | None,
 ) -> _Task:
+    if not np.any(environment.gravity):
+        raise ConfigError("nothing is level without gravity", where="level", hint="take another environment")
     points, nodes = [a.name for a in structure.attach_points], [n.name for n in structure.nodes]
     for name, axis in free:
         if name not in points or len(axis) != 1 or axis not in AXES:

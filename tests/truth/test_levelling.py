@@ -1,0 +1,231 @@
+"""How articles hang and how they are levelled, against closed forms of rigid bodies."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from middeck.errors import ConfigError, EquilibriumError
+from middeck.files.documents import load_case
+from middeck.structure.article import AttachPoint
+from middeck.structure.attitude import estimate_attitude, fit_rotation, split_rotation
+from middeck.structure.environment import Device, Environment, Suspension
+from middeck.structure.equilibrium import solve_equilibrium
+from middeck.structure.frames import Configuration
+from middeck.structure.levelling import LEVEL, level
+from middeck.structure.rotations import rotation_exp
+from structure_builders import GRAVITY, TUBE, body, member, node, structure
+
+ROOT = Path(__file__).parents[2]
+UP = np.array([0.0, 1.0, 0.0])
+OFF, DEPTH = 0.05, 0.2  # of the centre of mass [m]: beside the line of the cables, and below it
+
+
+def lopsided():
+    """A rigid bar on two cables, its weight beside and below their line."""
+    ends = (("left", -1.0), ("right", 1.0))
+    return structure(
+        [node("bar", (0, 0, 0), body(8.0, (0.0, -DEPTH, OFF), (0.3, 2.0, 2.0)))],
+        attach=[AttachPoint(n, "bar", np.array([x, 0.0, 0.0])) for n, x in ends],
+    )
+
+
+def cables(attach=("left", "right"), held=("xyz", "yz")) -> Environment:
+    return Environment("lab", GRAVITY, Suspension(attach, held, 4.0, 0.25))
+
+
+def pendant():
+    """A rigid body on one cable, its weight to all sides of it."""
+    return structure(
+        [node("body", (0, 0, 0), body(2.0, (0.3, -0.1, 0.2), (0.1, 0.2, 0.3)))],
+        attach=[AttachPoint("hook", "body", np.array([0.0, 0.1, 0.0]))],
+    )
+
+
+def one_cable() -> Environment:
+    carried = Device("d", "hook", force=2.0 * 9.80665, stiffness=20.0, cable_length=3.0)
+    return Environment("lab", GRAVITY, None, (), (carried,))
+
+
+# What the statics' 1e-9 of the weight does to a tilt: over a centre of mass 0.1 m or more below.
+ROUNDING = 2e-8
+
+
+# ---- how it hangs ------------------------------------------------------------------------------------------
+
+
+def test_on_one_cable_the_centre_of_mass_comes_under_it():
+    """By the angle between what lies off and the vertical, whatever way it then faces."""
+    hangs = estimate_attitude(solve_equilibrium(pendant(), one_cable()))
+    off = np.array([0.3, -0.2, 0.2])
+    assert hangs.hangs_from == "point"
+    assert hangs.lies_off == pytest.approx(off, abs=1e-15)
+    assert hangs.centre_of_mass == pytest.approx([0.3, -0.1, 0.2], abs=1e-15)
+    assert np.linalg.norm(hangs.tilt) == pytest.approx(np.arctan2(np.hypot(0.3, 0.2), 0.2), abs=ROUNDING)
+    under = rotation_exp(hangs.tilt) @ rotation_exp(hangs.heading * UP) @ off
+    assert under[[0, 2]] == pytest.approx(np.zeros(2), abs=ROUNDING)
+    assert hangs.tilt @ UP == pytest.approx(0.0, abs=1e-15)
+
+
+def test_on_two_cables_it_rolls_until_its_weight_is_under_their_line():
+    hangs = estimate_attitude(solve_equilibrium(lopsided(), cables()))
+    roll = np.arctan2(OFF, DEPTH)  # by the right hand about x: from z down to -y
+    assert hangs.tilt == pytest.approx([roll, 0.0, 0.0], abs=ROUNDING)
+    assert hangs.node_tilt == pytest.approx(np.array([[roll, 0.0, 0.0]]), abs=ROUNDING)
+    assert (hangs.hangs_from, hangs.device) == ("line", ("left", "right"))
+    assert hangs.lies_off == pytest.approx([0.0, -DEPTH, OFF], abs=1e-15)
+    assert hangs.tension == pytest.approx(4.0 * 9.80665, rel=1e-8)
+
+
+def dumbbell():
+    """Two equal bodies on a beam, hung at both."""
+    nodes = [node(n, (x, 0, 0), body(5, (0, -0.1, 0), (0.1,) * 3)) for n, x in (("a", 0.0), ("b", 2.0))]
+    attach = [AttachPoint(n, n, np.zeros(3)) for n in "ab"]
+    return structure(nodes, [member("a", "b", TUBE, 4)], attach=attach)
+
+
+def test_an_article_that_moved_without_strain_is_fitted_exactly():
+    """By whatever rotation, far from the origin too."""
+    rest = solve_equilibrium(dumbbell(), cables("ab"))
+    drawn = rest.model.rest
+    turned = rotation_exp(np.array([0.3, -1.1, 0.5]))
+    moved = Configuration(drawn.x @ turned.T + [30.0, -4.0, 2.0], turned @ drawn.R, drawn.angle)
+    found = fit_rotation(dataclasses.replace(rest, config=moved))
+    assert found == pytest.approx(turned, abs=1e-13)  # rounding of positions of 30 m
+
+
+def test_a_beam_that_sags_evenly_is_level():
+    """Its ends turn by opposite angles, which the fit takes the mean of."""
+    hangs = estimate_attitude(solve_equilibrium(dumbbell(), cables("ab")))
+    assert hangs.node_tilt[0, 2] == pytest.approx(-hangs.node_tilt[1, 2], rel=1e-6)  # statics
+    assert abs(hangs.node_tilt[0, 2]) > 1e-3
+    assert hangs.tilt == pytest.approx(np.zeros(3), abs=ROUNDING)
+
+
+def test_a_rotation_is_a_turn_about_the_vertical_and_then_a_tilt():
+    tilt = np.array([0.4, 0.0, -0.7])
+    found, heading = split_rotation(rotation_exp(tilt) @ rotation_exp(2.5 * UP), UP)
+    assert found == pytest.approx(tilt, abs=1e-14)  # rounding
+    assert heading == pytest.approx(2.5, abs=1e-14)
+    assert split_rotation(np.eye(3), UP)[0].tolist() == [0.0, 0.0, 0.0]
+
+
+def test_nothing_is_level_in_orbit():
+    with pytest.raises(ConfigError, match="nothing is level without gravity"):
+        estimate_attitude(solve_equilibrium(pendant(), Environment.orbit()))
+
+
+# ---- levelling ---------------------------------------------------------------------------------------------
+
+# A tilt that counts as none, times the depth of the centre of mass.
+NEAR = LEVEL * DEPTH
+
+
+def test_one_hook_goes_over_the_centre_of_mass():
+    """Both tilts, two offsets; the centre of mass is 0.3 m along x and 0.2 m along z from the hook."""
+    found = level(pendant(), one_cable(), free=[("hook", "x"), ("hook", "z")], limit=0.5)
+    assert found.change == pytest.approx([0.3, 0.2], abs=NEAR)
+    assert found.structure.attach_points[0].offset == pytest.approx([0.3, 0.1, 0.2], abs=NEAR)
+    assert np.abs(found.after.tilt).max() <= LEVEL
+    assert np.linalg.norm(found.before.tilt) > 0.5
+    assert found.history[-1] <= LEVEL
+    assert found.equilibrium.model.structure == found.structure
+
+
+def test_the_line_of_two_cables_goes_over_the_centre_of_mass():
+    one = level(lopsided(), cables(), free=[("left", "z")], about="x", limit=0.2)
+    assert one.change == pytest.approx([2 * OFF], abs=2 * NEAR)
+    both = level(lopsided(), cables(), free=[("left", "z"), ("right", "z")], about="x")
+    # The least change moves both alike.
+    assert both.change == pytest.approx([OFF, OFF], abs=2 * NEAR)
+    assert both.moved == (("left", "z"), ("right", "z"))
+
+
+def test_a_level_article_stays_as_it_is():
+    first = level(lopsided(), cables(), free=[("left", "z"), ("right", "z")], about="x")
+    again = level(first.structure, cables(), free=[("left", "z")], about="x")
+    assert again.change.tolist() == [0.0]
+    assert again.structure == first.structure
+
+
+@pytest.fixture(scope="module")
+def simple():
+    """The project's article without the offset that levels it."""
+    return load_case(
+        ROOT / "articles/mace-simple.toml", ROOT / "environments/lab.toml", ["suspension.offsets.0.2=0"]
+    )
+
+
+def test_simple_is_levelled_by_the_offset_of_its_sheet(simple):
+    """Unlevelled each node rolls by 5.5 to 8.3 degrees, as the sheet says; it levels by -0.0291 m."""
+    found = level(*simple, free=[("n1", "z")], about="x")
+    rolls = np.degrees(found.before.node_tilt[:, 0])
+    assert np.abs([rolls.min(), rolls.max()]) == pytest.approx([8.3, 5.5], abs=0.05)  # the sheet's digits
+    assert abs(np.degrees(found.before.tilt[0])) > 5.0
+    assert found.change == pytest.approx([-0.0291], abs=5e-5)  # the sheet's digits
+    assert np.abs(np.degrees(found.after.node_tilt[:, 0])).max() < 1e-3
+    assert found.before.hangs_from == "line"
+    assert found.before.lies_off[2] == pytest.approx(-5.0 * 0.08 * np.sin(np.pi / 4) / 29.3, rel=0.01)
+
+
+def test_a_chosen_node_may_be_level_instead(simple):
+    found = level(*simple, free=[("n1", "z")], about="x", node="n5")
+    assert abs(found.after.node_tilt[found.after.node.index("n5"), 0]) <= LEVEL
+    assert found.change == pytest.approx([-0.0291], abs=5e-5)  # the article is stiff in torsion
+
+
+# ---- refusals ----------------------------------------------------------------------------------------------
+
+
+def test_fewer_offsets_than_tilts():
+    with pytest.raises(ConfigError, match="1 offsets cannot take away 2 tilts, about x and z"):
+        level(lopsided(), cables(), free=[("left", "z")])
+    with pytest.raises(ConfigError, match="1 offsets cannot"):
+        level(lopsided(), cables(), free=[("left", "z"), ("left", "z")])
+
+
+def test_offsets_that_tilt_nothing():
+    """Tuned to their loads, two devices hold a rigid bar's pitch wherever they are along it."""
+    with pytest.raises(EquilibriumError, match="cannot be tilted about z") as error:
+        level(lopsided(), cables(), free=[("left", "z"), ("right", "x")])
+    assert error.value.data["change_m"] == {"left z": 0.0, "right x": 0.0}
+
+
+def test_more_than_the_limit():
+    with pytest.raises(EquilibriumError, match=r"more than the limit of 0.04 m") as error:
+        level(lopsided(), cables(), free=[("left", "z")], about="x", limit=0.04)
+    assert error.value.data["change_m"]["left z"] == pytest.approx(0.04)
+    assert len(error.value.data["history"]) > 1
+
+
+BAD = {
+    "no such point": ({"free": [("middle", "z")]}, "no offset 'z' of an attach point 'middle'"),
+    "no such axis": ({"free": [("left", "zz")]}, "no offset 'zz'"),
+    "no axis": ({"free": [("left", "")]}, "no offset ''"),
+    "the vertical": ({"about": "y"}, "no tilts about 'y'"),
+    "an axis twice": ({"about": "xx"}, "no tilts about 'xx'"),
+    "no tilt at all": ({"about": ""}, "no tilts about ''"),
+    "no such node": ({"node": "bus"}, "no node 'bus'"),
+    "a limit below zero": ({"limit": -1.0}, "a limit of -1.0 m"),
+    "no limit": ({"limit": float("nan")}, "a limit of nan m"),
+}
+
+
+@pytest.mark.parametrize(("given", "said"), BAD.values(), ids=BAD)
+def test_what_cannot_be_asked(given: dict, said: str):
+    with pytest.raises(ConfigError, match=said):
+        level(lopsided(), cables(), **({"free": [("left", "z")], "about": "x"} | given))
+
+
+def test_orbit_is_refused():
+    with pytest.raises(ConfigError, match="without gravity"):
+        level(lopsided(), Environment.orbit(), free=[("left", "z")], about="x")
+
+
+def test_an_article_that_does_not_hang_is_said_so():
+    parts = dataclasses.replace(lopsided(), attach_points=lopsided().attach_points[:1])
+    with pytest.raises(EquilibriumError, match="mechanism that its weight drives"):
+        level(parts, cables(("left",), ("yz",)), free=[("left", "z")], about="x")
