@@ -13,8 +13,8 @@ residual bending flexibility h^2/(12 EI) (MacNeal 1978), which makes the stiffne
 cubic element.
 
 Exudyn exports its matrices dense, which takes 88 GB each at 1e5 degrees of freedom: from ``DENSE_LIMIT``
-on, the rest state alone is solved. Its own `ComputeODE2Eigenvalues` does what is done here, less the
-stiffness of loads.
+on, the rest state alone is solved (five minutes of CPU were not enough for the boom of 1e5). Its own
+`ComputeODE2Eigenvalues` does what is done here, less the stiffness of loads.
 """
 
 from __future__ import annotations
