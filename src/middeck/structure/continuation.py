@@ -18,9 +18,9 @@ MAX_ITERATIONS = 12
 CONTRACTION = 0.5
 # Largest correction [m or rad] of any coordinate.
 LONGEST_STEP = 0.3
-# Multiples of the mass [1/s^2] that stand in for the stiffness of a motion that nothing holds; the smallest
-# that will do.
-HOLDS = (0.0, 1e-8, 1e-5)
+# Multiples of the mass [1/s^2] that stand in for the stiffness of a motion that nothing holds, lest rounding
+# drive it; the smallest that will do. They slow Newton down by their part of omega^2, and move no rest state.
+HOLDS = (1e-8, 1e-5, 1e-2)
 
 
 def rest_near(model: Model, config: Configuration, loads: Loads) -> tuple[Configuration, Assembly] | None:

@@ -168,7 +168,7 @@ def _veerings(
         left = next((q for q in range(p, -1, -1) if gap[q] >= WIDENED * gap[p]), 0)
         right = next((q for q in range(p, len(gap)) if gap[q] >= WIDENED * gap[p]), len(gap) - 1)
         if _exchanged(stations[left], stations[right], pair):
-            found.append(_veering(stations, gap, p, pair, names))
+            found.append(_veering(stations, p, pair, names))
     return found
 
 
@@ -182,20 +182,24 @@ def _exchanged(before: Station, after: Station, pair: tuple[int, int]) -> bool:
 
 
 def _veering(
-    stations: Sequence[Station], gap: np.ndarray, p: int, pair: tuple[int, int], names: tuple[str, ...]
+    stations: Sequence[Station], p: int, pair: tuple[int, int], names: tuple[str, ...]
 ) -> GravityEvent:
-    """The least gap by a parabola through its square, exact for two modes of linear detuning."""
-    near = [stations[q] for q in (p - 1, p, p + 1)]
-    s0 = near[1].s
-    a, b, c = np.polyfit([x.s - s0 for x in near], gap[p - 1 : p + 2] ** 2, 2)
-    s, least = (s0 - b / (2.0 * a), c - b**2 / (4.0 * a)) if a > 0.0 else (s0, c)
-    part = (s - near[0].s) / (near[2].s - near[0].s)
+    """The least gap, by parabolas through its square and the mean: exact for a 2x2 problem linear in g."""
+    near = stations[p - 1 : p + 2]
+    i, j = pair
+    lam = np.array([x.spectrum.lam[[i, j]] for x in near])
+    away = np.array([x.s for x in near]) - near[1].s
+    a, b, _ = square = np.polyfit(away, (lam[:, 0] - lam[:, 1]) ** 2, 2)
+    least = -b / (2.0 * a) if a > 0.0 else 0.0
+    gap = np.sqrt(max(float(np.polyval(square, least)), 0.0))
+    middle = float(np.polyval(np.polyfit(away, lam.mean(axis=1), 2), least))
+    low, high = _hz(middle + 0.5 * gap * np.array([-1.0, 1.0]))
+    part = (least - away[0]) / (away[2] - away[0])
     gravity = near[0].gravity + part * (near[2].gravity - near[0].gravity)
-    f = _hz(near[1].spectrum.lam[list(pair)])
-    between = float(np.sqrt(max(least, 0.0)) / (4.0 * np.pi**2 * f.sum()))
     return GravityEvent(
-        EventKind.VEERING, float(s), gravity, pair, (names[pair[0]], names[pair[1]]), float(f.mean()), between
-    )
+        EventKind.VEERING, near[1].s + float(least), gravity, pair, (names[i], names[j]),
+        float(0.5 * (low + high)), float(high - low),
+    )  # fmt: skip
 
 
 def _hz(lam: np.ndarray) -> np.ndarray:

@@ -1,0 +1,391 @@
+"""Modes followed through gravity against closed forms: scalings, crossings, veerings, critical gravities."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.linalg as sla
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq, minimize_scalar
+from scipy.special import jv
+
+from middeck.errors import ConfigError
+from middeck.structure.article import AttachPoint, Joint, JointState, Section, Structure
+from middeck.structure.environment import AnchoredSpring, Device, Environment, Suspension
+from middeck.structure.equilibrium import solve_equilibrium
+from middeck.structure.gravity_path import GravityPath, follow_gravity
+from middeck.structure.modes import solve_modes
+from middeck.structure.path_events import EventKind
+from middeck.structure.places import DeviceRule, Place, find_place, gravity_between, tilt_place
+from structure_builders import GRAVITY, body, lab, member, node, structure
+
+G = 9.80665
+X, Y, Z = np.eye(3)
+# Of the springs that tie a base to the ground [N/m]: it gives way by 1e-8 of what it carries.
+STIFF = 1e8
+TUBE = Section(1e6, 80.0, 100.0, 100.0, 0.5, 1e-4, 1e-4)
+
+
+def at(size: float) -> Place:
+    return find_place(str(size), GRAVITY)
+
+
+EARTH, ORBIT = at(G), Place("orbit", np.zeros(3))
+
+
+# A base held as by the ground, and what it carries
+
+
+def on_a_base(*joints: Joint, nodes=(), members=()) -> tuple[Structure, Environment]:
+    """Stiff springs along the three axes at four corners hold the base in every direction."""
+    corners = {f"{x:+d}{z:+d}": (float(x), 0.0, float(z)) for x in (-1, 1) for z in (-1, 1)}
+    attach = [AttachPoint(n, "base", np.array(p)) for n, p in corners.items()]
+    base = node("base", (0, 0, 0), body(10.0, inertia=(10.0,) * 3))
+    springs = [
+        AnchoredSpring(f"{n} {a}", n, np.array(p) + 2.0 * e, STIFF, 2.0)
+        for n, p in corners.items()
+        for a, e in zip("xyz", (X, Y, Z), strict=True)
+    ]
+    return structure([base, *nodes], members, joints, attach=attach), lab(*springs)
+
+
+def hinge(name: str, axis: np.ndarray, cg, inertia, spring: float = 0.0, parent: str = "base") -> Joint:
+    state = JointState.SPRUNG if spring else JointState.FREE
+    return Joint(name, parent, np.zeros(3), axis, 0.0, body(2.0, cg, inertia), state, spring)
+
+
+def branch(path: GravityPath, name: str) -> np.ndarray:
+    return path.omega2[:, path.name.index(name)]
+
+
+def only(path: GravityPath, kind: EventKind):
+    (event,) = [e for e in path.events if e.kind is kind]
+    return event
+
+
+# Scalings
+
+
+def hung_body() -> Structure:
+    """A body that hangs by one hook, its centre of mass straight below; every moment of inertia another."""
+    bar = node("bar", (0, 0, 0), body(3.0, (0, -0.2, 0), (0.05, 0.06, 0.09)))
+    return structure([bar], attach=[AttachPoint("hook", "bar", np.zeros(3))])
+
+
+def one_cable(gravity=GRAVITY, bounce_hz=0.25) -> Environment:
+    return Environment("lab", gravity, Suspension(("hook",), ("xyz",), 1.5, bounce_hz))
+
+
+def double_pendulum(gravity: float, inertia: float) -> np.ndarray:
+    """Cable of length l, centre of mass d below the hook: omega^2 of both modes."""
+    m, length, d = 3.0, 1.5, 0.2
+    M = np.array([[m, m * d], [m * d, inertia + m * d**2]])
+    return sla.eigh(np.diag([m * gravity / length, m * gravity * d]), M, eigvals_only=True)
+
+
+@pytest.mark.parametrize("rule", DeviceRule)
+def test_pendulums_go_with_the_root_of_gravity_and_bounce_stays(rule: DeviceRule):
+    """Compound pendulums in both planes at every station, down to where the device is released."""
+    path = follow_gravity(hung_body(), one_cable(), devices=rule)
+    assert path.complete
+    for g, omega2 in zip(path.size[:-1], path.omega2[:-1], strict=True):
+        expected = [*double_pendulum(g, 0.05), *double_pendulum(g, 0.09), (2 * np.pi * 0.25) ** 2]
+        held = np.sort(omega2)[1:]  # nothing resists a turn about the cable
+        # The rest state is found to 1e-9 of the weight.
+        assert held == pytest.approx(np.sort(expected), rel=1e-8)
+        assert np.sort(omega2)[0] == 0.0
+    assert np.all(path.omega2[-1] == 0.0)
+    assert path.size[-1] == 0.0
+    assert path.size[-2] == pytest.approx(1e-3 * G)
+    assert path.doubtful == ()
+
+
+def test_each_branch_keeps_its_law():
+    """Shapes decide: a branch that is a pendulum at the start is proportional to g all the way down."""
+    path = follow_gravity(hung_body(), one_cable(bounce_hz=0.2))
+    part = path.size[:-1] / G
+    for b in range(len(path.name)):
+        omega2 = path.omega2[:-1, b]
+        constant = path.name[b] == "bounce"
+        assert omega2 == pytest.approx(omega2[0] * (1.0 if constant else part), rel=1e-8)
+    # On Earth bounce is below all four pendulums, on release above them.
+    crossed = [e for e in path.events if e.kind is EventKind.CROSSING]
+    assert [e for e in path.events if e.kind is not EventKind.CROSSING] == []
+    assert len(crossed) == 4
+    for event in crossed:
+        pendulum = next(n for n in event.name if n != "bounce")
+        critical = G * (2 * np.pi * 0.2) ** 2 / branch(path, pendulum)[0]
+        assert np.linalg.norm(event.gravity) == pytest.approx(critical, rel=1e-8)
+        assert event.frequency_hz == pytest.approx(0.2, rel=1e-8)
+
+
+def flexible_bus() -> Structure:
+    nodes = [
+        node(n, (x, 0, 0), body(m, (0.01, -0.05, 0.02), (0.1, 0.2, 0.15)), 0.05)
+        for n, x, m in (("a", 0.0, 4.0), ("b", 1.0, 6.0), ("c", 2.0, 3.0))
+    ]
+    payload = Joint("p", "a", np.array([0, -0.05, 0]), X, 0.4, body(2.0, (0, -0.1, 0), (0.02, 0.01, 0.02)))
+    attach = [AttachPoint(n, n, np.array([0.0, 0.05, 0.0])) for n in "abc"]
+    members = [member("a", "b", TUBE, 2), member("b", "c", TUBE, 2)]
+    return structure(nodes, members, [payload], attach=attach)
+
+
+def three_cables(gravity=GRAVITY, bounce_hz: float = 0.2) -> Environment:
+    return Environment("lab", gravity, Suspension(("a", "b", "c"), ("yz", "xyz", "yz"), 3.0, bounce_hz))
+
+
+def test_retuned_at_each_gravity_is_an_environment_of_its_own():
+    """The continued branch on Mars and the Moon against a fresh descent in a laboratory there."""
+    places = [find_place(n, GRAVITY) for n in ("mars", "moon")]
+    path = follow_gravity(flexible_bus(), three_cables(), places, devices=DeviceRule.RETUNED, count=14)
+    assert [path.size[i] for i in path.reached] == pytest.approx([3.71, 1.62], rel=1e-12)
+    for place, station in zip(places, path.reached, strict=True):
+        fresh = solve_modes(solve_equilibrium(flexible_bus(), three_cables(place.gravity)))
+        # Both rest states are found to 1e-9 of the weight.
+        assert np.sort(path.omega2[station]) == pytest.approx(fresh.omega[:14] ** 2, rel=1e-6)
+
+
+def test_flexible_modes_tend_to_those_in_orbit():
+    """On devices so soft that they hold nothing, what is left of the shift is linear in what is left of g."""
+    env = three_cables(bounce_hz=1e-3)
+    path = follow_gravity(flexible_bus(), env, [EARTH, at(0.1), at(0.01), ORBIT], count=14)
+    flexible = [b for b, kind in enumerate(path.kind) if kind == "flexible"]
+    assert len(flexible) == 14 - 7
+    omega2 = path.omega2[np.ix_(path.reached, flexible)]
+    orbit = solve_modes(solve_equilibrium(flexible_bus(), Environment.orbit()), 14)
+    assert np.sort(omega2[-1]) == pytest.approx(orbit.omega[7:] ** 2, rel=1e-9)
+    left = omega2[:-1] - omega2[-1]
+    shifts = np.abs(left[0]) > 1e-6 * omega2[-1]
+    # Quadratic terms are a hundredth at 0.1 m/s^2; devices of 1e-3 Hz leave 4e-5 rad^2/s^2.
+    assert left[2, shifts] == pytest.approx(0.1 * left[1, shifts], rel=0.05, abs=1e-4)
+    assert np.all(np.abs(left[2]) < 2e-3 * np.abs(left[0]) + 1e-4)
+
+
+# A tilted laboratory
+
+
+def test_tilting_the_floor_swings_the_article_and_changes_nothing_else():
+    angle = np.radians(25.0)
+    tilted = tilt_place(EARTH, angle, Z)
+    # The floor's left edge goes up: seen from the floor, what hangs leans to the left.
+    assert tilted.gravity == pytest.approx(G * np.array([-np.sin(angle), -np.cos(angle), 0.0]), rel=1e-12)
+    path = follow_gravity(hung_body(), one_cable(), [EARTH, tilted])
+    assert path.size == pytest.approx(G, rel=1e-12)
+    start = np.sort(path.omega2[0])
+    for omega2 in path.omega2:
+        assert np.sort(omega2) == pytest.approx(start, rel=1e-7, abs=1e-9)  # rest to 1e-9 of the weight
+    assert path.complete
+
+
+def test_half_way_along_an_arc():
+    a, b = Place("a", np.array([0, -2.0, 0])), Place("b", np.array([-4.0, 0, 0]))
+    half = gravity_between(a, b, 0.5)
+    assert half == pytest.approx(-3.0 * np.sqrt(0.5) * np.array([1.0, 1.0, 0.0]), rel=1e-12)
+    with pytest.raises(ConfigError, match="opposite"):
+        gravity_between(a, Place("up", np.array([0, 1.0, 0])), 0.5)
+
+
+# Crossing and veering in closed form
+
+
+def test_crossing_of_a_pendulum_with_a_sprung_wheel():
+    """Axes at right angles: nothing couples m g d / I with k / J, they pass through each other."""
+    d, k = 0.1, 1.7
+    wheel = hinge("wheel", Y, (0, 0, 0), (1.0, 0.3, 1.0), k)
+    swing = hinge("swing", X, (0, -d, 0), (0.2, 0.1, 0.2))
+    inertia = 0.2 + 2.0 * d**2
+    path = follow_gravity(*on_a_base(wheel, swing), [EARTH, at(4.0)], count=8)
+    event = only(path, EventKind.CROSSING)
+    assert set(event.name) == {"payload pendulum swing", "payload pendulum wheel"}
+    # The base gives way by 4e-8 and is 2e-7 of the way to its own resonance.
+    assert np.linalg.norm(event.gravity) == pytest.approx(k / 0.3 * inertia / (2.0 * d), rel=1e-6)
+    assert branch(path, "payload pendulum swing") == pytest.approx(2.0 * path.size * d / inertia, rel=1e-6)
+    assert branch(path, "payload pendulum wheel") == pytest.approx(k / 0.3, rel=1e-6)
+    assert [e.kind for e in path.events] == [EventKind.CROSSING]
+
+
+@pytest.mark.parametrize("j", [1e-2, 1e-3])
+def test_veering_of_a_pendulum_that_carries_a_sprung_wheel(j: float):
+    """Coaxial, so that the wheel's inertia j couples them: a closed 2x2 problem, with gap and place."""
+    d, k = 0.1, 5.0 * j
+    inertia = 0.2 + 2.0 * d**2
+    swing = hinge("swing", X, (0, -d, 0), (0.2, 0.1, 0.2))
+    wheel = hinge("wheel", X, (0, 0, 0), (j, 1.0, 1.0), k, parent="swing")
+
+    def exact(g: float) -> np.ndarray:
+        M = np.array([[inertia + j, j], [j, j]])
+        return sla.eigh(np.diag([2.0 * g * d, k]), M, eigvals_only=True)
+
+    path = follow_gravity(*on_a_base(swing, wheel), [EARTH, at(1.0)], count=8)
+    two = np.array([branch(path, f"payload pendulum {n}") for n in ("swing", "wheel")]).T
+    for g, omega2 in zip(path.size, two, strict=True):
+        # The base gives way by 4e-8 and is 2e-7 of the way to its own resonance.
+        assert np.sort(omega2) == pytest.approx(exact(g), rel=1e-6)
+    event = only(path, EventKind.VEERING)
+    nearest = minimize_scalar(
+        lambda g: float(np.diff(exact(g))[0]), bounds=(1.0, G), method="bounded", options={"xatol": 1e-8}
+    )
+    omega = np.sqrt(exact(nearest.x))
+    # The square of the gap is a parabola in g; what the base changes in omega^2 is 1e-5 of the gap.
+    assert np.linalg.norm(event.gravity) == pytest.approx(nearest.x, rel=1e-5)
+    assert event.gap_hz == pytest.approx(float(np.diff(omega)[0]) / (2 * np.pi), rel=1e-4)
+    assert event.frequency_hz == pytest.approx(float(omega.mean()) / (2 * np.pi), rel=1e-5)
+    assert {e.kind for e in path.events} == {EventKind.VEERING}
+    # Each branch keeps its rank: the one that starts as the pendulum ends as the wheel.
+    assert len(set(np.sign(np.diff(two, axis=1)).ravel())) == 1
+
+
+# Loss of stability
+
+
+@pytest.mark.parametrize("k", [1.2, 1.9])
+def test_payload_above_its_axis_topples_at_k_over_m_h(k: float):
+    """Inverted pendulum on a joint spring: from orbit up to the critical g = k / (m h)."""
+    h, m = 0.11, 2.0
+    top = hinge("mast", Z, (0, h, 0), (0.1, 0.1, 0.2), k)
+    path = follow_gravity(*on_a_base(top), [ORBIT, EARTH], count=7)
+    event = path.events[-1]
+    assert (event.kind, event.ends, path.complete) == (EventKind.UNSTABLE, True, False)
+    # In orbit the spring makes the one flexible mode.
+    assert event.name == ("first joint",)
+    assert event.sentence.startswith("'first joint' loses stability at g = ")
+    # The base gives way by 3e-9 of the spring; what its springs round to is not yet unstable: 1e-6 rad^2/s^2.
+    assert np.linalg.norm(event.gravity) == pytest.approx(k / (m * h), rel=3e-7)
+    assert path.size[-1] == np.linalg.norm(event.gravity)
+    inertia = 0.2 + m * h**2
+    assert branch(path, "first joint")[1:] == pytest.approx((k - m * path.size[1:] * h) / inertia, abs=1e-5)
+
+
+def test_payload_above_a_free_axis_is_reported_not_raised():
+    top = hinge("mast", Z, (0, 0.1, 0), (0.1, 0.1, 0.2))
+    path = follow_gravity(*on_a_base(top), [EARTH, ORBIT])
+    (event,) = path.events
+    assert (event.kind, event.name) == (EventKind.UNSTABLE_START, ("payload pendulum mast",))
+    assert event.frequency_hz == pytest.approx(-np.sqrt(2 * G * 0.1 / (0.2 + 0.02)) / (2 * np.pi), rel=1e-6)
+    assert (path.complete, len(path.s)) == (False, 0)
+    upward = follow_gravity(*on_a_base(top), [ORBIT, EARTH])
+    assert [e.kind for e in upward.events] == [EventKind.UNSTABLE]
+    assert np.linalg.norm(upward.events[0].gravity) == 0.0  # stable in no gravity at all
+
+
+def column(elements: int, length: float = 2.0, up: float = 1.0):
+    """A slender mast clamped to the base; EI and rho A differ between its planes only by rotary inertia."""
+    mast = Section(1e6, 8.0, 4.0, 5.0, 0.5, 0.0, 0.0)
+    foot_and_tip = [node("tip", (0, up * length, 0))]
+    return on_a_base(nodes=foot_and_tip, members=[member("base", "tip", mast, elements, up=(1, 0, 0))])
+
+
+def greenhill() -> float:
+    """Critical q L^3 / EI: 9/4 times the square of the first zero of J_(-1/3)."""
+    return 9.0 / 4.0 * brentq(lambda x: float(jv(-1.0 / 3.0, x)), 1.5, 2.2, xtol=1e-14) ** 2
+
+
+@pytest.mark.parametrize("elements", [2, 4])
+def test_mast_buckles_under_its_own_weight(elements: int):
+    """Greenhill 1881: q L^3 = 7.8373 EI, in the weaker plane; the mesh errs with the fourth power of 1/n."""
+    assert greenhill() == pytest.approx(7.8373, abs=5e-5)
+    path = follow_gravity(*column(elements), [ORBIT, at(12.0)])
+    event = path.events[-1]
+    assert event.kind is EventKind.UNSTABLE
+    assert "bending" in event.name[0]
+    size = float(np.linalg.norm(event.gravity))
+    # Cubic elements: measured 2.5e-3 and 2.1e-4, towards the fourth power; it shortens by 5e-6.
+    assert size == pytest.approx(greenhill() * 4.0 / (0.5 * 2.0**3), rel=0.06 / elements**4)
+
+
+def cantilever_omega2(gamma: float, near: float) -> float:
+    """Lowest of y"" + gamma ((1 - x) y')' = lambda y, clamped at 0 and free at 1; gamma is q L^3 / EI."""
+
+    def slope(x: float, y: np.ndarray, lam: float) -> np.ndarray:
+        w = y.reshape(2, 4)
+        fourth = lam * w[:, 0] - gamma * ((1.0 - x) * w[:, 2] - w[:, 1])
+        return np.column_stack([w[:, 1:], fourth]).ravel()
+
+    def tip(lam: float) -> float:
+        start = np.array([[0, 0, 1.0, 0], [0, 0, 0, 1.0]]).ravel()
+        end = solve_ivp(slope, (0.0, 1.0), start, args=(lam,), rtol=1e-9, atol=1e-11).y[:, -1]
+        return float(np.linalg.det(end.reshape(2, 4)[:, 2:]))
+
+    return brentq(tip, 0.8 * near, 1.2 * near, xtol=1e-7)
+
+
+@pytest.mark.parametrize("up", [1.0, -1.0])
+def test_mast_standing_and_hanging_in_any_gravity(up: float):
+    """Stations against a boundary value problem by shooting: standing it softens, hanging it stiffens."""
+    EI, q, L = 4.0, 0.5, 2.0
+    path = follow_gravity(*column(6, L, up), [at(1.0), at(6.0)], count=8)
+    weaker = path.omega2[:, 0]
+    scale = EI / (q * L**4)
+    for p in (0, len(path.s) // 2, -1):
+        exact = scale * cantilever_omega2(up * path.size[p] * q * L**3 / EI, weaker[p] / scale)
+        # Six elements err by 0.06/6^4 of the critical gravity: 3 times that of what is left of it.
+        assert weaker[p] == pytest.approx(exact, rel=2e-4)
+
+
+def test_shallow_truss_snaps_through_at_its_limit_load():
+    """Von Mises truss: 2 k h (L0/L - 1) has its maximum at L^3 = L0 a^2; the branch ends there."""
+    k, a, h = 2000.0, 1.0, 0.1
+    free = float(np.hypot(a, h))
+    mass = structure(
+        [node("m", (0, h, 0), body(1.0, inertia=(0.1, 0.1, 0.1)))],
+        attach=[AttachPoint("m", "m", np.zeros(3))],
+    )
+    legs = [AnchoredSpring(f"leg {x:+d}", "m", np.array([x * a, 0, 0]), k, free) for x in (-1, 1)]
+    # What holds it sideways is so long that it has no say in height.
+    guides = [AnchoredSpring("guide", "m", np.array([0, h, 1e3]), 1e4, 1e3)]
+    length = (free * a**2) ** (1 / 3)
+    low = np.sqrt(length**2 - a**2)
+    critical = 2 * k * low * (free / length - 1.0)
+    path = follow_gravity(mass, lab(*legs, *guides), [at(0.2 * critical), at(3.0 * critical)])
+    event = path.events[-1]
+    assert event.kind in (EventKind.NO_REST, EventKind.UNSTABLE)
+    assert event.name == ("bounce",)
+    assert not path.complete
+    # Found to 1e-10 of the path; the guide's pull upwards is 1e4 (0.04/1e3)^2 / 2 = 1e-5 N of 0.8 N.
+    assert np.linalg.norm(event.gravity) == pytest.approx(critical, rel=2e-5)
+
+
+def test_cable_that_goes_slack_ends_the_path():
+    """A bar between two leaning cables, tilted until it hangs on one of them, in line with it."""
+    lean, reach, half, m, k = np.radians(40.0), 1.0, 0.1, 2.0, 1e5
+    points = {"left": -half, "right": half}
+    bar = structure(
+        [node("bar", (0, 0, 0), body(m, inertia=(0.1, 0.1, 0.1)))],
+        attach=[AttachPoint(n, "bar", np.array([x, 0, 0])) for n, x in points.items()],
+    )
+    force, length = 0.5 * m * G / np.cos(lean), reach / np.cos(lean)
+    anchor = {n: np.array([x + np.sign(x) * reach * np.tan(lean), reach, 0]) for n, x in points.items()}
+    devices = tuple(Device(n, n, force=force, stiffness=k, anchor=anchor[n]) for n in points)
+    env = Environment("lab", GRAVITY, None, (), devices)
+    path = follow_gravity(bar, env, [EARTH, tilt_place(EARTH, np.radians(60.0), Z)])
+    event = path.events[-1]
+    assert (event.kind, event.name) == (EventKind.SLACK, ("left",))
+
+    def too_long(angle: float) -> float:
+        down = np.array([-np.sin(angle), -np.cos(angle), 0.0])
+        left = anchor["right"] + (length + (m * G - force) / k + 2 * half) * down
+        return float(np.linalg.norm(left - anchor["left"])) - (length - force / k)
+
+    expected = brentq(too_long, np.radians(30.0), np.radians(60.0), xtol=1e-12)
+    # At rest to 1e-9 of the weight, in a tension that falls by 1 N in 0.1 rad.
+    assert np.arctan2(-event.gravity[0], -event.gravity[1]) == pytest.approx(expected, abs=1e-7)
+
+
+# What is refused
+
+
+def test_paths_that_go_nowhere():
+    parts, env = hung_body(), one_cable()
+    with pytest.raises(ConfigError, match="goes nowhere"):
+        follow_gravity(parts, env, [EARTH])
+    with pytest.raises(ConfigError, match="goes nowhere"):
+        follow_gravity(parts, env, [EARTH, ORBIT, ORBIT])
+    with pytest.raises(ConfigError, match="needs an environment with gravity"):
+        follow_gravity(parts, Environment.orbit())
+    for name in ("pluto", "-1", "nan", "inf"):
+        with pytest.raises(ConfigError, match="no place"):
+            find_place(name, GRAVITY)
+    with pytest.raises(ConfigError, match="which way is down"):
+        find_place("moon", np.zeros(3))
+    with pytest.raises(ConfigError, match="axis"):
+        tilt_place(EARTH, 0.1, np.zeros(3))
