@@ -97,12 +97,23 @@ def readme(names: Names) -> None:
     assert np.all(names["comparison"].ratio[:4] > 1.0)
 
 
+def level_an_article(names: Names) -> None:
+    """The tilts and offsets that the page names, to its digits."""
+    assert np.degrees(names["hangs"].tilt[0]) == pytest.approx(-6.8, abs=0.05)
+    assert names["hangs"].lies_off[1:] == pytest.approx([-0.081, -0.0097], abs=5e-4)
+    assert names["found"].change == pytest.approx([-0.0291], abs=5e-5)
+    assert len(names["found"].history) == 4
+    assert names["shared"].change == pytest.approx([-0.0097] * 3, abs=2e-4)
+    assert names["refused"]["n1 z"] == pytest.approx(-0.01)
+
+
 PROMISES: dict[str, Callable[[Names], None]] = {
     "README.md": readme,
     "docs/tutorials/first-steps.md": first_steps,
     "docs/how-to/your-own-article.md": your_own_article,
     "docs/how-to/your-own-record.md": your_own_record,
     "docs/how-to/override-a-value.md": override_a_value,
+    "docs/how-to/level-an-article.md": level_an_article,
     "docs/how-to/correlate-with-a-test.md": correlate_with_a_test,
 }
 
