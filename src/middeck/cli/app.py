@@ -9,7 +9,18 @@ import click
 
 from middeck import __version__
 
-VERBS = ("study", "check", "modes", "compare", "correlate", "response", "identify", "design")
+VERBS = (
+    "study",
+    "check",
+    "modes",
+    "compare",
+    "budget",
+    "path",
+    "correlate",
+    "response",
+    "identify",
+    "design",
+)
 
 EXAMPLES = """\
 \b

@@ -1,0 +1,114 @@
+"""``middeck budget``: how much of each mode's shift each effect of gravity makes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from middeck.cli import figures, options
+from middeck.cli.screen import Table, show
+
+if TYPE_CHECKING:
+    from middeck.structure.budget import GravityBudget
+
+EPILOG = """\
+\b
+Examples:
+  middeck budget articles/mace-simple.toml
+  middeck budget articles/mace-dm.toml --figure budget.svg --json
+"""
+
+
+@click.command("budget", epilog=EPILOG)
+@options.article
+@options.environment
+@options.count
+@figures.figure
+@options.common
+def verb(
+    article: str,
+    environment: str,
+    count: int,
+    figure_file: str | None,
+    overrides: tuple[str, ...],
+    as_json: bool,
+) -> None:
+    """Split each mode's shift from orbit to an environment into the effects of gravity.
+
+    Suspension, the stiffness that inner forces and weight make, and static pre-deformation are switched on
+    one at a time, in all six orders: the mean of what each adds, and how far that depends on the order.
+    """
+    from middeck.cli.cases import find_case, solve_in
+    from middeck.files.documents import load_case
+    from middeck.structure.budget import build_budget
+    from middeck.structure.environment import Environment
+
+    files = find_case(article, environment)
+    structure, surroundings = load_case(*files, overrides)
+    orbit = solve_in(structure, Environment.orbit(), files[0])
+    found = build_budget(orbit, solve_in(structure, surroundings, *files), count)
+    document = describe(found)
+    if figure_file is not None:
+        from middeck.plot.budget import budget_figure
+
+        figures.write_figure(
+            budget_figure(found),
+            figure_file,
+            key="budget",
+            title=f"Gravity budget of {document['article']}",
+            description="Shares of the shift of each mode from 0-g to 1-g by effect.",
+        )
+    show(as_json, document, *_tables(document))
+
+
+def describe(found: GravityBudget) -> dict[str, Any]:
+    """The JSON document; ``omega2`` has an axis off/on for each of the effects, in their order."""
+    from middeck.structure.budget import EFFECTS, ORDERS
+
+    lab = found.lab
+    return {
+        "schema": "middeck.budget/1",
+        "article": lab.equilibrium.model.structure.title,
+        "environment": lab.equilibrium.environment.title,
+        "effects": EFFECTS,
+        "orders": ORDERS,
+        "pairs": found.pairs,
+        "name": [lab.name[j] for j in found.pairs[:, 1]],
+        "kind_in_orbit": [found.orbit.kind[i] for i in found.pairs[:, 0]],
+        "frequency_hz": found.frequency_hz,
+        "shift_hz": found.shift_hz,
+        "share_hz": found.share_hz,
+        "range_hz": found.range_hz,
+        "by_order_omega2": found.by_order,
+        "omega2": found.corner,
+        "match": found.match,
+        "doubtful": found.doubtful,
+        "warnings": (
+            *(f"in orbit: {w}" for w in found.orbit.warnings),
+            *(f"in {lab.equilibrium.environment.title}: {w}" for w in lab.warnings),
+        ),
+    }
+
+
+def _tables(document: dict[str, Any]) -> list[str | Table]:
+    spread = (document["range_hz"][:, :, 1] - document["range_hz"][:, :, 0]).max(axis=1)
+    doubt = set(document["doubtful"])
+    rows = [
+        [
+            f"{name} *" if m in doubt else name,
+            *(f"{f:.4f}" for f in document["frequency_hz"][m]),
+            *(f"{x:+.4f}" for x in (document["shift_hz"][m], *document["share_hz"][m])),
+            f"{spread[m]:.4f}",
+        ]
+        for m, name in enumerate(document["name"])
+    ]
+    headers = ["", "0-g Hz", "1-g Hz", "shift", "susp.", "stiff.", "deform.", "order"]
+    return [
+        f"article      {document['article']}",
+        f"environment  {document['environment']}",
+        Table("shares of the shift, Hz", headers, rows),
+        "\nsusp.: devices; stiff.: inner forces and weight; deform.: the static shape. Means over six orders;"
+        "\norder: the widest range of a share over them. The sum of the shares is the shift.",
+        *(["* in some state between, less than half of its shape in orbit"] if doubt else []),
+    ]

@@ -1,0 +1,165 @@
+"""``middeck path``: modes followed while gravity changes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from middeck.cli import figures, options
+from middeck.cli.screen import Table, show
+
+if TYPE_CHECKING:
+    from middeck.structure.environment import Environment
+    from middeck.structure.gravity_path import GravityPath
+    from middeck.structure.places import Place
+
+EPILOG = """\
+\b
+Examples:
+  middeck path articles/mace-simple.toml --figure path.svg
+  middeck path articles/mace-dm.toml --through earth,mars,moon,orbit
+  middeck path articles/mace-dm.toml --tilt 5,0,0,1 --json
+"""
+RULES = ("kept", "retuned")  # as in structure/places.py, which --help must not import
+
+
+@click.command("path", epilog=EPILOG)
+@options.article
+@options.environment
+@options.count
+@click.option(
+    "--through",
+    metavar="PLACES",
+    help="earth, mars, moon, orbit or m/s^2, with commas.  [default: the environment's own gravity,orbit]",
+)
+@click.option(
+    "--tilt",
+    type=options.Numbers(4),
+    metavar="DEG,X,Y,Z",
+    help="Instead: tilt the floor by an angle about an axis.",
+)
+@click.option(
+    "--devices",
+    type=click.Choice(RULES),
+    default=RULES[0],
+    show_default=True,
+    help="As tuned, their force scaled; or tuned anew in each gravity.",
+)
+@click.option("--require", is_flag=True, help="End with exit code 1 if the path ends early.")
+@figures.figure
+@options.common
+def verb(
+    article: str,
+    environment: str,
+    count: int,
+    through: str | None,
+    tilt: tuple[float, ...] | None,
+    devices: str,
+    require: bool,
+    figure_file: str | None,
+    overrides: tuple[str, ...],
+    as_json: bool,
+) -> None:
+    """Follow the modes of ARTICLE while gravity changes, from place to place.
+
+    Crossings and veerings on the way; where the rest state loses its stability, at which gravity and in
+    which mode. Devices are tuned in the environment's own gravity, and released in orbit.
+    """
+    from middeck.cli.blame import reading
+    from middeck.cli.cases import find_case
+    from middeck.files.documents import load_case
+    from middeck.structure.gravity_path import follow_gravity
+    from middeck.structure.places import DeviceRule
+
+    files = find_case(article, environment)
+    structure, surroundings = load_case(*files, overrides)
+    places = _places(surroundings, through, tilt)
+    with reading(*files):
+        found = follow_gravity(structure, surroundings, places, devices=DeviceRule(devices), count=count)
+    document = describe(found)
+    if figure_file is not None:
+        from middeck.plot.gravity_path import gravity_path_figure
+
+        figures.write_figure(
+            gravity_path_figure(found),
+            figure_file,
+            key="path",
+            title=f"Modes of {document['article']} against gravity",
+            description=" ".join(e.sentence + "." for e in found.events) or "No event.",
+        )
+    show(as_json, document, *_tables(document))
+    if require and not found.complete:
+        click.get_current_context().exit(1)
+
+
+def _places(
+    environment: Environment, through: str | None, tilt: tuple[float, ...] | None
+) -> tuple[Place, ...] | None:
+    import numpy as np
+
+    from middeck.errors import ConfigError
+    from middeck.structure.places import Place, find_place, tilt_place
+
+    if through is not None and tilt is not None:
+        raise ConfigError("--through or --tilt: one of them, not both")
+    if tilt is not None:
+        start = Place(environment.title, environment.gravity)
+        return start, tilt_place(start, float(np.radians(tilt[0])), np.array(tilt[1:]))
+    if through is None:
+        return None
+    return tuple(find_place(name, environment.gravity) for name in options.separate_names((through,)))
+
+
+def describe(found: GravityPath) -> dict[str, Any]:
+    """The JSON document; of ``frequency_hz`` a mode that grows has minus its rate over 2 pi."""
+    return {
+        "schema": "middeck.path/1",
+        "article": found.structure.title,
+        "environment": found.environment.title,
+        "devices": found.rule.value,
+        "complete": found.complete,
+        "places": [{"name": p.name, "gravity_m_s2": p.gravity} for p in found.places],
+        "reached": found.reached,
+        "name": found.name,
+        "kind": found.kind,
+        "s": found.s,
+        "gravity_m_s2": found.gravity,
+        "frequency_hz": found.frequency_hz,
+        "match": found.match,
+        "doubtful": found.doubtful,
+        "events": [
+            {
+                "what": e.kind.value,
+                "ends_the_path": e.ends,
+                "s": e.s,
+                "gravity_m_s2": e.gravity,
+                "modes": e.name,
+                "branches": e.branch,
+                "frequency_hz": e.frequency_hz,
+                "gap_hz": e.gap_hz,
+                "sentence": e.sentence,
+            }
+            for e in found.events
+        ],
+    }
+
+
+def _tables(document: dict[str, Any]) -> list[str | Table]:
+    stations = list(document["reached"])
+    headers = [document["places"][k]["name"] for k in range(len(stations))]
+    if stations and stations[-1] != len(document["s"]) - 1:
+        stations.append(len(document["s"]) - 1)
+        headers.append("the end")
+    rows = [
+        [name, kind, *(f"{document['frequency_hz'][p, b]:.5f}" for p in stations)]
+        for b, (name, kind) in enumerate(zip(document["name"], document["kind"], strict=True))
+    ]
+    blocks: list[str | Table] = [
+        f"article      {document['article']}",
+        f"environment  {document['environment']}, devices {document['devices']}",
+    ]
+    if rows:
+        blocks.append(Table("frequencies, Hz", ["branch", "kind", *headers], rows))
+    events = [f"  {e['sentence']}" for e in document["events"]]
+    return [*blocks, "\n".join(["", "on the way", *(events or ["  nothing crosses, veers or gives way"])])]

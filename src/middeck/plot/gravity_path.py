@@ -1,0 +1,99 @@
+"""Frequency against gravity: modes as branches, with what happens to them on the way."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from middeck.plot.style import COLOUR, new_figure, styled
+from middeck.structure.gravity_path import GravityPath
+from middeck.structure.path_events import EventKind, GravityEvent
+
+KIND = {"rigid": COLOUR["ink"], "suspension": COLOUR["orbit"], "flexible": COLOUR["lab"]}
+MARK = {EventKind.CROSSING: "x", EventKind.VEERING: "s"}
+WORD = {EventKind.CROSSING: "crossing", EventKind.VEERING: "veering"}
+# Of the largest gravity: a path that varies by less is drawn against the angle that gravity has turned.
+SAME_SIZE = 1e-6
+# Room between two names at the edge, in the height of the axes.
+ROOM = 0.034
+LEADER: dict[str, Any] = {"arrowstyle": "-", "linewidth": 0.4, "shrinkA": 1.0, "shrinkB": 0.0}
+
+
+@styled
+def gravity_path_figure(path: GravityPath, highest_hz: float | None = None) -> Figure:
+    """All branches up to ``highest_hz``; events marked, places as dashed lines, the end of a path in red."""
+    figure = new_figure(5.4, 7.4)
+    axes = figure.add_subplot()
+    if not len(path.s):
+        axes.set_axis_off()
+        axes.text(0.5, 0.5, "\n".join(e.sentence for e in path.events), ha="center", wrap=True)
+        return figure
+    draw_branches(axes, path, highest_hz)
+    axes.legend(loc="upper left", ncols=2)
+    return figure
+
+
+def draw_branches(axes: Axes, path: GravityPath, highest_hz: float | None = None) -> None:
+    """Frequencies against the size of gravity, or against its turn where the size stays."""
+    x, label = _abscissa(path)
+    f = path.frequency_hz
+    shown = [b for b in range(f.shape[1]) if highest_hz is None or f[:, b].min() <= highest_hz]
+    seen: set[str] = set()
+    for b in shown:
+        kind = path.kind[b]
+        axes.plot(x, f[:, b], color=KIND[kind], linewidth=1.1, label="_" if kind in seen else kind)
+        seen.add(kind)
+    top = highest_hz or 1.05 * float(f.max())
+    axes.set_ylim(min(0.0, 1.05 * float(f.min())), top)
+    axes.set_xlabel(label)
+    axes.set_ylabel("frequency [Hz]")
+    for event in path.events:
+        if not set(event.branch) - set(shown) and 0.0 <= event.frequency_hz <= top:
+            _mark(axes, path, x, event, seen)
+    for place, station in zip(path.places, path.reached, strict=False):
+        axes.axvline(x[station], color=COLOUR["ghost"], linestyle="--", linewidth=0.8, zorder=1)
+        axes.annotate(place.name, (x[station], 1.0), xycoords=("data", "axes fraction"), xytext=(0, 3),
+                      textcoords="offset points", ha="center", fontsize=7.5)  # fmt: skip
+    _name_branches(axes, [(f[0, b], path.name[b], KIND[path.kind[b]]) for b in shown], float(x[0]), x)
+
+
+def _abscissa(path: GravityPath) -> tuple[np.ndarray, str]:
+    size = path.size
+    if np.ptp(size) > SAME_SIZE * size.max():
+        return size, "gravity [m/s²]"
+    along = path.gravity @ path.gravity[0] / (size * size[0])
+    across = np.linalg.norm(np.cross(path.gravity, path.gravity[0]), axis=1) / (size * size[0])
+    return np.degrees(np.arctan2(across, along)), "angle that gravity has turned [deg]"
+
+
+def _mark(axes: Axes, path: GravityPath, x: np.ndarray, event: GravityEvent, seen: set[str]) -> None:
+    at = float(np.interp(event.s, path.s, x))
+    if event.ends:
+        axes.axvline(at, color="#B00020", linewidth=1.0)
+        axes.annotate(event.sentence, (at, 0.5), xycoords=("data", "axes fraction"), rotation=90,
+                      xytext=(-4, 0), textcoords="offset points", ha="right", va="center", fontsize=7.5,
+                      color="#B00020")  # fmt: skip
+        return
+    word = WORD[event.kind]
+    axes.plot(at, event.frequency_hz, MARK[event.kind], color="black", markerfacecolor="none",
+              markersize=5.0, linestyle="", label="_" if word in seen else word, zorder=4)  # fmt: skip
+    seen.add(word)
+
+
+def _name_branches(axes: Axes, ends: list[tuple[float, str, str]], at: float, x: np.ndarray) -> None:
+    """Names where the branches begin, outside the axes, pushed apart where they would touch."""
+    low, high = axes.get_ylim()
+    right = at >= float(np.mean([x.min(), x.max()]))
+    floor = -1.0
+    for f, name, colour in sorted(ends):
+        height = (f - low) / (high - low)
+        if height > 1.0:
+            continue
+        floor = max(height, floor + ROOM)
+        axes.annotate(name, (1.0 if right else 0.0, height), xycoords="axes fraction",
+                      xytext=(1.025 if right else -0.11, floor), textcoords="axes fraction", color=colour,
+                      ha="left" if right else "right", va="center", fontsize=7.0,
+                      arrowprops=LEADER | {"color": colour, "relpos": (float(not right), 0.5)})  # fmt: skip
