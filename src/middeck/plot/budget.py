@@ -1,4 +1,4 @@
-"""The budget of gravity's effects: stacked bars, one a mode, with their range over the orders of switching."""
+"""The budget of gravity's effects: stacked bars, with their range over the orders of switching."""
 
 from __future__ import annotations
 

@@ -1,0 +1,89 @@
+"""The verbs of gravity print what the rooms compute, draw on demand, and refuse what makes no sense."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import middeck as md
+from cli_runner import ROOT, middeck
+from middeck.structure.budget import build_budget
+from middeck.structure.gravity_path import follow_gravity
+from middeck.structure.places import DeviceRule, find_place
+
+DM = ROOT / "articles/mace-dm.toml"
+LAB = ROOT / "environments/lab.toml"
+Capture = pytest.CaptureFixture[str]
+
+
+def document(capfd: Capture, *arguments: object) -> dict[str, Any]:
+    ended = middeck(capfd, *arguments, "--json")
+    assert (ended.code, ended.err) == (0, "")
+    return json.loads(ended.out, parse_constant=lambda text: pytest.fail(f"{text} is no JSON"))
+
+
+def test_budget(capfd: Capture, tmp_path: Path) -> None:
+    drawing = tmp_path / "budget.svg"
+    found = document(capfd, "budget", DM, "--count", 12, "--figure", drawing)
+    structure, lab = md.load_case(DM, LAB)
+    modes = [md.solve_modes(md.solve_equilibrium(structure, e)) for e in (md.Environment.orbit(), lab)]
+    expected = build_budget(modes[0], modes[1], 12)
+    assert found["schema"] == "middeck.budget/1"
+    assert found["share_hz"] == expected.share_hz.tolist()  # exact: JSON carries all digits
+    assert found["omega2"] == expected.corner.tolist()
+    assert np.sum(found["share_hz"], axis=1) == pytest.approx(found["shift_hz"], abs=1e-12)
+    assert drawing.read_text(encoding="utf-8").startswith("<svg")
+    text = middeck(capfd, "budget", DM, "--count", 12)
+    assert text.code == 0
+    assert "payload pendulum" in text.out
+
+
+def test_path(capfd: Capture, tmp_path: Path) -> None:
+    drawing = tmp_path / "path.svg"
+    ask = ("path", DM, "--through", "moon,1.5", "--devices", "retuned", "--count", 12)
+    found = document(capfd, *ask, "--figure", drawing)
+    structure, lab = md.load_case(DM, LAB)
+    places = [find_place(n, lab.gravity) for n in ("moon", "1.5")]
+    expected = follow_gravity(structure, lab, places, devices=DeviceRule.RETUNED, count=12)
+    assert found["schema"] == "middeck.path/1"
+    assert found["complete"]
+    assert found["frequency_hz"] == expected.frequency_hz.tolist()
+    assert [p["name"] for p in found["places"]] == ["moon", "1.5 m/s^2"]
+    assert "payload pendulum" in drawing.read_text(encoding="utf-8")
+
+
+def upside_down(folder: Path) -> Path:
+    """The payload's centre of mass above its axes."""
+    file = folder / "article.toml"
+    text = DM.read_text(encoding="utf-8")
+    assert "payload_cg_m = [0.0, -0.08, 0.0]" in text
+    file.write_text(text.replace("payload_cg_m = [0.0, -0.08, 0.0]", "payload_cg_m = [0.0, 0.08, 0.0]"))
+    return file
+
+
+def test_unstable_path_is_an_answer(capfd: Capture, tmp_path: Path) -> None:
+    ask = ("path", upside_down(tmp_path), "--environment", LAB, "--count", 12)
+    found = document(capfd, *ask, "--figure", tmp_path / "path.svg")
+    assert (found["complete"], found["s"]) == (False, [])
+    assert found["events"][-1]["what"] == "unstable start"
+    ended = middeck(capfd, *ask, "--require")
+    assert ended.code == 1
+    assert "payload pendulum" in ended.out
+    assert "unstable where the path begins" in ended.out
+
+
+def test_tilt_or_places_and_both_make_sense(capfd: Capture) -> None:
+    for wrong, says in (
+        (("--through", "earth,pluto"), "no place 'pluto'"),
+        (("--through", "earth"), "goes nowhere"),
+        (("--through", "earth,moon", "--tilt", "5,0,0,1"), "one of them"),
+        (("--tilt", "5,0,0,0"), "zero vector"),
+        (("--environment", "orbit"), "needs an environment with gravity"),
+    ):
+        ended = middeck(capfd, "path", DM, *wrong)
+        assert ended.code == 2
+        assert says in ended.err
