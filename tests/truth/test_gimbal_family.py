@@ -1,0 +1,248 @@
+"""Families over gimbal angles: holding torques and pendulums in closed form, also past the horizontal."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from middeck.errors import ConfigError, UnstableEquilibriumError
+from middeck.files.documents import load_case
+from middeck.structure.article import (
+    Actuator,
+    AttachPoint,
+    Body,
+    Joint,
+    JointState,
+    Sensor,
+    Structure,
+)
+from middeck.structure.environment import AnchoredSpring, Environment
+from middeck.structure.equilibrium import solve_equilibrium
+from middeck.structure.gimbal_family import GimbalFamily, sweep_gimbals
+from middeck.structure.modal_plant import build_plant
+from middeck.structure.modes import solve_modes
+from middeck.systems.modal import modal_response
+from structure_builders import GRAVITY, body, node, structure
+
+G = 9.80665
+M, D, INERTIA = 5.0, 0.08, np.array([0.03, 0.01, 0.02])
+X, Z = np.eye(3)[0], np.eye(3)[2]
+# A foundation that hardly gives: 4e8 N m/rad turn by 1e-8 rad under the payload's 4 N m, and 6e8 N/m let the
+# carrier follow the swinging payload by (M D omega)^2 / (I K) = 3e-7 of omega^2.
+CARRIER, STIFF, ARM = 1.0, 1e8, 1.0
+
+
+def payload(state: JointState = JointState.FREE, **more) -> Structure:
+    """One axis along x in a carrier that is as good as fixed, its payload hanging a distance D below."""
+    joint = Joint("p", "base", np.zeros(3), X, 0.0, body(M, (0, -D, 0), INERTIA), state, **more)
+    points = {
+        f"{sign}{axis}": ARM * s * np.eye(3)[i]
+        for i, axis in enumerate("xyz")
+        for s, sign in ((1.0, "up_"), (-1.0, "down_"))
+    }
+    return structure(
+        [node("base", (0, 0, 0), body(CARRIER, inertia=(CARRIER,) * 3))],
+        joints=[joint],
+        attach=[AttachPoint(name, "base", at) for name, at in points.items()],
+        actuators=[Actuator("motor", "p", None)],
+        sensors=[Sensor("angle", "p", None)],
+    )
+
+
+def held(gravity: np.ndarray = GRAVITY) -> Environment:
+    """The carrier on six springs of no free length, alike in all directions, above it by their sag."""
+    parts = payload()
+    rise = -(CARRIER + M) * gravity / (6.0 * STIFF)
+    return Environment(
+        "foundation",
+        gravity,
+        springs=tuple(
+            AnchoredSpring(p.name, p.name, p.offset + rise, STIFF, 0.0) for p in parts.attach_points
+        ),
+    )
+
+
+ANGLES = np.radians([-60.0, -30.0, 0.0, 20.0, 45.0, 75.0])
+
+
+@pytest.fixture(scope="module")
+def family() -> GimbalFamily:
+    return sweep_gimbals(
+        payload(torque_limit=3.0), held(), {"p": ANGLES}, inputs=["motor"], outputs=["angle"]
+    )
+
+
+def branch(found: GimbalFamily, name: str) -> np.ndarray:
+    return found.omega2[:, found.name.index(name)]
+
+
+def test_holding_torque_is_m_g_d_sine(family: GimbalFamily):
+    # The carrier turns by 1e-8 rad.
+    assert family.holding_torque[:, 0] == pytest.approx(M * G * D * np.sin(ANGLES), rel=1e-7, abs=1e-7)
+
+
+def test_pendulum_frequency_follows_the_cosine(family: GimbalFamily):
+    about = INERTIA[0] + M * D**2
+    expected = np.sqrt(M * G * D * np.cos(ANGLES) / about) / (2 * np.pi)
+    pendulum = np.sqrt(branch(family, "payload pendulum p")) / (2 * np.pi)
+    # The carrier follows, see above.
+    assert pendulum == pytest.approx(expected, rel=1e-6)
+    assert family.frequency_hz[:, family.name.index("payload pendulum p")] == pytest.approx(pendulum)
+    assert family.stable == (True,) * len(ANGLES)
+    assert family.limits == ()
+    assert family.doubtful == ()
+
+
+def test_the_motor_limit_is_held_against_the_holding_torque(family: GimbalFamily):
+    over = [p for p, a in enumerate(ANGLES) if M * G * D * abs(np.sin(a)) > 3.0]
+    assert family.overloaded == tuple((p, "p") for p in over)
+    assert len(over) == 2
+
+
+def test_each_plant_is_that_of_the_article_with_its_axis_there(family: GimbalFamily):
+    for p in (0, 3):
+        there = payload()
+        there = dataclasses.replace(there, joints=(dataclasses.replace(there.joints[0], angle=ANGLES[p]),))
+        modes = solve_modes(solve_equilibrium(there, held()))
+        plant = build_plant(modes, inputs=["motor"], outputs=["angle"])
+        omega = np.array([1.0, 5.0, 20.0])
+        # The same computation.
+        assert modal_response(family.plants[p].dynamics, omega) == pytest.approx(
+            modal_response(plant.dynamics, omega), rel=1e-12
+        )
+
+
+def test_past_the_horizontal_is_a_value_and_the_angle_of_loss_is_found():
+    angles = np.radians([0.0, 40.0, 80.0, 100.0, 140.0])
+    found = sweep_gimbals(payload(), held(), {"p": angles}, inputs=["motor"], outputs=["angle"])
+    about = INERTIA[0] + M * D**2
+    assert branch(found, "payload pendulum p") == pytest.approx(M * G * D * np.cos(angles) / about, rel=1e-6)
+    assert found.stable == (True, True, True, False, False)
+    assert [plant is None for plant in found.plants] == [False, False, False, True, True]
+    assert all("grows" in text for text in found.trouble[3:])
+    (limit,) = found.limits
+    assert limit.name == "payload pendulum p"
+    assert limit.joint == "p"
+    # The carrier leans by 1e-8 rad; the angle is sought to 1e-9.
+    assert limit.angle == pytest.approx(np.pi / 2, abs=1e-7)
+    assert limit.unstable == 3
+    assert limit.sentence == "'payload pendulum p' loses stability at p = 90 deg"
+    # The torque at 140 degrees holds as at 40, though not still.
+    assert found.holding_torque[4, 0] == pytest.approx(found.holding_torque[1, 0], rel=1e-7)
+    assert np.all(found.frequency_hz[3:, found.name.index("payload pendulum p")] < 0.0)
+
+
+def test_the_hung_article_is_stable_up_to_the_limit_and_not_beyond():
+    """The limit is met by independent solutions on either side of it."""
+    parts, lab = load_case("articles/mace-dm.toml", "environments/lab.toml")
+    found = sweep_gimbals(parts, lab, {"pri_z": np.radians([80.0, 90.0])}, count=10)
+    (limit,) = found.limits
+    assert limit.name.startswith("payload pendulum pri")
+    at = [j.name for j in parts.joints].index("pri_z")
+
+    def turned(angle: float) -> Structure:
+        joints = list(parts.joints)
+        joints[at] = dataclasses.replace(joints[at], angle=angle)
+        return dataclasses.replace(parts, joints=tuple(joints))
+
+    for beyond in (-1e-5, 1e-5):
+        rest = solve_equilibrium(turned(limit.angle + beyond), lab)
+        if beyond < 0.0:
+            assert solve_modes(rest).omega[0] > 0.0
+        else:
+            with pytest.raises(UnstableEquilibriumError, match="payload pendulum pri"):
+                solve_modes(rest)
+
+
+def two_axes() -> Structure:
+    parts = payload()
+    stage = Joint("x", "base", np.zeros(3), X, 0.0, Body(0.0, np.zeros(3), np.zeros((3, 3))))
+    inner = Joint("z", "x", np.zeros(3), Z, 0.0, body(M, (0, -D, 0), INERTIA))
+    return dataclasses.replace(parts, joints=(stage, inner), actuators=(), sensors=())
+
+
+def test_two_axes_at_forty_five_degrees_and_elsewhere():
+    """Height of the centre of mass -d cos(a) cos(b): torques are its slopes, stiffnesses its curvatures."""
+    outer, inner = np.radians([0.0, 45.0]), np.radians([-20.0, 0.0, 30.0])
+    found = sweep_gimbals(two_axes(), held(), {"x": outer, "z": inner}, count=8)
+    assert found.shape == (2, 3)
+    a, b = found.angle.T
+    weight = M * G * D
+    assert found.holding_torque[:, 0] == pytest.approx(weight * np.sin(a) * np.cos(b), rel=1e-7, abs=1e-7)
+    assert found.holding_torque[:, 1] == pytest.approx(weight * np.cos(a) * np.sin(b), rel=1e-7, abs=1e-7)
+    curve = [
+        weight
+        * np.array(
+            [[np.cos(p) * np.cos(q), -np.sin(p) * np.sin(q)], [-np.sin(p) * np.sin(q), np.cos(p) * np.cos(q)]]
+        )
+        for p, q in zip(a, b, strict=True)
+    ]
+    for point, K in enumerate(curve):
+        # About the outer axis the payload's inertia at the inner angle, about the inner its own.
+        q = b[point]
+        lever = INERTIA + M * D**2 * np.array([1.0, 0.0, 1.0])
+        mass = np.diag([lever[0] * np.cos(q) ** 2 + lever[1] * np.sin(q) ** 2, lever[2]])
+        expected = np.sort(np.linalg.eigvals(np.linalg.solve(mass, K)).real)
+        pair = [found.name.index(f"payload pendulum {n}") for n in "xz"]
+        assert np.sort(found.omega2[point, pair]) == pytest.approx(expected, rel=1e-6)  # as above
+
+
+def test_a_driven_axis_goes_to_its_command():
+    found = sweep_gimbals(payload(JointState.DRIVEN), held(), {"p": [0.1, 0.4]})
+    assert [rest.config.angle[0] for rest in found.rests] == [0.1, 0.4]
+    assert found.holding_torque[:, 0] == pytest.approx(M * G * D * np.sin([0.1, 0.4]), rel=1e-7)
+    assert found.plants == (None, None)  # no ports were asked for
+
+
+def test_in_orbit_nothing_is_held_and_all_stays_free():
+    found = sweep_gimbals(payload(), Environment.orbit(), {"p": [0.0, 1.0, 2.0]})
+    assert np.array_equal(found.holding_torque, np.zeros((3, 1)))
+    assert np.array_equal(found.omega2, np.zeros((3, 7)))
+    assert found.stable == (True,) * 3
+
+
+def test_a_point_without_a_rest_state_does_not_lose_the_others():
+    """A light carrier on one cable, its second unloaded as the payload swings over to the other side."""
+    arm = Joint("arm", "base", np.zeros(3), Z, 0.0, body(6.0, (0, -1.0, 0), (0.3, 0.3, 0.3)))
+    parts = structure(
+        [node("base", (0, 0, 0), body(2.0, inertia=(0.2,) * 3))],
+        joints=[arm],
+        attach=[AttachPoint(n, "base", np.array([x, 0.1, 0.0])) for n, x in (("l", -0.4), ("r", 0.4))],
+    )
+    lab = dataclasses.replace(Environment.lab(parts), title="lab")
+    found = sweep_gimbals(parts, lab, {"arm": np.radians([-10.0, 0.0, 60.0])})
+    assert found.stable == (True, True, False)
+    assert "slack" in found.trouble[2]
+    assert found.rests[2] is None
+    assert np.all(np.isnan(found.omega2[2]))
+    assert np.all(np.isfinite(found.omega2[:2]))
+    assert np.isnan(found.holding_torque[2, 0])
+
+
+@pytest.mark.parametrize(
+    ("angles", "parts", "message"),
+    [
+        ({}, payload(), "no joint to turn"),
+        ({"q": [0.0]}, payload(), "joint 'q' there is not"),
+        (
+            {"p": [0.0]},
+            payload(JointState.SPRUNG, stiffness=3.0),
+            "rests where its spring and its load put it",
+        ),
+        ({"p": [0.2, 0.1]}, payload(), "do not ascend"),
+        ({"p": []}, payload(), "do not ascend"),
+        ({"p": [np.nan]}, payload(), "do not ascend"),
+        ({"p": np.radians([0.0, 95.0])}, payload(travel=(-np.pi / 2, np.pi / 2)), "'p' cannot go to 95 deg"),
+    ],
+)
+def test_what_cannot_be_swept_is_refused(angles, parts: Structure, message: str):
+    with pytest.raises(ConfigError, match=message) as error:
+        sweep_gimbals(parts, held(), angles)
+    assert error.value.where == "angles"
+
+
+def test_a_grid_without_any_stable_point_says_so():
+    with pytest.raises(UnstableEquilibriumError, match=r"no point of the grid .* 'payload pendulum p' grows"):
+        sweep_gimbals(payload(), held(), {"p": np.radians([120.0, 150.0])})
