@@ -23,12 +23,13 @@ SPANS = ("point", "line", "plane", "space")
 class Attitude:
     """How an article hangs. Rotation vectors [rad] and positions [m] are in W.
 
-    A rotation is split into a turn about the vertical and then a tilt, about a level axis: no tilt, level.
+    A rotation is split into a tilt, about a level axis, and then a turn about the vertical: no tilt, level.
+    A tilt about x is thus one about the drawn article's own x, whatever way it then faces.
 
     Parameters
     ----------
     tilt, heading:
-        Of the rigid body that fits the hung article best by mass: tilt, and turn about the vertical.
+        Of the rigid body that fits the hung article best by mass: tilt [rad], and turn about the vertical.
     node, node_rotation, node_tilt:
         Name, whole rotation and tilt of every node; what differs from ``tilt`` is the article's own bending.
     device, tension:
@@ -87,17 +88,17 @@ def estimate_attitude(equilibrium: Equilibrium) -> Attitude:
 def split_rotation(
     R: Float[np.ndarray, "3 3"], up: Float[np.ndarray, "3"]
 ) -> tuple[Float[np.ndarray, "3"], float]:
-    """Tilt, a rotation vector normal to ``up``, and the heading before it: R = exp(tilt) exp(heading up).
+    """Tilt, a rotation vector normal to ``up``, and the heading after it: R = exp(heading up) exp(tilt).
 
     >>> up = np.array([0.0, 1.0, 0.0])
-    >>> tilt, heading = split_rotation(rotation_exp(np.array([0.1, 0, 0])) @ rotation_exp(0.3 * up), up)
+    >>> tilt, heading = split_rotation(rotation_exp(0.3 * up) @ rotation_exp(np.array([0.1, 0, 0])), up)
     >>> tilt.round(12).tolist(), round(heading, 12)
     ([0.1, 0.0, 0.0], 0.3)
     """
-    across = np.cross(up, R @ up)
+    across = np.cross(up @ R, up)
     sine = float(np.linalg.norm(across))
     tilt = across * (np.arctan2(sine, up @ R @ up) / sine) if sine > 0.0 else across
-    return tilt, float(rotation_log(rotation_exp(tilt).T @ R) @ up)
+    return tilt, float(rotation_log(R @ rotation_exp(tilt).T) @ up)
 
 
 def fit_rotation(equilibrium: Equilibrium) -> Float[np.ndarray, "3 3"]:

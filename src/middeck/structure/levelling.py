@@ -14,22 +14,24 @@ from middeck.structure.article import Structure
 from middeck.structure.attitude import Attitude, estimate_attitude
 from middeck.structure.environment import Environment
 from middeck.structure.equilibrium import Equilibrium, solve_equilibrium
-from middeck.structure.rigid import AXES
+from middeck.structure.frames import move
+from middeck.structure.parameters import AXES, list_parameters
+from middeck.structure.rest_sensitivity import differentiate_rest
 from middeck.values import record
 
 LEVEL = 1e-7
 """Tilt [rad] that counts as none: a millimetre in ten kilometres, and above what the residual of statics does
 to a roll, 1e-9 of the weight over a centre of mass some centimetres below its attach points."""
-STEP = 1e-4
-"""Of central differences [m]: their error is its square over the square of the centre of mass' depth, some
-1e-5 of the derivative, and the rounding of a rest state, 1e-8 rad, over it another 1e-4."""
+TURN = 1e-5
+"""Largest motion [m or rad] of the differences that take a moving rest state to its tilt: errors of its
+square, and of rounding over it, 1e-10."""
 MAX_ITERATIONS = 20
 MAX_HALVINGS = 6
 NO_ROOM = 1e-6
 """Of the limit: a step that has to be shorter than this to keep within it leads out."""
-STUCK = 1e-3
-"""Singular value of the tilts' derivative [rad/m], ten times what rounding makes (1e-8 rad over `STEP`);
-of offsets that level an article it is some 10 rad/m."""
+STUCK = 1e-2
+"""Singular value of the tilts' derivative [rad/m], half a degree a metre, below which nothing is levelled;
+of offsets that do level an article it is some 10 rad/m."""
 
 
 @record
@@ -74,18 +76,18 @@ def level(
     node: str | None = None,
     limit: float = 0.1,
 ) -> Levelling:
-    """Move attach points until the tilts about the world axes ``about`` are zero.
+    """Move attach points until the tilts about the axes ``about`` are zero.
 
-    Newton's method; derivatives are central differences of the whole rest state, tuned reactions, stiffnesses
-    and anchors included. Of more offsets than tilts the least change (in the root of the sum of squares) is
-    taken. What is returned was solved for anew: its tilt is that of its own rest state.
+    Newton's method with the exact derivative of the rest state (`differentiate_rest`), tuned reactions,
+    stiffnesses and anchors included. Of more offsets than tilts the least change (in the root of the sum of
+    squares) is taken. What is returned was solved for anew: its tilt is that of its own rest state.
 
     Parameters
     ----------
     free:
         (attach point, "x", "y" or "z" of its frame): the offsets that may change.
     about:
-        World axes; by default all but the one nearest to the vertical.
+        Axes of the drawn article; by default all but the one nearest to the vertical.
     node:
         Level this node instead of the rigid body that fits the article best.
     limit:
@@ -198,21 +200,35 @@ def _hang(task: _Task, change: np.ndarray) -> _Hung:
             history=rest.history,
         )
     attitude = estimate_attitude(rest)
+    return _Hung(change, rest, attitude, _tilt(task, attitude))
+
+
+def _tilt(task: _Task, attitude: Attitude) -> np.ndarray:
     tilt = attitude.tilt if task.node is None else attitude.node_tilt[attitude.node.index(task.node)]
-    return _Hung(change, rest, attitude, tilt[[AXES.index(axis) for axis in task.about]])
+    return tilt[[AXES.index(axis) for axis in task.about]]
 
 
 def _step(task: _Task, at: _Hung) -> np.ndarray:
     """Newton's; the shortest where there are more offsets than tilts."""
-    columns = [
-        (_hang(task, at.change + e).tilt - _hang(task, at.change - e).tilt) / (2.0 * STEP)
-        for e in STEP * np.eye(len(at.change))
-    ]
-    U, size, V = np.linalg.svd(np.array(columns).T, full_matrices=False)
+    known = {p.name: p for p in list_parameters(at.rest.model.structure, task.environment)}
+    offsets = [known[f"attach.{name}.offset.{axis}"] for name, axis in task.free]
+    motion = differentiate_rest(at.rest, offsets).motion
+    U, size, V = np.linalg.svd(np.array([_rate(task, at, q) for q in motion.T]).T, full_matrices=False)
     if size[-1] <= STUCK:
         axes = [axis for axis, part in zip(task.about, np.abs(U[:, -1]), strict=True) if part > 0.1]
         raise _unreached(task, at, f"cannot be tilted about {' and '.join(axes)}", [at.size])
     return -V.T @ ((U.T @ at.tilt) / size)
+
+
+def _rate(task: _Task, at: _Hung, motion: np.ndarray) -> np.ndarray:
+    """Of the tilts, as the rest state moves: geometry alone, by central differences."""
+    tree, config = at.rest.model.tree, at.rest.config
+    step = TURN / max(float(np.abs(motion).max()), 1.0)
+    there, back = (
+        _tilt(task, estimate_attitude(dataclasses.replace(at.rest, config=move(tree, config, by * motion))))
+        for by in (step, -step)
+    )
+    return (there - back) / (2.0 * step)
 
 
 def _unreached(task: _Task, at: _Hung, what: str, history: Sequence[float]) -> EquilibriumError:
