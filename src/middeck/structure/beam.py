@@ -52,8 +52,12 @@ class BeamProperties:
 def beam_properties(sections: list[Section], lengths: Inexact[np.ndarray, " element"]) -> BeamProperties:
     """Gather one section and one length per element."""
 
+    distinct = {id(s): s for s in sections}
+    place = {key: i for i, key in enumerate(distinct)}
+    which = np.array([place[id(s)] for s in sections], dtype=int)
+
     def column(name: str) -> Array:
-        return np.array([getattr(s, name) for s in sections]) + 0.0
+        return (np.array([getattr(s, name) for s in distinct.values()]) + 0.0)[which]
 
     lengths = np.asarray(lengths)
     names = ("EA", "GJ", "EI_y", "EI_z", "rho_A", "rho_I_y", "rho_I_z")

@@ -8,8 +8,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from middeck.errors import ConfigError
-from middeck.structure.article import Body, Structure, clear_length, held_angle
+from middeck.structure.article import Body, Structure, held_angle
 from middeck.structure.connectivity import joined_nodes, separate_parts, some_names
+from middeck.structure.member_mesh import member_geometry
 
 # A unit axis is one to rounding; anything further off is a mistake.
 UNIT_ERROR = 1e-9
@@ -105,12 +106,13 @@ def _travels(structure: Structure) -> Iterator[str]:
 
 
 def _members(structure: Structure) -> Iterator[str]:
-    nodes = {n.name: n for n in structure.nodes}
-    for member in structure.members:
-        along = nodes[member.end].position - nodes[member.start].position
-        if not clear_length(member, nodes) > 0.0:
+    geometry = member_geometry(structure)
+    up = np.array([m.up for m in structure.members]).reshape(-1, 3)
+    aside = np.linalg.norm(np.cross(up, geometry.triad[:, :, 0]), axis=1)
+    for member, length, sine in zip(structure.members, geometry.length, aside, strict=True):
+        if not length > 0.0:
             yield f"member {member.name!r} has no length between its nodes' ends"
-        elif not np.linalg.norm(np.cross(member.up, along)) > UNIT_ERROR * np.linalg.norm(along):
+        elif not sine > UNIT_ERROR:
             yield f"member {member.name!r} has its up vector along itself"
         if member.elements < 1:
             yield f"member {member.name!r} has {member.elements} elements"

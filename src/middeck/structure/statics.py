@@ -19,7 +19,7 @@ from middeck.structure.mesh import Model
 TOLERANCE = 1e-9
 # Enough on the way to full load.
 ROUGH = 1e-4
-LOAD_FACTORS = (0.5,)
+LOAD_FACTORS = ()
 MAX_ITERATIONS = 200
 MAX_HALVINGS = 30
 STANDARD_GRAVITY = 9.80665

@@ -11,7 +11,8 @@ from jaxtyping import Float
 from middeck.structure.article import Structure
 from middeck.structure.checks import check_structure
 from middeck.structure.frames import frame_poses, points_in_world
-from middeck.structure.mesh import lay_out, member_triad
+from middeck.structure.member_mesh import member_geometry
+from middeck.structure.mesh import lay_out
 from middeck.structure.summary_doubts import Measures, doubt_measures
 from middeck.values import record
 
@@ -110,23 +111,20 @@ def summarise(structure: Structure) -> Summary:
 
 
 def _rods(structure: Structure) -> _Rods:
-    nodes = {node.name: node for node in structure.nodes}
     members = structure.members
-    a, b = ([nodes[getattr(m, end)] for m in members] for end in ("start", "end"))
-    x, y = (np.array([n.position for n in ends]).reshape(-1, 3) for ends in (a, b))
-    spacing = np.linalg.norm(y - x, axis=1)
-    along = (y - x) / spacing[:, None]
-    half_a, half_b = (0.5 * np.array([n.size for n in ends]) for ends in (a, b))
+    geometry = member_geometry(structure)
+    x = np.array([n.position for n in structure.nodes]).reshape(-1, 3)[geometry.nodes[:, 0]]
+    along = geometry.triad[:, :, 0]
     sections = [m.section for m in members]
 
     def column(name: str) -> np.ndarray:
         return np.array([getattr(s, name) for s in sections], dtype=float)
 
     return _Rods(
-        x + half_a[:, None] * along,
+        x + geometry.reach[:, :1] * along,
         along,
-        spacing - half_a - half_b,
-        np.array([member_triad(m, nodes) for m in members]).reshape(-1, 3, 3),
+        geometry.length,
+        geometry.triad,
         column("EA"),
         np.minimum(column("EI_y"), column("EI_z")),
         column("rho_A"),
