@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from middeck.errors import ConfigError, EquilibriumError
+from middeck.files.documents import load_case
 from middeck.structure.article import AttachPoint, Damping
 from middeck.structure.assembly import assemble
 from middeck.structure.device_friction import estimate_rest_band, sweep_device_amplitude
@@ -19,6 +21,7 @@ from middeck.structure.suspension import environment_loads, tune_suspension
 from middeck.systems.friction import Friction
 from structure_builders import GRAVITY, TUBE, body, lab, member, node, rigid_bar, structure
 
+ROOT = Path(__file__).parents[2]
 G = 9.80665
 MASS, HALF, TURN = (
     8.0,
@@ -84,6 +87,17 @@ def test_both_kinds_of_device_have_the_same_modes():
     assert spring == pytest.approx(constant, rel=1e-8)  # statics to 1e-9 of the weight
     assert spring["bounce"] == pytest.approx(2.0 * np.pi * BOUNCE, rel=1e-8)
     assert spring["pendulum z"] == pytest.approx(np.sqrt(G / LENGTH), rel=1e-8)
+
+
+def test_the_sheets_linear_spring_is_the_same_suspension():
+    """Its words: unstretched length 4.0 - g/(2 pi 0.25)^2 = 0.0255 m from the same anchor, the same law."""
+    files = ROOT / "articles/mace-simple.toml", ROOT / "environments/lab.toml"
+    spring = solve_equilibrium(*load_case(*files, ["suspension.device=spring"]))
+    constant = solve_equilibrium(*load_case(*files))
+    assert spring.loads.law.length == pytest.approx(0.0255, abs=5e-5)  # the sheet's digits
+    assert spring.tension == pytest.approx(constant.tension, rel=1e-7)
+    ours, theirs = (solve_modes(rest).omega[:26] for rest in (spring, constant))
+    assert ours == pytest.approx(theirs, rel=1e-8)  # the statics stop at 1e-9 of the weight
 
 
 def test_unequal_loads_sink_by_the_same_way():
