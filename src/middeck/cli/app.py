@@ -16,6 +16,7 @@ VERBS = (
     "compare",
     "budget",
     "path",
+    "sensitivity",
     "correlate",
     "response",
     "identify",

@@ -75,6 +75,11 @@ def derivative(value: np.ndarray) -> np.ndarray:
     return np.imag(value) / STEP
 
 
+def columns(arrays: Sequence[np.ndarray], size: int) -> np.ndarray:
+    """Side by side, none of them too."""
+    return np.array(arrays).reshape(len(arrays), size).T
+
+
 def drawn_motion(model: Model, patch: Patch) -> np.ndarray:
     """Derivative of the undeformed configuration, as coordinates of the whole."""
     out = np.zeros(model.tree.size)

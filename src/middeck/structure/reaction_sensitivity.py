@@ -20,7 +20,7 @@ from middeck.structure.assembly import assemble, mass_matrix
 from middeck.structure.equilibrium import Equilibrium
 from middeck.structure.factorisation import factorise
 from middeck.structure.mesh import Model
-from middeck.structure.patches import STEP, Patch, derivative, explicit_gradients, restrict
+from middeck.structure.patches import STEP, Patch, columns, derivative, explicit_gradients, restrict
 from middeck.structure.pinned import (
     HOLD_IN_G,
     SUPPORT_GIVES,
@@ -46,7 +46,7 @@ def differentiate_support(
     ``drawn`` are the derivatives of the undeformed configuration, a column a patch.
     """
     pinned = pinned_points(rest.model, rest.environment)
-    if not len(pinned.point):
+    if not len(pinned.point) or not patches:
         return [None] * len(patches)
     loads = pinned_loads(rest.model, rest.environment)
     state = settle_pinned(rest.model, loads, pinned)
@@ -73,7 +73,7 @@ def differentiate_support(
         sp.csr_array(hold),
         sp.csr_array(G[:, active]),
         -(force + at.tangent @ drawn)[active],
-        -np.column_stack([derivative(s) for s in slip]) - G @ drawn,
+        -columns([derivative(s) for s in slip], len(rows)) - G @ drawn,
     )
     forces = (state.force + STEP * 1j * change[:, p] for p in range(len(patches)))
     return [support_forces(s, f, len(pinned.point)) for s, f in zip(own, forces, strict=True)]
@@ -94,15 +94,19 @@ def _solve(
     K: sp.csr_array, hold: sp.csr_array, G: sp.csr_array, load: np.ndarray, shift: np.ndarray
 ) -> np.ndarray:
     """Forces f of K q - G'f = load, G q = shift, by iterative refinement of supports that give."""
-    stiff = float(np.abs(K.diagonal()).max()) / SUPPORT_GIVES
-    factor = factorise(sp.csr_array(K + hold + stiff * (G.T @ G)))
+    held = sp.csr_array(K + hold)
+    stiff = float(np.abs(held.diagonal()).max()) / SUPPORT_GIVES
+    factor = factorise(sp.csr_array(held + stiff * (G.T @ G)))
     if factor is None:
         raise _loose()
     q, f = np.zeros_like(load), np.zeros_like(shift)
+    length = np.abs(shift).max(axis=0)
     for _ in range(MAX_ITERATIONS):
         left, slip = load - K @ q + G.T @ f, shift - G @ q
-        size = np.abs(load).max(axis=0) + (abs(K) @ np.abs(q)).max(axis=0)
-        if np.all(np.abs(left).max(axis=0) <= SOLVED * size):
+        force = np.abs(load).max(axis=0) + (abs(K) @ np.abs(q)).max(axis=0)
+        length = np.maximum(length, np.abs(q).max(axis=0))
+        balanced = np.abs(left).max(axis=0) <= SOLVED * force
+        if np.all(balanced & (np.abs(slip).max(axis=0) <= SOLVED * length)):
             return f
         step = factor.solve(left + stiff * (G.T @ slip))
         q, f = q + step, f - stiff * (G @ step - slip)

@@ -22,6 +22,7 @@ from middeck.structure.patches import (
     STEP,
     Patch,
     assemble_patches,
+    columns,
     derivative,
     drawn_motion,
     explicit_gradients,
@@ -83,8 +84,8 @@ def differentiate_rest(rest: Equilibrium, parameters: Sequence[Parameter]) -> Re
     return RestSensitivities(
         tuple(parameters),
         moved.motion,
-        np.column_stack([derivative(t.reaction) for t in moved.tuned]),
-        np.column_stack([derivative(t.stiffness) for t in moved.tuned]),
+        columns([derivative(t.reaction) for t in moved.tuned], len(rest.suspension.reaction)),
+        columns([derivative(t.stiffness) for t in moved.tuned], len(rest.suspension.stiffness)),
         torque,
         tension,
     )
@@ -103,7 +104,7 @@ def _spring_torque(perturbed: Structure, rest: Equilibrium, turn: np.ndarray) ->
 def move_rest(rest: Equilibrium, parameters: Sequence[Parameter]) -> Moved:
     """The derivative of the rest state, with the patches that it came from."""
     patches = make_patches(rest.model, rest.environment, parameters)
-    drawn = np.column_stack([drawn_motion(rest.model, p) for p in patches])
+    drawn = columns([drawn_motion(rest.model, p) for p in patches], rest.model.tree.size)
     forces = differentiate_support(rest, patches, drawn)
     tuned = [tune_suspension(p.model, p.environment, f) for p, f in zip(patches, forces, strict=True)]
     loads = [environment_loads(p.model, p.environment, t) for p, t in zip(patches, tuned, strict=True)]

@@ -1,0 +1,397 @@
+"""Derivatives of rest states, modes and plants: closed forms, differences, repeated frequencies."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import middeck as md
+import structure_builders as build
+from middeck.errors import ConfigError, NumericalError
+from middeck.structure.article import Damping, DampingTable, Joint, JointState, Structure
+from middeck.structure.environment import AnchoredSpring, Device, DeviceKind, Environment, Suspension
+from middeck.structure.equilibrium import solve_equilibrium
+from middeck.structure.modal_plant import build_plant
+from middeck.structure.mode_sensitivity import differentiate_modes
+from middeck.structure.modes import Modes, solve_modes
+from middeck.structure.parameters import Parameter, find_parameters, set_parameter
+from middeck.structure.plant_sensitivity import differentiate_plant
+from middeck.structure.rest_sensitivity import differentiate_rest
+from middeck.structure.sensitivity import differentiate_frequencies
+from middeck.systems.modal import modal_to_statespace
+
+ROOT = Path(__file__).parents[2]
+# Sizes that make derivatives in different units comparable: a tenth of a metre, a radian, one g.
+SIZES = {"m": 0.1, "rad": 1.0, "kg m^2": 0.01, "m/s^2": 10.0, "": 1.0}
+
+
+def size(parameter: Parameter) -> float:
+    return SIZES.get(parameter.unit) or abs(parameter.value) or 1.0
+
+
+def lab_article(name: str, elements: int = 2) -> tuple[Structure, Environment]:
+    article = md.load_structure(ROOT / f"articles/{name}.toml")
+    members = tuple(dataclasses.replace(m, elements=elements) for m in article.members)
+    return dataclasses.replace(article, members=members), md.load_environment(ROOT / "environments/lab.toml")
+
+
+def central(values: Callable[[float], np.ndarray], parameter: Parameter, step: float) -> np.ndarray:
+    h = step * size(parameter)
+    return (values(parameter.value + h) - values(parameter.value - h)) / (2.0 * h)
+
+
+def richardson(values: Callable[[float], np.ndarray], parameter: Parameter, step: float) -> np.ndarray:
+    """Of two central differences: an error of order step^4."""
+    return (4.0 * central(values, parameter, 0.5 * step) - central(values, parameter, step)) / 3.0
+
+
+def solve(article: Structure, environment: Environment, count: int | None = None) -> Modes:
+    return solve_modes(solve_equilibrium(article, environment), count)
+
+
+BOTH = [
+    *("node.n3.mass", "node.n1.cg.y", "node.n3.cg.z", "node.n1.inertia.zz", "node.n5.inertia.xy"),
+    *("node.n2.position.x", "node.n5.position.y", "node.n3.size", "member.n1-n2.EI_y", "members.E"),
+    *("members.rho", "attach.n1.offset.x", "attach.n5.offset.z", "environment.gravity.x"),
+    *("environment.gravity.y", "environment.cable_length", "environment.bounce_hz"),
+]
+GIMBAL = [
+    *("joint.pri_x.angle", "joint.pri_z.angle", "joint.pri_x.offset.y", "joint.pri_z.mass"),
+    *("joint.pri_z.cg.y", "joint.pri_z.cg.z", "joint.pri_x.inertia.yz", "joint.pri_z.axis.y"),
+]
+SIMPLE = [
+    *("node.n1.mass", "node.n5.cg.x", "node.n3.inertia.xx", "node.n3.position.z", "member.n2-n3.EI_z"),
+    *("member.n3-n4.GJ", "member.n4-n5.rho_A", "attach.n3.offset.y"),
+]
+# A pendulum and the bounce lie 1 % apart: their own parameters bend the curve of frequency.
+BENT = ("environment.gravity.y", "environment.bounce_hz", "joint.pri_z.mass")
+
+
+@pytest.mark.parametrize(("name", "names"), [("mace-dm", BOTH + GIMBAL), ("mace-simple", BOTH + SIMPLE)])
+def test_frequencies_of_the_articles(name, names):
+    """The whole chain solved again: reactions, devices, rest state, modes."""
+    article, lab = lab_article(name)
+    parameters = find_parameters(article, lab, names)
+    found = differentiate_frequencies(solve(article, lab, 20), parameters)
+
+    def difference(p: Parameter) -> np.ndarray:
+        # Steps at which the rounding of the slowest pendulum is a third of the tolerance.
+        scheme, step = (richardson, 5e-4) if p.name in BENT else (central, 2.5e-4)
+        return scheme(lambda v: solve(*set_parameter(article, lab, p, v), 20).omega ** 2, p, step)
+
+    expected = np.array([difference(p) for p in parameters])
+    sizes = np.array([size(p) for p in parameters])[:, None]
+    error = np.abs(found.d_lambda - expected) * sizes / np.abs(expected * sizes).max(axis=0)
+    worst = int(np.argmax(error.max(axis=1)))
+    assert len(parameters) == 25
+    # The issue's: a millionth of the largest derivative of that frequency.
+    assert error.max() < 1e-6, parameters[worst].name
+
+
+def all_kinds_of_springs() -> tuple[Structure, Environment]:
+    """A bar with a sprung and a driven arm and a spring of its own, on a spring, a device and a tuned one."""
+    bar = [
+        build.node("a", (0, 0, 0), build.body(2.0, (0, -0.1, 0), (0.02, 0.03, 0.02))),
+        build.node("b", (1, 0.1, 0.05), build.body(1.5, (0.1, -0.1, 0.02), (0.02, 0.03, 0.02)), size=0.1),
+    ]
+    x, y, z = np.eye(3)
+    arm = build.body(0.7, (0.02, -0.2, 0.01), (0.01, 0.004, 0.01))
+    joints = [
+        Joint("swing", "a", -0.05 * y, x, 0.1, arm, JointState.SPRUNG, 3.0, 0.2),
+        Joint("crane", "b", -0.05 * y, z, 0.0, arm, JointState.DRIVEN, target=0.3),
+        Joint("bob", "crane", -0.1 * y, x, 0.0, arm, JointState.LOCKED),
+    ]
+    attach = [
+        build.AttachPoint(n, f, np.array(p))
+        for n, f, p in (
+            ("left", "a", (-0.1, 0.05, 0.02)),
+            ("right", "b", (0.1, 0.05, 0)),
+            ("third", "b", (0, 0.05, 0.1)),
+            ("tip", "crane", (0.05, -0.1, 0.0)),
+        )
+    ]
+    own = [build.Spring("stay", "left", "tip", 40.0, 0.8)]
+    article = build.structure(bar, [build.member("a", "b", build.TUBE, 2)], joints, own, attach)
+    hangers = (
+        Device(
+            "tuned", "left", DeviceKind.SPRING, held="xyz", bounce_hz=0.5, cable_length=2.0, moving_mass=0.1
+        ),
+        Device("given", "right", force=25.0, stiffness=60.0, anchor=np.array([1.3, 3.0, 0.1])),
+    )
+    tie = AnchoredSpring("tie", "third", np.array([1.1, 1.4, 0.4]), 30.0, 0.9)
+    return article, Environment("mixed", np.array([0.1, -9.7, 0.2]), None, (tie,), hangers)
+
+
+SPRINGS = [
+    *("environment.device.tuned.bounce_hz", "environment.device.tuned.moving_mass"),
+    *(
+        "environment.device.given.force",
+        "environment.device.given.anchor.x",
+        "environment.spring.tie.anchor.x",
+    ),
+    *("spring.stay.free_length", "joint.swing.stiffness", "joint.swing.target", "joint.crane.target"),
+    "attach.tip.offset.x",
+]
+
+
+def test_all_kinds_of_springs():
+    """Rest state, what holds it, and frequencies."""
+    article, place = all_kinds_of_springs()
+    modes = solve(article, place, 17)
+    parameters = find_parameters(article, place, SPRINGS)
+    rest = differentiate_rest(modes.equilibrium, parameters)
+    roots = 6 * modes.equilibrium.model.tree.roots
+    angle = rest.motion[roots:]
+    motion = rest.motion[:roots].reshape(-1, 6, len(parameters))[:, :3].reshape(-1, len(parameters))
+    squares = differentiate_frequencies(modes, parameters).d_lambda.T
+    found = np.vstack(
+        [motion, angle, rest.reaction, rest.stiffness, rest.holding_torque, rest.tension, squares]
+    )
+
+    def values(v: float, p: Parameter) -> np.ndarray:
+        modes = solve(*set_parameter(article, place, p, v), 17)
+        at = modes.equilibrium
+        held = (at.suspension.reaction, at.suspension.stiffness, at.holding_torque, at.tension)
+        return np.concatenate([at.config.x.ravel(), at.config.angle, *held, modes.omega**2])
+
+    sizes = np.array([size(p) for p in parameters])
+    expected = np.array([richardson(lambda v, p=p: values(v, p), p, 2e-3) for p in parameters]).T
+    largest = np.abs(expected * sizes).max(axis=1) + 1e-9  # what no parameter moves: rounding
+    error = (np.abs(found - expected) * sizes).max(axis=1) / largest
+    assert error.max() < 1e-6  # the issue's
+
+
+def test_pendulum():
+    """A ball on a tuned cable: g/L twice, (2 pi f)^2, and no other parameter counts."""
+    article = build.structure(
+        [build.node("ball", (0, 0, 0), build.body(2.0, inertia=(0.1, 0.2, 0.3)))],
+        attach=[build.AttachPoint("top", "ball", np.zeros(3))],
+    )
+    place = Environment("lab", build.GRAVITY, Suspension(("top",), ("xyz",), 4.0, 0.4))
+    modes = solve(article, place)
+    names = ["environment.cable_length", "environment.gravity.y", "environment.bounce_hz", "node.ball.mass"]
+    found = differentiate_frequencies(modes, find_parameters(article, place, names))
+    g, f, L = 9.80665, 0.4, 4.0
+    expected = np.zeros((4, 6))  # three free turns first, then two swings and the bounce
+    expected[0, 3:5], expected[1, 3:5], expected[2, 5] = -g / L**2, -1.0 / L, 8.0 * np.pi**2 * f
+    assert found.groups == ((0, 1, 2), (3, 4), (5,))
+    np.testing.assert_allclose(found.d_lambda, expected, atol=1e-12)  # rounding of numbers near ten
+    np.testing.assert_allclose(found.relative[0, 3:5], -0.5, rtol=1e-12)
+    assert np.all(np.isnan(found.d_hz[:, :3]))
+
+
+def test_two_spring_bar():
+    """Bounce 2 k/m and tilt 2 k a^2/I of a level bar: by the springs, the mass, the inertia."""
+    k, m, inertia, a = 500.0, 8.0, 0.9, 0.6
+    bar = build.rigid_bar(m, 2.0 * a, (0.2, 0.8, inertia))
+    ends = {"left": (-a, 0.0, 0.0), "right": (a, 0.0, 0.0)}
+    place = build.lab(*build.springs_above(ends, 2.0, k, 1.9))
+    modes = solve(bar, place)
+    names = ["node.bar.mass", "node.bar.inertia.zz", "environment.spring.spring left.stiffness"]
+    found = differentiate_frequencies(modes, find_parameters(bar, place, names))
+    bounce = int(np.argmin(np.abs(modes.omega**2 - 2.0 * k / m)))
+    np.testing.assert_allclose(found.d_lambda[0, bounce], -2.0 * k / m**2, rtol=1e-9)
+    tilt = int(np.argmax(np.abs(found.d_lambda[1])))
+    lam = float(modes.omega[tilt] ** 2)
+    np.testing.assert_allclose(
+        found.d_lambda[1], np.where(np.arange(6) == tilt, -lam / inertia, 0), atol=1e-8 * lam
+    )
+    # One spring of two, to first order: half of what both do to the bounce.
+    np.testing.assert_allclose(found.d_lambda[2, bounce], 1.0 / m, rtol=1e-9)
+
+
+def test_homogeneous_laws():
+    """In orbit every omega^2 is proportional to E, and inversely to all that has mass."""
+    article, _ = lab_article("mace-dm")
+    orbit = Environment.orbit()
+    modes = solve(article, orbit, 20)
+    lam = modes.omega**2
+    E = differentiate_frequencies(modes, find_parameters(article, orbit, ["members.E"])).d_lambda[0]
+    np.testing.assert_allclose(E, lam, rtol=1e-9, atol=1e-9)  # rounding of omega^2 near 1e3 beside 1e13
+    heavy = find_parameters(
+        article,
+        orbit,
+        ["members.rho", "node.*.mass", "joint.*.mass", "node.*.inertia.*", "joint.*.inertia.*"],
+    )
+    masses = differentiate_frequencies(modes, heavy)
+    total = np.array([p.value for p in heavy]) @ masses.d_lambda
+    np.testing.assert_allclose(total, -lam, rtol=1e-9, atol=1e-9)
+
+
+def test_patches_equal_the_whole():
+    """Members that a parameter does not touch, by third derivatives; or all in one perturbed assembly."""
+    article, lab = lab_article("mace-dm")
+    modes = solve(article, lab, 20)
+    names = ["node.n2.position.z", "node.n4.size", "member.n2-n3.*", "joint.pri_x.axis.z", "environment.*"]
+    parameters = find_parameters(article, lab, names)
+    fast = differentiate_frequencies(modes, parameters).d_lambda
+    whole = np.array([np.diag(m.d_lambda) for m in differentiate_modes(modes, parameters)])
+    size_of = np.abs(whole).max(axis=1, keepdims=True) + 1e-3 * modes.omega**2  # or of one that counts
+    assert np.abs((fast - whole) / size_of).max() < 1e-10  # rounding of the third derivatives
+
+
+def square_beam() -> Structure:
+    """Free, and as stiff in one plane as in the other, with axes that lie in neither plane of the world."""
+    ends = [
+        build.node(n, (x, 0, 0), build.body(0.2, inertia=(1e-3, 1e-3, 1e-3))) for n, x in (("a", 0), ("b", 2))
+    ]
+    return build.structure(ends, [build.member("a", "b", build.TUBE, 6, (0.0, 1.0, 0.3))])
+
+
+def test_repeated_frequencies():
+    """Both planes of a round beam: by EI_y one of each pair moves, by E both, by the mass both alike."""
+    beam, orbit = square_beam(), Environment.orbit()
+    modes = solve(beam, orbit, 14)
+    names = ["member.a-b.EI_y", "member.a-b.E", "node.b.mass", "node.b.inertia.zz"]
+    by_EI, by_E, by_mass, by_inertia = differentiate_frequencies(
+        modes, find_parameters(beam, orbit, names)
+    ).d_lambda
+    pairs = [g for g in differentiate_frequencies(modes, ()).groups if len(g) == 2]
+    assert pairs[:2] == [(6, 7), (8, 9)]
+    for i, j in pairs[:2]:
+        lam = float(modes.omega[i] ** 2)
+        np.testing.assert_allclose([by_EI[i], by_EI[j]], [0.0, lam / 100.0], atol=1e-8 * lam)
+        np.testing.assert_allclose([by_E[i], by_E[j]], lam, rtol=1e-8)
+        np.testing.assert_allclose(by_mass[i], by_mass[j], rtol=1e-6)
+        split = [by_inertia[i], by_inertia[j]]
+        assert abs(split[1]) < 1e-6 * abs(split[0])  # the inertia about z is that of one plane
+
+    def squares(v: float) -> np.ndarray:
+        p = find_parameters(beam, orbit, names)[3]
+        return solve(*set_parameter(beam, orbit, p, v), 10).omega ** 2
+
+    p = find_parameters(beam, orbit, names)[3]
+    h = 1e-3 * p.value
+    one_sided = (squares(p.value + h) - squares(p.value)) / h
+    # A one-sided difference, as the two part: first order in the step.
+    np.testing.assert_allclose(
+        one_sided[6:10], np.sort(by_inertia[6:10].reshape(2, 2)).ravel(), atol=2e-3 * 1e5
+    )
+
+
+def test_repeated_space():
+    """The projector on a pair's space is smooth in a parameter that keeps the pair."""
+    beam, orbit = square_beam(), Environment.orbit()
+    p = find_parameters(beam, orbit, ["node.b.mass"])[0]
+
+    def projector(modes: Modes) -> np.ndarray:
+        pair = modes.shapes[:, 6:8]
+        return pair @ pair.T
+
+    modes = solve(beam, orbit, 12)
+    change = differentiate_modes(modes, [p])[0]
+    pair, d_pair = modes.shapes[:, 6:8], change.d_shapes[:, 6:8]
+    found = d_pair @ pair.T + pair @ d_pair.T
+    expected = richardson(lambda v: projector(solve(*set_parameter(beam, orbit, p, v), 12)), p, 1e-2)
+    np.testing.assert_allclose(found, expected, atol=1e-6 * np.abs(expected).max())  # the issue's
+
+
+PLANT = ["node.n3.mass", "node.n5.position.y", "member.n2-n3.EI_y", "joint.pri_x.angle", "joint.pri_z.cg.x"]
+
+
+def test_shapes_and_plant_of_an_article():
+    """Between all ports, axes turning with the rest state; of modes far enough apart for differences."""
+    article, lab = lab_article("mace-dm")
+    damping = Damping(
+        rigid=0.0, table=DampingTable(np.array([0.1, 1.0, 100.0]), np.array([0.03, 0.01, 0.02]))
+    )
+    article = dataclasses.replace(article, damping=damping)
+    modes = solve(article, lab)
+    ports = {
+        "inputs": [a.name for a in article.actuators],
+        "outputs": [*(s.name for s in article.sensors), article.sensors[0].name + "_rate"],
+    }
+    apart = np.arange(5, 17)
+    parameters = find_parameters(article, lab, [*PLANT, "sensor.bus_z.axis.x", "actuator.bus_y.axis.z"])
+    shapes = differentiate_modes(modes, parameters, 17)
+    plants = differentiate_plant(modes, parameters, count=17, **ports)
+    for p, shape, plant in zip(parameters, shapes, plants, strict=True):
+
+        def values(v: float, p: Parameter = p) -> list[np.ndarray]:
+            at = solve(*set_parameter(article, lab, p, v))
+            modal = build_plant(at, count=17, **ports).dynamics
+            system = modal_to_statespace(modal)
+            return [at.shapes[:, apart], modal.zeta[apart], *_apart(system.A, system.B, system.C, apart)]
+
+        found = [shape.d_shapes[:, apart], plant.zeta[apart], *_apart(plant.A, plant.B, plant.C, apart)]
+        flat = richardson(lambda v, f=values: np.concatenate([x.ravel() for x in f(v)]), p, 4e-3)
+        stops = np.cumsum([x.size for x in found])[:-1]
+        for mine, theirs in zip(found, np.split(flat, stops), strict=True):
+            # The issue's, of the largest derivative in the matrix; beside it rounding over the step.
+            scale = np.abs(theirs).max() + 1e-2 / size(p)
+            np.testing.assert_allclose(mine.ravel(), theirs, atol=1e-6 * scale, err_msg=p.name)
+
+
+def _apart(A: np.ndarray, B: np.ndarray, C: np.ndarray, modes: np.ndarray) -> list[np.ndarray]:
+    states = np.sort(np.concatenate([2 * modes, 2 * modes + 1]))
+    return [A[np.ix_(states, states)], B[states], C[:, states]]
+
+
+def test_transfer_function_of_equal_frequencies():
+    """In orbit, rigid modes and pairs included: whatever basis the modes have, what ports see is smooth."""
+    beam = square_beam()
+    beam = dataclasses.replace(
+        beam,
+        actuators=(
+            build.Actuator("torque", "a", np.array([0.0, 0.0, 1.0])),
+            build.Actuator("twist", "b", np.array([0.6, 0.8, 0.0])),
+        ),
+        sensors=(build.Sensor("turn", "b", np.array([0.0, 0.6, 0.8]), "b"),),
+        damping=Damping(0.01),
+    )
+    orbit = Environment.orbit()
+    p = find_parameters(beam, orbit, ["node.b.inertia.zz"])[0]
+    ports = {"inputs": ["torque", "twist"], "outputs": ["turn", "turn_rate"]}
+    omega = np.array([0.7, 40.0, 300.0])
+    count = 10
+
+    def response(v: float) -> np.ndarray:
+        system = build_plant(solve(*set_parameter(beam, orbit, p, v)), count=count, **ports).system
+        return _response(system.A, system.B, system.C, omega)
+
+    modes = solve(beam, orbit)
+    system = build_plant(modes, count=count, **ports).system
+    d = differentiate_plant(modes, [p], count=count, **ports)[0]
+    H = [_derivative(system, d, s) for s in 1j * omega]
+    expected = richardson(response, p, 2e-3)
+    scale = np.abs(expected).max(axis=(1, 2), keepdims=True)
+    np.testing.assert_allclose(np.array(H) / scale, expected / scale, atol=1e-6)  # the issue's
+
+
+def _response(A: np.ndarray, B: np.ndarray, C: np.ndarray, omega: np.ndarray) -> np.ndarray:
+    return np.array([C @ np.linalg.solve(1j * w * np.eye(len(A)) - A, B.astype(complex)) for w in omega])
+
+
+def _derivative(system, d, s: complex) -> np.ndarray:
+    """d[C (sI - A)^-1 B]."""
+    inverse = np.linalg.inv(s * np.eye(len(system.A)) - system.A)
+    return d.C @ inverse @ system.B + system.C @ inverse @ (d.A @ inverse @ system.B + d.B)
+
+
+def test_unknown_parameter_is_named():
+    article, lab = lab_article("mace-dm")
+    with pytest.raises(ConfigError, match=r"no parameter 'node\.n1\.mas'") as caught:
+        find_parameters(article, lab, ["node.n1.mas"])
+    assert "node.n1.mass" in caught.value.hint
+
+
+def test_a_parameter_that_drives_a_free_motion_is_refused():
+    """In orbit a push by gravity has no rest state."""
+    article, _ = lab_article("mace-dm")
+    orbit = Environment.orbit()
+    rest = solve_equilibrium(article, orbit)
+    with pytest.raises(NumericalError, match="nothing holds"):
+        differentiate_rest(rest, find_parameters(article, orbit, ["environment.gravity.y"]))
+
+
+def test_damping_that_follows_the_shapes_is_refused():
+    article, lab = lab_article("mace-dm")
+    article = dataclasses.replace(article, damping=Damping(loss_factor=(("n1-n2", 0.01),)))
+    modes = solve(article, lab, 10)
+    parameters = find_parameters(article, lab, ["node.n1.mass"])
+    with pytest.raises(ConfigError, match="not differentiated"):
+        differentiate_plant(modes, parameters, inputs=["bus_z"], outputs=["bus_z"])
