@@ -91,7 +91,7 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
     if document["reactions_n"]:
         keys = ("reactions_n", "tension_n", "stiffness_n_per_m")
         rows = [[a, *(f"{document[k][a]:.4f}" for k in keys)] for a in document["reactions_n"]]
-        headers = ["attach point", "pinned reaction N", "tension N", "stiffness N/m"]
+        headers = ["device", "load N", "tension N", "stiffness N/m"]
         blocks.append(Table("suspension", headers, rows))
     torques = [[j, f"{t:.5f}"] for j, t in document["holding_torque_nm"].items()]
     turned = [[n, *(f"{a:.5f}" for a in v)] for n, v in document["node_rotation_deg"].items()]
