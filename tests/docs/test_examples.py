@@ -107,6 +107,21 @@ def level_an_article(names: Names) -> None:
     assert names["refused"]["n1 z"] == pytest.approx(-0.01)
 
 
+def find_what_matters(names: Names) -> None:
+    """Shares of the first bending, a torque of m g times a millimetre, a line that is nearly straight."""
+    share = dict(
+        zip((p.name for p in names["parameters"]), names["found"].relative[:, names["bending"]], strict=True)
+    )
+    assert share["members.E"] == pytest.approx(0.41, abs=0.005)
+    assert share["environment.gravity.y"] == pytest.approx(0.08, abs=0.005)
+    assert min(share, key=lambda n: share[n]) == "node.n3.mass"
+    assert names["torque"][1] == pytest.approx(5.0 * 9.80665 * 1e-3, rel=0.05)
+    moved = names["again"].frequency_hz[names["bending"]] - names["modes"].frequency_hz[names["bending"]]
+    assert names["predicted"] - names["modes"].frequency_hz[names["bending"]] == pytest.approx(
+        moved, rel=0.02
+    )
+
+
 PROMISES: dict[str, Callable[[Names], None]] = {
     "README.md": readme,
     "docs/tutorials/first-steps.md": first_steps,
@@ -115,6 +130,7 @@ PROMISES: dict[str, Callable[[Names], None]] = {
     "docs/how-to/override-a-value.md": override_a_value,
     "docs/how-to/level-an-article.md": level_an_article,
     "docs/how-to/correlate-with-a-test.md": correlate_with_a_test,
+    "docs/how-to/find-what-matters.md": find_what_matters,
 }
 
 
