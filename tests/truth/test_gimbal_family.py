@@ -9,6 +9,7 @@ import pytest
 
 from middeck.errors import ConfigError, UnstableEquilibriumError
 from middeck.files.documents import load_case
+from middeck.plot.gimbal_family import gimbal_family
 from middeck.structure.article import (
     Actuator,
     AttachPoint,
@@ -219,6 +220,22 @@ def test_a_point_without_a_rest_state_does_not_lose_the_others():
     assert np.all(np.isnan(found.omega2[2]))
     assert np.all(np.isfinite(found.omega2[:2]))
     assert np.isnan(found.holding_torque[2, 0])
+
+
+def test_the_figure_shows_frequencies_and_torques_of_one_cut(family: GimbalFamily):
+    figure = gimbal_family(family)
+    top, bottom = figure.axes
+    drawn = {line.get_label(): line.get_ydata() for line in top.lines}
+    column = family.name.index("payload pendulum p")
+    assert np.array_equal(drawn["payload pendulum p"], family.frequency_hz[:, column])
+    assert np.array_equal(bottom.lines[0].get_ydata(), family.holding_torque[:, 0])
+    assert [line.get_ydata()[0] for line in bottom.lines[1:]] == [-3.0, 3.0]  # the motor's limit
+    grid = sweep_gimbals(two_axes(), held(), {"x": [0.0, 0.5], "z": [-0.3, 0.0, 0.4]}, count=8)
+    cut = gimbal_family(grid, "z", others=[0.5])
+    assert np.array_equal(cut.axes[1].lines[0].get_ydata(), grid.holding_torque[3:, 0])
+    for arguments in (("y", None), ("z", [0.25]), ("z", [0.0, 0.5])):
+        with pytest.raises(ConfigError):
+            gimbal_family(grid, arguments[0], others=arguments[1])
 
 
 @pytest.mark.parametrize(
