@@ -57,7 +57,8 @@ def draw_branches(axes: Axes, path: GravityPath, highest_hz: float | None = None
         axes.axvline(x[station], color=COLOUR["ghost"], linestyle="--", linewidth=0.8, zorder=1)
         axes.annotate(place.name, (x[station], 1.0), xycoords=("data", "axes fraction"), xytext=(0, 3),
                       textcoords="offset points", ha="center", fontsize=7.5)  # fmt: skip
-    _name_branches(axes, [(f[0, b], path.name[b], KIND[path.kind[b]]) for b in shown], float(x[0]), x)
+    most = int(np.argmax(x))
+    _name_branches(axes, [(f[most, b], path.name[b], KIND[path.kind[b]]) for b in shown])
 
 
 def _abscissa(path: GravityPath) -> tuple[np.ndarray, str]:
@@ -83,17 +84,15 @@ def _mark(axes: Axes, path: GravityPath, x: np.ndarray, event: GravityEvent, see
     seen.add(word)
 
 
-def _name_branches(axes: Axes, ends: list[tuple[float, str, str]], at: float, x: np.ndarray) -> None:
-    """Names where the branches begin, outside the axes, pushed apart where they would touch."""
+def _name_branches(axes: Axes, ends: list[tuple[float, str, str]]) -> None:
+    """Names beside the greatest gravity, outside the axes, pushed apart where they would touch."""
     low, high = axes.get_ylim()
-    right = at >= float(np.mean([x.min(), x.max()]))
     floor = -1.0
     for f, name, colour in sorted(ends):
         height = (f - low) / (high - low)
         if height > 1.0:
             continue
         floor = max(height, floor + ROOM)
-        axes.annotate(name, (1.0 if right else 0.0, height), xycoords="axes fraction",
-                      xytext=(1.025 if right else -0.11, floor), textcoords="axes fraction", color=colour,
-                      ha="left" if right else "right", va="center", fontsize=7.0,
-                      arrowprops=LEADER | {"color": colour, "relpos": (float(not right), 0.5)})  # fmt: skip
+        axes.annotate(name, (1.0, height), xycoords="axes fraction", xytext=(1.025, floor),
+                      textcoords="axes fraction", color=colour, ha="left", va="center", fontsize=7.0,
+                      arrowprops=LEADER | {"color": colour, "relpos": (0.0, 0.5)})  # fmt: skip

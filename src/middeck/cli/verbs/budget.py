@@ -34,10 +34,11 @@ def verb(
     overrides: tuple[str, ...],
     as_json: bool,
 ) -> None:
-    """Split each mode's shift from orbit to an environment into the effects of gravity.
+    """Effects of gravity on each mode of ARTICLE.
 
-    Suspension, the stiffness that inner forces and weight make, and static pre-deformation are switched on
-    one at a time, in all six orders: the mean of what each adds, and how far that depends on the order.
+    From orbit to an environment, suspension, the stiffness that inner forces and weight make, and static
+    pre-deformation are switched on one at a time, in all six orders: the mean of what each adds to the
+    frequency, and how far that depends on the order.
     """
     from middeck.cli.cases import find_case, solve_in
     from middeck.files.documents import load_case

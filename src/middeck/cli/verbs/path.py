@@ -18,8 +18,7 @@ EPILOG = """\
 \b
 Examples:
   middeck path articles/mace-simple.toml --figure path.svg
-  middeck path articles/mace-dm.toml --through earth,mars,moon,orbit
-  middeck path articles/mace-dm.toml --tilt 5,0,0,1 --json
+  middeck path articles/mace-dm.toml --through earth,moon --json
 """
 RULES = ("kept", "retuned")  # as in structure/places.py, which --help must not import
 
@@ -61,10 +60,11 @@ def verb(
     overrides: tuple[str, ...],
     as_json: bool,
 ) -> None:
-    """Follow the modes of ARTICLE while gravity changes, from place to place.
+    """Modes of ARTICLE while gravity changes.
 
-    Crossings and veerings on the way; where the rest state loses its stability, at which gravity and in
-    which mode. Devices are tuned in the environment's own gravity, and released in orbit.
+    They are followed from place to place. Crossings and veerings on the way; where the rest state loses its
+    stability, at which gravity and in which mode. Devices are tuned in the environment's own gravity, and
+    released in orbit.
     """
     from middeck.cli.blame import reading
     from middeck.cli.cases import find_case
