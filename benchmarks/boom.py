@@ -1,7 +1,7 @@
 """A suspended lattice boom that grows by bays and width, as plain arrays and as a `Structure`.
 
-Cubic cells, ``width`` x ``width`` of them in a cross-section and ``SLENDERNESS`` times as many bays: x
-along the boom, y up. Every edge of a cell is a strut (longerons along x, battens along y and z) and every
+Cubic cells, ``width`` x ``width`` of them in a cross-section, and ``bays`` of those: x along the boom, y
+up. Every edge of a cell is a strut (longerons along x, battens along y and z) and every
 face has one diagonal, whose direction alternates from face to face. Struts are round aluminium tubes
 without shear flexibility, rigidly joined, each of ``elements`` beam elements; a hub of 4 kg sits at every
 joint, which keeps the modes of single struts above the lowest 40 from 1e4 degrees of freedom on.
@@ -10,7 +10,8 @@ It hangs by vertical springs from each joint of the top face at every ``width``-
 bounce and 1 m of free length. Each spring is as strong as the weight of its share of the top face; anchors
 are where the undeformed boom is about at rest, so that what is left is its own sag.
 
-Growing: the slices of a strut stay as they are, for (length/slice)^4 would soon exceed double precision.
+Growing: by bays and width; the slices of a strut stay as they are, for (length/slice)^4 would soon exceed
+double precision. A factorisation costs the sixth power of the width for each bay, hence the long boom at 1e6.
 """
 
 from __future__ import annotations
@@ -23,7 +24,6 @@ from middeck.structure.article import AttachPoint, Body, Damping, Member, Node, 
 from middeck.structure.environment import AnchoredSpring, Environment
 
 GRAVITY = 9.80665
-SLENDERNESS = 16
 CELL = 0.5
 BOUNCE_HZ = 0.25
 FREE_LENGTH = 1.0
@@ -34,8 +34,8 @@ OUTER, INNER = 0.040, 0.036
 AREA = np.pi * (OUTER**2 - INNER**2) / 4.0
 SECOND = np.pi * (OUTER**4 - INNER**4) / 64.0
 SECTION = Section(E * AREA, 2.0 * G * SECOND, E * SECOND, E * SECOND, RHO * AREA, RHO * SECOND, RHO * SECOND)
-# Width in cells and elements a strut, by the number of degrees of freedom that they make, about.
-SIZES = {"1e3": (1, 2), "1e4": (2, 2), "1e5": (5, 2), "1e6": (11, 2)}
+# Width and bays in cells, and elements a strut, by the number of degrees of freedom that they make, about.
+SIZES = {"1e3": (1, 16, 2), "1e4": (2, 32, 2), "1e5": (5, 80, 2), "1e6": (7, 420, 2)}
 
 
 @dataclass(frozen=True)
@@ -54,9 +54,9 @@ class Boom:
         return 6 * (len(self.joints) + (self.elements - 1) * len(self.struts))
 
 
-def build_boom(width: int, elements: int) -> Boom:
-    """The boom of ``width`` x ``width`` cells and ``SLENDERNESS * width`` bays."""
-    cells = (SLENDERNESS * width, width, width)
+def build_boom(width: int, bays: int, elements: int) -> Boom:
+    """The boom of ``bays`` times ``width`` x ``width`` cells; ``bays`` is a multiple of ``width``."""
+    cells = (bays, width, width)
     shape = tuple(c + 1 for c in cells)
     index = np.arange(np.prod(shape)).reshape(shape)
     joints = CELL * (np.indices(shape).reshape(3, -1).T - [0.0, width, 0.5 * width])
@@ -65,7 +65,7 @@ def build_boom(width: int, elements: int) -> Boom:
     )
     lengths = np.linalg.norm(joints[struts[:, 1]] - joints[struts[:, 0]], axis=1)
     mass = HUB_MASS * len(joints) + SECTION.rho_A * lengths.sum()
-    along, across = np.ones(SLENDERNESS + 1), np.ones(width + 1)
+    along, across = np.ones(bays // width + 1), np.ones(width + 1)
     along[[0, -1]] = across[[0, -1]] = 0.5
     share = np.outer(along, across).ravel() / (along.sum() * across.sum())
     omega = 2.0 * np.pi * BOUNCE_HZ

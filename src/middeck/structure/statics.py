@@ -19,7 +19,7 @@ from middeck.structure.mesh import Model
 TOLERANCE = 1e-9
 # Enough on the way to full load.
 ROUGH = 1e-4
-LOAD_FACTORS = ()
+LOAD_FACTORS = (0.25, 0.5, 0.75)
 MAX_ITERATIONS = 200
 MAX_HALVINGS = 30
 STANDARD_GRAVITY = 9.80665
@@ -56,17 +56,23 @@ def _moving(model: Model, states: tuple[JointState, ...]) -> np.ndarray:
 
 
 def settle(model: Model, loads: Loads) -> Settled:
-    """Equilibrium under growing gravity and preload; the tangent is re-formed at every iteration.
+    """Equilibrium under gravity and preload at once or, should that fail, by steps of the load.
 
-    Damping (Levenberg 1944: a multiple of the mass) keeps each step a descent of the potential where the
-    tangent is not positive definite; it is reduced after every success and the last step is a pure Newton
-    step. Convergence is on the true residual alone; on the way there a rough one will do.
+    The tangent is re-formed at every iteration. Damping (Levenberg 1944: a multiple of the mass) keeps each
+    step a descent of the potential where the tangent is not positive definite; it is reduced after every
+    success and the last step is a pure Newton step. Convergence is on the true residual alone; on the way
+    there a rough one will do.
     """
+    mass = mass_matrix(model, model.rest)
+    at_once = _by_steps(model, loads, mass, ())
+    return at_once if at_once.residual < TOLERANCE else _by_steps(model, loads, mass, LOAD_FACTORS)
+
+
+def _by_steps(model: Model, loads: Loads, mass: sp.csr_array, factors: tuple[float, ...]) -> Settled:
     scale = load_scale(model, loads)
     config = model.rest
-    mass = mass_matrix(model, config)
     history: list[tuple[float, float, float]] = []
-    for factor in LOAD_FACTORS:
+    for factor in factors:
         config, _, steps = _descend(model, config, scale_loads(loads, factor), mass, ROUGH * scale)
         history += [(factor, residual / scale, damping) for residual, damping in steps]
     config, at, steps = _descend(model, config, loads, mass, TOLERANCE * scale)
