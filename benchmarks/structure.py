@@ -81,7 +81,7 @@ def solve_one(case: str, size: str, target: Path) -> None:
 
 
 def differentiate_one(case: str, target: Path) -> None:
-    """Sensitivities of 40 frequencies to 50 parameters spread over all there are, beside one eigensolution."""
+    """Sensitivities of 40 frequencies to 50 parameters spread over all there are; one eigensolution."""
     from middeck.files.documents import load_case
     from middeck.structure.equilibrium import solve_equilibrium
     from middeck.structure.modes import solve_modes
