@@ -20,6 +20,9 @@ WIDENED = 2.0
 # Secant steps towards a crossing; omega^2 is close to linear over one step of the path.
 SECANTS = 8
 CROSSED = 1e-12
+# Parabolas towards the least gap of a veering, and how close in s to it is close enough.
+PARABOLAS = 6
+CLOSE = 1e-9
 
 
 class EventKind(Enum):
@@ -108,10 +111,8 @@ def find_exchanges(
     events: list[GravityEvent] = []
     for i, j in itertools.combinations(range(lam.shape[1]), 2):
         order = _order(lam[:, i], lam[:, j])
-        crossed = _flips(order)
-        events += [_crossing((stations[p], stations[q]), (i, j), advance, names) for p, q in crossed]
-        if not crossed and _neighbours(lam, i, j):
-            events += _veerings(stations, lam, (i, j), names)
+        events += [_crossing((stations[p], stations[q]), (i, j), advance, names) for p, q in _flips(order)]
+        events += _veerings(stations, (i, j), advance, names)
     return sorted(events, key=lambda e: e.s)
 
 
@@ -151,25 +152,28 @@ def _crossing(
     )
 
 
-def _neighbours(lam: np.ndarray, i: int, j: int) -> bool:
-    """Whether no third mode stands between the two at the place where they are nearest."""
-    p = int(np.argmin(np.abs(lam[:, i] - lam[:, j])))
-    low, high = sorted((lam[p, i], lam[p, j]))
-    return not np.any((lam[p] > low) & (lam[p] < high))
-
-
 def _veerings(
-    stations: Sequence[Station], lam: np.ndarray, pair: tuple[int, int], names: tuple[str, ...]
+    stations: Sequence[Station], pair: tuple[int, int], advance: Advance, names: tuple[str, ...]
 ) -> list[GravityEvent]:
-    gap = np.abs(lam[:, pair[0]] - lam[:, pair[1]])
+    gap = np.array([_gap(x, pair) for x in stations])
     least = [p for p in range(1, len(gap) - 1) if gap[p] < gap[p - 1] and gap[p] <= gap[p + 1]]
     found: list[GravityEvent] = []
     for p in least:
         left = next((q for q in range(p, -1, -1) if gap[q] >= WIDENED * gap[p]), 0)
         right = next((q for q in range(p, len(gap)) if gap[q] >= WIDENED * gap[p]), len(gap) - 1)
-        if _exchanged(stations[left], stations[right], pair):
-            found.append(_veering(stations, p, pair, names))
+        if _neighbours(stations[p], pair) and _exchanged(stations[left], stations[right], pair):
+            found.append(_veering(stations[p - 1 : p + 2], pair, advance, names))
     return found
+
+
+def _gap(x: Station, pair: tuple[int, int]) -> float:
+    return abs(float(x.spectrum.lam[pair[0]] - x.spectrum.lam[pair[1]]))
+
+
+def _neighbours(x: Station, pair: tuple[int, int]) -> bool:
+    """Whether no third mode stands between the two."""
+    low, high = sorted(x.spectrum.lam[list(pair)])
+    return not np.any((x.spectrum.lam > low) & (x.spectrum.lam < high))
 
 
 def _exchanged(before: Station, after: Station, pair: tuple[int, int]) -> bool:
@@ -182,24 +186,32 @@ def _exchanged(before: Station, after: Station, pair: tuple[int, int]) -> bool:
 
 
 def _veering(
-    stations: Sequence[Station], p: int, pair: tuple[int, int], names: tuple[str, ...]
+    near: Sequence[Station], pair: tuple[int, int], advance: Advance, names: tuple[str, ...]
 ) -> GravityEvent:
-    """The least gap, by parabolas through its square and the mean: exact for a 2x2 problem linear in g."""
-    near = stations[p - 1 : p + 2]
-    i, j = pair
-    lam = np.array([x.spectrum.lam[[i, j]] for x in near])
-    away = np.array([x.s for x in near]) - near[1].s
-    a, b, _ = square = np.polyfit(away, (lam[:, 0] - lam[:, 1]) ** 2, 2)
-    least = -b / (2.0 * a) if a > 0.0 else 0.0
-    gap = np.sqrt(max(float(np.polyval(square, least)), 0.0))
-    middle = float(np.polyval(np.polyfit(away, lam.mean(axis=1), 2), least))
-    low, high = _hz(middle + 0.5 * gap * np.array([-1.0, 1.0]))
-    part = (least - away[0]) / (away[2] - away[0])
-    gravity = near[0].gravity + part * (near[2].gravity - near[0].gravity)
+    """The least gap: of parabolas through its square, which a 2x2 problem linear in gravity makes exact."""
+    for _ in range(PARABOLAS):
+        s = _lowest(near, pair)
+        between = advance(near[1], s) if abs(s - near[1].s) > CLOSE else None
+        if between is None:
+            break
+        four = sorted([*near, between], key=lambda x: x.s)
+        k = min((1, 2), key=lambda m: _gap(four[m], pair))
+        near = four[k - 1 : k + 2]
+    at = near[1]
+    low, high = _hz(np.sort(at.spectrum.lam[list(pair)]))
     return GravityEvent(
-        EventKind.VEERING, near[1].s + float(least), gravity, pair, (names[i], names[j]),
+        EventKind.VEERING, at.s, at.gravity, pair, (names[pair[0]], names[pair[1]]),
         float(0.5 * (low + high)), float(high - low),
     )  # fmt: skip
+
+
+def _lowest(near: Sequence[Station], pair: tuple[int, int]) -> float:
+    """Where the parabola through the squares of three gaps, the middle one the least, is lowest."""
+    s0, s1, s2 = (x.s for x in near)
+    y0, y1, y2 = (_gap(x, pair) ** 2 for x in near)
+    rise, further = (y1 - y0) / (s1 - s0), (y2 - y1) / (s2 - s1)
+    curved = further - rise
+    return s1 if curved <= 0.0 else 0.5 * (s0 + s1 - rise * (s2 - s0) / curved)
 
 
 def _hz(lam: np.ndarray) -> np.ndarray:
