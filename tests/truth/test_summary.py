@@ -123,8 +123,8 @@ def test_slicing_costs_digits_as_the_summary_says():
         expected = 24.0 / 500.5639 * np.finfo(float).eps * fine**4
         assert bound == pytest.approx(expected, rel=1e-9)
         parts.append(abs(first_frequency(fine) / coarse - 1.0) / bound)
-    # The mesh of 100 is right to 3e-9, below 3e-4 of each bound. Rounding stays within the bound; the worst of
-    # three sums comes within a factor of a hundred.
+    # The mesh of 100 is right to 3e-9, below 3e-4 of each bound. Rounding stays within the bound; the worst
+    # of three sums comes within a factor of a hundred.
     assert 1e-2 < max(parts) < 1.0
     warning = summarise(sliced_beam(1400)).warnings[0]
     assert "sliced too finely: member 'a-b'" in warning
