@@ -179,7 +179,7 @@ def test_pendulum():
     expected = np.zeros((4, 6))  # three free turns first, then two swings and the bounce
     expected[0, 3:5], expected[1, 3:5], expected[2, 5] = -g / L**2, -1.0 / L, 8.0 * np.pi**2 * f
     assert found.groups == ((0, 1, 2), (3, 4), (5,))
-    np.testing.assert_allclose(found.d_lambda, expected, atol=1e-12)  # rounding of numbers near ten
+    np.testing.assert_allclose(found.d_lambda, expected, atol=1e-10)  # reactions are solved to 1e-11
     np.testing.assert_allclose(found.relative[0, 3:5], -0.5, rtol=1e-12)
     assert np.all(np.isnan(found.d_hz[:, :3]))
 

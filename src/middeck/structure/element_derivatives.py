@@ -48,8 +48,8 @@ def pair_gradients(
     roots = model.points.frame[model.element_ends]
     coordinates = (6 * roots[:, :, None] + np.arange(6)).reshape(len(roots), 12)
     gradient = np.zeros((len(roots), 12, len(left)))
-    for start in range(0, len(roots), CHUNK):
-        rows = slice(start, start + CHUNK)
+    for start in range(0, len(roots), CHUNK // DIRECTIONS):
+        rows = slice(start, start + CHUNK // DIRECTIONS)
         elements = _Elements(
             select_beams(model.beams, rows),
             rest.config.x[roots[rows]],
@@ -58,26 +58,29 @@ def pair_gradients(
             model.element_triad[rows, None],
         )
         u = shapes[coordinates[rows]]
-        for direction in range(DIRECTIONS):
-            K, M = _matrices(_turned(elements, direction), rest.loads.gravity)
-            stiff, heavy = derivative(K) @ u, derivative(M) @ u
-            change = np.einsum("eip,eip->ep", u[:, :, left], stiff[:, :, right] - lam * heavy[:, :, right])
-            gradient[rows, 3 + direction] = change
+        K, M = (
+            derivative(m).reshape(DIRECTIONS, -1, 12, 12)
+            for m in _matrices(_turned(elements), rest.loads.gravity)
+        )
+        v = u[:, :, right]
+        change = np.einsum("eip,deip->edp", u[:, :, left], K @ v - lam * (M @ v), optimize=True)
+        gradient[rows, 3:] = change
         gradient[rows, :3] = -gradient[rows, SHIFT]
     return PairGradients(coordinates, gradient)
 
 
-def _turned(at: _Elements, direction: int) -> _Elements:
-    """One root perturbed along a coordinate."""
-    step = np.zeros(3, dtype=complex)
-    step[direction % 3] = STEP * 1j
-    end = 0 if direction < 3 else 1
-    x, R = at.x.astype(complex), at.R.astype(complex)
-    if 3 <= direction < 6:
-        x[:, end] += step
-    else:
-        R[:, end] = rotation_exp(step) @ R[:, end]
-    return _Elements(at.beams, x, R, at.offset, at.triad)
+def _turned(at: _Elements) -> _Elements:
+    """The elements once for each direction, one root perturbed along that coordinate."""
+    n = len(at.x)
+    every = np.tile(np.arange(n), DIRECTIONS)
+    x, R = at.x[every].astype(complex), at.R[every].astype(complex)
+    turn = rotation_exp(STEP * 1j * np.eye(3))
+    for axis in range(3):
+        first, shift, second = (slice(n * (3 * k + axis), n * (3 * k + axis + 1)) for k in range(3))
+        R[first, 0] = turn[axis] @ R[first, 0]
+        x[shift, 1, axis] += STEP * 1j
+        R[second, 1] = turn[axis] @ R[second, 1]
+    return _Elements(select_beams(at.beams, every), x, R, at.offset[every], at.triad[every])
 
 
 def _matrices(at: _Elements, gravity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

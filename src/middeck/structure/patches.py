@@ -2,8 +2,9 @@
 
 A parameter with the imaginary part h = 1e-30 makes every analytic number of the model carry h times its
 derivative in its own imaginary part, exact to rounding: nothing is subtracted (Lyness and Moler 1967, SIAM J.
-Numer. Anal. 4; Martins, Sturdza and Alonso 2003, ACM TOMS 29). A parameter touches few members: of its
-perturbed structure a *patch* has only these, and all that is no member.
+Numer. Anal. 4; Martins, Sturdza and Alonso 2003, ACM TOMS 29). A parameter touches little: of its perturbed
+structure a *patch* has only the members, nodes and joints that it touches, and all springs and devices, whose
+tuning anything may change.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from middeck.structure.article import Member, Structure
+from middeck.structure.article import Body, Node, Structure
 from middeck.structure.assembly import Assembly, Loads, assemble
 from middeck.structure.environment import Environment
 from middeck.structure.frames import Configuration, move
@@ -28,46 +29,118 @@ from middeck.structure.raft import Raft, merge_configurations, merge_loads, merg
 STEP = 1e-30
 # Poses assembled together: enough to share the overhead, few enough for the memory.
 RAFT = 20_000
+NOTHING = Body(0.0, np.zeros(3), np.zeros((3, 3)))
 
 
 class Patch(NamedTuple):
-    """A perturbed structure, the model of its patch, and where that one's parts are in the whole."""
+    """A perturbed structure, the model of its patch, and which parts of the whole are there.
+
+    ``trees`` are the coordinates of nodes that have their bodies and joints with them; other nodes of a patch
+    only carry what is tied or joined to them.
+    """
 
     structure: Structure
     environment: Environment
     model: Model
     roots: np.ndarray
+    joints: np.ndarray
     coordinates: np.ndarray
     members: np.ndarray
+    trees: np.ndarray
+
+
+class _Whole(NamedTuple):
+    """What is asked of the unperturbed structure for every patch."""
+
+    model: Model
+    frame: dict[str, int]
+    member: dict[str, int]
+    node: tuple[str, ...]  # that carries each joint
+    used: frozenset[str]  # attach points that anything is tied to
+    ties: frozenset[str]  # their nodes
+    jointed: frozenset[str]  # those nodes of which a joint is tied
+    bare: dict[str, Node]
 
 
 def make_patches(
     model: Model, environment: Environment, parameters: Sequence[Parameter]
 ) -> tuple[Patch, ...]:
     """The patch of every parameter of ``model`` in ``environment``."""
-    frame = {name: i for i, name in enumerate(model.frames[: model.tree.roots])}
-    number = {m.name: i for i, m in enumerate(model.structure.members)}
-    joints = 6 * model.tree.roots + np.arange(len(model.tree.parent))
-    patches: list[Patch] = []
-    for parameter in parameters:
-        whole, place = set_parameter(model.structure, environment, parameter, parameter.value + STEP * 1j)
-        touched = tuple(_touched(whole, place))
-        part = lay_out(dataclasses.replace(whole, members=touched))
-        roots = np.array([frame[name] for name in part.frames[: part.tree.roots]], dtype=int)
-        coordinates = np.concatenate([(6 * roots[:, None] + np.arange(6)).ravel(), joints])
-        members = np.array([number[m.name] for m in touched], dtype=int)
-        patches.append(Patch(whole, place, part, roots, coordinates, members))
-    return tuple(patches)
+    whole = _survey(model, environment)
+    return tuple(
+        _patch(whole, *set_parameter(model.structure, environment, p, p.value + STEP * 1j))
+        for p in parameters
+    )
 
 
-def _touched(whole: Structure, environment: Environment) -> Iterator[Member]:
-    heavy = np.iscomplexobj(environment.gravity)
-    moved = {n.name for n in whole.nodes if np.iscomplexobj(n.position) or np.iscomplexobj(n.size)}
-    fields = [f.name for f in dataclasses.fields(whole.members[0].section)] if whole.members else []
-    for member in whole.members:
-        own = np.iscomplexobj(member.up) or any(np.iscomplexobj(getattr(member.section, f)) for f in fields)
-        if heavy or own or member.start in moved or member.end in moved:
-            yield member
+def _survey(model: Model, environment: Environment) -> _Whole:
+    structure = model.structure
+    carrier = {n.name: n.name for n in structure.nodes}
+    for joint in structure.joints:
+        carrier[joint.name] = carrier[joint.parent]
+    tied = [*environment.hung, *environment.springs]
+    used = frozenset([*(t.attach for t in tied), *(e for s in structure.springs for e in (s.start, s.end))])
+    frames = {a.frame for a in structure.attach_points if a.name in used}
+    return _Whole(
+        model,
+        {name: i for i, name in enumerate(model.frames[: model.tree.roots])},
+        {m.name: i for i, m in enumerate(structure.members)},
+        tuple(carrier[j.name] for j in structure.joints),
+        used,
+        frozenset(carrier[f] for f in frames),
+        frozenset(carrier[f] for f in frames if carrier[f] != f),
+        {},
+    )
+
+
+def _patch(whole: _Whole, structure: Structure, environment: Environment) -> Patch:
+    old, heavy = whole.model.structure, np.iscomplexobj(environment.gravity)
+    changed = [n for n, o in zip(structure.nodes, old.nodes, strict=True) if heavy or n is not o]
+    moved = {n.name for n in changed if np.iscomplexobj(n.position) or np.iscomplexobj(n.size)}
+    members = [
+        m
+        for m, o in zip(structure.members, old.members, strict=True)
+        if heavy or m is not o or m.start in moved or m.end in moved
+    ]
+    turned = [
+        c for j, o, c in zip(structure.joints, old.joints, whole.node, strict=True) if heavy or j is not o
+    ]
+    trees = {n.name for n in changed} | set(turned) | whole.jointed
+    kept = trees | whole.ties | {end for m in members for end in (m.start, m.end)}
+    joints = np.array([i for i, c in enumerate(whole.node) if c in trees], dtype=int)
+    part = lay_out(
+        dataclasses.replace(
+            structure,
+            nodes=tuple(n if n.name in trees else _bare(whole, n) for n in structure.nodes if n.name in kept),
+            members=tuple(members),
+            joints=tuple(structure.joints[j] for j in joints),
+            attach_points=tuple(a for a in structure.attach_points if a.name in whole.used),
+            actuators=(),
+            sensors=(),
+        )
+    )
+    roots = np.array([whole.frame[name] for name in part.frames[: part.tree.roots]], dtype=int)
+    carriers = np.array([whole.frame[name] for name in trees], dtype=int)
+    return Patch(
+        structure,
+        environment,
+        part,
+        roots,
+        joints,
+        _coordinates(whole.model, roots, joints),
+        np.array([whole.member[m.name] for m in members], dtype=int),
+        _coordinates(whole.model, carriers, joints),
+    )
+
+
+def _bare(whole: _Whole, node: Node) -> Node:
+    if node.name not in whole.bare:
+        whole.bare[node.name] = dataclasses.replace(node, body=NOTHING)
+    return whole.bare[node.name]
+
+
+def _coordinates(model: Model, roots: np.ndarray, joints: np.ndarray) -> np.ndarray:
+    return np.concatenate([(6 * roots[:, None] + np.arange(6)).ravel(), 6 * model.tree.roots + joints])
 
 
 def derivative(value: np.ndarray) -> np.ndarray:
@@ -91,20 +164,21 @@ def drawn_motion(model: Model, patch: Patch) -> np.ndarray:
 
 def restrict(patch: Patch, config: Configuration) -> Configuration:
     """The whole's configuration at the frames of a patch, complex so that all that follows from it is."""
-    return Configuration(config.x[patch.roots].astype(complex), config.R[patch.roots], config.angle)
+    return Configuration(
+        config.x[patch.roots].astype(complex), config.R[patch.roots], config.angle[patch.joints]
+    )
 
 
 def perturb_whole(model: Model, patch: Patch) -> Patch:
-    """The same perturbed structure with all of its members."""
-    everything = np.arange(len(patch.structure.members))
-    part = lay_out(patch.structure)
-    return Patch(
-        patch.structure,
-        patch.environment,
-        part,
-        np.arange(model.tree.roots),
-        np.arange(model.tree.size),
-        everything,
+    """The same perturbed structure with all that it has."""
+    every = np.arange(model.tree.size)
+    return patch._replace(
+        model=lay_out(patch.structure),
+        roots=np.arange(model.tree.roots),
+        joints=np.arange(len(model.tree.parent)),
+        coordinates=every,
+        members=np.arange(len(patch.structure.members)),
+        trees=every,
     )
 
 

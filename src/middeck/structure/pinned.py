@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float, Inexact, Int
@@ -41,7 +39,8 @@ class PinnedPoints:
     held: tuple[str, ...]
 
 
-class Supports(NamedTuple):
+@record
+class Supports:
     """One row per held direction: which pinned point, its pose, world axis and undeformed coordinate."""
 
     row: np.ndarray
@@ -50,7 +49,8 @@ class Supports(NamedTuple):
     start: np.ndarray
 
 
-class PinnedState(NamedTuple):
+@record
+class PinnedState:
     """Where the pinned structure rests, and the force [N] of each row of its supports."""
 
     config: Configuration

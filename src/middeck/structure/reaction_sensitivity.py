@@ -26,7 +26,6 @@ from middeck.structure.pinned import (
     SUPPORT_GIVES,
     Supports,
     find_supports,
-    settle_pinned,
     support_coordinates,
     support_forces,
 )
@@ -45,11 +44,10 @@ def differentiate_support(
 
     ``drawn`` are the derivatives of the undeformed configuration, a column a patch.
     """
-    pinned = pinned_points(rest.model, rest.environment)
-    if not len(pinned.point) or not patches:
+    state = rest.suspension.pinned
+    if state is None or not patches:
         return [None] * len(patches)
     loads = pinned_loads(rest.model, rest.environment)
-    state = settle_pinned(rest.model, loads, pinned)
     at = assemble(rest.model, state.config, loads, _hold(rest.model, state.supports, state.force))
     rows = 6 * state.supports.pose + state.supports.axis
     G = sp.csr_array(at.jacobian[rows])
@@ -76,7 +74,8 @@ def differentiate_support(
         -columns([derivative(s) for s in slip], len(rows)) - G @ drawn,
     )
     forces = (state.force + STEP * 1j * change[:, p] for p in range(len(patches)))
-    return [support_forces(s, f, len(pinned.point)) for s, f in zip(own, forces, strict=True)]
+    points = int(state.supports.row.max()) + 1
+    return [support_forces(s, f, points) for s, f in zip(own, forces, strict=True)]
 
 
 def _hold(model: Model, supports: Supports, force: np.ndarray) -> np.ndarray:

@@ -64,6 +64,7 @@ class Moved(NamedTuple):
     tuned: tuple[TunedSuspension, ...]
     loads: tuple[Loads, ...]
     motion: np.ndarray
+    gradient: np.ndarray  # of the energy in all coordinates: what joints hold comes to rest elsewhere
 
 
 def differentiate_rest(rest: Equilibrium, parameters: Sequence[Parameter]) -> RestSensitivities:
@@ -72,21 +73,20 @@ def differentiate_rest(rest: Equilibrium, parameters: Sequence[Parameter]) -> Re
     Raises `NumericalError` where a parameter drives a motion that nothing holds.
     """
     moved = move_rest(rest, parameters)
-    torque = np.zeros((len(rest.holding_torque), len(parameters)))
+    roots = 6 * rest.model.tree.roots
+    springs = [
+        _spring_torque(p.structure, rest, moved.motion[roots:, i]) for i, p in enumerate(moved.patches)
+    ]
     tension = np.zeros((len(rest.tension), len(parameters)))
     for at in assemble_patches(moved.patches, followed(moved, rest.config), moved.loads):
-        for p, own, devices in zip(at.which, at.raft.coordinates, at.devices, strict=True):
-            patch = moved.patches[p]
-            joints = own[6 * len(patch.roots) :]
-            spring = _spring_torque(patch.structure, rest, moved.motion[6 * rest.model.tree.roots :, p])
-            torque[:, p] = derivative(at.potential.gradient[joints]) + spring
+        for p, devices in zip(at.which, at.devices, strict=True):
             tension[:, p] = derivative(at.potential.tension[devices])
     return RestSensitivities(
         tuple(parameters),
         moved.motion,
         columns([derivative(t.reaction) for t in moved.tuned], len(rest.suspension.reaction)),
         columns([derivative(t.stiffness) for t in moved.tuned], len(rest.suspension.stiffness)),
-        torque,
+        moved.gradient[roots:] + columns(springs, len(rest.holding_torque)),
         tension,
     )
 
@@ -109,13 +109,10 @@ def move_rest(rest: Equilibrium, parameters: Sequence[Parameter]) -> Moved:
     tuned = [tune_suspension(p.model, p.environment, f) for p, f in zip(patches, forces, strict=True)]
     loads = [environment_loads(p.model, p.environment, t) for p, t in zip(patches, tuned, strict=True)]
     at = assemble(rest.model, rest.config, rest.loads)
-    load = explicit_gradients(rest.model, rest.config, patches, loads) + at.tangent @ drawn
-    return Moved(
-        patches,
-        tuple(tuned),
-        tuple(loads),
-        drawn + StaticSolver.at(rest, at).solve(-load),
-    )
+    explicit = explicit_gradients(rest.model, rest.config, patches, loads)
+    motion = drawn - StaticSolver.at(rest, at).solve(explicit + at.tangent @ drawn)
+    gradient = explicit + at.tangent @ motion
+    return Moved(patches, tuple(tuned), tuple(loads), motion, gradient)
 
 
 def followed(moved: Moved, config: Configuration) -> list[Configuration]:

@@ -23,6 +23,7 @@ from middeck.structure.modes import Modes
 from middeck.structure.parameters import Parameter
 from middeck.structure.patches import assemble_patches, derivative
 from middeck.structure.rest_sensitivity import Moved, followed, move_rest
+from middeck.structure.tree_derivatives import tree_gradients
 from middeck.values import record
 
 # Frequencies are equal when their squares differ by less than this part: far above rounding, and far below
@@ -111,18 +112,20 @@ def _pairs(modes: Modes, groups: tuple[tuple[int, ...], ...]) -> _Pairs:
 def _pair_derivatives(
     rest: Equilibrium, moved: Moved, shapes: np.ndarray, pairs: _Pairs
 ) -> Float[np.ndarray, "parameter pair"]:
-    """phi_i'(dK - lambda dM) phi_j: of the patches, and of the members that only move with the rest state."""
+    """phi_i'(dK - lambda dM) phi_j: of the patches, and of what only moves with the rest state."""
     out = _of_patches(rest, moved, shapes, pairs)
-    if not np.any(moved.motion) or not len(rest.model.element_ends):
+    if not np.any(moved.motion):
         return out
     elements = pair_gradients(rest, shapes, *pairs)
-    every = np.zeros((len(shapes), len(pairs.lam)))
+    bodies = tree_gradients(rest, shapes, *pairs)
+    every = bodies.copy()
     np.add.at(every, elements.coordinates, elements.gradient)
     out += moved.motion.T @ every
     for p, patch in enumerate(moved.patches):
         touched = np.isin(rest.model.element_member, patch.members)
         motion = moved.motion[elements.coordinates[touched], p]
         out[p] -= np.einsum("ek,ekq->q", motion, elements.gradient[touched])
+        out[p] -= moved.motion[patch.trees, p] @ bodies[patch.trees]
     return out
 
 

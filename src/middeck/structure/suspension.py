@@ -18,7 +18,7 @@ from middeck.structure.devices import SpringLaw
 from middeck.structure.environment import AnchoredSpring, Device, DeviceKind, Environment
 from middeck.structure.frames import frame_poses, points_in_world
 from middeck.structure.mesh import Model
-from middeck.structure.pinned import PinnedPoints, solve_pinned
+from middeck.structure.pinned import PinnedPoints, PinnedState, settle_pinned, support_forces
 from middeck.values import record
 
 LEAST_RISE = 1e-3
@@ -30,12 +30,14 @@ class TunedSuspension:
     """Name, attach point, load R [N] and stiffness [N/m] of each device, those of the suspension first.
 
     The load of a tuned device is the vertical reaction at its attach point, if it is alone there and upright.
+    ``pinned`` is the state with that reaction, None where nothing had to be tuned.
     """
 
     name: tuple[str, ...]
     attach: tuple[str, ...]
     reaction: Inexact[np.ndarray, " device"]
     stiffness: Inexact[np.ndarray, " device"]
+    pinned: PinnedState | None = None
 
 
 def tune_suspension(
@@ -48,11 +50,16 @@ def tune_suspension(
     """
     devices = environment.hung
     tuned = [d for d in devices if d.force is None]
-    shares = _tuned_forces(model, environment, tuned, support) if tuned else {}
+    state = None
+    if tuned and support is None:
+        points = pinned_points(model, environment)
+        state = settle_pinned(model, pinned_loads(model, environment), points)
+        support = support_forces(state.supports, state.force, len(points.point))
+    shares = {} if support is None else _tuned_forces(model, environment, tuned, support)
     force = np.array([shares[d.name] if d.force is None else d.force for d in devices]) + 0.0
     stiffness = np.array([_stiffness(environment, d, R) for d, R in zip(devices, force, strict=True)]) + 0.0
     names, attach = tuple(d.name for d in devices), tuple(d.attach for d in devices)
-    return TunedSuspension(names, attach, force, stiffness)
+    return TunedSuspension(names, attach, force, stiffness, state)
 
 
 def _stiffness(environment: Environment, device: Device, force: float) -> float:
@@ -62,14 +69,11 @@ def _stiffness(environment: Environment, device: Device, force: float) -> float:
 
 
 def _tuned_forces(
-    model: Model, environment: Environment, tuned: Sequence[Device], support: np.ndarray | None
+    model: Model, environment: Environment, tuned: Sequence[Device], support: np.ndarray
 ) -> dict[str, float]:
     """By name, what each tuned device bears: its share of the vertical reaction over its slope."""
     attach, up = _tuned_attach(tuned), _up(environment)
     slope = {d.name: _rise(model, d, up) for d in tuned}
-    if support is None:
-        pinned = pinned_points(model, environment)
-        support = solve_pinned(model, environment.gravity, pinned, pinned_loads(model, environment))
     reaction = support @ up
     _check_pull(attach, np.real(reaction))
     together = [d.attach for d in tuned]
