@@ -90,15 +90,17 @@ def solve_modes(equilibrium: Equilibrium, count: int | None = None) -> Modes:
 
 
 def _not_at_rest(equilibrium: Equilibrium) -> EquilibriumError:
-    factor, frame, unbalanced = where_lost(equilibrium)
+    factor, frame, unbalanced, moved = where_lost(equilibrium)
     return EquilibriumError(
         f"no linearisation about a state that is not at rest (residual {equilibrium.residual:.1e}): the way "
-        f"there was lost at {factor:.0%} of the load, {unbalanced:.3g} N are left at frame {frame!r}",
+        f"there was lost at {factor:.0%} of the load, {unbalanced:.3g} N are left at frame {frame!r}, and "
+        f"nodes have moved by up to {moved:.3g} m",
         where=f"frame {frame!r}",
         hint="look at the residual history; check the supports, and the stiffness of what joins that frame",
         history=equilibrium.history,
         load_factor=factor,
         frame=frame,
+        moved=moved,
     )
 
 
@@ -148,7 +150,7 @@ def _kinds(equilibrium: Equilibrium, M: sp.csr_array, rigid: int, count: int) ->
     free = not np.any(equilibrium.environment.gravity) and not len(equilibrium.loads.attach_point)
     held = 0 if free else _rigid_in_orbit(equilibrium, M) - rigid
     kinds = ("rigid",) * rigid + ("suspension",) * held
-    return kinds + ("flexible",) * (count - len(kinds))
+    return (kinds + ("flexible",) * (count - len(kinds)))[:count]
 
 
 def _rigid_in_orbit(equilibrium: Equilibrium, M: sp.csr_array) -> int:

@@ -34,9 +34,12 @@ def strain_energy(
         start, end = model.spring_ends.T
         world = points_in_world(model.points, poses)
         span = world[end] - world[start]
-        along = span / np.linalg.norm(span, axis=1)[:, None]
-        stretch = np.einsum("si,sim->sm", along, changes[end, :3] - changes[start, :3])
-        energy[:, 5] = 0.5 * np.array([s.stiffness for s in model.structure.springs]) @ stretch**2
+        length = np.linalg.norm(span, axis=1)
+        along = span / np.where(length > 0.0, length, 1.0)[:, None]
+        apart = changes[end, :3] - changes[start, :3]
+        stretch = np.einsum("si,sim->sm", along, apart) ** 2
+        stretch[length == 0.0] = np.sum(apart[length == 0.0] ** 2, axis=1)  # the same in all directions
+        energy[:, 5] = 0.5 * np.array([s.stiffness for s in model.structure.springs]) @ stretch
     joints = model.structure.joints
     stiffness = np.array([j.stiffness if j.state is JointState.SPRUNG else 0.0 for j in joints])
     moves = shapes[6 * model.tree.roots :] ** 2
