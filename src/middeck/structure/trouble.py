@@ -13,15 +13,19 @@ from middeck.structure.statics import ROUGH, static_coordinates
 
 
 class Lost(NamedTuple):
-    """Part of the load at which the way to rest was lost, and the frame with the largest unbalanced force."""
+    """Part of the load at which the way to rest was lost, and what there is where it ended.
+
+    ``frame`` has the largest unbalanced force [N] (or moment [N m]); a node has moved by ``moved`` [m].
+    """
 
     factor: float
     frame: str
     unbalanced: float
+    moved: float
 
 
 def where_lost(equilibrium: Equilibrium) -> Lost:
-    """For a state that did not converge; ``unbalanced`` is in N, or N m of a moment."""
+    """For a state that did not converge."""
     model = equilibrium.model
     last = {factor: residual for factor, residual, _ in equilibrium.history}
     factor = next((f for f, residual in last.items() if residual >= ROUGH), 1.0)
@@ -30,7 +34,8 @@ def where_lost(equilibrium: Equilibrium) -> Lost:
     worst = int(np.argmax(left))
     roots = model.tree.roots
     frame = worst // 6 if worst < 6 * roots else worst - 5 * roots
-    return Lost(factor, model.frames[frame], float(left[worst]))
+    moved = np.linalg.norm(equilibrium.config.x - model.rest.x, axis=1).max()
+    return Lost(factor, model.frames[frame], float(left[worst]), float(moved))
 
 
 def loose_motions(equilibrium: Equilibrium, rigid: tuple[str, ...]) -> tuple[str, ...]:
