@@ -20,8 +20,8 @@ from middeck.structure.article import (
     Structure,
 )
 from middeck.structure.assembly import Loads, assemble, mass_matrix, no_loads
+from middeck.structure.elements.frames import Configuration, move
 from middeck.structure.environment import AnchoredSpring, Environment
-from middeck.structure.frames import Configuration, move
 from middeck.structure.mesh import Model
 
 GRAVITY = np.array([0.0, -9.80665, 0.0])

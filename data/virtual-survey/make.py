@@ -9,7 +9,7 @@ import numpy as np
 
 import middeck as md
 from middeck.files.measured_modes import write_measured_modes
-from middeck.structure.measured_modes import MeasuredModes, MeasurementNoise, measure_modes
+from middeck.structure.correlation.measured_modes import MeasuredModes, MeasurementNoise, measure_modes
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]

@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     from middeck.structure.comparison import compare_modes
     from middeck.structure.environment import Environment
     from middeck.structure.equilibrium import solve_equilibrium
-    from middeck.structure.modal_plant import build_plant
     from middeck.structure.modes import solve_modes
+    from middeck.structure.plants.modal_plant import build_plant
     from middeck.systems.response import evaluate_plant
 
 __version__ = "0.1.0"
@@ -44,7 +44,7 @@ _ROOM = {
     "MiddeckError": "errors",
     "PDLoops": "control.classical",
     "Performance": "control.performance",
-    "build_plant": "structure.modal_plant",
+    "build_plant": "structure.plants.modal_plant",
     "close_inner_loop": "control.classical",
     "close_loop": "control.closed_loop",
     "compare_modes": "structure.comparison",

@@ -20,8 +20,8 @@ from conftest import LONG
 from middeck.files.studies import Study, load_study
 from middeck.structure.comparison import ModeComparison
 from middeck.structure.equilibrium import node_rotations, solve_equilibrium
-from middeck.structure.modal_plant import build_plant
 from middeck.structure.modes import solve_modes
+from middeck.structure.plants.modal_plant import build_plant
 from middeck.study.gravity import study_gravity
 from middeck.study.zero_g_control import SUB_MODELS, ZeroGControl, study_zero_g_control
 from middeck.systems.response import evaluate_plant

@@ -12,7 +12,7 @@ from doc_pages import ROOT, tracked
 PAGES = tracked("*.md")
 LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
 TEST_FILE = re.compile(r"`(tests/[\w/-]+(?:\.py|/))`")
-# Homes, workplaces and temporary folders; addresses of hosts. A path in a regular expression is no path, and four
+# Homes, workplaces and temporary folders; addresses of hosts. A path in a regular expression is no path; four
 # numbers are no address where they are a version of OpenSeesPy.
 PLACES = re.compile(
     r"(?<![\w.~/-])/(?:home|root|work|mnt|Users|tmp)/[\w.-]+|\blocalhost:\d+|\b(?!3\.7\.1\.2\b)(?:\d{1,3}\.){3}\d{1,3}\b"

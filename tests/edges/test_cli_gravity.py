@@ -11,9 +11,9 @@ import pytest
 
 import middeck as md
 from cli_runner import ROOT, middeck
-from middeck.structure.budget import build_budget
-from middeck.structure.gravity_path import follow_gravity
-from middeck.structure.places import DeviceRule, find_place
+from middeck.structure.gravity.budget import build_budget
+from middeck.structure.gravity.path import follow_gravity
+from middeck.structure.gravity.places import DeviceRule, find_place
 
 DM = ROOT / "articles/mace-dm.toml"
 LAB = ROOT / "environments/lab.toml"

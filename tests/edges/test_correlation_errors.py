@@ -15,17 +15,17 @@ from cli_runner import ROOT, middeck
 from middeck.cli.verbs import correlate as verb
 from middeck.errors import ConfigError, DataError
 from middeck.files.measured_modes import load_measured_modes, write_measured_modes
-from middeck.structure.correlation import correlate_modes
-from middeck.structure.measured_modes import MeasuredModes, MeasurementNoise, measure_modes
-from middeck.structure.modes import Modes
-from middeck.structure.profiles import (
+from middeck.structure.correlation.correlate import correlate_modes
+from middeck.structure.correlation.measured_modes import MeasuredModes, MeasurementNoise, measure_modes
+from middeck.structure.correlation.profiles import (
     PROFILE_NAMES,
     RECALLED,
     Quantity,
     change_limit,
     find_profile,
 )
-from middeck.structure.reduction import Reduction
+from middeck.structure.correlation.reduction import Reduction
+from middeck.structure.modes import Modes
 
 ARTICLE, LAB = ROOT / "articles/mace-simple.toml", ROOT / "environments/lab.toml"
 SURVEY = ROOT / "data/virtual-survey/mace-simple-lab.json"

@@ -10,10 +10,10 @@ import pytest
 from middeck.errors import ConfigError
 from middeck.files.documents import load_structure
 from middeck.structure.article import ActuatorKind, Damper, DamperPlace, DampingTable, SensorKind, Structure
-from middeck.structure.damping import estimate_damping
 from middeck.structure.environment import Environment
 from middeck.structure.equilibrium import solve_equilibrium
 from middeck.structure.modes import solve_modes
+from middeck.structure.plants.damping import estimate_damping
 
 BEAM = """\
 schema = 1

@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 from middeck.structure.article import AttachPoint, Body, Joint, JointState, Section, Spring, Structure
 from middeck.structure.assembly import assemble
 from middeck.structure.comparison import compare_modes
+from middeck.structure.elements.frames import move
+from middeck.structure.elements.rotations import rotation_exp
 from middeck.structure.environment import AnchoredSpring, Environment, Suspension
 from middeck.structure.equilibrium import solve_equilibrium
-from middeck.structure.frames import move
 from middeck.structure.modes import solve_modes
-from middeck.structure.rotations import rotation_exp
 from middeck.structure.statics import static_coordinates
 from structure_builders import GRAVITY, body, member, node, structure
 

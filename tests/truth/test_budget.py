@@ -11,11 +11,18 @@ import scipy.linalg as sla
 from middeck.errors import ConfigError
 from middeck.structure.article import AttachPoint, Joint, Section, Spring
 from middeck.structure.assembly import assemble, mass_matrix
-from middeck.structure.budget import CORNERS, EFFECTS, ORDERS, GravityBudget, build_budget, corner_matrices
 from middeck.structure.environment import AnchoredSpring, Environment, Suspension
 from middeck.structure.equilibrium import solve_equilibrium
+from middeck.structure.gravity.budget import (
+    CORNERS,
+    EFFECTS,
+    ORDERS,
+    GravityBudget,
+    build_budget,
+    corner_matrices,
+)
+from middeck.structure.gravity.tracking import solve_spectrum
 from middeck.structure.modes import Modes, solve_modes
-from middeck.structure.tracking import solve_spectrum
 from structure_builders import GRAVITY, body, lab, member, node, rigid_bar, structure
 
 G = 9.80665

@@ -12,19 +12,19 @@ import middeck as md
 from cli_runner import ROOT
 from middeck.structure.article import AttachPoint, Joint, Section
 from middeck.structure.assembly import assemble
-from middeck.structure.assurance import (
+from middeck.structure.correlation.assurance import (
     coordinate_assurance,
     modal_assurance,
     orthogonality,
     phase_collinearity,
 )
-from middeck.structure.effective_mass import measure_effective_mass
+from middeck.structure.correlation.effective_mass import measure_effective_mass
+from middeck.structure.correlation.measured_modes import every_channel, sensor_rows
+from middeck.structure.correlation.reduction import Reduction, reduce_mass
+from middeck.structure.elements.rotations import rotation_exp
 from middeck.structure.environment import AnchoredSpring, Environment
 from middeck.structure.equilibrium import solve_equilibrium
-from middeck.structure.measured_modes import every_channel, sensor_rows
 from middeck.structure.modes import Modes, solve_modes
-from middeck.structure.reduction import Reduction, reduce_mass
-from middeck.structure.rotations import rotation_exp
 from structure_builders import body, member, node, straight_beam, structure
 
 ROUNDING = 1e-12

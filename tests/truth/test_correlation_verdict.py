@@ -12,15 +12,12 @@ from test_correlation import CANTILEVER, clamped
 
 import middeck as md
 from cli_runner import ROOT
-from middeck.structure.correlation import Correlation, correlate_modes
-from middeck.structure.effective_mass import measure_effective_mass
-from middeck.structure.environment import Environment
-from middeck.structure.equilibrium import solve_equilibrium
-from middeck.structure.evaluation import Candidates, evaluate_shapes
-from middeck.structure.measured_modes import MeasuredModes, MeasurementNoise, measure_modes
-from middeck.structure.modes import Modes, solve_modes
-from middeck.structure.pass_probability import Probability
-from middeck.structure.profiles import (
+from middeck.structure.correlation.correlate import Correlation, correlate_modes
+from middeck.structure.correlation.effective_mass import measure_effective_mass
+from middeck.structure.correlation.evaluation import Candidates, evaluate_shapes
+from middeck.structure.correlation.measured_modes import MeasuredModes, MeasurementNoise, measure_modes
+from middeck.structure.correlation.pass_probability import Probability
+from middeck.structure.correlation.profiles import (
     PROFILES,
     RECALLED,
     Criterion,
@@ -29,7 +26,10 @@ from middeck.structure.profiles import (
     Quantity,
     find_profile,
 )
-from middeck.structure.reduction import Reduction
+from middeck.structure.correlation.reduction import Reduction
+from middeck.structure.environment import Environment
+from middeck.structure.equilibrium import solve_equilibrium
+from middeck.structure.modes import Modes, solve_modes
 from structure_builders import straight_beam
 
 ARTICLE, LAB = ROOT / "articles/mace-simple.toml", ROOT / "environments/lab.toml"

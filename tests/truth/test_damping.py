@@ -22,11 +22,11 @@ from middeck.structure.article import (
     Structure,
 )
 from middeck.structure.assembly import assemble
-from middeck.structure.damping import COUPLING_LIMIT, estimate_damping
 from middeck.structure.environment import AnchoredSpring, Environment, Suspension
 from middeck.structure.equilibrium import Equilibrium, solve_equilibrium
-from middeck.structure.modal_plant import build_plant
 from middeck.structure.modes import Modes, solve_modes
+from middeck.structure.plants.damping import COUPLING_LIMIT, estimate_damping
+from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.statics import dynamic_coordinates
 from structure_builders import GRAVITY, body, member, node, structure
 

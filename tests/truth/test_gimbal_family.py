@@ -22,8 +22,8 @@ from middeck.structure.article import (
 from middeck.structure.environment import AnchoredSpring, Environment
 from middeck.structure.equilibrium import solve_equilibrium
 from middeck.structure.gimbal_family import GimbalFamily, sweep_gimbals
-from middeck.structure.modal_plant import build_plant
 from middeck.structure.modes import solve_modes
+from middeck.structure.plants.modal_plant import build_plant
 from middeck.systems.modal import modal_response
 from structure_builders import GRAVITY, body, node, structure
 

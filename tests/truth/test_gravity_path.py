@@ -13,10 +13,10 @@ from middeck.errors import ConfigError
 from middeck.structure.article import AttachPoint, Joint, JointState, Section, Structure
 from middeck.structure.environment import AnchoredSpring, Device, Environment, Suspension
 from middeck.structure.equilibrium import solve_equilibrium
-from middeck.structure.gravity_path import GravityPath, follow_gravity
+from middeck.structure.gravity.events import EventKind
+from middeck.structure.gravity.path import GravityPath, follow_gravity
+from middeck.structure.gravity.places import DeviceRule, Place, find_place, gravity_between, tilt_place
 from middeck.structure.modes import solve_modes
-from middeck.structure.path_events import EventKind
-from middeck.structure.places import DeviceRule, Place, find_place, gravity_between, tilt_place
 from structure_builders import GRAVITY, body, lab, member, node, structure
 
 G = 9.80665

@@ -10,12 +10,12 @@ import pytest
 from middeck.errors import ConfigError
 from middeck.structure.article import Actuator, AttachPoint, Damping, Joint, JointState, Section, Sensor
 from middeck.structure.assembly import assemble
+from middeck.structure.elements.frames import frame_poses, move
+from middeck.structure.elements.rotations import rotation_log
 from middeck.structure.environment import Environment, Suspension
 from middeck.structure.equilibrium import Equilibrium, solve_equilibrium
-from middeck.structure.frames import frame_poses, move
-from middeck.structure.modal_plant import build_plant
 from middeck.structure.modes import Modes, solve_modes
-from middeck.structure.rotations import rotation_log
+from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.statics import dynamic_coordinates
 from middeck.systems.modal import modal_response
 from structure_builders import GRAVITY, body, member, node, structure

@@ -18,9 +18,9 @@ from middeck.structure.article import (
 )
 from middeck.structure.environment import AnchoredSpring, Environment, Suspension
 from middeck.structure.equilibrium import solve_equilibrium
-from middeck.structure.modal_plant import build_plant
 from middeck.structure.modes import Modes, solve_modes
-from middeck.structure.residual import compare_static_gain
+from middeck.structure.plants.modal_plant import build_plant
+from middeck.structure.plants.residual import compare_static_gain
 from middeck.systems.modal import modal_response, output_rows
 from structure_builders import GRAVITY, body, member, node, structure
 

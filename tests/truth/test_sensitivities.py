@@ -15,11 +15,11 @@ from middeck.errors import ConfigError, NumericalError
 from middeck.structure.article import Damping, DampingTable, Joint, JointState, Structure
 from middeck.structure.environment import AnchoredSpring, Device, DeviceKind, Environment, Suspension
 from middeck.structure.equilibrium import solve_equilibrium
-from middeck.structure.modal_plant import build_plant
 from middeck.structure.mode_sensitivity import differentiate_modes
 from middeck.structure.modes import Modes, solve_modes
 from middeck.structure.parameters import Parameter, find_parameters, set_parameter
 from middeck.structure.plant_sensitivity import differentiate_plant
+from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.rest_sensitivity import differentiate_rest
 from middeck.structure.sensitivity import differentiate_frequencies
 from middeck.systems.modal import modal_to_statespace

@@ -22,14 +22,14 @@ from middeck.structure.article import (
     Structure,
 )
 from middeck.structure.assembly import Loads, assemble, mass_matrix, no_loads
-from middeck.structure.damping import estimate_damping
-from middeck.structure.devices import SpringLaw
+from middeck.structure.elements.devices import SpringLaw
+from middeck.structure.elements.frames import Configuration, frame_poses, move, points_in_world, pose_jacobian
 from middeck.structure.environment import AnchoredSpring
 from middeck.structure.equilibrium import solve_equilibrium
-from middeck.structure.frames import Configuration, frame_poses, move, points_in_world, pose_jacobian
 from middeck.structure.mesh import Model, mesh_structure
-from middeck.structure.modal_plant import build_plant
 from middeck.structure.modes import solve_modes
+from middeck.structure.plants.damping import estimate_damping
+from middeck.structure.plants.modal_plant import build_plant
 from middeck.systems.modal import modal_response
 from structure_builders import (
     GRAVITY,

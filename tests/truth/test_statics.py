@@ -9,9 +9,9 @@ import pytest
 
 from middeck.structure.article import AttachPoint, Joint, JointState, Section
 from middeck.structure.assembly import assemble
+from middeck.structure.elements.frames import frame_poses, points_in_world
 from middeck.structure.environment import AnchoredSpring, Environment, Suspension
 from middeck.structure.equilibrium import node_rotations, solve_equilibrium
-from middeck.structure.frames import frame_poses, points_in_world
 from middeck.structure.mesh import mesh_structure
 from middeck.structure.pinned import PinnedPoints, solve_pinned
 from structure_builders import (

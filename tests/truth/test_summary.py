@@ -13,9 +13,9 @@ from middeck.files.documents import load_structure
 from middeck.structure.article import Body, Joint, Section, Structure
 from middeck.structure.assembly import assemble, mass_matrix, no_loads
 from middeck.structure.eigen import solve_lowest
+from middeck.structure.elements.frames import rigid_columns
 from middeck.structure.environment import Environment
 from middeck.structure.equilibrium import solve_equilibrium
-from middeck.structure.frames import rigid_columns
 from middeck.structure.mesh import mesh_structure
 from middeck.structure.modes import solve_modes
 from middeck.structure.summary import summarise

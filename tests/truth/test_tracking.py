@@ -7,7 +7,7 @@ import pytest
 import scipy.sparse as sp
 from scipy.stats import ortho_group
 
-from middeck.structure.tracking import Spectrum, align_repeated, track
+from middeck.structure.gravity.tracking import Spectrum, align_repeated, track
 
 LAM = np.array([0.0, 0.0, 0.0, 1.0, 2.0, 2.0, 5.0, -3.0])
 

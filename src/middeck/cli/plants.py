@@ -9,8 +9,8 @@ from jaxtyping import Float
 
 from middeck.errors import ConfigError
 from middeck.identification.measurement_model import MeasurementModel, measured_plant, natural_hz
-from middeck.structure.modal_plant import build_plant
 from middeck.structure.modes import Modes
+from middeck.structure.plants.modal_plant import build_plant
 from middeck.systems.plant import Plant
 from middeck.values import record
 

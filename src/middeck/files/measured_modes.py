@@ -11,7 +11,7 @@ import numpy as np
 
 from middeck.errors import DataError
 from middeck.files.json_output import write_json
-from middeck.structure.measured_modes import MeasuredModes
+from middeck.structure.correlation.measured_modes import MeasuredModes
 
 MEASURED_SCHEMA = "middeck.measured-modes/1"
 REQUIRED = ("frequency_hz", "damping", "node", "direction", "shape")

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from middeck.plot.style import COLOUR, new_figure, styled
-from middeck.structure.budget import EFFECTS, GravityBudget
+from middeck.structure.gravity.budget import EFFECTS, GravityBudget
 
 SHADE = {"suspension": COLOUR["orbit"], "stiffness": COLOUR["lab"], "deformation": COLOUR["prediction"]}
 LINES = "suspension", "inner forces and weight", "deformation"

@@ -14,8 +14,8 @@ from scipy.spatial import ConvexHull
 from middeck.plot.style import COLOUR, new_figure, styled
 from middeck.structure.article import Body
 from middeck.structure.comparison import ModeComparison
+from middeck.structure.elements.frames import PosePoints, frame_poses, points_in_world
 from middeck.structure.equilibrium import Equilibrium
-from middeck.structure.frames import PosePoints, frame_poses, points_in_world
 from middeck.structure.mesh import Model
 
 SHOWN_M = 0.06  # about what the largest displacement is exaggerated to

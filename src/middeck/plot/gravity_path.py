@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from middeck.plot.style import COLOUR, new_figure, styled
-from middeck.structure.gravity_path import GravityPath
-from middeck.structure.path_events import EventKind, GravityEvent
+from middeck.structure.gravity.events import EventKind, GravityEvent
+from middeck.structure.gravity.path import GravityPath
 
 KIND = {"rigid": COLOUR["ink"], "suspension": COLOUR["orbit"], "flexible": COLOUR["lab"]}
 MARK = {EventKind.CROSSING: "x", EventKind.VEERING: "s"}

@@ -14,7 +14,6 @@ from jaxtyping import Float, Int
 
 from middeck.errors import ConfigError
 from middeck.structure.article import Damping
-from middeck.structure.damping import estimate_damping
 from middeck.structure.joint_branches import (
     JointSystem,
     build_joint_system,
@@ -23,6 +22,7 @@ from middeck.structure.joint_branches import (
     solve_damped,
 )
 from middeck.structure.modes import Modes
+from middeck.structure.plants.damping import estimate_damping
 from middeck.systems.joint_element import Equivalent, JointElement, check_amplitudes, sum_equivalents
 from middeck.values import record
 

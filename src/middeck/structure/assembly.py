@@ -13,10 +13,10 @@ import scipy.sparse as sp
 from jaxtyping import Inexact, Int
 
 from middeck.structure.article import JointState
-from middeck.structure.beam import beam_state, beam_weight
-from middeck.structure.beam_inertia import beam_mass
-from middeck.structure.devices import SpringLaw, SpringState, spring_state
-from middeck.structure.frames import (
+from middeck.structure.elements.beam import beam_state, beam_weight
+from middeck.structure.elements.beam_inertia import beam_mass
+from middeck.structure.elements.devices import SpringLaw, SpringState, spring_state
+from middeck.structure.elements.frames import (
     Configuration,
     Poses,
     frame_poses,

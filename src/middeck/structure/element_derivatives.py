@@ -10,14 +10,15 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 
 from middeck.structure.assembly import CHUNK
-from middeck.structure.beam import BeamProperties, beam_state, beam_weight
-from middeck.structure.beam_inertia import beam_mass
+from middeck.structure.elements.beam import BeamProperties, beam_state, beam_weight
+from middeck.structure.elements.beam_inertia import beam_mass
+from middeck.structure.elements.rotations import rotation_exp, skew, symmetric_double_cross
 from middeck.structure.equilibrium import Equilibrium
 from middeck.structure.mesh import select_beams
 from middeck.structure.patches import STEP, derivative
-from middeck.structure.rotations import rotation_exp, skew, symmetric_double_cross
 
 DIRECTIONS = 9  # the first root's turn, the second one's shift and turn
 FIRST, SHIFT, SECOND = slice(3, 6), slice(6, 9), slice(9, 12)
@@ -33,17 +34,13 @@ class _Elements(NamedTuple):
     triad: np.ndarray
 
 
-class PairGradients(NamedTuple):
-    """Gradient of phi_i'(K - lambda M) phi_j of each element in the coordinates of its roots."""
-
-    coordinates: np.ndarray  # (element, 12)
-    gradient: np.ndarray  # (element, 12, pair)
-
-
-def pair_gradients(
+def element_gradients(
     rest: Equilibrium, shapes: np.ndarray, left: np.ndarray, right: np.ndarray, lam: np.ndarray
-) -> PairGradients:
-    """For the pairs of columns ``left`` and ``right`` of ``shapes``, each with its own lambda."""
+) -> Float[np.ndarray, "coordinate pair"]:
+    """Gradient of phi_i'(K - lambda M) phi_j of all elements, for pairs of columns of ``shapes``.
+
+    ``left`` and ``right`` are the columns, ``lam`` the lambda of each pair.
+    """
     model = rest.model
     roots = model.points.frame[model.element_ends]
     coordinates = (6 * roots[:, :, None] + np.arange(6)).reshape(len(roots), 12)
@@ -66,7 +63,9 @@ def pair_gradients(
         change = np.einsum("eip,deip->edp", u[:, :, left], K @ v - lam * (M @ v), optimize=True)
         gradient[rows, 3:] = change
         gradient[rows, :3] = -gradient[rows, SHIFT]
-    return PairGradients(coordinates, gradient)
+    out = np.zeros((model.tree.size, len(left)))
+    np.add.at(out, coordinates, gradient)
+    return out
 
 
 def _turned(at: _Elements) -> _Elements:

@@ -21,12 +21,12 @@ from middeck.structure.article import Damping, Joint, JointState, Structure
 from middeck.structure.assembly import assemble, mass_matrix
 from middeck.structure.environment import Environment
 from middeck.structure.equilibrium import Equilibrium, solve_equilibrium
-from middeck.structure.modal_plant import build_plant
+from middeck.structure.gravity.tracking import HALF_SHAPE, SPARE, Spectrum, solve_spectrum, spectrum_of, track
 from middeck.structure.modes import Modes, solve_modes
 from middeck.structure.naming import HALF, name_modes
+from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.rigid import rigid_motions
 from middeck.structure.statics import static_coordinates
-from middeck.structure.tracking import HALF_SHAPE, SPARE, Spectrum, solve_spectrum, spectrum_of, track
 from middeck.systems.plant import Plant
 from middeck.values import record
 

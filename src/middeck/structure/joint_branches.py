@@ -19,7 +19,7 @@ from scipy.optimize import linear_sum_assignment
 from middeck.errors import ConfigError
 from middeck.structure.article import JointState
 from middeck.structure.modes import Modes
-from middeck.structure.residual import residual_flexibility
+from middeck.structure.plants.residual import residual_flexibility
 from middeck.values import record
 
 UNCOUPLED = 1e-9

@@ -8,9 +8,9 @@ import numpy as np
 from jaxtyping import Inexact, Int
 
 from middeck.structure.article import Body, Structure, held_angle
-from middeck.structure.beam import BeamProperties, beam_properties
 from middeck.structure.checks import check_structure
-from middeck.structure.frames import Configuration, FrameTree, PosePoints
+from middeck.structure.elements.beam import BeamProperties, beam_properties
+from middeck.structure.elements.frames import Configuration, FrameTree, PosePoints
 from middeck.structure.member_mesh import cut_members, member_geometry
 from middeck.values import record
 

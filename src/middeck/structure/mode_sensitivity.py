@@ -32,7 +32,7 @@ from middeck.structure.patches import derivative, follow, perturb_whole
 from middeck.structure.rest_sensitivity import Moved, move_rest
 from middeck.structure.sensitivity import group_modes
 from middeck.structure.statics import dynamic_coordinates
-from middeck.structure.suspension import environment_loads
+from middeck.structure.suspension.tuning import environment_loads
 from middeck.values import record
 
 

@@ -19,8 +19,8 @@ from jaxtyping import Float
 
 from middeck.structure.article import Body, Node, Structure
 from middeck.structure.assembly import Assembly, Loads, assemble
+from middeck.structure.elements.frames import Configuration, move
 from middeck.structure.environment import Environment
-from middeck.structure.frames import Configuration, move
 from middeck.structure.mesh import Model, lay_out
 from middeck.structure.parameters import Parameter, set_parameter
 from middeck.structure.raft import Raft, merge_configurations, merge_loads, merge_models
@@ -35,8 +35,7 @@ NOTHING = Body(0.0, np.zeros(3), np.zeros((3, 3)))
 class Patch(NamedTuple):
     """A perturbed structure, the model of its patch, and which parts of the whole are there.
 
-    ``trees`` are the coordinates of nodes that have their bodies and joints with them; other nodes of a patch
-    only carry what is tied or joined to them.
+    Nodes that it does not touch are there without their bodies, to carry what is tied or joined to them.
     """
 
     structure: Structure
@@ -45,8 +44,6 @@ class Patch(NamedTuple):
     roots: np.ndarray
     joints: np.ndarray
     coordinates: np.ndarray
-    members: np.ndarray
-    trees: np.ndarray
 
 
 class _Whole(NamedTuple):
@@ -54,7 +51,6 @@ class _Whole(NamedTuple):
 
     model: Model
     frame: dict[str, int]
-    member: dict[str, int]
     node: tuple[str, ...]  # that carries each joint
     used: frozenset[str]  # attach points that anything is tied to
     ties: frozenset[str]  # their nodes
@@ -84,7 +80,6 @@ def _survey(model: Model, environment: Environment) -> _Whole:
     return _Whole(
         model,
         {name: i for i, name in enumerate(model.frames[: model.tree.roots])},
-        {m.name: i for i, m in enumerate(structure.members)},
         tuple(carrier[j.name] for j in structure.joints),
         used,
         frozenset(carrier[f] for f in frames),
@@ -120,27 +115,16 @@ def _patch(whole: _Whole, structure: Structure, environment: Environment) -> Pat
         )
     )
     roots = np.array([whole.frame[name] for name in part.frames[: part.tree.roots]], dtype=int)
-    carriers = np.array([whole.frame[name] for name in trees], dtype=int)
-    return Patch(
-        structure,
-        environment,
-        part,
-        roots,
-        joints,
-        _coordinates(whole.model, roots, joints),
-        np.array([whole.member[m.name] for m in members], dtype=int),
-        _coordinates(whole.model, carriers, joints),
+    coordinates = np.concatenate(
+        [(6 * roots[:, None] + np.arange(6)).ravel(), 6 * whole.model.tree.roots + joints]
     )
+    return Patch(structure, environment, part, roots, joints, coordinates)
 
 
 def _bare(whole: _Whole, node: Node) -> Node:
     if node.name not in whole.bare:
         whole.bare[node.name] = dataclasses.replace(node, body=NOTHING)
     return whole.bare[node.name]
-
-
-def _coordinates(model: Model, roots: np.ndarray, joints: np.ndarray) -> np.ndarray:
-    return np.concatenate([(6 * roots[:, None] + np.arange(6)).ravel(), 6 * model.tree.roots + joints])
 
 
 def derivative(value: np.ndarray) -> np.ndarray:
@@ -171,14 +155,11 @@ def restrict(patch: Patch, config: Configuration) -> Configuration:
 
 def perturb_whole(model: Model, patch: Patch) -> Patch:
     """The same perturbed structure with all that it has."""
-    every = np.arange(model.tree.size)
     return patch._replace(
         model=lay_out(patch.structure),
         roots=np.arange(model.tree.roots),
         joints=np.arange(len(model.tree.parent)),
-        coordinates=every,
-        members=np.arange(len(patch.structure.members)),
-        trees=every,
+        coordinates=np.arange(model.tree.size),
     )
 
 
@@ -217,16 +198,11 @@ def assemble_patches(
 
 
 def explicit_gradients(
-    model: Model,
-    config: Configuration,
-    patches: Sequence[Patch],
-    loads: Sequence[Loads],
-    point_loads: Sequence[np.ndarray] | None = None,
+    model: Model, patches: Sequence[Patch], still: Sequence[Afloat]
 ) -> Float[np.ndarray, "coordinate patch"]:
-    """Derivative of the energy gradient in each parameter with all frames where they are."""
+    """Derivative of the energy gradient in each parameter, from patches ``still`` where they are at rest."""
     out = np.zeros((model.tree.size, len(patches)))
-    still = [restrict(patch, config) for patch in patches]
-    for at in assemble_patches(patches, still, loads, point_loads):
+    for at in still:
         for p, own in zip(at.which, at.raft.coordinates, strict=True):
             out[patches[p].coordinates, p] = derivative(at.potential.gradient[own])
     return out

@@ -8,8 +8,8 @@ from jaxtyping import Float, Inexact, Int
 
 from middeck.errors import EquilibriumError
 from middeck.structure.assembly import Loads, assemble, mass_matrix, no_loads
+from middeck.structure.elements.frames import Configuration, frame_poses, move, points_in_world
 from middeck.structure.factorisation import factorise
-from middeck.structure.frames import Configuration, frame_poses, move, points_in_world
 from middeck.structure.mesh import Model
 from middeck.structure.statics import (
     LOAD_FACTORS,

@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from middeck.structure.assembly import Loads
-from middeck.structure.beam import BeamProperties
-from middeck.structure.devices import SpringLaw
-from middeck.structure.frames import Configuration, FrameTree, PosePoints
+from middeck.structure.elements.beam import BeamProperties
+from middeck.structure.elements.devices import SpringLaw
+from middeck.structure.elements.frames import Configuration, FrameTree, PosePoints
 from middeck.structure.mesh import Model
 
 

@@ -20,7 +20,15 @@ from middeck.structure.assembly import assemble, mass_matrix
 from middeck.structure.equilibrium import Equilibrium
 from middeck.structure.factorisation import factorise
 from middeck.structure.mesh import Model
-from middeck.structure.patches import STEP, Patch, columns, derivative, explicit_gradients, restrict
+from middeck.structure.patches import (
+    STEP,
+    Patch,
+    assemble_patches,
+    columns,
+    derivative,
+    explicit_gradients,
+    restrict,
+)
 from middeck.structure.pinned import (
     HOLD_IN_G,
     SUPPORT_GIVES,
@@ -30,7 +38,7 @@ from middeck.structure.pinned import (
     support_forces,
 )
 from middeck.structure.statics import static_coordinates
-from middeck.structure.suspension import pinned_loads, pinned_points
+from middeck.structure.suspension.tuning import pinned_loads, pinned_points
 
 # What the iteration may leave, over the terms that balance in it.
 SOLVED = 1e-11
@@ -52,13 +60,13 @@ def differentiate_support(
     rows = 6 * state.supports.pose + state.supports.axis
     G = sp.csr_array(at.jacobian[rows])
     own = [_own_supports(patch) for patch in patches]
-    force = explicit_gradients(
-        rest.model,
-        state.config,
+    still = assemble_patches(
         patches,
+        [restrict(p, state.config) for p in patches],
         [pinned_loads(p.model, p.environment) for p in patches],
         [_hold(p.model, s, state.force) for p, s in zip(patches, own, strict=True)],
     )
+    force = explicit_gradients(rest.model, patches, tuple(still))
     slip = [
         support_coordinates(p.model, restrict(p, state.config), s.pose, s.axis) - s.start
         for p, s in zip(patches, own, strict=True)

@@ -16,10 +16,10 @@ from jaxtyping import Float
 from middeck.structure.article import JointState, Structure
 from middeck.structure.assembly import Loads, assemble
 from middeck.structure.equilibrium import Equilibrium
-from middeck.structure.frames import Configuration
 from middeck.structure.parameters import Parameter
 from middeck.structure.patches import (
     STEP,
+    Afloat,
     Patch,
     assemble_patches,
     columns,
@@ -28,10 +28,11 @@ from middeck.structure.patches import (
     explicit_gradients,
     follow,
     make_patches,
+    restrict,
 )
 from middeck.structure.reaction_sensitivity import differentiate_support
 from middeck.structure.static_solver import StaticSolver
-from middeck.structure.suspension import TunedSuspension, environment_loads, tune_suspension
+from middeck.structure.suspension.tuning import TunedSuspension, environment_loads, tune_suspension
 from middeck.values import record
 
 
@@ -58,13 +59,14 @@ class RestSensitivities:
 
 
 class Moved(NamedTuple):
-    """Patches under their own loads, and the derivative of the rest state, a column each."""
+    """Patches under their own loads, ``still`` where the frames are, and how these move, a column each."""
 
     patches: tuple[Patch, ...]
     tuned: tuple[TunedSuspension, ...]
     loads: tuple[Loads, ...]
     motion: np.ndarray
-    gradient: np.ndarray  # of the energy in all coordinates: what joints hold comes to rest elsewhere
+    gradient: np.ndarray  # of the energy, in all coordinates: what joints hold
+    still: tuple[Afloat, ...]
 
 
 def differentiate_rest(rest: Equilibrium, parameters: Sequence[Parameter]) -> RestSensitivities:
@@ -78,7 +80,8 @@ def differentiate_rest(rest: Equilibrium, parameters: Sequence[Parameter]) -> Re
         _spring_torque(p.structure, rest, moved.motion[roots:, i]) for i, p in enumerate(moved.patches)
     ]
     tension = np.zeros((len(rest.tension), len(parameters)))
-    for at in assemble_patches(moved.patches, followed(moved, rest.config), moved.loads):
+    along = [follow(patch, rest.config, moved.motion[:, p]) for p, patch in enumerate(moved.patches)]
+    for at in assemble_patches(moved.patches, along, moved.loads):
         for p, devices in zip(at.which, at.devices, strict=True):
             tension[:, p] = derivative(at.potential.tension[devices])
     return RestSensitivities(
@@ -109,12 +112,8 @@ def move_rest(rest: Equilibrium, parameters: Sequence[Parameter]) -> Moved:
     tuned = [tune_suspension(p.model, p.environment, f) for p, f in zip(patches, forces, strict=True)]
     loads = [environment_loads(p.model, p.environment, t) for p, t in zip(patches, tuned, strict=True)]
     at = assemble(rest.model, rest.config, rest.loads)
-    explicit = explicit_gradients(rest.model, rest.config, patches, loads)
+    still = tuple(assemble_patches(patches, [restrict(p, rest.config) for p in patches], loads))
+    explicit = explicit_gradients(rest.model, patches, still)
     motion = drawn - StaticSolver.at(rest, at).solve(explicit + at.tangent @ drawn)
     gradient = explicit + at.tangent @ motion
-    return Moved(patches, tuple(tuned), tuple(loads), motion, gradient)
-
-
-def followed(moved: Moved, config: Configuration) -> list[Configuration]:
-    """Where each patch is, moved with the rest state."""
-    return [follow(patch, config, moved.motion[:, p]) for p, patch in enumerate(moved.patches)]
+    return Moved(patches, tuple(tuned), tuple(loads), motion, gradient, still)

@@ -7,8 +7,8 @@ import scipy.sparse as sp
 from jaxtyping import Float
 
 from middeck.structure.article import Joint
+from middeck.structure.elements.frames import rigid_columns
 from middeck.structure.equilibrium import Equilibrium
-from middeck.structure.frames import rigid_columns
 from middeck.structure.statics import dynamic_coordinates
 
 AXES = "xyz"

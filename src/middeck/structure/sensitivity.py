@@ -17,12 +17,12 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.structure.assembly import mass_matrix
-from middeck.structure.element_derivatives import pair_gradients
+from middeck.structure.element_derivatives import element_gradients
 from middeck.structure.equilibrium import Equilibrium
 from middeck.structure.modes import Modes
 from middeck.structure.parameters import Parameter
-from middeck.structure.patches import assemble_patches, derivative
-from middeck.structure.rest_sensitivity import Moved, followed, move_rest
+from middeck.structure.patches import derivative
+from middeck.structure.rest_sensitivity import Moved, move_rest
 from middeck.structure.tree_derivatives import tree_gradients
 from middeck.values import record
 
@@ -112,32 +112,22 @@ def _pairs(modes: Modes, groups: tuple[tuple[int, ...], ...]) -> _Pairs:
 def _pair_derivatives(
     rest: Equilibrium, moved: Moved, shapes: np.ndarray, pairs: _Pairs
 ) -> Float[np.ndarray, "parameter pair"]:
-    """phi_i'(dK - lambda dM) phi_j: of the patches, and of what only moves with the rest state."""
-    out = _of_patches(rest, moved, shapes, pairs)
+    """phi_i'(dK - lambda dM) phi_j: by the parameters themselves, and by the way the rest state moves."""
+    out = _explicit(moved, shapes, pairs)
     if not np.any(moved.motion):
         return out
-    elements = pair_gradients(rest, shapes, *pairs)
-    bodies = tree_gradients(rest, shapes, *pairs)
-    every = bodies.copy()
-    np.add.at(every, elements.coordinates, elements.gradient)
-    out += moved.motion.T @ every
-    for p, patch in enumerate(moved.patches):
-        touched = np.isin(rest.model.element_member, patch.members)
-        motion = moved.motion[elements.coordinates[touched], p]
-        out[p] -= np.einsum("ek,ekq->q", motion, elements.gradient[touched])
-        out[p] -= moved.motion[patch.trees, p] @ bodies[patch.trees]
-    return out
+    return out + moved.motion.T @ (
+        element_gradients(rest, shapes, *pairs) + tree_gradients(rest, shapes, *pairs)
+    )
 
 
-def _of_patches(
-    rest: Equilibrium, moved: Moved, shapes: np.ndarray, pairs: _Pairs
-) -> Float[np.ndarray, "parameter pair"]:
+def _explicit(moved: Moved, shapes: np.ndarray, pairs: _Pairs) -> Float[np.ndarray, "parameter pair"]:
     out = np.zeros((len(moved.patches), len(pairs.lam)))
-    for at in assemble_patches(moved.patches, followed(moved, rest.config), moved.loads):
+    for at in moved.still:
         own = np.concatenate(at.raft.coordinates)
         phi = np.zeros((len(own), shapes.shape[1]))
         phi[own] = shapes[np.concatenate([moved.patches[p].coordinates for p in at.which])]
-        K, M = at.potential.tangent, mass_matrix(at.raft.model, at.config, at.loads)
+        K, M = at.potential.tangent.copy(), mass_matrix(at.raft.model, at.config, at.loads)
         K.data, M.data = derivative(K.data), derivative(M.data)
         change = (K @ phi)[:, pairs.right] - (M @ phi)[:, pairs.right] * pairs.lam
         work = phi[:, pairs.left] * change

@@ -11,9 +11,9 @@ import scipy.sparse as sp
 from middeck.errors import NumericalError
 from middeck.structure.assembly import Assembly, mass_matrix
 from middeck.structure.eigen import ROUNDING
+from middeck.structure.elements.frames import rigid_columns
 from middeck.structure.equilibrium import Equilibrium
 from middeck.structure.factorisation import Factor, factorise
-from middeck.structure.frames import rigid_columns
 from middeck.structure.statics import static_coordinates
 
 # What a solution may leave of its load, over the terms that balance in it.

@@ -10,9 +10,9 @@ from jaxtyping import Bool, Float
 
 from middeck.structure.article import JointState
 from middeck.structure.assembly import Assembly, Loads, assemble, mass_matrix
-from middeck.structure.devices import SpringLaw
+from middeck.structure.elements.devices import SpringLaw
+from middeck.structure.elements.frames import Configuration, move_whole, split_rigid
 from middeck.structure.factorisation import positive_factor
-from middeck.structure.frames import Configuration, move_whole, split_rigid
 from middeck.structure.mesh import Model
 
 # Largest residual that counts as rest, over `load_scale`.

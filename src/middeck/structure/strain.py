@@ -7,10 +7,10 @@ from jaxtyping import Float
 
 from middeck.structure.article import JointState
 from middeck.structure.assembly import element_poses
-from middeck.structure.beam import beam_deformations, beam_stiffness
-from middeck.structure.beam_kinematics import PHI, STRETCH, Y1, Y2, Z1, Z2
+from middeck.structure.elements.beam import beam_deformations, beam_stiffness
+from middeck.structure.elements.beam_kinematics import PHI, STRETCH, Y1, Y2, Z1, Z2
+from middeck.structure.elements.frames import frame_poses, points_in_world, pose_jacobian
 from middeck.structure.equilibrium import Equilibrium
-from middeck.structure.frames import frame_poses, points_in_world, pose_jacobian
 
 PARTS = ("axial", "torsion", "bending y-z", "bending x-z", "bending x-y", "spring", "joint", "slide")
 BENDING = slice(2, 5)

@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from middeck.structure.article import Structure
 from middeck.structure.checks import check_structure
-from middeck.structure.frames import frame_poses, points_in_world
+from middeck.structure.elements.frames import frame_poses, points_in_world
 from middeck.structure.member_mesh import member_geometry
 from middeck.structure.mesh import lay_out
 from middeck.structure.summary_doubts import Measures, doubt_measures

@@ -1,7 +1,8 @@
-"""How the stiffness and mass of bodies, seen by modes, change as the nodes and joints that carry them move.
+"""How the stiffness and mass of all that is no member, seen by modes, change as nodes and joints move.
 
-A node with its joints and their bodies is a tree of its own: one complex step moves the same coordinate of
-every tree at once.
+A node with its joints, bodies and devices is a tree of its own: one complex step moves the same coordinate of
+every tree at once, and all steps are assembled side by side. Trees that a spring of the article ties, or that
+are tied to the same third one, take turns.
 """
 
 from __future__ import annotations
@@ -11,45 +12,82 @@ import dataclasses
 import numpy as np
 from jaxtyping import Float
 
-from middeck.structure.assembly import Loads, assemble, mass_matrix, no_loads
+from middeck.structure.assembly import Loads, assemble, mass_matrix
+from middeck.structure.elements.frames import Configuration, joint_chain, move
 from middeck.structure.equilibrium import Equilibrium
-from middeck.structure.frames import Configuration, joint_chain, move
-from middeck.structure.mesh import lay_out
+from middeck.structure.mesh import Model, lay_out
 from middeck.structure.patches import STEP, derivative
+from middeck.structure.raft import merge_configurations, merge_loads, merge_models
 
 
 def tree_gradients(
     rest: Equilibrium, shapes: np.ndarray, left: np.ndarray, right: np.ndarray, lam: np.ndarray
 ) -> Float[np.ndarray, "coordinate pair"]:
-    """Gradient of phi_i'(K - lambda M) phi_j of all trees, without springs, in all coordinates."""
+    """Gradient of phi_i'(K - lambda M) phi_j of all trees and springs, as `element_gradients`."""
     structure, whole = rest.model.structure, rest.model.tree
-    trees = lay_out(
-        dataclasses.replace(structure, members=(), springs=(), attach_points=(), actuators=(), sensors=())
-    )
+    trees = lay_out(dataclasses.replace(structure, members=(), actuators=(), sensors=()))
     roots = trees.tree.roots
     here = np.concatenate([np.arange(6 * roots), 6 * whole.roots + np.arange(len(whole.parent))])
     carrier = [joint_chain(trees.tree, roots + j)[0] for j in range(len(whole.parent))]
     tree = np.concatenate([np.repeat(np.arange(roots), 6), np.array(carrier, dtype=int)])
     within = np.concatenate([np.tile(np.arange(6), roots), _rank(carrier)])
-    none = no_loads()
-    loads = Loads(rest.loads.gravity, none.anchor, none.attach_point, none.law, none.mass)
+    neighbours = _neighbours(trees)
+    turn = _take_turns(neighbours)
     config = Configuration(rest.config.x[:roots], rest.config.R[:roots], rest.config.angle)
-    phi = shapes[here]
+    moving = [
+        (within == d) & (turn[tree] == t) for t in range(turn.max() + 1) for d in range(within.max() + 1)
+    ]
+    steps = [move(trees.tree, config, STEP * 1j * m) for m in moving]
+    raft, at = merge_models([trees] * len(steps)), merge_configurations(steps)
+    loads = merge_loads(raft, [_loads(rest, trees)] * len(steps))
+    own = np.concatenate(raft.coordinates)
+    phi = np.zeros((len(own), shapes.shape[1]))
+    phi[own] = np.tile(shapes[here], (len(steps), 1))
+    K, M = assemble(raft.model, at, loads).tangent, mass_matrix(raft.model, at, loads)
+    K.data, M.data = derivative(K.data), derivative(M.data)
+    work = phi[:, left] * ((K @ phi)[:, right] - lam * (M @ phi)[:, right])
     out = np.zeros((whole.size, len(lam)))
-    for direction in range(int(within.max()) + 1):
-        moved = np.flatnonzero(within == direction)
-        q = np.zeros(len(here), dtype=complex)
-        q[moved] = STEP * 1j
-        at = move(trees.tree, config, q)
-        K, M = assemble(trees, at, loads).tangent, mass_matrix(trees, at)
-        K.data, M.data = derivative(K.data), derivative(M.data)
-        work = phi[:, left] * ((K @ phi)[:, right] - lam * (M @ phi)[:, right])
+    for which, coordinates in zip(moving, raft.coordinates, strict=True):
         total = np.zeros((roots, len(lam)))
-        np.add.at(total, tree, work)
-        out[here[moved]] = total[tree[moved]]
+        np.add.at(total, _moved_near(neighbours, tree[which])[tree], work[coordinates])
+        out[here[which]] = total[tree[which]]
     return out
 
 
 def _rank(carrier: list[int]) -> np.ndarray:
     """Of each joint among those of its tree, after the six coordinates of the root."""
     return np.array([6 + carrier[:j].count(c) for j, c in enumerate(carrier)], dtype=int)
+
+
+def _loads(rest: Equilibrium, trees: Model) -> Loads:
+    """The same loads at the attach points of the trees."""
+    number = {int(pose): i for i, pose in enumerate(rest.model.attach_point)}
+    points = [trees.attach_point[number[int(pose)]] for pose in rest.loads.attach_point]
+    return dataclasses.replace(rest.loads, attach_point=np.array(points, dtype=int))
+
+
+def _neighbours(trees: Model) -> list[set[int]]:
+    """Of each tree, those that a spring ties to it."""
+    out: list[set[int]] = [set() for _ in range(trees.tree.roots)]
+    for ends in trees.points.frame[trees.spring_ends]:
+        a, b = (joint_chain(trees.tree, int(frame))[0] for frame in ends)
+        out[a].add(b)
+        out[b].add(a)
+    return out
+
+
+def _take_turns(neighbours: list[set[int]]) -> np.ndarray:
+    """A number for each tree, another one than that of its neighbours and of theirs."""
+    turn = np.full(len(neighbours), -1)
+    for tree, near in enumerate(neighbours):
+        taken = {int(turn[t]) for n in near for t in (n, *neighbours[n]) if t != tree}
+        turn[tree] = next(k for k in range(len(neighbours)) if k not in taken)
+    return turn
+
+
+def _moved_near(neighbours: list[set[int]], moved: np.ndarray) -> np.ndarray:
+    """For each tree the one that moves among it and its neighbours, itself where none does."""
+    near = np.arange(len(neighbours))
+    for tree in moved:
+        near[list(neighbours[tree])] = tree
+    return near

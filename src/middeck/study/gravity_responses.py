@@ -6,8 +6,8 @@ import numpy as np
 
 from middeck.files.study_form import Figure6Form, RigForm, SisoForm
 from middeck.identification.spectra import estimate_response
-from middeck.structure.modal_plant import build_plant
 from middeck.structure.modes import Modes
+from middeck.structure.plants.modal_plant import build_plant
 from middeck.study.rig_experiment import rig_plant, run_rig_experiment
 from middeck.systems.plant import Plant
 from middeck.systems.response import FrequencyResponse, evaluate_plant

@@ -9,8 +9,8 @@ from jaxtyping import Float
 
 from middeck.files.study_form import RigForm, SisoForm
 from middeck.realtime.rig import LinearRig, build_linear_rig, run_open_loop
-from middeck.structure.modal_plant import build_plant
 from middeck.structure.modes import Modes
+from middeck.structure.plants.modal_plant import build_plant
 from middeck.systems.excitation import random_multisine
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant

@@ -20,8 +20,8 @@ from middeck.control.lqg import LQGWeights, design_filter, design_lqg
 from middeck.control.performance import Performance, measure_metric
 from middeck.errors import ConfigError, NumericalError
 from middeck.files.study_form import ControlForm
-from middeck.structure.modal_plant import RATE, build_plant
 from middeck.structure.modes import Modes
+from middeck.structure.plants.modal_plant import RATE, build_plant
 from middeck.systems.modal import ModalSystem, select_modes
 from middeck.systems.norms import band_rms_by_quadrature
 from middeck.systems.plant import Plant

@@ -10,7 +10,7 @@ from middeck.cli import figures, options
 from middeck.cli.screen import Table, show
 
 if TYPE_CHECKING:
-    from middeck.structure.budget import GravityBudget
+    from middeck.structure.gravity.budget import GravityBudget
 
 EPILOG = """\
 \b
@@ -42,8 +42,8 @@ def verb(
     """
     from middeck.cli.cases import find_case, solve_in
     from middeck.files.documents import load_case
-    from middeck.structure.budget import build_budget
     from middeck.structure.environment import Environment
+    from middeck.structure.gravity.budget import build_budget
 
     files = find_case(article, environment)
     structure, surroundings = load_case(*files, overrides)
@@ -65,7 +65,7 @@ def verb(
 
 def describe(found: GravityBudget) -> dict[str, Any]:
     """The JSON document; ``omega2`` has an axis off/on for each of the effects, in their order."""
-    from middeck.structure.budget import EFFECTS, ORDERS
+    from middeck.structure.gravity.budget import EFFECTS, ORDERS
 
     lab = found.lab
     return {

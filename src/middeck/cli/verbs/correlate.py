@@ -11,7 +11,7 @@ from middeck.cli import options
 from middeck.cli.screen import Table, show
 
 if TYPE_CHECKING:
-    from middeck.structure.correlation import Correlation, Finding
+    from middeck.structure.correlation.correlate import Correlation, Finding
 
 EPILOG = """\
 \b
@@ -22,7 +22,7 @@ Examples:
     data/virtual-survey/mace-simple-lab.json \\
     --profile orion-adequate --reduction guyan --json
 """
-# As in structure/profiles.py and reduction.py, which --help must not import; a test holds them together.
+# As in structure/correlation (profiles, reduction), which --help must not import; a test holds them together.
 PROFILES = ("ecss-e-st-32-11c", "nasa-std-5002", "smc-s-004", "orion-well", "orion-adequate", "coppolino")
 REDUCTIONS = ("serep", "guyan", "irs")
 SHOWN = 6
@@ -86,10 +86,10 @@ def verb(
     from middeck.cli.blame import reading
     from middeck.cli.cases import solve_case
     from middeck.files.measured_modes import load_measured_modes
-    from middeck.structure.correlation import correlate_modes
-    from middeck.structure.measured_modes import MeasurementNoise
-    from middeck.structure.profiles import find_profile
-    from middeck.structure.reduction import Reduction
+    from middeck.structure.correlation.correlate import correlate_modes
+    from middeck.structure.correlation.measured_modes import MeasurementNoise
+    from middeck.structure.correlation.profiles import find_profile
+    from middeck.structure.correlation.reduction import Reduction
 
     measured = load_measured_modes(test)
     given = None if noise is None else MeasurementNoise(*noise)
@@ -203,7 +203,7 @@ def _interval(p: dict[str, Any]) -> str:
 
 
 def _pairs(document: dict[str, Any]) -> Table:
-    from middeck.structure.assurance import largest_other
+    from middeck.structure.correlation.assurance import largest_other
 
     cross, themselves = document["cross_orthogonality"], document["self_orthogonality"]
     others, own = largest_other(cross), largest_other(themselves)

@@ -11,8 +11,8 @@ from middeck.cli.screen import Table, show
 
 if TYPE_CHECKING:
     from middeck.structure.environment import Environment
-    from middeck.structure.gravity_path import GravityPath
-    from middeck.structure.places import Place
+    from middeck.structure.gravity.path import GravityPath
+    from middeck.structure.gravity.places import Place
 
 EPILOG = """\
 \b
@@ -20,7 +20,7 @@ Examples:
   middeck path articles/mace-simple.toml --figure path.svg
   middeck path articles/mace-dm.toml --through earth,moon --json
 """
-RULES = ("kept", "retuned")  # as in structure/places.py, which --help must not import
+RULES = ("kept", "retuned")  # as in structure/gravity/places.py, which --help must not import
 
 
 @click.command("path", epilog=EPILOG)
@@ -69,8 +69,8 @@ def verb(
     from middeck.cli.blame import reading
     from middeck.cli.cases import find_case
     from middeck.files.documents import load_case
-    from middeck.structure.gravity_path import follow_gravity
-    from middeck.structure.places import DeviceRule
+    from middeck.structure.gravity.path import follow_gravity
+    from middeck.structure.gravity.places import DeviceRule
 
     files = find_case(article, environment)
     structure, surroundings = load_case(*files, overrides)
@@ -99,7 +99,7 @@ def _places(
     import numpy as np
 
     from middeck.errors import ConfigError
-    from middeck.structure.places import Place, find_place, tilt_place
+    from middeck.structure.gravity.places import Place, find_place, tilt_place
 
     if through is not None and tilt is not None:
         raise ConfigError("--through or --tilt: one of them, not both")

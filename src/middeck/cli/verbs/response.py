@@ -54,7 +54,7 @@ def verb(
 
     from middeck.cli.blame import reading
     from middeck.cli.cases import find_case, solve_case
-    from middeck.structure.modal_plant import build_plant
+    from middeck.structure.plants.modal_plant import build_plant
     from middeck.systems.response import evaluate_plant
 
     modes = solve_case(article, environment, overrides)

@@ -7,27 +7,27 @@ import scipy.sparse as sp
 from jaxtyping import Float, Int
 
 from middeck.errors import ConfigError
-from middeck.structure.assurance import phase_collinearity
-from middeck.structure.effective_mass import EffectiveMass, measure_effective_mass
-from middeck.structure.evaluation import (
+from middeck.structure.correlation.assurance import phase_collinearity
+from middeck.structure.correlation.effective_mass import EffectiveMass, measure_effective_mass
+from middeck.structure.correlation.evaluation import (
     WINDOW,
     Candidates,
     Evaluation,
     criterion_values,
     evaluate_shapes,
 )
-from middeck.structure.measured_modes import MeasuredModes, MeasurementNoise, sensor_rows
-from middeck.structure.modes import Modes
-from middeck.structure.naming import HALF
-from middeck.structure.pass_probability import (
+from middeck.structure.correlation.measured_modes import MeasuredModes, MeasurementNoise, sensor_rows
+from middeck.structure.correlation.pass_probability import (
     CorrectModel,
     Probability,
     judge,
     run_correct_model,
     stated_noise,
 )
-from middeck.structure.profiles import RECALLED, Criterion, Profile, Quantity
-from middeck.structure.reduction import ReducedMass, Reduction, reduce_mass
+from middeck.structure.correlation.profiles import RECALLED, Criterion, Profile, Quantity
+from middeck.structure.correlation.reduction import ReducedMass, Reduction, reduce_mass
+from middeck.structure.modes import Modes
+from middeck.structure.naming import HALF
 from middeck.values import record
 
 RUNS = 1000

@@ -7,8 +7,8 @@ import scipy.sparse as sp
 from jaxtyping import Float
 
 from middeck.structure.assembly import Assembly, Loads, assemble, mass_matrix
+from middeck.structure.elements.frames import Configuration, move_whole
 from middeck.structure.factorisation import factorise
-from middeck.structure.frames import Configuration, move_whole
 from middeck.structure.mesh import Model
 from middeck.structure.statics import TOLERANCE, load_scale, spread, static_coordinates
 

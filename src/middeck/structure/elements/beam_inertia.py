@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Inexact
 
-from middeck.structure.beam import BeamProperties
-from middeck.structure.beam_kinematics import chord
+from middeck.structure.elements.beam import BeamProperties
+from middeck.structure.elements.beam_kinematics import chord
 
 Array = np.ndarray
 

@@ -8,11 +8,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from middeck.structure.article import Damping
-from middeck.structure.damping import estimate_damping
 from middeck.structure.modes import Modes
-from middeck.structure.port_rows import RATE as RATE
-from middeck.structure.port_rows import input_rows, output_rows
-from middeck.structure.residual import residual_flexibility
+from middeck.structure.plants.damping import estimate_damping
+from middeck.structure.plants.port_rows import RATE as RATE
+from middeck.structure.plants.port_rows import input_rows, output_rows
+from middeck.structure.plants.residual import residual_flexibility
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
 

@@ -19,7 +19,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Bool, Inexact, Int
 
-from middeck.structure.rotations import rotation_exp, skew, symmetric_double_cross
+from middeck.structure.elements.rotations import rotation_exp, skew, symmetric_double_cross
 from middeck.values import record
 
 

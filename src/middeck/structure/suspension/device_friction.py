@@ -13,11 +13,11 @@ from jaxtyping import Float
 from middeck.errors import ConfigError, EquilibriumError
 from middeck.structure.article import Damping
 from middeck.structure.assembly import assemble, mass_matrix
-from middeck.structure.damping import estimate_damping
+from middeck.structure.elements.frames import frame_poses, points_in_world, pose_jacobian, rigid_columns
 from middeck.structure.equilibrium import Equilibrium
 from middeck.structure.factorisation import positive_factor
-from middeck.structure.frames import frame_poses, points_in_world, pose_jacobian, rigid_columns
 from middeck.structure.modes import Modes
+from middeck.structure.plants.damping import estimate_damping
 from middeck.structure.statics import static_coordinates
 from middeck.systems.friction import Friction
 from middeck.systems.joint_element import check_amplitudes

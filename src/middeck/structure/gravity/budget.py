@@ -21,8 +21,7 @@ from jaxtyping import Float, Int
 from middeck.errors import ConfigError
 from middeck.structure.assembly import Inner, inner_forces, mass_matrix, split_tangent
 from middeck.structure.equilibrium import Equilibrium
-from middeck.structure.modes import Modes
-from middeck.structure.tracking import (
+from middeck.structure.gravity.tracking import (
     HALF_SHAPE,
     Spectrum,
     align_repeated,
@@ -30,6 +29,7 @@ from middeck.structure.tracking import (
     spectrum_of,
     track,
 )
+from middeck.structure.modes import Modes
 from middeck.values import record
 
 EFFECTS = ("suspension", "stiffness", "deformation")

@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from middeck.structure.frames import Configuration
-from middeck.structure.tracking import REPEATED, Spectrum
+from middeck.structure.elements.frames import Configuration
+from middeck.structure.gravity.tracking import REPEATED, Spectrum
 from middeck.values import record
 
 # A veering is looked at between the places where the gap of omega^2 is this many times its least: of two

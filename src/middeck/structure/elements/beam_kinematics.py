@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Inexact
 
-from middeck.structure.rotations import skew, symmetric_double_cross
+from middeck.structure.elements.rotations import skew, symmetric_double_cross
 
 Array = np.ndarray
 # Rows of the invariants and of the deformations.

@@ -10,13 +10,13 @@ import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
 from scipy.optimize import linear_sum_assignment
 
-from middeck.structure.assurance import (
+from middeck.structure.correlation.assurance import (
     coordinate_assurance,
     largest_other,
     modal_assurance,
     orthogonality,
 )
-from middeck.structure.profiles import Criterion, Group, Quantity
+from middeck.structure.correlation.profiles import Criterion, Group, Quantity
 from middeck.values import record
 
 # Modes are one pair only if neither frequency is more than this times the other: a few sensors may see

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Inexact
 
 from middeck.structure.article import Section
-from middeck.structure.beam_kinematics import (
+from middeck.structure.elements.beam_kinematics import (
     ONE,
     PHI,
     STRETCH,
@@ -27,7 +27,7 @@ from middeck.structure.beam_kinematics import (
     deform,
     geometric_stiffness,
 )
-from middeck.structure.rotations import symmetric_double_cross
+from middeck.structure.elements.rotations import symmetric_double_cross
 from middeck.values import record
 
 Array = np.ndarray

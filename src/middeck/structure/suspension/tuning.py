@@ -14,9 +14,9 @@ from jaxtyping import Inexact
 
 from middeck.errors import ConfigError, EquilibriumError
 from middeck.structure.assembly import Loads, no_loads
-from middeck.structure.devices import SpringLaw
+from middeck.structure.elements.devices import SpringLaw
+from middeck.structure.elements.frames import frame_poses, points_in_world
 from middeck.structure.environment import AnchoredSpring, Device, DeviceKind, Environment
-from middeck.structure.frames import frame_poses, points_in_world
 from middeck.structure.mesh import Model
 from middeck.structure.pinned import PinnedPoints, PinnedState, settle_pinned, support_forces
 from middeck.values import record

@@ -10,10 +10,10 @@ import scipy.sparse as sp
 from jaxtyping import Complex, Float
 
 from middeck.errors import ConfigError, DataError
-from middeck.structure.damping import estimate_damping
-from middeck.structure.frames import PosePoints, frame_poses, pose_jacobian
+from middeck.structure.elements.frames import PosePoints, frame_poses, pose_jacobian
 from middeck.structure.mesh import Model
 from middeck.structure.modes import Modes
+from middeck.structure.plants.damping import estimate_damping
 from middeck.structure.statics import dynamic_coordinates
 from middeck.values import record
 

@@ -22,8 +22,8 @@ from jaxtyping import Float
 
 from middeck.errors import ConfigError
 from middeck.structure.article import Damper, DamperPlace, Damping, DampingTable, JointState
+from middeck.structure.elements.frames import PosePoints, frame_poses, points_in_world, pose_jacobian
 from middeck.structure.equilibrium import Equilibrium
-from middeck.structure.frames import PosePoints, frame_poses, points_in_world, pose_jacobian
 from middeck.structure.modes import Modes
 from middeck.structure.strain import member_energy
 from middeck.values import record

@@ -6,9 +6,9 @@ import numpy as np
 import scipy.special as ssp
 from jaxtyping import Bool, Float
 
-from middeck.structure.evaluation import Candidates, Evaluation, criterion_values, evaluate_shapes
-from middeck.structure.measured_modes import MeasuredModes, MeasurementNoise, sort_rms
-from middeck.structure.profiles import Profile
+from middeck.structure.correlation.evaluation import Candidates, Evaluation, criterion_values, evaluate_shapes
+from middeck.structure.correlation.measured_modes import MeasuredModes, MeasurementNoise, sort_rms
+from middeck.structure.correlation.profiles import Profile
 from middeck.values import record
 
 CONFIDENCE = 0.95

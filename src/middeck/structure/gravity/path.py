@@ -19,15 +19,15 @@ from jaxtyping import Float
 from middeck.errors import ConfigError, UnstableEquilibriumError
 from middeck.structure.article import Structure
 from middeck.structure.assembly import Assembly, Loads, assemble, mass_matrix
-from middeck.structure.continuation import rest_near
+from middeck.structure.elements.frames import Configuration
 from middeck.structure.environment import Environment
 from middeck.structure.equilibrium import Equilibrium, solve_equilibrium
-from middeck.structure.frames import Configuration
+from middeck.structure.gravity.continuation import rest_near
+from middeck.structure.gravity.events import Advance, EventKind, GravityEvent, Station, find_exchanges
+from middeck.structure.gravity.places import DeviceRule, Place, gravity_between, loads_in
+from middeck.structure.gravity.tracking import HALF_SHAPE, solve_spectrum, spectrum_of, track
 from middeck.structure.modes import Modes, solve_modes
-from middeck.structure.path_events import Advance, EventKind, GravityEvent, Station, find_exchanges
-from middeck.structure.places import DeviceRule, Place, gravity_between, loads_in
 from middeck.structure.statics import TOLERANCE, settle, static_coordinates
-from middeck.structure.tracking import HALF_SHAPE, solve_spectrum, spectrum_of, track
 from middeck.values import record
 
 # Parts of the way between two places.

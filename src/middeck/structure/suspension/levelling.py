@@ -11,12 +11,12 @@ from jaxtyping import Float
 
 from middeck.errors import ConfigError, EquilibriumError
 from middeck.structure.article import Structure
-from middeck.structure.attitude import Attitude, estimate_attitude
+from middeck.structure.elements.frames import move
 from middeck.structure.environment import Environment
 from middeck.structure.equilibrium import Equilibrium, solve_equilibrium
-from middeck.structure.frames import move
 from middeck.structure.parameters import AXES, list_parameters
 from middeck.structure.rest_sensitivity import differentiate_rest
+from middeck.structure.suspension.attitude import Attitude, estimate_attitude
 from middeck.values import record
 
 LEVEL = 1e-7

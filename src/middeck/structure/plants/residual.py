@@ -21,7 +21,7 @@ from middeck.errors import ConfigError, NumericalError
 from middeck.structure.assembly import assemble
 from middeck.structure.factorisation import Factor, factorise, positive_factor
 from middeck.structure.modes import Modes
-from middeck.structure.port_rows import input_rows, output_rows
+from middeck.structure.plants.port_rows import input_rows, output_rows
 from middeck.structure.statics import dynamic_coordinates
 from middeck.systems.ports import Port
 from middeck.values import record

@@ -1,0 +1,1 @@
+"""A model beside a test: criteria, profiles, and how often a correct model would pass."""

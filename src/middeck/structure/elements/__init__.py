@@ -1,0 +1,1 @@
+"""Frames, beams and springs: energies with two exact derivatives."""

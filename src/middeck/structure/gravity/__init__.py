@@ -1,0 +1,1 @@
+"""What gravity does to each mode, and modes followed while it changes."""

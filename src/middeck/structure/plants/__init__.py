@@ -1,0 +1,1 @@
+"""From modes to a plant: ports, damping, and what truncated modes leave behind."""
