@@ -108,6 +108,16 @@ def assemble(
     )
 
 
+def energy_gradient(
+    model: Model, config: Configuration, loads: Loads, point_load: Inexact[np.ndarray, "pose 6"]
+) -> Inexact[np.ndarray, " coordinate"]:
+    """The gradient of `assemble` alone."""
+    at = _poses_at(model, config)
+    gradient = _gather(model, at, loads, None).gradient + point_load
+    J = pose_jacobian(model.tree, model.points, at.poses)
+    return J.T @ gradient.ravel() + _sprung_joints(model, config)[1]
+
+
 def split_tangent(model: Model, geometry: Configuration, loads: Loads, inner: Inner) -> TangentParts:
     """The tangent at ``geometry`` under the forces ``inner``, which may be those of another configuration."""
     at = _poses_at(model, geometry)
@@ -124,6 +134,12 @@ def split_tangent(model: Model, geometry: Configuration, loads: Loads, inner: In
         _symmetric(sp.csr_array(assembled(total.geometric) + turning)),
         _symmetric(assembled(total.device)),
     )
+
+
+def device_tension(model: Model, config: Configuration, loads: Loads) -> Inexact[np.ndarray, " device"]:
+    """The pull of each device at ``config``."""
+    world = points_in_world(model.points, frame_poses(model.tree, config))
+    return spring_state(loads.law, world[loads.attach_point] - loads.anchor).tension
 
 
 def inner_forces(model: Model, config: Configuration, loads: Loads) -> Inner:

@@ -10,7 +10,6 @@ tuning anything may change.
 from __future__ import annotations
 
 import dataclasses
-import itertools
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
@@ -18,7 +17,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.structure.article import Body, Node, Structure
-from middeck.structure.assembly import Assembly, Loads, assemble
+from middeck.structure.assembly import Loads
 from middeck.structure.elements.frames import Configuration, move
 from middeck.structure.environment import Environment
 from middeck.structure.mesh import Model, lay_out
@@ -170,41 +169,34 @@ def follow(patch: Patch, config: Configuration, motion: np.ndarray) -> Configura
 
 
 class Afloat(NamedTuple):
-    """Some patches, by number, on one raft: where they are on it, and the potential there."""
+    """Some patches, by number, on one raft."""
 
     which: list[int]
     raft: Raft
     config: Configuration
     loads: Loads
-    potential: Assembly
-    devices: list[slice]
 
 
-def assemble_patches(
-    patches: Sequence[Patch],
-    configs: Sequence[Configuration],
-    loads: Sequence[Loads],
-    point_loads: Sequence[np.ndarray] | None = None,
-) -> Iterator[Afloat]:
-    """The potential of every patch at its own configuration, a raft at a time."""
+def float_patches(
+    patches: Sequence[Patch], configs: Sequence[Configuration], loads: Sequence[Loads]
+) -> tuple[Afloat, ...]:
+    """Every patch at its own configuration, on as few rafts as it takes."""
+    out: list[Afloat] = []
     for which in _share(patches, loads):
         raft = merge_models([patches[p].model for p in which])
         config = merge_configurations([configs[p] for p in which])
-        load = merge_loads(raft, [loads[p] for p in which])
-        extra = None if point_loads is None else np.concatenate([point_loads[p] for p in which])
-        ends = np.cumsum([0, *(len(loads[p].attach_point) for p in which)])
-        devices = [slice(a, b) for a, b in itertools.pairwise(ends)]
-        yield Afloat(which, raft, config, load, assemble(raft.model, config, load, extra), devices)
+        out.append(Afloat(which, raft, config, merge_loads(raft, [loads[p] for p in which])))
+    return tuple(out)
 
 
-def explicit_gradients(
-    model: Model, patches: Sequence[Patch], still: Sequence[Afloat]
+def spread_gradients(
+    model: Model, patches: Sequence[Patch], gradients: Sequence[tuple[Afloat, np.ndarray]]
 ) -> Float[np.ndarray, "coordinate patch"]:
-    """Derivative of the energy gradient in each parameter, from patches ``still`` where they are at rest."""
+    """Derivatives that energy gradients on rafts carry, each in the coordinates of the whole."""
     out = np.zeros((model.tree.size, len(patches)))
-    for at in still:
+    for at, gradient in gradients:
         for p, own in zip(at.which, at.raft.coordinates, strict=True):
-            out[patches[p].coordinates, p] = derivative(at.potential.gradient[own])
+            out[patches[p].coordinates, p] = derivative(gradient[own])
     return out
 
 

@@ -16,18 +16,18 @@ import numpy as np
 import scipy.sparse as sp
 
 from middeck.errors import NumericalError
-from middeck.structure.assembly import assemble, mass_matrix
+from middeck.structure.assembly import assemble, energy_gradient, mass_matrix
 from middeck.structure.equilibrium import Equilibrium
 from middeck.structure.factorisation import factorise
 from middeck.structure.mesh import Model
 from middeck.structure.patches import (
     STEP,
     Patch,
-    assemble_patches,
     columns,
     derivative,
-    explicit_gradients,
+    float_patches,
     restrict,
+    spread_gradients,
 )
 from middeck.structure.pinned import (
     HOLD_IN_G,
@@ -60,16 +60,17 @@ def differentiate_support(
     rows = 6 * state.supports.pose + state.supports.axis
     G = sp.csr_array(at.jacobian[rows])
     own = [_own_supports(patch) for patch in patches]
-    still = assemble_patches(
-        patches,
-        [restrict(p, state.config) for p in patches],
-        [pinned_loads(p.model, p.environment) for p in patches],
-        [_hold(p.model, s, state.force) for p, s in zip(patches, own, strict=True)],
-    )
-    force = explicit_gradients(rest.model, patches, tuple(still))
+    here = [restrict(p, state.config) for p in patches]
+    held = [_hold(p.model, s, state.force) for p, s in zip(patches, own, strict=True)]
+    rafts = float_patches(patches, here, [pinned_loads(p.model, p.environment) for p in patches])
+    gradients = [
+        energy_gradient(at.raft.model, at.config, at.loads, np.concatenate([held[p] for p in at.which]))
+        for at in rafts
+    ]
+    force = spread_gradients(rest.model, patches, list(zip(rafts, gradients, strict=True)))
     slip = [
-        support_coordinates(p.model, restrict(p, state.config), s.pose, s.axis) - s.start
-        for p, s in zip(patches, own, strict=True)
+        support_coordinates(p.model, config, s.pose, s.axis) - s.start
+        for p, config, s in zip(patches, here, own, strict=True)
     ]
     active = static_coordinates(rest.model)
     mass = mass_matrix(rest.model, state.config)

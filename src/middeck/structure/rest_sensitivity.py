@@ -14,21 +14,21 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.structure.article import JointState, Structure
-from middeck.structure.assembly import Loads, assemble
+from middeck.structure.assembly import Assembly, Loads, assemble, device_tension
 from middeck.structure.equilibrium import Equilibrium
 from middeck.structure.parameters import Parameter
 from middeck.structure.patches import (
     STEP,
     Afloat,
     Patch,
-    assemble_patches,
     columns,
     derivative,
     drawn_motion,
-    explicit_gradients,
+    float_patches,
     follow,
     make_patches,
     restrict,
+    spread_gradients,
 )
 from middeck.structure.reaction_sensitivity import differentiate_support
 from middeck.structure.static_solver import StaticSolver
@@ -66,7 +66,7 @@ class Moved(NamedTuple):
     loads: tuple[Loads, ...]
     motion: np.ndarray
     gradient: np.ndarray  # of the energy, in all coordinates: what joints hold
-    still: tuple[Afloat, ...]
+    still: tuple[tuple[Afloat, Assembly], ...]
 
 
 def differentiate_rest(rest: Equilibrium, parameters: Sequence[Parameter]) -> RestSensitivities:
@@ -79,18 +79,18 @@ def differentiate_rest(rest: Equilibrium, parameters: Sequence[Parameter]) -> Re
     springs = [
         _spring_torque(p.structure, rest, moved.motion[roots:, i]) for i, p in enumerate(moved.patches)
     ]
-    tension = np.zeros((len(rest.tension), len(parameters)))
     along = [follow(patch, rest.config, moved.motion[:, p]) for p, patch in enumerate(moved.patches)]
-    for at in assemble_patches(moved.patches, along, moved.loads):
-        for p, devices in zip(at.which, at.devices, strict=True):
-            tension[:, p] = derivative(at.potential.tension[devices])
+    tension = [
+        derivative(device_tension(patch.model, at, loads))
+        for patch, at, loads in zip(moved.patches, along, moved.loads, strict=True)
+    ]
     return RestSensitivities(
         tuple(parameters),
         moved.motion,
         columns([derivative(t.reaction) for t in moved.tuned], len(rest.suspension.reaction)),
         columns([derivative(t.stiffness) for t in moved.tuned], len(rest.suspension.stiffness)),
         moved.gradient[roots:] + columns(springs, len(rest.holding_torque)),
-        tension,
+        columns(tension, len(rest.tension)),
     )
 
 
@@ -112,8 +112,9 @@ def move_rest(rest: Equilibrium, parameters: Sequence[Parameter]) -> Moved:
     tuned = [tune_suspension(p.model, p.environment, f) for p, f in zip(patches, forces, strict=True)]
     loads = [environment_loads(p.model, p.environment, t) for p, t in zip(patches, tuned, strict=True)]
     at = assemble(rest.model, rest.config, rest.loads)
-    still = tuple(assemble_patches(patches, [restrict(p, rest.config) for p in patches], loads))
-    explicit = explicit_gradients(rest.model, patches, still)
+    rafts = float_patches(patches, [restrict(p, rest.config) for p in patches], loads)
+    still = tuple((at, assemble(at.raft.model, at.config, at.loads)) for at in rafts)
+    explicit = spread_gradients(rest.model, patches, [(at, total.gradient) for at, total in still])
     motion = drawn - StaticSolver.at(rest, at).solve(explicit + at.tangent @ drawn)
     gradient = explicit + at.tangent @ motion
     return Moved(patches, tuple(tuned), tuple(loads), motion, gradient, still)

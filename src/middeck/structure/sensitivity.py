@@ -123,11 +123,11 @@ def _pair_derivatives(
 
 def _explicit(moved: Moved, shapes: np.ndarray, pairs: _Pairs) -> Float[np.ndarray, "parameter pair"]:
     out = np.zeros((len(moved.patches), len(pairs.lam)))
-    for at in moved.still:
+    for at, potential in moved.still:
         own = np.concatenate(at.raft.coordinates)
         phi = np.zeros((len(own), shapes.shape[1]))
         phi[own] = shapes[np.concatenate([moved.patches[p].coordinates for p in at.which])]
-        K, M = at.potential.tangent.copy(), mass_matrix(at.raft.model, at.config, at.loads)
+        K, M = potential.tangent.copy(), mass_matrix(at.raft.model, at.config, at.loads)
         K.data, M.data = derivative(K.data), derivative(M.data)
         change = (K @ phi)[:, pairs.right] - (M @ phi)[:, pairs.right] * pairs.lam
         work = phi[:, pairs.left] * change

@@ -15,7 +15,7 @@ from jaxtyping import Inexact
 from middeck.errors import ConfigError, EquilibriumError
 from middeck.structure.assembly import Loads, no_loads
 from middeck.structure.elements.devices import SpringLaw
-from middeck.structure.elements.frames import frame_poses, points_in_world
+from middeck.structure.elements.frames import PosePoints, frame_poses, points_in_world
 from middeck.structure.environment import AnchoredSpring, Device, DeviceKind, Environment
 from middeck.structure.mesh import Model
 from middeck.structure.pinned import PinnedPoints, PinnedState, settle_pinned, support_forces
@@ -210,8 +210,9 @@ def _up(environment: Environment) -> Inexact[np.ndarray, "3"]:
 
 def _drawn(model: Model, device: Device) -> Inexact[np.ndarray, "3"]:
     """Undeformed place of its attach point."""
-    world = points_in_world(model.points, frame_poses(model.tree, model.rest))
-    return world[attach_index(model, device.attach)]
+    at = [attach_index(model, device.attach)]
+    point = PosePoints(model.points.frame[at], model.points.offset[at])
+    return points_in_world(point, frame_poses(model.tree, model.rest))[0]
 
 
 def attach_index(model: Model, name: str) -> int:
