@@ -5,7 +5,7 @@ import pytest
 
 import middeck as md
 from middeck.plot.amplitude import amplitude
-from middeck.structure.amplitude import sweep_amplitude
+from middeck.structure.gimbals.amplitude import sweep_amplitude
 from middeck.systems.deadband import Deadband
 
 

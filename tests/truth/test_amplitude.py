@@ -7,9 +7,9 @@ import pytest
 
 import middeck as md
 from middeck.errors import ConfigError
-from middeck.structure.amplitude import sweep_amplitude
 from middeck.structure.article import Joint, JointState
-from middeck.structure.joint_branches import JointSystem, follow_branches
+from middeck.structure.gimbals.amplitude import sweep_amplitude
+from middeck.structure.gimbals.branches import JointSystem, follow_branches
 from middeck.systems.deadband import Deadband
 from middeck.systems.friction import Friction
 from middeck.systems.joint_simulation import (

@@ -21,7 +21,7 @@ from middeck.structure.article import (
 )
 from middeck.structure.environment import AnchoredSpring, Environment
 from middeck.structure.equilibrium import solve_equilibrium
-from middeck.structure.gimbal_family import GimbalFamily, sweep_gimbals
+from middeck.structure.gimbals.family import GimbalFamily, sweep_gimbals
 from middeck.structure.modes import solve_modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.systems.modal import modal_response

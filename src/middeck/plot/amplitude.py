@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from middeck.plot.style import COLOUR, new_figure, styled
-from middeck.structure.amplitude import AmplitudeCurves
+from middeck.structure.gimbals.amplitude import AmplitudeCurves
 
 DISTORTED = 0.1
 """Part of higher harmonics above which a curve is drawn faint: harmonic balance is then a sketch."""

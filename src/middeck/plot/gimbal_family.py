@@ -11,7 +11,7 @@ from matplotlib.ticker import FixedLocator, NullLocator
 
 from middeck.errors import ConfigError
 from middeck.plot.style import COLOUR, new_figure, styled
-from middeck.structure.gimbal_family import GimbalFamily
+from middeck.structure.gimbals.family import GimbalFamily
 
 COLOURS = ("orbit", "lab", "prediction", "low", "high", "ink")
 LINES = ("-", "--", "-.", ":")

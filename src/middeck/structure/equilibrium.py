@@ -8,13 +8,13 @@ from jaxtyping import Float, Inexact
 from middeck.errors import EquilibriumError
 from middeck.structure.article import JointState, Structure
 from middeck.structure.assembly import Loads
+from middeck.structure.checks.travel import check_travel
 from middeck.structure.elements.frames import Configuration, frame_poses
 from middeck.structure.elements.rotations import rotation_log
 from middeck.structure.environment import Environment
 from middeck.structure.mesh import Model, mesh_structure
 from middeck.structure.statics import TOLERANCE, settle
 from middeck.structure.suspension.tuning import TunedSuspension, environment_loads, tune_suspension
-from middeck.structure.travel import check_travel
 from middeck.values import record
 
 FAR_TURN = np.radians(30.0)  # three times what an unlevelled article rolls

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Inexact, Int
 
 from middeck.structure.article import Body, Structure, held_angle
-from middeck.structure.checks import check_structure
+from middeck.structure.checks.articles import check_structure
 from middeck.structure.elements.beam import BeamProperties, beam_properties
 from middeck.structure.elements.frames import Configuration, FrameTree, PosePoints
 from middeck.structure.member_mesh import cut_members, member_geometry

@@ -8,6 +8,7 @@ from jaxtyping import Float
 
 from middeck.errors import EquilibriumError, NumericalError, UnstableEquilibriumError
 from middeck.structure.assembly import assemble, mass_matrix, no_loads
+from middeck.structure.checks.trouble import loose_motions, where_lost
 from middeck.structure.eigen import Eigenpairs, count_zero, solve_all, solve_lowest
 from middeck.structure.equilibrium import Equilibrium, rest_warnings
 from middeck.structure.factorisation import order
@@ -15,7 +16,6 @@ from middeck.structure.mesh import Model
 from middeck.structure.naming import name_modes
 from middeck.structure.rigid import rigid_basis
 from middeck.structure.statics import dynamic_coordinates, restrict, static_coordinates
-from middeck.structure.trouble import loose_motions, where_lost
 from middeck.values import record
 
 # Below this many coordinates all modes cost less than a few.

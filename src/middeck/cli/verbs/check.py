@@ -44,7 +44,7 @@ def verb(
     from middeck.cli.cases import find_case
     from middeck.cli.summary import measure_lines, summary_lines, summary_numbers
     from middeck.files.documents import find_document, load_case, load_structure
-    from middeck.structure.summary import summarise
+    from middeck.structure.checks.summary import summarise
 
     if environment is None:
         files: tuple[Path, ...] = (find_document(article, "article"),)

@@ -10,8 +10,8 @@ from middeck.cli import options
 from middeck.cli.screen import Table, show
 
 if TYPE_CHECKING:
+    from middeck.structure.checks.summary import Summary
     from middeck.structure.modes import Modes
-    from middeck.structure.summary import Summary
 
 EPILOG = """\
 \b
@@ -36,7 +36,7 @@ def verb(article: str, environment: str, count: int, overrides: tuple[str, ...],
     from middeck.cli.cases import find_case, solve_in
     from middeck.cli.summary import summary_lines, summary_numbers
     from middeck.files.documents import load_case
-    from middeck.structure.summary import summarise
+    from middeck.structure.checks.summary import summarise
 
     files = find_case(article, environment)
     structure, surroundings = load_case(*files, overrides)

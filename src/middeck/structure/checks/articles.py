@@ -9,7 +9,7 @@ import numpy as np
 
 from middeck.errors import ConfigError
 from middeck.structure.article import Body, Structure, held_angle
-from middeck.structure.connectivity import joined_nodes, separate_parts, some_names
+from middeck.structure.checks.connectivity import joined_nodes, separate_parts, some_names
 from middeck.structure.member_mesh import member_geometry
 
 # A unit axis is one to rounding; anything further off is a mistake.

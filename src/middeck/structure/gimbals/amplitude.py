@@ -14,7 +14,7 @@ from jaxtyping import Float, Int
 
 from middeck.errors import ConfigError
 from middeck.structure.article import Damping
-from middeck.structure.joint_branches import (
+from middeck.structure.gimbals.branches import (
     JointSystem,
     build_joint_system,
     follow_branches,

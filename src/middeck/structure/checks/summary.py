@@ -9,11 +9,11 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.structure.article import Structure
-from middeck.structure.checks import check_structure
+from middeck.structure.checks.articles import check_structure
+from middeck.structure.checks.doubts import Measures, doubt_measures
 from middeck.structure.elements.frames import frame_poses, points_in_world
 from middeck.structure.member_mesh import member_geometry
 from middeck.structure.mesh import lay_out
-from middeck.structure.summary_doubts import Measures, doubt_measures
 from middeck.values import record
 
 EPS = float(np.finfo(float).eps)

@@ -1,0 +1,1 @@
+"""What is wrong, doubtful or lost: before solving, and after."""
