@@ -113,7 +113,7 @@ def _lanczos(
         v0=start,
         ncv=min(order(K), attempt * count + count // 2 + 10),
         maxiter=50 * count,
-        tol=LANCZOS,
+        tol=LANCZOS,  # pyright: ignore[reportArgumentType]: its stub says int
     )
     ascending = np.argsort(lam)
     return _refine(K, M, lam[ascending], phi[:, ascending], sigma)

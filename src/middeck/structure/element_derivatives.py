@@ -60,8 +60,8 @@ def element_gradients(
             for m in _matrices(_turned(elements), rest.loads.gravity)
         )
         v = u[:, :, right]
-        change = np.einsum("eip,deip->edp", u[:, :, left], K @ v - lam * (M @ v), optimize=True)
-        gradient[rows, 3:] = change
+        change = np.sum(u[:, :, left] * (K @ v - lam * (M @ v)), axis=2)
+        gradient[rows, 3:] = np.swapaxes(change, 0, 1)
         gradient[rows, :3] = -gradient[rows, SHIFT]
     out = np.zeros((model.tree.size, len(left)))
     np.add.at(out, coordinates, gradient)

@@ -92,7 +92,7 @@ def split_rotation(
 
     >>> up = np.array([0.0, 1.0, 0.0])
     >>> tilt, heading = split_rotation(rotation_exp(0.3 * up) @ rotation_exp(np.array([0.1, 0, 0])), up)
-    >>> tilt.round(12).tolist(), round(heading, 12)
+    >>> (tilt.round(12) + 0.0).tolist(), round(heading, 12)
     ([0.1, 0.0, 0.0], 0.3)
     """
     across = np.cross(up @ R, up)
