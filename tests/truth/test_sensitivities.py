@@ -133,7 +133,7 @@ SPRINGS = [
         "environment.device.given.anchor.x",
         "environment.spring.tie.anchor.x",
     ),
-    *("spring.stay.free_length", "joint.swing.stiffness", "joint.swing.target", "joint.crane.target"),
+    *("spring.stay.free_length", "joint.swing.stiffness", "joint.crane.target"),
     "attach.tip.offset.x",
 ]
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from enum import Enum
-from functools import cached_property
 
 import numpy as np
 from jaxtyping import Inexact
@@ -180,7 +179,7 @@ class Environment:
                     hint="a suspension's devices have the names of their attach points",
                 )
 
-    @cached_property
+    @property
     def hung(self) -> tuple[Device, ...]:
         """Every device that can only pull, those of the suspension first."""
         return (*(() if self.suspension is None else self.suspension.devices), *self.devices)

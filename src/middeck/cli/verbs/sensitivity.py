@@ -19,7 +19,8 @@ EPILOG = """\
 Examples:
   middeck sensitivity articles/mace-dm.toml \\
     --parameter "node.*.mass,members.E" --parameter environment.bounce_hz
-  middeck sensitivity articles/mace-dm.toml --parameter "joint.*" --count 20 --json
+  middeck sensitivity articles/mace-dm.toml --environment orbit \\
+    --parameter "joint.*" --count 20 --json
 """
 
 
