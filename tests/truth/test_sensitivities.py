@@ -12,7 +12,15 @@ import pytest
 import middeck as md
 import structure_builders as build
 from middeck.errors import ConfigError, NumericalError
-from middeck.structure.article import Damping, DampingTable, Joint, JointState, Structure
+from middeck.structure.article import (
+    Damper,
+    DamperPlace,
+    Damping,
+    DampingTable,
+    Joint,
+    JointState,
+    Structure,
+)
 from middeck.structure.environment import AnchoredSpring, Device, DeviceKind, Environment, Suspension
 from middeck.structure.equilibrium import solve_equilibrium
 from middeck.structure.mode_sensitivity import differentiate_modes
@@ -388,10 +396,34 @@ def test_a_parameter_that_drives_a_free_motion_is_refused():
         differentiate_rest(rest, find_parameters(article, orbit, ["environment.gravity.y"]))
 
 
-def test_damping_that_follows_the_shapes_is_refused():
-    article, lab = lab_article("mace-dm")
-    article = dataclasses.replace(article, damping=Damping(loss_factor=(("n1-n2", 0.01),)))
-    modes = solve(article, lab, 10)
-    parameters = find_parameters(article, lab, ["node.n1.mass"])
-    with pytest.raises(ConfigError, match="not differentiated"):
-        differentiate_plant(modes, parameters, inputs=["bus_z"], outputs=["bus_z"])
+def test_ratios_that_follow_the_shapes():
+    """Loss factors and dampers of every place, by their own sizes and by what moves the shapes."""
+    article, place = all_kinds_of_springs()
+    dampers = (
+        Damper(DamperPlace.JOINT, "swing", 0.02),
+        Damper(DamperPlace.SPRING, "stay", 0.5),
+        Damper(DamperPlace.DEVICE, "left", 0.7),
+    )
+    given = Damping(0.01, loss_factor=(("a-b", 0.03),), dampers=dampers, by_mode=((4, 0.02),))
+    article = dataclasses.replace(article, damping=given)
+    names = ["damping.*", "node.b.mass", "spring.stay.stiffness", "environment.gravity.z"]
+    parameters = find_parameters(article, place, names)
+    assert {p.name for p in parameters} >= {
+        "damping.device.left.c",
+        "damping.loss_factor.a-b",
+        "damping.mode.4",
+    }
+    plants = differentiate_plant(solve(article, place), parameters, inputs=[], outputs=[], count=12)
+    apart = np.arange(3, 12)  # the slowest two swings are near to each other
+    for p, plant in zip(parameters, plants, strict=True):
+        if p.value == 0.0 and not p.unit:
+            continue  # at the end of its range
+
+        def ratios(v: float, p: Parameter = p) -> np.ndarray:
+            at = solve(*set_parameter(article, place, p, v))
+            return build_plant(at, inputs=[], outputs=[], count=12).dynamics.zeta[apart]
+
+        expected = richardson(ratios, p, 2e-3)
+        # The issue's; beside it the rounding of the shapes over the step.
+        scale = np.abs(expected).max() + 1e-2 / size(p)
+        np.testing.assert_allclose(plant.zeta[apart], expected, atol=1e-6 * scale, err_msg=p.name)

@@ -315,7 +315,8 @@ class Damping:
         if not all(0.0 <= np.real(zeta) < 1.0 for zeta in ratios):
             raise ConfigError("a damping ratio must be >= 0 and < 1", where="damping")
         if not all(
-            0.0 <= x < np.inf for x in (*(e for _, e in self.loss_factor), *(d.c for d in self.dampers))
+            0.0 <= np.real(x) < np.inf
+            for x in (*(e for _, e in self.loss_factor), *(d.c for d in self.dampers))
         ):
             raise ConfigError("a loss factor or damper is negative or not finite", where="damping")
 

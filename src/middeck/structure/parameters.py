@@ -20,6 +20,8 @@ from middeck.errors import ConfigError
 from middeck.structure.article import (
     Actuator,
     ActuatorKind,
+    DamperPlace,
+    Damping,
     JointState,
     Section,
     Sensor,
@@ -141,7 +143,7 @@ def _walk(structure: Structure, environment: Environment) -> Iterator[Parameter]
             yield from _fields(f"{kind}.{part.name}", part, ("structure", group, i), fields)
     yield from _ports("actuator", "actuators", structure.actuators)
     yield from _ports("sensor", "sensors", structure.sensors)
-    yield from _fields("damping", structure.damping, ("structure", "damping"), DAMPING)
+    yield from _damping(structure.damping)
     yield from _environment(environment)
 
 
@@ -192,6 +194,21 @@ def _ports(kind: str, group: str, ports: Sequence[Actuator | Sensor]) -> Iterato
         stands = port.kind in (ActuatorKind.FORCE, SensorKind.ACCELEROMETER)
         fields = {"axis": "", "offset": "m"} if stands else {"axis": ""}
         yield from _fields(f"{kind}.{port.name}", port, ("structure", group, i), fields)
+
+
+def _damping(damping: Damping) -> Iterator[Parameter]:
+    """By kind, of a mode, of a member's material, of a damper; a table is measured, not designed."""
+    path: Path = ("structure", "damping")
+    if damping.table is None:
+        yield from _fields("damping", damping, path, DAMPING)
+    for group, text in (("by_mode", "mode"), ("loss_factor", "loss_factor")):
+        for i, (key, value) in enumerate(getattr(damping, group)):
+            yield Parameter(f"damping.{text}.{key}", "", value, ((*path, group, i, 1),))
+    for i, damper in enumerate(damping.dampers):
+        unit = "N m s/rad" if damper.place is DamperPlace.JOINT else "N s/m"
+        yield from _fields(
+            f"damping.{damper.place.value}.{damper.at}", damper, (*path, "dampers", i), {"c": unit}
+        )
 
 
 def _environment(environment: Environment) -> Iterator[Parameter]:

@@ -1,4 +1,4 @@
-"""Derivatives of a plant's matrices in named parameters: modes, damping, ports that turn with their bodies."""
+"""Derivatives of a plant's matrices in named parameters: modes, damping, ports that turn with bodies."""
 
 from __future__ import annotations
 
@@ -7,14 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from middeck.errors import ConfigError
 from middeck.structure.article import Damping
 from middeck.structure.equilibrium import Equilibrium
 from middeck.structure.mode_sensitivity import ModeSensitivity, differentiate_shapes, perturbed_rest
 from middeck.structure.modes import Modes
 from middeck.structure.parameters import Parameter
-from middeck.structure.patches import derivative
-from middeck.structure.plants.damping import estimate_damping
+from middeck.structure.patches import STEP, derivative
+from middeck.structure.plants.damping import damper_matrix, estimate_damping, material_ratios
 from middeck.structure.plants.port_rows import input_rows, output_rows
 from middeck.structure.rest_sensitivity import move_rest
 from middeck.values import record
@@ -51,11 +50,9 @@ def differentiate_plant(
 ) -> tuple[PlantSensitivity, ...]:
     """Of the plant of the lowest ``count`` modes between named ports, under the article's own damping.
 
-    Raises `ConfigError` for an unknown port, and for damping by material or by devices, whose ratios depend
-    on the modes' shapes and are not differentiated.
+    Raises `ConfigError` for an unknown port, and `NumericalError` where the rest state has no derivative.
     """
     rest, count = modes.equilibrium, min(count, len(modes.omega))
-    _check_damping(rest.model.structure.damping)
     moved = move_rest(rest, parameters)
     perturbed = [perturbed_rest(rest, moved, p) for p in range(len(parameters))]
     changes = differentiate_shapes(modes, parameters, perturbed, count)
@@ -63,15 +60,6 @@ def differentiate_plant(
         _of_parameter(modes, at, change, inputs, outputs, count)
         for at, change in zip(perturbed, changes, strict=True)
     )
-
-
-def _check_damping(damping: Damping) -> None:
-    if damping.loss_factor or damping.dampers:
-        raise ConfigError(
-            "damping by material or devices follows the shapes of the modes, and is not differentiated",
-            where="damping",
-            hint="ratios by kind of mode, from a table or by mode; or take frequencies and shapes only",
-        )
 
 
 def _of_parameter(
@@ -120,22 +108,34 @@ def _of_parameter(
 def _ratios(
     modes: Modes, at: Equilibrium, change: ModeSensitivity, count: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Damping ratios and their derivatives: a mode's own one is given, a table's has a slope."""
-    damping = modes.equilibrium.model.structure.damping
+    """Damping ratios and their derivatives: the base, what material and dampers add, and given ones."""
+    damping, perturbed = modes.equilibrium.model.structure.damping, at.model.structure.damping
     zeta = estimate_damping(modes, damping, count=count).zeta
-    perturbed = at.model.structure.damping
-    by_kind = {"rigid": perturbed.rigid, "suspension": perturbed.suspension, "flexible": perturbed.flexible}
-    slope = derivative(np.array([by_kind[kind] for kind in modes.kind[:count]], dtype=complex))
-    swings = modes.omega[:count] > 0.0
-    if damping.table is not None:
-        lam = modes.omega[:count][swings] ** 2
-        log_f = np.log(modes.frequency_hz[:count][swings])
-        known = np.log(damping.table.frequency_hz)
-        steps = np.diff(damping.table.zeta) / np.diff(known)
-        rise = np.concatenate([[0.0], steps, [0.0]])[np.searchsorted(known, log_f)]
-        slope[swings] = rise * np.diag(change.d_lambda)[swings] / (2.0 * lam)
-    for key, _ in damping.by_mode:
+    omega, swings = modes.omega[:count], modes.omega[:count] > 0.0
+    d_lambda = np.diag(change.d_lambda)
+    d_omega = np.divide(d_lambda, 2.0 * omega, out=np.zeros(count), where=swings)
+    moved = omega + STEP * 1j * d_omega
+    shapes = modes.shapes[:, :count] + STEP * 1j * change.d_shapes
+    added = material_ratios(at, perturbed, moved, shapes).astype(complex)
+    own = np.diag(damper_matrix(at, perturbed, shapes))
+    added += np.divide(own, 2.0 * moved, out=np.zeros(count, complex), where=swings)
+    slope = _base_slopes(modes, perturbed, d_omega, count) + derivative(added)
+    for key, ratio in perturbed.by_mode:
         index = modes.name.index(key) if isinstance(key, str) and key in modes.name else key
         if isinstance(index, int) and index < count:
-            slope[index] = 0.0
+            slope[index] = derivative(np.array(ratio))
     return zeta, slope
+
+
+def _base_slopes(modes: Modes, perturbed: Damping, d_omega: np.ndarray, count: int) -> np.ndarray:
+    """By kind of mode, or along a table: linear in the logarithm of frequency, level beyond its ends."""
+    by_kind = {"rigid": perturbed.rigid, "suspension": perturbed.suspension, "flexible": perturbed.flexible}
+    slope = derivative(np.array([by_kind[kind] for kind in modes.kind[:count]], dtype=complex))
+    table = modes.equilibrium.model.structure.damping.table
+    if table is not None:
+        swings = modes.omega[:count] > 0.0
+        hz = modes.frequency_hz[:count][swings]
+        rises = np.diff(table.zeta) / np.diff(np.log(table.frequency_hz))
+        rise = np.concatenate([[0.0], rises, [0.0]])[np.searchsorted(table.frequency_hz, hz)]
+        slope[swings] = rise * d_omega[swings] / modes.omega[:count][swings]
+    return slope

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Inexact
 
 from middeck.structure.article import JointState
 from middeck.structure.assembly import element_poses
@@ -49,14 +49,14 @@ def strain_energy(
 
 
 def member_energy(
-    equilibrium: Equilibrium, shapes: Float[np.ndarray, "coordinate mode"]
-) -> Float[np.ndarray, "mode member"]:
-    """Elastic energy [J] of each mode in each member of the structure, in its order."""
+    equilibrium: Equilibrium, shapes: Inexact[np.ndarray, "coordinate mode"]
+) -> Inexact[np.ndarray, "mode member"]:
+    """Elastic energy [J] of each mode in each member of the structure, in its order; analytic."""
     model = equilibrium.model
-    energy = np.zeros((len(model.structure.members), shapes.shape[1]))
+    poses = frame_poses(model.tree, equilibrium.config)
+    changes = pose_jacobian(model.tree, model.points, poses) @ shapes
+    energy = np.zeros((len(model.structure.members), shapes.shape[1]), changes.dtype)
     if len(model.element_ends):
-        poses = frame_poses(model.tree, equilibrium.config)
-        changes = pose_jacobian(model.tree, model.points, poses) @ shapes
         density = _element_energy(equilibrium, changes.reshape(-1, 6, shapes.shape[1]))
         np.add.at(energy, model.element_member, density.sum(axis=1))
     return energy.T

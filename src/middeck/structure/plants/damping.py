@@ -18,7 +18,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Inexact
 
 from middeck.errors import ConfigError
 from middeck.structure.article import Damper, DamperPlace, Damping, DampingTable, JointState
@@ -71,8 +71,8 @@ def estimate_damping(
     count = len(modes.omega) if count is None else min(count, len(modes.omega))
     omega, shapes = modes.omega[:count], modes.shapes[:, :count]
     base = _base(modes, damping, count)
-    material = _material(modes.equilibrium, damping, omega, shapes)
-    C = _modal_matrix(modes.equilibrium, damping, shapes)
+    material = material_ratios(modes.equilibrium, damping, omega, shapes)
+    C = damper_matrix(modes.equilibrium, damping, shapes)
     device = np.divide(np.diag(C), 2.0 * omega, out=np.zeros(count), where=omega > 0.0)
     warnings = _undamped_rigid(modes, np.diag(C))
     for key, ratio in damping.by_mode:
@@ -111,23 +111,27 @@ def _interpolate(table: DampingTable, frequency_hz: np.ndarray) -> np.ndarray:
     return np.interp(np.log(frequency_hz), np.log(table.frequency_hz), table.zeta)
 
 
-def _material(
-    equilibrium: Equilibrium, damping: Damping, omega: np.ndarray, shapes: np.ndarray
-) -> np.ndarray:
+def material_ratios(
+    equilibrium: Equilibrium,
+    damping: Damping,
+    omega: Inexact[np.ndarray, " mode"],
+    shapes: Inexact[np.ndarray, "coordinate mode"],
+) -> Inexact[np.ndarray, " mode"]:
+    """What loss factors add to the ratio of each mode; analytic."""
     if not damping.loss_factor:
         return np.zeros(len(omega))
     members = _numbers(m.name for m in equilibrium.model.structure.members)
-    eta = np.zeros(len(members))
+    eta = np.zeros(len(members), np.result_type(float, *(value for _, value in damping.loss_factor)))
     for name, value in damping.loss_factor:
         eta[_number(name, "member", members)] = value
     lost = member_energy(equilibrium, shapes) @ eta
-    return np.divide(lost, omega**2, out=np.zeros(len(omega)), where=omega > 0.0)
+    return np.divide(lost, omega**2, out=np.zeros_like(lost), where=np.real(omega) > 0.0)
 
 
-def _modal_matrix(
-    equilibrium: Equilibrium, damping: Damping, shapes: np.ndarray
-) -> Float[np.ndarray, "mode mode"]:
-    """phi' C phi of all dampers [1/s]."""
+def damper_matrix(
+    equilibrium: Equilibrium, damping: Damping, shapes: Inexact[np.ndarray, "coordinate mode"]
+) -> Inexact[np.ndarray, "mode mode"]:
+    """phi' C phi of all dampers [1/s]; analytic."""
     none = np.zeros((0, shapes.shape[1]))
     rates = [np.sqrt(d.c) * (_damper_rows(equilibrium, d) @ shapes) for d in damping.dampers]
     rows = np.vstack([none, *rates])
@@ -168,8 +172,8 @@ def _translations(equilibrium: Equilibrium, points: np.ndarray) -> Float[np.ndar
 
 
 def _direction(span: np.ndarray, damper: Damper) -> np.ndarray:
-    length = float(np.linalg.norm(span))
-    if length == 0.0:
+    length = np.sqrt(span @ span)
+    if np.real(length) == 0.0:
         raise ConfigError(
             f"the ends of the damper at {damper.place.value} {damper.at!r} coincide: it has no direction",
             where="damping",
