@@ -118,7 +118,7 @@ def test_a_slack_cable_names_files_and_cable(capfd: Capture) -> None:
     # The cable of n1 beyond the centre of mass would have to push.
     says = (ARTICLE, LAB, "cable at 'n1'", "slack", "move the attach points")
     slack = ("--environment", LAB, "--set", "suspension.offsets.0.0=1.2")
-    refused(capfd, 5, "modes", ARTICLE, *slack, says=says)
+    refused(capfd, 5, "compare", ARTICLE, *slack, says=says)
 
 
 @pytest.mark.parametrize("verb", ["modes", "compare", "response", "study"])
@@ -344,8 +344,8 @@ def test_a_fault_of_the_program_is_one_line_and_no_verdict(
     def broken(*arguments: object) -> None:
         raise KeyError("two\nlines")
 
-    monkeypatch.setattr("middeck.cli.cases.solve_case", broken)
-    code = execute(["modes", str(ARTICLE)], lambda: False)
+    monkeypatch.setattr("middeck.cli.cases.solve_in", broken)
+    code = execute(["compare", str(ARTICLE)], lambda: False)
     out, err = capfd.readouterr()
     assert (code, out) == (INTERNAL, "")
     assert err.count("\n") == 1

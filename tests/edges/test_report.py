@@ -195,7 +195,9 @@ def test_the_page_says_which_values_of_the_rig_count(page, written):
     assumptions = text[text.index('id="assumptions"') :]
     read = {"sample_hz", "delay_s", "identification_noise"}
     assert all(f"<code>{key}</code>" in assumptions for key in read)
-    used = "".join(p.read_text() for p in (ROOT / "src/middeck/study").glob("*.py"))
+    # No stage of the study calls `gimbal_elements`, which is for rigs built by hand.
+    stages = (p for p in (ROOT / "src/middeck/study").glob("*.py") if p.stem != "gimbal_elements")
+    used = "".join(p.read_text() for p in stages)
     for key in RigForm.model_fields:
         assert (re.search(rf"\brig(_form)?\.{key}\b", used) is not None) == (key in read), key
 

@@ -7,6 +7,7 @@ import scipy.sparse as sp
 from jaxtyping import Float
 
 from middeck.errors import EquilibriumError, NumericalError, UnstableEquilibriumError
+from middeck.structure.article import JointState
 from middeck.structure.assembly import assemble, mass_matrix, no_loads
 from middeck.structure.checks.trouble import loose_motions, where_lost
 from middeck.structure.eigen import Eigenpairs, count_zero, solve_all, solve_lowest
@@ -154,8 +155,18 @@ def _kinds(equilibrium: Equilibrium, M: sp.csr_array, rigid: int, count: int) ->
 
 
 def _rigid_in_orbit(equilibrium: Equilibrium, M: sp.csr_array) -> int:
-    """Number of rigid-body modes of the same structure, free and undeformed: any mass counts them alike."""
+    """Number of rigid-body modes of the same structure, free and undeformed: any mass counts them alike.
+
+    What members join to one piece has six, and one for each free joint; springs can add mechanisms or take
+    joints away, and then the modes of no stiffness are counted.
+    """
     model, active = equilibrium.model, dynamic_coordinates(equilibrium.model)
+    structure = model.structure
+    stiff = all(
+        min(m.section.EA, m.section.GJ, m.section.EI_y, m.section.EI_z) > 0.0 for m in structure.members
+    )
+    if stiff and not structure.springs:
+        return 6 + sum(joint.state is JointState.FREE for joint in structure.joints)
     K = assemble(model, model.rest, no_loads()).tangent
     return count_zero(restrict(K, active), restrict(M, active))
 
