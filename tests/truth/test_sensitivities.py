@@ -406,18 +406,11 @@ def test_ratios_that_follow_the_shapes():
     )
     given = Damping(0.01, loss_factor=(("a-b", 0.03),), dampers=dampers, by_mode=((4, 0.02),))
     article = dataclasses.replace(article, damping=given)
-    names = ["damping.*", "node.b.mass", "spring.stay.stiffness", "environment.gravity.z"]
-    parameters = find_parameters(article, place, names)
-    assert {p.name for p in parameters} >= {
-        "damping.device.left.c",
-        "damping.loss_factor.a-b",
-        "damping.mode.4",
-    }
+    own = ["damping.loss_factor.a-b", "damping.spring.stay.c", "damping.mode.4"]
+    parameters = find_parameters(article, place, [*own, "node.b.mass", "spring.stay.stiffness"])
     plants = differentiate_plant(solve(article, place), parameters, inputs=[], outputs=[], count=12)
     apart = np.arange(3, 12)  # the slowest two swings are near to each other
     for p, plant in zip(parameters, plants, strict=True):
-        if p.value == 0.0 and not p.unit:
-            continue  # at the end of its range
 
         def ratios(v: float, p: Parameter = p) -> np.ndarray:
             at = solve(*set_parameter(article, place, p, v))
