@@ -124,13 +124,13 @@ def all_kinds_of_springs() -> tuple[Structure, Environment]:
     ]
     own = [build.Spring("stay", "left", "tip", 40.0, 0.8)]
     article = build.structure(bar, [build.member("a", "b", build.TUBE, 2)], joints, own, attach)
+    spring = DeviceKind.SPRING
     hangers = (
-        Device(
-            "tuned", "left", DeviceKind.SPRING, held="xyz", bounce_hz=0.5, cable_length=2.0, moving_mass=0.1
-        ),
-        Device("given", "right", force=25.0, stiffness=60.0, anchor=np.array([1.3, 3.0, 0.1])),
+        Device("tuned", "left", spring, held="xyz", bounce_hz=0.5, cable_length=2.0, moving_mass=0.1),
+        Device("other", "right", held="yz", bounce_hz=0.4, anchor=np.array([1.2, 3.0, 0.1])),
+        Device("given", "third", force=8.0, stiffness=60.0, anchor=np.array([1.0, 2.0, 0.3])),
     )
-    tie = AnchoredSpring("tie", "third", np.array([1.1, 1.4, 0.4]), 30.0, 0.9)
+    tie = AnchoredSpring("tie", "right", np.array([1.1, 1.4, 0.4]), 30.0, 0.9)
     return article, Environment("mixed", np.array([0.1, -9.7, 0.2]), None, (tie,), hangers)
 
 
