@@ -47,8 +47,8 @@ def verb(
 
     files = find_case(article, environment)
     structure, surroundings = load_case(*files, overrides)
-    orbit = solve_in(structure, Environment.orbit(), files[0])
-    found = build_budget(orbit, solve_in(structure, surroundings, *files), count)
+    orbit = solve_in(structure, Environment.orbit(), files[0], count=count)
+    found = build_budget(orbit, solve_in(structure, surroundings, *files, count=count), count)
     document = describe(found)
     if figure_file is not None:
         from middeck.plot.budget import budget_figure

@@ -38,8 +38,9 @@ def verb(article: str, environment: str, count: int, overrides: tuple[str, ...],
 
     files = find_case(article, environment)
     structure, surroundings = load_case(*files, overrides)
-    orbit = solve_in(structure, Environment.orbit(), files[0])
-    document = describe(compare_modes(orbit, solve_in(structure, surroundings, *files), count))
+    orbit = solve_in(structure, Environment.orbit(), files[0], count=count)
+    lab = solve_in(structure, surroundings, *files, count=count)
+    document = describe(compare_modes(orbit, lab, count))
     show(as_json, document, *_tables(document))
 
 

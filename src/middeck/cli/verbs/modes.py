@@ -44,7 +44,7 @@ def verb(article: str, environment: str, count: int, overrides: tuple[str, ...],
         summary = summarise(structure)
     if not as_json:  # at once: what is wrong with it shows here, whatever becomes of the solution
         show(False, {"warnings": summary.warnings}, *summary_lines(summary_numbers(summary)))
-    modes = solve_in(structure, surroundings, *files)
+    modes = solve_in(structure, surroundings, *files, count=count)
     document = describe(modes, count, summary)
     shown = document if as_json else {**document, "warnings": modes.warnings}
     show(as_json, shown, *_tables(document))

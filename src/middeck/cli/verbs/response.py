@@ -10,6 +10,7 @@ from middeck.cli import options
 from middeck.cli.screen import Table, show
 
 if TYPE_CHECKING:
+    from middeck.structure.plants.residual import StaticGainComparison
     from middeck.systems.response import FrequencyResponse
 
 EPILOG = """\
@@ -35,6 +36,7 @@ Examples:
     "--at", "frequency_hz", type=options.Frequencies(), required=True, metavar="HZ,HZ", help="Frequencies."
 )
 @options.count
+@click.option("--static", is_flag=True, help="Add what the other modes leave at rest.")
 @options.common
 def verb(
     article: str,
@@ -43,29 +45,35 @@ def verb(
     outputs: tuple[str, ...],
     frequency_hz: tuple[float, ...],
     count: int,
+    static: bool,
     overrides: tuple[str, ...],
     as_json: bool,
 ) -> None:
     """Frequency responses of ARTICLE between named ports.
 
-    From torques to angles and rates. Damping is the article's [damping].
+    From torques and forces to angles, rates and accelerations. Damping is the article's [damping]. With
+    --static the residual flexibility of the modes beyond --count is added; what they leave out of the gain at
+    low frequency is shown.
     """
     import numpy as np
 
     from middeck.cli.blame import reading
     from middeck.cli.cases import find_case, solve_case
     from middeck.structure.plants.modal_plant import build_plant
+    from middeck.structure.plants.residual import compare_static_gain
     from middeck.systems.response import evaluate_plant
 
-    modes = solve_case(article, environment, overrides)
+    modes = solve_case(article, environment, overrides, count)
     u, y = options.separate_names(inputs), options.separate_names(outputs)
     with reading(find_case(article, environment)[0]):
-        plant = build_plant(modes, inputs=u, outputs=y, count=count)
+        plant = build_plant(modes, inputs=u, outputs=y, count=count, static=static)
+        gain = compare_static_gain(modes, inputs=u, outputs=y, count=count) if static else None
     document = {
         "schema": "middeck.response/1",
         "article": modes.equilibrium.model.structure.title,
         "environment": modes.equilibrium.environment.title,
         **describe(evaluate_plant(plant, np.array(frequency_hz))),
+        **({} if gain is None else {"static_gain": describe_gain(gain)}),
         "warnings": modes.warnings,
     }
     show(as_json, document, *_tables(document))
@@ -89,6 +97,22 @@ def describe(response: FrequencyResponse) -> dict[str, Any]:
     return {**alone, "responses": pairs}
 
 
+def describe_gain(gain: StaticGainComparison) -> dict[str, Any]:
+    """Gains at low frequency of every pair of ports: of all modes, and of the kept ones alone."""
+    pairs = [
+        {
+            "input": u.name,
+            "output": y.name,
+            "full": gain.full[o, i],
+            "kept": gain.truncated[o, i],
+            "missing": gain.truncated_error[o, i],
+        }
+        for o, y in enumerate(gain.outputs)
+        for i, u in enumerate(gain.inputs)
+    ]
+    return {"frequency_hz": gain.frequency_hz, "pairs": pairs}
+
+
 def _tables(document: dict[str, Any]) -> list[str | Table]:
     import numpy as np
 
@@ -104,4 +128,12 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         ]
         title = f"{pair['input']} to {pair['output']}, {pair['unit']}"
         blocks.append(Table(title, ["Hz", "real", "imaginary", "magnitude", "phase deg"], rows))
+    if "static_gain" in document:
+        gain = document["static_gain"]
+        rows = [
+            [p["input"], p["output"], f"{p['full']:.6e}", f"{p['kept']:.6e}", f"{p['missing']:.1e}"]
+            for p in gain["pairs"]
+        ]
+        title = f"undamped gain at {gain['frequency_hz']:.3g} Hz, without and with the modes left out"
+        blocks.append(Table(title, ["from", "to", "all modes", "kept modes", "missing"], rows))
     return blocks
