@@ -85,8 +85,8 @@ def differentiate_one(case: str, target: Path) -> None:
     from middeck.files.documents import load_case
     from middeck.structure.equilibrium import solve_equilibrium
     from middeck.structure.modes import solve_modes
-    from middeck.structure.parameters import list_parameters
-    from middeck.structure.sensitivity import differentiate_frequencies
+    from middeck.structure.sensitivity.frequencies import differentiate_frequencies
+    from middeck.structure.sensitivity.parameters import list_parameters
 
     files = (HERE.parent / "articles" / "mace-dm.toml", HERE.parent / "environments" / "lab.toml")
     structure, environment = load_case(*files) if case == "mace-dm" else model_of("boom", case)[:2]

@@ -44,16 +44,16 @@ if TYPE_CHECKING:
     from middeck.structure.gravity.budget import build_budget
     from middeck.structure.gravity.path import follow_gravity
     from middeck.structure.gravity.places import find_place, tilt_place
-    from middeck.structure.mode_sensitivity import differentiate_modes
     from middeck.structure.modes import solve_modes
-    from middeck.structure.parameters import find_parameters, list_parameters
-    from middeck.structure.plant_sensitivity import differentiate_plant
     from middeck.structure.plants.damping import estimate_damping
     from middeck.structure.plants.modal_plant import build_plant
     from middeck.structure.plants.port_rows import accelerometer_offset
     from middeck.structure.plants.residual import compare_static_gain
-    from middeck.structure.rest_sensitivity import differentiate_rest
-    from middeck.structure.sensitivity import differentiate_frequencies
+    from middeck.structure.sensitivity.frequencies import differentiate_frequencies
+    from middeck.structure.sensitivity.parameters import find_parameters, list_parameters
+    from middeck.structure.sensitivity.plants import differentiate_plant
+    from middeck.structure.sensitivity.rest import differentiate_rest
+    from middeck.structure.sensitivity.shapes import differentiate_modes
     from middeck.structure.suspension.attitude import estimate_attitude
     from middeck.structure.suspension.device_friction import estimate_rest_band, sweep_device_amplitude
     from middeck.structure.suspension.levelling import level
@@ -90,24 +90,24 @@ _ROOM = {
     "correlate_modes": "structure.correlation.correlate",
     "design_filter": "control.lqg",
     "design_lqg": "control.lqg",
-    "differentiate_frequencies": "structure.sensitivity",
-    "differentiate_modes": "structure.mode_sensitivity",
-    "differentiate_plant": "structure.plant_sensitivity",
-    "differentiate_rest": "structure.rest_sensitivity",
+    "differentiate_frequencies": "structure.sensitivity.frequencies",
+    "differentiate_modes": "structure.sensitivity.shapes",
+    "differentiate_plant": "structure.sensitivity.plants",
+    "differentiate_rest": "structure.sensitivity.rest",
     "estimate_attitude": "structure.suspension.attitude",
     "estimate_damping": "structure.plants.damping",
     "estimate_response": "identification.spectra",
     "estimate_rest_band": "structure.suspension.device_friction",
     "evaluate_plant": "systems.response",
     "find_first_instability": "control.authority",
-    "find_parameters": "structure.parameters",
+    "find_parameters": "structure.sensitivity.parameters",
     "find_place": "structure.gravity.places",
     "find_profile": "structure.correlation.profiles",
     "fit_response": "identification.fit",
     "follow_gravity": "structure.gravity.path",
     "leave_open": "control.closed_loop",
     "level": "structure.suspension.levelling",
-    "list_parameters": "structure.parameters",
+    "list_parameters": "structure.sensitivity.parameters",
     "load_case": "files.documents",
     "load_environment": "files.documents",
     "load_measured_modes": "files.measured_modes",

@@ -9,9 +9,9 @@ import pytest
 
 import middeck as md
 from cli_runner import ROOT, middeck
-from middeck.structure.parameters import find_parameters
-from middeck.structure.rest_sensitivity import differentiate_rest
-from middeck.structure.sensitivity import differentiate_frequencies
+from middeck.structure.sensitivity.frequencies import differentiate_frequencies
+from middeck.structure.sensitivity.parameters import find_parameters
+from middeck.structure.sensitivity.rest import differentiate_rest
 
 DM = ROOT / "articles/mace-dm.toml"
 LAB = ROOT / "environments/lab.toml"

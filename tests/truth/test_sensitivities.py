@@ -23,13 +23,13 @@ from middeck.structure.article import (
 )
 from middeck.structure.environment import AnchoredSpring, Device, DeviceKind, Environment, Suspension
 from middeck.structure.equilibrium import solve_equilibrium
-from middeck.structure.mode_sensitivity import differentiate_modes
 from middeck.structure.modes import Modes, solve_modes
-from middeck.structure.parameters import Parameter, find_parameters, set_parameter
-from middeck.structure.plant_sensitivity import differentiate_plant
 from middeck.structure.plants.modal_plant import build_plant
-from middeck.structure.rest_sensitivity import differentiate_rest
-from middeck.structure.sensitivity import differentiate_frequencies
+from middeck.structure.sensitivity.frequencies import differentiate_frequencies
+from middeck.structure.sensitivity.parameters import Parameter, find_parameters, set_parameter
+from middeck.structure.sensitivity.plants import differentiate_plant
+from middeck.structure.sensitivity.rest import differentiate_rest
+from middeck.structure.sensitivity.shapes import differentiate_modes
 from middeck.systems.modal import modal_to_statespace
 
 ROOT = Path(__file__).parents[2]

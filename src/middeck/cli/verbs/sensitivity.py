@@ -11,8 +11,8 @@ from middeck.cli.screen import Table, show
 
 if TYPE_CHECKING:
     from middeck.structure.modes import Modes
-    from middeck.structure.rest_sensitivity import RestSensitivities
-    from middeck.structure.sensitivity import FrequencySensitivities
+    from middeck.structure.sensitivity.frequencies import FrequencySensitivities
+    from middeck.structure.sensitivity.rest import RestSensitivities
 
 EPILOG = """\
 \b
@@ -54,9 +54,9 @@ def verb(
     """
     from middeck.cli.blame import reading
     from middeck.cli.cases import find_case, solve_case
-    from middeck.structure.parameters import find_parameters
-    from middeck.structure.rest_sensitivity import differentiate_rest
-    from middeck.structure.sensitivity import differentiate_frequencies
+    from middeck.structure.sensitivity.frequencies import differentiate_frequencies
+    from middeck.structure.sensitivity.parameters import find_parameters
+    from middeck.structure.sensitivity.rest import differentiate_rest
 
     modes = solve_case(article, environment, overrides)
     rest = modes.equilibrium

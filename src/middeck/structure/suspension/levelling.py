@@ -14,8 +14,8 @@ from middeck.structure.article import Structure
 from middeck.structure.elements.frames import move
 from middeck.structure.environment import Environment
 from middeck.structure.equilibrium import Equilibrium, solve_equilibrium
-from middeck.structure.parameters import AXES, list_parameters
-from middeck.structure.rest_sensitivity import differentiate_rest
+from middeck.structure.sensitivity.parameters import AXES, list_parameters
+from middeck.structure.sensitivity.rest import differentiate_rest
 from middeck.structure.suspension.attitude import Attitude, estimate_attitude
 from middeck.values import record
 

@@ -9,13 +9,13 @@ from jaxtyping import Float
 
 from middeck.structure.article import Damping
 from middeck.structure.equilibrium import Equilibrium
-from middeck.structure.mode_sensitivity import ModeSensitivity, differentiate_shapes, perturbed_rest
 from middeck.structure.modes import Modes
-from middeck.structure.parameters import Parameter
-from middeck.structure.patches import STEP, derivative
 from middeck.structure.plants.damping import damper_matrix, estimate_damping, material_ratios
 from middeck.structure.plants.port_rows import input_rows, output_rows
-from middeck.structure.rest_sensitivity import move_rest
+from middeck.structure.sensitivity.parameters import Parameter
+from middeck.structure.sensitivity.patches import STEP, derivative
+from middeck.structure.sensitivity.rest import move_rest
+from middeck.structure.sensitivity.shapes import ModeSensitivity, differentiate_shapes, perturbed_rest
 from middeck.values import record
 
 

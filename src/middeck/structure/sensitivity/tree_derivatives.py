@@ -16,8 +16,8 @@ from middeck.structure.assembly import Loads, assemble, mass_matrix
 from middeck.structure.elements.frames import Configuration, joint_chain, move
 from middeck.structure.equilibrium import Equilibrium
 from middeck.structure.mesh import Model, lay_out
-from middeck.structure.patches import STEP, derivative
-from middeck.structure.raft import merge_configurations, merge_loads, merge_models
+from middeck.structure.sensitivity.patches import STEP, derivative
+from middeck.structure.sensitivity.raft import merge_configurations, merge_loads, merge_models
 
 
 def tree_gradients(

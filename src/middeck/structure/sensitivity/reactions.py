@@ -20,15 +20,6 @@ from middeck.structure.assembly import assemble, energy_gradient, mass_matrix
 from middeck.structure.equilibrium import Equilibrium
 from middeck.structure.factorisation import factorise
 from middeck.structure.mesh import Model
-from middeck.structure.patches import (
-    STEP,
-    Patch,
-    columns,
-    derivative,
-    float_patches,
-    restrict,
-    spread_gradients,
-)
 from middeck.structure.pinned import (
     HOLD_IN_G,
     SUPPORT_GIVES,
@@ -36,6 +27,15 @@ from middeck.structure.pinned import (
     find_supports,
     support_coordinates,
     support_forces,
+)
+from middeck.structure.sensitivity.patches import (
+    STEP,
+    Patch,
+    columns,
+    derivative,
+    float_patches,
+    restrict,
+    spread_gradients,
 )
 from middeck.structure.statics import static_coordinates
 from middeck.structure.suspension.tuning import pinned_loads, pinned_points

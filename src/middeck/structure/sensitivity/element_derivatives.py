@@ -18,7 +18,7 @@ from middeck.structure.elements.beam_inertia import beam_mass
 from middeck.structure.elements.rotations import rotation_exp, skew, symmetric_double_cross
 from middeck.structure.equilibrium import Equilibrium
 from middeck.structure.mesh import select_beams
-from middeck.structure.patches import STEP, derivative
+from middeck.structure.sensitivity.patches import STEP, derivative
 
 DIRECTIONS = 9  # the first root's turn, the second one's shift and turn
 FIRST, SHIFT, SECOND = slice(3, 6), slice(6, 9), slice(9, 12)

@@ -2,7 +2,7 @@
 
 For a mode of unit mass  dlambda = phi'(dK - lambda dM) phi,  lambda = omega^2  (Fox and Kapoor 1968, AIAA J.
 6), with dK and dM total: by the parameter itself, and by the way that the rest state goes
-(`rest_sensitivity`). Of equal frequencies only the space of their modes has derivatives in every direction;
+(`sensitivity.rest`). Of equal frequencies only the space of their modes has derivatives in every direction;
 theirs are the eigenvalues of the small matrix Phi'(dK - lambda dM) Phi (Ojalvo 1988, AIAA J. 26), one set for
 each parameter.
 """
@@ -17,13 +17,13 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.structure.assembly import mass_matrix
-from middeck.structure.element_derivatives import element_gradients
 from middeck.structure.equilibrium import Equilibrium
 from middeck.structure.modes import Modes
-from middeck.structure.parameters import Parameter
-from middeck.structure.patches import derivative
-from middeck.structure.rest_sensitivity import Moved, move_rest
-from middeck.structure.tree_derivatives import tree_gradients
+from middeck.structure.sensitivity.element_derivatives import element_gradients
+from middeck.structure.sensitivity.parameters import Parameter
+from middeck.structure.sensitivity.patches import derivative
+from middeck.structure.sensitivity.rest import Moved, move_rest
+from middeck.structure.sensitivity.tree_derivatives import tree_gradients
 from middeck.values import record
 
 # Frequencies are equal when their squares differ by less than this part: far above rounding, and far below

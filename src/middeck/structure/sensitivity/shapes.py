@@ -27,10 +27,10 @@ from jaxtyping import Float
 from middeck.structure.assembly import assemble, mass_matrix
 from middeck.structure.equilibrium import Equilibrium
 from middeck.structure.modes import Modes
-from middeck.structure.parameters import Parameter
-from middeck.structure.patches import derivative, follow, perturb_whole
-from middeck.structure.rest_sensitivity import Moved, move_rest
-from middeck.structure.sensitivity import group_modes
+from middeck.structure.sensitivity.frequencies import group_modes
+from middeck.structure.sensitivity.parameters import Parameter
+from middeck.structure.sensitivity.patches import derivative, follow, perturb_whole
+from middeck.structure.sensitivity.rest import Moved, move_rest
 from middeck.structure.statics import dynamic_coordinates
 from middeck.structure.suspension.tuning import environment_loads
 from middeck.values import record

@@ -16,8 +16,8 @@ from jaxtyping import Float
 from middeck.structure.article import JointState, Structure
 from middeck.structure.assembly import Assembly, Loads, assemble, device_tension
 from middeck.structure.equilibrium import Equilibrium
-from middeck.structure.parameters import Parameter
-from middeck.structure.patches import (
+from middeck.structure.sensitivity.parameters import Parameter
+from middeck.structure.sensitivity.patches import (
     STEP,
     Afloat,
     Patch,
@@ -30,8 +30,8 @@ from middeck.structure.patches import (
     restrict,
     spread_gradients,
 )
-from middeck.structure.reaction_sensitivity import differentiate_support
-from middeck.structure.static_solver import StaticSolver
+from middeck.structure.sensitivity.reactions import differentiate_support
+from middeck.structure.sensitivity.static_solver import StaticSolver
 from middeck.structure.suspension.tuning import TunedSuspension, environment_loads, tune_suspension
 from middeck.values import record
 

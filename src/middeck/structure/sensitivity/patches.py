@@ -21,8 +21,8 @@ from middeck.structure.assembly import Loads
 from middeck.structure.elements.frames import Configuration, move
 from middeck.structure.environment import Environment
 from middeck.structure.mesh import Model, lay_out
-from middeck.structure.parameters import Parameter, set_parameter
-from middeck.structure.raft import Raft, merge_configurations, merge_loads, merge_models
+from middeck.structure.sensitivity.parameters import Parameter, set_parameter
+from middeck.structure.sensitivity.raft import Raft, merge_configurations, merge_loads, merge_models
 
 # Its square is nothing beside one, it is far from underflow, and what it multiplies comes back exactly.
 STEP = 1e-30

@@ -1,0 +1,1 @@
+"""Exact derivatives of rest states, frequencies, shapes and plants in every named number."""
