@@ -24,41 +24,57 @@ LEADER: dict[str, Any] = {"arrowstyle": "-", "linewidth": 0.4, "shrinkA": 1.0, "
 
 @styled
 def gravity_path_figure(path: GravityPath, highest_hz: float | None = None) -> Figure:
-    """All branches up to ``highest_hz``; events marked, places as dashed lines, the end of a path in red."""
-    figure = new_figure(5.4, 7.4)
-    axes = figure.add_subplot()
+    """Branches up to ``highest_hz``, held ones beside flexible ones; events marked, places as dashed lines.
+
+    Flexible branches stand on a logarithmic axis, unless one of them reaches zero. The end of a path is red.
+    """
     if not len(path.s):
+        figure = new_figure(5.4, 7.4)
+        axes = figure.add_subplot()
         axes.set_axis_off()
         axes.text(0.5, 0.5, "\n".join(e.sentence for e in path.events), ha="center", wrap=True)
         return figure
-    draw_branches(axes, path, highest_hz)
-    axes.legend(loc="upper left", ncols=2)
+    shown = [
+        b for b in range(len(path.name)) if highest_hz is None or path.frequency_hz[:, b].min() <= highest_hz
+    ]
+    groups = [[b for b in shown if (path.kind[b] == "flexible") is flexible] for flexible in (False, True)]
+    groups = [group for group in groups if group]
+    figure = new_figure(5.4, 4.6 * len(groups) + 1.0)
+    for panel, group in zip(figure.subplots(1, len(groups), squeeze=False)[0], groups, strict=True):
+        draw_branches(panel, path, group)
+        panel.legend(loc="best", ncols=2)
     return figure
 
 
-def draw_branches(axes: Axes, path: GravityPath, highest_hz: float | None = None) -> None:
+def draw_branches(axes: Axes, path: GravityPath, branches: list[int]) -> None:
     """Frequencies against the size of gravity, or against its turn where the size stays."""
     x, label = _abscissa(path)
-    f = path.frequency_hz
-    shown = [b for b in range(f.shape[1]) if highest_hz is None or f[:, b].min() <= highest_hz]
+    f = path.frequency_hz[:, branches]
     seen: set[str] = set()
-    for b in shown:
+    for b in branches:
         kind = path.kind[b]
-        axes.plot(x, f[:, b], color=KIND[kind], linewidth=1.1, label="_" if kind in seen else kind)
+        axes.plot(
+            x, path.frequency_hz[:, b], color=KIND[kind], linewidth=1.1, label="_" if kind in seen else kind
+        )
         seen.add(kind)
-    top = highest_hz or 1.05 * float(f.max())
-    axes.set_ylim(min(0.0, 1.05 * float(f.min())), top)
+    if all(path.kind[b] == "flexible" for b in branches) and float(f.min()) > 0.0:
+        axes.set_yscale("log")
+        axes.set_ylim(0.8 * float(f.min()), 1.25 * float(f.max()))
+        axes.yaxis.set_major_formatter("{x:g}")
+    else:
+        axes.set_ylim(min(0.0, 1.05 * float(f.min())), 1.05 * float(f.max()))
     axes.set_xlabel(label)
     axes.set_ylabel("frequency [Hz]")
     for event in path.events:
-        if not set(event.branch) - set(shown) and 0.0 <= event.frequency_hz <= top:
+        if event.ends or (event.branch and not set(event.branch) - set(branches)):
             _mark(axes, path, x, event, seen)
     for place, station in zip(path.places, path.reached, strict=False):
         axes.axvline(x[station], color=COLOUR["ghost"], linestyle="--", linewidth=0.8, zorder=1)
         axes.annotate(place.name, (x[station], 1.0), xycoords=("data", "axes fraction"), xytext=(0, 3),
                       textcoords="offset points", ha="center", fontsize=7.5)  # fmt: skip
     most = int(np.argmax(x))
-    _name_branches(axes, [(f[most, b], path.name[b], KIND[path.kind[b]]) for b in shown])
+    ends = [(path.frequency_hz[most, b], path.name[b], KIND[path.kind[b]]) for b in branches]
+    _name_branches(axes, float(x[most]), ends)
 
 
 def _abscissa(path: GravityPath) -> tuple[np.ndarray, str]:
@@ -84,15 +100,13 @@ def _mark(axes: Axes, path: GravityPath, x: np.ndarray, event: GravityEvent, see
     seen.add(word)
 
 
-def _name_branches(axes: Axes, ends: list[tuple[float, str, str]]) -> None:
+def _name_branches(axes: Axes, x: float, ends: list[tuple[float, str, str]]) -> None:
     """Names beside the greatest gravity, outside the axes, pushed apart where they would touch."""
-    low, high = axes.get_ylim()
+    to_axes = axes.transData + axes.transAxes.inverted()
     floor = -1.0
     for f, name, colour in sorted(ends):
-        height = (f - low) / (high - low)
-        if height > 1.0:
-            continue
+        height = float(to_axes.transform((x, f))[1])
         floor = max(height, floor + ROOM)
-        axes.annotate(name, (1.0, height), xycoords="axes fraction", xytext=(1.025, floor),
+        axes.annotate(name, (1.0, height), xycoords="axes fraction", xytext=(1.04, floor),
                       textcoords="axes fraction", color=colour, ha="left", va="center", fontsize=7.0,
                       arrowprops=LEADER | {"color": colour, "relpos": (0.0, 0.5)})  # fmt: skip
