@@ -341,7 +341,7 @@ def test_debug_shows_the_traceback_and_keeps_the_code(capfd: Capture) -> None:
 def test_a_fault_of_the_program_is_one_line_and_no_verdict(
     capfd: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def broken(*arguments: object) -> None:
+    def broken(*arguments: object, **options: object) -> None:
         raise KeyError("two\nlines")
 
     monkeypatch.setattr("middeck.cli.cases.solve_in", broken)

@@ -50,12 +50,14 @@ def tune_suspension(
     """
     devices = environment.hung
     tuned = [d for d in devices if d.force is None]
+    # An anchor that cannot be is told before what follows from it.
+    slope = {d.name: _rise(model, d, _up(environment)) for d in tuned}
     state = None
     if tuned and support is None:
         points = pinned_points(model, environment)
         state = settle_pinned(model, pinned_loads(model, environment), points)
         support = support_forces(state.supports, state.force, len(points.point))
-    shares = {} if support is None else _tuned_forces(model, environment, tuned, support)
+    shares = {} if support is None else _tuned_forces(environment, tuned, slope, support)
     force = np.array([shares[d.name] if d.force is None else d.force for d in devices]) + 0.0
     stiffness = np.array([_stiffness(environment, d, R) for d, R in zip(devices, force, strict=True)]) + 0.0
     names, attach = tuple(d.name for d in devices), tuple(d.attach for d in devices)
@@ -69,12 +71,11 @@ def _stiffness(environment: Environment, device: Device, force: float) -> float:
 
 
 def _tuned_forces(
-    model: Model, environment: Environment, tuned: Sequence[Device], support: np.ndarray
+    environment: Environment, tuned: Sequence[Device], slope: dict[str, float], support: np.ndarray
 ) -> dict[str, float]:
     """By name, what each tuned device bears: its share of the vertical reaction over its slope."""
-    attach, up = _tuned_attach(tuned), _up(environment)
-    slope = {d.name: _rise(model, d, up) for d in tuned}
-    reaction = support @ up
+    attach = _tuned_attach(tuned)
+    reaction = support @ _up(environment)
     _check_pull(attach, np.real(reaction))
     together = [d.attach for d in tuned]
     pull = dict(zip(attach, reaction, strict=True))
