@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -47,7 +48,9 @@ def test_a_frequency_of_zero_has_no_slope(capfd: pytest.CaptureFixture[str]) -> 
     assert found["groups"][0] == list(range(8))
     table = middeck(capfd, *ask)
     assert (table.code, table.err) == (0, "")
+    # Two flexible modes; in orbit nothing pulls and nothing holds.
     assert table.out.count("node.n3.mass") == 2
+    assert "rest state" not in table.out
 
 
 def test_what_cannot_be_differentiated(capfd: pytest.CaptureFixture[str]) -> None:
@@ -59,3 +62,84 @@ def test_what_cannot_be_differentiated(capfd: pytest.CaptureFixture[str]) -> Non
     )
     assert drives.code == 5
     assert "nothing holds" in drives.err
+
+
+SLIDE = """
+[[proof_mass]]
+name = "pm"
+node = "n3"
+axis = [0.0, 1.0, 0.0]
+mass_kg = 0.4
+natural_hz = 10.0
+"""
+
+
+@pytest.fixture
+def actuated(tmp_path: Path) -> Path:
+    """The article with an upright proof mass."""
+    file = tmp_path / "actuated.toml"
+    file.write_text(DM.read_text(encoding="utf-8") + SLIDE, encoding="utf-8")
+    return file
+
+
+def test_a_parameter_of_zero_has_no_relative_derivative(capfd: pytest.CaptureFixture[str]) -> None:
+    ask = ("sensitivity", DM, "--parameter", "node.n1.cg.x", "--count", 2)
+    assert json.loads(middeck(capfd, *ask, "--json").out)["parameters"][0]["relative"] == [None, None]
+    rows = [line for line in middeck(capfd, *ask).out.splitlines() if line.startswith("node.n1.cg.x  ")]
+    assert [line.split()[-1] for line in rows[:2]] == ["-", "-"]
+
+
+def test_slides_hold_forces_and_the_rest_state_is_printed(
+    capfd: pytest.CaptureFixture[str], actuated: Path
+) -> None:
+    ask = ("sensitivity", actuated, "--environment", LAB, "--parameter", "joint.pm.mass", "--count", 1)
+    found = json.loads(middeck(capfd, *ask, "--json").out)["parameters"][0]
+    assert list(found["d_holding_torque_nm"]) == ["pri_x", "pri_z"]
+    # Its spring carries its weight m g; the axis leans by half a degree, 1 - cos is 1e-4 at most.
+    assert found["d_holding_force_n"] == {"pm": pytest.approx(9.80665, rel=1e-4)}
+    lines = [" ".join(line.split()) for line in middeck(capfd, *ask).out.splitlines()]
+    assert f"joint.pm.mass force at pm N {found['d_holding_force_n']['pm']:+.5e}" in lines
+    assert f"joint.pm.mass tension of n3 N {found['d_tension_n']['n3']:+.5e}" in lines
+
+
+def test_one_mode_with_its_largest_first(capfd: pytest.CaptureFixture[str]) -> None:
+    names = "node.*.mass,node.n1.cg.*"
+    ask = ("sensitivity", DM, "--parameter", names, "--count", 2)
+    ended = middeck(capfd, *ask, "--mode", "first torsion", "--top", 4)
+    assert (ended.code, ended.err) == (0, "")
+    table = ended.out.split("derivatives of the frequency of mode ")[1].split("\n\n")[0].splitlines()
+    assert table[0].endswith(", first torsion")
+    rows = [line.split() for line in table[2:]]
+    shares = [abs(float(row[-1])) for row in rows]
+    assert len(rows) == 4
+    assert shares == sorted(shares, reverse=True)
+    assert {row[-4] for row in rows} == {table[0].split(",")[0]}
+    every = middeck(capfd, *ask, "--mode", table[0].split(",")[0]).out
+    last = every.split("\n\n")[1].splitlines()[-1].split()
+    assert last[0].startswith("node.n1.cg.")  # of zero value, so last
+    assert last[-1] == "-"
+    found = json.loads(middeck(capfd, *ask, "--mode", "first torsion", "--json").out)
+    assert found["name"][-1] == "first torsion"
+
+
+@pytest.mark.parametrize(
+    ("mode", "advice"), [("first torsoin", "did you mean 'first torsion'?"), ("999", "a number from 0 to ")]
+)
+def test_a_mode_that_is_not_there(capfd: pytest.CaptureFixture[str], mode: str, advice: str) -> None:
+    ended = middeck(capfd, "sensitivity", DM, "--parameter", "node.n1.mass", "--mode", mode)
+    assert ended.code == 2
+    assert f"no mode {mode!r}" in ended.err
+    assert advice in ended.err
+
+
+def test_a_key_of_the_file_is_followed_to_what_it_became(
+    capfd: pytest.CaptureFixture[str], actuated: Path
+) -> None:
+    ask = ("sensitivity", actuated, "--environment", LAB, "--parameter")
+    for pattern, became in (
+        ("proof_mass.pm.natural_hz", "natural_hz became joint.pm.stiffness (k = m"),
+        ("material.lexan.E_pa", "E_pa became member.n1-n2.E, "),
+    ):
+        ended = middeck(capfd, *ask, pattern)
+        assert ended.code == 2
+        assert became in ended.err

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -20,8 +21,9 @@ Examples:
   middeck sensitivity articles/mace-dm.toml \\
     --parameter "node.*.mass,members.E" --parameter environment.bounce_hz
   middeck sensitivity articles/mace-dm.toml --environment orbit \\
-    --parameter "joint.*" --count 20 --json
+    --parameter "*" --mode "first torsion" --top 10
 """
+TOP = 20  # rows of each mode that was asked for
 
 
 @click.command("sensitivity", epilog=EPILOG)
@@ -38,12 +40,26 @@ Examples:
 @click.option(
     "--count", type=click.IntRange(min=1), default=12, show_default=True, help="How many of the lowest modes."
 )
+@click.option(
+    "--mode",
+    "wanted",
+    multiple=True,
+    metavar="NAME|NUMBER",
+    help="Print this mode only, as `middeck modes` names it; may be repeated.",
+)
+@click.option(
+    "--top",
+    type=click.IntRange(min=1),
+    help=f"Print the N largest of each mode, by |dlnf/dlnp|.  [default: {TOP} with --mode, else all]",
+)
 @options.common
 def verb(
     article: str,
     environment: str,
     patterns: tuple[str, ...],
     count: int,
+    wanted: tuple[str, ...],
+    top: int | None,
     overrides: tuple[str, ...],
     as_json: bool,
 ) -> None:
@@ -51,6 +67,7 @@ def verb(
 
     Exact, with the shift of the rest state and the tuning of the suspension included. Parameters are named
     by part and field, as in node.n1.cg.y, member.n1-n2.EI_y, joint.pri_x.angle, environment.gravity.y.
+    --json has all of them for every mode up to the last one printed.
     """
     from middeck.cli.blame import reading
     from middeck.cli.cases import find_case, solve_case
@@ -60,13 +77,34 @@ def verb(
 
     modes = solve_case(article, environment, overrides)
     rest = modes.equilibrium
+    chosen = find_modes(modes.name, wanted)
     with reading(*find_case(article, environment)):
         names = options.separate_names(patterns)
         parameters = find_parameters(rest.model.structure, rest.environment, names)
         by_rest = differentiate_rest(rest, parameters)
-        by_modes = differentiate_frequencies(modes, parameters, count)
+        by_modes = differentiate_frequencies(modes, parameters, max([count, *(m + 1 for m in chosen)]))
     document = describe(modes, by_modes, by_rest)
-    show(as_json, document, *_tables(document))
+    show(as_json, document, *_tables(document, chosen, top or (TOP if wanted else None)))
+
+
+def find_modes(names: Sequence[str], wanted: Sequence[str]) -> list[int]:
+    """Numbers of the modes that are called ``wanted``, or have that number; fails with the nearest names.
+
+    >>> find_modes(["bounce", "first torsion", "mixed", "mixed"], ["First torsion", "0", "mixed"])
+    [1, 0, 2, 3]
+    """
+    from middeck.errors import ConfigError
+    from middeck.files.faults import nearest
+
+    found: dict[int, None] = {}
+    for one in wanted:
+        number = int(one) if one.isascii() and one.isdigit() else -1
+        fits = [i for i, name in enumerate(names) if i == number or name.lower() == one.strip().lower()]
+        if not fits:
+            advice = f"a number from 0 to {len(names) - 1}" if number >= 0 else nearest(one, names)
+            raise ConfigError(f"no mode {one!r}", where="--mode", hint=advice)
+        found |= dict.fromkeys(fits)
+    return list(found)
 
 
 def describe(modes: Modes, found: FrequencySensitivities, rest: RestSensitivities) -> dict[str, Any]:
@@ -74,8 +112,13 @@ def describe(modes: Modes, found: FrequencySensitivities, rest: RestSensitivitie
     import numpy as np
 
     equilibrium = modes.equilibrium
-    joints = [j.name for j in equilibrium.model.structure.joints]
+    joints = equilibrium.model.structure.joints
     relative = found.relative
+
+    def held(parameter: int, slides: bool) -> dict[str, float]:
+        by_joint = zip(joints, rest.holding_torque[:, parameter], strict=True)
+        return {j.name: d for j, d in by_joint if j.slides == slides}
+
     parameters = [
         {
             "name": p.name,
@@ -86,7 +129,8 @@ def describe(modes: Modes, found: FrequencySensitivities, rest: RestSensitivitie
             "relative": [float(d) if np.isfinite(d) else None for d in relative[i]],
             "d_reactions_n": dict(zip(equilibrium.suspension.name, rest.reaction[:, i], strict=True)),
             "d_tension_n": dict(zip(equilibrium.devices, rest.tension[:, i], strict=True)),
-            "d_holding_torque_nm": dict(zip(joints, rest.holding_torque[:, i], strict=True)),
+            "d_holding_torque_nm": held(i, slides=False),
+            "d_holding_force_n": held(i, slides=True),
         }
         for i, p in enumerate(found.parameters)
     ]
@@ -102,26 +146,72 @@ def describe(modes: Modes, found: FrequencySensitivities, rest: RestSensitivitie
     }
 
 
-def _tables(document: dict[str, Any]) -> list[str | Table]:
-    """One table a parameter would be long, one column a mode too wide: a row for both."""
-    parameters = document["parameters"]
-    rows = [
-        [
-            p["name"],
-            f"{p['value']:g}",
-            p["unit"],
-            str(m),
-            f"{hz:.5f}",
-            f"{p['d_hz'][m]:+.5e}",
-            f"{share:+.4f}",
-        ]
-        for p in parameters
-        for m, hz in enumerate(document["frequency_hz"])
-        if (share := p["relative"][m]) is not None
-    ]
-    headers = ["parameter", "value", "unit", "mode", "Hz", "dHz per unit", "dlnf/dlnp"]
-    return [
+def _tables(document: dict[str, Any], chosen: list[int], top: int | None) -> list[str | Table]:
+    """All in one table; or one for each mode, its largest first, and the rest state by what is left."""
+    every = range(len(document["parameters"]))
+    modes = range(len(document["frequency_hz"]))
+    blocks: list[str | Table] = [
         f"article      {document['article']}",
         f"environment  {document['environment']}",
-        Table("derivatives of the frequencies", headers, rows),
     ]
+    if not chosen and top is None:
+        rows = [_row(document, p, m) for p in every for m in modes if _has_slope(document, p, m)]
+        blocks.append(Table("derivatives of the frequencies", FREQUENCIES, rows))
+        return [*blocks, *_rest_table(document, list(every))]
+    left: set[int] = set()
+    for m in chosen or modes:
+        kept = [p for p in _largest_first(document, m) if _has_slope(document, p, m)][:top]
+        left |= set(kept)
+        title = f"derivatives of the frequency of mode {m}, {document['name'][m]}"
+        blocks.append(Table(title, FREQUENCIES, [_row(document, p, m) for p in kept]))
+    return [*blocks, *_rest_table(document, sorted(left))]
+
+
+FREQUENCIES = ["parameter", "value", "unit", "mode", "Hz", "dHz per unit", "dlnf/dlnp"]
+
+
+def _has_slope(document: dict[str, Any], parameter: int, mode: int) -> bool:
+    return document["parameters"][parameter]["d_hz"][mode] is not None
+
+
+def _largest_first(document: dict[str, Any], mode: int) -> list[int]:
+    """By |dlnf/dlnp|; parameters that are zero last, by |df/dp|."""
+
+    def size(p: dict[str, Any]) -> tuple[bool, float]:
+        share = p["relative"][mode]
+        return share is not None, abs((p["d_hz"][mode] if share is None else share) or 0.0)
+
+    parameters = document["parameters"]
+    return sorted(range(len(parameters)), key=lambda i: size(parameters[i]), reverse=True)
+
+
+def _row(document: dict[str, Any], parameter: int, mode: int) -> list[str]:
+    p = document["parameters"][parameter]
+    share = p["relative"][mode]
+    return [
+        p["name"],
+        f"{p['value']:g}",
+        p["unit"],
+        str(mode),
+        f"{document['frequency_hz'][mode]:.5f}",
+        f"{p['d_hz'][mode]:+.5e}",
+        "-" if share is None else f"{share:+z.4f}",
+    ]
+
+
+def _rest_table(document: dict[str, Any], shown: list[int]) -> list[Table]:
+    """What devices pull and joints hold, a row each that a parameter changes."""
+    kinds = (
+        ("d_tension_n", "tension of", "N"),
+        ("d_holding_torque_nm", "torque at", "N m"),
+        ("d_holding_force_n", "force at", "N"),
+    )
+    rows = [
+        [p["name"], f"{what} {name}", unit, f"{d:+.5e}"]
+        for p in (document["parameters"][i] for i in shown)
+        for key, what, unit in kinds
+        for name, d in p[key].items()
+        if d != 0.0
+    ]
+    headers = ["parameter", "of", "", "per unit"]
+    return [Table("derivatives of the rest state, where not zero", headers, rows)] if rows else []

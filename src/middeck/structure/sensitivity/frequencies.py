@@ -59,8 +59,11 @@ class FrequencySensitivities:
 
     @property
     def relative(self) -> Float[np.ndarray, "parameter mode"]:
-        """Part of its frequency by which a mode moves when the parameter grows by a part of its own value."""
-        values = np.array([p.value for p in self.parameters])
+        """Part of its frequency by which a mode moves when the parameter grows by a part of its own value.
+
+        Not a number where either of them is zero.
+        """
+        values = np.array([p.value if p.value != 0.0 else np.nan for p in self.parameters])
         return self.d_hz * values[:, None] / np.where(self.frequency_hz > 0.0, self.frequency_hz, np.nan)
 
 

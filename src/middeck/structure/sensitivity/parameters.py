@@ -32,6 +32,7 @@ from middeck.structure.environment import Environment
 from middeck.values import record
 
 AXES = "xyz"
+SHOWN = 5  # names in a hint
 STIFFNESS = ("EA", "GJ", "EI_y", "EI_z", "GA_y", "GA_z")
 INERTIA = ("rho_A", "rho_I_y", "rho_I_z")
 # Fields of each part and their units. Not here is what changes no rest state and no small motion about it:
@@ -46,6 +47,19 @@ SPRING = {"stiffness": "N/m", "free_length": "m"}
 DAMPING = {"flexible": "", "suspension": "", "rigid": ""}
 SUSPENSION = {"cable_length": "m", "bounce_hz": "Hz", "moving_mass": "kg"}
 DEVICE = {**SUSPENSION, "force": "N", "stiffness": "N/m", "anchor": "m"}
+
+# What keys of a file became that are no numbers of their own in the article: they went into others.
+BECAME = {
+    "natural_hz": ("stiffness", "k = m (2 pi natural_hz)^2; a derivative by the mass holds k"),
+    "rest_m": ("target", "where the spring is unstressed"),
+    "rest_deg": ("target", "in rad"),
+    "command_deg": ("target", "in rad"),
+    "E_pa": ("E", "a factor on all stiffnesses, of value 1"),
+    "rho_kg_m3": ("rho", "a factor on all inertias, of value 1"),
+    "outer_diameter_m": ("EI_y", "and the others of a section, each by itself"),
+    "inner_diameter_m": ("EI_y", "and the others of a section, each by itself"),
+    "gravity_m_s2": ("gravity.y", "a component of the vector in W"),
+}
 
 Path = tuple[Any, ...]
 
@@ -96,12 +110,21 @@ def find_parameters(
 
 
 def _unknown(pattern: str, every: Iterable[str]) -> ConfigError:
-    near = get_close_matches(pattern, every, 5, 0.5)
-    return ConfigError(
-        f"no parameter {pattern!r}",
-        where="parameter",
-        hint=f"did you mean {', '.join(near)}?" if near else "e.g. node.*.mass, member.*.EI_y, environment.*",
-    )
+    near = get_close_matches(pattern, every, SHOWN, 0.5)
+    hint = f"did you mean {', '.join(near)}?" if near else "e.g. node.*.mass, member.*.EI_y, environment.*"
+    return ConfigError(f"no parameter {pattern!r}", where="parameter", hint=_became(pattern, every) or hint)
+
+
+def _became(pattern: str, every: Iterable[str]) -> str:
+    """What the key of a file at the end of ``pattern`` went into, of the same part if there is one."""
+    *parts, key = pattern.split(".")
+    if key not in BECAME:
+        return ""
+    field, how = BECAME[key]
+    ends = [name for name in every if name.endswith(f".{field}")]
+    own = [name for name in ends if set(parts) & set(name.split(".")[1:-1])]
+    found = own or ends
+    return f"{key} became {', '.join(found[:SHOWN])} ({how})" if found else ""
 
 
 def set_parameter(
