@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 
 import numpy as np
@@ -9,9 +10,11 @@ import pytest
 import scipy.linalg as sla
 
 from middeck.errors import ConfigError
+from middeck.files.documents import load_case
 from middeck.structure.article import AttachPoint, Joint, Section, Spring
 from middeck.structure.assembly import assemble, mass_matrix
-from middeck.structure.environment import AnchoredSpring, Environment, Suspension
+from middeck.structure.elements.rotations import rotation_exp
+from middeck.structure.environment import AnchoredSpring, Device, DeviceKind, Environment, Suspension
 from middeck.structure.equilibrium import solve_equilibrium
 from middeck.structure.gravity.budget import (
     CORNERS,
@@ -204,6 +207,57 @@ def test_hinged_beam_in_tension_is_all_stiffness(weight: float):
             assert contribution[SUSPENSION] == pytest.approx(0.0, abs=2e-4 * exact)
             # It stretches by N / EA = 4e-5 at most: four times that of (n pi / L)^4 EI / rho A.
             assert contribution[DEFORMATION] == pytest.approx(0.0, abs=1e-3 * exact)
+
+
+# Where the whole hangs is no deformation
+
+
+def with_devices(environment: Environment, kind: DeviceKind) -> Environment:
+    assert environment.suspension is not None
+    return dataclasses.replace(environment, suspension=dataclasses.replace(environment.suspension, kind=kind))
+
+
+@pytest.mark.parametrize("article", ["bus", "mace-simple"])
+def test_springs_and_constant_forces_of_the_same_frequencies_have_one_budget(article: str):
+    """At rest both hang in the same shape, on cables of one length; the springs let it sink by 3 to 4 m."""
+    parts, environment = hung_bus(), cables()
+    if article == "mace-simple":
+        parts, environment = load_case("articles/mace-simple.toml", "environments/lab.toml")
+    found = [build_budget(*both(parts, with_devices(environment, kind))) for kind in DeviceKind]
+    drawn, sunk = ([m.equilibrium.config.x[0, 1] for m in (f.orbit, f.lab)] for f in found)
+    assert drawn[0] - drawn[1] < 0.1 < 2.7 < sunk[0] - sunk[1]
+    # Rest to 1e-9 of the weight leaves 1e-9 of each omega^2; corners of doubtful modes are no worse.
+    assert found[1].shift_hz == pytest.approx(found[0].shift_hz, abs=1e-6)
+    assert found[1].share_hz == pytest.approx(found[0].share_hz, abs=1e-6)
+    assert found[1].range_hz == pytest.approx(found[0].range_hz, abs=1e-6)
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.4, 1.3])
+def test_heading_is_no_deformation(turn: float):
+    """Anchors turned about the vertical turn a rigid bar with them; it hangs as it was drawn, elsewhere."""
+    bar = rigid_bar(6.0, 2.0, (0.3, 2.1, 2.0), attach_y=0.3)
+    down = solve_equilibrium(
+        bar, Environment("lab", GRAVITY, Suspension(("left", "right"), ("xyz", "yz"), 3, 0.3))
+    )
+    about = rotation_exp(np.array([0.0, turn, 0.0]))
+    lines = zip(("left", "right"), down.loads.anchor, down.suspension.stiffness, strict=True)
+    devices = tuple(Device(n, n, force=3.0 * G, stiffness=k, anchor=about @ a) for n, a, k in lines)
+    found = build_budget(*both(bar, Environment("lab", GRAVITY, devices=devices)))
+    # Rounding, of shapes that have turned; the force of 1e-9 of the weight that is left tilts by no more.
+    assert found.match[:, 0, 0, 1] == pytest.approx(np.ones(6), abs=1e-7)
+    assert found.share_hz[:, DEFORMATION] == pytest.approx(np.zeros(6), abs=1e-6)
+
+
+def test_a_tilt_is_a_deformation():
+    """Gravity sees it: an article that hangs askew stands otherwise under its weight than it was drawn."""
+    bar = rigid_bar(6.0, 2.0, (0.3, 2.1, 2.0), attach_y=0.3)
+    drawn = solve_equilibrium(
+        bar, Environment("lab", GRAVITY, Suspension(("left", "right"), ("xyz", "yz"), 3, 0.3))
+    )
+    lines = zip(("left", "right"), drawn.loads.anchor, (32.0, 28.0), strict=True)
+    devices = tuple(Device(n, n, force=f, stiffness=10.0, anchor=a) for n, a, f in lines)
+    found = build_budget(*both(bar, Environment("lab", GRAVITY, devices=devices)))
+    assert np.abs(found.share_hz[:, DEFORMATION]).max() > 1e-4
 
 
 # What is refused

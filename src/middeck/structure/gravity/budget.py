@@ -4,7 +4,8 @@ Three of the five classes change the linear structure and can be switched, one a
 
 - *suspension*: what the devices add to stiffness and mass where they stand;
 - *stiffness*: all that is linear in the forces inside the rest state, the weight and dead pulls included;
-- *deformation*: the geometry about which one linearises, at rest or undeformed.
+- *deformation*: the geometry about which one linearises, at rest or undeformed; where the article as a whole
+  hangs, and its heading, are those at rest either way.
 
 The eight states between orbit and the laboratory form a cube; an order of switching is a way along its edges.
 """
@@ -29,6 +30,7 @@ from middeck.structure.gravity.tracking import (
     spectrum_of,
     track,
 )
+from middeck.structure.gravity.undeformed import carry_along, turn_shapes
 from middeck.structure.modes import Modes
 from middeck.values import record
 
@@ -118,17 +120,31 @@ def build_budget(orbit: Modes, lab: Modes, count: int = 26) -> GravityBudget:
 
     Each corner is an eigenproblem of its own; its modes are those with the largest cross-orthogonality with
     orbit. Raises `ConfigError` for two different structures, or where ``orbit`` is not free of gravity.
+
+    Both are modes, from `solve_modes`, not rest states:
+
+    >>> import middeck as md
+    >>> parts, environment = md.load_case("articles/mace-dm.toml", "environments/lab.toml")
+    >>> rests = [md.solve_equilibrium(parts, e) for e in (md.Environment.orbit(), environment)]
+    >>> orbit, lab = map(md.solve_modes, rests)
+    >>> budget = build_budget(orbit, lab, 12)
+    >>> bool(np.allclose(budget.share_hz.sum(axis=1), budget.shift_hz, atol=1e-9))
+    True
     """
     _check(orbit, lab)
-    free, hung = spectrum_of(orbit), spectrum_of(lab)
+    start_at, turn = carry_along(orbit.equilibrium, lab.equilibrium)
+    model = lab.equilibrium.model
+    turned = turn_shapes(orbit.shapes, model.tree.roots, turn)
+    free = Spectrum(orbit.omega**2, turned, mass_matrix(model, start_at.config))
+    hung = spectrum_of(lab)
     count = min(count, len(orbit.omega), len(lab.omega))
     start = align_repeated(free, hung.shapes)
     start = Spectrum(start.lam[:count], start.shapes[:, :count], start.mass)
     corner, match = np.zeros((count, 2, 2, 2)), np.ones((count, 2, 2, 2))
     corner[:, 0, 0, 0] = start.lam
     for on in CORNERS[1:-1]:
-        K, M = corner_matrices(orbit.equilibrium, lab.equilibrium, on)
-        found = track(start, solve_spectrum(lab.equilibrium.model, K, M, count))
+        K, M = corner_matrices(start_at, lab.equilibrium, on)
+        found = track(start, solve_spectrum(model, K, M, count))
         corner[:, *on], match[:, *on] = found.spectrum.lam, found.match
     end = track(start, hung)
     corner[:, 1, 1, 1], match[:, 1, 1, 1] = end.spectrum.lam, end.match
@@ -141,7 +157,8 @@ def build_budget(orbit: Modes, lab: Modes, count: int = 26) -> GravityBudget:
 def corner_matrices(orbit: Equilibrium, lab: Equilibrium, on: Corner) -> tuple[sp.csr_array, sp.csr_array]:
     """Tangent and mass in all coordinates with suspension, stiffness and deformation off (0) or on (1).
 
-    (0, 0, 0) is the tangent in orbit and (1, 1, 1) that in the laboratory. With deformation off, the forces
+    (0, 0, 0) is the tangent in orbit and (1, 1, 1) that in the laboratory. Spans of devices are from where
+    ``orbit`` has the article: see `carry_along`. With deformation off, the forces
     are those of the true rest state, on the geometry in orbit: not an equilibrium, so that the tangent is
     the Hessian in the coordinates of the frame tree (displacements and rotation vectors).
     """
