@@ -223,7 +223,14 @@ def test_an_upright_proof_mass_sinks_onto_its_spring_or_is_refused(capfd: Captur
     assert found["holding_force_n"]["pm"] == pytest.approx(0.4 * 9.80665, rel=1e-4)
     assert "pm" not in found["holding_torque_nm"]
     assert "first slide" in found["name"]
-    assert "holding force" in middeck(capfd, "modes", file, "--environment", lab).out
+    # m g/k = g/(2 pi 10 Hz)^2 down, to the same lean.
+    assert found["slide_travel_m"]["pm"] == pytest.approx(-9.80665 / (20.0 * np.pi) ** 2, rel=1e-4)
+    assert (found["held_by"]["pm"], found["held_by"]["pri_x"]) == ("spring", "motor")
+    shown = middeck(capfd, "modes", file, "--environment", lab).out
+    lines = [" ".join(row.split()) for row in shown.splitlines()]
+    force, travel = found["holding_force_n"]["pm"], 1e3 * found["slide_travel_m"]["pm"]
+    assert lines[lines.index("holding force") + 1] == "slide N travel mm held by"
+    assert f"pm {force:.5f} {travel:.4f} its spring" in lines
     # 2.5 mm at 10 Hz, a quarter of a metre at 1 Hz.
     file.write_text(text + UPRIGHT.format(hz=1.0), encoding="utf-8")
     ended = middeck(capfd, "modes", file, "--environment", lab)

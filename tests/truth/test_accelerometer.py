@@ -205,7 +205,8 @@ def test_constant_offset(hanging: Modes):
     n = rest.model.structure.sensors[0].axis
     assert n is not None
     assert accelerometer_offset(rest, "bus") == pytest.approx(-(R @ n) @ GRAVITY, rel=1e-14)
-    assert accelerometer_offset(solve_equilibrium(bus()[0], Environment.orbit()), "bus") == 0.0
+    none = accelerometer_offset(solve_equilibrium(bus()[0], Environment.orbit()), "bus")
+    assert (none, np.signbit(none)) == (0.0, False)
     up = structure([node("a", (0, 0, 0), body(1.0, inertia=(1, 1, 1)))], sensors=[accelerometer("s", "a", Y)])
     held = dataclasses.replace(up, attach_points=(AttachPoint("t", "a", np.array([0, 0.1, 0])),))
     rest = solve_equilibrium(held, lab(AnchoredSpring("s", "t", 2.0 * Y, 20.0, 1.0)))

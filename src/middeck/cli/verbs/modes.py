@@ -19,6 +19,8 @@ Examples:
   middeck modes articles/mace-simple.toml --environment orbit
   middeck modes articles/mace-dm.toml --set suspension.bounce_hz=0.2 --json
 """
+# What a joint of each state is held by at rest: `JointState`, which --help must not import.
+HELD_BY = {"free": "motor", "sprung": "spring", "locked": "lock", "driven": "servo"}
 
 
 @click.command("modes", epilog=EPILOG)
@@ -52,11 +54,13 @@ def verb(article: str, environment: str, count: int, overrides: tuple[str, ...],
 
 def describe(modes: Modes, count: int, summary: Summary) -> dict[str, Any]:
     """The JSON document; keys as in numbers.json."""
+    import numpy as np
+
     from middeck.cli.summary import summary_numbers
     from middeck.study.numbers import mode_numbers, rest_numbers
 
     rest = modes.equilibrium
-    suspension, environment = rest.suspension, rest.environment
+    suspension, environment, joints = rest.suspension, rest.environment, rest.model.structure.joints
     return {
         "schema": "middeck.modes/1",
         "article": rest.model.structure.title,
@@ -66,12 +70,13 @@ def describe(modes: Modes, count: int, summary: Summary) -> dict[str, Any]:
         "warnings": (*summary.warnings, *modes.warnings),
         "mode_residual": modes.residual[:count],
         "equilibrium_residual": rest.residual,
+        "gravity_m_s2": float(np.linalg.norm(environment.gravity)),
         **rest_numbers(rest),
         "holding_force_n": {
-            j.name: force
-            for j, force in zip(rest.model.structure.joints, rest.holding_torque, strict=True)
-            if j.slides
+            j.name: force for j, force in zip(joints, rest.holding_torque, strict=True) if j.slides
         },
+        "slide_travel_m": {j.name: at for j, at in zip(joints, rest.config.angle, strict=True) if j.slides},
+        "held_by": {j.name: HELD_BY[j.state.value] for j in joints},
         "stiffness_n_per_m": dict(zip(suspension.name, suspension.stiffness, strict=True)),
         "tension_n": dict(zip(rest.devices, rest.tension, strict=True)),
     }
@@ -85,20 +90,29 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
     blocks: list[str | Table] = [
         f"article      {document['article']}",
         f"environment  {document['environment']}",
-        f"residual     {document['equilibrium_residual']:.1e} of the weight at rest",
+        f"residual     {document['equilibrium_residual']:.1e} of the {_scale(document)}",
         Table("modes", ["", "frequency Hz", "kind", "name", "strain"], rows),
     ]
     if document["reactions_n"]:
         keys = ("reactions_n", "tension_n", "stiffness_n_per_m")
-        rows = [[a, *(f"{document[k][a]:.4f}" for k in keys)] for a in document["reactions_n"]]
+        rows = [[a, *(f"{document[k][a]:z.4f}" for k in keys)] for a in document["reactions_n"]]
         headers = ["device", "load N", "tension N", "stiffness N/m"]
         blocks.append(Table("suspension", headers, rows))
-    torques = [[j, f"{t:.5f}"] for j, t in document["holding_torque_nm"].items()]
-    turned = [[n, *(f"{a:.5f}" for a in v)] for n, v in document["node_rotation_deg"].items()]
-    forces = [[j, f"{f:.5f}"] for j, f in document["holding_force_n"].items()]
+    by = document["held_by"]
+    torques = [[j, f"{t:z.5f}", f"its {by[j]}"] for j, t in document["holding_torque_nm"].items()]
+    turned = [[n, *(f"{a:z.5f}" for a in v)] for n, v in document["node_rotation_deg"].items()]
+    forces = [
+        [j, f"{f:z.5f}", f"{1e3 * document['slide_travel_m'][j]:z.4f}", f"its {by[j]}"]
+        for j, f in document["holding_force_n"].items()
+    ]
     return [
         *blocks,
-        Table("holding torque", ["joint", "N m"], torques),
-        *([Table("holding force", ["slide", "N"], forces)] if forces else []),
+        *([Table("holding torque", ["joint", "N m", "held by"], torques)] if torques else []),
+        *([Table("holding force", ["slide", "N", "travel mm", "held by"], forces)] if forces else []),
         Table("rotation vector of the nodes", ["node", "x deg", "y deg", "z deg"], turned),
     ]
+
+
+def _scale(document: dict[str, Any]) -> str:
+    """What the residual is over: `statics.load_scale`, but for rounding and preloads beyond the weight."""
+    return "weight at rest" if document["gravity_m_s2"] else "weight on the ground (there is none here)"

@@ -114,7 +114,8 @@ def accelerometer_offset(equilibrium: Equilibrium, name: str) -> float:
     sensor, _ = _find_sensor(equilibrium, name)
     if sensor.kind is not SensorKind.ACCELEROMETER or sensor.axis is None:
         raise ConfigError(f"sensor {name!r} is no accelerometer", hint="an angle reads zero at rest")
-    return -float(_world_axis(equilibrium, sensor.frame, sensor.axis) @ equilibrium.environment.gravity)
+    n = _world_axis(equilibrium, sensor.frame, sensor.axis)
+    return 0.0 - float(n @ equilibrium.environment.gravity)  # never a negative zero
 
 
 def _find_sensor(equilibrium: Equilibrium, output: str) -> tuple[Sensor, bool]:
