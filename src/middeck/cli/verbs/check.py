@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -37,9 +36,11 @@ def verb(
     """Weigh and measure ARTICLE; find what is wrong.
 
     Mass, centre of mass, inertia and size come first, then doubts about units and mesh. With an ENVIRONMENT
-    (orbit, lab, or a file) also whether the article comes to rest there, what is loose, and what is unstable.
-    Mistakes in the files are errors as everywhere.
+    (orbit, lab, or a file) also whether the article comes to rest there and how it hangs, which attach points
+    and directions nothing holds, what is loose, and what is unstable. Mistakes in the files are errors as
+    everywhere.
     """
+    from middeck.cli.attitude import attitude_lines
     from middeck.cli.blame import reading
     from middeck.cli.cases import find_case
     from middeck.cli.summary import measure_lines, summary_lines, summary_numbers
@@ -58,35 +59,53 @@ def verb(
     if not as_json:  # before anything is solved
         show(False, {}, *summary_lines(numbers), *measure_lines(numbers))
     found = [_doubt(text) for text in summary.warnings]
-    found += [] if surroundings is None else _in_environment(structure, surroundings)
+    attitude = None
+    if surroundings is not None:
+        attitude, more = _in_environment(structure, surroundings)
+        found += more
     document = {
         "schema": "middeck.check/1",
         "article": structure.title,
         "environment": None if surroundings is None else surroundings.title,
         **numbers,
+        "attitude": attitude,
         "sound": not found,
         "findings": found,
     }
-    show(as_json, document, *_lines(found))
+    show(as_json, document, *([] if attitude is None else attitude_lines(attitude)), *_lines(found))
     if require and found:
         click.get_current_context().exit(1)
 
 
-def _in_environment(structure: Structure, environment: Environment) -> Iterator[dict[str, Any]]:
+def _in_environment(
+    structure: Structure, environment: Environment
+) -> tuple[dict[str, Any] | None, list[dict[str, Any]]]:
+    """How it hangs, None in orbit or if it does not; and what is doubtful or wrong."""
+    import numpy as np
+
+    from middeck.cli.attitude import attitude_numbers
     from middeck.errors import NumericalError
+    from middeck.structure.checks.hanging import doubt_attitude, doubt_devices
     from middeck.structure.equilibrium import solve_equilibrium
     from middeck.structure.modes import solve_modes
+    from middeck.structure.suspension.attitude import estimate_attitude
 
+    numbers = None
+    found = [_doubt(d.what, d.where, d.hint) for d in doubt_devices(structure, environment)]
     try:
-        modes = solve_modes(solve_equilibrium(structure, environment), COUNT)
+        rest = solve_equilibrium(structure, environment)
+        if rest.converged and np.any(environment.gravity):
+            attitude = estimate_attitude(rest)
+            numbers = attitude_numbers(attitude)
+            found += [_doubt(d.what, d.where, d.hint) for d in doubt_attitude(attitude, environment)]
+        found += [_doubt(text) for text in solve_modes(rest, COUNT).warnings]
     except NumericalError as error:
-        yield _fault(error)
-    else:
-        yield from (_doubt(text) for text in modes.warnings)
+        found.append(_fault(error))
+    return numbers, found
 
 
-def _doubt(text: str) -> dict[str, Any]:
-    return {"grade": "doubt", "where": "", "what": text, "hint": ""}
+def _doubt(what: str, where: str = "", hint: str = "") -> dict[str, Any]:
+    return {"grade": "doubt", "where": where, "what": what, "hint": hint}
 
 
 def _fault(error: NumericalError) -> dict[str, Any]:

@@ -20,8 +20,8 @@ EPILOG = """\
 Examples:
   middeck sensitivity articles/mace-dm.toml \\
     --parameter "node.*.mass,members.E" --parameter environment.bounce_hz
-  middeck sensitivity articles/mace-dm.toml --environment orbit \\
-    --parameter "*" --mode "first torsion" --top 10
+  middeck sensitivity articles/mace-dm.toml --parameter "*" \\
+    --mode "first torsion" --top 10
 """
 TOP = 20  # rows of each mode that was asked for
 
