@@ -9,7 +9,8 @@ import middeck as md
 from middeck.errors import ConfigError
 from middeck.structure.article import Joint, JointState
 from middeck.structure.gimbals.amplitude import sweep_amplitude
-from middeck.structure.gimbals.branches import JointSystem, follow_branches
+from middeck.structure.gimbals.branches import JointSystem, solve_undamped
+from middeck.structure.gimbals.damped import follow_damped, pair_undamped
 from middeck.systems.deadband import Deadband
 from middeck.systems.friction import Friction
 from middeck.systems.joint_simulation import (
@@ -211,13 +212,48 @@ def test_curves_do_not_depend_on_the_other_amplitudes(modes):
 
 def test_modes_that_hardly_couple_cross_and_those_that_do_veer():
     """Modes at 1, 2 and 3 rad^2/s^2; the joint turns in the first, and in the others a little or as much."""
-    pole, k = np.array([1.0, 2.0, 3.0]), np.array([5.0])
-    for angle, rises in (([1.0, 0.01, 0.01], True), ([1.0, 1.0, 1.0], False)):
+    pole, k = np.array([1.0, 2.0, 3.0]), 5.0
+    gear = Deadband(gap=1e-9, stiffness=k)  # at 1e5 rad short of its flank by 1e-14
+    for angle, rises in (([1.0, 1e-6, 1e-6], True), ([1.0, 1.0, 1.0], False)):
         system = JointSystem(pole, np.array(angle), np.zeros(3), np.arange(3), 0.0)
-        lam, _ = follow_branches(system, k, np.arange(3))
+        (damped,) = follow_damped(system, [gear], np.array([1e5]), np.arange(3))
+        lam, shapes = solve_undamped(system, k, 3)
+        pairs = pair_undamped(damped, shapes)
         exact = np.linalg.eigvalsh(np.diag(pole) + k * np.outer(angle, angle))
         # Rounding, and the order: the first mode passes both others, or each stays below the next.
-        np.testing.assert_allclose(lam[0], exact[[2, 0, 1]] if rises else exact, rtol=1e-13)
+        order = [2, 0, 1] if rises else [0, 1, 2]
+        np.testing.assert_allclose(lam[pairs.mode], exact[order], rtol=1e-13)
+        # Without loss the damped modes are the undamped ones.
+        np.testing.assert_allclose(np.abs(damped.s) ** 2, exact[order], rtol=1e-12)
+        np.testing.assert_allclose(pairs.likeness, 1.0, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "stiffness"), [("mace-simple", 20.0), ("mace-simple", 2.0), ("mace-dm", 20.0)]
+)
+def test_damping_is_continuous_along_the_amplitude(name, stiffness):
+    """Twice as fine a grid, half the step: a hop from one mode's damping to another's would not shrink."""
+    article, lab = md.load_case(f"articles/{name}.toml", "environments/lab.toml")
+    modes = md.solve_modes(md.solve_equilibrium(article, lab))
+    A = np.geomspace(1.1e-3, 0.03, 161)  # from just above the slip angle, where the ratio rises at once
+    curves = sweep_amplitude(
+        modes, joint="pri_z", elements=[Friction(stiffness * 1e-3, stiffness)], amplitudes=A
+    )
+    fine = np.abs(np.diff(curves.zeta, axis=0)).max(axis=0)
+    coarse = np.abs(np.diff(curves.zeta[::2], axis=0)).max(axis=0)
+    # Half, to the curvature of a curve that turns within ten or so of the coarse steps.
+    assert np.all(fine < 0.6 * coarse + 1e-12)
+    assert coarse.max() > 0.004
+    # A frequency leaps from one undamped mode to the next only where the damped one is neither.
+    leaps = np.abs(np.diff(curves.omega, axis=0)) > 0.03 * curves.omega[1:]
+    near = curves.doubtful[1:] | curves.doubtful[:-1]
+    assert np.all(near.any(axis=1)[leaps.any(axis=1)])
+    # At rest on its spring nothing is lost and no mode is in doubt.
+    stuck = sweep_amplitude(
+        modes, joint="pri_z", elements=[Friction(stiffness * 1e-3, stiffness)], amplitudes=np.array([1e-4])
+    )
+    assert stuck.likeness.min() > 0.99
+    assert np.nanmax(stuck.zeta) < 0.031  # the modal damping: 3 % of a suspension mode at most
 
 
 def test_what_cannot_be_asked_is_refused(modes, article):

@@ -10,20 +10,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from middeck.errors import ConfigError
 from middeck.structure.article import Damping
 from middeck.structure.gimbals.branches import (
     JointSystem,
     build_joint_system,
-    follow_branches,
     joint_receptance,
-    solve_damped,
+    solve_undamped,
 )
+from middeck.structure.gimbals.damped import SPARE, follow_damped, pair_undamped
+from middeck.structure.gravity.tracking import HALF_SHAPE
 from middeck.structure.modes import Modes
 from middeck.structure.plants.damping import estimate_damping
-from middeck.systems.joint_element import Equivalent, JointElement, check_amplitudes, sum_equivalents
+from middeck.systems.joint_element import JointElement, check_amplitudes, sum_equivalents
 from middeck.values import record
 
 ORDERS = (2, 3)
@@ -40,18 +41,24 @@ class AmplitudeCurves:
     ----------
     joint:
         Its name.
+    slides:
+        Whether it slides: then read m, N/m, N s/m for rad, N m/rad, N m s/rad.
     amplitude:
-        Of its angle [rad], zero to peak.
+        Of its angle [rad] or its travel [m], zero to peak.
     stiffness, loss:
         What its elements are equivalent to [N m/rad]; ``viscous`` [N m s/rad] beside them.
     mode, name:
-        Number and name of each mode without the elements; it is followed from there.
+        Number and name of each mode without the elements; it is followed from there, with its damping.
     omega:
-        Angular frequency [rad/s] with the equivalent stiffness: where a swing at this amplitude is in
-        quadrature with what drives it.
+        Angular frequency [rad/s] with the equivalent stiffness, of the undamped mode that the damped one
+        looks most like: where a swing at this amplitude is in quadrature with what drives it. It leaps where
+        two undamped modes veer and the damped ones pass each other.
     zeta:
         Damping ratio -Re s/|s| of the complex eigenvalue, modal damping included; not a number at zero
         frequency.
+    likeness:
+        |phi' M phi| of the damped shape with the undamped one whose ``omega`` it is. Below `HALF_SHAPE` it is
+        several undamped modes at once: see ``doubtful``.
     overlap:
         |phi' M phi| with the mode without the elements: how much of it is still the same.
     joint_angle:
@@ -62,6 +69,7 @@ class AmplitudeCurves:
     """
 
     joint: str
+    slides: bool
     amplitude: Float[np.ndarray, " amplitude"]
     stiffness: Float[np.ndarray, " amplitude"]
     loss: Float[np.ndarray, " amplitude"]
@@ -70,6 +78,7 @@ class AmplitudeCurves:
     name: tuple[str, ...]
     omega: Float[np.ndarray, "amplitude mode"]
     zeta: Float[np.ndarray, "amplitude mode"]
+    likeness: Float[np.ndarray, "amplitude mode"]
     overlap: Float[np.ndarray, "amplitude mode"]
     joint_angle: Float[np.ndarray, "amplitude mode"]
     distortion: Float[np.ndarray, "amplitude mode"]
@@ -78,6 +87,11 @@ class AmplitudeCurves:
     def frequency_hz(self) -> Float[np.ndarray, "amplitude mode"]:
         """Natural frequencies [Hz]."""
         return self.omega / (2.0 * np.pi)
+
+    @property
+    def doubtful(self) -> Bool[np.ndarray, "amplitude mode"]:
+        """Where a damped mode is less than half any one undamped mode: which frequency is its is words."""
+        return self.likeness < HALF_SHAPE
 
 
 def sweep_amplitude(
@@ -109,12 +123,22 @@ def sweep_amplitude(
     viscous = sum(e.viscous for e in elements)
     # Modes that do not move the joint stay as they are.
     omega, zeta = (np.tile(v[chosen], (len(A), 1)) for v in (modes.omega, bare))
-    overlap, angle, distortion = np.ones_like(omega), np.zeros_like(omega), np.zeros_like(omega)
+    overlap, likeness = np.ones_like(omega), np.ones_like(omega)
+    angle, distortion = np.zeros_like(omega), np.zeros_like(omega)
     moved = np.flatnonzero(np.isin(chosen, system.mode))
     poles = np.array([np.flatnonzero(system.mode == m)[0] for m in chosen[moved]], dtype=int)
-    lam, shapes = follow_branches(system, equal.stiffness, poles)
-    omega[:, moved] = np.sqrt(lam)
-    zeta[:, moved] = _ratios(system, equal, viscous, shapes)
+    damped = follow_damped(system, elements, A, poles)
+    count = int(poles.max(initial=0)) + 1 + SPARE
+    shapes = np.zeros((len(A), len(system.pole), len(poles)))
+    for i, (found, k) in enumerate(zip(damped, equal.stiffness, strict=True)):
+        lam, every = solve_undamped(system, float(k), count)
+        own = pair_undamped(found, every)
+        omega[i, moved], shapes[i], likeness[i, moved] = (
+            np.sqrt(lam[own.mode]),
+            every[:, own.mode],
+            own.likeness,
+        )
+        zeta[i, moved] = -np.real(found.s) / np.where(found.s == 0.0, 1.0, np.abs(found.s))
     overlap[:, moved] = np.abs(shapes[:, poles, np.arange(len(poles))])
     series = 1.0 + equal.stiffness[:, None] * system.flexibility
     angle[:, moved] = np.abs(np.einsum("p,apm->am", system.angle, shapes)) / series
@@ -122,8 +146,25 @@ def sweep_amplitude(
     zeta[omega == 0.0] = np.nan
     names = tuple(modes.name[m] for m in chosen)
     return AmplitudeCurves(
-        joint, A, equal.stiffness, equal.loss, viscous, chosen, names, omega, zeta, overlap, angle, distortion
+        joint,
+        _slides(modes, joint),
+        A,
+        equal.stiffness,
+        equal.loss,
+        viscous,
+        chosen,
+        names,
+        omega,
+        zeta,
+        likeness,
+        overlap,
+        angle,
+        distortion,
     )
+
+
+def _slides(modes: Modes, joint: str) -> bool:
+    return any(j.slides for j in modes.equilibrium.model.structure.joints if j.name == joint)
 
 
 def _chosen(modes: Modes, select: Sequence[int] | None) -> Int[np.ndarray, " mode"]:
@@ -134,16 +175,6 @@ def _chosen(modes: Modes, select: Sequence[int] | None) -> Int[np.ndarray, " mod
             f"no modes {chosen.tolist()}", where="sweep_amplitude", hint=f"numbers from 0 to {count - 1}"
         )
     return chosen
-
-
-def _ratios(
-    system: JointSystem, equal: Equivalent, viscous: float, shapes: Float[np.ndarray, "amplitude pole mode"]
-) -> Float[np.ndarray, "amplitude mode"]:
-    """Damping ratio of every mode at every amplitude, from its complex eigenvalue."""
-    complex_stiffness = equal.stiffness + 1j * equal.loss
-    pairs = zip(shapes, complex_stiffness, strict=True)
-    s = np.array([solve_damped(system, phi, complex(k), viscous) for phi, k in pairs])
-    return -np.real(s) / np.where(s == 0.0, 1.0, np.abs(s))
 
 
 def _distortion(
