@@ -5,8 +5,10 @@ import pytest
 
 import middeck as md
 from middeck.plot.amplitude import amplitude
+from middeck.structure.article import Joint
 from middeck.structure.gimbals.amplitude import sweep_amplitude
 from middeck.systems.deadband import Deadband
+from structure_builders import body, node, structure
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +28,7 @@ def test_it_shows_the_modes_that_move_and_where_harmonic_balance_is_a_sketch(cur
     assert not any("translation" in text or "gimbal sec" in text for text in labels)
     faint, sound = middle.get_lines()[:2]
     drawn = ~np.isnan(np.asarray(sound.get_ydata(), dtype=float))
-    assert np.array_equal(drawn, curves.distortion[:, 6] <= 0.1)
+    assert np.array_equal(drawn, (curves.distortion[:, 6] <= 0.1) & ~curves.doubtful[:, 6])
     assert not drawn.all()
     assert len(faint.get_xdata()) == 30
     figure.savefig(tmp_path / "amplitude.svg")
@@ -36,3 +38,25 @@ def test_it_shows_the_modes_that_move_and_where_harmonic_balance_is_a_sketch(cur
 def test_it_shows_what_is_asked_for(curves):
     labels = amplitude(curves, show=[10, 11]).axes[1].get_legend_handles_labels()[1]
     assert [text.split(",")[0] for text in labels] == ["first bending x-y", "first bending x-z"]
+
+
+def test_a_slide_is_drawn_in_its_own_units():
+    """Millimetres and N/m; a joint that turns has degrees and N m/rad."""
+    rail = Joint("rail", "base", np.zeros(3), np.array([1.0, 0.0, 0.0]), 0.0, body(2.0), slides=True)
+    parts = structure([node("base", (0, 0, 0), body(5.0, inertia=(0.1,) * 3))], joints=[rail])
+    modes = md.solve_modes(md.solve_equilibrium(parts, md.Environment.orbit()))
+    A = np.geomspace(1e-4, 1e-2, 9)
+    found = sweep_amplitude(modes, joint="rail", elements=[Deadband(1e-3, 200.0)], amplitudes=A)
+    assert found.slides
+    top, middle, bottom = amplitude(found).axes
+    assert top.get_ylabel() == "[N/m]"
+    assert bottom.get_xlabel() == "amplitude of rail [mm]"
+    assert np.array_equal(middle.get_lines()[0].get_xdata(), 1e3 * A)
+
+
+def test_a_turning_joint_is_drawn_in_degrees(curves):
+    assert not curves.slides
+    top, middle, bottom = amplitude(curves).axes
+    assert top.get_ylabel() == "[N m/rad]"
+    assert bottom.get_xlabel() == "amplitude of pri_x [deg]"
+    assert np.array_equal(middle.get_lines()[0].get_xdata(), np.degrees(curves.amplitude))

@@ -37,10 +37,13 @@ def amplitude(curves: AmplitudeCurves, show: Sequence[int] | None = None) -> Fig
     middle.set_ylabel("frequency / its highest")
     bottom.set_ylabel("damping ratio [%]")
     bottom.set_ylim(bottom=0.0)
-    bottom.set_xlabel(f"amplitude of {curves.joint} [deg]")
+    bottom.set_xlabel(f"amplitude of {curves.joint} [{'mm' if curves.slides else 'deg'}]")
     if shown:
         figure.legend(*middle.get_legend_handles_labels(), loc="outside lower center", ncols=2)
-    top.set_title(f"{curves.joint}: faint where over {DISTORTED:.0%} of the swing are higher harmonics")
+    top.set_title(
+        f"{curves.joint}: faint where over {DISTORTED:.0%} of the swing are higher harmonics,\n"
+        "or where a damped mode is several undamped ones at once"
+    )
     return figure
 
 
@@ -53,25 +56,31 @@ def _movers(curves: AmplitudeCurves, most: int = 6) -> list[int]:
     return sorted(int(m) for m in first if change[m] > LEAST)
 
 
+def _shown_amplitude(curves: AmplitudeCurves) -> np.ndarray:
+    """Degrees, or millimetres of a slide."""
+    return 1e3 * curves.amplitude if curves.slides else np.degrees(curves.amplitude)
+
+
 def _draw_equivalents(axes: Axes, curves: AmplitudeCurves) -> None:
-    degrees = np.degrees(curves.amplitude)
-    axes.plot(degrees, curves.stiffness, color=COLOUR["ink"], label="equivalent stiffness")
-    axes.plot(degrees, curves.loss, "--", color=COLOUR["ink"], label="loss stiffness")
+    A = _shown_amplitude(curves)
+    axes.plot(A, curves.stiffness, color=COLOUR["ink"], label="equivalent stiffness")
+    axes.plot(A, curves.loss, "--", color=COLOUR["ink"], label="loss stiffness")
     axes.set_xscale("log")
     axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
-    axes.set_ylabel("[N m/rad]")
+    axes.set_ylabel("[N/m]" if curves.slides else "[N m/rad]")
     axes.legend(loc="best")
 
 
 def _draw_mode(axes: Axes, curves: AmplitudeCurves, m: int, value: np.ndarray, place: int) -> None:
-    """One curve, faint throughout and again strong where harmonic balance holds."""
+    """One curve, faint throughout and again strong where harmonic balance holds and its frequency is its own."""
     look: dict[str, Any] = {
         "color": COLOUR[COLOURS[place % len(COLOURS)]],
         "linestyle": LINES[place % len(LINES)],
     }
-    degrees = np.degrees(curves.amplitude)
-    axes.plot(degrees, value, alpha=0.3, **look)
-    sound = np.where(curves.distortion[:, m] <= DISTORTED, value, np.nan)
+    A = _shown_amplitude(curves)
+    axes.plot(A, value, alpha=0.3, **look)
+    believed = (curves.distortion[:, m] <= DISTORTED) & ~curves.doubtful[:, m]
+    sound = np.where(believed, value, np.nan)
     f = curves.frequency_hz[:, m]
     span = f"{curves.name[m]}, {f.min():.2f} to {f.max():.2f} Hz"
-    axes.plot(degrees, sound, label=span, **look)
+    axes.plot(A, sound, label=span, **look)

@@ -24,13 +24,14 @@ class Friction:
     Parameters
     ----------
     slip_torque:
-        Torque T_c [N m] at which it slips.
+        Torque T_c [N m] at which it slips; of a slide or a cable's device the force [N].
     stiffness:
-        Presliding stiffness k_s [N m/rad] while it sticks.
+        Presliding stiffness k_s [N m/rad] while it sticks; [N/m] along a travel.
     viscous:
-        Viscous damping [N m s/rad] beside it.
+        Viscous damping [N m s/rad] beside it; [N s/m] along a travel.
 
-    The state of its time-domain law is the angle [rad] at which the slider stands. Raises `ConfigError` for a
+    The same law serves what turns and what travels: read m, N, N/m for rad, N m, N m/rad throughout. The
+    state of its time-domain law is the angle [rad] at which the slider stands. Raises `ConfigError` for a
     slip torque or a viscous damping below zero, or a stiffness that is not positive and finite.
 
     >>> bearing = Friction(slip_torque=0.002, stiffness=2.0)
