@@ -58,3 +58,54 @@ def test_what_nothing_holds(
     file.write_text(text.replace(was, now), encoding="utf-8")
     findings = checked(capfd, SIMPLE, file)["findings"]
     assert any(f["where"] == where and f["what"].startswith(what) and f["hint"] for f in findings)
+
+
+def levelled(capfd: Capture, *arguments: object) -> dict[str, Any]:
+    ended = middeck(capfd, "level", *arguments, "--json")
+    assert (ended.code, ended.err) == (0, "")
+    return json.loads(ended.out)
+
+
+def test_level_prints_what_the_room_finds_by_the_keys_of_the_file(capfd: Capture) -> None:
+    ask = (SIMPLE, "--set", UNLEVELLED, "--free", "n1.z", "--about", "x")
+    found = levelled(capfd, *ask)
+    article, lab = md.load_case(SIMPLE, LAB, [UNLEVELLED])
+    expected = md.level(article, lab, free=[("n1", "z")], about="x")
+    assert found["schema"] == "middeck.level/1"
+    assert found["change_m"] == {"n1.z": expected.change[0]}
+    assert found["before"]["tilt_deg"] == np.degrees(expected.before.tilt).tolist()
+    assert found["after"]["tilt_deg"] == np.degrees(expected.after.tilt).tolist()
+    offset = expected.structure.attach_points[0].offset.tolist()
+    assert found["offsets"] == {"suspension.offsets_m.0": offset}
+
+
+def test_the_line_that_level_prints_levels_the_article(capfd: Capture) -> None:
+    ended = middeck(capfd, "level", SIMPLE, "--set", UNLEVELLED, "--free", "n1.z,n3.z", "--about", "x")
+    assert (ended.code, ended.err) == (0, "")
+    lines = ended.out.splitlines()
+    keys = lines[lines.index("new offsets, for the article's file or for --set") + 1 :]
+    assert [key.partition("=")[0] for key in keys] == ["suspension.offsets_m.0", "suspension.offsets_m.1"]
+    sets = [part for key in keys for part in ("--set", key)]
+    tilt = checked(capfd, SIMPLE, LAB, *sets)["attitude"]["tilt_deg"]
+    # Printed to 1e-7 m, of 0.08 m to the centre of mass: 1e-6 rad, 1e-4 degrees.
+    assert abs(tilt[0]) < 1e-4
+
+
+def test_an_attach_point_of_its_own_has_its_own_key(capfd: Capture, tmp_path: Path) -> None:
+    file, around = tmp_path / "article.toml", tmp_path / "lab.toml"
+    text = SIMPLE.read_text(encoding="utf-8")
+    file.write_text(text + '\n[[attach]]\nname = "hook"\nframe = "n1"\n', encoding="utf-8")
+    around.write_text(LAB.read_text(encoding="utf-8").replace("n1 =", "hook ="), encoding="utf-8")
+    found = levelled(capfd, file, "--environment", around, "--free", "hook.z", "--about", "x")
+    assert list(found["offsets"]) == ["attach.hook.offset_m"]
+
+
+def test_what_level_refuses(capfd: Capture) -> None:
+    ask = ("level", SIMPLE, "--set", UNLEVELLED, "--about", "x", "--free")
+    ended = middeck(capfd, *ask, "n1.z", "--limit", 0.01)
+    assert ended.code == 5
+    assert "would need more than the limit of 0.01 m, about 0.029" in ended.err
+    for wrong, says in (("n1", "no offset 'n1'"), ("n9.z", "no offset 'z' of an attach point 'n9'")):
+        ended = middeck(capfd, *ask, wrong)
+        assert ended.code == 2
+        assert says in ended.err

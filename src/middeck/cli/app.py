@@ -12,6 +12,7 @@ from middeck import __version__
 VERBS = (
     "study",
     "check",
+    "level",
     "modes",
     "compare",
     "budget",

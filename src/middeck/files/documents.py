@@ -148,12 +148,30 @@ def load_case(
 
     Raises `ConfigError` with all faults of both, among them names that the article lacks.
     """
+    first, second = _check_case(article, environment, overrides)
+    return _structure(first), _environment(second)
+
+
+def load_offset_keys(
+    article: str | Path, environment: str | Path, overrides: Sequence[str] = ()
+) -> dict[str, str]:
+    """Attach point = the key of its offset in the article's file, which an override may set.
+
+    Raises `ConfigError` as `load_case` does.
+    """
+    form = cast("ArticleForm", _check_case(article, environment, overrides)[0].form)
+    nodes = () if form.suspension is None else form.suspension.nodes
+    hung = {name: f"suspension.offsets_m.{i}" for i, name in enumerate(nodes)}
+    return hung | {point.name: f"attach.{point.name}.offset_m" for point in form.attach}
+
+
+def _check_case(article: str | Path, environment: str | Path, overrides: Sequence[str]) -> list[Checked[Any]]:
+    """The article, then the environment."""
     body, surroundings = read_sources([article, environment])
-    first, second = _check_all(
+    return _check_all(
         [(body, ArticleForm, article_findings), (surroundings, EnvironmentForm, environment_findings)],
         overrides,
     )
-    return _structure(first), _environment(second)
 
 
 def _structure(checked: Checked[Any]) -> Structure:

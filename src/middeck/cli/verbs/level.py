@@ -1,0 +1,127 @@
+"""``middeck level``: the attach points at which an article hangs level."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from middeck.cli import options
+from middeck.cli.screen import Table, show
+
+if TYPE_CHECKING:
+    from middeck.structure.suspension.levelling import Levelling
+
+EPILOG = """\
+\b
+Examples:
+  middeck level articles/mace-simple.toml --free n1.z --about x \\
+    --set suspension.offsets.0.2=0
+  middeck level articles/mace-simple.toml --free n1.z,n3.z,n5.z --about x --json
+"""
+
+
+@click.command("level", epilog=EPILOG)
+@options.article
+@options.environment
+@click.option(
+    "--free",
+    "offsets",
+    multiple=True,
+    required=True,
+    metavar="ATTACH.AXIS",
+    help="Offset that may change, in the axes of its frame; may be repeated.",
+)
+@click.option(
+    "--about",
+    metavar="AXES",
+    help="Tilts that must vanish, of x, y, z.  [default: about both level axes]",
+)
+@click.option(
+    "--node", metavar="NAME", help="Level this node.  [default: the rigid body that fits the whole best]"
+)
+@click.option("--limit", type=float, default=0.1, show_default=True, help="Largest change of an offset [m].")
+@options.common
+def verb(
+    article: str,
+    environment: str,
+    offsets: tuple[str, ...],
+    about: str | None,
+    node: str | None,
+    limit: float,
+    overrides: tuple[str, ...],
+    as_json: bool,
+) -> None:
+    """Move attach points of ARTICLE until it hangs level.
+
+    Prints how it hangs before and after, and the new offsets by their keys in the article's file, as --set
+    takes them. The file is left as it is. An article that cannot be levelled so ends with exit code 5.
+    """
+    from middeck.cli.blame import reading
+    from middeck.cli.cases import find_case
+    from middeck.files.documents import load_case, load_offset_keys
+    from middeck.structure.suspension.levelling import level
+
+    files = find_case(article, environment)
+    structure, surroundings = load_case(*files, overrides)
+    free = [split_offset(text) for text in options.separate_names(offsets)]
+    with reading(*files):
+        found = level(structure, surroundings, free=free, about=about, node=node, limit=limit)
+    document = describe(found, load_offset_keys(*files, overrides))
+    show(as_json, document, *_blocks(document))
+
+
+def split_offset(text: str) -> tuple[str, str]:
+    """Attach point and axis; fails where there is no axis.
+
+    >>> split_offset("n1.z")
+    ('n1', 'z')
+    """
+    from middeck.errors import ConfigError
+
+    name, dot, axis = text.rpartition(".")
+    if not dot or not name:
+        hint = "the name of an attach point and x, y or z, as in n1.z"
+        raise ConfigError(f"no offset {text!r}", where="--free", hint=hint)
+    return name, axis
+
+
+def describe(found: Levelling, keys: dict[str, str]) -> dict[str, Any]:
+    """The JSON document."""
+    import numpy as np
+
+    from middeck.cli.attitude import attitude_numbers
+
+    moved = {name for name, _ in found.moved}
+    return {
+        "schema": "middeck.level/1",
+        "article": found.structure.title,
+        "environment": found.equilibrium.environment.title,
+        "before": attitude_numbers(found.before),
+        "after": attitude_numbers(found.after),
+        "change_m": {f"{n}.{a}": by for (n, a), by in zip(found.moved, found.change, strict=True)},
+        "offsets": {keys[p.name]: p.offset for p in found.structure.attach_points if p.name in moved},
+        "history_deg": np.degrees(found.history),
+    }
+
+
+def _blocks(document: dict[str, Any]) -> list[str | Table]:
+    from middeck.cli.attitude import attitude_lines
+
+    rows = [[name, f"{1e3 * by:+z.3f}"] for name, by in document["change_m"].items()]
+    keys = [f"{key}={_toml(offset)}" for key, offset in document["offsets"].items()]
+    return [
+        f"article      {document['article']}",
+        f"environment  {document['environment']}",
+        *attitude_lines(document["before"], "before"),
+        *attitude_lines(document["after"], "after"),
+        Table("moved", ["attach point", "mm"], rows),
+        "",
+        "new offsets, for the article's file or for --set",
+        *keys,
+    ]
+
+
+def _toml(offset: Any) -> str:
+    """To the tenth of a micrometre, far below what anybody adjusts and what a degree of tilt needs."""
+    return "[" + ", ".join(repr(round(float(x), 7) + 0.0) for x in offset) + "]"
