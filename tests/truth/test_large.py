@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
+from middeck.errors import ConfigError
 from middeck.structure.article import AttachPoint, Section
 from middeck.structure.eigen import count_zero, solve_all, solve_lowest
 from middeck.structure.environment import Environment
@@ -115,3 +116,34 @@ def test_a_large_sag_takes_few_steps():
     assert rest.converged
     assert np.linalg.norm(rest.config.x.mean(axis=0) - rest.model.rest.x.mean(axis=0)) > 2.0
     assert len(rest.history) < 15
+
+
+def star(booms: int, elements: int):
+    """Equal booms around a heavy hub: every cantilever mode comes nearly as often as there are booms."""
+    turns = 2.0 * np.pi * np.arange(booms) / booms
+    hub = node("hub", (0, 0, 0), body(50.0, inertia=(20.0, 20.0, 20.0)))
+    tips = [
+        node(f"tip{i}", (3.0 * np.cos(a), 3.0 * np.sin(a), 0.0), body(1.0, inertia=(0.01,) * 3))
+        for i, a in enumerate(turns)
+    ]
+    members = [member("hub", tip.name, TUBE, elements, up=(0, 0, 1)) for tip in tips]
+    return structure([hub, *tips], members)
+
+
+@pytest.mark.parametrize(("booms", "elements"), [(8, 25), (12, 20), (16, 10)])
+@pytest.mark.parametrize("count", [7, 12, 40])
+def test_equal_booms_lose_no_mode(booms: int, elements: int, count: int):
+    """Frequencies up to 2 * booms - 3 fold: what one Lanczos run overlooks, the next ones find."""
+    rest = solve_equilibrium(star(booms, elements), Environment.orbit())
+    few, every = solve_modes(rest, count), solve_modes(rest)
+    assert rest.model.tree.size > 600  # sparse from here
+    assert few.omega == pytest.approx(every.omega[:count], rel=1e-7, abs=1e-9)
+    gram = few.shapes.T @ (few.mass @ few.shapes)
+    assert gram == pytest.approx(np.eye(count), abs=1e-8)
+
+
+@pytest.mark.parametrize("count", [0, -1, 2.5])
+def test_a_number_of_modes_is_a_number(count):
+    rest = solve_equilibrium(ladder(2, 1)[0], Environment.orbit())
+    with pytest.raises(ConfigError, match="modes"):
+        solve_modes(rest, count)

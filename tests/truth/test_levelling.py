@@ -234,3 +234,35 @@ def test_an_article_that_does_not_hang_is_said_so():
     parts = dataclasses.replace(lopsided(), attach_points=lopsided().attach_points[:1])
     with pytest.raises(EquilibriumError, match="mechanism that its weight drives"):
         level(parts, cables(("left",), ("yz",)), free=[("left", "z")], about="x")
+
+
+@pytest.mark.parametrize("limit", [0.05, 0.1, 0.2, 0.5])
+@pytest.mark.parametrize("shift", [-0.01, 0.005, 0.01])
+def test_levelled_from_many_starts_whatever_the_limit(shift: float, limit: float):
+    """The last step is tiny, and no sign of a lack of room."""
+    article, environment = load_case(
+        ROOT / "articles" / "mace-simple.toml", ROOT / "environments" / "lab.toml"
+    )
+    moved = tuple(
+        dataclasses.replace(a, offset=a.offset + np.array([0.0, 0.0, shift])) if a.name == "n3" else a
+        for a in article.attach_points
+    )
+    started = dataclasses.replace(article, attach_points=moved)
+    found = level(started, environment, free=[("n1", "z"), ("n3", "z"), ("n5", "z")], about="x", limit=limit)
+    assert abs(found.after.tilt[0]) < 1e-7
+    assert np.abs(found.change).max() <= limit
+
+
+def test_an_offset_at_its_limit_leaves_the_rest_to_the_others():
+    """The shortest change shares unequally; a limit a tenth below its largest part binds that one."""
+    article, environment = load_case(
+        ROOT / "articles" / "mace-simple.toml",
+        ROOT / "environments" / "lab.toml",
+        ("suspension.offsets.0.2=0", "node.2.mass=30"),  # n3 bears most: its offset does most
+    )
+    free = [("n1", "z"), ("n3", "z"), ("n5", "z")]
+    shared = level(article, environment, free=free, about="x", limit=0.1)
+    tight = 0.9 * float(np.abs(shared.change).max())
+    bound = level(article, environment, free=free, about="x", limit=tight)
+    assert abs(bound.after.tilt[0]) < 1e-7
+    assert 0.9 * tight < float(np.abs(bound.change).max()) <= tight * (1.0 + 1e-12)

@@ -26,6 +26,8 @@ SHIFTS = 20
 # Modes sought beyond those asked for: among them the Sturm count looks for the widest gap.
 SPARE = 8
 SEED = 1993
+# Most rounds of search for what is missing: repeated modes of so many equal parts.
+ROUNDS = 60
 # Relative residual of a shape; its frequency is as good as the square of it.
 LANCZOS = 1e-10
 
@@ -57,8 +59,9 @@ def solve_lowest(K: sp.csr_array, M: sp.csr_array, count: int) -> Eigenpairs | N
     """The ``count`` lowest modes by shifted and inverted Lanczos iteration, none left out.
 
     A Sturm count (a second factorisation, between two modes) proves that none is missing: Lanczos iteration
-    with one vector may overlook one of a cluster. Raises `NumericalError` where it still does after a second
-    start.
+    with one vector may overlook one of a cluster. What it overlooks is then sought orthogonal to what it has
+    found, again and again: each round finds one more of every repeated mode. Raises `NumericalError` where
+    the count is still not reached.
     """
     sigma = _least_shift(K, M, 1e-12)
     for _ in range(SHIFTS):
@@ -69,10 +72,15 @@ def solve_lowest(K: sp.csr_array, M: sp.csr_array, count: int) -> Eigenpairs | N
     else:
         return None
     wanted = min(count + SPARE, order(K) - 2)
-    for attempt in (1, 2):
-        pairs = _lanczos(K, M, factor, sigma, wanted, attempt)
-        if _count_below(K, M, pairs.lam, count):
+    pairs = _lanczos(K, M, factor, sigma, wanted, None)
+    for _ in range(ROUNDS):
+        missing = _missing(K, M, pairs.lam, count)
+        if missing == 0:
             return Eigenpairs(pairs.lam[:count], pairs.shapes[:, :count], pairs.noise[:count])
+        if missing < 0:
+            break
+        more = min(missing + 2, order(K) - len(pairs.lam) - 2)
+        pairs = _merge(pairs, _lanczos(K, M, factor, sigma, more, pairs.shapes))
     raise NumericalError(
         f"the iteration for the {count} lowest modes leaves some out",
         hint="ask for a few modes more, or for all of them (count=None) if the model is small",
@@ -100,23 +108,45 @@ def _least_shift(K: sp.csr_array, M: sp.csr_array, part: float) -> float:
 
 
 def _lanczos(
-    K: sp.csr_array, M: sp.csr_array, factor: Factor, sigma: float, count: int, attempt: int
+    K: sp.csr_array,
+    M: sp.csr_array,
+    factor: Factor,
+    sigma: float,
+    count: int,
+    known: np.ndarray | None,
 ) -> Eigenpairs:
-    inverse = spla.LinearOperator((order(K), order(K)), matvec=factor.solve, dtype=float)  # pyright: ignore[reportCallIssue]
-    start = np.random.default_rng(SEED + attempt).standard_normal(order(K))
+    """The ``count`` lowest modes, or the lowest that are orthogonal to the ``known`` ones."""
+    weighted = None if known is None else M @ known
+
+    def apart(x: np.ndarray) -> np.ndarray:
+        return x if known is None or weighted is None else x - known @ (weighted.T @ x)
+
+    def inverse(b: np.ndarray) -> np.ndarray:
+        return apart(factor.solve(b))
+
+    n, found = order(K), 0 if known is None else known.shape[1]
     lam, phi = spla.eigsh(
         K,
         k=count,
         M=M,
         sigma=-sigma,
-        OPinv=inverse,
-        v0=start,
-        ncv=min(order(K), attempt * count + count // 2 + 10),
+        OPinv=spla.LinearOperator((n, n), matvec=inverse, dtype=float),  # pyright: ignore[reportCallIssue]
+        v0=apart(np.random.default_rng(SEED + found).standard_normal(n)),
+        ncv=min(n - found, count + count // 2 + 10),
         maxiter=50 * count,
         tol=LANCZOS,  # pyright: ignore[reportArgumentType]: its stub says int
     )
     ascending = np.argsort(lam)
-    return _refine(K, M, lam[ascending], phi[:, ascending], sigma)
+    return _refine(K, M, lam[ascending], apart(phi[:, ascending]), sigma)
+
+
+def _merge(a: Eigenpairs, b: Eigenpairs) -> Eigenpairs:
+    rank = np.argsort(np.concatenate([a.lam, b.lam]), kind="stable")
+    return Eigenpairs(
+        np.concatenate([a.lam, b.lam])[rank],
+        np.hstack([a.shapes, b.shapes])[:, rank],
+        np.concatenate([a.noise, b.noise])[rank],
+    )
 
 
 def _refine(K: sp.csr_array, M: sp.csr_array, lam: np.ndarray, phi: np.ndarray, sigma: float) -> Eigenpairs:
@@ -128,11 +158,9 @@ def _refine(K: sp.csr_array, M: sp.csr_array, lam: np.ndarray, phi: np.ndarray, 
     return Eigenpairs(lam, phi, ROUNDING * (size + sigma))
 
 
-def _count_below(K: sp.csr_array, M: sp.csr_array, lam: np.ndarray, count: int) -> bool:
-    """Whether the modes below the widest gap at or after number ``count`` are all there are."""
-    if len(lam) <= count:
-        return True  # the list ends with the last mode that there is
+def _missing(K: sp.csr_array, M: sp.csr_array, lam: np.ndarray, count: int) -> int:
+    """Modes below the widest gap at or after number ``count`` that are not in the list; -1 if undecided."""
     gap = np.diff(lam[count - 1 :])
     last = count - 1 + int(np.argmax(gap))
     factor = factorise(sp.csr_array(K - 0.5 * (lam[last] + lam[last + 1]) * M))
-    return factor is not None and factor.negative == last + 1
+    return -1 if factor is None or factor.negative < 0 else factor.negative - (last + 1)

@@ -8,6 +8,7 @@ from jaxtyping import Float, Inexact
 from middeck.errors import EquilibriumError
 from middeck.structure.article import JointState, Structure
 from middeck.structure.assembly import Loads
+from middeck.structure.checks.environments import check_environment
 from middeck.structure.checks.travel import check_travel
 from middeck.structure.elements.frames import Configuration, frame_poses
 from middeck.structure.elements.rotations import rotation_log
@@ -68,6 +69,7 @@ def solve_equilibrium(structure: Structure, environment: Environment) -> Equilib
     and ``converged`` false.
     """
     model = mesh_structure(structure)
+    check_environment(environment)
     _check_support(environment)
     tuned = tune_suspension(model, environment)
     loads = environment_loads(model, environment, tuned)

@@ -6,7 +6,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float
 
-from middeck.errors import EquilibriumError, NumericalError, UnstableEquilibriumError
+from middeck.errors import ConfigError, EquilibriumError, NumericalError, UnstableEquilibriumError
 from middeck.structure.article import JointState
 from middeck.structure.assembly import assemble, mass_matrix, no_loads
 from middeck.structure.checks.trouble import loose_motions, where_lost
@@ -74,6 +74,8 @@ def solve_modes(equilibrium: Equilibrium, count: int | None = None) -> Modes:
     grows. In an environment that holds the article, the n lowest modes are of kind "suspension", n being the
     number of rigid-body modes in orbit.
     """
+    if count is not None and (count != int(count) or count < 1):
+        raise ConfigError(f"{count} modes", where="count", hint="a whole number from 1, or None for all")
     if not equilibrium.converged:
         raise _not_at_rest(equilibrium)
     K, M, lam, shapes, rigid = _solve(equilibrium, count)

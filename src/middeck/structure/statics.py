@@ -8,6 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Bool, Float
 
+from middeck.errors import NumericalError
 from middeck.structure.article import JointState
 from middeck.structure.assembly import Assembly, Loads, assemble, mass_matrix
 from middeck.structure.elements.devices import SpringLaw
@@ -26,6 +27,8 @@ STANDARD_GRAVITY = 9.80665
 # Least damping [1/s^2]: a thousandth of a slow pendulum's omega^2 neither holds nor hurries anything.
 LEAST_DAMPING = 1e-3
 DAMPING_STEP = 4.0
+# Beyond any omega^2 of a structure: what is still indefinite has no mass.
+MOST_DAMPING = 1e20
 # Largest turn [rad] and largest change [m or rad] of a coordinate beside the rigid motion in one step: what
 # the second-order chart follows well. A translation of the whole may be of any length.
 LONGEST_STEP = 0.5
@@ -153,7 +156,7 @@ def _damped_step(
     active = static_coordinates(model)
     stiffness, inertia = restrict(at.tangent, active), restrict(mass, active)
     damping = 0.0 if damping < LEAST_DAMPING else damping / DAMPING_STEP
-    while True:
+    while damping < MOST_DAMPING:
         factor = positive_factor(sp.csr_array(stiffness + damping * inertia))
         if factor is not None:
             q = spread(-factor.solve(at.gradient[active]), active)
@@ -161,6 +164,11 @@ def _damped_step(
             if max(np.abs(rigid[3:]).max(), np.abs(rest).max()) < LONGEST_STEP:
                 return q, damping
         damping = max(DAMPING_STEP * damping, LEAST_DAMPING)
+    raise NumericalError(
+        "no step towards rest: the tangent stays indefinite however much it is damped",
+        where=f"structure {model.structure.title!r}",
+        hint="a motion without mass that something pushes over? give its frame a mass and an inertia",
+    )
 
 
 def restrict(K: sp.csr_array, active: Bool[np.ndarray, " coordinate"]) -> sp.csr_array:

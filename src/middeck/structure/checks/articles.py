@@ -12,6 +12,7 @@ from middeck.structure.article import Body, Structure, held_angle
 from middeck.structure.checks.connectivity import joined_nodes, separate_parts, some_names
 from middeck.structure.member_mesh import member_geometry
 
+FIELDS = ("EA", "GJ", "EI_y", "EI_z", "rho_A", "rho_I_y", "rho_I_z")
 # A unit axis is one to rounding; anything further off is a mistake.
 UNIT_ERROR = 1e-9
 
@@ -22,6 +23,8 @@ def check_structure(structure: Structure) -> None:
         *_twice(structure),
         *_unknown_names(structure),
         *_bodies(structure),
+        *_stiffnesses(structure),
+        *_offsets(structure),
         *_axes(structure),
         *_travels(structure),
     ]
@@ -77,12 +80,37 @@ def _bodies(structure: Structure) -> Iterator[str]:
             yield f"{part.name!r} carries a body whose mass or inertia is negative or not a number"
 
 
+def _offsets(structure: Structure) -> Iterator[str]:
+    for what, part, vector in (
+        *(("attach point", a, a.offset) for a in structure.attach_points),
+        *(("joint", j, j.offset) for j in structure.joints),
+        *(("node", n, n.position) for n in structure.nodes),
+    ):
+        if not np.all(np.isfinite(vector)):
+            yield f"{what} {part.name!r} stands at {vector.tolist()}, which is no place"
+
+
 def _possible(body: Body) -> bool:
     numbers = np.concatenate([[body.mass], body.cg, body.inertia.ravel()])
     if not np.all(np.isfinite(numbers)) or not np.array_equal(body.inertia, body.inertia.T):
         return False
     least = np.linalg.eigvalsh(body.inertia)[0]
     return body.mass >= 0.0 and bool(least >= -UNIT_ERROR * np.abs(body.inertia).max())
+
+
+def _stiffnesses(structure: Structure) -> Iterator[str]:
+    """Of sections, springs and joints: numbers, none of them negative."""
+    sections = {id(m.section): (m.name, m.section) for m in structure.members}
+    parts = [
+        *((f"member {name!r}", s, FIELDS, s.GA_y > 0.0 and s.GA_z > 0.0) for name, s in sections.values()),
+        *((f"spring {s.name!r}", s, ("stiffness", "free_length"), True) for s in structure.springs),
+        *((f"joint {j.name!r}", j, ("stiffness",), np.isfinite(j.target)) for j in structure.joints),
+    ]
+    for what, part, fields, more in parts:
+        wrong = [f for f in fields if not (np.isfinite(getattr(part, f)) and getattr(part, f) >= 0.0)]
+        if wrong or not more:
+            named = ", ".join(f"{f} = {getattr(part, f):g}" for f in wrong) or "GA or target"
+            yield f"{what} has {named}: not a number, endless or negative"
 
 
 def _axes(structure: Structure) -> Iterator[str]:

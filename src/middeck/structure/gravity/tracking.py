@@ -33,7 +33,7 @@ class Spectrum(NamedTuple):
 
 
 class Tracked(NamedTuple):
-    """What became of each reference shape: its spectrum, where it was found, and the cross-orthogonality."""
+    """What became of each reference shape: its spectrum, where it was found, and the overlap, at most one."""
 
     spectrum: Spectrum
     found: Int[np.ndarray, " mode"]
@@ -97,11 +97,13 @@ def _clusters(lam: np.ndarray) -> list[np.ndarray]:
 def track(reference: Spectrum, spectrum: Spectrum) -> Tracked:
     """Each mode of ``reference`` in ``spectrum``, one to one, with the largest sum of squared overlaps.
 
-    The overlap is the cross-orthogonality |Phi_0' M_0 Phi_1| of shapes that are each normalised with their
-    own mass; its square is the part of the one shape that is the other.
+    The overlap is |Phi_0' M_0 Phi_1| with both shapes normalised in M_0; its square is the part of the one
+    shape that is the other. In a mass of its own, a shape with next to none in M_1 would overlap with all.
     """
     turned = align_repeated(spectrum, reference.shapes)
-    cross = np.abs(reference.shapes.T @ (reference.mass @ turned.shapes))
+    weighted = reference.mass @ turned.shapes
+    size = np.sqrt(np.einsum("im,im->m", turned.shapes, weighted))
+    cross = np.abs(reference.shapes.T @ weighted) / size
     _, index = linear_sum_assignment(cross**2, maximize=True)
     theirs = Spectrum(turned.lam[index], turned.shapes[:, index], turned.mass)
     return Tracked(theirs, np.array(index, dtype=int), cross[np.arange(len(index)), index])

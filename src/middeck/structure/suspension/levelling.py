@@ -103,10 +103,16 @@ def level(
     at = _hang(task, np.zeros(len(task.free)))
     before, history = at.attitude, [at.size]
     while at.size > LEVEL and len(history) <= MAX_ITERATIONS:
-        step = _step(task, at)
-        step = step * _room(at.change, step, limit)
-        if np.abs(step).max() < NO_ROOM * limit:
-            raise _unreached(task, at, f"would need more than the limit of {limit:g} m", history)
+        rates = _rates(task, at)
+        step = _within(rates, at, limit)
+        if step is None:  # further than the limit by this step; the way there may bend back
+            whole = -np.linalg.pinv(rates) @ at.tilt
+            room = _room(at.change, whole, limit)
+            if room < NO_ROOM:
+                needed = float(np.abs(at.change + whole).max())
+                what = f"would need more than the limit of {limit:g} m, about {needed:.3g} m"
+                raise _unreached(task, at, what, history)
+            step = whole * room
         at = _better(task, at, step, history)
         history.append(at.size)
     if at.size > LEVEL:
@@ -208,16 +214,35 @@ def _tilt(task: _Task, attitude: Attitude) -> np.ndarray:
     return tilt[[AXES.index(axis) for axis in task.about]]
 
 
-def _step(task: _Task, at: _Hung) -> np.ndarray:
-    """Newton's; the shortest where there are more offsets than tilts."""
+def _rates(task: _Task, at: _Hung) -> np.ndarray:
+    """Tilts [rad] per offset [m]."""
     known = {p.name: p for p in list_parameters(at.rest.model.structure, task.environment)}
     offsets = [known[f"attach.{name}.offset.{axis}"] for name, axis in task.free]
     motion = differentiate_rest(at.rest, offsets).motion
-    U, size, V = np.linalg.svd(np.array([_rate(task, at, q) for q in motion.T]).T, full_matrices=False)
+    rates = np.array([_rate(task, at, q) for q in motion.T]).T
+    U, size, _ = np.linalg.svd(rates, full_matrices=False)
     if size[-1] <= STUCK:
         axes = [axis for axis, part in zip(task.about, np.abs(U[:, -1]), strict=True) if part > 0.1]
         raise _unreached(task, at, f"cannot be tilted about {' and '.join(axes)}", [at.size])
-    return -V.T @ ((U.T @ at.tilt) / size)
+    return rates
+
+
+def _within(rates: np.ndarray, at: _Hung, limit: float) -> np.ndarray | None:
+    """Newton's step, the shortest there is, with offsets that it would take beyond the limit left at it.
+
+    None where too few offsets remain.
+    """
+    step, free = np.zeros(len(at.change)), np.ones(len(at.change), dtype=bool)
+    while True:
+        left = at.tilt + rates[:, ~free] @ step[~free]
+        if np.linalg.matrix_rank(rates[:, free], tol=STUCK) < len(left):
+            return None
+        step[free] = -np.linalg.pinv(rates[:, free]) @ left
+        beyond = free & (np.abs(at.change + step) > limit)
+        if not np.any(beyond):
+            return step
+        step[beyond] = np.sign(at.change + step)[beyond] * limit - at.change[beyond]
+        free &= ~beyond
 
 
 def _rate(task: _Task, at: _Hung, motion: np.ndarray) -> np.ndarray:
