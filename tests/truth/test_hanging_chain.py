@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy.special import jn_zeros
 
+from middeck.errors import UnstableEquilibriumError
 from middeck.structure.article import AttachPoint, Section
 from middeck.structure.environment import AnchoredSpring
 from middeck.structure.equilibrium import solve_equilibrium
@@ -58,3 +59,26 @@ def test_chain_converges_with_order_four_or_better():
     exact = 0.5 * jn_zeros(0, 5)[4] * np.sqrt(G / LENGTH)
     errors = [abs(swings(hung_chain(1e-8, n), 5)[4] / exact - 1.0) for n in (10, 20)]
     assert np.log2(errors[0] / errors[1]) > 3.8
+
+
+def test_a_column_under_its_own_weight_buckles_by_name():
+    """Greenhill 1881: q L^3 = 7.837 EI. Just above it the member is named, not the motion it is like."""
+    critical = RHO * G * LENGTH**3 / 7.8373
+    corners = {
+        f"foot {i}": 0.3 * np.array(p) for i, p in enumerate(([1, 0, 0], [-1, 0, 0], [0, 0, 1], [0, 0, -1]))
+    }
+    foot = [AttachPoint(name, "foot", p) for name, p in corners.items()]
+    pins = [AnchoredSpring(name, name, p, PIN, 0.0) for name, p in corners.items()]
+
+    def stand(EI: float) -> Modes:
+        column = Section(EA, 1e3, EI, EI, RHO, 1e-9, 1e-9)
+        parts = structure(
+            [node("foot", (0, 0, 0)), node("top", (0, LENGTH, 0))],
+            [member("foot", "top", column, 8, up=(1, 0, 0))],
+            attach=foot,
+        )
+        return solve_modes(solve_equilibrium(parts, lab(*pins)))
+
+    assert stand(critical * 1.01).omega[0] > 0.0
+    with pytest.raises(UnstableEquilibriumError, match="member 'foot-top' buckles"):
+        stand(critical * 0.99)

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from middeck.errors import ConfigError, EquilibriumError, NumericalError, UnstableEquilibriumError
 from middeck.structure.article import JointState
 from middeck.structure.assembly import assemble, mass_matrix, no_loads
-from middeck.structure.checks.trouble import loose_motions, where_lost
+from middeck.structure.checks.trouble import buckling_member, loose_motions, where_lost
 from middeck.structure.eigen import Eigenpairs, count_zero, solve_all, solve_lowest
 from middeck.structure.equilibrium import Equilibrium, rest_warnings
 from middeck.structure.factorisation import order
@@ -85,7 +85,7 @@ def solve_modes(equilibrium: Equilibrium, count: int | None = None) -> Modes:
     shapes = shapes * _signs(M, shapes)
     kind = _kinds(equilibrium, M, rigid, len(lam))
     names, share, warnings = name_modes(equilibrium, M, K, shapes, kind, rigid_names)
-    _check_stable(lam, names)
+    _check_stable(equilibrium, lam, shapes, names)
     active = dynamic_coordinates(equilibrium.model)
     residual = _residual(K[active], M[active], shapes, lam)
     warnings = rest_warnings(equilibrium) + loose_motions(equilibrium, rigid_names) + warnings
@@ -94,12 +94,14 @@ def solve_modes(equilibrium: Equilibrium, count: int | None = None) -> Modes:
 
 def _not_at_rest(equilibrium: Equilibrium) -> EquilibriumError:
     factor, frame, unbalanced, moved = where_lost(equilibrium)
+    fell = any(damping > 0.0 for _, _, damping in equilibrium.history)
     return EquilibriumError(
         f"no linearisation about a state that is not at rest (residual {equilibrium.residual:.1e}): the way "
         f"there was lost at {factor:.0%} of the load, {unbalanced:.3g} N are left at frame {frame!r}, and "
         f"nodes have moved by up to {moved:.3g} m",
         where=f"frame {frame!r}",
-        hint="look at the residual history; check the supports, and the stiffness of what joins that frame",
+        hint="look at the residual history; check the supports, and the stiffness of what joins that frame"
+        + ("; on the way the tangent lost its stability: something buckled or toppled" if fell else ""),
         history=equilibrium.history,
         load_factor=factor,
         frame=frame,
@@ -179,15 +181,20 @@ def _signs(M: sp.csr_array, shapes: np.ndarray) -> np.ndarray:
     return np.where(shapes[largest, np.arange(shapes.shape[1])] < 0.0, -1.0, 1.0)
 
 
-def _check_stable(lam: np.ndarray, names: tuple[str, ...]) -> None:
-    for value, name in zip(lam, names, strict=True):
+def _check_stable(
+    equilibrium: Equilibrium, lam: np.ndarray, shapes: np.ndarray, names: tuple[str, ...]
+) -> None:
+    for m, (value, name) in enumerate(zip(lam, names, strict=True)):
         if value < 0.0:
+            member = buckling_member(equilibrium, shapes[:, m])
+            buckles = "" if member is None else f"; member {member!r} buckles"
             raise UnstableEquilibriumError(
-                f"the rest state is not stable: mode {name!r} grows at {np.sqrt(-value):.4g} rad/s",
+                f"the rest state is not stable: mode {name!r} grows at {np.sqrt(-value):.4g} rad/s{buckles}",
                 hint="is a payload above its axes, an attach point below the centre of mass, a member "
                 "buckled? lower gravity, spring the axis or move the attach points",
                 growth=float(np.sqrt(-value)),
                 mode=name,
+                member=member,
             )
 
 

@@ -5,11 +5,15 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 
 from middeck.structure.article import JointState, Structure
-from middeck.structure.assembly import assemble
+from middeck.structure.assembly import assemble, inner_forces, split_tangent
 from middeck.structure.equilibrium import Equilibrium
 from middeck.structure.statics import ROUGH, static_coordinates
+from middeck.structure.strain import member_energy
+
+HALF = 0.5
 
 
 class Lost(NamedTuple):
@@ -36,6 +40,21 @@ def where_lost(equilibrium: Equilibrium) -> Lost:
     frame = worst // 6 if worst < 6 * roots else worst - 5 * roots
     moved = np.linalg.norm(equilibrium.config.x - model.rest.x, axis=1).max()
     return Lost(factor, model.frames[frame], float(left[worst]), float(moved))
+
+
+def buckling_member(equilibrium: Equilibrium, shape: Float[np.ndarray, " coordinate"]) -> str | None:
+    """The member that bends most in a mode that grows, None where the mode strains no member to speak of.
+
+    What buckles resists by strain of members; what topples, by devices and joints, or by nothing.
+    """
+    model, config, loads = equilibrium.model, equilibrium.config, equilibrium.loads
+    parts = split_tangent(model, config, loads, inner_forces(model, config, loads))
+    held = 0.5 * float(shape @ ((parts.material + parts.device) @ shape))
+    released = 0.5 * float(shape @ ((parts.material + parts.device + parts.geometric) @ shape))
+    bent = member_energy(equilibrium, shape[:, None])[0]
+    if not len(bent) or bent.sum() < max(HALF * held, HALF * abs(released)):
+        return None
+    return model.structure.members[int(np.argmax(bent))].name
 
 
 def loose_motions(equilibrium: Equilibrium, rigid: tuple[str, ...]) -> tuple[str, ...]:
