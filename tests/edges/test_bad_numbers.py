@@ -72,3 +72,5 @@ def test_directions_that_are_held():
     wrong = dataclasses.replace(lab, suspension=dataclasses.replace(lab.suspension, held=("w", "xyz")))
     with pytest.raises(ConfigError, match="of x, y and z only"):
         solve_equilibrium(bus(), wrong)
+    with pytest.raises(ConfigError, match="2 attach points and 1 sets"):
+        dataclasses.replace(lab.suspension, held=("yz",))

@@ -119,6 +119,14 @@ class Suspension:
     moving_mass: float = 0.0
     friction: Friction | None = None
 
+    def __post_init__(self) -> None:
+        if len(self.held) != len(self.attach):
+            raise ConfigError(
+                f"{len(self.attach)} attach points and {len(self.held)} sets of held directions",
+                where="suspension",
+                hint="one set of xyz letters for each attach point",
+            )
+
     @property
     def devices(self) -> tuple[Device, ...]:
         """Its devices, each named after its attach point."""

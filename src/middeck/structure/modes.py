@@ -9,7 +9,7 @@ from jaxtyping import Float
 from middeck.errors import ConfigError, EquilibriumError, NumericalError, UnstableEquilibriumError
 from middeck.structure.article import JointState
 from middeck.structure.assembly import assemble, mass_matrix, no_loads
-from middeck.structure.checks.trouble import buckling_member, loose_motions, where_lost
+from middeck.structure.checks.trouble import beyond_travel, buckling_member, loose_motions, where_lost
 from middeck.structure.eigen import Eigenpairs, count_zero, solve_all, solve_lowest
 from middeck.structure.equilibrium import Equilibrium, rest_warnings
 from middeck.structure.factorisation import order
@@ -101,7 +101,8 @@ def _not_at_rest(equilibrium: Equilibrium) -> EquilibriumError:
         f"nodes have moved by up to {moved:.3g} m",
         where=f"frame {frame!r}",
         hint="look at the residual history; check the supports, and the stiffness of what joins that frame"
-        + ("; on the way the tangent lost its stability: something buckled or toppled" if fell else ""),
+        + ("; on the way the tangent lost its stability: something buckled or toppled" if fell else "")
+        + "".join(f"; joint {name!r} went beyond its travel" for name in beyond_travel(equilibrium)),
         history=equilibrium.history,
         load_factor=factor,
         frame=frame,

@@ -42,6 +42,16 @@ def where_lost(equilibrium: Equilibrium) -> Lost:
     return Lost(factor, model.frames[frame], float(left[worst]), float(moved))
 
 
+def beyond_travel(equilibrium: Equilibrium) -> tuple[str, ...]:
+    """Joints that stand outside what their mechanism allows."""
+    joints = equilibrium.model.structure.joints
+    return tuple(
+        joint.name
+        for joint, at in zip(joints, equilibrium.config.angle, strict=True)
+        if not joint.travel[0] <= at <= joint.travel[1]
+    )
+
+
 def buckling_member(equilibrium: Equilibrium, shape: Float[np.ndarray, " coordinate"]) -> str | None:
     """The member that bends most in a mode that grows, None where the mode strains no member to speak of.
 
