@@ -122,7 +122,7 @@ def test_past_the_horizontal_is_a_value_and_the_angle_of_loss_is_found():
     assert branch(found, "payload pendulum p") == pytest.approx(M * G * D * np.cos(angles) / about, rel=1e-6)
     assert found.stable == (True, True, True, False, False)
     assert [plant is None for plant in found.plants] == [False, False, False, True, True]
-    assert all("grows" in text for text in found.trouble[3:])
+    assert all("mode 'payload pendulum p' grows" in text for text in found.trouble[3:])
     (limit,) = found.limits
     assert limit.name == "payload pendulum p"
     assert limit.joint == "p"
@@ -154,6 +154,30 @@ def test_the_hung_article_is_stable_up_to_the_limit_and_not_beyond():
             assert solve_modes(rest).omega[0] > 0.0
         else:
             with pytest.raises(UnstableEquilibriumError, match="payload pendulum pri"):
+                solve_modes(rest)
+
+
+def test_neighbours_that_were_reached_by_different_ways_are_one_family():
+    """Four corners: at the far one a mode grows, and branches have other numbers by way of either axis."""
+    parts, lab = load_case("articles/mace-simple.toml", "environments/lab.toml")
+    angles = np.radians([0.0, 60.0])
+    found = sweep_gimbals(parts, lab, {"pri_z": angles, "pri_x": angles}, count=10)
+    assert found.stable == (True, True, True, False)
+    assert [(x.joint, x.unstable) for x in found.limits] == [("pri_z", 3), ("pri_x", 3)]
+    for limit in found.limits:
+        assert f"mode {limit.name!r} grows" in found.trouble[3]
+    # The one along pri_z is met by independent solutions on either side of it.
+    where = {x.joint: x for x in found.limits}["pri_z"].at
+    number = [[j.name for j in parts.joints].index(n) for n in ("pri_z", "pri_x")]
+    for beyond in (-1e-5, 1e-5):
+        joints = list(parts.joints)
+        for i, angle in zip(number, (where[0] + beyond, where[1]), strict=True):
+            joints[i] = dataclasses.replace(joints[i], angle=angle)
+        rest = solve_equilibrium(dataclasses.replace(parts, joints=tuple(joints)), lab)
+        if beyond < 0.0:
+            assert solve_modes(rest).omega[0] > 0.0
+        else:
+            with pytest.raises(UnstableEquilibriumError):
                 solve_modes(rest)
 
 

@@ -18,10 +18,14 @@ from scipy.optimize import brentq
 
 from middeck.errors import ConfigError, EquilibriumError, UnstableEquilibriumError
 from middeck.structure.article import Damping, Joint, JointState, Structure
-from middeck.structure.assembly import assemble, mass_matrix
+from middeck.structure.assembly import Loads, assemble, mass_matrix
+from middeck.structure.elements.devices import SpringLaw
+from middeck.structure.elements.frames import Configuration
 from middeck.structure.environment import Environment
 from middeck.structure.equilibrium import Equilibrium, solve_equilibrium
+from middeck.structure.gravity.continuation import rest_near
 from middeck.structure.gravity.tracking import HALF_SHAPE, SPARE, Spectrum, solve_spectrum, spectrum_of, track
+from middeck.structure.mesh import Model
 from middeck.structure.modes import Modes, solve_modes
 from middeck.structure.naming import HALF, name_modes
 from middeck.structure.plants.modal_plant import build_plant
@@ -41,8 +45,8 @@ FINEST = 1e-9
 class StabilityLimit:
     """Where, between two neighbours of the grid, a branch of the family begins to grow.
 
-    ``angle`` [rad] is that of ``joint``, ``at`` those of all swept joints; ``name`` is what the branch is
-    there, ``unstable`` the point beyond.
+    ``angle`` [rad] is that of ``joint``, ``at`` those of all swept joints; ``unstable`` is the point beyond,
+    ``name`` what the mode that grows is at that point, the same as in its ``trouble``.
     """
 
     joint: str
@@ -145,6 +149,14 @@ class _Followed(NamedTuple):
     match: np.ndarray
 
 
+class _Place(NamedTuple):
+    """A rest state on the way between two points; at the points themselves theirs."""
+
+    config: Configuration
+    loads: Loads
+    spectrum: Spectrum
+
+
 def sweep_gimbals(
     structure: Structure,
     environment: Environment,
@@ -175,7 +187,7 @@ def sweep_gimbals(
 
     members = [_attempt(solve, here) for here in at]
     origin = _origin(members, at, np.array([j.angle for j in joints]))
-    followed = _follow(members, at, origin, solve, count)
+    followed = _follow(members, at, origin, count)
     start = members[origin]
     assert isinstance(start, _Member)
     modes = start.modes
@@ -253,16 +265,23 @@ def _solve(structure: Structure, environment: Environment, count: int) -> _Membe
     rest = solve_equilibrium(structure, environment)
     try:
         modes = solve_modes(rest, count + SPARE)
-    except UnstableEquilibriumError as error:
-        return _Member(rest, None, _signed_spectrum(rest, count), error.what)
+    except UnstableEquilibriumError:
+        spectrum = _spectrum_at(rest.model, rest.config, rest.loads, count)
+        return _Member(rest, None, spectrum, _growth(rest, spectrum))
     return _Member(rest, modes, spectrum_of(modes), "")
 
 
-def _signed_spectrum(rest: Equilibrium, count: int) -> Spectrum:
-    at = assemble(rest.model, rest.config, rest.loads)
-    unbalanced = float(np.abs(at.gradient[static_coordinates(rest.model)]).max(initial=0.0))
-    M = mass_matrix(rest.model, rest.config, rest.loads)
-    return solve_spectrum(rest.model, at.tangent, M, count, unbalanced)
+def _growth(rest: Equilibrium, spectrum: Spectrum) -> str:
+    """Which mode grows most, by the name that its stability limit has."""
+    worst = int(np.argmin(spectrum.lam))
+    name, rate = _name(rest, spectrum, worst), np.sqrt(-spectrum.lam[worst])
+    return f"the rest state is not stable: mode {name!r} grows at {rate:.4g} rad/s"
+
+
+def _spectrum_at(model: Model, config: Configuration, loads: Loads, count: int) -> Spectrum:
+    at = assemble(model, config, loads)
+    unbalanced = float(np.abs(at.gradient[static_coordinates(model)]).max(initial=0.0))
+    return solve_spectrum(model, at.tangent, mass_matrix(model, config, loads), count, unbalanced)
 
 
 def _attempt(solve: Callable[[np.ndarray], _Member], here: np.ndarray) -> _Member | str:
@@ -288,13 +307,7 @@ def _origin(members: list[_Member | str], at: np.ndarray, nominal: np.ndarray) -
     )
 
 
-def _follow(
-    members: list[_Member | str],
-    at: np.ndarray,
-    origin: int,
-    solve: Callable[[np.ndarray], _Member],
-    count: int,
-) -> dict[int, _Followed]:
+def _follow(members: list[_Member | str], at: np.ndarray, origin: int, count: int) -> dict[int, _Followed]:
     """Branches at every point that has a rest state, each from the nearest that has been reached."""
     start = members[origin]
     assert isinstance(start, _Member)
@@ -305,29 +318,50 @@ def _follow(
         if p in done or isinstance(member, str):
             continue
         near = min(done, key=lambda q, p=p: float(np.linalg.norm(at[q] - at[p])))
-        done[int(p)] = _step(done[near], at[near], member, at[p], solve, HALVINGS)
+        done[int(p)] = _step(done[near], member)
     return done
 
 
-def _step(
-    here: _Followed,
-    start: np.ndarray,
-    member: _Member,
-    end: np.ndarray,
-    solve: Callable[[np.ndarray], _Member],
-    halvings: int,
-) -> _Followed:
-    """Branches from ``here`` to ``member``, by way of the middle where a shape changes much."""
-    found = track(here.spectrum, member.spectrum)
-    there = _Followed(member, found.spectrum, found.match)
+def _step(here: _Followed, member: _Member) -> _Followed:
+    """The branches of ``here`` at another member."""
+    start, end = _place(here.member), _place(member)
+    return _Followed(member, *_track_way(here.member.rest.model, here.spectrum, start, end, HALVINGS))
+
+
+def _place(member: _Member) -> _Place:
+    return _Place(member.rest.config, member.rest.loads, member.spectrum)
+
+
+def _track_way(
+    model: Model, reference: Spectrum, start: _Place, end: _Place, halvings: int
+) -> tuple[Spectrum, np.ndarray]:
+    """``reference``, of the place ``start``, at ``end``; by way of the middle where a shape changes much."""
+    found = track(reference, end.spectrum)
     if not halvings or found.match.min(initial=1.0) >= SURE:
-        return there
-    between = _attempt(solve, 0.5 * (start + end))
-    if isinstance(between, str):
-        return there
-    middle = _step(here, start, between, 0.5 * (start + end), solve, halvings - 1)
-    last = _step(middle, 0.5 * (start + end), member, end, solve, halvings - 1)
-    return _Followed(member, last.spectrum, np.minimum(middle.match, last.match))
+        return found.spectrum, found.match
+    middle = _middle(model, start, end, len(reference.lam))
+    if middle is None:
+        return found.spectrum, found.match
+    half, first = _track_way(model, reference, start, middle, halvings - 1)
+    whole, last = _track_way(model, half, middle, end, halvings - 1)
+    return whole, np.minimum(first, last)
+
+
+def _middle(model: Model, start: _Place, end: _Place, count: int) -> _Place | None:
+    """Half way in the angles and in what devices are tuned to: near enough to tell which mode is which.
+
+    To tune them there would cost five times as much, and end at the same two points.
+    """
+    a, b = start.loads, end.loads
+    law = SpringLaw(
+        0.5 * (a.law.preload + b.law.preload),
+        0.5 * (a.law.stiffness + b.law.stiffness),
+        0.5 * (a.law.length + b.law.length),
+    )
+    loads = Loads(a.gravity, 0.5 * (a.anchor + b.anchor), a.attach_point, law, 0.5 * (a.mass + b.mass))
+    angle = 0.5 * (start.config.angle + end.config.angle)
+    near = rest_near(model, dataclasses.replace(start.config, angle=angle), loads)
+    return near and _Place(near[0], loads, _spectrum_at(model, near[0], loads, count))
 
 
 def _limits(
@@ -337,7 +371,11 @@ def _limits(
     solve: Callable[[np.ndarray], _Member],
     joints: tuple[str, ...],
 ) -> tuple[StabilityLimit, ...]:
-    """For each two neighbours and each branch whose omega^2 changes sign between them."""
+    """Between each two neighbours, where each mode begins to grow that grows at the one only.
+
+    Neighbours may have been reached from the origin by different ways, and then the branch of one number is
+    not the same at both. What is the same is how many modes grow.
+    """
     number = np.arange(len(at)).reshape(tuple(map(len, grid)))
     limits: list[StabilityLimit] = []
     for axis, joint in enumerate(joints):
@@ -345,46 +383,72 @@ def _limits(
         for p, q in (pair for line in lines for pair in itertools.pairwise(map(int, line))):
             if p not in followed or q not in followed:
                 continue
-            a, b = followed[p].spectrum.lam, followed[q].spectrum.lam
-            for branch in map(int, np.flatnonzero((a < 0.0) != (b < 0.0))):
-                good, bad = (q, p) if a[branch] < 0.0 else (p, q)
-                angle, there = _zero(followed[good], at[good], at[bad], axis, branch, solve)
+            growing = [int(np.sum(followed[i].member.spectrum.lam < 0.0)) for i in (p, q)]
+            good, bad = (p, q) if growing[0] < growing[1] else (q, p)
+            for rank in range(min(growing), max(growing)):
+                found = _zero(followed[good], followed[bad].member, at[good], at[bad], axis, rank, solve)
+                if found is None:
+                    continue
+                angle, branch, name = found
                 where = at[good].copy()
                 where[axis] = angle
-                limits.append(StabilityLimit(joint, angle, where, branch, _name(there, branch), bad))
+                limits.append(StabilityLimit(joint, angle, where, branch, name, bad))
     return tuple(limits)
 
 
 def _zero(
     good: _Followed,
+    bad: _Member,
     start: np.ndarray,
     end: np.ndarray,
     axis: int,
-    branch: int,
+    rank: int,
     solve: Callable[[np.ndarray], _Member],
-) -> tuple[float, _Followed]:
-    """The angle at which omega^2 of a branch passes through zero (Brent 1973), and the modes there."""
-    done = {float(start[axis]): good}
+) -> tuple[float, int, str] | None:
+    """The angle at which the omega^2 of one more mode passes through zero (Brent 1973), its branch and name.
+
+    The ``rank``-th omega^2 from below, modes at rest left out, is continuous in the angle whatever modes do
+    that cross. None where a trial in between has no rest state.
+    """
+    done = {float(start[axis]): good.member, float(end[axis]): bad}
+    rest = min(int(np.sum(m.spectrum.lam == 0.0)) for m in done.values())
 
     def omega2(angle: float) -> float:
         if angle not in done:
-            near, here = start.copy(), start.copy()
-            near[axis] = min(done, key=lambda known: abs(known - angle))
+            here = start.copy()
             here[axis] = angle
-            done[angle] = _step(done[float(near[axis])], near, solve(here), here, solve, HALVINGS)
-        return float(done[angle].spectrum.lam[branch])
+            done[angle] = solve(here)
+        spectrum = done[angle].spectrum
+        return float(spectrum.lam[_ranked(spectrum, rest, rank)])
 
-    found = cast("float", brentq(omega2, float(start[axis]), float(end[axis]), xtol=FINEST))
-    return float(found), done[min(done, key=lambda known: abs(known - found))]
+    try:
+        found = float(cast("float", brentq(omega2, float(start[axis]), float(end[axis]), xtol=FINEST)))
+    except EquilibriumError:
+        return None
+    way = sorted(done, key=lambda angle: abs(angle - start[axis]))
+    nearest = min(done, key=lambda known: abs(known - found))
+    here = good
+    for angle in way[1 : way.index(nearest) + 1]:
+        here = _step(here, done[angle])
+    lost = done[nearest].spectrum.shapes[:, _ranked(done[nearest].spectrum, rest, rank)]
+    alike = np.abs(here.spectrum.shapes.T @ (here.spectrum.mass @ lost))
+    # One loss, one name: that of the mode at the point beyond, where `trouble` speaks of it.
+    name = _name(bad.rest, bad.spectrum, _ranked(bad.spectrum, rest, rank))
+    return found, int(np.argmax(alike)), name
 
 
-def _name(followed: _Followed, branch: int) -> str:
-    """What the branch is where it is lost, which far from its origin may be another motion than there.
+def _ranked(spectrum: Spectrum, rest: int, rank: int) -> int:
+    """The mode of that rank from below, the ``rest`` modes nearest to zero left out."""
+    swings = np.sort(np.argsort(np.abs(spectrum.lam), kind="stable")[rest:])
+    return int(swings[np.argsort(spectrum.lam[swings], kind="stable")[rank]])
+
+
+def _name(rest: Equilibrium, spectrum: Spectrum, mode: int) -> str:
+    """What a mode that grows is, which far from its origin may be another motion than there.
 
     By the part of its mass that moves rigidly; of a potential energy that vanishes there are no shares.
     """
-    rest, M = followed.member.rest, followed.spectrum.mass
-    shape = followed.spectrum.shapes[:, branch]
+    M, shape = spectrum.mass, spectrum.shapes[:, mode]
     motions, _ = rigid_motions(rest, M)
     moved = motions.T @ (M @ shape)
     rigid = moved @ np.linalg.lstsq(motions.T @ (M @ motions), moved, rcond=None)[0]
