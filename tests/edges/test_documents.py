@@ -461,7 +461,9 @@ def test_an_environment_names_only_attach_points_of_the_article(tmp_path: Path) 
 @pytest.mark.parametrize(
     ("old", "new", "key", "said"),
     [
-        ('n3 = "xyz"', 'n3 = "xq"', "suspension.held.n3", ""),
+        ('n3 = "xyz"', 'n3 = "xyw"', "suspension.held.n3", 'must be x, y, z, in this order, as in "yz"'),
+        ('n3 = "xyz"', 'n3 = "zx"', "suspension.held.n3", "in this order"),
+        ('n3 = "xyz"', 'n3 = ""', "suspension.held.n3", "in this order"),
         ("gravity_m_s2 = 9.80665", "gravity_m_s2 = 0.0", "suspension", "nothing without gravity"),
         ("[0.0, -1.0, 0.0]", "[0.0, 0.0, 0.0]", "constants.gravity_direction", "zero vector"),
         ("cable_length_m = 4.0", "cable_length_mm = 4000.0", "suspension.cable_length_mm", "in m"),
@@ -471,6 +473,14 @@ def test_bad_environments(tmp_path: Path, old: str, new: str, key: str, said: st
     (fault,) = faults_of(load_environment, edited(tmp_path, LAB, (old, new)))
     assert fault.key == key
     assert said in fault.message
+
+
+def test_orbit_needs_no_file_in_python_either(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert load_case(DM, "orbit")[1] == load_environment("orbit") == Environment.orbit()
+    own = tmp_path / "orbit"  # a file of that name is what is meant
+    own.write_text('schema = 1\nname = "mine"\n', encoding="utf-8")
+    assert load_environment("orbit").title == "mine"
 
 
 def test_gravity_may_point_anywhere_and_springs_may_carry(tmp_path: Path) -> None:

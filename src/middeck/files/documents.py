@@ -135,8 +135,8 @@ def load_structure(path: str | Path, overrides: Sequence[str] = ()) -> Structure
 
 
 def load_environment(path: str | Path, overrides: Sequence[str] = ()) -> Environment:
-    """The environment in file ``path``; raises `ConfigError` with all its faults."""
-    source = read_source(path)
+    """The environment in file ``path``, or "orbit"; raises `ConfigError` with all its faults."""
+    source = read_source(_environment_file(path))
     checked = _check_all([(source, EnvironmentForm, environment_findings)], overrides)[0]
     return _environment(checked)
 
@@ -146,7 +146,8 @@ def load_case(
 ) -> tuple[Structure, Environment]:
     """An article and an environment, joined by the names of attach points.
 
-    Raises `ConfigError` with all faults of both, among them names that the article lacks.
+    ``environment`` is a file, or "orbit", which needs none. Raises `ConfigError` with all faults of both,
+    among them names that the article lacks.
     """
     first, second = _check_case(article, environment, overrides)
     return _structure(first), _environment(second)
@@ -167,11 +168,16 @@ def load_offset_keys(
 
 def _check_case(article: str | Path, environment: str | Path, overrides: Sequence[str]) -> list[Checked[Any]]:
     """The article, then the environment."""
-    body, surroundings = read_sources([article, environment])
+    body, surroundings = read_sources([article, _environment_file(environment)])
     return _check_all(
         [(body, ArticleForm, article_findings), (surroundings, EnvironmentForm, environment_findings)],
         overrides,
     )
+
+
+def _environment_file(given: str | Path) -> str | Path:
+    """As it was given; the name of the built-in one means its own file unless there is a file of that name."""
+    return ORBIT if str(given) == ORBIT.stem and not Path(given).is_file() else given
 
 
 def _structure(checked: Checked[Any]) -> Structure:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, PlainValidator
+from pydantic import AfterValidator, Field, PlainValidator
 from pydantic_core import PydanticCustomError
 
 from middeck.files.faults import Finding, nearest
@@ -13,7 +13,19 @@ from middeck.files.form import Form, Name, NotNegative, Positive, Vector
 from middeck.structure.environment import AnchoredSpring, Device, DeviceKind, Environment, Suspension
 from middeck.systems.friction import Friction
 
-Held = Annotated[str, Field(pattern=r"^x?y?z?$", min_length=1)]
+
+def world_directions(value: str) -> str:
+    """Some of x, y and z, each once and in this order.
+
+    >>> world_directions("xz")
+    'xz'
+    """
+    if not value or value != "".join(axis for axis in "xyz" if axis in value):
+        raise PydanticCustomError("range", "out of range", {"allowed": 'x, y, z, in this order, as in "yz"'})
+    return value
+
+
+Held = Annotated[str, AfterValidator(world_directions)]
 Kind = Literal["constant_force", "spring"]
 TUNED = "tuned"
 

@@ -17,7 +17,8 @@ EPILOG = """\
 Examples:
   middeck level articles/mace-simple.toml --free n1.z --about x \\
     --set suspension.offsets.0.2=0
-  middeck level articles/mace-simple.toml --free n1.z,n3.z,n5.z --about x --json
+  middeck level articles/mace-simple.toml --free n1.z,n3.z,n5.z \\
+    --about x --json
 """
 
 
