@@ -176,7 +176,7 @@ def _check_case(article: str | Path, environment: str | Path, overrides: Sequenc
 
 
 def _environment_file(given: str | Path) -> str | Path:
-    """As it was given; the name of the built-in one means its own file unless there is a file of that name."""
+    """As it was given; the name of the built-in one means that, unless there is a file of this name."""
     return ORBIT if str(given) == ORBIT.stem and not Path(given).is_file() else given
 
 
