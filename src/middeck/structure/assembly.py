@@ -102,10 +102,8 @@ def assemble(
     turning = pose_stiffness(model.tree, model.points, at.poses, gradient)
     joint_energy, joint_gradient, hinges = _sprung_joints(model, config)
     g = J.T @ gradient.ravel() + joint_gradient
-    tension = total.tension
-    return Assembly(
-        total.energy + joint_energy, g, _symmetric(sp.csr_array(elastic + turning + hinges)), J, tension
-    )
+    K = _symmetric(_stiffened(sp.csr_array(elastic + turning), hinges))
+    return Assembly(total.energy + joint_energy, g, K, J, total.tension)
 
 
 def energy_gradient(
@@ -130,7 +128,7 @@ def split_tangent(model: Model, geometry: Configuration, loads: Loads, inner: In
     turning = pose_stiffness(model.tree, model.points, at.poses, total.gradient)
     hinges = _sprung_joints(model, geometry)[2]
     return TangentParts(
-        _symmetric(sp.csr_array(assembled(total.material) + hinges)),
+        _symmetric(_stiffened(assembled(total.material), hinges)),
         _symmetric(sp.csr_array(assembled(total.geometric) + turning)),
         _symmetric(assembled(total.device)),
     )
@@ -295,10 +293,13 @@ def _symmetric(K: sp.csr_array) -> sp.csr_array:
     return sp.csr_array(0.5 * (K + K.T))
 
 
-def _sprung_joints(model: Model, config: Configuration) -> tuple[float, np.ndarray, sp.dia_array]:
-    joints, roots = model.structure.joints, 6 * model.tree.roots
+def _sprung_joints(model: Model, config: Configuration) -> tuple[float, np.ndarray, np.ndarray]:
+    """Energy, gradient and the tangent's diagonal."""
+    joints, none = model.structure.joints, np.zeros(6 * model.tree.roots)
     k = np.array([j.stiffness if j.state is JointState.SPRUNG else 0.0 for j in joints]) + 0.0
     turn = config.angle - np.array([j.target for j in joints])
-    none = np.zeros(roots)
-    stiffness = sp.diags_array(np.concatenate([none, k]))
-    return 0.5 * np.sum(k * turn**2), np.concatenate([none, k * turn]), stiffness
+    return 0.5 * np.sum(k * turn**2), np.concatenate([none, k * turn]), np.concatenate([none, k])
+
+
+def _stiffened(K: sp.csr_array, diagonal: np.ndarray) -> sp.csr_array:
+    return sp.csr_array(K + sp.diags_array(diagonal)) if np.any(diagonal) else K

@@ -27,7 +27,7 @@ from middeck.structure.elements.beam_kinematics import (
     deform,
     geometric_stiffness,
 )
-from middeck.structure.elements.rotations import symmetric_double_cross
+from middeck.structure.elements.rotations import cross, symmetric_double_cross
 from middeck.values import record
 
 Array = np.ndarray
@@ -175,7 +175,7 @@ def beam_weight(
     for slope, vector in ((d_down, W), (d_lean, t - q)):
         across = (vector - np.einsum("ei,ei->e", vector, e)[:, None] * e) / span[:, None]
         slope[:, 0:3], slope[:, 6:9] = -across, across
-    d_lean[:, ONE], d_lean[:, TWO] = np.cross(t, e), -np.cross(q, e)
+    d_lean[:, ONE], d_lean[:, TWO] = cross(t, e), -cross(q, e)
     gradient = -along[:, None] * (lean[:, None] * d_down + down[:, None] * d_lean)
     both = d_down[:, :, None] * d_lean[:, None, :]
     hessian = -along[:, None, None] * (both + np.swapaxes(both, 1, 2))
@@ -183,7 +183,7 @@ def beam_weight(
     for rows, normal, sign in ((ONE, t, 1.0), (TWO, q, -1.0)):
         arm = sign * lever[:, None] * normal
         gradient[:, rows.start - 3 : rows.start] -= 0.5 * W
-        gradient[:, rows] -= np.cross(arm, W)
+        gradient[:, rows] -= cross(arm, W)
         hessian[:, rows, rows] -= symmetric_double_cross(W, arm)
         add_cosine_hessian(hessian, e, span, -(sign * along * down)[:, None] * normal, rows)
     return BeamWeight(energy, gradient, hessian)

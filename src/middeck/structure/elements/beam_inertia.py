@@ -7,6 +7,7 @@ from jaxtyping import Inexact
 
 from middeck.structure.elements.beam import BeamProperties
 from middeck.structure.elements.beam_kinematics import chord
+from middeck.structure.elements.rotations import cross
 
 Array = np.ndarray
 
@@ -24,7 +25,7 @@ def beam_mass(
     e, span = chord(x)
     y = T[:, 0, :, 1] + T[:, 1, :, 1]
     y = _unit(y - np.sum(y * e, axis=1)[:, None] * e)
-    frame = np.stack([e, y, np.cross(e, y)], axis=-1)
+    frame = np.stack([e, y, cross(e, y)], axis=-1)
     turn = np.einsum("eij,pq->epiqj", frame, np.eye(4)).reshape(-1, 12, 12)
     return turn @ _local_mass(beams, span) @ np.swapaxes(turn, 1, 2)
 

@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Inexact
 
-from middeck.structure.elements.rotations import skew, symmetric_double_cross
+from middeck.structure.elements.rotations import cross, skew, symmetric_double_cross
 
 Array = np.ndarray
 # Rows of the invariants and of the deformations.
@@ -157,7 +157,7 @@ def _invariants(x: Array, T: Array) -> _Invariants:
         s[:, rows] = (t @ e[:, :, None])[:, :, 0]
         Pt = (t - s[:, rows, None] * e[:, None, :]) / _wide(span)
         ds[:, rows, 0:3], ds[:, rows, 6:9] = -Pt, Pt
-        ds[:, rows, rotation] = np.cross(t, e[:, None, :])
+        ds[:, rows, rotation] = cross(t, e[:, None, :])
     t2, t3, q2, q3 = T[:, 0, :, 1], T[:, 0, :, 2], T[:, 1, :, 1], T[:, 1, :, 2]
     sine, cosine = _dots((q2, t3, 1.0), (q3, t2, -1.0)), _dots((q2, t2, 1.0), (q3, t3, 1.0))
     s[:, TWIST] = arctan2(sine.value, cosine.value)
@@ -168,7 +168,7 @@ def _invariants(x: Array, T: Array) -> _Invariants:
 
 def _dots(*terms: tuple[Array, Array, float]) -> _Dots:
     W = np.sum([sign * (u[:, :, None] * v[:, None, :]) for u, v, sign in terms], axis=0)
-    moment = np.sum([sign * np.cross(u, v) for u, v, sign in terms], axis=0)
+    moment = np.sum([sign * cross(u, v) for u, v, sign in terms], axis=0)
     slope = np.zeros((len(W), 12), dtype=W.dtype)
     slope[:, TWO], slope[:, ONE] = moment, -moment
     return _Dots(W, np.trace(W, axis1=1, axis2=2), slope)
@@ -234,7 +234,7 @@ def _angle_over_sine(c: Array) -> tuple[Array, Array, Array]:
     f, df, ddf = np.zeros_like(c), np.zeros_like(c), np.zeros_like(c)
     a = 1.0
     xn = x[near]
-    for n in range(24):  # 0.1^24: below rounding
+    for n in range(_terms(xn)):
         if n:
             a *= n / (2.0 * n + 1.0)
         f[near] += a * xn**n
@@ -247,6 +247,12 @@ def _angle_over_sine(c: Array) -> tuple[Array, Array, Array]:
     df[far] = (cf * f[far] - 1.0) / q
     ddf[far] = (f[far] + 3.0 * cf * df[far]) / q
     return f, df, ddf
+
+
+def _terms(x: Array) -> int:
+    """Terms of the series whose coefficients fall like 2^-n, down to rounding; two for the derivatives."""
+    largest = float(np.abs(x).max(initial=0.0))
+    return 3 if largest == 0.0 else 4 + int(np.log(np.finfo(float).eps) / np.log(0.5 * largest))
 
 
 def arctan2(y: Array, x: Array) -> Array:

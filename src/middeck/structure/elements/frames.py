@@ -19,7 +19,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Bool, Inexact, Int
 
-from middeck.structure.elements.rotations import rotation_exp, skew, symmetric_double_cross
+from middeck.structure.elements.rotations import cross, rotation_exp, skew, symmetric_double_cross
 from middeck.values import record
 
 
@@ -111,7 +111,7 @@ def move_whole(
     R = rotation_exp(rigid[3:])
     # The rotation is about the world origin: its second-order part must not carry a far structure along.
     centre = config.x.mean(axis=0)
-    shift = rigid[:3] + np.cross(rigid[3:], centre)
+    shift = rigid[:3] + cross(rigid[3:], centre)
     turned = Configuration(centre + shift + (config.x - centre) @ R.T, R @ config.R, config.angle)
     step = rest[: 6 * tree.roots].reshape(-1, 2, 3) @ R.T
     return move(tree, turned, np.concatenate([step.ravel(), rest[6 * tree.roots :]]))
@@ -172,7 +172,7 @@ def pose_jacobian(tree: FrameTree, points: PosePoints, poses: Poses) -> sp.csr_a
 def _joint_twist(tree: FrameTree, poses: Poses, j: int, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Velocity of the point ``x`` and angular velocity for a unit rate of joint ``j``."""
     w = poses.axis[j]
-    return (w, np.zeros_like(w)) if tree.slides[j] else (np.cross(w, x - poses.p[tree.roots + j]), w)
+    return (w, np.zeros_like(w)) if tree.slides[j] else (cross(w, x - poses.p[tree.roots + j]), w)
 
 
 def pose_stiffness(
@@ -207,9 +207,9 @@ def _jointed_stiffness(
     for b, j in enumerate(joints):
         shift, turn = _joint_twist(tree, poses, j, x)
         # d2E for any outer rotation o: o . (shift x F + (turn x M)/2); for itself only F . (turn x shift).
-        pull = np.cross(shift, F) + 0.5 * np.cross(turn, M)
+        pull = cross(shift, F) + 0.5 * cross(turn, M)
         block[:3, 3 + b] = block[3 + b, :3] = pull
         for c in range(b):
             block[3 + c, 3 + b] = block[3 + b, 3 + c] = turns[c] @ pull
-        block[3 + b, 3 + b] = F @ np.cross(turn, shift)
+        block[3 + b, 3 + b] = F @ cross(turn, shift)
     return index, block

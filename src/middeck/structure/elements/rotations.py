@@ -20,6 +20,20 @@ def skew(v: Inexact[np.ndarray, "*batch 3"]) -> Inexact[np.ndarray, "*batch 3 3"
     return out
 
 
+def cross(
+    a: Inexact[np.ndarray, "*batch 3"], b: Inexact[np.ndarray, "*batch 3"]
+) -> Inexact[np.ndarray, "*batch 3"]:
+    """a x b along the last axis: `numpy.cross` less its search for the axis, which costs thrice the product.
+
+    >>> cross(np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])).tolist()
+    [0.0, 0.0, 1.0]
+    """
+    out = np.empty(np.broadcast_shapes(a.shape, b.shape), dtype=np.result_type(a, b))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        out[..., i] = a[..., j] * b[..., k] - a[..., k] * b[..., j]
+    return out
+
+
 def rotation_exp(theta: Inexact[np.ndarray, "*batch 3"]) -> Inexact[np.ndarray, "*batch 3 3"]:
     """Rotation matrices of rotation vectors [rad] (Rodrigues); analytic in theta.
 
