@@ -286,7 +286,11 @@ def test_a_verdict_ends_with_one_only_where_it_was_asked_for(capfd: Capture):
     refusal = middeck(capfd, *ask, "--require")
     assert refusal.code == 1
     assert "does not pass" in refusal.out
-    assert middeck(capfd, "correlate", ARTICLE, SURVEY, "--runs", 2, "--require").code == 0
+    ended = middeck(capfd, "correlate", ARTICLE, SURVEY, "--runs", 2, "--require")
+    assert ended.code == 0
+    for note in (verb.PAIRS_NOTE, verb.EFFECTIVE_NOTE):
+        assert ended.out.count(note) == 1
+    assert all(f"{column}: " in verb.PAIRS_NOTE for column in ("cross", "off", "self off"))
 
 
 def test_noise_of_the_command_line_replaces_that_of_the_test(capfd: Capture):

@@ -26,6 +26,14 @@ Examples:
 PROFILES = ("ecss-e-st-32-11c", "nasa-std-5002", "smc-s-004", "orion-well", "orion-adequate", "coppolino")
 REDUCTIONS = ("serep", "guyan", "irs")
 SHOWN = 6
+PAIRS_NOTE = """\
+cross: cross-orthogonality of the pair, of 1; off: the largest one with another
+pair's mode. self off: the largest orthogonality of the test's own mode with
+another of the test. All are weighed with the model's mass at the sensors."""
+EFFECTIVE_NOTE = """\
+What a mode carries along when its supports move, of the whole mass and of the
+inertia about the centre of mass (rx, ry, rz). The suspension modes have most of
+it where the article hangs, the rigid-body modes all of it where it is free."""
 
 
 @click.command("correlate", epilog=EPILOG)
@@ -183,6 +191,7 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         f"verdict      {'passes' if document['passed'] else 'does not pass'}",
         f"a correct model would pass with probability {_interval(overall)} in {overall['runs']} runs",
         _pairs(document),
+        PAIRS_NOTE,
         Table(
             "criteria",
             ["criterion", "limit", "worst", "met", "a correct model meets it", "and shows"],
@@ -190,6 +199,7 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         ),
         *marks,
         _effective(document),
+        EFFECTIVE_NOTE,
         _comac(document["comac"]),
     ]
 
