@@ -255,6 +255,17 @@ def test_the_figure_shows_frequencies_and_torques_of_one_cut(family: GimbalFamil
     assert np.array_equal(bottom.lines[0].get_ydata(), family.holding_torque[:, 0])
     assert [line.get_ydata()[0] for line in bottom.lines[1:]] == [-3.0, 3.0]  # the motor's limit
     grid = sweep_gimbals(two_axes(), held(), {"x": [0.0, 0.5], "z": [-0.3, 0.0, 0.4]}, count=8)
+    # Nothing grows: no room below zero, and the title names the case.
+    assert top.get_ylim()[0] > 0.0
+    assert top.get_ylabel() == "frequency [Hz]"
+    assert top.get_title(loc="left").endswith("; foundation")
+    assert bottom.get_legend_handles_labels()[1] == ["p", "limit of p"]
+    named = {text.get_text() for text in top.texts} | set(drawn)
+    assert {"payload pendulum p"} < named
+    looks = [
+        (x.get_color(), x.get_linestyle(), x.get_marker()) for x in top.lines if x.get_marker() != "None"
+    ]
+    assert len(set(looks)) == len(looks)
     cut = gimbal_family(grid, "z", others=[0.5])
     assert np.array_equal(cut.axes[1].lines[0].get_ydata(), grid.holding_torque[3:, 0])
     for arguments in (("y", None), ("z", [0.25]), ("z", [0.0, 0.5])):

@@ -72,7 +72,7 @@ def _draw_equivalents(axes: Axes, curves: AmplitudeCurves) -> None:
 
 
 def _draw_mode(axes: Axes, curves: AmplitudeCurves, m: int, value: np.ndarray, place: int) -> None:
-    """One curve, faint throughout and again strong where harmonic balance holds and its frequency is its own."""
+    """One curve, faint throughout; strong again where harmonic balance holds and the frequency is its own."""
     look: dict[str, Any] = {
         "color": COLOUR[COLOURS[place % len(COLOURS)]],
         "linestyle": LINES[place % len(LINES)],

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.text import Annotation
 from matplotlib.ticker import FixedLocator, NullLocator
 
 from middeck.errors import ConfigError
@@ -15,6 +16,8 @@ from middeck.structure.gimbals.family import GimbalFamily
 
 COLOURS = ("orbit", "lab", "prediction", "low", "high", "ink")
 LINES = ("-", "--", "-.", ":")
+MARKERS = ("o", "s", "^", "v", "D", "x", "P")
+APART = 0.09  # logarithm of the frequency ratio of two names that can be read
 LINEAR_HZ = 0.1  # within which the logarithmic scale passes through zero
 TICKS_HZ = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1e3, 1e4, 1e5)
 MOVES = 0.02
@@ -28,7 +31,8 @@ def gimbal_family(
     """Frequency of every branch, and the torque of every swept axis, against the angle of ``joint``.
 
     ``others`` are the angles [rad] of the other swept joints, in their order, at which the grid is cut: by
-    default those of the family's origin. A mode that grows is drawn below zero, at minus its rate over 2 pi.
+    default those of the family's origin. A mode that grows is drawn below zero, at minus its rate over 2 pi;
+    one that hardly moves is grey, with its name at its end where there is room.
     Raises `ConfigError` for a joint that was not swept or angles that are not on the grid.
     """
     joint = family.joints[0] if joint is None else joint
@@ -40,11 +44,17 @@ def gimbal_family(
     lost = [x for x in family.limits if x.joint == joint and x.unstable in cut]
     for limit in lost:
         top.axvline(np.degrees(limit.angle), color=COLOUR["lab"], linewidth=0.9, linestyle=":")
-    top.set_title("\n".join(["grey: modes that hardly move", *(x.sentence for x in lost)]))
+    top.set_title("\n".join([_case(family), *(x.sentence for x in lost)]))
     _draw_torques(bottom, family, cut, degrees)
     bottom.set_xlabel(f"angle of {joint} [deg]")
-    figure.legend(*top.get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    figure.legend(*top.get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return figure
+
+
+def _case(family: GimbalFamily) -> str:
+    rest = family.rests[family.origin]
+    assert rest is not None
+    return f"{rest.model.structure.title}; {rest.environment.title}"
 
 
 def _cut(family: GimbalFamily, joint: str, others: Sequence[float] | None) -> list[int]:
@@ -73,19 +83,43 @@ def _draw_frequencies(axes: Axes, family: GimbalFamily, cut: list[int], degrees:
             continue
         moves = np.ptp(values[np.isfinite(values)]) > MOVES * np.nanmax(np.abs(values))
         if moves and shown < len(COLOURS) * len(LINES):
-            colour, line = COLOUR[COLOURS[shown % len(COLOURS)]], LINES[shown // len(COLOURS)]
-            axes.plot(degrees, values, line, marker="o", markersize=2.5, color=colour, label=name)
+            # Colour, line and marker all change from one mode to the next: no two look alike.
+            colour, line = COLOUR[COLOURS[shown % len(COLOURS)]], LINES[(shown // len(COLOURS)) % len(LINES)]
+            marker = MARKERS[shown % len(MARKERS)]
+            axes.plot(degrees, values, line, marker=marker, markersize=3.5, color=colour, label=name)
             shown += 1
         else:
             axes.plot(degrees, values, color=COLOUR["ghost"], linewidth=0.8, zorder=1)
-    axes.axhline(0.0, color=COLOUR["ink"], linewidth=0.7)
-    if np.nanmin(f) < 0.0:
+            _name_at_end(axes, degrees, values, name)
+    _scale_frequencies(axes, f)
+
+
+def _name_at_end(axes: Axes, degrees: np.ndarray, values: np.ndarray, name: str) -> None:
+    """The name of a mode that hardly moves, at the right end of its grey line."""
+    last = int(np.flatnonzero(np.isfinite(values))[-1])
+    taken = [t.xy[1] for t in axes.texts if isinstance(t, Annotation)]
+    if any(abs(np.log(values[last] / other)) < APART for other in taken if values[last] * other > 0.0):
+        return  # too near to one that is named: it shares its place
+    axes.annotate(
+        name, (float(degrees[last]), float(values[last])), xytext=(4, 0), textcoords="offset points",
+        va="center", fontsize=6.5, color=COLOUR["rig"], annotation_clip=False,
+    )  # fmt: skip
+
+
+def _scale_frequencies(axes: Axes, f: np.ndarray) -> None:
+    """Logarithmic; where a mode grows through zero to below it, else from what there is."""
+    grows = float(np.nanmin(f)) < 0.0
+    if grows:
+        axes.axhline(0.0, color=COLOUR["ink"], linewidth=0.7)
         axes.axhspan(1.5 * float(np.nanmin(f)), 0.0, color=COLOUR["shade"], zorder=0)
-    axes.set_yscale("symlog", linthresh=LINEAR_HZ, linscale=0.5)
-    axes.yaxis.set_major_locator(FixedLocator([*(-t for t in TICKS_HZ), 0.0, *TICKS_HZ]))
+        axes.set_yscale("symlog", linthresh=LINEAR_HZ, linscale=0.5)
+    else:
+        axes.set_yscale("log")
+    signs = (-1.0, 1.0) if grows else (1.0,)
+    axes.yaxis.set_major_locator(FixedLocator(sorted({*(s * t for s in signs for t in TICKS_HZ), 0.0})))
     axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
     axes.yaxis.set_minor_locator(NullLocator())
-    axes.set_ylabel("frequency [Hz]; below 0 growth / 2π")
+    axes.set_ylabel("frequency [Hz]; below 0 growth / 2π" if grows else "frequency [Hz]")
 
 
 def _draw_torques(axes: Axes, family: GimbalFamily, cut: list[int], degrees: np.ndarray) -> None:
@@ -94,7 +128,7 @@ def _draw_torques(axes: Axes, family: GimbalFamily, cut: list[int], degrees: np.
         axes.plot(degrees, family.holding_torque[cut, i], LINES[i % len(LINES)], color=colour, label=name)
         limit = float(family.torque_limit[i])
         if np.isfinite(limit):
-            for sign in (-1.0, 1.0):
-                axes.axhline(sign * limit, color=colour, linewidth=0.8, linestyle=":")
+            for sign, label in ((-1.0, None), (1.0, f"limit of {name}")):
+                axes.axhline(sign * limit, color=colour, linewidth=0.8, linestyle=":", label=label)
     axes.set_ylabel("holding torque [N m]")
     axes.legend(loc="best")

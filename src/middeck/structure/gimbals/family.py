@@ -408,10 +408,13 @@ def _zero(
     """The angle at which the omega^2 of one more mode passes through zero (Brent 1973), its branch and name.
 
     The ``rank``-th omega^2 from below, modes at rest left out, is continuous in the angle whatever modes do
-    that cross. None where a trial in between has no rest state.
+    that cross; times the sizes of all others that are followed it is smooth too where it veers. None where a
+    trial in between has no rest state.
     """
     done = {float(start[axis]): good.member, float(end[axis]): bad}
     rest = min(int(np.sum(m.spectrum.lam == 0.0)) for m in done.values())
+
+    scale = good.member.spectrum.lam[_swinging(good.member.spectrum, rest)][: len(good.spectrum.lam) - rest]
 
     def omega2(angle: float) -> float:
         if angle not in done:
@@ -419,7 +422,8 @@ def _zero(
             here[axis] = angle
             done[angle] = solve(here)
         spectrum = done[angle].spectrum
-        return float(spectrum.lam[_ranked(spectrum, rest, rank)])
+        lam = spectrum.lam[_swinging(spectrum, rest)][: len(scale)]
+        return float(np.sign(lam[rank]) * np.prod(np.abs(lam / scale)))
 
     try:
         found = float(cast("float", brentq(omega2, float(start[axis]), float(end[axis]), xtol=FINEST)))
@@ -430,17 +434,17 @@ def _zero(
     here = good
     for angle in way[1 : way.index(nearest) + 1]:
         here = _step(here, done[angle])
-    lost = done[nearest].spectrum.shapes[:, _ranked(done[nearest].spectrum, rest, rank)]
+    lost = done[nearest].spectrum.shapes[:, _swinging(done[nearest].spectrum, rest)[rank]]
     alike = np.abs(here.spectrum.shapes.T @ (here.spectrum.mass @ lost))
     # One loss, one name: that of the mode at the point beyond, where `trouble` speaks of it.
-    name = _name(bad.rest, bad.spectrum, _ranked(bad.spectrum, rest, rank))
+    name = _name(bad.rest, bad.spectrum, int(_swinging(bad.spectrum, rest)[rank]))
     return found, int(np.argmax(alike)), name
 
 
-def _ranked(spectrum: Spectrum, rest: int, rank: int) -> int:
-    """The mode of that rank from below, the ``rest`` modes nearest to zero left out."""
-    swings = np.sort(np.argsort(np.abs(spectrum.lam), kind="stable")[rest:])
-    return int(swings[np.argsort(spectrum.lam[swings], kind="stable")[rank]])
+def _swinging(spectrum: Spectrum, rest: int) -> np.ndarray:
+    """Modes by omega^2 from below, the ``rest`` nearest to zero left out."""
+    swings = np.argsort(np.abs(spectrum.lam), kind="stable")[rest:]
+    return swings[np.argsort(spectrum.lam[swings], kind="stable")]
 
 
 def _name(rest: Equilibrium, spectrum: Spectrum, mode: int) -> str:
