@@ -122,6 +122,26 @@ def find_what_matters(names: Names) -> None:
     )
 
 
+def gimbals_and_friction(names: Names) -> None:
+    """A pendulum that becomes a gimbal mode, gains that are right, a band by hand, a bounce that stiffens."""
+    assert names["family"].stable == (True,) * 3
+    assert all(plant is not None for plant in names["plants"])
+    curves, at = names["curves"], names["pendulum"]
+    assert curves.frequency_hz[0, at] == pytest.approx(3.2, abs=0.05)
+    assert curves.zeta[:, at].max() == pytest.approx(0.25, abs=0.03)
+    np.testing.assert_allclose(names["gain"].truncated_error[0], [5.6e-3, 3e-8], rtol=0.2)
+    assert np.all(names["gain"].completed_error < 1e-9)  # rounding
+    band = names["band"]
+    assert band.device == ("n1", "n3", "n5")
+    # Of the whole article: three times 0.2 N over its bounce stiffness, m (2 pi 0.25 Hz)^2, to its tilt.
+    mass = names["article"].mass
+    assert band.shift[1] == pytest.approx(3 * 0.2 / (mass * (2 * np.pi * 0.25) ** 2), rel=0.1)
+    bounce = names["bounce"].frequency_hz
+    assert bounce[0] > 5.0 * bounce[-1]
+    assert Path("family.svg").exists()
+    assert Path("amplitude.svg").exists()
+
+
 PROMISES: dict[str, Callable[[Names], None]] = {
     "README.md": readme,
     "docs/tutorials/first-steps.md": first_steps,
@@ -131,6 +151,7 @@ PROMISES: dict[str, Callable[[Names], None]] = {
     "docs/how-to/level-an-article.md": level_an_article,
     "docs/how-to/correlate-with-a-test.md": correlate_with_a_test,
     "docs/how-to/find-what-matters.md": find_what_matters,
+    "docs/how-to/gimbals-and-friction.md": gimbals_and_friction,
 }
 
 

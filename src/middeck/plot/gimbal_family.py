@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from textwrap import fill
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -17,7 +18,7 @@ from middeck.structure.gimbals.family import GimbalFamily
 COLOURS = ("orbit", "lab", "prediction", "low", "high", "ink")
 LINES = ("-", "--", "-.", ":")
 MARKERS = ("o", "s", "^", "v", "D", "x", "P")
-APART = 0.09  # logarithm of the frequency ratio of two names that can be read
+APART = 0.13  # logarithm of the frequency ratio of two names that can be read
 LINEAR_HZ = 0.1  # within which the logarithmic scale passes through zero
 TICKS_HZ = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1e3, 1e4, 1e5)
 MOVES = 0.02
@@ -54,7 +55,7 @@ def gimbal_family(
 def _case(family: GimbalFamily) -> str:
     rest = family.rests[family.origin]
     assert rest is not None
-    return f"{rest.model.structure.title}; {rest.environment.title}"
+    return fill(f"{rest.model.structure.title}; {rest.environment.title}", 95)
 
 
 def _cut(family: GimbalFamily, joint: str, others: Sequence[float] | None) -> list[int]:
