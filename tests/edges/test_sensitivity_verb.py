@@ -143,3 +143,22 @@ def test_a_key_of_the_file_is_followed_to_what_it_became(
         ended = middeck(capfd, *ask, pattern)
         assert ended.code == 2
         assert became in ended.err
+
+
+def test_nothing_asked_and_nothing_to_say(capfd):
+    """An empty name, a budget of nothing, and rigid modes alone are told, not shown as empty tables."""
+    from middeck.cli.main import execute
+
+    article = str(ROOT / "articles" / "mace-simple.toml")
+    for arguments, code, says in (
+        (["sensitivity", article, "--parameter", ""], 2, "no parameter named"),
+        (["budget", article, "--environment", "orbit"], 2, "nothing to budget"),
+        (
+            ["sensitivity", article, "--environment", "orbit", "--count", "8", "--parameter", "members.E"],
+            0,
+            "all modes shown are rigid",
+        ),
+    ):
+        assert execute(arguments, lambda: False) == code
+        out, err = capfd.readouterr()
+        assert says in out + err

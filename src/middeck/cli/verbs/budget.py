@@ -40,13 +40,22 @@ def verb(
     pre-deformation are switched on one at a time, in all six orders: the mean of what each adds to the
     frequency, and how far that depends on the order.
     """
+    import numpy as np
+
     from middeck.cli.cases import find_case, solve_in
+    from middeck.errors import ConfigError
     from middeck.files.documents import load_case
     from middeck.structure.environment import Environment
     from middeck.structure.gravity.budget import build_budget
 
     files = find_case(article, environment)
     structure, surroundings = load_case(*files, overrides)
+    if not np.any(surroundings.gravity) and not surroundings.hung and not surroundings.springs:
+        raise ConfigError(
+            "from orbit to orbit there is nothing to budget",
+            where="--environment",
+            hint="give a laboratory, or an environment file with gravity or springs",
+        )
     orbit = solve_in(structure, Environment.orbit(), files[0], count=count)
     found = build_budget(orbit, solve_in(structure, surroundings, *files, count=count), count)
     document = describe(found)

@@ -71,6 +71,7 @@ def verb(
     """
     from middeck.cli.blame import reading
     from middeck.cli.cases import find_case, solve_case
+    from middeck.errors import ConfigError
     from middeck.structure.sensitivity.frequencies import differentiate_frequencies
     from middeck.structure.sensitivity.parameters import find_parameters
     from middeck.structure.sensitivity.rest import differentiate_rest
@@ -80,6 +81,8 @@ def verb(
     chosen = find_modes(modes.name, wanted)
     with reading(*find_case(article, environment)):
         names = options.separate_names(patterns)
+        if not names:
+            raise ConfigError("no parameter named", where="--parameter", hint='a name, or "*" for all')
         parameters = find_parameters(rest.model.structure, rest.environment, names)
         by_rest = differentiate_rest(rest, parameters)
         by_modes = differentiate_frequencies(modes, parameters, max([count, *(m + 1 for m in chosen)]))
@@ -154,6 +157,8 @@ def _tables(document: dict[str, Any], chosen: list[int], top: int | None) -> lis
         f"article      {document['article']}",
         f"environment  {document['environment']}",
     ]
+    if not any(f > 0.0 for f in document["frequency_hz"]):
+        blocks.append("\nall modes shown are rigid: omega = 0 has no derivative; a larger --count shows more")
     if not chosen and top is None:
         rows = [_row(document, p, m) for p in every for m in modes if _has_slope(document, p, m)]
         blocks.append(Table("derivatives of the frequencies", FREQUENCIES, rows))
