@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from textwrap import fill
+from textwrap import fill, wrap
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.text import Annotation
 from matplotlib.ticker import FixedLocator, NullLocator
 
 from middeck.errors import ConfigError
@@ -18,7 +17,7 @@ from middeck.structure.gimbals.family import GimbalFamily
 COLOURS = ("orbit", "lab", "prediction", "low", "high", "ink")
 LINES = ("-", "--", "-.", ":")
 MARKERS = ("o", "s", "^", "v", "D", "x", "P")
-APART = 0.13  # logarithm of the frequency ratio of two names that can be read
+APART = 0.2  # logarithm of the frequency ratio of two names that can be read
 LINEAR_HZ = 0.1  # within which the logarithmic scale passes through zero
 TICKS_HZ = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1e3, 1e4, 1e5)
 MOVES = 0.02
@@ -33,7 +32,7 @@ def gimbal_family(
 
     ``others`` are the angles [rad] of the other swept joints, in their order, at which the grid is cut: by
     default those of the family's origin. A mode that grows is drawn below zero, at minus its rate over 2 pi;
-    one that hardly moves is grey, with its name at its end where there is room.
+    one that hardly moves is grey, with its name at its end.
     Raises `ConfigError` for a joint that was not swept or angles that are not on the grid.
     """
     joint = family.joints[0] if joint is None else joint
@@ -77,7 +76,7 @@ def _cut(family: GimbalFamily, joint: str, others: Sequence[float] | None) -> li
 
 def _draw_frequencies(axes: Axes, family: GimbalFamily, cut: list[int], degrees: np.ndarray) -> None:
     f = family.frequency_hz[cut]
-    shown = 0
+    shown, grey = 0, list[tuple[float, str]]()
     for branch, name in enumerate(family.name):
         values = f[:, branch]
         if not np.any(np.isfinite(values)) or np.nanmax(np.abs(values)) == 0.0:
@@ -91,20 +90,24 @@ def _draw_frequencies(axes: Axes, family: GimbalFamily, cut: list[int], degrees:
             shown += 1
         else:
             axes.plot(degrees, values, color=COLOUR["ghost"], linewidth=0.8, zorder=1)
-            _name_at_end(axes, degrees, values, name)
+            grey.append((float(values[np.isfinite(values)][-1]), name))
+    _name_ends(axes, degrees, grey)
     _scale_frequencies(axes, f)
 
 
-def _name_at_end(axes: Axes, degrees: np.ndarray, values: np.ndarray, name: str) -> None:
-    """The name of a mode that hardly moves, at the right end of its grey line."""
-    last = int(np.flatnonzero(np.isfinite(values))[-1])
-    taken = [t.xy[1] for t in axes.texts if isinstance(t, Annotation)]
-    if any(abs(np.log(values[last] / other)) < APART for other in taken if values[last] * other > 0.0):
-        return  # too near to one that is named: it shares its place
-    axes.annotate(
-        name, (float(degrees[last]), float(values[last])), xytext=(4, 0), textcoords="offset points",
-        va="center", fontsize=6.5, color=COLOUR["rig"], annotation_clip=False,
-    )  # fmt: skip
+def _name_ends(axes: Axes, degrees: np.ndarray, grey: list[tuple[float, str]]) -> None:
+    """Names of modes that hardly move, at the right end of their lines; near ones share a line."""
+    groups: list[tuple[float, list[str]]] = []
+    for value, name in sorted(grey):
+        if groups and value > 0.0 and groups[-1][0] > 0.0 and np.log(value / groups[-1][0]) < APART:
+            groups[-1][1].append(name)
+        else:
+            groups.append((value, [name]))
+    for value, names in groups:
+        axes.annotate(
+            "\n".join(wrap(", ".join(names), 26)), (float(degrees[-1]), value), xytext=(4, 0),
+            textcoords="offset points", va="center", fontsize=5.5, color=COLOUR["rig"], annotation_clip=False,
+        )  # fmt: skip
 
 
 def _scale_frequencies(axes: Axes, f: np.ndarray) -> None:
