@@ -4,7 +4,7 @@
 
 PYTHON is an interpreter with what `peers/structure-requirements.txt` names; without one there are no peers'
 columns. Every solution is a process of its own with one BLAS thread; times are its CPU seconds, the median of
-several runs, rest state and modes together, without the building of the input. OPENSEES_BLAS (a library) takes
+several runs, rest state and modes together, without building the input. OPENSEES_BLAS, a library, takes
 the place of the reference BLAS that OpenSees brings; the committed rows were made with Debian's OpenBLAS.
 """
 
