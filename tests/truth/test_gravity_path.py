@@ -10,6 +10,7 @@ from scipy.optimize import brentq, minimize_scalar
 from scipy.special import jv
 
 from middeck.errors import ConfigError
+from middeck.files.documents import load_case
 from middeck.structure.article import AttachPoint, Joint, JointState, Section, Structure
 from middeck.structure.environment import AnchoredSpring, Device, Environment, Suspension
 from middeck.structure.equilibrium import solve_equilibrium
@@ -233,6 +234,84 @@ def test_veering_of_a_pendulum_that_carries_a_sprung_wheel(j: float):
     assert {e.kind for e in path.events} == {EventKind.VEERING}
     # Each branch keeps its rank: the one that starts as the pendulum ends as the wheel.
     assert len(set(np.sign(np.diff(two, axis=1)).ravel())) == 1
+
+
+# Events do not depend on where the path is cut
+
+
+def told(path: GravityPath, station: int) -> list[tuple[float, str, tuple[int, ...]]]:
+    """Kind, modes by their frequencies' rank at ``station``, and gravity of each event, in its order."""
+    rank = np.argsort(np.argsort(path.omega2[station], kind="stable"), kind="stable")
+    return sorted(
+        (float(np.linalg.norm(e.gravity)), e.kind.value, tuple(sorted(int(rank[b]) for b in e.branch)))
+        for e in path.events
+    )
+
+
+def agree(structure: Structure, environment: Environment, paths: list[list[Place]], count: int) -> list:
+    """What the paths have to tell, after each was found to tell what the first does."""
+    first = None
+    for places in paths:
+        path = follow_gravity(structure, environment, places, count=count)
+        assert path.complete
+        on_earth = path.reached[[p.size for p in places].index(G)]
+        found = told(path, on_earth)
+        first = first or found
+        assert [x[1:] for x in found] == [x[1:] for x in first]
+        assert [x[0] for x in found] == pytest.approx([x[0] for x in first], rel=1e-3)
+    assert first
+    return first
+
+
+def cuts(*sizes: float, end: Place) -> list[list[Place]]:
+    """From Earth in one leg, through ``sizes``, and both back."""
+    whole, cut = [EARTH, end], [EARTH, *(at(g) for g in sizes), end]
+    return [whole, cut, whole[::-1], cut[::-1]]
+
+
+def swinging_pair(j: float) -> tuple[Structure, Environment]:
+    """A pendulum that carries a coaxial sprung wheel of inertia ``j``, as in the closed 2x2 problem."""
+    swing = hinge("swing", X, (0, -0.1, 0), (0.2, 0.1, 0.2))
+    return on_a_base(swing, hinge("wheel", X, (0, 0, 0), (j, 1.0, 1.0), 5.0 * j, parent="swing"))
+
+
+@pytest.mark.parametrize("j", [1e-2, 1e-5])
+def test_a_veering_is_one_however_the_path_is_cut(j: float):
+    """Gaps of 2 sqrt(j/I) of omega^2, some far below the steps of the path; the last place is within one."""
+    near = 5.0 * 0.22 / 0.2  # m g d / I = k / j
+    paths = cuts(8.0, near + 0.1, near, near * 0.9999, end=at(1.0))
+    (event,) = agree(*swinging_pair(j), paths, count=8)
+    assert event[1] == "veering"
+    path = follow_gravity(*swinging_pair(j), paths[0], count=8)
+    two = np.array([branch(path, f"payload pendulum {n}") for n in ("swing", "wheel")]).T
+    # Branches turn through it, whatever the step was: they keep their order.
+    assert len(set(np.sign(np.diff(two, axis=1)).ravel())) == 1
+    gap = np.sqrt(j / 0.22) * path.events[0].frequency_hz
+    assert path.events[0].gap_hz == pytest.approx(gap, rel=0.03)  # leading order; j / I is 0.05 at most
+
+
+def test_a_crossing_is_one_however_the_path_is_cut():
+    """Axes at right angles; one of the places is where it happens, to rounding."""
+    wheel = hinge("wheel", Y, (0, 0, 0), (1.0, 0.3, 1.0), 1.7)
+    swing = hinge("swing", X, (0, -0.1, 0), (0.2, 0.1, 0.2))
+    paths = cuts(8.0, 1.7 / 0.3 * 0.22 / 0.2, 6.1, end=at(4.0))
+    assert [e[1] for e in agree(*on_a_base(wheel, swing), paths, count=8)] == ["crossing"]
+
+
+def test_simple_article_to_orbit_and_back():
+    """Payload pendulums past suspension modes, within a third of a m/s^2 of each other."""
+    parts, environment = load_case(
+        "articles/mace-simple.toml", "environments/lab.toml", ["mesh.elements_per_strut=1"]
+    )
+    events = agree(parts, environment, cuts(6.0, 3.71, 1.62, 0.3, end=ORBIT)[:3], count=14)
+    assert [e[1] for e in events] == ["veering"] * 5
+
+
+def test_a_path_that_turns_back_has_no_event_where_it_turns():
+    """On the way out and back each event stands twice; the turning point is no closest approach."""
+    near = 5.0 * 0.22 / 0.2
+    path = follow_gravity(*swinging_pair(1e-2), [EARTH, at(near * 1.02), EARTH], count=8)
+    assert path.events == ()
 
 
 # Loss of stability

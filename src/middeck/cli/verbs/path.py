@@ -127,6 +127,7 @@ def describe(found: GravityPath) -> dict[str, Any]:
         "gravity_m_s2": found.gravity,
         "frequency_hz": found.frequency_hz,
         "match": found.match,
+        "exchanged": found.exchanged,
         "doubtful": found.doubtful,
         "events": [
             {
@@ -151,15 +152,33 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
     if stations and stations[-1] != len(document["s"]) - 1:
         stations.append(len(document["s"]) - 1)
         headers.append("the end")
+    exchanged = document["exchanged"]
     rows = [
-        [name, kind, *(f"{document['frequency_hz'][p, b]:.5f}" for p in stations)]
+        [f"{name} ~" if exchanged[stations, b].any() else name, kind,
+         *(f"{document['frequency_hz'][p, b]:.5f}{'~' if exchanged[p, b] else ' '}" for p in stations)]
         for b, (name, kind) in enumerate(zip(document["name"], document["kind"], strict=True))
-    ]
+    ]  # fmt: skip
     blocks: list[str | Table] = [
         f"article      {document['article']}",
         f"environment  {document['environment']}, devices {document['devices']}",
     ]
     if rows:
         blocks.append(Table("frequencies, Hz", ["branch", "kind", *headers], rows))
+        blocks += _notes(document, stations)
     events = [f"  {e['sentence']}" for e in document["events"]]
     return [*blocks, "\n".join(["", "on the way", *(events or ["  nothing crosses, veers or gives way"])])]
+
+
+def _notes(document: dict[str, Any], stations: list[int]) -> list[str]:
+    notes: list[str] = []
+    if document["exchanged"][stations].any():
+        notes.append(
+            "~ past a veering: the shape is no longer the one that the name tells; a name is that of the mode"
+            "\n  where the path begins"
+        )
+    if not document["gravity_m_s2"][stations].any(axis=1).all():
+        notes.append(
+            "in orbit devices are released, their stiffness and moving mass with them: a jump, at a thousandth"
+            "\nof the gravity for which they were tuned"
+        )
+    return ["", *notes] if notes else []

@@ -14,7 +14,7 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from middeck.errors import ConfigError, UnstableEquilibriumError
 from middeck.structure.article import Structure
@@ -23,7 +23,8 @@ from middeck.structure.elements.frames import Configuration
 from middeck.structure.environment import Environment
 from middeck.structure.equilibrium import Equilibrium, solve_equilibrium
 from middeck.structure.gravity.continuation import rest_near
-from middeck.structure.gravity.events import Advance, EventKind, GravityEvent, Station, find_exchanges
+from middeck.structure.gravity.events import EventKind, GravityEvent, Station
+from middeck.structure.gravity.exchanges import Advance, Course, reorder, resolve_exchanges
 from middeck.structure.gravity.places import DeviceRule, Place, gravity_between, loads_in
 from middeck.structure.gravity.tracking import HALF_SHAPE, solve_spectrum, spectrum_of, track
 from middeck.structure.modes import Modes, solve_modes
@@ -32,14 +33,14 @@ from middeck.values import record
 
 # Parts of the way between two places.
 LONGEST_STEP = 1.0 / 20.0
-# A veering narrower than this is passed as a crossing.
+# What is still not followed is looked at by `resolve_exchanges`.
 SHORTEST_STEP = 1e-4
 # To this the end of a branch, and the loss of stability, are found.
 FINEST = 1e-10
 # A mode is surely the same when this, squared, of its shape is; steps grow again above EASY.
 SURE = 0.9
 EASY = 0.97
-# Part of the neighbouring gravity at which devices are released on the way to orbit, or take hold.
+# Part of the gravity for which devices were tuned, at which they are released for orbit, or take hold.
 RELEASE = 1e-3
 
 
@@ -62,7 +63,7 @@ class GravityPath:
     match:
         Cross-orthogonality with the station before; 1 at the first.
     events:
-        Crossings, veerings and, last, what ended the path before its last place, if anything did.
+        Crossings, veerings (see `exchanged`) and, last, what ended the path before its last place, if anything did.
     """
 
     structure: Structure
@@ -94,6 +95,15 @@ class GravityPath:
         return np.linalg.norm(self.gravity, axis=1)
 
     @property
+    def exchanged(self) -> Bool[np.ndarray, "station branch"]:
+        """Where a branch is past a veering: its shape is no longer the one that its name tells."""
+        past = np.zeros(self.omega2.shape, dtype=bool)
+        for event in self.events:
+            if event.kind is EventKind.VEERING:
+                past[np.ix_(self.s > event.s, event.branch)] = True
+        return past
+
+    @property
     def doubtful(self) -> tuple[tuple[int, int], ...]:
         """(station, branch) where less than half of a shape is what it was a station before."""
         return tuple((int(i), int(j)) for i, j in np.argwhere(self.match < HALF_SHAPE))
@@ -112,6 +122,12 @@ class _Leg(NamedTuple):
     def loads(self, s: float) -> Loads:
         """The loads at ``s``."""
         return self.loads_at(gravity_between(self.a, self.b, s - self.k))
+
+    @property
+    def release(self) -> float:
+        """Part of the way from orbit, or to it, without devices: the same gravity on every path."""
+        other = max(self.a.size, self.b.size)
+        return min(RELEASE * float(np.linalg.norm(self.full.loads.gravity)) / other, 0.5)
 
 
 class _Stop(NamedTuple):
@@ -132,8 +148,8 @@ def follow_gravity(
     """Follow the ``count`` lowest modes from place to place; by default from ``environment`` to orbit.
 
     The devices of ``environment`` are tuned in its own gravity; elsewhere they obey ``devices``. On the way
-    to a place without gravity they are released at a thousandth of the gravity before; on the way from one
-    they take hold there, and the article first settles under them.
+    to a place without gravity they are released at a thousandth of that; on the way from one they take hold
+    there, and the article first settles under them.
 
     An unstable rest state ends the path as a value: the last of ``events`` says where, and which mode. Raises
     `ConfigError` for a path that goes nowhere and `EquilibriumError` where ``environment`` cannot hold the
@@ -153,23 +169,24 @@ def follow_gravity(
             structure, environment, devices, places, (), (), (), np.zeros(0), np.zeros((0, 3)), nothing,
             nothing, (start,),
         )  # fmt: skip
-    stations, reached, events = [_first_station(modes)], [0], list[GravityEvent]()
-    for k, (a, b) in enumerate(itertools.pairwise(places)):
-        leg = _Leg(full, free, loads_at, a, b, k)
+    legs = [_Leg(full, free, loads_at, a, b, k) for k, (a, b) in enumerate(itertools.pairwise(places))]
+    stations, stop, arrived = [_first_station(modes)], None, 1
+    for leg in legs:
         more, stop = _follow_leg(leg, stations[-1])
-        ramp = [x for x in (stations[-1], *more) if np.any(x.gravity)]
-        events += find_exchanges(ramp, partial(_advance, leg), modes.name)
         stations += more
         if stop is not None:
-            events.append(_ending(stop, full.suspension.name, modes.name))
             break
-        reached.append(len(stations) - 1)
+        arrived += 1
+    stations, events, order = _resolve_runs(stations, legs, modes.name)
+    if stop is not None:
+        events.append(_ending(_reorder_stop(stop, order), full.suspension.name, modes.name))
+    reached = np.searchsorted([x.s for x in stations], np.arange(arrived))
     return GravityPath(
         structure,
         environment,
         devices,
         places,
-        tuple(reached),
+        tuple(map(int, reached)),
         modes.name,
         modes.kind,
         np.array([x.s for x in stations]),
@@ -178,6 +195,33 @@ def follow_gravity(
         np.array([x.match for x in stations]),
         tuple(events),
     )
+
+
+def _resolve_runs(
+    stations: Sequence[Station], legs: Sequence[_Leg], names: tuple[str, ...]
+) -> tuple[list[Station], list[GravityEvent], np.ndarray]:
+    """Exchanges between one visit to orbit and the next; branches renamed in one run stay so in all."""
+    steps = [np.linalg.norm(leg.b.gravity - leg.a.gravity) for leg in legs]
+    come = np.concatenate([[0.0], np.cumsum(steps)])
+
+    def advance(before: Station, s: float) -> Station | None:
+        return _advance(legs[min(int(s), len(legs) - 1)], before, s)
+
+    done: list[Station] = []
+    events: list[GravityEvent] = []
+    order = np.arange(len(names))
+    for heavy, group in itertools.groupby(stations, key=lambda x: bool(np.any(x.gravity))):
+        run = [reorder(x, order) for x in group]
+        if heavy:
+            found = resolve_exchanges(run, Course(advance, come), names)
+            run, order = found.stations, order[found.order]
+            events += found.events
+        done += run
+    return done, events, order
+
+
+def _reorder_stop(stop: _Stop, order: np.ndarray) -> _Stop:
+    return _Stop(reorder(stop.good, order), None if stop.bad is None else reorder(stop.bad, order))
 
 
 def _check(environment: Environment, places: tuple[Place, ...]) -> None:
@@ -247,11 +291,11 @@ def _follow_leg(leg: _Leg, start: Station) -> tuple[list[Station], _Stop | None]
     stations = [start]
     hung = len(leg.full.suspension.name)
     if leg.a.size == 0.0:
-        held = _take_hold(leg, start, leg.k + RELEASE)
+        held = _take_hold(leg, start, leg.k + leg.release)
         if held is None or _is_bad(held, hung):
             return [], _Stop(start, held)
         stations.append(held)
-    end = leg.k + 1.0 - (RELEASE if leg.b.size == 0.0 else 0.0)
+    end = leg.k + 1.0 - (leg.release if leg.b.size == 0.0 else 0.0)
     more, stop = _follow_ramp(stations[-1], partial(_advance, leg), end, hung)
     stations += more
     if stop is None and leg.b.size == 0.0:

@@ -47,14 +47,18 @@ class DeviceRule(Enum):
     RETUNED = "retuned"  # tuned and anchored anew, as if each gravity were an environment of its own
 
 
-def find_place(name: str, down: Float[np.ndarray, "3"]) -> Place:
+def find_place(name: str, down: Float[np.ndarray, "3"] | None = None) -> Place:
     """A place of `GRAVITIES`, or a number of m/s^2, with gravity along ``down``.
 
-    Raises `ConfigError` for any other name and for a ``down`` of no length.
+    By default against y, which is up in the articles and environments that come along. Raises `ConfigError`
+    for any other name and for a ``down`` of no length.
 
-    >>> find_place("moon", np.array([0.0, -9.80665, 0.0])).gravity.tolist()
+    >>> find_place("moon").gravity.tolist()
     [0.0, -1.62, 0.0]
+    >>> find_place("2.5", down=np.array([0.0, 0.0, -9.80665])).gravity.tolist()
+    [0.0, 0.0, -2.5]
     """
+    down = np.array([0.0, -1.0, 0.0]) if down is None else down
     length = float(np.linalg.norm(down))
     if length == 0.0:
         raise ConfigError(

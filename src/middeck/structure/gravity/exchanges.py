@@ -1,0 +1,303 @@
+"""Crossings and veerings on a path, wherever its stations happen to stand.
+
+Every closest approach of two branches is searched for its least gap. What happened there is told by the
+shapes on both sides, at distances that the approach itself sets: neither the steps of the path nor the places
+at which it is cut into legs have a say. A veering that was stepped over, so that both branches went straight
+on, is put right: its stations are added, and branches renamed behind it.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from middeck.structure.gravity.events import EventKind, GravityEvent, Station
+from middeck.structure.gravity.tracking import REPEATED, Spectrum, track
+
+# Shapes are compared where the gap of omega^2 is this many times its least: of two modes that exchange their
+# shapes, 60 of 90 degrees are turned between both sides (tan 2 theta = coupling / detuning).
+WIDENED = 2.0
+# And where it is at least this part of omega^2: well out of what counts as one frequency.
+ASIDE = 100.0 * REPEATED
+# Parabolas towards a least gap. Close enough is where the gap would change by this part of itself, or of what
+# counts as one frequency: in steps that converge faster than linearly, far closer than that.
+PARABOLAS = 40
+CLOSE = 1e-2
+# The last parabola is drawn through points about this part of the width of the approach away.
+LOCAL = 0.5
+# Halvings until the middle of a bracket is nearer than its ends.
+HALVINGS = 20
+# Of the first and of the last step of a run: how far inside it is looked which way a gap goes from there.
+INSIDE = 1e-3
+# Veerings that one run may step over; more are no longer separate events.
+STEPPED_OVER = 200
+
+# From a station to a near place on the same branch; None where there is none.
+Advance = Callable[[Station, float], Station | None]
+
+
+class Course(NamedTuple):
+    """How to get from station to station, and how far gravity has come [m/s^2] at each whole s."""
+
+    advance: Advance
+    come: Float[np.ndarray, " place"]
+
+    def distance(self, s: float) -> float:
+        """On one straight line, the same whatever places cut it."""
+        return float(np.interp(s, np.arange(len(self.come)), self.come))
+
+    def to(self, near: Station, x: float) -> Station | None:
+        """The station at the distance ``x``, from a near one."""
+        inside = self.come[0] <= x <= self.come[-1]
+        s = float(np.interp(x, self.come, np.arange(len(self.come))))
+        return self.advance(near, s) if inside else None
+
+
+class Approach(NamedTuple):
+    """Two modes where they are nearest, and on both sides of that; ``gap`` is relative, of omega^2.
+
+    ``rank`` is how many of those followed are below them.
+    """
+
+    at: Station
+    before: Station
+    after: Station
+    gap: float
+    exchanged: bool
+    rank: int
+
+    @property
+    def kind(self) -> EventKind:
+        """Modes that come within one frequency cross."""
+        return EventKind.VEERING if self.gap > REPEATED else EventKind.CROSSING
+
+
+class Resolved(NamedTuple):
+    """The stations of a run with those of veerings added, events, and the order of branches at its end."""
+
+    stations: list[Station]
+    events: list[GravityEvent]
+    order: Int[np.ndarray, " branch"]
+
+
+def reorder(station: Station, order: Int[np.ndarray, " branch"]) -> Station:
+    """Its branches in another order."""
+    lam, shapes, M = station.spectrum
+    return station._replace(spectrum=Spectrum(lam[order], shapes[:, order], M), match=station.match[order])
+
+
+def resolve_exchanges(stations: Sequence[Station], course: Course, names: tuple[str, ...]) -> Resolved:
+    """Crossings and veerings of all pairs of modes over a run of stations on one continuous branch."""
+    run, order = list(stations), np.arange(stations[0].spectrum.lam.size)
+    found: list[Approach] = []
+    looked: set[tuple[float, float, tuple[int, int]]] = set()
+    for _ in range(STEPPED_OVER):
+        flip = next((f for f in _flips(run) if f not in looked), None)
+        if flip is None:
+            break
+        looked.add(flip)
+        a, b, pair = flip
+        near = _bracket_flip([x for x in run if a <= x.s <= b], pair, course)
+        new = near and _nearest(near, pair, course)
+        if not new or not new.exchanged:
+            continue
+        found.append(new)
+        if new.kind is EventKind.VEERING:
+            run, turn = _put_right(run, new)
+            order = order[turn]
+    found += _resolved_already(run, found, course)
+    events = [_event(x, run, names) for x in found]
+    return Resolved(run, sorted(events, key=lambda e: e.s), order)
+
+
+# Closest approaches that the stations show
+
+
+def _flips(run: Sequence[Station]) -> list[tuple[float, float, tuple[int, int]]]:
+    """Where, between which s, two branches change their order; one repeated frequency has none."""
+    lam = np.array([x.spectrum.lam for x in run])
+    found: list[tuple[float, float, tuple[int, int]]] = []
+    for i, j in itertools.combinations(range(lam.shape[1]), 2):
+        a, b = lam[:, i], lam[:, j]
+        one = np.abs(a - b) <= REPEATED * np.maximum(np.abs(a), np.abs(b))
+        apart = np.flatnonzero(~one).tolist()
+        rank = np.sign(a - b)
+        found += [(run[p].s, run[q].s, (i, j)) for p, q in itertools.pairwise(apart) if rank[p] != rank[q]]
+    return sorted(found)
+
+
+def _bracket_flip(
+    run: Sequence[Station], pair: tuple[int, int], course: Course
+) -> tuple[Station, Station, Station] | None:
+    """Three stations, the middle one the nearest, between two on either side of a change of order."""
+    a, b = run[0], run[-1]
+    for k in range(HALVINGS):
+        u, v = course.distance(a.s), course.distance(b.s)
+        part = 0.5 if k else _signed(a, pair) / (_signed(a, pair) - _signed(b, pair))
+        middle = course.to(a, u + part * (v - u))
+        if middle is None:
+            return None
+        if _gap(middle, pair) < min(_gap(a, pair), _gap(b, pair)):
+            return a, middle, b
+        a, b = (middle, b) if _signed(middle, pair) * _signed(a, pair) > 0.0 else (a, middle)
+    return None
+
+
+def _resolved_already(run: Sequence[Station], known: Sequence[Approach], course: Course) -> list[Approach]:
+    """Veerings in which the stations followed both branches: minima of a gap that no flip explains."""
+    run = _look_inside(run, course)
+    lam = np.array([x.spectrum.lam for x in run])
+    found: list[Approach] = []
+    for pair in itertools.combinations(range(lam.shape[1]), 2):
+        gap = np.abs(lam[:, pair[0]] - lam[:, pair[1]])
+        apart = gap > REPEATED * np.abs(lam[:, pair]).max(axis=1)
+        for p in range(1, len(run) - 1):
+            least = gap[p] < gap[p - 1] and gap[p] <= gap[p + 1] and apart[p - 1] and apart[p + 1]
+            if not least or not _neighbours(run[p], pair) or not _opens(gap, p):
+                continue
+            near = (run[p - 1], run[p], run[p + 1])
+            rank = int(np.sum(lam[p] < lam[p, list(pair)].min()))
+            if any(x.rank == rank and near[0].s <= x.at.s <= near[2].s for x in known):
+                continue
+            new = _nearest(near, pair, course)
+            if new and new.exchanged:
+                found.append(new)
+    return found
+
+
+def _opens(gap: np.ndarray, p: int) -> bool:
+    """Whether a gap with its minimum near ``p`` may become wide enough on both sides."""
+    # Between two stations a gap falls no lower than it would, if it went on as on the steeper side.
+    fall = max(gap[p - 1], gap[p + 1]) - gap[p]
+    return min(gap[:p].max(), gap[p + 1 :].max()) >= WIDENED * max(gap[p] - fall, 0.0)
+
+
+def _look_inside(run: Sequence[Station], course: Course) -> list[Station]:
+    """With a station just inside each end: an approach between an end and its neighbour shows itself."""
+    if len(run) < 2:
+        return list(run)
+    first = course.advance(run[0], run[0].s + INSIDE * (run[1].s - run[0].s))
+    last = course.advance(run[-1], run[-1].s - INSIDE * (run[-1].s - run[-2].s))
+    inside = [[x] if x is not None else [] for x in (first, last)]
+    return [run[0], *inside[0], *run[1:-1], *inside[1], run[-1]]
+
+
+# One approach
+
+
+def _nearest(
+    near: tuple[Station, Station, Station], pair: tuple[int, int], course: Course
+) -> Approach | None:
+    """By parabolas through the square of the gap, which a 2x2 problem linear in gravity makes exact.
+
+    The last one goes through points as near as the gap is wide: the rate at which it opens is that there,
+    whatever the bracket was.
+    """
+    for _ in range(PARABOLAS):
+        x, y = _squares(near, pair, course)
+        lowest, curved = _parabola(x, y)
+        if curved <= 0.0:
+            return None
+        floor = max(_gap(near[1], pair), REPEATED * _size(near[1], pair)) / np.sqrt(curved)
+        if abs(lowest - x[1]) <= CLOSE * floor:
+            far = float(max(x[0], x[2], key=lambda end: abs(end - x[1])))
+            if abs(far - x[1]) <= 2.0 * LOCAL * floor:
+                return _compare_sides(near[1], curved, pair, course)
+            lowest = x[1] + LOCAL * floor * np.sign(far - x[1])
+        between = course.to(near[1], lowest)
+        if between is None:
+            return None
+        if any(between.s == x.s for x in near):  # nearer than s can be told
+            return _compare_sides(near[1], curved, pair, course)
+        four = sorted([*near, between], key=lambda p: p.s)
+        k = min((1, 2), key=lambda m: _gap(four[m], pair))
+        near = (four[k - 1], four[k], four[k + 1])
+    return None
+
+
+def _compare_sides(at: Station, curved: float, pair: tuple[int, int], course: Course) -> Approach | None:
+    size, gap = _size(at, pair), _gap(at, pair)
+    if size == 0.0 or not _neighbours(at, pair):
+        return None
+    x = course.distance(at.s)
+    reach = max(np.sqrt(WIDENED**2 - 1.0) * gap, ASIDE * size) / np.sqrt(curved)
+    before, after = (course.to(at, x + way * reach) for way in (-1.0, 1.0))
+    if before is None or after is None:
+        return None
+    rank = int(np.sum(at.spectrum.lam < at.spectrum.lam[list(pair)].min()))
+    return Approach(at, before, after, gap / size, _exchanged(before, after, pair), rank)
+
+
+def _squares(
+    near: tuple[Station, Station, Station], pair: tuple[int, int], course: Course
+) -> tuple[np.ndarray, np.ndarray]:
+    return np.array([course.distance(p.s) for p in near]), np.array([_gap(p, pair) ** 2 for p in near])
+
+
+def _parabola(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
+    """Where the parabola through three points is lowest, and its second divided difference."""
+    rise, further = np.diff(y) / np.diff(x)
+    curved = (further - rise) / (x[2] - x[0])
+    return (x[1] if curved <= 0.0 else 0.5 * (x[0] + x[1] - rise / curved)), curved
+
+
+def _signed(x: Station, pair: tuple[int, int]) -> float:
+    return float(x.spectrum.lam[pair[0]] - x.spectrum.lam[pair[1]])
+
+
+def _gap(x: Station, pair: tuple[int, int]) -> float:
+    return abs(_signed(x, pair))
+
+
+def _size(x: Station, pair: tuple[int, int]) -> float:
+    return float(np.abs(x.spectrum.lam[list(pair)]).max())
+
+
+def _neighbours(x: Station, pair: tuple[int, int]) -> bool:
+    """Whether no third mode stands between the two."""
+    low, high = sorted(x.spectrum.lam[list(pair)])
+    return not np.any((x.spectrum.lam > low) & (x.spectrum.lam < high))
+
+
+def _exchanged(before: Station, after: Station, pair: tuple[int, int]) -> bool:
+    """Whether the lower shape is, on the other side, more of the upper than of itself, and the reverse."""
+    lower, upper = (
+        x.spectrum.shapes[:, sorted(pair, key=lambda b: float(x.spectrum.lam[b]))] for x in (before, after)
+    )
+    cross = np.abs(lower.T @ (before.spectrum.mass @ upper))
+    return bool(min(cross[0, 1], cross[1, 0]) > max(cross[0, 0], cross[1, 1]))
+
+
+def _put_right(run: Sequence[Station], found: Approach) -> tuple[list[Station], np.ndarray]:
+    """The run with three stations across a veering, which both branches turn through, and their new order."""
+    before = [x for x in run if x.s < found.before.s]
+    behind = [x for x in run if x.s > found.after.s]
+    turn = np.arange(len(found.at.match))
+    for new in (found.before, found.at, found.after):
+        before.append(_follow(before[-1], new)[0]) if before else before.append(new)
+    if behind:
+        first, turn = _follow(before[-1], behind[0])
+        behind = [first, *(reorder(x, turn) for x in behind[1:])]
+    return [*before, *behind], turn
+
+
+def _follow(here: Station, there: Station) -> tuple[Station, np.ndarray]:
+    """``there`` with its branches in the order of ``here``."""
+    tracked = track(here.spectrum, there.spectrum)
+    return there._replace(spectrum=tracked.spectrum, match=tracked.match), tracked.found
+
+
+def _event(found: Approach, run: Sequence[Station], names: tuple[str, ...]) -> GravityEvent:
+    """By the names that branches have once all is put right."""
+    here = [x for x in run if x.s <= found.at.s][-1]
+    at, _ = _follow(here, found.at)
+    i, j = sorted(map(int, np.argsort(at.spectrum.lam, kind="stable")[found.rank : found.rank + 2]))
+    low, high = np.sqrt(np.maximum(np.sort(at.spectrum.lam[[i, j]]), 0.0)) / (2.0 * np.pi)
+    gap = float(high - low) if found.kind is EventKind.VEERING else 0.0
+    return GravityEvent(
+        found.kind, at.s, at.gravity, (i, j), (names[i], names[j]), float(0.5 * (low + high)), gap
+    )
