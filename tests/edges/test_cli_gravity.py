@@ -77,18 +77,19 @@ def test_unstable_path_is_an_answer(capfd: Capture, tmp_path: Path) -> None:
 
 
 def test_branches_past_a_veering_are_marked_and_the_release_is_told(capfd: Capture) -> None:
-    found = document(capfd, "path", DM, "--through", "earth,orbit", "--count", 12)
+    coarse = ("--count", 12, "--set", "mesh.elements_per_strut=1")
+    found = document(capfd, "path", DM, "--through", "earth,orbit", *coarse)
     veered = {name for e in found["events"] if e["what"] == "veering" for name in e["modes"]}
     last = {n for n, past in zip(found["name"], found["exchanged"][-1], strict=True) if past}
     assert veered == last != set()
     assert not np.any(found["exchanged"][0])
-    text = middeck(capfd, "path", DM, "--through", "earth,orbit", "--count", 12).out
+    text = middeck(capfd, "path", DM, "--through", "earth,orbit", *coarse).out
     table = text[text.index("branch") : text.index("on the way")]
     for name in found["name"]:
         assert (f"{name} ~" in table) == (name in last)
     assert "~ past a veering" in table
     assert "in orbit devices are released" in table
-    grounded = middeck(capfd, "path", DM, "--through", "earth,8", "--count", 12).out
+    grounded = middeck(capfd, "path", DM, "--through", "earth,8", *coarse).out
     assert "in orbit devices" not in grounded
     assert "~" not in grounded
 

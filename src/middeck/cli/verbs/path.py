@@ -178,7 +178,7 @@ def _notes(document: dict[str, Any], stations: list[int]) -> list[str]:
         )
     if not document["gravity_m_s2"][stations].any(axis=1).all():
         notes.append(
-            "in orbit devices are released, their stiffness and moving mass with them: a jump, at a thousandth"
-            "\nof the gravity for which they were tuned"
+            "in orbit devices are released, stiffness and moving mass: frequencies jump there, from a"
+            "\nthousandth of the gravity for which they were tuned"
         )
     return ["", *notes] if notes else []

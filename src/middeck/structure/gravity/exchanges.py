@@ -2,8 +2,8 @@
 
 Every closest approach of two branches is searched for its least gap. What happened there is told by the
 shapes on both sides, at distances that the approach itself sets: neither the steps of the path nor the places
-at which it is cut into legs have a say. A veering that was stepped over, so that both branches went straight
-on, is put right: its stations are added, and branches renamed behind it.
+at which it is cut into legs have a say. Where the stations followed branches otherwise, that is put right:
+through a veering both turn, and through anything narrower than `NARROW` both go straight on.
 """
 
 from __future__ import annotations
@@ -23,6 +23,10 @@ from middeck.structure.gravity.tracking import REPEATED, Spectrum, track
 WIDENED = 2.0
 # And where it is at least this part of omega^2: well out of what counts as one frequency.
 ASIDE = 100.0 * REPEATED
+# A least gap of omega^2 that is a smaller part of it is a crossing: a fortieth of the half-power bandwidth of
+# a mode damped by 1 %, which no test tells from none. In truth nearly all crossings are veerings: what has no
+# symmetry to keep it apart couples a little.
+NARROW = 1e-3
 # Parabolas towards a least gap. Close enough is where the gap would change by this part of itself, or of what
 # counts as one frequency: in steps that converge faster than linearly, far closer than that.
 PARABOLAS = 40
@@ -72,8 +76,8 @@ class Approach(NamedTuple):
 
     @property
     def kind(self) -> EventKind:
-        """Modes that come within one frequency cross."""
-        return EventKind.VEERING if self.gap > REPEATED else EventKind.CROSSING
+        """Modes that come nearer than can be told cross."""
+        return EventKind.VEERING if self.gap > NARROW else EventKind.CROSSING
 
 
 class Resolved(NamedTuple):
@@ -103,15 +107,22 @@ def resolve_exchanges(stations: Sequence[Station], course: Course, names: tuple[
         a, b, pair = flip
         near = _bracket_flip([x for x in run if a <= x.s <= b], pair, course)
         new = near and _nearest(near, pair, course)
-        if not new or not new.exchanged:
+        if not new or not new.exchanged or _known(new, found):
             continue
         found.append(new)
-        if new.kind is EventKind.VEERING:
+        run, turn = _put_right(run, new)
+        order = order[turn]
+    for new in sorted(_resolved_already(run, found, course), key=lambda x: x.at.s):
+        found.append(new)
+        if new.kind is EventKind.CROSSING:
             run, turn = _put_right(run, new)
             order = order[turn]
-    found += _resolved_already(run, found, course)
     events = [_event(x, run, names) for x in found]
     return Resolved(run, sorted(events, key=lambda e: e.s), order)
+
+
+def _known(new: Approach, found: Sequence[Approach]) -> bool:
+    return any(x.rank == new.rank and x.before.s <= new.at.s <= x.after.s for x in found)
 
 
 # Closest approaches that the stations show
@@ -148,7 +159,7 @@ def _bracket_flip(
 
 
 def _resolved_already(run: Sequence[Station], known: Sequence[Approach], course: Course) -> list[Approach]:
-    """Veerings in which the stations followed both branches: minima of a gap that no flip explains."""
+    """Approaches in which the stations followed both branches: minima of a gap that no flip explains."""
     run = _look_inside(run, course)
     lam = np.array([x.spectrum.lam for x in run])
     found: list[Approach] = []
@@ -164,7 +175,7 @@ def _resolved_already(run: Sequence[Station], known: Sequence[Approach], course:
             if any(x.rank == rank and near[0].s <= x.at.s <= near[2].s for x in known):
                 continue
             new = _nearest(near, pair, course)
-            if new and new.exchanged:
+            if new and new.exchanged and not _known(new, [*known, *found]):
                 found.append(new)
     return found
 
@@ -273,16 +284,25 @@ def _exchanged(before: Station, after: Station, pair: tuple[int, int]) -> bool:
 
 
 def _put_right(run: Sequence[Station], found: Approach) -> tuple[list[Station], np.ndarray]:
-    """The run with three stations across a veering, which both branches turn through, and their new order."""
-    before = [x for x in run if x.s < found.before.s]
+    """The run with branches that turn through a veering, by its three stations, or straight on, by two.
+
+    Also the new order of branches behind it. Stations within a crossing are left out but for places.
+    """
+    done = [x for x in run if x.s < found.before.s]
     behind = [x for x in run if x.s > found.after.s]
-    turn = np.arange(len(found.at.match))
-    for new in (found.before, found.at, found.after):
-        before.append(_follow(before[-1], new)[0]) if before else before.append(new)
-    if behind:
-        first, turn = _follow(before[-1], behind[0])
-        behind = [first, *(reorder(x, turn) for x in behind[1:])]
-    return [*before, *behind], turn
+    within = [x for x in run if found.before.s < x.s < found.after.s and x.s == round(x.s)]
+    done.append(_follow(done[-1], found.before)[0] if done else found.before)
+    if found.kind is EventKind.VEERING:
+        for new in sorted([found.at, *within, found.after], key=lambda x: x.s):
+            done.append(_follow(done[-1], new)[0])
+    else:  # what is half the one and half the other, where they are nearest, must not hand them over
+        sides = [done[-1], _follow(done[-1], found.after)[0]]
+        done += [_follow(sides[x.s > found.at.s], x)[0] for x in within]
+        done.append(sides[1])
+    if not behind:
+        return done, _follow(done[-1], run[-1])[1]
+    first, turn = _follow(done[-1], behind[0])
+    return [*done, first, *(reorder(x, turn) for x in behind[1:])], turn
 
 
 def _follow(here: Station, there: Station) -> tuple[Station, np.ndarray]:

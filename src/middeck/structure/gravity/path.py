@@ -63,7 +63,8 @@ class GravityPath:
     match:
         Cross-orthogonality with the station before; 1 at the first.
     events:
-        Crossings, veerings (see `exchanged`) and, last, what ended the path before its last place, if anything did.
+        Crossings, veerings (see `exchanged`) and, last, what ended the path before its last place, if
+        anything did.
     """
 
     structure: Structure
@@ -100,7 +101,7 @@ class GravityPath:
         past = np.zeros(self.omega2.shape, dtype=bool)
         for event in self.events:
             if event.kind is EventKind.VEERING:
-                past[np.ix_(self.s > event.s, event.branch)] = True
+                past[:, list(event.branch)] |= (self.s > event.s)[:, None]
         return past
 
     @property
