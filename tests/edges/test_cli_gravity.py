@@ -36,7 +36,12 @@ def test_budget(capfd: Capture, tmp_path: Path) -> None:
     assert found["share_hz"] == expected.share_hz.tolist()  # exact: JSON carries all digits
     assert found["omega2"] == expected.corner.tolist()
     assert np.sum(found["share_hz"], axis=1) == pytest.approx(found["shift_hz"], abs=1e-12)
-    assert drawing.read_text(encoding="utf-8").startswith("<svg")
+    drawn = drawing.read_text(encoding="utf-8")
+    assert drawn.startswith("<svg")
+    assert "Development Model" in drawn
+    assert "from orbit to lab" in drawn
+    assert "in the colour of each effect" in drawn
+    assert "corner" not in drawn
     text = middeck(capfd, "budget", DM, "--count", 12)
     assert text.code == 0
     assert "payload pendulum" in text.out
@@ -53,7 +58,10 @@ def test_path(capfd: Capture, tmp_path: Path) -> None:
     assert found["complete"]
     assert found["frequency_hz"] == expected.frequency_hz.tolist()
     assert [p["name"] for p in found["places"]] == ["moon", "1.5 m/s^2"]
-    assert "payload pendulum" in drawing.read_text(encoding="utf-8")
+    drawn = drawing.read_text(encoding="utf-8")
+    assert "payload pendulum" in drawn
+    assert "Development Model" in drawn
+    assert "lab, devices retuned" in drawn
 
 
 def upside_down(folder: Path) -> Path:

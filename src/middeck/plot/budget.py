@@ -1,6 +1,8 @@
-"""The budget of gravity's effects: stacked bars, with their range over the orders of switching."""
+"""The budget of gravity's effects: stacked bars, and under them their range over the orders of switching."""
 
 from __future__ import annotations
+
+from textwrap import fill
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,8 +13,12 @@ from middeck.structure.gravity.budget import EFFECTS, GravityBudget
 
 SHADE = {"suspension": COLOUR["orbit"], "stiffness": COLOUR["lab"], "deformation": COLOUR["prediction"]}
 LINES = "suspension", "inner forces and weight", "deformation"
-ROW_IN = 0.24
-THICK = 0.62
+ROW_IN = 0.28
+THICK = 0.44
+# Of a row: from its middle up to that of its bar, and down to each effect's whisker.
+BAR, WHISKERS = -0.16, (0.17, 0.28, 0.39)
+NOTE = "thin lines, in the colour of each effect: range of its share over the six orders of switching"
+DOUBT = "* in some state between orbit and {place} less than half of the shape in orbit"
 
 
 @styled
@@ -22,37 +28,39 @@ def budget_figure(budget: GravityBudget) -> Figure:
     parts = [(title, np.flatnonzero(rows)) for title, rows in
              (("rigid-body modes in orbit", rigid), ("flexible modes", ~rigid))]  # fmt: skip
     parts = [(title, rows) for title, rows in parts if len(rows)]
-    figure = new_figure(1.3 + ROW_IN * max(len(rows) for _, rows in parts), 9.4)
+    figure = new_figure(1.7 + ROW_IN * max(len(rows) for _, rows in parts), 9.4)
     for axes, (title, rows) in zip(figure.subplots(1, len(parts), squeeze=False)[0], parts, strict=True):
         draw_shares(axes, budget, rows)
         axes.set_title(title)
+    rest = budget.lab.equilibrium
+    title = fill(rest.model.structure.title, 110)
+    figure.suptitle(f"{title}\nfrom orbit to {rest.environment.title}", fontsize=9.5)
     handles, labels = figure.axes[0].get_legend_handles_labels()
-    title = "* in some corner of the cube less than half of the shape in orbit" if budget.doubtful else None
+    notes = [NOTE, *([DOUBT.format(place=rest.environment.title)] if budget.doubtful else [])]
     figure.legend(
-        handles, labels, loc="outside lower center", ncols=len(labels), title=title, title_fontsize=8
+        handles,
+        labels,
+        loc="outside lower center",
+        ncols=len(labels),
+        title="\n".join(notes),
+        title_fontsize=8,
     )
     return figure
 
 
 def draw_shares(axes: Axes, budget: GravityBudget, rows: np.ndarray) -> None:
-    """Mean shares stacked away from zero; whiskers from the smallest to the largest over the orders."""
+    """Mean shares stacked away from zero; each whisker from where its bar begins to the ends of its range."""
     share, reach, shift = budget.share_hz[rows], budget.range_hz[rows], budget.shift_hz[rows]
     y = np.arange(len(rows), dtype=float)
     ends = {1.0: np.zeros(len(rows)), -1.0: np.zeros(len(rows))}
     for e, effect in enumerate(EFFECTS):
         sign = np.where(share[:, e] < 0.0, -1.0, 1.0)
         left = np.where(sign < 0.0, ends[-1.0], ends[1.0])
-        axes.barh(y, share[:, e], THICK, left=left, color=SHADE[effect], label=LINES[e], zorder=2)
-        _whiskers(
-            axes,
-            y + 0.2 * (e - 1),
-            left + reach[:, e, 0],
-            left + reach[:, e, 1],
-            "_" if e else "range over the orders",
-        )
+        axes.barh(y + BAR, share[:, e], THICK, left=left, color=SHADE[effect], label=LINES[e], zorder=2)
+        _whiskers(axes, y + WHISKERS[e], left + reach[:, e, 0], left + reach[:, e, 1], SHADE[effect])
         for s in ends:
             ends[s] = np.where(sign == s, ends[s] + share[:, e], ends[s])
-    axes.plot(shift, y, "D", color="black", markersize=3.5, label="shift, 0-g to 1-g", zorder=4)
+    axes.plot(shift, y + BAR, "D", color="black", markersize=3.0, label="shift", zorder=4)
     names = [budget.lab.name[j] for j in budget.pairs[rows, 1]]
     doubt = set(budget.doubtful)
     marked = [f"{n} *" if int(r) in doubt else n for n, r in zip(names, rows, strict=True)]
@@ -62,6 +70,6 @@ def draw_shares(axes: Axes, budget: GravityBudget, rows: np.ndarray) -> None:
     axes.set_xlabel("share of the shift in frequency [Hz]")
 
 
-def _whiskers(axes: Axes, y: np.ndarray, low: np.ndarray, high: np.ndarray, label: str) -> None:
-    axes.hlines(y, low, high, color="black", linewidth=0.8, label=label, zorder=3)
-    axes.plot([low, high], [y, y], "|", color="black", markersize=4.0, zorder=3)
+def _whiskers(axes: Axes, y: np.ndarray, low: np.ndarray, high: np.ndarray, colour: str) -> None:
+    axes.hlines(y, low, high, color=colour, linewidth=1.0, zorder=3)
+    axes.plot([low, high], [y, y], "|", color=colour, markersize=3.0, zorder=3)

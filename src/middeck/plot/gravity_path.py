@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -42,7 +43,10 @@ def gravity_path_figure(path: GravityPath, highest_hz: float | None = None) -> F
     figure = new_figure(5.4, 4.6 * len(groups) + 1.0)
     for panel, group in zip(figure.subplots(1, len(groups), squeeze=False)[0], groups, strict=True):
         draw_branches(panel, path, group)
-        panel.legend(loc="best", ncols=2)
+        if len(groups) == 1 or panel.get_legend_handles_labels()[1] != ["flexible"]:
+            panel.legend(loc="best", ncols=2)
+    title = fill(path.structure.title, 60 * len(groups))
+    figure.suptitle(f"{title}\n{path.environment.title}, devices {path.rule.value}", fontsize=9.5)
     return figure
 
 
