@@ -12,13 +12,13 @@ from scipy.special import jv
 from middeck.errors import ConfigError
 from middeck.files.documents import load_case
 from middeck.structure.article import AttachPoint, Joint, JointState, Section, Structure
-from middeck.structure.environment import AnchoredSpring, Device, Environment, Suspension
+from middeck.structure.environment import AnchoredSpring, Device, DeviceKind, Environment, Suspension
 from middeck.structure.equilibrium import solve_equilibrium
 from middeck.structure.gravity.events import EventKind
 from middeck.structure.gravity.path import GravityPath, follow_gravity
 from middeck.structure.gravity.places import DeviceRule, Place, find_place, gravity_between, tilt_place
 from middeck.structure.modes import solve_modes
-from structure_builders import GRAVITY, body, lab, member, node, structure
+from structure_builders import GRAVITY, body, lab, member, node, rigid_bar, structure
 
 G = 9.80665
 X, Y, Z = np.eye(3)
@@ -77,9 +77,9 @@ def one_cable(gravity=GRAVITY, bounce_hz=0.25) -> Environment:
     return Environment("lab", gravity, Suspension(("hook",), ("xyz",), 1.5, bounce_hz))
 
 
-def double_pendulum(gravity: float, inertia: float) -> np.ndarray:
+def double_pendulum(gravity: float, inertia: float, length: float = 1.5) -> np.ndarray:
     """Cable of length l, centre of mass d below the hook: omega^2 of both modes."""
-    m, length, d = 3.0, 1.5, 0.2
+    m, d = 3.0, 0.2
     M = np.array([[m, m * d], [m * d, inertia + m * d**2]])
     return sla.eigh(np.diag([m * gravity / length, m * gravity * d]), M, eigvals_only=True)
 
@@ -118,6 +118,18 @@ def test_each_branch_keeps_its_law():
         critical = G * (2 * np.pi * 0.2) ** 2 / branch(path, pendulum)[0]
         assert np.linalg.norm(event.gravity) == pytest.approx(critical, rel=1e-8)
         assert event.frequency_hz == pytest.approx(0.2, rel=1e-8)
+
+
+@pytest.mark.parametrize("rule", DeviceRule)
+def test_a_spring_kept_is_shorter_in_less_gravity_and_one_retuned_is_not(rule: DeviceRule):
+    """Unstretched where drawn: kept, l = L - (g_0 - g) / (2 pi f)^2; tuned anew, its loaded length is L."""
+    hung = Suspension(("hook",), ("xyz",), 1.5, 0.5, DeviceKind.SPRING)
+    path = follow_gravity(hung_body(), Environment("lab", GRAVITY, hung), [EARTH, at(1.0)], devices=rule)
+    for g, omega2 in zip(path.size, path.omega2, strict=True):
+        length = 1.5 - (G - g) / (2 * np.pi * 0.5) ** 2 * (rule is DeviceRule.KEPT)
+        expected = [*double_pendulum(g, 0.05, length), *double_pendulum(g, 0.09, length), np.pi**2]
+        # The rest state is found to 1e-9 of the weight.
+        assert np.sort(omega2)[1:] == pytest.approx(np.sort(expected), rel=1e-8)
 
 
 def flexible_bus() -> Structure:
@@ -480,3 +492,20 @@ def test_paths_that_go_nowhere():
         find_place("moon", np.zeros(3))
     with pytest.raises(ConfigError, match="axis"):
         tilt_place(EARTH, 0.1, np.zeros(3))
+
+
+@pytest.mark.parametrize("rule", DeviceRule)
+def test_a_cable_that_goes_slack_ends_the_path_and_keeps_its_stations(rule):
+    """A spring below one end pushes 5 N: with less than that of weight there, a cable would have to push."""
+    parts = rigid_bar(2.0, 2.0, (0.1, 0.8, 0.8))
+    below = AnchoredSpring("below", "left", np.array([-1.0, -1000.0, 0.0]), 0.005, 2000.0)
+    hung = Environment("hung", GRAVITY, Suspension(("left", "right"), ("xyz", "yz"), 4.0, 0.25), (below,))
+    path = follow_gravity(
+        parts, hung, [Place("earth", GRAVITY), Place("little", 0.1 * GRAVITY)], devices=rule
+    )
+    assert not path.complete
+    assert len(path.s) > 1
+    size = np.linalg.norm(path.gravity[-1])
+    # Tuned anew, the cable bears m g / 2 - 5 N, and just before it is slack the spring, leaning, pushes it over;
+    # kept devices follow the article and hold on longer.
+    assert size == pytest.approx(5.0, rel=0.02) if rule is DeviceRule.RETUNED else size < 9.8
