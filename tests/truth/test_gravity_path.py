@@ -506,6 +506,6 @@ def test_a_cable_that_goes_slack_ends_the_path_and_keeps_its_stations(rule):
     assert not path.complete
     assert len(path.s) > 1
     size = np.linalg.norm(path.gravity[-1])
-    # Tuned anew, the cable bears m g / 2 - 5 N, and just before it is slack the spring, leaning, pushes it over;
+    # Tuned anew, the cable bears m g / 2 - 5 N; just before it is slack the leaning spring pushes it over;
     # kept devices follow the article and hold on longer.
     assert size == pytest.approx(5.0, rel=0.02) if rule is DeviceRule.RETUNED else size < 9.8

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
-from middeck.errors import ConfigError, UnstableEquilibriumError
+from middeck.errors import ConfigError, EquilibriumError, UnstableEquilibriumError
 from middeck.structure.article import Structure
 from middeck.structure.assembly import Assembly, Loads, assemble, mass_matrix
 from middeck.structure.elements.frames import Configuration
@@ -269,8 +269,11 @@ def _first_station(modes: Modes) -> Station:
 
 
 def _advance(leg: _Leg, before: Station, s: float) -> Station | None:
-    """From a station to a near ``s`` along the branch."""
-    loads = leg.loads(s)
+    """From a station to a near ``s`` along the branch; None where there is no rest state to hang in."""
+    try:
+        loads = leg.loads(s)
+    except EquilibriumError:  # a device that is tuned anew would have to push
+        return None
     found = rest_near(leg.full.model, before.config, loads)
     return None if found is None else _station(leg, before, s, loads, *found)
 
