@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from middeck.structure.article import AttachPoint, Body, Joint, JointState, Section, Spring, Structure
@@ -67,6 +67,7 @@ trees = st.tuples(st.integers(0, 10**6), st.integers(1, 5), st.integers(0, 4))
 
 
 @given(trees)
+@example((129, 2, 3))  # what Newton leaves unbalanced turns with the body
 def test_orbit_has_six_rigid_modes_and_one_for_each_free_joint(tree: tuple[int, int, int]):
     states = (JointState.FREE, JointState.LOCKED, JointState.DRIVEN, JointState.SPRUNG)
     parts = random_tree(*tree, states)

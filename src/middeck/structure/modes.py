@@ -118,8 +118,9 @@ def _solve(
     at = assemble(model, equilibrium.config, equilibrium.loads)
     M = mass_matrix(model, equilibrium.config, equilibrium.loads)
     pairs = _eigenpairs(model, restrict(at.tangent, active), restrict(M, active), count)
-    # A force that Newton left unbalanced adds no more than itself to the tangent when the structure turns.
-    unbalanced = float(np.abs(at.gradient[static_coordinates(model)]).max(initial=0.0))
+    # Forces that Newton left unbalanced add no more than themselves to the tangent when the structure turns,
+    # up to the six of a frame together.
+    unbalanced = 6.0 * float(np.abs(at.gradient[static_coordinates(model)]).max(initial=0.0))
     noise = pairs.noise + unbalanced * np.abs(pairs.shapes).max(axis=0) ** 2
     rigid = np.abs(pairs.lam) < noise
     rank = np.argsort(~rigid, kind="stable")
