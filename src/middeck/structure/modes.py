@@ -10,13 +10,13 @@ from middeck.errors import ConfigError, EquilibriumError, NumericalError, Unstab
 from middeck.structure.article import JointState
 from middeck.structure.assembly import assemble, mass_matrix, no_loads
 from middeck.structure.checks.trouble import beyond_travel, buckling_member, loose_motions, where_lost
-from middeck.structure.eigen import Eigenpairs, count_zero, solve_all, solve_lowest
+from middeck.structure.eigen import Eigenpairs, count_zero, rounding, solve_all, solve_lowest
 from middeck.structure.equilibrium import Equilibrium, rest_warnings
 from middeck.structure.factorisation import order
 from middeck.structure.mesh import Model
 from middeck.structure.naming import name_modes
 from middeck.structure.rigid import rigid_basis
-from middeck.structure.statics import dynamic_coordinates, restrict, static_coordinates
+from middeck.structure.statics import dynamic_coordinates, restrict, static_coordinates, unbalanced
 from middeck.values import record
 
 # Below this many coordinates all modes cost less than a few.
@@ -93,11 +93,11 @@ def solve_modes(equilibrium: Equilibrium, count: int | None = None) -> Modes:
 
 
 def _not_at_rest(equilibrium: Equilibrium) -> EquilibriumError:
-    factor, frame, unbalanced, moved = where_lost(equilibrium)
+    factor, frame, left, moved = where_lost(equilibrium)
     fell = any(damping > 0.0 for _, _, damping in equilibrium.history)
     return EquilibriumError(
         f"no linearisation about a state that is not at rest (residual {equilibrium.residual:.1e}): the way "
-        f"there was lost at {factor:.0%} of the load, {unbalanced:.3g} N are left at frame {frame!r}, and "
+        f"there was lost at {factor:.0%} of the load, {left:.3g} N are left at frame {frame!r}, and "
         f"nodes have moved by up to {moved:.3g} m",
         where=f"frame {frame!r}",
         hint="look at the residual history; check the supports, and the stiffness of what joins that frame"
@@ -118,11 +118,7 @@ def _solve(
     at = assemble(model, equilibrium.config, equilibrium.loads)
     M = mass_matrix(model, equilibrium.config, equilibrium.loads)
     pairs = _eigenpairs(model, restrict(at.tangent, active), restrict(M, active), count)
-    # Forces that Newton left unbalanced add no more than themselves to the tangent when the structure turns,
-    # up to the six of a frame together.
-    unbalanced = 6.0 * float(np.abs(at.gradient[static_coordinates(model)]).max(initial=0.0))
-    noise = pairs.noise + unbalanced * np.abs(pairs.shapes).max(axis=0) ** 2
-    rigid = np.abs(pairs.lam) < noise
+    rigid = np.abs(pairs.lam) < rounding(pairs, unbalanced(at, static_coordinates(model)))
     rank = np.argsort(~rigid, kind="stable")
     shapes = np.zeros((len(active), len(rigid)))
     shapes[active] = pairs.shapes[:, rank]

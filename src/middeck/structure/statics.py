@@ -119,7 +119,7 @@ def _descend(
     damping = 0.0
     history: list[tuple[float, float]] = []
     for _ in range(MAX_ITERATIONS):
-        residual = _unbalanced(at, active)
+        residual = unbalanced(at, active)
         history.append((residual, damping))
         if residual < enough:
             break
@@ -131,7 +131,8 @@ def _descend(
     return config, at, history
 
 
-def _unbalanced(at: Assembly, active: np.ndarray) -> float:
+def unbalanced(at: Assembly, active: np.ndarray) -> float:
+    """Largest force [N] or moment [N m] that is left at the coordinates that move in statics."""
     return float(np.abs(at.gradient[active]).max(initial=0.0))
 
 
@@ -143,7 +144,7 @@ def _shorten(
     for _ in range(MAX_HALVINGS):
         trial = move_whole(model.tree, config, q, mass)
         new = assemble(model, trial, loads)
-        if new.energy < at.energy or _unbalanced(new, active) < _unbalanced(at, active):
+        if new.energy < at.energy or unbalanced(new, active) < unbalanced(at, active):
             return trial, new
         q = 0.5 * q
     return None

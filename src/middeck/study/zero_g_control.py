@@ -21,7 +21,8 @@ from middeck.control.performance import Performance, measure_metric
 from middeck.errors import ConfigError, NumericalError
 from middeck.files.study_form import ControlForm
 from middeck.structure.modes import Modes
-from middeck.structure.plants.modal_plant import RATE, build_plant
+from middeck.structure.plants.modal_plant import build_plant
+from middeck.structure.plants.port_rows import RATE
 from middeck.systems.modal import ModalSystem, select_modes
 from middeck.systems.norms import band_rms_by_quadrature
 from middeck.systems.plant import Plant

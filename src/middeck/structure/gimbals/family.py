@@ -30,7 +30,7 @@ from middeck.structure.modes import Modes, solve_modes
 from middeck.structure.naming import HALF, name_modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.rigid import rigid_motions
-from middeck.structure.statics import static_coordinates
+from middeck.structure.statics import static_coordinates, unbalanced
 from middeck.systems.plant import Plant
 from middeck.values import record
 
@@ -280,8 +280,8 @@ def _growth(rest: Equilibrium, spectrum: Spectrum) -> str:
 
 def _spectrum_at(model: Model, config: Configuration, loads: Loads, count: int) -> Spectrum:
     at = assemble(model, config, loads)
-    unbalanced = float(np.abs(at.gradient[static_coordinates(model)]).max(initial=0.0))
-    return solve_spectrum(model, at.tangent, mass_matrix(model, config, loads), count, unbalanced)
+    left = unbalanced(at, static_coordinates(model))
+    return solve_spectrum(model, at.tangent, mass_matrix(model, config, loads), count, left)
 
 
 def _attempt(solve: Callable[[np.ndarray], _Member], here: np.ndarray) -> _Member | str:

@@ -10,7 +10,7 @@ from middeck.structure.assembly import Assembly, Loads, assemble, mass_matrix
 from middeck.structure.elements.frames import Configuration, move_whole
 from middeck.structure.factorisation import factorise
 from middeck.structure.mesh import Model
-from middeck.structure.statics import TOLERANCE, load_scale, spread, static_coordinates
+from middeck.structure.statics import TOLERANCE, load_scale, spread, static_coordinates, unbalanced
 
 MAX_ITERATIONS = 12
 # Each correction must be at most this part of the one before (Deuflhard 2004, section 2.1): Newton that does
@@ -34,7 +34,7 @@ def rest_near(model: Model, config: Configuration, loads: Loads) -> tuple[Config
     at = assemble(model, config, loads)
     size = np.inf
     for _ in range(MAX_ITERATIONS):
-        rested = _unbalanced(at, active) < enough
+        rested = unbalanced(at, active) < enough
         q = _correction(at, mass, active)
         length = np.inf if q is None else float(np.abs(q).max())
         if q is None or (length > CONTRACTION * size and not rested):
@@ -42,13 +42,9 @@ def rest_near(model: Model, config: Configuration, loads: Loads) -> tuple[Config
         moved = move_whole(model.tree, config, q, mass)
         new = assemble(model, moved, loads)
         if rested:  # one more step, to rounding, if it does any good
-            return (moved, new) if _unbalanced(new, active) < _unbalanced(at, active) else (config, at)
+            return (moved, new) if unbalanced(new, active) < unbalanced(at, active) else (config, at)
         config, at, size = moved, new, length
-    return (config, at) if _unbalanced(at, active) < enough else None
-
-
-def _unbalanced(at: Assembly, active: np.ndarray) -> float:
-    return float(np.abs(at.gradient[active]).max(initial=0.0))
+    return (config, at) if unbalanced(at, active) < enough else None
 
 
 def _correction(

@@ -10,7 +10,7 @@ from jaxtyping import Float, Int
 from scipy.optimize import linear_sum_assignment
 
 from middeck.errors import NumericalError
-from middeck.structure.eigen import solve_all, solve_lowest
+from middeck.structure.eigen import rounding, solve_all, solve_lowest
 from middeck.structure.factorisation import order
 from middeck.structure.mesh import Model
 from middeck.structure.modes import SMALL, Modes
@@ -63,7 +63,7 @@ def solve_spectrum(
             where=f"structure {model.structure.title!r}",
             hint="solve_modes of the same state names the frame; give it a mass and an inertia",
         )
-    noise = pairs.noise + unbalanced * np.abs(pairs.shapes).max(axis=0) ** 2
+    noise = rounding(pairs, unbalanced)
     shapes = np.zeros((len(active), len(pairs.lam)))
     shapes[active] = pairs.shapes
     return Spectrum(np.where(np.abs(pairs.lam) < noise, 0.0, pairs.lam), shapes, M)

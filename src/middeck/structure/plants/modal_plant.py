@@ -10,7 +10,6 @@ import numpy as np
 from middeck.structure.article import Damping
 from middeck.structure.modes import Modes
 from middeck.structure.plants.damping import estimate_damping
-from middeck.structure.plants.port_rows import RATE as RATE
 from middeck.structure.plants.port_rows import input_rows, output_rows
 from middeck.structure.plants.residual import residual_flexibility
 from middeck.systems.modal import ModalSystem
