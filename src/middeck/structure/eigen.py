@@ -87,14 +87,6 @@ def solve_lowest(K: sp.csr_array, M: sp.csr_array, count: int) -> Eigenpairs | N
     )
 
 
-def rounding(pairs: Eigenpairs, unbalanced: float) -> Float[np.ndarray, " mode"]:
-    """What of each omega^2 may be rounding, or made by forces [N] that Newton left ``unbalanced``.
-
-    They add no more than themselves to the tangent as the structure turns, up to the six of a frame together.
-    """
-    return pairs.noise + 6.0 * unbalanced * np.abs(pairs.shapes).max(axis=0) ** 2
-
-
 def count_zero(K: sp.csr_array, M: sp.csr_array) -> int:
     """Number of modes whose omega^2 is zero but for rounding, by a Sturm count just above zero."""
     shift = 1e-12 * _largest_ratio(K, M) or 1.0

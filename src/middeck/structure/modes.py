@@ -10,13 +10,14 @@ from middeck.errors import ConfigError, EquilibriumError, NumericalError, Unstab
 from middeck.structure.article import JointState
 from middeck.structure.assembly import assemble, mass_matrix, no_loads
 from middeck.structure.checks.trouble import beyond_travel, buckling_member, loose_motions, where_lost
-from middeck.structure.eigen import Eigenpairs, count_zero, rounding, solve_all, solve_lowest
+from middeck.structure.eigen import Eigenpairs, count_zero, solve_all, solve_lowest
 from middeck.structure.equilibrium import Equilibrium, rest_warnings
 from middeck.structure.factorisation import order
 from middeck.structure.mesh import Model
 from middeck.structure.naming import name_modes
 from middeck.structure.rigid import rigid_basis
-from middeck.structure.statics import dynamic_coordinates, restrict, static_coordinates, unbalanced
+from middeck.structure.rounding import rounding
+from middeck.structure.statics import dynamic_coordinates, restrict
 from middeck.values import record
 
 # Below this many coordinates all modes cost less than a few.
@@ -118,7 +119,7 @@ def _solve(
     at = assemble(model, equilibrium.config, equilibrium.loads)
     M = mass_matrix(model, equilibrium.config, equilibrium.loads)
     pairs = _eigenpairs(model, restrict(at.tangent, active), restrict(M, active), count)
-    rigid = np.abs(pairs.lam) < rounding(pairs, unbalanced(at, static_coordinates(model)))
+    rigid = np.abs(pairs.lam) < rounding(model, pairs, at.gradient)
     rank = np.argsort(~rigid, kind="stable")
     shapes = np.zeros((len(active), len(rigid)))
     shapes[active] = pairs.shapes[:, rank]

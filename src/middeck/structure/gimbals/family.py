@@ -30,7 +30,6 @@ from middeck.structure.modes import Modes, solve_modes
 from middeck.structure.naming import HALF, name_modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.rigid import rigid_motions
-from middeck.structure.statics import static_coordinates, unbalanced
 from middeck.systems.plant import Plant
 from middeck.values import record
 
@@ -280,8 +279,7 @@ def _growth(rest: Equilibrium, spectrum: Spectrum) -> str:
 
 def _spectrum_at(model: Model, config: Configuration, loads: Loads, count: int) -> Spectrum:
     at = assemble(model, config, loads)
-    left = unbalanced(at, static_coordinates(model))
-    return solve_spectrum(model, at.tangent, mass_matrix(model, config, loads), count, left)
+    return solve_spectrum(model, at.tangent, mass_matrix(model, config, loads), count, at.gradient)
 
 
 def _attempt(solve: Callable[[np.ndarray], _Member], here: np.ndarray) -> _Member | str:

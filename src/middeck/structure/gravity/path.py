@@ -28,7 +28,7 @@ from middeck.structure.gravity.exchanges import Advance, Course, reorder, resolv
 from middeck.structure.gravity.places import DeviceRule, Place, gravity_between, loads_in
 from middeck.structure.gravity.tracking import HALF_SHAPE, solve_spectrum, spectrum_of, track
 from middeck.structure.modes import Modes, solve_modes
-from middeck.structure.statics import TOLERANCE, settle, static_coordinates, unbalanced
+from middeck.structure.statics import TOLERANCE, settle
 from middeck.values import record
 
 # Parts of the way between two places.
@@ -282,9 +282,8 @@ def _station(
     leg: _Leg, before: Station, s: float, loads: Loads, config: Configuration, at: Assembly
 ) -> Station:
     model = leg.full.model
-    left = unbalanced(at, static_coordinates(model))
     M = mass_matrix(model, config, loads)
-    spectrum = solve_spectrum(model, at.tangent, M, len(before.match), left)
+    spectrum = solve_spectrum(model, at.tangent, M, len(before.match), at.gradient)
     found = track(before.spectrum, spectrum)
     least = float(spectrum.lam.min(initial=0.0))
     return Station(s, loads.gravity, config, found.spectrum, found.match, at.tension, least)

@@ -10,10 +10,11 @@ from jaxtyping import Float, Int
 from scipy.optimize import linear_sum_assignment
 
 from middeck.errors import NumericalError
-from middeck.structure.eigen import rounding, solve_all, solve_lowest
+from middeck.structure.eigen import solve_all, solve_lowest
 from middeck.structure.factorisation import order
 from middeck.structure.mesh import Model
 from middeck.structure.modes import SMALL, Modes
+from middeck.structure.rounding import rounding
 from middeck.structure.statics import dynamic_coordinates
 
 # Modes whose omega^2 differ by less, relative to the larger, have one frequency: any basis of theirs will do.
@@ -46,12 +47,17 @@ def spectrum_of(modes: Modes) -> Spectrum:
 
 
 def solve_spectrum(
-    model: Model, K: sp.csr_array, M: sp.csr_array, count: int, unbalanced: float = 0.0
+    model: Model,
+    K: sp.csr_array,
+    M: sp.csr_array,
+    count: int,
+    gradient: Float[np.ndarray, " coordinate"] | None = None,
 ) -> Spectrum:
     """The ``count`` lowest modes of a tangent and a mass in all coordinates, ascending, unstable ones too.
 
-    All modes of a small model. An omega^2 that is rounding alone, or no more than the force ``unbalanced``
-    [N] makes, is exactly zero. Raises `NumericalError` where a massless motion is held by nothing.
+    All modes of a small model. An omega^2 that is rounding alone, or no more than what the forces left in
+    ``gradient`` [N or N m] make, is exactly zero. Raises `NumericalError` where a massless motion
+    is held by nothing.
     """
     active = dynamic_coordinates(model)
     stiffness, mass = K[active][:, active], M[active][:, active]
@@ -63,7 +69,7 @@ def solve_spectrum(
             where=f"structure {model.structure.title!r}",
             hint="solve_modes of the same state names the frame; give it a mass and an inertia",
         )
-    noise = rounding(pairs, unbalanced)
+    noise = pairs.noise if gradient is None else rounding(model, pairs, gradient)
     shapes = np.zeros((len(active), len(pairs.lam)))
     shapes[active] = pairs.shapes
     return Spectrum(np.where(np.abs(pairs.lam) < noise, 0.0, pairs.lam), shapes, M)
