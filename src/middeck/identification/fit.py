@@ -11,25 +11,17 @@ from jaxtyping import Float
 from middeck.errors import ConfigError, FitError
 from middeck.identification.checks import check_response
 from middeck.identification.doubts import causal_delay, doubts_of_model, doubts_of_record
-from middeck.identification.exchange import exchanges
 from middeck.identification.measurement_model import MeasurementModel, model_response
-from middeck.identification.order import OrderChoice, choose, description_length, is_settled, sizes
 from middeck.identification.polish import Polished, logarithmic_polish, polish
+from middeck.identification.race import count_unknowns, model_error, race, recommend_states
 from middeck.identification.refine import Data
-from middeck.identification.start import Options, Start, starts
+from middeck.identification.start import Options, Start
 from middeck.identification.terms import shapes, unpack
 from middeck.identification.uncertainty import Uncertainty, bound
 from middeck.identification.weights import Spread, spread_of
 from middeck.systems.response import FrequencyResponse
 from middeck.values import record
 
-# The starts are compared on lines that hold about so many numbers; the best is then refined on all.
-RACE_NUMBERS = 5000
-RACE_STEPS = 40
-# Exchanges are tried when more than this share of the variance is not the measured one, and one counts when
-# it gains more likelihood than rounding and an unsettled search may.
-WORTH_EXCHANGE = 0.1
-EXCHANGE_GAIN = 1.0
 # The start is weighted as if the model left this share of the response's rms.
 FIRST_EXCESS = 0.03
 
@@ -124,7 +116,7 @@ def fit_response(
     options = _options(
         measured, 2 if states is None else states, sample_hz, constants, delay, direct, residuals
     )
-    check_response(measured, _unknowns(measured, options))
+    check_response(measured, count_unknowns(measured, options))
     if cost == "logarithmic" and measured.variance is None:
         raise FitError(
             "the logarithmic cost needs the variance of the response, and one period has none",
@@ -134,36 +126,13 @@ def fit_response(
     data = _first_data(measured, spread)
     reason = f"{states} states were asked for"
     if states is None:
-        choice = _recommend(measured, data, spread, options)
+        choice = recommend_states(measured, data, spread, options)
         options, reason = dataclasses.replace(options, states=choice.states), choice.reason
-    best = _race(data, spread, options)
+    best = race(data, spread, options)
     best = polish(data, Start(best.layout, best.refined.theta), spread, steps=200, rounds=5) or best
     if cost == "logarithmic":
         best = logarithmic_polish(data, best, spread)
     return _result(measured, options, best, spread, reason)
-
-
-def _recommend(measured: FrequencyResponse, data: Data, spread: Spread, options: Options) -> OrderChoice:
-    """The order of the shortest description, each order raced as a fit would be."""
-    part, _ = _some_lines(data, spread)
-    tried: list[int] = []
-    length: list[float] = []
-    for states in sizes():
-        sized = dataclasses.replace(options, states=states)
-        unknowns = _unknowns(measured, sized)
-        if 2 * unknowns > part.H.size:
-            break
-        try:
-            run = _race(data, spread, sized)
-        except FitError:
-            continue
-        tried.append(states)
-        length.append(description_length(run.likelihood, unknowns, 2 * part.H.size))
-        if is_settled(length):
-            break
-    if not tried:
-        raise FitError("no order could be fitted", hint="a wider band or a longer period")
-    return choose(tried, length)
 
 
 def _options(
@@ -197,64 +166,9 @@ def _options(
     return Options(states, real, with_delay, residuals, with_direct, period_s)
 
 
-def _unknowns(measured: FrequencyResponse, options: Options) -> int:
-    """Unknowns if all poles are pairs."""
-    _, outputs, inputs = measured.H.shape
-    each = 1 if options.real_constants else 2
-    per_pair = 2 + each * (inputs - 1) + each * outputs
-    return (
-        -(-options.states // 2) * per_pair
-        + outputs * options.with_delay
-        + outputs * inputs * (options.with_lower + options.with_direct)
-    )
-
-
 def _first_data(measured: FrequencyResponse, spread: Spread) -> Data:
     weight = 1.0 / np.sqrt(spread.at(FIRST_EXCESS**2))
     return Data(2j * np.pi * measured.frequency_hz, np.moveaxis(measured.H, 0, 1), weight)
-
-
-def _race(data: Data, spread: Spread, options: Options) -> Polished:
-    """The likeliest of the starts, each refined for a while on some of the lines, then its exchanges."""
-    part, some = _some_lines(data, spread)
-    best: Polished | None = None
-    for start in starts(data, options):
-        run = polish(part, start, some, steps=RACE_STEPS, rounds=3)
-        if run is not None and (best is None or run.likelihood < best.likelihood):
-            best = run
-    if best is None:
-        raise FitError(
-            f"no start for {options.states} states could be refined",
-            hint="fewer states, a wider band or a longer period",
-        )
-    return _exchange(part, some, options, best)
-
-
-def _exchange(part: Data, spread: Spread, options: Options, best: Polished) -> Polished:
-    """Exchange modes as long as that pays; a model that leaves no excess has nothing to gain."""
-    while _model_error(best, spread) > WORTH_EXCHANGE:
-        runs = (
-            polish(part, start, spread, steps=RACE_STEPS, rounds=3)
-            for start in exchanges(part, options, best, spread)
-        )
-        better = (run for run in runs if run is not None and run.likelihood < best.likelihood - EXCHANGE_GAIN)
-        found = next(better, None)
-        if found is None:
-            return best
-        best = found
-    return best
-
-
-def _model_error(best: Polished, spread: Spread) -> float:
-    """Part of the variance behind the weights that is not the measured one."""
-    return float(best.share * np.mean(spread.size / spread.at(best.share)))
-
-
-def _some_lines(data: Data, spread: Spread) -> tuple[Data, Spread]:
-    some = slice(None, None, max(1, data.H.size // RACE_NUMBERS))
-    return Data(data.s[some], data.H[:, some], data.weight[:, some]), Spread(
-        spread.variance[:, some], spread.size[:, some]
-    )
 
 
 def _result(
@@ -278,7 +192,7 @@ def _result(
     if options.with_delay and not options.real_constants:
         warnings.append("the delay is confounded with the complex residues: only their sum is certain")
     warnings += doubts_of_record(measured)
-    warnings += doubts_of_model(measured, error, _model_error(best, spread), best.share)
+    warnings += doubts_of_model(measured, error, model_error(best, spread), best.share)
     return FitResult(
         model,
         2.0 * best.refined.step.cost / r.size,
