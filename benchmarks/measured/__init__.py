@@ -1,0 +1,1 @@
+"""The cases of `benchmarks/identification.py`, one file each."""

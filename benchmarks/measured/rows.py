@@ -1,0 +1,38 @@
+"""Rows of a result file, and programs beside ours run in an environment of their own."""
+
+from __future__ import annotations
+
+import subprocess
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+PEERS = Path(__file__).resolve().parents[1] / "peers"
+
+
+def row(
+    case: str, measure: str, unit: str, value: float, level: float | None = None, **more: Any
+) -> dict[str, Any]:
+    """One figure; ``more`` may hold states, note and peers."""
+    met = None if level is None else bool(value <= level)
+    return {"case": case, "measure": measure, "unit": unit, "value": float(value), "level": level, "met": met,
+            "peers": {}, **more}  # fmt: skip
+
+
+def cell(name: str, found: dict[str, np.ndarray], value: float) -> dict[str, dict[str, Any]]:
+    """The column of one peer."""
+    return {name: {"value": float(value), "version": str(found["version"])}}
+
+
+def peer(python: str | None, script: str, **given: Any) -> dict[str, np.ndarray] | None:
+    """What ``script`` of the folder peers answers; None without an interpreter that has the peers."""
+    if python is None:
+        return None
+    with tempfile.TemporaryDirectory() as folder:
+        source, target = Path(folder) / "in.npz", Path(folder) / "out.npz"
+        np.savez(source, **given)
+        subprocess.run([python, str(PEERS / script), str(source), str(target)], check=True)
+        with np.load(target, allow_pickle=False) as answer:
+            return {k: answer[k] for k in answer.files}
