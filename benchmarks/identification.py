@@ -3,9 +3,9 @@
     python benchmarks/identification.py [--peer-python PYTHON] [--data FOLDER] [--only CASES] [--made DATE]
 
 PYTHON is an interpreter with the peers of peers/identification-requirements.txt, in an environment of its
-own; without one the peers' columns of the last result are kept. FOLDER holds cubespec_fsm, daisy_robot_arm and
-daisy_cd_player_arm. CASES, of gimbal, article, mirror and arms, are run alone and the other rows kept. Times
-are CPU seconds of one process with one BLAS thread.
+own; without one the peers' columns of the last result are kept. FOLDER holds cubespec_fsm, daisy_robot_arm
+and daisy_cd_player_arm. CASES, of gimbal, article, mirror and arms, are run alone and the other rows kept.
+Times are CPU seconds of one process with one BLAS thread.
 """
 
 from __future__ import annotations
