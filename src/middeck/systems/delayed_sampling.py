@@ -1,0 +1,186 @@
+"""Sampled equivalents of a system whose paths are late, each by its own time: exact, with few states.
+
+Input i is held over each period and reaches the plant late by a_i, output o is late by b_o. The plant's
+state is kept as it is at the sampling instants under inputs that are late by alpha_i = a_i + beta; an output
+that is late by less than beta is looked ahead for, since all inputs on the way are known, and one that is
+late by more waits in a chain. With beta the latest output's, a single input needs no more states than its
+latest path; with beta zero each output has a chain of its own. The beta of fewest states is taken.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg
+from jaxtyping import Float
+
+from middeck.errors import ConfigError
+from middeck.systems.sampling import WHOLE
+from middeck.systems.statespace import SampledStateSpace, StateSpace
+from middeck.values import record
+
+
+@record
+class DelaySplit:
+    """Delays of the paths as delay of the input plus delay of the output [s], and what that leaves."""
+
+    input_s: Float[np.ndarray, " input"]
+    output_s: Float[np.ndarray, " output"]
+    rest_s: Float[np.ndarray, "output input"]
+
+
+def split_delays(delay_s: Float[np.ndarray, "output input"]) -> DelaySplit:
+    """The largest parts that belong to an input or an output as a whole; the common part is the outputs'.
+
+    >>> split = split_delays(np.array([[1.0, 3.0], [2.0, 4.0]]))
+    >>> split.input_s.tolist(), split.output_s.tolist(), split.rest_s.any()
+    ([0.0, 2.0], [1.0, 2.0], np.False_)
+    """
+    of_input = delay_s.min(axis=0)
+    of_input = of_input - of_input.min()
+    of_output = (delay_s - of_input).min(axis=1)
+    return DelaySplit(of_input, of_output, delay_s - of_input - of_output[:, None])
+
+
+def sample_delayed(
+    system: StateSpace, period_s: float, delay_s: Float[np.ndarray, "output input"]
+) -> SampledStateSpace:
+    """The system as a computer sees it: inputs held, each path late by its own delay, outputs sampled.
+
+    Exact for any delays, also of fractions of a period; y[k] is taken at the instant at which u[k] is issued.
+    States: the system's, then past inputs (input by input, the latest first), then outputs that wait. Where
+    the delays are no sums of one for the input and one for the output, each input has the system to itself.
+
+    Raises
+    ------
+    ConfigError
+        For a period that is not positive, a negative delay, or delays of another shape than D.
+
+    Examples
+    --------
+    >>> lag = StateSpace([[-1.0]], [[1.0]], [[1.0], [2.0]], [[0.0], [0.0]])
+    >>> len(sample_delayed(lag, 0.1, np.array([[0.2], [0.45]])).A)     # one state, five past inputs
+    6
+    """
+    delay_s = np.asarray(delay_s, dtype=float)
+    if not (np.isfinite(period_s) and period_s > 0.0):
+        raise ConfigError(f"a period of {period_s} s cannot be sampled at", hint="a positive period")
+    if delay_s.shape != system.D.shape or not (np.isfinite(delay_s).all() and (delay_s >= 0.0).all()):
+        raise ConfigError(
+            f"delays of shape {delay_s.shape} for {system.D.shape} outputs and inputs, or one is negative",
+            hint="one delay of zero or more for each path",
+        )
+    late = _tidy(delay_s / period_s)
+    split = split_delays(late)
+    if np.all(split.rest_s <= WHOLE):
+        return _sample(system, period_s, _tidy(split.input_s), _tidy(split.output_s))
+    alone = [
+        _sample(StateSpace(system.A, system.B[:, [i]], system.C, system.D[:, [i]]), period_s,
+                np.zeros(1), late[:, i])
+        for i in range(late.shape[1])
+    ]  # fmt: skip
+    block = scipy.linalg.block_diag
+    A, B = np.asarray(block(*(s.A for s in alone))), np.asarray(block(*(s.B for s in alone)))
+    return SampledStateSpace(A, B, np.hstack([s.C for s in alone]), np.hstack([s.D for s in alone]), period_s)
+
+
+def _tidy(samples: np.ndarray) -> np.ndarray:
+    """Whole numbers of samples where they are meant: decimals are not exact in binary."""
+    nearest = np.round(samples)
+    return np.where(np.abs(samples - nearest) < WHOLE, nearest, samples)
+
+
+def _sample(system: StateSpace, period_s: float, a: np.ndarray, b: np.ndarray) -> SampledStateSpace:
+    """``a`` and ``b`` in samples."""
+    choices = np.unique(np.concatenate([[0.0], b]))
+    beta = min(choices, key=lambda level: _count(a, b, level))
+    ahead = _tidy(beta - b)
+    waiting = np.ceil(np.maximum(-ahead, 0.0)).astype(int)
+    alpha = _tidy(a + beta)
+    rows = [_look_ahead(system, period_s, alpha, eta) for eta in _tidy(ahead + waiting)]
+    step = _look_ahead(system, period_s, alpha, 1.0)
+    return _assemble(system, period_s, step, rows, alpha, _tidy(ahead + waiting), waiting)
+
+
+def _count(a: np.ndarray, b: np.ndarray, beta: float) -> float:
+    return float(np.sum(np.ceil(_tidy(a + beta))) + np.sum(np.ceil(np.maximum(_tidy(b - beta), 0.0))))
+
+
+@record
+class _Ahead:
+    """x(kT + eta) = transition x[k] + sum over age j and input i of gain[j, :, i] u_i[k - j]."""
+
+    transition: Float[np.ndarray, "state state"]
+    gain: Float[np.ndarray, "age state input"]
+
+
+def _look_ahead(system: StateSpace, period_s: float, alpha: np.ndarray, eta: float) -> _Ahead:
+    n, m = system.B.shape
+    oldest = int(np.ceil(alpha.max(initial=0.0)))
+    gain = np.zeros((oldest + 1, n, m))
+    for i, late in enumerate(alpha):
+        for age in range(int(np.ceil(late)) + 1):
+            start, end = max(0.0, late - age), min(eta, late - age + 1.0)
+            if end > start:
+                held = _hold(system.A, system.B[:, [i]], (end - start) * period_s)[1]
+                after = np.asarray(scipy.linalg.expm(system.A * ((eta - end) * period_s)))
+                gain[age, :, [i]] = (after @ held).T
+    return _Ahead(np.asarray(scipy.linalg.expm(system.A * (eta * period_s))), gain)
+
+
+def _hold(A: np.ndarray, B: np.ndarray, duration_s: float) -> tuple[np.ndarray, np.ndarray]:
+    """exp(A t) and its integral times B, from one exponential (Van Loan 1978)."""
+    n, m = B.shape
+    block = np.zeros((n + m, n + m))
+    block[:n, :n], block[:n, n:] = A, B
+    exponential = np.asarray(scipy.linalg.expm(block * duration_s))
+    return exponential[:n, :n], exponential[:n, n:]
+
+
+def _assemble(
+    system: StateSpace,
+    period_s: float,
+    step: _Ahead,
+    rows: list[_Ahead],
+    alpha: np.ndarray,
+    eta: np.ndarray,
+    waiting: np.ndarray,
+) -> SampledStateSpace:
+    n, m = system.B.shape
+    depth = np.ceil(alpha).astype(int)
+    first = n + np.concatenate([[0], np.cumsum(depth)])
+    chain = first[-1] + np.concatenate([[0], np.cumsum(waiting)])
+    size = int(chain[-1])
+
+    def weights(ahead: _Ahead, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """On all states and on u[k], of ``rows`` of x(kT + eta)."""
+        on_state, on_input = np.zeros((len(rows), size)), rows @ ahead.gain[0]
+        on_state[:, :n] = rows @ ahead.transition
+        for i in range(m):
+            for age in range(1, depth[i] + 1):
+                on_state[:, first[i] + age - 1] = rows @ ahead.gain[age, :, i]
+        return on_state, on_input
+
+    A, B = np.zeros((size, size)), np.zeros((size, m))
+    A[:n], B[:n] = weights(step, np.eye(n))
+    for i in range(m):
+        if depth[i]:
+            B[first[i], i] = 1.0
+        for age in range(1, depth[i]):
+            A[first[i] + age, first[i] + age - 1] = 1.0
+    C, D = np.zeros((len(system.C), size)), np.zeros(system.D.shape)
+    for o, ahead in enumerate(rows):
+        on_state, on_input = weights(ahead, system.C[[o]])
+        for i in range(m):  # the direct term reads the input that is held at kT + eta
+            age = int(np.ceil(_tidy(alpha[i] - eta[o])))
+            if age > 0:
+                on_state[0, first[i] + age - 1] += system.D[o, i]
+            else:
+                on_input[0, i] += system.D[o, i]
+        if not waiting[o]:
+            C[o], D[o] = on_state[0], on_input[0]
+            continue
+        A[chain[o]], B[chain[o]] = on_state[0], on_input[0]
+        for k in range(1, waiting[o]):
+            A[chain[o] + k, chain[o] + k - 1] = 1.0
+        C[o, chain[o] + waiting[o] - 1] = 1.0
+    return SampledStateSpace(A, B, C, D, period_s)
