@@ -14,6 +14,7 @@ import numpy as np
 
 from middeck.errors import NumericalError
 from middeck.files.atomic import replacing
+from middeck.systems.ports import Port
 
 
 def json_text(value: Any) -> str:
@@ -84,6 +85,8 @@ def plain(value: Any, where: str = "") -> Any:
             return {str(k): plain(v, f"{where}.{k}".lstrip(".")) for k, v in pairs}
         case Sequence():
             return [plain(v, f"{where}.{i}") for i, v in enumerate(cast("Sequence[Any]", value))]
+        case Port(channel=None):
+            return {"name": value.name, "unit": value.unit}  # as computed: no transducer to tell of
         case _ if dataclasses.is_dataclass(value) and not isinstance(value, type):
             pairs = ((f.name, getattr(value, f.name)) for f in dataclasses.fields(value))
             return {k: plain(v, f"{where}.{k}".lstrip(".")) for k, v in pairs}

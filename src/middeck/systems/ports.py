@@ -1,11 +1,40 @@
-"""Named inputs and outputs."""
+"""Named inputs and outputs, and what stands behind them on the bench."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Literal
 
 from middeck.errors import ConfigError
 from middeck.values import record
+
+Role = Literal["", "sensor", "actuator"]
+
+
+@record
+class Channel:
+    """The transducer behind a port, as far as it is known; empty texts and None stand for unknown.
+
+    Parameters
+    ----------
+    node, direction:
+        Where it sits and which way it is positive, e.g. ``"12"`` and ``"+z"``; a turn about z is ``"+rz"``.
+    role:
+        ``"sensor"`` or ``"actuator"``: an input may be a command to an actuator or the reading of a force
+        cell.
+    gain, raw_unit:
+        Units of the port per unit of the raw signal, e.g. 9.81 m/s^2 per ``"V"``. Samples of a record are
+        calibrated already: they are not multiplied by it.
+    calibrated:
+        Date of the calibration, as ``"2026-01-31"``.
+    """
+
+    node: str = ""
+    direction: str = ""
+    role: Role = ""
+    gain: float | None = None
+    raw_unit: str = ""
+    calibrated: str = ""
 
 
 @record
@@ -18,10 +47,27 @@ class Port:
         Unique among the ports on its side, e.g. ``"pri_rel_z"``; a rate carries the suffix ``_rate``.
     unit:
         SI unit in words, e.g. ``"N m"``, ``"rad"``, ``"rad/s"``, ``"V"``.
+    channel:
+        The transducer that measured it; None for a port of a computed system.
     """
 
     name: str
     unit: str
+    channel: Channel | None = None
+
+
+def same_ports(first: Sequence[Port], second: Sequence[Port]) -> bool:
+    """Whether names, units, nodes and directions agree; a transducer may be calibrated anew between records.
+
+    >>> same_ports([Port("a", "rad")], [Port("a", "rad", Channel(calibrated="2026-01-31"))])
+    True
+    """
+    return [_what(p) for p in first] == [_what(p) for p in second]
+
+
+def _what(port: Port) -> tuple[str, ...]:
+    channel = port.channel or Channel()
+    return port.name, port.unit, channel.node, channel.direction
 
 
 def port_indices(ports: Sequence[Port], names: Sequence[str], side: str) -> list[int]:

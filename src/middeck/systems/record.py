@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+
 import numpy as np
 from jaxtyping import Float
 
-from middeck.systems.ports import Port
+from middeck.errors import DataError
+from middeck.systems.ports import Port, same_ports
 from middeck.values import record
+
+Samples = Float[np.ndarray, "sample channel"]
 
 
 @record
@@ -29,3 +34,120 @@ class Record:
     inputs: tuple[Port, ...]
     outputs: tuple[Port, ...]
     periodic: bool
+
+
+@record
+class Campaign:
+    """Records of one test article with the same channels and rate, each as long as it happens to be.
+
+    Raises `DataError` if there is none, or if rates or ports differ. Records of equal length and kind fit in
+    one `Record`, whose experiments they are.
+    """
+
+    records: tuple[Record, ...]
+
+    def __post_init__(self) -> None:
+        if not self.records:
+            raise DataError("no record given", hint="name at least one file")
+        first = self.records[0]
+        for number, other in enumerate(self.records):
+            where = f"record {number}"
+            if other.sample_hz != first.sample_hz:
+                what = f"sampled at {other.sample_hz:g} Hz, the first at {first.sample_hz:g} Hz"
+                raise DataError(what, where=where, hint="resample one of them")
+            if not (same_ports(other.inputs, first.inputs) and same_ports(other.outputs, first.outputs)):
+                named = ", ".join(p.name for p in (*other.inputs, *other.outputs))
+                raise DataError(
+                    f"other channels than the first: {named}", where=where, hint="name them alike"
+                )
+
+
+@record
+class RecordStream:
+    """A record read piece by piece, so that it may be longer than memory.
+
+    Parameters
+    ----------
+    sample_hz, inputs, outputs:
+        As of a `Record`.
+    samples:
+        Samples in each experiment, all its periods together.
+    experiments:
+        How many there are.
+    period:
+        Samples of a period if the samples are whole steady periods, otherwise None.
+    pieces:
+        ``pieces(experiment, size)`` reads u[sample, input] and y[sample, output] from the start, at most
+        ``size`` samples at a time.
+    """
+
+    sample_hz: float
+    inputs: tuple[Port, ...]
+    outputs: tuple[Port, ...]
+    samples: int
+    experiments: int
+    period: int | None
+    pieces: Callable[[int, int], Iterator[tuple[np.ndarray, np.ndarray]]]
+
+    def blocks(self, size: int, experiment: int = 0) -> Iterator[tuple[Samples, Samples]]:
+        """u[sample, input] and y[sample, output] of ``size`` samples each; the last may be shorter.
+
+        Raises `DataError` for a sample that is not a finite number, and if the file ends early.
+        """
+        taken = 0
+        for u, y in _regrouped(self.pieces(experiment, size), size):
+            for ports, x in ((self.inputs, u), (self.outputs, y)):
+                _check_finite(x, ports, experiment, taken)
+            taken += len(u)
+            yield u, y
+        if taken != self.samples:
+            raise DataError(
+                f"truncated: {taken} of {self.samples} samples", where=f"experiment {experiment}",
+                hint="copy or record it again",
+            )  # fmt: skip
+
+
+def stream_record(held: Record) -> RecordStream:
+    """A record in memory as a stream.
+
+    >>> ports = (Port("u", "V"),), (Port("y", "m"),)
+    >>> held = Record(2.0, np.zeros((1, 1, 5, 1)), np.ones((1, 1, 5, 1)), *ports, periodic=False)
+    >>> [y[:, 0].tolist() for u, y in stream_record(held).blocks(3)]
+    [[1.0, 1.0, 1.0], [1.0, 1.0]]
+    """
+    experiments, periods, samples, _ = held.u.shape
+
+    def pieces(experiment: int, size: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        u, y = (x[experiment].reshape(periods * samples, -1) for x in (held.u, held.y))
+        return ((u[k : k + size], y[k : k + size]) for k in range(0, len(u), size))
+
+    period = samples if held.periodic else None
+    return RecordStream(
+        held.sample_hz, held.inputs, held.outputs, periods * samples, experiments, period, pieces
+    )
+
+
+def _regrouped(
+    pieces: Iterator[tuple[np.ndarray, np.ndarray]], size: int
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Pieces of any length as blocks of ``size`` samples."""
+    u, y = np.empty((0, 0)), np.empty((0, 0))
+    for more_u, more_y in pieces:
+        u, y = (np.concatenate([x, m]) if len(x) else m for x, m in ((u, more_u), (y, more_y)))
+        while len(u) >= size:
+            yield u[:size], y[:size]
+            u, y = u[size:], y[size:]
+    if len(u):
+        yield u, y
+
+
+def _check_finite(x: np.ndarray, ports: tuple[Port, ...], experiment: int, start: int) -> None:
+    bad = np.argwhere(~np.isfinite(x))
+    if len(bad):
+        sample, channel = bad[0]
+        raise DataError(
+            f"{len(bad)} samples are not finite numbers, the first in experiment {experiment}, sample "
+            f"{start + sample}",
+            where=f"channel {ports[channel].name}",
+            hint="cut the record before the gap or repair the channel",
+        )
