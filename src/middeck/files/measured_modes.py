@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, cast
@@ -10,6 +9,7 @@ from typing import Any, cast
 import numpy as np
 
 from middeck.errors import DataError
+from middeck.files.json_input import json_numbers, read_json
 from middeck.files.json_output import write_json
 from middeck.structure.correlation.measured_modes import MeasuredModes
 
@@ -24,7 +24,7 @@ def load_measured_modes(path: str | Path) -> MeasuredModes:
     Raises `DataError`, naming file and key, if it is missing, empty, truncated, of another schema, incomplete
     or inconsistent, if a key is unknown, or if a number is not finite or out of range.
     """
-    data = _read(path)
+    data = read_json(path, MEASURED_SCHEMA, "docs/reference/files.md describes it")
     _check_keys(data, str(path))
     values = {k: _numbers(data[k], f"{path}, {k}") for k in ("frequency_hz", "damping")}
     values |= {k: _numbers(data[k], f"{path}, {k}") for k in OPTIONAL if data.get(k) is not None}
@@ -45,31 +45,6 @@ def write_measured_modes(path: str | Path, measured: MeasuredModes) -> None:
     stated = {k: v for k in OPTIONAL if (v := getattr(measured, k)) is not None}
     required = {k: getattr(measured, k) for k in REQUIRED} | {"shape": shape}
     write_json(path, {"schema": MEASURED_SCHEMA, **required, **stated})
-
-
-def _read(path: str | Path) -> dict[str, Any]:
-    where = str(path)
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-    except OSError as error:
-        raise DataError(f"cannot be read: {error.strerror}", where=where, hint="check the path") from None
-    except UnicodeDecodeError:
-        raise DataError("not UTF-8 text", where=where, hint="measured modes are a JSON file") from None
-    if not text.strip():
-        raise DataError("the file is empty", where=where, hint="write it again")
-    try:
-        data = json.loads(text)
-    except json.JSONDecodeError as error:
-        what = f"truncated or not JSON: {error.msg}"
-        raise DataError(what, where=f"{path}:{error.lineno}", hint="write it again") from None
-    schema = cast("dict[str, Any]", data).get("schema") if isinstance(data, dict) else None
-    if schema != MEASURED_SCHEMA:
-        raise DataError(
-            f"schema is {schema!r}, this reader knows {MEASURED_SCHEMA!r}",
-            where=where,
-            hint="docs/reference/files.md describes it",
-        )
-    return cast("dict[str, Any]", data)
 
 
 def _check_keys(data: dict[str, Any], where: str) -> None:
@@ -99,13 +74,9 @@ def _shape(value: Any, where: str) -> np.ndarray:
 
 
 def _numbers(value: Any, where: str) -> np.ndarray:
-    try:
-        array = np.array(value, dtype=float)
-    except (TypeError, ValueError):
-        raise DataError("not an array of numbers", where=where, hint="rows of equal length") from None
-    if not np.isfinite(array).all():
-        raise DataError("a number is not finite", where=where, hint="leave that mode or channel out")
-    return array
+    return json_numbers(
+        value, where, ragged="rows of equal length", infinite="leave that mode or channel out"
+    )
 
 
 def _texts(value: Any, where: str) -> tuple[str, ...]:

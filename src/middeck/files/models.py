@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any, cast
 
@@ -10,6 +9,8 @@ import numpy as np
 
 from middeck.control.compensator import Compensator
 from middeck.errors import DataError
+from middeck.files.channels import build_channel
+from middeck.files.json_input import json_numbers, read_json
 from middeck.files.json_output import write_json
 from middeck.identification.measurement_model import MeasurementModel
 from middeck.systems.ports import Port
@@ -17,6 +18,7 @@ from middeck.systems.ports import Port
 MODEL_SCHEMA = "middeck.model/1"
 COMPENSATOR_SCHEMA = "middeck.compensator/1"
 COMPLEX = ("poles", "shapes", "participation")
+AGAIN = "write the model again"
 REAL = ("direct", "lower", "delay_s")
 
 
@@ -33,7 +35,7 @@ def load_model(path: str | Path) -> MeasurementModel:
     Raises `DataError`, naming file and key, if it is missing, empty, truncated, of another schema, incomplete
     or inconsistent, or if a number is not finite.
     """
-    data = _read(path)
+    data = read_json(path, MODEL_SCHEMA, "a model of middeck identify -o")
     _require(data, ("sample_hz", "inputs", "outputs", *COMPLEX, *REAL), str(path))
     arrays = {name: _array(data[name], f"{path}, {name}") for name in REAL}
     for name in COMPLEX:
@@ -47,7 +49,7 @@ def load_model(path: str | Path) -> MeasurementModel:
     try:
         model = MeasurementModel(**arrays, inputs=inputs, outputs=outputs, sample_hz=rate)
     except ValueError as error:
-        raise DataError(str(error), where=str(path), hint="write the model again") from None
+        raise DataError(str(error), where=str(path), hint=AGAIN) from None
     if model.direct.shape != (len(model.outputs), len(model.inputs)):
         raise DataError(
             f"{len(outputs)} outputs and {len(inputs)} inputs named, direct is {model.direct.shape}",
@@ -63,52 +65,28 @@ def write_compensator(path: str | Path, compensator: Compensator) -> None:
     write_json(path, {"schema": COMPENSATOR_SCHEMA, **ports, **system})
 
 
-def _read(path: str | Path) -> dict[str, Any]:
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-    except OSError as error:
-        raise DataError(f"cannot be read: {error.strerror}", where=str(path), hint="check the path") from None
-    except UnicodeDecodeError:
-        raise DataError("not UTF-8 text", where=str(path), hint="a model of middeck identify -o") from None
-    if not text.strip():
-        raise DataError("the file is empty", where=str(path), hint="write it again")
-    try:
-        data = json.loads(text)
-    except json.JSONDecodeError as error:
-        what = f"truncated or not JSON: {error.msg}"
-        raise DataError(what, where=f"{path}:{error.lineno}", hint="write it again") from None
-    schema = cast("dict[str, Any]", data).get("schema") if isinstance(data, dict) else None
-    if schema != MODEL_SCHEMA:
-        raise DataError(
-            f"schema is {schema!r}, this reader knows {MODEL_SCHEMA!r}",
-            where=str(path),
-            hint="a model of middeck identify -o",
-        )
-    return cast("dict[str, Any]", data)
-
-
 def _require(data: Any, keys: tuple[str, ...], where: str) -> None:
     missing = [k for k in keys if not isinstance(data, dict) or k not in data]
     if missing:
-        raise DataError(f"keys missing: {', '.join(missing)}", where=where, hint="write the model again")
+        raise DataError(f"keys missing: {', '.join(missing)}", where=where, hint=AGAIN)
 
 
 def _array(value: Any, where: str) -> np.ndarray:
-    try:
-        array = np.array(value, dtype=float)
-    except (TypeError, ValueError):
-        raise DataError("not an array of numbers", where=where, hint="write the model again") from None
-    if not np.isfinite(array).all():
-        raise DataError("a number is not finite", where=where, hint="write the model again")
-    return array
+    return json_numbers(value, where, ragged=AGAIN, infinite=AGAIN)
 
 
 def _ports(value: Any, where: str) -> tuple[Port, ...]:
     if not isinstance(value, list) or not value:
         raise DataError("no ports", where=where, hint='a list of {"name": ..., "unit": ...}')
-    for item in cast("list[Any]", value):
-        _require(item, ("name", "unit"), where)
-    return tuple(Port(str(p["name"]), str(p["unit"])) for p in cast("list[Any]", value))
+    return tuple(_port(item, where) for item in cast("list[Any]", value))
+
+
+def _port(item: Any, where: str) -> Port:
+    _require(item, ("name", "unit"), where)
+    channel = item.get("channel")
+    if channel is None:
+        return Port(str(item["name"]), str(item["unit"]))
+    return Port(str(item["name"]), str(item["unit"]), build_channel(channel, f"{where}, channel"))
 
 
 def _rate(value: Any, where: str) -> float | None:

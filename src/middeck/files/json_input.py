@@ -1,0 +1,47 @@
+"""JSON documents on their way in: text, schema and arrays of numbers, refused by file and key."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+
+from middeck.errors import DataError
+
+
+def read_json(path: str | Path, schema: str, hint: str) -> dict[str, Any]:
+    """The document in file ``path``; ``hint`` says what it should be.
+
+    Raises `DataError`, naming the file, if it is missing, empty, truncated, not UTF-8 or of another schema.
+    """
+    where = str(path)
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except OSError as error:
+        raise DataError(f"cannot be read: {error.strerror}", where=where, hint="check the path") from None
+    except UnicodeDecodeError:
+        raise DataError("not UTF-8 text", where=where, hint=hint) from None
+    if not text.strip():
+        raise DataError("the file is empty", where=where, hint="write it again")
+    try:
+        data = json.loads(text)
+    except json.JSONDecodeError as error:
+        what = f"truncated or not JSON: {error.msg}"
+        raise DataError(what, where=f"{path}:{error.lineno}", hint="write it again") from None
+    found = cast("dict[str, Any]", data).get("schema") if isinstance(data, dict) else None
+    if found != schema:
+        raise DataError(f"schema is {found!r}, this reader knows {schema!r}", where=where, hint=hint)
+    return cast("dict[str, Any]", data)
+
+
+def json_numbers(value: Any, where: str, *, ragged: str, infinite: str) -> np.ndarray:
+    """``value`` as an array of finite numbers; ``ragged`` and ``infinite`` say what to try otherwise."""
+    try:
+        array = np.array(value, dtype=float)
+    except (TypeError, ValueError):
+        raise DataError("not an array of numbers", where=where, hint=ragged) from None
+    if not np.isfinite(array).all():
+        raise DataError("a number is not finite", where=where, hint=infinite)
+    return array
