@@ -1,17 +1,23 @@
-"""Standard deviations of frequency, damping and delay: the Cramer-Rao bound at the fit."""
+"""Standard deviations and intervals of what a model is made of, read from the covariance of its unknowns."""
 
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
+import scipy.stats
+from jaxtyping import Complex, Float
 
+from middeck.errors import ConfigError
+from middeck.identification.covariance import ModelCovariance
+from middeck.identification.measurement_model import damping_ratio, natural_hz
 from middeck.identification.terms import Layout, unpack
+from middeck.identification.unknowns import Places, entry_slopes, places_of
+from middeck.systems.ports import Port
 from middeck.values import record
 
 
 @record
 class Uncertainty:
-    """Standard deviations, as far as the residual behaves as random noise of the weights' variance.
+    """Standard deviations; see `ModelCovariance` for what they cover.
 
     Parameters
     ----------
@@ -24,6 +30,192 @@ class Uncertainty:
     natural_hz: Float[np.ndarray, " mode"]
     damping: Float[np.ndarray, " mode"]
     delay_s: Float[np.ndarray, " output"]
+
+
+@record
+class Parameters:
+    """All physical parameters of a model with their joint covariance.
+
+    Parameters
+    ----------
+    names:
+        ``natural_hz[m]``, ``damping[m]``; ``constant[m, output, input]`` for real modal constants,
+        otherwise ``residue_re[...]`` and ``residue_im[...]``; ``lower``, ``direct[output, input]``;
+        ``delay_s[output]``. m counts the modes of the model from zero.
+    values, covariance:
+        In SI units, frequencies in Hz. Rank-one residues of several inputs and outputs have fewer free
+        numbers than entries: their covariance is singular then.
+    degrees:
+        Degrees of freedom of Student's t that stands for the normal law.
+    """
+
+    names: tuple[str, ...]
+    values: Float[np.ndarray, " parameter"]
+    covariance: Float[np.ndarray, "parameter parameter"]
+    degrees: float
+
+    @property
+    def deviation(self) -> Float[np.ndarray, " parameter"]:
+        """Standard deviation of each."""
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+
+    def interval(
+        self, level: float = 0.95
+    ) -> tuple[Float[np.ndarray, " parameter"], Float[np.ndarray, " parameter"]]:
+        """Ends of the interval of each alone that covers the truth with probability ``level``."""
+        half = quantile(level, self.degrees) * self.deviation
+        return self.values - half, self.values + half
+
+
+def quantile(level: float, degrees: float) -> float:
+    """Deviations to either side that hold ``level`` of Student's t.
+
+    >>> round(quantile(0.95, float("inf")), 3), round(quantile(0.95, 10.0), 3)
+    (1.96, 2.228)
+    """
+    check_level(level)
+    return float(scipy.stats.t.ppf(0.5 + 0.5 * level, degrees))
+
+
+def check_level(level: float) -> None:
+    """Raise `ConfigError` unless 0 < level < 1."""
+    if not 0.0 < level < 1.0:
+        raise ConfigError(f"a level of {level} is no probability", hint="between 0 and 1, such as 0.95")
+
+
+def uncertainty_of(covariance: ModelCovariance) -> Uncertainty:
+    """Standard deviations of frequencies, damping and delays."""
+    frequency, damping = pole_slopes(covariance)
+    at = places_of(covariance.model, covariance.structure)
+    delay = np.where(at.delay >= 0, np.diag(covariance.matrix)[at.delay], 0.0)
+    return Uncertainty(
+        _deviation(frequency, covariance.matrix), _deviation(damping, covariance.matrix), np.sqrt(delay)
+    )
+
+
+def pole_slopes(
+    covariance: ModelCovariance,
+) -> tuple[Float[np.ndarray, "mode unknown"], Float[np.ndarray, "mode unknown"]]:
+    """Derivatives of natural frequencies [Hz] and damping ratios by the unknowns."""
+    model = covariance.model
+    at = places_of(model, covariance.structure)
+    sigma, omega, size = -np.real(model.poles), np.imag(model.poles), np.abs(model.poles)
+    frequency, damping = np.zeros((2, len(size), at.size))
+    mode = np.arange(len(size))
+    pairs = np.flatnonzero(model.is_pair)
+    frequency[mode, at.sigma] = sigma**2 / size / (2.0 * np.pi)
+    damping[mode, at.sigma] = sigma * omega**2 / size**3
+    frequency[pairs, at.omega[pairs]] = (omega**2 / size)[pairs] / (2.0 * np.pi)
+    damping[pairs, at.omega[pairs]] = -(sigma * omega**2 / size**3)[pairs]
+    return frequency, damping
+
+
+def parameters_of(covariance: ModelCovariance) -> Parameters:
+    """All physical parameters, their values and their joint covariance."""
+    model = covariance.model
+    at = places_of(model, covariance.structure)
+    frequency, damping = pole_slopes(covariance)
+    modes = range(len(model.poles))
+    residue_names, residues, by = residue_slopes(covariance)
+    terms = [
+        (f"{kind}[{model.outputs[o].name}, {model.inputs[i].name}]", value[o, i], place[o, i])
+        for kind, value, place in (("lower", model.lower, at.lower), ("direct", model.direct, at.direct))
+        for o, i in np.argwhere(place >= 0)
+    ]
+    terms += [
+        (f"delay_s[{model.outputs[o].name}]", model.delay_s[o], at.delay[o])
+        for o in np.flatnonzero(at.delay >= 0)
+    ]
+    J = np.concatenate([frequency, damping, by, np.eye(at.size)[[place for _, _, place in terms]]])
+    return Parameters(
+        (
+            *(f"natural_hz[{m}]" for m in modes),
+            *(f"damping[{m}]" for m in modes),
+            *residue_names,
+            *(name for name, _, _ in terms),
+        ),
+        np.concatenate([natural_hz(model), damping_ratio(model), residues, [value for _, value, _ in terms]]),
+        J @ covariance.matrix @ J.T,
+        covariance.degrees,
+    )
+
+
+def residue_slopes(
+    covariance: ModelCovariance,
+) -> tuple[list[str], Float[np.ndarray, " number"], Float[np.ndarray, "number unknown"]]:
+    """Names, values and derivatives of modal constants or of the parts of complex residues."""
+    model = covariance.model
+    at = places_of(model, covariance.structure)
+    names: list[str] = []
+    values: list[float] = []
+    rows: list[np.ndarray] = []
+    for m, pair in enumerate(model.is_pair):
+        real = covariance.structure.real_constants and pair
+        for o, output in enumerate(model.outputs):
+            for i, entry in enumerate(model.inputs):
+                residue, by = _residue(covariance, at, m, o, i)
+                place = f"[{m}, {output.name}, {entry.name}]"
+                kinds = ("constant",) if real else ("residue_re", "residue_im") if pair else ("residue_re",)
+                for kind in kinds:
+                    names.append(kind + place)
+                    values.append(float(residue.imag if kind == "residue_im" else residue.real))
+                    rows.append(np.imag(by) if kind == "residue_im" else np.real(by))
+    return names, np.array(values), np.array(rows).reshape(len(rows), at.size)
+
+
+def _residue(
+    covariance: ModelCovariance, at: Places, m: int, o: int, i: int
+) -> tuple[complex, Complex[np.ndarray, " unknown"]]:
+    """Residue c b, or phi psi = 2 j omega_d c b, and its derivatives."""
+    model = covariance.model
+    real = covariance.structure.real_constants and bool(model.is_pair[m])
+    c = complex(model.shapes[o, m]) * (2j * float(model.poles[m].imag) if real else 1.0)
+    b = complex(model.participation[m, i])
+    by = np.zeros(at.size, dtype=complex)
+    for place, slope in ((at.c[o, m], b), (at.b[m, i], c)):
+        for part, unit in zip(place, (1.0, 1j), strict=True):
+            if part >= 0:
+                by[part] = unit * slope
+    return c * b, by
+
+
+def zero_deviation(
+    covariance: ModelCovariance, zeros: Complex[np.ndarray, " zero"], *, output: str, input: str
+) -> tuple[Float[np.ndarray, " zero"], Float[np.ndarray, " zero"]]:
+    """Standard deviations of |z| / 2 pi [Hz] and of -Re z / |z| of the zeros [rad/s] of one entry of H.
+
+    By the implicit function theorem dz = -(dH / dx) / (dH / ds) at the zero; right for simple zeros that lie
+    farther from each other, and from the real axis, than their deviations.
+
+    Raises
+    ------
+    ConfigError
+        For an unknown port.
+    """
+    model = covariance.model
+    o, i = (_named(ports, name) for ports, name in ((model.outputs, output), (model.inputs, input)))
+    z = np.asarray(zeros, dtype=complex)
+    # H is analytic: an imaginary step has no cancellation, and its error goes with its square.
+    step = 1e-4 * np.abs(z).clip(min=np.finfo(float).tiny)
+    entry = entry_slopes(model, covariance.structure, z, o, i)
+    ahead, behind = (entry_slopes(model, covariance.structure, z + sign * step, o, i).H for sign in (1, -1))
+    by = np.zeros((len(z), len(covariance.matrix)), dtype=complex)
+    by[:, entry.place] = (-entry.by / ((ahead - behind) / (2.0 * step))).T
+    size = np.abs(z)[:, None]
+    along = np.real(z.conj()[:, None] * by) / size
+    ratio = -np.real(by) / size + np.real(z)[:, None] * along / size**2
+    return _deviation(along / (2.0 * np.pi), covariance.matrix), _deviation(ratio, covariance.matrix)
+
+
+def _named(ports: tuple[Port, ...], name: str) -> int:
+    names = [p.name for p in ports]
+    if name not in names:
+        raise ConfigError(f"no channel named {name!r}", hint=f"one of {', '.join(names)}")
+    return names.index(name)
+
+
+def _deviation(slope: Float[np.ndarray, "row unknown"], covariance: np.ndarray) -> Float[np.ndarray, " row"]:
+    return np.sqrt(np.maximum(np.einsum("mi,ij,mj->m", slope, covariance, slope), 0.0))
 
 
 def bound(
@@ -58,7 +250,3 @@ def bound(
 def _inverse(gram: np.ndarray) -> np.ndarray:
     size = 1.0 / np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
     return size[:, None] * np.linalg.pinv(gram * size[:, None] * size, hermitian=True) * size
-
-
-def _deviation(slope: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    return np.sqrt(np.maximum(np.einsum("mi,ij,mj->m", slope, covariance, slope), 0.0))

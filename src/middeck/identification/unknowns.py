@@ -1,0 +1,191 @@
+"""The unknowns of a fitted model in coordinates of their own, and the response's derivatives by them.
+
+    [log sigma of each mode | log omega_d of each pair | free entries of b | entries of c of each output
+     | L | D | delay of each output]
+
+as far as the fit had them (`Structure`). The largest entry of each b is held: the residue c b leaves one
+factor free. Unlike the search's own vector (`terms`), this one is read from a finished model alone, so that
+every kind of fit has its covariance in the same coordinates. Any vector is a stable, real model.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from jaxtyping import Complex, Float, Int
+
+from middeck.identification.measurement_model import MeasurementModel
+from middeck.values import record
+
+
+@record
+class Structure:
+    """Which parts of a model were free in its fit.
+
+    Parameters
+    ----------
+    real_constants:
+        Pairs are phi psi / ((s - p)(s - conj p)) with real phi and psi.
+    with_delay, with_lower, with_direct:
+        Whether delays, the term L / s^2 and the constant term D were fitted.
+    """
+
+    real_constants: bool
+    with_delay: bool
+    with_lower: bool
+    with_direct: bool
+
+
+@record
+class Places:
+    """Where each kind of unknown stands in the vector; -1 where it is not free."""
+
+    sigma: Int[np.ndarray, " mode"]
+    omega: Int[np.ndarray, " mode"]
+    b: Int[np.ndarray, "mode input 2"]
+    c: Int[np.ndarray, "output mode 2"]
+    lower: Int[np.ndarray, "output input"]
+    direct: Int[np.ndarray, "output input"]
+    delay: Int[np.ndarray, " output"]
+    size: int
+
+
+def places_of(model: MeasurementModel, structure: Structure) -> Places:
+    """The order of the unknowns; last axis of ``b`` and ``c``: real and imaginary part."""
+    pair = model.is_pair
+    modes, (outputs, inputs) = len(pair), model.direct.shape
+    parts = np.stack([np.ones(modes, bool), pair & (not structure.real_constants)], axis=1)
+    free_b = np.broadcast_to(parts[:, None], (modes, inputs, 2)).copy()
+    free_b[np.arange(modes), _pivot(model)] = False
+    entries = (outputs, inputs)
+    free = (
+        np.ones(modes, bool),
+        pair,
+        free_b,
+        np.broadcast_to(parts, (outputs, modes, 2)),
+        np.full(entries, structure.with_lower),
+        np.full(entries, structure.with_direct),
+        np.full(outputs, structure.with_delay),
+    )
+    found: list[np.ndarray] = []
+    used = 0
+    for mask in free:
+        place = np.full(mask.shape, -1)
+        place[mask] = used + np.arange(np.sum(mask))
+        used += int(np.sum(mask))
+        found.append(place)
+    sigma, omega, b, c, lower, direct, delay = found
+    return Places(sigma, omega, b, c, lower, direct, delay, used)
+
+
+def _pivot(model: MeasurementModel) -> np.ndarray:
+    return np.argmax(np.abs(model.participation), axis=1)
+
+
+def unknowns_of(model: MeasurementModel, structure: Structure) -> Float[np.ndarray, " unknown"]:
+    """The vector of a model."""
+    at = places_of(model, structure)
+    x = np.zeros(at.size)
+    omega = np.imag(model.poles)
+    phi = _constants(model, structure)
+    _put(x, at.sigma, np.log(-np.real(model.poles)))
+    _put(x, at.omega, np.log(np.where(model.is_pair, omega, 1.0)))
+    _put(x, at.b, _parts(model.participation))
+    _put(x, at.c, _parts(phi))
+    for place, value in ((at.lower, model.lower), (at.direct, model.direct), (at.delay, model.delay_s)):
+        _put(x, place, value)
+    return x
+
+
+def _put(x: np.ndarray, place: np.ndarray, value: np.ndarray) -> None:
+    x[place[place >= 0]] = value[place >= 0]
+
+
+def _take(x: np.ndarray, place: np.ndarray, otherwise: np.ndarray) -> np.ndarray:
+    return np.where(place >= 0, x[np.maximum(place, 0)], otherwise)
+
+
+def _constants(model: MeasurementModel, structure: Structure) -> Complex[np.ndarray, "output mode"]:
+    """c as the fit has it: phi = 2 j omega_d c of a pair with real constants."""
+    return model.shapes * _unit(model.poles, model.is_pair, structure)
+
+
+def _unit(poles: np.ndarray, pair: np.ndarray, structure: Structure) -> np.ndarray:
+    return np.where(pair & structure.real_constants, 2j * np.imag(poles), 1.0)
+
+
+def model_at(
+    model: MeasurementModel, structure: Structure, x: Float[np.ndarray, " unknown"]
+) -> MeasurementModel:
+    """The model with the unknowns ``x``, all else as in ``model``; delays are zero at least."""
+    at, pair = places_of(model, structure), model.is_pair
+    omega = np.where(pair, np.exp(_take(x, at.omega, np.zeros(len(pair)))), np.imag(model.poles))
+    poles = -np.exp(x[at.sigma]) + 1j * omega
+    b = _complex(x, at.b, model.participation)
+    c = _complex(x, at.c, _constants(model, structure)) / _unit(poles, pair, structure)
+    return dataclasses.replace(
+        model,
+        poles=poles,
+        shapes=c,
+        participation=b,
+        lower=_take(x, at.lower, model.lower),
+        direct=_take(x, at.direct, model.direct),
+        delay_s=np.maximum(_take(x, at.delay, model.delay_s), 0.0),
+    )
+
+
+def _parts(z: np.ndarray) -> np.ndarray:
+    return np.stack([np.real(z), np.imag(z)], axis=-1)
+
+
+def _complex(x: np.ndarray, place: np.ndarray, otherwise: np.ndarray) -> np.ndarray:
+    parts = _take(x, place, _parts(otherwise))
+    return parts[..., 0] + 1j * parts[..., 1]
+
+
+@record
+class EntrySlopes:
+    """Response of one entry of H at some s, and its derivatives by the unknowns it depends on."""
+
+    H: Complex[np.ndarray, " line"]
+    place: Int[np.ndarray, " unknown"]
+    by: Complex[np.ndarray, "unknown line"]
+
+
+def entry_slopes(
+    model: MeasurementModel,
+    structure: Structure,
+    s: Complex[np.ndarray, " line"],
+    output: int,
+    input: int,
+) -> EntrySlopes:
+    """H_oi and its derivatives at ``s``, which need not lie on the imaginary axis."""
+    at, pair = places_of(model, structure), model.is_pair
+    T = 0.0 if model.sample_hz is None else 1.0 / model.sample_hz
+    q, pole = (np.exp(s * T), np.exp(model.poles * T)) if T else (s, model.poles)
+    slope = T * pole if T else np.ones_like(pole)
+    c, b = model.shapes[output][:, None], model.participation[:, input, None]
+    up, low = 1.0 / (q - pole[:, None]), pair[:, None] / (q - pole[:, None].conj())
+    term, twin = c * b * up, (c * b).conj() * low
+    late = np.exp(-s * model.delay_s[output])
+    H = (np.sum(term + twin, axis=0) + model.lower[output, input] / s**2 + model.direct[output, input]) * late
+    # By the pole and by its conjugate, as if independent.
+    by_pole, by_twin = term * slope[:, None] * up, twin * slope.conj()[:, None] * low
+    decay, omega = np.real(model.poles)[:, None], np.imag(model.poles)[:, None]
+    scaled = (term + twin) if structure.real_constants else 0.0  # phi is held: c goes with 1 / omega_d
+    unit = 1.0 / _unit(model.poles, pair, structure)[:, None]
+    blocks = (
+        (at.sigma, decay * (by_pole + by_twin)),
+        (at.omega, 1j * omega * (by_pole - by_twin) - scaled),
+        (at.b[:, input, 0], c * up + c.conj() * low),
+        (at.b[:, input, 1], 1j * (c * up - c.conj() * low)),
+        (at.c[output, :, 0], unit * b * up + (unit * b).conj() * low),
+        (at.c[output, :, 1], 1j * (unit * b * up - (unit * b).conj() * low)),
+        (at.lower[output, input, None], 1.0 / s[None] ** 2),
+        (at.direct[output, input, None], np.ones((1, len(s)))),
+        (at.delay[output, None], -s[None] * H[None] / late),
+    )
+    place = np.concatenate([p for p, _ in blocks])
+    by = np.concatenate([v for _, v in blocks]) * late
+    return EntrySlopes(H, place[place >= 0], by[place >= 0])
