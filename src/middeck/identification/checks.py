@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+from jaxtyping import Float
 
 from middeck.errors import DataError, FitError
 from middeck.systems.ports import Port
-from middeck.systems.record import Record
+from middeck.systems.record import Record, RecordStream
 from middeck.systems.response import FrequencyResponse
+from middeck.values import record as frozen
 
 FEWEST_SAMPLES = 16
 # Mean of |H|^2 / variance below which there is nothing but noise: that of noise alone is 1.
@@ -44,12 +46,41 @@ def _check_channels(x: np.ndarray, ports: tuple[Port, ...], side: str) -> None:
                 where=f"{side} {port.name}",
                 hint="cut the record before the gap, or repair the channel",
             )
-        if np.ptp(channel) <= ROUNDING * np.abs(channel).max():
-            raise DataError(
-                f"the channel is constant at {channel.flat[0]:.6g} {port.unit}",
-                where=f"{side} {port.name}",
-                hint="leave the channel out, or check its cable and its gain",
-            )
+        _check_swing(float(channel.min()), float(channel.max()), port, side)
+
+
+def _check_swing(low: float, high: float, port: Port, side: str) -> None:
+    if high - low <= ROUNDING * max(abs(low), abs(high)):
+        raise DataError(
+            f"the channel is constant at {low:.6g} {port.unit}",
+            where=f"{side} {port.name}",
+            hint="leave the channel out, or check its cable and its gain",
+        )
+
+
+@frozen
+class Swing:
+    """Lowest and highest sample of each channel so far, inputs first: what a stream is checked by."""
+
+    low: Float[np.ndarray, " channel"]
+    high: Float[np.ndarray, " channel"]
+
+
+def widen(swing: Swing | None, z: Float[np.ndarray, "sample channel"]) -> Swing:
+    """The swing with further samples of inputs and outputs."""
+    low, high = z.min(axis=0), z.max(axis=0)
+    return (
+        Swing(low, high) if swing is None else Swing(np.minimum(low, swing.low), np.maximum(high, swing.high))
+    )
+
+
+def check_swing(swing: Swing | None, stream: RecordStream) -> None:
+    """Raise `DataError` for a stream without samples, or with a channel that never moves."""
+    if swing is None:
+        raise DataError("the stream has no samples")
+    named = [(p, "input") for p in stream.inputs] + [(p, "output") for p in stream.outputs]
+    for (port, side), low, high in zip(named, swing.low, swing.high, strict=True):
+        _check_swing(float(low), float(high), port, side)
 
 
 def check_response(measured: FrequencyResponse, unknowns: int) -> None:
