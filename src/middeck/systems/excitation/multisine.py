@@ -1,0 +1,154 @@
+"""Multisines: sums of cosines on the lines of a period."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.errors import ConfigError
+from middeck.systems.excitation.crest import compact_phases, schroeder_phases
+from middeck.systems.excitation.grids import band_lines, choose_lines, whole_samples
+from middeck.systems.excitation.inputs import orthogonal_matrix
+from middeck.systems.excitation.limits import Limits, scale_to_limits
+from middeck.systems.excitation.signal import Excitation
+
+Phases = Literal["random", "schroeder", "compact"]
+
+
+def random_multisine(
+    band_hz: tuple[float, float], period_s: float, sample_hz: float, rms: float, rng: np.random.Generator
+) -> Float[np.ndarray, " sample"]:
+    """One period of equal cosines on every line of the band, phases uniform at random.
+
+    Lines are the multiples of 1/``period_s`` within ``band_hz``, limits included (Pintelon and Schoukens
+    2012, section 5.2). The crest factor is near that of noise, 3 to 4. Raises `ConfigError` if the period
+    is not a whole number of samples, if the band holds no line, or if it reaches half the sampling rate.
+
+    >>> u = random_multisine((1.0, 8.0), 4.0, 64.0, 0.5, np.random.default_rng(0))
+    >>> u.shape, round(float(np.sqrt(np.mean(u**2))), 12)
+    ((256,), 0.5)
+    """
+    samples = whole_samples(period_s, sample_hz)
+    first, last = band_lines(band_hz, period_s, sample_hz)
+    count = last - first + 1
+    spectrum = np.zeros(samples // 2 + 1, dtype=complex)
+    # rms^2 = count amplitude^2 / 2, and irfft turns amplitude * samples / 2 into a cosine of that amplitude.
+    amplitude = rms * np.sqrt(2.0 / count)
+    spectrum[first : last + 1] = 0.5 * samples * amplitude * np.exp(2j * np.pi * rng.random(count))
+    return np.asarray(np.fft.irfft(spectrum, samples))
+
+
+def design_multisine(
+    band_hz: tuple[float, float],
+    period_s: float,
+    sample_hz: float,
+    limits: Limits | Sequence[Limits],
+    rng: np.random.Generator,
+    *,
+    inputs: int = 1,
+    realisations: int = 1,
+    grid: str = "full",
+    amplitude: Callable[[np.ndarray], np.ndarray] | None = None,
+    phases: Phases = "random",
+) -> Excitation:
+    """One period of a multisine, for one or several inputs.
+
+    Parameters
+    ----------
+    band_hz, period_s:
+        Lines are the multiples of 1/``period_s`` within the band, limits included.
+    limits:
+        Of every input, or of each.
+    inputs, realisations:
+        A realisation is ``inputs`` experiments, orthogonal on every line (`inputs`). Phases are drawn anew
+        for each realisation and input: several of them show nonlinear distortion, which changes with phases.
+    grid:
+        "full", "odd", "odd-odd" or "random-odd" (`grids.choose_lines`); silent lines detect distortion.
+    amplitude:
+        Amplitude of a line of so many Hz, up to a factor; equal by default.
+    phases:
+        "random", uniform; "schroeder" (Schroeder 1970; sums to a sweep); "compact", of the least peak that is
+        found from there, each realisation and input from its own random share of a turn.
+
+    Raises
+    ------
+    ConfigError
+        As `random_multisine`, for an unknown grid or kind of phases, or for amplitudes that are not finite,
+        negative or all zero.
+
+    Examples
+    --------
+    >>> made = design_multisine(
+    ...     (1.0, 8.0), 4.0, 64.0, Limits(peak=1.0), np.random.default_rng(0), phases="compact"
+    ... )
+    >>> made.u.shape, bool(made.crest_factor[0] < 1.5), float(made.peak[0].round(9))
+    ((1, 256, 1), True, 1.0)
+    """
+    if inputs < 1 or realisations < 1:
+        raise ConfigError(f"{realisations} realisations for {inputs} inputs", hint="one or more of each")
+    samples = whole_samples(period_s, sample_hz)
+    lines = choose_lines(*band_lines(band_hz, period_s, sample_hz), grid, rng)
+    size = _amplitudes(amplitude, lines / period_s)
+    T = orthogonal_matrix(inputs)
+    u = np.concatenate([_realisation(lines, size, samples, T, phases, rng) for _ in range(realisations)])
+    u = scale_to_limits(u, limits, sample_hz, periodic=True)
+    what = f"{phases}-phase multisine of {len(lines)} lines ({grid} grid) from {lines[0] / period_s:.6g} to "
+    what += f"{lines[-1] / period_s:.6g} Hz"
+    if inputs > 1:
+        what += f", orthogonal for {inputs} inputs over {inputs} experiments"
+    return Excitation("multisine", what, sample_hz, u, lines, True)
+
+
+def _amplitudes(
+    amplitude: Callable[[np.ndarray], np.ndarray] | None, frequency_hz: Float[np.ndarray, " line"]
+) -> Float[np.ndarray, " line"]:
+    if amplitude is None:
+        return np.ones(len(frequency_hz))
+    size = np.broadcast_to(np.asarray(amplitude(frequency_hz), dtype=float), frequency_hz.shape)
+    if not np.isfinite(size).all() or (size < 0.0).any() or not size.any():
+        raise ConfigError(
+            "the amplitudes are not finite, negative or all zero",
+            where=f"{frequency_hz[0]:.6g} to {frequency_hz[-1]:.6g} Hz",
+            hint="a positive amplitude for every frequency of the band",
+        )
+    return size
+
+
+def _realisation(
+    lines: np.ndarray,
+    amplitude: np.ndarray,
+    samples: int,
+    T: np.ndarray,
+    phases: str,
+    rng: np.random.Generator,
+) -> Float[np.ndarray, "experiment sample input"]:
+    inputs = T.shape[1]
+    U = np.zeros((len(T), samples // 2 + 1, inputs), dtype=complex)
+    for i in range(inputs):
+        angle = _phases(lines, amplitude, samples, np.angle(T[:, i]), phases, rng)
+        U[:, lines, i] = T[:, i, None] * (0.5 * samples * amplitude * np.exp(1j * angle))
+    return np.fft.irfft(U, samples, axis=1)
+
+
+def _phases(
+    lines: np.ndarray,
+    amplitude: np.ndarray,
+    samples: int,
+    rotations: np.ndarray,
+    phases: str,
+    rng: np.random.Generator,
+) -> Float[np.ndarray, " line"]:
+    match phases:
+        case "random":
+            return 2.0 * np.pi * rng.random(len(lines))
+        case "schroeder":
+            return schroeder_phases(amplitude)
+        case "compact":
+            # A random share of a turn on each line keeps realisations apart and costs the start little.
+            start = schroeder_phases(amplitude) + rng.random(len(lines))
+            return compact_phases(lines, amplitude, samples, start, rotations)
+        case _:
+            raise ConfigError(f"no phases named {phases!r}", hint="random, schroeder or compact")

@@ -1,0 +1,88 @@
+"""Sines whose frequency moves: swept within a period, or stepped from one to the next."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.errors import ConfigError
+from middeck.systems.excitation.grids import band_lines, whole_samples
+from middeck.systems.excitation.inputs import spread_signs
+from middeck.systems.excitation.limits import Limits, scale_to_limits
+from middeck.systems.excitation.signal import Excitation
+
+
+def design_sweep(
+    band_hz: tuple[float, float],
+    period_s: float,
+    sample_hz: float,
+    limits: Limits | Sequence[Limits],
+    *,
+    law: Literal["linear", "logarithmic"] = "linear",
+    inputs: int = 1,
+) -> Excitation:
+    """A sine that sweeps the band once a period and begins again (periodic chirp).
+
+    "linear" gives all frequencies the same power, "logarithmic" all octaves. The number of cycles is rounded
+    to a whole one, so that the period closes; all frequencies move by less than half a cycle a period. Crest
+    factor 1.41. Several inputs take turns in sign over the experiments. Raises `ConfigError` as
+    `random_multisine`, and for a band that does not rise.
+
+    >>> made = design_sweep((1.0, 8.0), 16.0, 64.0, Limits(peak=2.0))
+    >>> made.kind, float(made.crest_factor[0].round(2))
+    ('swept sine', 1.41)
+    """
+    low, high = band_hz
+    if not 0.0 < low < high:
+        raise ConfigError(f"a sweep from {low} to {high} Hz", hint="two rising positive frequencies")
+    samples = whole_samples(period_s, sample_hz)
+    first, last = band_lines(band_hz, period_s, sample_hz)
+    t = np.arange(samples) / samples
+    match law:
+        case "linear":
+            cycles = period_s * (low * t + 0.5 * (high - low) * t**2)
+            whole = period_s * 0.5 * (low + high)
+        case "logarithmic":
+            ratio = np.log(high / low)
+            cycles = period_s * low * np.expm1(ratio * t) / ratio
+            whole = period_s * (high - low) / ratio
+        case _:
+            raise ConfigError(f"no law named {law!r}", hint="linear or logarithmic")
+    cycles *= max(1, round(whole)) / whole
+    u = spread_signs(np.sin(2.0 * np.pi * cycles), inputs)
+    u = scale_to_limits(u, limits, sample_hz, periodic=True)
+    what = f"{law} sweep from {low:.6g} to {high:.6g} Hz in {period_s:.6g} s"
+    return Excitation("swept sine", what, sample_hz, u, np.arange(first, last + 1), True)
+
+
+def design_stepped_sine(
+    frequency_hz: Float[np.ndarray, " step"],
+    dwell_s: float,
+    sample_hz: float,
+    limits: Limits | Sequence[Limits],
+    *,
+    inputs: int = 1,
+) -> Excitation:
+    """One sine after the other, each for ``dwell_s``, in whole cycles: value and phase have no jump.
+
+    Each frequency is moved to the nearest with whole cycles in the dwell. Slow, but all power is on one line
+    and an article's nonlinearity is seen at a stated amplitude. Raises `ConfigError` for a frequency that has
+    no whole cycle in the dwell or reaches half the sampling rate.
+    """
+    samples = whole_samples(dwell_s, sample_hz)
+    cycles = np.round(np.asarray(frequency_hz, dtype=float) * dwell_s).astype(int)
+    if cycles.ndim != 1 or not len(cycles) or cycles.min() < 1 or 2 * cycles.max() >= samples:
+        raise ConfigError(
+            f"steps of {dwell_s} s hold no whole cycle of every frequency below {0.5 * sample_hz} Hz",
+            hint="longer steps, or frequencies between 1/dwell_s and half the sampling rate",
+        )
+    phase = 2.0 * np.pi * np.outer(cycles, np.arange(samples) / samples)
+    u = spread_signs(np.sin(phase).ravel(), inputs)
+    u = scale_to_limits(u, limits, sample_hz, periodic=True)
+    lines = np.unique(cycles * len(cycles))
+    what = f"{len(cycles)} sines from {cycles.min() / dwell_s:.6g} to {cycles.max() / dwell_s:.6g} Hz, "
+    what += f"{dwell_s:.6g} s each"
+    return Excitation("stepped sine", what, sample_hz, u, lines, True)
