@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from middeck.files.records import load_record, load_records, split_periods, write_record
     from middeck.files.studies import load_study
     from middeck.identification.fit import fit_response
-    from middeck.identification.measurement_model import measured_plant
+    from middeck.identification.plants import measured_plant
     from middeck.identification.simulation import nrmse
     from middeck.identification.spectra import estimate_response
     from middeck.realtime.nonlinear_rig import build_nonlinear_rig, run_nonlinear_open_loop
@@ -120,7 +120,7 @@ _ROOM = {
     "measure_metric": "control.performance",
     "measure_modes": "structure.correlation.measured_modes",
     "measure_rms": "control.performance",
-    "measured_plant": "identification.measurement_model",
+    "measured_plant": "identification.plants",
     "nrmse": "identification.simulation",
     "run_nonlinear_open_loop": "realtime.nonlinear_rig",
     "solve_equilibrium": "structure.equilibrium",

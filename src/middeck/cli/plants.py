@@ -8,7 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
-from middeck.identification.measurement_model import MeasurementModel, measured_plant, natural_hz
+from middeck.identification.measurement_model import MeasurementModel, natural_hz
+from middeck.identification.plants import measured_plant
 from middeck.structure.modes import Modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.systems.plant import Plant

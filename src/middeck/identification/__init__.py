@@ -9,11 +9,10 @@ from middeck.identification.fit import FitResult, fit_response
 from middeck.identification.measurement_model import (
     MeasurementModel,
     damping_ratio,
-    measured_plant,
     model_response,
     natural_hz,
-    sampled_statespace,
 )
+from middeck.identification.plants import measured_plant, sampled_plant, sampled_statespace
 from middeck.identification.simulation import nrmse, simulate_periodic
 from middeck.identification.spectra import ResponseScatter, estimate_response, response_scatter
 from middeck.identification.uncertainty import Uncertainty
@@ -31,6 +30,7 @@ __all__ = [
     "natural_hz",
     "nrmse",
     "response_scatter",
+    "sampled_plant",
     "sampled_statespace",
     "simulate_periodic",
 ]

@@ -10,7 +10,8 @@ from middeck.control.lqg import LQGWeights, design_filter, design_lqg
 from middeck.control.performance import Performance, measure_rms
 from middeck.files.study_form import RigForm, SisoForm
 from middeck.identification.fit import FitResult, fit_response
-from middeck.identification.measurement_model import measured_plant, model_response, natural_hz
+from middeck.identification.measurement_model import model_response, natural_hz
+from middeck.identification.plants import measured_plant
 from middeck.identification.spectra import estimate_response
 from middeck.realtime.rig import LinearRig, build_linear_rig, close_sampled_loop, run_closed_loop
 from middeck.structure.modes import Modes

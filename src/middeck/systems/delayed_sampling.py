@@ -41,6 +41,15 @@ def split_delays(delay_s: Float[np.ndarray, "output input"]) -> DelaySplit:
     return DelaySplit(of_input, of_output, delay_s - of_input - of_output[:, None])
 
 
+def is_sum(delay_s: Float[np.ndarray, "output input"], tolerance: float = WHOLE) -> bool:
+    """Whether each path is late by its input's delay plus its output's, all within ``tolerance``.
+
+    >>> is_sum(np.array([[1.0, 3.0], [2.0, 4.0]])), is_sum(np.array([[1.0, 3.0], [2.0, 2.0]]))
+    (True, False)
+    """
+    return bool(np.all(split_delays(delay_s).rest_s <= tolerance))
+
+
 def sample_delayed(
     system: StateSpace, period_s: float, delay_s: Float[np.ndarray, "output input"]
 ) -> SampledStateSpace:
@@ -48,7 +57,7 @@ def sample_delayed(
 
     Exact for any delays, also of fractions of a period; y[k] is taken at the instant at which u[k] is issued.
     States: the system's, then past inputs (input by input, the latest first), then outputs that wait. Where
-    the delays are no sums of one for the input and one for the output, each input has the system to itself.
+    the delays are no sums (`is_sum`), each input has the system to itself: those states come first.
 
     Raises
     ------
@@ -71,16 +80,23 @@ def sample_delayed(
         )
     late = _tidy(delay_s / period_s)
     split = split_delays(late)
-    if np.all(split.rest_s <= WHOLE):
+    if is_sum(late):
         return _sample(system, period_s, _tidy(split.input_s), _tidy(split.output_s))
     alone = [
         _sample(StateSpace(system.A, system.B[:, [i]], system.C, system.D[:, [i]]), period_s,
                 np.zeros(1), late[:, i])
         for i in range(late.shape[1])
     ]  # fmt: skip
-    block = scipy.linalg.block_diag
-    A, B = np.asarray(block(*(s.A for s in alone))), np.asarray(block(*(s.B for s in alone)))
-    return SampledStateSpace(A, B, np.hstack([s.C for s in alone]), np.hstack([s.D for s in alone]), period_s)
+    return _side_by_side(alone, len(system.A))
+
+
+def _side_by_side(alone: list[SampledStateSpace], states: int) -> SampledStateSpace:
+    """Systems of one input each, their outputs added; the ``states`` that begin each of them come first."""
+    A, B = (np.asarray(scipy.linalg.block_diag(*(getattr(s, name) for s in alone))) for name in "AB")
+    C, D = (np.hstack([getattr(s, name) for s in alone]) for name in "CD")
+    first = np.concatenate([np.arange(len(s.A)) < states for s in alone])
+    order = np.concatenate([np.flatnonzero(first), np.flatnonzero(~first)])
+    return SampledStateSpace(A[np.ix_(order, order)], B[order], C[:, order], D, alone[0].period_s)
 
 
 def _tidy(samples: np.ndarray) -> np.ndarray:
