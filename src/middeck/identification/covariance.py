@@ -22,6 +22,9 @@ from middeck.values import record
 
 # Standard deviations by which the mean square residual must exceed noise before it is no longer taken for it.
 CLEARLY_MORE = 3.0
+# Beyond this inflation the data cannot tell an unknown from the others: its deviation is ten thousand times
+# what it would be with them known, and rounding has its say.
+UNDETERMINED = 1e8
 # A line that determines an unknown alone leaves no residual: its leverage is counted up to here.
 MOST_LEVERAGE = 0.9
 # Scatter of the logarithm of a variance below which it is taken as known: that of 100 degrees of freedom.
@@ -39,8 +42,8 @@ class ModelCovariance:
     matrix:
         Their covariance.
     inflation:
-        Of each unknown, its variance as a multiple of what it would be if all others were known. Beyond 1e8
-        the data cannot tell it from the others.
+        Of each unknown, its variance as a multiple of what it would be if all others were known; see
+        `UNDETERMINED`.
     degrees:
         Degrees of freedom of the variance behind it: Student's t, and F, stand for the normal law.
     robust:
@@ -204,3 +207,16 @@ def _correlated_lags(z: Complex[np.ndarray, "output line input"]) -> int:
         if abs(np.sum(np.real(z[:, lag:] * z[:, :-lag].conj()))) <= limit:
             return min(2 * (lag - 1), most)
     return most
+
+
+def draw_errors(
+    covariance: ModelCovariance, count: int, rng: np.random.Generator
+) -> Float[np.ndarray, "unknown draw"]:
+    """Errors of the unknowns, jointly: normal, or Student's multivariate t for an uncertain variance."""
+    scale = np.sqrt(np.diag(covariance.matrix))
+    size, direction = np.linalg.eigh(covariance.matrix / scale[:, None] / scale)
+    root = scale[:, None] * direction * np.sqrt(np.maximum(size, 0.0))
+    normal = root @ rng.standard_normal((len(root), count))
+    if np.isinf(covariance.degrees):
+        return normal
+    return normal * np.sqrt(covariance.degrees / rng.chisquare(covariance.degrees, count))

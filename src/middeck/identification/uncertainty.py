@@ -163,6 +163,24 @@ def residue_slopes(
     return names, np.array(values), np.array(rows).reshape(len(rows), at.size)
 
 
+def modal_constant(
+    covariance: ModelCovariance, at: Places, m: int, o: int, i: int
+) -> tuple[complex, Complex[np.ndarray, " unknown"]]:
+    """Constant of mode m from input i to output o and its derivatives: 2 j omega_d c b of a pair, else c b.
+
+    Real where the fit had real constants.
+    """
+    model = covariance.model
+    pair = bool(model.is_pair[m])
+    residue, by = _residue(covariance, at, m, o, i)
+    if not pair or covariance.structure.real_constants:
+        return residue, by
+    factor = 2j * float(model.poles[m].imag)
+    by = factor * by
+    by[at.omega[m]] += factor * residue
+    return factor * residue, by
+
+
 def _residue(
     covariance: ModelCovariance, at: Places, m: int, o: int, i: int
 ) -> tuple[complex, Complex[np.ndarray, " unknown"]]:

@@ -1,0 +1,76 @@
+"""Sets of models that the data cannot tell from the fitted one, for designs that must hold for all."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from middeck.errors import ConfigError
+from middeck.identification.covariance import UNDETERMINED, ModelCovariance, draw_errors
+from middeck.identification.measurement_model import MeasurementModel
+from middeck.identification.unknowns import model_at, unknowns_of
+
+
+def sample_models(
+    *covariances: ModelCovariance, count: int, rng: np.random.Generator
+) -> tuple[MeasurementModel, ...]:
+    """Models drawn from the joint distribution of a fit's unknowns, or from several fits in equal shares.
+
+    All unknowns are drawn together, with their correlations; decay rates and frequencies in their
+    logarithms, so that every member is stable; delays that come out negative are zero. Members have the
+    structure of their fit: order, real constants, rank-one residues, which terms there are.
+
+    Parameters
+    ----------
+    covariances:
+        Of one fit, or of fits to records of different days: the set is then their union, and spans what
+        changed between them.
+    count:
+        Members in all. Each fit gives count / fits of them, the first ones of the list one more if needed.
+
+    Raises
+    ------
+    ConfigError
+        If there is nothing to draw, if the fits have unlike ports or rates, or if the data do not determine
+        an unknown.
+
+    Examples
+    --------
+    ``members = sample_models(monday.covariance, friday.covariance, count=50, rng=np.random.default_rng(1))``
+    """
+    _check(covariances, count)
+    shares = [len(range(k, count, len(covariances))) for k in range(len(covariances))]
+    return tuple(
+        model_at(of.model, of.structure, unknowns_of(of.model, of.structure) + error)
+        for of, share in zip(covariances, shares, strict=True)
+        for error in draw_errors(of, share, rng).T
+    )
+
+
+def _check(covariances: tuple[ModelCovariance, ...], count: int) -> None:
+    if not covariances or count < 1:
+        raise ConfigError(
+            f"{count} models of {len(covariances)} fits make no set", hint="one of each or more"
+        )
+    for other in covariances[1:]:
+        check_alike(covariances[0].model, other.model)
+    if any(np.any(c.inflation > UNDETERMINED) for c in covariances):
+        raise ConfigError(
+            "the data do not determine all unknowns, and the set would hold models of any size",
+            hint="real constants, a fit without delay or without a constant term, or fewer states",
+        )
+
+
+def check_alike(first: MeasurementModel, second: MeasurementModel) -> None:
+    """Raise `ConfigError` unless two models are of the same channels and of one kind."""
+    for side, one, other in (
+        ("inputs", first.inputs, second.inputs),
+        ("outputs", first.outputs, second.outputs),
+    ):
+        if [(p.name, p.unit) for p in one] != [(p.name, p.unit) for p in other]:
+            names = " and ".join(", ".join(f"{p.name} [{p.unit}]" for p in ports) for ports in (one, other))
+            raise ConfigError(f"the {side} differ: {names}", hint="models of the same channels, in one order")
+    if first.sample_hz != second.sample_hz:
+        rates = " and ".join(
+            "none" if m.sample_hz is None else f"{m.sample_hz:g} Hz" for m in (first, second)
+        )
+        raise ConfigError(f"the sampling rates of the models differ: {rates}", hint="fit both in one way")
