@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -14,8 +13,6 @@ from middeck.systems.excitation.grids import band_lines, choose_lines, whole_sam
 from middeck.systems.excitation.inputs import orthogonal_matrix
 from middeck.systems.excitation.limits import Limits, scale_to_limits
 from middeck.systems.excitation.signal import Excitation
-
-Phases = Literal["random", "schroeder", "compact"]
 
 
 def random_multisine(
@@ -52,7 +49,7 @@ def design_multisine(
     realisations: int = 1,
     grid: str = "full",
     amplitude: Callable[[np.ndarray], np.ndarray] | None = None,
-    phases: Phases = "random",
+    phases: str = "random",
 ) -> Excitation:
     """One period of a multisine, for one or several inputs.
 

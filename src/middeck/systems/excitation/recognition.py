@@ -104,8 +104,8 @@ def recognise_excitation(measured: Record) -> Recognised:
 def _not_repeated(u: np.ndarray, sample_hz: float) -> Recognised:
     power = line_power(u - u.mean(axis=1, keepdims=True)).sum(axis=1)
     lines = np.flatnonzero(power > FAINTEST * power.max()) if power.any() else np.zeros(0, dtype=int)
-    band = _band(_main_lines(power), u.shape[1], sample_hz)
-    kind = name_kind(u, repeated=False)
+    band = _band(_lines_of_noise(power), u.shape[1], sample_hz)
+    kind = name_kind(u, None)
     return Recognised(
         kind,
         f"{kind}, not repeated within the record" if kind != "silence" else "silence",
@@ -133,9 +133,11 @@ def _repeated(u: np.ndarray, y: np.ndarray, found: Repetition, sample_hz: float)
     noise = line_power((steady - mean[:, None]).reshape(-1, period, u.shape[2])).sum(axis=1)
     lines = np.flatnonzero((power > FAINTEST * power.max()) & (power > CLEAR_OF_NOISE * np.median(noise)))
     odd = bool(len(lines)) and float(power[::2].sum()) <= max(1e-6, found.scatter) * float(power.sum())
-    kind = name_kind(centred, repeated=True)
-    band = _band(lines if kind == "multisine" else _main_lines(power), period, sample_hz)
-    what = f"{kind}, {blocks.shape[1]} periods of {period} samples ({period / sample_hz:.6g} s)"
+    lines = lines[lines % 2 == 1] if odd else lines
+    kind = name_kind(centred, lines, noise_rms=np.sqrt(found.scatter / steady.shape[1]))
+    band = _band(lines if kind == "multisine" else _main_lines(power, lines), period, sample_hz)
+    called = "signal of uneven lines" if kind == "noise" else kind
+    what = f"{called}, {blocks.shape[1]} period{'s' * (blocks.shape[1] > 1)} of {period} samples ({period / sample_hz:.6g} s)"
     what += f", {'odd lines' if odd else 'lines'} from {band[0]:.6g} to {band[1]:.6g} Hz"
     return Recognised(
         kind,
@@ -186,13 +188,18 @@ def _steady_from(u: np.ndarray, y: np.ndarray) -> int:
     return int(late[-1]) + 1 if len(late) else 0
 
 
-def _main_lines(power: Float[np.ndarray, " line"]) -> np.ndarray:
-    """Lines that hold all but a hundredth of the power, half of it at each end."""
-    total = power.sum()
-    if total == 0.0:
-        return np.zeros(0, dtype=int)
-    reached = np.cumsum(power) / total
-    return np.array([int(np.searchsorted(reached, 0.005)), int(np.searchsorted(reached, 0.995))])
+def _main_lines(power: Float[np.ndarray, " line"], lines: np.ndarray) -> np.ndarray:
+    """The lines that hold all but a hundredth of the power, half of it at each end."""
+    if not len(lines):
+        return lines
+    reached = np.cumsum(power[lines]) / np.sum(power[lines])
+    return lines[(reached >= 0.005) & (np.concatenate([[0.0], reached[:-1]]) <= 0.995)]
+
+
+def _lines_of_noise(power: Float[np.ndarray, " line"]) -> np.ndarray:
+    """Lines that stand within 20 dB of the strongest; averaged, as each line of noise is random."""
+    smooth = np.convolve(power, np.full(9, 1.0 / 9.0), mode="same")
+    return np.flatnonzero((smooth > 0.01 * smooth.max()) & (power > 0.0))
 
 
 def _band(lines: np.ndarray, samples: int, sample_hz: float) -> tuple[float, float]:

@@ -57,25 +57,24 @@ def find_repetition(u: Float[np.ndarray, "experiment sample input"]) -> Repetiti
     if not np.any(centred):
         return None
     d = lag_difference(centred)
-    best: list[Repetition] = []
-    for sign, left in ((1, d), (-1, 2.0 - d)):
-        inner = left[1:-1]
-        dips = 1 + np.flatnonzero((inner < left[:-2]) & (inner <= left[2:]) & (inner < REPEATS))
-        if len(dips):
-            least = left[dips].min()
-            good = dips[left[dips] <= AS_GOOD * least + 1e-9]
-            # Ascending: the first lag of which all repetitions agree is the shortest.
-            best += _first_that_holds(centred, good, sign)
-    return min(best, key=lambda r: r.lag, default=None)
-
-
-def _first_that_holds(u: np.ndarray, lags: np.ndarray, sign: int) -> list[Repetition]:
-    scatter = [(int(lag), scatter_of(u, int(lag), sign)) for lag in lags[:MOST_LAGS]]
-    least = min(s for _, s in scatter)
+    tried = [
+        Repetition(int(lag), sign, scatter_of(centred, int(lag), sign))
+        for sign, left in ((1, d), (-1, 2.0 - d))
+        for lag in _dips(left)
+    ]
+    least = min((r.scatter for r in tried), default=np.inf)
     if least > REPEATS:
-        return []
-    lag, left = next((lag, s) for lag, s in scatter if s <= AS_GOOD * least + ROUNDING)
-    return [Repetition(lag, sign, left)]
+        return None
+    return min((r for r in tried if r.scatter <= AS_GOOD * least + ROUNDING), key=lambda r: r.lag)
+
+
+def _dips(left: Float[np.ndarray, " lag"]) -> np.ndarray:
+    """Lags at which the difference is least, and all but as small as at the best of them."""
+    inner = left[1:-1]
+    dips = 1 + np.flatnonzero((inner < left[:-2]) & (inner <= left[2:]) & (inner < REPEATS))
+    if not len(dips):
+        return dips
+    return dips[left[dips] <= AS_GOOD * left[dips].min() + 1e-9][:MOST_LAGS]
 
 
 def lag_difference(u: Float[np.ndarray, "experiment sample input"]) -> Float[np.ndarray, " lag"]:

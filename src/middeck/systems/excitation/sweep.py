@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -21,7 +20,7 @@ def design_sweep(
     sample_hz: float,
     limits: Limits | Sequence[Limits],
     *,
-    law: Literal["linear", "logarithmic"] = "linear",
+    law: str = "linear",
     inputs: int = 1,
 ) -> Excitation:
     """A sine that sweeps the band once a period and begins again (periodic chirp).
