@@ -13,7 +13,8 @@ from middeck.identification import (
     natural_hz,
     sampled_statespace,
 )
-from middeck.identification.refine import Data, logarithmic, weighted
+from middeck.identification.fit_data import Data
+from middeck.identification.refine import logarithmic, weighted
 from middeck.identification.terms import Layout, Point, pack, unpack
 from middeck.systems.response import FrequencyResponse, evaluate_plant, statespace_response
 

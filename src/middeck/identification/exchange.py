@@ -9,8 +9,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from middeck.identification.design import residual_of
+from middeck.identification.fit_data import Data
 from middeck.identification.polish import Polished
-from middeck.identification.refine import Data, residual_of
 from middeck.identification.start import Options, Start, start_at
 from middeck.identification.terms import Layout, columns, fractions, unpack
 from middeck.identification.weights import Spread

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from middeck.identification.refine import Data, Refined, logarithmic, residual_of, search, weighted
+from middeck.identification.design import residual_of
+from middeck.identification.fit_data import Data
+from middeck.identification.refine import Refined, logarithmic, search, weighted
 from middeck.identification.start import Start
 from middeck.identification.terms import Layout
 from middeck.identification.weights import Spread, excess_share

@@ -8,9 +8,9 @@ import numpy as np
 
 from middeck.errors import FitError
 from middeck.identification.exchange import exchanges
+from middeck.identification.fit_data import Data
 from middeck.identification.order import OrderChoice, choose, description_length, is_settled, sizes
 from middeck.identification.polish import Polished, polish
-from middeck.identification.refine import Data
 from middeck.identification.start import Options, starts
 from middeck.identification.weights import Spread
 from middeck.systems.response import FrequencyResponse

@@ -16,7 +16,7 @@ from collections.abc import Iterator
 import numpy as np
 from jaxtyping import Complex, Float
 
-from middeck.identification.refine import Data
+from middeck.identification.fit_data import Data
 from middeck.identification.terms import Layout, Point, columns, fractions, pack, shapes
 from middeck.values import record
 

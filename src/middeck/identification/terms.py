@@ -126,30 +126,39 @@ def fractions(layout: Layout, poles: np.ndarray, s: Complex[np.ndarray, " line"]
 
 
 def columns(
-    layout: Layout, point: Point, parts: Fractions, s: Complex[np.ndarray, " line"]
-) -> Complex[np.ndarray, "column line input"]:
+    layout: Layout,
+    point: Point,
+    parts: Fractions,
+    s: Complex[np.ndarray, " line"],
+    drive: Complex[np.ndarray, "line input column"] | None = None,
+) -> Complex[np.ndarray, "unknown line column"]:
     """Factors of the linear unknowns of an output, without its delay: modes, 1/s^2, constant."""
-    lines = len(s)
-    X = np.empty((layout.columns, lines, layout.inputs), dtype=complex)
+    each_input = _along(np.eye(layout.inputs), drive)
+    X = np.empty((layout.columns, len(s), each_input.shape[2]), dtype=complex)
     pairs, modes = int(np.sum(layout.pair)), len(layout.pair)
-    b, up, low = point.b[:, None, :], parts.upper[:, :, None], parts.lower[:, :, None]
+    up, low = parts.upper[:, :, None], parts.lower[:, :, None]
     if layout.real_constants:
-        X[:pairs] = np.real(b[:pairs]) * (up * low)[:pairs]
+        X[:pairs] = _along(np.real(point.b)[:pairs], drive) * (up * low)[:pairs]
         used = pairs
     else:
-        first, second = b[:pairs] * up[:pairs], b[:pairs].conj() * low[:pairs]
+        first = _along(point.b[:pairs], drive) * up[:pairs]
+        second = _along(point.b[:pairs].conj(), drive) * low[:pairs]
         X[0 : 2 * pairs : 2] = first + second
         X[1 : 2 * pairs : 2] = 1j * (first - second)
         used = 2 * pairs
-    X[used : used + modes - pairs] = np.real(b[pairs:]) * up[pairs:]
+    X[used : used + modes - pairs] = _along(np.real(point.b)[pairs:], drive) * up[pairs:]
     used += modes - pairs
-    each_input = np.eye(layout.inputs)[:, None, :]
     if layout.with_lower:
         X[used : used + layout.inputs] = each_input / (s**2)[None, :, None]
         used += layout.inputs
     if layout.with_direct:
         X[used:] = each_input
     return X
+
+
+def _along(b: np.ndarray, drive: np.ndarray | None) -> np.ndarray:
+    """What each vector of inputs makes of the drive: [mode, line (or 1), column]."""
+    return b[:, None, :] if drive is None else np.moveaxis(b @ drive, 1, 0)
 
 
 def shapes(layout: Layout, point: Point, x: Float[np.ndarray, " column"]) -> Complex[np.ndarray, " mode"]:
@@ -167,21 +176,30 @@ def shapes(layout: Layout, point: Point, x: Float[np.ndarray, " column"]) -> Com
 
 
 def slopes(
-    layout: Layout, point: Point, parts: Fractions, x: Float[np.ndarray, " column"]
-) -> Complex[np.ndarray, "unknown line input"]:
+    layout: Layout,
+    point: Point,
+    parts: Fractions,
+    x: Float[np.ndarray, " column"],
+    drive: Complex[np.ndarray, "line input column"] | None = None,
+) -> Complex[np.ndarray, "unknown line column"]:
     """Derivative of one output's response by theta (delays apart), at the linear unknowns ``x``."""
     pairs, modes = int(np.sum(layout.pair)), len(layout.pair)
     free = layout.free_b
-    G = np.zeros((modes + pairs + len(free), parts.upper.shape[1], layout.inputs), dtype=complex)
     c = _linear_of_modes(layout, x)
+    along, conjugate = _along(point.b, drive), _along(point.b.conj(), drive)
+    each_input = _along(np.eye(layout.inputs), drive)
+    G = np.zeros((modes + pairs + len(free), parts.upper.shape[1], along.shape[2]), dtype=complex)
     for m in range(modes):
-        by_pole, by_conjugate = _by_pole(layout, point, parts, c[m], m)
+        upper, lower = _by_pole(layout, parts, c[m], m)
+        by_pole, by_conjugate = upper * along[m], lower * conjugate[m]
         decay = point.poles[m].real
         G[m] = decay * (by_pole + by_conjugate)
         if m < pairs:
             G[modes + m] = 1j * point.poles[m].imag * (by_pole - by_conjugate)
     for k, (m, i, part) in enumerate(free):
-        G[modes + pairs + k, :, i] = _by_b(layout, parts, c[m], m, imaginary=part)
+        upper, lower = _by_b(layout, parts, c[m], m)
+        by_entry = 1j * (upper - lower) if part else upper + lower
+        G[modes + pairs + k] = by_entry[:, None] * each_input[i]
     return G
 
 
@@ -194,26 +212,22 @@ def _linear_of_modes(layout: Layout, x: np.ndarray) -> np.ndarray:
     )
 
 
-def _by_pole(
-    layout: Layout, point: Point, parts: Fractions, c: complex, m: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Derivatives of the term by its pole and by the conjugate pole, taken as independent."""
-    up, low, slope, b = parts.upper[m], parts.lower[m], parts.slope[m], point.b[m]
+def _by_pole(layout: Layout, parts: Fractions, c: complex, m: int) -> tuple[np.ndarray, np.ndarray]:
+    """Factors of b and conj b in the derivatives of the term by its pole and by the conjugate pole."""
+    up, low, slope = parts.upper[m], parts.lower[m], parts.slope[m]
     if not layout.pair[m]:
-        return np.multiply.outer(c * slope * up**2, b), np.zeros((len(up), layout.inputs), dtype=complex)
+        return (c * slope * up**2)[:, None], np.zeros((len(up), 1))
     if layout.real_constants:
         term = c * slope * up * low
-        return np.multiply.outer(term * up, b), np.multiply.outer(term * low, b)
-    return (
-        np.multiply.outer(c * slope * up**2, b),
-        np.multiply.outer(np.conj(c * slope) * low**2, b.conj()),
-    )
+        return (term * up)[:, None], (term * low)[:, None]
+    return (c * slope * up**2)[:, None], (np.conj(c * slope) * low**2)[:, None]
 
 
-def _by_b(layout: Layout, parts: Fractions, c: complex, m: int, *, imaginary: bool) -> np.ndarray:
+def _by_b(layout: Layout, parts: Fractions, c: complex, m: int) -> tuple[np.ndarray, np.ndarray]:
+    """The term's derivatives by b and by conj b."""
     up, low = parts.upper[m], parts.lower[m]
     if not layout.pair[m]:
-        return c * up
+        return c * up, np.zeros_like(up)
     if layout.real_constants:
-        return c * up * low
-    return 1j * (c * up - np.conj(c) * low) if imaginary else c * up + np.conj(c) * low
+        return c * up * low, np.zeros_like(up)
+    return c * up, np.conj(c) * low

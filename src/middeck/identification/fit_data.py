@@ -1,0 +1,49 @@
+"""What is fitted: a frequency response, or the spectra of experiments with their transients."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Complex, Float
+
+from middeck.values import record
+
+
+@record
+class Transient:
+    """What of a record's spectrum is no response to its own input: it began, and ended, in motion.
+
+    Parameters
+    ----------
+    period_s:
+        Sampling period of the record [s].
+    first, last:
+        How many samples at the record's start and end may be anything: those that answer to an input before
+        the record (a delay of n samples needs n + 1), and what a band-limited input does between samples.
+    """
+
+    period_s: float
+    first: int = 0
+    last: int = 0
+
+
+@record
+class Data:
+    """What is fitted, at s = j omega.
+
+    Parameters
+    ----------
+    H:
+        The response, a column for each input; with a ``drive``, output spectra, a column for each experiment.
+    weight:
+        One over the standard deviation of H.
+    drive:
+        Spectra of the inputs in each experiment; None for a response.
+    transient:
+        Whether each column has a free transient with the poles of the model (`transient`).
+    """
+
+    s: Complex[np.ndarray, " line"]
+    H: Complex[np.ndarray, "output line column"]
+    weight: Float[np.ndarray, "output line column"]
+    drive: Complex[np.ndarray, "line input column"] | None = None
+    transient: Transient | None = None

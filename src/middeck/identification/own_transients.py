@@ -1,0 +1,66 @@
+"""Weighted rows as real numbers, with each experiment's own transient projected out of them.
+
+The transient of an experiment is in none of the others, so that its linear unknowns are eliminated column by
+column (with one QR factorisation where all columns have one weight) before those of the model are solved for.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg
+from jaxtyping import Complex, Float
+
+
+class OwnTransients:
+    """Projection on what the transients ``B`` cannot follow, in the norm of ``weight``."""
+
+    def __init__(
+        self, B: Complex[np.ndarray, "column line"], weight: Float[np.ndarray, "line experiment"]
+    ) -> None:
+        self._weight = weight
+        self._factors: list[tuple[np.ndarray, np.ndarray]] = []
+        if len(B):
+            once = bool(np.all(weight == weight[:, :1]))
+            factors = [_factors(B * w) for w in (weight[:, :1] if once else weight).T]
+            self._factors = factors * weight.shape[1] if once else factors
+
+    def coincident(self, share: float) -> bool:
+        """Whether some column of B is the rest, up to ``share``."""
+        return any(
+            bool(np.abs(np.diag(R)).min() <= share * np.abs(np.diag(R)).max()) for _, R in self._factors
+        )
+
+    def removed(self, rows: Complex[np.ndarray, "row line experiment"]) -> Float[np.ndarray, "row number"]:
+        """Weighted rows without their parts along the transients."""
+        if not self._factors:
+            return as_real(rows * self._weight)
+        each = [_real(rows[:, :, k] * self._weight[:, k]) for k in range(rows.shape[2])]
+        return np.hstack([x - (x @ Q) @ Q.T for x, (Q, _) in zip(each, self._factors, strict=True)])
+
+    def unknowns(
+        self, left: Complex[np.ndarray, "line experiment"]
+    ) -> Float[np.ndarray, "experiment column"]:
+        """The transients that come closest to ``left``."""
+        if not self._factors:
+            return np.zeros((left.shape[1], 0))
+        targets = _real((left * self._weight).T)
+        return np.array(
+            [
+                scipy.linalg.solve_triangular(R, Q.T @ y)
+                for y, (Q, R) in zip(targets, self._factors, strict=True)
+            ]
+        )
+
+
+def as_real(rows: Complex[np.ndarray, "row line column"]) -> Float[np.ndarray, "row number"]:
+    """Real and imaginary parts side by side, without a copy."""
+    return np.ascontiguousarray(rows).reshape(len(rows), -1).view(float)
+
+
+def _real(rows: Complex[np.ndarray, "row line"]) -> Float[np.ndarray, "row number"]:
+    return np.ascontiguousarray(rows).view(float)
+
+
+def _factors(B: Complex[np.ndarray, "column line"]) -> tuple[np.ndarray, np.ndarray]:
+    Q, R = np.linalg.qr(_real(B).T)
+    return Q, R

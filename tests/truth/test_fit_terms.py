@@ -1,0 +1,170 @@
+"""The evaluation behind the fit: derivatives, spectra of experiments and transients against exact motion."""
+
+import numpy as np
+import pytest
+
+from middeck.identification.design import count_theta, jacobian, residual_of
+from middeck.identification.fit_data import Data, Transient
+from middeck.identification.refine import weighted
+from middeck.identification.terms import Layout, Point, pack
+
+
+def a_layout(*, real_constants=False, period_s=0.0, with_delay=True, with_lower=False, imag=0.0):
+    return Layout(
+        np.array([True, True, False]), np.array([0.0, 0.0, imag]), np.array([0, 1, 0]), 2, 2,
+        real_constants, with_delay, with_lower, True, period_s,
+    )  # fmt: skip
+
+
+def a_problem(layout, experiments=3, transient=None, seed=0):
+    rng = np.random.default_rng(seed)
+    s = 2j * np.pi * np.linspace(0.5, 9.0, 40)
+
+    def noise(*shape):
+        return rng.standard_normal(shape) + 1j * rng.standard_normal(shape)
+
+    drive = None if experiments is None else noise(40, 2, experiments)
+    H = noise(2, 40, experiments or 2)
+    b = noise(3, 2)
+    b = b / b[np.arange(3), layout.pivot][:, None]
+    b = b if not layout.real_constants else b.real
+    b[2] = np.real(b[2])
+    poles = np.array([-0.5 + 12j, -1.0 + 30j, -4.0 + 1j * layout.fixed_imag[2]])
+    point = Point(poles, b, np.array([0.01, 0.02]) * layout.with_delay)
+    return Data(s, H, 1.0 + rng.random(H.shape), drive, transient), pack(layout, point)
+
+
+EDGES = Transient(0.04, first=2, last=1)
+CASES = {
+    "response": (a_layout(), None, None),
+    "response, real constants": (a_layout(real_constants=True, with_lower=True), None, None),
+    "drive": (a_layout(), 3, None),
+    "drive, real constants": (a_layout(real_constants=True, with_lower=True), 3, None),
+    "drive, sampled": (a_layout(period_s=0.04, with_delay=False, imag=np.pi / 0.04), 3, None),
+    "transient": (a_layout(), 3, EDGES),
+    "transient, drift": (a_layout(real_constants=True, with_lower=True), 3, EDGES),
+    "transient, sampled": (a_layout(period_s=0.04, with_delay=False, imag=np.pi / 0.04), 3, Transient(0.04)),
+}
+case = pytest.mark.parametrize(("layout", "experiments", "transient"), CASES.values(), ids=CASES)
+
+
+def differences(function, x, step):
+    """Central differences along every entry, first axis."""
+    return np.array([(function(x + d) - function(x - d)) / (2.0 * step) for d in step * np.eye(len(x))])
+
+
+@case
+def test_jacobian_by_all_unknowns(layout, experiments, transient):
+    data, theta = a_problem(layout, experiments, transient)
+    linear = np.random.default_rng(1).standard_normal(weighted(layout, data, theta).linear.shape)
+
+    def model(unknowns):
+        return -residual_of(
+            layout, data, unknowns[: len(theta)], unknowns[len(theta) :].reshape(linear.shape)
+        )
+
+    found = jacobian(layout, data, theta, linear)
+    expected = differences(model, np.concatenate([theta, linear.ravel()]), 1e-6)
+    # Central differences of a model of order 10: rounding 1e-9, curvature 1e-11.
+    np.testing.assert_allclose(found, expected, atol=1e-7 * np.abs(expected).max())
+    assert len(theta) == count_theta(layout)
+
+
+@case
+def test_gradient_of_the_projected_cost(layout, experiments, transient):
+    data, theta = a_problem(layout, experiments, transient)
+    step = weighted(layout, data, theta)
+    expected = differences(lambda x: weighted(layout, data, x).cost, theta, 1e-6)
+    # Central differences of a cost near 100 with a step of 1e-6: rounding 1e-8, curvature 1e-8 or less.
+    np.testing.assert_allclose(step.gradient, expected, atol=1e-6 * np.abs(expected).max() + 1e-6)
+    r = residual_of(layout, data, theta, step.linear) * data.weight
+    # Rounding: the cost of the projection is that of the unknowns it returns.
+    assert step.cost == pytest.approx(0.5 * np.sum(np.abs(r) ** 2), rel=1e-11)
+
+
+def test_transients_are_solved_for_with_the_model():
+    """Projecting them out column by column is one least-squares problem in all unknowns."""
+    data, theta = a_problem(a_layout(), 3, EDGES)
+    step = weighted(a_layout(), data, theta)
+    J = jacobian(a_layout(), data, theta, step.linear)[len(theta) :]
+    for o, each in enumerate(np.split(J, 2)):
+        A = (each[:, o] * data.weight[o]).reshape(len(each), -1).view(float)
+        x = np.linalg.lstsq(A.T, (data.H[o] * data.weight[o]).ravel().view(float), rcond=None)[0]
+        # Rounding times a condition below 1e3.
+        np.testing.assert_allclose(step.linear[o], x, rtol=1e-10, atol=1e-10)
+
+
+POLES = np.array([-0.4 + 15.0j, -0.9 + 43.0j])
+
+
+def free_motion(t, amplitude):
+    return np.where(t >= 0.0, 2.0 * np.real(amplitude @ np.exp(np.multiply.outer(POLES, t))), 0.0)
+
+
+def steady_motion(t, hz, U, residue):
+    """Response to sum 2 Re U exp(2 pi j f t) of residues at POLES, and that input."""
+    s = 2j * np.pi * hz
+    G = np.sum(
+        residue[:, None] / (s - POLES[:, None]) + residue.conj()[:, None] / (s - POLES.conj()[:, None]), 0
+    )
+    wave = np.exp(np.multiply.outer(t, s))
+    return 2.0 * np.real(wave @ (G * U)), 2.0 * np.real(wave @ U), G
+
+
+@pytest.mark.parametrize(("delay_s", "first"), [(0.0, 0), (0.023, 3)])
+def test_a_record_that_starts_in_motion_is_exact(delay_s, first):
+    """A periodic input over free motion, seen late: sampled at 100 Hz, of continuous modes, to rounding."""
+    rng = np.random.default_rng(5)
+    N, T = 512, 0.01
+    n = np.arange(N)
+    hz = np.arange(1, 120) / (N * T)
+    residue, amplitude = np.array([0.6 - 2.0j, -1.1 + 0.4j]), np.array([1.0 + 0.7j, -0.3 + 2.0j])
+    U = rng.standard_normal(len(hz)) + 1j * rng.standard_normal(len(hz))
+    y, _, _ = steady_motion(n * T - delay_s, hz, U, residue)
+    y = y + free_motion(n * T - delay_s, amplitude)
+    # What answers to an input before the record is anything at all.
+    y[:first] += 10.0 * rng.standard_normal(first)
+    Y = np.fft.fft(y)[1 : len(hz) + 1] / N
+    layout = Layout(
+        np.array([True, True]),
+        np.zeros(2),
+        np.zeros(2, dtype=int),
+        1,
+        1,
+        False,
+        bool(delay_s),
+        False,
+        False,
+        0.0,
+    )
+    theta = pack(layout, Point(POLES, np.ones((2, 1)), np.array([delay_s])))
+    data = Data(
+        2j * np.pi * hz, Y[None, :, None], np.ones((1, len(hz), 1)), U[:, None, None], Transient(T, first)
+    )
+    step = weighted(layout, data, theta)
+    r = residual_of(layout, data, theta, step.linear)
+    # Rounding of transforms of 512 samples and of their least squares.
+    assert np.abs(r).max() < 1e-12 * np.abs(Y).max()
+    np.testing.assert_allclose(step.linear[0, :4], [0.6, -2.0, -1.1, 0.4], rtol=1e-10)
+
+
+def test_a_held_input_of_any_kind_is_exact():
+    """A sampled model driven by noise that is not periodic: the transient with its poles leaves rounding."""
+    rng = np.random.default_rng(6)
+    N, T = 300, 0.01
+    z, c = np.exp(POLES * T), np.array([0.6 - 2.0j, -1.1 + 0.4j])
+    u, x, y = rng.standard_normal(N), np.array([1.0 + 2.0j, -3.0]), np.zeros(N)
+    for n in range(N):
+        y[n] = 2.0 * np.real(c @ x) + 0.3 * u[n]
+        x = z * x + u[n]
+    U, Y = (np.fft.rfft(v)[1:-1] for v in (u, y))
+    s = 2j * np.pi * np.fft.rfftfreq(N, T)[1:-1]
+    layout = Layout(
+        np.array([True, True]), np.zeros(2), np.zeros(2, dtype=int), 1, 1, False, False, False, True, T
+    )
+    theta = pack(layout, Point(POLES, np.ones((2, 1)), np.zeros(1)))
+    data = Data(s, Y[None, :, None], np.ones((1, len(s), 1)), U[:, None, None], Transient(T))
+    step = weighted(layout, data, theta)
+    # Rounding of the recursion and of the transform.
+    assert np.abs(residual_of(layout, data, theta, step.linear)).max() < 1e-11 * np.abs(Y).max()
+    np.testing.assert_allclose(step.linear[0, :5], [0.6, -2.0, -1.1, 0.4, 0.3], rtol=1e-9)
