@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Complex, Float
+from jaxtyping import Bool, Complex, Float
 
 from middeck.systems.ports import Port
 from middeck.values import record
@@ -48,16 +48,20 @@ class MeasurementModel:
     @property
     def is_pair(self) -> np.ndarray:
         """True for each mode that stands for a conjugate pair."""
-        imag = np.imag(self.poles)
-        single = imag == 0.0
-        if self.sample_hz is not None:
-            single |= imag >= np.pi * self.sample_hz * (1.0 - 1e-9)
-        return ~single
+        return ~is_single(self.poles, self.sample_hz)
 
     @property
     def states(self) -> int:
         """Order without the delays: two for each pair, one for each real pole."""
         return int(np.sum(np.where(self.is_pair, 2, 1)))
+
+
+def is_single(value: Complex[np.ndarray, " value"], sample_hz: float | None) -> Bool[np.ndarray, " value"]:
+    """Whether each value [rad/s] is real in s, or in z = exp(s T) of a sampled model."""
+    imag = np.imag(value)
+    if sample_hz is None:
+        return imag == 0.0
+    return (imag == 0.0) | (imag >= np.pi * sample_hz * (1.0 - 1e-9))
 
 
 def model_response(

@@ -22,7 +22,7 @@ from middeck.systems.ports import Port, port_indices
 from middeck.systems.statespace import SampledStateSpace, StateSpace, series
 from middeck.values import record
 
-# A mode is on none of the chosen paths if its peak is below this share of the largest one: rounding.
+# A mode is on none of the chosen paths if less than this share of it is: rounding.
 UNREACHED = 1e-12
 # Delays that differ by less [s] are one: far below what any record can tell.
 SAME_DELAY_S = 1e-12
@@ -120,14 +120,32 @@ def sampled_statespace(model: MeasurementModel) -> SampledStateSpace:
     """Real block-modal form of a sampled model, of ``model.states`` states."""
     if model.sample_hz is None or np.any(model.delay_s):
         raise ConfigError("only a sampled model without a delay has this state space", hint="sampled_plant")
-    T = 1.0 / model.sample_hz
-    A, B, C = _modal_blocks(model, np.exp(model.poles * T))
-    return SampledStateSpace(A, B, C, model.direct, T)
+    A, B, C = _modal_blocks(model, np.exp(model.poles / model.sample_hz))
+    return SampledStateSpace(A, B, C, model.direct, 1.0 / model.sample_hz)
 
 
 def modal_statespace(model: MeasurementModel) -> StateSpace:
     """Real block-modal form of a continuous model without its delays, of ``model.states`` states."""
     return StateSpace(*_modal_blocks(model, model.poles), model.direct)
+
+
+def rational_statespace(model: MeasurementModel) -> StateSpace | SampledStateSpace:
+    """All of the model but its delays, with 1/s^2 as two states for each direction of L."""
+    if model.sample_hz is not None:
+        A, B, C = _modal_blocks(model, np.exp(model.poles / model.sample_hz))
+        return SampledStateSpace(A, B, C, model.direct, 1.0 / model.sample_hz)
+    modes = modal_statespace(model)
+    if not np.any(model.lower):
+        return modes
+    left, size, right = np.linalg.svd(model.lower)
+    rank = int(np.sum(size > UNREACHED * size[0]))
+    zero, root = np.zeros((rank, rank)), np.sqrt(size[:rank])
+    into = np.vstack([np.zeros((rank, len(right))), root[:, None] * right[:rank]])
+    out = np.hstack([left[:, :rank] * root, np.zeros((len(left), rank))])
+    drift = np.block([[zero, np.eye(rank)], [zero, zero]])
+    return StateSpace(
+        _block([modes.A, drift]), np.vstack([modes.B, into]), np.hstack([modes.C, out]), modes.D
+    )
 
 
 def state_names(model: MeasurementModel) -> tuple[str, ...]:
@@ -141,8 +159,7 @@ def select_channels(
 ) -> Selection:
     """The model between some of its inputs and outputs, in the order given; None for all.
 
-    Modes that no chosen input moves or no chosen output sees are left out and named; what counts is the peak
-    |c b| / (damping times frequency) against that of the largest mode, at rounding.
+    Modes that no chosen input moves or no chosen output sees, but for rounding, are left out and named.
 
     Raises
     ------
@@ -154,8 +171,7 @@ def select_channels(
         for ports, names, side in ((model.inputs, inputs, "input"), (model.outputs, outputs, "output"))
     )
     c, b = model.shapes[rows], model.participation[:, columns]
-    peak = np.linalg.norm(c, axis=0) * np.linalg.norm(b, axis=1) / np.abs(np.real(model.poles))
-    keep = peak > UNREACHED * peak.max(initial=0.0)
+    keep = (_share(model.shapes.T, rows) > UNREACHED) & (_share(model.participation, columns) > UNREACHED)
     entries = np.ix_(rows, columns)
     chosen = dataclasses.replace(
         model,
@@ -169,6 +185,14 @@ def select_channels(
         outputs=tuple(model.outputs[o] for o in rows),
     )
     return Selection(chosen, tuple(f"pole at {hz:.4g} Hz" for hz in natural_hz(model)[~keep]))
+
+
+def _share(vectors: np.ndarray, chosen: list[int]) -> Float[np.ndarray, " mode"]:
+    """How much of each mode's vector lies in the chosen channels, each in its own measure."""
+    size = np.abs(vectors)
+    size = size / np.maximum(size.max(axis=0, initial=0.0), np.finfo(float).tiny)
+    whole = np.linalg.norm(size, axis=1)
+    return np.linalg.norm(size[:, chosen], axis=1) / np.where(whole > 0.0, whole, 1.0)
 
 
 def scale_channels(model: MeasurementModel, scale: Mapping[str, tuple[float, str]]) -> MeasurementModel:

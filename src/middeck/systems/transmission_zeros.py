@@ -33,7 +33,7 @@ def transmission_zeros(system: StateSpace | SampledStateSpace) -> Complex[np.nda
     if not len(system.A) or not system.D.size:
         return np.zeros(0, dtype=complex)
     omega = _unit(system.A)
-    scaled = balance(StateSpace(system.A / omega, system.B, system.C, system.D))
+    scaled = balance(StateSpace(system.A / omega, system.B / omega, system.C, system.D))
     size = np.linalg.norm(np.block([[scaled.A, scaled.B], [scaled.C, scaled.D]]))
     tolerance = RANK * (len(scaled.A) + max(scaled.D.shape)) * float(size)
     full_rows = _deflate(scaled, tolerance)

@@ -1,0 +1,270 @@
+"""Zeros of measurement models: closed forms, laws, scipy for small cases, and derivatives by differences."""
+
+import dataclasses
+
+import gimbal_record
+import numpy as np
+import pytest
+import scipy.signal
+
+from middeck.errors import ConfigError
+from middeck.identification.measurement_model import MeasurementModel, model_response
+from middeck.identification.pole_zero_gain import PoleZeroGain, from_pole_zero_gain, pole_zero_gain
+from middeck.identification.zeros import matrix_zeros, name_zeros, path_zeros, rational_response
+from middeck.systems.modal import ModalSystem, modal_to_statespace
+from middeck.systems.ports import Port
+from middeck.systems.statespace import StateSpace
+from middeck.systems.transmission_zeros import transmission_zeros
+
+HZ = 2.0 * np.pi
+
+
+def modal_model(hz, phi, psi, zeta=0.01, delay_s=0.0, direct=0.0):
+    """sum phi psi / (s^2 + 2 zeta w s + w^2), phi[output, mode], psi[mode, input]."""
+    omega = HZ * np.asarray(hz, dtype=float)
+    phi, psi = np.atleast_2d(phi), np.asarray(psi, dtype=float).reshape(len(omega), -1)
+    pole = omega * (-zeta + 1j * np.sqrt(1.0 - zeta**2))
+    outputs, inputs = len(phi), psi.shape[1]
+    return MeasurementModel(
+        pole, phi / (2j * pole.imag), psi, np.full((outputs, inputs), direct), np.zeros((outputs, inputs)),
+        np.full(outputs, delay_s),
+        tuple(Port(f"u{i}", "N m") for i in range(inputs)),
+        tuple(Port(f"y{o}", "rad") for o in range(outputs)),
+    )  # fmt: skip
+
+
+def gimbal_model():
+    model = modal_model(gimbal_record.MODES_HZ, gimbal_record.PHI, np.transpose(gimbal_record.PSI))
+    return dataclasses.replace(
+        model, inputs=gimbal_record.INPUTS, outputs=gimbal_record.OUTPUTS, delay_s=gimbal_record.DELAY_S
+    )
+
+
+@pytest.mark.parametrize("zeta", [0.0, 1e-6, 0.01])
+def test_two_modes_in_closed_form(zeta):
+    """r1 (s^2 + w2^2) + r2 (s^2 + w1^2) = 0 without damping; in general a quadratic."""
+    w, r = HZ * np.array([1.0, 3.0]), np.array([2.0, 0.5])
+    found = path_zeros(modal_model(w / HZ, [[1.0, 1.0]], r, zeta), "y0", "u0")
+    expected = np.roots(
+        [r.sum(), 2 * zeta * (r[0] * w[1] + r[1] * w[0]), r[0] * w[1] ** 2 + r[1] * w[0] ** 2]
+    )
+    np.testing.assert_allclose(found.value, expected[expected.imag > 0.0], rtol=1e-13)
+    assert not found.is_nonminimum_phase.any()
+
+
+def test_two_modes_against_each_other_have_real_zeros():
+    """Opposite signs of the constants: the zeros leave the axis as a real pair, one on the wrong side."""
+    w, r = HZ * np.array([1.0, 3.0]), np.array([0.5, -2.0])
+    found = path_zeros(modal_model(w / HZ, [[1.0, 1.0]], r, 0.01), "y0", "u0")
+    expected = np.roots([r.sum(), 0.02 * (r[0] * w[1] + r[1] * w[0]), r[0] * w[1] ** 2 + r[1] * w[0] ** 2])
+    np.testing.assert_allclose(np.sort(found.value.real), np.sort(expected.real), rtol=1e-13)
+    assert not found.is_pair.any()
+    assert found.is_nonminimum_phase.tolist() == (found.value.real > 0.0).tolist()
+    assert found.is_nonminimum_phase.sum() == 1
+    words = name_zeros(found)
+    assert sum("non-minimum phase" in line for line in words) == 1
+    assert all("u0 to y0: real zero" in line for line in words)
+
+
+@pytest.mark.parametrize("modes", [2, 5, 20, 60])
+def test_poles_and_zeros_of_a_drive_point_alternate(modes):
+    """Collocated: between any two modes lies one zero (Foster 1924); as many as gaps, none elsewhere."""
+    rng = np.random.default_rng(modes)
+    hz = np.sort(10.0 ** rng.uniform(-2.0, 4.0, modes))
+    phi = rng.uniform(0.1, 1.0, modes)
+    found = path_zeros(modal_model(hz, phi[None], phi, 0.0), "y0", "u0")
+    assert len(found.value) == modes - 1
+    assert np.all((hz[:-1] < found.frequency_hz) & (found.frequency_hz < hz[1:]))
+    # Undamped: on the axis, to rounding.
+    assert np.abs(found.damping).max() < 1e-12
+    assert found.residual.max() < 1e-12
+
+
+def test_a_path_of_little_damping_keeps_its_zeros_over_six_decades():
+    """Every zero of light damping satisfies H = 0 to the rounding of its own terms."""
+    hz = np.geomspace(1e-2, 1e4, 40)
+    rng = np.random.default_rng(0)
+    model = modal_model(hz, rng.choice([-1.0, 1.0], 40)[None] * hz, hz, 1e-4)
+    found = path_zeros(model, "y0", "u0")
+    assert np.sum(np.where(found.is_pair, 2, 1)) == 78  # relative degree two
+    assert found.residual.max() < 1e-10
+
+
+@pytest.mark.parametrize("direct", [0.0, 0.3])
+def test_small_cases_are_scipys(direct):
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        model = modal_model(
+            [0.5, 1.1, 2.3], rng.standard_normal((1, 3)), rng.standard_normal(3), 0.05, direct=direct
+        )
+        found = path_zeros(model, "y0", "u0")
+        poles = np.concatenate([model.poles, model.poles.conj()])
+        residues = np.concatenate([model.shapes[0] * model.participation[:, 0]] * 2)
+        residues[3:] = residues[3:].conj()
+        numerator, _ = scipy.signal.invres(residues, poles, [direct] if direct else [])
+        numerator = np.trim_zeros(
+            np.where(np.abs(numerator) > 1e-9 * np.abs(numerator).max(), numerator.real, 0.0), "f"
+        )
+        theirs = np.roots(numerator)
+        ours = np.concatenate([found.value, found.value[found.is_pair].conj()])
+        assert len(ours) == len(theirs)
+        # Their polynomials of degree six lose some five digits.
+        assert max(np.abs(theirs - z).min() / abs(z) for z in ours) < 1e-8
+
+
+def test_transmission_zeros_are_where_the_determinant_vanishes():
+    model = gimbal_model()
+    found = matrix_zeros(model, outputs=("payload", "bus"))
+    # Ten states, relative degree two twice.
+    assert np.sum(np.where(found.is_pair, 2, 1)) == 6
+    plain = dataclasses.replace(model, delay_s=np.zeros(3))
+    for z in found.value:
+        H, _ = rational_response(plain, z)
+        size = np.linalg.svd(H[[0, 2]], compute_uv=False)
+        assert size[1] < 1e-12 * size[0]
+    assert "gimbal, wheel to payload, bus" in name_zeros(found)[0]
+
+
+def test_more_outputs_than_inputs_have_no_zeros_unless_all_share_one():
+    assert len(matrix_zeros(gimbal_model()).value) == 0
+    rng = np.random.default_rng(2)
+    omega = HZ * np.array([1.0, 2.5, 4.0])
+    rates = modal_to_statespace(
+        ModalSystem(
+            omega,
+            0.02 * np.ones(3),
+            rng.standard_normal((3, 1)),
+            np.zeros((2, 3)),
+            rng.standard_normal((2, 3)),
+            ("a", "b", "c"),
+        )
+    )
+    # Rates of positions: a zero at the origin in every path.
+    np.testing.assert_allclose(transmission_zeros(rates), [0.0], atol=1e-12)
+
+
+def test_zeros_at_infinity_are_not_given():
+    """A chain driven at one end, relative degree 1 to 8: as many zeros as states are left."""
+    for degree in range(1, 9):
+        n = 10
+        A = np.diag(np.ones(n - 1), 1) + np.diag(-np.arange(1.0, n + 1))
+        B, C = np.eye(n)[:, [-1]], np.eye(n)[[n - degree]]
+        zeros = transmission_zeros(StateSpace(A, B, C, np.zeros((1, 1))))
+        np.testing.assert_allclose(np.sort(zeros.real), -np.arange(n - degree, 0.0, -1.0), rtol=1e-6)
+
+
+def test_a_sampled_model_has_its_zeros_in_z():
+    """y = 1/(z - 0.5) + 1/(z - 0.9) - 0.4/(z + 0.3): a quadratic over the leading 1.6."""
+    T = 0.1
+    p, r = np.array([0.5, 0.9, -0.3]), np.array([1.0, 1.0, -0.4])
+    poles = np.log(p.astype(complex)) / T
+    one = np.zeros((1, 1))
+    model = MeasurementModel(
+        poles, r[None], np.ones((3, 1)), one, one, [0.0], (Port("u", ""),), (Port("y", ""),), 1.0 / T
+    )
+    found = path_zeros(model, "y", "u")
+    numerator = sum(r[k] * np.poly(np.delete(p, k)) for k in range(3))
+    np.testing.assert_allclose(
+        np.sort(np.exp(found.value * T).real), np.sort(np.roots(numerator)), rtol=1e-12
+    )
+    again = from_pole_zero_gain(pole_zero_gain(model, "y", "u"))
+    np.testing.assert_allclose(again.shapes[0], r, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("output", "count"), [("payload", 0), ("encoder", 0), ("bus", 1)])
+def test_the_bus_angle_alone_has_a_zero_on_the_wrong_side(output, count):
+    found = path_zeros(gimbal_model(), output, "gimbal")
+    assert found.is_nonminimum_phase.sum() == count
+    assert np.sum(np.where(found.is_pair, 2, 1)) == 8
+
+
+@pytest.mark.parametrize("square", [False, True])
+def test_derivatives_of_zeros(square):
+    """By central differences of every frequency, damping and constant of the model."""
+    model = gimbal_model()
+    chosen = {"outputs": ("payload", "bus"), "inputs": ("gimbal", "wheel") if square else ("gimbal",)}
+    chosen["outputs"] = chosen["outputs"] if square else ("bus",)
+    rows, columns = ([0, 2], [0, 1]) if square else ([2], [0])
+    found = matrix_zeros(model, **chosen)
+    for name, index, change in [
+        ("poles", 1, 1e-6),
+        ("poles", 4, 1e-6j),
+        ("shapes", (2, 3), 1e-6),
+        ("participation", (2, 0), 1e-6),
+    ]:
+        ends = [_moved(model, name, index, sign * change) for sign in (1.0, -1.0)]
+        by_differences = np.subtract(*(matrix_zeros(e, **chosen).value for e in ends))
+        dH = [np.subtract(*(rational_response(e, z)[0] for e in ends)) for z in found.value]
+        by_formula = [
+            np.sum(G * d[np.ix_(rows, columns)]) for G, d in zip(found.by_response, dH, strict=True)
+        ]
+        # Rounding of differences of 1e-6: some 1e-9 of the zeros, 1e-3 of these changes at most.
+        np.testing.assert_allclose(by_formula, by_differences, atol=1e-3 * np.abs(by_differences).max())
+
+
+def _moved(model, name, index, change):
+    value = getattr(model, name).copy()
+    value[index] *= 1.0 + change
+    moved = dataclasses.replace(model, **{name: value})
+    # Modal constants are held while a pole moves: c = phi / (2 j omega_d).
+    return dataclasses.replace(moved, shapes=moved.shapes * model.poles.imag / moved.poles.imag)
+
+
+@pytest.mark.parametrize("output", ["payload", "encoder", "bus"])
+def test_poles_zeros_gain_and_delay_there_and_back(output):
+    model = gimbal_model()
+    form = pole_zero_gain(model, output, "gimbal")
+    o = [p.name for p in model.outputs].index(output)
+    residue = model.shapes[o] * model.participation[:, 0]
+    back = from_pole_zero_gain(form)
+    # Products of eighteen factors.
+    np.testing.assert_allclose(back.shapes[0], residue, rtol=1e-13)
+    # Real constants: the sum of phi psi leads, and the static gain is the sum of phi psi / omega^2.
+    phi_psi = np.real(residue * 2j * model.poles.imag)
+    assert form.gain == pytest.approx(phi_psi.sum(), rel=1e-12)
+    assert form.static_gain == pytest.approx(np.sum(phi_psi / np.abs(model.poles) ** 2), rel=1e-12)
+    assert form.delay_s == model.delay_s[o]
+    f = gimbal_record.SCORED_HZ
+    np.testing.assert_allclose(
+        model_response(back, f)[:, 0, 0], model_response(model, f)[:, o, 0], rtol=1e-10
+    )
+
+
+def test_a_rigid_body_in_poles_and_zeros():
+    model = dataclasses.replace(gimbal_model(), lower=np.full((3, 2), 0.7))
+    form = pole_zero_gain(model, "payload", "gimbal")
+    assert np.sum(form.poles == 0.0) == 2
+    assert form.static_gain is None
+    back = from_pole_zero_gain(form)
+    assert back.lower[0, 0] == pytest.approx(0.7, rel=1e-10)
+    f = gimbal_record.SCORED_HZ
+    np.testing.assert_allclose(model_response(back, f)[:, 0, 0], model_response(model, f)[:, 0, 0], rtol=1e-9)
+
+
+@pytest.mark.parametrize("inputs", [("gimbal",), ("gimbal", "wheel")])
+def test_outputs_and_inputs_that_say_the_same_leave_the_zeros_of_one_path(inputs):
+    """A matrix that is singular everywhere has the zeros of what is left, which any change removes."""
+    model = gimbal_model()
+    shapes, participation = np.array(model.shapes), np.array(model.participation)
+    shapes[1], participation[:, 1] = 2.0 * shapes[0], -3.0 * participation[:, 0]
+    model = dataclasses.replace(model, shapes=shapes, participation=participation)
+    found = matrix_zeros(model, outputs=("payload", "encoder"), inputs=inputs)
+    one = path_zeros(model, "payload", "gimbal")
+    np.testing.assert_allclose(found.value, one.value, rtol=1e-10)
+    assert found.by_response is None
+    assert one.by_response is not None
+
+
+def test_refuses_what_is_no_model():
+    port = Port("a", "")
+    pair = np.array([-1.0 + 5.0j])
+    with pytest.raises(ConfigError, match="zeros for"):
+        from_pole_zero_gain(PoleZeroGain(pair, np.array([-1.0, -2.0, -3.0]), 1.0, None, 0.0, port, port))
+    with pytest.raises(ConfigError, match="coincide"):
+        from_pole_zero_gain(PoleZeroGain(np.repeat(pair, 2), np.zeros(0), 1.0, None, 0.0, port, port))
+    with pytest.raises(ConfigError, match="right half"):
+        from_pole_zero_gain(PoleZeroGain(-pair, np.zeros(0), 1.0, None, 0.0, port, port))
+    with pytest.raises(ConfigError, match="no term"):
+        from_pole_zero_gain(PoleZeroGain([0.0, 0.0], [-1.0], 1.0, None, 0.0, port, port))
+    with pytest.raises(ConfigError, match="one of payload"):
+        path_zeros(gimbal_model(), "load", "gimbal")
