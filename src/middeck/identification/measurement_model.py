@@ -8,19 +8,24 @@ from jaxtyping import Bool, Complex, Float
 from middeck.systems.ports import Port
 from middeck.values import record
 
+# Share of the largest singular value below which another of a matrix is rounding.
+RANK = 1e-10
+
 
 @record
 class MeasurementModel:
-    """A transfer matrix by its poles and rank-one residues, with a delay for each output.
+    """A transfer matrix by its poles and rank-one residues, with a delay for each output or path.
 
-    H_o = exp(-s tau_o) [ sum_m c_om b_m / (q - lambda_m) + the conjugate of each pair + L_o / s^2 + D_o ],
-    with q = s and lambda = pole in continuous time, q = exp(s T) and lambda = exp(pole T) if sampled.
+    H_oi = exp(-s tau_oi) [ sum_m c_om b_mi / (q - lambda_m) + the conjugate of each pair
+    + (R + L)_oi / s^2 + D_oi ], with q = s and lambda = pole in continuous time, q = exp(s T) and
+    lambda = exp(pole T) if sampled.
 
     Parameters
     ----------
     poles:
         One of each conjugate pair (positive imaginary part), or a real pole [rad/s], also of a sampled
-        model; a sampled pole on the negative real axis has the imaginary part pi / T and is single.
+        model; a sampled pole on the negative real axis has the imaginary part pi / T and is single. A residue
+        of higher rank has its pole as often as its rank.
     shapes:
         Output vectors c; the residue of ``poles[m]`` is ``shapes[:, m]`` times ``participation[m]``.
     participation:
@@ -28,11 +33,15 @@ class MeasurementModel:
     direct:
         Constant term D: also what modes above the band leave in it.
     lower:
-        L, what modes below the band leave in it; zero unless asked for.
+        L, what modes below the band leave in it; zero unless asked for. No part of a plant.
     delay_s:
         Delay of each output [s], exact in responses, a Pade approximation only in a plant (`plants`).
     sample_hz:
         None for a continuous model; otherwise the rate at which its inputs are held and outputs sampled.
+    path_delay_s:
+        What each path is late beyond its output's ``delay_s`` [s]; None where that is all.
+    rigid:
+        R = Phi Psi of free rigid-body modes, two states at zero for each of its rank; None without.
     """
 
     poles: Complex[np.ndarray, " mode"]
@@ -44,6 +53,8 @@ class MeasurementModel:
     inputs: tuple[Port, ...]
     outputs: tuple[Port, ...]
     sample_hz: float | None = None
+    path_delay_s: Float[np.ndarray, "output input"] | None = None
+    rigid: Float[np.ndarray, "output input"] | None = None
 
     @property
     def is_pair(self) -> np.ndarray:
@@ -52,8 +63,9 @@ class MeasurementModel:
 
     @property
     def states(self) -> int:
-        """Order without the delays: two for each pair, one for each real pole."""
-        return int(np.sum(np.where(self.is_pair, 2, 1)))
+        """Order without the delays: two for each pair and each rigid mode, one for each real pole."""
+        rigid = 0 if self.rigid is None else int(np.linalg.matrix_rank(self.rigid, rtol=RANK))
+        return int(np.sum(np.where(self.is_pair, 2, 1))) + 2 * rigid
 
 
 def is_single(value: Complex[np.ndarray, " value"], sample_hz: float | None) -> Bool[np.ndarray, " value"]:
@@ -77,14 +89,16 @@ def model_response(
     sum_of_terms += (c[:, pairs].conj() / (q[:, None, None] - pole[pairs].conj())) @ b[
         pairs
     ].conj() + model.direct
-    if np.any(model.lower):
-        sum_of_terms += model.lower / s[:, None, None] ** 2
-    return sum_of_terms * np.exp(-s[:, None] * model.delay_s)[:, :, None]
+    double = model.lower if model.rigid is None else model.lower + model.rigid
+    if np.any(double):
+        sum_of_terms += double / s[:, None, None] ** 2
+    return sum_of_terms * np.exp(-s[:, None, None] * path_delay(model))
 
 
 def path_delay(model: MeasurementModel) -> Float[np.ndarray, "output input"]:
     """Delay of each path [s]."""
-    return np.repeat(model.delay_s[:, None], len(model.inputs), axis=1)
+    beyond = np.zeros(model.direct.shape) if model.path_delay_s is None else model.path_delay_s
+    return model.delay_s[:, None] + beyond
 
 
 def natural_hz(model: MeasurementModel) -> Float[np.ndarray, " mode"]:

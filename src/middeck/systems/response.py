@@ -13,11 +13,28 @@ from middeck.values import record
 
 
 @record
+class ResponseCovariance:
+    """Covariance of all entries of an estimated response on each line: E[dH_oi conj(dH_pj)] = C_op R_ij.
+
+    Parameters
+    ----------
+    outputs:
+        C, the covariance of what the outputs have beyond response to the inputs; noise of measured inputs is
+        in it, through the response (Pintelon and Schoukens 2012, ch. 9: errors in variables).
+    inverse_power:
+        R, the inverse of the inputs' power over all experiments.
+    """
+
+    outputs: Complex[np.ndarray, "line output output"]
+    inverse_power: Complex[np.ndarray, "line input input"]
+
+
+@record
 class FrequencyResponse:
     """Complex response H[line, output, input] at ``frequency_hz``.
 
     ``variance`` is that of the estimate H (noise of both real and imaginary part together), per line and
-    entry; None for a computed response.
+    entry; None for a computed response. ``covariance`` says also how its entries err together, where known.
     """
 
     frequency_hz: Float[np.ndarray, " line"]
@@ -25,6 +42,7 @@ class FrequencyResponse:
     inputs: tuple[Port, ...]
     outputs: tuple[Port, ...]
     variance: Float[np.ndarray, "line output input"] | None = None
+    covariance: ResponseCovariance | None = None
 
 
 def statespace_response(
