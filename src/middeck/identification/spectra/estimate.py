@@ -2,18 +2,86 @@
 
 from __future__ import annotations
 
-from middeck.errors import DataError
+from typing import Literal, get_args
+
+import numpy as np
+
+from middeck.errors import ConfigError, DataError
 from middeck.identification.checks import check_record
+from middeck.identification.spectra.averages import estimate_spectra
+from middeck.identification.spectra.local_models import scatter_of_local_models
+from middeck.identification.spectra.loop import (
+    Controller,
+    Reference,
+    from_channels,
+    from_controller,
+    from_signal,
+    plant_inputs,
+    plant_outputs,
+    plant_scatter,
+)
 from middeck.identification.spectra.periods import scatter_of_periods
+from middeck.identification.spectra.ratios import spectra_response
 from middeck.identification.spectra.scatter import ResponseScatter
 from middeck.systems.record import Record, RecordStream, stream_record
 from middeck.systems.response import FrequencyResponse
 
+Method = Literal["periods", "local polynomial", "local rational", "h1", "h2", "hv"]
+
 
 def estimate_response(
-    record: Record | RecordStream, *, band_hz: tuple[float, float] | None = None
+    record: Record | RecordStream,
+    *,
+    band_hz: tuple[float, float] | None = None,
+    method: Method | None = None,
+    reference: Reference | None = None,
+    controller: Controller | None = None,
+    segment: int | None = None,
 ) -> FrequencyResponse:
-    """The frequency response of a periodic record, on its excited lines.
+    """The frequency response of a record, on its excited lines.
+
+    Parameters
+    ----------
+    record:
+        Whole steady periods, or any other record; several experiments are used together. A record longer than
+        memory (`RecordStream`) is read in pieces by ``"periods"``, ``"h1"``, ``"h2"`` and ``"hv"``.
+    band_hz:
+        Lowest and highest frequency to keep; all excited lines above zero by default.
+    method:
+        - ``"periods"``: period averages, without leakage and window. The default for periodic records; it
+          takes
+          as many independent experiments as inputs.
+        - ``"local rational"``: smooth models of response and transient around each line, with a denominator
+          where it predicts better; no leakage, no window. The default for all others.
+        - ``"local polynomial"``: the same without denominators: linear in the data, but resonances narrower
+          than
+          some ten lines are rounded off.
+        - ``"h1"``, ``"h2"``, ``"hv"``: of averaged spectra (`spectra_response`); for pictures. Welch's
+          windows
+          put 10 to 40 % on 1 % damping; whole periods have none.
+    reference:
+        For a record taken in closed loop: the channels that no noise of the loop gets into, by name, or their
+        samples [experiment, period, sample, reference]. The response is that of the plant, from the inputs
+        that are left to the outputs that are left.
+    controller:
+        Instead: K with u = r + K y, as it ran, from all outputs to all inputs.
+    segment:
+        Samples of Welch's segments.
+
+    Returns
+    -------
+    The response. Its ``variance`` is the one a weighted fit should use: the total variance (noise and
+    nonlinear distortion) where it is known, otherwise the noise variance (over periods), otherwise None.
+    `response_scatter` returns both, with degrees of freedom and covariances between channels. Local models
+    share data between neighbouring lines: their variance is that of each line, and neighbours err together.
+
+    Raises
+    ------
+    DataError
+        If a channel is constant or not finite, no line in the band is excited, the inputs cannot be told
+        apart, or the record is too short or too long for the method.
+    ConfigError
+        For a method, reference or controller that does not fit the record.
 
     Examples
     --------
@@ -27,21 +95,92 @@ def estimate_response(
     >>> round(float(abs(quarter)), 9), round(float(np.angle(quarter, deg=True)), 9)
     (2.0, -90.0)
     """
-    found = response_scatter(record, band_hz=band_hz)
+    found = response_scatter(
+        record,
+        band_hz=band_hz,
+        method=method,
+        reference=reference,
+        controller=controller,
+        segment=segment,
+    )
     variance = found.noise if found.total is None else found.total
-    return FrequencyResponse(found.frequency_hz, found.H, record.inputs, record.outputs, variance)
+    inputs, outputs = plant_inputs(record, reference), plant_outputs(record, reference)
+    return FrequencyResponse(found.frequency_hz, found.H, inputs, outputs, variance)
 
 
 def response_scatter(
-    record: Record | RecordStream, *, band_hz: tuple[float, float] | None = None
+    record: Record | RecordStream,
+    *,
+    band_hz: tuple[float, float] | None = None,
+    method: Method | None = None,
+    reference: Reference | None = None,
+    controller: Controller | None = None,
+    segment: int | None = None,
 ) -> ResponseScatter:
-    """The response with the variance of its noise and its total variance; see `estimate_response`."""
+    """The response with its noise and total variance and their covariances; see `estimate_response`."""
     if isinstance(record, Record):
         check_record(record)
-        if not record.periodic:
+    if reference is None and controller is None:
+        return _scatter(record, band_hz, method, segment)
+    if reference is not None and controller is not None:
+        raise ConfigError(
+            "reference and controller are both given", hint="one of them; the reference if known"
+        )
+    outputs = len(plant_outputs(record, reference))
+    if not (outputs and plant_inputs(record, reference)):
+        raise ConfigError("the references leave no input or no output", hint="name references only")
+    return plant_scatter(
+        _scatter(_from_reference(record, reference, controller), band_hz, method, segment), outputs
+    )
+
+
+def _from_reference(
+    record: Record | RecordStream, reference: Reference | None, controller: Controller | None
+) -> Record | RecordStream:
+    if controller is None and reference is not None and _named(reference):
+        return from_channels(record, [str(name) for name in reference])
+    if isinstance(record, RecordStream):
+        raise ConfigError(
+            "a record longer than memory takes references by name only", hint="record the reference with it"
+        )
+    joint = (
+        from_controller(record, controller)
+        if controller is not None
+        else from_signal(record, np.asarray(reference, dtype=float))
+    )
+    check_record(joint)
+    return joint
+
+
+def _scatter(
+    record: Record | RecordStream,
+    band_hz: tuple[float, float] | None,
+    method: Method | None,
+    segment: int | None,
+) -> ResponseScatter:
+    periodic = record.period is not None if isinstance(record, RecordStream) else record.periodic
+    method = method or ("periods" if periodic else "local rational")
+    if method == "periods":
+        if not periodic:
             raise DataError(
-                "the record is not periodic, and a response is estimated from whole periods only",
-                hint="excite with a periodic multisine, keep whole steady periods and say how many (--periods)",
+                "the record is not periodic: it has no whole periods to average",
+                hint="say how many periods it has (--periods), or use the local models",
             )
-        record = stream_record(record)
-    return scatter_of_periods(record, band_hz)
+        return scatter_of_periods(_stream(record), band_hz)
+    if method in ("local polynomial", "local rational"):
+        if isinstance(record, RecordStream):
+            raise DataError(
+                f"{method} models need the whole record in memory", hint="h1, or a shorter part of the record"
+            )
+        return scatter_of_local_models(record, band_hz, rational=method == "local rational")
+    if method in ("h1", "h2", "hv"):
+        return spectra_response(estimate_spectra(record, segment=segment), method, band_hz=band_hz)
+    raise ConfigError(f"no method {method!r}", hint=", ".join(get_args(Method)))
+
+
+def _stream(record: Record | RecordStream) -> RecordStream:
+    return stream_record(record) if isinstance(record, Record) else record
+
+
+def _named(reference: Reference) -> bool:
+    return not isinstance(reference, np.ndarray)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Complex, Float
+from jaxtyping import Complex, Float, Int
 
 from middeck.identification.checks import Swing, check_swing, widen
 from middeck.identification.spectra.lines import FAINTEST, in_band, refuse_silence, solve_lines
@@ -13,6 +13,8 @@ from middeck.values import record as frozen
 
 # An excited line stands 20 dB above the scatter of the periods: a measured input has noise between its lines.
 CLEAR_OF_NOISE = 100.0
+# Silent odd lines that a level of distortion is averaged over.
+NEAREST = 8
 
 
 @frozen
@@ -66,24 +68,20 @@ def scatter_of_periods(stream: RecordStream, band_hz: tuple[float, float] | None
     assert stream.period is not None
     frequency = np.fft.rfftfreq(stream.period, 1.0 / stream.sample_hz)
     moments = period_moments(stream)
-    excited = _excited(moments)
+    excited = excited_lines(moments)
     keep = excited & in_band(frequency, band_hz)
     refuse_silence(keep, band_hz)
     U, Y = np.split(moments.mean[keep], [moments.inputs], axis=2)
     H, inverse_power = solve_lines(U, Y, frequency[keep])
     noise = _noise(moments, H, keep)
-    experiments = U.shape[1]
-    # What each experiment's average leaves beside the common response.
-    left = Y - np.einsum("koi,kei->keo", H, U)
-    free = experiments - moments.inputs
-    total = np.einsum("keo,kep->kop", left, left.conj()) / free if free > 0 else None
+    total, dof = _total(moments, H, excited, keep)
     return ResponseScatter(
         frequency[keep],
         H,
         None if noise is None else variance_of(noise, inverse_power),
         None if total is None else variance_of(total, inverse_power),
-        None if noise is None else np.full(len(H), float(experiments * (moments.periods - 1))),
-        None if total is None else np.full(len(H), float(free)),
+        None if noise is None else np.full(len(H), float(U.shape[1] * (moments.periods - 1))),
+        None if total is None else np.full(len(H), float(dof)),
         noise,
         total,
         inverse_power,
@@ -100,7 +98,54 @@ def _noise(moments: PeriodMoments, H: np.ndarray, keep: np.ndarray) -> np.ndarra
     return left / (moments.mean.shape[1] * (moments.periods - 1) * moments.periods)
 
 
-def _excited(moments: PeriodMoments) -> np.ndarray:
+def _total(
+    moments: PeriodMoments, H: np.ndarray, excited: np.ndarray, keep: np.ndarray
+) -> tuple[Complex[np.ndarray, "line output output"] | None, int]:
+    """Covariance of an experiment's averaged output about the response, and its degrees of freedom.
+
+    From experiments where there are more than inputs. Otherwise from silent odd lines, where there are any:
+    odd distortion and noise are as large there as on the excited lines nearby (Pintelon and Schoukens 2012,
+    section 4.3.1), and even distortion misses both.
+    """
+    U, Y = np.split(moments.mean, [moments.inputs], axis=2)
+    experiments = U.shape[1]
+    free = experiments - moments.inputs
+    if free > 0:
+        left = Y[keep] - np.einsum("koi,kei->keo", H, U[keep])
+        return np.einsum("keo,kep->kop", left, left.conj()) / free, free
+    silent = silent_odd_lines(excited)
+    if len(silent) < NEAREST:
+        return None, 0
+    left = silent_outputs(moments, excited, silent)
+    power = np.einsum("keo,kep->kop", left, left.conj()) / experiments
+    wanted = np.flatnonzero(keep)
+    first = np.clip(np.searchsorted(silent, wanted) - NEAREST // 2, 0, len(silent) - NEAREST)
+    return power[first[:, None] + np.arange(NEAREST)].mean(axis=1), NEAREST * experiments
+
+
+def silent_odd_lines(excited: np.ndarray) -> Int[np.ndarray, " silent"]:
+    """Silent odd lines between the excited ones of an odd multisine; none of any other."""
+    lines = np.flatnonzero(excited)
+    if not len(lines) or (lines % 2 == 0).any():
+        return np.zeros(0, dtype=int)
+    between = np.arange(lines[0], lines[-1] + 1, 2)
+    return between[~excited[between]]
+
+
+def silent_outputs(
+    moments: PeriodMoments, excited: np.ndarray, lines: Int[np.ndarray, " line"]
+) -> Complex[np.ndarray, "line experiment output"]:
+    """Y - H U with H drawn between excited lines: an actuator's own distortion is input."""
+    U, Y = np.split(moments.mean, [moments.inputs], axis=2)
+    known = np.flatnonzero(excited)
+    H, _ = solve_lines(U[known], Y[known], moments.frequency_hz[known])
+    flat = H.reshape(len(known), -1)
+    between = np.stack([np.interp(lines, known, h) for h in flat.T], axis=1)
+    return Y[lines] - np.einsum("koi,kei->keo", between.reshape(len(lines), *H.shape[1:]), U[lines])
+
+
+def excited_lines(moments: PeriodMoments) -> np.ndarray:
+    """Whether each line is excited; in a measured input, lines of noise are not."""
     power = np.sum(np.abs(moments.mean[:, :, : moments.inputs]) ** 2, axis=(1, 2))
     excited = power > FAINTEST**2 * power[1:].max()
     if moments.periods > 1:

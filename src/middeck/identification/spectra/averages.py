@@ -1,0 +1,157 @@
+"""Averaged power and cross spectra: of windowed segments (Welch 1967), or of bare whole periods."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from jaxtyping import Complex, Float
+from scipy.signal import get_window
+
+from middeck.errors import DataError
+from middeck.identification.checks import Swing, check_record, check_swing, widen
+from middeck.systems.ports import Port
+from middeck.systems.record import Record, RecordStream, stream_record
+from middeck.values import record as frozen
+
+# Segments of half overlap that a record is cut into where nobody says how long they are.
+SEGMENTS = 16
+SHORTEST = 16
+
+
+@frozen
+class Spectra:
+    """Power and cross spectra, two-sided [unit^2/Hz].
+
+    Parameters
+    ----------
+    S_uu, S_yu, S_yy:
+        Averages of U U^H, Y U^H and Y Y^H.
+    averages:
+        How many independent spectra they are worth; overlapping segments count for less than their number.
+    window_hz:
+        Equivalent noise bandwidth of the window [Hz]: what is narrower is smeared. Zero for whole periods.
+    """
+
+    frequency_hz: Float[np.ndarray, " line"]
+    S_uu: Complex[np.ndarray, "line input input"]
+    S_yu: Complex[np.ndarray, "line output input"]
+    S_yy: Complex[np.ndarray, "line output output"]
+    inputs: tuple[Port, ...]
+    outputs: tuple[Port, ...]
+    averages: float
+    window_hz: float
+
+
+def estimate_spectra(
+    record: Record | RecordStream,
+    *,
+    segment: int | None = None,
+    window: str = "hann",
+    overlap: float = 0.5,
+) -> Spectra:
+    """Spectra of a record, its experiments averaged; whole periods are segments of their own, unwindowed.
+
+    Welch's segments are for pictures: a window of length T smears whatever is narrower than some 1.5/T. At
+    1 % damping the response is 10 to 40 % wrong near resonance with any usual length; that of local models,
+    or of whole periods, is not.
+
+    Parameters
+    ----------
+    record:
+        In memory or longer than it: segments are summed as they are read.
+    segment:
+        Samples of a segment; by default the power of two that leaves at least 16. A periodic
+        record is cut into its periods, whatever this says.
+    window, overlap:
+        Of the segments, by the names of `scipy.signal.get_window`; each segment's mean is removed.
+
+    Raises
+    ------
+    DataError
+        If a channel is constant or not finite, or a segment is longer than the record.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(0)
+    >>> u = rng.standard_normal((1, 1, 4096, 1))
+    >>> S = estimate_spectra(Record(10.0, u, 2 * u, (Port("u", "V"),), (Port("y", "m"),), periodic=False))
+    >>> len(S.frequency_hz), round(float(np.mean(S.S_uu.real)) * 10.0, 1)   # two-sided: sum S df = variance
+    (129, 1.0)
+    """
+    stream = checked_stream(record)
+    if stream.period is not None:
+        size, hop, taper = stream.period, stream.period, np.ones(stream.period)
+    else:
+        size = _default(stream.samples) if segment is None else segment
+        if not (SHORTEST <= size <= stream.samples and 0.0 <= overlap < 1.0):
+            raise DataError(
+                f"segments of {size} samples that overlap by {overlap:g} do not fit {stream.samples} samples",
+                hint=f"{SHORTEST} to {stream.samples} samples, an overlap of 0 to below 1",
+            )
+        hop = max(1, round(size * (1.0 - overlap)))
+        taper = np.asarray(get_window(window, size))
+    periodic = stream.period is not None
+    total, number = _sum(stream, size, hop, taper, centred=not periodic)
+    S = total / (number * stream.sample_hz * np.sum(taper**2))
+    i = len(stream.inputs)
+    return Spectra(
+        np.fft.rfftfreq(size, 1.0 / stream.sample_hz),
+        S[:, :i, :i],
+        S[:, i:, :i],
+        S[:, i:, i:],
+        stream.inputs,
+        stream.outputs,
+        float(number) if periodic else stream.experiments * _worth(number // stream.experiments, taper, hop),
+        0.0 if periodic else float(stream.sample_hz * np.sum(taper**2) / np.sum(taper) ** 2),
+    )
+
+
+def checked_stream(record: Record | RecordStream) -> RecordStream:
+    """The record as a stream; one in memory is checked first."""
+    if isinstance(record, RecordStream):
+        return record
+    check_record(record)
+    return stream_record(record)
+
+
+def _default(samples: int) -> int:
+    return max(SHORTEST, 2 ** int(np.log2(2 * samples / (SEGMENTS + 1))))
+
+
+def _sum(
+    stream: RecordStream, size: int, hop: int, taper: np.ndarray, *, centred: bool
+) -> tuple[Complex[np.ndarray, "line channel channel"], int]:
+    """Sum of z z^H over all segments, and their number."""
+    channels = len(stream.inputs) + len(stream.outputs)
+    total = np.zeros((size // 2 + 1, channels, channels), dtype=complex)
+    number = 0
+    swing: Swing | None = None
+    for experiment in range(stream.experiments):
+        for z in _segments(stream, experiment, size, hop):
+            swing = widen(swing, z)
+            level = z.mean(axis=0) if centred else 0.0
+            Z = np.fft.rfft((z - level) * taper[:, None], axis=0)
+            total += Z[:, :, None] * Z.conj()[:, None, :]
+            number += 1
+    check_swing(swing, stream)
+    return total, number
+
+
+def _segments(stream: RecordStream, experiment: int, size: int, hop: int) -> Iterator[np.ndarray]:
+    held = np.empty((0, len(stream.inputs) + len(stream.outputs)))
+    for u, y in stream.blocks(hop, experiment):
+        held = np.concatenate([held, np.concatenate([u, y], axis=1)])
+        while len(held) >= size:
+            yield held[:size]
+            held = held[hop:]
+
+
+def _worth(segments: int, taper: Float[np.ndarray, " sample"], hop: int) -> float:
+    """Independent averages among overlapping segments of noise (Welch 1967)."""
+    power = np.sum(taper**2)
+    shifts = range(1, min(segments, -(-len(taper) // hop)))
+    shared = sum(
+        (1.0 - m / segments) * (np.sum(taper[m * hop :] * taper[: -m * hop]) / power) ** 2 for m in shifts
+    )
+    return segments / (1.0 + 2.0 * float(shared))

@@ -1,0 +1,215 @@
+"""Local models: over a few neighbouring lines, a smooth response and a smooth transient.
+
+The DFT of a record that is not a whole number of steady periods obeys, exactly,
+
+    Y(k) = G(k) U(k) + T(k) + V(k),
+
+with one smooth function T for what the record began and ended with (Pintelon and Schoukens 2012, section
+2.6.3). Over the lines k + r of a window, G is N(r)/D(r) and T is M(r)/D(r), polynomials in r of order two
+with D(0) = 1. With D = 1 it is the local polynomial method (Pintelon, Schoukens, Vandersteen and Barbe 2010),
+linear least squares. With D of order two a window can hold a whole resonance (local rational method: McKelvey
+and Guerin 2012): D is common to all outputs, as poles are, and is found from
+
+    min over d of sum_o d^H S_o d / sigma_o^2,    d = (1, d1, d2),
+
+where S_o is what U and the transient leave of (Y_o, r Y_o, r^2 Y_o). Rows are then divided by D and the
+window solved again (Sanathanan and Koerner 1963), so that what is left is the noise itself.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Complex, Float, Inexact, Int
+
+from middeck.identification.spectra.scatter import variance_of
+from middeck.values import record as frozen
+
+# Order of each polynomial. Even orders cost the same bias as the next odd one at the middle of a window.
+ORDER = 2
+TERMS = ORDER + 1
+# Windows solved at once: their matrices stay in cache.
+AT_ONCE = 512
+# Added to unit diagonals: rounding of double precision, where a denominator is not determined by its window.
+RIDGE = 1e-13
+
+
+@frozen
+class LocalModel:
+    """Half width of the window in lines, and whether there is a denominator."""
+
+    half: int
+    rational: bool
+
+
+@frozen
+class LocalFit:
+    """What the windows give, and how well they predict the line that they leave out.
+
+    Parameters
+    ----------
+    covariance:
+        Of what is left of the outputs.
+    prediction:
+        Mean square error of each line's outputs predicted without it (Allen 1974).
+    denominator:
+        d1 and d2 of each window, zero for polynomials.
+    """
+
+    H: Complex[np.ndarray, "line output input"]
+    variance: Float[np.ndarray, "line output input"]
+    covariance: Complex[np.ndarray, "line output output"]
+    inverse_power: Complex[np.ndarray, "line input input"]
+    prediction: Float[np.ndarray, "line output"]
+    denominator: Complex[np.ndarray, "line term"]
+
+
+def freedom(model: LocalModel, experiments: int, inputs: int, outputs: int) -> float:
+    """Complex degrees of freedom that a window leaves."""
+    rows = experiments * (2 * model.half + 1)
+    return rows - unknowns(experiments, inputs) - (ORDER / outputs if model.rational else 0.0)
+
+
+def unknowns(experiments: int, inputs: int) -> int:
+    """Coefficients of one output: its responses, and a transient for each experiment."""
+    return TERMS * (experiments + inputs)
+
+
+def fit_windows(
+    U: Complex[np.ndarray, "line experiment input"],
+    Y: Complex[np.ndarray, "line experiment output"],
+    lines: Int[np.ndarray, " estimate"],
+    model: LocalModel,
+    *,
+    reweigh: bool = False,
+) -> LocalFit:
+    """The response at ``lines``, each from the window around it (beside it, at the ends of the spectrum)."""
+    parts = [_fit_some(U, Y, lines[k : k + AT_ONCE], model, reweigh) for k in range(0, len(lines), AT_ONCE)]
+    return LocalFit(
+        *(
+            np.concatenate([getattr(part, name) for part in parts])
+            for name in ("H", "variance", "covariance", "inverse_power", "prediction", "denominator")
+        )
+    )
+
+
+def _fit_some(U: np.ndarray, Y: np.ndarray, lines: np.ndarray, model: LocalModel, reweigh: bool) -> LocalFit:
+    rows, own, x = window_rows(len(U), lines, model.half)
+    first = _solve(U[rows], Y[rows], x, own, model, None)
+    if not (model.rational and reweigh):
+        return first
+    d = first.denominator
+    divisor = 1.0 + d[:, :1] * x + d[:, 1:] * x**2
+    return _solve(U[rows], Y[rows], x, own, model, 1.0 / divisor)
+
+
+def window_rows(count: int, lines: np.ndarray, half: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rows of each window, the place of its own line among them, and offsets from that line, in halves."""
+    start = np.clip(lines - half, 0, count - (2 * half + 1))
+    rows = start[:, None] + np.arange(2 * half + 1)
+    return rows, lines - start, (rows - lines[:, None]) / half
+
+
+def transient_basis(
+    x: Float[np.ndarray, "estimate row"], own: np.ndarray, weight: np.ndarray | None
+) -> Inexact[np.ndarray, "estimate row term"]:
+    """Orthonormal columns that span the (weighted) transients of each window."""
+    if weight is not None:
+        return np.linalg.qr((x[:, :, None] ** np.arange(TERMS)) * weight[:, :, None])[0]
+    # Unweighted, all windows with their line in the same place share one basis.
+    _, first, back = np.unique(own, return_index=True, return_inverse=True)
+    return np.linalg.qr(x[first][:, :, None] ** np.arange(TERMS))[0][back]
+
+
+def _solve(
+    U: Complex[np.ndarray, "estimate row experiment input"],
+    Y: Complex[np.ndarray, "estimate row experiment output"],
+    x: Float[np.ndarray, "estimate row"],
+    own: np.ndarray,
+    model: LocalModel,
+    weight: np.ndarray | None,
+) -> LocalFit:
+    count, width, experiments, inputs = U.shape
+    outputs = Y.shape[3]
+    Q = transient_basis(x, own, weight)
+    X, Z = _columns(U, Y, x, Q, weight, ORDER if model.rational else 0)
+    Xh = np.swapaxes(X.conj(), 1, 2)
+    A = scaled_inverse(Xh @ X)
+    theta = A @ (Xh @ Z)
+    unexplained = (Z - X @ theta).reshape(count, width * experiments, outputs, -1)
+    # Only the constant terms are the response of the own line, at r = 0.
+    theta = theta[:, :inputs].reshape(count, inputs, outputs, -1)
+    d, spread = _denominator(unexplained)
+    full = np.concatenate([np.ones((count, 1)), d], axis=1)
+    left = np.einsum("kroc,kc->kro", unexplained, full)
+    covariance = np.einsum("kro,krp->kop", left, left.conj()) / freedom(model, experiments, inputs, outputs)
+    inverse_power = A[:, :inputs, :inputs]
+    slope = theta[..., 1:]
+    return LocalFit(
+        np.einsum("kioc,kc->koi", theta, full),
+        variance_of(covariance, inverse_power)
+        + np.real(np.einsum("kiot,kts,kios->koi", slope, spread, slope.conj())),
+        covariance,
+        inverse_power,
+        _prediction(Q, X, A, left.reshape(count, width, experiments, outputs), own),
+        d if model.rational else np.zeros((count, ORDER)),
+    )
+
+
+def _columns(
+    U: np.ndarray, Y: np.ndarray, x: np.ndarray, Q: np.ndarray, weight: np.ndarray | None, last: int
+) -> tuple[Complex[np.ndarray, "estimate row unknown"], Complex[np.ndarray, "estimate row column"]]:
+    """What the transients leave of r^s U, and of Y to r^last Y."""
+    count, width, experiments, _ = U.shape
+    powers = x[:, :, None] ** np.arange(TERMS)
+    if weight is not None:
+        powers = powers * weight[:, :, None]
+    rU = powers[:, :, None, :, None] * U[:, :, :, None, :]
+    rY = powers[:, :, None, None, : last + 1] * Y[..., None]
+    X, Z = (_beside(Q, r.reshape(count, width, -1)) for r in (rU, rY))
+    rows = width * experiments
+    return X.reshape(count, rows, -1), Z.reshape(count, rows, -1)
+
+
+def _beside(Q: np.ndarray, X: np.ndarray) -> np.ndarray:
+    """What the transients leave of the columns of X."""
+    return X - Q @ (np.swapaxes(Q.conj(), 1, 2) @ X)
+
+
+def scaled_inverse(A: Complex[np.ndarray, "estimate a a"]) -> Complex[np.ndarray, "estimate a a"]:
+    """Inverse of Gram matrices, scaled to a unit diagonal first."""
+    size = 1.0 / np.sqrt(np.maximum(np.real(np.einsum("kaa->ka", A)), np.finfo(float).tiny))
+    unit = A * size[:, :, None] * size[:, None, :] + RIDGE * np.eye(A.shape[1])
+    return np.linalg.inv(unit) * size[:, :, None] * size[:, None, :]
+
+
+def _denominator(
+    Z: Complex[np.ndarray, "estimate row output column"],
+) -> tuple[Complex[np.ndarray, "estimate term"], Complex[np.ndarray, "estimate term term"]]:
+    """d1 and d2 of each window, if Z has columns for them, and their covariance."""
+    count, rows, _, columns = Z.shape
+    S = np.einsum("krot,kros->kots", Z.conj(), Z)
+    power = np.real(S[:, :, 0, 0])
+    d = np.zeros((count, columns - 1), dtype=complex)
+    inverse = np.zeros((count, columns - 1, columns - 1), dtype=complex)
+    # Once with each output by its size, and once by what is left of it; more changes little.
+    for _ in range(2 if columns > 1 else 0):
+        total = np.einsum("kots,ko->kts", S, 1.0 / np.maximum(power, np.finfo(float).tiny))
+        inverse = scaled_inverse(total[:, 1:, 1:])
+        d = -(inverse @ total[:, 1:, :1])[:, :, 0]
+        full = np.concatenate([np.ones((count, 1)), d], axis=1)
+        power = np.maximum(np.real(np.einsum("kt,kots,ks->ko", full.conj(), S, full)), RIDGE * power)
+    return d, inverse / rows
+
+
+def _prediction(
+    Q: np.ndarray, X: np.ndarray, A: np.ndarray, left: np.ndarray, own: np.ndarray
+) -> Float[np.ndarray, "estimate output"]:
+    """Mean square of the residual of the own line, had it not been used: e / (1 - leverage)."""
+    count, width, experiments, _ = left.shape
+    pick = np.arange(count)
+    mine = X.reshape(count, width, experiments, -1)[pick, own]
+    leverage = np.real(np.einsum("kea,kab,keb->ke", mine, A, mine.conj()))
+    leverage += np.sum(np.abs(Q[pick, own]) ** 2, axis=1)[:, None]
+    # An own line that alone decides something predicts nothing: rounding may bring its leverage to one.
+    apart = np.maximum(1.0 - leverage, 1e-6)
+    return np.mean(np.abs(left[pick, own] / apart[:, :, None]) ** 2, axis=1)

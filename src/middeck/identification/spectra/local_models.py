@@ -1,0 +1,149 @@
+"""A response from any record, free of leakage: local models whose window and kind the data choose."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Complex, Float, Int
+
+from middeck.errors import DataError
+from middeck.identification.spectra.lines import (
+    FAINTEST,
+    WORST_CONDITION,
+    in_band,
+    refuse_alike,
+    refuse_silence,
+)
+from middeck.identification.spectra.local_fit import (
+    LocalModel,
+    fit_windows,
+    freedom,
+    transient_basis,
+    unknowns,
+    window_rows,
+)
+from middeck.identification.spectra.scatter import ResponseScatter
+from middeck.systems.record import Record
+
+# Rows of a window for each unknown, from the narrowest that leaves a few to judge by, to where a response of
+# 1 % damping bends too much for any gain in noise.
+ROWS_POLYNOMIAL = (1.5, 3.0, 5.0, 8.0, 13.0)
+ROWS_RATIONAL = (1.8, 3.0, 5.0, 8.0)
+# A denominator is taken where it halves the error of prediction: where it does not, noise in its regressors
+# would bias the response and flatter its variance.
+PAYS = 2.0
+# Prediction is judged at every third line (neighbouring windows share most lines), averaged over +-20 lines.
+JUDGED = 3
+AVERAGED = 20
+
+
+def scatter_of_local_models(
+    record: Record, band_hz: tuple[float, float] | None, *, rational: bool
+) -> ResponseScatter:
+    """The response at all lines that are excited, each from the local model that predicts best there."""
+    U, Y, frequency, stride = _spectra(record)
+    experiments, inputs = U.shape[1:]
+    polynomials = _models(ROWS_POLYNOMIAL, experiments, inputs, stride, rational=False)
+    narrowest = polynomials[0]
+    if 2 * narrowest.half + 1 > len(U):
+        raise DataError(
+            f"{len(U)} lines are too few for a local model of {2 * narrowest.half + 1}",
+            hint="a longer record, or whole steady periods of a repeated signal",
+        )
+    wanted = in_band(np.concatenate([[0.0], frequency, [np.inf]]), band_hz)[1:-1]
+    lines = np.flatnonzero(wanted & (np.arange(1, len(U) + 1) % stride == 0))
+    lines = lines[_excited(U, lines, narrowest.half, frequency, band_hz)]
+    rationals = _models(ROWS_RATIONAL, experiments, inputs, stride, rational=True) if rational else []
+    models = [m for m in (*polynomials, *rationals) if 2 * m.half + 1 <= len(U)]
+    return _by_choice(U, Y, frequency, lines, models, _choice(U, Y, lines, models))
+
+
+def _spectra(record: Record) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
+    """Spectra of all samples of each experiment without zero and Nyquist; every stride-th line is excited."""
+    experiments, periods, samples, _ = record.u.shape
+    total = periods * samples
+    U, Y = (
+        np.fft.rfft(x.reshape(experiments, total, -1), axis=1).transpose(1, 0, 2)[1 : (total + 1) // 2]
+        for x in (record.u, record.y)
+    )
+    frequency = np.fft.rfftfreq(total, 1.0 / record.sample_hz)[1 : (total + 1) // 2]
+    return U, Y, frequency, periods if record.periodic else 1
+
+
+def _models(
+    rows: tuple[float, ...], experiments: int, inputs: int, stride: int, *, rational: bool
+) -> list[LocalModel]:
+    needed = unknowns(experiments, inputs) / experiments
+    return [LocalModel(int(np.ceil(0.5 * share * needed)) * stride, rational) for share in rows]
+
+
+def _excited(
+    U: np.ndarray, lines: np.ndarray, half: int, frequency: np.ndarray, band_hz: tuple[float, float] | None
+) -> np.ndarray:
+    """Lines where the inputs do more than a transient could; refuses inputs that are alike there."""
+    refuse_silence(np.ones(len(lines), dtype=bool), band_hz)
+    rows, own, x = window_rows(len(U), lines, half)
+    Q = transient_basis(x, own, None)
+    window = U[rows].reshape(len(lines), 2 * half + 1, -1)
+    rough = (window - Q @ (np.swapaxes(Q, 1, 2) @ window)).reshape(len(lines), -1, U.shape[2])
+    power = np.linalg.eigvalsh(np.swapaxes(rough.conj(), 1, 2) @ rough)
+    raw = np.sum(np.abs(window) ** 2, axis=(1, 2))
+    excited = power[:, -1] > FAINTEST**2 * raw.max()
+    if not excited.any():
+        raise DataError(
+            "the inputs' spectra are as smooth as a transient: no local model can tell the two apart",
+            hint="random or repeated excitation; a blow from rest to rest is one whole period of a periodic "
+            "record",
+        )
+    refuse_alike(excited & (power[:, 0] * WORST_CONDITION**2 <= power[:, -1]), frequency[lines])
+    return excited
+
+
+def _choice(
+    U: np.ndarray, Y: np.ndarray, lines: Int[np.ndarray, " estimate"], models: list[LocalModel]
+) -> Int[np.ndarray, " estimate"]:
+    """The model that predicts best around each line, all outputs counting by the factor of their error."""
+    judged = lines[::JUDGED]
+    width = 2 * AVERAGED + 1
+    scores: list[np.ndarray] = []
+    for model in models:
+        error = fit_windows(U, Y, judged, model).prediction
+        smooth = _moving_mean(error, -(-width // (2 * JUDGED)))
+        scores.append(np.mean(np.log(smooth + np.finfo(float).tiny), axis=1))
+    penalty = np.array([np.log(PAYS) if m.rational else 0.0 for m in models])
+    best = np.argmin(np.array(scores) + penalty[:, None], axis=0)
+    return best[np.minimum((np.arange(len(lines)) + JUDGED // 2) // JUDGED, len(judged) - 1)]
+
+
+def _moving_mean(x: Float[np.ndarray, "line output"], half: int) -> Float[np.ndarray, "line output"]:
+    """Mean over at most ``half`` lines on each side; positive sums only, so that none cancels."""
+    total = np.zeros_like(x)
+    count = np.zeros((len(x), 1))
+    for shift in range(-min(half, len(x) - 1), min(half, len(x) - 1) + 1):
+        into = slice(max(0, -shift), len(x) - max(0, shift))
+        total[into] += x[max(0, shift) : len(x) - max(0, -shift)]
+        count[into] += 1.0
+    return total / count
+
+
+def _by_choice(
+    U: Complex[np.ndarray, "line experiment input"],
+    Y: Complex[np.ndarray, "line experiment output"],
+    frequency: np.ndarray,
+    lines: np.ndarray,
+    models: list[LocalModel],
+    choice: np.ndarray,
+) -> ResponseScatter:
+    experiments, inputs = U.shape[1:]
+    outputs = Y.shape[2]
+    H = np.empty((len(lines), outputs, inputs), dtype=complex)
+    total = np.empty((len(lines), outputs, inputs))
+    dof = np.empty(len(lines))
+    covariance = np.empty((len(lines), outputs, outputs), dtype=complex)
+    inverse_power = np.empty((len(lines), inputs, inputs), dtype=complex)
+    for k in np.unique(choice):
+        here = choice == k
+        found = fit_windows(U, Y, lines[here], models[k], reweigh=True)
+        H[here], total[here] = found.H, found.variance
+        covariance[here], inverse_power[here] = found.covariance, found.inverse_power
+        dof[here] = freedom(models[k], experiments, inputs, outputs)
+    return ResponseScatter(frequency[lines], H, None, total, None, dof, None, covariance, inverse_power)
