@@ -22,7 +22,7 @@ from middeck.identification.spectra.loop import (
 )
 from middeck.identification.spectra.periods import scatter_of_periods
 from middeck.identification.spectra.ratios import spectra_response
-from middeck.identification.spectra.scatter import ResponseScatter
+from middeck.identification.spectra.scatter import ResponseScatter, trusted
 from middeck.systems.record import Record, RecordStream, stream_record
 from middeck.systems.response import FrequencyResponse
 
@@ -72,7 +72,7 @@ def estimate_response(
     -------
     The response. Its ``variance`` is the one a weighted fit should use: the total variance (noise and
     nonlinear distortion) where it is known, otherwise the noise variance (over periods), otherwise None.
-    `response_scatter` returns both, with degrees of freedom and covariances between channels. Local models
+    ``covariance`` belongs to it. `response_scatter` returns both, with their degrees of freedom. Local models
     share data between neighbouring lines: their variance is that of each line, and neighbours err together.
 
     Raises
@@ -103,9 +103,9 @@ def estimate_response(
         controller=controller,
         segment=segment,
     )
-    variance = found.noise if found.total is None else found.total
+    variance, covariance = trusted(found)
     inputs, outputs = plant_inputs(record, reference), plant_outputs(record, reference)
-    return FrequencyResponse(found.frequency_hz, found.H, inputs, outputs, variance)
+    return FrequencyResponse(found.frequency_hz, found.H, inputs, outputs, variance, covariance)
 
 
 def response_scatter(

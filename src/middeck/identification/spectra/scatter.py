@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Complex, Float
 
+from middeck.systems.response import ResponseCovariance
 from middeck.values import record as frozen
 
 
@@ -60,3 +61,21 @@ def variance_of(
     """C_oo R_ii of each line."""
     outputs, inputs = (np.maximum(np.real(np.einsum("kaa->ka", x)), 0.0) for x in (covariance, inverse_power))
     return outputs[:, :, None] * inputs[:, None, :]
+
+
+def trusted(
+    found: ResponseScatter,
+) -> tuple[Float[np.ndarray, "line output input"] | None, ResponseCovariance | None]:
+    """The variance a weighted fit should use, total where it is known, and the covariance with it."""
+    variance, covariance = (
+        (found.noise, found.noise_covariance)
+        if found.total is None
+        else (found.total, found.total_covariance)
+    )
+    if variance is None or covariance is None:
+        return None, None
+    # A denominator adds to the variance of local rational models: outputs' noise is scaled up to it.
+    known = variance_of(covariance, found.inverse_power)
+    scale = np.sqrt(variance.sum(axis=2) / np.maximum(known.sum(axis=2), np.finfo(float).tiny))
+    together = scale[:, :, None] * covariance * scale[:, None, :]
+    return variance, ResponseCovariance(together, found.inverse_power)

@@ -37,11 +37,11 @@ def doubts_of_window(found: ResponseScatter, spectra: Spectra) -> list[str]:
     inner = size[1:-1]
     peaks = 1 + np.flatnonzero((inner > size[:-2]) & (inner >= size[2:]))
     return [
-        f"the peak at {found.frequency_hz[k]:.4g} Hz is as narrow as the window ({spectra.window_hz:.2g} Hz): "
-        "its height and damping are the window's; use longer segments or a local model"
+        f"the peak at {found.frequency_hz[k]:.4g} Hz is as narrow as the window ({spectra.window_hz:.2g} Hz):"
+        " its height and damping are the window's; use longer segments or a local model"
         for k in peaks
         if size[k] ** 2 > CLEAR_OF_NOISE * noise[k]
-        and _half_power_hz(found.frequency_hz, size, k) < WIDTHS_IN_PEAK * spectra.window_hz
+        and _half_power_hz(found.frequency_hz, size, int(k)) < WIDTHS_IN_PEAK * spectra.window_hz
     ]
 
 
