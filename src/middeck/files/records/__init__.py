@@ -1,0 +1,187 @@
+"""Measured records from NPZ, HDF5, MAT, CSV and universal files, whole or streamed, and back.
+
+record = load_record("run.mat", name_columns(["torque [N m]"], ["angle [rad]"], sample_hz=256.0))
+stream = open_record("night.h5")
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from middeck.errors import DataError
+from middeck.files.records.checked import check_channels, check_finite, check_shape
+from middeck.files.records.columns import Columns, columns_beside, name_columns
+from middeck.files.records.raw import Raw, build_record
+from middeck.files.records.together import join_records, split_periods
+from middeck.systems.fault import Fault
+from middeck.systems.record import Campaign, Record, RecordStream, stream_record
+from middeck.values import record
+
+__all__ = [
+    "Columns",
+    "Reading",
+    "load_campaign",
+    "load_record",
+    "load_records",
+    "name_columns",
+    "open_record",
+    "read_record",
+    "split_periods",
+    "write_record",
+    "write_stream",
+]
+
+UFF = (".uff", ".unv", ".uf", ".58")
+HDF5 = (".h5", ".hdf5")
+SUFFIXES = (".npz", ".csv", *HDF5, ".mat", ".npy", *UFF)
+
+
+@record
+class Reading:
+    """A record as its file has it, samples that are not numbers included, and what the reader had to mend."""
+
+    record: Record
+    faults: tuple[Fault, ...]
+
+
+def load_record(path: str | Path, columns: Columns | None = None) -> Record:
+    """The record in a file; the ending says of which kind: docs/how-to/your-own-record.md describes each.
+
+    ``columns`` (`name_columns`), or else a TOML file beside it, tells what the file does not: rate, which
+    channels are inputs and which outputs, names, units and transducers.
+
+    Raises `DataError`, naming file and channel, if the file is missing, truncated, empty or inconsistent, or
+    if a sample is not a finite number; `ConfigError` for a wrong TOML file.
+    """
+    return check_finite(read_record(path, columns).record, str(path))
+
+
+def read_record(path: str | Path, columns: Columns | None = None) -> Reading:
+    """`load_record` for what has gaps: missing samples are NaN, and `Reading.faults` says which.
+
+    Raises `DataError` and `ConfigError` as `load_record` does, but for samples that are not finite.
+    """
+    file = _present(path)
+    told = columns if columns is not None else columns_beside(file)
+    raw = _reader(file)(file, "" if told is None else told.variable)
+    taken = build_record(raw, told, str(path))
+    return Reading(check_shape(taken, str(path)), raw.faults)
+
+
+def load_records(paths: Sequence[str | Path], columns: Columns | None = None) -> Record:
+    """Several files as the experiments of one record: same rate, ports, periods and length."""
+    return join_records([load_record(p, columns) for p in paths], [str(p) for p in paths])
+
+
+def load_campaign(paths: Sequence[str | Path], columns: Columns | None = None) -> Campaign:
+    """Files of one test article whose experiments may differ in length and kind.
+
+    Raises `DataError` as `load_record` does, and for unlike rates or channels.
+    """
+    return Campaign(tuple(r for p in paths for r in _experiments(p, columns)))
+
+
+def _experiments(path: str | Path, columns: Columns | None) -> list[Record]:
+    """One record, or one for each experiment of a universal file, where they may differ in length."""
+    file = _present(path)
+    if file.suffix.lower() not in UFF:
+        return [load_record(path, columns)]
+    from middeck.files.records.uff import raw_run, read_runs
+
+    told = columns if columns is not None else columns_beside(file)
+    taken = [build_record(raw_run(file, run), told, str(path)) for run in read_runs(file)]
+    return [check_finite(check_shape(r, str(path)), str(path)) for r in taken]
+
+
+def open_record(path: str | Path, columns: Columns | None = None) -> RecordStream:
+    """The record in a file as a stream of blocks, for one that is longer than memory.
+
+    NPZ, HDF5, CSV and universal files are read piece by piece; MAT and NPY files are held whole. Raises
+    `DataError` and `ConfigError` as `load_record` does; what is wrong with samples is found as they are read.
+    """
+    from middeck.files.records import streams
+
+    file = _present(path)
+    told = columns if columns is not None else columns_beside(file)
+    openers = {".npz": streams.stream_npz, ".csv": streams.stream_csv}
+    openers |= dict.fromkeys(UFF, streams.stream_uff) | dict.fromkeys(HDF5, streams.stream_hdf5)
+    opener = openers.get(file.suffix.lower())
+    if opener is None or (told is not None and told.variable):
+        return stream_record(load_record(path, told))
+    stream = opener(file, told)
+    check_channels(stream.sample_hz, stream.inputs, stream.outputs, str(path))
+    if stream.samples < 1:
+        raise DataError("no samples", where=str(path), hint="record it again")
+    return stream
+
+
+def write_record(path: str | Path, record: Record, *, ascii: bool = False) -> None:
+    """Write ``record``, whole or not at all; the ending says as which kind (NPY cannot hold one).
+
+    Every kind but ASCII universal files (``ascii``; 13 digits) keeps every digit. Raises `DataError` for what
+    the kind cannot hold.
+    """
+    file, suffix = Path(path), Path(path).suffix.lower()
+    match suffix:
+        case ".npz":
+            from middeck.files.records.npz import write_npz as write
+        case ".mat":
+            from middeck.files.records.mat import write_mat as write
+        case ".h5" | ".hdf5":
+            from middeck.files.records.hdf5 import write_hdf5 as write
+        case ".csv":
+            return write_stream(path, stream_record(record))
+        case _ if suffix in UFF:
+            from middeck.files.records.uff import write_uff
+
+            return write_uff(file, record, binary=not ascii)
+        case _:
+            raise _unknown(file, "writer", [s for s in SUFFIXES if s != ".npy"])
+    write(file, record)
+
+
+def write_stream(path: str | Path, stream: RecordStream) -> None:
+    """Write a stream as HDF5 or, if it is one experiment, as CSV, without holding it."""
+    file = Path(path)
+    if file.suffix.lower() in HDF5:
+        from middeck.files.records.hdf5 import write_hdf5_stream as write
+    elif file.suffix.lower() == ".csv":
+        from middeck.files.records.csv_text import write_csv as write
+    else:
+        raise _unknown(file, "writer of streams", [*HDF5, ".csv"])
+    write(file, stream)
+
+
+def _present(path: str | Path) -> Path:
+    file = Path(path)
+    if not file.is_file():
+        raise DataError("no such file", where=str(path), hint="check the path")
+    if file.stat().st_size == 0:
+        raise DataError("the file is empty", where=str(path), hint="copy or record it again")
+    return file
+
+
+def _reader(file: Path) -> Callable[[Path, str], Raw]:
+    suffix = file.suffix.lower()
+    match suffix:
+        case ".npz":
+            from middeck.files.records.npz import read_npz as read
+        case ".npy":
+            from middeck.files.records.npz import read_npy as read
+        case ".csv":
+            from middeck.files.records.csv_text import read_csv as read
+        case ".mat":
+            from middeck.files.records.mat import read_mat as read
+        case ".h5" | ".hdf5":
+            from middeck.files.records.hdf5 import read_hdf5 as read
+        case _ if suffix in UFF:
+            from middeck.files.records.uff import read_uff as read
+        case _:
+            raise _unknown(file, "reader", SUFFIXES)
+    return read
+
+
+def _unknown(file: Path, what: str, known: Sequence[str]) -> DataError:
+    hint = f"convert to one of {', '.join(known)}"
+    return DataError(f"no {what} for {file.suffix!r} files", where=str(file), hint=hint)

@@ -1,0 +1,309 @@
+"""CSV records: one experiment, a first line that names the channels, a first column of time stamps."""
+
+from __future__ import annotations
+
+import csv
+import itertools
+import re
+import tomllib
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, TextIO
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.errors import DataError
+from middeck.files.atomic import replacing
+from middeck.files.channels import KEYS, build_channel
+from middeck.files.records.columns import Side
+from middeck.files.records.raw import Head, Raw
+from middeck.systems.fault import Fault
+from middeck.systems.ports import Channel
+from middeck.systems.record import RecordStream
+from middeck.values import record
+
+# Share of a time step by which a time stamp may be off: more than the rounding of printed stamps, and 0.4
+# degrees of phase at a tenth of the sampling rate.
+JITTER = 0.01
+# Lines read at once.
+LINES = 8192
+AGAIN = "copy or record it again"
+ADVICE = "the first line must read like: time [s],u:torque [N m],y:angle [rad]"
+Row = tuple[int, list[str]]
+
+
+@record
+class Opening:
+    """What stands before the numbers.
+
+    ``names`` of the columns (empty if there is no such line), whether the first of them is the time,
+    ``periods`` and ``channels`` as told in comments, and the separator.
+    """
+
+    line: int
+    heads: tuple[Head, ...]
+    timed: bool
+    periods: int | None
+    separator: str
+
+
+def read_csv(file: Path, variable: str) -> Raw:
+    """The record; missing lines between time stamps become samples that are not a number, with a fault."""
+    with _opened(file) as text:
+        opening = read_opening(text, file)
+    tables = [table for _, table in _tables(file, opening, LINES)]
+    table = np.concatenate(tables) if tables else np.empty((0, len(opening.heads) + opening.timed))
+    rate, faults = None, ()
+    if opening.timed:
+        rate, table, faults = _on_one_grid(table, file, opening.heads)
+        table = table[:, 1:]
+    periods = opening.periods or 1
+    if len(table) % periods:
+        what = f"{len(table)} samples are not {periods} whole periods"
+        raise DataError(what, where=str(file), hint="the file may be truncated; mend its line of periods")
+    x = tuple(column.reshape(1, periods, -1) for column in table.T)
+    return Raw(rate, opening.heads, x, opening.periods is not None, faults)
+
+
+def write_csv(path: Path, stream: RecordStream) -> None:
+    """Write the one experiment of ``stream``, every digit of it, block by block."""
+    if stream.experiments != 1:
+        raise DataError(
+            f"{stream.experiments} experiments do not fit in one CSV file", where=str(path),
+            hint="write .npz or .h5, or one experiment at a time",
+        )  # fmt: skip
+    sides = (("u", stream.inputs), ("y", stream.outputs))
+    with replacing(path) as temporary, open(temporary, "w", encoding="utf-8", newline="") as text:
+        if stream.period:
+            text.write(f"# periods = {stream.samples // stream.period}\n")
+        for side, ports in sides:
+            for port in ports:
+                text.write(_told(f"{side}:{port.name}", port.channel))
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(["time [s]", *(f"{s}:{p.name} [{p.unit}]" for s, ports in sides for p in ports)])
+        start = 0
+        for u, y in stream.blocks(LINES):
+            time = (start + np.arange(len(u))) / stream.sample_hz
+            writer.writerows(np.column_stack([time, u, y]).tolist())
+            start += len(u)
+
+
+def _told(name: str, channel: Channel | None) -> str:
+    known = {k: v for k in KEYS if (v := getattr(channel or Channel(), k)) not in ("", None)}
+    pairs = ", ".join(f"{k} = {_toml(v)}" for k, v in known.items())
+    return f"# channel {_toml(name)} = {{ {pairs} }}\n" if known else ""
+
+
+def _toml(value: str | float) -> str:
+    if not isinstance(value, str):
+        return repr(float(value))
+    return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
+
+
+@contextmanager
+def _opened(file: Path) -> Generator[TextIO]:
+    try:
+        with open(file, encoding="utf-8-sig", newline="") as text:
+            yield text
+    except (UnicodeDecodeError, csv.Error) as error:
+        what = f"not CSV text: {error}"
+        raise DataError(what, where=str(file), hint="save it as UTF-8 CSV, with decimal points") from None
+
+
+def read_opening(text: TextIO, file: Path) -> Opening:
+    """Comments and the line of names; leaves ``text`` behind it."""
+    told: dict[str, Any] = {}
+    for number, line in enumerate(iter(text.readline, ""), 1):
+        stripped = line.strip()
+        if stripped.startswith("#"):
+            told |= _comment(stripped, f"{file}:{number}")
+        elif stripped:
+            return _opening(stripped, number, told, file)
+    raise DataError("the file has no lines", where=str(file), hint=AGAIN)
+
+
+def _comment(line: str, where: str) -> dict[str, Any]:
+    """What a comment tells: ``# periods = 3`` or ``# channel "u:torque" = { node = "12" }``."""
+    found = re.match(r"#\s*(?:(periods)\s*=|(channel)\s+\")", line)
+    if found is None:
+        return {}
+    body = line[found.start(1) :] if found.group(1) else line[found.end(2) :]
+    try:
+        return tomllib.loads(body)
+    except tomllib.TOMLDecodeError as error:
+        raise DataError(f"{line!r}: {error}", where=where, hint="as write_record writes it") from None
+
+
+def _opening(line: str, number: int, told: dict[str, Any], file: Path) -> Opening:
+    where = f"{file}:{number}"
+    separator = next((s for s in ("\t", ";") if s in line), ",")
+    cells = [c.strip() for c in next(csv.reader([line], delimiter=separator))]
+    periods = told.pop("periods", None)
+    if periods is not None and not (isinstance(periods, int) and periods > 0):
+        raise DataError(f"periods is {periods!r}", where=where, hint="a whole number above zero")
+    if all(map(_is_number, cells)):
+        return Opening(number - 1, tuple(Head("", None, "") for _ in cells), False, periods, separator)
+    heads = [_head(cell, k, told, where) for k, cell in enumerate(cells)]
+    timed = heads[0].name.lower() in ("time", "t")
+    if timed and heads[0].unit not in ("s", None):
+        raise DataError(f"the first column is {cells[0]!r}, not time [s]", where=where, hint=ADVICE)
+    if any(h.side for h in heads) and not timed:
+        raise DataError(f"the first column is {cells[0]!r}, not time [s]", where=where, hint=ADVICE)
+    return Opening(number, tuple(heads[timed:]), timed, periods, separator)
+
+
+def _is_number(cell: str) -> bool:
+    return re.fullmatch(r"[+-]?[\d.,]+([eEdD][+-]?\d+)?|[+-]?(nan|inf)", cell, re.IGNORECASE) is not None
+
+
+def _head(cell: str, k: int, told: dict[str, Any], where: str) -> Head:
+    found = re.fullmatch(r"(?:(u|y):)?\s*([^\[\]]+?)\s*(?:\[([^\]]*)\])?", cell)
+    if found is None or (found.group(1) and found.group(3) is None):
+        raise DataError(f"column {k + 1} is headed {cell!r}", where=where, hint=ADVICE)
+    letter, name, unit = found.groups()
+    side: Side = "input" if letter == "u" else "output" if letter == "y" else ""
+    channel = build_channel(told.get(f"{letter}:{name}", {}), f"{where}, channel {name}")
+    return Head(name, None if unit is None else unit.strip(), side, channel)
+
+
+def _tables(file: Path, opening: Opening, size: int) -> Iterator[tuple[int, np.ndarray]]:
+    """Numbers of ``size`` lines at a time, with the line on which each block begins."""
+    width = len(opening.heads) + opening.timed
+    with _opened(file) as text:
+        for _ in range(opening.line):
+            text.readline()
+        rows = (
+            (opening.line + n, cells)
+            for n, cells in enumerate(csv.reader(text, delimiter=opening.separator), 1)
+            if cells and any(cells) and not cells[0].startswith("#")
+        )
+        while block := list(itertools.islice(rows, size)):
+            yield block[0][0], _numbers(block, width, file)
+
+
+def _numbers(block: list[Row], width: int, file: Path) -> Float[np.ndarray, "line column"]:
+    try:
+        table = np.array([cells for _, cells in block], dtype=float)
+    except ValueError:
+        table = np.array([_line(row, width, file) for row in block])
+    if table.shape[1] != width:
+        _line(block[0], width, file)
+    return table
+
+
+def _line(row: Row, width: int, file: Path) -> list[float]:
+    """One line; raises `DataError` with the reason why it is none."""
+    number, cells = row
+    where = f"{file}:{number}"
+    if len(cells) == 2 * width:
+        what = f"mismatched lengths: {len(cells)} values for {width} columns"
+        raise DataError(what, where=where, hint="decimal commas? write numbers with a decimal point")
+    if len(cells) != width:
+        what = f"mismatched lengths: {len(cells)} values for {width} columns"
+        raise DataError(what, where=where, hint="the file may be truncated here; cut or mend the line")
+    try:
+        return [float(c) for c in cells]
+    except ValueError as error:
+        commas = any("," in c for c in cells)
+        hint = (
+            "decimal commas: write numbers with a decimal point"
+            if commas
+            else "numbers with a decimal point only"
+        )
+        raise DataError(str(error), where=where, hint=hint) from None
+
+
+def _on_one_grid(
+    table: Float[np.ndarray, "line column"], file: Path, heads: tuple[Head, ...]
+) -> tuple[float, np.ndarray, tuple[Fault, ...]]:
+    """Rate [Hz] and the lines on an even grid; refuses stamps that are on none."""
+    time = table[:, 0]
+    if len(time) < 2:
+        raise DataError(f"{len(time)} samples give no sampling rate", where=str(file), hint="record longer")
+    if not np.isfinite(time).all():
+        where = f"{file}, sample {int(np.argmin(np.isfinite(time)))}"
+        raise DataError("time is not finite", where=where, hint="mend or cut the line")
+    step = (time[-1] - time[0]) / (len(time) - 1)
+    if not _uneven(time, step).any():
+        return _rate(step), table, ()
+    return _with_gaps(table, file, heads)
+
+
+def _uneven(time: Float[np.ndarray, " line"], step: float) -> np.ndarray:
+    late = np.abs(time - time[0] - step * np.arange(len(time)))
+    return (late > JITTER * step) if step > 0.0 else np.ones(len(time), bool)
+
+
+def _with_gaps(
+    table: Float[np.ndarray, "line column"], file: Path, heads: tuple[Head, ...]
+) -> tuple[float, np.ndarray, tuple[Fault, ...]]:
+    """Lines spread over the grid of the usual step where stamps leap by whole steps."""
+    time = table[:, 0]
+    usual = float(np.median(np.diff(time)))
+    late = np.abs(np.diff(time) - usual)
+    leap = np.rint(np.diff(time) / usual) if usual > 0.0 else np.zeros(len(time) - 1)
+    index = np.concatenate([[0], np.cumsum(leap)]).astype(int)
+    # No gap may outgrow the record: a stamp that leaps so far is wrong itself.
+    fits = leap.min() >= 1.0 and index[-1] < 2 * len(time)
+    step = (time[-1] - time[0]) / index[-1] if fits else 0.0
+    if not fits or np.abs(time - time[0] - step * index).max() > JITTER * step:
+        worst = int(late.argmax()) + 1
+        raise DataError(
+            f"uneven time steps: sample {worst} is {late[worst - 1]:.3g} s off steps of {usual:.6g} s",
+            where=f"{file}, channel time",
+            hint="resample all channels to one rate",
+        )
+    whole = np.full((index[-1] + 1, table.shape[1]), np.nan)
+    whole[index] = table
+    leaps = np.flatnonzero(np.diff(index) > 1)
+    runs = tuple((int(index[k]) + 1, int(index[k + 1])) for k in leaps)
+    missing = len(whole) - len(table)
+    what = f"{missing} time stamps are missing, the first at {time[0] + step * runs[0][0]:.6g} s"
+    hint = "cut the record before the gap, or record it again"
+    faults = tuple(
+        Fault("gap", "unusable", h.side or "output", h.name, 0, runs[:100], what, hint) for h in heads
+    )
+    return _rate(step), whole, faults
+
+
+def _rate(step: float) -> float:
+    return float(f"{1.0 / step:.9g}")  # decimal stamps carry no more digits
+
+
+def head_csv(file: Path) -> tuple[Raw, tuple[int, int, int]]:
+    """Everything but the samples, and the shape (experiment, period, sample); reads the file once."""
+    with _opened(file) as text:
+        opening = read_opening(text, file)
+    count, first, last, rate = 0, 0.0, 0.0, None
+    for _, table in _tables(file, opening, LINES):
+        first = table[0, 0] if count == 0 else first
+        count, last = count + len(table), table[-1, 0]
+    if opening.timed:
+        if count < 2 or not last > first:
+            raise DataError(f"{count} samples give no sampling rate", where=str(file), hint="record longer")
+        rate = _rate((last - first) / (count - 1))
+    periods = opening.periods or 1
+    shape = (1, periods, count // periods)
+    x = tuple(np.broadcast_to(0.0, shape) for _ in opening.heads)
+    return Raw(rate, opening.heads, x, opening.periods is not None), shape
+
+
+def pieces_csv(file: Path, sample_hz: float | None, size: int) -> Iterator[np.ndarray]:
+    """All channels [sample, channel], at most ``size`` lines at a time; refuses uneven time stamps."""
+    with _opened(file) as text:
+        opening = read_opening(text, file)
+    start, origin = 0, None
+    for line, table in _tables(file, opening, size):
+        if opening.timed and sample_hz is not None:
+            origin = table[0, 0] if origin is None else origin
+            late = np.abs(table[:, 0] - origin - (start + np.arange(len(table))) / sample_hz)
+            if late.max() > JITTER / sample_hz:
+                raise DataError(
+                    f"uneven time steps: sample {start + int(late.argmax())} is {late.max():.3g} s off",
+                    where=f"{file}, channel time, near line {line}",
+                    hint="load_record says whether there are gaps; resample all channels to one rate",
+                )
+        start += len(table)
+        yield table[:, int(opening.timed) :]

@@ -1,0 +1,134 @@
+"""HDF5 records in the package's layout, chunked along the samples, whole or in pieces; and plain matrices."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from middeck.errors import DataError
+from middeck.files.atomic import replacing
+from middeck.files.records.layout import build_raw, check_samples, contents_of, describe, is_own
+from middeck.files.records.matrix import raw_matrix
+from middeck.files.records.raw import Raw
+from middeck.systems.record import Record, RecordStream
+
+# Samples in a chunk: half a megabyte for eight channels, so that a block of a Welch estimate is a few chunks.
+CHUNK = 8192
+
+
+def read_hdf5(file: Path, variable: str) -> Raw:
+    """A record of the package's layout, or the matrix ``variable``."""
+    with opened(file) as archive:
+        names = [k for k in archive if isinstance(archive[k], h5py.Dataset)]
+        if is_own(names) and not variable:
+            return build_raw({k: plain(archive[k]) for k in names}, str(file))
+        return raw_matrix(plain(archive[pick(names, variable, file)]), file)
+
+
+def pick(names: list[str], variable: str, file: Path) -> str:
+    """The matrix to take: ``variable``, or the only one there is."""
+    if variable in names:
+        return variable
+    if variable or len(names) != 1:
+        what = f"no variable {variable!r}" if variable else f"{len(names)} variables"
+        held = ", ".join(names) or "nothing"
+        raise DataError(what, where=str(file), hint=f"it holds {held}; choose with --variable NAME")
+    return names[0]
+
+
+def plain(dataset: Any) -> np.ndarray:
+    """The array in a dataset, texts as texts."""
+    return np.asarray(dataset.asstr()[()] if h5py.check_string_dtype(dataset.dtype) else dataset[()])
+
+
+def write_hdf5(path: Path, record: Record) -> None:
+    """Write ``record`` (double precision)."""
+    with replacing(path) as temporary, h5py.File(temporary, "w") as archive:
+        for key, value in contents_of(record).items():
+            samples = key in ("u", "y") and value.size
+            chunks = (1, 1, min(CHUNK, value.shape[2]), value.shape[3]) if samples else None
+            archive.create_dataset(key, data=_storable(value), chunks=chunks)
+
+
+def write_hdf5_stream(path: Path, stream: RecordStream) -> None:
+    """Write a stream block by block: no more than a chunk of it is held."""
+    shape = (stream.experiments, 1, stream.samples)
+    if stream.period:
+        shape = (stream.experiments, stream.samples // stream.period, stream.period)
+    with replacing(path) as temporary, h5py.File(temporary, "w") as archive:
+        told = describe(stream.sample_hz, stream.period is not None, stream.inputs, stream.outputs)
+        for key, value in told.items():
+            archive.create_dataset(key, data=_storable(value))
+        u, y = (
+            archive.create_dataset(key, (*shape, n), float, chunks=(1, 1, min(CHUNK, shape[2]), n))
+            for key, n in (("u", len(stream.inputs)), ("y", len(stream.outputs)))
+        )
+        for experiment in range(stream.experiments):
+            # Blocks of a whole period's divisor would be rare; one period at a time keeps rows together.
+            for start, (block_u, block_y) in _placed(stream, experiment):
+                period, k = divmod(start, shape[2])
+                u[experiment, period, k : k + len(block_u)] = block_u
+                y[experiment, period, k : k + len(block_y)] = block_y
+
+
+def _placed(stream: RecordStream, experiment: int) -> Iterator[tuple[int, tuple[np.ndarray, np.ndarray]]]:
+    """Blocks with their first sample, cut so that none crosses from one period into the next."""
+    length, start = stream.period or stream.samples, 0
+    for u, y in stream.blocks(CHUNK, experiment):
+        done = 0
+        while done < len(u):
+            count = min(len(u) - done, length - start % length)
+            yield start, (u[done : done + count], y[done : done + count])
+            done, start = done + count, start + count
+
+
+def _storable(value: np.ndarray) -> Any:
+    value = np.asarray(value)
+    if value.dtype.kind == "U":
+        return np.array(value.tolist(), dtype=h5py.string_dtype())
+    return value
+
+
+@contextmanager
+def opened(file: Path) -> Generator[Any]:
+    """The file, for reading; raises `DataError` for one that h5py cannot read."""
+    try:
+        with h5py.File(file, "r") as archive:
+            yield archive
+    except (OSError, RuntimeError, KeyError, UnicodeDecodeError, TypeError, ValueError) as error:
+        what = " ".join(str(error).split())
+        raise DataError(
+            f"truncated or not HDF5: {what}", where=str(file), hint="copy or record it again"
+        ) from None
+
+
+def head_hdf5(file: Path) -> tuple[Raw, tuple[int, int, int]]:
+    """Everything but the samples, and the shape (experiment, period, sample)."""
+    with opened(file) as archive:
+        arrays: dict[str, Any] = {}
+        for key in archive:
+            data = archive[key]
+            if key in ("u", "y"):
+                check_samples(key, data.shape, data.dtype, str(file))
+                arrays[key] = np.broadcast_to(np.zeros((), data.dtype), data.shape)
+            elif isinstance(data, h5py.Dataset):
+                arrays[key] = plain(data)
+    return build_raw(arrays, str(file)), arrays["y"].shape[:3]
+
+
+def pieces_hdf5(file: Path, experiment: int, size: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """u[sample, input] and y[sample, output] of one experiment, at most ``size`` samples at a time."""
+    with opened(file) as archive:
+        u, y = archive["u"], archive["y"]
+        for period in range(y.shape[1]):
+            for k in range(0, y.shape[2], size):
+                rows = slice(k, k + size)
+                yield (
+                    np.asarray(u[experiment, period % u.shape[1], rows], dtype=float),
+                    np.asarray(y[experiment, period, rows], dtype=float),
+                )

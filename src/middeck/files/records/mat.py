@@ -1,0 +1,100 @@
+"""MATLAB records: version 5 by SciPy, version 7.3 as the HDF5 that it is."""
+
+from __future__ import annotations
+
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.io
+from scipy.io.matlab import MatReadError
+
+from middeck.errors import DataError
+from middeck.files.atomic import replacing
+from middeck.files.records.hdf5 import opened, pick
+from middeck.files.records.layout import build_raw, contents_of, is_own
+from middeck.files.records.matrix import raw_matrix
+from middeck.files.records.raw import Raw
+from middeck.systems.record import Record
+
+# Version 5 counts bytes in 32 bits.
+MOST_BYTES = 2**31
+BROKEN = (
+    *(ValueError, TypeError, KeyError, IndexError, AttributeError, OSError, EOFError, NotImplementedError),
+    *(MemoryError, OverflowError, RuntimeError, AssertionError, zlib.error, MatReadError),
+)
+
+
+def read_mat(file: Path, variable: str) -> Raw:
+    """A record of the package's layout, or the matrix ``variable``, of either version."""
+    with open(file, "rb") as stream:
+        is_hdf5 = stream.read(19) == b"MATLAB 7.3 MAT-file"
+    arrays = _read_73(file) if is_hdf5 else _read_5(file)
+    if is_own(list(arrays)) and not variable:
+        return build_raw({k: _four_axes(v) if k in ("u", "y") else v for k, v in arrays.items()}, str(file))
+    return raw_matrix(arrays[pick(list(arrays), variable, file)], file)
+
+
+def _four_axes(x: np.ndarray) -> np.ndarray:
+    """MATLAB drops axes of one at the end: one output, one sample."""
+    return x.reshape(*x.shape, *(1,) * (4 - x.ndim)) if x.ndim < 4 else x
+
+
+def _read_5(file: Path) -> dict[str, np.ndarray]:
+    try:
+        content = scipy.io.loadmat(str(file), chars_as_strings=True, mat_dtype=False)
+    except BROKEN as error:
+        what = f"truncated or not a MAT file: {' '.join(str(error).split())}"
+        raise DataError(what, where=str(file), hint="copy or record it again") from None
+    return {
+        k: _texts_5(v) for k, v in content.items() if not k.startswith("__") and isinstance(v, np.ndarray)
+    }
+
+
+def _texts_5(value: np.ndarray) -> np.ndarray:
+    """Rows of a character matrix, or the texts in a cell array, as plain texts."""
+    if value.dtype.kind == "O":
+        return np.array([_text(v) for v in value.ravel()])
+    return np.char.rstrip(value) if value.dtype.kind == "U" else value
+
+
+def _text(value: Any) -> str:
+    array = np.asarray(value)
+    return "".join(map(str, array.ravel())).rstrip()
+
+
+def _read_73(file: Path) -> dict[str, np.ndarray]:
+    with opened(file) as archive:
+        found = {k: archive[k] for k in archive if not k.startswith("#")}
+        return {k: _array_73(v, archive) for k, v in found.items() if hasattr(v, "shape")}
+
+
+def _array_73(data: Any, archive: Any) -> np.ndarray:
+    """An array with its axes in MATLAB's order, which is the file's reversed; texts as texts."""
+    kind = data.attrs.get("MATLAB_class", b"")
+    kind = kind.decode() if isinstance(kind, bytes) else str(kind)
+    if "MATLAB_empty" in data.attrs:
+        return np.empty(tuple(int(n) for n in data[()].ravel()))
+    if kind == "cell":
+        # References run column by column of the cell array.
+        cells = [_array_73(archive[r], archive) for r in data[()].ravel()]
+        return np.array([_text(c) for c in cells])
+    array = np.asarray(data[()])
+    if kind == "char":
+        rows = array.T if array.ndim == 2 else array[None]
+        return np.array(["".join(map(chr, row)).rstrip() for row in rows])
+    return array.T
+
+
+def write_mat(path: Path, record: Record) -> None:
+    """Write ``record`` in version 5 (double precision), its texts as cell arrays."""
+    if 8 * max(record.u.size, record.y.size) >= MOST_BYTES:
+        raise DataError(
+            "a MAT file of version 5 holds 2 GB a variable", where=str(path),
+            hint="write .h5, which MATLAB reads"
+        )  # fmt: skip
+    contents = contents_of(record)
+    cells = {k: v.astype(object) for k, v in contents.items() if v.dtype.kind == "U"}
+    with replacing(path) as temporary, open(temporary, "wb") as stream:
+        scipy.io.savemat(stream, contents | cells, do_compression=True, oned_as="row")

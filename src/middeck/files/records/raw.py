@@ -1,0 +1,127 @@
+"""What a file holds before its channels have sides: the common form of all readers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from middeck.errors import DataError
+from middeck.files.records.columns import Columns, NamedColumn, Side
+from middeck.systems.fault import Fault
+from middeck.systems.ports import Channel, Port
+from middeck.systems.record import Record
+from middeck.values import record
+
+# Printed time stamps and abscissas carry about six digits.
+SAME_RATE = 1e-5
+
+
+@record
+class Head:
+    """Name (empty if the file has none), unit (None: likewise) and side of a channel."""
+
+    name: str
+    unit: str | None
+    side: Side
+    channel: Channel | None = None
+
+
+@dataclass(frozen=True)  # views of what was read, not copies
+class Raw:
+    """Channels as read: for each head an array (experiment, period, sample)."""
+
+    sample_hz: float | None
+    heads: tuple[Head, ...]
+    x: tuple[np.ndarray, ...]
+    periodic: bool = False
+    faults: tuple[Fault, ...] = ()
+
+
+@record
+class Chosen:
+    """Positions in the file of the channels to keep, and their ports."""
+
+    u: tuple[int, ...]
+    y: tuple[int, ...]
+    inputs: tuple[Port, ...]
+    outputs: tuple[Port, ...]
+
+
+def build_record(raw: Raw, columns: Columns | None, where: str) -> Record:
+    """The record of ``raw``, its channels named, chosen and described by ``columns``.
+
+    Raises `DataError` where neither says the rate, a unit, or which channels are inputs and which outputs.
+    """
+    chosen = choose(raw.heads, columns, where)
+    rate = sampling_rate(raw.sample_hz, columns, where)
+    shape = raw.x[0].shape if raw.x else (1, 1, 0)
+    u, y = (
+        np.stack([raw.x[k] for k in side], axis=-1) if side else np.empty((*shape, 0))
+        for side in (chosen.u, chosen.y)
+    )
+    return Record(rate, u, y, chosen.inputs, chosen.outputs, raw.periodic)
+
+
+def sampling_rate(stated: float | None, columns: Columns | None, where: str) -> float:
+    """The rate that the file, ``columns`` or both state [Hz]."""
+    given = None if columns is None else columns.sample_hz
+    if stated is None:
+        if given is None:
+            raise DataError("no sampling rate", where=where, hint="state it: --sample-hz RATE")
+        return given
+    if given is not None and abs(given - stated) > SAME_RATE * stated:
+        what = f"sampled at {stated:.9g} Hz; {given:.9g} Hz were stated"
+        raise DataError(what, where=where, hint="leave --sample-hz out: the file says it")
+    return stated if given is None else given
+
+
+def choose(heads: tuple[Head, ...], columns: Columns | None, where: str) -> Chosen:
+    """Which channels of a file are inputs and outputs, in their order, and what they are called."""
+    named = () if columns is None else columns.named
+    if any(c.side for c in named):
+        picks = [(_position(heads, c, n, where), c) for n, c in enumerate(named)]
+    else:
+        told = {_position(heads, c, n, where): c for n, c in enumerate(named)}
+        picks = [(k, told.get(k, NamedColumn(h.name, ""))) for k, h in enumerate(heads)]
+    sides: dict[str, list[tuple[int, Port]]] = {"input": [], "output": [], "": []}
+    for k, column in picks:
+        side = column.side or heads[k].side
+        sides[side].append((k, _port(heads[k], column, where)))
+    if sides[""]:
+        held = ", ".join(heads[k].name or f"column {k + 1}" for k, _ in sides[""])
+        raise DataError(
+            f"nothing says which channels are inputs and which outputs: {held}", where=where,
+            hint='name them: --inputs "torque [N m]" --outputs "angle [rad]"',
+        )  # fmt: skip
+    u, y = (tuple(k for k, _ in sides[side]) for side in ("input", "output"))
+    inputs, outputs = (tuple(port for _, port in sides[side]) for side in ("input", "output"))
+    return Chosen(u, y, inputs, outputs)
+
+
+def _position(heads: tuple[Head, ...], column: NamedColumn, listed: int, where: str) -> int:
+    """The channel meant: by number, else by name, else in a file without names by its place in the list."""
+    names = [h.name for h in heads]
+    if column.number is None and any(names):
+        if names.count(column.name) == 1:
+            return names.index(column.name)
+        what = "no channel is" if column.name not in names else "two channels are"
+        raise DataError(
+            f"{what} named {column.name!r}", where=where,
+            hint=f"one of {', '.join(names)}; or by number, counted from 1: 2={column.name}",
+        )  # fmt: skip
+    position = listed if column.number is None else column.number - 1
+    if not 0 <= position < len(heads):
+        what = f"column {position + 1} is named {column.name!r}, the file has {len(heads)}"
+        raise DataError(what, where=where, hint="columns are counted from 1")
+    return position
+
+
+def _port(head: Head, column: NamedColumn, where: str) -> Port:
+    unit = head.unit if column.unit is None else column.unit
+    if unit is None and not column.side and head.side:
+        raise DataError(
+            "the file does not say its unit", where=f"{where}, channel {head.name}",
+            hint=f'state it: --outputs "{head.name} [m/s^2]", or in a file of channels beside it',
+        )  # fmt: skip
+    return Port(column.name, unit or "", column.channel or head.channel)

@@ -1,0 +1,101 @@
+"""Record files read piece by piece."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+
+from middeck.errors import DataError
+from middeck.files.records.columns import Columns
+from middeck.files.records.raw import Chosen, Raw, choose, sampling_rate
+from middeck.systems.record import RecordStream
+
+Pieces = Iterator[tuple[np.ndarray, np.ndarray]]
+
+
+def stream_npz(file: Path, columns: Columns | None) -> RecordStream:
+    """NPZ, compressed or not."""
+    from middeck.files.records.npz import head_npz, pieces_npz
+
+    raw, shape = head_npz(file)
+    chosen = choose(raw.heads, columns, str(file))
+    return _stream(
+        raw, shape, chosen, columns, file,
+        lambda e, size: _picked(pieces_npz(file, e, size), chosen),
+    )  # fmt: skip
+
+
+def stream_hdf5(file: Path, columns: Columns | None) -> RecordStream:
+    """HDF5 in the package's layout."""
+    from middeck.files.records.hdf5 import head_hdf5, pieces_hdf5
+
+    raw, shape = head_hdf5(file)
+    chosen = choose(raw.heads, columns, str(file))
+    return _stream(
+        raw, shape, chosen, columns, file,
+        lambda e, size: _picked(pieces_hdf5(file, e, size), chosen),
+    )  # fmt: skip
+
+
+def stream_csv(file: Path, columns: Columns | None) -> RecordStream:
+    """CSV, line by line."""
+    from middeck.files.records.csv_text import head_csv, pieces_csv
+
+    raw, shape = head_csv(file)
+    chosen = choose(raw.heads, columns, str(file))
+
+    def pieces(experiment: int, size: int) -> Pieces:
+        for table in pieces_csv(file, raw.sample_hz, size):
+            yield table[:, list(chosen.u)], table[:, list(chosen.y)]
+
+    return _stream(raw, shape, chosen, columns, file, pieces)
+
+
+def stream_uff(file: Path, columns: Columns | None) -> RecordStream:
+    """Universal file: each channel where it stands."""
+    from middeck.files.records.uff import pieces_channel, read_runs
+
+    runs = read_runs(file)
+    if len({(r.samples, r.sample_hz, r.periods, r.heads) for r in runs}) > 1:
+        raise DataError("experiments of unlike lengths", where=str(file), hint="load_campaign takes them")
+    first = runs[0]
+    raw = Raw(first.sample_hz, first.heads, (), first.periods is not None)
+    chosen = choose(first.heads, columns, str(file))
+
+    def pieces(experiment: int, size: int) -> Pieces:
+        at = [pieces_channel(file, runs[experiment], k, size) for k in (*chosen.u, *chosen.y)]
+        for together in zip(*at, strict=True):
+            table = np.column_stack(together)
+            yield table[:, : len(chosen.u)], table[:, len(chosen.u) :]
+
+    shape = (len(runs), first.periods or 1, first.samples // (first.periods or 1))
+    return _stream(raw, shape, chosen, columns, file, pieces)
+
+
+def _picked(pieces: Pieces, chosen: Chosen) -> Pieces:
+    for u, y in pieces:
+        table = np.hstack([u, y])
+        yield table[:, list(chosen.u)], table[:, list(chosen.y)]
+
+
+def _stream(
+    raw: Raw,
+    shape: tuple[int, int, int],
+    chosen: Chosen,
+    columns: Columns | None,
+    file: Path,
+    pieces: Callable[[int, int], Pieces],
+) -> RecordStream:
+    experiments, periods, samples = shape
+    rate = sampling_rate(raw.sample_hz, columns, str(file))
+    period = samples if raw.periodic else None
+
+    def placed(experiment: int, size: int) -> Pieces:
+        if not 0 <= experiment < experiments:
+            what = f"no experiment {experiment}"
+            raise DataError(what, where=str(file), hint=f"counted from 0, there are {experiments}")
+        return pieces(experiment, size)
+
+    return RecordStream(rate, chosen.inputs, chosen.outputs, periods * samples, experiments, period, placed)

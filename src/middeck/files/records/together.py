@@ -1,0 +1,82 @@
+"""Several experiments together, and runs cut into periods."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.errors import DataError
+from middeck.systems.ports import Port, same_ports
+from middeck.systems.record import Record
+
+# Scatter of the input over its periods, as a share of their mean: signals that do not repeat have 1 and more,
+# a measured input that repeats has its sensor's noise.
+REPEATS = 0.5
+
+
+def join_records(records: Sequence[Record], names: Sequence[str]) -> Record:
+    """``records`` as the experiments of one; raises `DataError` unless they are of one form."""
+    if not records:
+        raise DataError("no record given", hint="name at least one file")
+    first = records[0]
+    for name, other in zip(names[1:], records[1:], strict=True):
+        pairs = [
+            ("sampling rate [Hz]", first.sample_hz, other.sample_hz, other.sample_hz == first.sample_hz),
+            ("inputs", first.inputs, other.inputs, same_ports(first.inputs, other.inputs)),
+            ("outputs", first.outputs, other.outputs, same_ports(first.outputs, other.outputs)),
+            (
+                "periods and samples",
+                *(r.u.shape[1:3] for r in (first, other)),
+                first.u.shape[1:3] == other.u.shape[1:3],
+            ),
+            ("periodic", first.periodic, other.periodic, first.periodic == other.periodic),
+        ]
+        for what, a, b, same in pairs:
+            if not same:
+                raise DataError(
+                    f"mismatched {what}: {_words(b)}, in {names[0]} {_words(a)}",
+                    where=name,
+                    hint="resample or cut the files alike, or use them one at a time",
+                )
+    u, y = np.concatenate([r.u for r in records]), np.concatenate([r.y for r in records])
+    return Record(first.sample_hz, u, y, first.inputs, first.outputs, first.periodic)
+
+
+def _words(value: object) -> str:
+    if isinstance(value, tuple) and all(isinstance(v, Port) for v in value):
+        return ", ".join(f"{p.name} [{p.unit}]" for p in value)
+    return str(value)
+
+
+def split_periods(record: Record, periods: int) -> Record:
+    """``record``, one run of samples, as the whole steady ``periods`` that it is known to hold.
+
+    Raises `DataError` if it is cut already, if the samples are not so many equal periods, or if the input
+    does not repeat from one to the next.
+    """
+    held, samples = record.u.shape[1:3]
+    if held == periods and record.periodic:
+        return record
+    if held != 1:
+        raise DataError(f"the record is cut into {held} periods, not {periods}", hint="leave periods out")
+    if samples % periods:
+        raise DataError(
+            f"{samples} samples are not {periods} whole periods", hint="count the periods, or cut the record"
+        )
+    u, y = (x.reshape(len(x), periods, samples // periods, -1) for x in (record.u, record.y))
+    _check_repeats(u, record.inputs)
+    return Record(record.sample_hz, u, y, record.inputs, record.outputs, periodic=True)
+
+
+def _check_repeats(u: Float[np.ndarray, "experiment period sample input"], inputs: Sequence[Port]) -> None:
+    mean = u.mean(axis=1, keepdims=True)
+    scatter = np.sqrt(np.mean((u - mean) ** 2, axis=(1, 2)))
+    size = np.sqrt(np.mean((mean - u.mean(axis=(1, 2), keepdims=True)) ** 2, axis=(1, 2)))
+    for e, i in np.argwhere(scatter > REPEATS * size):
+        raise DataError(
+            f"the input does not repeat: it scatters by {scatter[e, i] / size[e, i]:.0%} of its mean period",
+            where=f"input {inputs[i].name}, experiment {e}",
+            hint="count the periods; record only steady ones",
+        )

@@ -1,0 +1,304 @@
+"""Universal files: time functions as records, frequency responses as responses."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from middeck.errors import DataError
+from middeck.files.atomic import replacing
+from middeck.files.channels import build_channel
+from middeck.files.records.columns import Side
+from middeck.files.records.raw import SAME_RATE, Head, Raw
+from middeck.files.records.uff58 import RESPONSE, TIME, Dataset, Place, read_values, scan
+from middeck.files.records.uff58_write import Header, write_58
+from middeck.systems.fault import Fault
+from middeck.systems.ports import Channel, Port
+from middeck.systems.record import Record
+from middeck.systems.response import FrequencyResponse
+from middeck.values import record
+
+AXES = ("", "x", "y", "z", "rx", "ry", "rz")
+FORCE = 13  # specific data type "excitation force": what was put in
+# Specific data type -> unit in SI, for a file that leaves the label empty; and the way back.
+UNITS = {8: "m", 11: "m/s", 12: "m/s^2", 9: "N", FORCE: "N", 15: "Pa", 5: "K"}
+QUANTITY = {"m": 8, "m/s": 11, "m/s^2": 12, "Pa": 15}
+OURS = "middeck 1"
+# Share of a sample by which channels that were sampled together may seem to start apart.
+APART = 0.01
+WHOLE = 1 << 20
+
+
+@record
+class Run:
+    """One experiment: a data set for each channel, the samples that they share, and their rate [Hz]."""
+
+    heads: tuple[Head, ...]
+    sets: tuple[Dataset, ...]
+    skips: tuple[int, ...]  # samples by which a channel began before the last one
+    samples: int
+    sample_hz: float
+    periods: int | None
+    faults: tuple[Fault, ...] = ()
+
+
+def read_uff(file: Path, variable: str) -> Raw:
+    """The time functions as one record; raises `DataError` if its experiments differ in length."""
+    runs = read_runs(file)
+    lengths = sorted({r.samples for r in runs})
+    if len(lengths) > 1 or len({(r.sample_hz, r.periods, r.heads) for r in runs}) > 1:
+        raise DataError(
+            f"{len(runs)} experiments of unlike channels, rates or lengths ({lengths} samples)",
+            where=str(file), hint="load_campaign takes experiments of unlike lengths",
+        )  # fmt: skip
+    raws = [raw_run(file, run) for run in runs]
+    x = tuple(np.concatenate(channels) for channels in zip(*(r.x for r in raws), strict=True))
+    return Raw(raws[0].sample_hz, raws[0].heads, x, raws[0].periodic, sum((r.faults for r in raws), ()))
+
+
+def raw_run(file: Path, run: Run) -> Raw:
+    """One experiment of a file."""
+    columns = [np.concatenate(list(pieces_channel(file, run, k, WHOLE))) for k in range(len(run.sets))]
+    periods = run.periods or 1
+    x = tuple(c.reshape(1, periods, -1) for c in columns)
+    return Raw(run.sample_hz, run.heads, x, run.periods is not None, run.faults)
+
+
+def pieces_channel(file: Path, run: Run, channel: int, size: int) -> Iterator[np.ndarray]:
+    """Samples of one channel that all channels share, ``size`` at a time; the last piece may be shorter."""
+    skip, left, held = run.skips[channel], run.samples, np.empty(0)
+    for values in read_values(file, run.sets[channel], size):
+        shared = values[skip : skip + left, -1]
+        skip, left = max(0, skip - len(values)), left - len(shared)
+        held = np.concatenate([held, shared])
+        while len(held) >= size:
+            yield held[:size]
+            held = held[size:]
+    if len(held):
+        yield held
+
+
+def read_runs(file: Path) -> list[Run]:
+    """The experiments of a file: the n-th time that a channel comes, it belongs to the n-th.
+
+    Raises `DataError`, naming the channel, for unlike rates, starts that are not whole samples apart, and
+    channels that do not come equally often.
+    """
+    sets = [d for d in scan(file) if d.kind == TIME]
+    if not sets:
+        raise DataError(
+            "no time functions (data set 58, function type 1)", where=str(file),
+            hint="export time histories; load_response reads frequency responses",
+        )  # fmt: skip
+    for data in sets:
+        if data.numbers != 1:
+            what = "a time function with complex or unevenly spaced values"
+            raise DataError(what, where=f"{file}:{data.line}", hint="export it evenly spaced and real")
+    channels: dict[tuple[object, ...], list[Dataset]] = {}
+    for data in sets:
+        channels.setdefault(_key(data), []).append(data)
+    heads = _heads(list(channels.values()), file)
+    most = max(map(len, channels.values()))
+    for head, data in zip(heads, channels.values(), strict=True):
+        if len(data) != most:
+            what = f"{len(data)} time functions, other channels have {most}"
+            raise DataError(what, where=f"{file}, channel {head.name}", hint="one for each experiment")
+    return [_run(heads, together, file) for together in zip(*channels.values(), strict=True)]
+
+
+def _key(data: Dataset) -> tuple[object, ...]:
+    """What tells one channel from another: place and quantity; the first text where a file has no places."""
+    if _is_ours(data):
+        return data.texts[0], _side(data)
+    placed = data.response.number or data.response.direction or data.response.name
+    return (data.response, data.quantity) if placed else (data.texts[0], data.quantity)
+
+
+def _heads(channels: Sequence[Sequence[Dataset]], file: Path) -> tuple[Head, ...]:
+    texts = [c[0].texts[0] for c in channels]
+    # One text for all functions is a title, no name.
+    named = len(set(texts)) == len(texts) and "" not in texts and "NONE" not in texts
+    named = named and all(d.texts[0] == c[0].texts[0] for c in channels for d in c)
+    ours = all(_is_ours(c[0]) for c in channels)
+    names = texts if named or ours else [_place_name(c[0].response) for c in channels]
+    return tuple(_head(name, c[0], file) for name, c in zip(names, channels, strict=True))
+
+
+def _head(name: str, data: Dataset, file: Path) -> Head:
+    node, direction = _node(data.response), _direction(data.response)
+    told = dict(re.findall(r"(role|gain|calibrated)=(\S+)", data.texts[4])) if _is_ours(data) else {}
+    gain = {"gain": float(told["gain"])} if "gain" in told else {}
+    raw_unit = re.search(r"raw_unit=(.*)", data.texts[4]) if _is_ours(data) else None
+    table = told | gain | {"node": node, "direction": direction}
+    if raw_unit is not None:
+        table["raw_unit"] = raw_unit.group(1)
+    channel = build_channel(table, f"{file}:{data.line}, channel {name}")
+    unit = data.unit if data.unit or _is_ours(data) else UNITS.get(data.quantity)
+    return Head(name, unit, _side(data), channel)
+
+
+def _is_ours(data: Dataset) -> bool:
+    return data.texts[3].startswith(OURS)
+
+
+def _side(data: Dataset) -> Side:
+    if _is_ours(data):
+        return "input" if " input" in data.texts[3] else "output"
+    return "input" if data.quantity == FORCE else "output"
+
+
+def _node(place: Place) -> str:
+    return place.name or (str(place.number) if place.number else "")
+
+
+def _direction(place: Place) -> str:
+    return ("-" if place.direction < 0 else "+") + AXES[abs(place.direction)] if place.direction else ""
+
+
+def _place_name(place: Place) -> str:
+    return f"{_node(place) or '0'}{_direction(place)}"
+
+
+def _run(heads: tuple[Head, ...], sets: tuple[Dataset, ...], file: Path) -> Run:
+    rates = [_sample_hz(d) for d in sets]
+    for head, data, rate in zip(heads, sets, rates, strict=True):
+        if abs(rate - rates[0]) > SAME_RATE * rates[0]:
+            raise DataError(
+                f"unlike rates: {rate:g} Hz, {heads[0].name} has {rates[0]:g} Hz",
+                where=f"{file}:{data.line}, channel {head.name}", hint="resample all channels to one rate",
+            )  # fmt: skip
+    starts = np.array([d.first for d in sets])
+    skips = (starts.max() - starts) * rates[0]
+    if np.abs(skips - np.rint(skips)).max() > APART:
+        worst = int(np.abs(skips - np.rint(skips)).argmax())
+        raise DataError(
+            f"misaligned starts: {skips[worst]:.3f} samples before the last channel",
+            where=f"{file}:{sets[worst].line}, channel {heads[worst].name}",
+            hint="resample all channels to the same instants",
+        )
+    whole = tuple(int(s) for s in np.rint(skips))
+    samples = min(d.count - s for d, s in zip(sets, whole, strict=True))
+    periods = _told(sets[0], "periods")
+    if samples < 1 or (periods is not None and samples % int(periods)):
+        what = f"{samples} samples are in all channels"
+        raise DataError(what, where=str(file), hint="the channels were not recorded together")
+    faults = _cut_faults(heads, sets, whole, samples)
+    return Run(heads, sets, whole, samples, rates[0], None if periods is None else int(periods), faults)
+
+
+def _cut_faults(
+    heads: tuple[Head, ...], sets: tuple[Dataset, ...], skips: tuple[int, ...], samples: int
+) -> tuple[Fault, ...]:
+    """A fault for each channel that lost samples which others lack."""
+    found: list[Fault] = []
+    for head, data, skip in zip(heads, sets, skips, strict=True):
+        end = data.count - skip - samples
+        if skip or end:
+            what = f"begins {skip} samples before and ends {end} after what all channels have: cut"
+            hint = "check that the channels were triggered together"
+            found.append(Fault("starts", "note", head.side or "output", head.name, None, (), what, hint))
+    return tuple(found)
+
+
+def _told(data: Dataset, key: str) -> float | None:
+    found = re.search(rf"\b{key}=(\S+)", data.texts[3]) if _is_ours(data) else None
+    return float(found.group(1)) if found else None
+
+
+def _sample_hz(data: Dataset) -> float:
+    """The rate [Hz]: as told, or the roundest that fits the digits of the printed step.
+
+    A step of 1.66667E-04 s stands for 6000 Hz, not for 5999.99.
+    """
+    assert data.step is not None
+    told = _told(data, "hz")
+    if told is not None and abs(told * data.step - 1.0) < SAME_RATE:
+        return told
+    mantissa = re.match(r"[+-]?([\d.]*)", data.step_text)
+    digits = len(mantissa.group(1).replace(".", "").lstrip("0")) if mantissa else 1
+    slack = 0.5 * 10.0 ** (np.floor(np.log10(data.step)) - digits + 1)
+    rounded = (float(f"{1.0 / data.step:.{d}g}") for d in range(1, 10))
+    return next((r for r in rounded if abs(1.0 / r - data.step) <= slack), 1.0 / data.step)
+
+
+def write_uff(path: Path, held: Record, *, binary: bool = True) -> None:
+    """Write ``held`` as data sets 58b, or 58 in ASCII with 13 digits; one for each channel and experiment."""
+    experiments, periods, _, _ = held.u.shape
+    told = f"hz={held.sample_hz!r}" + (f" periods={periods}" if held.periodic else "")
+    with replacing(path) as temporary, open(temporary, "wb") as stream:
+        for e in range(experiments):
+            for side, ports, x in (("input", held.inputs, held.u), ("output", held.outputs, held.y)):
+                for k, port in enumerate(ports):
+                    header = _header(port, f"{OURS} {side} {told}", side, str(path))
+                    write_58(stream, header, 0.0, 1.0 / held.sample_hz, x[e, :, :, k].ravel(), binary=binary)
+
+
+def _header(port: Port, ours: str, side: str, where: str) -> Header:
+    channel = port.channel or Channel()
+    keys = ("role", "gain", "calibrated", "raw_unit")  # the last may hold blanks
+    known = [f"{k}={v}" for k in keys if (v := getattr(channel, k)) not in ("", None)]
+    quantity = FORCE if side == "input" and port.unit in ("N", "N m") else QUANTITY.get(port.unit, 1)
+    texts = (port.name, "NONE", "NONE", ours, " ".join(known) or "NONE")
+    place = _place(channel, f"{where}, channel {port.name}")
+    return Header(texts, TIME, place, Place("", 0, 0), 17, "s", quantity, port.unit)
+
+
+def _place(channel: Channel, where: str) -> Place:
+    sign = -1 if channel.direction.startswith("-") else 1
+    axis = channel.direction.lstrip("+-")
+    if axis not in AXES:
+        what = f"direction {channel.direction!r} has no code in a universal file"
+        raise DataError(what, where=where, hint="+x to -rz, or another kind of file")
+    direction = sign * AXES.index(axis)
+    if channel.node.isascii() and channel.node.isdigit() and channel.node == str(int(channel.node)):
+        return Place("", int(channel.node), direction)
+    return Place(channel.node, 0, direction)
+
+
+def load_response(path: str | Path) -> FrequencyResponse:
+    """The frequency responses (function type 4) of a universal file.
+
+    Outputs are the response ends, inputs the reference ends.
+
+    Raises `DataError` if there are none, if one is missing between an input and an output, or if their
+    frequencies differ.
+    """
+    file = Path(path)
+    sets = [d for d in scan(file) if d.kind == RESPONSE]
+    if not sets:
+        what = "no frequency responses (data set 58, function type 4)"
+        raise DataError(what, where=str(file), hint="load_record reads time functions")
+    outputs, inputs = (
+        list(dict.fromkeys(getattr(d, end) for d in sets)) for end in ("response", "reference")
+    )
+    found = {(d.response, d.reference): d for d in sets}
+    lines: np.ndarray | None = None
+    H = np.empty((sets[0].count, len(outputs), len(inputs)), complex)
+    for o, output in enumerate(outputs):
+        for i, at in enumerate(inputs):
+            data = found.get((output, at))
+            where = f"{file}, {_place_name(output)} by {_place_name(at)}"
+            if data is None:
+                raise DataError("no response between them", where=where, hint="export all, or one input")
+            frequency, values = _response(file, data)
+            lines = frequency if lines is None else lines
+            if len(frequency) != len(lines) or np.abs(frequency - lines).max() > SAME_RATE * lines[-1]:
+                raise DataError("other frequencies than the first", where=where, hint="export them alike")
+            H[:, o, i] = values
+    assert lines is not None
+    names = [tuple(map(_place_name, places)) for places in (inputs, outputs)]
+    units = [found[outputs[0], at].divisor_unit for at in inputs], [found[o, inputs[0]].unit for o in outputs]
+    ports = [tuple(Port(n, u) for n, u in zip(*pair, strict=True)) for pair in zip(names, units, strict=True)]
+    return FrequencyResponse(lines, H, ports[0], ports[1])
+
+
+def _response(file: Path, data: Dataset) -> tuple[np.ndarray, np.ndarray]:
+    values = np.concatenate(list(read_values(file, data, WHOLE)))
+    if not np.isfinite(values).all():
+        raise DataError("a value is not finite", where=f"{file}:{data.line}", hint="leave that line out")
+    frequency = values[:, 0] if data.step is None else data.first + data.step * np.arange(data.count)
+    part = values[:, 1:] if data.step is None else values
+    return frequency, part[:, 0] + 1j * part[:, 1] if part.shape[1] == 2 else part[:, 0] + 0j

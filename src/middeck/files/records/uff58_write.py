@@ -1,0 +1,84 @@
+"""Write data sets 58 and 58b."""
+
+from __future__ import annotations
+
+from typing import IO
+
+import numpy as np
+
+from middeck.errors import DataError
+from middeck.files.records.uff58 import MARK, Place
+from middeck.values import record
+
+REAL, COMPLEX = 4, 6  # double precision
+
+
+@record
+class Header:
+    """What a data set 58 says of its numbers: see `middeck.files.records.uff58.Dataset`."""
+
+    texts: tuple[str, ...]
+    kind: int
+    response: Place
+    reference: Place
+    axis: int  # 17 time, 18 frequency
+    axis_unit: str
+    quantity: int
+    unit: str
+    divisor: int = 0
+    divisor_unit: str = ""
+
+
+def write_58(
+    stream: IO[bytes], header: Header, first: float, step: float, values: np.ndarray, *, binary: bool
+) -> None:
+    """One data set of evenly spaced real or complex ``values`` in double precision.
+
+    ASCII has 13 digits; binary, little endian, has all.
+    """
+    is_complex = np.iscomplexobj(values)
+    numbers = np.ascontiguousarray(values).view(float)
+    stream.write(MARK + b"\n" + _opening(numbers.size * 8 if binary else None))
+    for text in header.texts:
+        stream.write(_cut(text, 80).encode() + b"\n")
+    ends = "".join(_place(p) for p in (header.response, header.reference))
+    stream.write(f"{header.kind:5d}{0:10d}{0:5d}{0:10d}{ends}\n".encode())
+    data = COMPLEX if is_complex else REAL
+    stream.write(f"{data:10d}{len(values):10d}{1:10d}{_e13(first)}{_e13(step)}{_e13(0.0)}\n".encode())
+    stream.write(_axis(header.axis, header.axis_unit))
+    stream.write(_axis(header.quantity, header.unit))
+    stream.write(_axis(header.divisor, header.divisor_unit))
+    stream.write(_axis(0, ""))
+    if binary:
+        stream.write(numbers.astype("<f8").tobytes())
+        stream.write(b"\n" + MARK + b"\n")
+        return
+    for row in range(0, len(numbers), 4):
+        stream.write("".join(f"{x:20.12e}" for x in numbers[row : row + 4]).encode() + b"\n")
+    stream.write(MARK + b"\n")
+
+
+def _opening(size: int | None) -> bytes:
+    if size is None:
+        return b"    58\n"
+    # Little endian (1), IEEE (2), eleven lines of header.
+    return f"{58:6d}b{1:6d}{2:6d}{11:12d}{size:12d}{0:6d}{0:6d}{0:12d}{0:12d}\n".encode()
+
+
+def _place(place: Place) -> str:
+    return f" {_cut(place.name or 'NONE', 10):<10}{place.number:10d}{place.direction:4d}"
+
+
+def _axis(quantity: int, unit: str) -> bytes:
+    return f"{quantity:10d}{0:5d}{0:5d}{0:5d} {'NONE':<20} {_cut(unit or 'NONE', 20):<20}\n".encode()
+
+
+def _e13(x: float) -> str:
+    """Thirteen columns with as many digits as they hold: two more than E13.5 asks for."""
+    return f"{x:13.6e}"
+
+
+def _cut(text: str, width: int) -> str:
+    if len(text) > width or "\n" in text:
+        raise DataError(f"{text!r} is longer than {width} characters", hint="shorten the name or the unit")
+    return text
