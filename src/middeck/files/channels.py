@@ -37,8 +37,14 @@ def build_channel(table: Any, where: str) -> Channel | None:
     role = next((r for r in ROLES if r == named), None)
     if role is None:
         raise DataError(f"role is {named!r}", where=where, hint="sensor or actuator")
-    texts["calibrated"] = _date(texts.get("calibrated", ""), where)
-    return Channel(**texts, role=role, gain=_gain(gain, where))
+    return Channel(
+        node=texts.get("node", ""),
+        direction=texts.get("direction", ""),
+        role=role,
+        gain=_gain(gain, where),
+        raw_unit=texts.get("raw_unit", ""),
+        calibrated=_date(texts.get("calibrated", ""), where),
+    )
 
 
 def _date(text: str, where: str) -> str:
