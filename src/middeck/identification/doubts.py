@@ -6,13 +6,22 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import FitError
-from middeck.identification.uncertainty import Uncertainty
+from middeck.identification.covariance import UNDETERMINED, ModelCovariance
+from middeck.identification.measurement_model import damping_ratio, natural_hz
+from middeck.identification.uncertainty import Uncertainty, uncertainty_of
+from middeck.identification.unknowns import places_of
 from middeck.systems.response import FrequencyResponse
 
 # A steady record of a test article repeats itself within a few per cent, sensor noise and weak
 # nonlinearity included (the mirror's 300 mV: 5 %); a model worth using explains nine tenths.
 SCATTER = 0.1
 LEFT = 0.1
+# Fewer degrees of freedom give an interval of which Student's t is a tenth wider than the normal law.
+FEW_DEGREES = 12.0
+# A deviation that is half of its value: the linearised interval then reaches the value zero.
+HALF = 0.5
+# An inflation of a deviation by a hundred: a small error of the model goes into it as much enlarged.
+NEARLY = 1e4
 # Least squares leave no more than the response itself; twice that means that the search has failed.
 FAILED = 2.0
 
@@ -52,12 +61,80 @@ def doubts_of_model(
         for port, left in zip(measured.outputs, error, strict=True)
         if left > LEFT
     ]
-    if poor or model_error <= 0.5:
+    if poor or model_error <= 0.5 or measured.variance is None:
         return poor
     return [
         f"most of what the fit leaves is not noise but modes it lacks ({np.sqrt(share):.1%} of the "
-        "response): the stated deviations do not cover that"
+        "response): the stated deviations follow what is left, but do not cover a bias that all lines share"
     ]
+
+
+def doubts_of_deviations(measured: FrequencyResponse, covariance: ModelCovariance) -> list[str]:
+    """Where a stated deviation is not to be trusted, and why."""
+    return [
+        *_doubts_of_variance(measured, covariance),
+        *_doubts_of_delays(covariance),
+        *_doubts_of_modes(measured, covariance),
+    ]
+
+
+def _doubts_of_variance(measured: FrequencyResponse, covariance: ModelCovariance) -> list[str]:
+    if measured.variance is None:
+        return [
+            "the record has one period, which does not tell noise from what the model lacks: the deviations "
+            "come from what the fit leaves"
+        ]
+    if covariance.degrees < FEW_DEGREES:
+        return [
+            f"the noise is known from {covariance.degrees:.0f} degrees of freedom only, and so are the "
+            "deviations; record more periods"
+        ]
+    return []
+
+
+def _doubts_of_delays(covariance: ModelCovariance) -> list[str]:
+    at = places_of(covariance.model, covariance.structure)
+    found: list[str] = []
+    for o in np.flatnonzero(at.delay >= 0):
+        name, inflation = covariance.model.outputs[o].name, covariance.inflation[at.delay[o]]
+        if inflation > UNDETERMINED:
+            found.append(
+                f"output {name}: the delay is confounded with the residues: only their sum is certain; fit "
+                "real constants, or no delay"
+            )
+        elif inflation > NEARLY:
+            found.append(
+                f"output {name}: the delay is nearly confounded with the residues, its deviation "
+                f"{np.sqrt(inflation):.0f} times what it would be if they were known"
+            )
+    return found
+
+
+def _doubts_of_modes(measured: FrequencyResponse, covariance: ModelCovariance) -> list[str]:
+    f, zeta = natural_hz(covariance.model), damping_ratio(covariance.model)
+    of = uncertainty_of(covariance)
+    lines = measured.frequency_hz
+    found: list[str] = []
+    for m in np.flatnonzero(covariance.model.is_pair):
+        mode = f"mode at {f[m]:.4g} Hz"
+        if not lines[0] <= f[m] <= lines[-1]:
+            found.append(
+                f"{mode}: it lies outside the band {lines[0]:.4g}-{lines[-1]:.4g} Hz, and stands for "
+                "whatever is there"
+            )
+            continue
+        near = np.clip(np.searchsorted(lines, f[m]), 1, max(len(lines) - 1, 1))
+        spacing, width = lines[near] - lines[near - 1], 2.0 * zeta[m] * f[m]
+        if width < spacing:
+            found.append(
+                f"{mode}: its half-power width of {width:.3g} Hz is less than the {spacing:.3g} Hz between "
+                "lines, so that its damping hangs on one or two of them; use a longer period"
+            )
+        if of.damping[m] > HALF * zeta[m]:
+            found.append(
+                f"{mode}: its damping of {zeta[m]:.2%} has a deviation of {of.damping[m]:.2%}: not known"
+            )
+    return found
 
 
 def causal_delay(

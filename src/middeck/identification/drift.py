@@ -7,13 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.optimize
-import scipy.stats
 from jaxtyping import Float
 
 from middeck.identification.covariance import ModelCovariance
 from middeck.identification.measurement_model import damping_ratio, natural_hz
 from middeck.identification.model_set import check_alike
-from middeck.identification.uncertainty import check_level, modal_constant, pole_slopes
+from middeck.identification.uncertainty import check_level, joint_tail, modal_constant, pole_slopes
 from middeck.identification.unknowns import places_of
 from middeck.values import record
 
@@ -270,7 +269,7 @@ def _probability(
     share = float(np.trace(inverse @ (both[0] / scale[:, None] / scale))) / len(group)
     slowness = share**2 / degrees[0] + (1.0 - share) ** 2 / degrees[1]
     nu = 1.0 / slowness if slowness > 0.0 else np.inf
-    return float(scipy.stats.f.sf(d @ inverse @ d / len(group), len(group), nu))
+    return float(joint_tail(d @ inverse @ d, len(group), nu))
 
 
 def _holm(p: np.ndarray, level: float) -> np.ndarray:

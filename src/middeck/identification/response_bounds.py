@@ -10,12 +10,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-import scipy.stats
 from jaxtyping import Complex, Float
 
 from middeck.errors import ConfigError
 from middeck.identification.covariance import ModelCovariance, draw_errors
-from middeck.identification.uncertainty import check_level, quantile
+from middeck.identification.uncertainty import check_level, joint_factor, quantile
 from middeck.identification.unknowns import EntrySlopes, entry_slopes
 from middeck.values import record
 
@@ -72,7 +71,7 @@ def response_bounds(
         For a level that is no probability or a frequency that is not positive.
     """
     check_level(level)
-    ellipse = np.sqrt(2.0 * float(scipy.stats.f.ppf(level, 2, covariance.degrees)))
+    ellipse = joint_factor(level, 2, covariance.degrees)
     return _bounds(covariance, frequency_hz, ellipse, quantile(level, covariance.degrees), level, False)
 
 

@@ -9,7 +9,6 @@ from jaxtyping import Complex, Float
 from middeck.errors import ConfigError
 from middeck.identification.covariance import ModelCovariance
 from middeck.identification.measurement_model import damping_ratio, natural_hz
-from middeck.identification.terms import Layout, unpack
 from middeck.identification.unknowns import Places, entry_slopes, places_of
 from middeck.systems.ports import Port
 from middeck.values import record
@@ -75,6 +74,27 @@ def quantile(level: float, degrees: float) -> float:
     """
     check_level(level)
     return float(scipy.stats.t.ppf(0.5 + 0.5 * level, degrees))
+
+
+def joint_factor(level: float, numbers: int, degrees: float) -> float:
+    """Deviations that hold so many jointly normal numbers with probability ``level`` (Hotelling's T).
+
+    >>> round(joint_factor(0.95, 2, float("inf")), 3)
+    2.448
+    """
+    if np.isinf(degrees):
+        return float(np.sqrt(scipy.stats.chi2.ppf(level, numbers)))
+    return float(np.sqrt(numbers * scipy.stats.f.ppf(level, numbers, degrees)))
+
+
+def joint_tail(squared: np.ndarray | float, numbers: int, degrees: np.ndarray | float) -> np.ndarray:
+    """Probability that T^2 of so many numbers exceeds ``squared`` by chance.
+
+    >>> joint_tail(joint_factor(0.95, 3, 12.0) ** 2, 3, 12.0).round(12), joint_tail(0.0, 2, np.inf)
+    (np.float64(0.05), np.float64(1.0))
+    """
+    # F of infinitely many degrees is not in the library; beyond 1e9 it is the same to nine digits.
+    return np.asarray(scipy.stats.f.sf(np.asarray(squared) / numbers, numbers, np.minimum(degrees, 1e9)))[()]
 
 
 def check_level(level: float) -> None:
@@ -234,37 +254,3 @@ def _named(ports: tuple[Port, ...], name: str) -> int:
 
 def _deviation(slope: Float[np.ndarray, "row unknown"], covariance: np.ndarray) -> Float[np.ndarray, " row"]:
     return np.sqrt(np.maximum(np.einsum("mi,ij,mj->m", slope, covariance, slope), 0.0))
-
-
-def bound(
-    layout: Layout, theta: Float[np.ndarray, " unknown"], gram: Float[np.ndarray, "unknown unknown"]
-) -> Uncertainty:
-    """The bound from the normal equations of theta with all other unknowns projected out.
-
-    A weight is one over the standard deviation of a complex number, whose real and imaginary parts have half
-    its variance each, so that the covariance is half the inverse of ``gram``.
-    """
-    covariance = 0.5 * _inverse(gram)
-    modes, pairs = len(layout.pair), int(np.sum(layout.pair))
-    poles = unpack(layout, theta).poles
-    sigma, omega = -np.real(poles), np.imag(poles)
-    size = np.abs(poles)
-    # By log sigma and log omega_d: d size and d (sigma / size).
-    frequency = np.zeros((modes, len(theta)))
-    damping = np.zeros((modes, len(theta)))
-    frequency[np.arange(modes), np.arange(modes)] = sigma**2 / size
-    damping[np.arange(modes), np.arange(modes)] = sigma * omega**2 / size**3
-    first = np.arange(pairs)
-    frequency[first, modes + first] = omega[:pairs] ** 2 / size[:pairs]
-    damping[first, modes + first] = -sigma[:pairs] * omega[:pairs] ** 2 / size[:pairs] ** 3
-    tail = (
-        np.diag(covariance)[len(theta) - layout.outputs :] if layout.with_delay else np.zeros(layout.outputs)
-    )
-    return Uncertainty(
-        _deviation(frequency, covariance) / (2.0 * np.pi), _deviation(damping, covariance), np.sqrt(tail)
-    )
-
-
-def _inverse(gram: np.ndarray) -> np.ndarray:
-    size = 1.0 / np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
-    return size[:, None] * np.linalg.pinv(gram * size[:, None] * size, hermitian=True) * size

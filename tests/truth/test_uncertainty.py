@@ -1,0 +1,303 @@
+"""Stated deviations, intervals and bounds against differences, closed forms and repeated fits."""
+
+import dataclasses
+
+import gimbal_record
+import numpy as np
+import pytest
+import scipy.stats
+import two_modes
+
+from middeck.errors import ConfigError
+from middeck.identification.covariance import ModelCovariance, estimate_covariance, line_degrees
+from middeck.identification.fit import fit_response
+from middeck.identification.measurement_model import (
+    MeasurementModel,
+    damping_ratio,
+    model_response,
+    natural_hz,
+)
+from middeck.identification.response_bounds import response_bounds
+from middeck.identification.uncertainty import (
+    modal_constant,
+    parameters_of,
+    quantile,
+    uncertainty_of,
+    zero_deviation,
+)
+from middeck.identification.unknowns import Structure, entry_slopes, model_at, places_of, unknowns_of
+from middeck.systems.response import FrequencyResponse
+
+DRAWS = 60
+
+
+def a_model(*, real=False, sample_hz=None):
+    """Three pairs and two real poles, two inputs, three outputs."""
+    rng = np.random.default_rng(0)
+    last = -20.0 if sample_hz is None else -20.0 + 1j * np.pi * sample_hz
+    poles = np.array([-0.3 + 7j, -0.5 + 11j, -1.0 + 40j, -3.0, last])
+    c, b = (rng.standard_normal(n) + 1j * rng.standard_normal(n) for n in ((3, 5), (5, 2)))
+    c[:, 3:], b[3:] = c[:, 3:].real, b[3:].real
+    if real:
+        c[:, :3], b = c[:, :3].real / (2j * poles[:3].imag), b.real
+    continuous = sample_hz is None
+    lower, delay_s = rng.standard_normal((3, 2)) * continuous, np.array([0.01, 0.02, 0.03]) * continuous
+    ports = gimbal_record.INPUTS, gimbal_record.OUTPUTS
+    model = MeasurementModel(poles, c, b, rng.standard_normal((3, 2)), lower, delay_s, *ports, sample_hz)
+    return model, Structure(real, continuous, continuous, True)
+
+
+MODELS = [a_model(), a_model(real=True), a_model(sample_hz=100.0)]
+F = np.linspace(0.3, 30.0, 40)
+
+
+def by_differences(function, x, step=1e-6):
+    return np.array([(function(x + d) - function(x - d)) / (2 * step) for d in step * np.eye(len(x))])
+
+
+@pytest.mark.parametrize(("model", "structure"), MODELS)
+def test_slopes_of_the_response(model, structure):
+    x = unknowns_of(model, structure)
+    expected = by_differences(lambda x: model_response(model_at(model, structure, x), F), x)
+    for o in range(3):
+        for i in range(2):
+            entry = entry_slopes(model, structure, 2j * np.pi * F, o, i)
+            found = np.zeros((len(x), len(F)), dtype=complex)
+            found[entry.place] = entry.by
+            size = np.abs(expected[:, :, o, i]).max()
+            # Central differences with a step of 1e-6: rounding 1e-10, curvature 1e-8 (resonances of 1 %).
+            np.testing.assert_allclose(found, expected[:, :, o, i], atol=1e-7 * size)
+            np.testing.assert_allclose(entry.H, model_response(model, F)[:, o, i], rtol=1e-10)
+
+
+@pytest.mark.parametrize(("model", "structure"), MODELS)
+def test_unknowns_give_back_their_model(model, structure):
+    again = model_at(model, structure, unknowns_of(model, structure))
+    np.testing.assert_allclose(again.poles, model.poles, rtol=1e-14)
+    np.testing.assert_allclose(model_response(again, F), model_response(model, F), rtol=1e-10)
+
+
+@pytest.mark.parametrize(("model", "structure"), MODELS)
+def test_slopes_of_the_physical_parameters(model, structure):
+    """With the covariance e e^T of one unknown, a deviation is the slope by it."""
+    x = unknowns_of(model, structure)
+
+    def values(x):
+        moved = model_at(model, structure, x)
+        return np.concatenate([natural_hz(moved), damping_ratio(moved)])
+
+    def physical(x):
+        moved = ModelCovariance(
+            model_at(model, structure, x), structure, np.eye(len(x)), np.ones(len(x)), 9.0, False
+        )
+        return parameters_of(moved).values
+
+    slopes = by_differences(physical, x)
+    np.testing.assert_allclose(slopes[:, :10], by_differences(values, x), atol=1e-7)
+    unit = ModelCovariance(model, structure, np.eye(len(x)), np.ones(len(x)), np.inf, False)
+    # The covariance of independent unknowns of unit variance is the product of the slopes.
+    expected = slopes.T @ slopes
+    np.testing.assert_allclose(parameters_of(unit).covariance, expected, atol=1e-6 * np.abs(expected).max())
+    stated = uncertainty_of(unit)
+    np.testing.assert_allclose(stated.natural_hz, parameters_of(unit).deviation[:5])
+    assert np.all((stated.delay_s > 0.0) == structure.with_delay)
+
+
+@pytest.mark.parametrize(("model", "structure"), MODELS)
+def test_slopes_of_modal_constants(model, structure):
+    x, at = unknowns_of(model, structure), places_of(model, structure)
+
+    def constant(x, m=1, o=2, i=1):
+        moved = model_at(model, structure, x)
+        return 2j * moved.poles[m].imag * moved.shapes[o, m] * moved.participation[m, i]
+
+    of = ModelCovariance(model, structure, np.eye(len(x)), np.ones(len(x)), np.inf, False)
+    value, by = modal_constant(of, at, 1, 2, 1)
+    assert value == pytest.approx(constant(x), rel=1e-12)
+    np.testing.assert_allclose(by, by_differences(constant, x), atol=1e-7 * np.abs(by).max())
+
+
+def test_the_covariance_is_the_inverse_of_fishers_information():
+    """By differences of the response alone: real and imaginary part have half the variance each."""
+    model, structure = MODELS[0]
+    rng = np.random.default_rng(3)
+    variance = 1e-4 * (1.0 + rng.random((3, len(F), 2)))
+    H = model_response(model, F) + np.moveaxis(
+        np.sqrt(variance) * two_modes.circular(rng, variance.shape), 0, 1
+    )
+    measured = FrequencyResponse(F, H, *(model.inputs, model.outputs), np.full(H.shape, 1e-4))
+    found = estimate_covariance(model, structure, measured, assumed=variance, noise=variance)
+    J = by_differences(
+        lambda x: model_response(model_at(model, structure, x), F), unknowns_of(model, structure)
+    )
+    J = np.moveaxis(J, 2, 1) / np.sqrt(variance / 2.0)
+    parts = np.concatenate([J.real, J.imag], axis=1).reshape(len(J), -1)
+    expected = np.linalg.inv(parts @ parts.T)
+    scale = np.sqrt(np.diag(expected))
+    assert not found.robust
+    # Differences err by 1e-8; the information's condition in units of the deviations raises that.
+    np.testing.assert_allclose(
+        found.matrix / np.outer(scale, scale), expected / np.outer(scale, scale), atol=1e-4
+    )
+    single = 1.0 / np.sum(parts**2, axis=1)
+    np.testing.assert_allclose(found.inflation, np.diag(expected) / single, rtol=1e-4)
+
+
+@pytest.mark.parametrize("degrees", [1, 2, 5, 20])
+def test_degrees_of_a_variance_from_its_scatter(degrees):
+    rng = np.random.default_rng(degrees)
+    f = np.arange(1.0, 2001.0)
+    smooth = 1.0 + 0.5 * np.sin(f / 200.0)
+    v = smooth * rng.gamma(degrees, 1.0 / degrees, len(f))
+    measured = FrequencyResponse(
+        f, np.ones((len(f), 1, 1)), gimbal_record.INPUTS[:1], gimbal_record.OUTPUTS[:1], v[:, None, None]
+    )
+    # 2000 lines give the variance of a logarithm to 5 %, three of those; two terms of its series to 7 % at 1.
+    assert line_degrees(measured) == pytest.approx(degrees, rel=0.15)
+
+
+def test_a_stated_variance_is_taken_as_known():
+    assert np.isinf(
+        line_degrees(two_modes.as_response(two_modes.response(two_modes.LINES), np.full(60, 4e-6)))
+    )
+    assert quantile(0.95, np.inf) == pytest.approx(1.959964, abs=1e-6)
+
+
+@pytest.mark.parametrize("periods", [2, 3])
+def test_intervals_of_two_modes_hold_the_truth(periods):
+    inside = []
+    for fit in two_modes.fits(DRAWS, periods):
+        parameters = parameters_of(fit.covariance)
+        order = two_modes.in_order(parameters)
+        low, high = (end[order] for end in parameters.interval(0.95))
+        inside.append((low <= two_modes.TRUTH) & (two_modes.TRUTH <= high))
+    degrees = np.median([fit.covariance.degrees for fit in two_modes.fits(DRAWS, periods)])
+    # Averages over 21 lines of 1 or 2 complex degrees each, known to a fifth from the scatter of 60 lines.
+    assert degrees == pytest.approx(42.0 * (periods - 1), rel=0.2)
+    hits = np.sum(inside, axis=0)
+    # 95 % intervals: below 90 % only by a chance of 1e-4 for each of seven parameters.
+    assert np.all(scipy.stats.binom.cdf(hits, DRAWS, 0.95) > 1e-4)
+    assert np.mean(inside) < 0.99
+
+
+def test_correlations_are_those_of_the_fits():
+    """Frequency and delay, damping and constant go together: a covariance of single parameters would not do."""
+    fits = two_modes.fits(DRAWS, 3)
+    values, covariances = [], []
+    for fit in fits:
+        parameters = parameters_of(fit.covariance)
+        order = two_modes.in_order(parameters)
+        values.append(parameters.values[order])
+        covariances.append(parameters.covariance[np.ix_(order, order)])
+    stated = np.mean(covariances, axis=0)
+    scale = np.sqrt(np.diag(stated))
+    found = np.cov(np.array(values).T)
+    # A correlation from 60 draws has a deviation of 0.13 at most, a variance one of 18 %: four of those.
+    np.testing.assert_allclose(found / np.outer(scale, scale), stated / np.outer(scale, scale), atol=0.74)
+    strong = np.abs(stated / np.outer(scale, scale)) - np.eye(7)
+    assert strong.max() > 0.6
+    a, b = np.unravel_index(np.argmax(strong), strong.shape)
+    assert np.sign(found[a, b]) == np.sign(stated[a, b])
+
+
+def test_deviation_of_a_zero():
+    """Between the two modes lies a zero of their sum, which moves with both."""
+
+    def zero(model):
+        # phi_1 d_2 + phi_2 d_1 = 0 with d = s^2 + 2 zeta w s + w^2.
+        phi = (2j * model.poles.imag * model.shapes[0] * model.participation[:, 0]).real
+        polynomials = [np.poly([p, p.conj()]).real for p in model.poles]
+        roots = np.roots(phi[0] * polynomials[1] + phi[1] * polynomials[0])
+        return roots[np.argmax(roots.imag)]
+
+    fits = two_modes.fits(DRAWS, 3)
+    zeros = np.array([zero(fit.model) for fit in fits])
+    ports = {"output": "payload", "input": "gimbal"}
+    stated = np.mean(
+        [zero_deviation(fit.covariance, [z], **ports) for fit, z in zip(fits, zeros, strict=True)], axis=0
+    )
+    found = np.std([np.abs(zeros) / (2.0 * np.pi), -zeros.real / np.abs(zeros)], axis=1, ddof=1)
+    # 60 draws give a standard deviation to 9 %: four of those.
+    np.testing.assert_allclose(found, stated[:, 0], rtol=0.37)
+    with pytest.raises(ConfigError, match="no channel named 'wheel'"):
+        zero_deviation(fits[0].covariance, [1j], output="payload", input="wheel")
+
+
+def test_noise_of_another_shape_than_stated():
+    """Noise that goes with the response, stated as flat and ten times too small: deviations follow the fits."""
+    rng = np.random.default_rng(4)
+    H = two_modes.response(two_modes.LINES)
+    values, stated, naive = [], [], []
+    for _ in range(30):
+        noisy = H + 0.01 * np.abs(H) * two_modes.circular(rng, len(H))
+        measured = two_modes.as_response(noisy, np.full(len(H), 1e-8))
+        fit = fit_response(measured, states=4)
+        assert fit.covariance.robust
+        parameters = parameters_of(fit.covariance)
+        order = two_modes.in_order(parameters)
+        values.append(parameters.values[order])
+        stated.append(parameters.deviation[order])
+        flat = np.full((1, len(H), 1), 1e-8)
+        as_stated = estimate_covariance(
+            fit.model, fit.covariance.structure,
+            dataclasses.replace(measured, H=model_response(fit.model, two_modes.LINES)), assumed=flat, noise=flat,
+        )  # fmt: skip
+        naive.append(parameters_of(as_stated).deviation[order])
+    ratio = np.std(values, axis=0) / np.mean(stated, axis=0)
+    # Never below the scatter by more than three times the 13 % to which 30 draws know it; larger is allowed,
+    # as a deviation from the residual is not let below what the weights promise.
+    assert ratio.max() < 1.39
+    assert ratio.min() > 0.3
+    assert np.min(np.std(values, axis=0) / np.mean(naive, axis=0)) > 3.0
+
+
+def test_missing_modes_widen_the_intervals():
+    """A mode above the band, which the model lacks, moves what is fitted by far more than the noise."""
+    record = gimbal_record.multisine(2, extra=((16.0, 0.01, 0.3),))
+    from middeck.identification.spectra import estimate_response
+
+    fit = fit_response(estimate_response(record, band_hz=(0.5, 12.0)), states=10)
+    assert fit.covariance.robust
+    order = np.argsort(natural_hz(fit.model))
+    error = np.abs(natural_hz(fit.model)[order] - gimbal_record.MODES_HZ)
+    # A bias is no random error, but it is of the size of what it leaves: three deviations here.
+    assert np.all(error < 3.0 * fit.uncertainty.natural_hz[order])
+
+
+def test_bounds_at_a_zero_of_the_response():
+    """Where |H| is less than its error the linearised band would reach below zero and know the phase."""
+    zeta = np.full(2, 1e-7)
+    omega = 2.0 * np.pi * two_modes.HZ * np.sqrt(1.0 - zeta**2)
+    poles = -zeta * 2.0 * np.pi * two_modes.HZ + 1j * omega
+    zero = np.zeros((1, 1))
+    model = MeasurementModel(
+        poles, two_modes.CONSTANTS[None] / (2j * omega), np.ones((2, 1)), zero, zero, np.zeros(1),
+        gimbal_record.INPUTS[:1], gimbal_record.OUTPUTS[:1],
+    )  # fmt: skip
+    structure = Structure(True, True, False, False)
+    f = two_modes.LINES
+    variance = np.full((1, len(f), 1), two_modes.NOISE**2)
+    measured = FrequencyResponse(
+        f, model_response(model, f) + 0.0, model.inputs, model.outputs, np.moveaxis(variance, 0, 1)
+    )
+    covariance = estimate_covariance(model, structure, measured, assumed=variance, noise=variance)
+    w = np.sqrt((0.8 * (1.2) ** 2 + 1.7**2) / 1.8)
+    bounds = response_bounds(covariance, np.array([w, 1.3]))
+    assert np.abs(bounds.H[0]) < 1e-6 * np.abs(bounds.H[1])
+    assert bounds.magnitude_low[0] == 0.0
+    assert bounds.magnitude_high[0] >= np.abs(bounds.axes[0]).max() > 0.0
+    assert bounds.phase_error[0] == np.pi
+    assert 0.0 < bounds.phase_error[1] < 0.1
+    # Far from the zero: Student's t along the response, and T^2 in the plane, of a known variance.
+    assert bounds.magnitude_low[1] > 0.0
+
+
+@pytest.mark.parametrize("level", [0.0, 1.0, -0.1])
+def test_levels_that_are_no_probability(level):
+    covariance = two_modes.fits(DRAWS, 3)[0].covariance
+    with pytest.raises(ConfigError, match="no probability"):
+        response_bounds(covariance, two_modes.LINES, level=level)
+    with pytest.raises(ConfigError, match="no probability"):
+        parameters_of(covariance).interval(level)
+    with pytest.raises(ConfigError, match="positive"):
+        response_bounds(covariance, np.array([0.0, 1.0]))
