@@ -26,7 +26,7 @@ from middeck.systems.record import Record
 
 # Rows of a window for each unknown, from the narrowest that leaves a few to judge by, to where a response of
 # 1 % damping bends too much for any gain in noise.
-ROWS_POLYNOMIAL = (1.5, 3.0, 5.0, 8.0, 13.0)
+ROWS_POLYNOMIAL = (1.5, 3.0, 5.0, 8.0, 13.0, 20.0)
 ROWS_RATIONAL = (1.8, 3.0, 5.0, 8.0)
 # A denominator is taken where it halves the error of prediction: where it does not, noise in its regressors
 # would bias the response and flatter its variance.
