@@ -176,7 +176,7 @@ def test_ringing_from_before_the_record_is_a_transient():
         )
         for p in (False, True)
     )
-    # What is left of twenty times the output's rms, that the lines of the bare DFT carry in full (some hundred
+    # What is left of twenty times the output's rms, that lines of the bare DFT carry in full (some hundred
     # times the response): a transient has the poles of the response, and a window that holds one holds both.
     assert periodic > 10.0
     assert local < 0.005

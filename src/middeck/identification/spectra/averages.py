@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 from jaxtyping import Complex, Float
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.signal import get_window
 
 from middeck.errors import DataError
@@ -17,6 +18,8 @@ from middeck.values import record as frozen
 # Segments of half overlap that a record is cut into where nobody says how long they are.
 SEGMENTS = 16
 SHORTEST = 16
+# Samples read at once, or one segment where that is longer.
+AT_ONCE = 1 << 15
 
 
 @frozen
@@ -129,22 +132,26 @@ def _sum(
     swing: Swing | None = None
     for experiment in range(stream.experiments):
         for z in _segments(stream, experiment, size, hop):
-            swing = widen(swing, z)
-            level = z.mean(axis=0) if centred else 0.0
-            Z = np.fft.rfft((z - level) * taper[:, None], axis=0)
-            total += Z[:, :, None] * Z.conj()[:, None, :]
-            number += 1
+            swing = widen(swing, z.reshape(-1, channels))
+            level = z.mean(axis=1, keepdims=True) if centred else 0.0
+            Z = np.fft.rfft((z - level) * taper[:, None], axis=1).transpose(1, 2, 0)
+            total += Z @ np.swapaxes(Z.conj(), 1, 2)
+            number += len(z)
     check_swing(swing, stream)
     return total, number
 
 
-def _segments(stream: RecordStream, experiment: int, size: int, hop: int) -> Iterator[np.ndarray]:
+def _segments(
+    stream: RecordStream, experiment: int, size: int, hop: int
+) -> Iterator[Float[np.ndarray, "segment sample channel"]]:
+    """Some segments at a time, each ``hop`` samples after the one before."""
     held = np.empty((0, len(stream.inputs) + len(stream.outputs)))
-    for u, y in stream.blocks(hop, experiment):
+    for u, y in stream.blocks(max(size, hop * (AT_ONCE // hop)), experiment):
         held = np.concatenate([held, np.concatenate([u, y], axis=1)])
-        while len(held) >= size:
-            yield held[:size]
-            held = held[hop:]
+        if len(held) >= size:
+            segments = sliding_window_view(held, size, axis=0)[::hop].swapaxes(1, 2)
+            yield segments
+            held = held[hop * len(segments) :]
 
 
 def _worth(segments: int, taper: Float[np.ndarray, " sample"], hop: int) -> float:

@@ -1,0 +1,267 @@
+"""H1, H2, Hv, coherences and their sums over blocks, against identities, closed forms and scipy.signal."""
+
+import numpy as np
+import pytest
+import scipy.signal
+from scipy.signal import lfilter
+
+from middeck.errors import ConfigError, DataError
+from middeck.identification.spectra import (
+    doubts_of_window,
+    estimate_response,
+    estimate_spectra,
+    multiple_coherence,
+    ordinary_coherence,
+    partial_coherence,
+    response_scatter,
+    spectra_response,
+)
+from middeck.systems.ports import Port
+from middeck.systems.record import Record, stream_record
+
+HZ = 64.0
+MIX = np.array([[1.0, 0.4], [-0.3, 0.8], [0.6, -0.5]])
+
+
+def ports(letter, count):
+    return tuple(Port(f"{letter}{k}", "V") for k in range(count))
+
+
+def record_of(u, y, *, periodic=False):
+    """From [experiment, sample, channel] or, of a periodic one, [experiment, period, sample, channel]."""
+    if u.ndim == 3:
+        u, y = u[:, None], y[:, None]
+    return Record(HZ, u, y, ports("u", u.shape[3]), ports("y", y.shape[3]), periodic=periodic)
+
+
+def filtered(rng, *, samples, inputs=2, outputs=3, output_noise=0.0, input_noise=0.0, experiments=1):
+    """White inputs through a filter and a mixing matrix; noise white too, so that every bias is a number."""
+    u = rng.standard_normal((experiments, samples, inputs))
+    y = lfilter([1.0], [1.0, -0.5], u @ MIX[:outputs, :inputs].T, axis=1)
+    y = y + output_noise * rng.standard_normal(y.shape)
+    return record_of(u + input_noise * rng.standard_normal(u.shape), y)
+
+
+def truth(frequency, outputs=3, inputs=2):
+    q = np.exp(-2j * np.pi * frequency / HZ)
+    return MIX[:outputs, :inputs] / (1.0 - 0.5 * q)[:, None, None]
+
+
+def test_spectra_are_those_of_scipy():
+    record = filtered(np.random.default_rng(0), samples=70_000, output_noise=0.3)  # several reads
+    S = estimate_spectra(record, segment=256)
+    settings = {"fs": HZ, "window": "hann", "nperseg": 256, "noverlap": 128, "return_onesided": False}
+    for a, b, mine in (
+        (record.u[0, 0, :, 0], record.y[0, 0, :, 2], S.S_yu[:, 2, 0]),
+        (record.u[0, 0, :, 0], record.u[0, 0, :, 1], S.S_uu[:, 1, 0]),
+        (record.y[0, 0, :, 1], record.y[0, 0, :, 1], S.S_yy[:, 1, 1]),
+    ):
+        f, theirs = scipy.signal.csd(a, b, **settings)
+        np.testing.assert_allclose(S.frequency_hz[:-1], f[:128], rtol=1e-14)
+        # Rounding of two FFTs.
+        np.testing.assert_allclose(mine[:128], theirs[:128], rtol=1e-10, atol=1e-14)
+    _, coherence = scipy.signal.coherence(
+        record.u[0, 0, :, 0], record.y[0, 0, :, 2], HZ, "hann", nperseg=256, noverlap=128
+    )
+    np.testing.assert_allclose(ordinary_coherence(S)[:, 2, 0], coherence, rtol=1e-10)
+    H1 = spectra_response(estimate_spectra(filtered(np.random.default_rng(0), samples=3000, inputs=1)))
+    assert H1.H.shape == (len(H1.frequency_hz), 3, 1)
+
+
+def test_the_sum_over_both_signs_is_the_variance():
+    """Parseval: two-sided densities of unit^2/Hz (docs/conventions.md)."""
+    record = record_of(*np.random.default_rng(1).standard_normal((2, 1, 4096, 1)), periodic=True)
+    S = estimate_spectra(record)
+    both = S.S_uu[0, 0, 0] + 2.0 * S.S_uu[1:-1, 0, 0].sum() + S.S_uu[-1, 0, 0]
+    assert both.real * HZ / 4096 == pytest.approx(np.mean(record.u**2), rel=1e-12)
+
+
+def test_blocks_give_what_memory_gives():
+    rng = np.random.default_rng(2)
+    record = filtered(rng, samples=5000, output_noise=0.1, experiments=2)
+    stream = stream_record(record)
+    # Read in pieces of a size of its own, the last short: the regrouping is the stream's.
+    for method in ("h1", "h2", "hv"):
+        held, read = (response_scatter(r, method=method, segment=500) for r in (record, stream))
+        assert held == read
+    u = np.repeat(rng.standard_normal((3, 1, 200, 2)), 4, axis=1)
+    y = 2.0 * u + 1e-6 * rng.standard_normal(u.shape)
+    periodic = record_of(u, y, periodic=True)
+    held, read = response_scatter(periodic), response_scatter(stream_record(periodic))
+    assert held == read
+    # The noise is 120 dB down: two sums of squares would have lost it to rounding (1e-16 / 1e-12).
+    E = np.fft.rfft(y - 2.0 * u, axis=2)[:, :, 1:-1]
+    scatter = np.sum(np.abs(E - E.mean(axis=1, keepdims=True)) ** 2, axis=(0, 1)) / (3 * 3 * 4)
+    mine = np.real(np.einsum("koo->ko", held.noise_covariance))
+    np.testing.assert_allclose(mine, scatter, rtol=1e-3)
+
+
+def test_whole_periods_read_in_blocks_need_the_memory_of_one():
+    rng = np.random.default_rng(3)
+    period = rng.standard_normal((256, 1))
+    largest = []
+
+    def pieces(experiment, size):
+        for k in range(400):
+            largest.append(size)
+            noise = 0.1 * np.random.default_rng(k).standard_normal(period.shape)
+            yield period, 3.0 * period + noise
+
+    stream = stream_record(record_of(np.zeros((1, 1, 2, 1)), np.zeros((1, 1, 2, 1)), periodic=True))
+    long = type(stream)(HZ, stream.inputs, stream.outputs, 400 * 256, 1, 256, pieces)
+    found = estimate_response(long)
+    assert set(largest) == {256}
+    # Noise 0.1 over 400 periods and a white input: 0.005 on each line on average.
+    assert np.sqrt(np.mean(np.abs(found.H - 3.0) ** 2)) == pytest.approx(
+        np.sqrt(np.mean(found.variance)), rel=0.25
+    )
+
+
+def test_h1_states_its_variance_and_averages_are_counted_as_independent():
+    stated, squared, power = [], [], []
+    for seed in range(150):
+        record = filtered(np.random.default_rng(seed), samples=2048, output_noise=1.0)
+        S = estimate_spectra(record, segment=128)
+        found = spectra_response(S)
+        stated.append(found.total)
+        squared.append(np.abs(found.H - truth(found.frequency_hz)) ** 2)
+        power.append(S.S_uu[8:-8, 0, 0].real)
+    # 150 draws of 63 lines, some 4000 of them independent: 4 %; leakage adds less than 1 %.
+    assert np.mean(squared) == pytest.approx(np.mean(stated), rel=0.05)
+    # The variance of a power spectrum is its square over the averages (Welch 1967): 150 x 49 lines.
+    relative = np.mean(np.var(power, axis=0)) / np.mean(power) ** 2
+    assert 1.0 / relative == pytest.approx(S.averages, rel=0.08)
+
+
+@pytest.mark.parametrize(("output_noise", "input_noise"), [(1.0, 0.0), (0.0, 0.7), (0.5, 0.5)])
+def test_where_noise_is_decides_what_is_biased(output_noise, input_noise):
+    record = filtered(
+        np.random.default_rng(4),
+        samples=400_000,
+        inputs=1,
+        outputs=1,
+        output_noise=output_noise,
+        input_noise=input_noise,
+    )
+    S = estimate_spectra(record, segment=64)
+    found = {r: spectra_response(S, r) for r in ("h1", "h2", "hv")}
+    size = {r: np.abs(f.H[:, 0, 0]) for r, f in found.items()}
+    # An inequality of Cauchy and Schwarz, and a geometric mean: to rounding.
+    assert (size["h1"] <= size["hv"] * (1 + 1e-12)).all()
+    assert (size["hv"] <= size["h2"] * (1 + 1e-12)).all()
+    np.testing.assert_allclose(size["hv"] ** 2, size["h1"] * size["h2"], rtol=1e-9)
+    np.testing.assert_allclose(size["h1"] / size["h2"], ordinary_coherence(S)[1:-1, 0, 0], rtol=1e-9)
+    G = np.abs(truth(found["h1"].frequency_hz, 1, 1)[:, 0, 0])
+    down, up = 1.0 / (1.0 + input_noise**2), 1.0 + output_noise**2 / G**2
+    expected = {"h1": G * down, "h2": G * up, "hv": G * np.sqrt(down * up)}
+    for ratio, f in found.items():
+        # Four standard deviations of a line in 31; a segment of 64 smears 1/(1 - 0.5 q) by a fraction of 1 %.
+        allowed = 4.0 * np.sqrt(f.total[:, 0, 0]) + 0.005 * G
+        assert (np.abs(size[ratio] - expected[ratio]) < allowed).all()
+
+
+def test_h2_of_several_channels_has_no_bias_from_noisy_inputs():
+    record = filtered(np.random.default_rng(5), samples=400_000, input_noise=0.7)
+    S = estimate_spectra(record, segment=64)
+    h1, h2 = spectra_response(S), spectra_response(S, "h2")
+    G = truth(h2.frequency_hz)
+    # Two inputs of 0.7 noise: the total, per entry, of four standard deviations.
+    assert (np.abs(h2.H - G) < 4.0 * np.sqrt(h2.total) + 0.01).all()
+    np.testing.assert_allclose(np.abs(h1.H / G).mean(axis=0), 1.0 / 1.49, rtol=0.02)
+    with pytest.raises(ConfigError, match="as many outputs as inputs"):
+        estimate_response(filtered(np.random.default_rng(5), samples=4096, outputs=1), method="h2")
+
+
+def test_hv_is_right_where_noise_is_a_like_share_of_all_channels():
+    """Total least squares of two inputs: noise of the same share of the power of every channel."""
+    rng = np.random.default_rng(6)
+    u = rng.standard_normal((1, 400_000, 2))
+    y = u @ MIX[:1].T
+    share = 0.3
+    noisy = [x + share * x.std(axis=1, keepdims=True) * rng.standard_normal(x.shape) for x in (u, y)]
+    S = estimate_spectra(record_of(*noisy), segment=64)
+    hv, h1 = spectra_response(S, "hv"), spectra_response(S)
+    np.testing.assert_allclose(hv.H.mean(axis=0)[0], MIX[0], rtol=0.01)
+    np.testing.assert_allclose(h1.H.mean(axis=0)[0], MIX[0] / (1.0 + share**2), rtol=0.01)
+
+
+def test_coherences_of_known_noise():
+    """y = u1 + v, u2 = u1 + w: what each coherence must be, and what only the partial one sees."""
+    rng = np.random.default_rng(7)
+    u1, w, v = rng.standard_normal((3, 1, 300_000))
+    u = np.stack([u1, u1 + 0.5 * w], axis=2)
+    y = (u1 + 0.8 * v)[:, :, None]
+    S = estimate_spectra(record_of(u, y), segment=64)
+    # The noise of a coherence over some 9000 averages of 31 lines is below 0.1 %; its bias 1/9000.
+    inner = slice(2, -2)
+    assert ordinary_coherence(S)[inner, 0, 0].mean() == pytest.approx(1.0 / 1.64, rel=0.01)
+    assert ordinary_coherence(S)[inner, 0, 1].mean() == pytest.approx(1.0 / (1.25 * 1.64), rel=0.01)
+    assert multiple_coherence(S)[inner, 0].mean() == pytest.approx(1.0 / 1.64, rel=0.01)
+    assert partial_coherence(S)[inner, 0, 1].mean() < 1e-3
+    # Beside u2, u1 is left with 1 - 1/1.25 = 0.2 of its power, and y with 0.2 + 0.64.
+    assert partial_coherence(S)[inner, 0, 0].mean() == pytest.approx(0.2 / 0.84, rel=0.01)
+
+
+def test_identities_of_coherence():
+    record = filtered(np.random.default_rng(8), samples=4096, output_noise=0.5)
+    S = estimate_spectra(record, segment=256)
+    multiple, partial, ordinary = multiple_coherence(S), partial_coherence(S), ordinary_coherence(S)
+    # 1 - multiple = (1 - ordinary of the one)(1 - partial of the other) (Bendat and Piersol 2010, eq. 7.127).
+    for i in (0, 1):
+        left = (1.0 - ordinary[:, :, 1 - i]) * (1.0 - partial[:, :, i])
+        np.testing.assert_allclose(1.0 - multiple, left, rtol=1e-8, atol=1e-12)
+    # What H1 leaves of the output is what no input explains.
+    found = spectra_response(S)
+    left = np.real(np.einsum("koo->ko", found.total_covariance)) * (1.0 - 2.0 / S.averages)
+    whole = np.real(np.einsum("koo->ko", S.S_yy))[1:-1]
+    np.testing.assert_allclose(left, whole * (1.0 - multiple[1:-1]), rtol=1e-8)
+    one = estimate_spectra(filtered(np.random.default_rng(8), samples=4096, inputs=1, output_noise=0.5))
+    np.testing.assert_allclose(partial_coherence(one), ordinary_coherence(one), rtol=1e-12)
+    np.testing.assert_allclose(multiple_coherence(one), ordinary_coherence(one)[:, :, 0], rtol=1e-12)
+
+
+def test_a_window_as_wide_as_the_peak_is_said():
+    rng = np.random.default_rng(9)
+    u = rng.standard_normal((1, 65536, 1))
+    radius = np.exp(-0.01 * 2.0 * np.pi * 0.125)  # 1 % damping at an eighth of the sampling rate
+    y = lfilter([1.0], [1.0, -2.0 * radius * np.cos(2.0 * np.pi * 0.125), radius**2], u, axis=1)
+    record = record_of(u, y)
+    short, long = (estimate_spectra(record, segment=n) for n in (512, 8192))
+    (doubt,) = doubts_of_window(spectra_response(short), short)
+    assert "8 Hz" in doubt
+    assert "local model" in doubt
+    assert doubts_of_window(spectra_response(long), long) == []
+
+
+def test_too_few_averages_and_wrong_segments_are_refused():
+    record = filtered(np.random.default_rng(10), samples=1000)
+    with pytest.raises(DataError, match="explain everything"):
+        multiple_coherence(estimate_spectra(record, segment=1000))
+    with pytest.raises(DataError, match="cannot tell 2 inputs from noise"):
+        estimate_response(record, method="h1", segment=1000)
+    with pytest.raises(DataError, match="do not fit 1000 samples"):
+        estimate_spectra(record, segment=1001)
+    with pytest.raises(ConfigError, match="no method"):
+        estimate_response(record, method="h3")
+    copies = record_of(record.u[:, 0, :, [0, 0]].transpose(1, 2, 0), record.y[:, 0])
+    for method in ("h1", "h2", "hv"):
+        with pytest.raises(DataError, match="cannot be told apart"):
+            estimate_response(copies, method=method)
+    for coherence in (multiple_coherence, partial_coherence):
+        with pytest.raises(DataError, match="cannot be told apart"):
+            coherence(estimate_spectra(copies))
+
+
+def test_a_stream_is_checked_while_it_is_read():
+    record = filtered(np.random.default_rng(11), samples=1000)
+    y = record.y.copy()
+    y[..., 1] = 0.25
+    dead = Record(HZ, record.u, y, record.inputs, record.outputs, periodic=False)
+    with pytest.raises(DataError, match=r"output y1: the channel is constant at 0\.25 V"):
+        estimate_response(stream_record(dead), method="h1")
+    y[0, 0, 700, 1] = np.nan
+    broken = Record(HZ, record.u, y, record.inputs, record.outputs, periodic=False)
+    with pytest.raises(DataError, match="not finite"):
+        estimate_response(stream_record(broken), method="h1")
+    with pytest.raises(DataError, match="need the whole record in memory"):
+        estimate_response(stream_record(record))
