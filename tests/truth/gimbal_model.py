@@ -1,0 +1,26 @@
+"""The benchmark's gimbal as a plant and as the measurement model that a perfect test would give."""
+
+import dataclasses
+
+import gimbal_record
+import numpy as np
+
+from middeck.identification.plant_model import model_of_plant
+from middeck.systems.modal import ModalSystem
+from middeck.systems.plant import Plant
+
+NAMES = ("first", "second", "third", "fourth", "fifth")
+
+
+def plant(outputs=1, inputs=1):
+    phi = gimbal_record.PHI[:outputs]
+    modal = ModalSystem(
+        2.0 * np.pi * gimbal_record.MODES_HZ, np.full(5, gimbal_record.ZETA), gimbal_record.PSI[:inputs].T,
+        phi, np.zeros_like(phi), NAMES,
+    )  # fmt: skip
+    return Plant(modal, gimbal_record.INPUTS[:inputs], gimbal_record.OUTPUTS[:outputs])
+
+
+def model(outputs=1, inputs=1):
+    perfect = model_of_plant(plant(outputs, inputs))
+    return dataclasses.replace(perfect, delay_s=gimbal_record.DELAY_S[:outputs])
