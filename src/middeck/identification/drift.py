@@ -12,6 +12,7 @@ from jaxtyping import Float
 from middeck.identification.covariance import ModelCovariance
 from middeck.identification.measurement_model import damping_ratio, natural_hz
 from middeck.identification.model_set import check_alike
+from middeck.identification.response_drift import holm
 from middeck.identification.uncertainty import check_level, joint_tail, modal_constant, pole_slopes
 from middeck.identification.unknowns import places_of
 from middeck.values import record
@@ -161,7 +162,7 @@ def compare_fits(before: ModelCovariance, after: ModelCovariance, *, level: floa
     check_alike(before.model, after.model)
     pairs = _match(before, after)
     compared = _compare(before, after, pairs)
-    counts = _holm(compared.p, level)
+    counts = holm(compared.p, level)
     modes = len(pairs)
     return Drift(
         tuple(
@@ -270,15 +271,6 @@ def _probability(
     slowness = share**2 / degrees[0] + (1.0 - share) ** 2 / degrees[1]
     nu = 1.0 / slowness if slowness > 0.0 else np.inf
     return float(joint_tail(d @ inverse @ d, len(group), nu))
-
-
-def _holm(p: np.ndarray, level: float) -> np.ndarray:
-    """Which of several tests count, with no more than ``level`` of any false one (Holm 1979)."""
-    order = np.argsort(p)
-    passed = p[order] <= level / (len(p) - np.arange(len(p)))
-    counts = np.zeros(len(p), dtype=bool)
-    counts[order] = np.cumprod(passed).astype(bool)
-    return counts
 
 
 def _match(before: ModelCovariance, after: ModelCovariance) -> list[tuple[int, int]]:

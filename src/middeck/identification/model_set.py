@@ -7,6 +7,7 @@ import numpy as np
 from middeck.errors import ConfigError
 from middeck.identification.covariance import UNDETERMINED, ModelCovariance, draw_errors
 from middeck.identification.measurement_model import MeasurementModel
+from middeck.identification.response_drift import check_channels
 from middeck.identification.unknowns import model_at, unknowns_of
 
 
@@ -62,13 +63,7 @@ def _check(covariances: tuple[ModelCovariance, ...], count: int) -> None:
 
 def check_alike(first: MeasurementModel, second: MeasurementModel) -> None:
     """Raise `ConfigError` unless two models are of the same channels and of one kind."""
-    for side, one, other in (
-        ("inputs", first.inputs, second.inputs),
-        ("outputs", first.outputs, second.outputs),
-    ):
-        if [(p.name, p.unit) for p in one] != [(p.name, p.unit) for p in other]:
-            names = " and ".join(", ".join(f"{p.name} [{p.unit}]" for p in ports) for ports in (one, other))
-            raise ConfigError(f"the {side} differ: {names}", hint="models of the same channels, in one order")
+    check_channels(first, second)
     if first.sample_hz != second.sample_hz:
         rates = " and ".join(
             "none" if m.sample_hz is None else f"{m.sample_hz:g} Hz" for m in (first, second)

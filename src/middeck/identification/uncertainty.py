@@ -39,8 +39,8 @@ class Parameters:
     ----------
     names:
         ``natural_hz[m]``, ``damping[m]``; ``constant[m, output, input]`` for real modal constants,
-        otherwise ``residue_re[...]`` and ``residue_im[...]``; ``lower``, ``direct[output, input]``;
-        ``delay_s[output]``. m counts the modes of the model from zero.
+        otherwise ``residue_re[...]`` and ``residue_im[...]``; ``rigid``, ``lower``, ``direct`` and
+        ``path_delay_s[output, input]``; ``delay_s[output]``. m counts the modes of the model from zero.
     values, covariance:
         In SI units, frequencies in Hz. Rank-one residues of several inputs and outputs have fewer free
         numbers than entries: their covariance is singular then.
@@ -139,7 +139,13 @@ def parameters_of(covariance: ModelCovariance) -> Parameters:
     residue_names, residues, by = residue_slopes(covariance)
     terms = [
         (f"{kind}[{model.outputs[o].name}, {model.inputs[i].name}]", value[o, i], place[o, i])
-        for kind, value, place in (("lower", model.lower, at.lower), ("direct", model.direct, at.direct))
+        for kind, value, place in (
+            ("rigid", model.rigid, at.rigid),
+            ("lower", model.lower, at.lower),
+            ("direct", model.direct, at.direct),
+            ("path_delay_s", model.path_delay_s, at.path),
+        )
+        if value is not None
         for o, i in np.argwhere(place >= 0)
     ]
     terms += [

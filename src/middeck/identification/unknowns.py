@@ -1,11 +1,12 @@
 """The unknowns of a fitted model in coordinates of their own, and the response's derivatives by them.
 
     [log sigma of each mode | log omega_d of each pair | free entries of b | entries of c of each output
-     | L | D | delay of each output]
+     | R | L | D | delay of each output | what each path is late beyond its output's earliest]
 
-as far as the fit had them (`Structure`). The largest entry of each b is held: the residue c b leaves one
-factor free. Unlike the search's own vector (`terms`), this one is read from a finished model alone, so that
-every kind of fit has its covariance in the same coordinates. Any vector is a stable, real model.
+as far as the fit had them (`Structure`; R and delays of paths as far as the model has them). The largest
+entry of each b is held: the residue c b leaves one factor free. Unlike the search's own vector, this one is
+read from a finished model alone, so that every kind of fit has its covariance in the same coordinates. Any
+vector is a stable, real model.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from jaxtyping import Complex, Float, Int
+from jaxtyping import Bool, Complex, Float, Int
 
 from middeck.identification.measurement_model import MeasurementModel
 from middeck.values import record
@@ -45,9 +46,11 @@ class Places:
     omega: Int[np.ndarray, " mode"]
     b: Int[np.ndarray, "mode input 2"]
     c: Int[np.ndarray, "output mode 2"]
+    rigid: Int[np.ndarray, "output input"]
     lower: Int[np.ndarray, "output input"]
     direct: Int[np.ndarray, "output input"]
     delay: Int[np.ndarray, " output"]
+    path: Int[np.ndarray, "output input"]
     size: int
 
 
@@ -64,9 +67,11 @@ def places_of(model: MeasurementModel, structure: Structure) -> Places:
         pair,
         free_b,
         np.broadcast_to(parts, (outputs, modes, 2)),
+        np.full(entries, model.rigid is not None),
         np.full(entries, structure.with_lower),
         np.full(entries, structure.with_direct),
         np.full(outputs, structure.with_delay),
+        _free_paths(model, structure),
     )
     found: list[np.ndarray] = []
     used = 0
@@ -75,8 +80,15 @@ def places_of(model: MeasurementModel, structure: Structure) -> Places:
         place[mask] = used + np.arange(np.sum(mask))
         used += int(np.sum(mask))
         found.append(place)
-    sigma, omega, b, c, lower, direct, delay = found
-    return Places(sigma, omega, b, c, lower, direct, delay, used)
+    sigma, omega, b, c, rigid, lower, direct, delay, path = found
+    return Places(sigma, omega, b, c, rigid, lower, direct, delay, path, used)
+
+
+def _free_paths(model: MeasurementModel, structure: Structure) -> Bool[np.ndarray, "output input"]:
+    if model.path_delay_s is None or not structure.with_delay:
+        return np.zeros(model.direct.shape, bool)
+    earliest = np.argmin(model.path_delay_s, axis=1)
+    return np.arange(model.direct.shape[1]) != earliest[:, None]
 
 
 def _pivot(model: MeasurementModel) -> np.ndarray:
@@ -93,9 +105,19 @@ def unknowns_of(model: MeasurementModel, structure: Structure) -> Float[np.ndarr
     _put(x, at.omega, np.log(np.where(model.is_pair, omega, 1.0)))
     _put(x, at.b, _parts(model.participation))
     _put(x, at.c, _parts(phi))
-    for place, value in ((at.lower, model.lower), (at.direct, model.direct), (at.delay, model.delay_s)):
+    for place, value in (
+        (at.rigid, _of(model, model.rigid)),
+        (at.lower, model.lower),
+        (at.direct, model.direct),
+        (at.delay, model.delay_s),
+        (at.path, _of(model, model.path_delay_s)),
+    ):
         _put(x, place, value)
     return x
+
+
+def _of(model: MeasurementModel, part: np.ndarray | None) -> Float[np.ndarray, "output input"]:
+    return np.zeros(model.direct.shape) if part is None else part
 
 
 def _put(x: np.ndarray, place: np.ndarray, value: np.ndarray) -> None:
@@ -118,7 +140,7 @@ def _unit(poles: np.ndarray, pair: np.ndarray, structure: Structure) -> np.ndarr
 def model_at(
     model: MeasurementModel, structure: Structure, x: Float[np.ndarray, " unknown"]
 ) -> MeasurementModel:
-    """The model with the unknowns ``x``, all else as in ``model``; delays are zero at least."""
+    """The model with the unknowns ``x``, all else as in ``model``; no delay is negative."""
     at, pair = places_of(model, structure), model.is_pair
     omega = np.where(pair, np.exp(_take(x, at.omega, np.zeros(len(pair)))), np.imag(model.poles))
     poles = -np.exp(x[at.sigma]) + 1j * omega
@@ -132,6 +154,10 @@ def model_at(
         lower=_take(x, at.lower, model.lower),
         direct=_take(x, at.direct, model.direct),
         delay_s=np.maximum(_take(x, at.delay, model.delay_s), 0.0),
+        rigid=None if model.rigid is None else _take(x, at.rigid, model.rigid),
+        path_delay_s=(
+            None if model.path_delay_s is None else np.maximum(_take(x, at.path, model.path_delay_s), 0.0)
+        ),
     )
 
 
@@ -168,8 +194,9 @@ def entry_slopes(
     c, b = model.shapes[output][:, None], model.participation[:, input, None]
     up, low = 1.0 / (q - pole[:, None]), pair[:, None] / (q - pole[:, None].conj())
     term, twin = c * b * up, (c * b).conj() * low
-    late = np.exp(-s * model.delay_s[output])
-    H = (np.sum(term + twin, axis=0) + model.lower[output, input] / s**2 + model.direct[output, input]) * late
+    late = np.exp(-s * (model.delay_s[output] + _of(model, model.path_delay_s)[output, input]))
+    slow = model.lower[output, input] + _of(model, model.rigid)[output, input]
+    H = (np.sum(term + twin, axis=0) + slow / s**2 + model.direct[output, input]) * late
     # By the pole and by its conjugate, as if independent.
     by_pole, by_twin = term * slope[:, None] * up, twin * slope.conj()[:, None] * low
     decay, omega = np.real(model.poles)[:, None], np.imag(model.poles)[:, None]
@@ -182,9 +209,11 @@ def entry_slopes(
         (at.b[:, input, 1], 1j * (c * up - c.conj() * low)),
         (at.c[output, :, 0], unit * b * up + (unit * b).conj() * low),
         (at.c[output, :, 1], 1j * (unit * b * up - (unit * b).conj() * low)),
+        (at.rigid[output, input, None], 1.0 / s[None] ** 2),
         (at.lower[output, input, None], 1.0 / s[None] ** 2),
         (at.direct[output, input, None], np.ones((1, len(s)))),
         (at.delay[output, None], -s[None] * H[None] / late),
+        (at.path[output, input, None], -s[None] * H[None] / late),
     )
     place = np.concatenate([p for p, _ in blocks])
     by = np.concatenate([v for _, v in blocks]) * late
