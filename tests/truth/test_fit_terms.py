@@ -3,16 +3,18 @@
 import numpy as np
 import pytest
 
-from middeck.identification.design import count_theta, jacobian, residual_of
+from middeck.identification.design import jacobian, residual_of
 from middeck.identification.fit_data import Data, Transient
+from middeck.identification.layout import Layout, Point, pack
 from middeck.identification.refine import weighted
-from middeck.identification.terms import Layout, Point, pack
 
 
-def a_layout(*, real_constants=False, period_s=0.0, with_delay=True, with_lower=False, imag=0.0):
+def a_layout(
+    *, real_constants=False, period_s=0.0, with_delay=True, with_lower=False, imag=0.0, direct=True, **more
+):
     return Layout(
         np.array([True, True, False]), np.array([0.0, 0.0, imag]), np.array([0, 1, 0]), 2, 2,
-        real_constants, with_delay, with_lower, True, period_s,
+        real_constants, with_delay, with_lower, direct, period_s, **more,
     )  # fmt: skip
 
 
@@ -30,12 +32,29 @@ def a_problem(layout, experiments=3, transient=None, seed=0):
     b = b if not layout.real_constants else b.real
     b[2] = np.real(b[2])
     poles = np.array([-0.5 + 12j, -1.0 + 30j, -4.0 + 1j * layout.fixed_imag[2]])
-    point = Point(poles, b, np.array([0.01, 0.02]) * layout.with_delay)
+    delay_s = np.array([[0.01, 0.015], [0.02, 0.03]])[:, : max(layout.delays[1], 1)] * layout.with_delay
+    psi = np.array([[0.7, 1.0]])[: len(layout.rigid_pivot)]
+    point = Point(poles, b, delay_s, psi)
     return Data(s, H, 1.0 + rng.random(H.shape), drive, transient), pack(layout, point)
 
 
 EDGES = Transient(0.04, first=2, last=1)
+PATH, COMMON = {"delay_of": "path"}, {"delay_of": "common"}
+TWO = {"direct": False, "relative_degree_two": True}
 CASES = {
+    "delays of paths": (a_layout(**PATH), None, None),
+    "delays of paths, drive": (a_layout(**PATH), 3, EDGES),
+    "one delay": (a_layout(**COMMON), None, None),
+    "one delay, drive": (a_layout(**COMMON), 3, None),
+    "any residues": (a_layout(full=True), None, None),
+    "any residues, drive": (a_layout(full=True, **PATH), 3, EDGES),
+    "any real residues": (a_layout(full=True, real_constants=True), None, None),
+    "rigid": (a_layout(rigid_pivot=(1,)), None, None),
+    "rigid, drive": (a_layout(rigid_pivot=(1,)), 3, EDGES),
+    "relative degree two": (a_layout(**TWO), None, None),
+    "relative degree two, drive": (a_layout(**TWO), 3, EDGES),
+    "relative degree two, any residues": (a_layout(full=True, **TWO), None, None),
+    "relative degree two, real constants": (a_layout(real_constants=True, **TWO), None, None),
     "response": (a_layout(), None, None),
     "response, real constants": (a_layout(real_constants=True, with_lower=True), None, None),
     "drive": (a_layout(), 3, None),
@@ -67,7 +86,7 @@ def test_jacobian_by_all_unknowns(layout, experiments, transient):
     expected = differences(model, np.concatenate([theta, linear.ravel()]), 1e-6)
     # Central differences of a model of order 10: rounding 1e-9, curvature 1e-11.
     np.testing.assert_allclose(found, expected, atol=1e-7 * np.abs(expected).max())
-    assert len(theta) == count_theta(layout)
+    assert len(theta) == layout.size
 
 
 @case
@@ -137,7 +156,7 @@ def test_a_record_that_starts_in_motion_is_exact(delay_s, first):
         False,
         0.0,
     )
-    theta = pack(layout, Point(POLES, np.ones((2, 1)), np.array([delay_s])))
+    theta = pack(layout, Point(POLES, np.ones((2, 1)), np.array([[delay_s]])))
     data = Data(
         2j * np.pi * hz, Y[None, :, None], np.ones((1, len(hz), 1)), U[:, None, None], Transient(T, first)
     )
@@ -162,7 +181,7 @@ def test_a_held_input_of_any_kind_is_exact():
     layout = Layout(
         np.array([True, True]), np.zeros(2), np.zeros(2, dtype=int), 1, 1, False, False, False, True, T
     )
-    theta = pack(layout, Point(POLES, np.ones((2, 1)), np.zeros(1)))
+    theta = pack(layout, Point(POLES, np.ones((2, 1)), np.zeros((1, 1))))
     data = Data(s, Y[None, :, None], np.ones((1, len(s), 1)), U[:, None, None], Transient(T))
     step = weighted(layout, data, theta)
     # Rounding of the recursion and of the transform.

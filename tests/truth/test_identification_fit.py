@@ -14,8 +14,8 @@ from middeck.identification import (
     sampled_statespace,
 )
 from middeck.identification.fit_data import Data
+from middeck.identification.layout import Layout, Point, pack, unpack
 from middeck.identification.refine import logarithmic, weighted
-from middeck.identification.terms import Layout, Point, pack, unpack
 from middeck.systems.response import FrequencyResponse, evaluate_plant, statespace_response
 
 
@@ -35,7 +35,7 @@ def a_problem(layout, seed=0):
     b = b if not layout.real_constants else b.real
     b[2] = np.real(b[2])
     poles = np.array([-0.5 + 12j, -1.0 + 30j, -4.0 + 1j * layout.fixed_imag[2]])
-    point = Point(poles, b, np.array([0.01, 0.02]) * layout.with_delay)
+    point = Point(poles, b, np.array([[0.01], [0.02]]) * layout.with_delay)
     return Data(s, H, 1.0 + rng.random((2, 30, 2))), point
 
 

@@ -8,7 +8,8 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.identification.fit_data import Data
-from middeck.identification.terms import Fractions, Layout, Point, columns, fractions, slopes, unpack
+from middeck.identification.layout import Layout, Point, unpack
+from middeck.identification.terms import Fractions, columns, fractions, slopes
 from middeck.identification.transient import transient_columns, transient_slopes
 
 
@@ -32,38 +33,56 @@ def build_terms(layout: Layout, data: Data, theta: Float[np.ndarray, " unknown"]
             if data.transient is None
             else transient_columns(layout, point, data.transient, data.s)
         )
-    return Terms(point, parts, X, B) if np.isfinite(X).all() and np.isfinite(B).all() else None
+    finite = all(np.isfinite(value).all() for value in (point.poles, X, B))
+    return Terms(point, parts, X, B) if finite else None
 
 
-def late_columns(data: Data, terms: Terms, output: int) -> Complex[np.ndarray, "column line experiment"]:
-    """Columns of the response of one output, its delay included."""
-    return terms.X * _late(data, terms, output)
+def late_columns(
+    layout: Layout, data: Data, terms: Terms, output: int
+) -> Complex[np.ndarray, "column line experiment"]:
+    """Columns of the response of one output, its delays included."""
+    late = _late(data, terms, output)
+    if data.drive is None or late.shape[1] == 1:
+        return terms.X * late
+    return columns(layout, terms.point, terms.parts, data.s, data.drive * late[:, :, None])
 
 
 def late_slopes(
     layout: Layout, data: Data, terms: Terms, linear: Float[np.ndarray, " column"], output: int
 ) -> Complex[np.ndarray, "unknown line experiment"]:
-    """Slopes of one output by theta, those of its delay and of its transients included."""
-    late = _late(data, terms, output)
+    """Slopes of one output by theta, those of its delays and of its transients included."""
     x, t = split_linear(layout, data, linear)
-    G = np.zeros((count_theta(layout), *data.H.shape[1:]), dtype=complex)
-    shared = len(G) - layout.outputs * layout.with_delay
-    G[:shared] = slopes(layout, terms.point, terms.parts, x, data.drive) * late
+    G = np.zeros((layout.size, *data.H.shape[1:]), dtype=complex)
+    late = _late(data, terms, output)
+    if data.drive is None or late.shape[1] == 1:
+        by_terms = slopes(layout, terms.point, terms.parts, x, data.s, data.drive) * late
+    else:
+        by_terms = slopes(layout, terms.point, terms.parts, x, data.s, data.drive * late[:, :, None])
+    G[: len(by_terms)] = by_terms
     if layout.with_delay:
-        G[shared + output] = -data.s[:, None] * late * np.tensordot(x, terms.X, axes=1)
+        first = len(by_terms) + (0 if layout.delay_of == "common" else output * late.shape[1])
+        G[first : first + late.shape[1]] = _delay_slopes(layout, data, terms, x, late)
     if data.transient is not None:
         by_poles = transient_slopes(layout, terms.point, data.transient, data.s, t)
         G[: len(by_poles)] += by_poles
     return G
 
 
-def _late(data: Data, terms: Terms, output: int) -> Complex[np.ndarray, "line 1"]:
-    return np.exp(-data.s * terms.point.delay_s[output])[:, None]
+def _late(data: Data, terms: Terms, output: int) -> Complex[np.ndarray, "line path"]:
+    return np.exp(-data.s[:, None] * terms.point.delay_s[output])
 
 
-def count_theta(layout: Layout) -> int:
-    """Unknowns that are not linear."""
-    return layout.unknowns - layout.outputs * layout.columns
+def _delay_slopes(
+    layout: Layout, data: Data, terms: Terms, x: np.ndarray, late: np.ndarray
+) -> Complex[np.ndarray, "delay line experiment"]:
+    """By the delays of one output: the response of each path, or of all of them together."""
+    rate = -data.s[:, None]
+    if late.shape[1] == 1:
+        return (rate * late * np.tensordot(x, terms.X, axes=1))[None]
+    each = columns(layout, terms.point, terms.parts, data.s) if data.drive is not None else terms.X
+    path = rate * late * np.tensordot(x, each, axes=1)
+    drive = np.eye(layout.inputs)[None] if data.drive is None else data.drive
+    return np.moveaxis(path[:, :, None] * drive, 1, 0)
 
 
 def split_linear(
@@ -94,7 +113,7 @@ def model_of_output(
 ) -> Complex[np.ndarray, "line column"]:
     """E of one output: its response or spectra, transients included."""
     x, t = split_linear(layout, data, linear)
-    return np.tensordot(x, terms.X, axes=1) * _late(data, terms, output) + (t @ terms.B).T
+    return np.tensordot(x, late_columns(layout, data, terms, output), axes=1) + (t @ terms.B).T
 
 
 def jacobian(
@@ -113,7 +132,7 @@ def jacobian(
     for o in range(layout.outputs):
         own = slice(shared + o * each, shared + (o + 1) * each)
         J[:shared, o] = late_slopes(layout, data, terms, linear[o], o)
-        J[own, o] = np.concatenate([late_columns(data, terms, o), transients])
+        J[own, o] = np.concatenate([late_columns(layout, data, terms, o), transients])
     return J
 
 

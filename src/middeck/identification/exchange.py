@@ -5,63 +5,85 @@ A search from a subspace start can hold a mode that does little while two modes 
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
 
 import numpy as np
+from jaxtyping import Bool, Float
 
-from middeck.identification.design import residual_of
+from middeck.identification.design import build_terms, residual_of
 from middeck.identification.fit_data import Data
+from middeck.identification.layout import unpack
+from middeck.identification.own_transients import as_real
 from middeck.identification.polish import Polished
 from middeck.identification.start import Options, Start, start_at
-from middeck.identification.terms import Layout, columns, fractions, unpack
 from middeck.identification.weights import Spread
 
 # Lines over which the residual's peak is looked for, as a share of the frequency: a mode of 1 % is so wide.
 PEAK_WIDTH = 0.01
 # How many of the least missed modes are tried in turn.
 CANDIDATES = 3
+# A new mode has the median damping of the others, but no more than this.
+HEAVIEST = 0.05
+# Decay rate, as a share of the distance of lines, that they cannot tell from none.
+RUNAWAY = 1e-3
 
 
 def exchanges(data: Data, options: Options, best: Polished, spread: Spread) -> Iterator[Start]:
     """Starts that have one pair (or two real poles) of ``best`` replaced by one at the residual's peak."""
     layout = best.layout
-    point = unpack(layout, best.refined.theta)
-    weighted = Data(data.s, data.H, 1.0 / np.sqrt(spread.at(best.share)))
-    pairs = np.flatnonzero(layout.pair)
-    single = np.flatnonzero(~np.asarray(layout.pair))
-    units = [np.array([m]) for m in pairs] + ([single[:2]] if len(single) >= 2 else [])
-    missed = [_missed(weighted, best, _columns_of(layout, unit)) for unit in units]
-    omega = _peak(weighted, best)
-    light = np.median(-np.real(point.poles[pairs]) / np.abs(point.poles[pairs])) if len(pairs) else 0.01
-    new = omega * (-min(float(light), 0.05) + 1j)
-    for k in np.argsort(missed)[:CANDIDATES]:
-        rest = np.setdiff1d(np.arange(len(point.poles)), units[k])
-        poles, pair = point.poles[rest], np.asarray(layout.pair)[rest]
-        place = int(np.sum(pair))
-        yield start_at(
-            weighted, options, np.insert(poles, place, new), np.insert(pair, place, True), point.delay_s
-        )
+    at_best = dataclasses.replace(data, weight=1.0 / np.sqrt(spread.at(best.share)))
+    missed = missed_modes(at_best, best)
+    single = layout.pairs + np.argsort(missed[layout.pairs :])[:2]
+    units = [np.array([m]) for m in range(layout.pairs)] + ([single] if len(single) == 2 else [])
+    runaway = is_runaway(data, best)
+    # A pole that has run away goes first, however much it is missed.
+    rank = [-np.inf if runaway[unit].any() else float(np.sum(missed[unit])) for unit in units]
+    for k in np.argsort(rank)[:CANDIDATES]:
+        yield _with_peak(at_best, options, best, np.setdiff1d(np.arange(len(missed)), units[k]))
 
 
-def _columns_of(layout: Layout, unit: np.ndarray) -> np.ndarray:
-    pairs = int(np.sum(layout.pair))
-    if layout.real_constants:
-        return unit
-    return np.concatenate([[2 * m, 2 * m + 1] if m < pairs else [pairs + m] for m in unit])
+def grown(data: Data, options: Options, best: Polished, spread: Spread) -> Start:
+    """``best`` with one pair more, at the residual's peak."""
+    at_best = dataclasses.replace(data, weight=1.0 / np.sqrt(spread.at(best.share)))
+    return _with_peak(at_best, options, best, np.arange(len(best.layout.pair)))
 
 
-def _missed(data: Data, best: Polished, block: np.ndarray) -> float:
-    """By how much the cost rises without the columns ``block``, the others solved for again."""
+def is_runaway(data: Data, best: Polished) -> Bool[np.ndarray, " mode"]:
+    """Modes outside the band with less damping than any line can tell: the data want them unstable there."""
+    poles = unpack(best.layout, best.refined.theta).poles
+    omega = np.imag(data.s)
+    outside = (np.imag(poles) < omega[0]) | (np.imag(poles) > omega[-1])
+    return outside & (-np.real(poles) < RUNAWAY * np.min(np.diff(omega), initial=omega[-1]))
+
+
+def missed_modes(data: Data, best: Polished) -> Float[np.ndarray, " mode"]:
+    """By how much the cost rises without each mode, the other linear unknowns solved for again."""
+    layout = best.layout
+    terms = build_terms(layout, data, best.refined.theta)
+    missed = np.zeros(len(layout.pair))
+    if terms is None:
+        return missed
+    for o, linear in enumerate(best.refined.step.linear):
+        A = as_real(terms.X * data.weight[o])
+        inverse = np.linalg.pinv(A @ A.T, hermitian=True)
+        for m in range(len(missed)):
+            own = layout.columns_of(m)
+            block = inverse[np.ix_(own, own)]
+            missed[m] += float(linear[own] @ np.linalg.pinv(block, hermitian=True) @ linear[own])
+    return missed
+
+
+def _with_peak(data: Data, options: Options, best: Polished, kept: np.ndarray) -> Start:
+    """Some of the modes and one at the residual's peak, damped as the others."""
     layout = best.layout
     point = unpack(layout, best.refined.theta)
-    X = columns(layout, point, fractions(layout, point.poles, data.s), data.s)
-    rise = 0.0
-    for o, linear in enumerate(best.refined.step.linear):
-        A = (X * data.weight[o]).reshape(len(X), -1).view(float)
-        inverse = np.linalg.pinv(A @ A.T, hermitian=True)
-        x = linear[block]
-        rise += float(x @ np.linalg.pinv(inverse[np.ix_(block, block)], hermitian=True) @ x)
-    return rise
+    pairs = point.poles[: layout.pairs]
+    light = np.median(-np.real(pairs) / np.abs(pairs)) if len(pairs) else PEAK_WIDTH
+    new = _peak(data, best) * (-min(float(light), HEAVIEST) + 1j)
+    poles, pair = point.poles[kept], np.asarray(layout.pair)[kept]
+    place = int(np.sum(pair))
+    return start_at(data, options, np.insert(poles, place, new), np.insert(pair, place, True), point.delay_s)
 
 
 def _peak(data: Data, best: Polished) -> float:

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 from jaxtyping import Float
 
 from middeck.identification.design import residual_of
 from middeck.identification.fit_data import Data
+from middeck.identification.layout import Layout
 from middeck.identification.refine import Refined, logarithmic, search, weighted
 from middeck.identification.start import Start
-from middeck.identification.terms import Layout
 from middeck.identification.weights import Spread, excess_share
 from middeck.values import record
 
 # The weights have settled when the variance moves by less than this share on average.
 SETTLED = 0.02
+# Steps on the first weights, before any residual tells better ones.
+FIRST_STEPS = 3
 
 
 @record
@@ -38,27 +42,34 @@ class Polished:
     likelihood: float
 
 
-def polish(data: Data, start: Start, spread: Spread, *, steps: int, rounds: int) -> Polished | None:
-    """Refine on the weights of ``data``, then on those of the spread until its share settles.
+def polish(
+    data: Data, start: Start, spread: Spread, *, steps: int, rounds: int, share: float | None = None
+) -> Polished | None:
+    """Refine on the weights of a share until that settles; without a share, first on those of ``data``.
 
     None where the start has no finite response.
     """
     layout = start.layout
-    found = search(lambda theta: weighted(layout, data, theta), start.theta, most_steps=3)
-    share = np.inf
-    for _ in range(rounds):
+    found = search(lambda x: weighted(layout, data, x), start.theta, FIRST_STEPS) if share is None else None
+    if share is None:
         if found is None:
             return None
-        r = residual_of(layout, data, found.theta, found.step.linear)
-        before, share = share, excess_share(r, spread)
+        share = _share_left(layout, data, found, spread)
+    theta = start.theta if found is None else found.theta
+    for _ in range(rounds):
         v = spread.at(share)
-        again = Data(data.s, data.H, 1.0 / np.sqrt(v))
-        found = search(
-            lambda theta, again=again: weighted(layout, again, theta), found.theta, most_steps=steps
-        )
+        again = dataclasses.replace(data, weight=1.0 / np.sqrt(v))
+        found = search(lambda x, again=again: weighted(layout, again, x), theta, steps)
+        if found is None:
+            return None
+        theta, before, share = found.theta, share, _share_left(layout, data, found, spread)
         if abs(share - before) * np.mean(spread.size / v) <= SETTLED:
             break
     return None if found is None else _polished(layout, data, found, spread, share, found.step.gram)
+
+
+def _share_left(layout: Layout, data: Data, found: Refined, spread: Spread) -> float:
+    return excess_share(residual_of(layout, data, found.theta, found.step.linear), spread)
 
 
 def logarithmic_polish(data: Data, start: Polished, spread: Spread) -> Polished:

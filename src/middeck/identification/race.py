@@ -3,53 +3,80 @@
 from __future__ import annotations
 
 import dataclasses
+from itertools import islice
 
 import numpy as np
 
 from middeck.errors import FitError
-from middeck.identification.exchange import exchanges
+from middeck.identification.design import residual_of
+from middeck.identification.exchange import exchanges, grown, is_runaway
 from middeck.identification.fit_data import Data
-from middeck.identification.order import OrderChoice, choose, description_length, is_settled, sizes
+from middeck.identification.order import OrderChoice, Tried, choose, description_length, is_settled, sizes
 from middeck.identification.polish import Polished, polish
-from middeck.identification.start import Options, starts
+from middeck.identification.start import Options, Start, starts
+from middeck.identification.thinning import take_lines, thin_lines
 from middeck.identification.weights import Spread
 from middeck.systems.response import FrequencyResponse
 
-# The starts are compared on lines that hold about so many numbers; the best is then refined on all.
-RACE_NUMBERS = 5000
-RACE_STEPS = 40
+# Steps of all starts, of the best few of them, of the best, and of modes exchanged.
+HEAT, FEW, FEW_STEPS, LAST_STEPS, EXCHANGE_STEPS = 0, 2, 6, 12, 4
 # Exchanges are tried when more than this share of the variance is not the measured one, and one counts when
 # it gains more likelihood than rounding and an unsettled search may.
 WORTH_EXCHANGE = 0.1
 EXCHANGE_GAIN = 1.0
+# Steps on half of the lines, from the model on all of them.
+HELD_OUT_STEPS = 3
+# Starts of each order when orders are compared, beside the one grown from the order before.
+ORDER_STARTS = 2
 
 
 def race(data: Data, spread: Spread, options: Options) -> Polished:
-    """The likeliest of the starts, each refined for a while on some of the lines, then its exchanges."""
-    part, some = _some_lines(data, spread)
-    best: Polished | None = None
-    for start in starts(data, options):
-        run = polish(part, start, some, steps=RACE_STEPS, rounds=3)
-        if run is not None and (best is None or run.likelihood < best.likelihood):
-            best = run
+    """The likeliest of the starts, refined on some of the lines, then its exchanges.
+
+    Successive halving: all starts take a few steps, the best of them a few more, and the best of those goes
+    on. A start in the wrong valley is far behind after a few steps.
+    """
+    part, some = _some_lines(data, spread, options)
+    best = _heats(part, some, [(start, None) for start in starts(part, options)])
     if best is None:
         raise FitError(
             f"no start for {options.states} states could be refined",
             hint="fewer states, a wider band or a longer period",
         )
+    best = _further(part, some, best, LAST_STEPS)
     return _exchange(part, some, options, best)
+
+
+def _heats(part: Data, spread: Spread, started: list[tuple[Start, float | None]]) -> Polished | None:
+    """The likeliest of several starts (each with the share of its weights, if known) after a few steps."""
+    runs = [polish(part, start, spread, steps=HEAT, rounds=1, share=share) for start, share in started]
+    ranked = sorted((run for run in runs if run is not None), key=lambda run: _rank(part, run))
+    few = [_further(part, spread, run, FEW_STEPS) for run in ranked[:FEW]]
+    return min(few, key=lambda run: _rank(part, run), default=None)
+
+
+def _further(part: Data, spread: Spread, run: Polished, steps: int) -> Polished:
+    start = Start(run.layout, run.refined.theta)
+    return polish(part, start, spread, steps=steps, rounds=1, share=run.share) or run
+
+
+def _rank(part: Data, run: Polished) -> float:
+    """Negative log likelihood; a model with a pole that has run away comes after all others."""
+    return run.likelihood + part.H.size * float(np.sum(is_runaway(part, run)))
 
 
 def _exchange(part: Data, spread: Spread, options: Options, best: Polished) -> Polished:
     """Exchange modes as long as that pays; a model that leaves no excess has nothing to gain."""
-    while model_error(best, spread) > WORTH_EXCHANGE:
-        runs = (
-            polish(part, start, spread, steps=RACE_STEPS, rounds=3)
+    while model_error(best, spread) > WORTH_EXCHANGE or is_runaway(part, best).any():
+        runs = [
+            polish(part, start, spread, steps=EXCHANGE_STEPS, rounds=1, share=best.share)
             for start in exchanges(part, options, best, spread)
-        )
-        better = (run for run in runs if run is not None and run.likelihood < best.likelihood - EXCHANGE_GAIN)
-        found = next(better, None)
+        ]
+        found = min((run for run in runs if run is not None), key=lambda run: _rank(part, run), default=None)
         if found is None:
+            return best
+        found = _further(part, spread, found, LAST_STEPS)
+        if _rank(part, found) >= _rank(part, best) - EXCHANGE_GAIN:
             return best
         best = found
     return best
@@ -60,45 +87,79 @@ def model_error(best: Polished, spread: Spread) -> float:
     return float(best.share * np.mean(spread.size / spread.at(best.share)))
 
 
-def _some_lines(data: Data, spread: Spread) -> tuple[Data, Spread]:
-    some = slice(None, None, max(1, data.H.size // RACE_NUMBERS))
-    return Data(data.s[some], data.H[:, some], data.weight[:, some]), Spread(
-        spread.variance[:, some], spread.size[:, some]
-    )
+def _some_lines(data: Data, spread: Spread, options: Options) -> tuple[Data, Spread]:
+    outputs, _, inputs = data.H.shape
+    return take_lines(data, spread, thin_lines(data, spread, options.states * (outputs + inputs)))
 
 
 def recommend_states(
     measured: FrequencyResponse, data: Data, spread: Spread, options: Options
 ) -> OrderChoice:
-    """The order of the shortest description, each order raced as a fit would be."""
-    part, _ = _some_lines(data, spread)
-    tried: list[int] = []
-    length: list[float] = []
+    """The order of the shortest description, each from the best of a few starts and of the order before."""
+    part, some = _some_lines(data, spread, options)
+    tried: list[Tried] = []
+    best: Polished | None = None
     for states in sizes():
         sized = dataclasses.replace(options, states=states)
         unknowns = count_unknowns(measured, sized)
         if 2 * unknowns > part.H.size:
             break
-        try:
-            run = race(data, spread, sized)
-        except FitError:
+        started = [(start, None) for start in islice(starts(part, sized), ORDER_STARTS)]
+        larger = None if best is None else _grown(part, some, sized, best)
+        best = _heats(part, some, started if larger is None else [*started, larger]) or best
+        if best is None or _states(best) != states:
             continue
-        tried.append(states)
-        length.append(description_length(run.likelihood, unknowns, 2 * part.H.size))
-        if is_settled(length):
+        length = description_length(best.likelihood, unknowns, 2 * part.H.size)
+        tried.append(Tried(states, length, _held_out(data, part, some, best)))
+        if is_settled([t.length for t in tried]):
             break
     if not tried:
         raise FitError("no order could be fitted", hint="a wider band or a longer period")
-    return choose(tried, length)
+    return choose(tried)
+
+
+def _states(run: Polished) -> int:
+    return int(np.sum(np.where(run.layout.pair, 2, 1)))
+
+
+def _grown(part: Data, spread: Spread, options: Options, best: Polished) -> tuple[Start, float] | None:
+    """A start from the order before, a pair added at each peak of the residual."""
+    while (left := options.states - _states(best)) > 0:
+        start = grown(part, dataclasses.replace(options, states=_states(best) + 2), best, spread)
+        if left <= 2:
+            return start, best.share
+        run = polish(part, start, spread, steps=1, rounds=1, share=best.share)
+        if run is None:
+            return None
+        best = run
+    return None
+
+
+def _held_out(data: Data, part: Data, spread: Spread, best: Polished) -> float:
+    """Relative error on lines that the model has not seen.
+
+    Those that were left out; where none were, it is refined on every other line and judged on the rest.
+    """
+    unseen = np.setdiff1d(np.arange(len(data.s)), np.searchsorted(np.imag(data.s), np.imag(part.s)))
+    run = best
+    if not len(unseen):
+        half, spread_of_half = take_lines(part, spread, np.arange(0, len(part.s), 2))
+        run = _further(half, spread_of_half, best, HELD_OUT_STEPS)
+        unseen = np.arange(1, len(data.s), 2)
+    r = residual_of(run.layout, data, run.refined.theta, run.refined.step.linear)[:, unseen]
+    level = np.mean(np.abs(data.H) ** 2, axis=(1, 2))
+    return float(np.sqrt(np.mean(np.mean(np.abs(r) ** 2, axis=(1, 2)) / level)))
 
 
 def count_unknowns(measured: FrequencyResponse, options: Options) -> int:
     """Unknowns if all poles are pairs."""
     _, outputs, inputs = measured.H.shape
     each = 1 if options.real_constants else 2
-    per_pair = 2 + each * (inputs - 1) + each * outputs
+    per_pair = 2 + each * (outputs * inputs if options.full else outputs + inputs - 1)
+    delays = {"output": outputs, "path": outputs * inputs, "common": 1}[options.delay_of]
     return (
-        -(-options.states // 2) * per_pair
-        + outputs * options.with_delay
-        + outputs * inputs * (options.with_lower + options.with_direct)
+        -(-(options.states - 2 * options.rigid) // 2) * per_pair
+        + options.rigid * (outputs + inputs - options.rigid)
+        + delays * options.with_delay
+        + outputs * inputs * (options.with_lower + options.with_direct - options.relative_degree_two)
     )

@@ -25,8 +25,9 @@ from middeck.identification.design import (
     model_of_output,
 )
 from middeck.identification.fit_data import Data
+from middeck.identification.layout import Layout
 from middeck.identification.own_transients import OwnTransients, as_real
-from middeck.identification.terms import Layout
+from middeck.identification.ties import Tied
 from middeck.values import record
 
 # Linear unknowns are not solved for where one column is the rest up to this share: coinciding poles.
@@ -81,19 +82,21 @@ def _solve_output(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
     """Linear unknowns, residual and Kaufman's Jacobian of one output."""
     own = OwnTransients(terms.B, data.weight[output])
-    A = own.removed(late_columns(data, terms, output))
-    size = np.linalg.norm(A, axis=1)
+    X = late_columns(layout, data, terms, output)
+    A, tied = own.removed(X), Tied(layout, terms.point)
+    free = tied.free(A)
+    size = np.linalg.norm(free, axis=1)
     if not size.all():
         return None
-    Q, R = np.linalg.qr((A / size[:, None]).T)
+    Q, R = np.linalg.qr((free / size[:, None]).T)
     if np.abs(np.diag(R)).min() <= COINCIDENT or own.coincident(COINCIDENT):
         return None
     target = own.removed(data.H[output][None])[0]
     on_columns = Q.T @ target
-    x = np.asarray(scipy.linalg.solve_triangular(R, on_columns)) / size
-    t = own.unknowns(data.H[output] - np.tensordot(x, late_columns(data, terms, output), axes=1))
+    x = tied.whole(np.asarray(scipy.linalg.solve_triangular(R, on_columns)) / size)
+    t = own.unknowns(data.H[output] - np.tensordot(x, X, axes=1))
     linear = np.concatenate([x, t.ravel()])
-    G = own.removed(late_slopes(layout, data, terms, linear, output))
+    G = own.removed(late_slopes(layout, data, terms, linear, output)) + tied.moved(x, A)
     return linear, target - Q @ on_columns, G - (G @ Q) @ Q.T
 
 
@@ -110,7 +113,7 @@ def logarithmic(layout: Layout, data: Data, theta: Float[np.ndarray, " unknown"]
         if not np.isfinite(E).all() or not E.all():
             return None
         G = late_slopes(layout, data, terms, linear[o], o)
-        J = as_real(np.concatenate([G, late_columns(data, terms, o)]) * (data.weight[o] / E)[None])
+        J = as_real(np.concatenate([G, late_columns(layout, data, terms, o)]) * (data.weight[o] / E)[None])
         residual = as_real((data.weight[o] * np.log(data.H[o] / E))[None])[0]
         own = np.r_[0:shared, shared + o * layout.columns : shared + (o + 1) * layout.columns]
         cost += 0.5 * float(residual @ residual)

@@ -5,8 +5,8 @@ powers of q_k spans the observability matrix once the same powers of the input a
 continuous response is mapped to the unit circle first, q = (a + s)/(a - s), with `a` in the middle of the
 band on a logarithmic scale, which spreads decades of modes over the circle. Poles outside are reflected.
 
-With complex modal constants the subspace has the order of the fit. With real ones it is made larger, so
-that the extra poles take up delay and noise, and the modes that matter most are kept (`_strongest`).
+The subspace is mostly made larger than the fit, so that the extra poles take up delay, noise and modes that
+are not asked for, and the modes that would be missed most are kept (`pruning`).
 """
 
 from __future__ import annotations
@@ -14,16 +14,20 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+import scipy.linalg
 from jaxtyping import Complex, Float
 
+from middeck.identification.design import build_terms
 from middeck.identification.fit_data import Data
-from middeck.identification.terms import Layout, Point, columns, fractions, pack, shapes
+from middeck.identification.layout import DelayOf, Layout, Point, pack
+from middeck.identification.own_transients import as_real
+from middeck.identification.pruning import prune
+from middeck.identification.terms import columns, fractions, shapes
 from middeck.values import record
 
-# Block rows of the subspace, as multiples of what `states` needs at least.
-ROWS = (1.5, 2.0, 3.0)
-# Sizes of the subspace, as multiples of the states kept, for real modal constants.
-SIZES = (1.0, 1.5, 2.0)
+# Size of the subspace as a multiple of the states kept, and its block rows as a multiple of the least.
+REAL_SIZES = tuple((size, rows) for size in (1.0, 1.5, 2.0) for rows in (1.5, 2.0, 3.0))
+COMPLEX_SIZES = ((1.5, 1.5), (2.0, 1.5), (1.5, 2.0), (2.0, 2.0), (1.0, 2.0))
 # Delays tried, in steps of this share of the shortest period in the band.
 DELAY_STEP = 0.125
 # First tried on either side of zero, and the share of the response that a right delay explains.
@@ -43,6 +47,10 @@ class Options:
     with_lower: bool
     with_direct: bool
     period_s: float
+    full: bool = False
+    rigid: int = 0
+    delay_of: DelayOf = "output"
+    relative_degree_two: bool = False
 
 
 @record
@@ -55,19 +63,19 @@ class Start:
 
 def starts(data: Data, options: Options) -> Iterator[Start]:
     """First guesses, from several sizes of the subspace."""
-    for size in SIZES if options.real_constants else (1.0,):
-        order = round(size * options.states)
-        for factor in ROWS:
-            found = subspace_poles(data, options.period_s, states=order, rows=_rows(data, order, factor))
-            if found is None:
-                continue
-            start = (
-                _real_start(data, options, found)
-                if options.real_constants
-                else _complex_start(data, options, found)
-            )
-            if start is not None:
-                yield start
+    for size, rows in REAL_SIZES if options.real_constants else COMPLEX_SIZES:
+        # An odd number of states asks for an odd number of real poles.
+        order = options.states + 2 * round(0.5 * (size - 1.0) * options.states)
+        found = subspace_poles(data, options.period_s, states=order, rows=_rows(data, order, rows))
+        if found is None:
+            continue
+        start = (
+            _real_start(data, options, found)
+            if options.real_constants
+            else _complex_start(data, options, found)
+        )
+        if start is not None:
+            yield start
 
 
 def _rows(data: Data, order: int, factor: float) -> int:
@@ -119,8 +127,8 @@ def _to_plane(z: np.ndarray, a: float, period_s: float) -> Complex[np.ndarray, "
     return np.log(z) / period_s if period_s else a * (z - 1.0) / (z + 1.0)
 
 
-def _complex_start(data: Data, options: Options, found: np.ndarray) -> Start:
-    """All poles of the subspace, each with the rank-one part of its residue."""
+def _complex_start(data: Data, options: Options, found: np.ndarray) -> Start | None:
+    """The strongest poles of the subspace, each with the rank-one part of its residue."""
     nyquist = np.pi / options.period_s if options.period_s else np.inf
     imag = np.imag(found)
     single = (imag == 0.0) | (np.abs(imag) >= nyquist * (1.0 - 1e-9))
@@ -129,49 +137,70 @@ def _complex_start(data: Data, options: Options, found: np.ndarray) -> Start:
     real = found[single]
     poles = np.concatenate([upper, np.real(real) + 1j * np.abs(np.imag(real))])
     pair = np.arange(len(poles)) < len(upper)
-    return start_at(data, options, poles, pair, np.zeros(len(data.H)))
+    prompt = np.zeros((len(data.H), 1))
+    start = start_at(data, options, poles, pair, prompt)
+    states = [int(n) for n in np.where(pair, 2, 1)]
+    if sum(states) == options.states:
+        return start
+    layout = start.layout
+    terms = build_terms(layout, data, start.theta)
+    if terms is None:
+        return None
+    line, level = _weights_alike(data)
+    modes = [layout.columns_of(m) for m in range(len(pair))]
+    kept = prune(as_real(terms.X * line).T, as_real(data.H * level * line).T, modes, states, options.states)
+    return None if kept is None else start_at(data, options, poles[kept], pair[kept], prompt)
 
 
 def start_at(data: Data, options: Options, poles: np.ndarray, pair: np.ndarray, delay_s: np.ndarray) -> Start:
-    """A start at given poles and delays; input vectors from the data."""
-    b = _input_vectors(data, options, poles, pair, delay_s)
+    """A start at given poles and delays [output, path]; input vectors from the data."""
+    b, psi = _input_vectors(data, options, poles, pair, delay_s)
     layout = Layout(
         pair,
         np.where(pair, 0.0, np.imag(poles)),
         np.argmax(np.abs(b), axis=1),
-        data.H.shape[2],
+        data.H.shape[2] if data.drive is None else data.drive.shape[1],
         data.H.shape[0],
         options.real_constants,
         options.with_delay,
         options.with_lower,
         options.with_direct,
         options.period_s,
+        options.full,
+        tuple(int(i) for i in scipy.linalg.qr(psi, mode="r", pivoting=True)[-1][: len(psi)]),
+        options.delay_of,
+        options.relative_degree_two,
     )
-    return Start(layout, pack(layout, Point(poles, b, delay_s)))
+    return Start(layout, pack(layout, Point(poles, b, delay_s, psi)))
 
 
 def _input_vectors(
     data: Data, options: Options, poles: np.ndarray, pair: np.ndarray, delay_s: np.ndarray
-) -> Complex[np.ndarray, "mode input"]:
-    """b of each mode: the dominant right singular vector of its full residue matrix."""
+) -> tuple[Complex[np.ndarray, "mode input"], Float[np.ndarray, "rigid input"]]:
+    """b and psi: the dominant right singular vectors of full residue matrices, of 1/s^2 also."""
     outputs, _, inputs = data.H.shape
     if inputs == 1:
-        return np.ones((len(poles), 1), dtype=complex)
+        return np.ones((len(poles), 1), dtype=complex), np.ones((options.rigid, 1))
     layout, point, X = _one_by_one(data, options, poles, pair)
     residues = np.zeros((len(poles), outputs, inputs), dtype=complex)
+    lower = np.zeros((outputs, inputs))
+    prompt = data.H * np.exp(data.s[:, None] * delay_s[:, None])
     for o in range(outputs):
-        late, weight = np.exp(-data.s * delay_s[o]), np.sqrt(np.mean(data.weight[o] ** 2, axis=1))
-        A = np.ascontiguousarray(X * late * weight).view(float).T
-        y = np.ascontiguousarray((data.H[o] * weight[:, None]).T).view(float).T
+        weight = np.sqrt(np.mean(data.weight[o] ** 2, axis=1))
+        A = np.ascontiguousarray(X * weight).view(float).T
+        y = np.ascontiguousarray((prompt[o] * weight[:, None]).T).view(float).T
         x = np.linalg.lstsq(A, y, rcond=None)[0]
         # A weight for the output makes rows of unlike units comparable.
         level = np.sqrt(np.mean(weight**2))
         residues[:, o] = level * np.array([shapes(layout, point, x[:, i]) for i in range(inputs)]).T
+        if layout.with_lower:
+            lower[o] = level * x[layout.mode_columns]
     if options.real_constants:
         residues[pair] *= 2j * np.imag(poles)[pair, None, None]
     b = np.linalg.svd(residues)[2][:, 0]
     b = b / np.take_along_axis(b, np.argmax(np.abs(b), axis=1)[:, None], axis=1)
-    return np.where((pair & (not options.real_constants))[:, None], b, b.real)
+    b = np.where((pair & (not options.real_constants))[:, None], b, b.real)
+    return b, np.linalg.svd(lower)[2][: options.rigid]
 
 
 def _one_by_one(
@@ -186,17 +215,17 @@ def _one_by_one(
         1,
         options.real_constants,
         False,
-        options.with_lower,
+        options.with_lower or options.rigid > 0,
         options.with_direct,
         options.period_s,
     )
-    point = Point(poles, np.ones((len(poles), 1), dtype=complex), np.zeros(1))
+    point = Point(poles, np.ones((len(poles), 1), dtype=complex), np.zeros((1, 1)))
     return layout, point, columns(layout, point, fractions(layout, poles, data.s), data.s)[:, :, 0]
 
 
 def _real_start(data: Data, options: Options, found: np.ndarray) -> Start | None:
     """The strongest oscillating modes among the candidates, at the best delay of each output."""
-    wanted = options.states // 2
+    wanted = options.states // 2 - options.rigid
     light = (np.imag(found) > 0.0) & (-np.real(found) < HEAVY * np.abs(found))
     poles = found[light]
     poles = poles[np.argsort(np.imag(poles))]
@@ -204,20 +233,35 @@ def _real_start(data: Data, options: Options, found: np.ndarray) -> Start | None
         return None
     pair = np.ones(len(poles), dtype=bool)
     _, _, X = _one_by_one(data, options, poles, pair)
-    delay_s = np.array([_best_delay(data, X, o) for o in range(len(data.H))])
-    delay_s = delay_s if options.with_delay else np.zeros(len(data.H))
-    kept = _strongest(data, X, delay_s, len(poles), wanted)
-    return start_at(data, options, poles[kept], pair[kept], delay_s)
+    delay_s = _first_delays(data, options, X)
+    line, level = _weights_alike(data)
+    prompt = np.moveaxis(data.H * np.exp(data.s[:, None] * delay_s[:, None]) * level * line, 1, 2)
+    targets = as_real(prompt.reshape(-1, len(data.s))[:, :, None])
+    modes = [np.array([m]) for m in range(len(poles))]
+    kept = prune(as_real((X * line[:, 0])[:, :, None]).T, targets.T, modes, [2] * len(poles), options.states)
+    return None if kept is None else start_at(data, options, poles[kept], pair[kept], delay_s)
 
 
-def _best_delay(data: Data, X: Complex[np.ndarray, "column line"], output: int) -> float:
-    """The delay (negative: a lead) on a grid at which real constants explain most of one output.
+def _first_delays(
+    data: Data, options: Options, X: Complex[np.ndarray, "column line"]
+) -> Float[np.ndarray, "output path"]:
+    outputs, _, inputs = data.H.shape
+    if not options.with_delay:
+        return np.zeros((outputs, 1))
+    if options.delay_of == "path":
+        return np.array([[_best_delay(data, X, o, [i]) for i in range(inputs)] for o in range(outputs)])
+    each = np.array([[_best_delay(data, X, o, list(range(inputs)))] for o in range(outputs)])
+    return np.full_like(each, np.median(each)) if options.delay_of == "common" else each
+
+
+def _best_delay(data: Data, X: Complex[np.ndarray, "column line"], output: int, inputs: list[int]) -> float:
+    """The delay (negative: a lead) on a grid at which real constants explain most of some entries.
 
     The grid grows to half the record until most is explained: lines no closer than that tell no longer delay.
     """
     weight = np.sqrt(np.mean(data.weight[output] ** 2, axis=1))
     Q = np.linalg.qr(np.ascontiguousarray(X * weight).view(float).T)[0]
-    target = data.H[output] * weight[:, None]
+    target = data.H[output][:, inputs] * weight[:, None]
     step = DELAY_STEP * 2.0 * np.pi / np.imag(data.s)[-1]
     longest = np.pi / np.min(np.diff(np.imag(data.s)), initial=np.imag(data.s)[-1])
     count = FIRST_DELAYS
@@ -234,21 +278,7 @@ def _explained(Q: np.ndarray, target: Complex[np.ndarray, "line input"]) -> floa
     return float(np.sum((Q.T @ np.ascontiguousarray(target.T).view(float).T) ** 2))
 
 
-def _strongest(
-    data: Data, X: Complex[np.ndarray, "column line"], delay_s: np.ndarray, modes: int, wanted: int
-) -> np.ndarray:
-    """Drop one mode after the other, each time the one that is missed least (exact for least squares)."""
-    line = np.sqrt(np.mean(data.weight**2, axis=(0, 2)))
-    level = np.sqrt(np.mean(data.weight**2, axis=(1, 2)))
-    prompt = data.H * np.exp(data.s * delay_s[:, None])[:, :, None] * (level[:, None, None] * line[:, None])
-    raw = np.ascontiguousarray(X * line).view(float).T
-    A = raw / np.linalg.norm(raw, axis=0)
-    y = np.ascontiguousarray(np.moveaxis(prompt, 1, 2)).view(float).reshape(-1, A.shape[0]).T
-    keep = np.arange(A.shape[1])
-    while np.sum(keep < modes) > wanted:
-        inverse = np.linalg.pinv(A[:, keep].T @ A[:, keep])
-        x = inverse @ (A[:, keep].T @ y)
-        missed = np.sum(x**2, axis=1) / np.diag(inverse)
-        missed[keep >= modes] = np.inf
-        keep = np.delete(keep, np.argmin(missed))
-    return keep[keep < modes]
+def _weights_alike(data: Data) -> tuple[Float[np.ndarray, "line one"], Float[np.ndarray, "output one one"]]:
+    """A weight for each line and one for each output, so that all outputs have the same columns."""
+    line = np.sqrt(np.mean(data.weight**2, axis=(0, 2)))[:, None]
+    return line, np.sqrt(np.mean(data.weight**2, axis=(1, 2)))[:, None, None]

@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.identification.fit_data import Transient
-from middeck.identification.terms import Layout, Point
+from middeck.identification.layout import Layout, Point
 
 # Edge terms are one and the same, over a narrow band, up to this share.
 ALIKE = 1e-9
@@ -30,12 +30,12 @@ def transient_columns(
 ) -> Complex[np.ndarray, "column line"]:
     """Factors of the unknowns of one experiment's transient in one output: poles, then edges."""
     up, low, _ = _series(point.poles, transient, s)
-    pairs = int(np.sum(layout.pair))
+    pairs = layout.pairs
     poles = np.empty((pairs + len(up), len(s)), dtype=complex)
     poles[0 : 2 * pairs : 2] = up[:pairs] + low[:pairs]
     poles[1 : 2 * pairs : 2] = 1j * (up[:pairs] - low[:pairs])
     poles[2 * pairs :] = up[pairs:]
-    drift = _drift(transient, s) if layout.with_lower else np.zeros((0, len(s)))
+    drift = _drift(transient, s) if layout.with_lower or layout.rigid_pivot else np.zeros((0, len(s)))
     return np.concatenate([poles, drift, _edges(transient, s)])
 
 
@@ -48,7 +48,7 @@ def transient_slopes(
 ) -> Complex[np.ndarray, "unknown line experiment"]:
     """Derivative of the transients by log sigma and log omega_d, at their unknowns ``t``."""
     up, low, inverse = _series(point.poles, transient, s)
-    modes, pairs = len(layout.pair), int(np.sum(layout.pair))
+    modes, pairs = len(layout.pair), layout.pairs
     c = np.concatenate(
         [t[:, 0 : 2 * pairs : 2] + 1j * t[:, 1 : 2 * pairs : 2], t[:, 2 * pairs : pairs + modes]], 1
     )

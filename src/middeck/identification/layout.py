@@ -1,0 +1,215 @@
+"""What the unknowns of a fit are, and where they stand in theta.
+
+Unknowns that enter nonlinearly are packed in one vector theta:
+
+    [log sigma of each mode | log omega_d of each pair | free entries of b | of psi | delays]
+
+with pole = -sigma + j omega_d, so that every model a solver can reach is stable. Linear in the model, and
+solved for exactly (`refine`), are the output vectors c and the constant terms. The largest entry of each b is
+held at one (the residue c b leaves one factor free), so that no direction of theta is empty; of the rigid
+modes' psi, whose product phi psi leaves a whole matrix free, a unit matrix is held.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Complex, Float
+
+from middeck.values import record
+
+DelayOf = Literal["output", "path", "common"]
+
+
+@record
+class Layout:
+    """What the entries of theta are.
+
+    Parameters
+    ----------
+    pair:
+        True for a conjugate pair, false for a real pole. Pairs come first.
+    fixed_imag:
+        Imaginary part of the real poles [rad/s]: zero, or pi / T for one on the negative real axis of z.
+    pivot:
+        The input whose entry of b is held, for each mode.
+    real_constants:
+        Pairs are phi psi / ((s - p)(s - conj p)) with real phi and psi: no velocity in the residue.
+    with_delay, with_lower, with_direct:
+        Whether there are delays, a term 1/s^2 and a constant term.
+    period_s:
+        Sampling period, or zero in continuous time.
+    full:
+        Residues of any rank: each input has output vectors of its own, and there is no b.
+    rigid_pivot:
+        The inputs whose entries of psi are held, one for each rigid mode phi psi / s^2.
+    delay_of:
+        Whose delays they are: each output's, each path's, or one for all.
+    relative_degree_two:
+        The residues of each path add up to zero: the response falls with 1/s^2.
+    """
+
+    pair: np.ndarray
+    fixed_imag: Float[np.ndarray, " mode"]
+    pivot: np.ndarray
+    inputs: int
+    outputs: int
+    real_constants: bool
+    with_delay: bool
+    with_lower: bool
+    with_direct: bool
+    period_s: float
+    full: bool = False
+    rigid_pivot: tuple[int, ...] = ()
+    delay_of: DelayOf = "output"
+    relative_degree_two: bool = False
+
+    @property
+    def pairs(self) -> int:
+        """Conjugate pairs."""
+        return int(np.sum(self.pair))
+
+    @property
+    def copies(self) -> int:
+        """Terms c b / (q - lambda) of each pole."""
+        return self.inputs if self.full else 1
+
+    @property
+    def free_b(self) -> list[tuple[int, int, bool]]:
+        """(mode, input, is imaginary part) of each free entry of b, in the order of theta."""
+        if self.full:
+            return []
+        return [
+            (m, i, part)
+            for m, pair in enumerate(self.pair)
+            for i in range(self.inputs)
+            if i != self.pivot[m]
+            for part in ((False, True) if pair and not self.real_constants else (False,))
+        ]
+
+    @property
+    def free_psi(self) -> list[tuple[int, int]]:
+        """(rigid mode, input) of each free entry of psi."""
+        rest = [i for i in range(self.inputs) if i not in self.rigid_pivot]
+        return [(r, i) for r in range(len(self.rigid_pivot)) for i in rest]
+
+    @property
+    def delays(self) -> tuple[int, int]:
+        """Delays that differ: over outputs, and over inputs."""
+        if not self.with_delay:
+            return 0, 0
+        each = {"output": (self.outputs, 1), "path": (self.outputs, self.inputs), "common": (1, 1)}
+        return each[self.delay_of]
+
+    def columns_of(self, mode: int) -> np.ndarray:
+        """Places of a mode's linear unknowns among those of an output."""
+        each = (1 if self.real_constants else 2) * self.copies
+        if self.pair[mode]:
+            return np.arange(each * mode, each * (mode + 1))
+        first = each * self.pairs + self.copies * (mode - self.pairs)
+        return np.arange(first, first + self.copies)
+
+    @property
+    def mode_columns(self) -> int:
+        """Linear unknowns of all modes in one output: they come first."""
+        per_pair = 1 if self.real_constants else 2
+        return self.copies * (per_pair * self.pairs + len(self.pair) - self.pairs)
+
+    @property
+    def columns(self) -> int:
+        """Linear unknowns of one output: modes, rigid modes, 1/s^2, constant."""
+        terms = self.inputs * (self.with_lower + self.with_direct)
+        return self.mode_columns + len(self.rigid_pivot) + terms
+
+    @property
+    def size(self) -> int:
+        """Length of theta."""
+        outputs, inputs = self.delays
+        return len(self.pair) + self.pairs + len(self.free_b) + len(self.free_psi) + outputs * inputs
+
+    @property
+    def unknowns(self) -> int:
+        """All unknowns of the model: theta and the linear ones, less what ties these."""
+        ties = self.inputs if self.relative_degree_two else 0
+        return self.size + self.outputs * (self.columns - ties)
+
+
+@record
+class Point:
+    """theta unpacked: poles [rad/s], input vectors of each term, delays [s], input vectors of rigid modes.
+
+    There is one delay for all paths of an output, or one for each.
+    """
+
+    poles: Complex[np.ndarray, " mode"]
+    b: Complex[np.ndarray, "term input"]
+    delay_s: Float[np.ndarray, "output path"]
+    psi: Float[np.ndarray, "rigid input"] | None = None
+
+
+def pack(layout: Layout, point: Point) -> Float[np.ndarray, " unknown"]:
+    """theta of a point; entries of b are taken relative to the pivot entry, which becomes one."""
+    sigma, omega = -np.real(point.poles), np.imag(point.poles)[: layout.pairs]
+    entries: list[float] = []
+    if free := layout.free_b:
+        b = point.b / np.take_along_axis(point.b, layout.pivot[:, None], axis=1)
+        entries = [b[m, i].imag if part else b[m, i].real for m, i, part in free]
+    rigid: list[float] = []
+    if point.psi is not None and (free_psi := layout.free_psi):
+        psi = np.linalg.solve(point.psi[:, list(layout.rigid_pivot)], point.psi)
+        rigid = [psi[r, i] for r, i in free_psi]
+    return np.concatenate(
+        [np.log(sigma), np.log(omega), np.array(entries), np.array(rigid), _delays_of(layout, point).ravel()]
+    )
+
+
+def _delays_of(layout: Layout, point: Point) -> np.ndarray:
+    outputs, inputs = layout.delays
+    if layout.with_delay and layout.delay_of == "common":
+        return np.mean(point.delay_s, keepdims=True)
+    return np.broadcast_to(point.delay_s[:outputs], (outputs, max(inputs, point.delay_s.shape[1])))[
+        :, :inputs
+    ]
+
+
+def unpack(layout: Layout, theta: Float[np.ndarray, " unknown"]) -> Point:
+    """Inverse of `pack`."""
+    modes, pairs = len(layout.pair), layout.pairs
+    imag = layout.fixed_imag.copy()
+    imag[:pairs] = np.exp(theta[modes : modes + pairs])
+    free, free_psi = layout.free_b, layout.free_psi
+    used = modes + pairs + len(free)
+    return Point(
+        -np.exp(theta[:modes]) + 1j * imag,
+        _input_vectors(layout, free, theta[modes + pairs : used]),
+        _delays_at(layout, theta[used + len(free_psi) :]),
+        _rigid_vectors(layout, free_psi, theta[used : used + len(free_psi)]),
+    )
+
+
+def _input_vectors(layout: Layout, free: list[tuple[int, int, bool]], values: np.ndarray) -> np.ndarray:
+    modes = len(layout.pair)
+    if layout.full:
+        return np.tile(np.eye(layout.inputs, dtype=complex), (modes, 1))
+    b = np.zeros((modes, layout.inputs), dtype=complex)
+    b[np.arange(modes), layout.pivot] = 1.0
+    for (m, i, part), value in zip(free, values, strict=True):
+        b[m, i] += 1j * value if part else value
+    return b
+
+
+def _rigid_vectors(layout: Layout, free: list[tuple[int, int]], values: np.ndarray) -> np.ndarray:
+    rigid = len(layout.rigid_pivot)
+    psi = np.zeros((rigid, layout.inputs))
+    psi[np.arange(rigid), list(layout.rigid_pivot)] = 1.0
+    for (r, i), value in zip(free, values, strict=True):
+        psi[r, i] = value
+    return psi
+
+
+def _delays_at(layout: Layout, values: np.ndarray) -> np.ndarray:
+    if not layout.with_delay:
+        return np.zeros((layout.outputs, 1))
+    outputs, inputs = layout.delays
+    return np.broadcast_to(values.reshape(outputs, inputs), (layout.outputs, inputs))
