@@ -16,7 +16,7 @@ from middeck.identification.spectra.averages import checked_stream
 from middeck.identification.spectra.lines import in_band, refuse_silence
 from middeck.identification.spectra.periods import (
     PeriodMoments,
-    excited_lines,
+    designed_lines,
     period_moments,
     silent_outputs,
 )
@@ -82,13 +82,13 @@ def estimate_distortion(
         )
     moments = period_moments(stream)
     band = in_band(moments.frequency_hz, band_hz)
-    excited = excited_lines(moments) & band
+    excited = designed_lines(moments) & band
     refuse_silence(excited, band_hz)
     first, last = np.flatnonzero(excited)[[0, -1]]
     lines = np.arange(first, last + 1)
-    if excited[lines].all():
+    if (np.flatnonzero(excited) % 2 == 0).any():
         raise DataError(
-            "the excitation leaves no line silent: distortion hides below the response",
+            "even lines are excited: distortion hides below the response, and even looks like odd",
             hint="an odd random multisine, or several realisations and `response_scatter(...).distortion`",
         )
     kind = np.where(excited[lines], 1, np.where(lines % 2 == 1, 3, 2))

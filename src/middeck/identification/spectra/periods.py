@@ -15,6 +15,8 @@ from middeck.values import record as frozen
 CLEAR_OF_NOISE = 100.0
 # Silent odd lines that a level of distortion is averaged over.
 NEAREST = 8
+# Lines sorted by power fall by 10 dB at once from the last designed one to what an actuator distorts.
+CLIFF = 10.0
 
 
 @frozen
@@ -74,7 +76,7 @@ def scatter_of_periods(stream: RecordStream, band_hz: tuple[float, float] | None
     U, Y = np.split(moments.mean[keep], [moments.inputs], axis=2)
     H, inverse_power = solve_lines(U, Y, frequency[keep])
     noise = _noise(moments, H, keep)
-    total, dof = _total(moments, H, excited, keep)
+    total, dof = _total(moments, H, keep)
     return ResponseScatter(
         frequency[keep],
         H,
@@ -99,7 +101,7 @@ def _noise(moments: PeriodMoments, H: np.ndarray, keep: np.ndarray) -> np.ndarra
 
 
 def _total(
-    moments: PeriodMoments, H: np.ndarray, excited: np.ndarray, keep: np.ndarray
+    moments: PeriodMoments, H: np.ndarray, keep: np.ndarray
 ) -> tuple[Complex[np.ndarray, "line output output"] | None, int]:
     """Covariance of an experiment's averaged output about the response, and its degrees of freedom.
 
@@ -113,6 +115,7 @@ def _total(
     if free > 0:
         left = Y[keep] - np.einsum("koi,kei->keo", H, U[keep])
         return np.einsum("keo,kep->kop", left, left.conj()) / free, free
+    excited = designed_lines(moments)
     silent = silent_odd_lines(excited)
     if len(silent) < NEAREST:
         return None, 0
@@ -146,10 +149,24 @@ def silent_outputs(
 
 def excited_lines(moments: PeriodMoments) -> np.ndarray:
     """Whether each line is excited; in a measured input, lines of noise are not."""
-    power = np.sum(np.abs(moments.mean[:, :, : moments.inputs]) ** 2, axis=(1, 2))
+    power = _input_power(moments)
     excited = power > FAINTEST**2 * power[1:].max()
     if moments.periods > 1:
         diagonal = np.real(np.einsum("kzz->kz", moments.scatter))[:, : moments.inputs]
         scatter = np.sum(diagonal, axis=1) / (moments.periods * (moments.periods - 1))
         excited &= power > CLEAR_OF_NOISE * scatter
     return excited
+
+
+def designed_lines(moments: PeriodMoments) -> np.ndarray:
+    """The excited lines that a signal was designed to have: its actuator's distortion is far below them."""
+    excited = excited_lines(moments)
+    power = np.where(excited, _input_power(moments), 0.0)
+    falling = np.sort(power)[::-1]
+    cliffs = np.flatnonzero(falling[:-1] > CLIFF * falling[1:])
+    # All that is not excited is zero: there is a cliff unless all lines are excited.
+    return excited if not len(cliffs) else power >= falling[cliffs[0]]
+
+
+def _input_power(moments: PeriodMoments) -> Float[np.ndarray, " line"]:
+    return np.sum(np.abs(moments.mean[:, :, : moments.inputs]) ** 2, axis=(1, 2))
