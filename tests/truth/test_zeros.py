@@ -231,12 +231,12 @@ def test_poles_zeros_gain_and_delay_there_and_back(output):
 
 
 def test_a_rigid_body_in_poles_and_zeros():
-    model = dataclasses.replace(gimbal_model(), lower=np.full((3, 2), 0.7))
+    model = dataclasses.replace(gimbal_model(), rigid=np.full((3, 2), 0.7))
     form = pole_zero_gain(model, "payload", "gimbal")
     assert np.sum(form.poles == 0.0) == 2
     assert form.static_gain is None
     back = from_pole_zero_gain(form)
-    assert back.lower[0, 0] == pytest.approx(0.7, rel=1e-10)
+    assert back.rigid[0, 0] == pytest.approx(0.7, rel=1e-10)
     f = gimbal_record.SCORED_HZ
     np.testing.assert_allclose(model_response(back, f)[:, 0, 0], model_response(model, f)[:, 0, 0], rtol=1e-9)
 
@@ -264,7 +264,7 @@ def test_refuses_what_is_no_model():
         from_pole_zero_gain(PoleZeroGain(np.repeat(pair, 2), np.zeros(0), 1.0, None, 0.0, port, port))
     with pytest.raises(ConfigError, match="right half"):
         from_pole_zero_gain(PoleZeroGain(-pair, np.zeros(0), 1.0, None, 0.0, port, port))
-    with pytest.raises(ConfigError, match="no term"):
+    with pytest.raises(ConfigError, match="no rigid-body mode"):
         from_pole_zero_gain(PoleZeroGain([0.0, 0.0], [-1.0], 1.0, None, 0.0, port, port))
     with pytest.raises(ConfigError, match="one of payload"):
         path_zeros(gimbal_model(), "load", "gimbal")

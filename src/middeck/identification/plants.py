@@ -10,11 +10,7 @@ import scipy.linalg
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
-from middeck.identification.measurement_model import (
-    MeasurementModel,
-    natural_hz,
-    path_delay,
-)
+from middeck.identification.measurement_model import RANK, MeasurementModel, natural_hz, path_delay
 from middeck.systems.delay import pade
 from middeck.systems.delayed_sampling import is_sum, sample_delayed, split_delays
 from middeck.systems.plant import Plant
@@ -74,8 +70,8 @@ def measured_plant(
     A delay common to all paths is put on the side with fewer channels, so that a model with one input needs
     ``pade_order`` states for it in all; what an input or an output is late beyond that needs as many each.
     Delays that are no sum of one for the input and one for the output give each channel of the smaller side
-    modes of its own. The term 1/s^2 of modes below the band is left out: it is no part of the plant, only of
-    its neighbourhood.
+    modes of its own. Rigid-body modes have the states q and q'. The term L / s^2 of modes below the band is
+    left out: it is no part of the plant, only of its neighbourhood.
 
     Raises
     ------
@@ -118,15 +114,19 @@ def sampled_plant(
 
 def sampled_statespace(model: MeasurementModel) -> SampledStateSpace:
     """Real block-modal form of a sampled model, of ``model.states`` states."""
-    if model.sample_hz is None or np.any(model.delay_s):
+    if model.sample_hz is None or np.any(path_delay(model)):
         raise ConfigError("only a sampled model without a delay has this state space", hint="sampled_plant")
     A, B, C = _modal_blocks(model, np.exp(model.poles / model.sample_hz))
     return SampledStateSpace(A, B, C, model.direct, 1.0 / model.sample_hz)
 
 
 def modal_statespace(model: MeasurementModel) -> StateSpace:
-    """Real block-modal form of a continuous model without its delays, of ``model.states`` states."""
-    return StateSpace(*_modal_blocks(model, model.poles), model.direct)
+    """Real block-modal form of a continuous model without its delays, of ``model.states`` states.
+
+    Rigid-body modes come last, each with the states q and q'.
+    """
+    modes = StateSpace(*_modal_blocks(model, model.poles), model.direct)
+    return modes if model.rigid is None else _beside(modes, model.rigid)
 
 
 def rational_statespace(model: MeasurementModel) -> StateSpace | SampledStateSpace:
@@ -134,15 +134,25 @@ def rational_statespace(model: MeasurementModel) -> StateSpace | SampledStateSpa
     if model.sample_hz is not None:
         A, B, C = _modal_blocks(model, np.exp(model.poles / model.sample_hz))
         return SampledStateSpace(A, B, C, model.direct, 1.0 / model.sample_hz)
-    modes = modal_statespace(model)
-    if not np.any(model.lower):
-        return modes
-    left, size, right = np.linalg.svd(model.lower)
-    rank = int(np.sum(size > UNREACHED * size[0]))
-    zero, root = np.zeros((rank, rank)), np.sqrt(size[:rank])
-    into = np.vstack([np.zeros((rank, len(right))), root[:, None] * right[:rank]])
-    out = np.hstack([left[:, :rank] * root, np.zeros((len(left), rank))])
-    drift = np.block([[zero, np.eye(rank)], [zero, zero]])
+    modes = StateSpace(*_modal_blocks(model, model.poles), model.direct)
+    double = double_pole(model)
+    return _beside(modes, double) if np.any(double) else modes
+
+
+def double_pole(model: MeasurementModel) -> Float[np.ndarray, "output input"]:
+    """R + L, all that goes with 1/s^2."""
+    return model.lower if model.rigid is None else model.lower + model.rigid
+
+
+def _beside(modes: StateSpace, double: np.ndarray) -> StateSpace:
+    """With double / s^2 in parallel: for each of its rank two states, q'' = psi u and y = phi q."""
+    left, size, right = np.linalg.svd(double)
+    rank = int(np.sum(size > RANK * size[0]))
+    root = np.sqrt(size[:rank])
+    psi, phi = root[:, None] * right[:rank], left[:, :rank] * root
+    drift = np.kron(np.eye(rank), np.array([[0.0, 1.0], [0.0, 0.0]]))
+    into, out = np.zeros((2 * rank, psi.shape[1])), np.zeros((len(phi), 2 * rank))
+    into[1::2], out[:, ::2] = psi, phi
     return StateSpace(
         _block([modes.A, drift]), np.vstack([modes.B, into]), np.hstack([modes.C, out]), modes.D
     )
@@ -151,7 +161,8 @@ def rational_statespace(model: MeasurementModel) -> StateSpace | SampledStateSpa
 def state_names(model: MeasurementModel) -> tuple[str, ...]:
     """One for each state of `modal_statespace`, so that a design can say which pole it cannot hold."""
     pairs = zip(natural_hz(model), model.is_pair, strict=True)
-    return tuple(f"pole at {hz:.4g} Hz" for hz, pair in pairs for _ in range(1 + pair))
+    poles = tuple(f"pole at {hz:.4g} Hz" for hz, pair in pairs for _ in range(1 + pair))
+    return (*poles, *(f"rigid-body mode {1 + k // 2}" for k in range(model.states - len(poles))))
 
 
 def select_channels(
@@ -181,6 +192,8 @@ def select_channels(
         direct=model.direct[entries],
         lower=model.lower[entries],
         delay_s=model.delay_s[rows],
+        path_delay_s=None if model.path_delay_s is None else model.path_delay_s[entries],
+        rigid=None if model.rigid is None or not np.any(model.rigid[entries]) else model.rigid[entries],
         inputs=tuple(model.inputs[i] for i in columns),
         outputs=tuple(model.outputs[o] for o in rows),
     )
@@ -226,6 +239,7 @@ def scale_channels(model: MeasurementModel, scale: Mapping[str, tuple[float, str
         participation=model.participation / of_input,
         direct=model.direct * entries,
         lower=model.lower * entries,
+        rigid=None if model.rigid is None else model.rigid * entries,
         inputs=inputs,
         outputs=outputs,
     )

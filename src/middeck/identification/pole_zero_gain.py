@@ -11,7 +11,7 @@ from jaxtyping import Complex
 
 from middeck.errors import ConfigError
 from middeck.identification.measurement_model import MeasurementModel, is_single, path_delay
-from middeck.identification.plants import select_channels
+from middeck.identification.plants import double_pole, select_channels
 from middeck.identification.zeros import path_zeros, rational_response
 from middeck.systems.ports import Port
 from middeck.values import record
@@ -60,10 +60,10 @@ def pole_zero_gain(model: MeasurementModel, output: str, input: str) -> PoleZero
         For an unknown name, or a path that is zero.
     """
     path = select_channels(model, outputs=(output,), inputs=(input,)).model
-    if not (len(path.poles) or path.direct.any() or path.lower.any()):
+    if not (len(path.poles) or path.direct.any() or double_pole(path).any()):
         raise ConfigError(f"the path from {input} to {output} is zero", hint="take another path")
     zeros = path_zeros(path, output, input).value
-    rigid = bool(path.lower[0, 0])
+    rigid = bool(double_pole(path)[0, 0])
     poles = np.concatenate([path.poles, np.zeros(2 * rigid)])
     return PoleZeroGain(
         poles,
@@ -92,9 +92,7 @@ def from_pole_zero_gain(form: PoleZeroGain) -> MeasurementModel:
     if np.any(np.real(form.poles) > 0.0):
         raise ConfigError("a pole lies in the right half-plane", hint="a measurement model is stable")
     at_zero = form.poles == 0.0
-    lower = 0.0
-    if at_zero.any():
-        lower = _double_pole(form, p, z, int(np.sum(at_zero)))
+    rigid = _rigid(form, p, z, int(np.sum(at_zero))) if at_zero.any() else 0.0
     modes = form.poles[~at_zero]
     q = _in_q(modes, form.sample_hz)
     residues = np.array([form.gain * _quotient(pole, z, _without(p, pole)) for pole in q], dtype=complex)
@@ -107,11 +105,12 @@ def from_pole_zero_gain(form: PoleZeroGain) -> MeasurementModel:
         residues[None],
         np.ones((len(modes), 1)),
         np.array([[direct]]),
-        np.array([[lower]]),
+        np.zeros((1, 1)),
         np.array([form.delay_s]),
         (form.input,),
         (form.output,),
         form.sample_hz,
+        rigid=np.array([[rigid]]) if at_zero.any() else None,
     )
 
 
@@ -152,14 +151,14 @@ def _without(poles: np.ndarray, pole: complex) -> np.ndarray:
     return np.delete(poles, int(np.argmin(np.abs(poles - pole))))
 
 
-def _double_pole(form: PoleZeroGain, p: np.ndarray, z: np.ndarray, count: int) -> float:
-    """L of L / s^2, from H = F(s) / s^2 with L = F(0); F'(0), the part in 1/s, must vanish."""
+def _rigid(form: PoleZeroGain, p: np.ndarray, z: np.ndarray, count: int) -> float:
+    """R of R / s^2, from H = F(s) / s^2 with R = F(0); F'(0), the part in 1/s, must vanish."""
     others = p[p != 0.0]
     slope = np.sum(1.0 / -z) - np.sum(1.0 / -others) if z.all() else np.inf
     unit = np.sum(1.0 / np.abs(np.concatenate([z, others]))) if z.all() else 0.0
     if count != 2 or form.sample_hz is not None or not abs(slope) <= ROUNDING * unit:
         raise ConfigError(
-            f"{count} poles at zero are no term L / s^2",
+            f"{count} poles at zero are no rigid-body mode R / s^2",
             hint="two of them, whose numerator has no slope at s = 0",
         )
     return float(np.real(form.gain * _quotient(0.0, z, others)))

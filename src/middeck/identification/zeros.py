@@ -14,7 +14,7 @@ from jaxtyping import Complex, Float
 
 from middeck.errors import ConfigError, NumericalError
 from middeck.identification.measurement_model import MeasurementModel, is_single, path_delay
-from middeck.identification.plants import SAME_DELAY_S, rational_statespace, select_channels
+from middeck.identification.plants import SAME_DELAY_S, double_pole, rational_statespace, select_channels
 from middeck.systems.delayed_sampling import is_sum
 from middeck.systems.transmission_zeros import transmission_zeros
 from middeck.values import record
@@ -220,6 +220,7 @@ def rational_response(
     with np.errstate(divide="ignore", invalid="ignore"):
         part = 1.0 / (q - np.concatenate([pole, pole[pairs].conj()]))
         H, slope = (c * part) @ b + model.direct, -by_s * (c * part**2) @ b
-        if not np.any(model.lower):
+        double = double_pole(model)
+        if not np.any(double):
             return H, slope
-        return H + model.lower / s**2, slope - 2.0 * model.lower / s**3
+        return H + double / s**2, slope - 2.0 * double / s**3
