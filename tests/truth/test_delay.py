@@ -33,10 +33,10 @@ def test_is_stable_and_well_conditioned(order, delay_s):
     assert np.linalg.eigvals(system.A).real.max() < 0.0
     # The level is 1e4; the ladder's own growth is below the square of the order.
     assert np.linalg.cond(system.A) < 4.0 * order**2
-    # The whole, in the time unit of the approximation's own poles, near 2 n / tau.
+    # The whole, in the time unit of the poles near 2 n / tau: 3 + 2 sqrt 2 at order one, where it is known.
     unit = delay_s / (2.0 * order)
     whole = np.block([[system.A * unit, system.B * np.sqrt(unit)], [system.C * np.sqrt(unit), system.D]])
-    assert np.linalg.cond(whole) < 4.0 * order**2
+    assert np.linalg.cond(whole) < 6.0 * order**2
 
 
 @pytest.mark.parametrize("order", range(1, 11))
