@@ -11,7 +11,7 @@ from middeck.errors import DataError
 from middeck.systems.ports import Channel, Role
 
 KEYS = tuple(f.name for f in fields(Channel))
-ROLES: tuple[Role, ...] = ("", "sensor", "actuator")
+ROLES: dict[str, Role] = {"": "", "sensor": "sensor", "actuator": "actuator"}
 
 
 def build_channel(table: Any, where: str) -> Channel | None:
@@ -34,7 +34,7 @@ def build_channel(table: Any, where: str) -> Channel | None:
     gain = given.pop("gain", None)
     texts = {k: str(v).strip() for k, v in given.items()}
     named = texts.pop("role", "")
-    role = next((r for r in ROLES if r == named), None)
+    role = ROLES.get(named)
     if role is None:
         raise DataError(f"role is {named!r}", where=where, hint="sensor or actuator")
     return Channel(

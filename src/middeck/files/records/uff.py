@@ -289,10 +289,16 @@ def load_response(path: str | Path) -> FrequencyResponse:
                 raise DataError("other frequencies than the first", where=where, hint="export them alike")
             H[:, o, i] = values
     assert lines is not None
-    names = [tuple(map(_place_name, places)) for places in (inputs, outputs)]
-    units = [found[outputs[0], at].divisor_unit for at in inputs], [found[o, inputs[0]].unit for o in outputs]
-    ports = [tuple(Port(n, u) for n, u in zip(*pair, strict=True)) for pair in zip(names, units, strict=True)]
-    return FrequencyResponse(lines, H, ports[0], ports[1])
+    into = tuple(_end(at, found[outputs[0], at].divisor_unit) for at in inputs)
+    out = tuple(
+        _end(at, found[at, inputs[0]].unit or UNITS.get(found[at, inputs[0]].quantity, "")) for at in outputs
+    )
+    return FrequencyResponse(lines, H, into, out)
+
+
+def _end(place: Place, unit: str) -> Port:
+    channel = Channel(node=_node(place), direction=_direction(place))
+    return Port(_place_name(place), unit, None if channel == Channel() else channel)
 
 
 def _response(file: Path, data: Dataset) -> tuple[np.ndarray, np.ndarray]:

@@ -1,0 +1,104 @@
+"""All faults of a record."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from middeck.identification.faults.against import compare_with_reference
+from middeck.identification.faults.found import Found, placed
+from middeck.identification.faults.levels import find_coarse_steps, find_drift, find_held, find_offset
+from middeck.identification.faults.pairs import find_pair_faults
+from middeck.identification.faults.periods import find_transient, find_unsteady_input
+from middeck.identification.faults.runs import Signal
+from middeck.identification.faults.samples import (
+    find_clipping,
+    find_dropouts,
+    find_gaps,
+    find_spikes,
+    is_dead,
+    is_impact,
+)
+from middeck.systems.fault import Fault, Side
+from middeck.systems.ports import Port
+from middeck.systems.record import Record
+from middeck.systems.response import FrequencyResponse
+
+SEVERITIES = ("unusable", "serious", "note")
+
+
+def detect_faults(record: Record, reference: FrequencyResponse | None = None) -> tuple[Fault, ...]:
+    """What is wrong with ``record``, worst first; empty for a clean one.
+
+    Parameters
+    ----------
+    record:
+        Samples may be NaN where they are missing.
+    reference:
+        The response that is expected, of the same ports, such as that of a model or an earlier record: signs,
+        gains, swapped channels and delays are then judged by it.
+
+    Found in each channel and experiment: gaps, dead channels, clipping, dropouts, spikes, offset, drift,
+    coarse steps, channels held at a slower rate; in periodic records transients and inputs that do not
+    repeat; between channels duplicates, and where node and direction are known (`Channel`) signs and delays
+    of collocated channels. docs/explanation/records-and-faults.md says how, with rates of detection and false
+    alarm.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(0)
+    >>> u, y = rng.standard_normal((1, 1, 500, 1)), rng.standard_normal((1, 1, 500, 1))
+    >>> y[0, 0, 200] = 40.0
+    >>> record = Record(100.0, u, y, (Port("force", "N"),), (Port("tip", "m"),), periodic=False)
+    >>> [(f.channel, f.kind, f.samples) for f in detect_faults(record)]
+    [('tip', 'spike', ((200, 201),))]
+    """
+    found: list[Fault] = []
+    struck = any(is_impact(_filled(x)) for x in _channels(record.u) if not is_dead(_filled(x)))
+    sides: tuple[tuple[Side, tuple[Port, ...], np.ndarray], ...] = (
+        ("input", record.inputs, record.u), ("output", record.outputs, record.y)
+    )  # fmt: skip
+    for side, ports, samples in sides:
+        for k, port in enumerate(ports):
+            for e, x in enumerate(samples[..., k]):
+                faults = _channel_faults(x, port, side=side, periodic=record.periodic, struck=struck)
+                found += placed(faults, side, port.name, e)
+    whole = not any(f.kind in ("gap", "dead") for f in found)
+    if whole:
+        found += find_pair_faults(record)
+    if whole and reference is not None:
+        found += compare_with_reference(record, reference)
+    return tuple(sorted(found, key=lambda f: SEVERITIES.index(f.severity)))
+
+
+def _channels(samples: np.ndarray) -> list[Signal]:
+    """Each channel of each experiment, its periods in one run."""
+    return [x.ravel() for e in samples for x in np.moveaxis(e, -1, 0)]
+
+
+def _filled(x: Signal) -> Signal:
+    """Straight lines across what is missing."""
+    good = np.isfinite(x)
+    if good.all() or not good.any():
+        return np.where(good, x, 0.0)
+    return np.interp(np.arange(len(x)), np.flatnonzero(good), x[good])
+
+
+def _channel_faults(
+    periods: np.ndarray, port: Port, *, side: Side, periodic: bool, struck: bool
+) -> list[Found]:
+    period, is_input = periods.shape[1], side == "input"
+    gaps, x = find_gaps(periods.ravel()), _filled(periods.ravel())
+    if is_dead(x):
+        what = f"does not move: constant at {x[0]:.6g} {port.unit}".rstrip()
+        dead = Found(
+            "dead", "unusable", ((0, len(x)),), what, "check cable and gain, or leave the channel out"
+        )
+        return gaps or [dead]
+    found = [*gaps, *find_clipping(x), *find_dropouts(x, period=period, is_input=is_input)]
+    found += [] if struck else find_spikes(x)
+    found += find_offset(x, port.unit, is_input=is_input)
+    if is_input:
+        return found + (find_unsteady_input(x, period) if periodic else [])
+    found += find_drift(x, port.unit, period=period if periodic else None)
+    found += find_coarse_steps(x) + find_held(x)
+    return found + (find_transient(x, period) if periodic else [])

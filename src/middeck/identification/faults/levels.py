@@ -1,0 +1,89 @@
+"""Faults of level and scale: offset, drift, coarse steps, a channel held at a slower rate."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from middeck.identification.faults.found import Found
+from middeck.identification.faults.runs import Signal, resolution
+
+# Level over swing (rms) from which an offset is told: an output that never crosses zero much; a command may
+# have one by intention (a binary sequence of 0 and 1 has 1).
+OFFSET_OUTPUT, OFFSET_INPUT = 1.0, 3.0
+# Change over the record, over the rms of the signal, from which a drift is told.
+DRIFT, PERIODIC_DRIFT = 0.3, 0.1
+# Lowest lines that a drift is told from, and how many of its standard deviations it must have. With nineteen
+# degrees of freedom Student's t passes 8 in one of 1e7.
+LINES, SURE = 10, 8.0
+# Noise of the steps over the signal (step / sqrt(12) / rms): 1 % is the noise of a good bench.
+COARSE, TOO_COARSE = 0.01, 0.1
+
+
+def find_offset(x: Signal, unit: str, *, is_input: bool) -> list[Found]:
+    """A level large against the swing."""
+    level, swing = float(x.mean()), float(x.std())
+    if abs(level) <= (OFFSET_INPUT if is_input else OFFSET_OUTPUT) * swing:
+        return []
+    # A mean scatters as the lowest lines do: few slow cycles have a level without an offset.
+    lowest = np.abs(np.fft.rfft(x - level)[1 : LINES + 1]) / len(x)
+    if abs(level) <= SURE * np.sqrt(np.mean(lowest**2)):
+        return []
+    what = f"offset of {level:.3g} {unit}, {abs(level) / swing:.1f} times its swing".replace("  ", " ")
+    return [Found("offset", "note", (), what, "responses leave it out; check range and zero of the sensor")]
+
+
+def find_drift(x: Signal, unit: str, *, period: int | None) -> list[Found]:
+    """A change from beginning to end that the signal's own slow motion does not explain."""
+    swing, periods = float(x.std()), 1 if period is None else len(x) // period
+    change, sure = _trend(x, periods)
+    least = (DRIFT if periods == 1 else PERIODIC_DRIFT) * swing
+    if sure <= SURE or abs(change) <= least:
+        return []
+    what = f"drifts by {change:.3g} {unit} over the record, {abs(change) / swing:.0%} of its rms".replace(
+        "  ", " "
+    )
+    hint = "let sensors and article warm up; take the drift out before a fit of slow modes"
+    return [Found("drift", "serious", (), what, hint)]
+
+
+def _trend(x: Signal, periods: int) -> tuple[float, float]:
+    """Change over the record, and that in standard deviations.
+
+    A ramp of D has the lines X_k / N = j D / (2 pi k), all of one phase; a random signal has any phases.
+    Times k, the lines of a ramp are equal; the scatter of the rest is its standard deviation. What repeats
+    has every ``periods``-th line only: the others are free of it.
+    """
+    k = np.arange(1, 2 * LINES + 1)
+    k = (k[k % periods != 0] if periods > 1 else k)[:LINES]
+    if len(x) < 4 * k[-1]:
+        return 0.0, 0.0
+    level = np.fft.rfft(x - x.mean())[k] / len(x) * 2.0 * np.pi * k
+    change = float(np.imag(level).mean())
+    rest = np.concatenate([np.real(level), np.imag(level) - change])
+    scatter = np.sqrt(np.sum(rest**2) / (2 * LINES - 1))
+    return change, abs(change) / max(scatter / np.sqrt(LINES), 1e-300)
+
+
+def find_coarse_steps(x: Signal) -> list[Found]:
+    """A converter whose steps are a good part of the signal."""
+    step, swing = resolution(x), float(x.std())
+    noise = step / np.sqrt(12.0) / swing
+    if noise <= COARSE or len(np.unique(x)) < 4:
+        return []
+    what = f"coarse steps of {step:.3g}: their noise is {noise:.1%} of the signal"
+    hint = "amplify before the converter, or choose a smaller range"
+    return [Found("quantisation", "serious" if noise > TOO_COARSE else "note", (), what, hint)]
+
+
+def find_held(x: Signal) -> list[Found]:
+    """A channel that moves at every n-th sample only."""
+    moves = np.flatnonzero(np.diff(x))
+    if len(moves) < 20:
+        return []
+    gaps = np.diff(moves)
+    every = int(np.median(gaps))
+    if every < 2 or np.mean(gaps % every == 0) < 0.95 or np.mean(gaps == every) < 0.8:
+        return []
+    what = f"moves at every {every}. sample only: recorded at a {every} times slower rate and held"
+    hint = "resample all channels to the slower rate, or take the hold into account"
+    return [Found("held", "serious", (), what, hint)]

@@ -1,0 +1,133 @@
+"""Faults seen by comparing channels: duplicates, and collocated ones that contradict each other."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.identification.faults.found import Found
+from middeck.systems.fault import Fault
+from middeck.systems.ports import Channel, Port
+from middeck.systems.record import Record
+
+# Two channels that agree so well are one signal; independent sensors differ by their noise.
+ONE_SIGNAL = 1e-9
+# Correlation from which two collocated sensors of one quantity are taken to see the same motion.
+ALIKE = 0.7
+# Delay between collocated sensors, in samples, from which it is told: the phase of a sixth of a cycle at a
+# third of the sampling rate.
+LATE = 0.5
+# A driven point takes power in: the mean power over the sum of its lines' sizes is 1 without noise or delay.
+# Below minus a half, three quarters of it have the wrong sign.
+POWER = -0.5
+FORCES = ("N", "N m", "Nm")
+
+
+def find_pair_faults(record: Record) -> list[Fault]:
+    """Duplicated outputs, and signs and delays of collocated channels."""
+    flat = [
+        [np.moveaxis(x[..., k], 0, 0).reshape(len(x), -1) for k in range(x.shape[3])]
+        for x in (record.u, record.y)
+    ]
+    inputs, outputs = (
+        list(zip(record.inputs, flat[0], strict=True)),
+        list(zip(record.outputs, flat[1], strict=True)),
+    )
+    found: list[Fault] = []
+    for k, (port, y) in enumerate(outputs):
+        for other, z in outputs[:k]:
+            found += _place(port, _duplicate(y, z, other) or _collocated(record, port, y, other, z))
+        for at, u in inputs:
+            found += _place(port, _duplicate(y, u, at) or _driven(record, port, y, at, u))
+    return found
+
+
+def _place(port: Port, found: list[Found]) -> list[Fault]:
+    return [Fault(f.kind, f.severity, "output", port.name, None, (), f.what, f.hint) for f in found]
+
+
+Runs = Float[np.ndarray, "experiment sample"]
+
+
+def _correlation(a: Runs, b: Runs) -> float:
+    a, b = a - a.mean(), b - b.mean()
+    size = float(np.sqrt(np.sum(a**2) * np.sum(b**2)))
+    return float(np.sum(a * b)) / size if size else 0.0
+
+
+def _duplicate(y: Runs, z: Runs, other: Port) -> list[Found]:
+    alike = _correlation(y, z)
+    if abs(alike) < 1.0 - ONE_SIGNAL:
+        return []
+    how = "the same signal as" if alike > 0.0 else "the same signal, turned round, as"
+    return [
+        Found("duplicate", "serious", (), f"{how} {other.name}", "check the wiring; leave one of them out")
+    ]
+
+
+def _collocated(record: Record, port: Port, y: Runs, other: Port, z: Runs) -> list[Found]:
+    """Two sensors of one quantity at one point along one axis."""
+    sign = _same_place(port.channel, other.channel)
+    if sign == 0 or port.unit != other.unit:
+        return []
+    lag, alike = _lag(sign * y, z)
+    if alike < -ALIKE:
+        what = f"has the opposite sign of {other.name}, at the same place (correlation {alike:.2f})"
+        return [
+            Found("sign", "serious", (), what, "one of the two is mounted or calibrated with the wrong sign")
+        ]
+    if alike > ALIKE and abs(lag) > LATE:
+        when = f"{abs(lag):.1f} samples ({abs(lag) / record.sample_hz:.3g} s)"
+        what = f"{when} {'after' if lag > 0 else 'before'} {other.name}, at the same place"
+        return [Found("delay", "serious", (), what, "start the channels together, or shift one")]
+    return []
+
+
+def _same_place(a: Channel | None, b: Channel | None) -> int:
+    """1 at one node along one axis, -1 along opposite ones, 0 elsewhere or unknown."""
+    if a is None or b is None or not a.node or not a.direction or a.node != b.node:
+        return 0
+    if a.direction.lstrip("+-") != b.direction.lstrip("+-"):
+        return 0
+    return 1 if a.direction.startswith("-") == b.direction.startswith("-") else -1
+
+
+def _lag(y: Runs, z: Runs) -> tuple[float, float]:
+    """Samples by which ``y`` is later than ``z``, and their correlation there, whichever sign it has."""
+    samples = y.shape[1]
+    Y, Z = (np.fft.rfft(x - x.mean(axis=1, keepdims=True), 2 * samples) for x in (y, z))
+    cross = np.fft.irfft(np.sum(Y * np.conj(Z), axis=0), 2 * samples)
+    most = min(samples - 1, 1 + samples // 8)
+    near = np.concatenate([cross[-most:], cross[: most + 1]])
+    k = int(np.abs(near).argmax())
+    size = np.sqrt(np.sum((y - y.mean()) ** 2) * np.sum((z - z.mean()) ** 2))
+    shift = 0.0
+    if 0 < k < len(near) - 1:  # the peak of a parabola through three
+        left, peak, right = near[k - 1 : k + 2]
+        shift = 0.5 * (left - right) / (left - 2.0 * peak + right)
+    return k - most + float(shift), float(near[k] / size) if size else 0.0
+
+
+def _driven(record: Record, port: Port, y: Runs, at: Port, u: Runs) -> list[Found]:
+    """A force and the motion where it acts: the article takes power in."""
+    sign = _same_place(port.channel, at.channel)
+    derivative = {"m": 1, "rad": 1, "m/s": 0, "rad/s": 0, "m/s^2": -1, "rad/s^2": -1}.get(port.unit)
+    if sign == 0 or derivative is None or at.unit not in FORCES:
+        return []
+    share = _power_share(sign * y, u, derivative)
+    if share > POWER:
+        return []
+    what = f"has the wrong sign against {at.name} there: the article gives off power ({share:.0%})"
+    hint = f"turn the sign of the sensor or of {at.name}; a passive article takes power in"
+    return [Found("sign", "serious", (), what, hint)]
+
+
+def _power_share(y: Runs, u: Runs, derivative: int) -> float:
+    """Mean power u v over the sum of its sizes on all lines, v from y by ``derivative`` differentiations."""
+    samples = y.shape[1]
+    window = np.hanning(samples)
+    Y, U = (np.fft.rfft(window * (x - x.mean(axis=1, keepdims=True)), axis=1)[:, 2:] for x in (y, u))
+    line = 1j * np.arange(2, 2 + Y.shape[1])
+    power = np.real(np.sum(np.conj(U) * Y, axis=0) * line**derivative)
+    total = float(np.abs(power).sum())
+    return float(power.sum()) / total if total else 0.0

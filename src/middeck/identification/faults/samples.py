@@ -1,0 +1,167 @@
+"""Faults of single samples and short runs: gaps, clipping, dropouts, spikes."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.ndimage
+
+from middeck.identification.faults.found import Found
+from middeck.identification.faults.runs import Runs, Signal, equal_runs, resolution, runs_of
+
+# A channel whose swing is within this share of its level is constant up to rounding.
+ROUNDING = 1e-13
+# Clipping. Where a smooth peak looks flat for L samples because of steps q, its neighbours lie at most
+# (L + 2)^2 / L^2 q below, that is 3 q and rounding for the shortest run of three.
+DROP = 8.0
+# Density within 0.5 % of the span of a limit over that of the next 0.5 %: 2.4 for a sine, less for noise.
+ZONE, PILED = 0.005, 5.0
+FEWEST_PILED = 20
+# Samples in one run at a limit over those in any zone as wide.
+LINGERS = 2.0
+# Half of the samples at the limits: a switched signal, not a clipped one.
+SWITCHED = 0.5
+# Dropouts: eight equal samples are no peak seen through steps if the signal then leaps.
+STUCK = 8
+# A share of equal neighbours above which a signal is held by intention.
+HELD = 0.3
+# Input at rest for so long a share of the period: a burst that ended.
+REST = 0.05
+# Spikes: samples on each side that a spike is compared with, the nearest left out, and by how many times
+# their span it leaves it. Of Gaussian samples one in 1e9 does.
+BESIDE, LEAP = 12, 2.0
+# Inputs with so much of their energy in spikes are impacts.
+IMPACTS = 0.1
+
+
+def find_gaps(x: Signal) -> list[Found]:
+    """Samples that are not finite numbers."""
+    runs = runs_of(~np.isfinite(x))
+    if not runs:
+        return []
+    count = sum(b - a for a, b in runs)
+    what = f"{count} samples are missing or no numbers, in {_times(runs)}, first at {runs[0][0]}"
+    return [Found("gap", "unusable", tuple(runs), what, "cut the record before the gap, or record it again")]
+
+
+def is_dead(x: Signal) -> bool:
+    """Whether the channel does not move at all."""
+    return bool(np.ptp(x) <= ROUNDING * np.abs(x).max())
+
+
+def find_clipping(x: Signal) -> list[Found]:
+    """Runs at the largest or smallest value, and samples that crowd below a limit blurred by noise."""
+    if len(np.unique(x[: 10 * FEWEST_PILED])) <= 3 and len(np.unique(x)) <= 3:
+        return []
+    runs = _exact_limits(x) or _blurred_limits(x)
+    if not runs:
+        return []
+    count = sum(b - a for a, b in runs)
+    limits = sorted({float(f"{x[a]:.3g}") for a, _ in runs})
+    at = " and ".join(f"{v:g}" for v in (limits[:1] + limits[-1:] if len(limits) > 1 else limits))
+    what = f"clipped: {count} samples at the limits near {at}, in {_times(runs)}"
+    return [
+        Found("clipping", "serious", tuple(runs), what, "record it again with a wider range or less drive")
+    ]
+
+
+def _exact_limits(x: Signal) -> Runs:
+    step = resolution(x)
+    least = 3 if step > 0.0 else 2
+    runs = equal_runs(x, least)
+    low, high = x.min(), x.max()
+    at = [(a, b) for a, b in runs if x[a] in (low, high)]
+    count = sum(b - a for a, b in at)
+    # A held signal rests at any value.
+    if count < 3 or len(runs) > 2 * len(at) or np.mean((x == low) | (x == high)) > SWITCHED:
+        return []
+    beside = [abs(x[k] - x[a]) for a, b in at for k in (a - 1, b) if 0 <= k < len(x)]
+    return at if np.mean(beside) > DROP * step else []
+
+
+def _blurred_limits(x: Signal) -> Runs:
+    zone = max(ZONE * float(np.ptp(x)), 1.5 * resolution(x))
+    # How long half of the samples stay within a zone: steps rest everywhere, a clipped signal at its limits.
+    inner = np.flatnonzero(np.diff(np.floor((x - x.min()) / zone)))
+    stays = np.sort(np.diff(np.concatenate([[-1], inner, [len(x) - 1]])))
+    stay = stays[np.searchsorted(np.cumsum(stays), 0.5 * len(x))]
+    runs: Runs = []
+    count = 0
+    for size in (x, -x):
+        depth = size.max() - size
+        at, next_to = depth < zone, (depth >= zone) & (depth < 2.0 * zone)
+        top, below = int(at.sum()), int(next_to.sum())
+        found = runs_of(at)
+        crowded = top >= FEWEST_PILED and top > PILED * below + 5.0 * np.sqrt(below)
+        if crowded and top > LINGERS * stay * len(found):
+            runs, count = runs + found, count + top
+    return sorted(runs) if count < SWITCHED * len(x) else []
+
+
+def find_dropouts(x: Signal, *, period: int, is_input: bool) -> list[Found]:
+    """Runs of one value that the signal enters or leaves by a leap."""
+    step = resolution(x)
+    low, high = x.min(), x.max()
+    if np.mean(np.diff(x) == 0.0) > HELD and len(equal_runs(x, 2)) > 5 * len(equal_runs(x, STUCK)):
+        return []
+    runs = [(a, b) for a, b in equal_runs(x, STUCK) if a > 0 and x[a] not in (low, high)]
+    if is_input:  # a burst rests for long, and to the end
+        runs = [(a, b) for a, b in runs if b - a < REST * period and b < len(x)]
+    runs = [r for r in runs if _leaps(x, r, step)]
+    if not runs:
+        return []
+    count = sum(b - a for a, b in runs)
+    what = f"drops out: stuck for {count} samples, in {_times(runs)}, first at {runs[0][0]}"
+    hint = "check cable and transmission; cut the record there"
+    if runs[-1][1] == len(x):
+        hint = "the end may have been cut and padded: cut it off, or copy the record again"
+    return [Found("dropout", "serious", tuple(runs), what, hint)]
+
+
+def _leaps(x: Signal, run: tuple[int, int], step: float) -> bool:
+    """Whether the signal leaves its value by more than steps, and by as much as it usually moves."""
+    a, b = run
+    moves = np.abs(np.concatenate([np.diff(x[max(0, a - 50) : a]), np.diff(x[b : b + 50])]))
+    usual = float(np.median(moves)) if len(moves) else 0.0
+    edges = [abs(x[a] - x[a - 1])] + ([abs(x[b] - x[b - 1])] if b < len(x) else [])
+    # What stays to the end needs less of a leap: nothing but a sticking joint comes to rest on one value.
+    share = 0.5 if b < len(x) else 0.05
+    return max(edges) > max(5.0 * step, share * usual) and usual > 0.0
+
+
+def find_spikes(x: Signal) -> list[Found]:
+    """One or two samples far outside of all that is beside them."""
+    runs = spike_runs(x)
+    if not runs:
+        return []
+    largest = max(float(np.abs(x[a:b] - np.median(x)).max()) for a, b in runs)
+    what = f"{len(runs)} spikes up to {largest:.3g}, first at {runs[0][0]}"
+    hint = "check for loose contacts and switching nearby; repair the samples, or leave the period out"
+    return [Found("spike", "serious", tuple(runs), what, hint)]
+
+
+def spike_runs(x: Signal) -> Runs:
+    """Where `find_spikes` sees one."""
+    if len(x) < 2 * BESIDE + 5:
+        return []
+    size = BESIDE - 1
+    # The window of BESIDE - 1 samples that ends two before a sample, and the one that begins two after it.
+    shift = 2 + size // 2
+    highest = np.roll(scipy.ndimage.maximum_filter1d(x, size), shift)
+    highest = np.maximum(highest, np.roll(scipy.ndimage.maximum_filter1d(x, size), -shift))
+    lowest = np.roll(scipy.ndimage.minimum_filter1d(x, size), shift)
+    lowest = np.minimum(lowest, np.roll(scipy.ndimage.minimum_filter1d(x, size), -shift))
+    beyond = np.maximum(x - highest, lowest - x)
+    found = (beyond > LEAP * (highest - lowest) + 5.0 * resolution(x)) & (beyond > ROUNDING * np.abs(x).max())
+    found[: BESIDE + 2] = found[-BESIDE - 2 :] = False
+    return runs_of(found)
+
+
+def is_impact(x: Signal) -> bool:
+    """Whether a good part of the energy is in spikes, as of a hammer."""
+    swing = x - np.median(x)
+    energy = sum(float(np.sum(swing[a:b] ** 2)) for a, b in spike_runs(x))
+    return energy > IMPACTS * float(np.sum(swing**2))
+
+
+def _times(runs: Runs) -> str:
+    return "one run" if len(runs) == 1 else f"{len(runs)} runs"
