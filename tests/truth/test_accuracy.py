@@ -66,7 +66,7 @@ def test_one_mode_has_the_closed_form():
     """Peak of one light mode under dense lines of amplitude a: var(omega) from the integral of |dH/domega|^2.
 
     H = K / (s^2 + 2 zeta w s + w^2). Near the peak H = -j K / (2 w) / (sigma + j d), with sigma = zeta w and
-    d the distance from the peak; dH/dw_d = H / (sigma + j d) j. With spacing 2 pi / (N T) of lines d_k, the sum
+    d the distance from the peak; dH/dw_d = H j / (sigma + j d). With spacing 2 pi / (N T) of lines, the sum
     of |dH/dw|^2 is N T / (2 pi) times the integral of (K / 2w)^2 / (sigma^2 + d^2)^2 dd =
     (K / 2w)^2 pi / (2 sigma^3); frequency and the (phase of the) constant are uncorrelated only if the
     constant is real, which the structure says. Hence var(w_d) = N s^2 / (2 a^2 (N/2)^2 P) / that sum.

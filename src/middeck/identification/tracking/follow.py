@@ -1,0 +1,292 @@
+"""What is followed, and the state of following it."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Complex, Float, Int
+
+from middeck.errors import ConfigError
+from middeck.identification.measurement_model import MeasurementModel, damping_ratio, natural_hz
+from middeck.identification.tracking.trust import WATCHED, is_trusted
+from middeck.identification.uncertainty import Uncertainty
+from middeck.values import record
+
+# Motion before the first sample, as a multiple of what white inputs of the stated rms would keep up: a signal
+# of a narrower band has more of its power where the modes are.
+MORE_IN_BAND = 3.0
+# Constants whose real part is below this share are those of a displacement.
+ROUNDING = 1e-9
+# Where nothing is said: deviations of a fit that is good enough to start from.
+FIRST_FREQUENCY, FIRST_DAMPING, FIRST_GAIN = 0.005, 0.2, 0.05
+
+
+@record
+class Drift:
+    """How parameters are thought to move.
+
+    Parameters
+    ----------
+    frequency, damping, gain:
+        Relative drift of each in one second; it grows with the square root of time. A slower one gives
+        smaller deviations and follows later.
+    frequency_jump, damping_jump:
+        Relative size of a sudden change. When the corrections of a parameter go one way for longer than
+        chance allows, its mode is thought to have jumped, and is found again from so large a deviation.
+    """
+
+    frequency: float = 3e-5
+    damping: float = 1e-3
+    gain: float = 3e-4
+    frequency_jump: float = 0.01
+    damping_jump: float = 0.2
+
+    def __post_init__(self) -> None:
+        each = (self.frequency, self.damping, self.gain, self.frequency_jump, self.damping_jump)
+        if not all(np.isfinite(x) and x >= 0.0 for x in each):
+            raise ConfigError(f"drifts {each}", hint="finite numbers of zero or more")
+
+
+@record
+class Followed:
+    """What does not change while it is followed.
+
+    Parameters
+    ----------
+    T:
+        Sampling period [s].
+    shapes, participation, direct:
+        Of the model; the former divided by the loss of a hold that the model has in its constants already.
+    real_constants:
+        Whether phi psi is held when a frequency moves, and the residue phi psi / (2 j omega_d) goes with it.
+    group:
+        Which delay each output has, of ``whole`` samples and ``part`` of another.
+    noise_rms:
+        Of each output's samples.
+    """
+
+    T: float
+    shapes: Complex[np.ndarray, "output mode"]
+    participation: Complex[np.ndarray, "mode input"]
+    direct: Float[np.ndarray, "output input"]
+    poles: Complex[np.ndarray, " mode"]
+    real_constants: bool
+    group: Int[np.ndarray, " output"]
+    whole: Int[np.ndarray, " delay"]
+    part: Float[np.ndarray, " delay"]
+    noise_rms: Float[np.ndarray, " output"]
+    drift: Drift
+
+
+@record
+class Tracking:
+    """Modal parameters as known after so many samples, with all that is needed to go on.
+
+    Parameters
+    ----------
+    samples:
+        Seen so far.
+    mean, covariance:
+        Of the modal states (real parts, imaginary parts; for each delay), log frequency, log damping and
+        gains, in that order.
+    past:
+        Inputs on their way through the delays, latest first.
+    corrections, chance:
+        Weighted sum of late corrections of log frequency and log damping, and its variance by chance.
+    products:
+        Weighted means of the products of normalised innovations, lags zero and on.
+    late:
+        Latest normalised innovations, latest first.
+    weight:
+        Weight of what the means have seen, up to one.
+    jumps:
+        How often each mode was thought to have jumped.
+    """
+
+    followed: Followed
+    samples: int
+    mean: Float[np.ndarray, " unknown"]
+    covariance: Float[np.ndarray, "unknown unknown"]
+    past: Float[np.ndarray, "age input"]
+    corrections: Float[np.ndarray, " parameter"]
+    chance: Float[np.ndarray, " parameter"]
+    products: Float[np.ndarray, " lag"]
+    late: Float[np.ndarray, "age2 output"]
+    weight: float
+    jumps: Int[np.ndarray, " mode"]
+
+    @property
+    def time_s(self) -> float:
+        """Time of the last sample [s], from the first."""
+        return self.samples * self.followed.T
+
+    @property
+    def _log(self) -> np.ndarray:
+        return log_places(self.followed)
+
+    @property
+    def natural_hz(self) -> Float[np.ndarray, " mode"]:
+        """Undamped natural frequency of each mode [Hz]."""
+        return np.exp(self.mean[self._log[0]]) / (2.0 * np.pi)
+
+    @property
+    def frequency_std_hz(self) -> Float[np.ndarray, " mode"]:
+        """Its standard deviation."""
+        return self.natural_hz * self._deviation(self._log[0])
+
+    @property
+    def damping(self) -> Float[np.ndarray, " mode"]:
+        """Damping ratio of each mode."""
+        return np.exp(self.mean[self._log[1]])
+
+    @property
+    def damping_std(self) -> Float[np.ndarray, " mode"]:
+        """Its standard deviation."""
+        return self.damping * self._deviation(self._log[1])
+
+    @property
+    def gain(self) -> Float[np.ndarray, "output mode"]:
+        """Modal constants as multiples of the model's at the start."""
+        outputs, modes = self.followed.shapes.shape
+        return 1.0 + self.mean[len(self.mean) - outputs * modes :].reshape(outputs, modes)
+
+    @property
+    def gain_std(self) -> Float[np.ndarray, "output mode"]:
+        """Their standard deviations."""
+        outputs, modes = self.followed.shapes.shape
+        first = len(self.mean) - outputs * modes
+        return self._deviation(np.arange(first, len(self.mean))).reshape(outputs, modes)
+
+    @property
+    def trusted(self) -> bool:
+        """Whether the innovations are white and as large as stated; if not, the model does not hold."""
+        return is_trusted(self.products, self.weight, len(self.followed.noise_rms))
+
+    def _deviation(self, places: np.ndarray) -> np.ndarray:
+        return np.sqrt(np.maximum(np.diag(self.covariance)[places], 0.0))
+
+
+def log_places(followed: Followed) -> np.ndarray:
+    """Where log frequency (first row) and log damping stand among the unknowns."""
+    modes = len(followed.poles)
+    first = 2 * modes * len(followed.whole)
+    return first + np.arange(2 * modes).reshape(2, modes)
+
+
+def start_tracking(
+    model: MeasurementModel,
+    *,
+    sample_hz: float,
+    noise_rms: Float[np.ndarray, " output"] | float,
+    input_rms: Float[np.ndarray, " input"] | float,
+    known: Uncertainty | None = None,
+    drift: Drift | None = None,
+    hold_in_model: bool = True,
+) -> Tracking:
+    """The state before the first sample.
+
+    Parameters
+    ----------
+    model:
+        Where to start: a continuous model of conjugate pairs, fitted to an earlier record or made from a
+        plant (`model_of_plant`). Frequencies, damping and the size of each mode at each output are followed;
+        delays and the direct term are taken as they are.
+    sample_hz:
+        Rate of the samples that will come; inputs are held from each to the next.
+    noise_rms:
+        Of the white noise on each output's samples.
+    input_rms:
+        Of what moved the article before the first sample, by which the unknown motion at the start is judged;
+        zero for an article at rest.
+    known:
+        Standard deviations of the model's frequencies and damping; 0.5 and 20 per cent by default.
+    drift:
+        How parameters are thought to move.
+    hold_in_model:
+        Whether the model was fitted to records of held inputs, so that its delays hold half a sample of hold
+        (docs/conventions.md). False for a plant of a structure with a pure delay.
+
+    Raises
+    ------
+    ConfigError
+        For a sampled model, one with real poles or terms of modes below the band, delays that differ by
+        input, a mode at or above half the sampling rate, noise that is not positive, an input that is
+        negative or not finite, or a delay shorter than the hold in it.
+    """
+    noise = np.broadcast_to(np.asarray(noise_rms, dtype=float), (len(model.outputs),))
+    rms = np.broadcast_to(np.asarray(input_rms, dtype=float), (len(model.inputs),))
+    _check(model, sample_hz, noise, rms)
+    followed = _followed(model, sample_hz, noise, drift or Drift(), hold_in_model=hold_in_model)
+    modes, outputs, groups = len(model.poles), len(model.outputs), len(followed.whole)
+    f = FIRST_FREQUENCY if known is None else known.natural_hz / natural_hz(model)
+    z = FIRST_DAMPING if known is None else known.damping / damping_ratio(model)
+    # z' = lambda z + b u under white u, rms^2 T: E|z|^2 = |b|^2 rms^2 T / (2 sigma).
+    power = np.abs(model.participation) ** 2 @ rms**2 / sample_hz / (-2.0 * np.real(model.poles))
+    state = MORE_IN_BAND * np.sqrt(power)
+    deviation = np.concatenate(
+        [
+            np.tile(state, 2 * groups),
+            np.broadcast_to(f, (modes,)),
+            np.broadcast_to(z, (modes,)),
+            np.full(outputs * modes, FIRST_GAIN),
+        ]
+    )
+    logs = [np.log(np.abs(model.poles)), np.log(damping_ratio(model))]
+    mean = np.concatenate([np.zeros(2 * modes * groups), *logs, np.zeros(outputs * modes)])
+    return Tracking(
+        followed,
+        0,
+        mean,
+        np.diag(deviation**2),
+        np.zeros((int(followed.whole.max()) + 2, len(model.inputs))),
+        np.zeros(2 * modes),
+        np.zeros(2 * modes),
+        np.zeros(WATCHED + 1),
+        np.zeros((WATCHED, outputs)),
+        0.0,
+        np.zeros(modes, dtype=int),
+    )
+
+
+def _followed(
+    model: MeasurementModel, sample_hz: float, noise: np.ndarray, drift: Drift, *, hold_in_model: bool
+) -> Followed:
+    T = 1.0 / sample_hz
+    delay = model.delay_s + (0.0 if model.path_delay_s is None else model.path_delay_s[:, 0])
+    pure = delay - 0.5 * T * hold_in_model
+    if np.any(pure < -1e-9 * T):
+        raise ConfigError(
+            f"a delay of {delay.min()} s is less than the hold's own {0.5 * T} s",
+            hint="hold_in_model=False if the model does not hold it",
+        )
+    # 1e-9 of a sample: decimals are not exact in binary.
+    samples, group = np.unique(np.round(np.maximum(pure, 0.0) / T, 9), return_inverse=True)
+    whole = np.floor(samples).astype(int)
+    # A model fitted to held inputs has the hold's loss sin(x)/x in its constants: not twice.
+    loss = np.sinc(natural_hz(model) * T) if hold_in_model else 1.0
+    residue = np.einsum("om,mi->omi", model.shapes, model.participation)
+    real = bool(np.all(np.abs(residue.real) <= ROUNDING * np.abs(residue).max(initial=0.0)))
+    return Followed(
+        T, model.shapes / loss, model.participation, model.direct, model.poles, real,
+        np.asarray(group).ravel(), whole, samples - whole, noise, drift,
+    )  # fmt: skip
+
+
+def _check(model: MeasurementModel, sample_hz: float, noise: np.ndarray, rms: np.ndarray) -> None:
+    if model.sample_hz is not None or np.any(model.lower) or not np.all(model.is_pair):
+        raise ConfigError(
+            "only a continuous model of conjugate pairs can be followed",
+            hint="fit with real constants and without residual terms",
+        )
+    if not len(model.poles):
+        raise ConfigError("a model without modes", hint="one mode or more")
+    if model.path_delay_s is not None and np.ptp(model.path_delay_s, axis=1).any():
+        raise ConfigError("delays that differ by input cannot be followed", hint="one delay for each output")
+    if not (np.isfinite(sample_hz) and natural_hz(model).max() < 0.5 * sample_hz):
+        raise ConfigError(
+            f"a mode at {natural_hz(model).max():.6g} Hz cannot be followed at {sample_hz} Hz",
+            hint="sample faster, or leave the mode out",
+        )
+    if not (np.isfinite(noise).all() and np.all(noise > 0.0)):
+        raise ConfigError(f"noise of rms {noise.tolist()}", hint="a positive rms for each output")
+    if not (np.isfinite(rms).all() and np.all(rms >= 0.0)):
+        raise ConfigError(f"inputs of rms {rms.tolist()}", hint="zero for an article at rest")

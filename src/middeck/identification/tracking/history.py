@@ -1,0 +1,90 @@
+"""A whole record followed, block by block."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from middeck.errors import ConfigError
+from middeck.identification.tracking.follow import Tracking
+from middeck.identification.tracking.update import update_tracking
+from middeck.systems.record import Record
+from middeck.values import record
+
+
+@record
+class Tracked:
+    """Modal parameters at the end of each block.
+
+    Parameters
+    ----------
+    time_s:
+        Time of the last sample of each block.
+    natural_hz, frequency_std_hz, damping, damping_std:
+        With standard deviations.
+    trusted:
+        Whether the innovations were white and as large as stated.
+    jumps:
+        How often each mode had jumped by then.
+    state:
+        At the end, from which to go on.
+    """
+
+    time_s: Float[np.ndarray, " block"]
+    natural_hz: Float[np.ndarray, "block mode"]
+    frequency_std_hz: Float[np.ndarray, "block mode"]
+    damping: Float[np.ndarray, "block mode"]
+    damping_std: Float[np.ndarray, "block mode"]
+    trusted: Bool[np.ndarray, " block"]
+    jumps: Int[np.ndarray, "block mode"]
+    state: Tracking
+
+
+def track_modes(state: Tracking, measured: Record, *, block: int = 256) -> Tracked:
+    """Follow the first experiment of a record, all its periods one after the other.
+
+    Parameters
+    ----------
+    state:
+        `start_tracking`, or the end of an earlier record that this one continues.
+    block:
+        Samples from one row of the result to the next; it changes nothing else.
+
+    Raises
+    ------
+    ConfigError
+        For a block without samples or a record of another rate.
+    DataError
+        As `update_tracking`.
+    """
+    if block < 1:
+        raise ConfigError(f"blocks of {block} samples", hint="one or more")
+    if abs(measured.sample_hz * state.followed.T - 1.0) > 1e-9:
+        raise ConfigError(
+            f"a record at {measured.sample_hz} Hz, the tracker runs at {1.0 / state.followed.T} Hz",
+            hint="start at the record's rate",
+        )
+    u, y = (x[0].reshape(-1, x.shape[3]) for x in (measured.u, measured.y))
+    states = list(_blocks(state, u, y, block))
+
+    def column(name: str) -> np.ndarray:
+        return np.array([getattr(s, name) for s in states])
+
+    return Tracked(
+        column("time_s"),
+        column("natural_hz"),
+        column("frequency_std_hz"),
+        column("damping"),
+        column("damping_std"),
+        column("trusted"),
+        column("jumps"),
+        states[-1],
+    )
+
+
+def _blocks(state: Tracking, u: np.ndarray, y: np.ndarray, block: int) -> Iterable[Tracking]:
+    for first in range(0, len(u), block):
+        state = update_tracking(state, u[first : first + block], y[first : first + block])
+        yield state

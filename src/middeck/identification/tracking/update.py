@@ -1,0 +1,205 @@
+"""The recursion: an extended Kalman filter on modal states and the parameters that move them.
+
+Without noise of their own the modal states are those of an output-error model, and the covariance between
+them and the parameters carries the derivative of the output by the parameters from sample to sample: the
+filter is the recursive prediction-error method of that model (Ljung and Soderstrom 1983, section 3.8), which
+does not have the bias of a filter that takes its gain for constant (Ljung 1979).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.errors import DataError
+from middeck.identification.tracking.dynamics import poles_at, step_modes
+from middeck.identification.tracking.follow import Followed, Tracking, log_places
+from middeck.identification.tracking.trust import MEMORY
+
+# An innovation pulls no further than so many of its deviations: a spike is no news.
+CLIPPED = 5.0
+# Corrections of one parameter are summed over this time [s]; by chance their sum stays within so many of its
+# deviations, but for once in 150,000 times.
+SUMMED_S = 4.0
+JUMPED = 4.5
+# Samples between two looks at the sums.
+LOOK = 16
+
+
+def update_tracking(
+    state: Tracking, u: Float[np.ndarray, "sample input"], y: Float[np.ndarray, "sample output"]
+) -> Tracking:
+    """The state after a block of samples: ``y[k]`` is taken when ``u[k]`` is issued.
+
+    A sample of ``y`` that is not finite on all channels is taken as lost and passed over. Raises `DataError`
+    for inputs that are not finite or blocks of other sizes.
+    """
+    followed = state.followed
+    u, y = np.asarray(u, dtype=float), np.asarray(y, dtype=float)
+    inputs, outputs = followed.participation.shape[1], len(followed.noise_rms)
+    if u.ndim != 2 or u.shape[1] != inputs or y.shape != (len(u), outputs):
+        raise DataError(
+            f"a block of {u.shape} inputs and {y.shape} outputs",
+            hint=f"as many samples of {inputs} inputs as of {outputs} outputs",
+        )
+    if not np.isfinite(u).all():
+        raise DataError("inputs are not finite", hint="issued commands are known; fill them in")
+    work = _Work(state)
+    lost = np.isnan(np.sum(0.0 * y, axis=1))  # 0 times anything not finite
+    for k in range(len(u)):
+        work.take_input(u[k])
+        if not lost[k]:
+            work.correct(y[k])
+        work.predict()
+        if (state.samples + k) % LOOK == 0:
+            work.look_for_jumps()
+    return work.frozen(state, len(u))
+
+
+class _Work:
+    """Arrays of one block, changed in place; nothing of it outlives the call."""
+
+    def __init__(self, state: Tracking) -> None:
+        self.followed = followed = state.followed
+        self.modes, self.groups = len(followed.poles), len(followed.whole)
+        self.outputs = len(followed.noise_rms)
+        self.x, self.cov = state.mean.copy(), state.covariance.copy()
+        self.past = state.past.copy()
+        self.sums, self.chance = state.corrections.copy(), state.chance.copy()
+        self.products, self.late = state.products.copy(), state.late.copy()
+        self.weight, self.jumps = state.weight, state.jumps.copy()
+        self._places(followed)
+        self.forget = np.exp(-followed.T / SUMMED_S)
+
+    def _places(self, followed: Followed) -> None:
+        n, size = self.modes * self.groups, len(self.x)
+        self.states, self.logs = n, slice(2 * n, 2 * n + 2 * self.modes)
+        self.gains = slice(2 * n + 2 * self.modes, size)
+        self.F = np.eye(size)
+        self.H = np.zeros((self.outputs, size))
+        self.R = np.diag(followed.noise_rms**2)
+        drift = followed.drift
+        self.Q = np.zeros(size)
+        self.Q[self.logs] = followed.T * np.repeat([drift.frequency**2, drift.damping**2], self.modes)
+        self.Q[self.gains] = followed.T * drift.gain**2
+        self.diagonal = np.arange(size)
+        self.real, self.imaginary = np.arange(n), n + np.arange(n)
+        mode = np.tile(np.arange(self.modes), self.groups)
+        self.omega_of, self.zeta_of = 2 * n + mode, 2 * n + self.modes + mode
+        output, m = np.indices((self.outputs, self.modes))
+        self.row = output
+        self.at = followed.group[output] * self.modes + m
+        self.omega_at, self.zeta_at = 2 * n + m, 2 * n + self.modes + m
+        self.gain_at = self.gains.start + output * self.modes + m
+        self.times = (
+            followed.T,
+            (1.0 - followed.part)[:, None] * followed.T,
+            followed.part[:, None] * followed.T,
+        )
+        self.bT = followed.participation.T
+        self.held = np.imag(followed.poles)
+        self.now = followed.whole + (followed.part > 0.0)
+
+    def take_input(self, u: np.ndarray) -> None:
+        self.past[1:] = self.past[:-1]
+        self.past[0] = u
+
+    def correct(self, y: np.ndarray) -> None:
+        followed, n = self.followed, self.states
+        logs = self.x[self.logs].reshape(2, self.modes)
+        poles, _ = poles_at(logs[0], logs[1])
+        z = (self.x[:n] + 1j * self.x[n : 2 * n])[self.at]
+        unit = followed.shapes
+        if followed.real_constants:
+            unit = unit * (self.held / np.imag(poles))
+        gain = 1.0 + self.x[self.gains].reshape(self.outputs, self.modes)
+        c = unit * gain
+        part = 2.0 * np.real(unit * z)
+        H = self.H
+        H[self.row, self.at] = 2.0 * np.real(c)
+        H[self.row, self.at + n] = -2.0 * np.imag(c)
+        H[self.row, self.gain_at] = part
+        if followed.real_constants:
+            # c goes with 1 / omega_d, omega_d = omega sqrt(1 - zeta^2).
+            zeta2 = np.exp(2.0 * logs[1])
+            H[self.row, self.omega_at] = -gain * part
+            H[self.row, self.zeta_at] = gain * part * zeta2 / (1.0 - np.minimum(zeta2, 0.5))
+        foreseen = np.sum(gain * part, axis=1)
+        if followed.direct.any():
+            foreseen = foreseen + np.sum(followed.direct * self.past[self.now[followed.group]], axis=1)
+        PH = self.cov @ H.T
+        L = np.linalg.cholesky(H @ PH + self.R)
+        whiten = np.linalg.inv(L)
+        news = whiten @ (y - foreseen)
+        news = np.minimum(np.maximum(news, -CLIPPED), CLIPPED)
+        W = PH @ whiten.T
+        move = W @ news
+        self.x += move
+        self.cov -= W @ W.T
+        self._watch(news, move[self.logs], W[self.logs])
+
+    def _watch(self, news: np.ndarray, move: np.ndarray, W: np.ndarray) -> None:
+        self.sums = self.forget * self.sums + move
+        self.chance = self.forget**2 * self.chance + np.sum(W * W, axis=1)
+        share = 1.0 / MEMORY
+        self.products *= 1.0 - share
+        self.products[0] += share * (news @ news) / self.outputs
+        self.products[1:] += share * (self.late @ news) / self.outputs
+        self.weight += share * (1.0 - self.weight)
+        self.late[1:] = self.late[:-1]
+        self.late[0] = news
+
+    def predict(self) -> None:
+        n, F = self.states, self.F
+        logs = self.x[self.logs].reshape(2, self.modes)
+        poles, by_log = poles_at(logs[0], logs[1])
+        z = (self.x[:n] + 1j * self.x[n : 2 * n]).reshape(self.groups, self.modes)
+        whole = self.followed.whole
+        new, old = self.past[whole] @ self.bT, self.past[whole + 1] @ self.bT
+        decay, after, slope = step_modes(z, poles, new, old, self.times)
+        by = (by_log[:, None, :] * slope).reshape(2, n)
+        e = np.tile(decay, self.groups)
+        re, im = self.real, self.imaginary
+        F[re, re] = F[im, im] = np.real(e)
+        F[im, re] = np.imag(e)
+        F[re, im] = -np.imag(e)
+        F[re, self.omega_of], F[im, self.omega_of] = np.real(by[0]), np.imag(by[0])
+        F[re, self.zeta_of], F[im, self.zeta_of] = np.real(by[1]), np.imag(by[1])
+        self.x[:n], self.x[n : 2 * n] = np.real(after).ravel(), np.imag(after).ravel()
+        P = F @ self.cov @ F.T
+        P[self.diagonal, self.diagonal] += self.Q
+        # Rounding alone makes it uneven; half the sum keeps it from growing.
+        self.cov = 0.5 * (P + P.T)
+
+    def look_for_jumps(self) -> None:
+        """A mode whose corrections go one way is found again from a large deviation."""
+        logs = log_places(self.followed)
+        away = np.abs(self.sums) > JUMPED * np.sqrt(self.chance)
+        drift = self.followed.drift
+        for m in np.flatnonzero(away.reshape(2, self.modes).any(axis=0)):
+            places = logs[:, m]
+            wide = np.array([drift.frequency_jump, drift.damping_jump]) ** 2
+            # One that is open already is still on its way.
+            if np.any(self.cov[places, places] > 0.25 * wide):
+                continue
+            self.cov[places, places] += wide
+            self.sums[[m, self.modes + m]] = 0.0
+            self.chance[[m, self.modes + m]] = 0.0
+            self.jumps[m] += 1
+
+    def frozen(self, state: Tracking, samples: int) -> Tracking:
+        return dataclasses.replace(
+            state,
+            samples=state.samples + samples,
+            mean=self.x,
+            covariance=self.cov,
+            past=self.past,
+            corrections=self.sums,
+            chance=self.chance,
+            products=self.products,
+            late=self.late,
+            weight=self.weight,
+            jumps=self.jumps,
+        )
