@@ -42,7 +42,7 @@ def options_of(measured: FrequencyResponse, states: int, choices: Choices) -> Op
         )
     with_delay = real if choices.delay is None else bool(choices.delay)
     return Options(
-        states,
+        states - 2 * choices.rigid,
         real,
         with_delay,
         choices.residuals,

@@ -158,7 +158,7 @@ def count_unknowns(measured: FrequencyResponse, options: Options) -> int:
     per_pair = 2 + each * (outputs * inputs if options.full else outputs + inputs - 1)
     delays = {"output": outputs, "path": outputs * inputs, "common": 1}[options.delay_of]
     return (
-        -(-(options.states - 2 * options.rigid) // 2) * per_pair
+        -(-options.states // 2) * per_pair
         + options.rigid * (outputs + inputs - options.rigid)
         + delays * options.with_delay
         + outputs * inputs * (options.with_lower + options.with_direct - options.relative_degree_two)

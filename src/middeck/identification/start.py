@@ -39,7 +39,7 @@ HEAVY = 0.3
 
 @record
 class Options:
-    """What kind of model is fitted; see `fit_response`."""
+    """What kind of model is fitted; see `fit_response`. Rigid modes are not among the ``states``."""
 
     states: int
     real_constants: bool
@@ -65,7 +65,7 @@ def starts(data: Data, options: Options) -> Iterator[Start]:
     """First guesses, from several sizes of the subspace."""
     for size, rows in REAL_SIZES if options.real_constants else COMPLEX_SIZES:
         # An odd number of states asks for an odd number of real poles.
-        order = options.states + 2 * round(0.5 * (size - 1.0) * options.states)
+        order = options.states + 2 * round(0.5 * (size - 1.0) * options.states) + 2 * options.rigid
         found = subspace_poles(data, options.period_s, states=order, rows=_rows(data, order, rows))
         if found is None:
             continue
@@ -225,7 +225,7 @@ def _one_by_one(
 
 def _real_start(data: Data, options: Options, found: np.ndarray) -> Start | None:
     """The strongest oscillating modes among the candidates, at the best delay of each output."""
-    wanted = options.states // 2 - options.rigid
+    wanted = options.states // 2
     light = (np.imag(found) > 0.0) & (-np.real(found) < HEAVY * np.abs(found))
     poles = found[light]
     poles = poles[np.argsort(np.imag(poles))]

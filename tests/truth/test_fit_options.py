@@ -1,0 +1,138 @@
+"""What a fit may be told about the article: exact data of such an article give it back, noise its bound."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from middeck.errors import ConfigError
+from middeck.identification.fit import fit_response
+from middeck.identification.measurement_model import (
+    MeasurementModel,
+    model_response,
+    natural_hz,
+    path_delay,
+)
+from middeck.systems.ports import Port
+from middeck.systems.response import FrequencyResponse
+
+INPUTS = (Port("torque", "N m"), Port("wheel", "N m"))
+OUTPUTS = (Port("payload", "rad"), Port("bus", "rad"))
+F = np.arange(0.2, 20.0, 0.05)
+HZ, ZETA = np.array([1.2, 3.1, 8.9]), 0.01
+PHI = np.array([[1.0, 0.8, -0.5], [-0.3, 0.6, 0.9]])
+PSI = np.array([[1.0, 0.7, 0.6], [0.4, -0.5, 0.9]])
+W = 2.0 * np.pi * HZ
+POLES = -ZETA * W + 1j * W * np.sqrt(1.0 - ZETA**2)
+
+
+def a_model(**changes):
+    """Three modes of a structure, force to displacement."""
+    zero = np.zeros((2, 2))
+    model = MeasurementModel(POLES, PHI / (2j * POLES.imag), PSI.T, zero, zero, np.zeros(2), INPUTS, OUTPUTS)
+    return dataclasses.replace(model, **changes)
+
+
+def measured_of(model, deviation=0.0, seed=0):
+    H = model_response(model, F)
+    noise = np.random.default_rng(seed).standard_normal((2, *H.shape)) / np.sqrt(2.0)
+    size = deviation * np.sqrt(np.mean(np.abs(H) ** 2))
+    variance = np.full(H.shape, size**2) if deviation else None
+    return FrequencyResponse(F, H + size * (noise[0] + 1j * noise[1]), INPUTS, OUTPUTS, variance)
+
+
+def error_of(model, truth):
+    E, H = model_response(model, F), model_response(truth, F)
+    return np.sqrt(np.sum(np.abs(E - H) ** 2) / np.sum(np.abs(H) ** 2))
+
+
+PATHS = np.array([[0.010, 0.018], [0.013, 0.004]])
+RIGID = np.array([[0.9], [0.7]]) @ np.array([[1.2, -0.5]])
+CASES = {
+    "delays of paths": (
+        a_model(delay_s=PATHS.min(axis=1), path_delay_s=PATHS - PATHS.min(axis=1, keepdims=True)),
+        {"delay": "path"},
+    ),
+    "one delay": (a_model(delay_s=np.array([0.012, 0.012])), {"delay": "common"}),
+    "rigid": (a_model(rigid=RIGID, delay_s=np.array([0.01, 0.02])), {"rigid": 1}),
+    "two rigid": (a_model(rigid=RIGID + np.diag([0.1, 0.2])), {"rigid": 2}),
+    "rigid, complex": (a_model(rigid=RIGID), {"rigid": 1, "constants": "complex"}),
+}
+
+
+@pytest.mark.parametrize(("truth", "options"), CASES.values(), ids=CASES)
+def test_exact_data_give_the_article_back(truth, options):
+    fitted = fit_response(measured_of(truth), states=6 + 2 * options.get("rigid", 0), **options)
+    # Weights follow the residual down for a few rounds only: far below any noise, not to rounding.
+    assert error_of(fitted.model, truth) < 1e-6
+    np.testing.assert_allclose(np.sort(natural_hz(fitted.model)), HZ, rtol=1e-7)
+    np.testing.assert_allclose(path_delay(fitted.model), path_delay(truth), atol=1e-8)
+    if truth.rigid is not None:
+        np.testing.assert_allclose(fitted.model.rigid, truth.rigid, atol=1e-6)
+    assert fitted.model.states == truth.states
+
+
+def test_residues_of_any_rank_hold_two_modes_at_one_frequency():
+    again = np.append(POLES, POLES[2])
+    c = np.column_stack([PHI / (2j * POLES.imag), [0.02, 0.01]])
+    truth = a_model(poles=again, shapes=c, participation=np.vstack([PSI.T, [-0.5, 1.0]]))
+    measured = measured_of(truth)
+    full = fit_response(measured, states=6, constants="complex", full_rank=True, direct=False)
+    one = fit_response(measured, states=6, constants="complex", direct=False)
+    assert error_of(full.model, truth) < 1e-6
+    # The second mode is a fiftieth of the response or more.
+    assert error_of(one.model, truth) > 1e-2
+    # Complex residues of rank two in two inputs and outputs have no more terms than that.
+    assert len(full.model.poles) <= 6
+
+
+def damped_structure():
+    """Force to displacement of three masses whose damping couples their modes: complex, of relative degree two."""
+    rng = np.random.default_rng(4)
+    C = rng.standard_normal((3, 3))
+    C = C @ C.T * 0.3
+    A = np.block([[np.zeros((3, 3)), np.eye(3)], [-np.diag(W**2), -C]])
+    poles, vectors = np.linalg.eig(A)
+    left = np.linalg.inv(vectors)
+    keep = np.argsort(poles.imag)[3:]
+    return a_model(
+        poles=poles[keep],
+        shapes=(np.hstack([PHI, np.zeros((2, 3))]) @ vectors)[:, keep],
+        participation=(left @ np.vstack([np.zeros((3, 2)), PSI.T]))[keep],
+        delay_s=np.array([0.010, 0.015]),
+    )
+
+
+@pytest.mark.parametrize("full_rank", [False, True])
+def test_a_relative_degree_makes_the_delay_of_complex_modes_certain(full_rank):
+    truth = damped_structure()
+    measured = measured_of(truth, deviation=1e-3)
+    free, stated = (
+        fit_response(
+            measured, states=6, constants="complex", delay=True, full_rank=full_rank, relative_degree=degree
+        )
+        for degree in (0, 2)
+    )
+    c, b = stated.model.shapes, stated.model.participation
+    # Rounding: the residues of each path add up to nothing.
+    assert np.abs(np.real(c @ b)).max() < 1e-10 * np.abs(c).max() * np.abs(b).max()
+    assert not stated.model.direct.any()
+    # Deviations of about 0.02 ms; four of them.
+    np.testing.assert_allclose(stated.model.delay_s, truth.delay_s, atol=1e-4)
+    assert np.abs(free.model.delay_s - truth.delay_s).max() > 1e-3
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"rigid": 3},
+        {"rigid": 1, "residuals": True},
+        {"rigid": 1, "sample_hz": 100.0},
+        {"relative_degree": 2, "direct": True},
+        {"relative_degree": 2, "sample_hz": 100.0},
+        {"states": 2, "rigid": 1},
+    ],
+)
+def test_options_that_exclude_each_other(options):
+    with pytest.raises(ConfigError):
+        fit_response(measured_of(a_model()), **{"states": 8, **options})
