@@ -34,7 +34,7 @@ from middeck.study.stages import run_stages
 ROOT = Path(__file__).parents[2]
 # Few levels and a small mirror model: every stage runs for real, none for long.
 REDUCED = ("control.levels=5", "control.log10_authority_first=0.5", "mirror.states=6")
-FIGURES = ("3", "4", "5", "6a", "6b", "7a", "7b", "9a", "9b")
+FIGURES = ("3", "4", "5", "6a", "6b", "7a", "7b", "9a", "9b", "10a", "10b")
 PRINT_WIDTH_MM, PRINT_HEIGHT_MM = 178.0, 265.0  # A4 less the margins of the print style
 BROWSER_FLAGS = (
     "--headless",
@@ -315,7 +315,7 @@ def test_other_tables_are_those_of_the_numbers(page, numbers):
 
 def test_every_claim_is_in_the_summary(page, numbers):
     rows = {row[0]: row[1] for row in page.tables["Claims"][1:]}
-    claims = [c for f in ("figure_6", "figure_7", "figure_9b") for c in numbers[f]["claims"]]
+    claims = [c for f in ("figure_6", "figure_7", "figure_9b", "figure_10b") for c in numbers[f]["claims"]]
     assert claims
     for claim in claims:
         assert rows[claim["claim"]] == ("yes" if claim["holds"] else "no")

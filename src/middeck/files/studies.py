@@ -31,6 +31,7 @@ from middeck.files.study_form import (
     MirrorForm,
     RigForm,
     SisoForm,
+    SitoForm,
     StudyForm,
     port_findings,
     study_findings,
@@ -59,7 +60,7 @@ class Study:
     ----------
     cases:
         Every article in every environment; see `case`.
-    control, rig, figure_6, siso, mirror:
+    control, rig, figure_6, siso, sito, mirror:
         The tables of the study file: attributes are its keys, units in their endings.
     train_file, test_file:
         Paths of the mirror's records.
@@ -76,6 +77,7 @@ class Study:
     rig: RigForm
     figure_6: Figure6Form
     siso: SisoForm
+    sito: SitoForm
     mirror: MirrorForm
     train_file: Path
     test_file: Path
@@ -117,8 +119,8 @@ def load_study(path: str | Path, overrides: Sequence[str] = ()) -> Study:
     )
     inputs = tuple((Path(os.path.relpath(f, base)).as_posix(), sha256_of(f)) for f in files)
     return Study(
-        form.title, form.seed, cases, form.control, form.rig, form.figure_6, form.siso, form.mirror,
-        records[0], records[1], inputs, tuple(overrides),
+        form.title, form.seed, cases, form.control, form.rig, form.figure_6, form.siso, form.sito,
+        form.mirror, records[0], records[1], inputs, tuple(overrides),
     )  # fmt: skip
 
 

@@ -104,6 +104,19 @@ class SisoForm(Form):
     high: AuthorityForm
 
 
+class SitoForm(Form):
+    """One input to two sensors and the performance: fitted together (Figures 10a and 10b).
+
+    Article, environment, actuator, excitation and rig are those of `SisoForm`, and its sensor is the
+    performance.
+    """
+
+    sensors: Names
+    fit_band_hz: Band
+    states: Annotated[int, whole(2, 1000)]
+    pade_order: Annotated[int, whole(1, 12)]
+
+
 class MirrorForm(Form):
     """A measured record to fit and one to judge the fit by."""
 
@@ -124,6 +137,7 @@ class StudyForm(Form):
     rig: RigForm
     figure_6: Figure6Form
     siso: SisoForm
+    sito: SitoForm
     mirror: MirrorForm
 
 
@@ -132,7 +146,7 @@ Table = dict[str, Any]
 
 def study_findings(data: Table) -> list[Finding]:
     """What is wrong with a study beyond the form of its keys; tolerates a broken form."""
-    control, siso = _table(data, "control"), _table(data, "siso")
+    control = _table(data, "control")
     return [
         *_one_each(control, "pd_loops", ["pd_kp_nm_per_rad", "pd_kd_nms_per_rad"]),
         *_one_each(control, "metric", ["metric_weights"]),
@@ -141,12 +155,15 @@ def study_findings(data: Table) -> list[Finding]:
         *_ascending(data, "figure_6", "band_hz"),
         *_ascending(data, "siso", "band_hz"),
         *_ascending(data, "siso", "fit_band_hz"),
+        *_ascending(data, "sito", "fit_band_hz"),
         *_levels(control),
         *_weighed(control),
         *_two_rates(data),
         *_documents(data),
         *_gap(data),
-        *_even(siso),
+        *_even(data, "siso"),
+        *_even(data, "sito"),
+        *_two_sensors(data),
     ]
 
 
@@ -204,10 +221,23 @@ def _two_rates(data: Table) -> Iterator[Finding]:
             return
 
 
-def _even(siso: Table) -> Iterator[Finding]:
-    states = siso.get("states")
+def _even(data: Table, table: str) -> Iterator[Finding]:
+    states = _table(data, table).get("states")
     if isinstance(states, int) and states % 2:
-        yield Finding(("siso", "states"), "must be even: two for each mode", show(states))
+        yield Finding((table, "states"), "must be even: two for each mode", show(states))
+
+
+def _two_sensors(data: Table) -> Iterator[Finding]:
+    """Figures 10a and 10b show one sensor each, encoder and bus in the paper; the third is [siso]'s own."""
+    performance, given = _table(data, "siso").get("sensor"), _table(data, "sito").get("sensors")
+    match given:
+        case [str() as first, str() as second] if len({first, second, performance}) == 3:
+            return
+        case list():
+            message = "must be two sensors (Figures 10a and 10b), neither of them siso.sensor"
+            yield Finding(("sito", "sensors"), message, show(given))
+        case _:
+            return
 
 
 def _gap(data: Table) -> Iterator[Finding]:
@@ -232,7 +262,7 @@ def _documents(data: Table) -> Iterator[Finding]:
 
 def port_findings(form: StudyForm, ports: dict[str, tuple[list[str], list[str]]]) -> list[Finding]:
     """Ports that an article of the study lacks; ``ports`` gives its actuators and its sensors by article."""
-    control, figure_6, siso = form.control, form.figure_6, form.siso
+    control, figure_6, siso, sito = form.control, form.figure_6, form.siso, form.sito
     actuators, sensors = ports.get(control.article, ([], []))
     rates = [f"{s}_rate" for s in ports.get(figure_6.article, ([], []))[1]]
     wanted = [
@@ -251,6 +281,10 @@ def port_findings(form: StudyForm, ports: dict[str, tuple[list[str], list[str]]]
         ),
         (("siso", "actuator"), siso.actuator, ports.get(siso.article, ([], []))[0]),
         (("siso", "sensor"), siso.sensor, ports.get(siso.article, ([], []))[1]),
+        *(
+            (("sito", "sensors", i), n, ports.get(siso.article, ([], []))[1])
+            for i, n in enumerate(sito.sensors)
+        ),
     ]
     return [
         Finding(path, "the article has no such port", show(name), nearest(name, known))

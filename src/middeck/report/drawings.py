@@ -14,6 +14,7 @@ from middeck.plot.figure_6 import figure_6a, figure_6b
 from middeck.plot.figure_7 import figure_7a, figure_7b
 from middeck.plot.figure_9a import figure_9a
 from middeck.plot.figure_9b import figure_9b
+from middeck.plot.figure_10 import figure_10a, figure_10b
 from middeck.plot.mirror import mirror
 from middeck.plot.svg import svg_text
 from middeck.report import sentences
@@ -21,6 +22,7 @@ from middeck.report.words import Numbers
 from middeck.structure.comparison import ModeComparison
 from middeck.study.gravity_responses import GravityResponses
 from middeck.study.measured_control import MeasuredControl
+from middeck.study.measured_sensors import MeasuredSensors
 from middeck.study.mirror import MirrorFit
 from middeck.study.stages import Outcome
 from middeck.study.zero_g_control import ZeroGControl
@@ -58,6 +60,10 @@ DRAWINGS: dict[type[Outcome], tuple[Drawing, ...]] = {
     MeasuredControl: (
         Drawing("figure-9a", "Figure 9a: measured response and fit", figure_9a, sentences.figure_9a),
         Drawing("figure-9b", "Figure 9b: open and closed loops", figure_9b, sentences.figure_9b),
+    ),
+    MeasuredSensors: (
+        Drawing("figure-10a", sentences.title_10a, figure_10a, sentences.figure_10a),
+        Drawing("figure-10b", sentences.title_10b, figure_10b, sentences.figure_10b),
     ),
     MirrorFit: (Drawing("mirror", "A real steering mirror, measured and fitted", mirror, sentences.mirror),),
 }

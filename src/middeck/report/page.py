@@ -12,7 +12,12 @@ from middeck.report.drawings import DRAWINGS
 from middeck.report.tables import TABLES
 from middeck.report.words import Numbers, Table, percent, significant
 
-CLAIMS = {"figure_6": "figure-6a", "figure_7": "figure-7a", "figure_9b": "figure-9b"}
+CLAIMS = {
+    "figure_6": "figure-6a",
+    "figure_7": "figure-7a",
+    "figure_9b": "figure-9b",
+    "figure_10b": "figure-10b",
+}
 
 
 class Section(NamedTuple):

@@ -190,6 +190,48 @@ def figure_9b(figures: Numbers) -> str:
     return f"Controllers designed on the fit change the {angle} rms angle by {' and '.join(parts)}."
 
 
+def title_10a(figures: Numbers) -> str:
+    """Heading of the encoder's figure."""
+    return f"Figure 10a: {_title_10(figures['figure_10a'])}"
+
+
+def title_10b(figures: Numbers) -> str:
+    """Heading of the bus's figure."""
+    return f"Figure 10b: {_title_10(figures['figure_10b'])}"
+
+
+def _title_10(numbers: Numbers) -> str:
+    return f"{port_words(numbers['input'])} torque to {port_words(numbers['output'])} angle"
+
+
+def figure_10a(figures: Numbers) -> str:
+    """The encoder."""
+    return _figure_10(figures["figure_10a"])
+
+
+def figure_10b(figures: Numbers) -> str:
+    """The bus."""
+    return _figure_10(figures["figure_10b"])
+
+
+def _figure_10(numbers: Numbers) -> str:
+    low, high = numbers["fit_band_hz"]
+    name = port_words(numbers["output"])
+    wrong = [z for z in numbers["zeros"] if z["nonminimum_phase"] and low <= z["frequency_hz"] <= high]
+    listed = " and ".join(
+        f"{'a pair' if z['pair'] else 'a real one'} at {fixed(z['frequency_hz'], 2)} Hz" for z in wrong
+    )
+    zeros = (
+        f"it takes non-minimum-phase zeros: {listed}" if wrong else "it takes no zero in the right half-plane"
+    )
+    return (
+        f"Fitted together with the other sensors by {numbers['states']} states and a delay of"
+        f" {fixed(1e3 * numbers['delay_s'], 2)} ms, the {name} angle follows its measured response from"
+        f" {low:g} to {high:g} Hz within {percent(numbers['relative_error'])} (relative complex error);"
+        f" {zeros}."
+    )
+
+
 def _change(loop: Numbers) -> str:
     predicted, measured = loop["predicted_db"], loop["measured_db"]
     foreseen = (

@@ -177,6 +177,45 @@ def loop_tables(figures: Numbers) -> list[Table]:
     return [Table("Payload rms angle in the band, over the open loop's", head, rows)]
 
 
+def encoder_tables(figures: Numbers) -> list[Table]:
+    """Common poles, then what is the encoder's own."""
+    numbers = figures["figure_10a"]
+    columns = (numbers[k] for k in ("natural_hz", "natural_hz_deviation", "damping", "damping_deviation"))
+    poles = [
+        [fixed(f, 4), significant(df, 2), percent(z, 3), percent(dz, 3)]
+        for f, df, z, dz in sorted(zip(*columns, strict=True))
+    ]
+    head = ("natural frequency [Hz]", "± [Hz]", "damping", "±")
+    return [Table("Poles common to the three sensors, one standard deviation", head, poles),
+            *_path_tables(numbers)]  # fmt: skip
+
+
+def bus_tables(figures: Numbers) -> list[Table]:
+    """What is the bus's own."""
+    return _path_tables(figures["figure_10b"])
+
+
+def _path_tables(numbers: Numbers) -> list[Table]:
+    zeros = [
+        [fixed(z["frequency_hz"], 4), significant(z["frequency_deviation_hz"], 2),
+         percent(z["damping"], 2) if z["pair"] else "real", "right" if z["nonminimum_phase"] else "left"]
+        for z in numbers["zeros"]
+    ]  # fmt: skip
+    name = port_words(numbers["output"])
+    rows = [
+        ["states of the fit", str(numbers["states"])],
+        ["states of the design plant, Padé delays included", str(numbers["plant_states"])],
+        ["delay [ms]",
+         f"{fixed(1e3 * numbers['delay_s'], 4)} ± {significant(1e3 * numbers['delay_deviation_s'], 2)}"],
+        ["relative complex error", percent(numbers["relative_error"], 3)],
+        ["the same with all zeros in the left half-plane",
+         "–" if numbers["mirrored_error"] is None else percent(numbers["mirrored_error"], 1)],
+    ]  # fmt: skip
+    head = ("frequency [Hz]", "± [Hz]", "damping", "half-plane")
+    return [Table(f"Zeros of the {name}", head, zeros),
+            Table(f"The fit of the {name}", ("quantity", "value"), rows)]  # fmt: skip
+
+
 def mirror_tables(figures: Numbers) -> list[Table]:
     """Held-out error beside the published one."""
     numbers = figures["mirror"]
@@ -198,5 +237,7 @@ TABLES: dict[str, Callable[[Numbers], list[Table]]] = {
     "figure-7b": authority_tables,
     "figure-9a": fit_tables,
     "figure-9b": loop_tables,
+    "figure-10a": encoder_tables,
+    "figure-10b": bus_tables,
     "mirror": mirror_tables,
 }

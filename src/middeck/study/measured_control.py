@@ -18,6 +18,7 @@ from middeck.structure.modes import Modes
 from middeck.study.rig_experiment import (
     EXCITATION_NM,
     RigExperiment,
+    in_band,
     rig_plant,
     run_rig_experiment,
     shift_modes,
@@ -90,7 +91,7 @@ def study_measured_control(
     article = rig_plant(modes, siso.actuator, (siso.sensor,))
     test = run_rig_experiment(article, rig_form, siso, rng)
     measured = estimate_response(test.record, band_hz=siso.band_hz)
-    fit = fit_response(_in_band(measured, siso.fit_band_hz), states=siso.states, cost="logarithmic")
+    fit = fit_response(in_band(measured, siso.fit_band_hz), states=siso.states, cost="logarithmic")
     ports = {"w": (siso.actuator,), "u": (siso.actuator,), "z": (siso.sensor,), "y": (siso.sensor,)}
     plant = measured_plant(fit.model, pade_order=siso.pade_order, **ports)
     fitted = FrequencyResponse(
@@ -140,13 +141,6 @@ def _below_fit(article: Plant, modes: Modes, siso: SisoForm, fit: FitResult) -> 
     if not height.any() or np.any(np.abs(natural_hz(fit.model) / f[mode] - 1.0) < HELD):
         return None
     return OutsideMode(modal.names[mode], modes.kind[mode], float(f[mode]))
-
-
-def _in_band(response: FrequencyResponse, band_hz: tuple[float, float]) -> FrequencyResponse:
-    f = response.frequency_hz
-    keep = (f >= band_hz[0]) & (f <= band_hz[1])
-    variance = None if response.variance is None else response.variance[keep]
-    return FrequencyResponse(f[keep], response.H[keep], response.inputs, response.outputs, variance)
 
 
 def _build_rig(plant: Plant, rig: RigForm) -> LinearRig:

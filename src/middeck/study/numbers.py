@@ -11,13 +11,15 @@ import scipy
 
 from middeck import __version__
 from middeck.files.studies import Study
-from middeck.identification.measurement_model import damping_ratio, natural_hz
+from middeck.identification.measurement_model import damping_ratio, natural_hz, path_delay
+from middeck.identification.zeros import name_zeros
 from middeck.structure.comparison import ModeComparison
 from middeck.structure.equilibrium import Equilibrium, node_rotations
 from middeck.structure.modes import Modes
-from middeck.study.claims import figure_6_claims, figure_7_claims, figure_9_claims
+from middeck.study.claims import figure_6_claims, figure_7_claims, figure_9_claims, figure_10_claims
 from middeck.study.gravity_responses import GravityResponses
 from middeck.study.measured_control import MeasuredControl, MeasuredLoop
+from middeck.study.measured_sensors import MeasuredSensors, SensorZeros
 from middeck.study.mirror import PUBLISHED_NRMSE, MirrorFit
 from middeck.study.stages import Outcome
 from middeck.study.zero_g_control import SubModelSweep, ZeroGControl
@@ -56,6 +58,9 @@ def figure_numbers(outcome: Outcome) -> Numbers:
             return {"figure_7": figure_7(outcome)}
         case MeasuredControl():
             return {"figure_9a": figure_9a(outcome), "figure_9b": figure_9b(outcome)}
+        case MeasuredSensors():
+            encoder, bus = (figure_10(outcome, output) for output in (1, 2))
+            return {"figure_10a": encoder, "figure_10b": bus | {"claims": figure_10_claims(outcome)}}
         case MirrorFit():
             return {"mirror": mirror(outcome)}
 
@@ -218,6 +223,46 @@ def _loop(loop: MeasuredLoop) -> Numbers:
         "stable": loop.stable,
         "survives_shift_percent": {f"{percent:+g}": ok for percent, ok in loop.survives},
     }
+
+
+def figure_10(sensors: MeasuredSensors, output: int) -> Numbers:
+    """One path of the common fit: its response, its zeros and its delay, and the poles of all."""
+    fit, model = sensors.fit, sensors.fit.model
+    return {
+        "input": sensors.measured.inputs[0].name,
+        "output": sensors.measured.outputs[output].name,
+        "data": response_numbers(sensors.measured, output=output),
+        "fit": response_numbers(sensors.fitted, output=output),
+        "zeros": zero_numbers(sensors.sensors[output]),
+        "mirrored_error": sensors.sensors[output].mirrored_error,
+        "natural_hz": natural_hz(model),
+        "natural_hz_deviation": fit.uncertainty.natural_hz,
+        "damping": damping_ratio(model),
+        "damping_deviation": fit.uncertainty.damping,
+        "delay_s": path_delay(model)[output, 0],
+        "delay_deviation_s": fit.uncertainty.delay_s[output],
+        "fit_band_hz": sensors.fit_band_hz,
+        "relative_error": fit.error[output],
+        "states": model.states,
+        "plant_states": len(sensors.plant.system.A),
+        "warnings": fit.warnings,
+    }
+
+
+def zero_numbers(sensor: SensorZeros) -> list[Numbers]:
+    """Each zero of a path, a pair once."""
+    zeros = sensor.zeros
+    columns = {
+        "name": name_zeros(zeros),
+        "frequency_hz": zeros.frequency_hz,
+        "frequency_deviation_hz": sensor.frequency_deviation_hz,
+        "damping": zeros.damping,
+        "damping_deviation": sensor.damping_deviation,
+        "pair": zeros.is_pair,
+        "nonminimum_phase": zeros.is_nonminimum_phase,
+        "residual": zeros.residual,
+    }
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
 def mirror(fit: MirrorFit) -> Numbers:

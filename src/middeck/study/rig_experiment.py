@@ -15,6 +15,7 @@ from middeck.systems.excitation import random_multisine
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
 from middeck.systems.record import Record
+from middeck.systems.response import FrequencyResponse
 from middeck.values import record
 
 RIG_MODES_HZ = 60.0  # the linear rig carries every mode up to here
@@ -57,3 +58,11 @@ def run_rig_experiment(plant: Plant, rig: RigForm, siso: SisoForm, rng: np.rando
     real = build_linear_rig(plant, sample_hz=rig.sample_hz, delay_s=rig.delay_s, noise_rms=noise)
     taken = run_open_loop(real, excitation[:, None], periods=siso.periods, rng=rng)
     return RigExperiment(real, excitation, taken)
+
+
+def in_band(response: FrequencyResponse, band_hz: tuple[float, float]) -> FrequencyResponse:
+    """The lines of ``response`` within a band."""
+    f = response.frequency_hz
+    keep = (f >= band_hz[0]) & (f <= band_hz[1])
+    variance = None if response.variance is None else response.variance[keep]
+    return FrequencyResponse(f[keep], response.H[keep], response.inputs, response.outputs, variance)

@@ -13,17 +13,19 @@ from middeck.structure.comparison import ModeComparison
 from middeck.study.gravity import find_modes, study_gravity
 from middeck.study.gravity_responses import GravityResponses, study_gravity_responses
 from middeck.study.measured_control import MeasuredControl, study_measured_control
+from middeck.study.measured_sensors import MeasuredSensors, study_measured_sensors
 from middeck.study.mirror import MirrorFit, study_mirror
 from middeck.study.zero_g_control import ZeroGControl, study_zero_g_control
 
-Outcome = ModeComparison | GravityResponses | ZeroGControl | MeasuredControl | MirrorFit
+Outcome = ModeComparison | GravityResponses | ZeroGControl | MeasuredControl | MeasuredSensors | MirrorFit
 # Share of the whole time, measured; only for the estimate of the remaining time.
 STAGES = {
     "figures 4 and 5": 0.06,
     "figure 6": 0.06,
-    "figure 7": 0.34,
-    "figure 9": 0.10,
-    "mirror": 0.44,
+    "figure 7": 0.29,
+    "figure 9": 0.09,
+    "figure 10": 0.13,
+    "mirror": 0.37,
 }
 
 PAPER_MODES = 26  # Figures 4 and 5 show at least these, however few the controllers are designed on
@@ -57,7 +59,12 @@ def run_stages(study: Study) -> Iterator[tuple[str, Callable[[], Outcome]]]:
         modes = find_modes(*study.case(siso.article, siso.environment))
         return study_measured_control(modes, study.rig, siso, rng["figure 9"])
 
+    def measured_sensors() -> MeasuredSensors:
+        modes = find_modes(*study.case(siso.article, siso.environment))
+        return study_measured_sensors(modes, study.rig, siso, study.sito, rng["figure 10"])
+
     def mirror() -> MirrorFit:
         return study_mirror(load_record(study.train_file), load_record(study.test_file), study.mirror.states)
 
-    yield from zip(STAGES, (gravity, responses, zero_g_control, measured_control, mirror), strict=True)
+    runs = (gravity, responses, zero_g_control, measured_control, measured_sensors, mirror)
+    yield from zip(STAGES, runs, strict=True)
