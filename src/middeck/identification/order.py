@@ -13,6 +13,19 @@ PATIENCE = 3
 MOST_STATES = 60
 
 
+# Held-out errors within this share of each other are equal.
+EQUAL = 0.1
+
+
+@record
+class Tried:
+    """An order, its description length and its relative error on lines that it was not fitted to."""
+
+    states: int
+    length: float
+    held_out: float
+
+
 @record
 class OrderChoice:
     """A recommended order.
@@ -23,14 +36,13 @@ class OrderChoice:
         The order, without delays.
     reason:
         One sentence for the user.
-    tried, length:
-        The orders tried and the description length of each.
+    tried:
+        The orders tried.
     """
 
     states: int
     reason: str
-    tried: tuple[int, ...]
-    length: tuple[float, ...]
+    tried: tuple[Tried, ...]
 
 
 def sizes() -> Iterator[int]:
@@ -59,14 +71,18 @@ def is_settled(length: Sequence[float]) -> bool:
     return len(length) - 1 - int(np.argmin(length)) >= PATIENCE
 
 
-def choose(tried: Sequence[int], length: Sequence[float]) -> OrderChoice:
-    """The order of the shortest description, with its reason."""
-    best = int(np.argmin(length))
-    rivals = [v - length[best] for k, v in enumerate(length) if k != best]
+def choose(tried: Sequence[Tried]) -> OrderChoice:
+    """The order of the shortest description, with its reason and what lines kept out of the fit say of it."""
+    best = min(tried, key=lambda t: t.length)
+    rivals = [t.length - best.length for t in tried if t is not best]
     margin = f", {min(rivals):.0f} below the next" if rivals else ""
-    where = "" if best < len(tried) - 1 else "; the largest tried, more may be asked for"
+    where = "" if best is not tried[-1] else "; it is the largest tried, more may be asked for"
+    enough = next(t for t in tried if t.held_out <= (1.0 + EQUAL) * min(u.held_out for u in tried))
+    opinion = f"lines kept out of the fit are met to {best.held_out:.2%}"
+    if enough.states > best.states:
+        opinion += f" and ask for {enough.states} ({enough.held_out:.2%})"
     reason = (
-        f"{tried[best]} states have the shortest description of {len(tried)} orders"
-        f" from {tried[0]} to {tried[-1]}{margin}{where}"
+        f"{best.states} states have the shortest description of {len(tried)} orders from {tried[0].states} to"
+        f" {tried[-1].states}{margin}; {opinion}{where}"
     )
-    return OrderChoice(tried[best], reason, tuple(tried), tuple(length))
+    return OrderChoice(best.states, reason, tuple(tried))

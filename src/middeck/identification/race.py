@@ -76,7 +76,7 @@ def _exchange(part: Data, spread: Spread, options: Options, best: Polished) -> P
         if found is None:
             return best
         found = _further(part, spread, found, LAST_STEPS)
-        if _rank(part, found) >= _rank(part, best) - EXCHANGE_GAIN:
+        if not _rank(part, found) < _rank(part, best) - EXCHANGE_GAIN:
             return best
         best = found
     return best

@@ -1,0 +1,58 @@
+"""Which of too many modes to keep: the one that is missed least is dropped, until so many states are left."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+
+def prune(
+    A: Float[np.ndarray, "number column"],
+    y: Float[np.ndarray, "number target"],
+    blocks: Sequence[Sequence[int]],
+    states: Sequence[int],
+    wanted: int,
+) -> list[int] | None:
+    """Backward elimination, exact for least squares of ``y`` on the columns of ``A``.
+
+    Parameters
+    ----------
+    blocks, states:
+        The columns of each mode and the states it counts for. Columns of no mode are always kept.
+    wanted:
+        States to keep; None is returned where the modes do not add up to that.
+    """
+    size = np.linalg.norm(A, axis=0)
+    A = A / np.where(size > 0.0, size, 1.0)
+    gram, right = A.T @ A, A.T @ y
+    of_modes = {c for block in blocks for c in block}
+    free = [c for c in range(A.shape[1]) if c not in of_modes]
+    kept = list(range(len(blocks)))
+    while (left := sum(states[m] for m in kept) - wanted) > 0:
+        missed = _missed(gram, right, [blocks[m] for m in kept], free)
+        # By the state: a real pole is half a pair.
+        each = [
+            miss / states[m] if states[m] <= left else np.inf for m, miss in zip(kept, missed, strict=True)
+        ]
+        if not each or not np.isfinite(min(each)):
+            return None
+        kept.pop(int(np.argmin(each)))
+    return kept if left == 0 else None
+
+
+def _missed(
+    gram: np.ndarray, right: np.ndarray, blocks: Sequence[Sequence[int]], free: Sequence[int]
+) -> list[float]:
+    """By how much the squares rise without each block, the others solved for again."""
+    columns = [c for block in blocks for c in block] + list(free)
+    inverse = np.linalg.pinv(gram[np.ix_(columns, columns)], hermitian=True)
+    x = inverse @ right[columns]
+    missed: list[float] = []
+    first = 0
+    for block in blocks:
+        own = slice(first, first + len(block))
+        first += len(block)
+        missed.append(float(np.sum(x[own] * (np.linalg.pinv(inverse[own, own], hermitian=True) @ x[own]))))
+    return missed
