@@ -22,9 +22,6 @@ from middeck.values import record
 
 # Standard deviations by which the mean square residual must exceed noise before it is no longer taken for it.
 CLEARLY_MORE = 3.0
-# Beyond this inflation the data cannot tell an unknown from the others: its deviation is ten thousand times
-# what it would be with them known, and rounding has its say.
-UNDETERMINED = 1e8
 # A line that determines an unknown alone leaves no residual: its leverage is counted up to here.
 MOST_LEVERAGE = 0.9
 # Scatter of the logarithm of a variance below which it is taken as known: that of 100 degrees of freedom.
@@ -42,8 +39,7 @@ class ModelCovariance:
     matrix:
         Their covariance.
     inflation:
-        Of each unknown, its variance as a multiple of what it would be if all others were known; see
-        `UNDETERMINED`.
+        Of each unknown, its variance as a multiple of what it would be if all others were known.
     degrees:
         Degrees of freedom of the variance behind it: Student's t, and F, stand for the normal law.
     robust:

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import FitError
-from middeck.identification.covariance import UNDETERMINED, ModelCovariance
+from middeck.identification.covariance import ModelCovariance
 from middeck.identification.measurement_model import damping_ratio, natural_hz
 from middeck.identification.uncertainty import Uncertainty, uncertainty_of
 from middeck.identification.unknowns import places_of
@@ -20,8 +20,8 @@ LEFT = 0.1
 FEW_DEGREES = 12.0
 # A deviation that is half of its value: the linearised interval then reaches the value zero.
 HALF = 0.5
-# An inflation of a deviation by a hundred: a small error of the model goes into it as much enlarged.
-NEARLY = 1e4
+# A deviation that is a hundred times what it would be with all else known: so is a small error of the model.
+CONFOUNDED = 1e4
 # Least squares leave no more than the response itself; twice that means that the search has failed.
 FAILED = 2.0
 
@@ -97,15 +97,11 @@ def _doubts_of_delays(covariance: ModelCovariance) -> list[str]:
     found: list[str] = []
     for o in np.flatnonzero(at.delay >= 0):
         name, inflation = covariance.model.outputs[o].name, covariance.inflation[at.delay[o]]
-        if inflation > UNDETERMINED:
+        if inflation > CONFOUNDED:
             found.append(
-                f"output {name}: the delay is confounded with the residues: only their sum is certain; fit "
-                "real constants, or no delay"
-            )
-        elif inflation > NEARLY:
-            found.append(
-                f"output {name}: the delay is nearly confounded with the residues, its deviation "
-                f"{np.sqrt(inflation):.0f} times what it would be if they were known"
+                f"output {name}: the delay is confounded with the residues, only their sum is certain: its "
+                f"deviation is {np.sqrt(inflation):.0f} times what it would be if they were known; fit real "
+                "constants, or no delay"
             )
     return found
 

@@ -19,8 +19,9 @@ from middeck.values import record
 
 # Modes farther apart than this factor are not taken for one mode that moved.
 FARTHEST = 1.3
-# What a mode's frequency is off by in matching counts as much as a shape with nothing in common: 2 %.
+# In matching, a frequency off by 2 % counts as much as a shape off by 5 % (one minus their MAC).
 NEAR = 0.02
+ALIKE = 0.05
 # A constant that is e times larger counts a tenth of that: a spurious mode beside a real one is small.
 OF_SIZE = 0.1
 
@@ -279,7 +280,7 @@ def _match(before: ModelCovariance, after: ModelCovariance) -> list[tuple[int, i
     ratio = np.abs(np.log(a.hz[:, None] / b.hz[None]))
     size = np.linalg.norm(a.constants, axis=1), np.linalg.norm(b.constants, axis=1)
     unlike = 1.0 - np.abs(a.constants.conj() @ b.constants.T) ** 2 / np.outer(size[0] ** 2, size[1] ** 2)
-    cost = ratio / NEAR + unlike + OF_SIZE * np.abs(np.log(size[0][:, None] / size[1][None]))
+    cost = ratio / NEAR + unlike / ALIKE + OF_SIZE * np.abs(np.log(size[0][:, None] / size[1][None]))
     refused = (ratio > np.log(FARTHEST)) | (a.pair[:, None] != b.pair[None])
     # Far beyond the cost of any pair that is allowed.
     rows, columns = scipy.optimize.linear_sum_assignment(np.where(refused, 1e6, cost))

@@ -5,10 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from middeck.errors import ConfigError
-from middeck.identification.covariance import UNDETERMINED, ModelCovariance, draw_errors
+from middeck.identification.covariance import ModelCovariance, draw_errors
 from middeck.identification.measurement_model import MeasurementModel
 from middeck.identification.response_drift import check_channels
-from middeck.identification.unknowns import model_at, unknowns_of
+from middeck.identification.unknowns import model_at, places_of, unknowns_of
+
+# Deviation of the logarithm of a decay rate, and of a delay's phase [rad] at the highest mode, beyond which a
+# linearised covariance says nothing of the ends of its distribution.
+LARGEST = 1.0
 
 
 def sample_models(
@@ -31,8 +35,8 @@ def sample_models(
     Raises
     ------
     ConfigError
-        If there is nothing to draw, if the fits have unlike ports or rates, or if the data do not determine
-        an unknown.
+        If there is nothing to draw, if the fits have unlike ports or rates, or if a decay or a delay is known
+        so badly that the set would hold anything.
 
     Examples
     --------
@@ -54,11 +58,25 @@ def _check(covariances: tuple[ModelCovariance, ...], count: int) -> None:
         )
     for other in covariances[1:]:
         check_alike(covariances[0].model, other.model)
-    if any(np.any(c.inflation > UNDETERMINED) for c in covariances):
-        raise ConfigError(
-            "the data do not determine all unknowns, and the set would hold models of any size",
-            hint="real constants, a fit without delay or without a constant term, or fewer states",
-        )
+    for covariance in covariances:
+        _check_known(covariance)
+
+
+def _check_known(of: ModelCovariance) -> None:
+    """Raise `ConfigError` where a draw would leave all that the fit can say: its covariance is that of small
+    errors."""
+    at, deviation = places_of(of.model, of.structure), np.sqrt(np.diag(of.matrix))
+    size = np.abs(of.model.poles)
+    late = np.where(at.delay >= 0, deviation[at.delay], 0.0) * size.max()
+    for kind, errors, names in (
+        ("decay of the mode at", deviation[at.sigma], [f"{w / (2.0 * np.pi):.4g} Hz" for w in size]),
+        ("delay of", late, [p.name for p in of.model.outputs]),
+    ):
+        if errors.max(initial=0.0) > LARGEST:
+            raise ConfigError(
+                f"the {kind} {names[int(np.argmax(errors))]} is not known, and the set would hold anything",
+                hint="real constants, a fit without delay, fewer states, or a longer record",
+            )
 
 
 def check_alike(first: MeasurementModel, second: MeasurementModel) -> None:
