@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from middeck.files.records import load_record
-from middeck.files.records.uff import load_response
+from middeck.files.records import load_record, load_response
 from middeck.systems.ports import Channel, Port
 
 FOLDER = Path(__file__).parent / "uff"

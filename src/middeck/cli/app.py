@@ -20,6 +20,7 @@ VERBS = (
     "sensitivity",
     "correlate",
     "response",
+    "record",
     "identify",
     "design",
 )

@@ -28,6 +28,14 @@ class FitSettings(Form):
     periods: Annotated[int, whole(1, 1_000_000)] | None = None
 
 
+class RecordSettings(Form):
+    """What is told of record files: as the options of ``middeck record``."""
+
+    sample_hz: Positive | None = None
+    variable: str = ""
+    periods: Annotated[int, whole(1, 1_000_000)] | None = None
+
+
 class LoopSettings(Form):
     """How a loop is designed and judged; the units are those of the ports, N m and rad in an article.
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from middeck.errors import DataError
 from middeck.files.records.checked import check_channels, check_finite, check_shape
@@ -18,12 +19,17 @@ from middeck.systems.fault import Fault
 from middeck.systems.record import Campaign, Record, RecordStream, stream_record
 from middeck.values import record
 
+if TYPE_CHECKING:
+    from middeck.systems.response import FrequencyResponse
+
 __all__ = [
     "Columns",
     "Reading",
+    "join_records",
     "load_campaign",
     "load_record",
     "load_records",
+    "load_response",
     "name_columns",
     "open_record",
     "read_record",
@@ -92,6 +98,19 @@ def _experiments(path: str | Path, columns: Columns | None) -> list[Record]:
     told = columns if columns is not None else columns_beside(file)
     taken = [build_record(raw_run(file, run), told, str(path)) for run in read_runs(file)]
     return [check_finite(check_shape(r, str(path)), str(path)) for r in taken]
+
+
+def load_response(path: str | Path) -> FrequencyResponse:
+    """The frequency responses (function type 4) of a universal file.
+
+    Outputs are the response ends, inputs the reference ends.
+
+    Raises `DataError` if there are none, if one is missing between an input and an output, or if their
+    frequencies differ.
+    """
+    from middeck.files.records.uff import read_response
+
+    return read_response(_present(path))
 
 
 def open_record(path: str | Path, columns: Columns | None = None) -> RecordStream:

@@ -258,15 +258,8 @@ def _place(channel: Channel, where: str) -> Place:
     return Place(channel.node, 0, direction)
 
 
-def load_response(path: str | Path) -> FrequencyResponse:
-    """The frequency responses (function type 4) of a universal file.
-
-    Outputs are the response ends, inputs the reference ends.
-
-    Raises `DataError` if there are none, if one is missing between an input and an output, or if their
-    frequencies differ.
-    """
-    file = Path(path)
+def read_response(file: Path) -> FrequencyResponse:
+    """The frequency responses (function type 4): outputs are the response ends, inputs the reference ends."""
     sets = [d for d in scan(file) if d.kind == RESPONSE]
     if not sets:
         what = "no frequency responses (data set 58, function type 4)"

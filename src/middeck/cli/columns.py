@@ -1,0 +1,45 @@
+"""Options that tell what a record file does not: which columns are what, and the rate."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+if TYPE_CHECKING:
+    from middeck.files.records import Columns
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def columns(command: F) -> F:
+    """``--inputs``, ``--outputs``, ``--sample-hz`` and ``--variable``."""
+    for option in (
+        click.option("--variable", default="", metavar="NAME", help="The matrix in a MAT or HDF5 file."),
+        click.option("--sample-hz", type=float, metavar="HZ", help="Rate, where the file has none."),
+        click.option(
+            "--outputs", metavar="COLUMN,...", help='Output columns: "angle [rad]", "3=angle [rad]".'
+        ),
+        click.option(
+            "--inputs", metavar="COLUMN,...", help='Input columns: "torque [N m]", "2=torque [N m]".'
+        ),
+    ):
+        command = option(command)
+    return command
+
+
+def told_columns(
+    inputs: str | None, outputs: str | None, sample_hz: float | None, variable: str
+) -> Columns | None:
+    """What the options say; None if nothing, so that a file of channels beside the record is asked."""
+    from middeck.errors import ConfigError
+    from middeck.files.records import name_columns
+
+    if sample_hz is not None and not sample_hz > 0.0:
+        raise ConfigError(f"--sample-hz is {sample_hz:g}", hint="a rate > 0 Hz")
+    return name_columns(_split(inputs), _split(outputs), sample_hz=sample_hz, variable=variable)
+
+
+def _split(texts: str | None) -> Sequence[str]:
+    return () if texts is None else texts.split(",")

@@ -1,0 +1,213 @@
+"""``middeck record``: what a record file holds, what is wrong with it, and the same as another kind."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from middeck.cli import options
+from middeck.cli.columns import columns, told_columns
+from middeck.cli.screen import Table, show
+
+if TYPE_CHECKING:
+    from middeck.files.records import Columns
+    from middeck.systems.fault import Fault
+    from middeck.systems.ports import Port
+    from middeck.systems.record import Record
+    from middeck.systems.response import FrequencyResponse
+
+EPILOG = """\
+\b
+Examples:
+  middeck record data/cubespec-fsm/mirror-300mV-test.npz
+  middeck record run.mat --inputs "torque [N m]" --outputs "angle [rad]" \\
+    --sample-hz 256 -o run.h5
+  middeck record night.csv -o night.h5 --stream
+"""
+
+
+@click.command("record", epilog=EPILOG)
+@click.argument("files", nargs=-1, required=True, metavar="RECORD...")
+@columns
+@options.periods
+@click.option(
+    "--reference",
+    metavar="MODEL.json|RESPONSE.uff",
+    help="What is expected: judges signs, gains, swapped channels and delays.",
+)
+@click.option(
+    "-o", "--output", "target", metavar="RECORD", callback=options.in_a_folder, help="Write the record too."
+)
+@click.option("--ascii", is_flag=True, help="Write universal files as text (58), not binary (58b).")
+@click.option("--stream", is_flag=True, help="Only write, block by block: for records longer than memory.")
+@click.option("--require", is_flag=True, help="End with exit code 1 if the faults are more than notes.")
+@options.common
+def verb(
+    files: tuple[str, ...],
+    inputs: str | None,
+    outputs: str | None,
+    sample_hz: float | None,
+    variable: str,
+    periods: int | None,
+    reference: str | None,
+    target: str | None,
+    ascii: bool,
+    stream: bool,
+    require: bool,
+    overrides: tuple[str, ...],
+    as_json: bool,
+) -> None:
+    """Show channels and statistics of record files, and what is wrong with them.
+
+    RECORDs are .npz, .h5, .mat, .csv, .npy or universal files (.uff, .unv); several are experiments of one
+    test. A TOML file beside one (run.mat.toml) tells what the file does not. -o converts: the ending of its
+    file says to what. --set takes sample_hz, variable and periods.
+    """
+    from middeck.cli.settings import RecordSettings, settle
+
+    given = {"sample_hz": sample_hz, "variable": variable or None, "periods": periods}
+    chosen = settle(RecordSettings, given, overrides)
+    told = told_columns(inputs, outputs, chosen.sample_hz, chosen.variable)
+    if stream:
+        _pass_through(files, told, target)
+        show(as_json, {"schema": "middeck.record/1", "records": files, "written": target}, f"wrote {target}")
+        return
+    taken, faults = _read(files, told, chosen.periods, reference)
+    document = describe(taken, faults) | {"records": files, "written": target}
+    if target is not None:
+        from middeck.files.records import write_record
+
+        write_record(target, taken, ascii=ascii)
+    show(as_json, document, *_blocks(document))
+    if require and any(f.severity != "note" for f in faults):
+        click.get_current_context().exit(1)
+
+
+def _pass_through(files: tuple[str, ...], told: Columns | None, target: str | None) -> None:
+    from middeck.errors import ConfigError
+    from middeck.files.records import open_record, write_stream
+
+    if target is None or len(files) != 1:
+        raise ConfigError(
+            "--stream writes one record to another", hint="middeck record A.csv -o B.h5 --stream"
+        )
+    write_stream(target, open_record(files[0], told))
+
+
+def _read(
+    files: tuple[str, ...], told: Columns | None, periods: int | None, reference: str | None
+) -> tuple[Record, tuple[Fault, ...]]:
+    from middeck.cli.blame import reading
+    from middeck.files.records import join_records, read_record, split_periods
+    from middeck.identification.faults import detect_faults
+
+    readings = [read_record(path, told) for path in files]
+    taken = join_records([r.record for r in readings], list(files))
+    with reading(*files):
+        taken = taken if periods is None else split_periods(taken, periods)
+        expected = None if reference is None else _expected(reference, taken)
+        found = detect_faults(taken, expected)
+    # What the reader mended is in the samples as a gap; what it cut is not.
+    mended = [f for r in readings for f in r.faults if f.kind != "gap"]
+    return taken, (*mended, *found)
+
+
+def _expected(reference: str, taken: Record) -> FrequencyResponse:
+    """The response of a model on the lines of the record, or one from a universal file."""
+    import numpy as np
+
+    from middeck.files.models import load_model
+    from middeck.files.records import load_response
+    from middeck.identification.measurement_model import model_response
+    from middeck.systems.response import FrequencyResponse
+
+    if Path(reference).suffix.lower() != ".json":
+        return load_response(reference)
+    model = load_model(reference)
+    lines = np.fft.rfftfreq(taken.u.shape[2], 1.0 / taken.sample_hz)[1:-1]
+    return FrequencyResponse(lines, model_response(model, lines), model.inputs, model.outputs)
+
+
+def describe(taken: Record, faults: tuple[Fault, ...]) -> dict[str, Any]:
+    """The JSON document."""
+    experiments, periods, samples, _ = taken.u.shape
+    sides = (("input", taken.inputs, taken.u), ("output", taken.outputs, taken.y))
+    return {
+        "schema": "middeck.record/1",
+        "sample_hz": taken.sample_hz,
+        "experiments": experiments,
+        "periods": periods,
+        "samples": samples,
+        "periodic": taken.periodic,
+        "duration_s": periods * samples / taken.sample_hz,
+        "channels": [
+            _channel(side, port, x[..., k]) for side, ports, x in sides for k, port in enumerate(ports)
+        ],
+        "sound": all(f.severity == "note" for f in faults),
+        "faults": faults,
+    }
+
+
+def _channel(side: str, port: Port, x: Any) -> dict[str, Any]:
+    """Port, transducer and statistics of the samples that are numbers; None where there are none."""
+    import numpy as np
+
+    from middeck.systems.ports import Channel
+
+    channel = port.channel or Channel()
+    good = x[np.isfinite(x)]
+    level = float(good.mean()) if good.size else None
+    swing = float(good.std()) if good.size else None
+    peak = float(np.abs(good - level).max()) if good.size else None
+    return {
+        "side": side,
+        "name": port.name,
+        "unit": port.unit,
+        "node": channel.node,
+        "direction": channel.direction,
+        "role": channel.role,
+        "gain": channel.gain,
+        "raw_unit": channel.raw_unit,
+        "calibrated": channel.calibrated,
+        "mean": level,
+        "rms": swing,
+        "peak": peak,
+        "crest_factor": peak / swing if peak is not None and swing else None,
+    }
+
+
+def _blocks(document: dict[str, Any]) -> list[str | Table]:
+    kind = "steady periods" if document["periodic"] else "run" if document["periods"] == 1 else "periods"
+    size = f"{document['experiments']} x {document['periods']} {kind} of {document['samples']} samples"
+    rows = [
+        [
+            *(c[key] for key in ("side", "name", "unit", "node", "direction", "role")),
+            *(_short(c[key]) for key in ("mean", "rms", "peak", "crest_factor")),
+            _calibration(c),
+        ]
+        for c in document["channels"]
+    ]
+    heads = ["", "channel", "unit", "node", "axis", "role", "mean", "rms", "peak", "crest", "calibration"]
+    faults = [[f.severity, f.kind, f"{f.side} {f.channel}", _at(f), f.what] for f in document["faults"]]
+    told = Table("faults", ["", "kind", "channel", "experiment", "what"], faults)
+    hints = [f"  {h}" for h in dict.fromkeys(f"{f.kind}: {f.hint}" for f in document["faults"])]
+    lines = [f"{size} at {document['sample_hz']:g} Hz, {document['duration_s']:.4g} s an experiment"]
+    blocks: list[str | Table] = [*lines, Table("channels (rms and peak about the mean)", heads, rows)]
+    return [*blocks, told, "\n".join(["try:", *hints])] if faults else [*blocks, "no faults found"]
+
+
+def _at(fault: Fault) -> str:
+    return "" if fault.experiment is None else str(fault.experiment)
+
+
+def _short(value: float | None) -> str:
+    return "" if value is None else f"{value:.4g}"
+
+
+def _calibration(channel: dict[str, Any]) -> str:
+    if channel["gain"] is None:
+        return channel["calibrated"]
+    per = f"{channel['gain']:g} {channel['unit']}/{channel['raw_unit'] or '1'}"
+    return f"{per} {channel['calibrated']}".rstrip()
