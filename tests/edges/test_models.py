@@ -31,6 +31,7 @@ def models(draw: st.DrawFn) -> MeasurementModel:
         tuple(Port(f"u{i}", "N m") for i in range(inputs)),
         tuple(Port(f"y{o}", "rad") for o in range(outputs)),
         draw(st.none() | st.floats(1e-3, 1e6)),
+        *(draw(st.none() | arrays(float, (outputs, inputs), elements=FINITE)) for _ in range(2)),
     )
 
 

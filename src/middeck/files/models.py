@@ -20,11 +20,16 @@ COMPENSATOR_SCHEMA = "middeck.compensator/1"
 COMPLEX = ("poles", "shapes", "participation")
 AGAIN = "write the model again"
 REAL = ("direct", "lower", "delay_s")
+OPTIONAL = ("path_delay_s", "rigid")
 
 
 def write_model(path: str | Path, model: MeasurementModel) -> None:
-    """Write ``model`` whole or not at all: poles [rad/s] and residues as ``re``, ``im``, delays in s."""
-    arrays = {name: getattr(model, name) for name in (*COMPLEX, *REAL)}
+    """Write ``model`` whole or not at all: poles [rad/s] and residues as ``re``, ``im``, delays in s.
+
+    Delays of paths and rigid-body modes are written where the model has any.
+    """
+    given = (*COMPLEX, *REAL, *(name for name in OPTIONAL if getattr(model, name) is not None))
+    arrays = {name: getattr(model, name) for name in given}
     ports = {"inputs": model.inputs, "outputs": model.outputs}
     write_json(path, {"schema": MODEL_SCHEMA, "sample_hz": model.sample_hz, **ports, **arrays})
 
@@ -37,7 +42,8 @@ def load_model(path: str | Path) -> MeasurementModel:
     """
     data = read_json(path, MODEL_SCHEMA, "a model of middeck identify -o")
     _require(data, ("sample_hz", "inputs", "outputs", *COMPLEX, *REAL), str(path))
-    arrays = {name: _array(data[name], f"{path}, {name}") for name in REAL}
+    given = (*REAL, *(name for name in OPTIONAL if data.get(name) is not None))
+    arrays = {name: _array(data[name], f"{path}, {name}") for name in given}
     for name in COMPLEX:
         _require(data[name], ("re", "im"), f"{path}, {name}")
         re, im = (_array(data[name][part], f"{path}, {name}.{part}") for part in ("re", "im"))

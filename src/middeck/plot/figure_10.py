@@ -27,7 +27,7 @@ def figure_10b(sensors: MeasuredSensors) -> Figure:
 
 
 def _draw(sensors: MeasuredSensors, output: int) -> Figure:
-    figure = new_figure(4.6)
+    figure = new_figure(4.9)
     magnitude, phase = figure.subplots(2, 1, sharex=True, height_ratios=[1.35, 1.0])
     f, data, fit = (
         sensors.measured.frequency_hz,
