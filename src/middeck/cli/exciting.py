@@ -1,0 +1,84 @@
+"""From options to a designed excitation, and what a test with it would say."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+
+from middeck.cli.blame import reading
+from middeck.errors import ConfigError
+from middeck.files.form import Form, Positive, whole, within
+from middeck.files.models import load_model
+from middeck.files.study_form import Band
+from middeck.identification.accuracy import ExpectedAccuracy, expected_accuracy
+from middeck.systems.excitation import (
+    Excitation,
+    Limits,
+    design_binary,
+    design_burst,
+    design_mls,
+    design_multisine,
+    design_noise,
+    design_sweep,
+)
+
+KINDS = ("multisine", "sweep", "noise", "burst", "mls", "binary")
+
+
+class ExciteSettings(Form):
+    """What is designed; limits are those of every input."""
+
+    kind: Literal["multisine", "sweep", "noise", "burst", "mls", "binary"]
+    sample_hz: Positive
+    band_hz: Band | None = None
+    period_s: Positive | None = None
+    order: Annotated[int, whole(2, 24)] | None = None
+    rms: Positive | None = None
+    peak: Positive | None = None
+    slew: Positive | None = None
+    inputs: Annotated[int, whole(1, 64)] = 1
+    realisations: Annotated[int, whole(1, 1000)] = 1
+    periods: Annotated[int, whole(1, 100_000)] = 1
+    grid: Literal["full", "odd", "odd-odd", "random-odd"] = "full"
+    phases: Literal["random", "schroeder", "compact"] = "random"
+    law: Literal["linear", "logarithmic"] = "linear"
+    seed: Annotated[int, within(least=0)] = 0
+
+
+def design(settings: ExciteSettings) -> Excitation:
+    """The excitation; raises `ConfigError` for a missing band, period, order or limit."""
+    rng, inputs = np.random.default_rng(settings.seed), settings.inputs
+    limits = Limits(settings.rms, settings.peak, settings.slew)
+    if settings.kind == "mls":
+        if settings.order is None:
+            raise ConfigError("a maximum length sequence needs its order", hint="--order N, 2^N - 1 bits")
+        return design_mls(settings.order, settings.sample_hz, limits, rng, inputs=inputs)
+    if settings.band_hz is None or settings.period_s is None:
+        raise ConfigError(f"a {settings.kind} needs a band and a period", hint="--band LO,HI --period S")
+    where = (settings.band_hz, settings.period_s, settings.sample_hz, limits)
+    match settings.kind:
+        case "multisine":
+            return design_multisine(
+                *where, rng, inputs=inputs, realisations=settings.realisations, grid=settings.grid,
+                phases=settings.phases,
+            )  # fmt: skip
+        case "sweep":
+            return design_sweep(*where, law=settings.law, inputs=inputs)
+        case "binary":
+            return design_binary(*where, rng, inputs=inputs)
+        case "noise":
+            return design_noise(*where, rng, inputs=inputs, experiments=settings.realisations * inputs)
+        case "burst":
+            return design_burst(*where, rng, inputs=inputs, experiments=settings.realisations * inputs)
+
+
+def expect(made: Excitation, model_file: str, noise_rms: tuple[float, ...], periods: int) -> ExpectedAccuracy:
+    """The accuracy of a test of the model in a file."""
+    model = load_model(model_file)
+    if len(noise_rms) not in (1, len(model.outputs)):
+        raise ConfigError(
+            f"{len(noise_rms)} noises for {len(model.outputs)} outputs", hint="one for all, or one for each"
+        )
+    with reading(model_file):
+        return expected_accuracy(model, made, np.array(noise_rms), periods=periods)

@@ -1,0 +1,164 @@
+"""``middeck excite``: a test signal, and what a test with it would say."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from middeck.cli import options
+from middeck.cli.screen import Table, show
+
+if TYPE_CHECKING:
+    from middeck.cli.exciting import ExciteSettings
+    from middeck.identification.accuracy import ExpectedAccuracy
+    from middeck.systems.excitation import Excitation
+
+EPILOG = """\
+\b
+Examples:
+  middeck excite multisine --band 0.1,60 --period 64 --rate 256 \\
+    --rms 0.1 --periods 3 -o torque.csv
+  middeck excite multisine --band 0.5,30 --period 32 --rate 256 \\
+    --peak 0.5 --phases compact --grid random-odd --json
+"""
+
+
+@click.command("excite", epilog=EPILOG)
+@click.argument("kind", type=click.Choice(["multisine", "sweep", "noise", "burst", "mls", "binary"]))
+@click.option("--band", "band_hz", type=options.Frequencies(2), metavar="LO,HI", help="Band [Hz].")
+@click.option("--period", "period_s", type=float, help="Length of a period [s].")
+@click.option("--rate", "sample_hz", type=float, required=True, help="Sampling rate [Hz].")
+@click.option("--rms", type=float, help="Largest rms; at least one limit is needed.")
+@click.option("--peak", type=float, help="Largest sample.")
+@click.option("--slew", type=float, help="Largest step times rate [unit/s].")
+@click.option("--order", type=int, help="mls: a period of 2^ORDER - 1 samples.")
+@click.option("--grid", type=click.Choice(["full", "odd", "odd-odd", "random-odd"]), help="multisine: lines.")
+@click.option("--phases", type=click.Choice(["random", "schroeder", "compact"]), help="multisine: phases.")
+@click.option("--law", type=click.Choice(["linear", "logarithmic"]), help="sweep: of frequency in time.")
+@click.option("--inputs", type=int, help="Inputs at once, told apart over as many experiments.")
+@click.option("--realisations", type=int, help="Independent sets of experiments.")
+@click.option("--periods", type=int, help="Periods of each experiment.  [default: 1]")
+@click.option("--seed", type=int, help="Of all that is random.  [default: 0]")
+@click.option("--model", "model_file", metavar="MODEL.json", help="What is thought to be there.")
+@click.option(
+    "--noise", "noise_rms", type=options.Numbers(), help="Rms of each output's noise, with --model."
+)
+@click.option("--name", "names", multiple=True, metavar="NAME", help="Name of each input.")
+@click.option("--unit", default="N m", show_default=True, help="Unit of the inputs.")
+@click.option(
+    "-o",
+    "--output",
+    "command_file",
+    metavar="COMMAND.csv|npz",
+    callback=options.in_a_folder,
+    help="Write the samples.",
+)
+@options.common
+def verb(
+    model_file: str | None,
+    noise_rms: tuple[float, ...] | None,
+    names: tuple[str, ...],
+    unit: str,
+    command_file: str | None,
+    overrides: tuple[str, ...],
+    as_json: bool,
+    **given: Any,
+) -> None:
+    """Design a test signal within limits, as large as they allow.
+
+    With --model and --noise it says how well a test of so many periods would identify that model.
+    --set takes the names of the options, with units: band_hz, period_s, sample_hz.
+    """
+    from middeck.cli.exciting import ExciteSettings, design, expect
+    from middeck.cli.settings import settle
+    from middeck.errors import ConfigError
+    from middeck.files.commands import write_command
+    from middeck.systems.ports import Port
+
+    settings = settle(ExciteSettings, given, overrides)
+    if (model_file is None) != (noise_rms is None):
+        raise ConfigError("an accuracy is expected of a model under a noise", hint="--model and --noise")
+    made = design(settings)
+    expected = None
+    if model_file is not None and noise_rms is not None:
+        expected = expect(made, model_file, noise_rms, settings.periods)
+    written: tuple[Any, ...] = ()
+    if command_file is not None:
+        named = options.separate_names(names) or _numbered(settings.inputs)
+        ports = [Port(name, unit) for name in named]
+        written = write_command(command_file, made, settings.periods, ports)
+    document = describe(made, settings, expected) | {"files": [str(path) for path in written]}
+    show(as_json, document, *_tables(document))
+
+
+def _numbered(inputs: int) -> tuple[str, ...]:
+    return ("input",) if inputs == 1 else tuple(f"input_{i + 1}" for i in range(inputs))
+
+
+def describe(made: Excitation, settings: ExciteSettings, expected: ExpectedAccuracy | None) -> dict[str, Any]:
+    """The JSON document."""
+    experiments, samples, _ = made.u.shape
+    return {
+        "schema": "middeck.excite/1",
+        "kind": made.kind,
+        "what": made.what,
+        "sample_hz": made.sample_hz,
+        "period_s": made.period_s,
+        "samples": samples,
+        "experiments": experiments,
+        "periods": settings.periods,
+        "duration_s": experiments * settings.periods * made.period_s,
+        "lines": len(made.lines),
+        "band_hz": [made.frequency_hz[0], made.frequency_hz[-1]],
+        "rms": made.rms,
+        "peak": made.peak,
+        "crest_factor": made.crest_factor,
+        "slew": made.slew,
+        "expected": None if expected is None else _accuracy(expected),
+    }
+
+
+def _accuracy(expected: ExpectedAccuracy) -> dict[str, Any]:
+    from middeck.identification.measurement_model import damping_ratio, natural_hz
+
+    model, known = expected.covariance.model, expected.uncertainty
+    names = [p.name for p in model.outputs]
+    return {
+        "frequency_hz": natural_hz(model),
+        "frequency_std_hz": known.natural_hz,
+        "damping": damping_ratio(model),
+        "damping_std": known.damping,
+        "delay_std_s": dict(zip(names, known.delay_s, strict=True)),
+        "error": dict(zip(names, expected.error, strict=True)),
+    }
+
+
+def _tables(document: dict[str, Any]) -> list[str | Table]:
+    rows = [
+        [str(i + 1), *(f"{document[key][i]:.4g}" for key in ("rms", "peak", "crest_factor", "slew"))]
+        for i in range(len(document["rms"]))
+    ]
+    head = f"{document['experiments']} x {document['periods']} periods of {document['period_s']:g} s: "
+    head += f"{document['duration_s']:g} s"
+    blocks: list[str | Table] = [
+        document["what"],
+        head,
+        Table("inputs", ["input", "rms", "peak", "crest", "slew"], rows),
+    ]
+    expected = document["expected"]
+    if expected is not None:
+        keys = ("frequency_hz", "frequency_std_hz", "damping", "damping_std")
+        modes = [
+            [f"{f:.5f}", f"{df:.1e}", f"{z:.5f}", f"{dz:.1e}"]
+            for f, df, z, dz in zip(*(expected[k] for k in keys), strict=True)
+        ]
+        outputs = [
+            [name, f"{expected['delay_std_s'][name] * 1e3:.2g}", f"{error:.3%}"]
+            for name, error in expected["error"].items()
+        ]
+        blocks += [
+            Table("expected of a fit", ["Hz", "+-", "damping", "+-"], modes),
+            Table("expected of outputs", ["output", "delay +- ms", "error"], outputs),
+        ]
+    return blocks

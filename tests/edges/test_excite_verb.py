@@ -1,0 +1,117 @@
+"""``middeck excite``: what it prints, what it writes, what it refuses."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from middeck.cli.verbs.excite import verb
+from middeck.errors import ConfigError
+from middeck.files.models import write_model
+from middeck.identification.accuracy import expected_accuracy
+from middeck.identification.plant_model import model_of_plant
+from middeck.systems.excitation import Limits, design_multisine
+from middeck.systems.modal import ModalSystem
+from middeck.systems.plant import Plant
+from middeck.systems.ports import Port
+
+MULTISINE = ("multisine", "--band", "0.5,30", "--period", "8", "--rate", "128")
+
+
+def run(*arguments: object) -> str:
+    ended = CliRunner().invoke(
+        verb, [str(a) for a in arguments], catch_exceptions=False, standalone_mode=False
+    )
+    assert ended.exit_code == 0
+    return ended.stdout
+
+
+def document(*arguments: object) -> dict[str, Any]:
+    found = json.loads(run(*arguments, "--json"), parse_constant=lambda text: pytest.fail(f"{text}: no JSON"))
+    assert found["schema"] == "middeck.excite/1"
+    return found
+
+
+def test_the_document_says_what_was_designed():
+    made = design_multisine(
+        (0.5, 30.0), 8.0, 128.0, Limits(peak=2.0), np.random.default_rng(3), inputs=2, phases="compact"
+    )
+    found = document(
+        *MULTISINE, "--peak", 2, "--inputs", 2, "--seed", 3, "--phases", "compact", "--periods", 3
+    )
+    assert found["crest_factor"] == made.crest_factor.tolist()
+    assert (found["experiments"], found["samples"], found["lines"]) == (2, 1024, len(made.lines))
+    assert found["duration_s"] == 48.0
+    assert found["what"] == made.what
+    assert document(*MULTISINE, "--rms", 1, "--set", "period_s=16")["samples"] == 2048
+
+
+@pytest.mark.parametrize(
+    ("kind", "more"),
+    [
+        ("sweep", ["--law", "logarithmic"]), ("noise", []), ("burst", []), ("binary", []),
+        ("mls", ["--order", "8"]),
+    ],
+)  # fmt: skip
+def test_every_kind_is_designed(kind, more):
+    where = [] if kind == "mls" else ["--band", "1,30", "--period", "8"]
+    found = document(kind, *where, "--rate", 128, "--peak", 0.5, *more)
+    assert found["peak"] == pytest.approx([0.5])
+    assert found["what"] in run(kind, *where, "--rate", 128, "--peak", 0.5, *more)
+
+
+def test_commands_are_written_and_read_back_exactly(tmp_path: Path):
+    made = design_multisine((0.5, 30.0), 8.0, 128.0, Limits(rms=0.1), np.random.default_rng(0), inputs=2)
+    common = [*MULTISINE, "--rms", 0.1, "--inputs", 2, "--periods", 2, "--name", "gimbal,wheel"]
+    found = document(*common, "-o", tmp_path / "torque.csv")
+    names = [tmp_path / "torque-1.csv", tmp_path / "torque-2.csv"]
+    assert found["files"] == [str(n) for n in names]
+    for e, name in enumerate(names):
+        assert name.read_text().splitlines()[0] == "time [s],u:gimbal [N m],u:wheel [N m]"
+        table = np.loadtxt(name, delimiter=",", skiprows=1)
+        np.testing.assert_array_equal(table[:, 1:], np.tile(made.u[e], (2, 1)))
+        np.testing.assert_array_equal(table[:, 0], np.arange(2048) / 128.0)
+    document(*common, "-o", tmp_path / "torque.npz")
+    with np.load(tmp_path / "torque.npz") as archive:
+        np.testing.assert_array_equal(archive["u"], np.repeat(made.u[:, None], 2, axis=1))
+        assert archive["input_names"].tolist() == ["gimbal", "wheel"]
+
+
+def test_the_accuracy_of_a_test_is_printed(tmp_path: Path):
+    mode = ModalSystem([2.0 * np.pi * 5.0], [0.01], [[1.0]], [[1.0]], [[0.0]], ("bounce",))
+    model = model_of_plant(Plant(mode, (Port("torque", "N m"),), (Port("payload", "rad"),)), delay_s=0.01)
+    write_model(tmp_path / "model.json", model)
+    wanted = ["--rms", 1, "--model", tmp_path / "model.json", "--noise", "1e-3", "--periods", 4]
+    found = document(*MULTISINE, *wanted)["expected"]
+    made = design_multisine((0.5, 30.0), 8.0, 128.0, Limits(rms=1.0), np.random.default_rng(0))
+    expected = expected_accuracy(model, made, 1e-3, periods=4)
+    # The model passes through decimals of full precision.
+    assert found["damping_std"] == pytest.approx(expected.uncertainty.damping.tolist(), rel=1e-9)
+    assert found["error"] == pytest.approx({"payload": expected.error[0]}, rel=1e-9)
+    assert "expected of a fit" in run(*MULTISINE, *wanted)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        (*MULTISINE,),  # no limit
+        ("multisine", "--rate", 128, "--rms", 1),  # no band
+        ("mls", "--rate", 128, "--rms", 1),  # no order
+        (*MULTISINE, "--rms", 1, "--noise", "1"),  # noise of no model
+        (*MULTISINE, "--rms", 1, "--periods", 0),
+        (*MULTISINE, "--rms", -1),
+        (*MULTISINE, "--rms", 1, "--set", "rate=5"),
+        (*MULTISINE, "--rms", 1, "--name", "a,b", "-o", "x.npz"),
+        (*MULTISINE, "--rms", 1, "-o", "x.txt"),
+    ],
+)
+def test_what_makes_no_signal_is_refused(arguments, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ConfigError):
+        run(*arguments)
+    assert not list(tmp_path.iterdir())
