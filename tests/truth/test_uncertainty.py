@@ -26,7 +26,7 @@ from middeck.identification.uncertainty import (
     uncertainty_of,
     zero_deviation,
 )
-from middeck.identification.unknowns import Structure, entry_slopes, model_at, places_of, unknowns_of
+from middeck.identification.unknowns import Structure, entry_slopes, model_at, places_of, ties, unknowns_of
 from middeck.systems.response import FrequencyResponse
 
 DRAWS = 60
@@ -53,7 +53,26 @@ def a_model(*, real=False, sample_hz=None, free=False):
     return model, Structure(real, continuous, continuous and not free, True)
 
 
-MODELS = [a_model(), a_model(real=True), a_model(sample_hz=100.0), a_model(real=True, free=True)]
+def a_full_rank_model():
+    """Every pole once for each input, whose residues have rank two; one delay for all outputs."""
+    model, structure = a_model()
+    twice = np.repeat(np.arange(5), 2)
+    rng = np.random.default_rng(1)
+    shapes = model.shapes[:, twice] * (1.0 + rng.random((3, 10)))
+    full = dataclasses.replace(
+        model, poles=model.poles[twice], shapes=shapes, participation=np.tile(np.eye(2), (5, 1)),
+        delay_s=np.full(3, 0.02),
+    )  # fmt: skip
+    return full, dataclasses.replace(structure, common_delay=True)
+
+
+MODELS = [
+    a_model(),
+    a_model(real=True),
+    a_model(sample_hz=100.0),
+    a_model(real=True, free=True),
+    a_full_rank_model(),
+]
 F = np.linspace(0.3, 30.0, 40)
 
 
@@ -99,13 +118,14 @@ def test_slopes_of_the_physical_parameters(model, structure):
         return parameters_of(moved).values
 
     slopes = by_differences(physical, x)
-    np.testing.assert_allclose(slopes[:, :10], by_differences(values, x), atol=1e-7)
+    poles = 2 * len(model.poles)
+    np.testing.assert_allclose(slopes[:, :poles], by_differences(values, x), atol=1e-7)
     unit = ModelCovariance(model, structure, np.eye(len(x)), np.ones(len(x)), np.inf, False)
     # The covariance of independent unknowns of unit variance is the product of the slopes.
     expected = slopes.T @ slopes
     np.testing.assert_allclose(parameters_of(unit).covariance, expected, atol=1e-6 * np.abs(expected).max())
     stated = uncertainty_of(unit)
-    np.testing.assert_allclose(stated.natural_hz, parameters_of(unit).deviation[:5])
+    np.testing.assert_allclose(stated.natural_hz, parameters_of(unit).deviation[: len(model.poles)])
     assert np.all((stated.delay_s > 0.0) == structure.with_delay)
 
 
@@ -147,6 +167,36 @@ def test_the_covariance_is_the_inverse_of_fishers_information():
     )
     single = 1.0 / np.sum(parts**2, axis=1)
     np.testing.assert_allclose(found.inflation, np.diag(expected) / single, rtol=1e-4)
+
+
+def test_what_was_held_has_no_deviation():
+    """Residues that were made to add up to zero for each path do so in every direction of the covariance."""
+    model, structure = a_model()
+    structure = dataclasses.replace(structure, relative_degree_two=True)
+    x = unknowns_of(model, structure)
+
+    def sums(x):
+        moved = model_at(model, structure, x)
+        residues = moved.shapes[:, :, None] * moved.participation[None]
+        return np.sum(residues.real * np.where(moved.is_pair, 2.0, 1.0)[:, None], axis=1).ravel()
+
+    held = ties(model, structure)
+    np.testing.assert_allclose(held.T, by_differences(sums, x), atol=1e-7)
+    variance = np.full((3, len(F), 2), 1e-4)
+    measured = FrequencyResponse(
+        F, model_response(model, F), model.inputs, model.outputs, np.full((len(F), 3, 2), 1e-4)
+    )
+    found = estimate_covariance(model, structure, measured, assumed=variance, noise=variance).matrix
+    free = estimate_covariance(
+        model,
+        dataclasses.replace(structure, relative_degree_two=False),
+        measured,
+        assumed=variance,
+        noise=variance,
+    ).matrix
+    # Rounding, in units of what the sums would vary by if they were free.
+    assert np.diag(held @ found @ held.T).max() < 1e-12 * np.diag(held @ free @ held.T).min()
+    assert np.all(np.diag(found) <= np.diag(free) * (1.0 + 1e-6))
 
 
 @pytest.mark.parametrize("degrees", [1, 2, 5, 20])

@@ -12,10 +12,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+import scipy.linalg
 from jaxtyping import Complex, Float
 
 from middeck.identification.measurement_model import MeasurementModel, model_response
-from middeck.identification.unknowns import EntrySlopes, Structure, entry_slopes, places_of
+from middeck.identification.unknowns import EntrySlopes, Structure, entry_slopes, places_of, ties
 from middeck.identification.weights import NEIGHBOURS
 from middeck.systems.response import FrequencyResponse
 from middeck.values import record
@@ -77,7 +78,7 @@ def estimate_covariance(
     s = 2j * np.pi * measured.frequency_hz
     each = _Entries(model, structure, s, assumed)
     A = each.information()
-    root, inverse = _inverse_root(A)
+    root, inverse = _inverse_root(A, ties(model, structure))
     inflation = np.maximum(np.diag(A) * np.diag(inverse), 1.0)
     residual = np.moveaxis(measured.H - model_response(model, measured.frequency_hz), 0, 1)
     degrees, robust = _quality(measured, residual, noise, unknowns=len(A))
@@ -116,13 +117,17 @@ def _real(by: Complex[np.ndarray, "unknown line"]) -> Float[np.ndarray, "unknown
     return np.ascontiguousarray(by).view(float)
 
 
-def _inverse_root(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """R and R R^T = A^-1. What rounding cannot tell from nothing is taken for the least it could be, so that
-    an undetermined unknown has a large deviation rather than none."""
+def _inverse_root(A: np.ndarray, held: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """R and R R^T = A^-1, among the unknowns that leave what is ``held`` as it is.
+
+    What rounding cannot tell from nothing is taken for the least it could be, so that an undetermined unknown
+    has a large deviation rather than none.
+    """
     scale = 1.0 / np.sqrt(np.maximum(np.diag(A), np.finfo(float).tiny))
-    size, direction = np.linalg.eigh(A * scale[:, None] * scale)
+    free = scipy.linalg.null_space(held * scale) if len(held) else np.eye(len(A))
+    size, direction = np.linalg.eigh(free.T @ (A * scale[:, None] * scale) @ free)
     least = len(A) * np.finfo(float).eps * size[-1]
-    root = scale[:, None] * direction / np.sqrt(np.maximum(size, least))
+    root = scale[:, None] * (free @ direction) / np.sqrt(np.maximum(size, least))
     return root, root @ root.T
 
 

@@ -24,6 +24,8 @@ NEAR = 0.02
 ALIKE = 0.05
 # A constant that is e times larger counts a tenth of that: a spurious mode beside a real one is small.
 OF_SIZE = 0.1
+# Share of the largest eigenvalue of a correlation matrix below which another is rounding.
+RANK = 1e-9
 
 
 @record
@@ -267,11 +269,18 @@ def _probability(
     total = both[0] + both[1]
     scale = np.sqrt(np.maximum(np.diag(total), np.finfo(float).tiny))
     d = change[group] / scale
-    inverse = np.linalg.pinv(total / scale[:, None] / scale, hermitian=True)
-    share = float(np.trace(inverse @ (both[0] / scale[:, None] / scale))) / len(group)
+    # Quantities that share an unknown (a common delay, the pole of a residue of full rank) count once.
+    size, direction = np.linalg.eigh(total / scale[:, None] / scale)
+    known = size > RANK * max(size[-1], np.finfo(float).tiny)
+    numbers = int(np.sum(known))
+    if not numbers:
+        return 1.0
+    root = direction[:, known] / np.sqrt(size[known])
+    inverse = root @ root.T
+    share = float(np.trace(inverse @ (both[0] / scale[:, None] / scale))) / numbers
     slowness = share**2 / degrees[0] + (1.0 - share) ** 2 / degrees[1]
     nu = 1.0 / slowness if slowness > 0.0 else np.inf
-    return float(joint_tail(d @ inverse @ d, len(group), nu))
+    return float(joint_tail(d @ inverse @ d, numbers, nu))
 
 
 def _match(before: ModelCovariance, after: ModelCovariance) -> list[tuple[int, int]]:

@@ -200,7 +200,14 @@ def _covariance(
     model: MeasurementModel, measured: FrequencyResponse, best: Polished, spread: Spread
 ) -> ModelCovariance:
     layout = best.layout
-    structure = Structure(layout.real_constants, layout.with_delay, layout.with_lower, layout.with_direct)
+    structure = Structure(
+        layout.real_constants,
+        layout.with_delay,
+        layout.with_lower,
+        layout.with_direct,
+        common_delay=layout.delay_of == "common",
+        relative_degree_two=layout.relative_degree_two,
+    )
     return estimate_covariance(
         model, structure, measured, assumed=spread.at(best.share), noise=spread.variance
     )

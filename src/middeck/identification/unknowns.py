@@ -30,17 +30,27 @@ class Structure:
         Pairs are phi psi / ((s - p)(s - conj p)) with real phi and psi.
     with_delay, with_lower, with_direct:
         Whether delays, the term L / s^2 and the constant term D were fitted.
+    common_delay:
+        Whether all outputs have one delay.
+    relative_degree_two:
+        Whether the residues of each path were made to add up to zero.
     """
 
     real_constants: bool
     with_delay: bool
     with_lower: bool
     with_direct: bool
+    common_delay: bool = False
+    relative_degree_two: bool = False
 
 
 @record
 class Places:
-    """Where each kind of unknown stands in the vector; -1 where it is not free."""
+    """Where each kind of unknown stands in the vector; -1 where it is not free.
+
+    Modes of one pole (a residue of full rank, whose input vectors are held) share their place, and so do
+    outputs of one common delay.
+    """
 
     sigma: Int[np.ndarray, " mode"]
     omega: Int[np.ndarray, " mode"]
@@ -59,18 +69,22 @@ def places_of(model: MeasurementModel, structure: Structure) -> Places:
     pair = model.is_pair
     modes, (outputs, inputs) = len(pair), model.direct.shape
     parts = np.stack([np.ones(modes, bool), pair & (not structure.real_constants)], axis=1)
-    free_b = np.broadcast_to(parts[:, None], (modes, inputs, 2)).copy()
+    first = np.argmax(model.poles[:, None] == model.poles[None], axis=1)
+    alone = np.bincount(first, minlength=modes)[first] == 1
+    free_b = parts[:, None] & alone[:, None, None] & np.ones((modes, inputs, 1), bool)
     free_b[np.arange(modes), _pivot(model)] = False
+    own = first == np.arange(modes)
+    late = np.arange(outputs) < (1 if structure.common_delay else outputs)
     entries = (outputs, inputs)
     free = (
-        np.ones(modes, bool),
-        pair,
+        own,
+        own & pair,
         free_b,
         np.broadcast_to(parts, (outputs, modes, 2)),
         np.full(entries, model.rigid is not None),
         np.full(entries, structure.with_lower),
         np.full(entries, structure.with_direct),
-        np.full(outputs, structure.with_delay),
+        late & structure.with_delay,
         _free_paths(model, structure),
     )
     found: list[np.ndarray] = []
@@ -81,7 +95,8 @@ def places_of(model: MeasurementModel, structure: Structure) -> Places:
         used += int(np.sum(mask))
         found.append(place)
     sigma, omega, b, c, rigid, lower, direct, delay, path = found
-    return Places(sigma, omega, b, c, rigid, lower, direct, delay, path, used)
+    delay = delay[:1].repeat(outputs) if structure.common_delay else delay
+    return Places(sigma[first], omega[first], b, c, rigid, lower, direct, delay, path, used)
 
 
 def _free_paths(model: MeasurementModel, structure: Structure) -> Bool[np.ndarray, "output input"]:
@@ -217,4 +232,34 @@ def entry_slopes(
     )
     place = np.concatenate([p for p, _ in blocks])
     by = np.concatenate([v for _, v in blocks]) * late
-    return EntrySlopes(H, place[place >= 0], by[place >= 0])
+    return EntrySlopes(H, *_together(place[place >= 0], by[place >= 0]))
+
+
+def _together(place: np.ndarray, by: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Slopes by what stands in one place are added."""
+    once, which = np.unique(place, return_inverse=True)
+    if len(once) == len(place):
+        return place, by
+    total = np.zeros((len(once), by.shape[1]), dtype=complex)
+    np.add.at(total, which, by)
+    return once, total
+
+
+def ties(model: MeasurementModel, structure: Structure) -> Float[np.ndarray, "tie unknown"]:
+    """Derivatives of what the fit held at zero: the sum of all residues of each path, if it was."""
+    at = places_of(model, structure)
+    outputs, inputs = model.direct.shape
+    if not structure.relative_degree_two:
+        return np.zeros((0, at.size))
+    G = np.zeros((outputs, inputs, at.size))
+    twice = np.where(model.is_pair, 2.0, 1.0)
+    unit = 1.0 / _unit(model.poles, model.is_pair, structure)
+    for m in range(len(model.poles)):
+        for o in range(outputs):
+            for i in range(inputs):
+                c, b = model.shapes[o, m], model.participation[m, i]
+                for place, slope in ((at.c[o, m], unit[m] * b), (at.b[m, i], c)):
+                    for part, factor in zip(place, (1.0, 1j), strict=True):
+                        if part >= 0:
+                            G[o, i, part] += twice[m] * (factor * slope).real
+    return G.reshape(-1, at.size)
