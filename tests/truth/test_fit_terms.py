@@ -1,12 +1,15 @@
 """The evaluation behind the fit: derivatives, spectra of experiments and transients against exact motion."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
-from middeck.identification.design import jacobian, residual_of
+from middeck.identification.design import build_terms, jacobian, residual_of
 from middeck.identification.fit_data import Data, Transient
 from middeck.identification.layout import Layout, Point, pack
-from middeck.identification.refine import weighted
+from middeck.identification.normal_equations import Functions, solve_normal
+from middeck.identification.refine import solve_by_qr, weighted
 
 
 def a_layout(
@@ -187,3 +190,33 @@ def test_a_held_input_of_any_kind_is_exact():
     # Rounding of the recursion and of the transform.
     assert np.abs(residual_of(layout, data, theta, step.linear)).max() < 1e-11 * np.abs(Y).max()
     np.testing.assert_allclose(step.linear[0, :5], [0.6, -2.0, -1.1, 0.4, 0.3], rtol=1e-9)
+
+
+@pytest.mark.parametrize("alike", [True, False], ids=["one weight", "weights of inputs"])
+@case
+def test_normal_equations_are_those_of_qr(layout, experiments, transient, alike):
+    data, theta = a_problem(layout, experiments)
+    if alike:
+        data = dataclasses.replace(data, weight=np.repeat(data.weight[:, :, :1], data.H.shape[2], axis=2))
+    terms = build_terms(layout, data, theta)
+    shared = Functions(layout, data, terms)
+    for o in range(2):
+        fast, exact = solve_normal(layout, data, terms, shared, o), solve_by_qr(layout, data, terms, o)
+        # Conditions of 1e2 to 1e4: corrected once, the solution is good to rounding times that.
+        np.testing.assert_allclose(fast.linear, exact.linear, rtol=1e-9, atol=1e-10)
+        assert fast.cost == pytest.approx(exact.cost, rel=1e-13)
+        scale = np.sqrt(2.0 * exact.cost * np.diag(exact.gram))
+        assert (np.abs(fast.gradient - exact.gradient) <= 1e-11 * scale).all()
+        size = np.sqrt(np.maximum(np.diag(exact.gram), 1e-300))
+        # The squared condition's share of rounding.
+        assert (np.abs(fast.gram - exact.gram) <= 1e-7 * size[:, None] * size).all()
+
+
+def test_a_coincident_pole_is_left_to_qr():
+    layout = a_layout(full=True)
+    data, theta = a_problem(layout, None)
+    theta = theta.copy()
+    theta[1], theta[4] = theta[0] + 1e-9, theta[3] + 1e-9
+    terms = build_terms(layout, data, theta)
+    assert solve_normal(layout, data, terms, Functions(layout, data, terms), 0) is None
+    assert weighted(layout, data, theta) is not None

@@ -41,7 +41,7 @@ def late_columns(
     layout: Layout, data: Data, terms: Terms, output: int
 ) -> Complex[np.ndarray, "column line experiment"]:
     """Columns of the response of one output, its delays included."""
-    late = _late(data, terms, output)
+    late = late_of(data, terms, output)
     if data.drive is None or late.shape[1] == 1:
         return terms.X * late
     return columns(layout, terms.point, terms.parts, data.s, data.drive * late[:, :, None])
@@ -53,7 +53,7 @@ def late_slopes(
     """Slopes of one output by theta, those of its delays and of its transients included."""
     x, t = split_linear(layout, data, linear)
     G = np.zeros((layout.size, *data.H.shape[1:]), dtype=complex)
-    late = _late(data, terms, output)
+    late = late_of(data, terms, output)
     if data.drive is None or late.shape[1] == 1:
         by_terms = slopes(layout, terms.point, terms.parts, x, data.s, data.drive) * late
     else:
@@ -68,7 +68,8 @@ def late_slopes(
     return G
 
 
-def _late(data: Data, terms: Terms, output: int) -> Complex[np.ndarray, "line path"]:
+def late_of(data: Data, terms: Terms, output: int) -> Complex[np.ndarray, "line path"]:
+    """exp(-s tau) of one output: for all its paths, or for each."""
     return np.exp(-data.s[:, None] * terms.point.delay_s[output])
 
 

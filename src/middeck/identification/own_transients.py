@@ -54,7 +54,8 @@ class OwnTransients:
 
 def as_real(rows: Complex[np.ndarray, "row line column"]) -> Float[np.ndarray, "row number"]:
     """Real and imaginary parts side by side, without a copy."""
-    return np.ascontiguousarray(rows).reshape(len(rows), -1).view(float)
+    _, lines, columns = rows.shape
+    return np.ascontiguousarray(rows).reshape(len(rows), lines * columns).view(float)
 
 
 def _real(rows: Complex[np.ndarray, "row line"]) -> Float[np.ndarray, "row number"]:

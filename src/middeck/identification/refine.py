@@ -26,6 +26,7 @@ from middeck.identification.design import (
 )
 from middeck.identification.fit_data import Data
 from middeck.identification.layout import Layout
+from middeck.identification.normal_equations import Functions, Solved, solve_normal
 from middeck.identification.own_transients import OwnTransients, as_real
 from middeck.identification.ties import Tied
 from middeck.values import record
@@ -63,24 +64,24 @@ def weighted(layout: Layout, data: Data, theta: Float[np.ndarray, " unknown"]) -
     terms = build_terms(layout, data, theta)
     if terms is None:
         return None
-    cost, found = 0.0, []
-    gradient, gram = np.zeros(len(theta)), np.zeros((len(theta), len(theta)))
+    shared = Functions(layout, data, terms) if data.transient is None else None
+    solved: list[Solved] = []
     for o in range(layout.outputs):
-        solved = _solve_output(layout, data, terms, o)
-        if solved is None:
+        one = None if shared is None else solve_normal(layout, data, terms, shared, o)
+        one = one or solve_by_qr(layout, data, terms, o)
+        if one is None:
             return None
-        linear, residual, J = solved
-        found.append(linear)
-        cost += 0.5 * float(residual @ residual)
-        gradient -= J @ residual
-        gram += J @ J.T
-    return Step(cost, gradient, gram, np.array(found)) if np.isfinite(cost) else None
+        solved.append(one)
+    cost = sum(one.cost for one in solved)
+    if not np.isfinite(cost):
+        return None
+    gradient = np.sum([one.gradient for one in solved], axis=0)
+    gram = np.sum([one.gram for one in solved], axis=0)
+    return Step(cost, gradient, gram, np.array([one.linear for one in solved]))
 
 
-def _solve_output(
-    layout: Layout, data: Data, terms: Terms, output: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """Linear unknowns, residual and Kaufman's Jacobian of one output."""
+def solve_by_qr(layout: Layout, data: Data, terms: Terms, output: int) -> Solved | None:
+    """One output by orthogonal columns, from Kaufman's Jacobian; None where two of them coincide."""
     own = OwnTransients(terms.B, data.weight[output])
     X = late_columns(layout, data, terms, output)
     A, tied = own.removed(X), Tied(layout, terms.point)
@@ -96,8 +97,12 @@ def _solve_output(
     x = tied.whole(np.asarray(scipy.linalg.solve_triangular(R, on_columns)) / size)
     t = own.unknowns(data.H[output] - np.tensordot(x, X, axes=1))
     linear = np.concatenate([x, t.ravel()])
-    G = own.removed(late_slopes(layout, data, terms, linear, output)) + tied.moved(x, A)
-    return linear, target - Q @ on_columns, G - (G @ Q) @ Q.T
+    G = own.removed(late_slopes(layout, data, terms, linear, output))
+    gained = tied.moved(x, A)
+    if isinstance(gained, np.ndarray):
+        G[: len(gained)] += gained
+    residual, J = target - Q @ on_columns, G - (G @ Q) @ Q.T
+    return Solved(linear, 0.5 * float(residual @ residual), -J @ residual, J @ J.T)
 
 
 def logarithmic(layout: Layout, data: Data, theta: Float[np.ndarray, " unknown"]) -> Step | None:

@@ -26,13 +26,14 @@ class Tied:
         """x from the factors of those combinations."""
         return y if self._free is None else y @ self._free
 
-    def moved(
-        self, x: Float[np.ndarray, " column"], rows: Float[np.ndarray, "column number"]
-    ) -> Float[np.ndarray, "unknown number"] | float:
-        """What ``rows`` x gains as x moves with theta to stay tied; its free part is projected out later."""
+    def moved(self, x: Float[np.ndarray, " column"], rows: np.ndarray) -> np.ndarray | float:
+        """What x gains on ``rows`` [column, ...] as it moves with theta (delays apart) to stay tied.
+
+        Its free part is projected out later, so that any such move will do.
+        """
         if self._free is None:
             return 0.0
-        return -_tie_slopes(self._layout, x) @ np.linalg.pinv(self._C).T @ rows
+        return np.tensordot(-_tie_slopes(self._layout, x) @ np.linalg.pinv(self._C).T, rows, axes=1)
 
 
 def _ties(layout: Layout, point: Point) -> Float[np.ndarray, "tie column"]:
@@ -52,7 +53,7 @@ def _ties(layout: Layout, point: Point) -> Float[np.ndarray, "tie column"]:
 
 def _tie_slopes(layout: Layout, x: Float[np.ndarray, " column"]) -> Float[np.ndarray, "unknown tie"]:
     """Derivative of `_ties` times ``x`` by theta: only b is in it."""
-    found = np.zeros((layout.size, layout.inputs))
+    found = np.zeros((layout.size - layout.delays[0] * layout.delays[1], layout.inputs))
     c = linear_of_terms(layout, x)
     for k, (m, i, part) in enumerate(layout.free_b):
         weight = 2.0 if layout.pair[m] else 1.0
