@@ -1,9 +1,9 @@
 """Finite transmission zeros of a state space: the staircase that takes off the infinite ones, then QZ.
 
-Never by polynomials: the zeros of a lightly damped model of ten modes move by per cent when the coefficients
-of its numerator are rounded. The pencil [A - s I, B; C, D] is scaled, its infinite zeros are deflated by
-orthogonal transformations with rank decisions on singular values (Emami-Naeini and Van Dooren 1982,
-Automatica 18), and what is left has an invertible D, hence finite zeros only.
+Never by polynomials: their coefficients lose close modes first, and in the end all of them. The pencil
+[A - s I, B; C, D] is scaled, its infinite zeros are deflated by orthogonal transformations with rank
+decisions on singular values (Emami-Naeini and Van Dooren 1982, Automatica 18), and what is left has an
+invertible D, hence finite zeros only.
 """
 
 from __future__ import annotations
