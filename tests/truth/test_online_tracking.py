@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from middeck.errors import ConfigError, DataError
-from middeck.identification.accuracy import expected_accuracy
 from middeck.identification.tracking import Drift, start_tracking, track_modes, update_tracking
 from middeck.identification.tracking.dynamics import poles_at, step_modes
+from middeck.identification.tracking.follow import FIRST_GAIN
 from middeck.identification.uncertainty import Uncertainty
 from middeck.realtime.rig import build_linear_rig
 from middeck.systems.record import Record
@@ -83,22 +83,22 @@ def test_exact_data_of_the_exact_model_leave_nothing():
 def test_a_step_of_one_per_cent_is_followed_within_twenty_seconds(campaign, mode, factor):
     """8.90 and 9.35 Hz, 1 % noise: within a tenth of the step after 20 s, the others undisturbed."""
     for seed in campaign(20):
-        taken, noise = moving_gimbal.record(seed, 30.0, hz=stepping(30.0, 10.0, mode, factor))
+        taken, noise = moving_gimbal.record(seed, 26.0, hz=stepping(26.0, 6.0, mode, factor))
         state = start_tracking(moving_gimbal.model(), noise_rms=noise, known=WELL_KNOWN, **AT_ONE_RATE)
         found = track_modes(state, taken)
-        true = stepping(30.0, 10.0, mode, factor)[-1]
+        true = stepping(26.0, 6.0, mode, factor)[-1]
         error = np.abs(found.natural_hz[-1] / true - 1.0)
         assert error[mode] < 1e-3, seed
         assert np.delete(error, mode).max() < 1e-3
         # The bound of 20 s alone is 2e-4 for the fifth mode: the filter is not far from it.
         assert np.all(np.abs(found.natural_hz[-1] - true) < 4.5 * found.frequency_std_hz[-1])
         assert found.frequency_std_hz[-1, mode] / true[mode] < 4e-4
-        before = found.time_s < 10.0
+        before = found.time_s < 6.0
         # Said while it is so: untouched and trusted before, a jump of this mode and no trust after.
         assert found.jumps[before][-1].sum() == 0
         assert found.trusted[before].all()
         assert found.jumps[-1, mode] >= 1
-        assert not found.trusted[(found.time_s > 10.0) & (found.time_s < 16.0)].all()
+        assert not found.trusted[(found.time_s > 6.0) & (found.time_s < 12.0)].all()
 
 
 @pytest.mark.long
@@ -106,7 +106,7 @@ def test_wandering_parameters_stay_within_their_deviations(campaign):
     """Frequency and damping walk as the drift says; errors over stated deviations have an rms of one."""
     drift = Drift(frequency=3e-4, damping=1e-2)
     ratios = []
-    for seed in campaign(80):
+    for seed in campaign(60):
         rng = np.random.default_rng(seed)
         first = np.array([[2e-3], [0.05]]) * rng.standard_normal((2, 5))
         walk = np.cumsum(rng.standard_normal((2, 12, 5)), axis=1)
@@ -139,21 +139,36 @@ def test_wandering_parameters_stay_within_their_deviations(campaign):
     assert np.all(np.abs(rms - 1.0) < 0.1 + 4.0 / np.sqrt(2.0 * 10 * len(ratios)))
 
 
-def test_steady_modes_reach_the_accuracy_of_a_fit():
-    """Without drift the filter is recursive least squares: its deviation is the bound of the same record."""
-    taken, noise = moving_gimbal.record(0, 20.0)
-    known = Uncertainty(0.002 * MODES, np.full(5, 0.001), np.zeros(1))
+def test_without_drift_the_filter_has_the_bound_of_its_record():
+    """The Cramer-Rao bound by differences of the exact simulation, with what was known before."""
+    seconds, step = 10.0, 1e-5
+    taken, noise = moving_gimbal.record(0, seconds)
+    v = taken.u[0, 0, :, 0]
+    late = gimbal_record.DELAY_S[0] - moving_gimbal.HOLD
+    one = np.ones(len(v))
+
+    def motion(m, hz=1.0, zeta=1.0):
+        made = moving_gimbal.motion_of_mode(v, late, hz * MODES[m] * one, zeta * gimbal_record.ZETA * one)
+        return gimbal_record.PHI[0, m] * gimbal_record.PSI[0, m] * made
+
+    J = [(motion(m, hz=1.0 + step) - motion(m, hz=1.0 - step)) / (2.0 * step) for m in range(5)]
+    J += [(motion(m, zeta=1.0 + step) - motion(m, zeta=1.0 - step)) / (2.0 * step) for m in range(5)]
+    J += [motion(m) for m in range(5)]
+    before = np.concatenate([np.full(5, 1e-3), np.full(5, 0.1), np.full(5, FIRST_GAIN)])
+    scaled = np.array(J) / noise[0]
+    bound = np.sqrt(np.diag(np.linalg.inv(scaled @ scaled.T + np.diag(before**-2.0))))
+    known = Uncertainty(1e-3 * MODES, np.full(5, 1e-3), np.zeros(1))
     still = Drift(frequency=0.0, damping=0.0, gain=0.0)
     state = start_tracking(moving_gimbal.model(), noise_rms=noise, known=known, drift=still, **AT_ONE_RATE)
-    found = track_modes(state, taken, block=5120)
-    expected = expected_accuracy(gimbal_model.model(), taken, noise).uncertainty
-    # What is known before adds: 1/var = 1/var_before + 1/var_test. A fit also seeks the delay, which the
-    # filter knows; the record has few lines per mode, and its circular bound no transient: a quarter.
-    together = 1.0 / np.sqrt(1.0 / known.natural_hz**2 + 1.0 / expected.natural_hz**2)
-    ratio = found.frequency_std_hz[-1, 2:] / together[2:]
-    assert np.all((ratio > 0.6) & (ratio < 1.25))
-    error = (found.natural_hz[-1] - MODES) / found.frequency_std_hz[-1]
-    assert np.abs(error).max() < 4.0
+    found = track_modes(state, taken, block=2560)
+    has = [
+        found.frequency_std_hz[-1] / MODES,
+        found.damping_std[-1] / found.damping[-1],
+        found.state.gain_std[0],
+    ]
+    # Derivatives are taken along the way, at estimates that are off by what was known before.
+    np.testing.assert_allclose(np.concatenate(has), bound, rtol=0.15)
+    assert np.abs((found.natural_hz[-1] - MODES) / found.frequency_std_hz[-1]).max() < 4.0
 
 
 def test_blocks_are_nothing_but_blocks():
@@ -200,23 +215,24 @@ def test_a_model_that_does_not_hold_is_not_trusted(wrong):
 
 def test_a_record_taken_while_the_test_runs():
     """The motion at the start is unknown: judged by the rms of what moved the article before."""
-    taken, noise = moving_gimbal.record(4, 30.0)
+    taken, noise = moving_gimbal.record(4, 22.0)
     cut = Record(RATE, taken.u[:, :, 2560:], taken.y[:, :, 2560:], taken.inputs, taken.outputs, False)
     state = start_tracking(
         moving_gimbal.model(), sample_hz=RATE, noise_rms=noise, input_rms=1.0, known=WELL_KNOWN
     )
     found = track_modes(state, cut)
-    assert found.trusted.all()
+    # What is unknown at first is large, and products of what is unknown are not in a linear filter.
+    assert found.trusted[found.time_s > 4.0].all()
     assert np.all(np.abs(found.natural_hz[-1] - MODES) < 4.5 * found.frequency_std_hz[-1])
 
 
 @pytest.mark.long
 def test_a_long_record_does_not_wear_the_filter_out(campaign):
     """No divergence: the covariance stays positive, the modes known, over hours of samples."""
-    minutes = 60 if len(campaign(20)) > 1 else 1
+    minutes = 60 if len(campaign(20)) > 1 else 0.5
     taken, noise = moving_gimbal.record(5, 60.0 * minutes)
     state = start_tracking(moving_gimbal.model(), noise_rms=noise, known=WELL_KNOWN, **AT_ONE_RATE)
-    found = track_modes(state, taken, block=2560)
+    found = track_modes(state, taken, block=1280)
     assert np.linalg.eigvalsh(found.state.covariance)[0] > 0.0
     assert found.trusted.mean() > 0.99
     assert np.all(np.abs(found.natural_hz - MODES) < 5.0 * found.frequency_std_hz)

@@ -20,8 +20,8 @@ def is_trusted(products: Float[np.ndarray, " lag"], weight: float, outputs: int)
     if weight < 0.1:
         return True
     means = products / weight
-    # An exponential mean of memory M has the variance of 2 M samples.
-    count = 2.0 * MEMORY * outputs * weight
+    # Samples of even weight that scatter as much, (sum w)^2 / sum w^2: 2 M in the end.
+    count = 2.0 * MEMORY * outputs * weight / (2.0 - weight)
     size = (means[0] - 1.0) / np.sqrt(2.0 / count)
     white = count * np.sum((means[1:] / max(means[0], np.finfo(float).tiny)) ** 2)
     return bool(abs(size) < LIMIT and (white - WATCHED) < LIMIT * np.sqrt(2.0 * WATCHED))
