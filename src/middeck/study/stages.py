@@ -20,12 +20,12 @@ from middeck.study.zero_g_control import ZeroGControl, study_zero_g_control
 Outcome = ModeComparison | GravityResponses | ZeroGControl | MeasuredControl | MeasuredSensors | MirrorFit
 # Share of the whole time, measured; only for the estimate of the remaining time.
 STAGES = {
-    "figures 4 and 5": 0.06,
+    "figures 4 and 5": 0.08,
     "figure 6": 0.06,
-    "figure 7": 0.29,
+    "figure 7": 0.43,
     "figure 9": 0.09,
-    "figure 10": 0.13,
-    "mirror": 0.37,
+    "figure 10": 0.11,
+    "mirror": 0.23,
 }
 
 PAPER_MODES = 26  # Figures 4 and 5 show at least these, however few the controllers are designed on
