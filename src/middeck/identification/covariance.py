@@ -25,6 +25,8 @@ from middeck.values import record
 CLEARLY_MORE = 3.0
 # A line that determines an unknown alone leaves no residual: its leverage is counted up to here.
 MOST_LEVERAGE = 0.9
+# Information of an unknown without any effect: its deviation is beyond all bounds, its square still a number.
+NO_INFORMATION = 1e-60
 # Scatter of the logarithm of a variance below which it is taken as known: that of 100 degrees of freedom.
 NO_SCATTER = 0.01
 
@@ -123,7 +125,7 @@ def _inverse_root(A: np.ndarray, held: np.ndarray) -> tuple[np.ndarray, np.ndarr
     What rounding cannot tell from nothing is taken for the least it could be, so that an undetermined unknown
     has a large deviation rather than none.
     """
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(A), np.finfo(float).tiny))
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(A), NO_INFORMATION))
     free = scipy.linalg.null_space(held * scale) if len(held) else np.eye(len(A))
     size, direction = np.linalg.eigh(free.T @ (A * scale[:, None] * scale) @ free)
     least = len(A) * np.finfo(float).eps * size[-1]

@@ -8,7 +8,7 @@ from jaxtyping import Float
 from middeck.errors import FitError
 from middeck.identification.covariance import ModelCovariance
 from middeck.identification.measurement_model import damping_ratio, natural_hz
-from middeck.identification.uncertainty import Uncertainty, uncertainty_of
+from middeck.identification.uncertainty import Uncertainty, distinct_poles, uncertainty_of
 from middeck.identification.unknowns import places_of
 from middeck.systems.response import FrequencyResponse
 
@@ -111,8 +111,12 @@ def _doubts_of_modes(measured: FrequencyResponse, covariance: ModelCovariance) -
     of = uncertainty_of(covariance)
     lines = measured.frequency_hz
     found: list[str] = []
-    for m in np.flatnonzero(covariance.model.is_pair):
+    for m in distinct_poles(covariance.model):
         mode = f"mode at {f[m]:.4g} Hz"
+        if of.natural_hz[m] > HALF * f[m]:
+            found.append(f"{mode}: its frequency has a deviation of {of.natural_hz[m]:.3g} Hz: not known")
+        if not covariance.model.is_pair[m]:
+            continue
         if not lines[0] <= f[m] <= lines[-1]:
             found.append(
                 f"{mode}: it lies outside the band {lines[0]:.4g}-{lines[-1]:.4g} Hz, and stands for "

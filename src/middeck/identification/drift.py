@@ -10,10 +10,16 @@ import scipy.optimize
 from jaxtyping import Float
 
 from middeck.identification.covariance import ModelCovariance
-from middeck.identification.measurement_model import damping_ratio, natural_hz
+from middeck.identification.measurement_model import MeasurementModel, damping_ratio, natural_hz
 from middeck.identification.model_set import check_alike
 from middeck.identification.response_drift import holm
-from middeck.identification.uncertainty import check_level, joint_tail, modal_constant, pole_slopes
+from middeck.identification.uncertainty import (
+    check_level,
+    distinct_poles,
+    joint_tail,
+    modal_constant,
+    pole_slopes,
+)
 from middeck.identification.unknowns import places_of
 from middeck.values import record
 
@@ -176,8 +182,8 @@ def compare_fits(before: ModelCovariance, after: ModelCovariance, *, level: floa
             _delay_change(before, after, compared, 2 * modes + k, o, counts)
             for k, o in enumerate(_with_delay(before, after))
         ),
-        np.delete(natural_hz(before.model), [a for a, _ in pairs]),
-        np.delete(natural_hz(after.model), [b for _, b in pairs]),
+        _alone(before.model, [a for a, _ in pairs]),
+        _alone(after.model, [b for _, b in pairs]),
         compared.p_overall,
         level,
     )
@@ -247,10 +253,13 @@ def _is_real(of: ModelCovariance, m: int) -> bool:
 
 
 def _entries(of: ModelCovariance, m: int) -> list[tuple[int, int]]:
-    """The column and the row of a rank-one matrix of constants through its largest entry: all it is."""
+    """Entries that tell all of a mode's matrix of constants: all of it, or of one of rank one the column and
+    the row through its largest entry."""
+    outputs, inputs = of.model.direct.shape
+    if np.sum(of.model.poles == of.model.poles[m]) > 1:
+        return [(o, i) for o in range(outputs) for i in range(inputs)]
     size = np.abs(np.outer(of.model.shapes[:, m], of.model.participation[m]))
     o, i = np.unravel_index(np.argmax(size), size.shape)
-    outputs, inputs = size.shape
     return [(k, int(i)) for k in range(outputs)] + [(int(o), k) for k in range(inputs) if k != i]
 
 
@@ -285,7 +294,7 @@ def _probability(
 
 def _match(before: ModelCovariance, after: ModelCovariance) -> list[tuple[int, int]]:
     """Pairs of modes, in rising frequency."""
-    a, b = (_signature(of) for of in (before, after))
+    a, b = (_signature(of.model) for of in (before, after))
     ratio = np.abs(np.log(a.hz[:, None] / b.hz[None]))
     size = np.linalg.norm(a.constants, axis=1), np.linalg.norm(b.constants, axis=1)
     unlike = 1.0 - np.abs(a.constants.conj() @ b.constants.T) ** 2 / np.outer(size[0] ** 2, size[1] ** 2)
@@ -293,25 +302,32 @@ def _match(before: ModelCovariance, after: ModelCovariance) -> list[tuple[int, i
     refused = (ratio > np.log(FARTHEST)) | (a.pair[:, None] != b.pair[None])
     # Far beyond the cost of any pair that is allowed.
     rows, columns = scipy.optimize.linear_sum_assignment(np.where(refused, 1e6, cost))
-    found = [(int(i), int(j)) for i, j in zip(rows, columns, strict=True) if not refused[i, j]]
-    return sorted(found, key=lambda pair: a.hz[pair[0]])
+    after_of = {int(i): int(j) for i, j in zip(rows, columns, strict=True) if not refused[i, j]}
+    rising = [int(i) for i in np.argsort(a.hz) if int(i) in after_of]
+    return [(a.mode[i], b.mode[after_of[i]]) for i in rising]
 
 
 class _Signature(NamedTuple):
+    mode: list[int]
     hz: np.ndarray
     pair: np.ndarray
     constants: np.ndarray
 
 
-def _signature(of: ModelCovariance) -> _Signature:
-    """Frequency, and constants of all entries in units of the largest mode of each, of every mode."""
-    model = of.model
+def _signature(model: MeasurementModel) -> _Signature:
+    """Frequency and constants of every pole, each entry in units of its largest mode."""
+    modes = distinct_poles(model)
     unit = np.where(model.is_pair, 2j * np.imag(model.poles), 1.0)
-    constants = (model.shapes * unit).T[:, :, None] * model.participation[:, None, :]
+    each = (model.shapes * unit).T[:, :, None] * model.participation[:, None, :]
+    constants = np.array([np.sum(each[model.poles == model.poles[m]], axis=0) for m in modes])
     largest = np.maximum(np.abs(constants).max(axis=0), np.finfo(float).tiny)
-    flat = (constants / largest).reshape(len(unit), -1)
+    flat = (constants / largest).reshape(len(modes), -1)
     # A mode without constants has no shape; it may still be matched by its frequency.
-    return _Signature(natural_hz(model), model.is_pair, flat + np.finfo(float).eps)
+    return _Signature(modes, natural_hz(model)[modes], model.is_pair[modes], flat + np.finfo(float).eps)
+
+
+def _alone(model: MeasurementModel, matched: list[int]) -> Float[np.ndarray, " mode"]:
+    return natural_hz(model)[[m for m in distinct_poles(model) if m not in matched]]
 
 
 def _mode_change(

@@ -8,7 +8,7 @@ from jaxtyping import Complex, Float
 
 from middeck.errors import ConfigError
 from middeck.identification.covariance import ModelCovariance
-from middeck.identification.measurement_model import damping_ratio, natural_hz
+from middeck.identification.measurement_model import MeasurementModel, damping_ratio, natural_hz
 from middeck.identification.unknowns import Places, entry_slopes, places_of
 from middeck.systems.ports import Port
 from middeck.values import record
@@ -40,7 +40,8 @@ class Parameters:
     names:
         ``natural_hz[m]``, ``damping[m]``; ``constant[m, output, input]`` for real modal constants,
         otherwise ``residue_re[...]`` and ``residue_im[...]``; ``rigid``, ``lower``, ``direct`` and
-        ``path_delay_s[output, input]``; ``delay_s[output]``. m counts the modes of the model from zero.
+        ``path_delay_s[output, input]``; ``delay_s[output]``. m is the place of the mode in the model, the
+        first where a residue of full rank has several; its terms are added.
     values, covariance:
         In SI units, frequencies in Hz. Rank-one residues of several inputs and outputs have fewer free
         numbers than entries: their covariance is singular then.
@@ -135,7 +136,7 @@ def parameters_of(covariance: ModelCovariance) -> Parameters:
     model = covariance.model
     at = places_of(model, covariance.structure)
     frequency, damping = pole_slopes(covariance)
-    modes = range(len(model.poles))
+    modes = distinct_poles(model)
     residue_names, residues, by = residue_slopes(covariance)
     terms = [
         (f"{kind}[{model.outputs[o].name}, {model.inputs[i].name}]", value[o, i], place[o, i])
@@ -152,7 +153,9 @@ def parameters_of(covariance: ModelCovariance) -> Parameters:
         (f"delay_s[{model.outputs[o].name}]", model.delay_s[o], at.delay[o])
         for o in np.flatnonzero(at.delay >= 0)
     ]
-    J = np.concatenate([frequency, damping, by, np.eye(at.size)[[place for _, _, place in terms]]])
+    J = np.concatenate(
+        [frequency[modes], damping[modes], by, np.eye(at.size)[[place for _, _, place in terms]]]
+    )
     return Parameters(
         (
             *(f"natural_hz[{m}]" for m in modes),
@@ -160,7 +163,14 @@ def parameters_of(covariance: ModelCovariance) -> Parameters:
             *residue_names,
             *(name for name, _, _ in terms),
         ),
-        np.concatenate([natural_hz(model), damping_ratio(model), residues, [value for _, value, _ in terms]]),
+        np.concatenate(
+            [
+                natural_hz(model)[modes],
+                damping_ratio(model)[modes],
+                residues,
+                [value for _, value, _ in terms],
+            ]
+        ),
         J @ covariance.matrix @ J.T,
         covariance.degrees,
     )
@@ -175,7 +185,8 @@ def residue_slopes(
     names: list[str] = []
     values: list[float] = []
     rows: list[np.ndarray] = []
-    for m, pair in enumerate(model.is_pair):
+    for m in distinct_poles(model):
+        pair = bool(model.is_pair[m])
         real = covariance.structure.real_constants and pair
         for o, output in enumerate(model.outputs):
             for i, entry in enumerate(model.inputs):
@@ -210,17 +221,25 @@ def modal_constant(
 def _residue(
     covariance: ModelCovariance, at: Places, m: int, o: int, i: int
 ) -> tuple[complex, Complex[np.ndarray, " unknown"]]:
-    """Residue c b, or phi psi = 2 j omega_d c b, and its derivatives."""
+    """Residue at the pole of mode m (phi psi of a real constant), its terms added, and its derivatives."""
     model = covariance.model
     real = covariance.structure.real_constants and bool(model.is_pair[m])
-    c = complex(model.shapes[o, m]) * (2j * float(model.poles[m].imag) if real else 1.0)
-    b = complex(model.participation[m, i])
-    by = np.zeros(at.size, dtype=complex)
-    for place, slope in ((at.c[o, m], b), (at.b[m, i], c)):
-        for part, unit in zip(place, (1.0, 1j), strict=True):
-            if part >= 0:
-                by[part] = unit * slope
-    return c * b, by
+    unit = 2j * float(model.poles[m].imag) if real else 1.0
+    value, by = 0.0 + 0.0j, np.zeros(at.size, dtype=complex)
+    for n in np.flatnonzero(model.poles == model.poles[m]):
+        c, b = complex(model.shapes[o, n]) * unit, complex(model.participation[n, i])
+        value += c * b
+        for place, slope in ((at.c[o, n], b), (at.b[n, i], c)):
+            for part, factor in zip(place, (1.0, 1j), strict=True):
+                if part >= 0:
+                    by[part] += factor * slope
+    return value, by
+
+
+def distinct_poles(model: MeasurementModel) -> list[int]:
+    """The first mode of each pole: residues of full rank have a mode for each of their rank."""
+    first = np.argmax(model.poles[:, None] == model.poles[None], axis=1)
+    return [m for m, k in enumerate(first) if m == k]
 
 
 def zero_deviation(
