@@ -9,7 +9,7 @@ import dataclasses
 from collections.abc import Iterator
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from middeck.identification.design import build_terms, residual_of
 from middeck.identification.fit_data import Data
@@ -25,8 +25,6 @@ PEAK_WIDTH = 0.01
 CANDIDATES = 3
 # A new mode has the median damping of the others, but no more than this.
 HEAVIEST = 0.05
-# Decay rate, as a share of the distance of lines, that they cannot tell from none.
-RUNAWAY = 1e-3
 
 
 def exchanges(data: Data, options: Options, best: Polished, spread: Spread) -> Iterator[Start]:
@@ -36,10 +34,7 @@ def exchanges(data: Data, options: Options, best: Polished, spread: Spread) -> I
     missed = missed_modes(at_best, best)
     single = layout.pairs + np.argsort(missed[layout.pairs :])[:2]
     units = [np.array([m]) for m in range(layout.pairs)] + ([single] if len(single) == 2 else [])
-    runaway = is_runaway(data, best)
-    # A pole that has run away goes first, however much it is missed.
-    rank = [-np.inf if runaway[unit].any() else float(np.sum(missed[unit])) for unit in units]
-    for k in np.argsort(rank)[:CANDIDATES]:
+    for k in np.argsort([float(np.sum(missed[unit])) for unit in units])[:CANDIDATES]:
         yield _with_peak(at_best, options, best, np.setdiff1d(np.arange(len(missed)), units[k]))
 
 
@@ -47,14 +42,6 @@ def grown(data: Data, options: Options, best: Polished, spread: Spread) -> Start
     """``best`` with one pair more, at the residual's peak."""
     at_best = dataclasses.replace(data, weight=1.0 / np.sqrt(spread.at(best.share)))
     return _with_peak(at_best, options, best, np.arange(len(best.layout.pair)))
-
-
-def is_runaway(data: Data, best: Polished) -> Bool[np.ndarray, " mode"]:
-    """Modes outside the band with less damping than any line can tell: the data want them unstable there."""
-    poles = unpack(best.layout, best.refined.theta).poles
-    omega = np.imag(data.s)
-    outside = (np.imag(poles) < omega[0]) | (np.imag(poles) > omega[-1])
-    return outside & (-np.real(poles) < RUNAWAY * np.min(np.diff(omega), initial=omega[-1]))
 
 
 def missed_modes(data: Data, best: Polished) -> Float[np.ndarray, " mode"]:

@@ -21,9 +21,8 @@ from middeck.identification.doubts import (
 from middeck.identification.fit_data import Data
 from middeck.identification.fitted_model import model_of
 from middeck.identification.measurement_model import MeasurementModel, model_response
-from middeck.identification.polish import Polished, logarithmic_polish, polish
+from middeck.identification.polish import Polished, logarithmic_polish, settle
 from middeck.identification.race import count_unknowns, model_error, race, recommend_states
-from middeck.identification.start import Start
 from middeck.identification.uncertainty import Uncertainty, uncertainty_of
 from middeck.identification.unknowns import Structure
 from middeck.identification.weights import Spread, spread_of
@@ -153,11 +152,7 @@ def fit_response(
     if states is None:
         choice = recommend_states(measured, data, spread, options)
         options, reason = dataclasses.replace(options, states=choice.states), choice.reason
-    best = race(data, spread, options)
-    best = (
-        polish(data, Start(best.layout, best.refined.theta), spread, steps=200, rounds=5, share=best.share)
-        or best
-    )
+    best = settle(data, race(data, spread, options), spread)
     if cost == "logarithmic":
         best = logarithmic_polish(data, best, spread)
     return _result(measured, best, spread, reason)

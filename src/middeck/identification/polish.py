@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Float
 
+from middeck.identification.bounds import bound_theta, bounded
 from middeck.identification.design import residual_of
 from middeck.identification.fit_data import Data
 from middeck.identification.layout import Layout
@@ -17,6 +18,11 @@ from middeck.values import record
 
 # The weights have settled when the variance moves by less than this share on average.
 SETTLED = 0.02
+# A search goes on in chunks of steps, each with new weights, at most so many. It has settled too when a chunk
+# gains less than this share of the cost that is not noise: lines share what a model lacks, and a thousandth
+# of it tells no unknown.
+CHUNK, MOST_CHUNKS = 10, 20
+LITTLE = 1e-3
 # Steps on the first weights, before any residual tells better ones.
 FIRST_STEPS = 3
 
@@ -50,7 +56,7 @@ def polish(
     None where the start has no finite response.
     """
     layout = start.layout
-    found = search(lambda x: weighted(layout, data, x), start.theta, FIRST_STEPS) if share is None else None
+    found = _search(layout, data, start.theta, FIRST_STEPS) if share is None else None
     if share is None:
         if found is None:
             return None
@@ -59,13 +65,37 @@ def polish(
     for _ in range(rounds):
         v = spread.at(share)
         again = dataclasses.replace(data, weight=1.0 / np.sqrt(v))
-        found = search(lambda x, again=again: weighted(layout, again, x), theta, steps)
+        found = _search(layout, again, theta, steps)
         if found is None:
             return None
         theta, before, share = found.theta, share, _share_left(layout, data, found, spread)
         if abs(share - before) * np.mean(spread.size / v) <= SETTLED:
             break
     return None if found is None else _polished(layout, data, found, spread, share, found.step.gram)
+
+
+def settle(data: Data, start: Polished, spread: Spread) -> Polished:
+    """A polished start refined until nothing is gained that noise, or what the model lacks, leaves."""
+    best = start
+    for _ in range(MOST_CHUNKS):
+        again = Start(best.layout, best.refined.theta)
+        found = polish(data, again, spread, steps=CHUNK, rounds=1, share=best.share)
+        if found is None:
+            return best
+        before, best = best, found
+        history = found.refined.history
+        lacking = found.share * np.mean(spread.size / spread.at(found.share))
+        settled = abs(found.share - before.share) * np.mean(spread.size / spread.at(found.share)) <= SETTLED
+        little = history[0] - history[-1] <= LITTLE * lacking * history[-1]
+        if settled and (found.refined.converged or little):
+            return dataclasses.replace(found, refined=dataclasses.replace(found.refined, converged=True))
+    return best
+
+
+def _search(layout: Layout, data: Data, theta: Float[np.ndarray, " unknown"], steps: int) -> Refined | None:
+    """A search within `bounds`."""
+    found = search(bounded(layout, data, lambda x: weighted(layout, data, x)), theta, steps)
+    return None if found is None else dataclasses.replace(found, theta=bound_theta(layout, data, found.theta))
 
 
 def _share_left(layout: Layout, data: Data, found: Refined, spread: Spread) -> float:

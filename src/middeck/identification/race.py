@@ -9,7 +9,7 @@ import numpy as np
 
 from middeck.errors import FitError
 from middeck.identification.design import residual_of
-from middeck.identification.exchange import exchanges, grown, is_runaway
+from middeck.identification.exchange import exchanges, grown
 from middeck.identification.fit_data import Data
 from middeck.identification.order import OrderChoice, Tried, choose, description_length, is_settled, sizes
 from middeck.identification.polish import Polished, polish
@@ -50,9 +50,9 @@ def race(data: Data, spread: Spread, options: Options) -> Polished:
 def _heats(part: Data, spread: Spread, started: list[tuple[Start, float | None]]) -> Polished | None:
     """The likeliest of several starts (each with the share of its weights, if known) after a few steps."""
     runs = [polish(part, start, spread, steps=HEAT, rounds=1, share=share) for start, share in started]
-    ranked = sorted((run for run in runs if run is not None), key=lambda run: _rank(part, run))
+    ranked = sorted((run for run in runs if run is not None), key=_negative_likelihood)
     few = [_further(part, spread, run, FEW_STEPS) for run in ranked[:FEW]]
-    return min(few, key=lambda run: _rank(part, run), default=None)
+    return min(few, key=_negative_likelihood, default=None)
 
 
 def _further(part: Data, spread: Spread, run: Polished, steps: int) -> Polished:
@@ -60,23 +60,23 @@ def _further(part: Data, spread: Spread, run: Polished, steps: int) -> Polished:
     return polish(part, start, spread, steps=steps, rounds=1, share=run.share) or run
 
 
-def _rank(part: Data, run: Polished) -> float:
-    """Negative log likelihood; a model with a pole that has run away comes after all others."""
-    return run.likelihood + part.H.size * float(np.sum(is_runaway(part, run)))
+def _negative_likelihood(run: Polished) -> float:
+    # A model without a finite response is the least likely of all.
+    return run.likelihood if np.isfinite(run.likelihood) else np.inf
 
 
 def _exchange(part: Data, spread: Spread, options: Options, best: Polished) -> Polished:
     """Exchange modes as long as that pays; a model that leaves no excess has nothing to gain."""
-    while model_error(best, spread) > WORTH_EXCHANGE or is_runaway(part, best).any():
+    while model_error(best, spread) > WORTH_EXCHANGE:
         runs = [
             polish(part, start, spread, steps=EXCHANGE_STEPS, rounds=1, share=best.share)
             for start in exchanges(part, options, best, spread)
         ]
-        found = min((run for run in runs if run is not None), key=lambda run: _rank(part, run), default=None)
+        found = min((run for run in runs if run is not None), key=_negative_likelihood, default=None)
         if found is None:
             return best
         found = _further(part, spread, found, LAST_STEPS)
-        if not _rank(part, found) < _rank(part, best) - EXCHANGE_GAIN:
+        if _negative_likelihood(found) >= best.likelihood - EXCHANGE_GAIN:
             return best
         best = found
     return best

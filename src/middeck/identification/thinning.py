@@ -1,7 +1,8 @@
 """Some of the lines of a response, for what need not be exact: no more than what its modes are drawn by.
 
-Lines are left out in proportion to frequency, as modes of one damping ratio are wide, and only as long as
-straight lines between those kept restore the response: a mode narrower than the gaps would be lost.
+Every n-th line, or lines in proportion to frequency, as modes of one damping ratio are wide: whichever needs
+fewer. Both only as long as straight lines between those kept restore the response: a mode narrower than the
+gaps would be lost.
 """
 
 from __future__ import annotations
@@ -17,7 +18,10 @@ RACE_NUMBERS = 3000
 NUMBERS_PER_UNKNOWN = 10
 # Share of the response that interpolation may miss, noise apart: lines a half-power bandwidth apart miss 0.1.
 MISSED = 0.1
-# Gaps are narrowed in such steps, from the widest that leaves enough lines.
+# Evenly thinned lines that are no more than so many times what is wanted will do.
+ENOUGH = 2.0
+# The widest gap in proportion to frequency, the half-power bandwidth of 1 % damping, narrowed in such steps.
+WIDEST_GAP = 0.02
 NARROWER = 0.7
 
 
@@ -25,17 +29,23 @@ def thin_lines(data: Data, spread: Spread, unknowns: int = 0) -> Int[np.ndarray,
     """Which lines to keep for a race of models of so many unknowns."""
     lines = len(data.s)
     wanted = max(RACE_NUMBERS, NUMBERS_PER_UNKNOWN * unknowns) * lines / data.H.size
+    step = next(
+        (n for n in range(int(lines / wanted), 1, -1) if _restores(data, spread, _every(lines, n))), 1
+    )
+    even = _every(lines, step)
+    if len(even) <= ENOUGH * wanted:
+        return even
     omega = np.imag(data.s)
-    gap = np.log(max(omega[-1] / omega[0], 2.0)) / max(wanted, 1.0)
-    least = np.log1p(np.min(np.diff(omega), initial=omega[-1]) / omega[-1])
-    # The lowest lines are further apart than the gap and all kept, so that a wider gap may leave enough.
-    gap *= 4.0
-    while gap > least:
-        kept = _apart(omega, gap)
+    gap = WIDEST_GAP
+    while (kept := _apart(omega, gap)).size < len(even):
         if len(kept) >= wanted and _restores(data, spread, kept):
             return kept
         gap *= NARROWER
-    return np.arange(lines)
+    return even
+
+
+def _every(lines: int, step: int) -> Int[np.ndarray, " kept"]:
+    return np.arange(0, lines, step)
 
 
 def take_lines(data: Data, spread: Spread, kept: Int[np.ndarray, " kept"]) -> tuple[Data, Spread]:
