@@ -27,8 +27,8 @@ from middeck.values import record as frozen
 # Order of each polynomial. Even orders cost the same bias as the next odd one at the middle of a window.
 ORDER = 2
 TERMS = ORDER + 1
-# Windows solved at once: their matrices stay in cache.
-AT_ONCE = 512
+# Entries of the matrices solved at once: what stays in cache.
+AT_ONCE = 1 << 17
 # Added to unit diagonals: rounding of double precision, where a denominator is not determined by its window.
 RIDGE = 1e-13
 
@@ -83,7 +83,9 @@ def fit_windows(
     reweigh: bool = False,
 ) -> LocalFit:
     """The response at ``lines``, each from the window around it (beside it, at the ends of the spectrum)."""
-    parts = [_fit_some(U, Y, lines[k : k + AT_ONCE], model, reweigh) for k in range(0, len(lines), AT_ONCE)]
+    columns = TERMS * (U.shape[2] + (Y.shape[2] if model.rational else 1))
+    some = max(16, AT_ONCE // ((2 * model.half + 1) * U.shape[1] * columns))
+    parts = [_fit_some(U, Y, lines[k : k + some], model, reweigh) for k in range(0, len(lines), some)]
     return LocalFit(
         *(
             np.concatenate([getattr(part, name) for part in parts])
@@ -94,12 +96,13 @@ def fit_windows(
 
 def _fit_some(U: np.ndarray, Y: np.ndarray, lines: np.ndarray, model: LocalModel, reweigh: bool) -> LocalFit:
     rows, own, x = window_rows(len(U), lines, model.half)
-    first = _solve(U[rows], Y[rows], x, own, model, None)
+    # Rows last: all products run along them.
+    windows = np.moveaxis(U[rows], 1, 3), np.moveaxis(Y[rows], 1, 3)
+    first = _solve(*windows, x, own, model, None)
     if not (model.rational and reweigh):
         return first
     d = first.denominator
-    divisor = 1.0 + d[:, :1] * x + d[:, 1:] * x**2
-    return _solve(U[rows], Y[rows], x, own, model, 1.0 / divisor)
+    return _solve(*windows, x, own, model, 1.0 / (1.0 + d[:, :1] * x + d[:, 1:] * x**2))
 
 
 def window_rows(count: int, lines: np.ndarray, half: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -111,68 +114,76 @@ def window_rows(count: int, lines: np.ndarray, half: int) -> tuple[np.ndarray, n
 
 def transient_basis(
     x: Float[np.ndarray, "estimate row"], own: np.ndarray, weight: np.ndarray | None
-) -> Inexact[np.ndarray, "estimate row term"]:
-    """Orthonormal columns that span the (weighted) transients of each window."""
+) -> Inexact[np.ndarray, "estimate term row"]:
+    """Orthonormal rows that span the (weighted) transients of each window."""
     if weight is not None:
-        return np.linalg.qr((x[:, :, None] ** np.arange(TERMS)) * weight[:, :, None])[0]
+        span = (x[:, :, None] ** np.arange(TERMS)) * weight[:, :, None]
+        return np.swapaxes(np.linalg.qr(span)[0], 1, 2)
     # Unweighted, all windows with their line in the same place share one basis.
     _, first, back = np.unique(own, return_index=True, return_inverse=True)
-    return np.linalg.qr(x[first][:, :, None] ** np.arange(TERMS))[0][back]
+    return np.ascontiguousarray(np.swapaxes(np.linalg.qr(x[first][:, :, None] ** np.arange(TERMS))[0], 1, 2))[
+        back
+    ]
+
+
+def beside(
+    Q: Inexact[np.ndarray, "estimate term row"], X: Complex[np.ndarray, "estimate column row"]
+) -> Complex[np.ndarray, "estimate column row"]:
+    """What the transients leave of the rows of X."""
+    return X - (X @ np.swapaxes(Q.conj(), 1, 2)) @ Q
 
 
 def _solve(
-    U: Complex[np.ndarray, "estimate row experiment input"],
-    Y: Complex[np.ndarray, "estimate row experiment output"],
+    U: Complex[np.ndarray, "estimate experiment input row"],
+    Y: Complex[np.ndarray, "estimate experiment output row"],
     x: Float[np.ndarray, "estimate row"],
     own: np.ndarray,
     model: LocalModel,
     weight: np.ndarray | None,
 ) -> LocalFit:
-    count, width, experiments, inputs = U.shape
-    outputs = Y.shape[3]
+    count, experiments, inputs, _ = U.shape
+    outputs = Y.shape[2]
     Q = transient_basis(x, own, weight)
     X, Z = _columns(U, Y, x, Q, weight, ORDER if model.rational else 0)
-    Xh = np.swapaxes(X.conj(), 1, 2)
-    A = scaled_inverse(Xh @ X)
-    theta = A @ (Xh @ Z)
-    unexplained = (Z - X @ theta).reshape(count, width * experiments, outputs, -1)
+    Xh = np.swapaxes(X.conj(), 2, 3)
+    A = scaled_inverse(np.sum(X @ Xh, axis=1))
+    theta = np.sum(Z @ Xh, axis=1) @ A
+    unexplained = (Z - theta[:, None] @ X).reshape(count, experiments, -1, outputs, x.shape[1])
     # Only the constant terms are the response of the own line, at r = 0.
-    theta = theta[:, :inputs].reshape(count, inputs, outputs, -1)
+    theta = theta[:, :, :inputs].reshape(count, -1, outputs, inputs)
     d, spread = _denominator(unexplained)
     full = np.concatenate([np.ones((count, 1)), d], axis=1)
-    left = np.einsum("kroc,kc->kro", unexplained, full)
-    covariance = np.einsum("kro,krp->kop", left, left.conj()) / freedom(model, experiments, inputs, outputs)
-    inverse_power = A[:, :inputs, :inputs]
-    slope = theta[..., 1:]
+    left = np.einsum("kecor,kc->keor", unexplained, full)
+    covariance = np.sum(left @ np.swapaxes(left.conj(), 2, 3), axis=1)
+    covariance /= freedom(model, experiments, inputs, outputs)
+    inverse_power = A[:, :inputs, :inputs].conj()
+    slope = theta[:, 1:]
     return LocalFit(
-        np.einsum("kioc,kc->koi", theta, full),
+        np.einsum("kcoi,kc->koi", theta, full),
         variance_of(covariance, inverse_power)
-        + np.real(np.einsum("kiot,kts,kios->koi", slope, spread, slope.conj())),
+        + np.real(np.einsum("ktoi,kts,ksoi->koi", slope, spread, slope.conj())),
         covariance,
         inverse_power,
-        _prediction(Q, X, A, left.reshape(count, width, experiments, outputs), own),
+        _prediction(Q, X, A, left, own),
         d if model.rational else np.zeros((count, ORDER)),
     )
 
 
 def _columns(
     U: np.ndarray, Y: np.ndarray, x: np.ndarray, Q: np.ndarray, weight: np.ndarray | None, last: int
-) -> tuple[Complex[np.ndarray, "estimate row unknown"], Complex[np.ndarray, "estimate row column"]]:
+) -> tuple[
+    Complex[np.ndarray, "estimate experiment unknown row"],
+    Complex[np.ndarray, "estimate experiment column row"],
+]:
     """What the transients leave of r^s U, and of Y to r^last Y."""
-    count, width, experiments, _ = U.shape
-    powers = x[:, :, None] ** np.arange(TERMS)
+    count, experiments, _, width = U.shape
+    powers = x[:, None, :] ** np.arange(TERMS)[:, None]
     if weight is not None:
-        powers = powers * weight[:, :, None]
-    rU = powers[:, :, None, :, None] * U[:, :, :, None, :]
-    rY = powers[:, :, None, None, : last + 1] * Y[..., None]
-    X, Z = (_beside(Q, r.reshape(count, width, -1)) for r in (rU, rY))
-    rows = width * experiments
-    return X.reshape(count, rows, -1), Z.reshape(count, rows, -1)
-
-
-def _beside(Q: np.ndarray, X: np.ndarray) -> np.ndarray:
-    """What the transients leave of the columns of X."""
-    return X - Q @ (np.swapaxes(Q.conj(), 1, 2) @ X)
+        powers = powers * weight[:, None, :]
+    rU = powers[:, None, :, None, :] * U[:, :, None]
+    rY = powers[:, None, : last + 1, None, :] * Y[:, :, None]
+    X, Z = (beside(Q, r.reshape(count, -1, width)) for r in (rU, rY))
+    return X.reshape(count, experiments, -1, width), Z.reshape(count, experiments, -1, width)
 
 
 def scaled_inverse(A: Complex[np.ndarray, "estimate a a"]) -> Complex[np.ndarray, "estimate a a"]:
@@ -183,33 +194,35 @@ def scaled_inverse(A: Complex[np.ndarray, "estimate a a"]) -> Complex[np.ndarray
 
 
 def _denominator(
-    Z: Complex[np.ndarray, "estimate row output column"],
+    Z: Complex[np.ndarray, "estimate experiment column output row"],
 ) -> tuple[Complex[np.ndarray, "estimate term"], Complex[np.ndarray, "estimate term term"]]:
     """d1 and d2 of each window, if Z has columns for them, and their covariance."""
-    count, rows, _, columns = Z.shape
-    S = np.einsum("krot,kros->kots", Z.conj(), Z)
-    power = np.real(S[:, :, 0, 0])
+    count, experiments, columns, _, width = Z.shape
     d = np.zeros((count, columns - 1), dtype=complex)
     inverse = np.zeros((count, columns - 1, columns - 1), dtype=complex)
+    if columns == 1:
+        return d, inverse
+    by_output = np.swapaxes(Z, 2, 3)
+    S = np.sum(by_output.conj() @ np.swapaxes(by_output, 3, 4), axis=1)
+    power = np.real(S[:, :, 0, 0])
     # Once with each output by its size, and once by what is left of it; more changes little.
-    for _ in range(2 if columns > 1 else 0):
+    for _ in range(2):
         total = np.einsum("kots,ko->kts", S, 1.0 / np.maximum(power, np.finfo(float).tiny))
         inverse = scaled_inverse(total[:, 1:, 1:])
         d = -(inverse @ total[:, 1:, :1])[:, :, 0]
         full = np.concatenate([np.ones((count, 1)), d], axis=1)
         power = np.maximum(np.real(np.einsum("kt,kots,ks->ko", full.conj(), S, full)), RIDGE * power)
-    return d, inverse / rows
+    return d, inverse / (experiments * width)
 
 
 def _prediction(
     Q: np.ndarray, X: np.ndarray, A: np.ndarray, left: np.ndarray, own: np.ndarray
 ) -> Float[np.ndarray, "estimate output"]:
     """Mean square of the residual of the own line, had it not been used: e / (1 - leverage)."""
-    count, width, experiments, _ = left.shape
-    pick = np.arange(count)
-    mine = X.reshape(count, width, experiments, -1)[pick, own]
-    leverage = np.real(np.einsum("kea,kab,keb->ke", mine, A, mine.conj()))
-    leverage += np.sum(np.abs(Q[pick, own]) ** 2, axis=1)[:, None]
+    pick = np.arange(len(own))
+    mine = X[pick, :, :, own]
+    leverage = np.real(np.einsum("kea,kab,keb->ke", mine.conj(), A, mine))
+    leverage += np.sum(np.abs(Q[pick, :, own]) ** 2, axis=1)[:, None]
     # An own line that alone decides something predicts nothing: rounding may bring its leverage to one.
     apart = np.maximum(1.0 - leverage, 1e-6)
-    return np.mean(np.abs(left[pick, own] / apart[:, :, None]) ** 2, axis=1)
+    return np.mean(np.abs(left[pick, :, :, own] / apart[:, :, None]) ** 2, axis=1)

@@ -15,6 +15,7 @@ from middeck.identification.spectra.lines import (
 )
 from middeck.identification.spectra.local_fit import (
     LocalModel,
+    beside,
     fit_windows,
     freedom,
     transient_basis,
@@ -31,8 +32,8 @@ ROWS_RATIONAL = (1.8, 3.0, 5.0, 8.0)
 # A denominator is taken where it halves the error of prediction: where it does not, noise in its regressors
 # would bias the response and flatter its variance.
 PAYS = 2.0
-# Prediction is judged at every third line (neighbouring windows share most lines), averaged over +-20 lines.
-JUDGED = 3
+# Prediction is judged at every fourth line (neighbouring windows share most lines), averaged over +-20 lines.
+JUDGED = 4
 AVERAGED = 20
 
 
@@ -83,10 +84,10 @@ def _excited(
     refuse_silence(np.ones(len(lines), dtype=bool), band_hz)
     rows, own, x = window_rows(len(U), lines, half)
     Q = transient_basis(x, own, None)
-    window = U[rows].reshape(len(lines), 2 * half + 1, -1)
-    rough = (window - Q @ (np.swapaxes(Q, 1, 2) @ window)).reshape(len(lines), -1, U.shape[2])
-    power = np.linalg.eigvalsh(np.swapaxes(rough.conj(), 1, 2) @ rough)
-    raw = np.sum(np.abs(window) ** 2, axis=(1, 2))
+    window = np.moveaxis(U[rows], 1, 3)
+    rough = beside(Q, window.reshape(len(lines), -1, 2 * half + 1)).reshape(window.shape)
+    power = np.linalg.eigvalsh(np.sum(rough @ np.swapaxes(rough.conj(), 2, 3), axis=1))
+    raw = np.sum(np.abs(window) ** 2, axis=(1, 2, 3))
     excited = power[:, -1] > FAINTEST**2 * raw.max()
     if not excited.any():
         raise DataError(
