@@ -24,6 +24,8 @@ CLIPPED = 5.0
 # deviations, but for once in 150,000 times.
 SUMMED_S = 4.0
 JUMPED = 4.5
+# Part of a mode's motion that is not known when it is found to have jumped: radians of phase.
+LOST_PHASE = 0.5
 # Samples between two looks at the sums.
 LOOK = 16
 
@@ -185,9 +187,17 @@ class _Work:
             if np.any(self.cov[places, places] > 0.25 * wide):
                 continue
             self.cov[places, places] += wide
+            self._open_motion(m)
             self.sums[[m, self.modes + m]] = 0.0
             self.chance[[m, self.modes + m]] = 0.0
             self.jumps[m] += 1
+
+    def _open_motion(self, m: int) -> None:
+        """What was foreseen with the old frequency until the jump was noticed has the wrong phase."""
+        places = m + self.modes * np.arange(self.groups)
+        size = self.x[places] ** 2 + self.x[places + self.states] ** 2
+        for at in (places, places + self.states):
+            self.cov[at, at] += LOST_PHASE**2 * size
 
     def frozen(self, state: Tracking, samples: int) -> Tracking:
         return dataclasses.replace(
