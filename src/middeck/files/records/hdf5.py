@@ -19,6 +19,8 @@ from middeck.systems.record import Record, RecordStream
 
 # Samples in a chunk: half a megabyte for eight channels, so that a block of a Welch estimate is a few chunks.
 CHUNK = 8192
+# Deflate makes at most 1032 bytes of one (zlib's technical notes).
+MOST_COMPRESSED = 1032
 
 
 def read_hdf5(file: Path, variable: str) -> Raw:
@@ -42,8 +44,20 @@ def pick(names: list[str], variable: str, file: Path) -> str:
 
 
 def plain(dataset: Any) -> np.ndarray:
-    """The array in a dataset, texts as texts."""
+    """The array in a dataset, texts as texts; raises `ValueError` where the file does not hold its samples.
+
+    What was never written, or lost, would be read as zeros; a broken size would be read for ever.
+    """
+    check_stored(dataset)
     return np.asarray(dataset.asstr()[()] if h5py.check_string_dtype(dataset.dtype) else dataset[()])
+
+
+def check_stored(dataset: Any) -> None:
+    """Raise `ValueError` if the file holds fewer bytes than the dataset has."""
+    stored, size = dataset.id.get_storage_size(), dataset.size * dataset.dtype.itemsize
+    least = size if dataset.compression is None else size // MOST_COMPRESSED
+    if stored < least or (size and not stored):
+        raise ValueError(f"{dataset.name} has {stored} of {size} bytes")
 
 
 def write_hdf5(path: Path, record: Record) -> None:
@@ -52,7 +66,7 @@ def write_hdf5(path: Path, record: Record) -> None:
         for key, value in contents_of(record).items():
             samples = key in ("u", "y") and value.size
             chunks = (1, 1, min(CHUNK, value.shape[2]), value.shape[3]) if samples else None
-            archive.create_dataset(key, data=_storable(value), chunks=chunks)
+            archive.create_dataset(key, data=_storable(value), chunks=chunks, fletcher32=bool(samples))
 
 
 def write_hdf5_stream(path: Path, stream: RecordStream) -> None:
@@ -65,7 +79,9 @@ def write_hdf5_stream(path: Path, stream: RecordStream) -> None:
         for key, value in told.items():
             archive.create_dataset(key, data=_storable(value))
         u, y = (
-            archive.create_dataset(key, (*shape, n), float, chunks=(1, 1, min(CHUNK, shape[2]), n))
+            archive.create_dataset(
+                key, (*shape, n), float, chunks=(1, 1, min(CHUNK, shape[2]), n), fletcher32=True
+            )
             for key, n in (("u", len(stream.inputs)), ("y", len(stream.outputs)))
         )
         for experiment in range(stream.experiments):
@@ -88,10 +104,12 @@ def _placed(stream: RecordStream, experiment: int) -> Iterator[tuple[int, tuple[
 
 
 def _storable(value: np.ndarray) -> Any:
+    """Texts of fixed length: those of any length stand in a heap whose damage can hang the library."""
     value = np.asarray(value)
-    if value.dtype.kind == "U":
-        return np.array(value.tolist(), dtype=h5py.string_dtype())
-    return value
+    if value.dtype.kind != "U":
+        return value
+    texts = [text.encode() for text in value.tolist()]
+    return np.array(texts, dtype=h5py.string_dtype("utf-8", max([1, *map(len, texts)])))
 
 
 @contextmanager
@@ -114,6 +132,7 @@ def head_hdf5(file: Path) -> tuple[Raw, tuple[int, int, int]]:
         for key in archive:
             data = archive[key]
             if key in ("u", "y"):
+                check_stored(data)
                 check_samples(key, data.shape, data.dtype, str(file))
                 arrays[key] = np.broadcast_to(np.zeros((), data.dtype), data.shape)
             elif isinstance(data, h5py.Dataset):

@@ -12,7 +12,7 @@ from scipy.io.matlab import MatReadError
 
 from middeck.errors import DataError
 from middeck.files.atomic import replacing
-from middeck.files.records.hdf5 import opened, pick
+from middeck.files.records.hdf5 import opened, pick, plain
 from middeck.files.records.layout import build_raw, contents_of, is_own
 from middeck.files.records.matrix import raw_matrix
 from middeck.files.records.raw import Raw
@@ -80,7 +80,7 @@ def _array_73(data: Any, archive: Any) -> np.ndarray:
         # References run column by column of the cell array.
         cells = [_array_73(archive[r], archive) for r in data[()].ravel()]
         return np.array([_text(c) for c in cells])
-    array = np.asarray(data[()])
+    array = plain(data)
     if kind == "char":
         rows = array.T if array.ndim == 2 else array[None]
         return np.array(["".join(map(chr, row)).rstrip() for row in rows])
