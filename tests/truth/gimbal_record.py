@@ -47,3 +47,19 @@ def multisine(seed, *, outputs=1, inputs=1, noise=0.01, extra=(), samples=16384,
 
 def complex_error(E, truth):
     return float(np.sqrt(np.sum(np.abs(E - truth) ** 2) / np.sum(np.abs(truth) ** 2)))
+
+
+def random_record(seed, *, samples=49152, noise=0.01, hz=(0.1, 60.0)):
+    """One record cut from four times its length of a steady response to band-limited random noise, 256 Hz."""
+    rng = np.random.default_rng(seed)
+    long = 4 * samples
+    f = np.fft.rfftfreq(long, 1.0 / 256.0)
+    on = (f >= hz[0]) & (f <= hz[1])
+    U = np.zeros(len(f), dtype=complex)
+    U[on] = rng.standard_normal(on.sum()) + 1j * rng.standard_normal(on.sum())
+    Y = np.zeros(len(f), dtype=complex)
+    Y[on] = response(f[on])[:, 0, 0] * U[on]
+    u, y = (np.fft.irfft(X, n=long)[samples : 2 * samples] for X in (U, Y))
+    u, y = (x[None, None, :, None] / u.std() for x in (u, y))
+    y = y + noise * np.sqrt(np.mean(y**2)) * rng.standard_normal(y.shape)
+    return Record(256.0, u, y, INPUTS[:1], OUTPUTS[:1], periodic=False)

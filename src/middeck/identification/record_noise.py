@@ -1,0 +1,68 @@
+r"""What disturbs a record, from what a fit leaves of it: the variance of each output on each line.
+
+One record has no second period to compare with, so that noise is told from the model's response by being
+smooth, and by nothing else. Two kinds are smooth in different ways:
+
+    "output"   sensors: the residual's own power |r|^2 is averaged over neighbouring lines;
+    "motion"   forces on the article: they come through its poles, so that A r with
+               A = prod (1 - exp(p T) exp(-s T)) is smooth, and v = average |A r|^2 / |A|^2.
+
+A peak of a lightly damped mode is narrower than a line of a short record: the second kind knows its shape all
+the same. (A is the denominator of an ARMAX or innovations model, Ljung 1999, sec. 4.2; the average stands for
+its numerator.) Which of them a record has is what makes it likelier.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Complex, Float
+
+Noise = Literal["output", "motion"]
+# Lines to either side in the average, and as a share of all.
+HALF, SHARE = 15, 0.1
+# No line is quieter than this share of the average: rounding, filters and what no model follows.
+QUIETEST = 1e-6
+
+
+def noise_variance(
+    residual: Complex[np.ndarray, "output line column"],
+    noise: Noise,
+    s: Complex[np.ndarray, " line"],
+    poles: Complex[np.ndarray, " pole"],
+    period_s: float,
+) -> Float[np.ndarray, "output line column"]:
+    """Variance of each output on each line, common to all experiments.
+
+    ``poles`` [rad/s] are all of the model, conjugates included.
+    """
+    shape = np.ones(len(s)) if noise == "output" else _denominator(s, poles, period_s)
+    power = np.mean(np.abs(residual) ** 2, axis=2) * shape
+    half = max(1, min(HALF, int(SHARE * len(s))))
+    smooth = np.array([_average(row, half) for row in power])
+    # A response that is fitted exactly leaves nothing: weights stay finite, and their sum says nothing then.
+    floor = QUIETEST * smooth.mean(axis=1, keepdims=True) + np.finfo(float).tiny
+    v = (smooth + floor) / shape
+    return np.repeat(v[:, :, None], residual.shape[2], axis=2)
+
+
+def _denominator(s: np.ndarray, poles: np.ndarray, period_s: float) -> Float[np.ndarray, " line"]:
+    """|A|^2; a product of many small factors, so taken by logarithms."""
+    factors = 1.0 - np.exp(poles * period_s)[:, None] * np.exp(-s * period_s)
+    size = np.maximum(np.abs(factors), np.finfo(float).tiny)
+    return np.exp(2.0 * np.sum(np.log(size), axis=0))
+
+
+def _average(power: Float[np.ndarray, " line"], half: int) -> Float[np.ndarray, " line"]:
+    """Over neighbours, near ones more (a Hann window)."""
+    window = np.hanning(2 * half + 3)[1:-1]
+    padded = np.pad(power, half, mode="reflect" if len(power) > half else "edge")
+    return np.convolve(padded, window / window.sum(), mode="valid")
+
+
+def negative_log_likelihood(
+    residual: Complex[np.ndarray, "output line column"], variance: Float[np.ndarray, "output line column"]
+) -> float:
+    """Of circular normal residuals, up to a constant: sum of log v + |r|^2 / v."""
+    return float(np.sum(np.log(variance) + np.abs(residual) ** 2 / variance))

@@ -1,0 +1,197 @@
+"""A model driven by a record's inputs from any initial state: simulated, not predicted from its outputs.
+
+The response to a record's inputs repeated for ever is one particular motion, and the discrete Fourier
+transform gives it exactly; what differs from it within the record is free motion of the model's poles, whose
+amplitudes (the initial state) are fitted to the outputs. Between samples, the inputs of a continuous model
+are either held or band-limited; a sampled model needs to know nothing of what is between.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Complex, Float
+
+from middeck.errors import ConfigError, DataError, NumericalError
+from middeck.identification.checks import check_record
+from middeck.identification.measurement_model import RANK, MeasurementModel, model_response, path_delay
+from middeck.systems.record import Record
+
+Between = Literal["hold", "band-limited"]
+
+
+def simulate_record(
+    model: MeasurementModel,
+    record: Record,
+    *,
+    state_share: float = 1.0,
+    between: Between = "band-limited",
+) -> Float[np.ndarray, "experiment period sample output"]:
+    """Outputs of the model for the record's inputs, the initial state fitted to the record's outputs.
+
+    Parameters
+    ----------
+    record:
+        Periods are taken as one run of samples.
+    state_share:
+        Share of each experiment, from its first sample, to which its initial state is fitted, outputs weighed
+        by their rms. The rest is then a simulation that has never seen the outputs.
+    between:
+        What the inputs of a continuous model do between samples: "hold" (a converter before the plant) or
+        "band-limited" (both sides measured behind the same filters; Pintelon and Schoukens 2012, ch. 13).
+
+    Raises
+    ------
+    ConfigError
+        If the record has other ports than the model, the share is no share, or the rates differ.
+    DataError
+        If the share holds fewer numbers than the model has states.
+    NumericalError
+        For a model that is not stable: its response to repeated inputs is none.
+
+    Examples
+    --------
+    >>> from middeck.systems.ports import Port
+    >>> port = (Port("x", "1"),)
+    >>> one = np.ones((1, 1))
+    >>> lag = MeasurementModel([np.log(0.5) + 0j], one, one, 0 * one, 0 * one, [0.0], port, port, 1.0)
+    >>> u = np.zeros((1, 1, 16, 1))
+    >>> y = 0.5 ** np.arange(16.0).reshape(u.shape)            # y[k+1] = 0.5 y[k] + u[k], from y[0] = 1
+    >>> u[..., 8:, :], y[..., 9:, :] = 1.0, 2.0 - 2.0 * 0.5 ** np.arange(1.0, 8.0).reshape(1, 1, 7, 1)
+    >>> y[..., 9:, :] += 0.5 ** np.arange(9.0, 16.0).reshape(1, 1, 7, 1)
+    >>> record = Record(1.0, u, y, port, port, periodic=False)
+    >>> bool(np.allclose(simulate_record(lag, record, state_share=0.2), y))
+    True
+    """
+    check_record(record)
+    _check(model, record, state_share)
+    experiments, periods, samples, _ = record.u.shape
+    count = periods * samples
+    u = record.u.reshape(experiments, count, -1)
+    y = record.y.reshape(experiments, count, -1)
+    forced = _forced(model, u, record.sample_hz, between)
+    free = free_motion(model, count, record.sample_hz)
+    if not (np.isfinite(forced).all() and np.isfinite(free).all()):
+        raise NumericalError("the model's response to the record is not finite", hint="a stable model")
+    used = int(np.ceil(state_share * count))
+    if used * y.shape[2] < len(free):
+        raise DataError(
+            f"{used} samples cannot tell {len(free)} initial states", hint="a larger share, or fewer states"
+        )
+    level = np.sqrt(np.mean(y**2, axis=(0, 1)))
+    A = (free[:, :used] / level).reshape(len(free), -1).T
+    size = np.linalg.norm(A, axis=0)
+    size = np.where(size > 0.0, size, 1.0)
+    left = ((y - forced)[:, :used] / level).reshape(experiments, -1).T
+    state = np.linalg.lstsq(A / size, left, rcond=None)[0].T / size
+    return (forced + np.tensordot(state, free, axes=1)).reshape(record.y.shape)
+
+
+def record_nrmse(
+    model: MeasurementModel, record: Record, *, state_share: float = 1.0, between: Between = "band-limited"
+) -> Float[np.ndarray, " output"]:
+    """rms(y - y_model) / rms(y) of each output over the whole record; see `simulate_record`."""
+    y = simulate_record(model, record, state_share=state_share, between=between)
+    axes = (0, 1, 2)
+    return np.sqrt(np.sum((record.y - y) ** 2, axis=axes) / np.sum(record.y**2, axis=axes))
+
+
+def _check(model: MeasurementModel, record: Record, state_share: float) -> None:
+    for side, has, wants in (
+        ("inputs", record.inputs, model.inputs),
+        ("outputs", record.outputs, model.outputs),
+    ):
+        if [p.name for p in has] != [p.name for p in wants]:
+            raise ConfigError(
+                f"the record has the {side} {', '.join(p.name for p in has)}",
+                hint=f"the model has {', '.join(p.name for p in wants)}",
+            )
+    if not 0.0 < state_share <= 1.0:
+        raise ConfigError(f"a share of {state_share} of a record is none", hint="above 0, up to 1")
+    rate = model.sample_hz
+    if rate is not None and abs(rate - record.sample_hz) > 1e-9 * record.sample_hz:
+        raise ConfigError(f"the model is sampled at {rate:.6g} Hz, the record at {record.sample_hz:.6g} Hz")
+    if np.any(np.real(model.poles) >= 0.0):
+        raise NumericalError("a pole of the model does not decay: its response to repeated inputs is none")
+
+
+def _forced(
+    model: MeasurementModel, u: Float[np.ndarray, "experiment sample input"], rate_hz: float, between: Between
+) -> Float[np.ndarray, "experiment sample output"]:
+    """Motion that repeats with the record; a double pole at zero adds its answer to a constant input."""
+    count = u.shape[1]
+    frequency = np.fft.rfftfreq(count, 1.0 / rate_hz)
+    U = np.fft.rfft(u, axis=1)
+    held = between == "hold" and model.sample_hz is None
+    double = _double(model)
+    H = np.zeros((len(frequency), *model.direct.shape), dtype=complex)
+    H[1:] = _held_response(model, frequency[1:], rate_hz) if held else model_response(model, frequency[1:])
+    H[0] = _static(model)
+    y = np.fft.irfft(np.einsum("koi,eki->eko", H, U), n=count, axis=1)
+    if np.any(double):
+        late = np.arange(count)[:, None, None] / rate_hz - path_delay(model)
+        y += np.einsum("oi,koi,ei->eko", double, 0.5 * late**2, u.mean(axis=1))
+    return y
+
+
+def _double(model: MeasurementModel) -> Float[np.ndarray, "output input"]:
+    return model.lower if model.rigid is None else model.lower + model.rigid
+
+
+def _static(model: MeasurementModel) -> Float[np.ndarray, "output input"]:
+    """Response at zero frequency, the double pole apart."""
+    T = None if model.sample_hz is None else 1.0 / model.sample_hz
+    room = -model.poles if T is None else 1.0 - np.exp(model.poles * T)
+    each = np.where(model.is_pair, 2.0, 1.0)
+    return np.real((model.shapes * (each / room)) @ model.participation) + model.direct
+
+
+def _held_response(
+    model: MeasurementModel, frequency_hz: np.ndarray, rate_hz: float
+) -> Complex[np.ndarray, "line output input"]:
+    """From held input samples to output samples, delays exact: tau = d T + f with 0 <= f < T.
+
+    A mode at k T - f has gone a step from its last sample: x = exp(p (T - f)) x[k-1] + gamma(T - f) u[k-1]
+    with gamma(t) = (exp(p t) - 1) / p.
+    """
+    T = 1.0 / rate_hz
+    z = np.exp(2j * np.pi * frequency_hz * T)
+    tau = path_delay(model)
+    # A delay within rounding of whole samples is whole.
+    whole = np.floor(tau / T + 1e-9)
+    beyond = np.maximum(tau - whole * T, 0.0)
+    p, pairs = model.poles, model.is_pair
+    p = np.concatenate([p, p[pairs].conj()])
+    c = np.concatenate([model.shapes, model.shapes[:, pairs].conj()], axis=1)
+    b = np.concatenate([model.participation, model.participation[pairs].conj()])
+    step = T - beyond[:, :, None]
+    decay, gain = np.exp(p * step), np.expm1(p * step) / p
+    residue = c[:, None, :] * b.T[None]
+    full = np.expm1(p * T) / p
+    sum_of_terms = np.einsum("oim,km->koi", residue * decay * full, 1.0 / (z[:, None] - np.exp(p * T)))
+    sum_of_terms += np.sum(residue * gain, axis=2)
+    # A double pole: position and rate a step later, and half the square of the step.
+    d, double = step[:, :, 0], _double(model)
+    w = (z - 1.0)[:, None, None]
+    sum_of_terms += double * (T**2 * (z[:, None, None] + 1.0) / (2.0 * w**2) + d * T / w + 0.5 * d**2)
+    sum_of_terms += model.direct * np.where(beyond > 0.0, 1.0, z[:, None, None])
+    return sum_of_terms * z[:, None, None] ** -(1.0 + whole)
+
+
+def free_motion(
+    model: MeasurementModel, count: int, rate_hz: float
+) -> Float[np.ndarray, "state sample output"]:
+    """The model's motion from each of its initial states, as samples of the outputs."""
+    pairs = model.is_pair
+    c = model.shapes / np.maximum(np.linalg.norm(model.shapes, axis=0), np.finfo(float).tiny)
+    # A delay of an output is one of its view of the state; paths that differ share that of the output.
+    late = np.arange(count)[:, None] / rate_hz - (model.delay_s if model.sample_hz is None else 0.0)
+    motion = np.exp(model.poles[:, None, None] * np.maximum(late, 0.0)) * c.T[:, None, :]
+    parts = [np.real(motion), -np.imag(motion[pairs])]
+    double = _double(model)
+    if np.any(double):
+        left, size, _ = np.linalg.svd(double)
+        shape = left[:, : int(np.sum(size > RANK * size[0]))].T[:, None, :]
+        parts += [np.broadcast_to(shape, (len(shape), count, len(double))), shape * late]
+    return np.concatenate(parts)
