@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import functools
 
 import numpy as np
 from jaxtyping import Complex, Float
@@ -13,28 +13,36 @@ from middeck.identification.terms import Fractions, columns, fractions, slopes
 from middeck.identification.transient import transient_columns, transient_slopes
 
 
-class Terms(NamedTuple):
-    """What all outputs share at one theta: ``X`` without delay, ``B`` of the transients (or no columns)."""
+class Terms:
+    """What all outputs share at one theta: partial fractions, and ``B`` of the transients (or no columns)."""
 
-    point: Point
-    parts: Fractions
-    X: Complex[np.ndarray, "column line experiment"]
-    B: Complex[np.ndarray, "column line"]
+    def __init__(self, layout: Layout, data: Data, theta: Float[np.ndarray, " unknown"]) -> None:
+        self._layout, self._data = layout, data
+        self.point: Point = unpack(layout, theta)
+        self.parts: Fractions = fractions(layout, self.point.poles, data.s)
+        self.B: Complex[np.ndarray, "column line"] = (
+            np.zeros((0, len(data.s)), dtype=complex)
+            if data.transient is None
+            else transient_columns(layout, self.point, data.transient, data.s)
+        )
+
+    @functools.cached_property
+    def X(self) -> Complex[np.ndarray, "column line experiment"]:
+        """Columns of the model's linear unknowns, without delay; not all evaluations need them."""
+        return columns(self._layout, self.point, self.parts, self._data.s, self._data.drive)
+
+    @property
+    def finite(self) -> bool:
+        """False where a trial step has gone too far."""
+        numbers = (self.parts.upper, self.parts.lower, self.point.b, self.point.delay_s, self.B)
+        return all(bool(np.isfinite(x).all()) for x in numbers)
 
 
 def build_terms(layout: Layout, data: Data, theta: Float[np.ndarray, " unknown"]) -> Terms | None:
     """The terms at ``theta``; None where they are not finite, as a trial step may have it."""
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        point = unpack(layout, theta)
-        parts = fractions(layout, point.poles, data.s)
-        X = columns(layout, point, parts, data.s, data.drive)
-        B = (
-            np.zeros((0, len(data.s)), dtype=complex)
-            if data.transient is None
-            else transient_columns(layout, point, data.transient, data.s)
-        )
-    finite = all(np.isfinite(value).all() for value in (point.poles, X, B))
-    return Terms(point, parts, X, B) if finite else None
+        terms = Terms(layout, data, theta)
+    return terms if terms.finite else None
 
 
 def late_columns(

@@ -70,17 +70,44 @@ class Functions:
 Block = tuple[int, int, Float[np.ndarray, "function function"]]
 
 
-class _Output(NamedTuple):
-    """One output's weighted data y, how each input's response enters them, and the Gram blocks of inputs."""
+class _Output:
+    """One output's weighted data ``y``, how each input's response is heard in them, and their Gram blocks."""
 
-    y: Complex[np.ndarray, "line column"]
-    heard: Complex[np.ndarray, "line column input"]
-    blocks: list[Block]
+    def __init__(self, data: Data, terms: Terms, shared: Functions, output: int) -> None:
+        w, late = data.weight[output], late_of(data, terms, output)
+        self.y: Complex[np.ndarray, "line column"] = w * data.H[output]
+        self.blocks: list[Block]
+        self._alone = data.drive is None
+        if data.drive is None:
+            # Each input has a column of its own, so that no two of them meet.
+            self._heard = w * late
+            self.blocks = [(i, i, shared.gram(w[:, i] ** 2)) for i in range(w.shape[1])]
+        else:
+            # A delay common to all inputs is in none of their products, and would but round them to complex.
+            heard = data.drive if late.shape[1] == 1 else data.drive * late[:, :, None]
+            power = np.einsum("lk,lik,ljk->ijl", w**2, heard.conj(), heard)
+            inputs = range(len(power))
+            self._heard = w[:, None, :] * data.drive * late[:, :, None]
+            self.blocks = [(i, j, shared.gram(power[i, j])) for i in inputs for j in inputs]
+
+    def each(self, path: Complex[np.ndarray, "line input"]) -> Complex[np.ndarray, "input line column"]:
+        """What the response of each path adds to the weighted data."""
+        if self._alone:
+            return np.einsum("lk,ki->ilk", self._heard * path, np.eye(path.shape[1]))
+        return np.moveaxis(self._heard * path[:, :, None], 1, 0)
+
+    def sum(self, path: Complex[np.ndarray, "line input"]) -> Complex[np.ndarray, "line column"]:
+        """What all of them add."""
+        return self._heard * path if self._alone else np.einsum("lik,li->lk", self._heard, path)
+
+    def back(self, v: Complex[np.ndarray, "line column"]) -> Complex[np.ndarray, "line input"]:
+        """The adjoint of `sum`."""
+        return self._heard.conj() * v if self._alone else np.einsum("lik,lk->li", self._heard.conj(), v)
 
 
 def solve_normal(layout: Layout, data: Data, terms: Terms, shared: Functions, output: int) -> Solved | None:
     """One output by normal equations; None where their condition is too bad."""
-    of = _output(data, terms, shared, output)
+    of = _Output(data, terms, shared, output)
     columns, tied = column_factors(layout, terms.point), Tied(layout, terms.point)
     free = tied.free(columns.reshape(len(columns), -1)).reshape(-1, *columns.shape[1:])
     solve = _Normal.of(_inner(of.blocks, free, free))
@@ -91,7 +118,7 @@ def solve_normal(layout: Layout, data: Data, terms: Terms, shared: Functions, ou
     for _ in range(2):  # the second time is the correction
         x = x + tied.whole(solve(np.tensordot(free, _on_functions(shared, of, left), axes=2)))
         path = (np.tensordot(x, columns, axes=1) @ shared.values).T
-        left = of.y - np.einsum("lki,li->lk", of.heard, path)
+        left = of.y - of.sum(path)
     G = slope_factors(layout, terms.point, terms.parts, x) + tied.moved(x, columns)
     late = _delay_slopes(layout, data, of, path)
     on_late = np.array([_on_functions(shared, of, v) for v in late]).reshape(len(late), *columns.shape[1:])
@@ -109,24 +136,6 @@ def solve_normal(layout: Layout, data: Data, terms: Terms, shared: Functions, ou
     return whole
 
 
-def _output(data: Data, terms: Terms, shared: Functions, output: int) -> _Output:
-    w, late = data.weight[output], late_of(data, terms, output)
-    if data.drive is None:
-        # Each input has its own column, so that no two of them meet.
-        alone = np.einsum("lk,ki->lki", w * late, np.eye(w.shape[1]))
-        return _Output(
-            w * data.H[output], alone, [(i, i, shared.gram(w[:, i] ** 2)) for i in range(w.shape[1])]
-        )
-    all_heard = np.einsum("lk,lik,li->lki", w, data.drive, np.broadcast_to(late, data.drive.shape[:2]))
-    # A delay common to all inputs is in none of their products; left in, it would round them to complex.
-    heard = data.drive if late.shape[1] == 1 else data.drive * late[:, :, None]
-    power = np.einsum("lk,lik,ljk->ijl", w**2, heard.conj(), heard)
-    inputs = range(len(power))
-    return _Output(
-        w * data.H[output], all_heard, [(i, j, shared.gram(power[i, j])) for i in inputs for j in inputs]
-    )
-
-
 def _inner(blocks: list[Block], A: np.ndarray, B: np.ndarray) -> Float[np.ndarray, "row other"]:
     """Inner products of rows by their factors [row, input, function]; most have no part in most inputs."""
     found = np.zeros((len(A), len(B)))
@@ -140,7 +149,7 @@ def _on_functions(
     shared: Functions, of: _Output, v: Complex[np.ndarray, "line column"]
 ) -> Float[np.ndarray, "input function"]:
     """Inner products of weighted data with each function in each input."""
-    return shared.products(np.einsum("lki,lk->li", of.heard.conj(), v))
+    return shared.products(of.back(v))
 
 
 def _products(A: np.ndarray, B: np.ndarray) -> Float[np.ndarray, "row other"]:
@@ -153,8 +162,8 @@ def _delay_slopes(
     """Weighted slopes by the delays of this output: of all its paths, or of each."""
     if not layout.with_delay:
         return np.zeros((0, *of.y.shape), dtype=complex)
-    each = np.einsum("lki,li->ilk", of.heard, -data.s[:, None] * path)
-    return each if layout.delay_of == "path" else np.sum(each, axis=0, keepdims=True)
+    rate = -data.s[:, None] * path
+    return of.each(rate) if layout.delay_of == "path" else of.sum(rate)[None]
 
 
 def _delay_places(layout: Layout, count: int, output: int) -> np.ndarray:

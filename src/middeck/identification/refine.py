@@ -87,7 +87,7 @@ def solve_by_qr(layout: Layout, data: Data, terms: Terms, output: int) -> Solved
     A, tied = own.removed(X), Tied(layout, terms.point)
     free = tied.free(A)
     size = np.linalg.norm(free, axis=1)
-    if not size.all():
+    if not (np.isfinite(size).all() and size.all()):
         return None
     Q, R = np.linalg.qr((free / size[:, None]).T)
     if np.abs(np.diag(R)).min() <= COINCIDENT or own.coincident(COINCIDENT):
