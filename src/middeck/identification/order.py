@@ -1,4 +1,4 @@
-"""How many states a response asks for: the description length of each size."""
+"""How many states a response asks for: the description length of each size, and lines kept out of the fit."""
 
 from __future__ import annotations
 
@@ -72,17 +72,27 @@ def is_settled(length: Sequence[float]) -> bool:
 
 
 def choose(tried: Sequence[Tried]) -> OrderChoice:
-    """The order of the shortest description, with its reason and what lines kept out of the fit say of it."""
-    best = min(tried, key=lambda t: t.length)
-    rivals = [t.length - best.length for t in tried if t is not best]
+    """One order, with its reason and what lines kept out of the fit say of it.
+
+    That of the shortest description. Where even the largest order tried shortens it, no order is the true one
+    (a real structure has no end of modes): then the smallest that meets the lines kept out of the fit as well
+    as any, up to a tenth.
+    """
+    shortest = min(tried, key=lambda t: t.length)
+    closest = min(tried, key=lambda t: t.held_out)
+    enough = next(t for t in tried if t.held_out <= (1.0 + EQUAL) * closest.held_out)
+    span = f"of {len(tried)} orders from {tried[0].states} to {tried[-1].states}"
+    if shortest is tried[-1] and len(tried) > PATIENCE:
+        reason = (
+            f"{enough.states} states are the fewest that meet lines kept out of the fit as well as any, up to a "
+            f"tenth ({enough.held_out:.2%}; {closest.held_out:.2%} at best {span}); there is no end to what more "
+            "states still tell"
+        )
+        return OrderChoice(enough.states, reason, tuple(tried))
+    rivals = [t.length - shortest.length for t in tried if t is not shortest]
     margin = f", {min(rivals):.0f} below the next" if rivals else ""
-    where = "" if best is not tried[-1] else "; it is the largest tried, more may be asked for"
-    enough = next(t for t in tried if t.held_out <= (1.0 + EQUAL) * min(u.held_out for u in tried))
-    opinion = f"lines kept out of the fit are met to {best.held_out:.2%}"
-    if enough.states > best.states:
+    opinion = f"lines kept out of the fit are met to {shortest.held_out:.2%}"
+    if enough.states > shortest.states:
         opinion += f" and ask for {enough.states} ({enough.held_out:.2%})"
-    reason = (
-        f"{best.states} states have the shortest description of {len(tried)} orders from {tried[0].states} to"
-        f" {tried[-1].states}{margin}; {opinion}{where}"
-    )
-    return OrderChoice(best.states, reason, tuple(tried))
+    reason = f"{shortest.states} states have the shortest description {span}{margin}; {opinion}"
+    return OrderChoice(shortest.states, reason, tuple(tried))

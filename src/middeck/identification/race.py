@@ -27,7 +27,7 @@ EXCHANGE_GAIN = 1.0
 # Steps on half of the lines, from the model on all of them.
 HELD_OUT_STEPS = 3
 # Starts of each order when orders are compared, beside the one grown from the order before.
-ORDER_STARTS = 2
+ORDER_STARTS = 1
 
 
 def race(data: Data, spread: Spread, options: Options) -> Polished:

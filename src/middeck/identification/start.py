@@ -11,11 +11,11 @@ are not asked for, and the modes that would be missed most are kept (`pruning`).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import scipy.linalg
-from jaxtyping import Complex, Float
+from jaxtyping import Bool, Complex, Float
 
 from middeck.identification.design import build_terms
 from middeck.identification.fit_data import Data
@@ -66,7 +66,7 @@ def starts(data: Data, options: Options) -> Iterator[Start]:
     for size, rows in REAL_SIZES if options.real_constants else COMPLEX_SIZES:
         # An odd number of states asks for an odd number of real poles.
         order = options.states + 2 * round(0.5 * (size - 1.0) * options.states) + 2 * options.rigid
-        found = subspace_poles(data, options.period_s, states=order, rows=_rows(data, order, rows))
+        found = subspace_poles(data, options.period_s, states=order, rows=block_rows(data, order, rows))
         if found is None:
             continue
         start = (
@@ -78,7 +78,7 @@ def starts(data: Data, options: Options) -> Iterator[Start]:
             yield start
 
 
-def _rows(data: Data, order: int, factor: float) -> int:
+def block_rows(data: Data, order: int, factor: float) -> int:
     outputs, lines, inputs = data.H.shape
     least = -(-order // outputs) + 1
     return min(int(np.ceil(factor * least)), 2 * lines * inputs // (inputs + outputs) - 1)
@@ -91,10 +91,20 @@ def subspace_poles(
     outputs = data.H.shape[0]
     if (rows - 1) * outputs < states:
         return None
+    return next(poles_of_orders(data, period_s, [states], rows))
+
+
+def poles_of_orders(
+    data: Data, period_s: float, orders: Sequence[int], rows: int
+) -> Iterator[Complex[np.ndarray, " state"]]:
+    """The same for several orders, from one factorisation of so many block rows."""
+    outputs = data.H.shape[0]
     q, a = _circle(data.s, period_s)
-    basis = _observability(data, q, rows)[:, :states]
-    A = np.linalg.lstsq(basis[:-outputs], basis[outputs:], rcond=None)[0]
-    return _to_plane(np.linalg.eigvals(A), a, period_s)
+    whole = _observability(data, q, rows)
+    for states in orders:
+        basis = whole[:, :states]
+        A = np.linalg.lstsq(basis[:-outputs], basis[outputs:], rcond=None)[0]
+        yield _to_plane(np.linalg.eigvals(A), a, period_s)
 
 
 def _circle(s: np.ndarray, period_s: float) -> tuple[np.ndarray, float]:
@@ -129,14 +139,7 @@ def _to_plane(z: np.ndarray, a: float, period_s: float) -> Complex[np.ndarray, "
 
 def _complex_start(data: Data, options: Options, found: np.ndarray) -> Start | None:
     """The strongest poles of the subspace, each with the rank-one part of its residue."""
-    nyquist = np.pi / options.period_s if options.period_s else np.inf
-    imag = np.imag(found)
-    single = (imag == 0.0) | (np.abs(imag) >= nyquist * (1.0 - 1e-9))
-    upper = found[~single & (imag > 0.0)]
-    upper = upper[np.argsort(np.imag(upper))]
-    real = found[single]
-    poles = np.concatenate([upper, np.real(real) + 1j * np.abs(np.imag(real))])
-    pair = np.arange(len(poles)) < len(upper)
+    poles, pair = upper_half(found, options.period_s)
     prompt = np.zeros((len(data.H), 1))
     start = start_at(data, options, poles, pair, prompt)
     states = [int(n) for n in np.where(pair, 2, 1)]
@@ -150,6 +153,20 @@ def _complex_start(data: Data, options: Options, found: np.ndarray) -> Start | N
     modes = [layout.columns_of(m) for m in range(len(pair))]
     kept = prune(as_real(terms.X * line).T, as_real(data.H * level * line).T, modes, states, options.states)
     return None if kept is None else start_at(data, options, poles[kept], pair[kept], prompt)
+
+
+def upper_half(
+    poles: Complex[np.ndarray, " state"], period_s: float
+) -> tuple[Complex[np.ndarray, " mode"], Bool[np.ndarray, " mode"]]:
+    """One of each conjugate pair, by frequency, then the real poles; and which are pairs."""
+    nyquist = np.pi / period_s if period_s else np.inf
+    imag = np.imag(poles)
+    single = (imag == 0.0) | (np.abs(imag) >= nyquist * (1.0 - 1e-9))
+    upper = poles[~single & (imag > 0.0)]
+    upper = upper[np.argsort(np.imag(upper))]
+    real = poles[single]
+    both = np.concatenate([upper, np.real(real) + 1j * np.abs(np.imag(real))])
+    return both, np.arange(len(both)) < len(upper)
 
 
 def start_at(data: Data, options: Options, poles: np.ndarray, pair: np.ndarray, delay_s: np.ndarray) -> Start:
@@ -178,9 +195,23 @@ def _input_vectors(
     data: Data, options: Options, poles: np.ndarray, pair: np.ndarray, delay_s: np.ndarray
 ) -> tuple[Complex[np.ndarray, "mode input"], Float[np.ndarray, "rigid input"]]:
     """b and psi: the dominant right singular vectors of full residue matrices, of 1/s^2 also."""
-    outputs, _, inputs = data.H.shape
+    inputs = data.H.shape[2]
     if inputs == 1:
-        return np.ones((len(poles), 1), dtype=complex), np.ones((options.rigid, 1))
+        return np.ones((len(poles), 1), dtype=complex), np.ones((min(options.rigid, 1), 1))
+    residues, lower = weighted_residues(data, options, poles, pair, delay_s)
+    if options.real_constants:
+        residues[pair] *= 2j * np.imag(poles)[pair, None, None]
+    b = np.linalg.svd(residues)[2][:, 0]
+    b = b / np.take_along_axis(b, np.argmax(np.abs(b), axis=1)[:, None], axis=1)
+    b = np.where((pair & (not options.real_constants))[:, None], b, b.real)
+    return b, np.linalg.svd(lower)[2][: min(options.rigid, inputs)]
+
+
+def weighted_residues(
+    data: Data, options: Options, poles: np.ndarray, pair: np.ndarray, delay_s: np.ndarray
+) -> tuple[Complex[np.ndarray, "mode output input"], Float[np.ndarray, "output input"]]:
+    """Residues of any rank at given poles and delays, and the term 1/s^2; each output times its weight."""
+    outputs, _, inputs = data.H.shape
     layout, point, X = _one_by_one(data, options, poles, pair)
     residues = np.zeros((len(poles), outputs, inputs), dtype=complex)
     lower = np.zeros((outputs, inputs))
@@ -195,12 +226,7 @@ def _input_vectors(
         residues[:, o] = level * np.array([shapes(layout, point, x[:, i]) for i in range(inputs)]).T
         if layout.with_lower:
             lower[o] = level * x[layout.mode_columns]
-    if options.real_constants:
-        residues[pair] *= 2j * np.imag(poles)[pair, None, None]
-    b = np.linalg.svd(residues)[2][:, 0]
-    b = b / np.take_along_axis(b, np.argmax(np.abs(b), axis=1)[:, None], axis=1)
-    b = np.where((pair & (not options.real_constants))[:, None], b, b.real)
-    return b, np.linalg.svd(lower)[2][: options.rigid]
+    return residues, lower
 
 
 def _one_by_one(
