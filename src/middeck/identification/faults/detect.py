@@ -101,4 +101,6 @@ def _channel_faults(
         return found + (find_unsteady_input(x, period) if periodic else [])
     found += find_drift(x, port.unit, period=period if periodic else None)
     found += find_coarse_steps(x) + find_held(x)
-    return found + (find_transient(x, period) if periodic else [])
+    # A period with a hole or a spike differs from the others by that.
+    local = {"gap", "dropout", "spike"} & {f.kind for f in found}
+    return found + (find_transient(x, period) if periodic and not local else [])

@@ -1,0 +1,281 @@
+"""Faults put into clean records are found, and nothing is found in clean ones."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import gimbal_record
+import numpy as np
+import pytest
+import scipy.signal
+
+from middeck.files.records import load_record
+from middeck.identification.faults import detect_faults
+from middeck.systems.fault import Fault
+from middeck.systems.ports import Channel, Port
+from middeck.systems.record import Record
+from middeck.systems.response import FrequencyResponse
+
+HZ, SAMPLES = 256.0, 8192
+MIRROR = Path(__file__).parents[2] / "data" / "cubespec-fsm"
+Rng = np.random.Generator
+
+
+def resonant(u: np.ndarray) -> np.ndarray:
+    """Angle and rate of five modes of 1 %."""
+    y = np.zeros_like(u)
+    for f in gimbal_record.MODES_HZ:
+        w = 2.0 * np.pi * f
+        b, a = scipy.signal.bilinear([w * w], [1.0, 0.02 * w, w * w], fs=HZ)
+        y += scipy.signal.lfilter(b, a, u)
+    return np.stack([y, np.gradient(y) * HZ], axis=-1)
+
+
+def burst(rng: Rng) -> np.ndarray:
+    u = rng.standard_normal((4, SAMPLES // 4))
+    u[:, SAMPLES // 6 :] = 0.0
+    return u.ravel()
+
+
+def impacts(rng: Rng) -> np.ndarray:
+    u = np.zeros(SAMPLES)
+    for k in rng.integers(100, SAMPLES - 100, 6):
+        u[k : k + 3] += [0.5, 1.0, 0.5]
+    return u
+
+
+time = np.arange(SAMPLES) / HZ
+EXCITATIONS: dict[str, Callable[[Rng], np.ndarray]] = {
+    "white noise": lambda rng: rng.standard_normal(SAMPLES),
+    "band-limited noise": lambda rng: scipy.signal.lfilter(
+        *scipy.signal.butter(4, 0.2), rng.standard_normal(SAMPLES)
+    ),
+    "binary sequence": lambda rng: np.repeat(rng.choice([-1.0, 1.0], SAMPLES // 4), 4),
+    "swept sine": lambda rng: scipy.signal.chirp(time, 0.1, time[-1], 0.4 * HZ),
+    "burst random": burst,
+    "steps": lambda rng: np.repeat(rng.standard_normal(SAMPLES // 64), 64),
+    "sine": lambda rng: np.sin(2.0 * np.pi * 1.2 * time),
+    "hammer": impacts,
+}
+
+
+@pytest.mark.parametrize("kind", EXCITATIONS)
+@pytest.mark.parametrize("noise", [0.0, 1e-3, 1e-1])
+def test_nothing_is_found_in_clean_records(kind: str, noise: float, campaign: Callable[[int], range]) -> None:
+    for seed in campaign(100):
+        rng = np.random.default_rng(seed)
+        u = EXCITATIONS[kind](rng)
+        y = resonant(u)
+        y += noise * y.std(axis=0) * rng.standard_normal(y.shape)
+        u = u + 0.1 * noise * u.std() * rng.standard_normal(u.shape)
+        ports = (Port("torque", "N m"),), (Port("angle", "rad"), Port("rate", "rad/s"))
+        assert detect_faults(Record(HZ, u[None, None, :, None], y[None, None], *ports, False)) == ()
+
+
+def test_nothing_is_found_in_clean_gimbals(campaign: Callable[[int], range]) -> None:
+    for seed in campaign(100):
+        assert detect_faults(gimbal_record.multisine(seed, outputs=3, inputs=2, samples=2048)) == ()
+
+
+@pytest.mark.parametrize("part", ["train", "test"])
+def test_nothing_is_found_in_the_mirror(part: str) -> None:
+    assert detect_faults(load_record(MIRROR / f"mirror-300mV-{part}.npz")) == ()
+
+
+def at(rng: Rng) -> int:
+    return int(rng.integers(200, 3800))
+
+
+def clip(y: np.ndarray, rng: Rng) -> None:
+    limit = 0.85 * np.abs(y[..., 0]).max()
+    y[..., 0] = np.clip(y[..., 0], -limit, limit)
+
+
+def clip_before_noise(y: np.ndarray, rng: Rng) -> None:
+    clip(y, rng)
+    y[..., 0] += 1e-3 * y[..., 0].std() * rng.standard_normal(y.shape[:3])
+
+
+def drop_to_zero(y: np.ndarray, rng: Rng) -> None:
+    k = at(rng)
+    y[0, 1, k : k + 20, 0] = 0.0
+
+
+def hold_last(y: np.ndarray, rng: Rng) -> None:
+    k = at(rng)
+    y[0, 1, k : k + 20, 0] = y[0, 1, k, 0]
+
+
+def pad_the_end(y: np.ndarray, rng: Rng) -> None:
+    y[0, -1, -200:, 0] = 0.0
+
+
+def spike(y: np.ndarray, rng: Rng) -> None:
+    y[0, 0, at(rng), 0] += 6.0 * y[..., 0].std()
+
+
+def shift(y: np.ndarray, rng: Rng) -> None:
+    y[..., 0] += 3.0 * y[..., 0].std()
+
+
+def warm_up(y: np.ndarray, rng: Rng) -> None:
+    ramp = np.linspace(0.0, 0.3 * y[..., 0].std(), y.shape[1] * y.shape[2])
+    y[0, ..., 0] += ramp.reshape(y.shape[1:3])
+
+
+def lose(y: np.ndarray, rng: Rng) -> None:
+    y[0, 1, 5:9, 0] = np.nan
+
+
+def convert_coarsely(y: np.ndarray, rng: Rng) -> None:
+    step = y[..., 0].std() / 5.0
+    y[..., 0] = np.round(y[..., 0] / step) * step
+
+
+def record_slowly(y: np.ndarray, rng: Rng) -> None:
+    run = y[0, ..., 0].ravel()
+    y[0, ..., 0] = np.repeat(run[::4], 4).reshape(y.shape[1:3])
+
+
+def unplug(y: np.ndarray, rng: Rng) -> None:
+    y[..., 0] = 3.0
+
+
+def wire_twice(y: np.ndarray, rng: Rng) -> None:
+    y[..., 1] = 2.0 * y[..., 0]
+
+
+def start_from_rest(y: np.ndarray, rng: Rng) -> None:
+    t = np.arange(y.shape[2]) / HZ
+    y[0, 0, :, 0] += 0.3 * y[..., 0].std() * np.exp(-t) * np.cos(50.0 * t + 6.28 * rng.random())
+
+
+@pytest.mark.parametrize(
+    ("spoil", "kind", "where"),
+    [
+        (clip, "clipping", "payload"), (clip_before_noise, "clipping", "payload"),
+        (drop_to_zero, "dropout", "payload"), (hold_last, "dropout", "payload"),
+        (pad_the_end, "dropout", "payload"), (spike, "spike", "payload"), (shift, "offset", "payload"),
+        (warm_up, "drift", "payload"), (lose, "gap", "payload"),
+        (convert_coarsely, "quantisation", "payload"),
+        (record_slowly, "held", "payload"), (unplug, "dead", "payload"), (wire_twice, "duplicate", "encoder"),
+        (start_from_rest, "transient", "payload"),
+    ],
+)  # fmt: skip
+def test_a_fault_is_found_and_no_other(
+    spoil: Callable[[np.ndarray, Rng], None], kind: str, where: str, campaign: Callable[[int], range]
+) -> None:
+    for seed in campaign(100):
+        clean = gimbal_record.multisine(seed, outputs=2, samples=4096)
+        y = clean.y.copy()
+        spoil(y, np.random.default_rng(seed))
+        found = detect_faults(replace(clean, y=y))
+        assert {(f.channel, f.kind) for f in found} == {(where, kind)}, [str(f) for f in found]
+        assert all(f.what and f.hint for f in found)
+
+
+def test_the_samples_of_a_fault_are_named() -> None:
+    clean = gimbal_record.multisine(1, outputs=2, samples=4096)
+    y = clean.y.copy()
+    y[0, 1, 100:103, 1] = np.nan
+    y[0, 2, 7, 1] += 100.0 * y[..., 0].std()
+    (gap, spike_) = detect_faults(replace(clean, y=y))
+    assert (gap.channel, gap.experiment, gap.samples) == ("encoder", 0, ((4196, 4199),))
+    assert spike_.samples == ((8199, 8200),)
+
+
+def test_an_input_that_does_not_repeat() -> None:
+    clean = gimbal_record.multisine(1, samples=4096)
+    u = np.random.default_rng(0).standard_normal(clean.u.shape)
+    assert [(f.kind, f.side) for f in detect_faults(replace(clean, u=u))] == [("repeat", "input")]
+
+
+LINES = np.linspace(0.05, 65.0, 20_000)
+
+
+def reference(outputs: int, inputs: int) -> FrequencyResponse:
+    H = gimbal_record.response(LINES, outputs, inputs)
+    return FrequencyResponse(LINES, H, gimbal_record.INPUTS[:inputs], gimbal_record.OUTPUTS[:outputs])
+
+
+def against(
+    outputs: int, inputs: int, seed: int, spoil: Callable[[np.ndarray, np.ndarray], None]
+) -> list[Fault]:
+    clean = gimbal_record.multisine(seed, outputs=outputs, inputs=inputs, samples=4096)
+    u, y = clean.u.copy(), clean.y.copy()
+    spoil(u, y)
+    return [*detect_faults(replace(clean, u=u, y=y), reference(outputs, inputs))]
+
+
+def turn_output(u: np.ndarray, y: np.ndarray) -> None:
+    y[..., 1] *= -1.0
+
+
+def turn_input(u: np.ndarray, y: np.ndarray) -> None:
+    u[..., 1] *= -1.0
+
+
+def swap(u: np.ndarray, y: np.ndarray) -> None:
+    y[...] = y[..., [1, 0, 2]]
+
+
+def in_degrees(u: np.ndarray, y: np.ndarray) -> None:
+    y[..., 2] *= 180.0 / np.pi
+
+
+def late(u: np.ndarray, y: np.ndarray) -> None:
+    y[..., 0] = np.roll(y[..., 0], 3, axis=2)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "expected"),
+    [
+        (lambda u, y: None, set()),
+        (turn_output, {("sign", "output", "encoder")}),
+        (turn_input, {("sign", "input", "wheel")}),
+        (swap, {("swap", "output", "payload"), ("swap", "output", "encoder")}),
+        (in_degrees, {("gain", "output", "bus")}),
+        (late, {("delay", "output", "payload")}),
+    ],
+)
+def test_what_contradicts_a_reference(
+    spoil: Callable[[np.ndarray, np.ndarray], None],
+    expected: set[tuple[str, str, str]],
+    campaign: Callable[[int], range],
+) -> None:
+    for seed in campaign(40):
+        found = against(3, 2, seed, spoil)
+        assert {(f.kind, f.side, f.channel) for f in found} == expected, [str(f) for f in found]
+
+
+def collocated(seed: int) -> Record:
+    """Torque, angle and a second encoder at one joint."""
+    clean = gimbal_record.multisine(seed, outputs=2, samples=4096)
+    place = Channel(node="gimbal", direction="+rz")
+    inputs, outputs = (
+        tuple(replace(p, channel=place) for p in ports) for ports in (clean.inputs, clean.outputs)
+    )
+    return replace(clean, inputs=inputs, outputs=outputs)
+
+
+def test_collocated_channels_agree_on_sign_and_time(campaign: Callable[[int], range]) -> None:
+    for seed in campaign(40):
+        clean = collocated(seed)
+        assert detect_faults(clean) == ()
+        y = clean.y.copy()
+        y[..., 0] *= -1.0
+        found = {(f.kind, f.channel) for f in detect_faults(replace(clean, y=y))}
+        # The driven joint says which of the two is wrong; they say that one of them is.
+        assert found == {("sign", "payload"), ("sign", "encoder")}
+        y = clean.y.copy()
+        y[..., 1] = np.roll(y[..., 1], 4, axis=2)
+        assert {(f.kind, f.channel) for f in detect_faults(replace(clean, y=y))} == {("delay", "encoder")}
+
+
+def test_a_reference_of_other_ports_is_refused() -> None:
+    from middeck.errors import DataError
+
+    with pytest.raises(DataError, match="the record has the outputs payload"):
+        detect_faults(gimbal_record.multisine(0, samples=2048), reference(2, 1))
