@@ -22,6 +22,7 @@ VERBS = (
     "response",
     "record",
     "identify",
+    "drift",
     "design",
 )
 

@@ -25,6 +25,8 @@ from middeck.values import record
 CLEARLY_MORE = 3.0
 # A line that determines an unknown alone leaves no residual: its leverage is counted up to here.
 MOST_LEVERAGE = 0.9
+# A modal constant is real if its imaginary part is no more than rounding.
+ROUNDING = 1e-9
 # Information of an unknown without any effect: its deviation is beyond all bounds, its square still a number.
 NO_INFORMATION = 1e-60
 # Scatter of the logarithm of a variance below which it is taken as known: that of 100 degrees of freedom.
@@ -210,6 +212,17 @@ def _correlated_lags(z: Complex[np.ndarray, "output line input"]) -> int:
         if abs(np.sum(np.real(z[:, lag:] * z[:, :-lag].conj()))) <= limit:
             return min(2 * (lag - 1), most)
     return most
+
+
+def as_exact(model: MeasurementModel) -> ModelCovariance:
+    """A model without a record, such as the one a controller was designed on: nothing in it is uncertain."""
+    unit = np.where(model.is_pair, 1j, 1.0)
+    constants = (model.shapes * unit)[:, :, None] * model.participation
+    real = bool(np.all(np.abs(np.imag(constants)) <= ROUNDING * np.abs(constants)))
+    parts = (bool(np.any(part)) for part in (model.delay_s, model.lower, model.direct))
+    structure = Structure(real, *parts)
+    size = places_of(model, structure).size
+    return ModelCovariance(model, structure, np.zeros((size, size)), np.ones(size), np.inf, robust=False)
 
 
 def draw_errors(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy.stats
 from jaxtyping import Bool, Float
 
 from middeck.errors import ConfigError
@@ -18,6 +19,8 @@ from middeck.values import record
 SAME_LINE = 1e-6
 # Lines that moved belong to one band if no more than so many that did not lie between them.
 GAP = 3
+# Inflation of all lines beyond which their variance is not what makes them differ.
+TRUSTED = 1.5
 
 
 @record
@@ -52,6 +55,10 @@ class ResponseDrift:
         Lines that both have.
     statistic:
         |difference|^2 over the sum of both variances: F of 2 and many degrees if nothing changed.
+    inflation:
+        By how much the statistic's median exceeds that of F, one at least. What moves all lines alike is no
+        mode but a variance that was stated too small: distortion that changes with the signal, say, where the
+        record knows its noise only. It is divided by this before it counts (Devlin and Roeder 1999).
     moved:
         Whether that counts among all lines and paths.
     bands:
@@ -62,6 +69,7 @@ class ResponseDrift:
 
     frequency_hz: Float[np.ndarray, " line"]
     statistic: Float[np.ndarray, "line output input"]
+    inflation: float
     moved: Bool[np.ndarray, "line output input"]
     bands: tuple[MovedBand, ...]
     level: float
@@ -70,6 +78,11 @@ class ResponseDrift:
     def drifted(self) -> bool:
         """Whether anything moved."""
         return bool(self.bands)
+
+    @property
+    def trusted(self) -> bool:
+        """Whether the stated variance explains what most lines do; without that, single lines say little."""
+        return self.inflation <= TRUSTED
 
     @property
     def sentence(self) -> str:
@@ -81,7 +94,15 @@ class ResponseDrift:
             f"{b.deviations:.1f} deviations)"
             for b in self.bands
         ]
-        return f"the response moved at {'; '.join(parts)}"
+        doubt = (
+            ""
+            if self.trusted
+            else (
+                f"; but all lines differ by {np.sqrt(self.inflation):.1f} times what their variance allows, "
+                "so that single ones say little"
+            )
+        )
+        return f"the response moved at {'; '.join(parts)}{doubt}"
 
 
 def compare_responses(
@@ -90,7 +111,8 @@ def compare_responses(
     """Test two measured responses for a change, line by line.
 
     The variances, averaged over neighbouring lines, have known degrees of freedom; |difference|^2 over their
-    sum is then F-distributed. It says where something changed, not what, and needs no order.
+    sum is then F-distributed. It says where something changed, not what, and needs no order. A change on more
+    than half of all lines is taken for noise (`ResponseDrift.inflation`): that is for `compare_fits` to find.
 
     Parameters
     ----------
@@ -118,12 +140,15 @@ def compare_responses(
     degrees = [2.0 * line_degrees(m) * min(2 * NEIGHBOURS + 1, len(m.H)) for m in (before, after)]
     share = v[0] / (v[0] + v[1])
     slowness = share**2 / degrees[0] + (1.0 - share) ** 2 / degrees[1]
-    p = joint_tail(2.0 * statistic, 2, 1.0 / np.maximum(slowness, np.finfo(float).tiny))
+    degrees = 1.0 / np.maximum(slowness, 1e-9)
+    inflation = max(1.0, float(np.median(statistic / scipy.stats.f.median(2, degrees))))
+    p = joint_tail(2.0 * statistic / inflation, 2, degrees)
     moved = holm(p.ravel(), level).reshape(p.shape)
     f = before.frequency_hz[a]
     change = difference / np.maximum(np.abs(before.H[a]), np.finfo(float).tiny)
-    bands = _bands(f, moved, np.sqrt(2.0 * statistic), change, before.outputs, before.inputs)
-    return ResponseDrift(f, statistic, moved, bands, level)
+    deviations = np.sqrt(2.0 * statistic / inflation)
+    bands = _bands(f, moved, deviations, change, before.outputs, before.inputs)
+    return ResponseDrift(f, statistic, inflation, moved, bands, level)
 
 
 def holm(p: Float[np.ndarray, " test"], level: float) -> Bool[np.ndarray, " test"]:

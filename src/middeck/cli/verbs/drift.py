@@ -1,0 +1,147 @@
+"""``middeck drift``: which modes have moved between two records."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from middeck.cli import options
+from middeck.cli.screen import Table, show
+
+if TYPE_CHECKING:
+    from middeck.cli.settings import FitSettings
+    from middeck.identification.drift import Drift
+    from middeck.identification.response_drift import ResponseDrift
+
+EPILOG = """\
+\b
+Examples:
+  middeck drift data/cubespec-fsm/mirror-300mV-train.npz \\
+    data/cubespec-fsm/mirror-300mV-test.npz \\
+    --states 6 --band 300,1000 --continuous
+  middeck drift model.json week-12.npz --require
+"""
+
+
+@click.command("drift", epilog=EPILOG)
+@click.argument("before", metavar="BEFORE")
+@click.argument("after", metavar="AFTER")
+@options.periods
+@options.states
+@options.band
+@click.option(
+    "--sampled/--continuous",
+    default=None,
+    help="Kind of models.  [default: sampled if the band passes 1/8 of the sampling rate]",
+)
+@click.option(
+    "--level",
+    type=click.FloatRange(0.0, 1.0, min_open=True, max_open=True),
+    default=0.05,
+    show_default=True,
+    help="Probability that the fits, or the responses, raise any false alarm.",
+)
+@click.option("--require", is_flag=True, help="End with exit code 1 if anything has drifted.")
+@options.common
+def verb(
+    before: str,
+    after: str,
+    periods: int | None,
+    states: int | None,
+    band_hz: tuple[float, float] | None,
+    sampled: bool | None,
+    level: float,
+    require: bool,
+    overrides: tuple[str, ...],
+    as_json: bool,
+) -> None:
+    """Test whether an article has changed between two records.
+
+    BEFORE and AFTER are records of two steady periods or more; both are fitted with one order, and every
+    mode's move is judged by the deviations of both fits. Their responses are compared line by line as well.
+    BEFORE may be a MODEL.json of identify, which is taken as exact: has the article left the model?
+    --set takes states, band_hz, sampled, cost and periods.
+    """
+    from middeck.cli.settings import FitSettings, settle
+
+    given = {"states": states, "band_hz": band_hz, "sampled": sampled, "periods": periods}
+    document = compare(before, after, settle(FitSettings, given, overrides), level)
+    show(as_json, document, *_tables(document))
+    if require and document["drifted"]:
+        click.get_current_context().exit(1)
+
+
+def compare(before: str, after: str, settings: FitSettings, level: float) -> dict[str, Any]:
+    """The JSON document of a comparison."""
+    from middeck.cli.blame import reading
+    from middeck.cli.fitting import identify
+    from middeck.files.models import load_model
+    from middeck.identification.covariance import as_exact
+    from middeck.identification.drift import compare_fits
+    from middeck.identification.response_drift import compare_responses
+
+    if before.endswith(".json"):
+        model = load_model(before)
+        kind = {"sampled": model.sample_hz is not None, "states": settings.states or model.states}
+        second = identify([after], settings.model_copy(update=kind))
+        with reading(before, after):
+            found = compare_fits(as_exact(model), second.fit.covariance, level=level)
+        return describe(before, after, found, None, second.warnings)
+    first = identify([before], settings)
+    same = {"sampled": first.fit.model.sample_hz is not None, "states": first.fit.model.states}
+    second = identify([after], settings.model_copy(update=same))
+    with reading(before, after):
+        found = compare_fits(first.fit.covariance, second.fit.covariance, level=level)
+        lines = None
+        if first.measured.variance is not None and second.measured.variance is not None:
+            lines = compare_responses(first.measured, second.measured, level=level)
+    warnings = [f"{file}: {w}" for file, of in ((before, first), (after, second)) for w in of.warnings]
+    return describe(before, after, found, lines, warnings)
+
+
+def describe(
+    before: str, after: str, found: Drift, lines: ResponseDrift | None, warnings: Any
+) -> dict[str, Any]:
+    """The JSON document; ``lines`` is None where nothing says how uncertain the responses are."""
+    return {
+        "schema": "middeck.drift/1",
+        "before": before,
+        "after": after,
+        "level": found.level,
+        "drifted": found.drifted or (lines is not None and lines.drifted and lines.trusted),
+        "sentence": found.sentence,
+        "response_sentence": None if lines is None else lines.sentence,
+        "response_inflation": None if lines is None else lines.inflation,
+        "p_overall": found.p_overall,
+        "modes": found.modes,
+        "delays": found.delays,
+        "only_before_hz": found.only_before,
+        "only_after_hz": found.only_after,
+        "bands": None if lines is None else lines.bands,
+        "warnings": tuple(warnings),
+    }
+
+
+def _tables(document: dict[str, Any]) -> list[str | Table]:
+    modes = [
+        [
+            f"{m.frequency_hz[0]:.5f}",
+            f"{m.frequency_hz[1]:.5f}",
+            f"{m.frequency_std_hz:.1e}",
+            f"{m.damping[0]:.5f}",
+            f"{m.damping[1]:.5f}",
+            f"{m.damping_std:.1e}",
+            f"{m.p_pole:.2g}",
+            f"{m.p_constants:.2g}",
+            "moved" if m.moved else "reshaped" if m.reshaped else "",
+        ]
+        for m in document["modes"]
+    ]
+    headers = ["Hz before", "after", "+-", "damping", "after", "+-", "p pole", "p constants", ""]
+    said = [document["sentence"], document["response_sentence"]]
+    return [
+        "drifted" if document["drifted"] else "no drift",
+        *(sentence for sentence in said if sentence is not None),
+        Table("modes", headers, modes),
+    ]
