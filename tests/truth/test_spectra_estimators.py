@@ -265,3 +265,63 @@ def test_a_stream_is_checked_while_it_is_read():
         estimate_response(stream_record(broken), method="h1")
     with pytest.raises(DataError, match="need the whole record in memory"):
         estimate_response(stream_record(record))
+
+
+def correlated(rng, *, experiments, samples, periods=1, noise=0.1):
+    """Two inputs, the second an echo of the first, to two outputs of like noise."""
+    u = rng.standard_normal((experiments, 1, samples, 2))
+    u[..., 1] += 1.5 * np.roll(u[..., 0], 1, axis=2)
+    u = np.repeat(u, periods, axis=1)
+    y = np.roll(u, 1, axis=2) @ MIX[:2].T
+    v = noise * rng.standard_normal(y.shape) @ np.array([[1.0, 0.8], [0.0, 0.5]])
+    v[..., 1] += 0.1 * np.roll(v[..., 0], 2, axis=2)
+    # Errors in variables: the inputs of periodic records are measured, and noisy.
+    m = 0.05 * rng.standard_normal(u.shape) if periods > 1 else 0.0
+    return record_of(u + m, y + v, periodic=True) if periods > 1 else record_of(u[:, 0], (y + v)[:, 0])
+
+
+@pytest.mark.parametrize(
+    ("method", "shape", "draws"),
+    [
+        ("periods", {"experiments": 3, "samples": 64, "periods": 4}, 150),
+        ("h1", {"experiments": 1, "samples": 4096, "noise": 1.0}, 60),  # noise far above the window's leakage
+        ("local polynomial", {"experiments": 2, "samples": 2048}, 8),
+    ],
+)
+def test_entries_err_together_as_stated(method, shape, draws):
+    """E[dH_oi conj(dH_pj)] = C_op R_ij, phases and all, from the scatter of many estimates."""
+    errors, stated, own = [], [], []
+    for seed in range(draws):
+        found = response_scatter(correlated(np.random.default_rng(seed), **shape), method=method, segment=64)
+        dH = found.H - MIX[:2] * np.exp(-2j * np.pi * found.frequency_hz / HZ)[:, None, None]
+        C = found.noise_covariance if method == "periods" else found.total_covariance
+        # Lines apart in phase: the echo's exp(-j omega) would average out.
+        turn = np.exp(-2j * np.pi * found.frequency_hz / HZ)
+        errors.append(np.einsum("koi,kpj,k->oipj", dH, dH.conj(), turn) / len(dH))
+        stated.append(np.einsum("kop,kij,k->oipj", C, found.inverse_power, turn) / len(dH))
+        own.append(np.einsum("kop,kij->oipj", C, found.inverse_power).real / len(dH))
+    errors, stated = np.mean(errors, axis=0), np.mean(stated, axis=0)
+    scale = np.sqrt(np.einsum("oioi->oi", np.mean(own, axis=0)))
+    allowed = scale[:, :, None, None] * scale[None, None]
+    # A thousand independent lines and more: 3 % of the product of two deviations; the cross terms of the two
+    # inputs turn by twice the phase of the echo if conjugated wrongly, which is most of them.
+    assert (np.abs(errors - stated) < 0.15 * allowed).all()
+    assert np.abs(stated[:, 0, :, 1] - stated[:, 1, :, 0]).max() > 0.3 * allowed.max()
+
+
+def test_whole_periods_keep_their_variances_whatever_the_ratio():
+    """Periods of one signal share its distortion: as averages they would be taken for independent."""
+    rng = np.random.default_rng(12)
+    u = np.repeat(rng.standard_normal((6, 1, 256, 2)), 3, axis=1)
+    y = u @ MIX.T + 0.1 * (u @ MIX.T) ** 3 + 0.01 * rng.standard_normal((6, 3, 256, 3))
+    record = record_of(u, y, periodic=True)
+    periods, h1, h2 = (response_scatter(record, method=m) for m in ("periods", "h1", "h2"))
+    np.testing.assert_array_equal(h1.total, periods.total)
+    # Inputs without noise: H1 of periods is their average to rounding, and H2 takes distortion for input.
+    np.testing.assert_allclose(h1.H, periods.H, rtol=1e-8, atol=1e-10)
+    assert np.abs(h2.H - periods.H).max() > 0.01
+    noisy = record_of(u + 1e-3 * rng.standard_normal(u.shape), y, periodic=True)
+    lines = [
+        response_scatter(noisy, method=m).frequency_hz for m in ("periods", "h1", "hv", "local polynomial")
+    ]
+    assert all(np.array_equal(found, lines[0]) for found in lines[1:])

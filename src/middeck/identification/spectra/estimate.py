@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Literal, get_args
 
 import numpy as np
@@ -20,7 +21,7 @@ from middeck.identification.spectra.loop import (
     plant_outputs,
     plant_scatter,
 )
-from middeck.identification.spectra.periods import scatter_of_periods
+from middeck.identification.spectra.periods import excited_lines, period_moments, scatter_of_periods
 from middeck.identification.spectra.ratios import spectra_response
 from middeck.identification.spectra.scatter import ResponseScatter, trusted
 from middeck.systems.record import Record, RecordStream, stream_record
@@ -167,15 +168,22 @@ def _scatter(
                 hint="say how many periods it has (--periods), or use the local models",
             )
         return scatter_of_periods(_stream(record), band_hz)
+    if method not in get_args(Method):
+        raise ConfigError(f"no method {method!r}", hint=", ".join(get_args(Method)))
     if method in ("local polynomial", "local rational"):
         if isinstance(record, RecordStream):
             raise DataError(
                 f"{method} models need the whole record in memory", hint="h1, or a shorter part of the record"
             )
-        return scatter_of_local_models(record, band_hz, rational=method == "local rational")
-    if method in ("h1", "h2", "hv"):
-        return spectra_response(estimate_spectra(record, segment=segment), method, band_hz=band_hz)
-    raise ConfigError(f"no method {method!r}", hint=", ".join(get_args(Method)))
+        excited = excited_lines(period_moments(stream_record(record))) if periodic else None
+        return scatter_of_local_models(record, band_hz, rational=method == "local rational", excited=excited)
+    spectra = estimate_spectra(record, segment=segment)
+    if not periodic:
+        return spectra_response(spectra, method, band_hz=band_hz)
+    # Only periods tell which lines of a measured input are noise, and what of the scatter repeats.
+    found = scatter_of_periods(_stream(record), band_hz)
+    excited = np.isin(spectra.frequency_hz, found.frequency_hz)
+    return dataclasses.replace(found, H=spectra_response(spectra, method, excited=excited).H)
 
 
 def _stream(record: Record | RecordStream) -> RecordStream:

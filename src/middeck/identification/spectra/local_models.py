@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Complex, Float, Int
+from jaxtyping import Bool, Complex, Float, Int
 
 from middeck.errors import DataError
 from middeck.identification.spectra.lines import (
@@ -38,9 +38,16 @@ AVERAGED = 20
 
 
 def scatter_of_local_models(
-    record: Record, band_hz: tuple[float, float] | None, *, rational: bool
+    record: Record,
+    band_hz: tuple[float, float] | None,
+    *,
+    rational: bool,
+    excited: Bool[np.ndarray, " line"] | None = None,
 ) -> ResponseScatter:
-    """The response at all lines that are excited, each from the local model that predicts best there."""
+    """The response at all lines that are excited, each from the local model that predicts best there.
+
+    ``excited`` says which lines of a period are; of other records they are found.
+    """
     U, Y, frequency, stride = _spectra(record)
     experiments, inputs = U.shape[1:]
     polynomials = _models(ROWS_POLYNOMIAL, experiments, inputs, stride, rational=False)
@@ -51,6 +58,9 @@ def scatter_of_local_models(
             hint="a longer record, or whole steady periods of a repeated signal",
         )
     wanted = in_band(np.concatenate([[0.0], frequency, [np.inf]]), band_hz)[1:-1]
+    if excited is not None:
+        # Line k of a period is line k stride of all periods together.
+        wanted[stride - 1 :: stride] &= excited[1 : 1 + len(wanted[stride - 1 :: stride])]
     lines = np.flatnonzero(wanted & (np.arange(1, len(U) + 1) % stride == 0))
     lines = lines[_excited(U, lines, narrowest.half, frequency, band_hz)]
     rationals = _models(ROWS_RATIONAL, experiments, inputs, stride, rational=True) if rational else []

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Complex
+from jaxtyping import Bool, Complex
 
 from middeck.errors import ConfigError, DataError
 from middeck.identification.spectra.averages import Spectra
@@ -22,7 +22,11 @@ Ratio = Literal["h1", "h2", "hv"]
 
 
 def spectra_response(
-    spectra: Spectra, ratio: Ratio = "h1", *, band_hz: tuple[float, float] | None = None
+    spectra: Spectra,
+    ratio: Ratio = "h1",
+    *,
+    band_hz: tuple[float, float] | None = None,
+    excited: Bool[np.ndarray, " line"] | None = None,
 ) -> ResponseScatter:
     """The response from averaged spectra.
 
@@ -32,6 +36,8 @@ def spectra_response(
       1 + S_nn/S_yy. It needs at least as many outputs as inputs.
     - ``"hv"``, total least squares, one output at a time, every channel scaled by its power: right if
       noise is the same share of all channels. With one input |H1| <= |Hv| <= |H2|, their geometric mean.
+
+    ``excited`` names the lines of use; by default those within 80 dB of the strongest.
 
     The variance, from what the response leaves of the outputs, is exact to first order for H1 with clean
     inputs; biases are not in it. Raises `DataError` for too few averages, inputs that are alike, or a band
@@ -45,8 +51,8 @@ def spectra_response(
             hint=f"shorter segments or more experiments, for more than {wide} averages",
         )
     power = np.real(np.einsum("kii->k", spectra.S_uu))
-    excited = power > FAINTEST**2 * power[1:].max()
-    keep = excited & in_band(spectra.frequency_hz, band_hz)
+    enough = power > FAINTEST**2 * power[1:].max()
+    keep = (enough if excited is None else excited) & in_band(spectra.frequency_hz, band_hz)
     refuse_silence(keep, band_hz)
     S_uu, S_yu, S_yy = spectra.S_uu[keep], spectra.S_yu[keep], spectra.S_yy[keep]
     size = np.linalg.eigvalsh(S_uu)
