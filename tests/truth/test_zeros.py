@@ -8,11 +8,13 @@ import pytest
 import scipy.signal
 
 from middeck.errors import ConfigError
-from middeck.identification.measurement_model import MeasurementModel, model_response
+from middeck.identification.measurement_model import MeasurementModel, model_response, rational_response
+from middeck.identification.plants import measured_plant
 from middeck.identification.pole_zero_gain import PoleZeroGain, from_pole_zero_gain, pole_zero_gain
-from middeck.identification.zeros import matrix_zeros, name_zeros, path_zeros, rational_response
+from middeck.identification.zeros import matrix_zeros, name_zeros, path_zeros
 from middeck.systems.modal import ModalSystem, modal_to_statespace
 from middeck.systems.ports import Port
+from middeck.systems.response import evaluate_plant
 from middeck.systems.statespace import StateSpace
 from middeck.systems.transmission_zeros import transmission_zeros
 
@@ -119,8 +121,8 @@ def test_transmission_zeros_are_where_the_determinant_vanishes():
     assert np.sum(np.where(found.is_pair, 2, 1)) == 6
     plain = dataclasses.replace(model, delay_s=np.zeros(3))
     for z in found.value:
-        H, _ = rational_response(plain, z)
-        size = np.linalg.svd(H[[0, 2]], compute_uv=False)
+        H = rational_response(plain, np.array([z]))
+        size = np.linalg.svd(H[0, [0, 2]], compute_uv=False)
         assert size[1] < 1e-12 * size[0]
     assert "gimbal, wheel to payload, bus" in name_zeros(found)[0]
 
@@ -194,7 +196,7 @@ def test_derivatives_of_zeros(square):
     ]:
         ends = [_moved(model, name, index, sign * change) for sign in (1.0, -1.0)]
         by_differences = np.subtract(*(matrix_zeros(e, **chosen).value for e in ends))
-        dH = [np.subtract(*(rational_response(e, z)[0] for e in ends)) for z in found.value]
+        dH = [np.subtract(*(rational_response(e, np.array([z]))[0] for e in ends)) for z in found.value]
         by_formula = [
             np.sum(G * d[np.ix_(rows, columns)]) for G, d in zip(found.by_response, dH, strict=True)
         ]
@@ -253,6 +255,21 @@ def test_outputs_and_inputs_that_say_the_same_leave_the_zeros_of_one_path(inputs
     np.testing.assert_allclose(found.value, one.value, rtol=1e-10)
     assert found.by_response is None
     assert one.by_response is not None
+
+
+@pytest.mark.parametrize("zeta", [0.999, 1.0 - 1e-8, 1.0 - 1e-15])
+def test_a_pair_near_critical_damping_keeps_its_digits(zeta):
+    """phi psi / (s + w)^2 in the limit; its two fractions have residues of 1e7 and more that cancel."""
+    hz, phi = np.array([1.0, 3.0]), np.array([[1.0, 0.4]])
+    model = modal_model(hz, phi, [1.0, 1.0], zeta)
+    f, w = np.geomspace(0.1, 10.0, 50), HZ * hz
+    s = 1j * HZ * f[:, None]
+    expected = np.sum(phi / (s**2 + 2.0 * zeta * w * s + w**2), axis=1)
+    np.testing.assert_allclose(model_response(model, f)[:, 0, 0], expected, rtol=1e-13)
+    np.testing.assert_allclose(evaluate_plant(measured_plant(model), f).H[:, 0, 0], expected, rtol=1e-12)
+    zeros = path_zeros(model, "y0", "u0")
+    numerator = [1.4, 2 * zeta * (w[1] + 0.4 * w[0]), w[1] ** 2 + 0.4 * w[0] ** 2]
+    np.testing.assert_allclose(zeros.value, np.roots(numerator)[:1], rtol=1e-12)
 
 
 def test_refuses_what_is_no_model():

@@ -81,18 +81,72 @@ def model_response(
 ) -> Complex[np.ndarray, "line output input"]:
     """Response at ``frequency_hz`` with the exact delay."""
     s = 2j * np.pi * np.asarray(frequency_hz, dtype=float)
-    T = None if model.sample_hz is None else 1.0 / model.sample_hz
-    q, pole = (s, model.poles) if T is None else (np.exp(s * T), np.exp(model.poles * T))
-    c, b = model.shapes, model.participation
-    sum_of_terms = (c / (q[:, None, None] - pole)) @ b
-    pairs = np.flatnonzero(model.is_pair)
-    sum_of_terms += (c[:, pairs].conj() / (q[:, None, None] - pole[pairs].conj())) @ b[
-        pairs
-    ].conj() + model.direct
-    double = model.lower if model.rigid is None else model.lower + model.rigid
-    if np.any(double):
-        sum_of_terms += double / s[:, None, None] ** 2
-    return sum_of_terms * np.exp(-s[:, None, None] * path_delay(model))
+    return rational_response(model, s) * np.exp(-s[:, None, None] * path_delay(model))
+
+
+def rational_response(
+    model: MeasurementModel, s: Complex[np.ndarray, " point"]
+) -> Complex[np.ndarray, "point output input"]:
+    """The response without its delays, anywhere in the plane."""
+    terms = _terms(model, s)
+    H = (terms.along @ terms.ahead + terms.both @ terms.still).reshape(-1, *model.direct.shape) + model.direct
+    double = double_pole(model)
+    return H + double / s[:, None, None] ** 2 if np.any(double) else H
+
+
+def rational_slope(
+    model: MeasurementModel, s: Complex[np.ndarray, " point"]
+) -> Complex[np.ndarray, "point output input"]:
+    """Derivative by s of `rational_response`."""
+    terms = _terms(model, s)
+    slope = (terms.both - terms.along * terms.fall) @ terms.ahead - (terms.both * terms.fall) @ terms.still
+    slope = slope.reshape(-1, *model.direct.shape) * terms.by_s[:, None, None]
+    double = double_pole(model)
+    return slope - 2.0 * double / s[:, None, None] ** 3 if np.any(double) else slope
+
+
+@record
+class _Terms:
+    """The modes as ahead (q - Re lambda) / N + still / N, N = (q - lambda)(q - conj lambda).
+
+    With the residue R of a pair, ahead = 2 Re R and still = -2 Im lambda Im R: its two fractions alone would
+    cancel near critical damping, where R grows beyond all bounds. A single pole is ahead / (q - lambda).
+    ``fall`` is -dN/dq / N, ``by_s`` dq/ds.
+    """
+
+    along: Complex[np.ndarray, "point mode"]
+    both: Complex[np.ndarray, "point mode"]
+    fall: Complex[np.ndarray, "point mode"]
+    by_s: Complex[np.ndarray, " point"]
+    ahead: Float[np.ndarray, "mode entry"]
+    still: Float[np.ndarray, "mode entry"]
+
+
+def _terms(model: MeasurementModel, s: np.ndarray) -> _Terms:
+    T = 0.0 if model.sample_hz is None else 1.0 / model.sample_hz
+    q, pole = (np.exp(s * T), np.exp(model.poles * T)) if T else (s, model.poles)
+    pair, modes = model.is_pair, len(model.poles)
+    R = model.shapes.T[:, :, None] * model.participation[:, None, :]
+    ahead = np.where(pair, 2.0, 1.0)[:, None, None] * np.real(R)
+    still = np.where(pair, -2.0 * np.imag(pole), 0.0)[:, None, None] * np.imag(R)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        first = 1.0 / (q[:, None] - pole)
+        second = np.where(pair, 1.0 / (q[:, None] - pole.conj()), 0.0)
+        along = np.where(pair, (q[:, None] - np.real(pole)) * first * second, first)
+    entries = int(model.direct.size)
+    return _Terms(
+        along,
+        first * second,
+        first + second,
+        T * q if T else np.ones_like(q),
+        ahead.reshape(modes, entries),
+        still.reshape(modes, entries),
+    )
+
+
+def double_pole(model: MeasurementModel) -> Float[np.ndarray, "output input"]:
+    """R + L, all that goes with 1/s^2."""
+    return model.lower if model.rigid is None else model.lower + model.rigid
 
 
 def path_delay(model: MeasurementModel) -> Float[np.ndarray, "output input"]:

@@ -10,7 +10,13 @@ import scipy.linalg
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
-from middeck.identification.measurement_model import RANK, MeasurementModel, natural_hz, path_delay
+from middeck.identification.measurement_model import (
+    RANK,
+    MeasurementModel,
+    double_pole,
+    natural_hz,
+    path_delay,
+)
 from middeck.systems.delay import pade
 from middeck.systems.delayed_sampling import is_sum, sample_delayed, split_delays
 from middeck.systems.plant import Plant
@@ -20,6 +26,8 @@ from middeck.values import record
 
 # A mode is on none of the chosen paths if less than this share of it is: rounding.
 UNREACHED = 1e-12
+# A pair whose pole is closer to the real axis than this share of its size is near critical damping.
+CRITICAL = 0.5
 # Delays that differ by less [s] are one: far below what any record can tell.
 SAME_DELAY_S = 1e-12
 
@@ -137,11 +145,6 @@ def rational_statespace(model: MeasurementModel) -> StateSpace | SampledStateSpa
     modes = StateSpace(*_modal_blocks(model, model.poles), model.direct)
     double = double_pole(model)
     return _beside(modes, double) if np.any(double) else modes
-
-
-def double_pole(model: MeasurementModel) -> Float[np.ndarray, "output input"]:
-    """R + L, all that goes with 1/s^2."""
-    return model.lower if model.rigid is None else model.lower + model.rigid
 
 
 def _beside(modes: StateSpace, double: np.ndarray) -> StateSpace:
@@ -305,23 +308,31 @@ def _block(blocks: Sequence[np.ndarray]) -> np.ndarray:
 
 
 def _modal_blocks(model: MeasurementModel, pole: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A, B, C in real 2x2 and 1x1 blocks: states Re x and Im x of x' = pole x + b u, y = 2 Re(c x)."""
+    """A, B, C in real 2x2 and 1x1 blocks, of x' = pole x + b u and y = 2 Re(c x), or c x."""
     A: list[np.ndarray] = []
     B: list[np.ndarray] = []
     C: list[np.ndarray] = []
     for m, pair in enumerate(model.is_pair):
-        c, b, p = model.shapes[:, m], model.participation[m], pole[m]
+        a, b, c = _pair(model, m, pole[m]) if pair else _single(model, m, pole[m])
         # Inputs and outputs of like size keep the blocks balanced.
         ratio = np.sqrt(np.linalg.norm(c) / np.linalg.norm(b)) if np.any(c) and np.any(b) else 1.0
-        c, b = c / ratio, b * ratio
-        if pair:
-            A.append(np.array([[p.real, -p.imag], [p.imag, p.real]]))
-            B.append(np.stack([b.real, b.imag]))
-            C.append(2.0 * np.stack([c.real, -c.imag], axis=1))
-        else:
-            A.append(np.array([[p.real]]))
-            B.append(b.real[None])
-            C.append(c.real[:, None])
+        A.append(a)
+        B.append(b * ratio)
+        C.append(c / ratio)
     rows, columns = model.direct.shape
     empty_B, empty_C = np.zeros((0, columns)), np.zeros((rows, 0))
     return _block(A), np.vstack([*B, empty_B]), np.hstack([*C, empty_C])
+
+
+def _pair(model: MeasurementModel, m: int, p: complex) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """States Re x and Im x / k. A pair near critical damping has a small Im p and, with real constants, an
+    Im c that is as large: k = Im p / |p| takes the one from the other."""
+    c, b = model.shapes[:, m], model.participation[m]
+    k = abs(p.imag / p) if abs(p.imag) < CRITICAL * abs(p) else 1.0
+    a = np.array([[p.real, -p.imag * k], [p.imag / k, p.real]])
+    into = np.stack([np.real(b), np.imag(b) / k])
+    return a, into, 2.0 * np.stack([np.real(c), -np.imag(c) * k], axis=1)
+
+
+def _single(model: MeasurementModel, m: int, p: complex) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    return np.array([[p.real]]), np.real(model.participation[[m]]), np.real(model.shapes[:, [m]])

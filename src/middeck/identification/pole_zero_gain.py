@@ -10,9 +10,16 @@ import numpy as np
 from jaxtyping import Complex
 
 from middeck.errors import ConfigError
-from middeck.identification.measurement_model import MeasurementModel, is_single, path_delay
-from middeck.identification.plants import double_pole, select_channels
-from middeck.identification.zeros import path_zeros, rational_response
+from middeck.identification.measurement_model import (
+    MeasurementModel,
+    double_pole,
+    is_single,
+    path_delay,
+    rational_response,
+    rational_slope,
+)
+from middeck.identification.plants import select_channels
+from middeck.identification.zeros import path_zeros
 from middeck.systems.ports import Port
 from middeck.values import record
 
@@ -69,7 +76,7 @@ def pole_zero_gain(model: MeasurementModel, output: str, input: str) -> PoleZero
         poles,
         zeros,
         _gain(path, poles, zeros),
-        None if rigid else float(np.real(rational_response(path, 0.0)[0][0, 0])),
+        None if rigid else float(np.real(rational_response(path, np.zeros(1))[0, 0, 0])),
         float(path_delay(path)[0, 0]),
         path.inputs[0],
         path.outputs[0],
@@ -118,14 +125,12 @@ def _gain(path: MeasurementModel, poles: np.ndarray, zeros: np.ndarray) -> float
     """H over the quotient of the products, at the real point of `GAIN_AT` that is farthest from a zero."""
     size = np.abs(path.poles)
     amid = float(np.exp(np.mean(np.log(size)))) if len(size) else 1.0
-    points = [amid * k for k in GAIN_AT]
-    values = [rational_response(path, s) for s in points]
-    distance = [abs(H[0, 0]) / (s * abs(slope[0, 0]) + abs(H[0, 0])) for s, (H, slope) in
-                zip(points, values, strict=True)]  # fmt: skip
-    best = int(np.argmax(distance))
-    q = _in_q(np.array([points[best]]), path.sample_hz)[0]
+    points = amid * np.array(GAIN_AT)
+    H, slope = (part(path, points.astype(complex))[:, 0, 0] for part in (rational_response, rational_slope))
+    best = int(np.argmax(np.abs(H) / (points * np.abs(slope) + np.abs(H))))
+    q = _in_q(points, path.sample_hz)[best]
     quotient = _quotient(q, _both(zeros, path.sample_hz), _both(poles, path.sample_hz))
-    return float(np.real(values[best][0][0, 0] / quotient))
+    return float(np.real(H[best] / quotient))
 
 
 def _in_q(value: np.ndarray, sample_hz: float | None) -> np.ndarray:

@@ -13,8 +13,14 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.errors import ConfigError, NumericalError
-from middeck.identification.measurement_model import MeasurementModel, is_single, path_delay
-from middeck.identification.plants import SAME_DELAY_S, double_pole, rational_statespace, select_channels
+from middeck.identification.measurement_model import (
+    MeasurementModel,
+    is_single,
+    path_delay,
+    rational_response,
+    rational_slope,
+)
+from middeck.identification.plants import SAME_DELAY_S, rational_statespace, select_channels
 from middeck.systems.delayed_sampling import is_sum
 from middeck.systems.transmission_zeros import transmission_zeros
 from middeck.values import record
@@ -157,7 +163,7 @@ def _is_regular(model: MeasurementModel) -> bool:
     """Whether the matrix is square and of full rank but for its zeros: judged at a point without meaning."""
     if len(model.outputs) != len(model.inputs):
         return False
-    H, slope = rational_response(model, complex(np.pi, 1.0) * float(np.median(np.abs(model.poles))))
+    H, slope = _at(model, complex(np.pi, 1.0) * float(np.median(np.abs(model.poles))))
     _, size, _ = _scaled_svd(H, slope)[0]
     return bool(size[-1] > SINGULAR * size[0])
 
@@ -184,7 +190,7 @@ def _newton(model: MeasurementModel, s: complex) -> tuple[complex, np.ndarray]:
     With y H x the smallest singular value and its vectors, H + dH is singular at s - (y H x + y dH x) /
     (y H' x) to first order; at a zero x and y are its directions.
     """
-    H, slope = rational_response(model, s)
+    H, slope = _at(model, s)
     if not (np.isfinite(H).all() and np.isfinite(slope).all()):
         return 0.0, np.zeros(H.shape, dtype=complex)
     (U, size, Vh), rows, columns = _scaled_svd(H, slope)
@@ -207,20 +213,8 @@ def _scaled_svd(
     return (U, size, Vh), rows, columns
 
 
-def rational_response(
+def _at(
     model: MeasurementModel, s: complex
 ) -> tuple[Complex[np.ndarray, "output input"], Complex[np.ndarray, "output input"]]:
-    """The response without its delays and its derivative by s, anywhere in the plane."""
-    T = 0.0 if model.sample_hz is None else 1.0 / model.sample_hz
-    q, pole = (np.exp(s * T), np.exp(model.poles * T)) if T else (s, model.poles)
-    by_s = T * q if T else 1.0
-    pairs = model.is_pair
-    c = np.hstack([model.shapes, model.shapes[:, pairs].conj()])
-    b = np.vstack([model.participation, model.participation[pairs].conj()])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        part = 1.0 / (q - np.concatenate([pole, pole[pairs].conj()]))
-        H, slope = (c * part) @ b + model.direct, -by_s * (c * part**2) @ b
-        double = double_pole(model)
-        if not np.any(double):
-            return H, slope
-        return H + double / s**2, slope - 2.0 * double / s**3
+    at = np.array([s])
+    return rational_response(model, at)[0], rational_slope(model, at)[0]
