@@ -115,9 +115,10 @@ def logarithmic_polish(data: Data, start: Polished, spread: Spread) -> Polished:
     size = np.maximum(np.abs(E) ** 2, np.finfo(float).tiny)
     of_log = Spread(spread.variance / size, np.ones(size.shape))
     again = Data(data.s, data.H, 1.0 / np.sqrt(of_log.at(excess_share(np.log(data.H / E), of_log))))
-    found = search(lambda x: logarithmic(layout, again, x), theta)
+    found = search(bounded(layout, again, lambda x: logarithmic(layout, again, x)), theta)
     if found is None:
         return start
+    found = dataclasses.replace(found, theta=bound_theta(layout, again, found.theta))
     gram = found.step.gram
     linear = gram[shared:, shared:]
     projected = (
