@@ -85,7 +85,6 @@ def write_hdf5_stream(path: Path, stream: RecordStream) -> None:
             for key, n in (("u", len(stream.inputs)), ("y", len(stream.outputs)))
         )
         for experiment in range(stream.experiments):
-            # Blocks of a whole period's divisor would be rare; one period at a time keeps rows together.
             for start, (block_u, block_y) in _placed(stream, experiment):
                 period, k = divmod(start, shape[2])
                 u[experiment, period, k : k + len(block_u)] = block_u
@@ -116,7 +115,8 @@ def _storable(value: np.ndarray) -> Any:
 def opened(file: Path) -> Generator[Any]:
     """The file, for reading; raises `DataError` for one that h5py cannot read."""
     try:
-        with h5py.File(file, "r") as archive:
+        # Read in order, a chunk is needed once: a cache of more than one of them is memory for nothing.
+        with h5py.File(file, "r", rdcc_nbytes=1 << 20) as archive:
             yield archive
     except (OSError, RuntimeError, KeyError, UnicodeDecodeError, TypeError, ValueError) as error:
         what = " ".join(str(error).split())
