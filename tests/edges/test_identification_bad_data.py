@@ -1,5 +1,7 @@
 """What cannot be identified is refused, with the channel and the reason."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -44,11 +46,6 @@ def test_constant_channels():
 def test_too_few_samples():
     with pytest.raises(DataError, match="are too few"):
         estimate_response(a_record(samples=8))
-
-
-def test_records_that_are_not_periodic():
-    with pytest.raises(DataError, match="not periodic"):
-        estimate_response(a_record(periodic=False))
 
 
 def test_fewer_experiments_than_inputs():
@@ -122,3 +119,90 @@ def test_simulating_a_record_of_other_inputs():
     other = Record(record.sample_hz, record.u, record.y, (V,), (Y,), periodic=True)
     with pytest.raises(DataError, match="the record has the inputs wheel"):
         nrmse(model, other)
+
+
+def numbers_of(value):
+    """All floating numbers in a record of records."""
+    if dataclasses.is_dataclass(value):
+        return [x for f in dataclasses.fields(value) for x in numbers_of(getattr(value, f.name))]
+    if isinstance(value, tuple):
+        return [x for part in value for x in numbers_of(part)]
+    if isinstance(value, float | complex | np.ndarray) and np.asarray(value).dtype.kind in "fc":
+        return list(np.ravel(value))
+    return []
+
+
+def a_mode(f, hz=3.0, zeta=0.01, delay_s=0.0):
+    s = 2j * np.pi * f
+    w = 2.0 * np.pi * hz
+    return np.exp(-s * delay_s) * w**2 / (s**2 + 2.0 * zeta * w * s + w**2)
+
+
+def noisy(H, size, *, seed=0, variance=True):
+    rng = np.random.default_rng(seed)
+    noise = size * (rng.standard_normal(len(H)) + 1j * rng.standard_normal(len(H))) / np.sqrt(2.0)
+    return a_response(H + noise, np.full((len(H), 1, 1), size**2) if variance else None)
+
+
+F = 0.1 * np.arange(1, 200)
+ONE_MODE = a_mode(F)
+UNUSUAL = {
+    "exact data": a_response(ONE_MODE),
+    "exact data with a variance of nothing": a_response(ONE_MODE, np.zeros((len(F), 1, 1))),
+    "a scale of 1e-12": noisy(1e-12 * ONE_MODE, 1e-14),
+    "a scale of 1e12": noisy(1e12 * ONE_MODE, 1e10),
+    "an undamped mode": noisy(a_mode(F + 0.03, zeta=1e-9), 1e-3),
+    "a mode below the band": noisy(a_mode(F + 5.0), 1e-4),
+    "one strong line": noisy(np.where(np.arange(len(F)) == 40, 1e3, ONE_MODE), 1e-2),
+    "a variance of zero on half of the lines": a_response(
+        noisy(ONE_MODE, 1e-2).H[:, 0, 0], np.where(F < 10.0, 0.0, 1e-4)[:, None, None]
+    ),
+}
+
+
+@pytest.mark.parametrize("options", [{"states": 2}, {"states": 8}, {"states": 4, "constants": "complex"}])
+@pytest.mark.parametrize("measured", UNUSUAL.values(), ids=UNUSUAL.keys())
+def test_no_nan_leaves_a_fit(measured, options):
+    """More modes than there are, no noise at all, unlike scales: refused, or finite in every number."""
+    try:
+        result = fit_response(measured, **options)
+    except FitError:
+        return
+    numbers = np.array(numbers_of(result))
+    # Known variances have infinitely many degrees of freedom: the one number that may be infinite.
+    assert not np.isnan(numbers).any()
+    assert np.sum(np.isinf(numbers)) == np.isinf(result.covariance.degrees)
+    assert np.all(result.uncertainty.natural_hz >= 0.0)
+
+
+def test_noise_of_unknown_size_is_flagged():
+    """One period of noise: no variance refuses it, so what the model leaves must."""
+    rng = np.random.default_rng(1)
+    noise = rng.standard_normal(300) + 1j * rng.standard_normal(300)
+    warnings = fit_response(a_response(noise), states=4).warnings
+    assert any("unexplained" in w for w in warnings)
+    assert any("one period" in w for w in warnings)
+
+
+def test_a_mode_outside_the_band_is_flagged():
+    result = fit_response(noisy(a_mode(F, hz=22.0) + ONE_MODE, 1e-3), states=4)
+    assert any("mode at 22" in w and "outside the band 0.1-19.9 Hz" in w for w in result.warnings)
+
+
+def test_damping_below_what_the_lines_resolve_is_flagged():
+    result = fit_response(noisy(a_mode(F, hz=3.04, zeta=0.001), 1e-3), states=2)
+    assert any("half-power width of 0.006" in w and "0.1 Hz between lines" in w for w in result.warnings)
+    wide = fit_response(noisy(a_mode(F, hz=3.04, zeta=0.05), 1e-3), states=2)
+    assert not any("half-power" in w for w in wide.warnings)
+
+
+def test_damping_that_is_not_known_is_flagged():
+    result = fit_response(noisy(a_mode(F, hz=3.04, zeta=0.002), 6.0, seed=4), states=2)
+    assert any("damping" in w and "not known" in w for w in result.warnings)
+
+
+def test_a_delay_of_whole_periods_cannot_be_seen():
+    """A periodic record says nothing of a delay beyond its period: the fit finds what is left of it."""
+    late = fit_response(noisy(a_mode(F, delay_s=10.02), 1e-3), states=2).model
+    # 0.1 % noise on 199 lines: far below a millisecond.
+    assert late.delay_s[0] == pytest.approx(0.02, abs=1e-3)
