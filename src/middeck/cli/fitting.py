@@ -6,9 +6,12 @@ from collections.abc import Sequence
 
 from middeck.cli.blame import reading
 from middeck.cli.settings import FitSettings
-from middeck.files.records import load_records, split_periods
+from middeck.errors import ConfigError
+from middeck.files.records import Columns, load_records, split_periods
 from middeck.identification.fit import FitResult, fit_response
+from middeck.identification.record_fit import fit_record
 from middeck.identification.spectra import estimate_response
+from middeck.systems.excitation import cut_periods, recognise_excitation
 from middeck.systems.record import Record
 from middeck.systems.response import FrequencyResponse
 from middeck.values import record
@@ -16,34 +19,92 @@ from middeck.values import record
 # Above this share of the sampling rate a held input is weakened by more than 2.5 % (sin(x)/x, x = pi/8): a
 # continuous model would take that for dynamics.
 HELD_ABOVE = 1.0 / 8.0
+# Two periods tell noise from response.
+FEWEST_PERIODS = 2
 
 
 @record
 class Identified:
-    """What was fitted to what."""
+    """What was fitted to what; ``measured`` is None where the record itself was fitted."""
 
-    measured: FrequencyResponse
-    sample_hz: float
+    record: Record
+    measured: FrequencyResponse | None
     fit: FitResult
     warnings: tuple[str, ...]
 
+    @property
+    def band_hz(self) -> tuple[float, float]:
+        """First and last line of the fit, or zero and half the sampling rate."""
+        if self.measured is None:
+            return 0.0, 0.5 * self.record.sample_hz
+        return float(self.measured.frequency_hz[0]), float(self.measured.frequency_hz[-1])
 
-def identify(files: Sequence[str], settings: FitSettings) -> Identified:
-    """Estimate the response of the records together and fit it, sampled where the band asks for it."""
-    taken = load_periods(files, settings.periods)
+
+def identify(files: Sequence[str], settings: FitSettings, told: Columns | None = None) -> Identified:
+    """Fit the records together: the response of their periods, or the samples of one that has none."""
+    taken, seen = load_periods(files, settings.periods, told)
     with reading(*files):
-        measured = estimate_response(taken, band_hz=settings.band_hz)
-        reaches = measured.frequency_hz[-1] > HELD_ABOVE * taken.sample_hz
-        sampled = bool(reaches) if settings.sampled is None else settings.sampled
-        fit = fit_response(
-            measured,
-            states=settings.states,
-            sample_hz=taken.sample_hz if sampled else None,
-            cost=settings.cost,
-        )
+        if taken.periodic or settings.method is not None or settings.reference:
+            return _fit_response(taken, settings, seen)
+        return _fit_record(taken, settings, seen)
+
+
+def _fit_response(taken: Record, settings: FitSettings, seen: tuple[str, ...]) -> Identified:
+    measured = estimate_response(
+        taken, band_hz=settings.band_hz, method=settings.method, reference=settings.reference or None
+    )
+    reaches = measured.frequency_hz[-1] > HELD_ABOVE * taken.sample_hz
+    sampled = bool(reaches) if settings.sampled is None else settings.sampled
+    fit = fit_response(
+        measured,
+        states=settings.states,
+        sample_hz=taken.sample_hz if sampled else None,
+        constants=settings.constants,
+        delay=False if settings.delay == "none" else settings.delay,
+        residuals=settings.residuals,
+        full_rank=settings.full_rank,
+        rigid=settings.rigid,
+        relative_degree=settings.relative_degree,
+        cost=settings.cost,
+    )
     chosen = settings.sampled is None and sampled
     warnings = (_chosen(measured.frequency_hz[-1], taken.sample_hz),) if chosen else ()
-    return Identified(measured, taken.sample_hz, fit, (*warnings, *fit.warnings))
+    return Identified(taken, measured, fit, (*seen, *warnings, *fit.warnings))
+
+
+def _fit_record(taken: Record, settings: FitSettings, seen: tuple[str, ...]) -> Identified:
+    last_hz = settings.band_hz[1] if settings.band_hz else recognise_excitation(taken).band_hz[1]
+    reaches = last_hz > HELD_ABOVE * taken.sample_hz
+    sampled = reaches if settings.sampled is None else settings.sampled
+    _refuse_for_records(settings)
+    fit = fit_record(
+        taken,
+        states=settings.states,
+        sampled=sampled,
+        band_hz=settings.band_hz,
+        constants=settings.constants,
+        delay=None if settings.delay is None else settings.delay != "none",
+        residuals=settings.residuals,
+    )
+    warnings = (_chosen(last_hz, taken.sample_hz),) if settings.sampled is None and sampled else ()
+    return Identified(taken, None, fit, (*seen, *warnings, *fit.warnings))
+
+
+def _refuse_for_records(settings: FitSettings) -> None:
+    """What a direct fit of samples does not know; a fit to an estimated response does."""
+    asked = {
+        "cost": settings.cost != "weighted",
+        "full_rank": settings.full_rank,
+        "rigid": settings.rigid > 0,
+        "relative_degree": settings.relative_degree is not None,
+        "delay": settings.delay in ("path", "common"),
+    }
+    unknown = [name for name, is_asked in asked.items() if is_asked]
+    if unknown:
+        raise ConfigError(
+            f"the samples of a record that is not periodic are fitted without {', '.join(unknown)}",
+            hint="add --method 'local rational' to fit an estimated response instead",
+        )
 
 
 def _chosen(last_hz: float, sample_hz: float) -> str:
@@ -53,8 +114,21 @@ def _chosen(last_hz: float, sample_hz: float) -> str:
     )
 
 
-def load_periods(files: Sequence[str], periods: int | None) -> Record:
-    """The records together, each of so many whole periods if that is given."""
-    taken = load_records(files)
+def load_periods(
+    files: Sequence[str], periods: int | None, told: Columns | None = None
+) -> tuple[Record, tuple[str, ...]]:
+    """The records together, in whole steady periods where they have any, and what was found out about them.
+
+    As many periods as is said; otherwise as the file says; otherwise as the input shows.
+    """
+    taken = load_records(files, told)
     with reading(*files):
-        return taken if periods is None else split_periods(taken, periods)
+        if periods is not None:
+            return split_periods(taken, periods), ()
+        if taken.periodic:
+            return taken, ()
+        found = recognise_excitation(taken)
+        if found.period is None or found.periods - found.steady_from < FEWEST_PERIODS:
+            return taken, (f"not cut into periods: {found.what}",)
+        cut = cut_periods(taken, found)
+        return cut, (f"cut into {cut.u.shape[1]} steady periods of {cut.u.shape[2]} samples: {found.what}",)

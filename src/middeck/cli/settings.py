@@ -16,9 +16,10 @@ F = TypeVar("F", bound=Form)
 
 
 class FitSettings(Form):
-    """How a response is fitted; keys as in [siso] of a study. Without ``states``: the recommended order.
+    """How a record is fitted; the keys are the options of ``middeck identify``.
 
-    ``periods`` says how many whole ones each record holds; None leaves that to its file.
+    Without ``states``: the recommended order. ``periods`` says how many whole ones each record holds; None
+    leaves that to its file, or to its input. The rest is as in `estimate_response` and `fit_response`.
     """
 
     states: Annotated[int, whole(1, 1000)] | None = None
@@ -26,6 +27,14 @@ class FitSettings(Form):
     sampled: bool | None = None
     cost: Literal["weighted", "logarithmic"] = "weighted"
     periods: Annotated[int, whole(1, 1_000_000)] | None = None
+    method: Literal["periods", "local rational", "local polynomial", "h1", "h2", "hv"] | None = None
+    reference: tuple[str, ...] = ()
+    constants: Literal["real", "complex"] | None = None
+    delay: Literal["none", "output", "path", "common"] | None = None
+    residuals: bool = False
+    full_rank: bool = False
+    rigid: Annotated[int, whole(0, 6)] = 0
+    relative_degree: Literal[0, 1, 2] | None = None
 
 
 class RecordSettings(Form):

@@ -7,24 +7,29 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import options
+from middeck.cli.columns import columns, told_columns
 from middeck.cli.screen import Table, show
 
 if TYPE_CHECKING:
     from middeck.cli.fitting import Identified
+    from middeck.files.records import Columns
+    from middeck.identification.measurement_model import MeasurementModel
 
 EPILOG = """\
 \b
 Examples:
-  middeck identify data/cubespec-fsm/mirror-300mV-train.npz --states 16 \\
+  middeck identify data/cubespec-fsm/mirror-300mV-train.npz \\
     --sampled --band 100,1000 --validate \\
     data/cubespec-fsm/mirror-300mV-test.npz
   middeck identify data/cubespec-fsm/mirror-300mV-train.npz --states 6 \\
     --band 300,1000 --continuous -o model.json --json
 """
+METHODS = ("periods", "local rational", "local polynomial", "h1", "h2", "hv")
 
 
 @click.command("identify", epilog=EPILOG)
 @click.argument("records", nargs=-1, required=True, metavar="RECORD...")
+@columns
 @options.periods
 @options.states
 @options.band
@@ -34,9 +39,31 @@ Examples:
     help="Kind of model.  [default: sampled if the band passes 1/8 of the sampling rate]",
 )
 @click.option(
+    "--method",
+    type=click.Choice(METHODS),
+    help="Fit a response estimated so.  [default: periods; without any, the samples themselves]",
+)
+@click.option("--reference", metavar="CHANNEL,...", help="Channels from outside a closed loop.")
+@click.option(
     "--cost",
     type=click.Choice(["weighted", "logarithmic"]),
     help="What is made least: the weighted error, or that of log magnitude and phase.  [default: weighted]",
+)
+@click.option(
+    "--constants",
+    type=click.Choice(["real", "complex"]),
+    help="Modal constants.  [default: real; complex if sampled]",
+)
+@click.option(
+    "--delay",
+    type=click.Choice(["none", "output", "path", "common"]),
+    help="What has a delay of its own.  [default: each output; none with complex constants]",
+)
+@click.option("--rigid", type=click.IntRange(0, 6), help="Free rigid-body modes among the states.")
+@click.option("--residuals", is_flag=True, default=None, help="Terms for the modes outside the band.")
+@click.option("--full-rank", is_flag=True, default=None, help="Residues of any rank.")
+@click.option(
+    "--relative-degree", type=click.IntRange(0, 2), help="Of complex constants: how fast the response falls."
 )
 @click.option("--validate", multiple=True, metavar="RECORD", help="Held-out record; may be repeated.")
 @click.option(
@@ -50,33 +77,36 @@ Examples:
 @options.common
 def verb(
     records: tuple[str, ...],
-    periods: int | None,
-    states: int | None,
-    band_hz: tuple[float, float] | None,
-    sampled: bool | None,
-    cost: str | None,
+    inputs: str | None,
+    outputs: str | None,
+    sample_hz: float | None,
+    variable: str,
     validate: tuple[str, ...],
     model_file: str | None,
+    reference: str | None,
     overrides: tuple[str, ...],
     as_json: bool,
+    **given: Any,
 ) -> None:
     """Fit poles, residues and delays to measured records.
 
-    RECORDs (.npz, or .csv with --periods) hold whole steady periods; several are experiments of one test.
-    --set takes states, band_hz, sampled, cost and periods.
+    RECORDs are .npz, .h5, .mat, .csv, .npy or universal files; several are experiments of one test. Whole
+    steady periods are used where the record has them (the input shows it, or --periods says so) and the
+    response is fitted line by line; otherwise the samples are fitted, with a transient that shares the poles.
+    --set takes the names of the options: states, band_hz, sampled, method, reference, cost, constants, delay,
+    rigid, residuals, full_rank, relative_degree and periods.
     """
     from middeck.cli.fitting import identify
     from middeck.cli.settings import FitSettings, settle
     from middeck.files.models import write_model
 
-    given = {"states": states, "band_hz": band_hz, "sampled": sampled, "cost": cost, "periods": periods}
-    settings = settle(FitSettings, given, overrides)
-    if settings.states is None:
-        click.echo("trying one order after another, which takes minutes; --states N names one", err=True)
-    found = identify(records, settings)
+    names = None if reference is None else options.separate_names((reference,))
+    settings = settle(FitSettings, given | {"reference": names}, overrides)
+    told = told_columns(inputs, outputs, sample_hz, variable)
+    found = identify(records, settings, told)
     document = {
         **describe(found),
-        "held_out_nrmse": _validate(found, validate, settings.periods),
+        "held_out_nrmse": _validate(found, validate, settings.periods, told),
         "records": records,
     }
     if model_file is not None:
@@ -84,47 +114,78 @@ def verb(
     show(as_json, document, *_tables(document))
 
 
-def _validate(found: Identified, files: tuple[str, ...], periods: int | None) -> dict[str, float] | None:
-    """Error of the simulated outputs on held-out records; None without any."""
+def _validate(
+    found: Identified, files: tuple[str, ...], periods: int | None, told: Columns | None
+) -> dict[str, float] | None:
+    """Error of the simulated outputs on held-out records; None without any.
+
+    In the steady state of a periodic record; of another, from the state that its first quarter tells.
+    """
     from middeck.cli.blame import reading
     from middeck.cli.fitting import load_periods
+    from middeck.identification.record_simulation import record_nrmse
     from middeck.identification.simulation import nrmse
 
     if not files:
         return None
-    held_out = load_periods(files, periods)
+    held_out, _ = load_periods(files, periods, told)
+    model = found.fit.model
     with reading(*files):
-        error = nrmse(found.fit.model, held_out)
-    return {p.name: float(e) for p, e in zip(found.fit.model.outputs, error, strict=True)}
+        error = (
+            nrmse(model, held_out) if held_out.periodic else record_nrmse(model, held_out, state_share=0.25)
+        )
+    return {p.name: float(e) for p, e in zip(model.outputs, error, strict=True)}
 
 
 def describe(found: Identified) -> dict[str, Any]:
     """The JSON document."""
     from middeck.identification.measurement_model import damping_ratio, natural_hz
 
-    fit, model, lines = found.fit, found.fit.model, found.measured.frequency_hz
+    fit, model, measured = found.fit, found.fit.model, found.measured
     names = [p.name for p in model.outputs]
+    _, periods, samples, _ = found.record.u.shape
     return {
-        "schema": "middeck.identify/1",
+        "schema": "middeck.identify/2",
         "inputs": model.inputs,
         "outputs": model.outputs,
         "states": model.states,
         "order_reason": fit.order_reason,
-        "sample_hz": found.sample_hz,
+        "sample_hz": found.record.sample_hz,
         "sampled": model.sample_hz is not None,
-        "band_hz": [lines[0], lines[-1]],
-        "lines": len(lines),
+        "band_hz": found.band_hz,
+        "lines": None if measured is None else len(measured.frequency_hz),
+        "samples": periods * samples,
         "frequency_hz": natural_hz(model),
         "frequency_std_hz": fit.uncertainty.natural_hz,
         "damping": damping_ratio(model),
         "damping_std": fit.uncertainty.damping,
         "pole": model.poles,
+        "zeros": _zeros(model),
         "delay_s": dict(zip(names, model.delay_s, strict=True)),
         "delay_std_s": dict(zip(names, fit.uncertainty.delay_s, strict=True)),
         "error": dict(zip(names, fit.error, strict=True)),
         "cost": fit.cost,
         "warnings": found.warnings,
     }
+
+
+def _zeros(model: MeasurementModel) -> list[dict[str, Any]]:
+    """Those of every path; of a path whose zeros are lost in rounding, none and the reason."""
+    from middeck.errors import NumericalError
+    from middeck.identification.zeros import path_zeros
+
+    found: list[dict[str, Any]] = []
+    for output in model.outputs:
+        for input_ in model.inputs:
+            path = {"output": output.name, "input": input_.name}
+            try:
+                zeros = path_zeros(model, output.name, input_.name)
+            except NumericalError as error:
+                found.append({**path, "zero": [], "non_minimum_phase": [], "reason": str(error)})
+                continue
+            wrong = [bool(x) for x in zeros.is_nonminimum_phase]
+            found.append({**path, "zero": zeros.value, "non_minimum_phase": wrong, "reason": ""})
+    return found
 
 
 def _tables(document: dict[str, Any]) -> list[str | Table]:
@@ -137,7 +198,9 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
     outputs = [
         [
             port.name,
+            port.unit,
             f"{document['delay_s'][port.name] * 1e3:.4f}",
+            f"{document['delay_std_s'][port.name] * 1e3:.1e}",
             f"{document['error'][port.name]:.2%}",
             f"{held_out[port.name]:.2%}" if held_out else "",
         ]
@@ -145,9 +208,28 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
     ]
     kind = "sampled" if document["sampled"] else "continuous"
     low, high = document["band_hz"]
+    fitted = f"{document['lines']} lines" if document["lines"] else f"{document['samples']} samples"
+    heads = ["output", "unit", "delay ms", "+-", "error of fit", "held-out NRMSE"]
     return [
-        f"{document['states']} states, {kind}, fitted to {document['lines']} lines in {low:g}-{high:g} Hz",
+        f"{document['states']} states, {kind}, fitted to {fitted} in {low:g}-{high:g} Hz",
         f"order: {document['order_reason']}",
         Table("poles", ["Hz", "+-", "damping", "+-"], poles),
-        Table("outputs", ["output", "delay ms", "error of fit", "held-out NRMSE"], outputs),
+        Table("outputs", heads, outputs),
+        Table("zeros of the paths", ["output", "input", "Hz", ""], _zero_rows(document)),
     ]
+
+
+def _zero_rows(document: dict[str, Any]) -> list[list[str]]:
+    """One line for each path: its zeros in hertz, those in the right half-plane in brackets."""
+    import numpy as np
+
+    rows: list[list[str]] = []
+    for path in document["zeros"]:
+        hz = np.abs(path["zero"]) / (2.0 * np.pi)
+        words = [
+            f"[{f:.4g}]" if wrong else f"{f:.4g}"
+            for f, wrong in zip(hz, path["non_minimum_phase"], strict=True)
+        ]
+        note = "[ ] non-minimum phase" if any(path["non_minimum_phase"]) else path["reason"]
+        rows.append([path["output"], path["input"], ", ".join(words), note])
+    return rows
