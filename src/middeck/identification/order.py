@@ -84,9 +84,8 @@ def choose(tried: Sequence[Tried]) -> OrderChoice:
     span = f"of {len(tried)} orders from {tried[0].states} to {tried[-1].states}"
     if shortest is tried[-1] and len(tried) > PATIENCE:
         reason = (
-            f"{enough.states} states are the fewest that meet lines kept out of the fit as well as any, up to a "
-            f"tenth ({enough.held_out:.2%}; {closest.held_out:.2%} at best {span}); there is no end to what more "
-            "states still tell"
+            f"{enough.states} states are the fewest that meet lines kept out of the fit as well as any, up to"
+            f" a tenth ({enough.held_out:.2%}; {closest.held_out:.2%} at best {span}); still more tell more"
         )
         return OrderChoice(enough.states, reason, tuple(tried))
     rivals = [t.length - shortest.length for t in tried if t is not shortest]

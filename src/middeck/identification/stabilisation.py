@@ -1,13 +1,15 @@
 """A stabilisation diagram: the poles of models of rising order, and which of them stay where they are.
 
-A pole of the structure is found again at the next order; one that takes up noise is not. The models are those
-of one frequency-domain subspace cut off at each order (McKelvey, Akcay and Ljung 1996), with no refinement, so
-that a diagram takes seconds. The rule and its limits are the field's (Heylen, Lammens and Sas 1997).
+A pole of the structure is found again at the next order; one that takes up noise is not. The models are
+those of one frequency-domain subspace cut off at each order (McKelvey, Akcay and Ljung 1996), with no
+refinement, so that a diagram takes less than a second. The rule and its limits are the field's (Heylen,
+Lammens and Sas 1997).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
@@ -100,7 +102,7 @@ def stabilisation(
     FitError
         If the lines are too few for the lowest order.
     """
-    if not orders or orders[0] < 1 or any(b <= a for a, b in zip(orders, orders[1:], strict=False)):
+    if not orders or orders[0] < 1 or any(b <= a for a, b in pairwise(orders)):
         raise ConfigError(f"orders {tuple(orders)[:5]} do not rise from one or more")
     if min(frequency_tolerance, damping_tolerance, mac_tolerance) <= 0.0:
         raise ConfigError("a tolerance is a positive share", hint="0.01, 0.2 and 0.05")
@@ -113,7 +115,7 @@ def stabilisation(
     models = list(_models(data, period_s, orders))
     flags = [np.zeros((len(models[0].poles), 3), dtype=bool)] + [
         _compare(before, now, frequency_tolerance, damping_tolerance, mac_tolerance)
-        for before, now in zip(models, models[1:], strict=False)
+        for before, now in pairwise(models)
     ]
     return _result(models, np.vstack(flags), frequency_tolerance, mac_tolerance)
 

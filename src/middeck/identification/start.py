@@ -23,16 +23,21 @@ from middeck.identification.layout import DelayOf, Layout, Point, pack
 from middeck.identification.own_transients import as_real
 from middeck.identification.pruning import prune
 from middeck.identification.terms import columns, fractions, shapes
+from middeck.identification.vector_fitting import relocate
 from middeck.values import record
 
 # Size of the subspace as a multiple of the states kept, and its block rows as a multiple of the least.
 REAL_SIZES = tuple((size, rows) for size in (1.0, 1.5, 2.0) for rows in (1.5, 2.0, 3.0))
 COMPLEX_SIZES = ((1.5, 1.5), (2.0, 1.5), (1.5, 2.0), (2.0, 2.0), (1.0, 2.0))
+# One start more with complex constants: a subspace whose poles vector fitting moves on so many times.
+RELOCATED_SIZE, RELOCATIONS = (1.25, 1.5), 3
 # Delays tried, in steps of this share of the shortest period in the band.
 DELAY_STEP = 0.125
 # First tried on either side of zero, and the share of the response that a right delay explains.
 FIRST_DELAYS = 64
 ENOUGH = 0.5
+# Lines that are closer than so small a share of the band are taken for one when delays are tried.
+MOST_LINES = 2**15
 # Damping ratio above which a candidate is no mode of a structure but takes up delay or noise.
 HEAVY = 0.3
 
@@ -64,21 +69,30 @@ class Start:
 def starts(data: Data, options: Options) -> Iterator[Start]:
     """First guesses, from several sizes of the subspace."""
     for size, rows in REAL_SIZES if options.real_constants else COMPLEX_SIZES:
-        # An odd number of states asks for an odd number of real poles.
-        order = options.states + 2 * round(0.5 * (size - 1.0) * options.states) + 2 * options.rigid
-        found = subspace_poles(data, options.period_s, states=order, rows=block_rows(data, order, rows))
-        if found is None:
-            continue
-        start = (
-            _real_start(data, options, found)
-            if options.real_constants
-            else _complex_start(data, options, found)
-        )
-        if start is not None:
-            yield start
+        found = _sized_poles(data, options, size, rows)
+        yield from () if found is None else _start(data, options, found)
+    if not options.real_constants:
+        found = _sized_poles(data, options, *RELOCATED_SIZE)
+        if found is not None:
+            moved = relocate(data, found, options.period_s, iterations=RELOCATIONS)
+            yield from _start(data, options, moved)
+
+
+def _start(data: Data, options: Options, found: np.ndarray) -> Iterator[Start]:
+    make = _real_start if options.real_constants else _complex_start
+    start = make(data, options, found)
+    if start is not None:
+        yield start
+
+
+def _sized_poles(data: Data, options: Options, size: float, rows: float) -> np.ndarray | None:
+    # An odd number of states asks for an odd number of real poles.
+    order = options.states + 2 * round(0.5 * (size - 1.0) * options.states) + 2 * options.rigid
+    return subspace_poles(data, options.period_s, states=order, rows=block_rows(data, order, rows))
 
 
 def block_rows(data: Data, order: int, factor: float) -> int:
+    """Block rows of a subspace: a multiple of the least, but no more than the lines allow."""
     outputs, lines, inputs = data.H.shape
     least = -(-order // outputs) + 1
     return min(int(np.ceil(factor * least)), 2 * lines * inputs // (inputs + outputs) - 1)
@@ -286,22 +300,36 @@ def _best_delay(data: Data, X: Complex[np.ndarray, "column line"], output: int, 
     The grid grows to half the record until most is explained: lines no closer than that tell no longer delay.
     """
     weight = np.sqrt(np.mean(data.weight[output] ** 2, axis=1))
-    Q = np.linalg.qr(np.ascontiguousarray(X * weight).view(float).T)[0]
     target = data.H[output][:, inputs] * weight[:, None]
-    step = DELAY_STEP * 2.0 * np.pi / np.imag(data.s)[-1]
-    longest = np.pi / np.min(np.diff(np.imag(data.s)), initial=np.imag(data.s)[-1])
+    tau, explained = _explained(np.imag(data.s), X * weight, target)
     count = FIRST_DELAYS
     while True:
-        tau = step * np.arange(-count, count + 1)
-        explained = [_explained(Q, target * np.exp(data.s * t)[:, None]) for t in tau]
-        best = int(np.argmax(explained))
-        if explained[best] > ENOUGH * np.sum(np.abs(target) ** 2) or step * count >= longest:
+        near = np.concatenate(
+            [np.arange(-min(count, len(tau) // 2), 0), np.arange(min(count, len(tau) // 2))]
+        )
+        best = near[int(np.argmax(explained[near]))]
+        if explained[best] > ENOUGH * np.sum(np.abs(target) ** 2) or 2 * count >= len(tau):
             return float(tau[best])
-        count = min(4 * count, int(np.ceil(longest / step)))
+        count *= 4
 
 
-def _explained(Q: np.ndarray, target: Complex[np.ndarray, "line input"]) -> float:
-    return float(np.sum((Q.T @ np.ascontiguousarray(target.T).view(float).T) ** 2))
+def _explained(
+    omega: np.ndarray, X: Complex[np.ndarray, "column line"], target: Complex[np.ndarray, "line input"]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Delays, those of leads last, and the squares that ``X`` explains of the target less each of them.
+
+    All at once: on the orthonormal Q of the columns they are |Re sum_l conj(Q_l) y_l exp(j omega_l tau)|^2, a
+    Fourier transform of lines put on an even grid.
+    """
+    step = max(float(np.min(np.diff(omega), initial=omega[-1])), omega[-1] / MOST_LINES)
+    place = np.round(omega / step).astype(int)
+    count = 2 ** int(np.ceil(np.log2(omega[-1] / step / DELAY_STEP)))
+    Q = np.linalg.qr(np.ascontiguousarray(X).view(float).T)[0]
+    products = (Q[0::2] - 1j * Q[1::2])[:, :, None] * target[:, None, :]
+    on_grid = np.zeros((count, products[0].size), dtype=complex)
+    np.add.at(on_grid, place, products.reshape(len(omega), -1))
+    tau = 2.0 * np.pi / step * np.fft.fftfreq(count)
+    return tau, np.sum(np.real(np.fft.ifft(on_grid, axis=0) * count) ** 2, axis=1)
 
 
 def _weights_alike(data: Data) -> tuple[Float[np.ndarray, "line one"], Float[np.ndarray, "output one one"]]:

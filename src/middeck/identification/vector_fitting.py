@@ -17,7 +17,7 @@ import numpy as np
 import scipy.linalg
 from jaxtyping import Complex, Float
 
-from middeck.identification.refine import Data
+from middeck.identification.fit_data import Data
 
 # Poles that move by less than this share, all of them, stand still.
 STILL = 1e-4

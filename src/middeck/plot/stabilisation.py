@@ -10,6 +10,9 @@ from middeck.plot.curves import decibels
 from middeck.plot.style import COLOUR, frequency_axis, new_figure, styled
 from middeck.systems.response import FrequencyResponse
 
+# Where the axis begins, as a share of the lowest mode's frequency.
+BELOW = 0.5
+
 
 @styled
 def stabilisation(
@@ -46,6 +49,7 @@ def stabilisation(
     if states is not None:
         axes.axhline(states, color=COLOUR["ink"], linewidth=0.8, linestyle="--", label=f"{states} states")
     axes.set_ylabel("order [states]")
-    frequency_axis(axes, *measured.frequency_hz[[0, -1]])
+    low, high = measured.frequency_hz[[0, -1]]
+    frequency_axis(axes, max(low, BELOW * min(diagram.cluster_hz, default=low)), high)
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper right", ncols=4)
     return figure
