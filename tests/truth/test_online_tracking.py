@@ -94,11 +94,27 @@ def test_a_step_of_one_per_cent_is_followed_within_twenty_seconds(campaign, mode
         assert np.all(np.abs(found.natural_hz[-1] - true) < 4.5 * found.frequency_std_hz[-1])
         assert found.frequency_std_hz[-1, mode] / true[mode] < 4e-4
         before = found.time_s < 6.0
-        # Said while it is so: untouched and trusted before, a jump of this mode and no trust after.
+        # Said while it is so: untouched and trusted before; then a jump, and a deviation that covers it.
         assert found.jumps[before][-1].sum() == 0
         assert found.trusted[before].all()
         assert found.jumps[-1, mode] >= 1
-        assert not found.trusted[(found.time_s > 6.0) & (found.time_s < 12.0)].all()
+        after = (found.time_s > 6.0) & (found.time_s < 12.0)
+        assert found.frequency_std_hz[after, mode].max() > 1e-3 * MODES[mode]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("factors", [(0.98, 0.98), (0.98, 1.02)])
+def test_neighbours_that_jump_together_do_not_change_places(campaign, factors):
+    """Modes at 8.90 and 9.35 Hz move by 2 % each: a mode alone would be found where the other now is."""
+    hz = np.tile(MODES, (round(16.0 * RATE), 1))
+    hz[round(4.0 * RATE) :, 3:] *= factors
+    for seed in campaign(20):
+        taken, noise = moving_gimbal.record(seed, 16.0, hz=hz)
+        state = start_tracking(moving_gimbal.model(), noise_rms=noise, known=WELL_KNOWN, **AT_ONE_RATE)
+        found = track_modes(state, taken, block=512)
+        # Twelve seconds for two at once; changed places would be 5 % off.
+        assert np.abs(found.natural_hz[-1] / hz[-1] - 1.0).max() < 3e-3
+        assert np.all(np.abs(found.natural_hz[-1] - hz[-1]) < 4.5 * found.frequency_std_hz[-1])
 
 
 @pytest.mark.long

@@ -31,7 +31,8 @@ class Drift:
         smaller deviations and follows later.
     frequency_jump, damping_jump:
         Relative size of a sudden change. When the corrections of a parameter go one way for longer than
-        chance allows, its mode is thought to have jumped, and is found again from so large a deviation.
+        chance allows, its mode is thought to have jumped, and is found again from so large a deviation,
+        with its neighbours within a tenth of its frequency.
     """
 
     frequency: float = 3e-5
@@ -99,7 +100,7 @@ class Tracking:
     weight:
         Weight of what the means have seen, up to one.
     jumps:
-        How often each mode was thought to have jumped.
+        How often each mode, or one within a tenth of its frequency, was thought to have jumped.
     """
 
     followed: Followed

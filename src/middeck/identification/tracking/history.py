@@ -27,7 +27,7 @@ class Tracked:
     trusted:
         Whether the innovations were white and as large as stated.
     jumps:
-        How often each mode had jumped by then.
+        How often each mode, or a neighbour, was thought to have jumped by then.
     state:
         At the end, from which to go on.
     """

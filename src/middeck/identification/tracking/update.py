@@ -26,6 +26,8 @@ SUMMED_S = 4.0
 JUMPED = 4.5
 # Part of a mode's motion that is not known when it is found to have jumped: radians of phase.
 LOST_PHASE = 0.5
+# Modes nearer than this in log frequency are found again together: one alone would take the other's place.
+NEAR = 0.1
 # Samples between two looks at the sums.
 LOOK = 16
 
@@ -176,21 +178,30 @@ class _Work:
         self.cov = 0.5 * (P + P.T)
 
     def look_for_jumps(self) -> None:
-        """A mode whose corrections go one way is found again from a large deviation."""
+        """Modes whose corrections go one way, and their neighbours, are found again from large deviations."""
+        away = (np.abs(self.sums) > JUMPED * np.sqrt(self.chance)).reshape(2, self.modes).any(axis=0)
+        if not away.any():
+            return
         logs = log_places(self.followed)
-        away = np.abs(self.sums) > JUMPED * np.sqrt(self.chance)
+        # One that is open already is still on its way.
+        still = self._is_open(logs)
+        log_omega = self.x[logs[0]]
+        near = np.abs(log_omega[:, None] - log_omega) < NEAR
+        for m in np.flatnonzero(near[:, away & ~still].any(axis=1) & ~still):
+            self._open(int(m), logs[:, m])
+
+    def _is_open(self, logs: np.ndarray) -> np.ndarray:
         drift = self.followed.drift
-        for m in np.flatnonzero(away.reshape(2, self.modes).any(axis=0)):
-            places = logs[:, m]
-            wide = np.array([drift.frequency_jump, drift.damping_jump]) ** 2
-            # One that is open already is still on its way.
-            if np.any(self.cov[places, places] > 0.25 * wide):
-                continue
-            self.cov[places, places] += wide
-            self._open_motion(m)
-            self.sums[[m, self.modes + m]] = 0.0
-            self.chance[[m, self.modes + m]] = 0.0
-            self.jumps[m] += 1
+        wide = np.array([[drift.frequency_jump**2], [drift.damping_jump**2]])
+        return np.any(self.cov[logs, logs] > 0.25 * wide, axis=0)
+
+    def _open(self, m: int, places: np.ndarray) -> None:
+        drift = self.followed.drift
+        self.cov[places, places] += np.array([drift.frequency_jump**2, drift.damping_jump**2])
+        self._open_motion(m)
+        self.sums[[m, self.modes + m]] = 0.0
+        self.chance[[m, self.modes + m]] = 0.0
+        self.jumps[m] += 1
 
     def _open_motion(self, m: int) -> None:
         """What was foreseen with the old frequency until the jump was noticed has the wrong phase."""
