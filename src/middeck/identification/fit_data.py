@@ -40,6 +40,8 @@ class Data:
         Spectra of the inputs in each experiment; None for a response.
     transient:
         Whether each column has a free transient with the poles of the model (`transient`).
+    mix:
+        How outputs that err together are combined before they are weighed; not with a transient.
     """
 
     s: Complex[np.ndarray, " line"]
@@ -47,3 +49,4 @@ class Data:
     weight: Float[np.ndarray, "output line column"]
     drive: Complex[np.ndarray, "line input column"] | None = None
     transient: Transient | None = None
+    mix: Complex[np.ndarray, "line output output"] | None = None

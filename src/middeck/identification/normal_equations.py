@@ -31,9 +31,9 @@ ROUNDING = 1e-14
 
 
 class Solved(NamedTuple):
-    """One output: linear unknowns, cost, gradient and Gram matrix by theta."""
+    """Some outputs: linear unknowns, cost, gradient and Gram matrix by theta."""
 
-    linear: Float[np.ndarray, " column"]
+    linear: Float[np.ndarray, "output column"]
     cost: float
     gradient: Float[np.ndarray, " unknown"]
     gram: Float[np.ndarray, "unknown unknown"]
@@ -70,70 +70,102 @@ class Functions:
 Block = tuple[int, int, Float[np.ndarray, "function function"]]
 
 
-class _Output:
-    """One output's weighted data ``y``, how each input's response is heard in them, and their Gram blocks."""
+class _Heard(NamedTuple):
+    """Weighted data ``y``, and how the response of each path is heard in them; Gram blocks of the paths.
 
-    def __init__(self, data: Data, terms: Terms, shared: Functions, output: int) -> None:
-        w, late = data.weight[output], late_of(data, terms, output)
-        self.y: Complex[np.ndarray, "line column"] = w * data.H[output]
-        self.blocks: list[Block]
-        self._alone = data.drive is None
-        if data.drive is None:
-            # Each input has a column of its own, so that no two of them meet.
-            self._heard = w * late
-            self.blocks = [(i, i, shared.gram(w[:, i] ** 2)) for i in range(w.shape[1])]
-        else:
-            # A delay common to all inputs is in none of their products, and would but round them to complex.
-            heard = data.drive if late.shape[1] == 1 else data.drive * late[:, :, None]
-            power = np.einsum("lk,lik,ljk->ijl", w**2, heard.conj(), heard)
-            inputs = range(len(power))
-            self._heard = w[:, None, :] * data.drive * late[:, :, None]
-            self.blocks = [(i, j, shared.gram(power[i, j])) for i in inputs for j in inputs]
+    A path is an output and an input, numbered output by output. ``by`` is [line, path, column], or
+    [line, path] where each path has a column of its own.
+    """
 
-    def each(self, path: Complex[np.ndarray, "line input"]) -> Complex[np.ndarray, "input line column"]:
-        """What the response of each path adds to the weighted data."""
-        if self._alone:
-            return np.einsum("lk,ki->ilk", self._heard * path, np.eye(path.shape[1]))
-        return np.moveaxis(self._heard * path[:, :, None], 1, 0)
+    y: Complex[np.ndarray, "line column"]
+    by: np.ndarray
+    blocks: list[Block]
 
-    def sum(self, path: Complex[np.ndarray, "line input"]) -> Complex[np.ndarray, "line column"]:
-        """What all of them add."""
-        return self._heard * path if self._alone else np.einsum("lik,li->lk", self._heard, path)
+    def sum(self, path: Complex[np.ndarray, "line path"]) -> Complex[np.ndarray, "line column"]:
+        """What the responses of all paths add to the weighted data."""
+        return self.by * path if self.by.ndim == 2 else np.einsum("lak,la->lk", self.by, path)
 
-    def back(self, v: Complex[np.ndarray, "line column"]) -> Complex[np.ndarray, "line input"]:
+    def back(self, v: Complex[np.ndarray, "line column"]) -> Complex[np.ndarray, "line path"]:
         """The adjoint of `sum`."""
-        return self._heard.conj() * v if self._alone else np.einsum("lik,lk->li", self._heard.conj(), v)
+        return self.by.conj() * v if self.by.ndim == 2 else np.einsum("lak,lk->la", self.by.conj(), v)
 
 
-def solve_normal(layout: Layout, data: Data, terms: Terms, shared: Functions, output: int) -> Solved | None:
-    """One output by normal equations; None where their condition is too bad."""
-    of = _Output(data, terms, shared, output)
+def _heard_by_one(data: Data, terms: Terms, shared: Functions, output: int) -> _Heard:
+    w, late = data.weight[output], late_of(data, terms, output)
+    y = w * data.H[output]
+    if data.drive is None:
+        blocks = [(i, i, shared.gram(w[:, i] ** 2)) for i in range(w.shape[1])]
+        return _Heard(y, w * late, blocks)
+    # A delay common to all inputs is in none of their products, and would but round them to complex.
+    heard = data.drive if late.shape[1] == 1 else data.drive * late[:, :, None]
+    by = w[:, None, :] * data.drive * late[:, :, None]
+    return _Heard(y, by, _blocks(shared, w[:, None, :] * heard))
+
+
+def _heard_by_all(data: Data, terms: Terms, shared: Functions, mix: np.ndarray) -> _Heard:
+    outputs, lines, columns = data.H.shape
+    drive = np.eye(columns, dtype=complex)[None] if data.drive is None else data.drive
+    late = np.stack([late_of(data, terms, o) for o in range(outputs)])
+    heard = np.broadcast_to(late[:, :, :, None] * drive, (outputs, lines, *drive.shape[1:]))
+    by = np.einsum("qlk,lqo,olik->loiqk", data.weight, mix, heard).reshape(lines, -1, outputs * columns)
+    y = np.einsum("qlk,lqo,olk->lqk", data.weight, mix, data.H).reshape(lines, -1)
+    return _Heard(y, by, _blocks(shared, by))
+
+
+def _blocks(shared: Functions, by: Complex[np.ndarray, "line path column"]) -> list[Block]:
+    found: list[Block] = []
+    for i in range(by.shape[1]):
+        found.append((i, i, shared.gram(np.sum(np.abs(by[:, i]) ** 2, axis=1))))
+        for j in range(i):
+            M = shared.gram(np.einsum("lk,lk->l", by[:, i].conj(), by[:, j]))
+            found += [(i, j, M), (j, i, M.T)]
+    return found
+
+
+def solve_normal(
+    layout: Layout, data: Data, terms: Terms, shared: Functions, output: int | None = None
+) -> Solved | None:
+    """One output, or all together where they are mixed; None where the condition is too bad."""
+    if data.mix is None and output is not None:
+        outputs, of = [output], _heard_by_one(data, terms, shared, output)
+    else:
+        mix = np.eye(layout.outputs)[None] if data.mix is None else data.mix
+        outputs, of = list(range(layout.outputs)), _heard_by_all(data, terms, shared, mix)
     columns, tied = column_factors(layout, terms.point), Tied(layout, terms.point)
     free = tied.free(columns.reshape(len(columns), -1)).reshape(-1, *columns.shape[1:])
+    free = _placed(free, len(outputs))
     solve = _Normal.of(_inner(of.blocks, free, free))
     if solve is None:
         return None
-    x, left = np.zeros(layout.columns), of.y
-    path = np.zeros((len(data.s), layout.inputs), dtype=complex)
+    x, left = np.zeros((len(outputs), layout.columns)), of.y
+    path = np.zeros((len(data.s), len(outputs) * layout.inputs), dtype=complex)
     for _ in range(2):  # the second time is the correction
-        x = x + tied.whole(solve(np.tensordot(free, _on_functions(shared, of, left), axes=2)))
-        path = (np.tensordot(x, columns, axes=1) @ shared.values).T
+        y = solve(np.tensordot(free, _on_functions(shared, of, left), axes=2))
+        x = x + np.array([tied.whole(of_output) for of_output in y.reshape(len(outputs), -1)])
+        path = (np.tensordot(x, columns, axes=1).reshape(path.shape[1], -1) @ shared.values).T
         left = of.y - of.sum(path)
-    G = slope_factors(layout, terms.point, terms.parts, x) + tied.moved(x, columns)
-    late = _delay_slopes(layout, data, of, path)
-    on_late = np.array([_on_functions(shared, of, v) for v in late]).reshape(len(late), *columns.shape[1:])
+    slopes = [slope_factors(layout, terms.point, terms.parts, one) + tied.moved(one, columns) for one in x]
+    G = np.concatenate(slopes, axis=1)
+    late, late_place = _delay_slopes(layout, of, -data.s[:, None] * path, outputs)
+    on_late = np.array([_on_functions(shared, of, v) for v in late]).reshape(len(late), *G.shape[1:])
     with_late = np.tensordot(G, on_late, axes=([1, 2], [1, 2]))
     gram = np.block([[_inner(of.blocks, G, G), with_late], [with_late.T, _products(late, late)]])
     cross = np.vstack([_inner(of.blocks, G, free), np.tensordot(on_late, free, axes=([1, 2], [1, 2]))])
     on_left = np.tensordot(G, _on_functions(shared, of, left), axes=2)
-    gradient = -np.concatenate([on_left, _products(late, left[None])[:, 0]])
-    place = np.concatenate([np.arange(len(G)), len(G) + _delay_places(layout, len(late), output)])
-    whole = Solved(
-        x, 0.5 * float(np.sum(np.abs(left) ** 2)), np.zeros(layout.size), np.zeros((layout.size, layout.size))
-    )
-    whole.gradient[place] = gradient
-    whole.gram[np.ix_(place, place)] = solve.without(gram, cross)
-    return whole
+    place = np.concatenate([np.arange(len(G)), len(G) + late_place])
+    gradient, whole = np.zeros(layout.size), np.zeros((layout.size, layout.size))
+    gradient[place] = -np.concatenate([on_left, _products(late, left[None])[:, 0]])
+    whole[np.ix_(place, place)] = solve.without(gram, cross)
+    return Solved(x, 0.5 * float(np.sum(np.abs(left) ** 2)), gradient, whole)
+
+
+def _placed(factors: np.ndarray, outputs: int) -> Float[np.ndarray, "row path function"]:
+    """The same factors for each output in turn, each in its own paths."""
+    rows, inputs, size = factors.shape
+    found = np.zeros((outputs, rows, outputs, inputs, size))
+    for o in range(outputs):
+        found[o, :, o] = factors
+    return found.reshape(outputs * rows, outputs * inputs, size)
 
 
 def _inner(blocks: list[Block], A: np.ndarray, B: np.ndarray) -> Float[np.ndarray, "row other"]:
@@ -146,7 +178,7 @@ def _inner(blocks: list[Block], A: np.ndarray, B: np.ndarray) -> Float[np.ndarra
 
 
 def _on_functions(
-    shared: Functions, of: _Output, v: Complex[np.ndarray, "line column"]
+    shared: Functions, of: _Heard, v: Complex[np.ndarray, "line column"]
 ) -> Float[np.ndarray, "input function"]:
     """Inner products of weighted data with each function in each input."""
     return shared.products(of.back(v))
@@ -157,17 +189,17 @@ def _products(A: np.ndarray, B: np.ndarray) -> Float[np.ndarray, "row other"]:
 
 
 def _delay_slopes(
-    layout: Layout, data: Data, of: _Output, path: Complex[np.ndarray, "line input"]
-) -> Complex[np.ndarray, "delay line column"]:
-    """Weighted slopes by the delays of this output: of all its paths, or of each."""
+    layout: Layout, of: _Heard, rate: Complex[np.ndarray, "line path"], outputs: list[int]
+) -> tuple[Complex[np.ndarray, "delay line column"], np.ndarray]:
+    """Weighted slopes by the delays of these outputs, and their places among all delays."""
     if not layout.with_delay:
-        return np.zeros((0, *of.y.shape), dtype=complex)
-    rate = -data.s[:, None] * path
-    return of.each(rate) if layout.delay_of == "path" else of.sum(rate)[None]
-
-
-def _delay_places(layout: Layout, count: int, output: int) -> np.ndarray:
-    return np.arange(count) + (0 if layout.delay_of == "common" else count * output)
+        return np.zeros((0, *of.y.shape), dtype=complex), np.zeros(0, dtype=int)
+    each = np.repeat(np.array(outputs), layout.inputs)
+    if layout.delay_of == "path":
+        each = each * layout.inputs + np.tile(np.arange(layout.inputs), len(outputs))
+    place = np.zeros_like(each) if layout.delay_of == "common" else each
+    different = np.unique(place)
+    return np.stack([of.sum(rate * (place == k)) for k in different]), different
 
 
 class _Normal:

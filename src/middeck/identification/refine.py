@@ -66,9 +66,10 @@ def weighted(layout: Layout, data: Data, theta: Float[np.ndarray, " unknown"]) -
         return None
     shared = Functions(layout, data, terms) if data.transient is None else None
     solved: list[Solved] = []
-    for o in range(layout.outputs):
+    for o in range(layout.outputs) if data.mix is None else (None,):
         one = None if shared is None else solve_normal(layout, data, terms, shared, o)
-        one = one or solve_by_qr(layout, data, terms, o)
+        if one is None and o is not None:
+            one = solve_by_qr(layout, data, terms, o)
         if one is None:
             return None
         solved.append(one)
@@ -77,7 +78,7 @@ def weighted(layout: Layout, data: Data, theta: Float[np.ndarray, " unknown"]) -
         return None
     gradient = np.sum([one.gradient for one in solved], axis=0)
     gram = np.sum([one.gram for one in solved], axis=0)
-    return Step(cost, gradient, gram, np.array([one.linear for one in solved]))
+    return Step(cost, gradient, gram, np.concatenate([one.linear for one in solved]))
 
 
 def solve_by_qr(layout: Layout, data: Data, terms: Terms, output: int) -> Solved | None:
@@ -102,7 +103,7 @@ def solve_by_qr(layout: Layout, data: Data, terms: Terms, output: int) -> Solved
     if isinstance(gained, np.ndarray):
         G[: len(gained)] += gained
     residual, J = target - Q @ on_columns, G - (G @ Q) @ Q.T
-    return Solved(linear, 0.5 * float(residual @ residual), -J @ residual, J @ J.T)
+    return Solved(linear[None], 0.5 * float(residual @ residual), -J @ residual, J @ J.T)
 
 
 def logarithmic(layout: Layout, data: Data, theta: Float[np.ndarray, " unknown"]) -> Step | None:
