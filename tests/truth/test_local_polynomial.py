@@ -247,3 +247,28 @@ def test_a_blow_is_as_smooth_as_a_transient():
 def test_periods_that_there_are_not_are_refused():
     with pytest.raises(DataError, match="not periodic"):
         estimate_response(cut_record(1, samples=2048), method="periods")
+
+
+@pytest.mark.parametrize("method", ["local polynomial", "local rational"])
+def test_units_do_not_matter_and_nothing_overflows(method):
+    record = cut_record(9, samples=1024, noise=0.01)
+    found = estimate_response(record, method=method)
+    for size in (1e-120, 1e120):
+        other = Record(HZ, record.u, size * record.y, record.inputs, record.outputs, periodic=False)
+        scaled = estimate_response(other, method=method)
+        # Rounding of the scaled samples, as far as the condition of a window carries it.
+        np.testing.assert_allclose(scaled.H, size * found.H, rtol=1e-6)
+        np.testing.assert_allclose(scaled.variance, size**2 * found.variance, rtol=1e-6)
+
+
+@pytest.mark.parametrize("method", ["local polynomial", "local rational", "h1", "h2", "hv"])
+def test_what_is_exact_stays_finite(method):
+    """No noise, no dynamics: variances at rounding, nothing divided by them."""
+    u = np.random.default_rng(10).standard_normal((1, 1, 64, 1))
+    for y in (2.0 * u, u * 0.0 + np.arange(64.0)[:, None]):
+        found = estimate_response(
+            Record(1.0, u, y, (Port("u", "V"),), (Port("y", "V"),), periodic=False), method=method
+        )
+        assert np.isfinite(found.H).all()
+        assert np.isfinite(found.variance).all()
+        assert np.isfinite(found.covariance.outputs).all()

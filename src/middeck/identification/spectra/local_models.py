@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
 
@@ -65,7 +67,10 @@ def scatter_of_local_models(
     lines = lines[_excited(U, lines, narrowest.half, frequency, band_hz)]
     rationals = _models(ROWS_RATIONAL, experiments, inputs, stride, rational=True) if rational else []
     models = [m for m in (*polynomials, *rationals) if 2 * m.half + 1 <= len(U)]
-    return _by_choice(U, Y, frequency, lines, models, _choice(U, Y, lines, models))
+    # In units of each channel's largest line, so that no sum of squares leaves the range of numbers.
+    sizes = by_input, by_output = np.abs(U).max(axis=(0, 1)), np.abs(Y).max(axis=(0, 1))
+    scaled = U / by_input, Y / by_output
+    return _in_units(_by_choice(*scaled, frequency, lines, models, _choice(*scaled, lines, models)), *sizes)
 
 
 def _spectra(record: Record) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
@@ -134,6 +139,21 @@ def _moving_mean(x: Float[np.ndarray, "line output"], half: int) -> Float[np.nda
         total[into] += x[max(0, shift) : len(x) - max(0, -shift)]
         count[into] += 1.0
     return total / count
+
+
+def _in_units(
+    found: ResponseScatter, by_input: Float[np.ndarray, " input"], by_output: Float[np.ndarray, " output"]
+) -> ResponseScatter:
+    assert found.total is not None
+    assert found.total_covariance is not None
+    gain = by_output[:, None] / by_input
+    return dataclasses.replace(
+        found,
+        H=found.H * gain,
+        total=found.total * gain**2,
+        total_covariance=found.total_covariance * np.outer(by_output, by_output),
+        inverse_power=found.inverse_power / np.outer(by_input, by_input),
+    )
 
 
 def _by_choice(
