@@ -15,6 +15,7 @@ from middeck.identification.plants import (
     scale_channels,
     select_channels,
 )
+from middeck.identification.pole_zero_gain import from_pole_zero_gain, pole_zero_gain
 from middeck.systems.plant import name_states
 from middeck.systems.response import evaluate_plant, statespace_response
 from middeck.systems.simulation import simulate
@@ -155,6 +156,31 @@ def test_channels_are_chosen_in_order_and_what_they_do_not_reach_is_named():
     assert select_channels(model).dropped == ()
     with pytest.raises(ConfigError, match="one of gimbal, wheel"):
         select_channels(model, inputs=("motor",))
+
+
+@pytest.mark.parametrize("real", [True, False])
+def test_a_residue_of_rank_two_has_rank_one_on_a_path(real):
+    """Two modes too close to be told apart: one pole twice; each path has it once, and its own zeros."""
+    rng = np.random.default_rng(0)
+    model = a_model()
+    twice = np.append(model.poles, model.poles[3])
+    more = rng.standard_normal((3, 1)) * model.shapes[0, 3] + (0.0 if real else 0.01 * rng.random((3, 1)))
+    model = dataclasses.replace(
+        model, poles=twice, shapes=np.hstack([model.shapes, more]),
+        participation=np.vstack([model.participation, rng.standard_normal((1, 2))]),
+    )  # fmt: skip
+    assert model.states == len(measured_plant(dataclasses.replace(model, delay_s=np.zeros(3))).system.A) == 12
+    assert select_channels(model).model.states == 12
+    path = select_channels(model, outputs=("bus",), inputs=("wheel",)).model
+    assert path.states == 10
+    np.testing.assert_allclose(
+        model_response(path, F)[:, 0, 0], model_response(model, F)[:, 2, 1], rtol=1e-12
+    )
+    form = pole_zero_gain(model, "bus", "wheel")
+    # Relative degree two with real constants, one with any.
+    assert np.sum(np.where(np.imag(form.zeros) > 0.0, 2, 1)) == (8 if real else 9)
+    back = from_pole_zero_gain(form)
+    np.testing.assert_allclose(model_response(back, F)[:, 0, 0], model_response(model, F)[:, 2, 1], rtol=1e-9)
 
 
 def test_units_scale_responses_and_ports():

@@ -272,6 +272,20 @@ def test_a_pair_near_critical_damping_keeps_its_digits(zeta):
     np.testing.assert_allclose(zeros.value, np.roots(numerator)[:1], rtol=1e-12)
 
 
+def test_complex_residues_that_add_up_to_zero_have_relative_degree_two():
+    """To rounding only, as a fit leaves them: a zero at 1e16 times the modes' size is no zero."""
+    rng = np.random.default_rng(4)
+    model = gimbal_model()
+    R = rng.standard_normal(5) + 1j * rng.standard_normal(5)
+    R[-1] -= np.real(R).sum()
+    model = dataclasses.replace(
+        model, shapes=R[None], participation=np.ones((5, 1)), direct=np.zeros((1, 1)), lower=np.zeros((1, 1)),
+        delay_s=[0.0], inputs=model.inputs[:1], outputs=model.outputs[:1],
+    )  # fmt: skip
+    found = path_zeros(model, "payload", "gimbal")
+    assert np.sum(np.where(found.is_pair, 2, 1)) == 8
+
+
 def test_refuses_what_is_no_model():
     port = Port("a", "")
     pair = np.array([-1.0 + 5.0j])

@@ -173,7 +173,8 @@ def select_channels(
 ) -> Selection:
     """The model between some of its inputs and outputs, in the order given; None for all.
 
-    Modes that no chosen input moves or no chosen output sees, but for rounding, are left out and named.
+    Modes that no chosen input moves or no chosen output sees, but for rounding, are left out and named. The
+    pole of a residue of higher rank stays as often as the rank of the chosen channels asks.
 
     Raises
     ------
@@ -184,14 +185,16 @@ def select_channels(
         list(range(len(ports))) if names is None else port_indices(ports, names, side)
         for ports, names, side in ((model.inputs, inputs, "input"), (model.outputs, outputs, "output"))
     )
-    c, b = model.shapes[rows], model.participation[:, columns]
     keep = (_share(model.shapes.T, rows) > UNREACHED) & (_share(model.participation, columns) > UNREACHED)
+    poles, c, b = _least(
+        model.poles[keep], model.shapes[rows][:, keep], model.participation[keep][:, columns]
+    )
     entries = np.ix_(rows, columns)
     chosen = dataclasses.replace(
         model,
-        poles=model.poles[keep],
-        shapes=c[:, keep],
-        participation=b[keep],
+        poles=poles,
+        shapes=c,
+        participation=b,
         direct=model.direct[entries],
         lower=model.lower[entries],
         delay_s=model.delay_s[rows],
@@ -201,6 +204,27 @@ def select_channels(
         outputs=tuple(model.outputs[o] for o in rows),
     )
     return Selection(chosen, tuple(f"pole at {hz:.4g} Hz" for hz in natural_hz(model)[~keep]))
+
+
+def _least(poles: np.ndarray, c: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The same residues with each pole as often as its residue's rank."""
+    each, first, count = np.unique(poles, return_index=True, return_counts=True)
+    if np.all(count == 1):
+        return poles, c, b
+    parts: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+    for k in np.argsort(first):
+        at = poles == each[k]
+        R = c[:, at] @ b[at]
+        # Real modal constants, hence imaginary residues, stay so to the last digit.
+        matrix, unit = (R, 1.0) if np.any(np.real(R)) else (np.imag(R), 1j)
+        left, size, right = np.linalg.svd(matrix, full_matrices=False)
+        rank = int(np.sum(size > RANK * size[0]))
+        parts.append((poles[at][:rank], unit * left[:, :rank] * size[:rank], right[:rank]))
+    return (
+        np.concatenate([p for p, _, _ in parts]),
+        np.hstack([left for _, left, _ in parts]),
+        np.vstack([right for _, _, right in parts]),
+    )
 
 
 def _share(vectors: np.ndarray, chosen: list[int]) -> Float[np.ndarray, " mode"]:
