@@ -23,8 +23,6 @@ from middeck.systems.excitation import (
     design_sweep,
 )
 
-KINDS = ("multisine", "sweep", "noise", "burst", "mls", "binary")
-
 
 class ExciteSettings(Form):
     """What is designed; limits are those of every input."""
