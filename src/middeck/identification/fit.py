@@ -20,6 +20,7 @@ from middeck.identification.doubts import (
 )
 from middeck.identification.fit_data import Data
 from middeck.identification.fitted_model import model_of
+from middeck.identification.likelihood import likelihood_polish
 from middeck.identification.measurement_model import MeasurementModel, model_response
 from middeck.identification.polish import Polished, logarithmic_polish, settle
 from middeck.identification.race import count_unknowns, model_error, race, recommend_states
@@ -84,7 +85,7 @@ def fit_response(
     full_rank: bool = False,
     rigid: int = 0,
     relative_degree: Literal[0, 1, 2] | None = None,
-    cost: Literal["weighted", "logarithmic"] = "weighted",
+    cost: Literal["weighted", "likelihood", "logarithmic"] = "weighted",
 ) -> FitResult:
     """Fit common poles, residues and delays to a measured response.
 
@@ -127,7 +128,9 @@ def fit_response(
         Of every path: 0, a constant term; 1, none; 2, none, and complex residues that add up to zero, so that
         the response falls with 1/s^2 as that of any structure from force to displacement does.
     cost:
-        "weighted" least squares on the complex response, or "logarithmic": on log magnitude and phase
+        "weighted" least squares on the complex response, by the variance that comes with it (the total one,
+        noise and nonlinear distortion, where `estimate_response` knows it). "likelihood": by its covariance,
+        noise that outputs share and noise of the inputs included. "logarithmic": on log magnitude and phase
         (the 1993 paper's), which follows the antiresonances as closely as the peaks.
 
     Raises
@@ -146,6 +149,11 @@ def fit_response(
             "the logarithmic cost needs the variance of the response, and one period has none",
             hint="record two periods or more, or take cost 'weighted'",
         )
+    if cost == "likelihood" and measured.covariance is None:
+        raise FitError(
+            "the likelihood needs the covariance of the response",
+            hint="record two periods or more, or take cost 'weighted'",
+        )
     spread = spread_of(measured, relative=cost == "logarithmic")
     data = _first_data(measured, spread)
     reason = f"{states} states were asked for"
@@ -155,6 +163,8 @@ def fit_response(
     best = settle(data, race(data, spread, options), spread)
     if cost == "logarithmic":
         best = logarithmic_polish(data, best, spread)
+    if cost == "likelihood" and measured.covariance is not None:
+        best = likelihood_polish(data, best, measured.covariance)
     return _result(measured, best, spread, reason)
 
 
