@@ -28,7 +28,8 @@ from middeck.identification.uncertainty import (
     zero_deviation,
 )
 from middeck.identification.unknowns import Structure, entry_slopes, model_at, places_of, ties, unknowns_of
-from middeck.systems.response import FrequencyResponse
+from middeck.identification.weights import spread_of
+from middeck.systems.response import FrequencyResponse, ResponseCovariance
 
 DRAWS = 60
 
@@ -306,6 +307,39 @@ def test_noise_of_another_shape_than_stated():
     assert ratio.max() < 1.39
     assert ratio.min() > 0.3
     assert np.min(np.std(values, axis=0) / np.mean(naive, axis=0)) > 3.0
+
+
+def test_noise_that_two_outputs_have_in_common():
+    """A disturbance is in both outputs: each is as uncertain as before, and what they share is more so."""
+    rng = np.random.default_rng(6)
+    s = 2j * np.pi * two_modes.LINES
+    w = 2.0 * np.pi * two_modes.HZ[:, None]
+    modes = 1.0 / (s**2 + 0.02 * w * s + w**2)
+    H = np.exp(-two_modes.DELAY_S * s) * (np.array([[1.0, 0.8], [0.9, 0.85]]) @ modes)
+    root = two_modes.NOISE * np.array([[1.0, 0.0], [0.95, np.sqrt(1.0 - 0.95**2)]])
+    frequencies, stated, alone = [], [], []
+    for _ in range(40):
+        periods = H + np.sqrt(3.0) * np.einsum("op,kpl->kol", root, two_modes.circular(rng, (3, *H.shape)))
+        mean = periods.mean(axis=0)
+        C = np.einsum("kol,kpl->lop", periods - mean, (periods - mean).conj()) / 6.0
+        measured = FrequencyResponse(
+            two_modes.LINES, mean.T[:, :, None], gimbal_record.INPUTS[:1], gimbal_record.OUTPUTS[:2],
+            np.real(np.einsum("loo->lo", C))[:, :, None], ResponseCovariance(C, np.ones((len(s), 1, 1))),
+        )  # fmt: skip
+        fit = fit_response(measured, states=4)
+        assert not fit.covariance.robust
+        order = np.argsort(natural_hz(fit.model))
+        frequencies.append(natural_hz(fit.model)[order])
+        stated.append(fit.uncertainty.natural_hz[order])
+        v = spread_of(measured, relative=False).variance
+        blind = dataclasses.replace(measured, covariance=None)
+        each = estimate_covariance(fit.model, fit.covariance.structure, blind, assumed=v, noise=v)
+        alone.append(uncertainty_of(each).natural_hz[order])
+    found = np.std(frequencies, axis=0, ddof=1)
+    # 40 draws give a deviation to 11 %: three of those.
+    np.testing.assert_allclose(found, np.mean(stated, axis=0), rtol=0.33)
+    # Two outputs with one noise are worth one: root two more than what independent noise would leave.
+    assert np.all(np.mean(stated, axis=0) > 1.3 * np.mean(alone, axis=0))
 
 
 def test_missing_modes_widen_the_intervals():

@@ -4,7 +4,7 @@ With weights 1 / V the information is A = sum Re J^H V^-1 J, and if V is the var
 half of it in each part, the covariance is A^-1 / 2. Where the model leaves significantly more than noise, the
 residual is neither of variance V nor independent from line to line: then A^-1 B A^-1 is taken instead, with
 B the covariance of the scores as the residual shows it (`_scores_spread`), in no direction less than the
-former.
+former. Noise that entries of H have in common is counted (`entry_noise`).
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import numpy as np
 import scipy.linalg
 from jaxtyping import Complex, Float
 
+from middeck.identification.entry_noise import common_noise, common_scores
 from middeck.identification.measurement_model import MeasurementModel, model_response
 from middeck.identification.unknowns import EntrySlopes, Structure, entry_slopes, places_of, ties
 from middeck.identification.weights import NEIGHBOURS
@@ -87,6 +88,10 @@ def estimate_covariance(
     residual = np.moveaxis(measured.H - model_response(model, measured.frequency_hz), 0, 1)
     degrees, robust = _quality(measured, residual, noise, unknowns=len(A))
     matrix = 0.5 * inverse
+    common = None if robust else common_noise(measured, 0.5 * degrees)
+    if common is not None:
+        flat = (np.moveaxis(v, 1, 2).reshape(-1, len(s)) for v in (assumed, noise))
+        matrix = inverse @ common_scores((entry for _, _, entry in each), len(A), common, *flat) @ inverse
     if robust:
         size, direction = np.linalg.eigh(root.T @ _scores_spread(each, residual, inverse) @ root)
         wide = root @ direction * np.sqrt(np.maximum(size, 0.5))
