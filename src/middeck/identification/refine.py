@@ -34,6 +34,9 @@ from middeck.values import record
 # Linear unknowns are not solved for where one column is the rest up to this share: coinciding poles.
 COINCIDENT = 1e-13
 MOST_STEPS = 200
+# Products in an output's normal equations below which forming them directly, by QR, takes less than to find
+# few functions to form them from.
+SMALL = 2e6
 # A step that promises less ends the search. Weights are one over standard deviations, so that an unknown one
 # deviation off costs 1/2 or more: 1e-3 is a twentieth of a deviation, for all unknowns together.
 SMALLEST_GAIN = 1e-3
@@ -64,7 +67,7 @@ def weighted(layout: Layout, data: Data, theta: Float[np.ndarray, " unknown"]) -
     terms = build_terms(layout, data, theta)
     if terms is None:
         return None
-    shared = Functions(layout, data, terms) if data.transient is None else None
+    shared = Functions(layout, data, terms) if _is_large(layout, data) or data.mix is not None else None
     solved: list[Solved] = []
     for o in range(layout.outputs) if data.mix is None else (None,):
         one = None if shared is None else solve_normal(layout, data, terms, shared, o)
@@ -79,6 +82,12 @@ def weighted(layout: Layout, data: Data, theta: Float[np.ndarray, " unknown"]) -
     gradient = np.sum([one.gradient for one in solved], axis=0)
     gram = np.sum([one.gram for one in solved], axis=0)
     return Step(cost, gradient, gram, np.concatenate([one.linear for one in solved]))
+
+
+def _is_large(layout: Layout, data: Data) -> bool:
+    """Whether normal equations pay; they cannot project transients out."""
+    numbers = 2 * len(data.s) * data.H.shape[2]
+    return data.transient is None and numbers * (layout.columns + layout.size) ** 2 > SMALL
 
 
 def solve_by_qr(layout: Layout, data: Data, terms: Terms, output: int) -> Solved | None:
