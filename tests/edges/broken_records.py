@@ -64,6 +64,24 @@ def hdf5_with(**changes: object) -> Builder:
     return build
 
 
+def hdf5_never_written(folder: Path) -> Path:
+    """As a program leaves it that made room for samples and was then stopped: they would be read as zeros."""
+    path = written(folder, ".h5")
+    with h5py.File(path, "a") as archive:
+        del archive["u"]
+        archive.create_dataset("u", (2, 1, 64, 1), float, chunks=(1, 1, 64, 1))
+    return path
+
+
+def hdf5_bit_lost(folder: Path) -> Path:
+    path = written(folder, ".h5")
+    content = bytearray(path.read_bytes())
+    place = content.index(good_record().u[0].tobytes())
+    content[place + 100] ^= 1
+    path.write_bytes(bytes(content))
+    return path
+
+
 def mat_with(**contents: object) -> Builder:
     def build(folder: Path) -> Path:
         scipy.io.savemat(folder / "r.mat", contents)

@@ -9,7 +9,7 @@ from middeck.identification.faults.found import Found, placed
 from middeck.identification.faults.levels import find_coarse_steps, find_drift, find_held, find_offset
 from middeck.identification.faults.pairs import find_pair_faults
 from middeck.identification.faults.periods import find_transient, find_unsteady_input
-from middeck.identification.faults.runs import Signal
+from middeck.identification.faults.runs import Signal, levels_of
 from middeck.identification.faults.samples import (
     find_clipping,
     find_dropouts,
@@ -94,13 +94,15 @@ def _channel_faults(
             "dead", "unusable", ((0, len(x)),), what, "check cable and gain, or leave the channel out"
         )
         return gaps or [dead]
-    found = [*gaps, *find_clipping(x), *find_dropouts(x, period=period, is_input=is_input)]
-    found += [] if struck else find_spikes(x)
+    levels = levels_of(x)
+    found = [*gaps, *find_clipping(x, levels)]
+    found += find_dropouts(x, levels, period=period, is_input=is_input)
+    found += [] if struck else find_spikes(x, levels)
     found += find_offset(x, port.unit, is_input=is_input)
     if is_input:
         return found + (find_unsteady_input(x, period) if periodic else [])
     found += find_drift(x, port.unit, period=period if periodic else None)
-    found += find_coarse_steps(x) + find_held(x)
+    found += find_coarse_steps(x, levels) + find_held(x)
     # A period with a hole or a spike differs from the others by that.
     local = {"gap", "dropout", "spike"} & {f.kind for f in found}
     return found + (find_transient(x, period) if periodic and not local else [])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from middeck.identification.faults.found import Found
-from middeck.identification.faults.runs import Signal, resolution
+from middeck.identification.faults.runs import Levels, Signal
 
 # Level over swing (rms) from which an offset is told: an output that never crosses zero much; a command may
 # have one by intention (a binary sequence of 0 and 1 has 1).
@@ -64,11 +64,11 @@ def _trend(x: Signal, periods: int) -> tuple[float, float]:
     return change, abs(change) / max(scatter / np.sqrt(LINES), 1e-300)
 
 
-def find_coarse_steps(x: Signal) -> list[Found]:
+def find_coarse_steps(x: Signal, levels: Levels) -> list[Found]:
     """A converter whose steps are a good part of the signal."""
-    step, swing = resolution(x), float(x.std())
+    step, swing = levels.step, float(x.std())
     noise = step / np.sqrt(12.0) / swing
-    if noise <= COARSE or len(np.unique(x)) < 4:
+    if noise <= COARSE:
         return []
     what = f"coarse steps of {step:.3g}: their noise is {noise:.1%} of the signal"
     hint = "amplify before the converter, or choose a smaller range"

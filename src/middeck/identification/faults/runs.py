@@ -1,9 +1,11 @@
-"""Runs of equal samples, and the step of a converter."""
+"""Runs of equal samples, and the levels of a converter."""
 
 from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Bool, Float
+
+from middeck.values import record
 
 Signal = Float[np.ndarray, " sample"]
 Runs = list[tuple[int, int]]
@@ -30,15 +32,23 @@ def equal_runs(x: Signal, least: int) -> Runs:
     return [(a, b + 1) for a, b in runs_of(np.diff(x) == 0.0) if b + 1 - a >= least]
 
 
-def resolution(x: Signal) -> float:
-    """The step of which the levels of ``x`` are whole multiples, as a converter's are; zero if there is none.
+@record
+class Levels:
+    """How many values a signal takes, and the step of which they are whole multiples (0 if there is none)."""
 
-    >>> resolution(np.round(np.sin(np.arange(500.0)), 2))
+    count: int
+    step: float
+
+
+def levels_of(x: Signal) -> Levels:
+    """The levels of ``x``; a converter's are multiples of its step.
+
+    >>> levels_of(np.round(np.sin(np.arange(500.0)), 2)).step
     0.01
     """
     levels = np.unique(x)
     if len(levels) < 4:
-        return 0.0
+        return Levels(len(levels), 0.0)
     gaps = np.sort(np.diff(levels))
     finest = FINEST * np.abs(levels).max()
     gaps = gaps[gaps > finest][:200]
@@ -47,5 +57,5 @@ def resolution(x: Signal) -> float:
         multiple = gaps / step
         # Values without a step agree so well in one of five hundred.
         if np.mean(np.abs(multiple - np.rint(multiple)) < 1e-3 + finest / step) > 0.9:
-            return float(f"{step:.6g}")
-    return 0.0
+            return Levels(len(levels), float(f"{step:.6g}"))
+    return Levels(len(levels), 0.0)

@@ -6,7 +6,7 @@ import numpy as np
 import scipy.ndimage
 
 from middeck.identification.faults.found import Found
-from middeck.identification.faults.runs import Runs, Signal, equal_runs, resolution, runs_of
+from middeck.identification.faults.runs import Levels, Runs, Signal, equal_runs, runs_of
 
 # A channel whose swing is within this share of its level is constant up to rounding.
 ROUNDING = 1e-13
@@ -48,11 +48,11 @@ def is_dead(x: Signal) -> bool:
     return bool(np.ptp(x) <= ROUNDING * np.abs(x).max())
 
 
-def find_clipping(x: Signal) -> list[Found]:
+def find_clipping(x: Signal, levels: Levels) -> list[Found]:
     """Runs at the largest or smallest value, and samples that crowd below a limit blurred by noise."""
-    if len(np.unique(x[: 10 * FEWEST_PILED])) <= 3 and len(np.unique(x)) <= 3:
+    if levels.count <= 3:  # a switched signal
         return []
-    runs = _exact_limits(x) or _blurred_limits(x)
+    runs = _exact_limits(x, levels.step) or _blurred_limits(x, levels.step)
     if not runs:
         return []
     count = sum(b - a for a, b in runs)
@@ -64,8 +64,7 @@ def find_clipping(x: Signal) -> list[Found]:
     ]
 
 
-def _exact_limits(x: Signal) -> Runs:
-    step = resolution(x)
+def _exact_limits(x: Signal, step: float) -> Runs:
     least = 3 if step > 0.0 else 2
     runs = equal_runs(x, least)
     low, high = x.min(), x.max()
@@ -78,8 +77,8 @@ def _exact_limits(x: Signal) -> Runs:
     return at if np.mean(beside) > DROP * step else []
 
 
-def _blurred_limits(x: Signal) -> Runs:
-    zone = max(ZONE * float(np.ptp(x)), 1.5 * resolution(x))
+def _blurred_limits(x: Signal, step: float) -> Runs:
+    zone = max(ZONE * float(np.ptp(x)), 1.5 * step)
     # How long half of the samples stay within a zone: steps rest everywhere, a clipped signal at its limits.
     inner = np.flatnonzero(np.diff(np.floor((x - x.min()) / zone)))
     stays = np.sort(np.diff(np.concatenate([[-1], inner, [len(x) - 1]])))
@@ -97,16 +96,15 @@ def _blurred_limits(x: Signal) -> Runs:
     return sorted(runs) if count < SWITCHED * len(x) else []
 
 
-def find_dropouts(x: Signal, *, period: int, is_input: bool) -> list[Found]:
+def find_dropouts(x: Signal, levels: Levels, *, period: int, is_input: bool) -> list[Found]:
     """Runs of one value that the signal enters or leaves by a leap."""
-    step = resolution(x)
     low, high = x.min(), x.max()
     if np.mean(np.diff(x) == 0.0) > HELD and len(equal_runs(x, 2)) > 5 * len(equal_runs(x, STUCK)):
         return []
     runs = [(a, b) for a, b in equal_runs(x, STUCK) if a > 0 and x[a] not in (low, high)]
     if is_input:  # a burst rests for long, and to the end
         runs = [(a, b) for a, b in runs if b - a < REST * period and b < len(x)]
-    runs = [r for r in runs if _leaps(x, r, step)]
+    runs = [r for r in runs if _leaps(x, r, levels.step)]
     if not runs:
         return []
     count = sum(b - a for a, b in runs)
@@ -128,9 +126,9 @@ def _leaps(x: Signal, run: tuple[int, int], step: float) -> bool:
     return max(edges) > max(5.0 * step, share * usual) and usual > 0.0
 
 
-def find_spikes(x: Signal) -> list[Found]:
+def find_spikes(x: Signal, levels: Levels) -> list[Found]:
     """One or two samples far outside of all that is beside them."""
-    runs = spike_runs(x)
+    runs = _spike_runs(x, levels.step)
     if not runs:
         return []
     largest = max(float(np.abs(x[a:b] - np.median(x)).max()) for a, b in runs)
@@ -139,8 +137,7 @@ def find_spikes(x: Signal) -> list[Found]:
     return [Found("spike", "serious", tuple(runs), what, hint)]
 
 
-def spike_runs(x: Signal) -> Runs:
-    """Where `find_spikes` sees one."""
+def _spike_runs(x: Signal, step: float) -> Runs:
     if len(x) < 2 * BESIDE + 5:
         return []
     size = BESIDE - 1
@@ -151,7 +148,7 @@ def spike_runs(x: Signal) -> Runs:
     lowest = np.roll(scipy.ndimage.minimum_filter1d(x, size), shift)
     lowest = np.minimum(lowest, np.roll(scipy.ndimage.minimum_filter1d(x, size), -shift))
     beyond = np.maximum(x - highest, lowest - x)
-    found = (beyond > LEAP * (highest - lowest) + 5.0 * resolution(x)) & (beyond > ROUNDING * np.abs(x).max())
+    found = (beyond > LEAP * (highest - lowest) + 5.0 * step) & (beyond > ROUNDING * np.abs(x).max())
     found[: BESIDE + 2] = found[-BESIDE - 2 :] = False
     return runs_of(found)
 
@@ -159,7 +156,7 @@ def spike_runs(x: Signal) -> Runs:
 def is_impact(x: Signal) -> bool:
     """Whether a good part of the energy is in spikes, as of a hammer."""
     swing = x - np.median(x)
-    energy = sum(float(np.sum(swing[a:b] ** 2)) for a, b in spike_runs(x))
+    energy = sum(float(np.sum(swing[a:b] ** 2)) for a, b in _spike_runs(x, 0.0))
     return energy > IMPACTS * float(np.sum(swing**2))
 
 
