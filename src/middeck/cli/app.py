@@ -20,6 +20,7 @@ VERBS = (
     "sensitivity",
     "correlate",
     "response",
+    "excite",
     "record",
     "identify",
     "drift",
