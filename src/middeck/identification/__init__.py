@@ -12,25 +12,38 @@ from middeck.identification.measurement_model import (
     model_response,
     natural_hz,
 )
-from middeck.identification.plants import measured_plant, sampled_plant, sampled_statespace
+from middeck.identification.modal_states import sampled_statespace
+from middeck.identification.plants import measured_plant, sampled_plant
+from middeck.identification.pole_zero_gain import PoleZeroGain, from_pole_zero_gain, pole_zero_gain
+from middeck.identification.selection import scale_channels, select_channels
 from middeck.identification.simulation import nrmse, simulate_periodic
 from middeck.identification.spectra import ResponseScatter, estimate_response, response_scatter
 from middeck.identification.uncertainty import Uncertainty
+from middeck.identification.zeros import Zeros, matrix_zeros, name_zeros, path_zeros
 
 __all__ = [
     "FitResult",
     "MeasurementModel",
+    "PoleZeroGain",
     "ResponseScatter",
     "Uncertainty",
+    "Zeros",
     "damping_ratio",
     "estimate_response",
     "fit_response",
+    "from_pole_zero_gain",
+    "matrix_zeros",
     "measured_plant",
     "model_response",
+    "name_zeros",
     "natural_hz",
     "nrmse",
+    "path_zeros",
+    "pole_zero_gain",
     "response_scatter",
     "sampled_plant",
     "sampled_statespace",
+    "scale_channels",
+    "select_channels",
     "simulate_periodic",
 ]

@@ -18,7 +18,7 @@ from middeck.identification.measurement_model import (
     rational_response,
     rational_slope,
 )
-from middeck.identification.plants import select_channels
+from middeck.identification.selection import select_channels
 from middeck.identification.zeros import path_zeros
 from middeck.systems.ports import Port
 from middeck.values import record

@@ -20,7 +20,9 @@ from middeck.identification.measurement_model import (
     rational_response,
     rational_slope,
 )
-from middeck.identification.plants import SAME_DELAY_S, rational_statespace, select_channels
+from middeck.identification.modal_states import rational_statespace
+from middeck.identification.plants import SAME_DELAY_S
+from middeck.identification.selection import select_channels
 from middeck.systems.delayed_sampling import is_sum
 from middeck.systems.transmission_zeros import transmission_zeros
 from middeck.values import record
