@@ -124,7 +124,7 @@ def test_a_relative_degree_makes_the_delay_of_complex_modes_certain(full_rank):
 
 def test_likelihood_reaches_the_bound_where_outputs_share_their_noise():
     """Noise of both outputs all but the same, inputs not orthogonal: what they differ by says most."""
-    truth, rng, draws = a_model(delay_s=np.array([0.01, 0.01])), np.random.default_rng(8), 12
+    truth, rng, draws = a_model(delay_s=np.array([0.01, 0.01])), np.random.default_rng(8), 6
     H = model_response(truth, F)
     size = 1e-3 * np.sqrt(np.mean(np.abs(H) ** 2))
     C = size**2 * np.array([[1.0, 0.99j], [-0.99j, 1.0]])
@@ -140,9 +140,9 @@ def test_likelihood_reaches_the_bound_where_outputs_share_their_noise():
         for cost, errors in found.items():
             model = fit_response(measured, states=6, delay="common", cost=cost).model
             errors.append((np.sort(natural_hz(model)) - HZ) / deviation)
-    # 36 numbers of variance one: their mean square is known to 24 %; four of those. Without their
+    # 18 numbers of variance one: their mean square is known to 33 %; four of those. Without their
     # correlation the fit does worse by far.
-    assert np.mean(np.square(found["likelihood"])) < 2.0
+    assert np.mean(np.square(found["likelihood"])) < 2.3
     assert np.mean(np.square(found["weighted"])) > 4.0
 
 

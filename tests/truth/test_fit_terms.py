@@ -7,8 +7,9 @@ import pytest
 
 from middeck.identification.design import build_terms, jacobian, residual_of
 from middeck.identification.fit_data import Data, Transient
+from middeck.identification.gram_blocks import Functions
 from middeck.identification.layout import Layout, Point, pack
-from middeck.identification.normal_equations import Functions, solve_normal
+from middeck.identification.normal_equations import solve_normal
 from middeck.identification.refine import solve_by_qr, weighted
 
 

@@ -12,6 +12,7 @@ modes' psi, whose product phi psi leaves a whole matrix free, a unit matrix is h
 
 from __future__ import annotations
 
+import functools
 from typing import Literal
 
 import numpy as np
@@ -65,7 +66,7 @@ class Layout:
     delay_of: DelayOf = "output"
     relative_degree_two: bool = False
 
-    @property
+    @functools.cached_property
     def pairs(self) -> int:
         """Conjugate pairs."""
         return int(np.sum(self.pair))
@@ -75,7 +76,7 @@ class Layout:
         """Terms c b / (q - lambda) of each pole."""
         return self.inputs if self.full else 1
 
-    @property
+    @functools.cached_property
     def free_b(self) -> list[tuple[int, int, bool]]:
         """(mode, input, is imaginary part) of each free entry of b, in the order of theta."""
         if self.full:
@@ -88,7 +89,7 @@ class Layout:
             for part in ((False, True) if pair and not self.real_constants else (False,))
         ]
 
-    @property
+    @functools.cached_property
     def free_psi(self) -> list[tuple[int, int]]:
         """(rigid mode, input) of each free entry of psi."""
         rest = [i for i in range(self.inputs) if i not in self.rigid_pivot]

@@ -25,8 +25,9 @@ from middeck.identification.design import (
     model_of_output,
 )
 from middeck.identification.fit_data import Data
+from middeck.identification.gram_blocks import Functions
 from middeck.identification.layout import Layout
-from middeck.identification.normal_equations import Functions, Solved, solve_normal
+from middeck.identification.normal_equations import Solved, solve_normal
 from middeck.identification.own_transients import OwnTransients, as_real
 from middeck.identification.ties import Tied
 from middeck.values import record
