@@ -18,6 +18,8 @@ ZONE, PILED = 0.005, 5.0
 FEWEST_PILED = 20
 # Samples in one run at a limit over those in any zone as wide.
 LINGERS = 2.0
+# Zones by which a signal goes away from a limit after a visit, and how many it makes: a plateau is a step.
+AWAY, FEWEST_VISITS = 10.0, 3
 # Half of the samples at the limits: a switched signal, not a clipped one.
 SWITCHED = 0.5
 # Dropouts: eight equal samples are no peak seen through steps if the signal then leaps.
@@ -91,7 +93,8 @@ def _blurred_limits(x: Signal, step: float) -> Runs:
         top, below = int(at.sum()), int(next_to.sum())
         found = runs_of(at)
         crowded = top >= FEWEST_PILED and top > PILED * below + 5.0 * np.sqrt(below)
-        if crowded and top > LINGERS * stay * len(found):
+        visits = np.count_nonzero(np.maximum.reduceat(depth, [a for a, _ in found]) > AWAY * zone)
+        if crowded and top > LINGERS * stay * len(found) and visits >= FEWEST_VISITS:
             runs, count = runs + found, count + top
     return sorted(runs) if count < SWITCHED * len(x) else []
 
