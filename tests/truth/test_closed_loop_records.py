@@ -81,10 +81,9 @@ def test_with_the_reference_or_the_controller_there_is_no_bias(given, method):
     errors, stated = [], []
     for seed in range(SEEDS):
         record, how = GIVEN[given](*cut(seed, samples=2048))
-        found = estimate_response(record, method=method, band_hz=(0.02, 0.4), segment=256, **how)
+        found = response_scatter(record, method=method, band_hz=(0.02, 0.4), segment=256, **how)
         errors.append(found.H[:, 0, 0] - plant(found.frequency_hz))
-        stated.append(found.variance[:, 0, 0])
-    assert [p.name for p in (*found.inputs, *found.outputs)] == ["u", "y"]
+        stated.append(found.total[:, 0, 0])
     G, k = plant(found.frequency_hz), response(K, found.frequency_hz)
     variance = np.mean(stated, axis=0)
     of_mean = np.abs(np.mean(errors, axis=0)) ** 2 * SEEDS / variance
@@ -104,6 +103,7 @@ def test_all_three_say_the_same():
     given = {name: give(r, u, y) for name, give in GIVEN.items()}
     found = {n: estimate_response(record, band_hz=(0.02, 0.4), **how) for n, (record, how) in given.items()}
     assert found["name"] == found["samples"]
+    assert [p.name for p in (*found["name"].inputs, *found["name"].outputs)] == ["u", "y"]
     # K y of a cut record differs from what K did by the end of its own state: a transient like any other.
     difference = np.abs(found["controller"].H - found["name"].H) ** 2
     assert np.median(difference / found["name"].variance) < 0.05
@@ -144,9 +144,9 @@ def test_two_inputs_and_two_references():
         u[:, k] = r[:, k] - 0.4 * y[:, k]
     ports = tuple(Port(n, "V") for n in ("r1", "r2", "u1", "u2")), (Port("y1", "V"), Port("y2", "V"))
     record = Record(1.0, np.concatenate([r, u]).T[None, None], y.T[None, None], *ports, periodic=False)
-    found = estimate_response(record, reference=("r1", "r2"), band_hz=(0.05, 0.45))
+    found = response_scatter(record, reference=("r1", "r2"), band_hz=(0.05, 0.45))
     truth = mix * np.exp(-2j * np.pi * found.frequency_hz)[:, None, None]
-    z2 = np.abs(found.H - truth) ** 2 / found.variance
+    z2 = np.abs(found.H - truth) ** 2 / found.total
     # Some forty independent windows of four entries; choosing windows flatters by a tenth.
     assert np.mean(z2) == pytest.approx(1.1, rel=0.3)
     K = gain_system(-0.4 * np.eye(2))

@@ -9,6 +9,7 @@ from scipy.signal import lfilter
 from middeck.errors import DataError
 from middeck.identification.spectra import estimate_response, response_scatter
 from middeck.identification.spectra.local_fit import LocalModel, fit_windows, freedom
+from middeck.identification.spectra.scatter import trusted
 from middeck.systems.ports import Port
 from middeck.systems.record import Record
 
@@ -127,10 +128,10 @@ def test_the_stated_variance_is_that_of_the_error(campaign):
     bands = [(0.3, 1.1), (1.1, 2.0), (2.0, 6.0), (6.0, 10.0), (10.0, 20.0), (20.0, 60.0)]
     ratios = []
     for seed in campaign(60):
-        found = estimate_response(cut_record(seed, samples=16384, noise=0.01), band_hz=(0.25, 60.0))
+        found = response_scatter(cut_record(seed, samples=16384, noise=0.01), band_hz=(0.25, 60.0))
         squared = np.abs(found.H - gimbal_record.response(found.frequency_hz)) ** 2
         inside = [(found.frequency_hz >= a) & (found.frequency_hz < b) for a, b in bands]
-        ratios.append([squared[k].sum() / found.variance[k].sum() for k in inside])
+        ratios.append([squared[k].sum() / found.total[k].sum() for k in inside])
     # Choosing the window by its residual flatters it by some 10 %, bias adds up to twice as much, and a band
     # of few independent windows scatters by 20 % over three seeds: within a third, where a bias of one
     # deviation would double it.
@@ -272,3 +273,23 @@ def test_what_is_exact_stays_finite(method):
         assert np.isfinite(found.H).all()
         assert np.isfinite(found.variance).all()
         assert np.isfinite(found.covariance.outputs).all()
+
+
+def test_a_sum_over_lines_is_as_certain_as_its_data():
+    """A gain from all lines, weighed as if independent, scatters by one over the sum of its weights."""
+    gains, stated, pointwise = [], [], []
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        u = rng.standard_normal((2, 1, 256, 1))
+        y = 2.0 * u + 0.5 * rng.standard_normal(u.shape)
+        record = Record(1.0, u, y, (Port("u", ""),), (Port("y", ""),), periodic=False)
+        found = response_scatter(record, method="local polynomial")
+        variance, _ = trusted(found)
+        gains.append(np.sum(found.H / variance) / np.sum(1.0 / variance))
+        stated.append(1.0 / np.sum(1.0 / variance))
+        pointwise.append(1.0 / np.sum(1.0 / found.total))
+    squared = np.mean(np.abs(np.array(gains) - 2.0) ** 2)
+    # 40 complex numbers: their mean square is known to 16 %; weights that follow the noise take some more.
+    assert squared == pytest.approx(np.mean(stated), rel=0.5)
+    # With the variances of the smoothed lines it would be taken for far more certain than it is.
+    assert squared > 4.0 * np.mean(pointwise)

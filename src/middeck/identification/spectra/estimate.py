@@ -71,10 +71,11 @@ def estimate_response(
 
     Returns
     -------
-    The response. Its ``variance`` is the one a weighted fit should use: the total variance (noise and
-    nonlinear distortion) where it is known, otherwise the noise variance (over periods), otherwise None.
-    ``covariance`` belongs to it. `response_scatter` returns both, with their degrees of freedom. Local models
-    share data between neighbouring lines: their variance is that of each line, and neighbours err together.
+    The response. Its ``variance`` is the one for a weighted fit, which takes lines as independent: the total
+    variance (noise and nonlinear distortion) where it is known, otherwise the noise variance (over periods),
+    otherwise None; ``covariance`` belongs to it. Of local models, whose neighbouring lines share data and err
+    together, it is that of a line's own data, larger than the error of the response drawn: that,
+    and its degrees of freedom, are in `response_scatter`.
 
     Raises
     ------

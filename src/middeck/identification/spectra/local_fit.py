@@ -49,6 +49,8 @@ class LocalFit:
     ----------
     covariance:
         Of what is left of the outputs.
+    line_inverse_power:
+        Inverse of the inputs' power on one line, averaged over the window.
     prediction:
         Mean square error of each line's outputs predicted without it (Allen 1974).
     denominator:
@@ -59,6 +61,7 @@ class LocalFit:
     variance: Float[np.ndarray, "line output input"]
     covariance: Complex[np.ndarray, "line output output"]
     inverse_power: Complex[np.ndarray, "line input input"]
+    line_inverse_power: Complex[np.ndarray, "line input input"]
     prediction: Float[np.ndarray, "line output"]
     denominator: Complex[np.ndarray, "line term"]
 
@@ -89,7 +92,15 @@ def fit_windows(
     return LocalFit(
         *(
             np.concatenate([getattr(part, name) for part in parts])
-            for name in ("H", "variance", "covariance", "inverse_power", "prediction", "denominator")
+            for name in (
+                "H",
+                "variance",
+                "covariance",
+                "inverse_power",
+                "line_inverse_power",
+                "prediction",
+                "denominator",
+            )
         )
     )
 
@@ -164,6 +175,7 @@ def _solve(
         + np.real(np.einsum("ktoi,kts,ksoi->koi", slope, spread, slope.conj())),
         covariance,
         inverse_power,
+        _line_inverse_power(U),
         _prediction(Q, X, A, left, own),
         d if model.rational else np.zeros((count, ORDER)),
     )
@@ -185,6 +197,11 @@ def _columns(
     rY = powers[:, None, : last + 1, None, :] * Y[:, :, None]
     X, Z = (beside(Q, r.reshape(count, -1, width)) for r in (rU, rY))
     return X.reshape(count, experiments, -1, width), Z.reshape(count, experiments, -1, width)
+
+
+def _line_inverse_power(U: Complex[np.ndarray, "estimate experiment input row"]) -> np.ndarray:
+    power = np.sum(U @ np.swapaxes(U.conj(), 2, 3), axis=1) / U.shape[3]
+    return scaled_inverse(power).conj()
 
 
 def scaled_inverse(A: Complex[np.ndarray, "estimate a a"]) -> Complex[np.ndarray, "estimate a a"]:

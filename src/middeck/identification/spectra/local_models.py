@@ -70,7 +70,9 @@ def scatter_of_local_models(
     # In units of each channel's largest line, so that no sum of squares leaves the range of numbers.
     sizes = by_input, by_output = np.abs(U).max(axis=(0, 1)), np.abs(Y).max(axis=(0, 1))
     scaled = U / by_input, Y / by_output
-    return _in_units(_by_choice(*scaled, frequency, lines, models, _choice(*scaled, lines, models)), *sizes)
+    return _in_units(
+        _by_choice(*scaled, frequency, lines, models, _choice(*scaled, lines, models)), *sizes, stride
+    )
 
 
 def _spectra(record: Record) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
@@ -142,10 +144,14 @@ def _moving_mean(x: Float[np.ndarray, "line output"], half: int) -> Float[np.nda
 
 
 def _in_units(
-    found: ResponseScatter, by_input: Float[np.ndarray, " input"], by_output: Float[np.ndarray, " output"]
+    found: ResponseScatter,
+    by_input: Float[np.ndarray, " input"],
+    by_output: Float[np.ndarray, " output"],
+    stride: int,
 ) -> ResponseScatter:
     assert found.total is not None
     assert found.total_covariance is not None
+    assert found.line_inverse_power is not None
     gain = by_output[:, None] / by_input
     return dataclasses.replace(
         found,
@@ -153,6 +159,8 @@ def _in_units(
         total=found.total * gain**2,
         total_covariance=found.total_covariance * np.outer(by_output, by_output),
         inverse_power=found.inverse_power / np.outer(by_input, by_input),
+        # Of the lines of a window only every stride-th is excited: their mean power is that much more.
+        line_inverse_power=found.line_inverse_power / (stride * np.outer(by_input, by_input)),
     )
 
 
@@ -170,11 +178,14 @@ def _by_choice(
     total = np.empty((len(lines), outputs, inputs))
     dof = np.empty(len(lines))
     covariance = np.empty((len(lines), outputs, outputs), dtype=complex)
-    inverse_power = np.empty((len(lines), inputs, inputs), dtype=complex)
+    inverse_power, of_line = np.empty((2, len(lines), inputs, inputs), dtype=complex)
     for k in np.unique(choice):
         here = choice == k
         found = fit_windows(U, Y, lines[here], models[k], reweigh=True)
         H[here], total[here] = found.H, found.variance
         covariance[here], inverse_power[here] = found.covariance, found.inverse_power
+        of_line[here] = found.line_inverse_power
         dof[here] = freedom(models[k], experiments, inputs, outputs)
-    return ResponseScatter(frequency[lines], H, None, total, None, dof, None, covariance, inverse_power)
+    return ResponseScatter(
+        frequency[lines], H, None, total, None, dof, None, covariance, inverse_power, of_line
+    )

@@ -133,7 +133,11 @@ def plant_scatter(found: ResponseScatter, outputs: int) -> ResponseScatter:
     W = np.linalg.pinv(H_u)
     G = H_y @ W
     beside = np.concatenate([np.broadcast_to(np.eye(outputs), (lines, outputs, outputs)), -G], axis=2)
-    inverse_power = np.swapaxes(W, 1, 2) @ found.inverse_power @ W.conj()
+
+    def at_input(R: np.ndarray) -> np.ndarray:
+        return np.swapaxes(W, 1, 2) @ R @ W.conj()
+
+    inverse_power = at_input(found.inverse_power)
 
     def through(covariance: np.ndarray | None) -> np.ndarray | None:
         return None if covariance is None else beside @ covariance @ np.swapaxes(beside.conj(), 1, 2)
@@ -149,4 +153,5 @@ def plant_scatter(found: ResponseScatter, outputs: int) -> ResponseScatter:
         noise,
         total,
         inverse_power,
+        None if found.line_inverse_power is None else at_input(found.line_inverse_power),
     )

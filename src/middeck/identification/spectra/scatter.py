@@ -32,6 +32,9 @@ class ResponseScatter:
     inverse_power:
         R[line, input, input]: E[dH_oi conj(dH_pj)] = C_op R_ij. Of local rational models it holds on the
         diagonal, and off it with the correlation of the outputs' noise.
+    line_inverse_power:
+        R of each line's own data, for uses that take lines as independent. None where they are; neighbouring
+        lines of local models share their data, and ``inverse_power`` is smaller by the lines that count.
 
     Variances are of the complex number: real and imaginary part together.
     """
@@ -45,6 +48,7 @@ class ResponseScatter:
     noise_covariance: Complex[np.ndarray, "line output output"] | None
     total_covariance: Complex[np.ndarray, "line output output"] | None
     inverse_power: Complex[np.ndarray, "line input input"]
+    line_inverse_power: Complex[np.ndarray, "line input input"] | None = None
 
     @property
     def distortion(self) -> Float[np.ndarray, "line output input"] | None:
@@ -66,16 +70,13 @@ def variance_of(
 def trusted(
     found: ResponseScatter,
 ) -> tuple[Float[np.ndarray, "line output input"] | None, ResponseCovariance | None]:
-    """The variance a weighted fit should use, total where it is known, and the covariance with it."""
-    variance, covariance = (
-        (found.noise, found.noise_covariance)
-        if found.total is None
-        else (found.total, found.total_covariance)
-    )
-    if variance is None or covariance is None:
+    """The variance for a fit whose lines count as independent, total where known, and its covariance.
+
+    A sum over lines of |H - model|^2 / variance then tells as much as the data do: neighbouring estimates of
+    a local model err together, and weighed by their own, smaller variances they would say it several times.
+    """
+    covariance = found.noise_covariance if found.total is None else found.total_covariance
+    if covariance is None:
         return None, None
-    # A denominator adds to the variance of local rational models: outputs' noise is scaled up to it.
-    known = variance_of(covariance, found.inverse_power)
-    scale = np.sqrt(variance.sum(axis=2) / np.maximum(known.sum(axis=2), np.finfo(float).tiny))
-    together = scale[:, :, None] * covariance * scale[:, None, :]
-    return variance, ResponseCovariance(together, found.inverse_power)
+    R = found.inverse_power if found.line_inverse_power is None else found.line_inverse_power
+    return variance_of(covariance, R), ResponseCovariance(covariance, R)
