@@ -24,6 +24,8 @@ HEAT, FEW, FEW_STEPS, LAST_STEPS, EXCHANGE_STEPS = 0, 2, 6, 12, 4
 # it gains more likelihood than rounding and an unsettled search may.
 WORTH_EXCHANGE = 0.1
 EXCHANGE_GAIN = 1.0
+# An order is given up to so many turns of a few steps before it is compared.
+MOST_TURNS = 6
 # Steps on half of the lines, from the model on all of them.
 HELD_OUT_STEPS = 3
 # Starts of each order when orders are compared, beside the one grown from the order before.
@@ -109,6 +111,7 @@ def recommend_states(
         best = _heats(part, some, started if larger is None else [*started, larger]) or best
         if best is None or _states(best) != states:
             continue
+        best = _as_long_as_it_tells(part, some, best)
         length = description_length(best.likelihood, unknowns, 2 * part.H.size)
         tried.append(Tried(states, length, _held_out(data, part, some, best)))
         if is_settled([t.length for t in tried]):
@@ -116,6 +119,15 @@ def recommend_states(
     if not tried:
         raise FitError("no order could be fitted", hint="a wider band or a longer period")
     return choose(tried)
+
+
+def _as_long_as_it_tells(part: Data, spread: Spread, run: Polished) -> Polished:
+    """Refined until some steps more gain no more than one unknown costs in the description."""
+    for _ in range(MOST_TURNS):
+        before, run = run, _further(part, spread, run, FEW_STEPS)
+        if before.likelihood - run.likelihood <= 0.5 * np.log(2 * part.H.size):
+            break
+    return run
 
 
 def _states(run: Polished) -> int:
