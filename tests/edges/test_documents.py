@@ -537,6 +537,21 @@ def study_copy(tmp_path: Path, *changes: tuple[str, str]) -> Path:
             "'simple'?",
         ),
         ("states = 10", "states = 11", "siso.states", "must be even", ""),
+        ("states = 26", "states = 27", "sito.states", "must be even", ""),
+        (
+            'sensors = ["pri_rel_z", "bus_z"]',
+            'sensors = ["pri_in_z", "bus_z"]',
+            "sito.sensors",
+            "two sensors",
+            "",
+        ),
+        (
+            'sensors = ["pri_rel_z", "bus_z"]',
+            'sensors = ["pri_rel_z", "bus_y2"]',
+            "sito.sensors.1",
+            "no such port",
+            "bus_y",
+        ),
         (
             "log10_authority_last = 4.5",
             "log10_authority_last = -4.5",

@@ -8,9 +8,13 @@ import pytest
 import scipy.signal
 
 from middeck.errors import ConfigError
+from middeck.identification.fit import fit_response
 from middeck.identification.measurement_model import MeasurementModel, model_response, rational_response
 from middeck.identification.plants import measured_plant
 from middeck.identification.pole_zero_gain import PoleZeroGain, from_pole_zero_gain, pole_zero_gain
+from middeck.identification.spectra import estimate_response
+from middeck.identification.uncertainty import zero_deviation
+from middeck.identification.unknowns import entry_slopes
 from middeck.identification.zeros import matrix_zeros, name_zeros, path_zeros
 from middeck.systems.modal import ModalSystem, modal_to_statespace
 from middeck.systems.ports import Port
@@ -284,6 +288,24 @@ def test_complex_residues_that_add_up_to_zero_have_relative_degree_two():
     )  # fmt: skip
     found = path_zeros(model, "payload", "gimbal")
     assert np.sum(np.where(found.is_pair, 2, 1)) == 8
+
+
+def test_what_moves_a_zero_is_what_its_deviation_is_made_of():
+    """By the response's factor here, or by the implicit function theorem on the unknowns of a fit there."""
+    fitted = fit_response(estimate_response(gimbal_record.multisine(0)), states=10)
+    found = path_zeros(fitted.model, "payload", "gimbal")
+    late = dataclasses.replace(fitted.model, delay_s=np.zeros(1))
+    slopes = entry_slopes(late, fitted.covariance.structure, found.value, 0, 0)
+    dz = found.by_response[:, 0, 0, None] * slopes.by.T
+    C = fitted.covariance.matrix[np.ix_(slopes.place, slopes.place)]
+    along = np.real(found.value.conj()[:, None] * dz) / np.abs(found.value)[:, None] / HZ
+    deviation = np.sqrt(np.einsum("zu,uv,zv->z", along, C, along))
+    theirs, _ = zero_deviation(fitted.covariance, found.value, output="payload", input="gimbal")
+    # Their derivative by s is a difference: (step 1e-4 over 1.6 %, the way to the nearest mode)^2.
+    np.testing.assert_allclose(deviation, theirs, rtol=1e-4)
+    truth = path_zeros(gimbal_model(), "payload", "gimbal")
+    # Four standard deviations.
+    assert np.all(np.abs(found.frequency_hz - truth.frequency_hz) < 4.0 * deviation)
 
 
 def test_refuses_what_is_no_model():
