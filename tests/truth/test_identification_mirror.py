@@ -1,10 +1,15 @@
-"""Real 3 x 3 hardware: the held-out error is no worse than the published baseline of the data set."""
+"""Real 3 x 3 hardware: the held-out error meets its levels, and so does the order."""
 
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from middeck.identification import estimate_response, fit_response, nrmse
+from middeck.identification.choices import Choices, options_of
+from middeck.identification.fit_data import Data
+from middeck.identification.race import recommend_states
+from middeck.identification.weights import spread_of
 from middeck.systems.ports import Port
 from middeck.systems.record import Record
 
@@ -20,10 +25,35 @@ def load(part):
         return Record(float(z["sample_hz"]), z["u"], z["y"], inputs, outputs, bool(z["periodic"]))
 
 
-def test_held_out_error_at_28_states():
-    fitted = fit_response(
-        estimate_response(load("train"), band_hz=(0.5, 3000.0)), states=28, sample_hz=6400.0
+LEVELS = [(28, [0.042, 0.056, 0.048]), (40, [0.036, 0.040, 0.035])]
+
+
+@pytest.fixture(scope="module")
+def measured():
+    return estimate_response(load("train"), band_hz=(0.5, 3000.0))
+
+
+@pytest.mark.parametrize(("states", "level"), LEVELS)
+def test_held_out_error_of_a_stated_order(measured, states, level):
+    """The published error of the data set's own notebook is 4.54 / 7.02 / 5.35 % at 28 states."""
+    fitted = fit_response(measured, states=states, sample_hz=6400.0)
+    assert fitted.model.states == states
+    # The benchmark cases' levels.
+    assert (nrmse(fitted.model, load("test")) <= level).all()
+    # No pole outside the band is nearer to instability than the band can tell.
+    poles = fitted.model.poles
+    beyond = np.imag(poles) - 2.0 * np.pi * 3000.0
+    assert np.all(-np.real(poles) >= 0.0199 * beyond)
+
+
+def test_order_recommended(measured):
+    spread = spread_of(measured, relative=False)
+    data = Data(
+        2j * np.pi * measured.frequency_hz, np.moveaxis(measured.H, 0, 1), 1.0 / np.sqrt(spread.at(1e-3))
     )
-    assert fitted.model.states == 28
-    # Published: 4.54 / 7.02 / 5.35 % (ISMA-USD 2024 data set's own notebook).
-    assert (nrmse(fitted.model, load("test")) <= [0.0454, 0.0702, 0.0535]).all()
+    options = options_of(measured, 2, Choices(6400.0, None, None, None, False, False, 0, None))
+    choice = recommend_states(measured, data, spread, options)
+    # Fourteen modes stand out of the response; beyond 50 states an order has more poles than peaks and dips.
+    assert 28 <= choice.states <= 50
+    held_out = {t.states: t.held_out for t in choice.tried}
+    assert held_out[choice.states] <= held_out[28]

@@ -95,7 +95,7 @@ def modal_parameters(
         shapes = shapes / np.max(np.abs(shapes), axis=0)
     else:
         output, driven = _place(model.outputs, drive_point[0]), _place(model.inputs, drive_point[1])
-        at_point = _positive(constants[:, output, driven].real, natural_hz(model)[pairs], drive_point)
+        at_point = _positive(np.real(constants[:, output, driven]), natural_hz(model)[pairs], drive_point)
         shapes = shapes / shapes[output] * np.sqrt(at_point)
         mass = 1.0 / at_point
     turned = shapes * np.exp(-0.5j * np.angle(np.sum(shapes**2, axis=0)))
@@ -121,7 +121,7 @@ def _constants(model: MeasurementModel, pairs: np.ndarray) -> Complex[np.ndarray
     if model.sample_hz is not None:
         # A held input: r / (s - p) is sampled to r (exp(p T) - 1) / p / (z - exp(p T)).
         residues = residues * (poles / np.expm1(poles / model.sample_hz))[:, None, None]
-    return 2j * poles.imag[:, None, None] * residues
+    return 2j * np.imag(poles)[:, None, None] * residues
 
 
 def _place(ports: tuple[Port, ...], name: str) -> int:

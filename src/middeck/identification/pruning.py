@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 
 def prune(
     A: Float[np.ndarray, "number column"],
     y: Float[np.ndarray, "number target"],
-    blocks: Sequence[Sequence[int]],
+    blocks: Sequence[Sequence[int] | Int[np.ndarray, " own"]],
     states: Sequence[int],
     wanted: int,
 ) -> list[int] | None:
@@ -25,9 +25,9 @@ def prune(
         States to keep; None is returned where the modes do not add up to that.
     """
     size = np.linalg.norm(A, axis=0)
-    A = A / np.where(size > 0.0, size, 1.0)
-    gram, right = A.T @ A, A.T @ y
-    of_modes = {c for block in blocks for c in block}
+    scaled = A / np.where(size > 0.0, size, 1.0)
+    gram, right = scaled.T @ scaled, scaled.T @ y
+    of_modes = {int(c) for block in blocks for c in block}
     free = [c for c in range(A.shape[1]) if c not in of_modes]
     kept = list(range(len(blocks)))
     while (left := sum(states[m] for m in kept) - wanted) > 0:
@@ -43,10 +43,13 @@ def prune(
 
 
 def _missed(
-    gram: np.ndarray, right: np.ndarray, blocks: Sequence[Sequence[int]], free: Sequence[int]
+    gram: np.ndarray,
+    right: np.ndarray,
+    blocks: Sequence[Sequence[int] | Int[np.ndarray, " own"]],
+    free: Sequence[int],
 ) -> list[float]:
     """By how much the squares rise without each block, the others solved for again."""
-    columns = [c for block in blocks for c in block] + list(free)
+    columns = [int(c) for block in blocks for c in block] + list(free)
     inverse = np.linalg.pinv(gram[np.ix_(columns, columns)], hermitian=True)
     x = inverse @ right[columns]
     missed: list[float] = []

@@ -106,9 +106,11 @@ def recommend_states(
         unknowns = count_unknowns(measured, sized)
         if 2 * unknowns > part.H.size:
             break
-        started = [(start, None) for start in islice(starts(part, sized), ORDER_STARTS)]
-        larger = None if best is None else _grown(part, some, sized, best)
-        best = _heats(part, some, started if larger is None else [*started, larger]) or best
+        started: list[tuple[Start, float | None]] = []
+        started += [(start, None) for start in islice(starts(part, sized), ORDER_STARTS)]
+        if best is not None and (larger := _grown(part, some, sized, best)) is not None:
+            started.append(larger)
+        best = _heats(part, some, started) or best
         if best is None or _states(best) != states:
             continue
         best = _as_long_as_it_tells(part, some, best)

@@ -18,7 +18,13 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.errors import ConfigError
-from middeck.identification.measurement_model import MeasurementModel, is_single, model_response, natural_hz
+from middeck.identification.measurement_model import (
+    MeasurementModel,
+    damping_ratio,
+    is_single,
+    model_response,
+    natural_hz,
+)
 from middeck.values import record
 
 # Lines between the slowest and the fastest mode, and those across each mode, in half-power bandwidths.
@@ -79,7 +85,7 @@ def minimal_model(model: MeasurementModel, *, error: float = 1e-3) -> MinimalMod
 
 
 def _lines(model: MeasurementModel) -> np.ndarray:
-    f, zeta = natural_hz(model), np.minimum(-model.poles.real / np.abs(model.poles), 1.0)
+    f, zeta = natural_hz(model), damping_ratio(model)
     across = (f[:, None] * (1.0 + ACROSS * zeta[:, None])).ravel()
     highest = np.inf if model.sample_hz is None else 0.5 * model.sample_hz
     low, high = 0.1 * f.min(), min(10.0 * f.max(), highest)

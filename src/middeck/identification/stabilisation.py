@@ -182,7 +182,7 @@ def _result(models: list[_Model], flags: np.ndarray, by_hz: float, by_mac: float
     orders = tuple(m.order for m in models)
     natural_hz, damping = np.abs(poles) / (2.0 * np.pi), -np.real(poles) / np.abs(poles)
     residues = np.concatenate([m.residues for m in models])
-    members = _members(order, natural_hz, residues, flags.all(axis=1), by_hz, by_mac)
+    members = _members(order, natural_hz, residues, flags[:, 0] & flags[:, 1] & flags[:, 2], by_hz, by_mac)
     kept = [c for c in members if len(c) >= max(FEWEST, SHARE * sum(n >= order[c[0]] for n in orders))]
     kept.sort(key=lambda c: float(np.median(natural_hz[c])))
     cluster = np.full(len(poles), -1)
@@ -193,7 +193,9 @@ def _result(models: list[_Model], flags: np.ndarray, by_hz: float, by_mac: float
         order,
         natural_hz,
         damping,
-        *flags.T,
+        flags[:, 0],
+        flags[:, 1],
+        flags[:, 2],
         cluster,
         np.array([np.median(natural_hz[c]) for c in kept]),
         np.array([np.median(damping[c]) for c in kept]),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -31,7 +33,7 @@ def stabilisation(
     behind.grid(visible=False)
     for hz in diagram.cluster_hz:
         axes.axvline(hz, color=COLOUR["shade"], linewidth=3.0, zorder=0.5)
-    kinds = [
+    kinds: list[tuple[str, np.ndarray, dict[str, Any]]] = [
         ("new", ~diagram.stable_frequency, {"marker": ".", "color": COLOUR["rig"], "markersize": 3.0}),
         (
             "stable in frequency",
