@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from middeck.cli.settings import FitSettings
     from middeck.identification.drift import Drift
     from middeck.identification.response_drift import ResponseDrift
+    from middeck.systems.response import FrequencyResponse
 
 EPILOG = """\
 \b
@@ -58,10 +59,10 @@ def verb(
 ) -> None:
     """Test whether an article has changed between two records.
 
-    BEFORE and AFTER are records of two steady periods or more; both are fitted with one order, and every
-    mode's move is judged by the deviations of both fits. Their responses are compared line by line as well.
-    BEFORE may be a MODEL.json of identify, which is taken as exact: has the article left the model?
-    --set takes states, band_hz, sampled, cost and periods.
+    BEFORE and AFTER are records as identify takes them; both are fitted with one order, and every mode's
+    move is judged by the deviations of both fits. Where both have two periods or more, their responses are
+    compared line by line as well. BEFORE may be a MODEL.json of identify, which is taken as exact: has the
+    article left the model? --set takes what it takes of identify.
     """
     from middeck.cli.settings import FitSettings, settle
 
@@ -79,7 +80,6 @@ def compare(before: str, after: str, settings: FitSettings, level: float) -> dic
     from middeck.files.models import load_model
     from middeck.identification.covariance import as_exact
     from middeck.identification.drift import compare_fits
-    from middeck.identification.response_drift import compare_responses
 
     if before.endswith(".json"):
         model = load_model(before)
@@ -93,11 +93,20 @@ def compare(before: str, after: str, settings: FitSettings, level: float) -> dic
     second = identify([after], settings.model_copy(update=same))
     with reading(before, after):
         found = compare_fits(first.fit.covariance, second.fit.covariance, level=level)
-        lines = None
-        if first.measured.variance is not None and second.measured.variance is not None:
-            lines = compare_responses(first.measured, second.measured, level=level)
+        lines = _compare_lines(first.measured, second.measured, level)
     warnings = [f"{file}: {w}" for file, of in ((before, first), (after, second)) for w in of.warnings]
     return describe(before, after, found, lines, warnings)
+
+
+def _compare_lines(
+    before: FrequencyResponse | None, after: FrequencyResponse | None, level: float
+) -> ResponseDrift | None:
+    """None where a record itself was fitted, or nothing says how uncertain its response is."""
+    from middeck.identification.response_drift import compare_responses
+
+    if before is None or after is None or before.variance is None or after.variance is None:
+        return None
+    return compare_responses(before, after, level=level)
 
 
 def describe(
