@@ -17,7 +17,7 @@ from middeck.identification.spectra import (
     spectra_response,
 )
 from middeck.systems.ports import Port
-from middeck.systems.record import Record, stream_record
+from middeck.systems.record import Campaign, Record, stream_record
 
 HZ = 64.0
 MIX = np.array([[1.0, 0.4], [-0.3, 0.8], [0.6, -0.5]])
@@ -325,3 +325,14 @@ def test_whole_periods_keep_their_variances_whatever_the_ratio():
         response_scatter(noisy, method=m).frequency_hz for m in ("periods", "h1", "hv", "local polynomial")
     ]
     assert all(np.array_equal(found, lines[0]) for found in lines[1:])
+
+
+def test_records_of_a_campaign_count_by_their_length():
+    rng = np.random.default_rng(13)
+    long, short = (filtered(rng, samples=n, output_noise=0.3) for n in (128 * 30, 128 * 10))
+    S, a, b = (estimate_spectra(r, segment=128, overlap=0.0) for r in (Campaign((long, short)), long, short))
+    assert S.averages == pytest.approx(a.averages + b.averages)
+    np.testing.assert_allclose(S.S_yu, 0.75 * a.S_yu + 0.25 * b.S_yu, rtol=1e-12, atol=1e-15)
+    whole = [record_of(*rng.standard_normal((2, 1, 2, n, 1)), periodic=True) for n in (64, 128)]
+    with pytest.raises(DataError, match="other periods"):
+        estimate_spectra(Campaign(tuple(whole)))

@@ -12,7 +12,7 @@ from scipy.signal import get_window
 from middeck.errors import DataError
 from middeck.identification.checks import Swing, check_record, check_swing, widen
 from middeck.systems.ports import Port
-from middeck.systems.record import Record, RecordStream, stream_record
+from middeck.systems.record import Campaign, Record, RecordStream, stream_record
 from middeck.values import record as frozen
 
 # Segments of half overlap that a record is cut into where nobody says how long they are.
@@ -47,7 +47,7 @@ class Spectra:
 
 
 def estimate_spectra(
-    record: Record | RecordStream,
+    record: Record | RecordStream | Campaign,
     *,
     segment: int | None = None,
     window: str = "hann",
@@ -62,7 +62,8 @@ def estimate_spectra(
     Parameters
     ----------
     record:
-        In memory or longer than it: segments are summed as they are read.
+        In memory or longer than it: segments are summed as they are read. Records of a campaign may differ in
+        length.
     segment:
         Samples of a segment; by default the power of two that leaves at least 16. A periodic
         record is cut into its periods, whatever this says.
@@ -82,32 +83,53 @@ def estimate_spectra(
     >>> len(S.frequency_hz), round(float(np.mean(S.S_uu.real)) * 10.0, 1)   # two-sided: sum S df = variance
     (129, 1.0)
     """
-    stream = checked_stream(record)
-    if stream.period is not None:
-        size, hop, taper = stream.period, stream.period, np.ones(stream.period)
-    else:
-        size = _default(stream.samples) if segment is None else segment
-        if not (SHORTEST <= size <= stream.samples and 0.0 <= overlap < 1.0):
-            raise DataError(
-                f"segments of {size} samples that overlap by {overlap:g} do not fit {stream.samples} samples",
-                hint=f"{SHORTEST} to {stream.samples} samples, an overlap of 0 to below 1",
-            )
-        hop = max(1, round(size * (1.0 - overlap)))
-        taper = np.asarray(get_window(window, size))
-    periodic = stream.period is not None
-    total, number = _sum(stream, size, hop, taper, centred=not periodic)
-    S = total / (number * stream.sample_hz * np.sum(taper**2))
-    i = len(stream.inputs)
+    streams = [checked_stream(r) for r in (record.records if isinstance(record, Campaign) else (record,))]
+    first = streams[0]
+    size, hop, taper = _cut(streams, segment, window, overlap)
+    periodic = first.period is not None
+    total = np.zeros((size // 2 + 1,) + 2 * (len(first.inputs) + len(first.outputs),), dtype=complex)
+    segments, averages = 0, 0.0
+    for stream in streams:
+        more, number = _sum(stream, size, hop, taper, centred=not periodic)
+        total += more
+        segments += number
+        each = number // stream.experiments
+        averages += number if periodic else stream.experiments * _worth(each, taper, hop)
+    S = total / (segments * first.sample_hz * np.sum(taper**2))
+    i = len(first.inputs)
     return Spectra(
-        np.fft.rfftfreq(size, 1.0 / stream.sample_hz),
+        np.fft.rfftfreq(size, 1.0 / first.sample_hz),
         S[:, :i, :i],
         S[:, i:, :i],
         S[:, i:, i:],
-        stream.inputs,
-        stream.outputs,
-        float(number) if periodic else stream.experiments * _worth(number // stream.experiments, taper, hop),
-        0.0 if periodic else float(stream.sample_hz * np.sum(taper**2) / np.sum(taper) ** 2),
+        first.inputs,
+        first.outputs,
+        averages,
+        0.0 if periodic else float(first.sample_hz * np.sum(taper**2) / np.sum(taper) ** 2),
     )
+
+
+def _cut(
+    streams: list[RecordStream], segment: int | None, window: str, overlap: float
+) -> tuple[int, int, Float[np.ndarray, " sample"]]:
+    """Samples of a segment, samples from one to the next, and the window; of periods, without one."""
+    periods = {stream.period for stream in streams}
+    if len(periods) > 1:
+        raise DataError(
+            f"the records have other periods than the first: {', '.join(map(str, periods))} samples",
+            hint="records of one period, or say that none is periodic",
+        )
+    period = streams[0].period
+    if period is not None:
+        return period, period, np.ones(period)
+    shortest = min(stream.samples for stream in streams)
+    size = _default(shortest) if segment is None else segment
+    if not (SHORTEST <= size <= shortest and 0.0 <= overlap < 1.0):
+        raise DataError(
+            f"segments of {size} samples that overlap by {overlap:g} do not fit {shortest} samples",
+            hint=f"{SHORTEST} to {shortest} samples, an overlap of 0 to below 1",
+        )
+    return size, max(1, round(size * (1.0 - overlap))), np.asarray(get_window(window, size))
 
 
 def checked_stream(record: Record | RecordStream) -> RecordStream:
