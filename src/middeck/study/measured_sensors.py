@@ -107,8 +107,9 @@ def mirroring(
 ) -> Complex[np.ndarray, " line"]:
     """The all-pass that takes zeros [rad/s], one of each pair, to the other half-plane: only phase changes.
 
-    >>> mirroring(np.array([1.0]), np.array([2.0 * np.pi + 0.0j])).round(12)
-    array([-0.-1.j])
+    >>> factor = mirroring(np.array([1.0]), np.array([2.0 * np.pi + 0.0j]))
+    >>> bool(np.isclose(factor[0], -1j))
+    True
     """
     s = 2j * np.pi * frequency_hz
     factor = np.ones(len(s), dtype=complex)
