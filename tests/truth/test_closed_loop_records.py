@@ -170,6 +170,11 @@ def test_what_cannot_be_told_is_refused():
         estimate_response(record, reference=r, controller=CONTROLLER)
     with pytest.raises(DataError, match="the reference has"):
         estimate_response(record, reference=r[:, :, 1:])
+    with pytest.raises(DataError, match="the reference has the shape"):
+        estimate_response(record, reference=r[0])
+    twins = Record(1.0, u, np.concatenate([y, u], axis=3), NAMES[1:2], (NAMES[2], NAMES[1]), periodic=False)
+    with pytest.raises(ConfigError, match="u is an input and an output"):
+        estimate_response(twins, reference=("u",))
     with pytest.raises(ConfigError, match="no channel named 'nobody'"):
         estimate_response(record, reference=("nobody",))
     with pytest.raises(ConfigError, match="leave no input"):

@@ -17,8 +17,7 @@ from middeck.identification.spectra.loop import (
     from_channels,
     from_controller,
     from_signal,
-    plant_inputs,
-    plant_outputs,
+    plant_ports,
     plant_scatter,
 )
 from middeck.identification.spectra.periods import excited_lines, period_moments, scatter_of_periods
@@ -106,8 +105,9 @@ def estimate_response(
         segment=segment,
     )
     variance, covariance = trusted(found)
-    inputs, outputs = plant_inputs(record, reference), plant_outputs(record, reference)
-    return FrequencyResponse(found.frequency_hz, found.H, inputs, outputs, variance, covariance)
+    return FrequencyResponse(
+        found.frequency_hz, found.H, *plant_ports(record, reference), variance, covariance
+    )
 
 
 def response_scatter(
@@ -128,18 +128,15 @@ def response_scatter(
         raise ConfigError(
             "reference and controller are both given", hint="one of them; the reference if known"
         )
-    outputs = len(plant_outputs(record, reference))
-    if not (outputs and plant_inputs(record, reference)):
-        raise ConfigError("the references leave no input or no output", hint="name references only")
-    return plant_scatter(
-        _scatter(_from_reference(record, reference, controller), band_hz, method, segment), outputs
-    )
+    _, outputs = plant_ports(record, reference)
+    joint = _from_reference(record, reference, controller)
+    return plant_scatter(_scatter(joint, band_hz, method, segment), len(outputs))
 
 
 def _from_reference(
     record: Record | RecordStream, reference: Reference | None, controller: Controller | None
 ) -> Record | RecordStream:
-    if controller is None and reference is not None and _named(reference):
+    if reference is not None and not isinstance(reference, np.ndarray):
         return from_channels(record, [str(name) for name in reference])
     if isinstance(record, RecordStream):
         raise ConfigError(
@@ -189,7 +186,3 @@ def _scatter(
 
 def _stream(record: Record | RecordStream) -> RecordStream:
     return stream_record(record) if isinstance(record, Record) else record
-
-
-def _named(reference: Reference) -> bool:
-    return not isinstance(reference, np.ndarray)

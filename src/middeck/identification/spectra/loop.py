@@ -38,18 +38,20 @@ Controller = StateSpace | SampledStateSpace
 Reference = Sequence[str] | Float[np.ndarray, "experiment period sample reference"]
 
 
-def plant_inputs(record: Record | RecordStream, reference: Reference | None) -> tuple[Port, ...]:
-    """The inputs that are not references."""
-    if reference is None or isinstance(reference, np.ndarray):
-        return record.inputs
-    return tuple(p for p in record.inputs if p.name not in set(reference))
-
-
-def plant_outputs(record: Record | RecordStream, reference: Reference | None) -> tuple[Port, ...]:
-    """The outputs that are not references."""
-    if reference is None or isinstance(reference, np.ndarray):
-        return record.outputs
-    return tuple(p for p in record.outputs if p.name not in set(reference))
+def plant_ports(
+    record: Record | RecordStream, reference: Reference | None
+) -> tuple[tuple[Port, ...], tuple[Port, ...]]:
+    """The inputs and outputs that are not references; raises `ConfigError` if none is left on a side."""
+    named = set[str]() if reference is None or isinstance(reference, np.ndarray) else set(reference)
+    both = named & {p.name for p in record.inputs} & {p.name for p in record.outputs}
+    if both:
+        raise ConfigError(f"{', '.join(sorted(both))} is an input and an output", hint="rename one of them")
+    inputs, outputs = (
+        tuple(p for p in side if p.name not in named) for side in (record.inputs, record.outputs)
+    )
+    if not (inputs and outputs):
+        raise ConfigError("the references leave no input or no output", hint="name references only")
+    return inputs, outputs
 
 
 def from_channels(record: Record | RecordStream, names: Sequence[str]) -> Record | RecordStream:
@@ -77,8 +79,11 @@ def from_channels(record: Record | RecordStream, names: Sequence[str]) -> Record
 
 def from_signal(record: Record, reference: Float[np.ndarray, "experiment period sample reference"]) -> Record:
     """The record with a given reference as input, and its outputs and inputs as outputs."""
-    if reference.shape[:3] != record.u.shape[:3]:
-        raise DataError(f"the reference has {reference.shape[:3]} samples, the record {record.u.shape[:3]}")
+    if reference.ndim != 4 or reference.shape[:3] != record.u.shape[:3]:
+        raise DataError(
+            f"the reference has the shape {reference.shape}, the inputs {record.u.shape}",
+            hint="[experiment, period, sample, reference]",
+        )
     ports = tuple(Port(f"reference {k + 1}", "") for k in range(reference.shape[3]))
     z = np.concatenate([record.y, record.u], axis=3)
     return Record(record.sample_hz, reference, z, ports, (*record.outputs, *record.inputs), record.periodic)
