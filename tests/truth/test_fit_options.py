@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from middeck.errors import ConfigError
+from middeck.errors import ConfigError, FitError
 from middeck.identification.fit import fit_response
 from middeck.identification.measurement_model import (
     MeasurementModel,
@@ -147,6 +147,18 @@ def test_likelihood_reaches_the_bound_where_outputs_share_their_noise():
     # correlation the fit does worse by far.
     assert np.mean(np.square(found["likelihood"])) < 2.3
     assert np.mean(np.square(found["weighted"])) > 4.0
+
+
+@pytest.mark.parametrize("channels", ["outputs", "inputs"])
+def test_likelihood_refuses_channels_that_err_as_one(channels):
+    measured = measured_of(a_model(), deviation=1e-3)
+    alike, apart = np.ones((len(F), 2, 2)), np.tile(np.eye(2), (len(F), 1, 1))
+    C, R = (alike, apart) if channels == "outputs" else (apart, alike)
+    together = dataclasses.replace(measured, covariance=ResponseCovariance(1e-6 * C, R))
+    with pytest.raises(FitError, match=channels):
+        fit_response(together, states=6, cost="likelihood")
+    with pytest.raises(FitError, match="covariance"):
+        fit_response(measured, states=6, cost="likelihood")
 
 
 def _bound_hz(C, R):

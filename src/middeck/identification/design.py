@@ -131,7 +131,10 @@ def jacobian(
     theta: Float[np.ndarray, " unknown"],
     linear: Float[np.ndarray, "output column"],
 ) -> Complex[np.ndarray, "unknown output line column"]:
-    """Derivative of E by all unknowns: theta, then the linear ones of each output, transients' last."""
+    """Derivative of E by all unknowns: theta, then the linear ones of each output, transients' last.
+
+    Each as if free: where the layout ties linear unknowns (`ties`), their rows are still there.
+    """
     terms = build_terms(layout, data, theta)
     shared, each = len(theta), linear.shape[1]
     J = np.zeros((shared + linear.size, *data.H.shape), dtype=complex)

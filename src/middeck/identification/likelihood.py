@@ -18,6 +18,7 @@ import scipy.ndimage
 import scipy.optimize
 from jaxtyping import Complex, Float
 
+from middeck.errors import FitError
 from middeck.identification.bounds import bound_theta, bounded
 from middeck.identification.design import residual_of
 from middeck.identification.fit_data import Data
@@ -29,6 +30,8 @@ from middeck.values import record
 
 # Rounds of a search and new weights: the excess of a weighted fit is a good first one.
 ROUNDS = 3
+# Smallest eigenvalue of a correlation matrix: below it channels that err together cannot be told apart.
+ALIKE = 1e-9
 
 
 @record
@@ -45,10 +48,15 @@ class Noise:
 
 
 def noise_of(data: Data, covariance: ResponseCovariance) -> Noise:
-    """The noise of a response, fit for whitening."""
+    """The noise of a response, fit for whitening.
+
+    Raises `FitError` where some outputs, or inputs, err as one: their difference would rule the fit.
+    """
     size = np.mean(np.abs(data.H) ** 2, axis=(1, 2))
     power = np.real(np.einsum("lii->l", covariance.inverse_power)) / covariance.inverse_power.shape[1]
     C = _averaged(covariance.outputs * power[:, None, None]) + np.diag(ROUNDING * size)
+    _refuse_alike(C, "outputs", "leave out an output that is another, or record more periods")
+    _refuse_alike(covariance.inverse_power, "inputs", "experiments with independent inputs")
     # Rows h of H with E[h^T conj(h)] = L L^H are white times L^-T.
     lower = np.linalg.cholesky(covariance.inverse_power / power[:, None, None])
     return Noise(C, np.swapaxes(np.linalg.inv(lower), 1, 2), size)
@@ -75,6 +83,13 @@ def likelihood_polish(data: Data, start: Polished, covariance: ResponseCovarianc
         value = float(np.sum(np.abs(_mixed(mixed.mix, left)) ** 2) - 2.0 * _log_size(mixed.mix, left))
         best = dataclasses.replace(best, refined=found, share=share, gram=found.step.gram, likelihood=value)
     return best
+
+
+def _refuse_alike(C: Complex[np.ndarray, "line channel channel"], what: str, hint: str) -> None:
+    size = np.sqrt(np.real(np.einsum("lii->li", C)))
+    least = np.min(np.linalg.eigvalsh(C / size[:, :, None] / size[:, None, :]))
+    if least < ALIKE:
+        raise FitError(f"the noise of some {what} is that of the others", hint=f"{hint}, or cost 'weighted'")
 
 
 def _averaged(C: Complex[np.ndarray, "line output output"]) -> Complex[np.ndarray, "line output output"]:
