@@ -1,5 +1,6 @@
 """Real 3 x 3 hardware: the held-out error meets its levels, and so does the order."""
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -26,14 +27,15 @@ def load(part):
 
 
 LEVELS = [(28, [0.042, 0.056, 0.048]), (40, [0.036, 0.040, 0.035])]
+LONG = os.environ.get("MIDDECK_LONG") == "1"
 
 
 @pytest.fixture(scope="module")
 def measured():
-    return estimate_response(load("train"), band_hz=(0.5, 3000.0))
+    return estimate_response(load("train"), band_hz=(1.0, 3000.0))
 
 
-@pytest.mark.parametrize(("states", "level"), LEVELS)
+@pytest.mark.parametrize(("states", "level"), LEVELS if LONG else LEVELS[:1])
 def test_held_out_error_of_a_stated_order(measured, states, level):
     """The published error of the data set's own notebook is 4.54 / 7.02 / 5.35 % at 28 states."""
     fitted = fit_response(measured, states=states, sample_hz=6400.0)
@@ -43,7 +45,7 @@ def test_held_out_error_of_a_stated_order(measured, states, level):
     # No pole outside the band is nearer to instability than the band can tell.
     poles = fitted.model.poles
     beyond = np.imag(poles) - 2.0 * np.pi * 3000.0
-    assert np.all(-np.real(poles) >= 0.0199 * beyond)
+    assert np.all(-np.real(poles) >= 0.249 * beyond)
 
 
 def test_order_recommended(measured):

@@ -19,8 +19,9 @@ from middeck.identification.fit_data import Data
 from middeck.identification.layout import Layout
 from middeck.identification.refine import Step
 
-# Least decay rate of a pole outside the band, as a share of its distance: changes its term by 2e-4 at most.
-LEAST_DECAY = 0.02
+# Least decay rate of a pole outside the band, as a share of its distance. Complex constants follow in phase
+# what that changes; real ones cannot, and are spared: 0.02 changes their term by 2e-4 at most.
+LEAST_DECAY_COMPLEX, LEAST_DECAY_REAL = 0.25, 0.02
 # The least of all, as a share of the lowest line, and the most, as a multiple of the highest.
 SLOWEST, FASTEST = 1e-9, 1e3
 # A sampled pole that decays by exp(-30) in a period is at zero. A pair stays so close to pi / T.
@@ -40,7 +41,8 @@ def bound_theta(layout: Layout, data: Data, theta: Vector) -> Vector:
     )
     omega = np.concatenate([np.exp(found[modes : modes + pairs]), layout.fixed_imag[pairs:]])
     outside = np.maximum(np.maximum(first - omega, omega - last), 0.0)
-    least = np.maximum(LEAST_DECAY * outside, SLOWEST * first)
+    share = LEAST_DECAY_REAL if layout.real_constants else LEAST_DECAY_COMPLEX
+    least = np.maximum(share * outside, SLOWEST * first)
     most = DEADBEAT / T if T else FASTEST * last
     found[:modes] = np.clip(theta[:modes], np.log(least), np.log(np.maximum(most, least)))
     return found
