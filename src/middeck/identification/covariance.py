@@ -1,8 +1,9 @@
 """Covariance of all unknowns of a fitted model together: the Cramer-Rao value, or what the residual says.
 
 With weights 1 / V the information is A = sum Re J^H V^-1 J, and if V is the variance of a complex residual,
-half of it in each part, the covariance is A^-1 / 2. Where the model leaves significantly more than noise, the
-residual is neither of variance V nor independent from line to line: then A^-1 B A^-1 is taken instead, with
+half of it in each part, the covariance is A^-1 / 2. Where the model leaves significantly more than noise, or
+neighbouring lines of a response were estimated from common samples (local models, averaged spectra), the
+residual is not of variance V or not independent from line to line: then A^-1 B A^-1 is taken instead, with
 B the covariance of the scores as the residual shows it (`_scores_spread`), in no direction less than the
 former. Noise that entries of H have in common is counted (`entry_noise`).
 """
@@ -49,7 +50,8 @@ class ModelCovariance:
     degrees:
         Degrees of freedom of the variance behind it: Student's t, and F, stand for the normal law.
     robust:
-        True where the residual is clearly more than noise, and the covariance follows the residual.
+        True where the residual is clearly more than noise or correlated from line to line, and the
+        covariance follows the residual.
     """
 
     model: MeasurementModel
@@ -143,7 +145,7 @@ def _inverse_root(A: np.ndarray, held: np.ndarray) -> tuple[np.ndarray, np.ndarr
 def _quality(
     measured: FrequencyResponse, residual: np.ndarray, noise: np.ndarray, unknowns: int
 ) -> tuple[float, bool]:
-    """Degrees of freedom, and whether the residual is more than noise.
+    """Degrees of freedom, and whether the residual is more than noise or not independent.
 
     An average v of the variances of W lines of nu degrees each has nu W complex degrees, and the mean of
     1 / v is larger than that of v by nu W / (nu W - 1).
@@ -154,9 +156,11 @@ def _quality(
     each = line_degrees(measured)
     averaged = each * min(2 * NEIGHBOURS + 1, len(measured.H))
     bias = 1.0 if np.isinf(averaged) else averaged / max(averaged - 1.0, 1.0)
-    ratio = float(np.mean(np.abs(residual) ** 2 / noise)) / bias
-    deviation = np.sqrt((1.0 + 1.0 / each) / residual.size)
-    return 2.0 * averaged, ratio > 1.0 + CLEARLY_MORE * deviation
+    z = residual / np.sqrt(noise)
+    power = np.abs(z) ** 2
+    more = float(np.mean(power)) / bias - 1.0 > CLEARLY_MORE * np.sqrt((1.0 + 1.0 / each) / z.size)
+    next_line = abs(float(np.sum(np.real(z[:, 1:] * z[:, :-1].conj()))))
+    return 2.0 * averaged, more or next_line > CLEARLY_MORE / np.sqrt(z.size) * float(np.sum(power))
 
 
 def line_degrees(measured: FrequencyResponse) -> float:
