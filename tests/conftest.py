@@ -51,7 +51,8 @@ def _program(*names: str) -> str:
 
 def pytest_sessionfinish(session, exitstatus):
     """`make test-all` leaves its result, to be committed."""
-    if LONG:
+    # With several workers (-n), the one process that reports has no `workerinput`.
+    if LONG and not hasattr(session.config, "workerinput"):
         reporter = session.config.pluginmanager.get_plugin("terminalreporter")
         counts = {k: len(reporter.stats.get(k, [])) for k in ("passed", "failed", "error", "skipped")}
         result = {"date": datetime.date.today().isoformat(), "seed": SEED, "exit": int(exitstatus), **counts}
