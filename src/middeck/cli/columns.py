@@ -18,12 +18,8 @@ def columns(command: F) -> F:
     for option in (
         click.option("--variable", default="", metavar="NAME", help="The matrix in a MAT or HDF5 file."),
         click.option("--sample-hz", type=float, metavar="HZ", help="Rate, where the file has none."),
-        click.option(
-            "--outputs", metavar="COLUMN,...", help='Output columns: "angle [rad]", "3=angle [rad]".'
-        ),
-        click.option(
-            "--inputs", metavar="COLUMN,...", help='Input columns: "torque [N m]", "2=torque [N m]".'
-        ),
+        click.option("--outputs", metavar="COLUMNS", help='Output columns: "angle [rad]", "3=angle [rad]".'),
+        click.option("--inputs", metavar="COLUMNS", help='Input columns: "torque [N m]", "2=torque [N m]".'),
     ):
         command = option(command)
     return command

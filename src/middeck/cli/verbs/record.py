@@ -21,10 +21,9 @@ if TYPE_CHECKING:
 EPILOG = """\
 \b
 Examples:
-  middeck record data/cubespec-fsm/mirror-300mV-test.npz
-  middeck record run.mat --inputs "torque [N m]" --outputs "angle [rad]" \\
-    --sample-hz 256 -o run.h5
-  middeck record night.csv -o night.h5 --stream
+  middeck record data/cubespec-fsm/mirror-300mV-test.npz -o mirror.h5
+  middeck record mirror.h5 --inputs "piezo_1 [V]" \\
+    --outputs "position_1 [m]" -o mirror.uff
 """
 
 
@@ -59,7 +58,7 @@ def verb(
     overrides: tuple[str, ...],
     as_json: bool,
 ) -> None:
-    """Show channels and statistics of record files, and what is wrong with them.
+    """Show and convert records, and tell what is wrong.
 
     RECORDs are .npz, .h5, .mat, .csv, .npy or universal files (.uff, .unv); several are experiments of one
     test. A TOML file beside one (run.mat.toml) tells what the file does not. -o converts: the ending of its
