@@ -34,6 +34,8 @@ from middeck.systems.response import FrequencyResponse
 LEFT = 0.1
 # Rounds of noise and search, and steps of each, of the last refinement of a continuous model.
 ROUNDS, STEPS = 4, 60
+# Steps after which the other kind of noise is compared.
+FIRST_STEPS = 3
 
 
 def fit_record(
@@ -131,19 +133,27 @@ def _continuous(
 ) -> tuple[Data, RecordRun, str]:
     """From a local estimate of the response to the record itself."""
     f = np.imag(data.s) / (2.0 * np.pi)
-    measured = estimate_response(record, band_hz=band_hz or (float(f[0]), float(f[-1])))
+    # Poles of a stated order start well enough from polynomials, which are fast; an order is told by residues
+    # of resonances, which need the rational models.
+    measured = estimate_response(
+        record,
+        band_hz=band_hz or (float(f[0]), float(f[-1])),
+        method="local rational" if states is None else "local polynomial",
+    )
     first = fit_response(
         measured, states=states, constants=constants, delay=delay, direct=direct, residuals=residuals
     )
     layout, theta = _from_model(first)
     data = dataclasses.replace(data, transient=_edges(record, first.model))
-    runs = [
-        refine_record(data, layout, theta, kind, rounds=ROUNDS, steps=STEPS)
-        for kind in (("output", "motion") if weighting is None else (weighting,))
-    ]
-    best = min((run for run in runs if run is not None), key=lambda run: run.likelihood, default=None)
+    best = refine_record(data, layout, theta, weighting or "output", rounds=ROUNDS, steps=STEPS)
     if best is None:
         raise FitError("no start could be refined on the record", hint="fewer states, or a longer record")
+    if weighting is None:
+        theta = best.refined.theta
+        other = refine_record(data, layout, theta, "motion", rounds=1, steps=FIRST_STEPS)
+        if other is not None and other.likelihood < best.likelihood:
+            theta = other.refined.theta
+            best = refine_record(data, layout, theta, "motion", rounds=ROUNDS, steps=STEPS) or other
     return data, best, first.order_reason
 
 

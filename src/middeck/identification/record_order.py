@@ -28,7 +28,7 @@ HEAT, FEW, FEW_STEPS, LAST_STEPS, PART_STEPS = 3, 3, 10, 60, 15
 # Share of the part held out to which the initial state is fitted.
 STATE_SHARE = 0.5
 # An order must be this much better than a smaller one, and the search ends so many orders after the best.
-WORTH, PATIENCE = 0.98, 2
+WORTH, PATIENCE = 0.95, 2
 WEIGHTINGS: tuple[Weighting, ...] = ("flat", "motion")
 
 

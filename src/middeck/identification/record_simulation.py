@@ -19,6 +19,8 @@ from middeck.identification.measurement_model import RANK, MeasurementModel, mod
 from middeck.systems.record import Record
 
 Between = Literal["hold", "band-limited"]
+# Exponent of free motion before the record's first sample.
+LARGEST = 50.0
 
 
 def simulate_record(
@@ -120,19 +122,21 @@ def _forced(
     model: MeasurementModel, u: Float[np.ndarray, "experiment sample input"], rate_hz: float, between: Between
 ) -> Float[np.ndarray, "experiment sample output"]:
     """Motion that repeats with the record; a double pole at zero adds its answer to a constant input."""
+    held = between == "hold" and model.sample_hz is None
+    double, delay = _double(model), path_delay(model)
+    # Held inputs are zero before the record, as far back as a delay reaches; repeated ones need no such.
+    before = int(np.ceil(float(delay.max()) * rate_hz)) + 1 if held else 0
+    u = np.pad(u, ((0, 0), (before, 0), (0, 0)))
     count = u.shape[1]
     frequency = np.fft.rfftfreq(count, 1.0 / rate_hz)
-    U = np.fft.rfft(u, axis=1)
-    held = between == "hold" and model.sample_hz is None
-    double = _double(model)
     H = np.zeros((len(frequency), *model.direct.shape), dtype=complex)
     H[1:] = _held_response(model, frequency[1:], rate_hz) if held else model_response(model, frequency[1:])
     H[0] = _static(model)
-    y = np.fft.irfft(np.einsum("koi,eki->eko", H, U), n=count, axis=1)
+    y = np.fft.irfft(np.einsum("koi,eki->eko", H, np.fft.rfft(u, axis=1)), n=count, axis=1)
     if np.any(double):
-        late = np.arange(count)[:, None, None] / rate_hz - path_delay(model)
+        late = np.arange(count)[:, None, None] / rate_hz - delay
         y += np.einsum("oi,koi,ei->eko", double, 0.5 * late**2, u.mean(axis=1))
-    return y
+    return y[:, before:]
 
 
 def _double(model: MeasurementModel) -> Float[np.ndarray, "output input"]:
@@ -186,8 +190,10 @@ def free_motion(
     pairs = model.is_pair
     c = model.shapes / np.maximum(np.linalg.norm(model.shapes, axis=0), np.finfo(float).tiny)
     # A delay of an output is one of its view of the state; paths that differ share that of the output.
-    late = np.arange(count)[:, None] / rate_hz - (model.delay_s if model.sample_hz is None else 0.0)
-    motion = np.exp(model.poles[:, None, None] * np.maximum(late, 0.0)) * c.T[:, None, :]
+    late = np.arange(count)[:, None] / rate_hz - (model.delay_s - model.delay_s.min())
+    # A pole that decays within the delay would be seen larger than numbers go.
+    exponent = model.poles[:, None, None] * late
+    motion = np.exp(np.minimum(np.real(exponent), LARGEST) + 1j * np.imag(exponent)) * c.T[:, None, :]
     parts = [np.real(motion), -np.imag(motion[pairs])]
     double = _double(model)
     if np.any(double):

@@ -8,8 +8,9 @@ the past says of the future outputs beyond what the future inputs say is spanned
     "cva"    the same in units of the future's own scatter (Larimore 1990)
     "n4sid"  the oblique projection along the future inputs (Van Overschee and De Moor 1994)
 
-Past inputs and outputs are instruments, so that coloured noise leaves the poles unbiased. Several experiments
-are columns side by side: none runs on into the next.
+Past inputs and outputs are instruments, so that white noise leaves the poles unbiased; coloured noise adds
+poles of its own, and biases those of a model without states for them. Several experiments are columns side by
+side: none runs on into the next.
 """
 
 from __future__ import annotations
