@@ -178,7 +178,6 @@ RECORD_FAULTS: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
     "too few samples": ({"u": record().u[:, :, :8], "y": record().y[:, :, :8]}, ("8 samples", "too few")),
     "mismatched lengths": ({"y": record().y[:, :, :60]}, ("mismatched lengths", "cut inputs and outputs")),
     "mismatched rates": ({"sample_hz": np.array([64.0, 32.0])}, ("several rates", "resample")),
-    "not periodic": ({"periodic": np.bool_(False)}, ("not periodic", "multisine")),
 }
 
 
@@ -195,7 +194,7 @@ def test_records_cut_empty_missing_and_of_another_kind(tmp_path: Path, capfd: Ca
     write_record(whole, record())
     cut.write_bytes(whole.read_bytes()[:-200])
     empty.touch()
-    other = tmp_path / "notes.npy"
+    other = tmp_path / "notes.txt"
     other.write_text("hello")
     for path, what in (
         (cut, "truncated"),

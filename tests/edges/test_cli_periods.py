@@ -70,13 +70,44 @@ def test_design_takes_periods_too(files: tuple[Path, Path], capfd: Capture) -> N
     assert json.loads(ended.out)["stable"] is True
 
 
-def test_without_periods_the_advice_is_to_give_them(files: tuple[Path, Path], capfd: Capture) -> None:
+def test_without_periods_they_are_found_in_the_input(files: tuple[Path, Path], capfd: Capture) -> None:
     for path in files:
-        ended = middeck(capfd, "identify", path, "--states", 8)
-        assert (ended.code, ended.out) == (4, "")
-        assert "not periodic" in ended.err
-        assert "--periods" in ended.err
-        assert str(path) in ended.err
+        told, found = (
+            json.loads(middeck(capfd, "identify", path, "--states", 8, "--json", *more).out)
+            for more in (("--periods", PERIODS), ())
+        )
+        (said,) = (w for w in found["warnings"] if w not in told["warnings"])
+        assert f"cut into {PERIODS} steady periods of {SAMPLES} samples" in said
+        assert found["frequency_hz"] == told["frequency_hz"]
+
+
+def test_a_record_without_periods_is_fitted_by_its_samples(tmp_path: Path, capfd: Capture) -> None:
+    """Its last part is cut off: five modes and a delay, from samples that begin and end in motion."""
+    whole = run(30.0)
+    keep = slice(SAMPLES // 3, 2 * SAMPLES)
+    u, y = (x.reshape(1, 1, -1, 1)[:, :, keep] for x in (whole.u, whole.y))
+    part = Record(whole.sample_hz, u, y, whole.inputs, whole.outputs, periodic=False)
+    write_record(tmp_path / "part.npz", part)
+    ended = middeck(capfd, "identify", tmp_path / "part.npz", "--states", 8, "--continuous", "--json")
+    found = json.loads(ended.out)
+    assert any("not cut into periods" in w for w in found["warnings"])
+    assert found["lines"] is None
+    # A record 1.7 periods long, against the three periods and 1e-4 of the test above.
+    assert found["frequency_hz"] == pytest.approx(MODES_HZ, rel=3e-4)
+    assert found["delay_s"]["angle"] == pytest.approx(DELAY_S, abs=3e-4)
+
+
+def test_what_a_fit_of_samples_does_not_know_is_refused(files: tuple[Path, Path], capfd: Capture) -> None:
+    ended = middeck(capfd, "identify", files[0], "--method", "periods", "--rigid", 1, "--states", 8)
+    assert ended.code == 0, ended.err
+    whole = load_record(files[1])
+    noise = np.random.default_rng(0).standard_normal(whole.u.shape)
+    path = files[0].parent / "noise.npz"
+    write_record(path, Record(whole.sample_hz, noise, whole.y, whole.inputs, whole.outputs, periodic=False))
+    ended = middeck(capfd, "identify", path, "--rigid", 1, "--states", 8)
+    assert (ended.code, ended.out) == (2, "")
+    assert "rigid" in ended.err
+    assert "--method" in ended.err
 
 
 @pytest.mark.parametrize(

@@ -87,7 +87,7 @@ periods = click.option(
     help="Whole steady periods in each RECORD.  [default: as its file says]",
 )
 states = click.option(
-    "--states", type=click.IntRange(min=1), help="Order of the fit.  [default: recommended, slow]"
+    "--states", type=click.IntRange(min=1), help="Order of the fit.  [default: recommended]"
 )
 
 

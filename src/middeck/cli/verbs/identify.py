@@ -145,7 +145,7 @@ def describe(found: Identified) -> dict[str, Any]:
     names = [p.name for p in model.outputs]
     _, periods, samples, _ = found.record.u.shape
     return {
-        "schema": "middeck.identify/2",
+        "schema": "middeck.identify/1",
         "inputs": model.inputs,
         "outputs": model.outputs,
         "states": model.states,
