@@ -21,7 +21,7 @@ SETTLED = 0.02
 # A search goes on in chunks of steps, each with new weights, at most so many. It has settled too when a chunk
 # gains less than this share of the cost that is not noise: lines share what a model lacks, and a thousandth
 # of it tells no unknown.
-CHUNK, MOST_CHUNKS = 10, 20
+CHUNK, MOST_CHUNKS = 10, 6
 LITTLE = 1e-3
 # Steps on the first weights, before any residual tells better ones.
 FIRST_STEPS = 3
