@@ -133,16 +133,22 @@ def _continuous(
 ) -> tuple[Data, RecordRun, str]:
     """From a local estimate of the response to the record itself."""
     f = np.imag(data.s) / (2.0 * np.pi)
-    # Poles of a stated order start well enough from polynomials, which are fast; an order is told by residues
-    # of resonances, which need the rational models.
-    measured = estimate_response(
-        record,
-        band_hz=band_hz or (float(f[0]), float(f[-1])),
-        method="local rational" if states is None else "local polynomial",
-    )
-    first = fit_response(
-        measured, states=states, constants=constants, delay=delay, direct=direct, residuals=residuals
-    )
+    band = band_hz or (float(f[0]), float(f[-1]))
+
+    def first_fit(method: Literal["local polynomial", "local rational"]) -> FitResult:
+        return fit_response(
+            estimate_response(record, band_hz=band, method=method),
+            states=states, constants=constants, delay=delay, direct=direct, residuals=residuals,
+        )  # fmt: skip
+
+    # Polynomials are fast, but do not follow a resonance narrower than their few lines: rational models tell
+    # an order, and start a record too short for polynomials.
+    try:
+        first = first_fit("local rational" if states is None else "local polynomial")
+    except FitError:
+        if states is None:
+            raise
+        first = first_fit("local rational")
     layout, theta = _from_model(first)
     data = dataclasses.replace(data, transient=_edges(record, first.model))
     best = refine_record(data, layout, theta, weighting or "output", rounds=ROUNDS, steps=STEPS)
