@@ -191,12 +191,11 @@ def _scores_spread(
         J = entry.by / size
         left = _without_leverage(J, residual[o, :, i] / size, inverse[np.ix_(entry.place, entry.place)])
         scores[entry.place] += np.real(J.conj() * left)
-    lags = _correlated_lags(residual / np.sqrt(each.variance))
-    spread = scores @ scores.T
-    for lag in range(1, lags + 1):
-        shifted = scores[:, lag:] @ scores[:, :-lag].T
-        spread += (1.0 - lag / (lags + 1.0)) * (shifted + shifted.T)
-    return spread
+    # The weights 1 - |lag| / width are a window of so many lines, convolved with itself.
+    width = _correlated_lags(residual / np.sqrt(each.variance)) + 1
+    sums = np.cumsum(np.pad(scores, ((0, 0), (width, width - 1))), axis=1)
+    windows = sums[:, width:] - sums[:, :-width]
+    return windows @ windows.T / width
 
 
 def _without_leverage(J: np.ndarray, r: np.ndarray, inverse: np.ndarray) -> Complex[np.ndarray, " line"]:
