@@ -63,8 +63,8 @@ def test_forces_that_shake_the_article_are_known_by_its_poles():
         record = shaken(seed, 300, motion=0.3)
         for weighting, found in errors.items():
             found.append(pole_error(fit_record(record, states=4, sampled=True, weighting=weighting).model))
-    # Forces of 30 % peak where the response does: the flat weights take these peaks for response. The rms error
-    # of the poles over these seeds is 0.78 of theirs; one seed alone may go either way.
+    # Forces of 30 % peak where the response does: the flat weights take these peaks for response. Over these
+    # seeds the rms error of the poles is 0.78 of theirs; one seed alone may go either way.
     rms = {weighting: np.sqrt(np.mean(np.square(found))) for weighting, found in errors.items()}
     assert rms["motion"] < 0.9 * rms["flat"]
 
