@@ -11,12 +11,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from middeck.identification.record_fit import fit_record
 
 from measured.bounds import Bound, Gimbal, cramer_rao
 from measured.rows import cell, peer, row
 from middeck.identification import FitResult, damping_ratio, estimate_response, fit_response, model_response
 from middeck.identification.measurement_model import natural_hz
+from middeck.identification.samples.fit_record import fit_record
 from middeck.systems.record import Record
 
 # The frozen case is shared with the tests.

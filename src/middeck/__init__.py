@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from middeck.files.models import load_model, write_compensator, write_model
     from middeck.files.records import load_record, load_records, split_periods, write_record
     from middeck.files.studies import load_study
-    from middeck.identification.fit import fit_response
-    from middeck.identification.plants import measured_plant
+    from middeck.identification.fit.fit_response import fit_response
+    from middeck.identification.plants.measured_plant import measured_plant
     from middeck.identification.simulation import nrmse
     from middeck.identification.spectra import estimate_response
     from middeck.realtime.nonlinear_rig import build_nonlinear_rig, run_nonlinear_open_loop
@@ -103,7 +103,7 @@ _ROOM = {
     "find_parameters": "structure.sensitivity.parameters",
     "find_place": "structure.gravity.places",
     "find_profile": "structure.correlation.profiles",
-    "fit_response": "identification.fit",
+    "fit_response": "identification.fit.fit_response",
     "follow_gravity": "structure.gravity.path",
     "leave_open": "control.closed_loop",
     "level": "structure.suspension.levelling",
@@ -120,7 +120,7 @@ _ROOM = {
     "measure_metric": "control.performance",
     "measure_modes": "structure.correlation.measured_modes",
     "measure_rms": "control.performance",
-    "measured_plant": "identification.plants",
+    "measured_plant": "identification.plants.measured_plant",
     "nrmse": "identification.simulation",
     "run_nonlinear_open_loop": "realtime.nonlinear_rig",
     "solve_equilibrium": "structure.equilibrium",

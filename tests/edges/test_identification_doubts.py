@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from middeck.errors import FitError
-from middeck.identification.doubts import doubts_of_model
-from middeck.identification.fit import fit_response
+from middeck.identification.fit.doubts import doubts_of_model
+from middeck.identification.fit.fit_response import fit_response
 from middeck.identification.spectra import estimate_response
 from middeck.systems.excitation import random_multisine
 from middeck.systems.modal import ModalSystem

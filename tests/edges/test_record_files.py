@@ -22,7 +22,7 @@ from middeck.files.records import (
 )
 from middeck.files.records.uff58 import Place
 from middeck.files.records.uff58_write import Header, write_58
-from middeck.identification.fit import fit_response
+from middeck.identification.fit.fit_response import fit_response
 from middeck.identification.spectra import estimate_response
 from middeck.systems.ports import Channel, Port
 from middeck.systems.record import Record

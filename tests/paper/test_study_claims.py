@@ -5,8 +5,8 @@ import pytest
 
 from middeck.files.studies import load_study
 from middeck.identification.measurement_model import model_response
-from middeck.identification.plant_model import model_of_plant
-from middeck.identification.zeros import path_zeros
+from middeck.identification.plants.plant_model import model_of_plant
+from middeck.identification.plants.zeros import path_zeros
 from middeck.study.claims import figure_6_claims, figure_7_claims, figure_9_claims, figure_10_claims
 from middeck.study.gravity import find_modes
 from middeck.study.rig_experiment import rig_plant

@@ -5,7 +5,7 @@ import functools
 import gimbal_record
 import numpy as np
 
-from middeck.identification.fit import fit_response
+from middeck.identification.fit.fit_response import fit_response
 from middeck.identification.spectra import estimate_response
 
 

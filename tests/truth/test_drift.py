@@ -10,9 +10,9 @@ import scipy.stats
 import two_modes
 
 from middeck.errors import ConfigError
-from middeck.identification.drift import compare_fits
-from middeck.identification.fit import fit_response
-from middeck.identification.response_drift import compare_responses, holm
+from middeck.identification.fit.fit_response import fit_response
+from middeck.identification.uncertainty.drift import compare_fits
+from middeck.identification.uncertainty.response_drift import compare_responses, holm
 from middeck.systems.ports import Port
 from middeck.systems.response import FrequencyResponse
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from middeck.errors import ConfigError, FitError
-from middeck.identification.fit import fit_response
+from middeck.identification.fit.fit_response import fit_response
 from middeck.identification.measurement_model import (
     MeasurementModel,
     model_response,

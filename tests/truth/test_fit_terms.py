@@ -5,12 +5,12 @@ import dataclasses
 import numpy as np
 import pytest
 
-from middeck.identification.design import build_terms, jacobian, residual_of
-from middeck.identification.fit_data import Data, Transient
-from middeck.identification.gram_blocks import Functions
-from middeck.identification.layout import Layout, Point, pack
-from middeck.identification.normal_equations import solve_normal
-from middeck.identification.refine import solve_by_qr, weighted
+from middeck.identification.fit.data import Data, Transient
+from middeck.identification.fit.design import build_terms, jacobian, residual_of
+from middeck.identification.fit.gram_blocks import Functions
+from middeck.identification.fit.layout import Layout, Point, pack
+from middeck.identification.fit.normal_equations import solve_normal
+from middeck.identification.fit.refine import solve_by_qr, weighted
 
 
 def a_layout(

@@ -13,9 +13,9 @@ from middeck.identification import (
     natural_hz,
     sampled_statespace,
 )
-from middeck.identification.fit_data import Data
-from middeck.identification.layout import Layout, Point, pack, unpack
-from middeck.identification.refine import logarithmic, weighted
+from middeck.identification.fit.data import Data
+from middeck.identification.fit.layout import Layout, Point, pack, unpack
+from middeck.identification.fit.refine import logarithmic, weighted
 from middeck.systems.response import FrequencyResponse, evaluate_plant, statespace_response
 
 

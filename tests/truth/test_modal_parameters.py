@@ -6,7 +6,7 @@ import scipy.linalg
 
 from middeck.errors import ConfigError, FitError
 from middeck.identification.measurement_model import MeasurementModel
-from middeck.identification.modal_parameters import modal_parameters
+from middeck.identification.plants.modal_parameters import modal_parameters
 from middeck.systems.ports import Port
 
 M = np.diag([2.0, 1.0, 3.0])

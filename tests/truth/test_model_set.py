@@ -9,11 +9,11 @@ import scipy.stats
 import two_modes
 
 from middeck.errors import ConfigError
-from middeck.identification.fit import fit_response
+from middeck.identification.fit.fit_response import fit_response
 from middeck.identification.measurement_model import model_response, natural_hz
-from middeck.identification.model_set import sample_models
-from middeck.identification.response_bounds import response_bounds, simultaneous_bounds
-from middeck.identification.unknowns import unknowns_of
+from middeck.identification.uncertainty.model_set import sample_models
+from middeck.identification.uncertainty.response_bounds import response_bounds, simultaneous_bounds
+from middeck.identification.uncertainty.unknowns import unknowns_of
 from middeck.systems.ports import Port
 
 F = np.geomspace(0.3, 30.0, 80)

@@ -12,7 +12,7 @@ from middeck.errors import ConfigError, DataError
 from middeck.identification.tracking import Drift, start_tracking, track_modes, update_tracking
 from middeck.identification.tracking.dynamics import poles_at, step_modes
 from middeck.identification.tracking.follow import FIRST_GAIN
-from middeck.identification.uncertainty import Uncertainty
+from middeck.identification.uncertainty.parameters import Uncertainty
 from middeck.realtime.rig import build_linear_rig
 from middeck.systems.record import Record
 from middeck.systems.simulation import simulate

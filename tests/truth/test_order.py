@@ -7,18 +7,18 @@ import numpy as np
 import pytest
 
 from middeck.identification import estimate_response
-from middeck.identification.bounds import bound_theta, bounded
-from middeck.identification.choices import Choices, options_of
-from middeck.identification.fit_data import Data
-from middeck.identification.layout import Layout, Point, pack, unpack
-from middeck.identification.order import Tried, choose, is_settled
-from middeck.identification.polish import polish
-from middeck.identification.pruning import prune
-from middeck.identification.race import race, recommend_states
-from middeck.identification.refine import weighted
-from middeck.identification.start import Start
-from middeck.identification.thinning import take_lines, thin_lines
-from middeck.identification.weights import Spread, spread_of
+from middeck.identification.fit.bounds import bound_theta, bounded
+from middeck.identification.fit.choices import Choices, options_of
+from middeck.identification.fit.data import Data
+from middeck.identification.fit.layout import Layout, Point, pack, unpack
+from middeck.identification.fit.order import Tried, choose, is_settled
+from middeck.identification.fit.polish import polish
+from middeck.identification.fit.pruning import prune
+from middeck.identification.fit.race import race, recommend_states
+from middeck.identification.fit.refine import weighted
+from middeck.identification.fit.start import Start
+from middeck.identification.fit.thinning import take_lines, thin_lines
+from middeck.identification.fit.weights import Spread, spread_of
 
 
 def data_of(measured):

@@ -11,9 +11,9 @@ from middeck.identification.measurement_model import (
     model_response,
     natural_hz,
 )
-from middeck.identification.record_fit import fit_record
-from middeck.identification.record_noise import noise_variance
-from middeck.identification.record_simulation import record_nrmse, simulate_record
+from middeck.identification.samples.fit_record import fit_record
+from middeck.identification.samples.noise import noise_variance
+from middeck.identification.samples.simulation import record_nrmse, simulate_record
 from middeck.systems.ports import Port
 from middeck.systems.record import Record
 

@@ -7,8 +7,8 @@ import pytest
 
 from middeck.errors import ConfigError
 from middeck.identification.measurement_model import MeasurementModel, model_response, natural_hz
-from middeck.identification.modal_states import sampled_statespace
-from middeck.identification.reduction import minimal_model
+from middeck.identification.plants.modal_states import sampled_statespace
+from middeck.identification.plants.reduction import minimal_model
 from middeck.systems.ports import Port
 
 PORTS = (Port("a", "N"), Port("b", "N")), (Port("x", "m"), Port("y", "m"))

@@ -9,17 +9,17 @@ import scipy.stats
 import two_modes
 
 from middeck.errors import ConfigError
-from middeck.identification.covariance import ModelCovariance, estimate_covariance, line_degrees
-from middeck.identification.fit import fit_response
+from middeck.identification.fit.fit_response import fit_response
+from middeck.identification.fit.weights import spread_of
 from middeck.identification.measurement_model import (
     MeasurementModel,
     damping_ratio,
     model_response,
     natural_hz,
 )
-from middeck.identification.response_bounds import response_bounds
 from middeck.identification.spectra import estimate_response
-from middeck.identification.uncertainty import (
+from middeck.identification.uncertainty.covariance import ModelCovariance, estimate_covariance, line_degrees
+from middeck.identification.uncertainty.parameters import (
     distinct_poles,
     modal_constant,
     parameters_of,
@@ -27,8 +27,15 @@ from middeck.identification.uncertainty import (
     uncertainty_of,
     zero_deviation,
 )
-from middeck.identification.unknowns import Structure, entry_slopes, model_at, places_of, ties, unknowns_of
-from middeck.identification.weights import spread_of
+from middeck.identification.uncertainty.response_bounds import response_bounds
+from middeck.identification.uncertainty.unknowns import (
+    Structure,
+    entry_slopes,
+    model_at,
+    places_of,
+    ties,
+    unknowns_of,
+)
 from middeck.systems.response import FrequencyResponse, ResponseCovariance
 
 DRAWS = 60

@@ -7,8 +7,8 @@ import pytest
 import scipy.stats
 
 from middeck.identification.measurement_model import natural_hz
-from middeck.identification.response_bounds import response_bounds, simultaneous_bounds
-from middeck.identification.uncertainty import parameters_of
+from middeck.identification.uncertainty.parameters import parameters_of
+from middeck.identification.uncertainty.response_bounds import response_bounds, simultaneous_bounds
 
 # Peaks, zeros and what lies between, over the band that is scored.
 SOME_HZ = np.geomspace(0.3, 30.0, 100)

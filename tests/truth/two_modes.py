@@ -5,7 +5,7 @@ import functools
 import gimbal_record
 import numpy as np
 
-from middeck.identification.fit import fit_response
+from middeck.identification.fit.fit_response import fit_response
 from middeck.systems.response import FrequencyResponse
 
 HZ, ZETA, CONSTANTS, DELAY_S = np.array([1.2, 1.7]), 0.01, np.array([1.0, 0.8]), 0.010

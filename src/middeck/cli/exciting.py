@@ -11,7 +11,7 @@ from middeck.errors import ConfigError
 from middeck.files.form import Form, Positive, whole, within
 from middeck.files.models import load_model
 from middeck.files.study_form import Band
-from middeck.identification.accuracy import ExpectedAccuracy, expected_accuracy
+from middeck.identification.uncertainty.accuracy import ExpectedAccuracy, expected_accuracy
 from middeck.systems.excitation import (
     Excitation,
     Limits,

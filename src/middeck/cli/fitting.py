@@ -8,8 +8,8 @@ from middeck.cli.blame import reading
 from middeck.cli.settings import FitSettings
 from middeck.errors import ConfigError
 from middeck.files.records import Columns, load_records, split_periods
-from middeck.identification.fit import FitResult, fit_response
-from middeck.identification.record_fit import fit_record
+from middeck.identification.fit.fit_response import FitResult, fit_response
+from middeck.identification.samples.fit_record import fit_record
 from middeck.identification.spectra import estimate_response
 from middeck.systems.excitation import cut_periods, recognise_excitation
 from middeck.systems.record import Record

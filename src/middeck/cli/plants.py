@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from middeck.errors import ConfigError
 from middeck.identification.measurement_model import MeasurementModel, natural_hz
-from middeck.identification.plants import measured_plant
+from middeck.identification.plants.measured_plant import measured_plant
 from middeck.structure.modes import Modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.systems.plant import Plant

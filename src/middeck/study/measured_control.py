@@ -9,9 +9,9 @@ from middeck.control.compensator import Compensator, evaluate_compensator
 from middeck.control.lqg import LQGWeights, design_filter, design_lqg
 from middeck.control.performance import Performance, measure_rms
 from middeck.files.study_form import RigForm, SisoForm
-from middeck.identification.fit import FitResult, fit_response
+from middeck.identification.fit.fit_response import FitResult, fit_response
 from middeck.identification.measurement_model import model_response, natural_hz
-from middeck.identification.plants import measured_plant
+from middeck.identification.plants.measured_plant import measured_plant
 from middeck.identification.spectra import estimate_response
 from middeck.realtime.rig import LinearRig, build_linear_rig, close_sampled_loop, run_closed_loop
 from middeck.structure.modes import Modes

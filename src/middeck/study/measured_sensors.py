@@ -6,12 +6,12 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.files.study_form import RigForm, SisoForm, SitoForm
-from middeck.identification.fit import FitResult, fit_response
+from middeck.identification.fit.fit_response import FitResult, fit_response
 from middeck.identification.measurement_model import model_response
-from middeck.identification.plants import measured_plant
+from middeck.identification.plants.measured_plant import measured_plant
+from middeck.identification.plants.zeros import Zeros, path_zeros
 from middeck.identification.spectra import estimate_response
-from middeck.identification.uncertainty import zero_deviation
-from middeck.identification.zeros import Zeros, path_zeros
+from middeck.identification.uncertainty.parameters import zero_deviation
 from middeck.structure.modes import Modes
 from middeck.study.rig_experiment import in_band, rig_plant, run_rig_experiment
 from middeck.systems.plant import Plant

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from middeck.identification.fit import FitResult, fit_response
+from middeck.identification.fit.fit_response import FitResult, fit_response
 from middeck.identification.measurement_model import model_response
 from middeck.identification.simulation import nrmse
 from middeck.identification.spectra import estimate_response

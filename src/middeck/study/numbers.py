@@ -12,7 +12,7 @@ import scipy
 from middeck import __version__
 from middeck.files.studies import Study
 from middeck.identification.measurement_model import damping_ratio, natural_hz, path_delay
-from middeck.identification.zeros import name_zeros
+from middeck.identification.plants.zeros import name_zeros
 from middeck.structure.comparison import ModeComparison
 from middeck.structure.equilibrium import Equilibrium, node_rotations
 from middeck.structure.modes import Modes

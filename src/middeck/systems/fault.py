@@ -19,8 +19,8 @@ class Fault:
     Parameters
     ----------
     kind:
-        In one word: gap, dead, clipping, dropout, spike, offset, drift, quantisation, transient, repeat, sign,
-        delay, duplicate, held, gain, swap.
+        In one word: gap, dead, clipping, dropout, spike, offset, drift, quantisation, transient, repeat,
+        sign, delay, duplicate, held, gain, swap.
     severity:
         ``unusable``: no estimate can be had from the channel; ``serious``: estimates are wrong or much worse;
         ``note``: worth knowing.

@@ -11,8 +11,8 @@ from middeck.cli.screen import Table, show
 
 if TYPE_CHECKING:
     from middeck.cli.settings import FitSettings
-    from middeck.identification.drift import Drift
-    from middeck.identification.response_drift import ResponseDrift
+    from middeck.identification.uncertainty.drift import Drift
+    from middeck.identification.uncertainty.response_drift import ResponseDrift
     from middeck.systems.response import FrequencyResponse
 
 EPILOG = """\
@@ -78,8 +78,8 @@ def compare(before: str, after: str, settings: FitSettings, level: float) -> dic
     from middeck.cli.blame import reading
     from middeck.cli.fitting import identify
     from middeck.files.models import load_model
-    from middeck.identification.covariance import as_exact
-    from middeck.identification.drift import compare_fits
+    from middeck.identification.uncertainty.covariance import as_exact
+    from middeck.identification.uncertainty.drift import compare_fits
 
     if before.endswith(".json"):
         model = load_model(before)
@@ -102,7 +102,7 @@ def _compare_lines(
     before: FrequencyResponse | None, after: FrequencyResponse | None, level: float
 ) -> ResponseDrift | None:
     """None where a record itself was fitted, or nothing says how uncertain its response is."""
-    from middeck.identification.response_drift import compare_responses
+    from middeck.identification.uncertainty.response_drift import compare_responses
 
     if before is None or after is None or before.variance is None or after.variance is None:
         return None

@@ -11,7 +11,7 @@ from middeck.cli.screen import Table, show
 
 if TYPE_CHECKING:
     from middeck.cli.exciting import ExciteSettings
-    from middeck.identification.accuracy import ExpectedAccuracy
+    from middeck.identification.uncertainty.accuracy import ExpectedAccuracy
     from middeck.systems.excitation import Excitation
 
 EPILOG = """\

@@ -123,7 +123,7 @@ def _validate(
     """
     from middeck.cli.blame import reading
     from middeck.cli.fitting import load_periods
-    from middeck.identification.record_simulation import record_nrmse
+    from middeck.identification.samples.simulation import record_nrmse
     from middeck.identification.simulation import nrmse
 
     if not files:
@@ -172,7 +172,7 @@ def describe(found: Identified) -> dict[str, Any]:
 def _zeros(model: MeasurementModel) -> list[dict[str, Any]]:
     """Those of every path; of a path whose zeros are lost in rounding, none and the reason."""
     from middeck.errors import NumericalError
-    from middeck.identification.zeros import path_zeros
+    from middeck.identification.plants.zeros import path_zeros
 
     found: list[dict[str, Any]] = []
     for output in model.outputs:

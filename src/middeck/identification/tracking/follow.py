@@ -8,7 +8,7 @@ from jaxtyping import Complex, Float, Int
 from middeck.errors import ConfigError
 from middeck.identification.measurement_model import MeasurementModel, damping_ratio, natural_hz
 from middeck.identification.tracking.trust import WATCHED, is_trusted
-from middeck.identification.uncertainty import Uncertainty
+from middeck.identification.uncertainty.parameters import Uncertainty
 from middeck.values import record
 
 # Motion before the first sample, as a multiple of what white inputs of the stated rms would keep up: a signal

@@ -137,7 +137,8 @@ def _repeated(u: np.ndarray, y: np.ndarray, found: Repetition, sample_hz: float)
     kind = name_kind(centred, lines, noise_rms=np.sqrt(found.scatter / steady.shape[1]))
     band = _band(lines if kind == "multisine" else _main_lines(power, lines), period, sample_hz)
     called = "signal of uneven lines" if kind == "noise" else kind
-    what = f"{called}, {blocks.shape[1]} period{'s' * (blocks.shape[1] > 1)} of {period} samples ({period / sample_hz:.6g} s)"
+    many = "s" if blocks.shape[1] > 1 else ""
+    what = f"{called}, {blocks.shape[1]} period{many} of {period} samples ({period / sample_hz:.6g} s)"
     what += f", {'odd lines' if odd else 'lines'} from {band[0]:.6g} to {band[1]:.6g} Hz"
     return Recognised(
         kind,

@@ -1,0 +1,1 @@
+"""A measurement model fitted to a frequency response: starts, search, weights, order, doubts."""

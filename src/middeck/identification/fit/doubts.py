@@ -1,0 +1,158 @@
+"""What a fit should not be trusted for: said with the result, since the result may still be of use."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.errors import FitError
+from middeck.identification.measurement_model import damping_ratio, natural_hz
+from middeck.identification.uncertainty.covariance import ModelCovariance
+from middeck.identification.uncertainty.parameters import Uncertainty, distinct_poles, uncertainty_of
+from middeck.identification.uncertainty.unknowns import places_of
+from middeck.systems.response import FrequencyResponse
+
+# A steady record of a test article repeats itself within a few per cent, sensor noise and weak
+# nonlinearity included (the mirror's 300 mV: 5 %); a model worth using explains nine tenths.
+SCATTER = 0.1
+LEFT = 0.1
+# Fewer degrees of freedom give an interval of which Student's t is a tenth wider than the normal law.
+FEW_DEGREES = 12.0
+# A deviation that is half of its value: the linearised interval then reaches the value zero.
+HALF = 0.5
+# A deviation that is a hundred times what it would be with all else known: so is a small error of the model.
+CONFOUNDED = 1e4
+# Least squares leave no more than the response itself; twice that means that the search has failed.
+FAILED = 2.0
+
+
+def doubts_of_record(measured: FrequencyResponse) -> list[str]:
+    """Outputs whose periods or experiments disagree."""
+    if measured.variance is None:
+        return []
+    size = np.sum(np.abs(measured.H) ** 2, axis=(0, 2))
+    scatter = np.sqrt(np.sum(measured.variance, axis=(0, 2)) / size)
+    return [
+        f"output {port.name}: the response scatters by {share:.0%} between periods or experiments; is the "
+        "record steady, without drift, spikes or dropouts?"
+        for port, share in zip(measured.outputs, scatter, strict=True)
+        if share > SCATTER
+    ]
+
+
+def doubts_of_model(
+    measured: FrequencyResponse, error: Float[np.ndarray, " output"], model_error: float, share: float
+) -> list[str]:
+    """Outputs that the model does not explain, or deviations that do not cover what it lacks.
+
+    ``model_error`` is the part of the assumed variance that is not noise, ``share`` its size as a part of
+    the mean square response. Raises `FitError` for a model that is worse than none.
+    """
+    if np.any(error > FAILED):
+        worst = int(np.argmax(error))
+        raise FitError(
+            f"the best model found leaves {error[worst]:.0f} times the response itself",
+            where=f"output {measured.outputs[worst].name}",
+            hint="ask for more states, or for a band without half a mode at its edge",
+        )
+    poor = [
+        f"output {port.name}: the model leaves {left:.0%} of the response unexplained; its parameters mean "
+        "little. Look at the record, the band and the order"
+        for port, left in zip(measured.outputs, error, strict=True)
+        if left > LEFT
+    ]
+    if poor or model_error <= 0.5 or measured.variance is None:
+        return poor
+    return [
+        f"most of what the fit leaves is not noise but modes it lacks ({np.sqrt(share):.1%} of the "
+        "response): the stated deviations follow what is left, but do not cover a bias that all lines share"
+    ]
+
+
+def doubts_of_deviations(measured: FrequencyResponse, covariance: ModelCovariance) -> list[str]:
+    """Where a stated deviation is not to be trusted, and why."""
+    return [
+        *_doubts_of_variance(measured, covariance),
+        *_doubts_of_delays(covariance),
+        *_doubts_of_modes(measured, covariance),
+    ]
+
+
+def _doubts_of_variance(measured: FrequencyResponse, covariance: ModelCovariance) -> list[str]:
+    if measured.variance is None:
+        return [
+            "the record has one period, which does not tell noise from what the model lacks: the deviations "
+            "come from what the fit leaves"
+        ]
+    if covariance.degrees < FEW_DEGREES:
+        return [
+            f"the noise is known from {covariance.degrees:.0f} degrees of freedom only, and so are the "
+            "deviations; record more periods"
+        ]
+    return []
+
+
+def _doubts_of_delays(covariance: ModelCovariance) -> list[str]:
+    at = places_of(covariance.model, covariance.structure)
+    found: list[str] = []
+    for o in np.flatnonzero(at.delay >= 0):
+        name, inflation = covariance.model.outputs[o].name, covariance.inflation[at.delay[o]]
+        if inflation > CONFOUNDED:
+            found.append(
+                f"output {name}: the delay is confounded with the residues, only their sum is certain: its "
+                f"deviation is {np.sqrt(inflation):.0f} times what it would be if they were known; fit real "
+                "constants, or no delay"
+            )
+    return found
+
+
+def _doubts_of_modes(measured: FrequencyResponse, covariance: ModelCovariance) -> list[str]:
+    f, zeta = natural_hz(covariance.model), damping_ratio(covariance.model)
+    of = uncertainty_of(covariance)
+    lines = measured.frequency_hz
+    found: list[str] = []
+    for m in distinct_poles(covariance.model):
+        mode = f"mode at {f[m]:.4g} Hz"
+        if of.natural_hz[m] > HALF * f[m]:
+            found.append(f"{mode}: its frequency has a deviation of {of.natural_hz[m]:.3g} Hz: not known")
+        if not covariance.model.is_pair[m]:
+            continue
+        if not lines[0] <= f[m] <= lines[-1]:
+            found.append(
+                f"{mode}: it lies outside the band {lines[0]:.4g}-{lines[-1]:.4g} Hz, and stands for "
+                "whatever is there"
+            )
+            continue
+        near = np.clip(np.searchsorted(lines, f[m]), 1, max(len(lines) - 1, 1))
+        spacing, width = lines[near] - lines[near - 1], 2.0 * zeta[m] * f[m]
+        if width < spacing:
+            found.append(
+                f"{mode}: its half-power width of {width:.3g} Hz is less than the {spacing:.3g} Hz between "
+                "lines, so that its damping hangs on one or two of them; use a longer period"
+            )
+        if of.damping[m] > HALF * zeta[m]:
+            found.append(
+                f"{mode}: its damping of {zeta[m]:.2%} has a deviation of {of.damping[m]:.2%}: not known"
+            )
+    return found
+
+
+def causal_delay(
+    measured: FrequencyResponse, delay_s: np.ndarray, uncertainty: Uncertainty
+) -> tuple[np.ndarray, list[str]]:
+    """Delays of zero or more; a small advance is a warning, a long one an error."""
+    warnings: list[str] = []
+    for o, tau in enumerate(delay_s):
+        name = measured.outputs[o].name
+        if tau < -1.0 / measured.frequency_hz[-1]:
+            raise FitError(
+                f"the output leads its input by {-tau:.6g} s",
+                where=f"output {name}",
+                hint="check which channel is the input, and that the period is more than twice the delay",
+            )
+        if tau < 0.0:
+            warnings.append(
+                f"output {name}: the fit leads by {-tau * 1e3:.3g} ms (+-{uncertainty.delay_s[o] * 1e3:.2g});"
+                " its delay is set to zero"
+            )
+    return np.maximum(delay_s, 0.0), warnings

@@ -1,0 +1,218 @@
+"""Fit a measurement model to a frequency response: start, race, refine, check."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.errors import FitError
+from middeck.identification.checks import check_response
+from middeck.identification.fit.choices import Choices, Delay, options_of
+from middeck.identification.fit.data import Data
+from middeck.identification.fit.doubts import (
+    causal_delay,
+    doubts_of_deviations,
+    doubts_of_model,
+    doubts_of_record,
+)
+from middeck.identification.fit.fitted_model import model_of
+from middeck.identification.fit.likelihood import likelihood_polish
+from middeck.identification.fit.polish import Polished, logarithmic_polish, settle
+from middeck.identification.fit.race import count_unknowns, model_error, race, recommend_states
+from middeck.identification.fit.weights import Spread, spread_of
+from middeck.identification.measurement_model import MeasurementModel, model_response
+from middeck.identification.uncertainty.covariance import ModelCovariance, estimate_covariance
+from middeck.identification.uncertainty.parameters import Uncertainty, uncertainty_of
+from middeck.identification.uncertainty.unknowns import Structure
+from middeck.systems.response import FrequencyResponse
+from middeck.values import record
+
+# The start is weighted as if the model left this share of the response's rms.
+FIRST_EXCESS = 0.03
+
+
+@record
+class FitResult:
+    """A fitted model and how good it is.
+
+    Parameters
+    ----------
+    model:
+        The measurement model.
+    cost:
+        Mean of |weight times residual|^2: one where the model leaves what its weights expect.
+    error:
+        Relative complex error of each output on the fitted lines, sqrt(sum |E - H|^2 / sum |H|^2).
+    excess:
+        Standard deviation of each output's response that the model leaves beyond the measured variance;
+        zero for a model that explains its data.
+    uncertainty:
+        Standard deviations of frequencies, damping and delays.
+    covariance:
+        Joint covariance of all unknowns, for intervals (`parameters_of`), bounds of the response, sets of
+        models and tests of drift.
+    history:
+        Cost of each step of the last search, in that search's weights.
+    order_reason:
+        Why the model has the order it has.
+    warnings:
+        What the user should know; empty if nothing.
+    """
+
+    model: MeasurementModel
+    cost: float
+    error: Float[np.ndarray, " output"]
+    excess: Float[np.ndarray, " output"]
+    uncertainty: Uncertainty
+    covariance: ModelCovariance
+    history: Float[np.ndarray, " step"]
+    order_reason: str
+    warnings: tuple[str, ...]
+
+
+def fit_response(
+    measured: FrequencyResponse,
+    *,
+    states: int | None = None,
+    sample_hz: float | None = None,
+    constants: Literal["real", "complex"] | None = None,
+    delay: bool | Delay | None = None,
+    direct: bool | None = None,
+    residuals: bool = False,
+    full_rank: bool = False,
+    rigid: int = 0,
+    relative_degree: Literal[0, 1, 2] | None = None,
+    cost: Literal["weighted", "likelihood", "logarithmic"] = "weighted",
+) -> FitResult:
+    """Fit common poles, residues and delays to a measured response.
+
+    Stable by construction and real. The weights are the measured variance, averaged over neighbouring
+    lines, plus the variance that the model cannot follow (`weights`); the starts are subspace models of
+    several sizes, of which the likeliest after a short refinement is refined to the end.
+
+    Parameters
+    ----------
+    measured:
+        Response with its variance (`estimate_response`).
+    states:
+        Order of the model without its delays: two for each pair of poles and each rigid mode; with
+        ``full_rank`` the poles, each counted once. By default the order of the shortest description
+        (`order`), which takes longer.
+    sample_hz:
+        Give the sampling rate to fit a sampled model, right when the inputs were held and the band comes
+        near half the rate; by default the model is continuous.
+    constants:
+        "real": each residue is that of a mode driven by a force and seen as a displacement (relative
+        degree two), which makes a delay identifiable; the default in continuous time. "complex": any
+        residue; the default, and all there is, for a sampled model.
+    delay:
+        Whether each "output" (or True), each "path" or all of them in "common" have a delay; by default each
+        output, with real constants only. Complex constants take up a short delay themselves, so that the two
+        are confounded: the result then warns.
+    direct:
+        Whether there is a constant term, which also stands for modes above the band; by default with
+        complex constants only.
+    residuals:
+        Whether terms for the modes outside the band are fitted beside the states: 1/s^2 for those below,
+        a constant for those above (Ewins 2000, sec. 4.2). Continuous models only.
+    full_rank:
+        Residues of any rank, as vector fitting has them, rather than rank one: for modes too close to be told
+        apart, and for what is no modal model.
+    rigid:
+        How many free rigid-body modes phi psi / s^2 the article has: part of the plant, unlike the residual
+        term of modes below the band.
+    relative_degree:
+        Of every path: 0, a constant term; 1, none; 2, none, and complex residues that add up to zero, so that
+        the response falls with 1/s^2 as that of any structure from force to displacement does.
+    cost:
+        "weighted" least squares on the complex response, by the variance that comes with it (the total one,
+        noise and nonlinear distortion, where `estimate_response` knows it). "likelihood": by its covariance,
+        noise that outputs share and noise of the inputs included. "logarithmic": on log magnitude and phase
+        (the 1993 paper's), which follows the antiresonances as closely as the peaks.
+
+    Raises
+    ------
+    ConfigError
+        For options that exclude each other.
+    FitError
+        If the response is constant, all noise or too short for so many states, if an output leads its
+        input, or if no start could be refined.
+    """
+    choices = Choices(sample_hz, constants, delay, direct, residuals, full_rank, rigid, relative_degree)
+    options = options_of(measured, 2 * (rigid + 1) if states is None else states, choices)
+    check_response(measured, count_unknowns(measured, options))
+    if cost == "logarithmic" and measured.variance is None:
+        raise FitError(
+            "the logarithmic cost needs the variance of the response, and one period has none",
+            hint="record two periods or more, or take cost 'weighted'",
+        )
+    if cost == "likelihood" and measured.covariance is None:
+        raise FitError(
+            "the likelihood needs the covariance of the response",
+            hint="record two periods or more, or take cost 'weighted'",
+        )
+    spread = spread_of(measured, relative=cost == "logarithmic")
+    data = _first_data(measured, spread)
+    reason = f"{states} states were asked for"
+    if states is None:
+        choice = recommend_states(measured, data, spread, options)
+        options, reason = dataclasses.replace(options, states=choice.states), choice.reason
+    best = settle(data, race(data, spread, options), spread)
+    if cost == "logarithmic":
+        best = logarithmic_polish(data, best, spread)
+    if cost == "likelihood" and measured.covariance is not None:
+        best = likelihood_polish(data, best, measured.covariance)
+    return _result(measured, best, spread, reason)
+
+
+def _first_data(measured: FrequencyResponse, spread: Spread) -> Data:
+    weight = 1.0 / np.sqrt(spread.at(FIRST_EXCESS**2))
+    return Data(2j * np.pi * measured.frequency_hz, np.moveaxis(measured.H, 0, 1), weight)
+
+
+def _result(measured: FrequencyResponse, best: Polished, spread: Spread, reason: str) -> FitResult:
+    found = model_of(best, measured)
+    covariance = _covariance(found, measured, best, spread)
+    uncertainty = uncertainty_of(covariance)
+    delay_s, warnings = causal_delay(measured, found.delay_s, uncertainty)
+    model = dataclasses.replace(found, delay_s=delay_s)
+    r = np.abs(model_response(model, measured.frequency_hz) - measured.H) ** 2
+    if not np.isfinite(r).all():
+        raise FitError("the fitted response is not finite", hint="fewer states")
+    error = np.sqrt(np.sum(r, axis=(0, 2)) / np.sum(np.abs(measured.H) ** 2, axis=(0, 2)))
+    if not best.refined.converged:
+        warnings.append(f"the search had not settled after {len(best.refined.history)} steps")
+    warnings += doubts_of_record(measured)
+    warnings += doubts_of_model(measured, error, model_error(best, spread), best.share)
+    warnings += doubts_of_deviations(measured, covariance)
+    return FitResult(
+        model,
+        2.0 * best.refined.step.cost / r.size,
+        error,
+        np.sqrt(best.share * np.mean(np.abs(measured.H) ** 2, axis=(0, 2))),
+        uncertainty,
+        dataclasses.replace(covariance, model=model),
+        np.array(best.refined.history),
+        reason,
+        tuple(warnings),
+    )
+
+
+def _covariance(
+    model: MeasurementModel, measured: FrequencyResponse, best: Polished, spread: Spread
+) -> ModelCovariance:
+    layout = best.layout
+    structure = Structure(
+        layout.real_constants,
+        layout.with_delay,
+        layout.with_lower,
+        layout.with_direct,
+        common_delay=layout.delay_of == "common",
+        relative_degree_two=layout.relative_degree_two,
+    )
+    return estimate_covariance(
+        model, structure, measured, assumed=spread.at(best.share), noise=spread.variance
+    )

@@ -1,0 +1,54 @@
+"""The measurement model that a refined search has found."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from middeck.identification.fit.layout import unpack
+from middeck.identification.fit.polish import Polished
+from middeck.identification.fit.terms import constant_terms, shapes
+from middeck.identification.measurement_model import RANK, MeasurementModel
+from middeck.systems.response import FrequencyResponse
+
+
+def model_of(best: Polished, measured: FrequencyResponse) -> MeasurementModel:
+    """The model at the end of a search; its delays may be negative."""
+    layout, linear = best.layout, best.refined.step.linear
+    point = unpack(layout, best.refined.theta)
+    c = np.array([shapes(layout, point, x) for x in linear])
+    poles, b = point.poles, point.b
+    if layout.full:
+        poles, c, b = _by_rank(poles, c.reshape(len(c), -1, layout.copies))
+    rigid, lower, direct = constant_terms(layout, point, linear)
+    each, beyond = point.delay_s[:, 0], None
+    if point.delay_s.shape[1] > 1:
+        each = np.min(point.delay_s, axis=1)
+        # A path that leads is as prompt as can be: zero, as the output's delay is then (`causal_delay`).
+        beyond = np.maximum(point.delay_s, 0.0) - np.maximum(each, 0.0)[:, None]
+    return MeasurementModel(
+        poles,
+        c,
+        b,
+        direct,
+        lower,
+        each,
+        measured.inputs,
+        measured.outputs,
+        1.0 / layout.period_s if layout.period_s else None,
+        beyond,
+        rigid if layout.rigid_pivot else None,
+    )
+
+
+def _by_rank(poles: np.ndarray, residues: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Residues [output, pole, input] as terms c b, as many for each pole as its residue has rank."""
+    found: list[tuple[complex, np.ndarray, np.ndarray]] = []
+    for pole, residue in zip(poles, np.moveaxis(residues, 1, 0), strict=True):
+        left, size, right = np.linalg.svd(residue)
+        for k in range(max(1, int(np.sum(size > RANK * size[0])))):
+            found.append((pole, size[k] * left[:, k], right[k]))
+    return (
+        np.array([pole for pole, _, _ in found]),
+        np.stack([c for _, c, _ in found], axis=1),
+        np.array([b for _, _, b in found]),
+    )

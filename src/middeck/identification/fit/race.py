@@ -1,0 +1,179 @@
+"""The likeliest of several starts for one order, and the order that a response asks for."""
+
+from __future__ import annotations
+
+import dataclasses
+from itertools import islice
+
+import numpy as np
+
+from middeck.errors import FitError
+from middeck.identification.fit.data import Data
+from middeck.identification.fit.design import residual_of
+from middeck.identification.fit.exchange import exchanges, grown
+from middeck.identification.fit.order import OrderChoice, Tried, choose, description_length, is_settled, sizes
+from middeck.identification.fit.polish import Polished, polish
+from middeck.identification.fit.start import Options, Start, starts
+from middeck.identification.fit.thinning import take_lines, thin_lines
+from middeck.identification.fit.weights import Spread
+from middeck.systems.response import FrequencyResponse
+
+# Steps of all starts, of the best few of them, of the best, and of modes exchanged.
+HEAT, FEW, FEW_STEPS, LAST_STEPS, EXCHANGE_STEPS = 0, 2, 6, 12, 4
+# Exchanges are tried when more than this share of the variance is not the measured one, and one counts when
+# it gains more likelihood than rounding and an unsettled search may.
+WORTH_EXCHANGE = 0.1
+EXCHANGE_GAIN = 1.0
+# An order is given up to so many turns of a few steps before it is compared.
+MOST_TURNS = 6
+# Steps on half of the lines, from the model on all of them.
+HELD_OUT_STEPS = 3
+# Starts of each order when orders are compared, beside the one grown from the order before.
+ORDER_STARTS = 1
+
+
+def race(data: Data, spread: Spread, options: Options) -> Polished:
+    """The likeliest of the starts, refined on some of the lines, then its exchanges.
+
+    Successive halving: all starts take a few steps, the best of them a few more, and the best of those goes
+    on. A start in the wrong valley is far behind after a few steps.
+    """
+    part, some = _some_lines(data, spread, options)
+    best = _heats(part, some, [(start, None) for start in starts(part, options)])
+    if best is None:
+        raise FitError(
+            f"no start for {options.states} states could be refined",
+            hint="fewer states, a wider band or a longer period",
+        )
+    best = _further(part, some, best, LAST_STEPS)
+    return _exchange(part, some, options, best)
+
+
+def _heats(part: Data, spread: Spread, started: list[tuple[Start, float | None]]) -> Polished | None:
+    """The likeliest of several starts (each with the share of its weights, if known) after a few steps."""
+    runs = [polish(part, start, spread, steps=HEAT, rounds=1, share=share) for start, share in started]
+    ranked = sorted((run for run in runs if run is not None), key=_negative_likelihood)
+    few = [_further(part, spread, run, FEW_STEPS) for run in ranked[:FEW]]
+    return min(few, key=_negative_likelihood, default=None)
+
+
+def _further(part: Data, spread: Spread, run: Polished, steps: int) -> Polished:
+    start = Start(run.layout, run.refined.theta)
+    return polish(part, start, spread, steps=steps, rounds=1, share=run.share) or run
+
+
+def _negative_likelihood(run: Polished) -> float:
+    # A model without a finite response is the least likely of all.
+    return run.likelihood if np.isfinite(run.likelihood) else np.inf
+
+
+def _exchange(part: Data, spread: Spread, options: Options, best: Polished) -> Polished:
+    """Exchange modes as long as that pays; a model that leaves no excess has nothing to gain."""
+    while model_error(best, spread) > WORTH_EXCHANGE:
+        runs = [
+            polish(part, start, spread, steps=EXCHANGE_STEPS, rounds=1, share=best.share)
+            for start in exchanges(part, options, best, spread)
+        ]
+        found = min((run for run in runs if run is not None), key=_negative_likelihood, default=None)
+        if found is None:
+            return best
+        found = _further(part, spread, found, LAST_STEPS)
+        if _negative_likelihood(found) >= best.likelihood - EXCHANGE_GAIN:
+            return best
+        best = found
+    return best
+
+
+def model_error(best: Polished, spread: Spread) -> float:
+    """Part of the variance behind the weights that is not the measured one."""
+    return float(best.share * np.mean(spread.size / spread.at(best.share)))
+
+
+def _some_lines(data: Data, spread: Spread, options: Options) -> tuple[Data, Spread]:
+    outputs, _, inputs = data.H.shape
+    return take_lines(data, spread, thin_lines(data, spread, options.states * (outputs + inputs)))
+
+
+def recommend_states(
+    measured: FrequencyResponse, data: Data, spread: Spread, options: Options
+) -> OrderChoice:
+    """The order of the shortest description, each from the best of a few starts and of the order before."""
+    part, some = _some_lines(data, spread, options)
+    tried: list[Tried] = []
+    best: Polished | None = None
+    for states in sizes():
+        sized = dataclasses.replace(options, states=states)
+        unknowns = count_unknowns(measured, sized)
+        if 2 * unknowns > part.H.size:
+            break
+        started: list[tuple[Start, float | None]] = []
+        started += [(start, None) for start in islice(starts(part, sized), ORDER_STARTS)]
+        if best is not None and (larger := _grown(part, some, sized, best)) is not None:
+            started.append(larger)
+        best = _heats(part, some, started) or best
+        if best is None or _states(best) != states:
+            continue
+        best = _as_long_as_it_tells(part, some, best)
+        length = description_length(best.likelihood, unknowns, 2 * part.H.size)
+        tried.append(Tried(states, length, _held_out(data, part, some, best)))
+        if is_settled([t.length for t in tried]):
+            break
+    if not tried:
+        raise FitError("no order could be fitted", hint="a wider band or a longer period")
+    return choose(tried)
+
+
+def _as_long_as_it_tells(part: Data, spread: Spread, run: Polished) -> Polished:
+    """Refined until some steps more gain no more than one unknown costs in the description."""
+    for _ in range(MOST_TURNS):
+        before, run = run, _further(part, spread, run, FEW_STEPS)
+        if before.likelihood - run.likelihood <= 0.5 * np.log(2 * part.H.size):
+            break
+    return run
+
+
+def _states(run: Polished) -> int:
+    return int(np.sum(np.where(run.layout.pair, 2, 1)))
+
+
+def _grown(part: Data, spread: Spread, options: Options, best: Polished) -> tuple[Start, float] | None:
+    """A start from the order before, a pair added at each peak of the residual."""
+    while (left := options.states - _states(best)) > 0:
+        start = grown(part, dataclasses.replace(options, states=_states(best) + 2), best, spread)
+        if left <= 2:
+            return start, best.share
+        run = polish(part, start, spread, steps=1, rounds=1, share=best.share)
+        if run is None:
+            return None
+        best = run
+    return None
+
+
+def _held_out(data: Data, part: Data, spread: Spread, best: Polished) -> float:
+    """Relative error on lines that the model has not seen.
+
+    Those that were left out; where none were, it is refined on every other line and judged on the rest.
+    """
+    unseen = np.setdiff1d(np.arange(len(data.s)), np.searchsorted(np.imag(data.s), np.imag(part.s)))
+    run = best
+    if not len(unseen):
+        half, spread_of_half = take_lines(part, spread, np.arange(0, len(part.s), 2))
+        run = _further(half, spread_of_half, best, HELD_OUT_STEPS)
+        unseen = np.arange(1, len(data.s), 2)
+    r = residual_of(run.layout, data, run.refined.theta, run.refined.step.linear)[:, unseen]
+    level = np.mean(np.abs(data.H) ** 2, axis=(1, 2))
+    return float(np.sqrt(np.mean(np.mean(np.abs(r) ** 2, axis=(1, 2)) / level)))
+
+
+def count_unknowns(measured: FrequencyResponse, options: Options) -> int:
+    """Unknowns if all poles are pairs."""
+    _, outputs, inputs = measured.H.shape
+    each = 1 if options.real_constants else 2
+    per_pair = 2 + each * (outputs * inputs if options.full else outputs + inputs - 1)
+    delays = {"output": outputs, "path": outputs * inputs, "common": 1}[options.delay_of]
+    return (
+        -(-options.states // 2) * per_pair
+        + options.rigid * (outputs + inputs - options.rigid)
+        + delays * options.with_delay
+        + outputs * inputs * (options.with_lower + options.with_direct - options.relative_degree_two)
+    )

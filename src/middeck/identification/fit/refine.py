@@ -1,0 +1,177 @@
+"""Nonlinear least squares on a frequency response, by Levenberg-Marquardt with analytic derivatives.
+
+Least squares (`weighted`): the output vectors and the direct term are linear, so they are solved for
+exactly at each step and only theta is searched (variable projection, Golub and Pereyra 1973, with
+Kaufman's (1975) derivative). The outputs share nothing but theta, so each is a small problem of its own; its
+transients, one for each experiment, are projected out first (`own_transients`).
+
+Logarithmic (`logarithmic`): log magnitude and phase, the cost of the paper's fit; nothing is linear then and
+all unknowns are searched together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import scipy.linalg
+from jaxtyping import Float
+
+from middeck.identification.fit.data import Data
+from middeck.identification.fit.design import (
+    Terms,
+    build_terms,
+    late_columns,
+    late_slopes,
+    model_of_output,
+)
+from middeck.identification.fit.gram_blocks import Functions
+from middeck.identification.fit.layout import Layout
+from middeck.identification.fit.normal_equations import Solved, solve_normal
+from middeck.identification.fit.own_transients import OwnTransients, as_real
+from middeck.identification.fit.ties import Tied
+from middeck.values import record
+
+# Linear unknowns are not solved for where one column is the rest up to this share: coinciding poles.
+COINCIDENT = 1e-13
+MOST_STEPS = 200
+# Products in an output's normal equations below which forming them directly, by QR, takes less than to find
+# few functions to form them from.
+SMALL = 2e6
+# A step that promises less ends the search. Weights are one over standard deviations, so that an unknown one
+# deviation off costs 1/2 or more: 1e-3 is a twentieth of a deviation, for all unknowns together.
+SMALLEST_GAIN = 1e-3
+
+
+@record
+class Step:
+    """Cost, normal equations and linear unknowns (the transients' last) at a theta."""
+
+    cost: float
+    gradient: Float[np.ndarray, " unknown"]
+    gram: Float[np.ndarray, "unknown unknown"]
+    linear: Float[np.ndarray, "output column"]
+
+
+@record
+class Refined:
+    """End of a search: unknowns, the last normal equations and the cost of each accepted step."""
+
+    theta: Float[np.ndarray, " unknown"]
+    step: Step
+    history: tuple[float, ...]
+    converged: bool
+
+
+def weighted(layout: Layout, data: Data, theta: Float[np.ndarray, " unknown"]) -> Step | None:
+    """Half the sum of |weight (H - E)|^2, the linear unknowns solved for; None where it has no value."""
+    terms = build_terms(layout, data, theta)
+    if terms is None:
+        return None
+    shared = Functions(layout, data, terms) if _is_large(layout, data) or data.mix is not None else None
+    solved: list[Solved] = []
+    for o in range(layout.outputs) if data.mix is None else (None,):
+        one = None if shared is None else solve_normal(layout, data, terms, shared, o)
+        if one is None and o is not None:
+            one = solve_by_qr(layout, data, terms, o)
+        if one is None:
+            return None
+        solved.append(one)
+    cost = sum(one.cost for one in solved)
+    if not np.isfinite(cost):
+        return None
+    gradient = np.sum([one.gradient for one in solved], axis=0)
+    gram = np.sum([one.gram for one in solved], axis=0)
+    return Step(cost, gradient, gram, np.concatenate([one.linear for one in solved]))
+
+
+def _is_large(layout: Layout, data: Data) -> bool:
+    """Whether normal equations pay; they cannot project transients out."""
+    numbers = 2 * len(data.s) * data.H.shape[2]
+    return data.transient is None and numbers * (layout.columns + layout.size) ** 2 > SMALL
+
+
+def solve_by_qr(layout: Layout, data: Data, terms: Terms, output: int) -> Solved | None:
+    """One output by orthogonal columns, from Kaufman's Jacobian; None where two of them coincide."""
+    own = OwnTransients(terms.B, data.weight[output])
+    X = late_columns(layout, data, terms, output)
+    A, tied = own.removed(X), Tied(layout, terms.point)
+    free = tied.free(A)
+    size = np.linalg.norm(free, axis=1)
+    if not (np.isfinite(size).all() and size.all()):
+        return None
+    Q, R = np.linalg.qr((free / size[:, None]).T)
+    if np.abs(np.diag(R)).min() <= COINCIDENT or own.coincident(COINCIDENT):
+        return None
+    target = own.removed(data.H[output][None])[0]
+    on_columns = Q.T @ target
+    x = tied.whole(np.asarray(scipy.linalg.solve_triangular(R, on_columns)) / size)
+    t = own.unknowns(data.H[output] - np.tensordot(x, X, axes=1))
+    linear = np.concatenate([x, t.ravel()])
+    G = own.removed(late_slopes(layout, data, terms, linear, output))
+    gained = tied.moved(x, A)
+    if isinstance(gained, np.ndarray):
+        G[: len(gained)] += gained
+    residual, J = target - Q @ on_columns, G - (G @ Q) @ Q.T
+    return Solved(linear[None], 0.5 * float(residual @ residual), -J @ residual, J @ J.T)
+
+
+def logarithmic(layout: Layout, data: Data, theta: Float[np.ndarray, " unknown"]) -> Step | None:
+    """Half the sum of |weight log(H / E)|^2: log magnitude and phase; theta ends in the linear unknowns."""
+    linear = theta[len(theta) - layout.outputs * layout.columns :].reshape(layout.outputs, layout.columns)
+    shared = len(theta) - linear.size
+    terms = build_terms(layout, data, theta[:shared])
+    if terms is None:
+        return None
+    cost, gradient, gram = 0.0, np.zeros(len(theta)), np.zeros((len(theta), len(theta)))
+    for o in range(layout.outputs):
+        E = model_of_output(layout, data, terms, linear[o], o)
+        if not np.isfinite(E).all() or not E.all():
+            return None
+        G = late_slopes(layout, data, terms, linear[o], o)
+        J = as_real(np.concatenate([G, late_columns(layout, data, terms, o)]) * (data.weight[o] / E)[None])
+        residual = as_real((data.weight[o] * np.log(data.H[o] / E))[None])[0]
+        own = np.r_[0:shared, shared + o * layout.columns : shared + (o + 1) * layout.columns]
+        cost += 0.5 * float(residual @ residual)
+        gradient[own] -= J @ residual
+        gram[np.ix_(own, own)] += J @ J.T
+    return Step(cost, gradient, gram, linear) if np.isfinite(cost) else None
+
+
+def search(
+    evaluate: Callable[[np.ndarray], Step | None],
+    theta: Float[np.ndarray, " unknown"],
+    most_steps: int = MOST_STEPS,
+) -> Refined | None:
+    """Levenberg-Marquardt with Marquardt's scaling and Nielsen's (1999) damping; None if it cannot start."""
+    step = evaluate(theta)
+    if step is None:
+        return None
+    damping, growth = 1e-3, 2.0
+    history = [step.cost]
+    for _ in range(most_steps):
+        scale = np.maximum(np.diag(step.gram), 1e-14 * np.diag(step.gram).max())
+        try:
+            move = _solve(step.gram + damping * np.diag(scale), -step.gradient)
+        except np.linalg.LinAlgError:  # two modes have met; more damping tells them apart
+            damping, growth = damping * growth, 2.0 * growth
+            continue
+        promised = float(-move @ step.gradient - 0.5 * move @ step.gram @ move)
+        if promised <= SMALLEST_GAIN:
+            return Refined(theta, step, tuple(history), True)
+        trial = evaluate(theta + move)
+        gain = -1.0 if trial is None else (step.cost - trial.cost) / promised
+        if trial is not None and gain > 0.0:
+            theta, step = theta + move, trial
+            history.append(step.cost)
+            damping *= max(1.0 / 3.0, 1.0 - (2.0 * gain - 1.0) ** 3)
+            growth = 2.0
+        else:
+            damping, growth = damping * growth, 2.0 * growth
+    return Refined(theta, step, tuple(history), False)
+
+
+def _solve(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
+    # Scaled to a unit diagonal: frequencies, shapes and delays differ by many orders.
+    size = 1.0 / np.sqrt(np.diag(matrix))
+    return size * np.linalg.solve(matrix * size[:, None] * size, size * right)

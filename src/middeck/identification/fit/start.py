@@ -1,0 +1,338 @@
+"""Where a fit starts: poles from a frequency-domain subspace, at several sizes; nothing to tune.
+
+McKelvey, Akcay and Ljung (1996), algorithm 2: on the lines q_k of the unit circle, G_k stacked with the
+powers of q_k spans the observability matrix once the same powers of the input are projected out. A
+continuous response is mapped to the unit circle first, q = (a + s)/(a - s), with `a` in the middle of the
+band on a logarithmic scale, which spreads decades of modes over the circle. Poles outside are reflected.
+
+The subspace is mostly made larger than the fit, so that the extra poles take up delay, noise and modes that
+are not asked for, and the modes that would be missed most are kept (`pruning`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import scipy.linalg
+from jaxtyping import Bool, Complex, Float
+
+from middeck.identification.fit.data import Data
+from middeck.identification.fit.design import build_terms
+from middeck.identification.fit.layout import DelayOf, Layout, Point, pack
+from middeck.identification.fit.own_transients import as_real
+from middeck.identification.fit.pruning import prune
+from middeck.identification.fit.terms import columns, fractions, shapes
+from middeck.identification.fit.vector_fitting import relocate
+from middeck.values import record
+
+# Size of the subspace as a multiple of the states kept, and its block rows as a multiple of the least.
+REAL_SIZES = tuple((size, rows) for size in (1.0, 1.5, 2.0) for rows in (1.5, 2.0, 3.0))
+COMPLEX_SIZES = ((1.5, 1.5), (2.0, 1.5), (1.5, 2.0), (2.0, 2.0), (1.0, 2.0))
+# One start more with complex constants: a subspace whose poles vector fitting moves on so many times.
+RELOCATED_SIZE, RELOCATIONS = (1.25, 1.5), 3
+# Delays tried, in steps of this share of the shortest period in the band.
+DELAY_STEP = 0.125
+# First tried on either side of zero, and the share of the response that a right delay explains.
+FIRST_DELAYS = 64
+ENOUGH = 0.5
+# Lines that are closer than so small a share of the band are taken for one when delays are tried.
+MOST_LINES = 2**15
+# Damping ratio above which a candidate is no mode of a structure but takes up delay or noise.
+HEAVY = 0.3
+
+
+@record
+class Options:
+    """What kind of model is fitted; see `fit_response`. Rigid modes are not among the ``states``."""
+
+    states: int
+    real_constants: bool
+    with_delay: bool
+    with_lower: bool
+    with_direct: bool
+    period_s: float
+    full: bool = False
+    rigid: int = 0
+    delay_of: DelayOf = "output"
+    relative_degree_two: bool = False
+
+
+@record
+class Start:
+    """A layout and a first theta."""
+
+    layout: Layout
+    theta: Float[np.ndarray, " unknown"]
+
+
+def starts(data: Data, options: Options) -> Iterator[Start]:
+    """First guesses, from several sizes of the subspace."""
+    for size, rows in REAL_SIZES if options.real_constants else COMPLEX_SIZES:
+        found = _sized_poles(data, options, size, rows)
+        yield from () if found is None else _start(data, options, found)
+    if not options.real_constants:
+        found = _sized_poles(data, options, *RELOCATED_SIZE)
+        if found is not None:
+            moved = relocate(data, found, options.period_s, iterations=RELOCATIONS)
+            yield from _start(data, options, moved)
+
+
+def _start(data: Data, options: Options, found: np.ndarray) -> Iterator[Start]:
+    make = _real_start if options.real_constants else _complex_start
+    start = make(data, options, found)
+    if start is not None:
+        yield start
+
+
+def _sized_poles(data: Data, options: Options, size: float, rows: float) -> np.ndarray | None:
+    # An odd number of states asks for an odd number of real poles.
+    order = options.states + 2 * round(0.5 * (size - 1.0) * options.states) + 2 * options.rigid
+    return subspace_poles(data, options.period_s, states=order, rows=block_rows(data, order, rows))
+
+
+def block_rows(data: Data, order: int, factor: float) -> int:
+    """Block rows of a subspace: a multiple of the least, but no more than the lines allow."""
+    outputs, lines, inputs = data.H.shape
+    least = -(-order // outputs) + 1
+    return min(int(np.ceil(factor * least)), 2 * lines * inputs // (inputs + outputs) - 1)
+
+
+def subspace_poles(
+    data: Data, period_s: float, *, states: int, rows: int
+) -> Complex[np.ndarray, " state"] | None:
+    """Stable poles [rad/s] of the subspace model; None where the lines are too few for its size."""
+    outputs = data.H.shape[0]
+    if (rows - 1) * outputs < states:
+        return None
+    return next(poles_of_orders(data, period_s, [states], rows))
+
+
+def poles_of_orders(
+    data: Data, period_s: float, orders: Sequence[int], rows: int
+) -> Iterator[Complex[np.ndarray, " state"]]:
+    """The same for several orders, from one factorisation of so many block rows."""
+    outputs = data.H.shape[0]
+    q, a = _circle(data.s, period_s)
+    whole = _observability(data, q, rows)
+    for states in orders:
+        basis = whole[:, :states]
+        A = np.linalg.lstsq(basis[:-outputs], basis[outputs:], rcond=None)[0]
+        yield _to_plane(np.linalg.eigvals(A), a, period_s)
+
+
+def _circle(s: np.ndarray, period_s: float) -> tuple[np.ndarray, float]:
+    if period_s:
+        return np.exp(s * period_s), 0.0
+    omega = np.imag(s)
+    a = float(np.sqrt(omega[0] * omega[-1]))
+    return (a + s) / (a - s), a
+
+
+def _observability(data: Data, q: np.ndarray, rows: int) -> Float[np.ndarray, "row column"]:
+    outputs, _, inputs = data.H.shape
+    # One weight for each output and one for each line: the column space stays common.
+    weight = np.sqrt(np.mean(data.weight**2, axis=2))
+    level = np.sqrt(np.mean(weight**2, axis=1))
+    line = np.sqrt(np.mean((weight / level[:, None]) ** 2, axis=0))
+    powers = q[None] ** np.arange(rows)[:, None] * line
+    G = (powers[:, None, :, None] * (level[:, None, None] * data.H)[None]).reshape(rows * outputs, -1)
+    U = np.einsum("rk,ij->rikj", powers, np.eye(inputs)).reshape(rows * inputs, -1)
+    stacked = np.vstack([np.hstack([U.real, U.imag]), np.hstack([G.real, G.imag])])
+    triangle = np.asarray(np.linalg.qr(stacked.T, mode="r")).T
+    return np.linalg.svd(triangle[rows * inputs :, rows * inputs : len(stacked)])[0]
+
+
+def _to_plane(z: np.ndarray, a: float, period_s: float) -> Complex[np.ndarray, " state"]:
+    size = np.abs(z)
+    # Reflected into the circle, and kept off it and off its centre, where a pole has no finite decay.
+    inside = np.clip(np.where(size > 1.0, 1.0 / np.maximum(size, 1.0), size), 1e-6, 1.0 - 1e-6)
+    z = (np.where(size > 0.0, z / np.where(size > 0.0, size, 1.0), 1.0) * inside).astype(complex)
+    return np.log(z) / period_s if period_s else a * (z - 1.0) / (z + 1.0)
+
+
+def _complex_start(data: Data, options: Options, found: np.ndarray) -> Start | None:
+    """The strongest poles of the subspace, each with the rank-one part of its residue."""
+    poles, pair = upper_half(found, options.period_s)
+    prompt = np.zeros((len(data.H), 1))
+    start = start_at(data, options, poles, pair, prompt)
+    states = [int(n) for n in np.where(pair, 2, 1)]
+    if sum(states) == options.states:
+        return start
+    layout = start.layout
+    terms = build_terms(layout, data, start.theta)
+    if terms is None:
+        return None
+    line, level = _weights_alike(data)
+    modes = [layout.columns_of(m) for m in range(len(pair))]
+    kept = prune(as_real(terms.X * line).T, as_real(data.H * level * line).T, modes, states, options.states)
+    return None if kept is None else start_at(data, options, poles[kept], pair[kept], prompt)
+
+
+def upper_half(
+    poles: Complex[np.ndarray, " state"], period_s: float
+) -> tuple[Complex[np.ndarray, " mode"], Bool[np.ndarray, " mode"]]:
+    """One of each conjugate pair, by frequency, then the real poles; and which are pairs."""
+    nyquist = np.pi / period_s if period_s else np.inf
+    imag = np.imag(poles)
+    single = (imag == 0.0) | (np.abs(imag) >= nyquist * (1.0 - 1e-9))
+    upper = poles[~single & (imag > 0.0)]
+    upper = upper[np.argsort(np.imag(upper))]
+    real = poles[single]
+    both = np.concatenate([upper, np.real(real) + 1j * np.abs(np.imag(real))])
+    return both, np.arange(len(both)) < len(upper)
+
+
+def start_at(data: Data, options: Options, poles: np.ndarray, pair: np.ndarray, delay_s: np.ndarray) -> Start:
+    """A start at given poles and delays [output, path]; input vectors from the data."""
+    b, psi = _input_vectors(data, options, poles, pair, delay_s)
+    layout = Layout(
+        pair,
+        np.where(pair, 0.0, np.imag(poles)),
+        np.argmax(np.abs(b), axis=1),
+        data.H.shape[2] if data.drive is None else data.drive.shape[1],
+        data.H.shape[0],
+        options.real_constants,
+        options.with_delay,
+        options.with_lower,
+        options.with_direct,
+        options.period_s,
+        options.full,
+        tuple(int(i) for i in scipy.linalg.qr(psi, mode="r", pivoting=True)[-1][: len(psi)]),
+        options.delay_of,
+        options.relative_degree_two,
+    )
+    return Start(layout, pack(layout, Point(poles, b, delay_s, psi)))
+
+
+def _input_vectors(
+    data: Data, options: Options, poles: np.ndarray, pair: np.ndarray, delay_s: np.ndarray
+) -> tuple[Complex[np.ndarray, "mode input"], Float[np.ndarray, "rigid input"]]:
+    """b and psi: the dominant right singular vectors of full residue matrices, of 1/s^2 also."""
+    inputs = data.H.shape[2]
+    if inputs == 1:
+        return np.ones((len(poles), 1), dtype=complex), np.ones((min(options.rigid, 1), 1))
+    residues, lower = weighted_residues(data, options, poles, pair, delay_s)
+    if options.real_constants:
+        residues[pair] *= 2j * np.imag(poles)[pair, None, None]
+    b = np.linalg.svd(residues)[2][:, 0]
+    b = b / np.take_along_axis(b, np.argmax(np.abs(b), axis=1)[:, None], axis=1)
+    b = np.where((pair & (not options.real_constants))[:, None], b, b.real)
+    return b, np.linalg.svd(lower)[2][: min(options.rigid, inputs)]
+
+
+def weighted_residues(
+    data: Data, options: Options, poles: np.ndarray, pair: np.ndarray, delay_s: np.ndarray
+) -> tuple[Complex[np.ndarray, "mode output input"], Float[np.ndarray, "output input"]]:
+    """Residues of any rank at given poles and delays, and the term 1/s^2; each output times its weight."""
+    outputs, _, inputs = data.H.shape
+    layout, point, X = _one_by_one(data, options, poles, pair)
+    residues = np.zeros((len(poles), outputs, inputs), dtype=complex)
+    lower = np.zeros((outputs, inputs))
+    prompt = data.H * np.exp(data.s[:, None] * delay_s[:, None])
+    for o in range(outputs):
+        weight = np.sqrt(np.mean(data.weight[o] ** 2, axis=1))
+        A = np.ascontiguousarray(X * weight).view(float).T
+        y = np.ascontiguousarray((prompt[o] * weight[:, None]).T).view(float).T
+        x = np.linalg.lstsq(A, y, rcond=None)[0]
+        # A weight for the output makes rows of unlike units comparable.
+        level = np.sqrt(np.mean(weight**2))
+        residues[:, o] = level * np.array([shapes(layout, point, x[:, i]) for i in range(inputs)]).T
+        if layout.with_lower:
+            lower[o] = level * x[layout.mode_columns]
+    return residues, lower
+
+
+def _one_by_one(
+    data: Data, options: Options, poles: np.ndarray, pair: np.ndarray
+) -> tuple[Layout, Point, Complex[np.ndarray, "column line"]]:
+    """The columns of a single entry of H: every entry has residues of its own."""
+    layout = Layout(
+        pair,
+        np.where(pair, 0.0, np.imag(poles)),
+        np.zeros(len(poles), dtype=int),
+        1,
+        1,
+        options.real_constants,
+        False,
+        options.with_lower or options.rigid > 0,
+        options.with_direct,
+        options.period_s,
+    )
+    point = Point(poles, np.ones((len(poles), 1), dtype=complex), np.zeros((1, 1)))
+    return layout, point, columns(layout, point, fractions(layout, poles, data.s), data.s)[:, :, 0]
+
+
+def _real_start(data: Data, options: Options, found: np.ndarray) -> Start | None:
+    """The strongest oscillating modes among the candidates, at the best delay of each output."""
+    wanted = options.states // 2
+    light = (np.imag(found) > 0.0) & (-np.real(found) < HEAVY * np.abs(found))
+    poles = found[light]
+    poles = poles[np.argsort(np.imag(poles))]
+    if len(poles) < wanted:
+        return None
+    pair = np.ones(len(poles), dtype=bool)
+    _, _, X = _one_by_one(data, options, poles, pair)
+    delay_s = _first_delays(data, options, X)
+    line, level = _weights_alike(data)
+    prompt = np.moveaxis(data.H * np.exp(data.s[:, None] * delay_s[:, None]) * level * line, 1, 2)
+    targets = as_real(prompt.reshape(-1, len(data.s))[:, :, None])
+    modes = [np.array([m]) for m in range(len(poles))]
+    kept = prune(as_real((X * line[:, 0])[:, :, None]).T, targets.T, modes, [2] * len(poles), options.states)
+    return None if kept is None else start_at(data, options, poles[kept], pair[kept], delay_s)
+
+
+def _first_delays(
+    data: Data, options: Options, X: Complex[np.ndarray, "column line"]
+) -> Float[np.ndarray, "output path"]:
+    outputs, _, inputs = data.H.shape
+    if not options.with_delay:
+        return np.zeros((outputs, 1))
+    if options.delay_of == "path":
+        return np.array([[_best_delay(data, X, o, [i]) for i in range(inputs)] for o in range(outputs)])
+    each = np.array([[_best_delay(data, X, o, list(range(inputs)))] for o in range(outputs)])
+    return np.full_like(each, np.median(each)) if options.delay_of == "common" else each
+
+
+def _best_delay(data: Data, X: Complex[np.ndarray, "column line"], output: int, inputs: list[int]) -> float:
+    """The delay (negative: a lead) on a grid at which real constants explain most of some entries.
+
+    The grid grows to half the record until most is explained: lines no closer than that tell no longer delay.
+    """
+    weight = np.sqrt(np.mean(data.weight[output] ** 2, axis=1))
+    target = data.H[output][:, inputs] * weight[:, None]
+    tau, explained = _explained(np.imag(data.s), X * weight, target)
+    count = FIRST_DELAYS
+    while True:
+        near = np.concatenate(
+            [np.arange(-min(count, len(tau) // 2), 0), np.arange(min(count, len(tau) // 2))]
+        )
+        best = near[int(np.argmax(explained[near]))]
+        if explained[best] > ENOUGH * np.sum(np.abs(target) ** 2) or 2 * count >= len(tau):
+            return float(tau[best])
+        count *= 4
+
+
+def _explained(
+    omega: np.ndarray, X: Complex[np.ndarray, "column line"], target: Complex[np.ndarray, "line input"]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Delays, those of leads last, and the squares that ``X`` explains of the target less each of them.
+
+    All at once: on the orthonormal Q of the columns they are |Re sum_l conj(Q_l) y_l exp(j omega_l tau)|^2, a
+    Fourier transform of lines put on an even grid.
+    """
+    step = max(float(np.min(np.diff(omega), initial=omega[-1])), omega[-1] / MOST_LINES)
+    place = np.round(omega / step).astype(int)
+    count = 2 ** int(np.ceil(np.log2(omega[-1] / step / DELAY_STEP)))
+    Q = np.linalg.qr(np.ascontiguousarray(X).view(float).T)[0]
+    products = (Q[0::2] - 1j * Q[1::2])[:, :, None] * target[:, None, :]
+    on_grid = np.zeros((count, products[0].size), dtype=complex)
+    np.add.at(on_grid, place, products.reshape(len(omega), -1))
+    tau = 2.0 * np.pi / step * np.fft.fftfreq(count)
+    return tau, np.sum(np.real(np.fft.ifft(on_grid, axis=0) * count) ** 2, axis=1)
+
+
+def _weights_alike(data: Data) -> tuple[Float[np.ndarray, "line one"], Float[np.ndarray, "output one one"]]:
+    """A weight for each line and one for each output, so that all outputs have the same columns."""
+    line = np.sqrt(np.mean(data.weight**2, axis=(0, 2)))[:, None]
+    return line, np.sqrt(np.mean(data.weight**2, axis=(1, 2)))[:, None, None]

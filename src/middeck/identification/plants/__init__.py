@@ -1,0 +1,1 @@
+"""From a measurement model to plants, zeros, modal parameters and smaller models."""

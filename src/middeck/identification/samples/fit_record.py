@@ -1,0 +1,265 @@
+"""Fit a model to one long record directly: its Fourier transform, with a transient that shares the poles.
+
+fitted = fit_record(record, states=10, band_hz=(0.1, 60.0))
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Literal
+
+import numpy as np
+
+from middeck.errors import ConfigError, FitError
+from middeck.identification.checks import check_record
+from middeck.identification.fit.data import Data, Transient
+from middeck.identification.fit.design import residual_of
+from middeck.identification.fit.doubts import causal_delay, doubts_of_deviations
+from middeck.identification.fit.fit_response import FitResult, fit_response
+from middeck.identification.fit.layout import Layout, Point, pack, unpack
+from middeck.identification.fit.refine import weighted
+from middeck.identification.fit.start import Options
+from middeck.identification.measurement_model import MeasurementModel, model_response
+from middeck.identification.samples.model import record_covariance, record_model
+from middeck.identification.samples.noise import negative_log_likelihood, noise_variance
+from middeck.identification.samples.order import choose_record
+from middeck.identification.samples.search import RecordRun, Weighting, refine_record
+from middeck.identification.samples.spectra import record_data
+from middeck.identification.spectra import estimate_response
+from middeck.identification.uncertainty.parameters import uncertainty_of
+from middeck.systems.record import Record
+from middeck.systems.response import FrequencyResponse
+
+# A model worth using explains nine tenths of the output.
+LEFT = 0.1
+# Rounds of noise and search, and steps of each, of the last refinement of a continuous model.
+ROUNDS, STEPS = 4, 60
+# Steps after which the other kind of noise is compared.
+FIRST_STEPS = 3
+
+
+def fit_record(
+    record: Record,
+    *,
+    states: int | None = None,
+    sampled: bool = False,
+    band_hz: tuple[float, float] | None = None,
+    constants: Literal["real", "complex"] | None = None,
+    delay: bool | None = None,
+    direct: bool | None = None,
+    residuals: bool = False,
+    weighting: Weighting | None = None,
+) -> FitResult:
+    """Fit common poles, rank-one residues and delays to the samples of a record that need not be periodic.
+
+    The spectra of all lines are fitted, each experiment with a free transient of the model's own poles, so
+    that nothing leaks and no window is needed; the noise on each line is estimated from what is left.
+
+    Parameters
+    ----------
+    record:
+        One or several experiments; periods are taken as one run of samples.
+    states:
+        Order of the model without its delays. By default, of a continuous model, the order of the shortest
+        description of an estimated response; of a sampled model, the one that simulates parts of the record
+        held out best.
+    sampled:
+        A sampled model, right for held inputs; otherwise a continuous one, whose inputs are band-limited
+        between samples.
+    band_hz:
+        Lines to fit: by default all those that are driven, and all of a sampled model.
+    constants, delay, direct, residuals:
+        As for `fit_response`.
+    weighting:
+        "flat": the error of the simulation is least. "output": by the noise of sensors, "motion": by forces
+        that shake the article as the inputs do (`record_noise`). By default the likelier of the last two,
+        or of a sampled model the better of the first and the last on parts of the record held out.
+
+    Raises
+    ------
+    ConfigError
+        For options that exclude each other.
+    DataError
+        If a channel is constant or not finite.
+    FitError
+        If the record is shorter than the unknowns, if it is described no worse as noise alone (the delay may
+        be longer than the record), if an output leads its input, or if no start could be refined.
+    """
+    check_record(record)
+    if sampled and (constants == "real" or delay or residuals):
+        raise ConfigError(
+            "a sampled model has complex constants, no separate delay and no residual terms",
+            hint="leave out constants, delay and residuals, or sampled",
+        )
+    if states is not None and states < 1:
+        raise ConfigError(f"a model of {states} states cannot be fitted", hint="one state or more")
+    _check_length(record, 2 if states is None else states)
+    data = record_data(record, band_hz, whole=sampled)
+    if sampled:
+        with_direct = direct is None or direct
+        options = Options(states or 2, False, False, False, with_direct, 1.0 / record.sample_hz)
+        run, reason = choose_record(record, options, band_hz, states=states, weighting=weighting)
+    else:
+        data, run, reason = _continuous(
+            record, data, band_hz, weighting,
+            states=states, constants=constants, delay=delay, direct=direct, residuals=residuals,
+        )  # fmt: skip
+    return _result(record, data, run, record.sample_hz if sampled else None, reason)
+
+
+def _check_length(record: Record, states: int) -> None:
+    experiments, periods, samples, inputs = record.u.shape
+    outputs = record.y.shape[3]
+    unknowns = states * (inputs + outputs + outputs * experiments)
+    numbers = experiments * periods * samples * outputs
+    if unknowns >= numbers:
+        raise FitError(
+            f"{unknowns} unknowns, transients among them, cannot be fitted to {numbers} samples",
+            hint="fewer states, or a longer record",
+        )
+
+
+def _continuous(
+    record: Record,
+    data: Data,
+    band_hz: tuple[float, float] | None,
+    weighting: Weighting | None,
+    *,
+    states: int | None,
+    constants: Literal["real", "complex"] | None,
+    delay: bool | None,
+    direct: bool | None,
+    residuals: bool,
+) -> tuple[Data, RecordRun, str]:
+    """From a local estimate of the response to the record itself."""
+    f = np.imag(data.s) / (2.0 * np.pi)
+    band = band_hz or (float(f[0]), float(f[-1]))
+
+    def first_fit(method: Literal["local polynomial", "local rational"]) -> FitResult:
+        return fit_response(
+            estimate_response(record, band_hz=band, method=method),
+            states=states, constants=constants, delay=delay, direct=direct, residuals=residuals,
+        )  # fmt: skip
+
+    # Polynomials are fast, but do not follow a resonance narrower than their few lines: rational models tell
+    # an order, and start a record too short for polynomials.
+    try:
+        first = first_fit("local rational" if states is None else "local polynomial")
+    except FitError:
+        if states is None:
+            raise
+        first = first_fit("local rational")
+    layout, theta = _from_model(first)
+    data = dataclasses.replace(data, transient=_edges(record, first.model))
+    best = refine_record(data, layout, theta, weighting or "output", rounds=ROUNDS, steps=STEPS)
+    if best is None:
+        raise FitError("no start could be refined on the record", hint="fewer states, or a longer record")
+    if weighting is None:
+        theta = best.refined.theta
+        other = refine_record(data, layout, theta, "motion", rounds=1, steps=FIRST_STEPS)
+        if other is not None and other.likelihood < best.likelihood:
+            theta = other.refined.theta
+            best = refine_record(data, layout, theta, "motion", rounds=ROUNDS, steps=STEPS) or other
+    return data, best, first.order_reason
+
+
+def _edges(record: Record, model: MeasurementModel) -> Transient:
+    """Free samples: those that answer to inputs before the record, and one at the end for what is between."""
+    late = int(np.ceil(float(model.delay_s.max()) * record.sample_hz)) + 1
+    if late >= record.u.shape[1] * record.u.shape[2] // 2:
+        raise FitError(
+            f"a delay of {model.delay_s.max():.6g} s is no shorter than half the record",
+            hint="a longer record, or shift the outputs by the delay that is known",
+        )
+    return Transient(1.0 / record.sample_hz, late, 1)
+
+
+def _from_model(first: FitResult) -> tuple[Layout, np.ndarray]:
+    """Layout and theta of a fitted model."""
+    model, structure = first.model, first.covariance.structure
+    order = np.argsort(~model.is_pair, kind="stable")
+    poles, pair, b = model.poles[order], model.is_pair[order], model.participation[order]
+    layout = Layout(
+        pair,
+        np.zeros(len(pair)),
+        np.argmax(np.abs(b), axis=1),
+        len(model.inputs),
+        len(model.outputs),
+        structure.real_constants,
+        structure.with_delay,
+        structure.with_lower,
+        structure.with_direct,
+        0.0,
+    )
+    return layout, pack(layout, Point(poles, b, model.delay_s[:, None]))
+
+
+def _result(record: Record, data: Data, run: RecordRun, sample_hz: float | None, reason: str) -> FitResult:
+    run = _scaled(data, run)
+    layout, found = run.layout, run.refined
+    r = residual_of(layout, data, found.theta, found.step.linear)
+    _refuse_noise(data, run)
+    fitted = record_model(layout, found, record, sample_hz)
+    covariance = record_covariance(layout, found, data, run.variance, fitted)
+    uncertainty = uncertainty_of(covariance)
+    f = np.imag(data.s) / (2.0 * np.pi)
+    H = model_response(fitted, f)
+    if not np.isfinite(H).all():
+        raise FitError("the fitted response is not finite", hint="fewer states")
+    lines = FrequencyResponse(f, H, record.inputs, record.outputs, np.zeros(H.shape))
+    delay_s, warnings = causal_delay(lines, fitted.delay_s, uncertainty)
+    model = dataclasses.replace(fitted, delay_s=delay_s)
+    error = np.sqrt(np.sum(np.abs(r) ** 2, axis=(1, 2)) / np.sum(np.abs(data.H) ** 2, axis=(1, 2)))
+    if not found.converged:
+        warnings.append(f"the search had not settled after {len(found.history)} steps")
+    warnings += [
+        f"output {port.name}: noise and what the model lacks are {left:.0%} of the output"
+        for port, left in zip(record.outputs, error, strict=True)
+        if left > LEFT
+    ]
+    warnings += doubts_of_deviations(lines, covariance)
+    return FitResult(
+        model,
+        float(np.mean(np.abs(r) ** 2 / run.variance)),
+        error,
+        np.zeros(len(error)),
+        uncertainty,
+        dataclasses.replace(covariance, model=model),
+        np.array(found.history),
+        reason,
+        tuple(warnings),
+    )
+
+
+def _scaled(data: Data, run: RecordRun) -> RecordRun:
+    """The same model with its input vectors scaled to their largest entry, linear unknowns to match."""
+    point = unpack(run.layout, run.refined.theta)
+    layout = dataclasses.replace(run.layout, pivot=np.argmax(np.abs(point.b), axis=1))
+    theta = pack(layout, point)
+    step = weighted(layout, dataclasses.replace(data, weight=1.0 / np.sqrt(run.variance)), theta)
+    if step is None:
+        raise FitError("the fitted model is not finite", hint="fewer states")
+    return dataclasses.replace(
+        run, layout=layout, refined=dataclasses.replace(run.refined, theta=theta, step=step)
+    )
+
+
+def _refuse_noise(data: Data, run: RecordRun) -> None:
+    """Raise `FitError` unless the model describes the record in fewer words than noise alone does.
+
+    Description lengths 2 L + k ln n (Rissanen 1978), the noise smooth over lines in both.
+    """
+    none = np.zeros(0, dtype=complex)
+    assert data.transient is not None
+    v = noise_variance(data.H, "output", data.s, none, data.transient.period_s)
+    alone = 2.0 * negative_log_likelihood(data.H, v)
+    r = residual_of(run.layout, data, run.refined.theta, run.refined.step.linear)
+    v = noise_variance(r, "output", data.s, none, data.transient.period_s)
+    unknowns = run.layout.size + run.refined.step.linear.size
+    model = 2.0 * negative_log_likelihood(r, v) + unknowns * np.log(2.0 * data.H.size)
+    if model >= alone:
+        raise FitError(
+            "the outputs are described no worse as noise: the inputs explain nothing of them",
+            hint="check which channels are which, and that no delay is longer than the record; more states, "
+            "a longer record or a larger excitation",
+        )

@@ -1,0 +1,65 @@
+"""Spectra of a record's experiments on the lines to be fitted, each with a transient of its own."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from middeck.errors import FitError
+from middeck.identification.fit.data import Data, Transient
+from middeck.systems.record import Record
+
+# Without a band, lines count up to where the inputs are this far (in power) below their strongest.
+FAINTEST = 1e-6
+# Lines over which the power of an input is averaged for that.
+NEIGHBOURS = 10
+
+
+def record_data(record: Record, band_hz: tuple[float, float] | None, *, whole: bool) -> Data:
+    """Spectra of all experiments, periods taken as one run of samples; weights by each output's rms.
+
+    Without a band, all lines but zero and the Nyquist frequency, or (not ``whole``) those that are driven.
+    Raises `FitError` if none is left.
+    """
+    experiments, periods, samples, _ = record.u.shape
+    count = periods * samples
+    lines = np.arange(1, (count + 1) // 2)
+    f = lines * record.sample_hz / count
+    U, Y = (
+        np.fft.rfft(x.reshape(experiments, count, -1), axis=1)[:, lines] / np.sqrt(count)
+        for x in (record.u, record.y)
+    )
+    if band_hz is not None:
+        keep = (f >= band_hz[0] * (1.0 - 1e-9)) & (f <= band_hz[1] * (1.0 + 1e-9))
+    else:
+        keep = np.ones(len(f), bool) if whole else _driven(U)
+    if not keep.any():
+        raise FitError(f"no line of the record in the band {band_hz} Hz", hint="a band below half the rate")
+    level = np.sqrt(np.mean(np.abs(Y[:, keep]) ** 2, axis=(0, 1)))
+    weight = np.broadcast_to(1.0 / level[:, None, None], (Y.shape[2], int(keep.sum()), experiments))
+    return Data(
+        2j * np.pi * f[keep],
+        np.moveaxis(Y[:, keep], (0, 1, 2), (2, 1, 0)),
+        weight,
+        np.moveaxis(U[:, keep], 0, 2),
+        Transient(1.0 / record.sample_hz),
+    )
+
+
+def _driven(U: np.ndarray) -> np.ndarray:
+    """From the first to the last line on which some input is not faint."""
+    power = np.sum(np.abs(U) ** 2 / np.mean(np.abs(U) ** 2, axis=(0, 1)), axis=(0, 2))
+    half = min(NEIGHBOURS, len(power) - 1)
+    smooth = np.convolve(
+        np.pad(power, half, mode="reflect"), np.full(2 * half + 1, 1.0 / (2 * half + 1)), "valid"
+    )
+    strong = np.flatnonzero(smooth > FAINTEST * smooth.max())
+    return (np.arange(len(power)) >= strong[0]) & (np.arange(len(power)) <= strong[-1])
+
+
+def cut_samples(record: Record, first: int, last: int) -> Record:
+    """Samples ``first`` to ``last`` (exclusive) of every experiment as a record of one period."""
+    experiments, periods, samples, _ = record.u.shape
+    u, y = (x.reshape(experiments, 1, periods * samples, -1)[:, :, first:last] for x in (record.u, record.y))
+    return dataclasses.replace(record, u=u, y=y, periodic=False)

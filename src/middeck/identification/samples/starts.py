@@ -1,0 +1,116 @@
+"""Where the fit of a record starts: poles of time-domain subspaces, and the input vectors they ask for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import get_args
+
+import numpy as np
+from jaxtyping import Bool, Complex, Float
+
+from middeck.identification.fit.data import Data
+from middeck.identification.fit.layout import Layout, Point, pack
+from middeck.identification.fit.refine import weighted
+from middeck.identification.fit.start import Options, Start
+from middeck.identification.fit.terms import shapes
+from middeck.identification.samples.subspace import Weighting, compress_past, record_poles
+from middeck.systems.record import Record
+
+# Block rows, as multiples of the least that hold so many states, and a few more whatever the states.
+ROWS = (1.5, 2.5, 4.0)
+LONG = 20
+# A pole is kept this far inside the unit circle, and off its centre, where it has no finite decay.
+INSIDE, CENTRE = 1e-4, 1e-3
+
+
+def record_starts(record: Record, data: Data, options: Options) -> Iterator[Start]:
+    """Sampled models of ``options.states`` states from several horizons and weightings of the past."""
+    experiments, periods, samples, inputs = record.u.shape
+    outputs = record.y.shape[3]
+    u = list(record.u.reshape(experiments, periods * samples, inputs) / record.u.std(axis=(0, 1, 2)))
+    y = list(record.y.reshape(experiments, periods * samples, outputs) / record.y.std(axis=(0, 1, 2)))
+    least = -(-options.states // outputs) + 1
+    for rows in sorted({int(np.ceil(factor * least)) for factor in ROWS} | {max(LONG, least)}):
+        past = compress_past(u, y, rows)
+        if past is None:
+            continue
+        for weighting in get_args(Weighting):
+            z = record_poles(past, weighting, options.states)
+            start = None if z is None else start_of(data, options, *inside_circle(z, options.period_s))
+            if start is not None:
+                yield start
+
+
+def inside_circle(
+    z: Complex[np.ndarray, " state"], period_s: float
+) -> tuple[Complex[np.ndarray, " mode"], Bool[np.ndarray, " mode"]]:
+    """Poles [rad/s], one of each pair, pairs first, and which are pairs; those outside are reflected.
+
+    >>> poles, pair = inside_circle(np.array([2.0j, -2.0j, 0.5]), 1.0)
+    >>> np.round(np.exp(poles), 6).tolist(), pair.tolist()
+    ([0.5j, (0.5+0j)], [True, False])
+    """
+    size = np.abs(z)
+    inside = np.clip(np.where(size > 1.0, 1.0 / np.maximum(size, 1.0), size), CENTRE, 1.0 - INSIDE)
+    direction = np.where(size > 0.0, z / np.where(size > 0.0, size, 1.0), 1.0)
+    p = np.log(direction * inside)
+    imag = np.abs(np.imag(p))
+    single = (imag < 1e-9) | (imag > np.pi * (1.0 - 1e-9))
+    up = p[~single & (np.imag(p) > 0.0)]
+    real = np.real(p[single]) + 1j * np.where(imag[single] < 1.0, 0.0, np.pi)
+    poles = np.concatenate([up[np.argsort(np.imag(up))], real])
+    return poles / period_s, np.arange(len(poles)) < len(up)
+
+
+def start_of(
+    data: Data, options: Options, poles: np.ndarray, pair: np.ndarray, b: np.ndarray | None = None
+) -> Start | None:
+    """A start at given poles; without input vectors, those of the residues that the data ask for."""
+    outputs = len(data.H)
+    if b is None:
+        b = _input_vectors(data, options, poles, pair)
+    if b is None:
+        return None
+    layout = _layout(data, options, poles, pair, np.argmax(np.abs(b), axis=1), full=False)
+    return Start(layout, pack(layout, Point(poles, b, np.zeros((outputs, 1)))))
+
+
+def _layout(
+    data: Data, options: Options, poles: np.ndarray, pair: np.ndarray, pivot: np.ndarray, *, full: bool
+) -> Layout:
+    assert data.drive is not None
+    return Layout(
+        pair,
+        np.where(pair, 0.0, np.imag(poles)),
+        pivot,
+        data.drive.shape[1],
+        len(data.H),
+        options.real_constants,
+        options.with_delay,
+        options.with_lower,
+        options.with_direct,
+        options.period_s,
+        full,
+    )
+
+
+def _input_vectors(
+    data: Data, options: Options, poles: np.ndarray, pair: np.ndarray
+) -> Complex[np.ndarray, "mode input"] | None:
+    """The dominant right singular vector of each full residue, outputs weighed alike."""
+    assert data.drive is not None
+    inputs, outputs = data.drive.shape[1], len(data.H)
+    if inputs == 1:
+        return np.ones((len(poles), 1), dtype=complex)
+    layout = _layout(data, options, poles, pair, np.zeros(len(poles), dtype=int), full=True)
+    point = Point(poles, np.tile(np.eye(inputs), (len(poles), 1)), np.zeros((outputs, 1)))
+    step = weighted(layout, data, pack(layout, point))
+    if step is None:
+        return None
+    residues: Float[np.ndarray, "output mode input"] = np.array(
+        [shapes(layout, point, x[: layout.columns]) for x in step.linear]
+    ).reshape(outputs, len(poles), inputs)
+    level = data.weight.mean(axis=(1, 2))[:, None, None]
+    b = np.linalg.svd(np.moveaxis(residues * level, 0, 1))[2][:, 0]
+    b = b / np.take_along_axis(b, np.argmax(np.abs(b), axis=1)[:, None], axis=1)
+    return np.where(pair[:, None], b, b.real)

@@ -1,0 +1,241 @@
+"""How well a test would identify a model, before it is run: the Cramer-Rao bound of its excitation.
+
+With white noise of rms sigma_o on the samples of output o, the transform of a period of N samples has the
+complex variance N sigma_o^2, and the average of P periods a P-th of it. The output of experiment e is
+Y_e = H U_e, so that the information on the unknowns x is
+
+    sum over lines, experiments and outputs of 2 Re[(dY/dx)^H (dY/dx)] P / (N sigma_o^2)
+
+and its inverse the least covariance of any unbiased estimate (Pintelon and Schoukens 2012, section 9.12). No
+estimate of the response stands between: inputs need not be orthogonal for the bound to hold.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Complex, Float
+
+from middeck.errors import ConfigError
+from middeck.identification.measurement_model import MeasurementModel, damping_ratio, natural_hz
+from middeck.identification.plants.plant_model import model_of_plant
+from middeck.identification.uncertainty.covariance import ModelCovariance
+from middeck.identification.uncertainty.parameters import Uncertainty, modal_constant, uncertainty_of
+from middeck.identification.uncertainty.unknowns import Structure, entry_slopes, places_of
+from middeck.systems.excitation.recognition import recognise_excitation
+from middeck.systems.excitation.signal import Excitation
+from middeck.systems.plant import Plant
+from middeck.systems.record import Record
+from middeck.values import record
+
+# Real part of a residue of displacement, as a share of its size, that is rounding.
+ROUNDING = 1e-9
+# Information on an unknown of which the others leave no more than this share is none.
+UNDETERMINED = 1e-13
+
+
+@record
+class ExpectedAccuracy:
+    """What a test of so many periods would say, if its noise is all that disturbs it.
+
+    Parameters
+    ----------
+    covariance:
+        Joint covariance of all unknowns: `response_bounds`, `draw_models` and others take it.
+    uncertainty:
+        Standard deviations of natural frequencies, damping ratios and delays.
+    gain:
+        Standard deviation of each modal constant as a share of its size; infinite for a constant of zero.
+    error:
+        Expected relative complex error of each output, sqrt(sum E|dH|^2 / sum |H|^2) over ``scored_hz``.
+    periods:
+        Of each experiment.
+    duration_s:
+        Of all experiments together, without what is waited for the steady state.
+    """
+
+    covariance: ModelCovariance
+    uncertainty: Uncertainty
+    gain: Float[np.ndarray, "output mode input"]
+    error: Float[np.ndarray, " output"]
+    periods: int
+    duration_s: float
+
+
+def expected_accuracy(
+    model: MeasurementModel | Plant,
+    command: Excitation | Record,
+    noise_rms: Float[np.ndarray, " output"] | float,
+    *,
+    periods: int = 1,
+    delay_s: float = 0.0,
+    structure: Structure | None = None,
+    scored_hz: Float[np.ndarray, " line"] | None = None,
+) -> ExpectedAccuracy:
+    """Standard deviations that a fit of ``model`` would have after the test, by the Cramer-Rao bound.
+
+    Parameters
+    ----------
+    model:
+        What is thought to be there: a plant of a structure (with the delay ``delay_s`` of the test), or a
+        model of an earlier record.
+    command:
+        A designed excitation, or a record whose inputs are to be used again.
+    noise_rms:
+        Rms of the white noise on each output's samples.
+    periods:
+        Steady periods of each experiment; one for a signal that does not repeat, whose transient is then
+        taken as known (it costs as many unknowns as states, of all lines).
+    structure:
+        What will be free in the fit; as `fit_response` would choose by default: real constants and delays
+        where the model has real constants, otherwise complex constants without a delay, and the constant
+        terms that the model has.
+    scored_hz:
+        Where the error of the response is expected; the excited lines by default.
+
+    Raises
+    ------
+    ConfigError
+        For a number of inputs or noises that does not fit, a noise that is not positive, no period, or a test
+        that leaves an unknown undetermined.
+    """
+    if isinstance(model, Plant):
+        model = model_of_plant(model, delay_s=delay_s)
+    structure = structure_of(model) if structure is None else structure
+    u, lines, sample_hz = _samples(command)
+    outputs, inputs = model.direct.shape
+    noise = np.broadcast_to(np.asarray(noise_rms, dtype=float), (outputs,))
+    _check(u, inputs, noise, periods)
+    samples = u.shape[1]
+    U = np.moveaxis(np.fft.rfft(u, axis=1)[:, lines], 1, 0)
+    s = 2j * np.pi * lines * sample_hz / samples
+    A = _information(model, structure, s, U, samples * noise**2 / periods)
+    covariance = ModelCovariance(model, structure, *_inverse(A), float("inf"), False)
+    scored = np.imag(s) / (2.0 * np.pi) if scored_hz is None else np.asarray(scored_hz, dtype=float)
+    return ExpectedAccuracy(
+        covariance,
+        uncertainty_of(covariance),
+        _gain(covariance),
+        _error(covariance, scored),
+        periods,
+        len(u) * periods * samples / sample_hz,
+    )
+
+
+def periods_needed(
+    expected: ExpectedAccuracy,
+    *,
+    frequency: float | None = None,
+    damping: float | None = None,
+    gain: float | None = None,
+    delay_s: float | None = None,
+    error: float | None = None,
+) -> int:
+    """Periods of the same signal until every accuracy that is named is reached, for all modes and outputs.
+
+    ``frequency``, ``damping`` and ``gain`` are relative standard deviations, ``delay_s`` is one in seconds,
+    ``error`` the relative complex error. Variances fall as one over the number of periods. Raises
+    `ConfigError` where none is named or one is not positive.
+    """
+    model, known = expected.covariance.model, expected.uncertainty
+    wanted = (
+        (frequency, known.natural_hz / natural_hz(model)),
+        (damping, known.damping / damping_ratio(model)),
+        (gain, expected.gain[np.isfinite(expected.gain)]),
+        (delay_s, known.delay_s),
+        (error, expected.error),
+    )
+    ratios = [float(np.max(has, initial=0.0)) / want for want, has in wanted if want]
+    if not ratios or any(want is not None and not want > 0.0 for want, _ in wanted):
+        raise ConfigError(
+            "no accuracy is asked for, or one that is not positive", hint="such as damping=0.01"
+        )
+    return max(1, int(np.ceil(expected.periods * max(ratios) ** 2 - 1e-9)))
+
+
+def structure_of(model: MeasurementModel) -> Structure:
+    """What a fit of such a model would have free by default."""
+    residue = np.einsum("om,mi->omi", model.shapes, model.participation)[:, model.is_pair]
+    real = model.sample_hz is None and bool(
+        np.all(np.abs(residue.real) <= ROUNDING * np.abs(residue).max(initial=0.0))
+    )
+    return Structure(real, real, bool(np.any(model.lower)), bool(np.any(model.direct)) or not real)
+
+
+def _samples(command: Excitation | Record) -> tuple[np.ndarray, np.ndarray, float]:
+    """One period of each experiment, excited lines and rate; zero and Nyquist have no phase."""
+    if isinstance(command, Excitation):
+        u, lines = command.u, command.lines
+    else:
+        u = command.u.mean(axis=1)
+        lines = recognise_excitation(command).lines if command.periodic else np.arange(u.shape[1] // 2)
+    return u, lines[(lines > 0) & (2 * lines < u.shape[1])], command.sample_hz
+
+
+def _check(u: np.ndarray, inputs: int, noise: np.ndarray, periods: int) -> None:
+    if u.shape[2] != inputs:
+        raise ConfigError(f"the signal has {u.shape[2]} inputs, the model {inputs}", hint="choose its ports")
+    if not (np.isfinite(noise).all() and np.all(noise > 0.0)):
+        raise ConfigError(f"noise of rms {noise.tolist()}", hint="a positive rms for each output")
+    if periods < 1:
+        raise ConfigError(f"a test of {periods} periods", hint="one or more")
+
+
+def _information(
+    model: MeasurementModel,
+    structure: Structure,
+    s: Complex[np.ndarray, " line"],
+    U: Complex[np.ndarray, "line experiment input"],
+    variance: Float[np.ndarray, " output"],
+) -> Float[np.ndarray, "unknown unknown"]:
+    size = places_of(model, structure).size
+    found = np.zeros((size, size))
+    for o in range(len(model.outputs)):
+        slopes = np.zeros((size, len(s), U.shape[1]), dtype=complex)
+        for i in range(len(model.inputs)):
+            entry = entry_slopes(model, structure, s, o, i)
+            slopes[entry.place] += entry.by[:, :, None] * U[None, :, :, i]
+        J = slopes.reshape(size, -1).view(float)
+        found += 2.0 * (J @ J.T) / variance[o]
+    return found
+
+
+def _inverse(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The inverse and each unknown's inflation by the others; refused where an unknown has no information."""
+    diagonal = np.diag(A)
+    scale = 1.0 / np.sqrt(np.maximum(diagonal, np.finfo(float).tiny))
+    size, direction = np.linalg.eigh(A * scale[:, None] * scale)
+    if not diagonal.all() or size[0] <= UNDETERMINED * size[-1]:
+        raise ConfigError(
+            "the test leaves unknowns of the model undetermined",
+            hint="a band that holds all its modes, as many independent experiments as inputs, a longer "
+            "period, or fewer unknowns (structure)",
+        )
+    inverse = (direction / size) @ direction.T * scale[:, None] * scale
+    return inverse, diagonal * np.diag(inverse)
+
+
+def _gain(covariance: ModelCovariance) -> Float[np.ndarray, "output mode input"]:
+    model = covariance.model
+    at = places_of(model, covariance.structure)
+    outputs, inputs = model.direct.shape
+    gain = np.full((outputs, len(model.poles), inputs), np.inf)
+    for o, m, i in np.ndindex(gain.shape):
+        value, by = modal_constant(covariance, at, m, o, i)
+        if value:
+            # Along the constant: its size, not its phase.
+            along = np.real(by * np.conj(value)) / abs(value) ** 2
+            gain[o, m, i] = np.sqrt(max(float(along @ covariance.matrix @ along), 0.0))
+    return gain
+
+
+def _error(
+    covariance: ModelCovariance, scored_hz: Float[np.ndarray, " line"]
+) -> Float[np.ndarray, " output"]:
+    model = covariance.model
+    left, size = np.zeros(len(model.outputs)), np.zeros(len(model.outputs))
+    for o, i in np.ndindex(model.direct.shape):
+        entry = entry_slopes(model, covariance.structure, 2j * np.pi * scored_hz, o, i)
+        matrix = covariance.matrix[np.ix_(entry.place, entry.place)]
+        left[o] += float(np.real(np.sum(entry.by.conj() * (matrix @ entry.by))))
+        size[o] += float(np.sum(np.abs(entry.H) ** 2))
+    return np.sqrt(np.maximum(left, 0.0) / size)

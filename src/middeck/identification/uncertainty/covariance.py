@@ -1,0 +1,246 @@
+"""Covariance of all unknowns of a fitted model together: the Cramer-Rao value, or what the residual says.
+
+With weights 1 / V the information is A = sum Re J^H V^-1 J, and if V is the variance of a complex residual,
+half of it in each part, the covariance is A^-1 / 2. Where the model leaves significantly more than noise, or
+neighbouring lines of a response were estimated from common samples (local models, averaged spectra), the
+residual is not of variance V or not independent from line to line: then A^-1 B A^-1 is taken instead, with
+B the covariance of the scores as the residual shows it (`_scores_spread`), in no direction less than the
+former. Noise that entries of H have in common is counted (`entry_noise`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import scipy.linalg
+from jaxtyping import Complex, Float
+
+from middeck.identification.fit.weights import NEIGHBOURS
+from middeck.identification.measurement_model import MeasurementModel, model_response
+from middeck.identification.uncertainty.entry_noise import common_noise, common_scores
+from middeck.identification.uncertainty.unknowns import EntrySlopes, Structure, entry_slopes, places_of, ties
+from middeck.systems.response import FrequencyResponse
+from middeck.values import record
+
+# Standard deviations by which the mean square residual must exceed noise before it is no longer taken for it.
+CLEARLY_MORE = 3.0
+# A line that determines an unknown alone leaves no residual: its leverage is counted up to here.
+MOST_LEVERAGE = 0.9
+# A modal constant is real if its imaginary part is no more than rounding.
+ROUNDING = 1e-9
+# Information of an unknown without any effect: its deviation is beyond all bounds, its square still a number.
+NO_INFORMATION = 1e-60
+# Scatter of the logarithm of a variance below which it is taken as known: that of 100 degrees of freedom.
+NO_SCATTER = 0.01
+
+
+@record
+class ModelCovariance:
+    """How well the unknowns of a model are known, jointly.
+
+    Parameters
+    ----------
+    model, structure:
+        What was fitted; the unknowns and their order are those of `unknowns`.
+    matrix:
+        Their covariance.
+    inflation:
+        Of each unknown, its variance as a multiple of what it would be if all others were known.
+    degrees:
+        Degrees of freedom of the variance behind it: Student's t, and F, stand for the normal law.
+    robust:
+        True where the residual is clearly more than noise or correlated from line to line, and the
+        covariance follows the residual.
+    """
+
+    model: MeasurementModel
+    structure: Structure
+    matrix: Float[np.ndarray, "unknown unknown"]
+    inflation: Float[np.ndarray, " unknown"]
+    degrees: float
+    robust: bool
+
+
+def estimate_covariance(
+    model: MeasurementModel,
+    structure: Structure,
+    measured: FrequencyResponse,
+    *,
+    assumed: Float[np.ndarray, "output line input"],
+    noise: Float[np.ndarray, "output line input"],
+) -> ModelCovariance:
+    """The covariance of a weighted least-squares fit at its end.
+
+    Parameters
+    ----------
+    measured:
+        What was fitted.
+    assumed:
+        The variance whose inverse weighed the residual, of real and imaginary part together.
+    noise:
+        The part of it that was measured, averaged over neighbouring lines; without a measured variance it is
+        not looked at.
+    """
+    s = 2j * np.pi * measured.frequency_hz
+    each = _Entries(model, structure, s, assumed)
+    A = each.information()
+    root, inverse = _inverse_root(A, ties(model, structure))
+    inflation = np.maximum(np.diag(A) * np.diag(inverse), 1.0)
+    residual = np.moveaxis(measured.H - model_response(model, measured.frequency_hz), 0, 1)
+    degrees, robust = _quality(measured, residual, noise, unknowns=len(A))
+    matrix = 0.5 * inverse
+    common = None if robust else common_noise(measured, 0.5 * degrees)
+    if common is not None:
+        flat = (np.moveaxis(v, 1, 2).reshape(-1, len(s)) for v in (assumed, noise))
+        matrix = inverse @ common_scores((entry for _, _, entry in each), len(A), common, *flat) @ inverse
+    if robust:
+        size, direction = np.linalg.eigh(root.T @ _scores_spread(each, residual, inverse) @ root)
+        wide = root @ direction * np.sqrt(np.maximum(size, 0.5))
+        matrix = wide @ wide.T
+    return ModelCovariance(model, structure, matrix, inflation, degrees, robust)
+
+
+class _Entries:
+    """Derivatives of each entry of H, made anew when asked for: together they would fill the memory."""
+
+    def __init__(
+        self, model: MeasurementModel, structure: Structure, s: np.ndarray, variance: np.ndarray
+    ) -> None:
+        self.model, self.structure, self.s, self.variance = model, structure, s, variance
+        self.unknowns = places_of(model, structure).size
+
+    def __iter__(self) -> Iterator[tuple[int, int, EntrySlopes]]:
+        outputs, inputs = self.model.direct.shape
+        for o in range(outputs):
+            for i in range(inputs):
+                yield o, i, entry_slopes(self.model, self.structure, self.s, o, i)
+
+    def information(self) -> Float[np.ndarray, "unknown unknown"]:
+        A = np.zeros((self.unknowns, self.unknowns))
+        for o, i, entry in self:
+            J = _real(entry.by / np.sqrt(self.variance[o, :, i]))
+            A[np.ix_(entry.place, entry.place)] += J @ J.T
+        return A
+
+
+def _real(by: Complex[np.ndarray, "unknown line"]) -> Float[np.ndarray, "unknown number"]:
+    return np.ascontiguousarray(by).view(float)
+
+
+def _inverse_root(A: np.ndarray, held: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """R and R R^T = A^-1, among the unknowns that leave what is ``held`` as it is.
+
+    What rounding cannot tell from nothing is taken for the least it could be, so that an undetermined unknown
+    has a large deviation rather than none.
+    """
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(A), NO_INFORMATION))
+    free = scipy.linalg.null_space(held * scale) if len(held) else np.eye(len(A))
+    size, direction = np.linalg.eigh(free.T @ (A * scale[:, None] * scale) @ free)
+    least = len(A) * np.finfo(float).eps * size[-1]
+    root = scale[:, None] * (free @ direction) / np.sqrt(np.maximum(size, least))
+    return root, root @ root.T
+
+
+def _quality(
+    measured: FrequencyResponse, residual: np.ndarray, noise: np.ndarray, unknowns: int
+) -> tuple[float, bool]:
+    """Degrees of freedom, and whether the residual is more than noise or not independent.
+
+    An average v of the variances of W lines of nu degrees each has nu W complex degrees, and the mean of
+    1 / v is larger than that of v by nu W / (nu W - 1).
+    """
+    numbers = 2.0 * residual.size
+    if measured.variance is None:
+        return max(numbers - unknowns, 1.0), True
+    each = line_degrees(measured)
+    averaged = each * min(2 * NEIGHBOURS + 1, len(measured.H))
+    bias = 1.0 if np.isinf(averaged) else averaged / max(averaged - 1.0, 1.0)
+    z = residual / np.sqrt(noise)
+    power = np.abs(z) ** 2
+    more = float(np.mean(power)) / bias - 1.0 > CLEARLY_MORE * np.sqrt((1.0 + 1.0 / each) / z.size)
+    next_line = abs(float(np.sum(np.real(z[:, 1:] * z[:, :-1].conj()))))
+    return 2.0 * averaged, more or next_line > CLEARLY_MORE / np.sqrt(z.size) * float(np.sum(power))
+
+
+def line_degrees(measured: FrequencyResponse) -> float:
+    """Complex degrees of freedom of the variance on one line, from its scatter between neighbours.
+
+    An estimate of nu complex degrees scatters as a gamma variate of shape nu, whose logarithm has the
+    variance trigamma(nu) = 1 / nu + 1 / (2 nu^2) + ... Infinite for a variance that does not scatter.
+    """
+    if measured.variance is None or len(measured.H) < 2:
+        return float("inf")
+    known = np.log(np.maximum(measured.variance[:, :, 0], np.finfo(float).tiny))
+    scatter = 0.5 * float(np.mean(np.diff(known, axis=0) ** 2))
+    nu = 0.5 * (1.0 + np.sqrt(1.0 + 2.0 * scatter)) / max(scatter, NO_SCATTER)
+    return max(float(nu), 1.0) if scatter > NO_SCATTER else float("inf")
+
+
+def _scores_spread(
+    each: _Entries, residual: np.ndarray, inverse: np.ndarray
+) -> Float[np.ndarray, "unknown unknown"]:
+    """Covariance of the scores, heteroscedastic and correlated over lines.
+
+    White (1980) with MacKinnon and White's (1985) correction of each residual for its leverage, and Newey
+    and West's (1987) weights over as many lines as the residual stays correlated.
+    """
+    scores = np.zeros((each.unknowns, residual.shape[1]))
+    for o, i, entry in each:
+        size = np.sqrt(each.variance[o, :, i])
+        J = entry.by / size
+        left = _without_leverage(J, residual[o, :, i] / size, inverse[np.ix_(entry.place, entry.place)])
+        scores[entry.place] += np.real(J.conj() * left)
+    # The weights 1 - |lag| / width are a window of so many lines, convolved with itself.
+    width = _correlated_lags(residual / np.sqrt(each.variance)) + 1
+    sums = np.cumsum(np.pad(scores, ((0, 0), (width, width - 1))), axis=1)
+    windows = sums[:, width:] - sums[:, :-width]
+    return windows @ windows.T / width
+
+
+def _without_leverage(J: np.ndarray, r: np.ndarray, inverse: np.ndarray) -> Complex[np.ndarray, " line"]:
+    """(I - h)^-1 r on each line, h the 2 x 2 block of the hat matrix for real and imaginary part."""
+    re, im = np.real(J), np.imag(J)
+    by_re, by_im = inverse @ re, inverse @ im
+    h = np.empty((len(r), 2, 2))
+    h[:, 0, 0] = np.sum(re * by_re, axis=0)
+    h[:, 1, 1] = np.sum(im * by_im, axis=0)
+    h[:, 0, 1] = h[:, 1, 0] = np.sum(re * by_im, axis=0)
+    size, direction = np.linalg.eigh(h)
+    along = np.einsum("kij,ki->kj", direction, np.stack([np.real(r), np.imag(r)], axis=1))
+    left = np.einsum("kij,kj->ki", direction, along / (1.0 - np.clip(size, 0.0, MOST_LEVERAGE)))
+    return left[:, 0] + 1j * left[:, 1]
+
+
+def _correlated_lags(z: Complex[np.ndarray, "output line input"]) -> int:
+    """Twice the lines over which the residual is significantly correlated, a tenth of all at most."""
+    most, power = z.shape[1] // 10, float(np.sum(np.abs(z) ** 2))
+    limit = 2.0 / np.sqrt(z.size) * power
+    for lag in range(1, most + 1):
+        if abs(np.sum(np.real(z[:, lag:] * z[:, :-lag].conj()))) <= limit:
+            return min(2 * (lag - 1), most)
+    return most
+
+
+def as_exact(model: MeasurementModel) -> ModelCovariance:
+    """A model without a record, such as the one a controller was designed on: nothing in it is uncertain."""
+    unit = np.where(model.is_pair, 1j, 1.0)
+    constants = (model.shapes * unit)[:, :, None] * model.participation
+    real = bool(np.all(np.abs(np.imag(constants)) <= ROUNDING * np.abs(constants)))
+    parts = (bool(np.any(part)) for part in (model.delay_s, model.lower, model.direct))
+    structure = Structure(real, *parts)
+    size = places_of(model, structure).size
+    return ModelCovariance(model, structure, np.zeros((size, size)), np.ones(size), np.inf, robust=False)
+
+
+def draw_errors(
+    covariance: ModelCovariance, count: int, rng: np.random.Generator
+) -> Float[np.ndarray, "unknown draw"]:
+    """Errors of the unknowns, jointly: normal, or Student's multivariate t for an uncertain variance."""
+    scale = np.sqrt(np.diag(covariance.matrix))
+    size, direction = np.linalg.eigh(covariance.matrix / scale[:, None] / scale)
+    root = scale[:, None] * direction * np.sqrt(np.maximum(size, 0.0))
+    normal = root @ rng.standard_normal((len(root), count))
+    if np.isinf(covariance.degrees):
+        return normal
+    return normal * np.sqrt(covariance.degrees / rng.chisquare(covariance.degrees, count))
