@@ -22,12 +22,50 @@ if TYPE_CHECKING:
     from middeck.files.documents import load_case, load_environment, load_structure
     from middeck.files.measured_modes import load_measured_modes, write_measured_modes
     from middeck.files.models import load_model, write_compensator, write_model
-    from middeck.files.records import load_record, load_records, split_periods, write_record
+    from middeck.files.records import (
+        load_campaign,
+        load_record,
+        load_records,
+        load_response,
+        open_record,
+        read_record,
+        write_record,
+        write_stream,
+    )
+    from middeck.files.records.columns import name_columns
+    from middeck.files.records.together import split_periods
     from middeck.files.studies import load_study
+    from middeck.identification.faults.detect import detect_faults
     from middeck.identification.fit.fit_response import fit_response
-    from middeck.identification.plants.measured_plant import measured_plant
+    from middeck.identification.fit.stabilisation import stabilisation
+    from middeck.identification.measurement_model import model_response
+    from middeck.identification.plants.measured_plant import measured_plant, sampled_plant
+    from middeck.identification.plants.modal_parameters import modal_parameters
+    from middeck.identification.plants.pole_zero_gain import from_pole_zero_gain, pole_zero_gain
+    from middeck.identification.plants.reduction import minimal_model
+    from middeck.identification.plants.selection import scale_channels, select_channels
+    from middeck.identification.plants.zeros import matrix_zeros, name_zeros, path_zeros
+    from middeck.identification.samples.fit_record import fit_record
+    from middeck.identification.samples.simulation import record_nrmse, simulate_record
     from middeck.identification.simulation import nrmse
-    from middeck.identification.spectra import estimate_response
+    from middeck.identification.spectra.averages import estimate_spectra
+    from middeck.identification.spectra.coherence import (
+        multiple_coherence,
+        ordinary_coherence,
+        partial_coherence,
+    )
+    from middeck.identification.spectra.distortion import estimate_distortion
+    from middeck.identification.spectra.estimate import estimate_response, response_scatter
+    from middeck.identification.spectra.ratios import spectra_response
+    from middeck.identification.tracking.follow import start_tracking
+    from middeck.identification.tracking.history import track_modes
+    from middeck.identification.tracking.update import update_tracking
+    from middeck.identification.uncertainty.accuracy import expected_accuracy, periods_needed
+    from middeck.identification.uncertainty.drift import compare_fits
+    from middeck.identification.uncertainty.model_set import sample_models
+    from middeck.identification.uncertainty.parameters import parameters_of
+    from middeck.identification.uncertainty.response_bounds import response_bounds, simultaneous_bounds
+    from middeck.identification.uncertainty.response_drift import compare_responses
     from middeck.realtime.nonlinear_rig import build_nonlinear_rig, run_nonlinear_open_loop
     from middeck.structure.article import Damping
     from middeck.structure.checks.summary import summarise
@@ -58,25 +96,41 @@ if TYPE_CHECKING:
     from middeck.structure.suspension.device_friction import estimate_rest_band, sweep_device_amplitude
     from middeck.structure.suspension.levelling import level
     from middeck.systems.deadband import Deadband
+    from middeck.systems.excitation.binary import design_binary, design_mls
+    from middeck.systems.excitation.limits import Limits
+    from middeck.systems.excitation.multisine import design_multisine
+    from middeck.systems.excitation.noise import design_burst, design_noise
+    from middeck.systems.excitation.recognition import cut_periods, recognise_excitation
+    from middeck.systems.excitation.signal import Excitation
+    from middeck.systems.excitation.sweep import design_stepped_sine, design_sweep
     from middeck.systems.friction import Friction
+    from middeck.systems.ports import Channel, Port
+    from middeck.systems.record import Campaign, Record, RecordStream
     from middeck.systems.response import evaluate_plant
 
 __version__ = "0.1.0"
 
 _ROOM = {
     "AnchoredSpring": "structure.environment",
+    "Campaign": "systems.record",
+    "Channel": "systems.ports",
     "Damping": "structure.article",
     "Deadband": "systems.deadband",
     "Device": "structure.environment",
     "DeviceKind": "structure.environment",
     "Environment": "structure.environment",
+    "Excitation": "systems.excitation.signal",
     "Friction": "systems.friction",
     "LQGWeights": "control.lqg",
+    "Limits": "systems.excitation.limits",
     "MeasuredModes": "structure.correlation.measured_modes",
     "MeasurementNoise": "structure.correlation.measured_modes",
     "MiddeckError": "errors",
     "PDLoops": "control.classical",
     "Performance": "control.performance",
+    "Port": "systems.ports",
+    "Record": "systems.record",
+    "RecordStream": "systems.record",
     "Reduction": "structure.correlation.reduction",
     "Suspension": "structure.environment",
     "accelerometer_offset": "structure.plants.port_rows",
@@ -85,73 +139,129 @@ _ROOM = {
     "build_plant": "structure.plants.modal_plant",
     "close_inner_loop": "control.classical",
     "close_loop": "control.closed_loop",
+    "compare_fits": "identification.uncertainty.drift",
     "compare_modes": "structure.comparison",
+    "compare_responses": "identification.uncertainty.response_drift",
     "compare_static_gain": "structure.plants.residual",
     "correlate_modes": "structure.correlation.correlate",
+    "cut_periods": "systems.excitation.recognition",
+    "design_binary": "systems.excitation.binary",
+    "design_burst": "systems.excitation.noise",
     "design_filter": "control.lqg",
     "design_lqg": "control.lqg",
+    "design_mls": "systems.excitation.binary",
+    "design_multisine": "systems.excitation.multisine",
+    "design_noise": "systems.excitation.noise",
+    "design_stepped_sine": "systems.excitation.sweep",
+    "design_sweep": "systems.excitation.sweep",
+    "detect_faults": "identification.faults.detect",
     "differentiate_frequencies": "structure.sensitivity.frequencies",
     "differentiate_modes": "structure.sensitivity.shapes",
     "differentiate_plant": "structure.sensitivity.plants",
     "differentiate_rest": "structure.sensitivity.rest",
     "estimate_attitude": "structure.suspension.attitude",
     "estimate_damping": "structure.plants.damping",
-    "estimate_response": "identification.spectra",
+    "estimate_distortion": "identification.spectra.distortion",
+    "estimate_response": "identification.spectra.estimate",
     "estimate_rest_band": "structure.suspension.device_friction",
+    "estimate_spectra": "identification.spectra.averages",
     "evaluate_plant": "systems.response",
+    "expected_accuracy": "identification.uncertainty.accuracy",
     "find_first_instability": "control.authority",
     "find_parameters": "structure.sensitivity.parameters",
     "find_place": "structure.gravity.places",
     "find_profile": "structure.correlation.profiles",
+    "fit_record": "identification.samples.fit_record",
     "fit_response": "identification.fit.fit_response",
     "follow_gravity": "structure.gravity.path",
+    "from_pole_zero_gain": "identification.plants.pole_zero_gain",
     "leave_open": "control.closed_loop",
     "level": "structure.suspension.levelling",
     "list_parameters": "structure.sensitivity.parameters",
+    "load_campaign": "files.records",
     "load_case": "files.documents",
     "load_environment": "files.documents",
     "load_measured_modes": "files.measured_modes",
     "load_model": "files.models",
     "load_record": "files.records",
     "load_records": "files.records",
+    "load_response": "files.records",
     "load_structure": "files.documents",
     "load_study": "files.studies",
+    "matrix_zeros": "identification.plants.zeros",
     "measure_effective_mass": "structure.correlation.effective_mass",
     "measure_metric": "control.performance",
     "measure_modes": "structure.correlation.measured_modes",
     "measure_rms": "control.performance",
     "measured_plant": "identification.plants.measured_plant",
+    "minimal_model": "identification.plants.reduction",
+    "modal_parameters": "identification.plants.modal_parameters",
+    "model_response": "identification.measurement_model",
+    "multiple_coherence": "identification.spectra.coherence",
+    "name_columns": "files.records.columns",
+    "name_zeros": "identification.plants.zeros",
     "nrmse": "identification.simulation",
+    "open_record": "files.records",
+    "ordinary_coherence": "identification.spectra.coherence",
+    "parameters_of": "identification.uncertainty.parameters",
+    "partial_coherence": "identification.spectra.coherence",
+    "path_zeros": "identification.plants.zeros",
+    "periods_needed": "identification.uncertainty.accuracy",
+    "pole_zero_gain": "identification.plants.pole_zero_gain",
+    "read_record": "files.records",
+    "recognise_excitation": "systems.excitation.recognition",
+    "record_nrmse": "identification.samples.simulation",
+    "response_bounds": "identification.uncertainty.response_bounds",
+    "response_scatter": "identification.spectra.estimate",
     "run_nonlinear_open_loop": "realtime.nonlinear_rig",
+    "sample_models": "identification.uncertainty.model_set",
+    "sampled_plant": "identification.plants.measured_plant",
+    "scale_channels": "identification.plants.selection",
+    "select_channels": "identification.plants.selection",
+    "simulate_record": "identification.samples.simulation",
+    "simultaneous_bounds": "identification.uncertainty.response_bounds",
     "solve_equilibrium": "structure.equilibrium",
     "solve_modes": "structure.modes",
-    "split_periods": "files.records",
+    "spectra_response": "identification.spectra.ratios",
+    "split_periods": "files.records.together",
+    "stabilisation": "identification.fit.stabilisation",
+    "start_tracking": "identification.tracking.follow",
     "summarise": "structure.checks.summary",
     "sweep_amplitude": "structure.gimbals.amplitude",
     "sweep_authority": "control.authority",
     "sweep_device_amplitude": "structure.suspension.device_friction",
     "sweep_gimbals": "structure.gimbals.family",
     "tilt_place": "structure.gravity.places",
+    "track_modes": "identification.tracking.history",
+    "update_tracking": "identification.tracking.update",
     "write_compensator": "files.models",
     "write_measured_modes": "files.measured_modes",
     "write_model": "files.models",
     "write_record": "files.records",
+    "write_stream": "files.records",
 }
 
 __all__ = [
     "AnchoredSpring",
+    "Campaign",
+    "Channel",
     "Damping",
     "Deadband",
     "Device",
     "DeviceKind",
     "Environment",
+    "Excitation",
     "Friction",
     "LQGWeights",
+    "Limits",
     "MeasuredModes",
     "MeasurementNoise",
     "MiddeckError",
     "PDLoops",
     "Performance",
+    "Port",
+    "Record",
+    "RecordStream",
     "Reduction",
     "Suspension",
     "__version__",
@@ -161,57 +271,106 @@ __all__ = [
     "build_plant",
     "close_inner_loop",
     "close_loop",
+    "compare_fits",
     "compare_modes",
+    "compare_responses",
     "compare_static_gain",
     "correlate_modes",
+    "cut_periods",
+    "design_binary",
+    "design_burst",
     "design_filter",
     "design_lqg",
+    "design_mls",
+    "design_multisine",
+    "design_noise",
+    "design_stepped_sine",
+    "design_sweep",
+    "detect_faults",
     "differentiate_frequencies",
     "differentiate_modes",
     "differentiate_plant",
     "differentiate_rest",
     "estimate_attitude",
     "estimate_damping",
+    "estimate_distortion",
     "estimate_response",
     "estimate_rest_band",
+    "estimate_spectra",
     "evaluate_plant",
+    "expected_accuracy",
     "find_first_instability",
     "find_parameters",
     "find_place",
     "find_profile",
+    "fit_record",
     "fit_response",
     "follow_gravity",
+    "from_pole_zero_gain",
     "leave_open",
     "level",
     "list_parameters",
+    "load_campaign",
     "load_case",
     "load_environment",
     "load_measured_modes",
     "load_model",
     "load_record",
     "load_records",
+    "load_response",
     "load_structure",
     "load_study",
+    "matrix_zeros",
     "measure_effective_mass",
     "measure_metric",
     "measure_modes",
     "measure_rms",
     "measured_plant",
+    "minimal_model",
+    "modal_parameters",
+    "model_response",
+    "multiple_coherence",
+    "name_columns",
+    "name_zeros",
     "nrmse",
+    "open_record",
+    "ordinary_coherence",
+    "parameters_of",
+    "partial_coherence",
+    "path_zeros",
+    "periods_needed",
+    "pole_zero_gain",
+    "read_record",
+    "recognise_excitation",
+    "record_nrmse",
+    "response_bounds",
+    "response_scatter",
     "run_nonlinear_open_loop",
+    "sample_models",
+    "sampled_plant",
+    "scale_channels",
+    "select_channels",
+    "simulate_record",
+    "simultaneous_bounds",
     "solve_equilibrium",
     "solve_modes",
+    "spectra_response",
     "split_periods",
+    "stabilisation",
+    "start_tracking",
     "summarise",
     "sweep_amplitude",
     "sweep_authority",
     "sweep_device_amplitude",
     "sweep_gimbals",
     "tilt_place",
+    "track_modes",
+    "update_tracking",
     "write_compensator",
     "write_measured_modes",
     "write_model",
     "write_record",
+    "write_stream",
 ]
 
 

@@ -21,7 +21,9 @@ Examples:
   middeck drift data/cubespec-fsm/mirror-300mV-train.npz \\
     data/cubespec-fsm/mirror-300mV-test.npz \\
     --states 6 --band 300,1000 --continuous
-  middeck drift model.json week-12.npz --require
+  middeck drift data/cubespec-fsm/mirror-300mV-train.npz \\
+    data/cubespec-fsm/mirror-300mV-test.npz \\
+    --states 6 --band 300,1000 --continuous --require --json
 """
 
 
