@@ -49,6 +49,11 @@ def identify(files: Sequence[str], settings: FitSettings, told: Columns | None =
         return _fit_record(taken, settings, seen)
 
 
+def response_of(found: Identified) -> FrequencyResponse:
+    """What was fitted, or for the samples of a record what can be estimated of it."""
+    return estimate_response(found.record) if found.measured is None else found.measured
+
+
 def _fit_response(taken: Record, settings: FitSettings, seen: tuple[str, ...]) -> Identified:
     measured = estimate_response(
         taken, band_hz=settings.band_hz, method=settings.method, reference=settings.reference or None

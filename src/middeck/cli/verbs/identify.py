@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from middeck.cli import options
+from middeck.cli import figures, options
 from middeck.cli.columns import columns, told_columns
 from middeck.cli.screen import Table, show
 
@@ -74,6 +74,14 @@ METHODS = ("periods", "local rational", "local polynomial", "h1", "h2", "hv")
     callback=options.in_a_folder,
     help="Write the model.",
 )
+@figures.figure
+@click.option(
+    "--stabilisation",
+    "stabilisation_file",
+    metavar="FILE.svg",
+    callback=options.in_a_folder,
+    help="Draw poles of rising orders, as SVG.",
+)
 @options.common
 def verb(
     records: tuple[str, ...],
@@ -83,6 +91,8 @@ def verb(
     variable: str,
     validate: tuple[str, ...],
     model_file: str | None,
+    figure_file: str | None,
+    stabilisation_file: str | None,
     reference: str | None,
     overrides: tuple[str, ...],
     as_json: bool,
@@ -111,7 +121,36 @@ def verb(
     }
     if model_file is not None:
         write_model(model_file, found.fit.model)
+    _draw(found, figure_file, stabilisation_file)
     show(as_json, document, *_tables(document))
+
+
+def _draw(found: Identified, figure_file: str | None, stabilisation_file: str | None) -> None:
+    from middeck.cli.fitting import response_of
+    from middeck.identification.fit.stabilisation import stabilisation
+    from middeck.plot.fit import fit_figure
+    from middeck.plot.stabilisation import stabilisation as stabilisation_figure
+
+    model = found.fit.model
+    if figure_file is not None:
+        figures.write_figure(
+            fit_figure(response_of(found), found.fit),
+            figure_file,
+            key="fit",
+            title="Measured response and fit",
+            description="Magnitude of each path with the bounds of the fit",
+        )
+    if stabilisation_file is not None:
+        measured = response_of(found)
+        figures.write_figure(
+            stabilisation_figure(
+                stabilisation(measured, sample_hz=model.sample_hz), measured, states=model.states
+            ),
+            stabilisation_file,
+            key="stabilisation",
+            title="Stabilisation diagram",
+            description="Poles of rising orders over frequency",
+        )
 
 
 def _validate(
