@@ -10,6 +10,7 @@ from typing import Any, ParamSpec
 import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogFormatter
 
 P = ParamSpec("P")
 
@@ -84,11 +85,19 @@ def new_figure(height_in: float, width_in: float = WIDTH_IN) -> Figure:
     return Figure(figsize=(width_in, height_in), layout="constrained")
 
 
+class _PlainNumbers(LogFormatter):
+    """Between decades, labels where matplotlib wants some, without powers of ten."""
+
+    def __call__(self, x: float, pos: int | None = None) -> str:
+        return f"{x:g}" if super().__call__(x, pos) else ""
+
+
 def frequency_axis(axes: Axes, low_hz: float, high_hz: float, *, label: bool = True) -> None:
     """Logarithmic frequency [Hz] with plain numbers."""
     axes.set_xscale("log")
     axes.set_xlim(low_hz, high_hz)
     axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    axes.xaxis.set_minor_formatter(_PlainNumbers())
     if label:
         axes.set_xlabel("frequency [Hz]")
     else:
