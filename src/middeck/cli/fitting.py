@@ -8,9 +8,15 @@ from middeck.cli.blame import reading
 from middeck.cli.settings import FitSettings
 from middeck.errors import ConfigError
 from middeck.files.records import Columns, load_records, split_periods
+from middeck.identification.faults import detect_faults
 from middeck.identification.fit.fit_response import FitResult, fit_response
 from middeck.identification.samples.fit_record import fit_record
-from middeck.identification.spectra import estimate_response
+from middeck.identification.spectra import (
+    doubts_of_window,
+    estimate_response,
+    estimate_spectra,
+    spectra_response,
+)
 from middeck.systems.excitation import cut_periods, recognise_excitation
 from middeck.systems.record import Record
 from middeck.systems.response import FrequencyResponse
@@ -44,6 +50,7 @@ def identify(files: Sequence[str], settings: FitSettings, told: Columns | None =
     """Fit the records together: the response of their periods, or the samples of one that has none."""
     taken, seen = load_periods(files, settings.periods, told)
     with reading(*files):
+        seen = (*seen, *_faults(taken))
         if taken.periodic or settings.method is not None or settings.reference:
             return _fit_response(taken, settings, seen)
         return _fit_record(taken, settings, seen)
@@ -73,8 +80,17 @@ def _fit_response(taken: Record, settings: FitSettings, seen: tuple[str, ...]) -
         cost=settings.cost,
     )
     chosen = settings.sampled is None and sampled
-    warnings = (_chosen(measured.frequency_hz[-1], taken.sample_hz),) if chosen else ()
+    warnings = [_chosen(measured.frequency_hz[-1], taken.sample_hz)] if chosen else []
+    if settings.method in ("h1", "h2", "hv") and not taken.periodic:
+        spectra = estimate_spectra(taken)
+        warnings += doubts_of_window(spectra_response(spectra, settings.method), spectra)
     return Identified(taken, measured, fit, (*seen, *warnings, *fit.warnings))
+
+
+def _faults(taken: Record) -> list[str]:
+    """What `detect_faults` finds that a fit would suffer from."""
+    faults = (f for f in detect_faults(taken) if f.severity != "note")
+    return [str(f).replace("\n  try:", ";") for f in faults]
 
 
 def _fit_record(taken: Record, settings: FitSettings, seen: tuple[str, ...]) -> Identified:

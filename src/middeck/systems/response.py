@@ -34,7 +34,8 @@ class FrequencyResponse:
     """Complex response H[line, output, input] at ``frequency_hz``.
 
     ``variance`` is that of the estimate H (noise of both real and imaginary part together), per line and
-    entry; None for a computed response. ``covariance`` says also how its entries err together, where known.
+    entry; of a smoothed estimate, that of each line's own data, so that a sum over lines counts each sample
+    once; None for a computed response. ``covariance`` says also how its entries err together, where known.
     """
 
     frequency_hz: Float[np.ndarray, " line"]

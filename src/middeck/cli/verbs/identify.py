@@ -202,6 +202,7 @@ def describe(found: Identified) -> dict[str, Any]:
         "zeros": _zeros(model),
         "delay_s": dict(zip(names, model.delay_s, strict=True)),
         "delay_std_s": dict(zip(names, fit.uncertainty.delay_s, strict=True)),
+        "deviations_robust": fit.covariance.robust,
         "error": dict(zip(names, fit.error, strict=True)),
         "cost": fit.cost,
         "warnings": found.warnings,

@@ -70,15 +70,16 @@ def starts(data: Data, options: Options) -> Iterator[Start]:
     """First guesses, from several sizes of the subspace."""
     for size, rows in REAL_SIZES if options.real_constants else COMPLEX_SIZES:
         found = _sized_poles(data, options, size, rows)
-        yield from () if found is None else _start(data, options, found)
+        yield from () if found is None else starts_from(data, options, found)
     if not options.real_constants:
         found = _sized_poles(data, options, *RELOCATED_SIZE)
         if found is not None:
             moved = relocate(data, found, options.period_s, iterations=RELOCATIONS)
-            yield from _start(data, options, moved)
+            yield from starts_from(data, options, moved)
 
 
-def _start(data: Data, options: Options, found: np.ndarray) -> Iterator[Start]:
+def starts_from(data: Data, options: Options, found: Complex[np.ndarray, " state"]) -> Iterator[Start]:
+    """A start (or none) at the modes among candidate poles ``found`` that would be missed most."""
     make = _real_start if options.real_constants else _complex_start
     start = make(data, options, found)
     if start is not None:

@@ -6,24 +6,27 @@ fitted = fit_record(record, states=10, band_hz=(0.1, 60.0))
 from __future__ import annotations
 
 import dataclasses
+import functools
 from typing import Literal
 
 import numpy as np
 
 from middeck.errors import ConfigError, FitError
 from middeck.identification.checks import check_record
-from middeck.identification.fit.data import Data, Transient
+from middeck.identification.fit.choices import Choices, options_of
+from middeck.identification.fit.data import Data
 from middeck.identification.fit.design import residual_of
 from middeck.identification.fit.doubts import causal_delay, doubts_of_deviations
 from middeck.identification.fit.fit_response import FitResult, fit_response
-from middeck.identification.fit.layout import Layout, Point, pack, unpack
+from middeck.identification.fit.layout import pack, unpack
 from middeck.identification.fit.refine import weighted
 from middeck.identification.fit.start import Options
-from middeck.identification.measurement_model import MeasurementModel, model_response
+from middeck.identification.measurement_model import model_response
+from middeck.identification.samples.continuous import fit_continuous
 from middeck.identification.samples.model import record_covariance, record_model
 from middeck.identification.samples.noise import negative_log_likelihood, noise_variance
 from middeck.identification.samples.order import choose_record
-from middeck.identification.samples.search import RecordRun, Weighting, refine_record
+from middeck.identification.samples.search import RecordRun, Weighting
 from middeck.identification.samples.spectra import record_data
 from middeck.identification.spectra import estimate_response
 from middeck.identification.uncertainty.parameters import uncertainty_of
@@ -32,10 +35,6 @@ from middeck.systems.response import FrequencyResponse
 
 # A model worth using explains nine tenths of the output.
 LEFT = 0.1
-# Rounds of noise and search, and steps of each, of the last refinement of a continuous model.
-ROUNDS, STEPS = 4, 60
-# Steps after which the other kind of noise is compared.
-FIRST_STEPS = 3
 
 
 def fit_record(
@@ -100,10 +99,14 @@ def fit_record(
         options = Options(states or 2, False, False, False, with_direct, 1.0 / record.sample_hz)
         run, reason = choose_record(record, options, band_hz, states=states, weighting=weighting)
     else:
-        data, run, reason = _continuous(
-            record, data, band_hz, weighting,
+        lines = _lines(record, data)
+        options = options_of(lines, states or 2, Choices(None, constants, delay, direct, residuals))
+        band = band_hz or (float(lines.frequency_hz[0]), float(lines.frequency_hz[-1]))
+        local = functools.partial(
+            _local_fit, record, band,
             states=states, constants=constants, delay=delay, direct=direct, residuals=residuals,
         )  # fmt: skip
+        data, run, reason = fit_continuous(record, data, options, local, states=states, weighting=weighting)
     return _result(record, data, run, record.sample_hz if sampled else None, reason)
 
 
@@ -119,79 +122,41 @@ def _check_length(record: Record, states: int) -> None:
         )
 
 
-def _continuous(
+def _lines(record: Record, data: Data, H: np.ndarray | None = None) -> FrequencyResponse:
+    """The lines that are fitted, with a response there."""
+    f = np.imag(data.s) / (2.0 * np.pi)
+    H = np.zeros((len(f), len(record.outputs), len(record.inputs)), dtype=complex) if H is None else H
+    return FrequencyResponse(f, H, record.inputs, record.outputs, np.zeros(H.shape))
+
+
+def _local_fit(
     record: Record,
-    data: Data,
-    band_hz: tuple[float, float] | None,
-    weighting: Weighting | None,
+    band_hz: tuple[float, float],
     *,
     states: int | None,
     constants: Literal["real", "complex"] | None,
     delay: bool | None,
     direct: bool | None,
     residuals: bool,
-) -> tuple[Data, RecordRun, str]:
-    """From a local estimate of the response to the record itself."""
-    f = np.imag(data.s) / (2.0 * np.pi)
-    band = band_hz or (float(f[0]), float(f[-1]))
+) -> FitResult:
+    """A fit of a local estimate of the response.
 
-    def first_fit(method: Literal["local polynomial", "local rational"]) -> FitResult:
+    Polynomials are fast, but do not follow a resonance narrower than their few lines: rational models tell
+    an order, and start a record too short for polynomials.
+    """
+
+    def by(method: Literal["local polynomial", "local rational"]) -> FitResult:
         return fit_response(
-            estimate_response(record, band_hz=band, method=method),
+            estimate_response(record, band_hz=band_hz, method=method),
             states=states, constants=constants, delay=delay, direct=direct, residuals=residuals,
         )  # fmt: skip
 
-    # Polynomials are fast, but do not follow a resonance narrower than their few lines: rational models tell
-    # an order, and start a record too short for polynomials.
+    if states is None:
+        return by("local rational")
     try:
-        first = first_fit("local rational" if states is None else "local polynomial")
+        return by("local polynomial")
     except FitError:
-        if states is None:
-            raise
-        first = first_fit("local rational")
-    layout, theta = _from_model(first)
-    data = dataclasses.replace(data, transient=_edges(record, first.model))
-    best = refine_record(data, layout, theta, weighting or "output", rounds=ROUNDS, steps=STEPS)
-    if best is None:
-        raise FitError("no start could be refined on the record", hint="fewer states, or a longer record")
-    if weighting is None:
-        theta = best.refined.theta
-        other = refine_record(data, layout, theta, "motion", rounds=1, steps=FIRST_STEPS)
-        if other is not None and other.likelihood < best.likelihood:
-            theta = other.refined.theta
-            best = refine_record(data, layout, theta, "motion", rounds=ROUNDS, steps=STEPS) or other
-    return data, best, first.order_reason
-
-
-def _edges(record: Record, model: MeasurementModel) -> Transient:
-    """Free samples: those that answer to inputs before the record, and one at the end for what is between."""
-    late = int(np.ceil(float(model.delay_s.max()) * record.sample_hz)) + 1
-    if late >= record.u.shape[1] * record.u.shape[2] // 2:
-        raise FitError(
-            f"a delay of {model.delay_s.max():.6g} s is no shorter than half the record",
-            hint="a longer record, or shift the outputs by the delay that is known",
-        )
-    return Transient(1.0 / record.sample_hz, late, 1)
-
-
-def _from_model(first: FitResult) -> tuple[Layout, np.ndarray]:
-    """Layout and theta of a fitted model."""
-    model, structure = first.model, first.covariance.structure
-    order = np.argsort(~model.is_pair, kind="stable")
-    poles, pair, b = model.poles[order], model.is_pair[order], model.participation[order]
-    layout = Layout(
-        pair,
-        np.zeros(len(pair)),
-        np.argmax(np.abs(b), axis=1),
-        len(model.inputs),
-        len(model.outputs),
-        structure.real_constants,
-        structure.with_delay,
-        structure.with_lower,
-        structure.with_direct,
-        0.0,
-    )
-    return layout, pack(layout, Point(poles, b, model.delay_s[:, None]))
+        return by("local rational")
 
 
 def _result(record: Record, data: Data, run: RecordRun, sample_hz: float | None, reason: str) -> FitResult:
@@ -202,11 +167,10 @@ def _result(record: Record, data: Data, run: RecordRun, sample_hz: float | None,
     fitted = record_model(layout, found, record, sample_hz)
     covariance = record_covariance(layout, found, data, run.variance, fitted)
     uncertainty = uncertainty_of(covariance)
-    f = np.imag(data.s) / (2.0 * np.pi)
-    H = model_response(fitted, f)
+    H = model_response(fitted, np.imag(data.s) / (2.0 * np.pi))
     if not np.isfinite(H).all():
         raise FitError("the fitted response is not finite", hint="fewer states")
-    lines = FrequencyResponse(f, H, record.inputs, record.outputs, np.zeros(H.shape))
+    lines = _lines(record, data, H)
     delay_s, warnings = causal_delay(lines, fitted.delay_s, uncertainty)
     model = dataclasses.replace(fitted, delay_s=delay_s)
     error = np.sqrt(np.sum(np.abs(r) ** 2, axis=(1, 2)) / np.sum(np.abs(data.H) ** 2, axis=(1, 2)))

@@ -16,6 +16,7 @@ from middeck.identification.fit.order import sizes
 from middeck.identification.fit.start import Options
 from middeck.identification.measurement_model import MeasurementModel
 from middeck.identification.samples.model import record_model
+from middeck.identification.samples.race import further, leader
 from middeck.identification.samples.search import RecordRun, Weighting, refine_record
 from middeck.identification.samples.simulation import record_nrmse
 from middeck.identification.samples.spectra import cut_samples, record_data
@@ -23,8 +24,8 @@ from middeck.identification.samples.starts import record_starts
 from middeck.systems.record import Record
 from middeck.values import record as frozen
 
-# Steps for all starts, for the best few of them, for the best; and on each part that is held out from.
-HEAT, FEW, FEW_STEPS, LAST_STEPS, PART_STEPS = 3, 3, 10, 60, 15
+# Rounds of noise and search, and steps of each, on all samples; steps on each part that is held out from.
+ROUNDS, STEPS, PART_STEPS = 4, 60, 15
 # Share of the part held out to which the initial state is fitted.
 STATE_SHARE = 0.5
 # An order must be this much better than a smaller one, and the search ends so many orders after the best.
@@ -44,24 +45,14 @@ class Candidate:
 def race_record(
     record: Record, options: Options, weighting: Weighting, band_hz: tuple[float, float] | None
 ) -> RecordRun:
-    """The likeliest of the starts: all take a few steps, the best few some more, the best goes on."""
+    """The likeliest of the starts from subspaces."""
     data = record_data(record, band_hz, whole=True)
-    heats = [
-        refine_record(data, s.layout, s.theta, weighting, rounds=1, steps=HEAT)
-        for s in record_starts(record, data, options)
-    ]
-    ranked = sorted((run for run in heats if run is not None), key=lambda run: run.likelihood)
-    if not ranked:
+    best = leader(data, record_starts(record, data, options), weighting)
+    if best is None:
         raise FitError(
             f"no start for {options.states} states could be refined", hint="fewer states, or a longer record"
         )
-    few = [
-        refine_record(data, run.layout, run.refined.theta, weighting, rounds=2, steps=FEW_STEPS) or run
-        for run in ranked[:FEW]
-    ]
-    best = min(few, key=lambda run: run.likelihood)
-    theta = best.refined.theta
-    return refine_record(data, best.layout, theta, weighting, rounds=4, steps=LAST_STEPS) or best
+    return further(data, best, rounds=ROUNDS, steps=STEPS)
 
 
 def choose_record(

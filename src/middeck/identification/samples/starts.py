@@ -6,32 +6,40 @@ from collections.abc import Iterator
 from typing import get_args
 
 import numpy as np
+import scipy.signal
 from jaxtyping import Bool, Complex, Float
 
 from middeck.identification.fit.data import Data
 from middeck.identification.fit.layout import Layout, Point, pack
 from middeck.identification.fit.refine import weighted
-from middeck.identification.fit.start import Options, Start
-from middeck.identification.fit.terms import shapes
-from middeck.identification.samples.subspace import Weighting, compress_past, record_poles
+from middeck.identification.fit.start import Options, Start, starts_from
+from middeck.identification.fit.terms import columns, fractions, shapes
+from middeck.identification.samples.subspace import PastFuture, Weighting, compress_past, record_poles
 from middeck.systems.record import Record
+from middeck.values import record as frozen
 
 # Block rows, as multiples of the least that hold so many states, and a few more whatever the states.
 ROWS = (1.5, 2.5, 4.0)
 LONG = 20
 # A pole is kept this far inside the unit circle, and off its centre, where it has no finite decay.
 INSIDE, CENTRE = 1e-4, 1e-3
+# Of a continuous model: sizes of the subspace as multiples of the states kept, and its weightings. Rows are
+# as many as the record and so many operations allow, and a third of that: a slow mode has to turn in them.
+SIZES = (1.0, 1.5, 2.0, 3.0)
+CONTINUOUS: tuple[Weighting, ...] = ("moesp", "cva")
+OPERATIONS = 1e9
+COLUMNS_PER_ROW = 3
+# Samples for each period of the highest frequency fitted that are left before rows are made.
+DENSE = 2.5
 
 
 def record_starts(record: Record, data: Data, options: Options) -> Iterator[Start]:
     """Sampled models of ``options.states`` states from several horizons and weightings of the past."""
-    experiments, periods, samples, inputs = record.u.shape
     outputs = record.y.shape[3]
-    u = list(record.u.reshape(experiments, periods * samples, inputs) / record.u.std(axis=(0, 1, 2)))
-    y = list(record.y.reshape(experiments, periods * samples, outputs) / record.y.std(axis=(0, 1, 2)))
+    u, y = _in_deviations(record.u), _in_deviations(record.y)
     least = -(-options.states // outputs) + 1
     for rows in sorted({int(np.ceil(factor * least)) for factor in ROWS} | {max(LONG, least)}):
-        past = compress_past(u, y, rows)
+        past = compress_past(list(u), list(y), rows)
         if past is None:
             continue
         for weighting in get_args(Weighting):
@@ -39,6 +47,73 @@ def record_starts(record: Record, data: Data, options: Options) -> Iterator[Star
             start = None if z is None else start_of(data, options, *inside_circle(z, options.period_s))
             if start is not None:
                 yield start
+
+
+def _in_deviations(x: np.ndarray) -> Float[np.ndarray, "experiment sample channel"]:
+    """Periods as one run of samples, each channel in units of its deviation."""
+    experiments, periods, samples, channels = x.shape
+    return x.reshape(experiments, periods * samples, channels) / x.std(axis=(0, 1, 2))
+
+
+@frozen
+class PastOfRecord:
+    """Triangles of a record at several rows, and the period [s] of the samples that they are made of."""
+
+    triangles: tuple[PastFuture, ...]
+    period_s: float
+
+
+def past_of(record: Record, data: Data) -> PastOfRecord:
+    """The triangles for `continuous_starts`, of samples no denser than the highest line of ``data`` needs."""
+    highest_hz = float(np.imag(data.s[-1])) / (2.0 * np.pi)
+    thin = max(1, int(record.sample_hz / (DENSE * highest_hz)))
+    u, y = _in_deviations(record.u), _in_deviations(record.y)
+    if thin > 1:
+        # One filter for all channels leaves what is between them.
+        u, y = (scipy.signal.resample_poly(x, 1, thin, axis=1) for x in (u, y))
+    numbers = u.shape[0] * u.shape[1]
+    height = min(numbers / (COLUMNS_PER_ROW + 1), np.sqrt(OPERATIONS / numbers))
+    most = int(height / (2 * (u.shape[2] + y.shape[2])))
+    found = [compress_past(list(u), list(y), rows) for rows in (most, most // 3) if rows > 1]
+    return PastOfRecord(tuple(past for past in found if past is not None), thin / record.sample_hz)
+
+
+def continuous_starts(past: PastOfRecord, data: Data, options: Options) -> Iterator[Start]:
+    """Continuous models of ``options.states`` states, out of larger subspaces.
+
+    Delays need a response: that of the subspace's poles with the residues that the spectra ask for, of any
+    rank and phase, so that they take up the delay at each resonance.
+    """
+    for triangle in past.triangles:
+        for weighting in CONTINUOUS:
+            for size in SIZES:
+                z = record_poles(triangle, weighting, 2 * round(0.5 * size * options.states))
+                if z is None:
+                    continue
+                poles, pair = inside_circle(z, past.period_s)
+                seen = _response_of(data, poles, pair)
+                if seen is not None:
+                    yield from starts_from(seen, options, np.concatenate([poles, poles[pair].conj()]))
+
+
+def _response_of(data: Data, poles: np.ndarray, pair: np.ndarray) -> Data | None:
+    """The response with given poles that the spectra ask for.
+
+    Weighed as the data are, by how strong each input is on each line.
+    """
+    assert data.drive is not None
+    inputs, outputs = data.drive.shape[1], len(data.H)
+    options = Options(len(poles), False, False, False, True, 0.0)
+    layout = _layout(data, options, poles, pair, np.zeros(len(poles), dtype=int), full=True)
+    point = Point(poles, np.tile(np.eye(inputs), (len(poles), 1)), np.zeros((outputs, 1)))
+    step = weighted(layout, data, pack(layout, point))
+    if step is None:
+        return None
+    X = columns(layout, point, fractions(layout, poles, data.s), data.s)
+    H = np.tensordot(step.linear[:, : layout.columns], X, axes=1)
+    strength = np.sqrt(np.mean(np.abs(data.drive) ** 2, axis=2))
+    weight = data.weight.mean(axis=2)[:, :, None] * strength
+    return Data(data.s, H, weight)
 
 
 def inside_circle(
