@@ -99,7 +99,8 @@ def fit_record(
         options = Options(states or 2, False, False, False, with_direct, 1.0 / record.sample_hz)
         run, reason = choose_record(record, options, band_hz, states=states, weighting=weighting)
     else:
-        lines = _lines(record, data)
+        shape = len(data.s), len(record.outputs), len(record.inputs)
+        lines = _lines(record, data, np.zeros(shape, dtype=complex))
         options = options_of(lines, states or 2, Choices(None, constants, delay, direct, residuals))
         band = band_hz or (float(lines.frequency_hz[0]), float(lines.frequency_hz[-1]))
         local = functools.partial(
@@ -122,10 +123,9 @@ def _check_length(record: Record, states: int) -> None:
         )
 
 
-def _lines(record: Record, data: Data, H: np.ndarray | None = None) -> FrequencyResponse:
-    """The lines that are fitted, with a response there."""
+def _lines(record: Record, data: Data, H: np.ndarray) -> FrequencyResponse:
+    """A response on the lines that are fitted."""
     f = np.imag(data.s) / (2.0 * np.pi)
-    H = np.zeros((len(f), len(record.outputs), len(record.inputs)), dtype=complex) if H is None else H
     return FrequencyResponse(f, H, record.inputs, record.outputs, np.zeros(H.shape))
 
 

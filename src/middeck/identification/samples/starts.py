@@ -25,7 +25,7 @@ LONG = 20
 INSIDE, CENTRE = 1e-4, 1e-3
 # Of a continuous model: sizes of the subspace as multiples of the states kept, and its weightings. Rows are
 # as many as the record and so many operations allow, and a third of that: a slow mode has to turn in them.
-SIZES = (1.0, 1.5, 2.0, 3.0)
+SIZES = (1.0, 2.0)
 CONTINUOUS: tuple[Weighting, ...] = ("moesp", "cva")
 OPERATIONS = 1e9
 COLUMNS_PER_ROW = 3
