@@ -1,8 +1,8 @@
 """Linear models of one record by packages that work on samples; needs them and nothing of this package.
 
-    python benchmarks/peers/time_domain.py TOOL IN.npz OUT.npz
+    python benchmarks/peers/time_domain.py IN.npz OUT.npz
 
-TOOL: nfoursid, sippy-n4sid, sippy-moesp, sippy-cva or jax-sysid. IN: u (sample, input), y (sample, output),
+IN: tool (nfoursid, sippy-n4sid, sippy-moesp, sippy-cva or jax-sysid), u (sample, input), y (sample, output),
 states, block_rows (of the subspace methods). OUT: A, B, C, D of x[k+1] = A x + B u, y = C x + D u, seconds,
 version.
 """
@@ -54,10 +54,10 @@ def by_jax_sysid(u: np.ndarray, y: np.ndarray, states: int) -> tuple[np.ndarray,
 PACKAGES = {"nfoursid": "nfoursid", "sippy": "sippy_unipi", "jax": "jax-sysid"}
 
 
-def main(tool: str, source: str, target: str) -> None:
+def main(source: str, target: str) -> None:
     with np.load(source, allow_pickle=False) as given:
         u, y, states = given["u"], given["y"], int(given["states"])
-        rows = int(given["block_rows"])
+        tool, rows = str(given["tool"]), int(given["block_rows"])
     package, _, method = tool.partition("-")
     begun = time.process_time()
     if package == "nfoursid":
