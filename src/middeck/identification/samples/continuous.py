@@ -16,8 +16,9 @@ from middeck.errors import FitError
 from middeck.identification.fit.data import Data, Transient
 from middeck.identification.fit.fit_response import FitResult
 from middeck.identification.fit.layout import Layout, Point, pack, unpack
-from middeck.identification.fit.order import description_length, is_settled, sizes
+from middeck.identification.fit.order import is_settled, sizes
 from middeck.identification.fit.start import Options, Start
+from middeck.identification.samples.order import enough_samples, record_length, shortest_reason
 from middeck.identification.samples.race import further, leader
 from middeck.identification.samples.search import RecordRun, Weighting, refine_record
 from middeck.identification.samples.starts import PastOfRecord, continuous_starts, past_of
@@ -90,26 +91,21 @@ def _choose_order(record: Record, data: Data, options: Options, past: PastOfReco
     """The order of the shortest description of the record, its transients counted, and why."""
     tried: list[tuple[int, float]] = []
     for states in sizes():
+        if not enough_samples(record, states):
+            break
         starts = list(continuous_starts(past, data, dataclasses.replace(options, states=states)))
         if not starts:
-            break
+            continue
         edged = dataclasses.replace(data, transient=_edges(record, starts))
         run = leader(edged, starts, "output")
         if run is None:
             continue
-        unknowns = run.layout.size + run.refined.step.linear.size
-        if 2 * unknowns > 2 * data.H.size:
-            break
-        tried.append((states, description_length(run.likelihood, unknowns, 2 * data.H.size)))
+        tried.append((states, record_length(edged, run)))
         if is_settled([length for _, length in tried]):
             break
     if not tried:
         raise FitError("no order could be fitted", hint="a longer record, or say how many states")
-    best = min(tried, key=lambda t: t[1])
-    rivals = [length - best[1] for states, length in tried if states != best[0]]
-    margin = f", {min(rivals):.0f} below the next" if rivals else ""
-    span = f"of {len(tried)} orders from {tried[0][0]} to {tried[-1][0]}"
-    return best[0], f"{best[0]} states have the shortest description {span}{margin}"
+    return min(tried, key=lambda t: t[1])[0], shortest_reason(tried)
 
 
 def _edges(record: Record, starts: Sequence[Start]) -> Transient:

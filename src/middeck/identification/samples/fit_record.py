@@ -59,9 +59,8 @@ def fit_record(
     record:
         One or several experiments; periods are taken as one run of samples.
     states:
-        Order of the model without its delays. By default, of a continuous model, the order of the shortest
-        description of an estimated response; of a sampled model, the one that simulates parts of the record
-        held out best.
+        Order of the model without its delays. By default that of the shortest description: of the record,
+        or for a continuous model of a long one, of an estimated response.
     sampled:
         A sampled model, right for held inputs; otherwise a continuous one, whose inputs are band-limited
         between samples.
@@ -72,7 +71,7 @@ def fit_record(
     weighting:
         "flat": the error of the simulation is least. "output": by the noise of sensors, "motion": by forces
         that shake the article as the inputs do (`record_noise`). By default the likelier of the last two,
-        or of a sampled model the better of the first and the last on parts of the record held out.
+        or of a sampled model that which simulates parts of the record held out better.
 
     Raises
     ------

@@ -1,18 +1,22 @@
-"""Order and weights of a sampled model by what they are for: simulating samples they have not seen.
+"""Order and weights of a sampled model: the shortest description, and samples held out.
 
-A record of some hundred samples is short for a description length: its noise is estimated from the very lines
-that are fitted. So each candidate is refined on the first two thirds of the record and judged on the last,
-and the other way round, as it will be used: simulated, with only its initial state fitted there.
+The order is that of the shortest description of the record by either kind of noise, transients counted among
+its unknowns. The kind of noise at that order is the one whose model simulates samples held out better: it is
+refined on the first two thirds of the record and judged on the last, with only its initial state fitted
+there, and the other way round. Both rules were chosen among others by their error on simulated records whose
+truth is known (docs/explanation/one-long-record.md).
 """
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 
 from middeck.errors import FitError, NumericalError
-from middeck.identification.fit.order import sizes
+from middeck.identification.fit.data import Data
+from middeck.identification.fit.order import description_length, is_settled, sizes
 from middeck.identification.fit.start import Options
 from middeck.identification.measurement_model import MeasurementModel
 from middeck.identification.samples.model import record_model
@@ -28,31 +32,16 @@ from middeck.values import record as frozen
 ROUNDS, STEPS, PART_STEPS = 4, 60, 15
 # Share of the part held out to which the initial state is fitted.
 STATE_SHARE = 0.5
-# An order must be this much better than a smaller one, and the search ends so many orders after the best.
-WORTH, PATIENCE = 0.95, 2
-WEIGHTINGS: tuple[Weighting, ...] = ("flat", "motion")
+KINDS: tuple[Weighting, ...] = ("output", "motion")
 
 
 @frozen
 class Candidate:
-    """An order and a weighting, the model they give on all samples and its error on samples held out."""
+    """An order, the model that it gives on all samples with one kind of noise, and its description length."""
 
     states: int
     run: RecordRun
-    error: float
-
-
-def race_record(
-    record: Record, options: Options, weighting: Weighting, band_hz: tuple[float, float] | None
-) -> RecordRun:
-    """The likeliest of the starts from subspaces."""
-    data = record_data(record, band_hz, whole=True)
-    best = leader(data, record_starts(record, data, options), weighting)
-    if best is None:
-        raise FitError(
-            f"no start for {options.states} states could be refined", hint="fewer states, or a longer record"
-        )
-    return further(data, best, rounds=ROUNDS, steps=STEPS)
+    length: float
 
 
 def choose_record(
@@ -63,25 +52,63 @@ def choose_record(
     states: int | None,
     weighting: Weighting | None,
 ) -> tuple[RecordRun, str]:
-    """The best order (of those asked for) and weighting on samples held out, with the reason."""
-    weightings = WEIGHTINGS if weighting is None else (weighting,)
-    if states is not None and weighting is not None:
+    """The best order (of those asked for) and weighting, with the reason."""
+    weightings = KINDS if weighting is None else (weighting,)
+    data = record_data(record, band_hz, whole=True)
+    if states is not None:
         options = dataclasses.replace(options, states=states)
-        return race_record(record, options, weighting, band_hz), f"{states} states were asked for"
-    tried: list[Candidate] = []
-    for size in sizes() if states is None else (states,):
-        if not _enough(record, size):
+        found, reason = _candidates(record, data, options, weightings), f"{states} states were asked for"
+    else:
+        found, reason = _shortest(record, data, options, weightings)
+    if not found:
+        raise FitError("no start could be refined", hint="a longer record, or fewer states")
+    if len(found) == 1:
+        return found[0].run, reason
+    judged = [(_held_out(record, options, band_hz, one.run), one.length, one) for one in found]
+    error, _, best = min(judged, key=lambda t: t[:2])
+    weighed = f"lines weighed by the noise of {best.run.weighting}"
+    return best.run, f"{reason}; {weighed}: samples held out are simulated within {error:.2%}"
+
+
+def _shortest(
+    record: Record, data: Data, options: Options, weightings: tuple[Weighting, ...]
+) -> tuple[list[Candidate], str]:
+    """The candidates of the order that has the shortest description, and why."""
+    tried: list[tuple[Candidate, list[Candidate]]] = []
+    for size in sizes():
+        if not enough_samples(record, size):
             break
-        tried += _candidates(record, dataclasses.replace(options, states=size), band_hz, weightings)
-        if tried and size > _best(tried).states + 2 * (PATIENCE - 1) and len(tried) > PATIENCE:
+        found = _candidates(record, data, dataclasses.replace(options, states=size), weightings)
+        if found:
+            tried.append((min(found, key=lambda c: c.length), found))
+        if tried and is_settled([shortest.length for shortest, _ in tried]):
             break
     if not tried:
-        raise FitError("no order could be fitted", hint="a longer record, or fewer states")
-    best = _best(tried)
-    return best.run, _reason(best, tried, asked=states is not None)
+        return [], ""
+    _, found = min(tried, key=lambda t: t[0].length)
+    return found, shortest_reason([(one.states, one.length) for one, _ in tried])
 
 
-def _enough(record: Record, states: int) -> bool:
+def shortest_reason(tried: Sequence[tuple[int, float]]) -> str:
+    """One sentence on the order of the shortest description, of orders tried and their lengths.
+
+    >>> shortest_reason([(2, 30.0), (4, 10.0), (6, 15.0)])
+    '4 states have the shortest description of 3 orders from 2 to 6, 5 below the next'
+    """
+    states, shortest = min(tried, key=lambda t: t[1])
+    rivals = [length - shortest for other, length in tried if other != states]
+    margin = f", {min(rivals):.0f} below the next" if rivals else ""
+    span = f"of {len(tried)} orders from {tried[0][0]} to {tried[-1][0]}"
+    return f"{states} states have the shortest description {span}{margin}"
+
+
+def record_length(data: Data, run: RecordRun) -> float:
+    """Description length of a record, the transients of all its experiments among the unknowns."""
+    unknowns = run.layout.size + run.refined.step.linear.size
+    return description_length(run.likelihood, unknowns, 2 * data.H.size)
+
+
+def enough_samples(record: Record, states: int) -> bool:
     """Whether two thirds of the record have more numbers than the model and its transients unknowns."""
     experiments, periods, samples, inputs = record.u.shape
     outputs = record.y.shape[3]
@@ -90,18 +117,15 @@ def _enough(record: Record, states: int) -> bool:
 
 
 def _candidates(
-    record: Record,
-    options: Options,
-    band_hz: tuple[float, float] | None,
-    weightings: tuple[Weighting, ...],
+    record: Record, data: Data, options: Options, weightings: tuple[Weighting, ...]
 ) -> list[Candidate]:
+    starts = list(record_starts(record, data, options))
     found: list[Candidate] = []
     for weighting in weightings:
-        try:
-            run = race_record(record, options, weighting, band_hz)
-        except FitError:
-            continue
-        found.append(Candidate(options.states, run, _held_out(record, options, band_hz, run)))
+        run = leader(data, starts, weighting)
+        if run is not None:
+            run = further(data, run, rounds=ROUNDS, steps=STEPS)
+            found.append(Candidate(options.states, run, record_length(data, run)))
     return found
 
 
@@ -122,27 +146,3 @@ def _held_out(record: Record, options: Options, band_hz: tuple[float, float] | N
             return np.inf
         errors += list(left**2)
     return float(np.sqrt(np.mean(errors)))
-
-
-def _best(tried: list[Candidate]) -> Candidate:
-    """The smallest order that no larger one beats clearly."""
-    best = tried[0]
-    for other in tried[1:]:
-        if other.error < (WORTH if other.states > best.states else 1.0) * best.error:
-            best = other
-    return best
-
-
-def _reason(best: Candidate, tried: list[Candidate], *, asked: bool) -> str:
-    weighed = (
-        "all lines weighed alike"
-        if best.run.weighting == "flat"
-        else f"lines weighed by the noise of {best.run.weighting}"
-    )
-    what = f"samples held out are simulated within {best.error:.2%}, {weighed}"
-    if asked:
-        return f"{best.states} states were asked for; {what}"
-    orders = sorted({t.states for t in tried})
-    return (
-        f"{best.states} states are the best of {len(orders)} orders from {orders[0]} to {orders[-1]}: {what}"
-    )
