@@ -70,8 +70,8 @@ def fit_record(
         As for `fit_response`.
     weighting:
         "flat": the error of the simulation is least. "output": by the noise of sensors, "motion": by forces
-        that shake the article as the inputs do (`record_noise`). By default the likelier of the last two,
-        or of a sampled model that which simulates parts of the record held out better.
+        that shake the article as the inputs do. By default the likelier of the last two, or of a sampled
+        model that which simulates parts of the record held out best.
 
     Raises
     ------

@@ -1,10 +1,10 @@
 """Order and weights of a sampled model: the shortest description, and samples held out.
 
 The order is that of the shortest description of the record by either kind of noise, transients counted among
-its unknowns. The kind of noise at that order is the one whose model simulates samples held out better: it is
-refined on the first two thirds of the record and judged on the last, with only its initial state fitted
-there, and the other way round. Both rules were chosen among others by their error on simulated records whose
-truth is known (docs/explanation/one-long-record.md).
+its unknowns. The weights at that order are those whose model simulates samples held out best: refined on the
+first two thirds of the record and judged on the last, with only its initial state fitted there, and the other
+way round. Both rules were chosen among others by their error on simulated records whose truth is known
+(docs/explanation/one-long-record.md).
 """
 
 from __future__ import annotations
@@ -33,11 +33,16 @@ ROUNDS, STEPS, PART_STEPS = 4, 60, 15
 # Share of the part held out to which the initial state is fitted.
 STATE_SHARE = 0.5
 KINDS: tuple[Weighting, ...] = ("output", "motion")
+WEIGHED = {
+    "flat": "all lines weighed alike",
+    "output": "lines weighed by the noise of sensors",
+    "motion": "lines weighed by the noise of forces",
+}
 
 
 @frozen
 class Candidate:
-    """An order, the model that it gives on all samples with one kind of noise, and its description length."""
+    """An order, the model that it gives on all samples with some weights, and its description length."""
 
     states: int
     run: RecordRun
@@ -53,40 +58,43 @@ def choose_record(
     weighting: Weighting | None,
 ) -> tuple[RecordRun, str]:
     """The best order (of those asked for) and weighting, with the reason."""
-    weightings = KINDS if weighting is None else (weighting,)
+    kinds = KINDS if weighting is None else (weighting,)
     data = record_data(record, band_hz, whole=True)
-    if states is not None:
-        options = dataclasses.replace(options, states=states)
-        found, reason = _candidates(record, data, options, weightings), f"{states} states were asked for"
+    if states is None:
+        found, reason = _shortest(record, data, options, kinds)
     else:
-        found, reason = _shortest(record, data, options, weightings)
+        sized = dataclasses.replace(options, states=states)
+        found, reason = _candidates(record, data, sized, kinds), f"{states} states were asked for"
     if not found:
         raise FitError("no start could be refined", hint="a longer record, or fewer states")
-    if len(found) == 1:
+    if weighting is not None:
         return found[0].run, reason
+    found += _candidates(record, data, dataclasses.replace(options, states=found[0].states), ("flat",))
     judged = [(_held_out(record, options, band_hz, one.run), one.length, one) for one in found]
     error, _, best = min(judged, key=lambda t: t[:2])
-    weighed = f"lines weighed by the noise of {best.run.weighting}"
-    return best.run, f"{reason}; {weighed}: samples held out are simulated within {error:.2%}"
+    return (
+        best.run,
+        f"{reason}; {WEIGHED[best.run.weighting]}: samples held out are simulated within {error:.2%}",
+    )
 
 
 def _shortest(
-    record: Record, data: Data, options: Options, weightings: tuple[Weighting, ...]
+    record: Record, data: Data, options: Options, kinds: tuple[Weighting, ...]
 ) -> tuple[list[Candidate], str]:
     """The candidates of the order that has the shortest description, and why."""
-    tried: list[tuple[Candidate, list[Candidate]]] = []
+    tried: list[tuple[float, list[Candidate]]] = []
     for size in sizes():
         if not enough_samples(record, size):
             break
-        found = _candidates(record, data, dataclasses.replace(options, states=size), weightings)
+        found = _candidates(record, data, dataclasses.replace(options, states=size), kinds)
         if found:
-            tried.append((min(found, key=lambda c: c.length), found))
-        if tried and is_settled([shortest.length for shortest, _ in tried]):
+            tried.append((min(one.length for one in found), found))
+        if tried and is_settled([length for length, _ in tried]):
             break
     if not tried:
         return [], ""
-    _, found = min(tried, key=lambda t: t[0].length)
-    return found, shortest_reason([(one.states, one.length) for one, _ in tried])
+    reason = shortest_reason([(found[0].states, length) for length, found in tried])
+    return min(tried, key=lambda t: t[0])[1], reason
 
 
 def shortest_reason(tried: Sequence[tuple[int, float]]) -> str:
