@@ -78,10 +78,31 @@ def test_a_mode_that_moved_is_named(weeks: dict[str, Path], capfd: Capture) -> N
 def test_a_record_against_a_model(weeks: dict[str, Path], tmp_path: Path, capfd: Capture) -> None:
     model = tmp_path / "model.json"
     assert middeck(capfd, "identify", weeks["first"], *FIT, "-o", model).code == 0
-    for week, drifted in (("first", False), ("moved", True)):
+    against = {}
+    for week, drifted in (("same", False), ("moved", True)):
         found = json.loads(middeck(capfd, "drift", model, weeks[week], "--band", "0.5,16", "--json").out)
         assert found["drifted"] is drifted
         assert found["bands"] is None
+        assert not any("exact" in w for w in found["warnings"])
+        against[week] = found
+    # The file tells all that the record tells of the fit.
+    from_record = middeck(capfd, "drift", weeks["first"], weeks["same"], *FIT, "--json").out
+    assert against["same"]["modes"] == json.loads(from_record)["modes"]
+
+
+def test_a_model_without_covariance_is_said_to_be_taken_as_exact(
+    weeks: dict[str, Path], tmp_path: Path, capfd: Capture
+) -> None:
+    model = tmp_path / "model.json"
+    assert middeck(capfd, "identify", weeks["first"], *FIT, "-o", model).code == 0
+    document = json.loads(model.read_text())
+    del document["covariance"]
+    model.write_text(json.dumps(document))
+    ended = middeck(capfd, "drift", model, weeks["moved"], "--band", "0.5,16", "--json")
+    found = json.loads(ended.out)
+    assert found["drifted"] is True
+    assert found["warnings"][-1].startswith(f"{model}: the model has no covariance and is taken as exact")
+    # Its deviations are those of the record's fit alone.
     assert found["modes"][0]["frequency_std_hz"] > 0.0
 
 

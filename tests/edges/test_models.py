@@ -1,17 +1,23 @@
-"""Model files: round trips. What broken ones get: test_cli_errors.py."""
+"""Model files: round trips, and covariances that are none. Other broken ones: test_cli_errors.py."""
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from middeck.files.models import load_model, write_model
+from middeck.errors import ConfigError, DataError
+from middeck.files.models import load_fitted, load_model, write_model
 from middeck.identification.measurement_model import MeasurementModel
+from middeck.identification.uncertainty.covariance import ModelCovariance
+from middeck.identification.uncertainty.unknowns import Structure, places_of
 from middeck.systems.ports import Port
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
@@ -42,3 +48,79 @@ def test_a_model_comes_back_as_it_was(model: MeasurementModel, tmp_path_factory:
     assert load_model(path) == model
     assert json.loads(path.read_text())["schema"] == "middeck.model/1"
     assert np.array_equal(load_model(path).poles, model.poles)
+
+
+def fitted(*, double: bool = False, rigid: bool = False, degrees: float = np.inf) -> ModelCovariance:
+    """Two pairs and a real pole, three outputs, two inputs, with some covariance of all unknowns."""
+    rng = np.random.default_rng(7)
+    poles = np.array([-0.1 + 9j, -0.1 + 9j if double else -0.3 + 40j, -2.0])
+    single = np.imag(poles) == 0.0
+    c, b = (
+        rng.standard_normal(shape) + 1j * rng.standard_normal(shape) * ~single for shape in ((3, 3), (2, 3))
+    )
+    zero, delay_s = np.zeros((3, 2)), np.array([0.01, 0.01, 0.02])
+    ports = tuple(Port(f"u{i}", "N") for i in range(2)), tuple(Port(f"y{o}", "m") for o in range(3))
+    R = np.outer([1.0, 0.5, -0.3], [2.0, 1.0]) if rigid else None
+    model = MeasurementModel(poles, c, b.T, zero, zero, delay_s, *ports, rigid=R)
+    structure = Structure(False, with_delay=True, with_lower=False, with_direct=False)
+    size = places_of(model, structure).size
+    root = rng.standard_normal((size, size)) * np.exp(rng.uniform(-12.0, 6.0, size))[:, None]
+    return ModelCovariance(model, structure, root @ root.T, rng.uniform(1.0, 9.0, size), degrees, robust=True)
+
+
+@pytest.mark.parametrize(
+    "kind", [{}, {"double": True}, {"rigid": True}, {"double": True, "rigid": True}, {"degrees": 84.5}]
+)
+def test_a_covariance_comes_back_as_it_was(kind: dict[str, Any], tmp_path: Path) -> None:
+    covariance = fitted(**kind)
+    write_model(tmp_path / "model.json", covariance.model, covariance)
+    assert load_fitted(tmp_path / "model.json") == (covariance.model, covariance)
+    assert load_model(tmp_path / "model.json") == covariance.model
+    write_model(tmp_path / "model.json", covariance.model)
+    assert load_fitted(tmp_path / "model.json") == (covariance.model, None)
+
+
+def test_the_covariance_of_another_model_is_not_written(tmp_path: Path) -> None:
+    covariance = fitted()
+    other = dataclasses.replace(covariance.model, delay_s=np.zeros(3))
+    with pytest.raises(ConfigError, match="of another model"):
+        write_model(tmp_path / "model.json", other, covariance)
+    assert not (tmp_path / "model.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "says"),
+    [
+        ("matrix", [[1.0]], "the model has"),
+        ("matrix", None, "not finite"),
+        ("inflation", [1.0], "the model has"),
+        ("degrees", 0.0, "degrees is 0.0"),
+        ("degrees", "many", "not an array"),
+        ("robust", 1, "neither true nor false"),
+        ("structure", {"real_constants": True}, "keys missing: with_delay"),
+    ],
+)
+def test_what_is_no_covariance(key: str, value: Any, says: str, tmp_path: Path) -> None:
+    file = tmp_path / "model.json"
+    write_model(file, fitted().model, fitted())
+    document = json.loads(file.read_text())
+    document["covariance"][key] = value
+    file.write_text(json.dumps(document))
+    with pytest.raises(DataError, match=says) as refused:
+        load_fitted(file)
+    assert f"{file}, covariance" in str(refused.value)
+
+
+@pytest.mark.parametrize("off_diagonal", [(2.0, 2.0), (0.5, 0.0)])
+def test_a_matrix_that_is_not_symmetric_or_not_semidefinite(
+    off_diagonal: tuple[float, float], tmp_path: Path
+) -> None:
+    file = tmp_path / "model.json"
+    write_model(file, fitted().model, fitted())
+    document = json.loads(file.read_text())
+    matrix = np.eye(len(document["covariance"]["matrix"]))
+    matrix[0, 1], matrix[1, 0] = off_diagonal
+    document["covariance"]["matrix"] = matrix.tolist()
+    file.write_text(json.dumps(document))
+    with pytest.raises(DataError, match="not symmetric and positive semidefinite"):
+        load_fitted(file)

@@ -10,7 +10,9 @@ import scipy.stats
 import two_modes
 
 from middeck.errors import ConfigError
+from middeck.files.models import load_fitted, write_model
 from middeck.identification.fit.fit_response import fit_response
+from middeck.identification.uncertainty.covariance import as_exact
 from middeck.identification.uncertainty.drift import compare_fits
 from middeck.identification.uncertainty.response_drift import compare_responses, holm
 from middeck.systems.ports import Port
@@ -35,6 +37,23 @@ def test_false_alarms_of_fitted_modes(campaign):
     tests = sum(2 * len(d.modes) for d in drifts)
     # Pole and constants of one mode go together: half of the tests are taken as independent.
     assert scipy.stats.binom.sf(alarms // 2 - 1, tests // 2, 0.05) > 1e-3
+
+
+def test_false_alarms_of_a_model_file_against_a_record(campaign, tmp_path):
+    """The file carries what the model's own record left uncertain; taken as exact, the model alarms often."""
+    file = tmp_path / "model.json"
+    pairs = [(two_modes.fits(60, 3)[k], two_modes.fits(60, 3)[k + 1]) for k in range(0, 60, 2)]
+    many = [gimbal_fits.fit(s) for s in campaign(200)]
+    drifts, exact = [], 0
+    for a, b in [*pairs, *zip(many[::2], many[1::2], strict=True)]:
+        write_model(file, a.model, a.covariance)
+        model, covariance = load_fitted(file)
+        drifts.append(compare_fits(covariance, b.covariance))
+        exact += compare_fits(as_exact(model), b.covariance).drifted
+    assert_no_more_than(0.05, sum(d.drifted for d in drifts), len(drifts))
+    assert scipy.stats.kstest([d.p_overall for d in drifts[:30]], "uniform").pvalue > 1e-3
+    # By chance alone, so many alarms at 5 % have a probability below 1e-3.
+    assert scipy.stats.binom.sf(exact - 1, len(drifts), 0.05) < 1e-3
 
 
 def test_a_mode_that_moved_by_a_third_of_a_per_cent_is_always_found(campaign):

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 
 from middeck.control.compensator import Compensator
-from middeck.errors import DataError
+from middeck.errors import ConfigError, DataError
 from middeck.files.channels import build_channel
 from middeck.files.json_input import json_numbers, read_json
 from middeck.files.json_output import write_json
 from middeck.identification.measurement_model import MeasurementModel
+from middeck.identification.uncertainty.covariance import ModelCovariance
+from middeck.identification.uncertainty.unknowns import Structure, places_of
 from middeck.systems.ports import Port
 
 MODEL_SCHEMA = "middeck.model/1"
@@ -21,17 +24,33 @@ COMPLEX = ("poles", "shapes", "participation")
 AGAIN = "write the model again"
 REAL = ("direct", "lower", "delay_s")
 OPTIONAL = ("path_delay_s", "rigid")
+COVARIANCE = ("structure", "matrix", "inflation", "degrees", "robust")
+# What rounding may leave of asymmetry, and of negative eigenvalues, in a correlation matrix.
+ROUNDING = 1e-6
 
 
-def write_model(path: str | Path, model: MeasurementModel) -> None:
+def write_model(path: str | Path, model: MeasurementModel, covariance: ModelCovariance | None = None) -> None:
     """Write ``model`` whole or not at all: poles [rad/s] and residues as ``re``, ``im``, delays in s.
 
-    Delays of paths and rigid-body modes are written where the model has any.
+    Delays of paths and rigid-body modes are written where the model has any, and so is the joint covariance
+    of its unknowns: infinitely many degrees of freedom are null.
+
+    Raises
+    ------
+    ConfigError
+        If ``covariance`` is that of another model.
     """
     given = (*COMPLEX, *REAL, *(name for name in OPTIONAL if getattr(model, name) is not None))
     arrays = {name: getattr(model, name) for name in given}
     ports = {"inputs": model.inputs, "outputs": model.outputs}
-    write_json(path, {"schema": MODEL_SCHEMA, "sample_hz": model.sample_hz, **ports, **arrays})
+    document = {"schema": MODEL_SCHEMA, "sample_hz": model.sample_hz, **ports, **arrays}
+    if covariance is not None:
+        if covariance.model != model:
+            raise ConfigError("the covariance is that of another model", hint="fit.model and fit.covariance")
+        known = {name: getattr(covariance, name) for name in COVARIANCE}
+        degrees = None if np.isinf(covariance.degrees) else covariance.degrees
+        document["covariance"] = known | {"degrees": degrees}
+    write_json(path, document)
 
 
 def load_model(path: str | Path) -> MeasurementModel:
@@ -40,8 +59,22 @@ def load_model(path: str | Path) -> MeasurementModel:
     Raises `DataError`, naming file and key, if it is missing, empty, truncated, of another schema, incomplete
     or inconsistent, or if a number is not finite.
     """
+    return load_fitted(path)[0]
+
+
+def load_fitted(path: str | Path) -> tuple[MeasurementModel, ModelCovariance | None]:
+    """The model in file ``path`` and the covariance of its unknowns; None where the file has none.
+
+    Raises `DataError` as `load_model` does, and for a matrix that is no covariance of this model.
+    """
     data = read_json(path, MODEL_SCHEMA, "a model of middeck identify -o")
-    _require(data, ("sample_hz", "inputs", "outputs", *COMPLEX, *REAL), str(path))
+    model = _model(data, str(path))
+    known = data.get("covariance")
+    return model, None if known is None else _covariance(known, model, f"{path}, covariance")
+
+
+def _model(data: dict[str, Any], path: str) -> MeasurementModel:
+    _require(data, ("sample_hz", "inputs", "outputs", *COMPLEX, *REAL), path)
     given = (*REAL, *(name for name in OPTIONAL if data.get(name) is not None))
     arrays = {name: _array(data[name], f"{path}, {name}") for name in given}
     for name in COMPLEX:
@@ -51,17 +84,58 @@ def load_model(path: str | Path) -> MeasurementModel:
             raise DataError(f"re has shape {re.shape}, im {im.shape}", where=f"{path}, {name}")
         arrays[name] = re + 1j * im
     inputs, outputs = (_ports(data[side], f"{path}, {side}") for side in ("inputs", "outputs"))
-    rate = _rate(data["sample_hz"], str(path))
+    rate = _rate(data["sample_hz"], path)
     try:
         model = MeasurementModel(**arrays, inputs=inputs, outputs=outputs, sample_hz=rate)
     except ValueError as error:
-        raise DataError(str(error), where=str(path), hint=AGAIN) from None
+        raise DataError(str(error), where=path, hint=AGAIN) from None
     if model.direct.shape != (len(model.outputs), len(model.inputs)):
         raise DataError(
             f"{len(outputs)} outputs and {len(inputs)} inputs named, direct is {model.direct.shape}",
-            where=str(path),
+            where=path,
         )
     return model
+
+
+def _covariance(known: Any, model: MeasurementModel, where: str) -> ModelCovariance:
+    _require(known, COVARIANCE, where)
+    structure = _structure(known["structure"], f"{where}, structure")
+    matrix, inflation = (_array(known[name], f"{where}, {name}") for name in ("matrix", "inflation"))
+    size = places_of(model, structure).size
+    if matrix.shape != (size, size) or inflation.shape != (size,):
+        raise DataError(
+            f"matrix has shape {matrix.shape}, inflation {inflation.shape}; the model has {size} unknowns",
+            where=where,
+            hint=AGAIN,
+        )
+    if not _is_covariance(matrix):
+        raise DataError("not symmetric and positive semidefinite", where=f"{where}, matrix", hint=AGAIN)
+    degrees = np.inf if known["degrees"] is None else _array(known["degrees"], f"{where}, degrees")
+    if np.shape(degrees) != () or not degrees > 0.0:
+        raise DataError(f"degrees is {known['degrees']}; must be > 0, or null", where=where, hint=AGAIN)
+    robust = _truth(known["robust"], f"{where}, robust")
+    return ModelCovariance(model, structure, matrix, inflation, float(degrees), robust)
+
+
+def _structure(value: Any, where: str) -> Structure:
+    names = tuple(f.name for f in dataclasses.fields(Structure))
+    _require(value, names, where)
+    return Structure(**{name: _truth(value[name], f"{where}, {name}") for name in names})
+
+
+def _truth(value: Any, where: str) -> bool:
+    if not isinstance(value, bool):
+        raise DataError(f"{value!r} is neither true nor false", where=where, hint=AGAIN)
+    return value
+
+
+def _is_covariance(matrix: np.ndarray) -> bool:
+    variance = np.diag(matrix)
+    scale = np.sqrt(np.where(variance > 0.0, variance, 1.0))
+    correlation = matrix / scale[:, None] / scale
+    if not np.allclose(correlation, correlation.T, rtol=0.0, atol=ROUNDING):
+        return False
+    return float(np.linalg.eigvalsh(correlation).min(initial=0.0)) >= -ROUNDING * max(len(matrix), 1)
 
 
 def write_compensator(path: str | Path, compensator: Compensator) -> None:

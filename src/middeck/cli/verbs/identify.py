@@ -120,7 +120,7 @@ def verb(
         "records": records,
     }
     if model_file is not None:
-        write_model(model_file, found.fit.model)
+        write_model(model_file, found.fit.model, found.fit.covariance)
     _draw(found, figure_file, stabilisation_file)
     show(as_json, document, *_tables(document))
 
