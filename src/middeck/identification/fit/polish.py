@@ -23,6 +23,8 @@ SETTLED = 0.02
 # of it tells no unknown.
 CHUNK, MOST_CHUNKS = 10, 6
 LITTLE = 1e-3
+# Or no more than this for each unknown: noise makes a fit of n unknowns cost n/2 too little.
+LITTLE_OF_NOISE = 1e-3
 # Steps on the first weights, before any residual tells better ones.
 FIRST_STEPS = 3
 
@@ -86,7 +88,8 @@ def settle(data: Data, start: Polished, spread: Spread) -> Polished:
         history = found.refined.history
         lacking = found.share * np.mean(spread.size / spread.at(found.share))
         settled = abs(found.share - before.share) * np.mean(spread.size / spread.at(found.share)) <= SETTLED
-        little = history[0] - history[-1] <= LITTLE * lacking * history[-1]
+        unknowns = len(found.refined.theta) + found.refined.step.linear.size
+        little = history[0] - history[-1] <= LITTLE * lacking * history[-1] + LITTLE_OF_NOISE * unknowns
         if settled and (found.refined.converged or little):
             return dataclasses.replace(found, refined=dataclasses.replace(found.refined, converged=True))
     return best

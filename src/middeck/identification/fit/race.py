@@ -13,6 +13,7 @@ from middeck.identification.fit.design import residual_of
 from middeck.identification.fit.exchange import exchanges, grown
 from middeck.identification.fit.order import OrderChoice, Tried, choose, description_length, is_settled, sizes
 from middeck.identification.fit.polish import Polished, polish
+from middeck.identification.fit.refine import weighted
 from middeck.identification.fit.start import Options, Start, starts
 from middeck.identification.fit.thinning import take_lines, thin_lines
 from middeck.identification.fit.weights import Spread
@@ -20,6 +21,8 @@ from middeck.systems.response import FrequencyResponse
 
 # Steps of all starts, of the best few of them, of the best, and of modes exchanged.
 HEAT, FEW, FEW_STEPS, LAST_STEPS, EXCHANGE_STEPS = 0, 2, 6, 12, 4
+# A start that costs so many times the best, before any step, is not refined at all.
+HOPELESS = 3.0
 # Exchanges are tried when more than this share of the variance is not the measured one, and one counts when
 # it gains more likelihood than rounding and an unsettled search may.
 WORTH_EXCHANGE = 0.1
@@ -39,7 +42,7 @@ def race(data: Data, spread: Spread, options: Options) -> Polished:
     on. A start in the wrong valley is far behind after a few steps.
     """
     part, some = _some_lines(data, spread, options)
-    best = _heats(part, some, [(start, None) for start in starts(part, options)])
+    best = _heats(part, some, [(start, None) for start in _hopeful(part, list(starts(part, options)))])
     if best is None:
         raise FitError(
             f"no start for {options.states} states could be refined",
@@ -47,6 +50,13 @@ def race(data: Data, spread: Spread, options: Options) -> Polished:
         )
     best = _further(part, some, best, LAST_STEPS)
     return _exchange(part, some, options, best)
+
+
+def _hopeful(part: Data, started: list[Start]) -> list[Start]:
+    """The starts that are worth a few steps."""
+    steps = [weighted(start.layout, part, start.theta) for start in started]
+    costs = [np.inf if step is None else step.cost for step in steps]
+    return [start for start, cost in zip(started, costs, strict=True) if cost <= HOPELESS * min(costs)]
 
 
 def _heats(part: Data, spread: Spread, started: list[tuple[Start, float | None]]) -> Polished | None:

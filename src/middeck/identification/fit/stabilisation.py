@@ -16,13 +16,8 @@ from jaxtyping import Bool, Complex, Float, Int
 
 from middeck.errors import ConfigError, FitError
 from middeck.identification.fit.data import Data
-from middeck.identification.fit.start import (
-    Options,
-    block_rows,
-    poles_of_orders,
-    upper_half,
-    weighted_residues,
-)
+from middeck.identification.fit.start import Options, upper_half, weighted_residues
+from middeck.identification.fit.subspace import block_rows, poles_of_orders
 from middeck.identification.fit.thinning import take_lines, thin_lines
 from middeck.identification.fit.weights import spread_of
 from middeck.systems.response import FrequencyResponse

@@ -1,17 +1,16 @@
-"""Where a fit starts: poles from a frequency-domain subspace, at several sizes; nothing to tune.
+"""Where a fit starts: from frequency-domain subspaces of several sizes; nothing to tune.
 
-McKelvey, Akcay and Ljung (1996), algorithm 2: on the lines q_k of the unit circle, G_k stacked with the
-powers of q_k spans the observability matrix once the same powers of the input are projected out. A
-continuous response is mapped to the unit circle first, q = (a + s)/(a - s), with `a` in the middle of the
-band on a logarithmic scale, which spreads decades of modes over the circle. Poles outside are reflected.
+The subspace (`subspace`) is mostly made larger than the fit, so that the extra poles take up delay, noise and
+modes that are not asked for, and the modes that would be missed most are kept (`pruning`).
 
-The subspace is mostly made larger than the fit, so that the extra poles take up delay, noise and modes that
-are not asked for, and the modes that would be missed most are kept (`pruning`).
+Input vectors are the rank-one parts of residues of any rank, solved for at the poles. Where poles are closer
+than the band can tell apart, such residues are noise; a subspace of the right size then gives its own output
+vectors, and input vectors follow from those (`drive_vectors`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 import scipy.linalg
@@ -22,6 +21,7 @@ from middeck.identification.fit.design import build_terms
 from middeck.identification.fit.layout import DelayOf, Layout, Point, pack
 from middeck.identification.fit.own_transients import as_real
 from middeck.identification.fit.pruning import prune
+from middeck.identification.fit.subspace import block_rows, subspace_modes, subspace_poles
 from middeck.identification.fit.terms import columns, fractions, shapes
 from middeck.identification.fit.vector_fitting import relocate
 from middeck.values import record
@@ -31,6 +31,9 @@ REAL_SIZES = tuple((size, rows) for size in (1.0, 1.5, 2.0) for rows in (1.5, 2.
 COMPLEX_SIZES = ((1.5, 1.5), (2.0, 1.5), (1.5, 2.0), (2.0, 2.0), (1.0, 2.0))
 # One start more with complex constants: a subspace whose poles vector fitting moves on so many times.
 RELOCATED_SIZE, RELOCATIONS = (1.25, 1.5), 3
+# And some with the subspace's own vectors: block rows as a multiple of the least. More rows average more
+# noise, and tell modes far below or above the others from none.
+OWN_ROWS = (2.0, 3.0, 4.0)
 # Delays tried, in steps of this share of the shortest period in the band.
 DELAY_STEP = 0.125
 # First tried on either side of zero, and the share of the response that a right delay explains.
@@ -76,6 +79,24 @@ def starts(data: Data, options: Options) -> Iterator[Start]:
         if found is not None:
             moved = relocate(data, found, options.period_s, iterations=RELOCATIONS)
             yield from starts_from(data, options, moved)
+        for rows in OWN_ROWS if _has_vectors(data, options) else ():
+            yield from _own_start(data, options, rows)
+
+
+def _has_vectors(data: Data, options: Options) -> bool:
+    return data.drive is None and data.H.shape[2] > 1 and not options.full and not options.rigid
+
+
+def _own_start(data: Data, options: Options, factor: float) -> Iterator[Start]:
+    """The subspace model of the right size as it is, its input vectors by least squares."""
+    rows = block_rows(data, options.states, factor)
+    found = subspace_modes(data, options.period_s, states=options.states, rows=rows)
+    if found is None:
+        return
+    poles, pair = upper_half(found[0], options.period_s)
+    shapes = found[1][:, [int(np.argmin(np.abs(found[0] - pole))) for pole in poles]]
+    b = drive_vectors(data, options, poles, pair, shapes)
+    yield start_at(data, options, poles, pair, np.zeros((len(data.H), 1)), b)
 
 
 def starts_from(data: Data, options: Options, found: Complex[np.ndarray, " state"]) -> Iterator[Start]:
@@ -90,66 +111,6 @@ def _sized_poles(data: Data, options: Options, size: float, rows: float) -> np.n
     # An odd number of states asks for an odd number of real poles.
     order = options.states + 2 * round(0.5 * (size - 1.0) * options.states) + 2 * options.rigid
     return subspace_poles(data, options.period_s, states=order, rows=block_rows(data, order, rows))
-
-
-def block_rows(data: Data, order: int, factor: float) -> int:
-    """Block rows of a subspace: a multiple of the least, but no more than the lines allow."""
-    outputs, lines, inputs = data.H.shape
-    least = -(-order // outputs) + 1
-    return min(int(np.ceil(factor * least)), 2 * lines * inputs // (inputs + outputs) - 1)
-
-
-def subspace_poles(
-    data: Data, period_s: float, *, states: int, rows: int
-) -> Complex[np.ndarray, " state"] | None:
-    """Stable poles [rad/s] of the subspace model; None where the lines are too few for its size."""
-    outputs = data.H.shape[0]
-    if (rows - 1) * outputs < states:
-        return None
-    return next(poles_of_orders(data, period_s, [states], rows))
-
-
-def poles_of_orders(
-    data: Data, period_s: float, orders: Sequence[int], rows: int
-) -> Iterator[Complex[np.ndarray, " state"]]:
-    """The same for several orders, from one factorisation of so many block rows."""
-    outputs = data.H.shape[0]
-    q, a = _circle(data.s, period_s)
-    whole = _observability(data, q, rows)
-    for states in orders:
-        basis = whole[:, :states]
-        A = np.linalg.lstsq(basis[:-outputs], basis[outputs:], rcond=None)[0]
-        yield _to_plane(np.linalg.eigvals(A), a, period_s)
-
-
-def _circle(s: np.ndarray, period_s: float) -> tuple[np.ndarray, float]:
-    if period_s:
-        return np.exp(s * period_s), 0.0
-    omega = np.imag(s)
-    a = float(np.sqrt(omega[0] * omega[-1]))
-    return (a + s) / (a - s), a
-
-
-def _observability(data: Data, q: np.ndarray, rows: int) -> Float[np.ndarray, "row column"]:
-    outputs, _, inputs = data.H.shape
-    # One weight for each output and one for each line: the column space stays common.
-    weight = np.sqrt(np.mean(data.weight**2, axis=2))
-    level = np.sqrt(np.mean(weight**2, axis=1))
-    line = np.sqrt(np.mean((weight / level[:, None]) ** 2, axis=0))
-    powers = q[None] ** np.arange(rows)[:, None] * line
-    G = (powers[:, None, :, None] * (level[:, None, None] * data.H)[None]).reshape(rows * outputs, -1)
-    U = np.einsum("rk,ij->rikj", powers, np.eye(inputs)).reshape(rows * inputs, -1)
-    stacked = np.vstack([np.hstack([U.real, U.imag]), np.hstack([G.real, G.imag])])
-    triangle = np.asarray(np.linalg.qr(stacked.T, mode="r")).T
-    return np.linalg.svd(triangle[rows * inputs :, rows * inputs : len(stacked)])[0]
-
-
-def _to_plane(z: np.ndarray, a: float, period_s: float) -> Complex[np.ndarray, " state"]:
-    size = np.abs(z)
-    # Reflected into the circle, and kept off it and off its centre, where a pole has no finite decay.
-    inside = np.clip(np.where(size > 1.0, 1.0 / np.maximum(size, 1.0), size), 1e-6, 1.0 - 1e-6)
-    z = (np.where(size > 0.0, z / np.where(size > 0.0, size, 1.0), 1.0) * inside).astype(complex)
-    return np.log(z) / period_s if period_s else a * (z - 1.0) / (z + 1.0)
 
 
 def _complex_start(data: Data, options: Options, found: np.ndarray) -> Start | None:
@@ -184,9 +145,17 @@ def upper_half(
     return both, np.arange(len(both)) < len(upper)
 
 
-def start_at(data: Data, options: Options, poles: np.ndarray, pair: np.ndarray, delay_s: np.ndarray) -> Start:
-    """A start at given poles and delays [output, path]; input vectors from the data."""
-    b, psi = _input_vectors(data, options, poles, pair, delay_s)
+def start_at(
+    data: Data,
+    options: Options,
+    poles: np.ndarray,
+    pair: np.ndarray,
+    delay_s: np.ndarray,
+    vectors: Complex[np.ndarray, "mode input"] | None = None,
+) -> Start:
+    """A start at given poles and delays [output, path]; input vectors from the data, unless given."""
+    none = np.zeros((0, data.H.shape[2]))
+    b, psi = _input_vectors(data, options, poles, pair, delay_s) if vectors is None else (vectors, none)
     layout = Layout(
         pair,
         np.where(pair, 0.0, np.imag(poles)),
@@ -216,10 +185,45 @@ def _input_vectors(
     residues, lower = weighted_residues(data, options, poles, pair, delay_s)
     if options.real_constants:
         residues[pair] *= 2j * np.imag(poles)[pair, None, None]
-    b = np.linalg.svd(residues)[2][:, 0]
-    b = b / np.take_along_axis(b, np.argmax(np.abs(b), axis=1)[:, None], axis=1)
-    b = np.where((pair & (not options.real_constants))[:, None], b, b.real)
+    b = _scaled(np.linalg.svd(residues)[2][:, 0])
+    b = np.where((pair & (not options.real_constants))[:, None], b, np.real(b))
     return b, np.linalg.svd(lower)[2][: min(options.rigid, inputs)]
+
+
+def _scaled(b: Complex[np.ndarray, "mode input"]) -> Complex[np.ndarray, "mode input"]:
+    """Each vector over its largest entry."""
+    return b / np.take_along_axis(b, np.argmax(np.abs(b), axis=1)[:, None], axis=1)
+
+
+def drive_vectors(
+    data: Data, options: Options, poles: np.ndarray, pair: np.ndarray, shapes: np.ndarray
+) -> Complex[np.ndarray, "mode input"]:
+    """b of given poles and output vectors ``shapes`` [output, mode], by least squares on all outputs."""
+    layout, _, X = _one_by_one(data, options, poles, pair)
+    pairs, inputs = int(np.sum(pair)), data.H.shape[2]
+    own, constant = X[: layout.mode_columns], X[layout.mode_columns :]
+    first, second, single = own[0 : 2 * pairs : 2], own[1 : 2 * pairs : 2], own[2 * pairs :]
+    rows: list[np.ndarray] = []
+    targets: list[np.ndarray] = []
+    for o, c in enumerate(shapes):
+        # c b u + conj(c b) l of each pair, by the real and by the imaginary part of b.
+        re, im = np.real(c[:pairs, None]), np.imag(c[:pairs, None])
+        by_b = np.concatenate(
+            [re * first + im * second, re * second - im * first, np.real(c[pairs:, None]) * single]
+        )
+        weight = np.sqrt(np.mean(data.weight[o] ** 2, axis=1))
+        A, y, free = (as_real((v * weight)[:, :, None]).T for v in (by_b, data.H[o].T, constant))
+        Q = np.linalg.qr(free)[0]
+        rows.append(A - Q @ (Q.T @ A))
+        targets.append(y - Q @ (Q.T @ y))
+    stacked = np.concatenate(rows)
+    size = np.linalg.norm(stacked, axis=0)
+    size = np.where(size > 0.0, size, 1.0)
+    x = np.linalg.lstsq(stacked / size, np.concatenate(targets), rcond=None)[0] / size[:, None]
+    b = np.zeros((len(poles), inputs), dtype=complex)
+    b[:pairs] = x[:pairs] + 1j * x[pairs : 2 * pairs]
+    b[pairs:] = x[2 * pairs :]
+    return _scaled(b)
 
 
 def weighted_residues(
