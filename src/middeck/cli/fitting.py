@@ -37,12 +37,13 @@ class Identified:
     measured: FrequencyResponse | None
     fit: FitResult
     warnings: tuple[str, ...]
+    asked_hz: tuple[float, float] | None = None
 
     @property
     def band_hz(self) -> tuple[float, float]:
-        """First and last line of the fit, or zero and half the sampling rate."""
+        """First and last line of the fit; of samples, what was asked for or all up to half their rate."""
         if self.measured is None:
-            return 0.0, 0.5 * self.record.sample_hz
+            return self.asked_hz or (0.0, 0.5 * self.record.sample_hz)
         return float(self.measured.frequency_hz[0]), float(self.measured.frequency_hz[-1])
 
 
@@ -51,9 +52,12 @@ def identify(files: Sequence[str], settings: FitSettings, told: Columns | None =
     taken, seen = load_periods(files, settings.periods, told)
     with reading(*files):
         seen = (*seen, *_faults(taken))
-        if taken.periodic or settings.method is not None or settings.reference:
-            return _fit_response(taken, settings, seen)
-        return _fit_record(taken, settings, seen)
+        if settings.method == "samples" or not (taken.periodic or settings.method or settings.reference):
+            return _fit_record(taken, settings, seen)
+        if taken.periodic and settings.method is None and len(taken.u) < len(taken.inputs):
+            few = f"{len(taken.u)} experiments cannot tell {len(taken.inputs)} inputs apart line by line"
+            return _fit_record(taken, settings, (*seen, f"{few}: the samples are fitted"))
+        return _fit_response(taken, settings, seen)
 
 
 def response_of(found: Identified) -> FrequencyResponse:
@@ -62,8 +66,9 @@ def response_of(found: Identified) -> FrequencyResponse:
 
 
 def _fit_response(taken: Record, settings: FitSettings, seen: tuple[str, ...]) -> Identified:
+    method = None if settings.method == "samples" else settings.method
     measured = estimate_response(
-        taken, band_hz=settings.band_hz, method=settings.method, reference=settings.reference or None
+        taken, band_hz=settings.band_hz, method=method, reference=tuple(settings.reference) or None
     )
     reaches = measured.frequency_hz[-1] > HELD_ABOVE * taken.sample_hz
     sampled = bool(reaches) if settings.sampled is None else settings.sampled
@@ -81,9 +86,9 @@ def _fit_response(taken: Record, settings: FitSettings, seen: tuple[str, ...]) -
     )
     chosen = settings.sampled is None and sampled
     warnings = [_chosen(measured.frequency_hz[-1], taken.sample_hz)] if chosen else []
-    if settings.method in ("h1", "h2", "hv") and not taken.periodic:
+    if method in ("h1", "h2", "hv") and not taken.periodic:
         spectra = estimate_spectra(taken)
-        warnings += doubts_of_window(spectra_response(spectra, settings.method), spectra)
+        warnings += doubts_of_window(spectra_response(spectra, method), spectra)
     return Identified(taken, measured, fit, (*seen, *warnings, *fit.warnings))
 
 
@@ -108,7 +113,7 @@ def _fit_record(taken: Record, settings: FitSettings, seen: tuple[str, ...]) -> 
         residuals=settings.residuals,
     )
     warnings = (_chosen(last_hz, taken.sample_hz),) if settings.sampled is None and sampled else ()
-    return Identified(taken, None, fit, (*seen, *warnings, *fit.warnings))
+    return Identified(taken, None, fit, (*seen, *warnings, *fit.warnings), settings.band_hz)
 
 
 def _refuse_for_records(settings: FitSettings) -> None:
@@ -124,7 +129,7 @@ def _refuse_for_records(settings: FitSettings) -> None:
     if unknown:
         raise ConfigError(
             f"the samples of a record that is not periodic are fitted without {', '.join(unknown)}",
-            hint="add --method 'local rational' to fit an estimated response instead",
+            hint="--method 'local rational' fits an estimated response instead",
         )
 
 
@@ -149,7 +154,10 @@ def load_periods(
         if taken.periodic:
             return taken, ()
         found = recognise_excitation(taken)
-        if found.period is None or found.periods - found.steady_from < FEWEST_PERIODS:
+        if found.period is None or found.periods < FEWEST_PERIODS:
             return taken, (f"not cut into periods: {found.what}",)
+        if found.steady_from:
+            dying = f"what it began with is still dying out in the first {found.steady_from} of its periods"
+            return taken, (f"not cut into periods: {found.what}, but {dying}; --periods cuts it",)
         cut = cut_periods(taken, found)
         return cut, (f"cut into {cut.u.shape[1]} steady periods of {cut.u.shape[2]} samples: {found.what}",)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal, TypeVar
 
+from pydantic import Field
+
 from middeck.errors import ConfigError
 from middeck.files.documents import Source, check
 from middeck.files.faults import raise_faults
@@ -27,8 +29,10 @@ class FitSettings(Form):
     sampled: bool | None = None
     cost: Literal["weighted", "logarithmic"] = "weighted"
     periods: Annotated[int, whole(1, 1_000_000)] | None = None
-    method: Literal["periods", "local rational", "local polynomial", "h1", "h2", "hv"] | None = None
-    reference: tuple[str, ...] = ()
+    method: Literal["samples", "periods", "local rational", "local polynomial", "h1", "h2", "hv"] | None = (
+        None
+    )
+    reference: Annotated[tuple[str, ...], Field(strict=False)] = ()
     constants: Literal["real", "complex"] | None = None
     delay: Literal["none", "output", "path", "common"] | None = None
     residuals: bool = False

@@ -24,7 +24,7 @@ Examples:
   middeck identify data/cubespec-fsm/mirror-300mV-train.npz --states 6 \\
     --band 300,1000 --continuous -o model.json --json
 """
-METHODS = ("periods", "local rational", "local polynomial", "h1", "h2", "hv")
+METHODS = ("samples", "periods", "local rational", "local polynomial", "h1", "h2", "hv")
 
 
 @click.command("identify", epilog=EPILOG)
@@ -41,7 +41,7 @@ METHODS = ("periods", "local rational", "local polynomial", "h1", "h2", "hv")
 @click.option(
     "--method",
     type=click.Choice(METHODS),
-    help="Fit a response estimated so.  [default: periods; without any, the samples themselves]",
+    help="What is fitted: the samples, or a response estimated so.  [default: steady periods, else samples]",
 )
 @click.option("--reference", metavar="CHANNEL,...", help="Channels from outside a closed loop.")
 @click.option(
@@ -231,31 +231,40 @@ def _zeros(model: MeasurementModel) -> list[dict[str, Any]]:
 def _tables(document: dict[str, Any]) -> list[str | Table]:
     keys = ("frequency_hz", "frequency_std_hz", "damping", "damping_std")
     poles = [
-        [f"{f:.5f}", f"{df:.1e}", f"{z:.5f}", f"{dz:.1e}"]
-        for f, df, z, dz in zip(*(document[k] for k in keys), strict=True)
+        [f"{f:.5f}", _known(df, f), f"{z:.5f}", _known(dz, z)]
+        for f, df, z, dz in sorted(zip(*(document[k] for k in keys), strict=True))
     ]
     held_out = document["held_out_nrmse"] or {}
     outputs = [
-        [
-            port.name,
-            port.unit,
-            f"{document['delay_s'][port.name] * 1e3:.4f}",
-            f"{document['delay_std_s'][port.name] * 1e3:.1e}",
-            f"{document['error'][port.name]:.2%}",
-            f"{held_out[port.name]:.2%}" if held_out else "",
-        ]
+        [port.name, port.unit, *_delay(document, port.name), f"{document['error'][port.name]:.2%}"]
+        + ([f"{held_out[port.name]:.2%}"] if held_out else [])
         for port in document["outputs"]
     ]
     kind = "sampled" if document["sampled"] else "continuous"
     low, high = document["band_hz"]
     fitted = f"{document['lines']} lines" if document["lines"] else f"{document['samples']} samples"
-    heads = ["output", "unit", "delay ms", "+-", "error of fit", "held-out NRMSE"]
+    heads = ["output", "unit", "delay ms", "+-", "error of fit", *(["held-out NRMSE"] if held_out else [])]
     return [
         f"{document['states']} states, {kind}, fitted to {fitted} in {low:g}-{high:g} Hz",
         f"order: {document['order_reason']}",
         Table("poles", ["Hz", "+-", "damping", "+-"], poles),
         Table("outputs", heads, outputs),
         Table("zeros of the paths", ["output", "input", "Hz", ""], _zero_rows(document)),
+    ]
+
+
+def _known(deviation: float, value: float) -> str:
+    """A deviation; a dash where it is larger than the value itself."""
+    return f"{deviation:.1e}" if deviation <= abs(value) else "-"
+
+
+def _delay(document: dict[str, Any], output: str) -> list[str]:
+    """In ms, with its deviation; dashes for a sampled model, whose poles stand in for a delay."""
+    if document["sampled"]:
+        return ["-", "-"]
+    return [
+        f"{document['delay_s'][output] * 1e3:.4f}",
+        f"{document['delay_std_s'][output] * 1e3:.1e}",
     ]
 
 
