@@ -321,3 +321,28 @@ def test_refuses_what_is_no_model():
         from_pole_zero_gain(PoleZeroGain([0.0, 0.0], [-1.0], 1.0, None, 0.0, port, port))
     with pytest.raises(ConfigError, match="one of payload"):
         path_zeros(gimbal_model(), "load", "gimbal")
+
+
+@pytest.mark.parametrize("rate", [1, 2])
+def test_a_rate_and_an_acceleration_have_zeros_at_the_origin(rate: int):
+    """s^rate times two modes: one or two zeros stand at s = 0, on neither side."""
+    f, zeta, gain = np.array([3.0, 8.5]), 0.01, np.array([1.0, -0.4])
+    omega = 2.0 * np.pi * f
+    poles = omega * (-zeta + 1j * np.sqrt(1.0 - zeta**2))
+    shapes = gain * poles**rate / (2j * poles.imag)
+    # s^2 / (s^2 + ...) has a direct term of one.
+    direct = np.array([[gain.sum() if rate == 2 else 0.0]])
+    model = MeasurementModel(
+        poles, shapes[None], np.ones((2, 1), dtype=complex), direct, np.zeros((1, 1)), np.zeros(1),
+        (Port("force", "N"),), (Port("motion", "m/s"),),
+    )  # fmt: skip
+    zeros = path_zeros(model, "motion", "force")
+    # Two equal zeros come out of a pencil as far apart as the root of rounding.
+    at_origin = np.abs(zeros.value) < 1e-6 * omega[0]
+    assert np.sum(np.where(zeros.is_pair, 2, 1)[at_origin]) == rate
+    assert not zeros.is_nonminimum_phase[at_origin].any()
+    # Besides, both modes have one zero or pair where gain_1 / (s^2 + ...) = -gain_2 / (s^2 + ...).
+    left = zeros.value[~at_origin]
+    s = left[0]
+    H = sum(g / (s**2 + 2 * zeta * w * s + w**2) for g, w in zip(gain, omega, strict=True))
+    assert abs(H) < 1e-9 / omega[0] ** 2

@@ -36,6 +36,8 @@ ON_THE_AXIS = 1e-9
 SINGULAR = 1e-12
 # Sampled zeros closer to q = 0 are whole samples of delay.
 AT_ORIGIN = 1e-9
+# Continuous ones closer to s = 0, as a share of the slowest pole, are there: of a rate or an acceleration.
+STANDING = 1e-6
 
 
 @record
@@ -156,7 +158,10 @@ def _from_pencil(model: MeasurementModel) -> np.ndarray:
     """One of each pair, unrefined, in rad/s."""
     found = transmission_zeros(rational_statespace(model))
     if model.sample_hz is None:
-        return found
+        slowest = float(np.min(np.abs(model.poles), initial=np.inf))
+        standing = np.abs(found) < STANDING * slowest
+        count = int(np.sum(np.where(is_single(found[standing], None), 1, 2)))
+        return np.concatenate([np.zeros(count, dtype=complex), found[~standing]])
     found = found[np.abs(found) > AT_ORIGIN]
     return np.log(found) * model.sample_hz
 
@@ -172,6 +177,8 @@ def _is_regular(model: MeasurementModel) -> bool:
 
 def _refine(model: MeasurementModel, z: complex, *, regular: bool) -> tuple[complex, float, np.ndarray]:
     """The zero, how far off it is as a share of its size, and its derivative by the response."""
+    if z == 0.0 and model.sample_hz is None:
+        return _standing(model)
     start, unit = z, max(abs(z), float(np.finfo(float).tiny))
     step, by = _newton(model, z)
     if not regular:
@@ -184,6 +191,17 @@ def _refine(model: MeasurementModel, z: complex, *, regular: bool) -> tuple[comp
             break
         z, step, by = trial, ahead, by_ahead
     return z, abs(step) / unit, by
+
+
+def _standing(model: MeasurementModel) -> tuple[complex, float, np.ndarray]:
+    """A zero at the origin: what is left of the smallest singular value there, as a share at the slowest pole.
+
+    Where several stand there the response has no slope, and no step says how far they are off.
+    """
+    slowest = 1j * float(np.min(np.abs(model.poles), initial=np.inf))
+    (_, usual, _), rows, columns = _scaled_svd(*_at(model, slowest))
+    here = np.linalg.svd(_at(model, 0.0)[0] * rows[:, None] * columns, compute_uv=False)
+    return 0.0, float(here[-1] / usual[-1]), _newton(model, 0.0)[1]
 
 
 def _newton(model: MeasurementModel, s: complex) -> tuple[complex, np.ndarray]:
