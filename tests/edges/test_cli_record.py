@@ -129,3 +129,67 @@ def test_a_kind_that_cannot_be_written(npz: Path, capfd: Capture, target: str) -
     ended = middeck(capfd, "record", npz, "-o", npz.with_name(target))
     assert ended.code == 4
     assert "no writer" in ended.err
+
+
+def started_from_rest() -> Record:
+    """The bench uncut, in three periods; a start-up transient of its mode in the first."""
+    steady = bench()
+    u, y = (np.concatenate([x, x[:, :1]], axis=1).reshape(1, 1, -1, 1) for x in (steady.u, steady.y))
+    t = np.arange(y.shape[2]) / 64.0
+    y = y + y.std() * (np.exp(-1.5 * t) * np.cos(30.0 * t))[None, None, :, None]
+    return replace(steady, u=u, y=y, periodic=False)
+
+
+def test_what_excited_a_run_is_recognised_and_its_transient_judged(tmp_path: Path, capfd: Capture) -> None:
+    write_record(tmp_path / "run.npz", started_from_rest())
+    ended = middeck(capfd, "record", tmp_path / "run.npz", "--require")
+    assert ended.code == 1
+    assert "excited by: multisine, 3 periods of 1024 samples (16 s)" in ended.out
+    assert "--periods 3" in ended.out
+    found, cut = (
+        json.loads(middeck(capfd, "record", tmp_path / "run.npz", "--json", *more).out)
+        for more in ((), ("--periods", 3))
+    )
+    assert (found["excitation"]["period"], found["excitation"]["periods"]) == (1024, 3)
+    assert cut["excitation"] is None
+    assert [f for f in found["faults"] if f["kind"] == "transient"] == cut["faults"]
+    assert len(cut["faults"]) == 1
+
+
+def test_a_run_that_does_not_repeat_is_called_so(tmp_path: Path, capfd: Capture) -> None:
+    rng = np.random.default_rng(0)
+    u = rng.standard_normal((1, 1, 500, 1))
+    write_record(tmp_path / "run.npz", replace(bench(), u=u, y=u, periodic=False))
+    assert "excited by: noise, not repeated" in middeck(capfd, "record", tmp_path / "run.npz").out
+
+
+def test_a_folder_is_no_record(tmp_path: Path, capfd: Capture) -> None:
+    (tmp_path / "folder.npz").mkdir()
+    ended = middeck(capfd, "record", tmp_path / "folder.npz")
+    assert ended.code == 4
+    assert "is a folder" in ended.err
+
+
+def test_a_command_is_no_record(tmp_path: Path, capfd: Capture) -> None:
+    target = tmp_path / "torque.npz"
+    ask = ("excite", "multisine", "--band", "1,20", "--period", 8, "--rate", 64, "--rms", 1, "-o", target)
+    assert middeck(capfd, *ask).code == 0
+    ended = middeck(capfd, "record", target)
+    assert ended.code == 4
+    assert "a command written by middeck excite" in ended.err
+    assert "arrays missing" not in ended.err
+
+
+@pytest.mark.parametrize("name", ["objects.npz", "objects.npy"])
+def test_objects_are_refused_in_our_words(tmp_path: Path, capfd: Capture, name: str) -> None:
+    objects = np.array([{"a": 1}], dtype=object)
+    with open(tmp_path / name, "wb") as file:
+        if name.endswith(".npz"):
+            np.savez(file, allow_pickle=True, u=objects)
+        else:
+            np.save(file, objects, allow_pickle=True)
+    ended = middeck(capfd, "record", tmp_path / name)
+    assert ended.code == 4
+    assert "holds objects" in ended.err
+    assert "unsafe" not in ended.err
+    assert "pickle" not in ended.err

@@ -13,6 +13,7 @@ from middeck.cli.screen import Table, show
 
 if TYPE_CHECKING:
     from middeck.files.records import Columns
+    from middeck.systems.excitation.recognition import Recognised
     from middeck.systems.fault import Fault
     from middeck.systems.ports import Port
     from middeck.systems.record import Record
@@ -73,8 +74,8 @@ def verb(
         _pass_through(files, told, target)
         show(as_json, {"schema": "middeck.record/1", "records": files, "written": target}, f"wrote {target}")
         return
-    taken, faults = _read(files, told, chosen.periods, reference)
-    document = describe(taken, faults) | {"records": files, "written": target}
+    taken, excitation, faults = _read(files, told, chosen.periods, reference)
+    document = describe(taken, excitation, faults) | {"records": files, "written": target}
     if target is not None:
         from middeck.files.records import write_record
 
@@ -97,7 +98,7 @@ def _pass_through(files: tuple[str, ...], told: Columns | None, target: str | No
 
 def _read(
     files: tuple[str, ...], told: Columns | None, periods: int | None, reference: str | None
-) -> tuple[Record, tuple[Fault, ...]]:
+) -> tuple[Record, Recognised | None, tuple[Fault, ...]]:
     from middeck.cli.blame import reading
     from middeck.files.records import join_records, read_record, split_periods
     from middeck.identification.faults import detect_faults
@@ -108,9 +109,41 @@ def _read(
         taken = taken if periods is None else split_periods(taken, periods)
         expected = None if reference is None else _expected(reference, taken)
         found = detect_faults(taken, expected)
+        excitation = _excitation(taken)
+        found += () if excitation is None else _transients(taken, excitation)
     # What the reader mended is in the samples as a gap; what it cut is not.
     mended = [f for r in readings for f in r.faults if f.kind != "gap"]
-    return taken, (*mended, *found)
+    return taken, excitation, (*mended, *found)
+
+
+def _excitation(taken: Record) -> Recognised | None:
+    """What is seen in the inputs; None where the periods are known, or where samples are missing."""
+    import numpy as np
+
+    from middeck.systems.excitation.recognition import recognise_excitation
+
+    if taken.periodic or not (np.isfinite(taken.u).all() and np.isfinite(taken.y).all()):
+        return None
+    return recognise_excitation(taken)
+
+
+def _transients(taken: Record, excitation: Recognised) -> tuple[Fault, ...]:
+    """Transients of the periods that the inputs show, as --periods would judge them."""
+    from dataclasses import replace
+
+    from middeck.identification.faults import detect_faults
+    from middeck.systems.excitation.repetition import blocks_of
+
+    if excitation.period is None:
+        return ()
+    period, offset = excitation.period, excitation.offset
+    u, y = (blocks_of(x.reshape(len(x), -1, x.shape[3]), period, 1) for x in (taken.u, taken.y))
+    cut = replace(taken, u=u, y=y, periodic=True)
+    return tuple(
+        replace(fault, samples=tuple((a + offset, b + offset) for a, b in fault.samples))
+        for fault in detect_faults(cut)
+        if fault.kind == "transient"
+    )
 
 
 def _expected(reference: str, taken: Record) -> FrequencyResponse:
@@ -129,7 +162,7 @@ def _expected(reference: str, taken: Record) -> FrequencyResponse:
     return FrequencyResponse(lines, model_response(model, lines), model.inputs, model.outputs)
 
 
-def describe(taken: Record, faults: tuple[Fault, ...]) -> dict[str, Any]:
+def describe(taken: Record, excitation: Recognised | None, faults: tuple[Fault, ...]) -> dict[str, Any]:
     """The JSON document."""
     experiments, periods, samples, _ = taken.u.shape
     sides = (("input", taken.inputs, taken.u), ("output", taken.outputs, taken.y))
@@ -140,6 +173,7 @@ def describe(taken: Record, faults: tuple[Fault, ...]) -> dict[str, Any]:
         "periods": periods,
         "samples": samples,
         "periodic": taken.periodic,
+        "excitation": None if excitation is None else _recognised(excitation),
         "duration_s": periods * samples / taken.sample_hz,
         "channels": [
             _channel(side, port, x[..., k]) for side, ports, x in sides for k, port in enumerate(ports)
@@ -147,6 +181,11 @@ def describe(taken: Record, faults: tuple[Fault, ...]) -> dict[str, Any]:
         "sound": all(f.severity == "note" for f in faults),
         "faults": faults,
     }
+
+
+def _recognised(excitation: Recognised) -> dict[str, Any]:
+    names = ("kind", "what", "period", "periods", "offset", "steady_from", "band_hz")
+    return {name: getattr(excitation, name) for name in names}
 
 
 def _channel(side: str, port: Port, x: Any) -> dict[str, Any]:
@@ -193,8 +232,17 @@ def _blocks(document: dict[str, Any]) -> list[str | Table]:
     told = Table("faults", ["", "kind", "channel", "experiment", "what"], faults)
     hints = [f"  {h}" for h in dict.fromkeys(f"{f.kind}: {f.hint}" for f in document["faults"])]
     lines = [f"{size} at {document['sample_hz']:g} Hz, {document['duration_s']:.4g} s an experiment"]
+    excitation = document["excitation"]
+    if excitation is not None:
+        lines.append(f"excited by: {excitation['what']}{_cut_by(excitation)}")
     blocks: list[str | Table] = [*lines, Table("channels (rms and peak about the mean)", heads, rows)]
     return [*blocks, told, "\n".join(["try:", *hints])] if faults else [*blocks, "no faults found"]
+
+
+def _cut_by(excitation: dict[str, Any]) -> str:
+    """How the periods are told to the verbs, if the record is no more than them."""
+    told = excitation["period"] is not None and excitation["periods"] > 1 and not excitation["offset"]
+    return f"; --periods {excitation['periods']} takes them as steady" if told else ""
 
 
 def _at(fault: Fault) -> str:

@@ -174,6 +174,8 @@ def write_stream(path: str | Path, stream: RecordStream) -> None:
 
 def _present(path: str | Path) -> Path:
     file = Path(path)
+    if file.is_dir():
+        raise DataError("is a folder, not a file", where=str(path), hint="name the record in it")
     if not file.is_file():
         raise DataError("no such file", where=str(path), hint="check the path")
     if file.stat().st_size == 0:

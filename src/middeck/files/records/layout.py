@@ -9,6 +9,7 @@ import numpy as np
 
 from middeck.errors import DataError
 from middeck.files.channels import KEYS, build_channel
+from middeck.files.commands import SCHEMA as COMMAND
 from middeck.files.records.columns import Side
 from middeck.files.records.raw import Head, Raw
 from middeck.systems.ports import Channel, Port
@@ -62,6 +63,11 @@ def contents_of(record: Record) -> dict[str, Any]:
 
 def check_contents(arrays: Mapping[str, Any], where: str) -> None:
     """Raise `DataError` if one of the required arrays is missing, or if the schema is another."""
+    if str(arrays.get("schema")) == COMMAND:
+        raise DataError(
+            "a command written by middeck excite: inputs only, no record of what came out", where=where,
+            hint="play it to the article and record inputs and outputs together",
+        )  # fmt: skip
     missing = [k for k in REQUIRED if k not in arrays]
     if missing:
         raise DataError(

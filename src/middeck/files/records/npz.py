@@ -37,7 +37,7 @@ def read_npy(file: Path, variable: str) -> Raw:
         with open(file, "rb") as stream:
             matrix = np.lib.format.read_array(stream, allow_pickle=False)
     except (EOFError, OSError, ValueError) as error:
-        raise DataError(f"truncated or not an NPY array: {error}", where=str(file), hint=AGAIN) from None
+        raise _refused("NPY array", error, file) from None
     return raw_matrix(matrix, file)
 
 
@@ -52,8 +52,16 @@ def _refusing(file: Path) -> Generator[None]:
     try:
         yield
     except BROKEN as error:
-        what = f"truncated or not an NPZ archive: {error}"
-        raise DataError(what, where=str(file), hint=AGAIN) from None
+        raise _refused("NPZ archive", error, file) from None
+
+
+def _refused(kind: str, error: Exception, file: Path) -> DataError:
+    """What to tell of it. NumPy advises to load pickled objects, which may run any program: we do not."""
+    if "pickle" in str(error):
+        # Text where a file should be is taken for a pickle too.
+        what = f"truncated or not an {kind}, or it holds objects instead of numbers"
+        return DataError(what, where=str(file), hint="save arrays of numbers and texts only")
+    return DataError(f"truncated or not an {kind}: {error}", where=str(file), hint=AGAIN)
 
 
 def head_npz(file: Path) -> tuple[Raw, tuple[int, int, int]]:

@@ -13,7 +13,7 @@ from middeck.files.atomic import replacing
 from middeck.files.channels import build_channel
 from middeck.files.records.columns import Side
 from middeck.files.records.raw import SAME_RATE, Head, Raw
-from middeck.files.records.uff58 import RESPONSE, TIME, Dataset, Place, read_values, scan
+from middeck.files.records.uff58 import RESPONSE, TIME, Dataset, Place, is_si, read_values, scan
 from middeck.files.records.uff58_write import Header, write_58
 from middeck.systems.fault import Fault
 from middeck.systems.ports import Channel, Port
@@ -136,7 +136,7 @@ def _head(name: str, data: Dataset, file: Path) -> Head:
     if raw_unit is not None:
         table["raw_unit"] = raw_unit.group(1)
     channel = build_channel(table, f"{file}:{data.line}, channel {name}")
-    unit = data.unit if data.unit or _is_ours(data) else UNITS.get(data.quantity)
+    unit = data.unit if data.unit or _is_ours(data) else UNITS.get(data.quantity) if is_si(file) else None
     return Head(name, unit, _side(data), channel)
 
 
@@ -282,9 +282,12 @@ def read_response(file: Path) -> FrequencyResponse:
                 raise DataError("other frequencies than the first", where=where, hint="export them alike")
             H[:, o, i] = values
     assert lines is not None
+    if lines[0] == 0.0:  # has no phase, and no fit a use for it
+        lines, H = lines[1:], H[1:]
+    units = UNITS if is_si(file) else {}
     into = tuple(_end(at, found[outputs[0], at].divisor_unit) for at in inputs)
     out = tuple(
-        _end(at, found[at, inputs[0]].unit or UNITS.get(found[at, inputs[0]].quantity, "")) for at in outputs
+        _end(at, found[at, inputs[0]].unit or units.get(found[at, inputs[0]].quantity, "")) for at in outputs
     )
     return FrequencyResponse(lines, H, into, out)
 

@@ -37,6 +37,12 @@ class Place:
     direction: int
 
 
+# Labels of an abscissa that is neither in seconds nor in hertz.
+OTHER_ABSCISSAS = ("ms", "msec", "us", "µs", "min", "kHz", "MHz", "rad/s", "rpm", "RPM", "cpm")
+# Units (data set 164) stand near the beginning of a file.
+SEARCHED = 1_000_000
+
+
 @record
 class Dataset:
     """One data set 58: its header, and where its numbers stand.
@@ -176,6 +182,13 @@ def _ends(cursor: _Cursor, size: int) -> bool:
     return mark.rstrip() == MARK
 
 
+def is_si(file: Path) -> bool:
+    """Whether data set 164 says that all is in SI, or nothing says otherwise."""
+    with open(file, "rb") as stream:
+        found = re.search(rb"^ {4}-1\s*\n {3}164\s*\n([ \d]{10})", stream.read(SEARCHED), re.MULTILINE)
+    return found is None or found.group(1).strip() == b"1"
+
+
 def _byte_order(head: str, where: str) -> Literal["", "<", ">"]:
     if head[6:7].lower() != "b":
         return ""
@@ -190,7 +203,11 @@ def _byte_order(head: str, where: str) -> Literal["", "<", ">"]:
 
 
 def _dataset(lines: list[str], begin: int, order: Literal["", "<", ">"], start: int, where: str) -> Dataset:
-    function, form, _, ordinate, denominator, _ = lines[5:]
+    function, form, abscissa, ordinate, denominator, _ = lines[5:]
+    if _label(abscissa) in OTHER_ABSCISSAS:
+        raise DataError(
+            f"the abscissa is in {_label(abscissa)!r}", where=where, hint="export it in s, or in Hz"
+        )
     kind = _whole(function, 0, 5, where, "the function type")
     data = _whole(form, 0, 10, where, "the ordinate data type")
     if data not in ORDINATES:
