@@ -26,7 +26,7 @@ PEERS = {
     "SIPPY CVA": "sippy-cva",
     "jax-sysid": "jax-sysid",
 }
-ROBOT_ORDERS = (4, 6, 8, 10)
+ROBOT_ORDERS = (6, 8, 10)
 CD_LEVELS, CD_STATES = (25.0, 18.0), 12
 # The best peer that was seen [%], for a run without peers.
 PEER_SEEN = 2.41
@@ -39,7 +39,7 @@ def rows(data: Path, python: str | None) -> list[dict[str, Any]]:
 
 def load(data: Path, arm: str, inputs: int) -> tuple[Record, Record]:
     """Both halves, less the means of the first; the file has a column for each input, then each output."""
-    table = scipy.io.loadmat(data / f"daisy_{arm}" / f"{arm}_dat.mat")[f"{arm}_dat"]
+    table = scipy.io.loadmat(data / f"daisy_{arm.lower()}" / f"{arm}_dat.mat")[f"{arm}_dat"]
     half = len(table) // 2
     u, y = np.hsplit(table - table[:half].mean(axis=0), [inputs])
     ports = [
