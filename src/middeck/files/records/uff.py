@@ -282,14 +282,13 @@ def read_response(file: Path) -> FrequencyResponse:
                 raise DataError("other frequencies than the first", where=where, hint="export them alike")
             H[:, o, i] = values
     assert lines is not None
-    if lines[0] == 0.0:  # has no phase, and no fit a use for it
-        lines, H = lines[1:], H[1:]
+    kept = slice(int(lines[0] == 0.0), None)  # zero hertz has no phase, and no fit a use for it
     units = UNITS if is_si(file) else {}
     into = tuple(_end(at, found[outputs[0], at].divisor_unit) for at in inputs)
     out = tuple(
         _end(at, found[at, inputs[0]].unit or units.get(found[at, inputs[0]].quantity, "")) for at in outputs
     )
-    return FrequencyResponse(lines, H, into, out)
+    return FrequencyResponse(lines[kept], H[kept], into, out)
 
 
 def _end(place: Place, unit: str) -> Port:

@@ -194,7 +194,7 @@ def _refine(model: MeasurementModel, z: complex, *, regular: bool) -> tuple[comp
 
 
 def _standing(model: MeasurementModel) -> tuple[complex, float, np.ndarray]:
-    """A zero at the origin: what is left of the smallest singular value there, as a share at the slowest pole.
+    """A zero at the origin, with what is left of the smallest singular value there, as a share of the usual.
 
     Where several stand there the response has no slope, and no step says how far they are off.
     """

@@ -1,0 +1,74 @@
+"""Universal files of other programs: units are never guessed wrong, and zero hertz is left out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from middeck.errors import DataError
+from middeck.files.records import load_record, load_response
+
+FORCE, ACCELERATION = 13, 12
+
+
+def function_58(
+    values: np.ndarray, *, kind: int, node: int, quantity: int, step: float, axis: str, unit: str = "NONE"
+) -> str:
+    """ASCII data set 58 with an even abscissa from zero, by the columns of its definition."""
+    numbers = np.column_stack([values.real, values.imag]).ravel() if np.iscomplexobj(values) else values
+    form = 6 if np.iscomplexobj(values) else 4
+    lines = [
+        "    -1", "    58", *["NONE"] * 5,
+        f"{kind:5d}{0:10d}{1:5d}{0:10d} {'NONE':>10s}{node:10d}{3:4d} {'NONE':>10s}{1:10d}{3:4d}",
+        f"{form:10d}{len(values):10d}{1:10d}{0.0:13.5E}{step:13.5E}{0.0:13.5E}",
+        f"{17 if kind == 1 else 18:10d}{0:5d}{0:5d}{0:5d} {'NONE':>20s} {axis:>20s}",
+        f"{quantity:10d}{0:5d}{0:5d}{0:5d} {'NONE':>20s} {unit:>20s}",
+        f"{FORCE:10d}{0:5d}{0:5d}{0:5d} {'NONE':>20s} {'N':>20s}",
+        f"{0:10d}{0:5d}{0:5d}{0:5d} {'NONE':>20s} {'NONE':>20s}",
+        *("".join(f"{x:20.12E}" for x in row) for row in np.array_split(numbers, -(-len(numbers) // 4))),
+        "    -1",
+    ]  # fmt: skip
+    return "\n".join(lines) + "\n"
+
+
+def units_164(code: int) -> str:
+    factors = "  1.0D+03  1.0D+00  1.0D+00\n  0.0D+00\n"
+    return f"    -1\n   164\n{code:10d}{'of the exporter':20s}{2:10d}\n{factors}    -1\n"
+
+
+def two_channels(path: Path, *, axis: str = "s", code: int | None = None, unit: str = "NONE") -> Path:
+    x = np.random.default_rng(0).standard_normal((2, 64))
+    path.write_text(
+        ("" if code is None else units_164(code))
+        + function_58(x[0], kind=1, node=1, quantity=FORCE, step=0.01, axis=axis, unit="N")
+        + function_58(x[1], kind=1, node=2, quantity=ACCELERATION, step=0.01, axis=axis, unit=unit)
+    )
+    return path
+
+
+@pytest.mark.parametrize("code", [None, 1])
+def test_an_empty_label_is_si_where_nothing_says_otherwise(tmp_path: Path, code: int | None):
+    record = load_record(two_channels(tmp_path / "a.uff", code=code))
+    assert (record.sample_hz, record.outputs[0].unit) == (100.0, "m/s^2")
+
+
+def test_an_empty_label_of_a_file_in_millimetres_is_no_metre(tmp_path: Path):
+    with pytest.raises(DataError, match="does not say its unit"):
+        load_record(two_channels(tmp_path / "a.uff", code=5))
+    assert load_record(two_channels(tmp_path / "b.uff", code=5, unit="mm/s^2")).outputs[0].unit == "mm/s^2"
+
+
+def test_an_abscissa_in_milliseconds_is_refused(tmp_path: Path):
+    with pytest.raises(DataError, match="'ms'"):
+        load_record(two_channels(tmp_path / "a.uff", axis="ms"))
+
+
+def test_a_response_loses_its_line_at_zero_hertz(tmp_path: Path):
+    H = np.arange(8) + 1.0 + 0.5j
+    path = tmp_path / "a.uff"
+    path.write_text(function_58(H, kind=4, node=2, quantity=ACCELERATION, step=0.5, axis="Hz"))
+    found = load_response(path)
+    assert found.frequency_hz.tolist() == [0.5 * k for k in range(1, 8)]
+    assert found.H[:, 0, 0].tolist() == H[1:].tolist()
