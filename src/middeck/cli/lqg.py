@@ -9,8 +9,14 @@ from middeck.cli.settings import LoopSettings
 from middeck.control.closed_loop import ClosedLoop, close_loop, leave_open
 from middeck.control.lqg import LQGCompensator, LQGWeights, design_lqg
 from middeck.control.performance import Performance, measure_rms
+from middeck.errors import NumericalError
 from middeck.systems.plant import Plant
+from middeck.systems.statespace import poles
 from middeck.values import record
+
+# The fastest pole over the slowest, beyond which the Pade states of a delay are the first suspects where a
+# Riccati equation has no trustworthy solution.
+FAR_APART = 1e4
 
 
 @record
@@ -32,8 +38,27 @@ def design_loop(plant: Plant, settings: LoopSettings, band_hz: tuple[float, floa
     intensity = settings.disturbance_nm_per_rthz**2 * np.eye(len(plant.u))
     noise = np.full(len(plant.y), settings.angle_noise_rad_per_rthz**2)
     weights = LQGWeights(np.ones(len(plant.z)), np.ones(len(plant.u)), plant.w, intensity, noise)
-    compensator = design_lqg(plant, weights, 10.0**settings.log10_authority)
+    compensator = _designed(plant, weights, 10.0**settings.log10_authority)
     loop = close_loop(plant, compensator)
     performance = Performance(np.ones(len(plant.z)), intensity, band_hz)
     rms_open = measure_rms(leave_open(plant), performance)
     return DesignedLoop(compensator, loop, band_hz, rms_open, measure_rms(loop, performance))
+
+
+def _designed(plant: Plant, weights: LQGWeights, authority: float) -> LQGCompensator:
+    """The design; where it fails beside fast poles of approximated delays, what would slow them."""
+    try:
+        return design_lqg(plant, weights, authority)
+    except NumericalError as error:
+        size = np.abs(poles(plant.system))
+        size = size[size > 0.0]
+        if "delay" not in plant.state_names or size.max() < FAR_APART * size.min():
+            raise
+        hz = size / (2.0 * np.pi)
+        raise type(error)(
+            f"{error.what}; the poles lie from {hz.min():.3g} to {hz.max():.3g} Hz, the fastest of them of "
+            "approximated delays",
+            where=error.where,
+            hint=f"--pade-order 3, or a common delay (identify --delay common); otherwise {error.hint}",
+            **error.data,
+        ) from error

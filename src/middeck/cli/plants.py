@@ -8,8 +8,11 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
-from middeck.identification.measurement_model import MeasurementModel, natural_hz
-from middeck.identification.plants.measured_plant import measured_plant
+from middeck.identification.measurement_model import RANK, MeasurementModel, natural_hz, path_delay
+from middeck.identification.plants.delays import merge_delays
+from middeck.identification.plants.measured_plant import SAME_DELAY_S, measured_plant
+from middeck.identification.plants.selection import Selection, select_channels
+from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.structure.modes import Modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.systems.plant import Plant
@@ -35,12 +38,68 @@ def article_plant(modes: Modes, count: int, wanted: Wanted) -> tuple[Plant, Band
     return plant, _band_around(modes.frequency_hz[:count])
 
 
-def model_plant(model: MeasurementModel, pade_order: int, wanted: Wanted) -> tuple[Plant, Band]:
-    """The plant of a fitted model with its delay as a Pade approximation, and the band of its poles."""
+@record
+class FittedPlant:
+    """The plant of a fitted model, the band of its poles, and what was done to the model on the way."""
+
+    plant: Plant
+    band_hz: Band
+    warnings: tuple[str, ...]
+
+
+def model_plant(
+    model: MeasurementModel, covariance: ModelCovariance | None, pade_order: int, wanted: Wanted
+) -> FittedPlant:
+    """The plant of a fitted model between the ports wanted, its delays as Pade approximations.
+
+    Modes that are on no path between these ports are left out; delays that ``covariance`` does not tell
+    apart are made one where the path would otherwise have several.
+    """
+    if model.sample_hz is not None:
+        raise ConfigError(
+            f"the model is sampled, at {model.sample_hz:g} Hz; a design is for a continuous plant",
+            hint="middeck identify RECORD... --continuous -o MODEL.json",
+        )
     u = chosen(wanted.control, [p.name for p in model.inputs], "--control")
     y = chosen(wanted.measure, [p.name for p in model.outputs], "--measure")
-    plant = measured_plant(model, pade_order=pade_order, w=u, u=u, z=y, y=y)
-    return plant, _band_around(natural_hz(model))
+    path, said = _path(model, u, y), ()
+    if covariance is not None and _delays(path.model) > 1:
+        merged = merge_delays(covariance)
+        path, said = _path(merged.model, u, y), merged.sentences
+    between = f"from {', '.join(u)} to {', '.join(y)}"
+    warnings = [f"left out of the plant, as it is on no path {between}: {name}" for name in path.dropped]
+    warnings += [*said, *_dear_delays(path.model, pade_order)]
+    plant = measured_plant(path.model, pade_order=pade_order, w=u, u=u, z=y, y=y)
+    return FittedPlant(plant, _band_around(natural_hz(path.model)), tuple(warnings))
+
+
+def _path(model: MeasurementModel, u: Sequence[str], y: Sequence[str]) -> Selection:
+    """The model between some ports; all of it where a mode that does not decay would go with the rest, for
+    a design has to refuse that and not to overlook it."""
+    path = select_channels(model, inputs=u, outputs=y)
+    return path if _lasting(path.model) == _lasting(model) else Selection(model, ())
+
+
+def _lasting(model: MeasurementModel) -> int:
+    """Modes that do not decay."""
+    rigid = 0 if model.rigid is None else int(np.linalg.matrix_rank(model.rigid, rtol=RANK))
+    return int(np.sum(np.real(model.poles) >= 0.0)) + rigid
+
+
+def _delays(model: MeasurementModel) -> int:
+    """How many delays of its paths differ."""
+    return 1 + int(np.sum(np.diff(np.sort(path_delay(model), axis=None)) > SAME_DELAY_S))
+
+
+def _dear_delays(model: MeasurementModel, pade_order: int) -> list[str]:
+    """Delays that differ cost states, and small differences fast ones: what would save them."""
+    count = _delays(model)
+    if count == 1:
+        return []
+    return [
+        f"{count} unlike delays, each approximated by {pade_order} states; if they are one, fit one: "
+        "identify --delay common"
+    ]
 
 
 def _band_around(frequency_hz: Float[np.ndarray, " mode"]) -> Band:

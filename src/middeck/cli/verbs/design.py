@@ -12,7 +12,7 @@ from middeck.cli.screen import Table, show
 
 if TYPE_CHECKING:
     from middeck.cli.lqg import DesignedLoop
-    from middeck.cli.plants import Band, Wanted
+    from middeck.cli.plants import Band, FittedPlant, Wanted
     from middeck.cli.settings import LoopSettings
     from middeck.systems.plant import Plant
 
@@ -73,7 +73,9 @@ def verb(
 ) -> None:
     """LQG design for a plant, and what its closed loop promises.
 
-    The disturbance enters at the control inputs; every measured output is kept small. --set takes the
+    The disturbance enters at the control inputs; every measured output is kept small. The plant of a fitted
+    model is that between --control and --measure; delays that the fit does not tell apart are taken as one.
+    --set takes the
     article's and the environment's keys, or for a fitted plant log10_authority, angle_noise, disturbance,
     pade_order, band_hz, states, fit_band_hz, sampled and periods.
     """
@@ -95,14 +97,15 @@ def verb(
         () if from_article else overrides,
     )
     wanted = Wanted(options.separate_names(control), options.separate_names(measure))
-    plant, band_hz = (
-        _article_plant(sources[0], environment, overrides, count, wanted)
-        if from_article
-        else _fitted_plant(sources, settings, wanted)
-    )
+    warnings: tuple[str, ...] = ()
+    if from_article:
+        plant, band_hz = _article_plant(sources[0], environment, overrides, count, wanted)
+    else:
+        fitted = _fitted_plant(sources, settings, wanted)
+        plant, band_hz, warnings = fitted.plant, fitted.band_hz, fitted.warnings
     with reading(*sources):
         designed = design_loop(plant, settings, settings.band_hz or band_hz)
-    document = describe(designed, plant, settings)
+    document = describe(designed, plant, settings, warnings)
     if law_file is not None:
         write_compensator(law_file, designed.compensator)
     show(as_json, document, *_tables(document))
@@ -127,26 +130,31 @@ def _article_plant(
     return article_plant(solve_case(article, environment, overrides), count, wanted)
 
 
-def _fitted_plant(sources: tuple[str, ...], settings: LoopSettings, wanted: Wanted) -> tuple[Plant, Band]:
+def _fitted_plant(sources: tuple[str, ...], settings: LoopSettings, wanted: Wanted) -> FittedPlant:
+    from middeck.cli.blame import reading
     from middeck.cli.fitting import identify
     from middeck.cli.plants import model_plant
     from middeck.cli.settings import FitSettings, settle
-    from middeck.files.models import load_model
+    from middeck.files.models import load_fitted
 
     if len(sources) == 1 and Path(sources[0]).suffix == ".json":
-        return model_plant(load_model(sources[0]), settings.pade_order, wanted)
-    keys = {
-        "states": settings.states,
-        "band_hz": settings.fit_band_hz,
-        "sampled": settings.sampled or False,
-        "periods": settings.periods,
-    }
-    return model_plant(
-        identify(sources, settle(FitSettings, keys, ())).fit.model, settings.pade_order, wanted
-    )
+        model, covariance = load_fitted(sources[0])
+    else:
+        keys = {
+            "states": settings.states,
+            "band_hz": settings.fit_band_hz,
+            "sampled": settings.sampled or False,
+            "periods": settings.periods,
+        }
+        fit = identify(sources, settle(FitSettings, keys, ())).fit
+        model, covariance = fit.model, fit.covariance
+    with reading(*sources):
+        return model_plant(model, covariance, settings.pade_order, wanted)
 
 
-def describe(designed: DesignedLoop, plant: Plant, settings: LoopSettings) -> dict[str, Any]:
+def describe(
+    designed: DesignedLoop, plant: Plant, settings: LoopSettings, warnings: tuple[str, ...]
+) -> dict[str, Any]:
     """The JSON document; rms and decibels are null where there is none."""
     import numpy as np
 
@@ -183,11 +191,11 @@ def describe(designed: DesignedLoop, plant: Plant, settings: LoopSettings) -> di
         "rms_closed": by_output(closed),
         "db": by_output(db),
         "riccati_residual": [law.regulator.residual, law.estimator.residual],
-        "warnings": _warnings(designed),
+        "warnings": [*warnings, *_inert(designed)],
     }
 
 
-def _warnings(designed: DesignedLoop) -> list[str]:
+def _inert(designed: DesignedLoop) -> list[str]:
     law = designed.compensator
     return [f"left out of the design, as no port reaches or sees it: {name}" for name in law.inert]
 

@@ -58,7 +58,9 @@ def measured_plant(
     """The plant of a continuous model: block-modal states and the states of its delays.
 
     A delay common to all paths is put on the side with fewer channels, so that a model with one input needs
-    ``pade_order`` states for it in all; what an input or an output is late beyond that needs as many each.
+    ``pade_order`` states for it in all; what an input or an output is late beyond that needs as many each:
+    `merge_delays` makes those of a fit one that it does not tell apart, ``fit_response(..., delay="common")``
+    fits one.
     Delays that are no sum of one for the input and one for the output give each channel of the smaller side
     modes of its own. Rigid-body modes have the states q and q'. The term L / s^2 of modes below the band is
     left out: it is no part of the plant, only of its neighbourhood.
@@ -106,7 +108,7 @@ def _check_continuous(model: MeasurementModel) -> None:
     if model.sample_hz is not None:
         raise ConfigError(
             "a sampled model has no continuous plant",
-            hint="fit without sample_hz, or take sampled_statespace",
+            hint="fit without sample_hz (identify --continuous), or take sampled_statespace",
         )
 
 
