@@ -18,15 +18,13 @@ from middeck.errors import DataError
 from middeck.files.atomic import replacing
 from middeck.files.channels import KEYS, build_channel
 from middeck.files.records.columns import Side
-from middeck.files.records.raw import Head, Raw
+from middeck.files.records.raw import SAME_RATE, Head, Raw
+from middeck.files.records.stamps import JITTER, is_even, last_digit, mean_step, open_share, rate_of
 from middeck.systems.fault import Fault
 from middeck.systems.ports import Channel
 from middeck.systems.record import RecordStream
 from middeck.values import record
 
-# Share of a time step by which a time stamp may be off: more than the rounding of printed stamps, and 0.4
-# degrees of phase at a tenth of the sampling rate.
-JITTER = 0.01
 # Lines read at once.
 LINES = 8192
 AGAIN = "copy or record it again"
@@ -55,16 +53,18 @@ def read_csv(file: Path, variable: str) -> Raw:
         opening = read_opening(text, file)
     tables = [table for _, table in _tables(file, opening, LINES)]
     table = np.concatenate(tables) if tables else np.empty((0, len(opening.heads) + opening.timed))
-    rate, faults = None, ()
+    rate, faults, share = None, (), SAME_RATE
     if opening.timed:
-        rate, table, faults = _on_one_grid(table, file, opening.heads)
+        digit = _last_digit(file, opening)
+        rate, table, faults = _on_one_grid(table, file, opening.heads, digit)
+        share = max(share, open_share(rate, len(table), digit))
         table = table[:, 1:]
     periods = opening.periods or 1
     if len(table) % periods:
         what = f"{len(table)} samples are not {periods} whole periods"
         raise DataError(what, where=str(file), hint="the file may be truncated; mend its line of periods")
     x = tuple(column.reshape(1, periods, -1) for column in table.T)
-    return Raw(rate, opening.heads, x, opening.periods is not None, faults)
+    return Raw(rate, opening.heads, x, opening.periods is not None, faults, share)
 
 
 def write_csv(path: Path, stream: RecordStream) -> None:
@@ -215,8 +215,17 @@ def _line(row: Row, width: int, file: Path) -> list[float]:
         raise DataError(str(error), where=where, hint=hint) from None
 
 
+def _last_digit(file: Path, opening: Opening) -> float:
+    """A unit of the last digit [s] with which the first stamps are printed."""
+    with _opened(file) as text:
+        rows = csv.reader(
+            itertools.islice(text, opening.line, opening.line + LINES), delimiter=opening.separator
+        )
+        return last_digit(row[0] for row in rows if row and not row[0].startswith("#"))
+
+
 def _on_one_grid(
-    table: Float[np.ndarray, "line column"], file: Path, heads: tuple[Head, ...]
+    table: Float[np.ndarray, "line column"], file: Path, heads: tuple[Head, ...], digit: float
 ) -> tuple[float, np.ndarray, tuple[Fault, ...]]:
     """Rate [Hz] and the lines on an even grid; refuses stamps that are on none."""
     time = table[:, 0]
@@ -225,36 +234,43 @@ def _on_one_grid(
     if not np.isfinite(time).all():
         where = f"{file}, sample {int(np.argmin(np.isfinite(time)))}"
         raise DataError("time is not finite", where=where, hint="mend or cut the line")
-    step = (time[-1] - time[0]) / (len(time) - 1)
-    if not _uneven(time, step).any():
-        return _rate(step), table, ()
-    return _with_gaps(table, file, heads)
+    index = np.arange(len(time))
+    step = mean_step(*_sums(time, 0, time[0]), len(time))
+    if is_even(time, index, step, digit):
+        return rate_of(step, len(time), digit), table, ()
+    return _with_gaps(table, file, heads, digit)
 
 
-def _uneven(time: Float[np.ndarray, " line"], step: float) -> np.ndarray:
-    late = np.abs(time - time[0] - step * np.arange(len(time)))
-    return (late > JITTER * step) if step > 0.0 else np.ones(len(time), bool)
+def _sums(time: Float[np.ndarray, " line"], start: int, origin: float) -> tuple[float, float]:
+    """Of k (t_k - origin) and of (t_k - origin), from line ``start`` on."""
+    since = time - origin
+    return float((start + np.arange(len(time))) @ since), float(since.sum())
 
 
 def _with_gaps(
-    table: Float[np.ndarray, "line column"], file: Path, heads: tuple[Head, ...]
+    table: Float[np.ndarray, "line column"], file: Path, heads: tuple[Head, ...], digit: float
 ) -> tuple[float, np.ndarray, tuple[Fault, ...]]:
     """Lines spread over the grid of the usual step where stamps leap by whole steps."""
     time = table[:, 0]
-    usual = float(np.median(np.diff(time)))
-    late = np.abs(np.diff(time) - usual)
-    leap = np.rint(np.diff(time) / usual) if usual > 0.0 else np.zeros(len(time) - 1)
+    steps = np.diff(time)
+    usual = float(np.sort(steps)[len(steps) // 2])
+    # The mean of those that rounding makes unlike: the median is a rounded step itself.
+    usual = float(steps[np.abs(steps - usual) <= 1.001 * digit].mean()) if usual > 2.0 * digit else usual
+    late = np.abs(steps - usual)
+    leap = np.rint(steps / usual) if usual > 0.0 else np.zeros(len(time) - 1)
     index = np.concatenate([[0], np.cumsum(leap)]).astype(int)
     # No gap may outgrow the record: a stamp that leaps so far is wrong itself.
     fits = leap.min() >= 1.0 and index[-1] < 2 * len(time)
-    step = (time[-1] - time[0]) / index[-1] if fits else 0.0
-    if not fits or np.abs(time - time[0] - step * index).max() > JITTER * step:
+    step = float(np.polyfit(index, time - time[0], 1)[0]) if fits else 0.0
+    if not is_even(time, index, step, digit):
         worst = int(late.argmax()) + 1
+        coarse = 0.0 <= usual <= 2.0 * digit
         raise DataError(
             f"uneven time steps: sample {worst} is {late[worst - 1]:.3g} s off steps of {usual:.6g} s",
             where=f"{file}, channel time",
-            hint="resample all channels to one rate",
-        )
+            hint=f"stamps are printed to {digit:g} s: print more digits, or leave the column out and give "
+            "--sample-hz" if coarse else "resample all channels to one rate",
+        )  # fmt: skip
     whole = np.full((index[-1] + 1, table.shape[1]), np.nan)
     whole[index] = table
     leaps = np.flatnonzero(np.diff(index) > 1)
@@ -265,41 +281,45 @@ def _with_gaps(
     faults = tuple(
         Fault("gap", "unusable", h.side or "output", h.name, 0, runs[:100], what, hint) for h in heads
     )
-    return _rate(step), whole, faults
-
-
-def _rate(step: float) -> float:
-    return float(f"{1.0 / step:.9g}")  # decimal stamps carry no more digits
+    return rate_of(step, len(time), digit), whole, faults
 
 
 def head_csv(file: Path) -> tuple[Raw, tuple[int, int, int]]:
     """Everything but the samples, and the shape (experiment, period, sample); reads the file once."""
     with _opened(file) as text:
         opening = read_opening(text, file)
-    count, first, last, rate = 0, 0.0, 0.0, None
+    count, first, last, rate, share, sums = 0, 0.0, 0.0, None, SAME_RATE, np.zeros(2)
     for _, table in _tables(file, opening, LINES):
         first = table[0, 0] if count == 0 else first
+        sums += _sums(table[:, 0], count, first)
         count, last = count + len(table), table[-1, 0]
     if opening.timed:
-        if count < 2 or not last > first:
+        step = mean_step(float(sums[0]), float(sums[1]), count) if count > 1 else 0.0
+        if not (last > first and step > 0.0):
             raise DataError(f"{count} samples give no sampling rate", where=str(file), hint="record longer")
-        rate = _rate((last - first) / (count - 1))
+        digit = _last_digit(file, opening)
+        rate = rate_of(step, count, digit)
+        share = max(share, open_share(rate, count, digit))
     periods = opening.periods or 1
     shape = (1, periods, count // periods)
     x = tuple(np.broadcast_to(0.0, shape) for _ in opening.heads)
-    return Raw(rate, opening.heads, x, opening.periods is not None), shape
+    return Raw(rate, opening.heads, x, opening.periods is not None, rate_share=share), shape
 
 
 def pieces_csv(file: Path, sample_hz: float | None, size: int) -> Iterator[np.ndarray]:
     """All channels [sample, channel], at most ``size`` lines at a time; refuses uneven time stamps."""
     with _opened(file) as text:
         opening = read_opening(text, file)
-    start, origin = 0, None
+    start, origin, slack = 0, None, 0.0
+    if opening.timed and sample_hz is not None:
+        digit = _last_digit(file, opening)
+        # The first stamp is rounded itself.
+        slack = max(JITTER / sample_hz, digit if digit <= 0.5 / sample_hz else 0.0)
     for line, table in _tables(file, opening, size):
         if opening.timed and sample_hz is not None:
             origin = table[0, 0] if origin is None else origin
             late = np.abs(table[:, 0] - origin - (start + np.arange(len(table))) / sample_hz)
-            if late.max() > JITTER / sample_hz:
+            if not late.max() <= slack * (1.0 + 1e-6):
                 raise DataError(
                     f"uneven time steps: sample {start + int(late.argmax())} is {late.max():.3g} s off",
                     where=f"{file}, channel time, near line {line}",

@@ -29,13 +29,17 @@ class Head:
 
 @dataclass(frozen=True)  # views of what was read, not copies
 class Raw:
-    """Channels as read: for each head an array (experiment, period, sample)."""
+    """Channels as read: for each head an array (experiment, period, sample).
+
+    ``rate_share`` is the share by which the file leaves its rate open.
+    """
 
     sample_hz: float | None
     heads: tuple[Head, ...]
     x: tuple[np.ndarray, ...]
     periodic: bool = False
     faults: tuple[Fault, ...] = ()
+    rate_share: float = SAME_RATE
 
 
 @record
@@ -54,7 +58,7 @@ def build_record(raw: Raw, columns: Columns | None, where: str) -> Record:
     Raises `DataError` where neither says the rate, a unit, or which channels are inputs and which outputs.
     """
     chosen = choose(raw.heads, columns, where)
-    rate = sampling_rate(raw.sample_hz, columns, where)
+    rate = sampling_rate(raw, columns, where)
     shape = raw.x[0].shape if raw.x else (1, 1, 0)
     u, y = (
         np.stack([raw.x[k] for k in side], axis=-1) if side else np.empty((*shape, 0))
@@ -63,14 +67,14 @@ def build_record(raw: Raw, columns: Columns | None, where: str) -> Record:
     return Record(rate, u, y, chosen.inputs, chosen.outputs, raw.periodic)
 
 
-def sampling_rate(stated: float | None, columns: Columns | None, where: str) -> float:
+def sampling_rate(raw: Raw, columns: Columns | None, where: str) -> float:
     """The rate that the file, ``columns`` or both state [Hz]."""
-    given = None if columns is None else columns.sample_hz
+    stated, given = raw.sample_hz, None if columns is None else columns.sample_hz
     if stated is None:
         if given is None:
             raise DataError("no sampling rate", where=where, hint="state it: --sample-hz RATE")
         return given
-    if given is not None and abs(given - stated) > SAME_RATE * stated:
+    if given is not None and abs(given - stated) > raw.rate_share * stated:
         what = f"sampled at {stated:.9g} Hz; {given:.9g} Hz were stated"
         raise DataError(what, where=where, hint="leave --sample-hz out: the file says it")
     return stated if given is None else given

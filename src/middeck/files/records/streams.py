@@ -89,7 +89,7 @@ def _stream(
     pieces: Callable[[int, int], Pieces],
 ) -> RecordStream:
     experiments, periods, samples = shape
-    rate = sampling_rate(raw.sample_hz, columns, str(file))
+    rate = sampling_rate(raw, columns, str(file))
     period = samples if raw.periodic else None
 
     def placed(experiment: int, size: int) -> Pieces:
