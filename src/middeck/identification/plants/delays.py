@@ -24,6 +24,10 @@ from middeck.identification.uncertainty.parameters import check_level, joint_tai
 from middeck.identification.uncertainty.unknowns import model_at, places_of, unknowns_of
 from middeck.values import record
 
+# Delays that are one and are kept apart cost fast poles, delays made one wrongly three deviations at most:
+# rarer than the 5 % of a test for its own sake.
+LEVEL = 0.01
+
 Groups = list[list[int]]
 
 
@@ -46,7 +50,7 @@ class MergedDelays:
     p: float
 
 
-def merge_delays(covariance: ModelCovariance, *, level: float = 0.05) -> MergedDelays:
+def merge_delays(covariance: ModelCovariance, *, level: float = LEVEL) -> MergedDelays:
     """The fitted model with one delay for all outputs, or paths, that a test does not tell apart.
 
     Delays nearest to each other, in their deviations, are joined one after the other; of the partitions on
