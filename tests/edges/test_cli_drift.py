@@ -75,6 +75,39 @@ def test_a_mode_that_moved_is_named(weeks: dict[str, Path], capfd: Capture) -> N
     assert middeck(capfd, *ask, "--require").code == 1
 
 
+def test_small_numbers_and_single_lines_read_well() -> None:
+    from middeck.cli.verbs.drift import _change, _probability
+    from middeck.identification.uncertainty.drift import ModeChange
+    from middeck.identification.uncertainty.response_drift import MovedBand, ResponseDrift
+
+    assert (_probability(1.2e-318), _probability(0.0), _probability(0.0123)) == (
+        "< 1e-16",
+        "< 1e-16",
+        "0.012",
+    )
+    assert _change((2.0, 2.00000123), 1e-7) == ("+1.2e-06", "1.0e-07")
+    move = ModeChange(
+        0, 0, (2.0, 2.000002), 1e-7, (0.01, 0.0100001), 1e-8, 1e-9, 0.5, moved=True, reshaped=False
+    )
+    assert "(+0.0001%, 20.0 deviations)" in move.sentence
+    assert "by +1e-05%" in move.sentence
+    line = MovedBand(11.44, 11.44, "tip", "force", 5.0, 0.1)
+    found = ResponseDrift(np.array([11.44]), np.ones((1, 1, 1)), 1.0, np.ones((1, 1, 1), bool), (line,), 0.05)
+    assert found.sentence.startswith("the response moved at 11.44 Hz (tip from force by 10.0%")
+
+
+def test_a_change_that_only_the_responses_show_is_said_in_one_line() -> None:
+    from middeck.cli.verbs.drift import _verdict
+
+    document = {
+        "drifted": True, "modes": (), "delays": (),
+        "sentence": "none of 2 modes moved at the level 0.05",
+        "response_sentence": "the response moved at 11.44 Hz",
+    }  # fmt: skip
+    said = "drifted: the response moved at 11.44 Hz, although none of 2 modes moved at the level 0.05"
+    assert _verdict(document) == [said]
+
+
 def test_a_record_against_a_model(weeks: dict[str, Path], tmp_path: Path, capfd: Capture) -> None:
     model = tmp_path / "model.json"
     assert middeck(capfd, "identify", weeks["first"], *FIT, "-o", model).code == 0

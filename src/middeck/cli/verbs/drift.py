@@ -143,22 +143,37 @@ def describe(
 def _tables(document: dict[str, Any]) -> list[str | Table]:
     modes = [
         [
-            f"{m.frequency_hz[0]:.5f}",
-            f"{m.frequency_hz[1]:.5f}",
-            f"{m.frequency_std_hz:.1e}",
-            f"{m.damping[0]:.5f}",
-            f"{m.damping[1]:.5f}",
-            f"{m.damping_std:.1e}",
-            f"{m.p_pole:.2g}",
-            f"{m.p_constants:.2g}",
+            *(f"{f:.5f}" for f in m.frequency_hz),
+            *_change(m.frequency_hz, m.frequency_std_hz),
+            *(f"{z:.5f}" for z in m.damping),
+            *_change(m.damping, m.damping_std),
+            _probability(m.p_pole),
+            _probability(m.p_constants),
             "moved" if m.moved else "reshaped" if m.reshaped else "",
         ]
         for m in document["modes"]
     ]
-    headers = ["Hz before", "after", "+-", "damping", "after", "+-", "p pole", "p constants", ""]
-    said = [document["sentence"], document["response_sentence"]]
-    return [
-        "drifted" if document["drifted"] else "no drift",
-        *(sentence for sentence in said if sentence is not None),
-        Table("modes", headers, modes),
-    ]
+    headers = ["Hz before", "after", "change", "+-", "damping", "after", "change", "+-"]
+    return [*_verdict(document), Table("modes", [*headers, "p pole", "p constants", ""], modes)]
+
+
+def _verdict(document: dict[str, Any]) -> list[str]:
+    """What is said above the table; in one line where only the responses tell a change."""
+    of_fits, of_lines = document["sentence"], document["response_sentence"]
+    by_fits = any(m.moved or m.reshaped for m in document["modes"]) or any(
+        d.changed for d in document["delays"]
+    )
+    if document["drifted"] and not by_fits:
+        return [f"drifted: {of_lines}, although {of_fits}"]
+    said = [of_fits] if of_lines is None else [of_fits, of_lines]
+    return ["drifted" if document["drifted"] else "no drift", *said]
+
+
+def _change(pair: tuple[float, float], deviation: float) -> tuple[str, str]:
+    """A difference and its deviation."""
+    return f"{pair[1] - pair[0]:+.2g}", f"{deviation:.1e}"
+
+
+def _probability(p: float) -> str:
+    """Below double precision a tail says no more than that."""
+    return "< 1e-16" if p < 1e-16 else f"{p:.2g}"

@@ -69,8 +69,8 @@ class ModeChange:
         """By how much it moved."""
         df, dz = (pair[1] - pair[0] for pair in (self.frequency_hz, self.damping))
         return (
-            f"{self.frequency_hz[0]:.4g} Hz by {df:+.3g} Hz ({df / self.frequency_hz[0]:+.2%}, "
-            f"{_deviations(df, self.frequency_std_hz)}), damping {self.damping[0]:.3%} by {dz:+.3%} "
+            f"{self.frequency_hz[0]:.4g} Hz by {df:+.3g} Hz ({100.0 * df / self.frequency_hz[0]:+.2g}%, "
+            f"{_deviations(df, self.frequency_std_hz)}), damping {self.damping[0]:.3%} by {100.0 * dz:+.2g}% "
             f"({_deviations(dz, self.damping_std)})"
         )
 

@@ -90,8 +90,7 @@ class ResponseDrift:
         if not self.bands:
             return f"the response moved on none of {len(self.frequency_hz)} lines at the level {self.level:g}"
         parts = [
-            f"{b.low_hz:.4g}-{b.high_hz:.4g} Hz ({b.output} from {b.input} by {b.change:.1%}, "
-            f"{b.deviations:.1f} deviations)"
+            f"{_span(b)} Hz ({b.output} from {b.input} by {b.change:.1%}, {b.deviations:.1f} deviations)"
             for b in self.bands
         ]
         doubt = (
@@ -103,6 +102,11 @@ class ResponseDrift:
             )
         )
         return f"the response moved at {'; '.join(parts)}{doubt}"
+
+
+def _span(band: MovedBand) -> str:
+    low, high = f"{band.low_hz:.4g}", f"{band.high_hz:.4g}"
+    return low if low == high else f"{low}-{high}"
 
 
 def compare_responses(
