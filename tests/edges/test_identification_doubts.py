@@ -4,13 +4,16 @@ import numpy as np
 import pytest
 
 from middeck.errors import FitError
-from middeck.identification.fit.doubts import doubts_of_model
+from middeck.identification.fit.doubts import doubts_of_deviations, doubts_of_model
 from middeck.identification.fit.fit_response import fit_response
+from middeck.identification.measurement_model import MeasurementModel
 from middeck.identification.spectra import estimate_response
+from middeck.identification.uncertainty.covariance import as_exact
 from middeck.systems.excitation import random_multisine
 from middeck.systems.modal import ModalSystem
 from middeck.systems.ports import Port
 from middeck.systems.record import Record
+from middeck.systems.response import FrequencyResponse
 from middeck.systems.sampling import sample_plant
 from middeck.systems.simulation import find_periodic_state, simulate
 
@@ -77,3 +80,22 @@ def test_a_model_worse_than_none_is_refused(shaken):
     with pytest.raises(FitError, match="3 times the response") as caught:
         doubts_of_model(measured, np.array([3.0]), 1.0, 9.0)
     assert caught.value.where == "output tip"
+
+
+def test_modes_outside_the_band_are_one_sentence_and_narrow_ones_no_doubt_of_samples():
+    """Poles 20 and 0.1 Hz outside of 1 to 10 Hz, one of 5 Hz that is narrower than the lines are apart."""
+    omega = 2.0 * np.pi * np.array([20.0, 5.0, 0.1])
+    poles = omega * (-1e-4 + 1j)
+    ports, one, zero = ((Port("u", "N"),), (Port("y", "m"),)), np.ones((1, 3)), np.zeros((1, 1))
+    model = MeasurementModel(poles, one + 0j, one.T + 0j, zero, zero, np.zeros(1), *ports)
+    known = as_exact(model)
+    lines = np.arange(1.0, 10.0, 0.1)
+    H = np.ones((len(lines), 1, 1), complex)
+    measured = FrequencyResponse(lines, H, *ports, variance=np.ones(H.shape))
+    of_lines = doubts_of_deviations(measured, known)
+    assert [w for w in of_lines if "outside" in w] == [
+        "modes at 0.1, 20 Hz: they lie outside the band 1-9.9 Hz, and stand for whatever is there"
+    ]
+    assert any("half-power" in w for w in of_lines)
+    of_samples = doubts_of_deviations(measured, known, of_samples=True)
+    assert of_samples == [w for w in of_lines if "half-power" not in w]

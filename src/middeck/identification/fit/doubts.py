@@ -69,12 +69,18 @@ def doubts_of_model(
     ]
 
 
-def doubts_of_deviations(measured: FrequencyResponse, covariance: ModelCovariance) -> list[str]:
-    """Where a stated deviation is not to be trusted, and why."""
+def doubts_of_deviations(
+    measured: FrequencyResponse, covariance: ModelCovariance, *, of_samples: bool = False
+) -> list[str]:
+    """Where a stated deviation is not to be trusted, and why.
+
+    ``of_samples``: the samples of a record were fitted, with their transient. A mode that is narrower than
+    the lines are apart then rings on in all samples, and hangs on no single line.
+    """
     return [
         *_doubts_of_variance(measured, covariance),
         *_doubts_of_delays(covariance),
-        *_doubts_of_modes(measured, covariance),
+        *_doubts_of_modes(measured, covariance, of_samples=of_samples),
     ]
 
 
@@ -106,34 +112,50 @@ def _doubts_of_delays(covariance: ModelCovariance) -> list[str]:
     return found
 
 
-def _doubts_of_modes(measured: FrequencyResponse, covariance: ModelCovariance) -> list[str]:
-    f, zeta = natural_hz(covariance.model), damping_ratio(covariance.model)
+def _doubts_of_modes(
+    measured: FrequencyResponse, covariance: ModelCovariance, *, of_samples: bool
+) -> list[str]:
+    """Modes in rising frequency; those outside the band together in one sentence."""
+    f = natural_hz(covariance.model)
     of = uncertainty_of(covariance)
     lines = measured.frequency_hz
-    found: list[str] = []
-    for m in distinct_poles(covariance.model):
-        mode = f"mode at {f[m]:.4g} Hz"
-        if of.natural_hz[m] > HALF * f[m]:
-            found.append(f"{mode}: its frequency has a deviation of {of.natural_hz[m]:.3g} Hz: not known")
-        if not covariance.model.is_pair[m]:
-            continue
-        if not lines[0] <= f[m] <= lines[-1]:
-            found.append(
-                f"{mode}: it lies outside the band {lines[0]:.4g}-{lines[-1]:.4g} Hz, and stands for "
-                "whatever is there"
-            )
-            continue
-        near = np.clip(np.searchsorted(lines, f[m]), 1, max(len(lines) - 1, 1))
-        spacing, width = lines[near] - lines[near - 1], 2.0 * zeta[m] * f[m]
-        if width < spacing:
-            found.append(
-                f"{mode}: its half-power width of {width:.3g} Hz is less than the {spacing:.3g} Hz between "
-                "lines, so that its damping hangs on one or two of them; use a longer period"
-            )
-        if of.damping[m] > HALF * zeta[m]:
-            found.append(
-                f"{mode}: its damping of {zeta[m]:.2%} has a deviation of {of.damping[m]:.2%}: not known"
-            )
+    poles = sorted(distinct_poles(covariance.model), key=lambda m: f[m])
+    unknown = [m for m in poles if of.natural_hz[m] > HALF * f[m]]
+    beyond = [m for m in poles if covariance.model.is_pair[m] and not lines[0] <= f[m] <= lines[-1]]
+    found = [
+        f"mode at {f[m]:.4g} Hz: its frequency has a deviation of {of.natural_hz[m]:.3g} Hz: not known"
+        for m in unknown
+        if m not in beyond
+    ]
+    if beyond:
+        places = ", ".join(f"{f[m]:.4g}" for m in beyond)
+        one = len(beyond) == 1
+        found.append(
+            f"mode{'' if one else 's'} at {places} Hz: {'it lies' if one else 'they lie'} outside the band "
+            f"{lines[0]:.4g}-{lines[-1]:.4g} Hz, and stand{'s' if one else ''} for whatever is there"
+        )
+    within = [m for m in poles if covariance.model.is_pair[m] and m not in beyond and m not in unknown]
+    for m in within:
+        found += _doubts_of_damping(measured, covariance, m, of_samples=of_samples)
+    return found
+
+
+def _doubts_of_damping(
+    measured: FrequencyResponse, covariance: ModelCovariance, m: int, *, of_samples: bool
+) -> list[str]:
+    """Of one mode within the band."""
+    f, zeta = natural_hz(covariance.model)[m], damping_ratio(covariance.model)[m]
+    lines, deviation = measured.frequency_hz, uncertainty_of(covariance).damping[m]
+    mode, found = f"mode at {f:.4g} Hz", list[str]()
+    near = np.clip(np.searchsorted(lines, f), 1, max(len(lines) - 1, 1))
+    spacing, width = lines[near] - lines[near - 1], 2.0 * zeta * f
+    if width < spacing and not of_samples:
+        found.append(
+            f"{mode}: its half-power width of {width:.3g} Hz is less than the {spacing:.3g} Hz between "
+            "lines, so that its damping hangs on one or two of them; use a longer period"
+        )
+    if deviation > HALF * zeta:
+        found.append(f"{mode}: its damping of {zeta:.2%} has a deviation of {deviation:.2%}: not known")
     return found
 
 

@@ -180,7 +180,7 @@ def _result(record: Record, data: Data, run: RecordRun, sample_hz: float | None,
         for port, left in zip(record.outputs, error, strict=True)
         if left > LEFT
     ]
-    warnings += doubts_of_deviations(lines, covariance)
+    warnings += doubts_of_deviations(lines, covariance, of_samples=True)
     return FitResult(
         model,
         float(np.mean(np.abs(r) ** 2 / run.variance)),
