@@ -96,6 +96,24 @@ def test_the_accuracy_of_a_test_is_printed(tmp_path: Path):
     assert "expected of a fit" in run(*MULTISINE, *wanted)
 
 
+def test_units_and_files_are_told(tmp_path: Path):
+    said = run(*MULTISINE, "--rms", 1, "--unit", "V", "--name", "a", "-o", tmp_path / "a.csv")
+    assert all(word in said for word in ("rms [V]", "slew [V/s]", f"wrote {tmp_path / 'a.csv'}"))
+    names = ["--inputs", 2, "--name", "a", "--name", "b", "-o", tmp_path / "b.npz"]
+    assert "wrote" in run(*MULTISINE, "--rms", 1, *names)
+    with np.load(tmp_path / "b.npz") as archive:
+        assert archive["input_names"].tolist() == ["a", "b"]
+    with pytest.raises(ConfigError, match=r"1 names for 2 inputs(.|\n)*--name a,b"):
+        run(*MULTISINE, "--rms", 1, "--inputs", 2, "--name", "a", "-o", tmp_path / "c.npz")
+
+
+def test_an_article_is_no_measurement_model(tmp_path: Path):
+    article = tmp_path / "article.toml"
+    article.write_text("[article]\n")
+    with pytest.raises(ConfigError, match=r"no measurement model(.|\n)*identify -o"):
+        run(*MULTISINE, "--rms", 1, "--model", article, "--noise", 1)
+
+
 @pytest.mark.parametrize(
     "arguments",
     [

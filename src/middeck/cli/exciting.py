@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
@@ -73,6 +74,13 @@ def design(settings: ExciteSettings) -> Excitation:
 
 def expect(made: Excitation, model_file: str, noise_rms: tuple[float, ...], periods: int) -> ExpectedAccuracy:
     """The accuracy of a test of the model in a file."""
+    if Path(model_file).suffix.lower() == ".toml":
+        raise ConfigError(
+            "a TOML file is no measurement model",
+            where=f"--model {model_file}",
+            hint="a JSON file of middeck identify -o; or a guess, by write_model: "
+            "docs/how-to/from-a-record-to-a-plant.md",
+        )
     model = load_model(model_file)
     if len(noise_rms) not in (1, len(model.outputs)):
         raise ConfigError(

@@ -40,11 +40,11 @@ Examples:
 @click.option("--realisations", type=int, help="Independent sets of experiments.")
 @click.option("--periods", type=int, help="Periods of each experiment.  [default: 1]")
 @click.option("--seed", type=int, help="Of all that is random.  [default: 0]")
-@click.option("--model", "model_file", metavar="MODEL.json", help="What is thought to be there.")
+@click.option("--model", "model_file", metavar="MODEL.json", help="What is thought to be there: identify -o.")
 @click.option(
     "--noise", "noise_rms", type=options.Numbers(), help="Rms of each output's noise, with --model."
 )
-@click.option("--name", "names", multiple=True, metavar="NAME", help="Name of each input.")
+@click.option("--name", "names", multiple=True, metavar="NAME", help="Of each input: repeat it, or A,B.")
 @click.option("--unit", default="N m", show_default=True, help="Unit of the inputs.")
 @click.option(
     "-o",
@@ -86,10 +86,16 @@ def verb(
     written: tuple[Any, ...] = ()
     if command_file is not None:
         named = options.separate_names(names) or _numbered(settings.inputs)
+        if len(named) != settings.inputs:
+            raise ConfigError(
+                f"{len(named)} names for {settings.inputs} inputs",
+                where="--name",
+                hint="one for each: --name a --name b, or --name a,b",
+            )
         ports = [Port(name, unit) for name in named]
         written = write_command(command_file, made, settings.periods, ports)
-    document = describe(made, settings, expected) | {"files": [str(path) for path in written]}
-    show(as_json, document, *_tables(document))
+    document = describe(made, settings, expected) | {"unit": unit, "files": [str(p) for p in written]}
+    show(as_json, document, *_tables(document), *(f"wrote {path}" for path in written))
 
 
 def _numbered(inputs: int) -> tuple[str, ...]:
@@ -135,16 +141,20 @@ def _accuracy(expected: ExpectedAccuracy) -> dict[str, Any]:
 
 
 def _tables(document: dict[str, Any]) -> list[str | Table]:
+    unit = f"[{document['unit']}]"
     rows = [
         [str(i + 1), *(f"{document[key][i]:.4g}" for key in ("rms", "peak", "crest_factor", "slew"))]
         for i in range(len(document["rms"]))
     ]
-    head = f"{document['experiments']} x {document['periods']} periods of {document['period_s']:g} s: "
+    many = "" if document["periods"] == 1 else "s"
+    head = f"{document['experiments']} x {document['periods']} period{many} of {document['period_s']:g} s: "
     head += f"{document['duration_s']:g} s"
     blocks: list[str | Table] = [
         document["what"],
         head,
-        Table("inputs", ["input", "rms", "peak", "crest", "slew"], rows),
+        Table(
+            "inputs", ["input", f"rms {unit}", f"peak {unit}", "crest", f"slew [{document['unit']}/s]"], rows
+        ),
     ]
     expected = document["expected"]
     if expected is not None:
@@ -158,7 +168,7 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
             for name, error in expected["error"].items()
         ]
         blocks += [
-            Table("expected of a fit", ["Hz", "+-", "damping", "+-"], modes),
-            Table("expected of outputs", ["output", "delay +- ms", "error"], outputs),
+            Table("expected of a fit", ["mode Hz", "+- Hz", "damping", "+-"], modes),
+            Table("expected of outputs", ["output", "delay +- ms", "error of response"], outputs),
         ]
     return blocks
