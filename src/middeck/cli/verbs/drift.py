@@ -68,8 +68,8 @@ def verb(
 
     BEFORE and AFTER are records as identify takes them; both are fitted with one order, and every mode's
     move is judged by the deviations of both fits. Where both have two periods or more, their responses are
-    compared line by line as well. BEFORE may be a MODEL.json of identify: has the article left the model? A
-    model without the covariance of a fit is taken as exact. --set takes what it takes of identify.
+    compared line by line as well. BEFORE may be a MODEL.json of identify: has the article left the model? AFTER
+    is then fitted as the model was; a model without the covariance of a fit is taken as exact. --set takes what it takes of identify.
     """
     from middeck.cli.settings import FitSettings, settle
 
@@ -84,14 +84,14 @@ def compare(before: str, after: str, settings: FitSettings, level: float) -> dic
     """The JSON document of a comparison."""
     from middeck.cli.blame import reading
     from middeck.cli.fitting import identify
+    from middeck.cli.kinds import alike
     from middeck.files.models import load_fitted
     from middeck.identification.uncertainty.covariance import as_exact
     from middeck.identification.uncertainty.drift import compare_fits
 
     if before.endswith(".json"):
         model, covariance = load_fitted(before)
-        kind = {"sampled": model.sample_hz is not None, "states": settings.states or model.states}
-        second = identify([after], settings.model_copy(update=kind))
+        second = identify([after], alike(settings, model, covariance))
         with reading(before, after):
             found = compare_fits(covariance or as_exact(model), second.fit.covariance, level=level)
         warnings = second.warnings if covariance is not None else (*second.warnings, f"{before}: {EXACT}")
