@@ -20,9 +20,11 @@ from middeck.identification.fit.layout import Layout
 from middeck.identification.fit.refine import Step
 
 # Least decay rate of a pole outside the band, as a share of its distance. Complex constants follow in phase
-# what that changes, which leaves its square, 1e-4 of their term at most; real ones cannot, and theirs is
-# changed by 2e-4. No mode of 1 % damping is so near the axis, however far outside.
-LEAST_DECAY_COMPLEX, LEAST_DECAY_REAL = 0.01, 0.02
+# what that changes, which leaves its square: of a continuous model 1e-4 of the term at most, so that no mode
+# of 1 % damping is held, however far outside. Between the band and half the sampling rate a sampled model
+# has no room for far modes, and what noise asks for ends there: it is held farther off. Real constants
+# follow nothing and are changed by 2e-4.
+LEAST_DECAY_COMPLEX, LEAST_DECAY_SAMPLED, LEAST_DECAY_REAL = 0.01, 0.25, 0.02
 # The least of all, as a share of the lowest line, and the most, as a multiple of the highest.
 SLOWEST, FASTEST = 1e-9, 1e3
 # A sampled pole that decays by exp(-30) in a period is at zero. A pair stays so close to pi / T.
@@ -42,7 +44,8 @@ def bound_theta(layout: Layout, data: Data, theta: Vector) -> Vector:
     )
     omega = np.concatenate([np.exp(found[modes : modes + pairs]), layout.fixed_imag[pairs:]])
     outside = np.maximum(np.maximum(first - omega, omega - last), 0.0)
-    share = LEAST_DECAY_REAL if layout.real_constants else LEAST_DECAY_COMPLEX
+    of_complex = LEAST_DECAY_SAMPLED if T else LEAST_DECAY_COMPLEX
+    share = LEAST_DECAY_REAL if layout.real_constants else of_complex
     least = np.maximum(share * outside, SLOWEST * first)
     most = DEADBEAT / T if T else FASTEST * last
     found[:modes] = np.clip(theta[:modes], np.log(least), np.log(np.maximum(most, least)))

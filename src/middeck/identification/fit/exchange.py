@@ -44,6 +44,19 @@ def grown(data: Data, options: Options, best: Polished, spread: Spread) -> Start
     return _with_peak(at_best, options, best, np.arange(len(best.layout.pair)))
 
 
+def shrunk(data: Data, options: Options, best: Polished, spread: Spread) -> Start | None:
+    """``best`` without the pair that is missed least; None where it has no two."""
+    layout = best.layout
+    if layout.pairs < 2:
+        return None
+    at_best = dataclasses.replace(data, weight=1.0 / np.sqrt(spread.at(best.share)))
+    point = unpack(layout, best.refined.theta)
+    kept = np.delete(np.arange(len(layout.pair)), np.argmin(missed_modes(at_best, best)[: layout.pairs]))
+    pair = np.asarray(layout.pair)[kept]
+    vectors = None if layout.full or layout.rigid_pivot else point.b[kept]
+    return start_at(at_best, options, point.poles[kept], pair, point.delay_s, vectors)
+
+
 def missed_modes(data: Data, best: Polished) -> Float[np.ndarray, " mode"]:
     """By how much the cost rises without each mode, the other linear unknowns solved for again."""
     layout = best.layout

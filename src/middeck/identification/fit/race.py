@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
-from itertools import islice
 
 import numpy as np
 
 from middeck.errors import FitError
 from middeck.identification.fit.data import Data
 from middeck.identification.fit.design import residual_of
-from middeck.identification.fit.exchange import exchanges, grown
+from middeck.identification.fit.exchange import exchanges, grown, shrunk
 from middeck.identification.fit.order import OrderChoice, Tried, choose, description_length, is_settled, sizes
 from middeck.identification.fit.polish import Polished, polish
 from middeck.identification.fit.refine import weighted
-from middeck.identification.fit.start import Options, Start, starts
+from middeck.identification.fit.start import Options, Start, few_starts, starts
 from middeck.identification.fit.thinning import take_lines, thin_lines
 from middeck.identification.fit.weights import Spread
 from middeck.systems.response import FrequencyResponse
@@ -31,8 +30,6 @@ EXCHANGE_GAIN = 1.0
 MOST_TURNS = 6
 # Steps on half of the lines, from the model on all of them.
 HELD_OUT_STEPS = 3
-# Starts of each order when orders are compared, beside the one grown from the order before.
-ORDER_STARTS = 1
 
 
 def race(data: Data, spread: Spread, options: Options) -> Polished:
@@ -109,28 +106,54 @@ def recommend_states(
 ) -> OrderChoice:
     """The order of the shortest description, each from the best of a few starts and of the order before."""
     part, some = _some_lines(data, spread, options)
-    tried: list[Tried] = []
+    runs: dict[int, tuple[Tried, Polished]] = {}
+
+    def judge(run: Polished) -> Tried:
+        states = _states(run)
+        unknowns = count_unknowns(measured, dataclasses.replace(options, states=states))
+        length = description_length(run.likelihood, unknowns, 2 * part.H.size)
+        runs[states] = Tried(states, length, _held_out(data, part, some, run)), run
+        return runs[states][0]
+
     best: Polished | None = None
     for states in sizes():
         sized = dataclasses.replace(options, states=states)
-        unknowns = count_unknowns(measured, sized)
-        if 2 * unknowns > part.H.size:
+        if 2 * count_unknowns(measured, sized) > part.H.size:
             break
-        started: list[tuple[Start, float | None]] = []
-        started += [(start, None) for start in islice(starts(part, sized), ORDER_STARTS)]
-        if best is not None and (larger := _grown(part, some, sized, best)) is not None:
-            started.append(larger)
-        best = _heats(part, some, started) or best
+        best = _heats(part, some, _started(part, some, sized, best)) or best
         if best is None or _states(best) != states:
             continue
         best = _as_long_as_it_tells(part, some, best)
-        length = description_length(best.likelihood, unknowns, 2 * part.H.size)
-        tried.append(Tried(states, length, _held_out(data, part, some, best)))
-        if is_settled([t.length for t in tried]):
+        judge(best)
+        if is_settled([t.length for t, _ in runs.values()]):
             break
-    if not tried:
+    if not runs:
         raise FitError("no order could be fitted", hint="a wider band or a longer period")
-    return choose(tried)
+    shortest, best = min(runs.values(), key=lambda of: of[0].length)
+    while shortest.states != max(runs) and shortest.states - 2 not in runs:
+        start = shrunk(part, dataclasses.replace(options, states=shortest.states - 2), best, some)
+        best = (
+            None if start is None else polish(part, start, some, steps=FEW_STEPS, rounds=1, share=best.share)
+        )
+        if best is None:
+            break
+        best = _as_long_as_it_tells(part, some, best)
+        smaller = judge(best)
+        if smaller.length >= shortest.length:
+            break
+        shortest = smaller
+    return choose([runs[states][0] for states in sorted(runs)])
+
+
+def _started(
+    part: Data, some: Spread, options: Options, best: Polished | None
+) -> list[tuple[Start, float | None]]:
+    """Starts of an order: a few, and the order before grown."""
+    started: list[tuple[Start, float | None]] = []
+    started += [(start, None) for start in _hopeful(part, list(few_starts(part, options)))]
+    if best is not None and (larger := _grown(part, some, options, best)) is not None:
+        started.append(larger)
+    return started
 
 
 def _as_long_as_it_tells(part: Data, spread: Spread, run: Polished) -> Polished:

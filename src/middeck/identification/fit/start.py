@@ -83,6 +83,19 @@ def starts(data: Data, options: Options) -> Iterator[Start]:
             yield from _own_start(data, options, rows)
 
 
+def few_starts(data: Data, options: Options) -> Iterator[Start]:
+    """A start or two that mostly do, for where many orders are compared.
+
+    Modes far below a band that is mapped to the circle need the subspace's own vectors; in a sampled model's,
+    the whole circle is even, and the first start will do.
+    """
+    sizes = REAL_SIZES if options.real_constants else COMPLEX_SIZES
+    found = _sized_poles(data, options, *sizes[0])
+    yield from () if found is None else starts_from(data, options, found)
+    if not options.real_constants and not options.period_s and _has_vectors(data, options):
+        yield from _own_start(data, options, OWN_ROWS[-1])
+
+
 def _has_vectors(data: Data, options: Options) -> bool:
     return data.drive is None and data.H.shape[2] > 1 and not options.full and not options.rigid
 
