@@ -1,4 +1,4 @@
-"""Frozen records: arrays are copied, locked and shape-checked on construction.
+"""Frozen records: arrays are copied, locked and shape-checked on construction, and shown short.
 
 A stock frozen dataclass that holds arrays fails on ``==`` and ``hash`` and leaves the arrays writable.
 ``record`` mends the three. Shapes are written in the annotation (jaxtyping); names must agree across the
@@ -21,6 +21,8 @@ import jaxtyping
 import numpy as np
 
 T = TypeVar("T")
+# Arrays of no more numbers are shown as they are.
+SHORT = 6
 
 
 @dataclass_transform(frozen_default=True)
@@ -38,7 +40,9 @@ def record(cls: type[T]) -> type[T]:
     namespace.__eq__ = _equal
     namespace.__hash__ = _hash
     namespace.__reduce__ = _reduce
-    return dataclasses.dataclass(frozen=True, eq=False)(cls)
+    if "__repr__" not in namespace.__dict__:
+        namespace.__repr__ = _shown
+    return dataclasses.dataclass(frozen=True, eq=False, repr=False)(cls)
 
 
 def _lock_arrays(self: Any) -> None:
@@ -117,6 +121,19 @@ def _same(a: Any, b: Any) -> bool:
 def _hash(self: Any) -> int:
     parts = (a.tobytes() if isinstance(a, np.ndarray) else a for a in _fields(self))
     return hash((type(self).__name__, *parts))
+
+
+def _shown(self: Any) -> str:
+    """The constructor's call, arrays of more than a few numbers by shape and kind only."""
+    fields = (f"{f.name}={_brief(getattr(self, f.name))}" for f in dataclasses.fields(self) if f.repr)
+    return f"{type(self).__qualname__}({', '.join(fields)})"
+
+
+def _brief(value: Any) -> str:
+    if isinstance(value, np.ndarray) and value.size > SHORT:
+        shape = " x ".join(map(str, value.shape))
+        return f"array({shape}) of {value.dtype}"
+    return repr(value)
 
 
 def _reduce(self: Any) -> tuple[Any, ...]:

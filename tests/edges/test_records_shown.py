@@ -1,0 +1,40 @@
+"""Records on a screen: short arrays as they are, long ones by shape and kind."""
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.values import record
+
+
+@record
+class Inner:
+    x: Float[np.ndarray, " sample"]
+
+
+@record
+class Outer:
+    name: str
+    inner: tuple[Inner, ...]
+    H: np.ndarray
+
+
+def test_long_arrays_are_shown_by_shape_and_kind() -> None:
+    shown = repr(Outer("a", (Inner(np.zeros(10_000)),), np.zeros((20, 2), complex)))
+    assert (
+        shown == "Outer(name='a', inner=(Inner(x=array(10000) of float64),), H=array(20 x 2) of complex128)"
+    )
+
+
+def test_short_arrays_are_shown_as_they_are() -> None:
+    assert repr(Inner(np.array([1.0, 2.5]))) == "Inner(x=array([1. , 2.5]))"
+
+
+def test_what_shows_itself_is_left_alone() -> None:
+    @record
+    class Own:
+        x: Float[np.ndarray, " sample"]
+
+        def __repr__(self) -> str:
+            return "mine"
+
+    assert repr(Own(np.zeros(3))) == "mine"
