@@ -68,8 +68,9 @@ def verb(
 
     BEFORE and AFTER are records as identify takes them; both are fitted with one order, and every mode's
     move is judged by the deviations of both fits. Where both have two periods or more, their responses are
-    compared line by line as well. BEFORE may be a MODEL.json of identify: has the article left the model? AFTER
-    is then fitted as the model was; a model without the covariance of a fit is taken as exact. --set takes what it takes of identify.
+    compared line by line as well. BEFORE may be a MODEL.json of identify: has the article left the model?
+    AFTER is then fitted as the model was; a model without the covariance of a fit is taken as exact. --set
+    takes what it takes of identify.
     """
     from middeck.cli.settings import FitSettings, settle
 
