@@ -16,7 +16,7 @@ from middeck.identification.fit.polish import polish
 from middeck.identification.fit.pruning import prune
 from middeck.identification.fit.race import race, recommend_states
 from middeck.identification.fit.refine import weighted
-from middeck.identification.fit.start import Start
+from middeck.identification.fit.start import Start, drive_vectors
 from middeck.identification.fit.thinning import take_lines, thin_lines
 from middeck.identification.fit.weights import Spread, spread_of
 
@@ -160,3 +160,20 @@ def test_two_inputs_and_three_outputs_ask_for_ten_states():
     by_states = {t.states: t.held_out for t in choice.tried}
     # Four modes of five leave a whole mode unexplained on lines kept out as well; five leave the noise.
     assert by_states[10] < 0.1 * by_states[8]
+
+
+def test_input_vectors_follow_from_output_vectors_where_poles_are_close():
+    """Three modes far below the band, closer than it can tell apart, and one within; a constant besides."""
+    rng = np.random.default_rng(7)
+    s = 2j * np.pi * np.geomspace(0.5, 20.0, 120)
+    poles = np.array([-0.2 + 0.30j, -0.21 + 0.31j, -0.1 + 0.33j, -0.4 + 40.0j])
+    c, b = (rng.standard_normal(n) + 1j * rng.standard_normal(n) for n in ((4, 4), (4, 3)))
+    b = b / b[np.arange(4), np.argmax(np.abs(b), axis=1)][:, None]
+    up, low = 1.0 / (s[:, None] - poles), 1.0 / (s[:, None] - poles.conj())
+    H = np.einsum("om,lm,mi->oli", c, up, b) + np.einsum("om,lm,mi->oli", c.conj(), low, b.conj())
+    data = Data(s, H + rng.standard_normal((4, 1, 3)), np.ones(H.shape))
+    measured = estimate_response(gimbal_record.multisine(0, outputs=3, inputs=2))
+    options = options_of(measured, 8, Choices(None, "complex", False, True))
+    found = drive_vectors(data, options, poles, np.ones(4, dtype=bool), c)
+    # Exact data: rounding times the condition of the close modes, some 1e6 with known output vectors.
+    np.testing.assert_allclose(found, b, atol=1e-8)
