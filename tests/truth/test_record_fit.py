@@ -162,3 +162,26 @@ def test_noise_alone_is_refused():
     noise = Record(1.0, u, y, U2[:1], Y2[:1], periodic=False)
     with pytest.raises(FitError, match="noise"):
         fit_record(noise, states=4, sampled=True, weighting="flat")
+
+
+def test_a_record_cut_from_a_long_periodic_run_takes_its_start_from_its_samples():
+    """20.3 periods of a multisine: local models give a delay of seconds, which no start may keep."""
+    rate, period = 128.0, 512
+    rng = np.random.default_rng(1)
+    f = np.fft.rfftfreq(period, 1.0 / rate)
+    on = (f >= 0.5) & (f <= 45.0)
+    s = 2j * np.pi * f
+    omega = 2.0 * np.pi * np.array([3.0, 8.5, 9.3, 22.0])
+    G = np.exp(-0.010 * s) * np.sum(1.0 / (s[:, None] ** 2 + 0.02 * omega * s[:, None] + omega**2), axis=1)
+    U = np.where(on, np.exp(2j * np.pi * rng.random(len(f))), 0.0)
+    keep = slice(150, 150 + int(20.3 * period))
+    u, y = (np.tile(np.fft.irfft(X, n=period), 22)[keep] for X in (U, U * G))
+    y = y + 0.01 * y.std() * rng.standard_normal(y.shape)
+    ports = (Port("torque", "N m"),), (Port("angle", "rad"),)
+    taken = Record(rate, u[None, None, :, None], y[None, None, :, None], *ports, periodic=False)
+    fitted = fit_record(taken, states=8, band_hz=(0.5, 45.0))
+    deviation = fitted.uncertainty.natural_hz
+    order = np.argsort(natural_hz(fitted.model))
+    off = np.abs(natural_hz(fitted.model)[order] - omega / (2.0 * np.pi))
+    assert np.all(off < 4.0 * deviation[order])
+    assert abs(fitted.model.delay_s[0] - 0.010) < 4.0 * fitted.uncertainty.delay_s[0]

@@ -8,11 +8,11 @@ follows them; then subspaces of its samples (`starts`), which need no lines, rac
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
-from middeck.errors import FitError
+from middeck.errors import DataError, FitError
 from middeck.identification.fit.data import Data, Transient
 from middeck.identification.fit.fit_response import FitResult
 from middeck.identification.fit.layout import Layout, Point, pack, unpack
@@ -28,6 +28,11 @@ from middeck.systems.record import Record
 SHORT = 8192
 # Rounds of noise and search, and steps of each, of the last refinement.
 ROUNDS, STEPS = 4, 60
+# Samples left free at a record's beginning, at most: a search solves for them at each step, by dense algebra.
+# Longer delays are better taken out beforehand.
+MOST_FREE = 512
+# A fit of local models that leaves more of the response may have missed a mode.
+POOR = 0.1
 # Steps after which the other kind of noise is compared.
 FIRST_STEPS = 3
 
@@ -46,33 +51,56 @@ def fit_continuous(
     ``local`` fits an estimate of the response, for ``states`` or (None) for as many as that asks for.
     """
     short = data.H.shape[2] * record.u.shape[1] * record.u.shape[2] <= SHORT
-    first: FitResult | None = None
-    failed: FitError | None = None
-    if states is not None or not short:
-        try:
-            first = local()
-        except FitError as error:
-            failed = error
-    starts = [] if first is None else [_start_of(first)]
+    first, failed = (None, None) if short and states is None else _attempt(local)
+    starts = [] if first is None else _prompt(record, [_start_of(first)])
     reason = "" if first is None else first.order_reason
-    if short or first is None:
+    found = _led(record, data, starts, weighting)
+    if short or found is None or first is None or float(np.max(first.error)) > POOR:
         past = past_of(record, data)
-        if states is None:
+        if states is None and (short or first is None):
             states, reason = _choose_order(record, data, options, past)
-        options = dataclasses.replace(options, states=states)
-        starts += list(continuous_starts(past, data, options))
-    if not starts:
+        elif states is None and first is not None:
+            states = first.model.states
+        options = dataclasses.replace(options, states=states or options.states)
+        starts += _prompt(record, continuous_starts(past, data, options))
+        found = _led(record, data, starts, weighting)
+    if found is None:
         raise failed or _no_start()
-    data = dataclasses.replace(data, transient=_edges(record, starts))
-    best = leader(data, starts, weighting or "output")
-    if best is None:
-        raise _no_start()
+    data, best = found
     data = dataclasses.replace(data, transient=_edges(record, [Start(best.layout, best.refined.theta)]))
     return data, _settled(data, best, weighting), reason
 
 
+def _attempt(local: Callable[[], FitResult]) -> tuple[FitResult | None, FitError | DataError | None]:
+    """Lines that no local model can tell apart are no reason to give up the samples."""
+    try:
+        return local(), None
+    except (FitError, DataError) as error:
+        return None, error
+
+
+def _prompt(record: Record, starts: Iterable[Start]) -> list[Start]:
+    """Those whose delays leave no more samples free than can be solved for."""
+    most = MOST_FREE / record.sample_hz
+    return [s for s in starts if float(unpack(s.layout, s.theta).delay_s.max()) < most]
+
+
+def _led(
+    record: Record, data: Data, starts: Sequence[Start], weighting: Weighting | None
+) -> tuple[Data, RecordRun] | None:
+    """The likeliest of the starts, with the data whose free samples suit them."""
+    if not starts:
+        return None
+    data = dataclasses.replace(data, transient=_edges(record, starts))
+    best = leader(data, list(starts), weighting or "output")
+    return None if best is None else (data, best)
+
+
 def _no_start() -> FitError:
-    return FitError("no start could be refined on the record", hint="fewer states, or a longer record")
+    return FitError(
+        "no start could be refined on the record",
+        hint="fewer states, a longer record, or --band of what is driven; take out a delay of many samples",
+    )
 
 
 def _settled(data: Data, best: RecordRun, weighting: Weighting | None) -> RecordRun:
@@ -93,7 +121,7 @@ def _choose_order(record: Record, data: Data, options: Options, past: PastOfReco
     for states in sizes():
         if not enough_samples(record, states):
             break
-        starts = list(continuous_starts(past, data, dataclasses.replace(options, states=states)))
+        starts = _prompt(record, continuous_starts(past, data, dataclasses.replace(options, states=states)))
         if not starts:
             continue
         edged = dataclasses.replace(data, transient=_edges(record, starts))
