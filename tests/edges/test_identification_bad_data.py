@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from middeck.errors import DataError, FitError
-from middeck.identification import estimate_response, fit_response, nrmse
+from middeck.identification import estimate_response, fit_response, natural_hz, nrmse
 from middeck.systems.ports import Port
 from middeck.systems.record import Record
 from middeck.systems.response import FrequencyResponse
@@ -206,3 +206,34 @@ def test_a_delay_of_whole_periods_cannot_be_seen():
     late = fit_response(noisy(a_mode(F, delay_s=10.02), 1e-3), states=2).model
     # 0.1 % noise on 199 lines: far below a millisecond.
     assert late.delay_s[0] == pytest.approx(0.02, abs=1e-3)
+
+
+def test_an_output_whose_lead_is_no_small_one_is_refused():
+    """y2 is 10 ms late and has no mode; real modal constants of y1's modes follow it only with a lead."""
+    f = np.arange(0.1, 40.0, 0.05)
+    s = 2j * np.pi * f
+    modes = sum(g / (s**2 + 0.02 * w * s + w**2) for g, w in ((1.0, 18.8), (0.5, 53.4)))
+    H = np.stack([modes * np.exp(-0.01 * s), 2e-3 * np.exp(-0.01 * s)], axis=1)[:, :, None]
+    rng = np.random.default_rng(0)
+    size = 0.01 * np.sqrt(np.mean(np.abs(H) ** 2, axis=0, keepdims=True))
+    noise = (rng.standard_normal((*H.shape, 2)) @ np.array([1.0, 1j])) * size / np.sqrt(2.0)
+    ports = (Port("force", "N"),), (Port("y1", "m"), Port("y2", "m"))
+    measured = FrequencyResponse(f, H + noise, *ports, np.broadcast_to(size**2, H.shape).copy())
+    with pytest.raises(FitError, match="leads its input"):
+        fit_response(measured, states=4)
+
+
+def test_an_acceleration_takes_complex_constants():
+    """Real ones would be 30 deviations off in the delay that they find, and not say so."""
+    f = np.arange(0.1, 40.0, 0.05)
+    s = 2j * np.pi * f
+    H = s**2 * sum(g / (s**2 + 0.02 * w * s + w**2) for g, w in ((1.0, 18.8), (0.5, 53.4), (-0.8, 138.2)))
+    size = 0.01 * np.sqrt(np.mean(np.abs(H) ** 2))
+    noise = np.random.default_rng(1).standard_normal((len(f), 2)) @ np.array([1.0, 1j]) * size / np.sqrt(2.0)
+    ports = (Port("force", "N"),), (Port("tip", "m/s^2"),)
+    measured = FrequencyResponse(f, (H + noise)[:, None, None], *ports, np.full((len(f), 1, 1), size**2))
+    fitted = fit_response(measured, states=6)
+    found = np.sort(natural_hz(fitted.model))
+    # A hundredth of the half-power bandwidth of 1 % damping.
+    assert found == pytest.approx(np.array([18.8, 53.4, 138.2]) / (2.0 * np.pi), rel=2e-4)
+    assert not fitted.model.delay_s.any()

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from typing import Literal
 
 from middeck.errors import ConfigError
 from middeck.identification.fit.start import Options
+from middeck.systems.ports import Port
 from middeck.systems.response import FrequencyResponse
 from middeck.values import record
 
@@ -29,7 +32,7 @@ class Choices:
 
 def options_of(measured: FrequencyResponse, states: int, choices: Choices) -> Options:
     """The options of the search; raises `ConfigError` for a combination that has no meaning."""
-    real = (choices.constants or ("real" if choices.sample_hz is None else "complex")) == "real"
+    real = (choices.constants or usual_constants(measured.outputs, choices.sample_hz)) == "real"
     outputs, inputs = measured.H.shape[1:]
     _check_sampled(measured, choices, real=real)
     _check_rigid(choices, min(outputs, inputs))
@@ -53,6 +56,20 @@ def options_of(measured: FrequencyResponse, states: int, choices: Choices) -> Op
         choices.delay if isinstance(choices.delay, str) else "output",
         choices.relative_degree == 2 and not real,
     )
+
+
+def usual_constants(outputs: Sequence[Port], sample_hz: float | None) -> Constants:
+    """Real ones of relative degree two, but for a sampled model and for rates and accelerations.
+
+    >>> usual_constants([Port("tip", "m")], None), usual_constants([Port("tip", "m/s^2")], None)
+    ('real', 'complex')
+    """
+    return "complex" if sample_hz is not None or any(is_rate(p) for p in outputs) else "real"
+
+
+def is_rate(port: Port) -> bool:
+    """Whether the unit is that of a velocity or an acceleration: no modal constant of degree two fits it."""
+    return port.unit.strip() in ("g", "gn", "g0") or bool(re.search(r"/\s*s(\^?2|²)?$", port.unit.strip()))
 
 
 def _check_sampled(measured: FrequencyResponse, choices: Choices, *, real: bool) -> None:

@@ -6,7 +6,12 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import FitError
-from middeck.identification.measurement_model import damping_ratio, natural_hz
+from middeck.identification.measurement_model import (
+    MeasurementModel,
+    damping_ratio,
+    model_response,
+    natural_hz,
+)
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.parameters import Uncertainty, distinct_poles, uncertainty_of
 from middeck.identification.uncertainty.unknowns import places_of
@@ -24,6 +29,9 @@ HALF = 0.5
 CONFOUNDED = 1e4
 # Least squares leave no more than the response itself; twice that means that the search has failed.
 FAILED = 2.0
+# A lead is only a little one if the model without it leaves no more than this many times as much.
+LEAD_COST = 2.0
+BEYOND = "of a velocity or an acceleration, take constants='complex'; with modes beyond the band, residuals"
 
 
 def doubts_of_record(measured: FrequencyResponse) -> list[str]:
@@ -170,7 +178,7 @@ def causal_delay(
             raise FitError(
                 f"the output leads its input by {-tau:.6g} s",
                 where=f"output {name}",
-                hint="check which channel is the input, and that the period is more than twice the delay",
+                hint=f"check which channel is the input, and that the period is long enough; {BEYOND}",
             )
         if tau < 0.0:
             warnings.append(
@@ -178,3 +186,26 @@ def causal_delay(
                 " its delay is set to zero"
             )
     return np.maximum(delay_s, 0.0), warnings
+
+
+def refuse_a_lead(measured: FrequencyResponse, found: MeasurementModel, model: MeasurementModel) -> None:
+    """`FitError` where ``found`` follows an output that leads, and ``model``, without the lead, does not."""
+    left, kept = (
+        np.sum(np.abs(model_response(m, measured.frequency_hz) - measured.H) ** 2, axis=(0, 2))
+        for m in (found, model)
+    )
+    size = size_of(measured)
+    worse = (kept > LEAD_COST**2 * left) & (kept > LEFT**2 * size)
+    lost = (found.delay_s < 0.0) & (worse | (kept > size))
+    if lost.any():
+        o = int(np.argmax(lost))
+        raise FitError(
+            f"the output leads its input by {-found.delay_s[o]:.6g} s, and no model follows without",
+            where=f"output {measured.outputs[o].name}",
+            hint=f"leave the output out; {BEYOND}",
+        )
+
+
+def size_of(measured: FrequencyResponse) -> Float[np.ndarray, " output"]:
+    """Sum of |H|^2 of each output."""
+    return np.sum(np.abs(measured.H) ** 2, axis=(0, 2))

@@ -17,6 +17,7 @@ from middeck.identification.fit.doubts import (
     doubts_of_deviations,
     doubts_of_model,
     doubts_of_record,
+    refuse_a_lead,
 )
 from middeck.identification.fit.fitted_model import model_of
 from middeck.identification.fit.likelihood import likelihood_polish
@@ -107,7 +108,8 @@ def fit_response(
     constants:
         "real": each residue is that of a mode driven by a force and seen as a displacement (relative
         degree two), which makes a delay identifiable; the default in continuous time. "complex": any
-        residue; the default, and all there is, for a sampled model.
+        residue; the default where the unit of an output is that of a rate or an acceleration, and all there
+        is for a sampled model.
     delay:
         Whether each "output" (or True), each "path" or all of them in "common" have a delay; by default each
         output, with real constants only. Complex constants take up a short delay themselves, so that the two
@@ -182,6 +184,7 @@ def _result(measured: FrequencyResponse, best: Polished, spread: Spread, reason:
     r = np.abs(model_response(model, measured.frequency_hz) - measured.H) ** 2
     if not np.isfinite(r).all():
         raise FitError("the fitted response is not finite", hint="fewer states")
+    refuse_a_lead(measured, found, model)
     error = np.sqrt(np.sum(r, axis=(0, 2)) / np.sum(np.abs(measured.H) ** 2, axis=(0, 2)))
     if not best.refined.converged:
         warnings.append(f"the search had not settled after {len(best.refined.history)} steps")
