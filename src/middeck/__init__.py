@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from middeck.errors import MiddeckError
     from middeck.files.documents import load_case, load_environment, load_structure
     from middeck.files.measured_modes import load_measured_modes, write_measured_modes
-    from middeck.files.models import load_model, write_compensator, write_model
+    from middeck.files.models import load_fitted, load_model, write_compensator, write_model
     from middeck.files.records import (
         load_campaign,
         load_record,
@@ -38,7 +38,8 @@ if TYPE_CHECKING:
     from middeck.identification.faults.detect import detect_faults
     from middeck.identification.fit.fit_response import fit_response
     from middeck.identification.fit.stabilisation import stabilisation
-    from middeck.identification.measurement_model import model_response
+    from middeck.identification.measurement_model import MeasurementModel, model_response
+    from middeck.identification.plants.delays import merge_delays
     from middeck.identification.plants.measured_plant import measured_plant, sampled_plant
     from middeck.identification.plants.modal_parameters import modal_parameters
     from middeck.identification.plants.pole_zero_gain import from_pole_zero_gain, pole_zero_gain
@@ -124,6 +125,7 @@ _ROOM = {
     "LQGWeights": "control.lqg",
     "Limits": "systems.excitation.limits",
     "MeasuredModes": "structure.correlation.measured_modes",
+    "MeasurementModel": "identification.measurement_model",
     "MeasurementNoise": "structure.correlation.measured_modes",
     "MiddeckError": "errors",
     "PDLoops": "control.classical",
@@ -181,6 +183,7 @@ _ROOM = {
     "load_campaign": "files.records",
     "load_case": "files.documents",
     "load_environment": "files.documents",
+    "load_fitted": "files.models",
     "load_measured_modes": "files.measured_modes",
     "load_model": "files.models",
     "load_record": "files.records",
@@ -194,6 +197,7 @@ _ROOM = {
     "measure_modes": "structure.correlation.measured_modes",
     "measure_rms": "control.performance",
     "measured_plant": "identification.plants.measured_plant",
+    "merge_delays": "identification.plants.delays",
     "minimal_model": "identification.plants.reduction",
     "modal_parameters": "identification.plants.modal_parameters",
     "model_response": "identification.measurement_model",
@@ -255,6 +259,7 @@ __all__ = [
     "LQGWeights",
     "Limits",
     "MeasuredModes",
+    "MeasurementModel",
     "MeasurementNoise",
     "MiddeckError",
     "PDLoops",
@@ -313,6 +318,7 @@ __all__ = [
     "load_campaign",
     "load_case",
     "load_environment",
+    "load_fitted",
     "load_measured_modes",
     "load_model",
     "load_record",
@@ -326,6 +332,7 @@ __all__ = [
     "measure_modes",
     "measure_rms",
     "measured_plant",
+    "merge_delays",
     "minimal_model",
     "modal_parameters",
     "model_response",

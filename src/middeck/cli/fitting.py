@@ -99,7 +99,8 @@ def _faults(taken: Record) -> list[str]:
 
 
 def _fit_record(taken: Record, settings: FitSettings, seen: tuple[str, ...]) -> Identified:
-    last_hz = settings.band_hz[1] if settings.band_hz else recognise_excitation(taken).band_hz[1]
+    band_hz = settings.band_hz or recognise_excitation(taken).band_hz
+    last_hz = band_hz[1]
     reaches = last_hz > HELD_ABOVE * taken.sample_hz
     sampled = reaches if settings.sampled is None else settings.sampled
     _refuse_for_records(settings)
@@ -113,7 +114,9 @@ def _fit_record(taken: Record, settings: FitSettings, seen: tuple[str, ...]) -> 
         residuals=settings.residuals,
     )
     warnings = (_chosen(last_hz, taken.sample_hz),) if settings.sampled is None and sampled else ()
-    return Identified(taken, None, fit, (*seen, *warnings, *fit.warnings), settings.band_hz)
+    return Identified(
+        taken, None, fit, (*seen, *warnings, *fit.warnings), settings.band_hz if sampled else band_hz
+    )
 
 
 def _refuse_for_records(settings: FitSettings) -> None:

@@ -30,6 +30,7 @@ from middeck.identification.samples.search import RecordRun, Weighting
 from middeck.identification.samples.spectra import record_data
 from middeck.identification.spectra import estimate_response
 from middeck.identification.uncertainty.parameters import uncertainty_of
+from middeck.systems.excitation import recognise_excitation
 from middeck.systems.record import Record
 from middeck.systems.response import FrequencyResponse
 
@@ -65,7 +66,7 @@ def fit_record(
         A sampled model, right for held inputs; otherwise a continuous one, whose inputs are band-limited
         between samples.
     band_hz:
-        Lines to fit: by default all those that are driven, and all of a sampled model.
+        Lines to fit: by default those of the band that the inputs drive, and all of a sampled model.
     constants, delay, direct, residuals:
         As for `fit_response`.
     weighting:
@@ -92,6 +93,8 @@ def fit_record(
     if states is not None and states < 1:
         raise ConfigError(f"a model of {states} states cannot be fitted", hint="one state or more")
     _check_length(record, 2 if states is None else states)
+    if band_hz is None and not sampled:
+        band_hz = _driven(record)
     data = record_data(record, band_hz, whole=sampled)
     if sampled:
         with_direct = direct is None or direct
@@ -108,6 +111,12 @@ def fit_record(
         )  # fmt: skip
         data, run, reason = fit_continuous(record, data, options, local, states=states, weighting=weighting)
     return _result(record, data, run, record.sample_hz if sampled else None, reason)
+
+
+def _driven(record: Record) -> tuple[float, float] | None:
+    """Where the inputs are, to a tenth of their strength: beyond, a cut record has leakage for an input."""
+    low, high = recognise_excitation(record).band_hz
+    return (low, high) if high > low else None
 
 
 def _check_length(record: Record, states: int) -> None:
