@@ -75,11 +75,6 @@ def shapes(layout: Layout, point: Point, x: Float[np.ndarray, " column"]) -> Com
     return c
 
 
-def term_poles(layout: Layout, point: Point) -> Complex[np.ndarray, " term"]:
-    """The pole of each term."""
-    return np.repeat(point.poles, layout.copies)
-
-
 def constant_terms(
     layout: Layout, point: Point, linear: Float[np.ndarray, "output column"]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

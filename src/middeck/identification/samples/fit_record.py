@@ -30,11 +30,10 @@ from middeck.identification.samples.search import RecordRun, Weighting
 from middeck.identification.samples.spectra import record_data
 from middeck.identification.spectra import estimate_response
 from middeck.identification.uncertainty.parameters import uncertainty_of
+from middeck.systems.excitation.driven import driven_band
 from middeck.systems.record import Record
 from middeck.systems.response import FrequencyResponse
 
-# Lines over which the power of the inputs is averaged, and what of the largest is still driven: 20 dB less.
-AVERAGED, FAINT = 9, 0.01
 # A model worth using explains nine tenths of the output.
 LEFT = 0.1
 
@@ -95,7 +94,8 @@ def fit_record(
         raise ConfigError(f"a model of {states} states cannot be fitted", hint="one state or more")
     _check_length(record, 2 if states is None else states)
     if band_hz is None and not sampled:
-        band_hz = _driven(record)
+        inputs = record.u.reshape(len(record.u), -1, record.u.shape[3])
+        band_hz = driven_band(inputs, record.sample_hz)
     data = record_data(record, band_hz, whole=sampled)
     if sampled:
         with_direct = direct is None or direct
@@ -112,20 +112,6 @@ def fit_record(
         )  # fmt: skip
         data, run, reason = fit_continuous(record, data, options, local, states=states, weighting=weighting)
     return _result(record, data, run, record.sample_hz if sampled else None, reason)
-
-
-def _driven(record: Record) -> tuple[float, float] | None:
-    """Where the inputs are, to a tenth of their strength: beyond, a cut record has leakage for an input.
-
-    Through a Hann window, whose leakage ends after a few lines; averaged, as each line of noise is random.
-    """
-    u = record.u.reshape(len(record.u), -1, record.u.shape[3])
-    u = (u - u.mean(axis=1, keepdims=True)) * np.hanning(u.shape[1])[:, None]
-    power = np.sum(np.abs(np.fft.rfft(u, axis=1)) ** 2 / np.sum(u**2, axis=(0, 1)), axis=(0, 2))
-    smooth = np.convolve(power, np.full(AVERAGED, 1.0 / AVERAGED), mode="same")
-    lines = np.flatnonzero(smooth > FAINT * smooth.max())
-    low, high = (float(k * record.sample_hz / u.shape[1]) for k in lines[[0, -1]])
-    return (low, high) if high > low else None
 
 
 def _check_length(record: Record, states: int) -> None:

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import DataError
+from middeck.systems.excitation.driven import driven_band
 from middeck.systems.excitation.kinds import name_kind
 from middeck.systems.excitation.repetition import Repetition, blocks_of, find_repetition
 from middeck.systems.excitation.signal import line_power
@@ -104,7 +105,7 @@ def recognise_excitation(measured: Record) -> Recognised:
 def _not_repeated(u: np.ndarray, sample_hz: float) -> Recognised:
     power = line_power(u - u.mean(axis=1, keepdims=True)).sum(axis=1)
     lines = np.flatnonzero(power > FAINTEST * power.max()) if power.any() else np.zeros(0, dtype=int)
-    band = _band(_lines_of_noise(power), u.shape[1], sample_hz)
+    band = driven_band(u, sample_hz)
     kind = name_kind(u, None)
     return Recognised(
         kind,
@@ -195,12 +196,6 @@ def _main_lines(power: Float[np.ndarray, " line"], lines: np.ndarray) -> np.ndar
         return lines
     reached = np.cumsum(power[lines]) / np.sum(power[lines])
     return lines[(reached >= 0.005) & (np.concatenate([[0.0], reached[:-1]]) <= 0.995)]
-
-
-def _lines_of_noise(power: Float[np.ndarray, " line"]) -> np.ndarray:
-    """Lines that stand within 20 dB of the strongest; averaged, as each line of noise is random."""
-    smooth = np.convolve(power, np.full(9, 1.0 / 9.0), mode="same")
-    return np.flatnonzero((smooth > 0.01 * smooth.max()) & (power > 0.0))
 
 
 def _band(lines: np.ndarray, samples: int, sample_hz: float) -> tuple[float, float]:
