@@ -12,7 +12,7 @@ from pathlib import Path
 
 HERE = Path(__file__).parent
 PAGE = HERE.parent / "docs" / "benchmarks.md"
-BENCHMARKS = ("structure", "identification")
+BENCHMARKS = ("structure", "identification", "control")
 HEAD = """# Benchmarks
 
 Made by `make bench` from `benchmarks/results/*.json`; do not edit. Error stands before time, and time only
