@@ -1,0 +1,56 @@
+"""What an LQG design is asked to minimise, and against what noise."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.errors import ConfigError
+from middeck.values import record
+
+
+@record
+class LQGWeights:
+    """What a design is asked to minimise, and against what noise: E[z' W^2 z + rho u' diag(input) u].
+
+    Parameters
+    ----------
+    output:
+        Weight W of each performance output, in the order of the plant's group z (z is multiplied by it).
+    input:
+        Weight of each squared control input, in the order of the group u.
+    disturbed:
+        Names of the inputs on which white process noise acts.
+    process:
+        Its two-sided intensity matrix [unit^2/Hz], in that order.
+    sensor:
+        Two-sided intensity [unit^2/Hz] of each measurement's white noise, in the order of the group y.
+        Process and sensor noise are independent.
+    """
+
+    output: Float[np.ndarray, " z"]
+    input: Float[np.ndarray, " u"]
+    disturbed: tuple[str, ...]
+    process: Float[np.ndarray, "w w"]
+    sensor: Float[np.ndarray, " y"]
+
+    def __post_init__(self) -> None:
+        if len(self.disturbed) != len(self.process):
+            raise ConfigError(f"{len(self.disturbed)} disturbed inputs for {len(self.process)} intensities")
+        if not np.all(self.input > 0.0):
+            raise ConfigError("an input weight is not positive: the control would be unbounded")
+        if not np.all(self.sensor > 0.0):
+            raise ConfigError(
+                "a sensor noise intensity is not positive: the filter would be singular",
+                hint="give every measurement some noise, or take the useless one out of y",
+            )
+        lowest = np.linalg.eigvalsh(self.process).min(initial=0.0)
+        symmetric = np.array_equal(self.process, self.process.T)
+        # Rounding of an eigenvalue of a symmetric matrix, relative to its size.
+        if not symmetric or lowest < -1e-12 * np.abs(self.process).max(initial=0.0):
+            raise ConfigError("the process intensity is not symmetric and positive semidefinite")
+
+
+def require_size(what: str, size: int, group: tuple[str, ...]) -> None:
+    if size != len(group):
+        raise ConfigError(f"{size} {what} for {len(group)} ports ({', '.join(group)})")
