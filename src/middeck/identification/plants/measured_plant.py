@@ -5,21 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Float
 
 from middeck.errors import ConfigError
 from middeck.identification.measurement_model import MeasurementModel, path_delay
-from middeck.identification.plants.modal_states import block, modal_statespace, state_names
+from middeck.identification.plants.modal_states import modal_statespace, state_names
 from middeck.identification.plants.selection import select_channels
-from middeck.systems.delay import pade
-from middeck.systems.delayed_sampling import is_sum, sample_delayed, split_delays
+from middeck.systems.delayed_plant import SAME_DELAY_S, DelayedPlant, approximate_delays, join_channels
+from middeck.systems.delayed_sampling import is_sum, sample_delayed
 from middeck.systems.plant import Plant
 from middeck.systems.ports import Port, port_indices
-from middeck.systems.statespace import SampledStateSpace, StateSpace, series
+from middeck.systems.statespace import SampledStateSpace, StateSpace
 from middeck.values import record
-
-# Delays that differ by less [s] are one: far below what any record can tell.
-SAME_DELAY_S = 1e-12
 
 Named = tuple[StateSpace, tuple[str, ...]]
 
@@ -75,6 +71,27 @@ def measured_plant(
     return Plant(system, model.inputs, model.outputs, tuple(w), tuple(u), tuple(z), tuple(y), names)
 
 
+def delayed_plant(
+    model: MeasurementModel,
+    *,
+    w: Sequence[str] = (),
+    u: Sequence[str] = (),
+    z: Sequence[str] = (),
+    y: Sequence[str] = (),
+) -> DelayedPlant:
+    """The plant of a continuous model with its delays as they are: for evaluation, margins and sampling.
+
+    Raises
+    ------
+    ConfigError
+        For a sampled model or an unknown port.
+    """
+    _check_continuous(model)
+    groups = tuple(w), tuple(u), tuple(z), tuple(y)
+    plant = Plant(modal_statespace(model), model.inputs, model.outputs, *groups, state_names(model))
+    return DelayedPlant(plant, path_delay(model))
+
+
 def sampled_plant(
     model: MeasurementModel,
     period_s: float,
@@ -115,45 +132,18 @@ def _check_continuous(model: MeasurementModel) -> None:
 def _with_delays(model: MeasurementModel, order: int) -> Named:
     delay_s = path_delay(model)
     if is_sum(delay_s, SAME_DELAY_S):
-        return _late_channels(model, delay_s, order)
-    # One channel of the smaller side at a time: its paths are late by one side's delays alone.
+        return _approximated(model, delay_s, order)
+    # One channel of the smaller side at a time, each with the modes on its own paths alone.
     by_input = len(model.inputs) <= len(model.outputs)
-    ports = model.inputs if by_input else model.outputs
     parts: list[Named] = []
-    for k, port in enumerate(ports):
+    for k, port in enumerate(model.inputs if by_input else model.outputs):
         one = (port.name,)
         alone = select_channels(model, inputs=one) if by_input else select_channels(model, outputs=one)
-        late = delay_s[:, [k]] if by_input else delay_s[[k]]
-        parts.append(_late_channels(alone.model, late, order))
-    names = tuple(name for _, names in parts for name in names)
-    return _join([system for system, _ in parts], by_input=by_input), names
+        parts.append(_approximated(alone.model, delay_s[:, [k]] if by_input else delay_s[[k]], order))
+    return join_channels(parts, by_input=by_input)
 
 
-def _join(systems: Sequence[StateSpace], *, by_input: bool) -> StateSpace:
-    """Systems of one input each, their outputs added, or of one output each, driven by the same inputs."""
-    side_by_side, stacked = (block, np.hstack) if by_input else (np.vstack, block)
-    return StateSpace(
-        block([s.A for s in systems]),
-        side_by_side([s.B for s in systems]),
-        stacked([s.C for s in systems]),
-        (np.hstack if by_input else np.vstack)([s.D for s in systems]),
-    )
-
-
-def _late_channels(model: MeasurementModel, delay_s: np.ndarray, order: int) -> Named:
-    """Delays that are sums: inputs' delays in front, outputs' delays behind, the common one on one side."""
-    split = split_delays(delay_s)
-    of_input, of_output = split.input_s, split.output_s
-    if len(of_input) < len(of_output):
-        common = of_output.min()
-        of_input, of_output = of_input + common, of_output - common
-    before, after = (_late(side, order) for side in (of_input, of_output))
-    system = series(series(before, modal_statespace(model)), after)
-    names = (*("delay",) * len(before.A), *state_names(model), *("delay",) * len(after.A))
-    return system, names
-
-
-def _late(delay_s: Float[np.ndarray, " channel"], order: int) -> StateSpace:
-    """A Pade approximation for each channel, none for those that are on time."""
-    each = [pade(tau if tau > SAME_DELAY_S else 0.0, order) for tau in delay_s]
-    return StateSpace(*(block([getattr(s, name) for s in each]) for name in "ABCD"))
+def _approximated(model: MeasurementModel, delay_s: np.ndarray, order: int) -> Named:
+    on_time = Plant(modal_statespace(model), model.inputs, model.outputs, state_names=state_names(model))
+    late = approximate_delays(DelayedPlant(on_time, delay_s), order)
+    return late.system, late.state_names

@@ -20,9 +20,9 @@ from middeck.identification.measurement_model import (
     rational_response,
     rational_slope,
 )
-from middeck.identification.plants.measured_plant import SAME_DELAY_S
 from middeck.identification.plants.modal_states import rational_statespace
 from middeck.identification.plants.selection import select_channels
+from middeck.systems.delayed_plant import SAME_DELAY_S
 from middeck.systems.delayed_sampling import is_sum
 from middeck.systems.transmission_zeros import transmission_zeros
 from middeck.values import record

@@ -1,0 +1,140 @@
+"""Plants whose paths are late, each by its own time: exact for evaluation, by Pade for a design."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+import scipy.linalg
+from jaxtyping import Float
+
+from middeck.errors import ConfigError
+from middeck.systems.delay import pade
+from middeck.systems.delayed_sampling import is_sum, split_delays
+from middeck.systems.plant import Plant, name_states
+from middeck.systems.response import FrequencyResponse, evaluate_plant
+from middeck.systems.statespace import StateSpace, series
+from middeck.values import record
+
+# Delays that differ by less [s] are one: far below what any record can tell.
+SAME_DELAY_S = 1e-12
+
+
+@record
+class DelayedPlant:
+    """A plant from input i to output o, late by ``delay_s[o, i]``.
+
+    Parameters
+    ----------
+    plant:
+        The plant without its delays: ports, groups and states are its.
+    delay_s:
+        Delay [s] of each path, zero or more.
+
+    Raises
+    ------
+    ConfigError
+        For delays of another shape than the plant's ports, negative or not finite.
+    """
+
+    plant: Plant
+    delay_s: Float[np.ndarray, "output input"]
+
+    def __post_init__(self) -> None:
+        ports = len(self.plant.outputs), len(self.plant.inputs)
+        if self.delay_s.shape != ports or not np.all((self.delay_s >= 0.0) & np.isfinite(self.delay_s)):
+            raise ConfigError(
+                f"delays of shape {self.delay_s.shape} for {ports} outputs and inputs, or one is negative",
+                hint="one delay of zero or more for each path",
+            )
+
+
+def delay_inputs(plant: Plant, delay_s: float) -> DelayedPlant:
+    """The plant with one delay [s] in front of all its inputs.
+
+    >>> from middeck.systems.ports import Port
+    >>> lag = StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
+    >>> late = delay_inputs(Plant(lag, (Port("force", "N"),), (Port("way", "m"),)), 0.01)
+    >>> late.delay_s.tolist(), len(approximate_delays(late, 3).system.A)
+    ([[0.01]], 4)
+    """
+    return DelayedPlant(plant, np.full((len(plant.outputs), len(plant.inputs)), float(delay_s)))
+
+
+def evaluate_delayed(delayed: DelayedPlant, frequency_hz: Float[np.ndarray, " line"]) -> FrequencyResponse:
+    """The frequency response at ``frequency_hz``, all ports, delays exact."""
+    response = evaluate_plant(delayed.plant, frequency_hz)
+    turns = response.frequency_hz[:, None, None] * delayed.delay_s
+    return dataclasses.replace(response, H=response.H * np.exp(-2j * np.pi * turns))
+
+
+def approximate_delays(delayed: DelayedPlant, order: int) -> Plant:
+    """The plant with a Pade approximation of ``order`` states for each delay that stands alone.
+
+    A delay common to all paths is put on the side with fewer channels; what an input or an output is late
+    beyond that needs states of its own. Delays that are no sum of one for the input and one for the output
+    (`is_sum`) give each channel of the smaller side the plant's states once more. States: those of the
+    inputs' delays (named "delay"), the plant's, those of the outputs' delays.
+
+    Raises
+    ------
+    ConfigError
+        For an order below one.
+    """
+    system, names = _approximated(delayed.plant.system, name_states(delayed.plant), delayed.delay_s, order)
+    return dataclasses.replace(delayed.plant, dynamics=system, state_names=names)
+
+
+Named = tuple[StateSpace, tuple[str, ...]]
+
+
+def _approximated(system: StateSpace, names: tuple[str, ...], delay_s: np.ndarray, order: int) -> Named:
+    if is_sum(delay_s, SAME_DELAY_S):
+        return _late_channels(system, names, delay_s, order)
+    # One channel of the smaller side at a time: its paths are late by one side's delays alone.
+    by_input = delay_s.shape[1] <= delay_s.shape[0]
+    parts: list[Named] = []
+    for k in range(min(delay_s.shape)):
+        rows, columns = (slice(None), [k]) if by_input else ([k], slice(None))
+        alone = StateSpace(system.A, system.B[:, columns], system.C[rows], system.D[rows][:, columns])
+        parts.append(_late_channels(alone, names, delay_s[rows][:, columns], order))
+    return join_channels(parts, by_input=by_input)
+
+
+def join_channels(parts: Sequence[Named], *, by_input: bool) -> Named:
+    """Systems of one input each, their outputs added, or of one output each, driven by the same inputs.
+
+    Each part is a system and what its states belong to.
+    """
+    systems = [system for system, _ in parts]
+    side_by_side, stacked = (_block, np.hstack) if by_input else (np.vstack, _block)
+    joined = StateSpace(
+        _block([s.A for s in systems]),
+        side_by_side([s.B for s in systems]),
+        stacked([s.C for s in systems]),
+        (np.hstack if by_input else np.vstack)([s.D for s in systems]),
+    )
+    return joined, tuple(name for _, names in parts for name in names)
+
+
+def _late_channels(system: StateSpace, names: tuple[str, ...], delay_s: np.ndarray, order: int) -> Named:
+    """Delays that are sums: inputs' delays in front, outputs' delays behind, the common one on one side."""
+    split = split_delays(delay_s)
+    of_input, of_output = split.input_s, split.output_s
+    if len(of_input) < len(of_output):
+        common = of_output.min()
+        of_input, of_output = of_input + common, of_output - common
+    before, after = (_late(side, order) for side in (of_input, of_output))
+    late = series(series(before, system), after)
+    return late, (*("delay",) * len(before.A), *names, *("delay",) * len(after.A))
+
+
+def _late(delay_s: Float[np.ndarray, " channel"], order: int) -> StateSpace:
+    """A Pade approximation for each channel, none for those that are on time."""
+    each = [pade(tau if tau > SAME_DELAY_S else 0.0, order) for tau in delay_s]
+    return StateSpace(*(_block([getattr(s, name) for s in each]) for name in "ABCD"))
+
+
+def _block(blocks: Sequence[np.ndarray]) -> np.ndarray:
+    return np.asarray(scipy.linalg.block_diag(*blocks))
