@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from middeck.cli.settings import FitSettings
-from middeck.identification.measurement_model import RANK, MeasurementModel
+from middeck.identification.measurement_model import MeasurementModel, rank_of
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.parameters import distinct_poles
 from middeck.identification.uncertainty.unknowns import Structure
@@ -14,12 +14,13 @@ from middeck.identification.uncertainty.unknowns import Structure
 def alike(settings: FitSettings, model: MeasurementModel, covariance: ModelCovariance | None) -> FitSettings:
     """``settings``, and where they leave a choice the one of ``model``; whether it is sampled always."""
     modes = distinct_poles(model)
-    rigid = 0 if model.rigid is None else int(np.linalg.matrix_rank(model.rigid, rtol=RANK))
+    rigid, integrators = rank_of(model.rigid), rank_of(model.integral)
     kind: dict[str, object] = {
         # A residue of full rank has its pole several times, but in the order once.
-        "states": int(np.sum(np.where(model.is_pair, 2, 1)[modes])) + 2 * rigid,
+        "states": int(np.sum(np.where(model.is_pair, 2, 1)[modes])) + 2 * rigid + integrators,
         "full_rank": len(modes) < len(model.poles),
         "rigid": rigid,
+        "integrators": integrators,
     }
     if covariance is not None and model.sample_hz is None:
         kind |= _choices(model, covariance.structure)

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
-from middeck.identification.measurement_model import RANK, MeasurementModel, natural_hz, path_delay
+from middeck.identification.measurement_model import MeasurementModel, natural_hz, path_delay, rank_of
 from middeck.identification.plants.delays import merge_delays
 from middeck.identification.plants.measured_plant import measured_plant
 from middeck.identification.plants.selection import Selection, select_channels
@@ -83,8 +83,7 @@ def _path(model: MeasurementModel, u: Sequence[str], y: Sequence[str]) -> Select
 
 def _lasting(model: MeasurementModel) -> int:
     """Modes that do not decay."""
-    rigid = 0 if model.rigid is None else int(np.linalg.matrix_rank(model.rigid, rtol=RANK))
-    return int(np.sum(np.real(model.poles) >= 0.0)) + rigid
+    return int(np.sum(np.real(model.poles) >= 0.0)) + rank_of(model.rigid) + rank_of(model.integral)
 
 
 def _delays(model: MeasurementModel) -> int:

@@ -38,6 +38,7 @@ class FitSettings(Form):
     residuals: bool = False
     full_rank: bool = False
     rigid: Annotated[int, whole(0, 6)] = 0
+    integrators: Annotated[int, whole(0, 6)] = 0
     relative_degree: Literal[0, 1, 2] | None = None
 
 

@@ -23,7 +23,7 @@ COMPENSATOR_SCHEMA = "middeck.compensator/1"
 COMPLEX = ("poles", "shapes", "participation")
 AGAIN = "write the model again"
 REAL = ("direct", "lower", "delay_s")
-OPTIONAL = ("path_delay_s", "rigid")
+OPTIONAL = ("path_delay_s", "rigid", "integral")
 COVARIANCE = ("structure", "matrix", "inflation", "degrees", "robust")
 # What rounding may leave of asymmetry, and of negative eigenvalues, in a correlation matrix.
 ROUNDING = 1e-6
@@ -32,8 +32,8 @@ ROUNDING = 1e-6
 def write_model(path: str | Path, model: MeasurementModel, covariance: ModelCovariance | None = None) -> None:
     """Write ``model`` whole or not at all: poles [rad/s] and residues as ``re``, ``im``, delays in s.
 
-    Delays of paths and rigid-body modes are written where the model has any, and so is the joint covariance
-    of its unknowns: infinitely many degrees of freedom are null.
+    Delays of paths, rigid-body modes and integrators are written where the model has any, and so is the joint
+    covariance of its unknowns: infinitely many degrees of freedom are null.
 
     Raises
     ------

@@ -17,7 +17,7 @@ class MeasurementModel:
     """A transfer matrix by its poles and rank-one residues, with a delay for each output or path.
 
     H_oi = exp(-s tau_oi) [ sum_m c_om b_mi / (q - lambda_m) + the conjugate of each pair
-    + (R + L)_oi / s^2 + D_oi ], with q = s and lambda = pole in continuous time, q = exp(s T) and
+    + (R + L)_oi / s^2 + Q_oi / s + D_oi ], with q = s and lambda = pole in continuous time, q = exp(s T) and
     lambda = exp(pole T) if sampled.
 
     Parameters
@@ -42,6 +42,8 @@ class MeasurementModel:
         What each path is late beyond its output's ``delay_s`` [s]; None where that is all.
     rigid:
         R = Phi Psi of free rigid-body modes, two states at zero for each of its rank; None without.
+    integral:
+        Q of integrators, one state at zero for each of its rank; None without.
     """
 
     poles: Complex[np.ndarray, " mode"]
@@ -55,6 +57,7 @@ class MeasurementModel:
     sample_hz: float | None = None
     path_delay_s: Float[np.ndarray, "output input"] | None = None
     rigid: Float[np.ndarray, "output input"] | None = None
+    integral: Float[np.ndarray, "output input"] | None = None
 
     @property
     def is_pair(self) -> np.ndarray:
@@ -63,9 +66,17 @@ class MeasurementModel:
 
     @property
     def states(self) -> int:
-        """Order without the delays: two for each pair and each rigid mode, one for each real pole."""
-        rigid = 0 if self.rigid is None else int(np.linalg.matrix_rank(self.rigid, rtol=RANK))
-        return int(np.sum(np.where(self.is_pair, 2, 1))) + 2 * rigid
+        """Order without the delays: two for each pair or rigid mode, one for a real pole or integrator."""
+        return int(np.sum(np.where(self.is_pair, 2, 1))) + 2 * rank_of(self.rigid) + rank_of(self.integral)
+
+
+def rank_of(matrix: Float[np.ndarray, "output input"] | None) -> int:
+    """Rank of R or Q: how many rigid modes or integrators; zero of None.
+
+    >>> rank_of(None), rank_of(np.ones((2, 2)))
+    (0, 1)
+    """
+    return 0 if matrix is None else int(np.linalg.matrix_rank(matrix, rtol=RANK))
 
 
 def is_single(value: Complex[np.ndarray, " value"], sample_hz: float | None) -> Bool[np.ndarray, " value"]:
@@ -91,7 +102,8 @@ def rational_response(
     terms = _terms(model, s)
     H = (terms.along @ terms.ahead + terms.both @ terms.still).reshape(-1, *model.direct.shape) + model.direct
     double = double_pole(model)
-    return H + double / s[:, None, None] ** 2 if np.any(double) else H
+    at_zero = 0.0 if model.integral is None else model.integral / s[:, None, None]
+    return H + at_zero + double / s[:, None, None] ** 2 if np.any(double) else H + at_zero
 
 
 def rational_slope(
@@ -102,6 +114,7 @@ def rational_slope(
     slope = (terms.both - terms.along * terms.fall) @ terms.ahead - (terms.both * terms.fall) @ terms.still
     slope = slope.reshape(-1, *model.direct.shape) * terms.by_s[:, None, None]
     double = double_pole(model)
+    slope = slope if model.integral is None else slope - model.integral / s[:, None, None] ** 2
     return slope - 2.0 * double / s[:, None, None] ** 3 if np.any(double) else slope
 
 

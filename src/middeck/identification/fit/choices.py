@@ -1,4 +1,4 @@
-"""What kind of model is to be fitted; refused where the options of `fit_response` exclude each other."""
+"""What kind of model is to be fitted; refused where the options of a fit exclude each other."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Delay = Literal["output", "path", "common"]
 
 @record
 class Choices:
-    """The options of `fit_response`, as given; None where the default depends on the others."""
+    """The options of `fit_response` and `fit_record`, as given; None where the others decide."""
 
     sample_hz: float | None = None
     constants: Constants | None = None
@@ -28,24 +28,40 @@ class Choices:
     full_rank: bool = False
     rigid: int = 0
     relative_degree: Literal[0, 1, 2] | None = None
+    integrators: int = 0
 
 
-def options_of(measured: FrequencyResponse, states: int, choices: Choices) -> Options:
-    """The options of the search; raises `ConfigError` for a combination that has no meaning."""
+def at_zero(choices: Choices) -> int:
+    """States of the poles at zero.
+
+    >>> at_zero(Choices(rigid=2))
+    4
+    """
+    return 2 * choices.rigid + choices.integrators
+
+
+def options_of(measured: FrequencyResponse, states: int | None, choices: Choices) -> Options:
+    """The options of the search, for the least order where none is given.
+
+    Raises `ConfigError` for a combination that has no meaning.
+    """
     real = (choices.constants or usual_constants(measured.outputs, choices.sample_hz)) == "real"
     outputs, inputs = measured.H.shape[1:]
     _check_sampled(measured, choices, real=real)
     _check_rigid(choices, min(outputs, inputs))
-    least = 2 * choices.rigid + 1
+    still = at_zero(choices)
+    least = still + 1
+    states = still + 2 if states is None else states
     if states < least:
         raise ConfigError(f"a model of {states} states cannot be fitted", hint=f"{least} states or more")
-    if real and states % 2:
+    if real and (states - still) % 2:
         raise ConfigError(
-            f"{states} states are no whole number of modes", hint="an even number, or constants='complex'"
+            f"{states} states, {still} of them at zero, are no whole number of modes",
+            hint="one more, or constants='complex'",
         )
     with_delay = real if choices.delay is None else bool(choices.delay)
     return Options(
-        states - 2 * choices.rigid,
+        states - still,
         real,
         with_delay,
         choices.residuals,
@@ -55,6 +71,7 @@ def options_of(measured: FrequencyResponse, states: int, choices: Choices) -> Op
         choices.rigid,
         choices.delay if isinstance(choices.delay, str) else "output",
         choices.relative_degree == 2 and not real,
+        choices.integrators,
     )
 
 
@@ -75,11 +92,11 @@ def is_rate(port: Port) -> bool:
 def _check_sampled(measured: FrequencyResponse, choices: Choices, *, real: bool) -> None:
     if choices.sample_hz is None:
         return
-    if real or choices.delay or choices.residuals or choices.rigid or choices.relative_degree == 2:
+    if real or choices.delay or choices.residuals or at_zero(choices) or choices.relative_degree == 2:
         raise ConfigError(
-            "a sampled model has complex constants, no separate delay, no residual or rigid terms and no "
-            "relative degree two",
-            hint="leave these out, or sample_hz",
+            "a sampled model has complex constants, no separate delay, no residual terms, no rigid modes or "
+            "integrators and no relative degree two",
+            hint="leave these out, or fit a continuous model",
         )
     if measured.frequency_hz[-1] >= 0.5 * choices.sample_hz:
         raise ConfigError(
@@ -89,11 +106,19 @@ def _check_sampled(measured: FrequencyResponse, choices: Choices, *, real: bool)
 
 
 def _check_rigid(choices: Choices, most: int) -> None:
-    if not 0 <= choices.rigid <= most:
+    for count, name in ((choices.rigid, "rigid modes"), (choices.integrators, "integrators")):
+        if not 0 <= count <= most:
+            raise ConfigError(
+                f"{count} {name} cannot be told apart",
+                hint=f"no more than inputs and outputs: {most} here",
+            )
+    if choices.integrators and choices.rigid:
         raise ConfigError(
-            f"{choices.rigid} rigid modes cannot be told apart",
-            hint=f"no more than inputs and outputs: {most} here",
+            "rigid modes and integrators are both free motion: their states would be one, told twice",
+            hint="fit outputs that are angles or ways apart from those that are rates",
         )
+    if choices.integrators and choices.relative_degree == 2:
+        raise ConfigError("an integrator has relative degree one", hint="leave out one of them")
     if choices.rigid and choices.residuals:
         raise ConfigError(
             "rigid modes and the residual of modes below the band are both 1/s^2",

@@ -53,7 +53,7 @@ def shrunk(data: Data, options: Options, best: Polished, spread: Spread) -> Star
     point = unpack(layout, best.refined.theta)
     kept = np.delete(np.arange(len(layout.pair)), np.argmin(missed_modes(at_best, best)[: layout.pairs]))
     pair = np.asarray(layout.pair)[kept]
-    vectors = None if layout.full or layout.rigid_pivot else point.b[kept]
+    vectors = None if layout.full or len(layout.powers) else point.b[kept]
     return start_at(at_best, options, point.poles[kept], pair, point.delay_s, vectors)
 
 

@@ -3,7 +3,8 @@
 With u = 1/(q - lambda) and l = 1/(q - conj lambda), any term of a pair is z u + conj(z) l = Re z (u + l) +
 Im z j(u - l), whatever c and b are in z: so all columns and slopes of all outputs and inputs are made of
 u + l, j(u - l), u^2 + l^2, j(u^2 - l^2) of each pair (ul, ul(u + l), j ul(u - l) where constants are real), u
-and u^2 of each real pole, 1/s^2 and 1. Gram matrices of hundreds of columns follow from that of these few.
+and u^2 of each real pole, 1/s^2, 1/s and 1. Gram matrices of hundreds of columns follow from that of these
+few.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from middeck.identification.fit.terms import Fractions, linear_of_terms
 def functions(
     layout: Layout, parts: Fractions, s: Complex[np.ndarray, " line"]
 ) -> Complex[np.ndarray, "function line"]:
-    """The functions: of pairs kind by kind, of real poles, then 1/s^2 and 1 if the layout has them."""
+    """The functions: of pairs kind by kind, of real poles, then 1/s^2, 1/s and 1 if the layout has them."""
     pairs = layout.pairs
     u, low, real = parts.upper[:pairs], parts.lower[:pairs], parts.upper[pairs:]
     if layout.real_constants:
@@ -29,7 +30,8 @@ def functions(
         of_pairs = (u + low, 1j * (u - low), up_squared + low_squared, 1j * (up_squared - low_squared))
     constant = [np.ones((1, len(s)))] if layout.with_direct else []
     double = [1.0 / s[None] ** 2] if layout.with_lower or layout.rigid_pivot else []
-    return np.concatenate([*of_pairs, real, real**2, *double, *constant])
+    single = [1.0 / s[None]] if layout.integral_pivot else []
+    return np.concatenate([*of_pairs, real, real**2, *double, *single, *constant])
 
 
 def column_factors(layout: Layout, point: Point) -> Float[np.ndarray, "column input function"]:
@@ -51,8 +53,8 @@ def column_factors(layout: Layout, point: Point) -> Float[np.ndarray, "column in
     single = np.arange(len(b) - pairs)
     C[used + single, :, first + at.mode[pairs:]] = np.real(b[pairs:])
     used = layout.mode_columns
-    for psi in () if point.psi is None else point.psi:
-        C[used, :, at.double] = psi
+    for row, psi in enumerate(() if point.psi is None else point.psi):
+        C[used, :, at.zero[row]] = psi
         used += 1
     each = np.arange(layout.inputs)
     if layout.with_lower:
@@ -98,12 +100,15 @@ def slope_factors(
             if not layout.real_constants:
                 C[modes + pairs + k, i, pairs + mode] = entry.imag
     for k, (r, i) in enumerate(free_psi):
-        C[used + k, i, at.double] = x[layout.mode_columns + r]
+        C[used + k, i, at.zero[r]] = x[layout.mode_columns + r]
     return C
 
 
 class _Places:
-    """Where the functions stand: ``mode`` of each term within its kind, ``first`` of the real poles."""
+    """Where the functions stand: ``mode`` of each term within its kind, ``first`` of the real poles.
+
+    ``zero``: 1/s^2 or 1/s of each rigid mode and integrator.
+    """
 
     def __init__(self, layout: Layout) -> None:
         real = len(layout.pair) - layout.pairs
@@ -112,5 +117,7 @@ class _Places:
             [np.repeat(np.arange(layout.pairs), layout.copies), np.repeat(np.arange(real), layout.copies)]
         )
         self.double = self.first + 2 * real
-        self.constant = self.double + int(layout.with_lower or bool(layout.rigid_pivot))
+        single = self.double + int(layout.with_lower or bool(layout.rigid_pivot))
+        self.zero = np.where(layout.powers == 2, self.double, single)
+        self.constant = single + bool(layout.integral_pivot)
         self.size = self.constant + int(layout.with_direct)

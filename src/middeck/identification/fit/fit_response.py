@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from middeck.errors import FitError
 from middeck.identification.checks import check_response
-from middeck.identification.fit.choices import Choices, Delay, options_of
+from middeck.identification.fit.choices import Choices, Constants, Delay, at_zero, options_of
 from middeck.identification.fit.data import Data
 from middeck.identification.fit.doubts import (
     causal_delay,
@@ -19,7 +19,7 @@ from middeck.identification.fit.doubts import (
     doubts_of_record,
     refuse_a_lead,
 )
-from middeck.identification.fit.fitted_model import model_of
+from middeck.identification.fit.fitted_model import model_of, structure_of
 from middeck.identification.fit.likelihood import likelihood_polish
 from middeck.identification.fit.polish import Polished, logarithmic_polish, settle
 from middeck.identification.fit.race import count_unknowns, model_error, race, recommend_states
@@ -27,10 +27,10 @@ from middeck.identification.fit.weights import Spread, spread_of
 from middeck.identification.measurement_model import MeasurementModel, model_response
 from middeck.identification.uncertainty.covariance import ModelCovariance, estimate_covariance
 from middeck.identification.uncertainty.parameters import Uncertainty, uncertainty_of
-from middeck.identification.uncertainty.unknowns import Structure
 from middeck.systems.response import FrequencyResponse
 from middeck.values import record
 
+Cost = Literal["weighted", "likelihood", "logarithmic"]
 # The start is weighted as if the model left this share of the response's rms.
 FIRST_EXCESS = 0.03
 
@@ -79,14 +79,15 @@ def fit_response(
     *,
     states: int | None = None,
     sample_hz: float | None = None,
-    constants: Literal["real", "complex"] | None = None,
+    constants: Constants | None = None,
     delay: bool | Delay | None = None,
     direct: bool | None = None,
     residuals: bool = False,
     full_rank: bool = False,
     rigid: int = 0,
+    integrators: int = 0,
     relative_degree: Literal[0, 1, 2] | None = None,
-    cost: Literal["weighted", "likelihood", "logarithmic"] = "weighted",
+    cost: Cost = "weighted",
 ) -> FitResult:
     """Fit common poles, residues and delays to a measured response.
 
@@ -99,9 +100,9 @@ def fit_response(
     measured:
         Response with its variance (`estimate_response`).
     states:
-        Order of the model without its delays: two for each pair of poles and each rigid mode; with
-        ``full_rank`` the poles, each counted once. By default the order of the shortest description
-        (`order`), which takes longer.
+        Order of the model without its delays: two for each pair of poles and each rigid mode, one for each
+        integrator; with ``full_rank`` the poles, each counted once. By default the order of the shortest
+        description (`order`), which takes longer.
     sample_hz:
         Give the sampling rate to fit a sampled model, right when the inputs were held and the band comes
         near half the rate; by default the model is continuous.
@@ -126,6 +127,9 @@ def fit_response(
     rigid:
         How many free rigid-body modes phi psi / s^2 the article has: part of the plant, unlike the residual
         term of modes below the band.
+    integrators:
+        How many single poles at zero, phi psi / s, it has: a wheel, or a free body, seen by its rate. Not
+        beside rigid modes.
     relative_degree:
         Of every path: 0, a constant term; 1, none; 2, none, and complex residues that add up to zero, so that
         the response falls with 1/s^2 as that of any structure from force to displacement does.
@@ -143,8 +147,17 @@ def fit_response(
         If the response is constant, all noise or too short for so many states, if an output leads its
         input, or if no start could be refined.
     """
-    choices = Choices(sample_hz, constants, delay, direct, residuals, full_rank, rigid, relative_degree)
-    options = options_of(measured, 2 * (rigid + 1) if states is None else states, choices)
+    choices = Choices(
+        sample_hz, constants, delay, direct, residuals, full_rank, rigid, relative_degree, integrators
+    )
+    return fit_chosen(measured, states, choices, cost)
+
+
+def fit_chosen(
+    measured: FrequencyResponse, states: int | None, choices: Choices, cost: Cost = "weighted"
+) -> FitResult:
+    """`fit_response` with its options as one value."""
+    options = options_of(measured, states, choices)
     check_response(measured, count_unknowns(measured, options))
     if cost == "logarithmic" and measured.variance is None:
         raise FitError(
@@ -162,6 +175,7 @@ def fit_response(
     if states is None:
         choice = recommend_states(measured, data, spread, options)
         options, reason = dataclasses.replace(options, states=choice.states), choice.reason
+        reason += f"; {still} more are at zero" if (still := at_zero(choices)) else ""
     best = settle(data, race(data, spread, options), spread)
     if cost == "logarithmic":
         best = logarithmic_polish(data, best, spread)
@@ -176,7 +190,7 @@ def _first_data(measured: FrequencyResponse, spread: Spread) -> Data:
 
 
 def _result(measured: FrequencyResponse, best: Polished, spread: Spread, reason: str) -> FitResult:
-    found = model_of(best, measured)
+    found = model_of(best.layout, best.refined, measured.inputs, measured.outputs)
     covariance = _covariance(found, measured, best, spread)
     uncertainty = uncertainty_of(covariance)
     delay_s, warnings = causal_delay(measured, found.delay_s, uncertainty)
@@ -207,15 +221,6 @@ def _result(measured: FrequencyResponse, best: Polished, spread: Spread, reason:
 def _covariance(
     model: MeasurementModel, measured: FrequencyResponse, best: Polished, spread: Spread
 ) -> ModelCovariance:
-    layout = best.layout
-    structure = Structure(
-        layout.real_constants,
-        layout.with_delay,
-        layout.with_lower,
-        layout.with_direct,
-        common_delay=layout.delay_of == "common",
-        relative_degree_two=layout.relative_degree_two,
-    )
     return estimate_covariance(
-        model, structure, measured, assumed=spread.at(best.share), noise=spread.variance
+        model, structure_of(best.layout), measured, assumed=spread.at(best.share), noise=spread.variance
     )

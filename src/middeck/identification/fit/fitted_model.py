@@ -4,22 +4,25 @@ from __future__ import annotations
 
 import numpy as np
 
-from middeck.identification.fit.layout import unpack
-from middeck.identification.fit.polish import Polished
+from middeck.identification.fit.layout import Layout, unpack
+from middeck.identification.fit.refine import Refined
 from middeck.identification.fit.terms import constant_terms, shapes
 from middeck.identification.measurement_model import RANK, MeasurementModel
-from middeck.systems.response import FrequencyResponse
+from middeck.identification.uncertainty.unknowns import Structure
+from middeck.systems.ports import Port
 
 
-def model_of(best: Polished, measured: FrequencyResponse) -> MeasurementModel:
-    """The model at the end of a search; its delays may be negative."""
-    layout, linear = best.layout, best.refined.step.linear
-    point = unpack(layout, best.refined.theta)
+def model_of(
+    layout: Layout, refined: Refined, inputs: tuple[Port, ...], outputs: tuple[Port, ...]
+) -> MeasurementModel:
+    """The model at the end of a search, without transients; its delays may be negative."""
+    linear = refined.step.linear[:, : layout.columns]
+    point = unpack(layout, refined.theta)
     c = np.array([shapes(layout, point, x) for x in linear])
     poles, b = point.poles, point.b
     if layout.full:
         poles, c, b = _by_rank(poles, c.reshape(len(c), -1, layout.copies))
-    rigid, lower, direct = constant_terms(layout, point, linear)
+    constant = constant_terms(layout, point, linear)
     each, beyond = point.delay_s[:, 0], None
     if point.delay_s.shape[1] > 1:
         each = np.min(point.delay_s, axis=1)
@@ -29,14 +32,27 @@ def model_of(best: Polished, measured: FrequencyResponse) -> MeasurementModel:
         poles,
         c,
         b,
-        direct,
-        lower,
+        constant.direct,
+        constant.lower,
         each,
-        measured.inputs,
-        measured.outputs,
+        inputs,
+        outputs,
         1.0 / layout.period_s if layout.period_s else None,
         beyond,
-        rigid if layout.rigid_pivot else None,
+        constant.rigid if layout.rigid_pivot else None,
+        constant.integral if layout.integral_pivot else None,
+    )
+
+
+def structure_of(layout: Layout) -> Structure:
+    """Which parts of the model were free."""
+    return Structure(
+        layout.real_constants,
+        layout.with_delay,
+        layout.with_lower,
+        layout.with_direct,
+        common_delay=layout.delay_of == "common",
+        relative_degree_two=layout.relative_degree_two,
     )
 
 

@@ -7,7 +7,7 @@ Unknowns that enter nonlinearly are packed in one vector theta:
 with pole = -sigma + j omega_d, so that every model a solver can reach is stable. Linear in the model, and
 solved for exactly (`refine`), are the output vectors c and the constant terms. The largest entry of each b is
 held at one (the residue c b leaves one factor free), so that no direction of theta is empty; of the rigid
-modes' psi, whose product phi psi leaves a whole matrix free, a unit matrix is held.
+modes' psi, whose product phi psi leaves a whole matrix free, a unit matrix is held, and so of integrators'.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import functools
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Complex, Float
+from jaxtyping import Complex, Float, Int
 
 from middeck.values import record
 
@@ -49,6 +49,8 @@ class Layout:
         Whose delays they are: each output's, each path's, or one for all.
     relative_degree_two:
         The residues of each path add up to zero: the response falls with 1/s^2.
+    integral_pivot:
+        The inputs whose entries of psi are held, one for each integrator phi psi / s.
     """
 
     pair: np.ndarray
@@ -65,6 +67,7 @@ class Layout:
     rigid_pivot: tuple[int, ...] = ()
     delay_of: DelayOf = "output"
     relative_degree_two: bool = False
+    integral_pivot: tuple[int, ...] = ()
 
     @functools.cached_property
     def pairs(self) -> int:
@@ -91,9 +94,29 @@ class Layout:
 
     @functools.cached_property
     def free_psi(self) -> list[tuple[int, int]]:
-        """(rigid mode, input) of each free entry of psi."""
-        rest = [i for i in range(self.inputs) if i not in self.rigid_pivot]
-        return [(r, i) for r in range(len(self.rigid_pivot)) for i in rest]
+        """(rigid mode or integrator, input) of each free entry of psi."""
+        return [
+            (r, i)
+            for own in self.at_zero
+            for r in range(*own.indices(len(self.powers)))
+            for i in range(self.inputs)
+            if i not in self.held_psi[own]
+        ]
+
+    @property
+    def held_psi(self) -> tuple[int, ...]:
+        """The input of the entry of psi that is held, of each rigid mode and then of each integrator."""
+        return self.rigid_pivot + self.integral_pivot
+
+    @property
+    def at_zero(self) -> tuple[slice, slice]:
+        """The rows of psi that belong to rigid modes, and those of integrators."""
+        return slice(0, len(self.rigid_pivot)), slice(len(self.rigid_pivot), len(self.held_psi))
+
+    @functools.cached_property
+    def powers(self) -> Int[np.ndarray, " rigid"]:
+        """Power of 1/s of each row of psi."""
+        return np.repeat([2, 1], [len(self.rigid_pivot), len(self.integral_pivot)])
 
     @property
     def delays(self) -> tuple[int, int]:
@@ -119,9 +142,9 @@ class Layout:
 
     @property
     def columns(self) -> int:
-        """Linear unknowns of one output: modes, rigid modes, 1/s^2, constant."""
+        """Linear unknowns of one output: modes, rigid modes, integrators, 1/s^2, constant."""
         terms = self.inputs * (self.with_lower + self.with_direct)
-        return self.mode_columns + len(self.rigid_pivot) + terms
+        return self.mode_columns + len(self.powers) + terms
 
     @property
     def size(self) -> int:
@@ -138,7 +161,9 @@ class Layout:
 
 @record
 class Point:
-    """theta unpacked: poles [rad/s], input vectors of each term, delays [s], input vectors of rigid modes.
+    """theta unpacked: poles [rad/s], input vectors of each term, delays [s], those of poles at zero.
+
+    Rigid modes come before integrators.
 
     There is one delay for all paths of an output, or one for each.
     """
@@ -158,7 +183,10 @@ def pack(layout: Layout, point: Point) -> Float[np.ndarray, " unknown"]:
         entries = [b[m, i].imag if part else b[m, i].real for m, i, part in free]
     rigid: list[float] = []
     if point.psi is not None and (free_psi := layout.free_psi):
-        psi = np.linalg.solve(point.psi[:, list(layout.rigid_pivot)], point.psi)
+        held = layout.held_psi
+        psi = np.vstack(
+            [np.linalg.solve(point.psi[own][:, list(held[own])], point.psi[own]) for own in layout.at_zero]
+        )
         rigid = [psi[r, i] for r, i in free_psi]
     return np.concatenate(
         [np.log(sigma), np.log(omega), np.array(entries), np.array(rigid), _delays_of(layout, point).ravel()]
@@ -201,9 +229,9 @@ def _input_vectors(layout: Layout, free: list[tuple[int, int, bool]], values: np
 
 
 def _rigid_vectors(layout: Layout, free: list[tuple[int, int]], values: np.ndarray) -> np.ndarray:
-    rigid = len(layout.rigid_pivot)
+    rigid = len(layout.powers)
     psi = np.zeros((rigid, layout.inputs))
-    psi[np.arange(rigid), list(layout.rigid_pivot)] = 1.0
+    psi[np.arange(rigid), list(layout.held_psi)] = 1.0
     for (r, i), value in zip(free, values, strict=True):
         psi[r, i] = value
     return psi

@@ -206,7 +206,7 @@ def count_unknowns(measured: FrequencyResponse, options: Options) -> int:
     delays = {"output": outputs, "path": outputs * inputs, "common": 1}[options.delay_of]
     return (
         -(-options.states // 2) * per_pair
-        + options.rigid * (outputs + inputs - options.rigid)
+        + sum(n * (outputs + inputs - n) for n in (options.rigid, options.integrators))
         + delays * options.with_delay
         + outputs * inputs * (options.with_lower + options.with_direct - options.relative_degree_two)
     )

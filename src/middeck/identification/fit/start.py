@@ -47,7 +47,7 @@ HEAVY = 0.3
 
 @record
 class Options:
-    """What kind of model is fitted; see `fit_response`. Rigid modes are not among the ``states``."""
+    """What kind of model is fitted; see `fit_response`. Poles at zero are not among the ``states``."""
 
     states: int
     real_constants: bool
@@ -59,6 +59,7 @@ class Options:
     rigid: int = 0
     delay_of: DelayOf = "output"
     relative_degree_two: bool = False
+    integrators: int = 0
 
 
 @record
@@ -97,7 +98,8 @@ def few_starts(data: Data, options: Options) -> Iterator[Start]:
 
 
 def _has_vectors(data: Data, options: Options) -> bool:
-    return data.drive is None and data.H.shape[2] > 1 and not options.full and not options.rigid
+    at_zero = options.rigid + options.integrators
+    return data.drive is None and data.H.shape[2] > 1 and not options.full and not at_zero
 
 
 def _own_start(data: Data, options: Options, factor: float) -> Iterator[Start]:
@@ -122,7 +124,8 @@ def starts_from(data: Data, options: Options, found: Complex[np.ndarray, " state
 
 def _sized_poles(data: Data, options: Options, size: float, rows: float) -> np.ndarray | None:
     # An odd number of states asks for an odd number of real poles.
-    order = options.states + 2 * round(0.5 * (size - 1.0) * options.states) + 2 * options.rigid
+    more = 2 * round(0.5 * (size - 1.0) * options.states)
+    order = options.states + more + 2 * options.rigid + options.integrators
     return subspace_poles(data, options.period_s, states=order, rows=block_rows(data, order, rows))
 
 
@@ -169,38 +172,52 @@ def start_at(
     """A start at given poles and delays [output, path]; input vectors from the data, unless given."""
     none = np.zeros((0, data.H.shape[2]))
     b, psi = _input_vectors(data, options, poles, pair, delay_s) if vectors is None else (vectors, none)
+    return start_from_point(options, pair, Point(poles, b, delay_s, psi), len(data.H))
+
+
+def start_from_point(options: Options, pair: Bool[np.ndarray, " mode"], point: Point, outputs: int) -> Start:
+    """A start at a point whose vectors have any scale."""
+    psi = np.zeros((0, point.b.shape[1])) if point.psi is None else point.psi
+    rigid = min(options.rigid, len(psi))
     layout = Layout(
         pair,
-        np.where(pair, 0.0, np.imag(poles)),
-        np.argmax(np.abs(b), axis=1),
-        data.H.shape[2] if data.drive is None else data.drive.shape[1],
-        data.H.shape[0],
+        np.where(pair, 0.0, np.imag(point.poles)),
+        np.argmax(np.abs(point.b), axis=1),
+        point.b.shape[1],
+        outputs,
         options.real_constants,
         options.with_delay,
         options.with_lower,
         options.with_direct,
         options.period_s,
         options.full,
-        tuple(int(i) for i in scipy.linalg.qr(psi, mode="r", pivoting=True)[-1][: len(psi)]),
+        _largest(psi[:rigid]),
         options.delay_of,
         options.relative_degree_two,
+        _largest(psi[rigid:]),
     )
-    return Start(layout, pack(layout, Point(poles, b, delay_s, psi)))
+    return Start(layout, pack(layout, point))
+
+
+def _largest(psi: Float[np.ndarray, "row input"]) -> tuple[int, ...]:
+    """As many inputs as rows, whose columns are farthest from dependent."""
+    return tuple(int(i) for i in scipy.linalg.qr(psi, mode="r", pivoting=True)[-1][: len(psi)])
 
 
 def _input_vectors(
     data: Data, options: Options, poles: np.ndarray, pair: np.ndarray, delay_s: np.ndarray
 ) -> tuple[Complex[np.ndarray, "mode input"], Float[np.ndarray, "rigid input"]]:
-    """b and psi: the dominant right singular vectors of full residue matrices, of 1/s^2 also."""
+    """b and psi: the dominant right singular vectors of full residue matrices, of 1/s^2 and 1/s also."""
     inputs = data.H.shape[2]
     if inputs == 1:
-        return np.ones((len(poles), 1), dtype=complex), np.ones((min(options.rigid, 1), 1))
-    residues, lower = weighted_residues(data, options, poles, pair, delay_s)
+        return np.ones((len(poles), 1), dtype=complex), np.ones((options.rigid + options.integrators, 1))
+    residues, double, single = weighted_residues(data, options, poles, pair, delay_s)
     if options.real_constants:
         residues[pair] *= 2j * np.imag(poles)[pair, None, None]
     b = _scaled(np.linalg.svd(residues)[2][:, 0])
     b = np.where((pair & (not options.real_constants))[:, None], b, np.real(b))
-    return b, np.linalg.svd(lower)[2][: min(options.rigid, inputs)]
+    rigid, integral = (np.linalg.svd(x)[2] for x in (double, single))
+    return b, np.vstack([rigid[: options.rigid], integral[: options.integrators]])
 
 
 def _scaled(b: Complex[np.ndarray, "mode input"]) -> Complex[np.ndarray, "mode input"]:
@@ -241,12 +258,17 @@ def drive_vectors(
 
 def weighted_residues(
     data: Data, options: Options, poles: np.ndarray, pair: np.ndarray, delay_s: np.ndarray
-) -> tuple[Complex[np.ndarray, "mode output input"], Float[np.ndarray, "output input"]]:
-    """Residues of any rank at given poles and delays, and the term 1/s^2; each output times its weight."""
+) -> tuple[
+    Complex[np.ndarray, "mode output input"],
+    Float[np.ndarray, "output input"],
+    Float[np.ndarray, "output input"],
+]:
+    """Residues of any rank at given poles, of 1/s^2 and of 1/s; each output times its weight."""
     outputs, _, inputs = data.H.shape
     layout, point, X = _one_by_one(data, options, poles, pair)
     residues = np.zeros((len(poles), outputs, inputs), dtype=complex)
-    lower = np.zeros((outputs, inputs))
+    double, single = np.zeros((2, outputs, inputs))
+    at = layout.mode_columns
     prompt = data.H * np.exp(data.s[:, None] * delay_s[:, None])
     for o in range(outputs):
         weight = np.sqrt(np.mean(data.weight[o] ** 2, axis=1))
@@ -256,9 +278,11 @@ def weighted_residues(
         # A weight for the output makes rows of unlike units comparable.
         level = np.sqrt(np.mean(weight**2))
         residues[:, o] = level * np.array([shapes(layout, point, x[:, i]) for i in range(inputs)]).T
+        if layout.integral_pivot:
+            single[o] = level * x[at]
         if layout.with_lower:
-            lower[o] = level * x[layout.mode_columns]
-    return residues, lower
+            double[o] = level * x[at + len(layout.integral_pivot)]
+    return residues, double, single
 
 
 def _one_by_one(
@@ -276,8 +300,14 @@ def _one_by_one(
         options.with_lower or options.rigid > 0,
         options.with_direct,
         options.period_s,
+        integral_pivot=(0,) if options.integrators else (),
     )
-    point = Point(poles, np.ones((len(poles), 1), dtype=complex), np.zeros((1, 1)))
+    point = Point(
+        poles,
+        np.ones((len(poles), 1), dtype=complex),
+        np.zeros((1, 1)),
+        np.ones((len(layout.integral_pivot), 1)),
+    )
     return layout, point, columns(layout, point, fractions(layout, poles, data.s), data.s)[:, :, 0]
 
 

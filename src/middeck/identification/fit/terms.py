@@ -33,7 +33,7 @@ def columns(
     s: Complex[np.ndarray, " line"],
     drive: Complex[np.ndarray, "line input column"] | None = None,
 ) -> Complex[np.ndarray, "unknown line column"]:
-    """Factors of the linear unknowns of an output, without its delay: modes, 1/s^2, constant."""
+    """Factors of the linear unknowns of an output, without its delay: modes, 1/s^2 and 1/s, constant."""
     each_input = _along(np.eye(layout.inputs), drive)
     X = np.empty((layout.columns, len(s), each_input.shape[2]), dtype=complex)
     up, low = (np.repeat(x, layout.copies, axis=0)[:, :, None] for x in (parts.upper, parts.lower))
@@ -50,7 +50,7 @@ def columns(
     X[used : layout.mode_columns] = _along(np.real(point.b)[pairs:], drive) * up[pairs:]
     used = layout.mode_columns
     if point.psi is not None and len(point.psi):
-        X[used : used + len(point.psi)] = _along(point.psi, drive) / (s**2)[None, :, None]
+        X[used : used + len(point.psi)] = _along(point.psi, drive) / _powers(layout, s)[:, :, None]
         used += len(point.psi)
     if layout.with_lower:
         X[used : used + layout.inputs] = each_input / (s**2)[None, :, None]
@@ -75,16 +75,29 @@ def shapes(layout: Layout, point: Point, x: Float[np.ndarray, " column"]) -> Com
     return c
 
 
-def constant_terms(
-    layout: Layout, point: Point, linear: Float[np.ndarray, "output column"]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """R of the rigid modes, L and D, each [output, input]."""
+@record
+class Constants:
+    """R of the rigid modes, Q of the integrators, L and D."""
+
+    rigid: Float[np.ndarray, "output input"]
+    integral: Float[np.ndarray, "output input"]
+    lower: Float[np.ndarray, "output input"]
+    direct: Float[np.ndarray, "output input"]
+
+
+def constant_terms(layout: Layout, point: Point, linear: Float[np.ndarray, "output column"]) -> Constants:
+    """What goes with powers of s, from the linear unknowns of each output."""
     x = linear[:, layout.mode_columns : layout.columns]
-    rigid, inputs = len(layout.rigid_pivot), layout.inputs
+    drifting, inputs = len(layout.powers), layout.inputs
     none = np.zeros((len(x), inputs))
-    R = x[:, :rigid] @ point.psi if point.psi is not None else none
-    L = x[:, rigid : rigid + inputs] if layout.with_lower else none
-    return R, L, (x[:, -inputs:] if layout.with_direct else none)
+    R, Q = (none, none) if point.psi is None else (x[:, own] @ point.psi[own] for own in layout.at_zero)
+    L = x[:, drifting : drifting + inputs] if layout.with_lower else none
+    return Constants(R, Q, L, x[:, -inputs:] if layout.with_direct else none)
+
+
+def _powers(layout: Layout, s: np.ndarray) -> Complex[np.ndarray, "rigid line"]:
+    """s^2 of rigid modes, s of integrators."""
+    return s ** layout.powers[:, None]
 
 
 def slopes(
@@ -115,7 +128,7 @@ def slopes(
         by_entry = 1j * (upper - lower) if part else upper + lower
         G[modes + pairs + k] = by_entry[:, None] * each_input[i]
     for k, (r, i) in enumerate(free_psi):
-        G[used + k] = (x[layout.mode_columns + r] / s**2)[:, None] * each_input[i]
+        G[used + k] = (x[layout.mode_columns + r] / s ** layout.powers[r])[:, None] * each_input[i]
     return G
 
 

@@ -6,7 +6,12 @@ A record of N samples of free motion, x(n T) = exp(p n T), has on its lines the 
 
 a geometric series: exact, aliasing and all, also for a continuous model. So whatever the state at either end
 of a record, its spectra are Y = G U + sum_m t_m / (1 - exp(p_m T) exp(-s T)) with free t_m for each output
-and experiment (Pintelon and Schoukens 2012, sec. 6.3.2). A double pole at zero adds a constant and a ramp.
+and experiment (Pintelon and Schoukens 2012, sec. 6.3.2).
+
+A sensor drifts, and a pole at zero does not decay: polynomials in time are on the lines as free motion is. Of
+a constant there is nothing; a ramp leaves 1/(1 - exp(-s T)), which is always among the terms, also for an
+integrator; a parabola, that of a double pole at zero, the square of that. The ramp of an input's sensor comes
+through a stable plant as a ramp, a constant and free motion, and is thereby taken care of too.
 
 What is no free motion is short: with a delay, the first samples answer to the input before the record; and a
 band-limited input is not its samples' trigonometric polynomial near the ends. Such samples, the first n and
@@ -21,22 +26,22 @@ from jaxtyping import Complex, Float
 from middeck.identification.fit.data import Transient
 from middeck.identification.fit.layout import Layout, Point
 
-# Edge terms are one and the same, over a narrow band, up to this share.
+# Terms of drift and edges are one and the same, over a narrow band, up to this share.
 ALIKE = 1e-9
 
 
 def transient_columns(
     layout: Layout, point: Point, transient: Transient, s: Complex[np.ndarray, " line"]
 ) -> Complex[np.ndarray, "column line"]:
-    """Factors of the unknowns of one experiment's transient in one output: poles, then edges."""
+    """Factors of the unknowns of one experiment's transient in one output: poles, then drift and edges."""
     up, low, _ = _series(point.poles, transient, s)
     pairs = layout.pairs
     poles = np.empty((pairs + len(up), len(s)), dtype=complex)
     poles[0 : 2 * pairs : 2] = up[:pairs] + low[:pairs]
     poles[1 : 2 * pairs : 2] = 1j * (up[:pairs] - low[:pairs])
     poles[2 * pairs :] = up[pairs:]
-    drift = _drift(transient, s) if layout.with_lower or layout.rigid_pivot else np.zeros((0, len(s)))
-    return np.concatenate([poles, drift, _edges(transient, s)])
+    double = layout.with_lower or bool(layout.rigid_pivot)
+    return np.concatenate([poles, _basis(_drift(transient, s, 2 if double else 1), _edges(transient, s))])
 
 
 def transient_slopes(
@@ -70,18 +75,21 @@ def _series(
     return 1.0 / (1.0 - z * inverse), 1.0 / (1.0 - z.conj() * inverse), inverse
 
 
-def _drift(transient: Transient, s: np.ndarray) -> np.ndarray:
-    """Free motion of a double pole at zero: a constant, and a ramp."""
+def _drift(transient: Transient, s: np.ndarray, degree: int) -> Complex[np.ndarray, "degree line"]:
+    """What a record drifts by, each to the mean square of one: a ramp, and a parabola."""
     inverse = np.exp(-s * transient.period_s)
-    constant = 1.0 / (1.0 - inverse)
-    return np.stack([constant, inverse * constant**2])
+    ramp = 1.0 / (1.0 - inverse)
+    both = np.stack([ramp, inverse * ramp**2])[:degree]
+    return both / np.sqrt(np.mean(np.abs(both) ** 2, axis=1, keepdims=True))
 
 
-def _edges(transient: Transient, s: np.ndarray) -> np.ndarray:
-    """A basis of the free samples' spectra; they are much alike where the band is narrow."""
+def _edges(transient: Transient, s: np.ndarray) -> Complex[np.ndarray, "sample line"]:
+    """Spectra of the free samples."""
     samples = np.concatenate([np.arange(transient.first), -1 - np.arange(transient.last)])
-    spectra = np.exp(-s * transient.period_s * samples[:, None])
-    if not len(samples):
-        return spectra
-    _, size, right = np.linalg.svd(spectra.view(float), full_matrices=False)
+    return np.exp(-s * transient.period_s * samples[:, None])
+
+
+def _basis(*spectra: np.ndarray) -> Complex[np.ndarray, "column line"]:
+    """A basis of real combinations of all these; they are much alike where the band is narrow."""
+    _, size, right = np.linalg.svd(np.concatenate(spectra).view(float), full_matrices=False)
     return right[size > ALIKE * size[0]].view(complex)

@@ -14,11 +14,14 @@ from middeck.identification.measurement_model import (
     double_pole,
     natural_hz,
     path_delay,
+    rank_of,
 )
 from middeck.systems.statespace import SampledStateSpace, StateSpace
 
 # A pair whose pole is closer to the real axis than this share of its size is near critical damping.
 CRITICAL = 0.5
+# Integrators in a row: 1/s^2 and 1/s.
+DOUBLE, SINGLE = np.array([[0.0, 1.0], [0.0, 0.0]]), np.zeros((1, 1))
 
 
 def sampled_statespace(model: MeasurementModel) -> SampledStateSpace:
@@ -32,10 +35,11 @@ def sampled_statespace(model: MeasurementModel) -> SampledStateSpace:
 def modal_statespace(model: MeasurementModel) -> StateSpace:
     """Real block-modal form of a continuous model without its delays, of ``model.states`` states.
 
-    Rigid-body modes come last, each with the states q and q'.
+    Rigid-body modes come last but for integrators, each with the states q and q'.
     """
     modes = StateSpace(*_modal_blocks(model, model.poles), model.direct)
-    return modes if model.rigid is None else _beside(modes, model.rigid)
+    modes = modes if model.rigid is None else _beside(modes, model.rigid, DOUBLE)
+    return modes if model.integral is None else _beside(modes, model.integral, SINGLE)
 
 
 def rational_statespace(model: MeasurementModel) -> StateSpace | SampledStateSpace:
@@ -45,26 +49,32 @@ def rational_statespace(model: MeasurementModel) -> StateSpace | SampledStateSpa
         return SampledStateSpace(A, B, C, model.direct, 1.0 / model.sample_hz)
     modes = StateSpace(*_modal_blocks(model, model.poles), model.direct)
     double = double_pole(model)
-    return _beside(modes, double) if np.any(double) else modes
+    modes = _beside(modes, double, DOUBLE) if np.any(double) else modes
+    return modes if model.integral is None else _beside(modes, model.integral, SINGLE)
 
 
 def state_names(model: MeasurementModel) -> tuple[str, ...]:
     """One for each state of `modal_statespace`, so that a design can say which pole it cannot hold."""
     pairs = zip(natural_hz(model), model.is_pair, strict=True)
     poles = tuple(f"pole at {hz:.4g} Hz" for hz, pair in pairs for _ in range(1 + pair))
-    return (*poles, *(f"rigid-body mode {1 + k // 2}" for k in range(model.states - len(poles))))
+    rigid = tuple(f"rigid-body mode {1 + k}" for k in range(rank_of(model.rigid)) for _ in range(2))
+    return (*poles, *rigid, *(f"integrator {1 + k}" for k in range(rank_of(model.integral))))
 
 
-def _beside(modes: StateSpace, double: np.ndarray) -> StateSpace:
-    """With double / s^2 in parallel: for each of its rank two states, q'' = psi u and y = phi q."""
-    left, size, right = np.linalg.svd(double)
+def _beside(modes: StateSpace, residue: np.ndarray, drift: np.ndarray) -> StateSpace:
+    """With a residue at zero in parallel, as many chains ``drift`` of integrators as it has rank.
+
+    q'' = psi u and y = phi q, or q' = psi u.
+    """
+    left, size, right = np.linalg.svd(residue)
     rank = int(np.sum(size > RANK * size[0]))
     root = np.sqrt(size[:rank])
     psi, phi = root[:, None] * right[:rank], left[:, :rank] * root
-    drift = np.kron(np.eye(rank), np.array([[0.0, 1.0], [0.0, 0.0]]))
-    into, out = np.zeros((2 * rank, psi.shape[1])), np.zeros((len(phi), 2 * rank))
-    into[1::2], out[:, ::2] = psi, phi
-    return StateSpace(block([modes.A, drift]), np.vstack([modes.B, into]), np.hstack([modes.C, out]), modes.D)
+    each = len(drift)
+    into, out = np.zeros((each * rank, psi.shape[1])), np.zeros((len(phi), each * rank))
+    into[each - 1 :: each], out[:, ::each] = psi, phi
+    A = block([modes.A, np.kron(np.eye(rank), drift)])
+    return StateSpace(A, np.vstack([modes.B, into]), np.hstack([modes.C, out]), modes.D)
 
 
 def block(blocks: Sequence[np.ndarray]) -> np.ndarray:

@@ -15,6 +15,7 @@ from middeck.identification.measurement_model import (
     double_pole,
     is_single,
     path_delay,
+    rank_of,
     rational_response,
     rational_slope,
 )
@@ -37,7 +38,7 @@ class PoleZeroGain:
     ----------
     poles, zeros:
         One of each conjugate pair (positive imaginary part) or a real one [rad/s]; those of a sampled model
-        are log(q) / T. Two poles at zero stand for 1/s^2.
+        are log(q) / T. Two poles at zero stand for 1/s^2, one for 1/s.
     gain:
         Ratio of the leading coefficients.
     static_gain:
@@ -67,16 +68,16 @@ def pole_zero_gain(model: MeasurementModel, output: str, input: str) -> PoleZero
         For an unknown name, or a path that is zero.
     """
     path = select_channels(model, outputs=(output,), inputs=(input,)).model
-    if not (len(path.poles) or path.direct.any() or double_pole(path).any()):
+    still = 2 if double_pole(path).any() else rank_of(path.integral)
+    if not (len(path.poles) or path.direct.any() or still):
         raise ConfigError(f"the path from {input} to {output} is zero", hint="take another path")
     zeros = path_zeros(path, output, input).value
-    rigid = bool(double_pole(path)[0, 0])
-    poles = np.concatenate([path.poles, np.zeros(2 * rigid)])
+    poles = np.concatenate([path.poles, np.zeros(still)])
     return PoleZeroGain(
         poles,
         zeros,
         _gain(path, poles, zeros),
-        None if rigid else float(np.real(rational_response(path, np.zeros(1))[0, 0, 0])),
+        None if still else float(np.real(rational_response(path, np.zeros(1))[0, 0, 0])),
         float(path_delay(path)[0, 0]),
         path.inputs[0],
         path.outputs[0],
@@ -99,7 +100,8 @@ def from_pole_zero_gain(form: PoleZeroGain) -> MeasurementModel:
     if np.any(np.real(form.poles) > 0.0):
         raise ConfigError("a pole lies in the right half-plane", hint="a measurement model is stable")
     at_zero = form.poles == 0.0
-    rigid = _rigid(form, p, z, int(np.sum(at_zero))) if at_zero.any() else 0.0
+    count = int(np.sum(at_zero))
+    lasting = np.array([[_lasting(form, p, z, count)]]) if count else None
     modes = form.poles[~at_zero]
     q = _in_q(modes, form.sample_hz)
     residues = np.array([form.gain * _quotient(pole, z, _without(p, pole)) for pole in q], dtype=complex)
@@ -117,7 +119,8 @@ def from_pole_zero_gain(form: PoleZeroGain) -> MeasurementModel:
         (form.input,),
         (form.output,),
         form.sample_hz,
-        rigid=np.array([[rigid]]) if at_zero.any() else None,
+        rigid=lasting if count > 1 else None,
+        integral=lasting if count == 1 else None,
     )
 
 
@@ -156,14 +159,16 @@ def _without(poles: np.ndarray, pole: complex) -> np.ndarray:
     return np.delete(poles, int(np.argmin(np.abs(poles - pole))))
 
 
-def _rigid(form: PoleZeroGain, p: np.ndarray, z: np.ndarray, count: int) -> float:
-    """R of R / s^2, from H = F(s) / s^2 with R = F(0); F'(0), the part in 1/s, must vanish."""
+def _lasting(form: PoleZeroGain, p: np.ndarray, z: np.ndarray, count: int) -> float:
+    """R of R / s^2, from H = F(s) / s^2 with R = F(0); F'(0), the part in 1/s, must vanish. Or Q of Q / s."""
     others = p[p != 0.0]
     slope = np.sum(1.0 / -z) - np.sum(1.0 / -others) if z.all() else np.inf
     unit = np.sum(1.0 / np.abs(np.concatenate([z, others]))) if z.all() else 0.0
-    if count != 2 or form.sample_hz is not None or not abs(slope) <= ROUNDING * unit:
+    single = count == 1 and z.all()
+    double = count == 2 and abs(slope) <= ROUNDING * unit
+    if form.sample_hz is not None or not (single or double):
         raise ConfigError(
-            f"{count} poles at zero are no rigid-body mode R / s^2",
-            hint="two of them, whose numerator has no slope at s = 0",
+            f"{count} poles at zero are no rigid-body mode R / s^2 and no integrator Q / s",
+            hint="one, or two whose numerator has no slope at s = 0, and no zero there",
         )
     return float(np.real(form.gain * _quotient(0.0, z, others)))

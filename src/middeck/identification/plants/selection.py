@@ -56,11 +56,17 @@ def select_channels(
         lower=model.lower[entries],
         delay_s=model.delay_s[rows],
         path_delay_s=None if model.path_delay_s is None else model.path_delay_s[entries],
-        rigid=None if model.rigid is None or not np.any(model.rigid[entries]) else model.rigid[entries],
+        rigid=_part(model.rigid, entries),
+        integral=_part(model.integral, entries),
         inputs=tuple(model.inputs[i] for i in columns),
         outputs=tuple(model.outputs[o] for o in rows),
     )
     return Selection(chosen, tuple(f"pole at {hz:.4g} Hz" for hz in natural_hz(model)[~keep]))
+
+
+def _part(whole: np.ndarray | None, entries: tuple[np.ndarray, ...]) -> np.ndarray | None:
+    """Some entries of R or Q; None where nothing is left."""
+    return None if whole is None or not np.any(whole[entries]) else whole[entries]
 
 
 def scale_channels(model: MeasurementModel, scale: Mapping[str, tuple[float, str]]) -> MeasurementModel:
@@ -95,6 +101,7 @@ def scale_channels(model: MeasurementModel, scale: Mapping[str, tuple[float, str
         direct=model.direct * entries,
         lower=model.lower * entries,
         rigid=None if model.rigid is None else model.rigid * entries,
+        integral=None if model.integral is None else model.integral * entries,
         inputs=inputs,
         outputs=outputs,
     )

@@ -11,17 +11,20 @@ import dataclasses
 from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
+from jaxtyping import Float
 
 from middeck.errors import DataError, FitError
 from middeck.identification.fit.data import Data, Transient
 from middeck.identification.fit.fit_response import FitResult
-from middeck.identification.fit.layout import Layout, Point, pack, unpack
+from middeck.identification.fit.layout import Layout, Point, unpack
 from middeck.identification.fit.order import is_settled, sizes
-from middeck.identification.fit.start import Options, Start
+from middeck.identification.fit.start import Options, Start, start_from_point
+from middeck.identification.measurement_model import MeasurementModel, path_delay, rank_of
 from middeck.identification.samples.order import enough_samples, record_length, shortest_reason
 from middeck.identification.samples.race import further, leader
 from middeck.identification.samples.search import RecordRun, Weighting, refine_record
 from middeck.identification.samples.starts import PastOfRecord, continuous_starts, past_of
+from middeck.identification.uncertainty.parameters import distinct_poles
 from middeck.systems.record import Record
 
 # Up to so many samples a record is short: subspaces cost little, and local models may not resolve it.
@@ -52,23 +55,34 @@ def fit_continuous(
     """
     short = data.H.shape[2] * record.u.shape[1] * record.u.shape[2] <= SHORT
     first, failed = (None, None) if short and states is None else _attempt(local)
-    starts = [] if first is None else _prompt(record, [_start_of(first)])
-    reason = "" if first is None else first.order_reason
+    starts, reason = [], ""
+    if first is not None:
+        starts, reason = _prompt(record, [_start_of(first, options)]), first.order_reason
     found = _led(record, data, starts, weighting)
     if short or found is None or first is None or float(np.max(first.error)) > POOR:
         past = past_of(record, data)
         if states is None and (short or first is None):
-            states, reason = _choose_order(record, data, options, past)
+            options, reason = _choose_order(record, data, options, past)
         elif states is None and first is not None:
-            states = first.model.states
-        options = dataclasses.replace(options, states=states or options.states)
+            options = dataclasses.replace(options, states=_order(_start_of(first, options).layout))
         starts += _prompt(record, continuous_starts(past, data, options))
         found = _led(record, data, starts, weighting)
     if found is None:
         raise failed or _no_start()
-    data, best = found
+    return *_finished(record, *found, weighting), reason
+
+
+def _order(layout: Layout) -> int:
+    """States but for those at zero."""
+    return int(np.sum(np.where(layout.pair, 2, 1)))
+
+
+def _finished(
+    record: Record, data: Data, best: RecordRun, weighting: Weighting | None
+) -> tuple[Data, RecordRun]:
+    """Refined to the end, as many samples free as the delay found asks for."""
     data = dataclasses.replace(data, transient=_edges(record, [Start(best.layout, best.refined.theta)]))
-    return data, _settled(data, best, weighting), reason
+    return data, _settled(data, best, weighting)
 
 
 def _attempt(local: Callable[[], FitResult]) -> tuple[FitResult | None, FitError | DataError | None]:
@@ -115,11 +129,12 @@ def _settled(data: Data, best: RecordRun, weighting: Weighting | None) -> Record
     return further(data, other, rounds=ROUNDS, steps=STEPS)
 
 
-def _choose_order(record: Record, data: Data, options: Options, past: PastOfRecord) -> tuple[int, str]:
+def _choose_order(record: Record, data: Data, options: Options, past: PastOfRecord) -> tuple[Options, str]:
     """The order of the shortest description of the record, its transients counted, and why."""
     tried: list[tuple[int, float]] = []
+    still = 2 * options.rigid + options.integrators
     for states in sizes():
-        if not enough_samples(record, states):
+        if not enough_samples(record, states + still):
             break
         starts = _prompt(record, continuous_starts(past, data, dataclasses.replace(options, states=states)))
         if not starts:
@@ -128,12 +143,13 @@ def _choose_order(record: Record, data: Data, options: Options, past: PastOfReco
         run = leader(edged, starts, "output")
         if run is None:
             continue
-        tried.append((states, record_length(edged, run)))
+        tried.append((states + still, record_length(edged, run)))
         if is_settled([length for _, length in tried]):
             break
     if not tried:
         raise FitError("no order could be fitted", hint="a longer record, or say how many states")
-    return min(tried, key=lambda t: t[1])[0], shortest_reason(tried)
+    best = min(tried, key=lambda t: t[1])[0]
+    return dataclasses.replace(options, states=best - still), shortest_reason(tried)
 
 
 def _edges(record: Record, starts: Sequence[Start]) -> Transient:
@@ -148,21 +164,19 @@ def _edges(record: Record, starts: Sequence[Start]) -> Transient:
     return Transient(1.0 / record.sample_hz, max(late, 1), 1)
 
 
-def _start_of(first: FitResult) -> Start:
+def _start_of(first: FitResult, options: Options) -> Start:
     """Layout and theta of a fitted model."""
-    model, structure = first.model, first.covariance.structure
-    order = np.argsort(~model.is_pair, kind="stable")
-    poles, pair, b = model.poles[order], model.is_pair[order], model.participation[order]
-    layout = Layout(
-        pair,
-        np.zeros(len(pair)),
-        np.argmax(np.abs(b), axis=1),
-        len(model.inputs),
-        len(model.outputs),
-        structure.real_constants,
-        structure.with_delay,
-        structure.with_lower,
-        structure.with_direct,
-        0.0,
-    )
-    return Start(layout, pack(layout, Point(poles, b, model.delay_s[:, None])))
+    model = first.model
+    modes = np.array(distinct_poles(model), dtype=int)
+    modes = modes[np.argsort(~model.is_pair[modes], kind="stable")]
+    psi = np.vstack([_rows(model, model.rigid), _rows(model, model.integral)])
+    late = path_delay(model) if options.delay_of == "path" else model.delay_s[:, None]
+    point = Point(model.poles[modes], model.participation[modes], late, psi)
+    return start_from_point(options, model.is_pair[modes], point, len(model.outputs))
+
+
+def _rows(model: MeasurementModel, residue: np.ndarray | None) -> Float[np.ndarray, "rank input"]:
+    """Directions of the inputs that drive a pole at zero."""
+    if residue is None:
+        return np.zeros((0, len(model.inputs)))
+    return np.linalg.svd(residue)[2][: rank_of(residue)]

@@ -5,29 +5,27 @@ fitted = fit_record(record, states=10, band_hz=(0.1, 60.0))
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import functools
 from typing import Literal
 
 import numpy as np
 
-from middeck.errors import ConfigError, FitError
+from middeck.errors import FitError
 from middeck.identification.checks import check_record
-from middeck.identification.fit.choices import Choices, options_of
+from middeck.identification.fit.choices import Choices, Constants, Delay, at_zero, options_of
 from middeck.identification.fit.data import Data
 from middeck.identification.fit.design import residual_of
 from middeck.identification.fit.doubts import causal_delay, doubts_of_deviations
-from middeck.identification.fit.fit_response import FitResult, fit_response
-from middeck.identification.fit.layout import pack, unpack
-from middeck.identification.fit.refine import weighted
-from middeck.identification.fit.start import Options
+from middeck.identification.fit.fit_response import FitResult, fit_chosen
 from middeck.identification.measurement_model import model_response
 from middeck.identification.samples.continuous import fit_continuous
 from middeck.identification.samples.model import record_covariance, record_model
 from middeck.identification.samples.noise import negative_log_likelihood, noise_variance
 from middeck.identification.samples.order import choose_record
 from middeck.identification.samples.search import RecordRun, Weighting
-from middeck.identification.samples.spectra import record_data
+from middeck.identification.samples.spectra import record_data, without_trend
 from middeck.identification.spectra import estimate_response
 from middeck.identification.uncertainty.parameters import uncertainty_of
 from middeck.systems.excitation.driven import driven_band
@@ -44,16 +42,21 @@ def fit_record(
     states: int | None = None,
     sampled: bool = False,
     band_hz: tuple[float, float] | None = None,
-    constants: Literal["real", "complex"] | None = None,
-    delay: bool | None = None,
+    constants: Constants | None = None,
+    delay: bool | Delay | None = None,
     direct: bool | None = None,
     residuals: bool = False,
+    full_rank: bool = False,
+    rigid: int = 0,
+    integrators: int = 0,
+    relative_degree: Literal[0, 1, 2] | None = None,
     weighting: Weighting | None = None,
 ) -> FitResult:
-    """Fit common poles, rank-one residues and delays to the samples of a record that need not be periodic.
+    """Fit common poles, residues and delays to the samples of a record that need not be periodic.
 
     The spectra of all lines are fitted, each experiment with a free transient of the model's own poles, so
-    that nothing leaks and no window is needed; the noise on each line is estimated from what is left.
+    that nothing leaks and no window is needed; an offset and a ramp of any channel are part of it. The noise
+    on each line is estimated from what is left.
 
     Parameters
     ----------
@@ -67,7 +70,7 @@ def fit_record(
         between samples.
     band_hz:
         Lines to fit: by default those of the band that the inputs drive, and all of a sampled model.
-    constants, delay, direct, residuals:
+    constants, delay, direct, residuals, full_rank, rigid, integrators, relative_degree:
         As for `fit_response`.
     weighting:
         "flat": the error of the simulation is least. "output": by the noise of sensors, "motion": by forces
@@ -85,33 +88,24 @@ def fit_record(
         be longer than the record), if an output leads its input, or if no start could be refined.
     """
     check_record(record)
-    if sampled and (constants == "real" or delay or residuals):
-        raise ConfigError(
-            "a sampled model has complex constants, no separate delay and no residual terms",
-            hint="leave out constants, delay and residuals, or sampled",
-        )
-    if states is not None and states < 1:
-        raise ConfigError(f"a model of {states} states cannot be fitted", hint="one state or more")
-    _check_length(record, 2 if states is None else states)
+    choices = Choices(
+        record.sample_hz if sampled else None,
+        constants, delay, direct, residuals, full_rank, rigid, relative_degree, integrators,
+    )  # fmt: skip
+    record = without_trend(record, inputs=not (residuals or at_zero(choices)))
     if band_hz is None and not sampled:
         inputs = record.u.reshape(len(record.u), -1, record.u.shape[3])
         band_hz = driven_band(inputs, record.sample_hz)
     data = record_data(record, band_hz, whole=sampled)
+    lines = _lines(record, data, np.zeros((len(data.s), len(record.outputs), len(record.inputs)), complex))
+    options = options_of(lines, states, choices)
+    _check_length(record, options.states + at_zero(choices))
     if sampled:
-        with_direct = direct is None or direct
-        options = Options(states or 2, False, False, False, with_direct, 1.0 / record.sample_hz)
         run, reason = choose_record(record, options, band_hz, states=states, weighting=weighting)
     else:
-        shape = len(data.s), len(record.outputs), len(record.inputs)
-        lines = _lines(record, data, np.zeros(shape, dtype=complex))
-        options = options_of(lines, states or 2, Choices(None, constants, delay, direct, residuals))
-        band = band_hz or (float(lines.frequency_hz[0]), float(lines.frequency_hz[-1]))
-        local = functools.partial(
-            _local_fit, record, band,
-            states=states, constants=constants, delay=delay, direct=direct, residuals=residuals,
-        )  # fmt: skip
+        local = functools.partial(_local_fit, record, lines, states, choices)
         data, run, reason = fit_continuous(record, data, options, local, states=states, weighting=weighting)
-    return _result(record, data, run, record.sample_hz if sampled else None, reason)
+    return _result(record, data, run, reason)
 
 
 def _check_length(record: Record, states: int) -> None:
@@ -132,58 +126,34 @@ def _lines(record: Record, data: Data, H: np.ndarray) -> FrequencyResponse:
     return FrequencyResponse(f, H, record.inputs, record.outputs, np.zeros(H.shape))
 
 
-def _local_fit(
-    record: Record,
-    band_hz: tuple[float, float],
-    *,
-    states: int | None,
-    constants: Literal["real", "complex"] | None,
-    delay: bool | None,
-    direct: bool | None,
-    residuals: bool,
-) -> FitResult:
+def _local_fit(record: Record, lines: FrequencyResponse, states: int | None, choices: Choices) -> FitResult:
     """A fit of a local estimate of the response.
 
     Polynomials are fast, but do not follow a resonance narrower than their few lines: rational models tell
     an order, and start a record too short for polynomials.
     """
-
-    def by(method: Literal["local polynomial", "local rational"]) -> FitResult:
-        return fit_response(
-            estimate_response(record, band_hz=band_hz, method=method),
-            states=states, constants=constants, delay=delay, direct=direct, residuals=residuals,
-        )  # fmt: skip
-
-    if states is None:
-        return by("local rational")
-    try:
-        return by("local polynomial")
-    except FitError:
-        return by("local rational")
+    band_hz = float(lines.frequency_hz[0]), float(lines.frequency_hz[-1])
+    fit = functools.partial(fit_chosen, states=states, choices=choices)
+    if states is not None:
+        with contextlib.suppress(FitError):
+            return fit(estimate_response(record, band_hz=band_hz, method="local polynomial"))
+    return fit(estimate_response(record, band_hz=band_hz, method="local rational"))
 
 
-def _result(record: Record, data: Data, run: RecordRun, sample_hz: float | None, reason: str) -> FitResult:
-    run = _scaled(data, run)
-    layout, found = run.layout, run.refined
-    r = residual_of(layout, data, found.theta, found.step.linear)
+def _result(record: Record, data: Data, run: RecordRun, reason: str) -> FitResult:
+    found = run.refined
+    r = residual_of(run.layout, data, found.theta, found.step.linear)
     _refuse_noise(data, run)
-    fitted = record_model(layout, found, record, sample_hz)
-    covariance = record_covariance(layout, found, data, run.variance, fitted)
+    fitted = record_model(run.layout, found, record)
+    covariance = record_covariance(run.layout, found, data, run.variance, fitted)
     uncertainty = uncertainty_of(covariance)
-    H = model_response(fitted, np.imag(data.s) / (2.0 * np.pi))
-    if not np.isfinite(H).all():
+    lines = _lines(record, data, model_response(fitted, np.imag(data.s) / (2.0 * np.pi)))
+    if not np.isfinite(lines.H).all():
         raise FitError("the fitted response is not finite", hint="fewer states")
-    lines = _lines(record, data, H)
     delay_s, warnings = causal_delay(lines, fitted.delay_s, uncertainty)
     model = dataclasses.replace(fitted, delay_s=delay_s)
     error = np.sqrt(np.sum(np.abs(r) ** 2, axis=(1, 2)) / np.sum(np.abs(data.H) ** 2, axis=(1, 2)))
-    if not found.converged:
-        warnings.append(f"the search had not settled after {len(found.history)} steps")
-    warnings += [
-        f"output {port.name}: noise and what the model lacks are {left:.0%} of the output"
-        for port, left in zip(record.outputs, error, strict=True)
-        if left > LEFT
-    ]
+    warnings += _doubts(run, record, error)
     warnings += doubts_of_deviations(lines, covariance, of_samples=True)
     return FitResult(
         model,
@@ -198,17 +168,15 @@ def _result(record: Record, data: Data, run: RecordRun, sample_hz: float | None,
     )
 
 
-def _scaled(data: Data, run: RecordRun) -> RecordRun:
-    """The same model with its input vectors scaled to their largest entry, linear unknowns to match."""
-    point = unpack(run.layout, run.refined.theta)
-    layout = dataclasses.replace(run.layout, pivot=np.argmax(np.abs(point.b), axis=1))
-    theta = pack(layout, point)
-    step = weighted(layout, dataclasses.replace(data, weight=1.0 / np.sqrt(run.variance)), theta)
-    if step is None:
-        raise FitError("the fitted model is not finite", hint="fewer states")
-    return dataclasses.replace(
-        run, layout=layout, refined=dataclasses.replace(run.refined, theta=theta, step=step)
-    )
+def _doubts(run: RecordRun, record: Record, error: np.ndarray) -> list[str]:
+    """A search that did not end, and outputs that are mostly left."""
+    steps = len(run.refined.history)
+    found = [] if run.refined.converged else [f"the search had not settled after {steps} steps"]
+    return found + [
+        f"output {port.name}: noise and what the model lacks are {left:.0%} of the output"
+        for port, left in zip(record.outputs, error, strict=True)
+        if left > LEFT
+    ]
 
 
 def _refuse_noise(data: Data, run: RecordRun) -> None:

@@ -3,28 +3,24 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Complex, Float
 
 from middeck.identification.fit.data import Data
-from middeck.identification.fit.design import jacobian
+from middeck.identification.fit.design import Terms, split_linear
+from middeck.identification.fit.fitted_model import model_of, structure_of
 from middeck.identification.fit.layout import Layout, unpack
+from middeck.identification.fit.own_transients import OwnTransients, as_real
 from middeck.identification.fit.refine import Refined
-from middeck.identification.fit.terms import constant_terms, shapes
+from middeck.identification.fit.transient import transient_slopes
 from middeck.identification.measurement_model import MeasurementModel
-from middeck.identification.uncertainty.covariance import ModelCovariance
-from middeck.identification.uncertainty.unknowns import Places, Structure, places_of
+from middeck.identification.uncertainty.covariance import ModelCovariance, inverse_root
+from middeck.identification.uncertainty.unknowns import Structure, entry_slopes, places_of, ties
 from middeck.systems.record import Record
 
 
-def record_model(layout: Layout, found: Refined, record: Record, sample_hz: float | None) -> MeasurementModel:
+def record_model(layout: Layout, found: Refined, record: Record) -> MeasurementModel:
     """Poles, modal vectors, constant terms and delays of a search's end; transients are no part of it."""
-    point = unpack(layout, found.theta)
-    c = np.array([shapes(layout, point, x[: layout.columns]) for x in found.step.linear])
-    _, lower, direct = constant_terms(layout, point, found.step.linear)
-    delay = point.delay_s[:, 0]
-    return MeasurementModel(
-        point.poles, c, point.b, direct, lower, delay, record.inputs, record.outputs, sample_hz
-    )
+    return model_of(layout, found, record.inputs, record.outputs)
 
 
 def record_covariance(
@@ -37,39 +33,41 @@ def record_covariance(
     """The Cramer-Rao value with the transients among the unknowns.
 
     ``variance`` is of real and imaginary part together, so that the covariance is half the inverse of the
-    information. The input vectors of ``layout`` must be scaled to their largest entry.
+    information.
     """
-    structure = Structure(layout.real_constants, layout.with_delay, layout.with_lower, layout.with_direct)
-    J = jacobian(layout, data, found.theta, found.step.linear) / np.sqrt(variance)
-    rows = np.ascontiguousarray(J).reshape(len(J), -1).view(float)
-    size = np.linalg.norm(rows, axis=1)
-    size = np.where(size > 0.0, size, 1.0)
-    inverse = np.linalg.pinv((rows / size[:, None]) @ (rows / size[:, None]).T, hermitian=True)
-    inverse = inverse / size[:, None] / size
-    here, place = _order(layout, found, places_of(model, structure))
-    total = int(place.max()) + 1
-    matrix, known = np.zeros((total, total)), np.zeros(total)
-    matrix[np.ix_(place, place)] = 0.5 * inverse[np.ix_(here, here)]
-    known[place] = size[here] ** 2
-    inflation = np.maximum(2.0 * known * np.diag(matrix), 1.0)
-    return ModelCovariance(model, structure, matrix, inflation, float(rows.shape[1] - len(rows)), False)
+    structure = structure_of(layout)
+    size = places_of(model, structure).size
+    terms = Terms(layout, data, found.theta)
+    alone, information = np.zeros(size), np.zeros((size, size))
+    for o in range(layout.outputs):
+        J = _slopes(layout, data, found, model, structure, o)
+        weight = 1.0 / np.sqrt(variance[o])
+        alone += np.sum(as_real(J * weight) ** 2, axis=1)
+        rows = OwnTransients(terms.B, weight).removed(J)
+        information += rows @ rows.T
+    held = ties(model, structure)
+    inverse = inverse_root(information, held)[1]
+    inflation = np.maximum(alone * np.diag(inverse), 1.0)
+    unknowns = size - len(held) + data.H.shape[0] * data.H.shape[2] * len(terms.B)
+    return ModelCovariance(
+        model, structure, 0.5 * inverse, inflation, float(2 * data.H.size - unknowns), False
+    )
 
 
-def _order(
-    layout: Layout, found: Refined, at: Places
-) -> tuple[Int[np.ndarray, " unknown"], Int[np.ndarray, " unknown"]]:
-    """Places in the search's own vector, and the same unknowns' places among those of the model."""
-    pairs, outputs, inputs = layout.pairs, layout.outputs, layout.inputs
-    place = [*at.sigma, *at.omega[:pairs], *(at.b[m, i, int(part)] for m, i, part in layout.free_b)]
-    place += list(at.delay) if layout.with_delay else []
-    here = list(range(layout.size))
-    each = found.step.linear.shape[1]
-    for o in range(outputs):
-        own = [at.c[o, m, part] for m in range(pairs) for part in range(1 if layout.real_constants else 2)]
-        own += [at.c[o, m, 0] for m in range(pairs, len(layout.pair))]
-        own += [at.lower[o, i] for i in range(inputs)] if layout.with_lower else []
-        own += [at.direct[o, i] for i in range(inputs)] if layout.with_direct else []
-        place += own
-        first = layout.size + o * each
-        here += list(range(first, first + len(own)))
-    return np.array(here), np.array(place)
+def _slopes(
+    layout: Layout, data: Data, found: Refined, model: MeasurementModel, structure: Structure, output: int
+) -> Complex[np.ndarray, "unknown line column"]:
+    """Derivative of an output's spectra by the unknowns of the model, through the transients' poles also."""
+    assert data.drive is not None
+    assert data.transient is not None
+    at = places_of(model, structure)
+    J = np.zeros((at.size, *data.H.shape[1:]), dtype=complex)
+    for i in range(layout.inputs):
+        entry = entry_slopes(model, structure, data.s, output, i)
+        J[entry.place] += entry.by[:, :, None] * data.drive[:, i]
+    _, t = split_linear(layout, data, found.step.linear[output])
+    point = unpack(layout, found.theta)
+    mode = np.array([int(np.argmax(model.poles == pole)) for pole in point.poles])
+    place = np.concatenate([at.sigma[mode], at.omega[mode[: layout.pairs]]])
+    J[place] += transient_slopes(layout, point, data.transient, data.s, t)
+    return J

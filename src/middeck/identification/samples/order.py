@@ -147,7 +147,7 @@ def _held_out(record: Record, options: Options, band_hz: tuple[float, float] | N
         part = refine_record(data, run.layout, run.refined.theta, run.weighting, rounds=1, steps=PART_STEPS)
         if part is None:
             return np.inf
-        model: MeasurementModel = record_model(part.layout, part.refined, record, 1.0 / options.period_s)
+        model: MeasurementModel = record_model(part.layout, part.refined, record)
         try:
             left = record_nrmse(model, cut_samples(record, *unseen), state_share=STATE_SHARE)
         except NumericalError:

@@ -121,7 +121,7 @@ def _check(model: MeasurementModel, record: Record, state_share: float) -> None:
 def _forced(
     model: MeasurementModel, u: Float[np.ndarray, "experiment sample input"], rate_hz: float, between: Between
 ) -> Float[np.ndarray, "experiment sample output"]:
-    """Motion that repeats with the record; a double pole at zero adds its answer to a constant input."""
+    """Motion that repeats with the record; poles at zero add their answer to a constant input."""
     held = between == "hold" and model.sample_hz is None
     double, delay = _double(model), path_delay(model)
     # Held inputs are zero before the record, as far back as a delay reaches; repeated ones need no such.
@@ -133,9 +133,8 @@ def _forced(
     H[1:] = _held_response(model, frequency[1:], rate_hz) if held else model_response(model, frequency[1:])
     H[0] = _static(model)
     y = np.fft.irfft(np.einsum("koi,eki->eko", H, np.fft.rfft(u, axis=1)), n=count, axis=1)
-    if np.any(double):
-        late = np.arange(count)[:, None, None] / rate_hz - delay
-        y += np.einsum("oi,koi,ei->eko", double, 0.5 * late**2, u.mean(axis=1))
+    late = np.arange(count)[:, None, None] / rate_hz - delay
+    y += np.einsum("koi,ei->eko", double * 0.5 * late**2 + _single(model) * late, u.mean(axis=1))
     return y[:, before:]
 
 
@@ -143,8 +142,12 @@ def _double(model: MeasurementModel) -> Float[np.ndarray, "output input"]:
     return model.lower if model.rigid is None else model.lower + model.rigid
 
 
+def _single(model: MeasurementModel) -> Float[np.ndarray, "output input"]:
+    return np.zeros(model.direct.shape) if model.integral is None else model.integral
+
+
 def _static(model: MeasurementModel) -> Float[np.ndarray, "output input"]:
-    """Response at zero frequency, the double pole apart."""
+    """Response at zero frequency, poles there apart."""
     T = None if model.sample_hz is None else 1.0 / model.sample_hz
     room = -model.poles if T is None else 1.0 - np.exp(model.poles * T)
     each = np.where(model.is_pair, 2.0, 1.0)
@@ -179,6 +182,7 @@ def _held_response(
     d, double = step[:, :, 0], _double(model)
     w = (z - 1.0)[:, None, None]
     sum_of_terms += double * (T**2 * (z[:, None, None] + 1.0) / (2.0 * w**2) + d * T / w + 0.5 * d**2)
+    sum_of_terms += _single(model) * (T / w + d)
     sum_of_terms += model.direct * np.where(beyond > 0.0, 1.0, z[:, None, None])
     return sum_of_terms * z[:, None, None] ** -(1.0 + whole)
 
@@ -197,7 +201,15 @@ def free_motion(
     parts = [np.real(motion), -np.imag(motion[pairs])]
     double = _double(model)
     if np.any(double):
-        left, size, _ = np.linalg.svd(double)
-        shape = left[:, : int(np.sum(size > RANK * size[0]))].T[:, None, :]
+        shape = _columns(double)
         parts += [np.broadcast_to(shape, (len(shape), count, len(double))), shape * late]
+    if np.any(single := _single(model)):
+        shape = _columns(single)
+        parts.append(np.broadcast_to(shape, (len(shape), count, len(double))))
     return np.concatenate(parts)
+
+
+def _columns(residue: Float[np.ndarray, "output input"]) -> Float[np.ndarray, "rank one output"]:
+    """Directions of the outputs in which a pole at zero is seen."""
+    left, size, _ = np.linalg.svd(residue)
+    return left[:, : int(np.sum(size > RANK * size[0]))].T[:, None, :]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+import scipy.signal
 
 from middeck.errors import FitError
 from middeck.identification.fit.data import Data, Transient
@@ -56,6 +57,21 @@ def _driven(U: np.ndarray) -> np.ndarray:
     )
     strong = np.flatnonzero(smooth > FAINTEST * smooth.max())
     return (np.arange(len(power)) >= strong[0]) & (np.arange(len(power)) <= strong[-1])
+
+
+def without_trend(record: Record, *, inputs: bool) -> Record:
+    """A record without the offset and the ramp of each output, and of each input if those are to be.
+
+    The transient of a fit has a ramp anyway, so that this changes no fit; but a start, and what a model is
+    compared with, would suffer. A plant with a pole at zero makes of the ramp of an input more than a ramp.
+    """
+    experiments, periods, samples, _ = record.u.shape
+
+    def level(x: np.ndarray) -> np.ndarray:
+        run = x.reshape(experiments, periods * samples, -1)
+        return scipy.signal.detrend(run, axis=1, type="linear").reshape(x.shape)
+
+    return dataclasses.replace(record, y=level(record.y), u=level(record.u) if inputs else record.u)
 
 
 def cut_samples(record: Record, first: int, last: int) -> Record:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
 from typing import get_args
 
@@ -87,25 +88,29 @@ def continuous_starts(past: PastOfRecord, data: Data, options: Options) -> Itera
     for triangle in past.triangles:
         for weighting in CONTINUOUS:
             for size in SIZES:
-                z = record_poles(triangle, weighting, 2 * round(0.5 * size * options.states))
+                still = 2 * options.rigid + options.integrators
+                z = record_poles(triangle, weighting, 2 * round(0.5 * size * options.states) + still)
                 if z is None:
                     continue
                 poles, pair = inside_circle(z, past.period_s)
-                seen = _response_of(data, poles, pair)
+                seen = _response_of(data, options, poles, pair)
                 if seen is not None:
                     yield from starts_from(seen, options, np.concatenate([poles, poles[pair].conj()]))
 
 
-def _response_of(data: Data, poles: np.ndarray, pair: np.ndarray) -> Data | None:
-    """The response with given poles that the spectra ask for.
+def _response_of(data: Data, wanted: Options, poles: np.ndarray, pair: np.ndarray) -> Data | None:
+    """The response with given poles, and those at zero that are wanted, that the spectra ask for.
 
     Weighed as the data are, by how strong each input is on each line.
     """
     assert data.drive is not None
     inputs, outputs = data.drive.shape[1], len(data.H)
-    options = Options(len(poles), False, False, False, True, 0.0)
+    options = Options(len(poles), False, False, wanted.with_lower or wanted.rigid > 0, True, 0.0)
     layout = _layout(data, options, poles, pair, np.zeros(len(poles), dtype=int), full=True)
-    point = Point(poles, np.tile(np.eye(inputs), (len(poles), 1)), np.zeros((outputs, 1)))
+    integral = tuple(range(inputs)) if wanted.integrators else ()
+    layout = dataclasses.replace(layout, integral_pivot=integral)
+    b, psi = np.tile(np.eye(inputs), (len(poles), 1)), np.eye(inputs)[: len(integral)]
+    point = Point(poles, b, np.zeros((outputs, 1)), psi)
     step = weighted(layout, data, pack(layout, point))
     if step is None:
         return None
@@ -146,7 +151,7 @@ def start_of(
         b = _input_vectors(data, options, poles, pair)
     if b is None:
         return None
-    layout = _layout(data, options, poles, pair, np.argmax(np.abs(b), axis=1), full=False)
+    layout = _layout(data, options, poles, pair, np.argmax(np.abs(b), axis=1), full=options.full)
     return Start(layout, pack(layout, Point(poles, b, np.zeros((outputs, 1)))))
 
 

@@ -85,7 +85,7 @@ def estimate_covariance(
     s = 2j * np.pi * measured.frequency_hz
     each = _Entries(model, structure, s, assumed)
     A = each.information()
-    root, inverse = _inverse_root(A, ties(model, structure))
+    root, inverse = inverse_root(A, ties(model, structure))
     inflation = np.maximum(np.diag(A) * np.diag(inverse), 1.0)
     residual = np.moveaxis(measured.H - model_response(model, measured.frequency_hz), 0, 1)
     degrees, robust = _quality(measured, residual, noise, unknowns=len(A))
@@ -128,7 +128,7 @@ def _real(by: Complex[np.ndarray, "unknown line"]) -> Float[np.ndarray, "unknown
     return np.ascontiguousarray(by).view(float)
 
 
-def _inverse_root(A: np.ndarray, held: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def inverse_root(A: np.ndarray, held: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """R and R R^T = A^-1, among the unknowns that leave what is ``held`` as it is.
 
     What rounding cannot tell from nothing is taken for the least it could be, so that an undetermined unknown

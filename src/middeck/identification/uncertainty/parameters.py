@@ -39,9 +39,9 @@ class Parameters:
     ----------
     names:
         ``natural_hz[m]``, ``damping[m]``; ``constant[m, output, input]`` for real modal constants,
-        otherwise ``residue_re[...]`` and ``residue_im[...]``; ``rigid``, ``lower``, ``direct`` and
-        ``path_delay_s[output, input]``; ``delay_s[output]``. m is the place of the mode in the model, the
-        first where a residue of full rank has several; its terms are added.
+        otherwise ``residue_re[...]`` and ``residue_im[...]``; ``rigid``, ``integral``, ``lower``,
+        ``direct`` and ``path_delay_s[output, input]``; ``delay_s[output]``. m is the place of the mode in the
+        model, the first where a residue of full rank has several; its terms are added.
     values, covariance:
         In SI units, frequencies in Hz. Rank-one residues of several inputs and outputs have fewer free
         numbers than entries: their covariance is singular then.
@@ -142,6 +142,7 @@ def parameters_of(covariance: ModelCovariance) -> Parameters:
         (f"{kind}[{model.outputs[o].name}, {model.inputs[i].name}]", value[o, i], place[o, i])
         for kind, value, place in (
             ("rigid", model.rigid, at.rigid),
+            ("integral", model.integral, at.integral),
             ("lower", model.lower, at.lower),
             ("direct", model.direct, at.direct),
             ("path_delay_s", model.path_delay_s, at.path),

@@ -1,9 +1,9 @@
 """The unknowns of a fitted model in coordinates of their own, and the response's derivatives by them.
 
     [log sigma of each mode | log omega_d of each pair | free entries of b | entries of c of each output
-     | R | L | D | delay of each output | what each path is late beyond its output's earliest]
+     | R | Q | L | D | delay of each output | what each path is late beyond its output's earliest]
 
-as far as the fit had them (`Structure`; R and delays of paths as far as the model has them). The largest
+as far as the fit had them (`Structure`; R, Q and delays of paths as far as the model has them). The largest
 entry of each b is held: the residue c b leaves one factor free. Unlike the search's own vector, this one is
 read from a finished model alone, so that every kind of fit has its covariance in the same coordinates. Any
 vector is a stable, real model.
@@ -57,6 +57,7 @@ class Places:
     b: Int[np.ndarray, "mode input 2"]
     c: Int[np.ndarray, "output mode 2"]
     rigid: Int[np.ndarray, "output input"]
+    integral: Int[np.ndarray, "output input"]
     lower: Int[np.ndarray, "output input"]
     direct: Int[np.ndarray, "output input"]
     delay: Int[np.ndarray, " output"]
@@ -82,6 +83,7 @@ def places_of(model: MeasurementModel, structure: Structure) -> Places:
         free_b,
         np.broadcast_to(parts, (outputs, modes, 2)),
         np.full(entries, model.rigid is not None),
+        np.full(entries, model.integral is not None),
         np.full(entries, structure.with_lower),
         np.full(entries, structure.with_direct),
         late & structure.with_delay,
@@ -94,9 +96,9 @@ def places_of(model: MeasurementModel, structure: Structure) -> Places:
         place[mask] = used + np.arange(np.sum(mask))
         used += int(np.sum(mask))
         found.append(place)
-    sigma, omega, b, c, rigid, lower, direct, delay, path = found
+    sigma, omega, b, c, rigid, integral, lower, direct, delay, path = found
     delay = delay[:1].repeat(outputs) if structure.common_delay else delay
-    return Places(sigma[first], omega[first], b, c, rigid, lower, direct, delay, path, used)
+    return Places(sigma[first], omega[first], b, c, rigid, integral, lower, direct, delay, path, used)
 
 
 def _free_paths(model: MeasurementModel, structure: Structure) -> Bool[np.ndarray, "output input"]:
@@ -122,6 +124,7 @@ def unknowns_of(model: MeasurementModel, structure: Structure) -> Float[np.ndarr
     _put(x, at.c, _parts(phi))
     for place, value in (
         (at.rigid, _of(model, model.rigid)),
+        (at.integral, _of(model, model.integral)),
         (at.lower, model.lower),
         (at.direct, model.direct),
         (at.delay, model.delay_s),
@@ -170,6 +173,7 @@ def model_at(
         direct=_take(x, at.direct, model.direct),
         delay_s=np.maximum(_take(x, at.delay, model.delay_s), 0.0),
         rigid=None if model.rigid is None else _take(x, at.rigid, model.rigid),
+        integral=None if model.integral is None else _take(x, at.integral, model.integral),
         path_delay_s=(
             None if model.path_delay_s is None else np.maximum(_take(x, at.path, model.path_delay_s), 0.0)
         ),
@@ -211,7 +215,8 @@ def entry_slopes(
     term, twin = c * b * up, (c * b).conj() * low
     late = np.exp(-s * (model.delay_s[output] + _of(model, model.path_delay_s)[output, input]))
     slow = model.lower[output, input] + _of(model, model.rigid)[output, input]
-    H = (np.sum(term + twin, axis=0) + slow / s**2 + model.direct[output, input]) * late
+    slow = slow / s**2 + _of(model, model.integral)[output, input] / s
+    H = (np.sum(term + twin, axis=0) + slow + model.direct[output, input]) * late
     # By the pole and by its conjugate, as if independent.
     by_pole, by_twin = term * slope[:, None] * up, twin * slope.conj()[:, None] * low
     decay, omega = np.real(model.poles)[:, None], np.imag(model.poles)[:, None]
@@ -225,6 +230,7 @@ def entry_slopes(
         (at.c[output, :, 0], unit * b * up + (unit * b).conj() * low),
         (at.c[output, :, 1], 1j * (unit * b * up - (unit * b).conj() * low)),
         (at.rigid[output, input, None], 1.0 / s[None] ** 2),
+        (at.integral[output, input, None], 1.0 / s[None]),
         (at.lower[output, input, None], 1.0 / s[None] ** 2),
         (at.direct[output, input, None], np.ones((1, len(s)))),
         (at.delay[output, None], -s[None] * H[None] / late),
