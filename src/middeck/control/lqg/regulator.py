@@ -12,6 +12,7 @@ from middeck.systems.plant import Plant, name_states, subsystem
 
 
 def design_regulator(plant: Plant, weights: LQGWeights, authority: float) -> RiccatiSolution:
+    """The gain on the states of ``plant``, whose modes are all reachable or observed (`partition_modes`)."""
     names = name_states(plant)
     require_size("output weights", len(weights.output), plant.z)
     require_size("input weights", len(weights.input), plant.u)

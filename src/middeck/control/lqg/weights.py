@@ -52,5 +52,6 @@ class LQGWeights:
 
 
 def require_size(what: str, size: int, group: tuple[str, ...]) -> None:
+    """Raise `ConfigError` unless there is one of ``what`` for each port of ``group``."""
     if size != len(group):
         raise ConfigError(f"{size} {what} for {len(group)} ports ({', '.join(group)})")

@@ -19,6 +19,7 @@ import numpy as np
 import scipy.linalg as sla
 from jaxtyping import Complex, Float
 
+from middeck.control.riccati.balancing import unit_diagonal, unit_scales
 from middeck.control.stabilisability import require_reachable
 from middeck.errors import ConfigError, NumericalError
 from middeck.values import record
@@ -94,7 +95,7 @@ def solve_riccati(
 
 def _solve_balanced(A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[np.ndarray, "state state"]:
     """Solve A'X + XA - (XB)(XB)' + Q = 0."""
-    t = _balancing(A, B @ B.T, Q)
+    t = unit_scales(A, B @ B.T, Q)
     scaled = A * t / t[:, None], B / t[:, None], Q * np.outer(t, t)
     found = _solve_schur(*scaled)
     found = _solve_pencil(*scaled) if found is None else found
@@ -103,21 +104,10 @@ def _solve_balanced(A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[np.nda
             "the Riccati equation has no stabilising solution: its Hamiltonian has poles on the axis",
             hint="check that the cost (or the noise intensity) is positive semidefinite",
         )
-    # On to coordinates where X has about a unit diagonal: its small entries matter as much as its large ones.
-    unit = np.exp2(-np.round(np.log2(np.where(np.diag(found) > 0.0, np.diag(found), 1.0)) / 2.0))
+    unit = unit_diagonal(found)
     t = t * unit
     X = _refined(found * np.outer(unit, unit), A * t / t[:, None], B / t[:, None], Q * np.outer(t, t))
     return X / np.outer(t, t)
-
-
-def _balancing(A: np.ndarray, G: np.ndarray, Q: np.ndarray) -> Float[np.ndarray, " state"]:
-    """Powers of two t: x = t * x_balanced evens out the Hamiltonian and keeps it Hamiltonian."""
-    n = len(A)
-    H = np.abs(np.block([[A, G], [Q, A.T]]))
-    np.fill_diagonal(H, 0.0)
-    _, (scale, _) = sla.matrix_balance(H, separate=True, permute=False)
-    log = np.log2(scale)
-    return np.exp2(np.round((log[:n] - log[n:]) / 2.0))
 
 
 def _solve_schur(A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[np.ndarray, "state state"] | None:

@@ -1,0 +1,177 @@
+"""The discrete algebraic Riccati equation of sampled designs, delay states included.
+
+Structure-preserving doubling (Chu, Fan, Lin and Wang 2004, Int. J. Control 77, "Structure-preserving
+algorithms for periodic discrete-time algebraic Riccati equations"): each step squares the closed loop, so
+that a pole at distance d from the circle needs log2(40/d) of them. No inverse of the transition matrix is
+taken: poles at zero, which delays bring, are the easiest of all. Newton steps follow (Hewer 1971, IEEE TAC
+16) in correction form; SciPy's generalised Schur method where doubling finds nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import scipy.linalg as sla
+from jaxtyping import Complex, Float
+
+from middeck.control.riccati.balancing import unit_diagonal, unit_scales
+from middeck.control.riccati.continuous import WORTHLESS
+from middeck.control.riccati.lyapunov import solve_discrete_lyapunov
+from middeck.control.stabilisability import require_reachable
+from middeck.errors import ConfigError, NumericalError
+from middeck.values import record
+
+DOUBLINGS = 60
+"""A pole at 1 - 1e-16, the nearest to the circle that a double can say, takes this many."""
+
+
+@record
+class DiscreteRiccatiSolution:
+    """The stabilising solution of A'XA - X - (A'XB + S)(R + B'XB)^-1 (A'XB + S)' + Q = 0.
+
+    Parameters
+    ----------
+    X:
+        Symmetric solution.
+    gain:
+        K = (R + B'XB)^-1 (A'XB + S)'; the regulator is u = -K x.
+    poles:
+        Eigenvalues of A - BK in the z-plane.
+    residual:
+        Frobenius norm of the left-hand side over the sum of its terms' norms, in the caller's coordinates.
+    """
+
+    X: Float[np.ndarray, "state state"]
+    gain: Float[np.ndarray, "input state"]
+    poles: Complex[np.ndarray, " state"]
+    residual: float
+
+
+def solve_discrete_riccati(
+    A: Float[np.ndarray, "state state"],
+    B: Float[np.ndarray, "state input"],
+    Q: Float[np.ndarray, "state state"],
+    R: Float[np.ndarray, "input input"],
+    S: Float[np.ndarray, "state input"] | None = None,
+    *,
+    names: Sequence[str] = (),
+) -> DiscreteRiccatiSolution:
+    """Solve A'XA - X - (A'XB + S)(R + B'XB)^-1 (A'XB + S)' + Q = 0 for the stabilising X.
+
+    ``A`` may be singular. Raises `NotStabilisableError` naming (``names``: one per state) the modes that B
+    does not reach (on or outside the circle) or Q does not see (on it), `ConfigError` for R that is not
+    positive definite, `NumericalError` if no method gives a stabilising solution.
+
+    >>> solution = solve_discrete_riccati(*4 * [np.eye(1)])                   # x^2 - x - 1 = 0
+    >>> round(float(solution.X[0, 0]), 12)
+    1.61803398875
+    """
+    cross = np.zeros(np.shape(B)) if S is None else np.asarray(S, dtype=float)
+    try:
+        factor = sla.cholesky(R, lower=True)
+    except sla.LinAlgError as error:
+        raise ConfigError(
+            "the control weight (or sensor noise) R is not positive definite",
+            hint="a positive weight on every input; of a filter, some noise on every measurement",
+        ) from error
+    Bn = sla.solve_triangular(factor, B.T, lower=True).T
+    Sn = sla.solve_triangular(factor, cross.T, lower=True).T
+    Abar, Qbar = A - Bn @ Sn.T, Q - Sn @ Sn.T
+    require_reachable(Abar, B, names, sampled=True)
+    require_reachable(
+        Abar.T, Qbar, names, only_axis=True, sampled=True, complaint="the cost (or process noise) misses it"
+    )
+    X = _solve_scaled(Abar, Bn, Qbar)
+    residual = _residual(X, Abar, Bn, Qbar)[1]
+    through = R + B.T @ X @ B
+    gain = np.linalg.solve(through, (A.T @ (X @ B) + cross).T)
+    poles = np.linalg.eigvals(A - B @ gain).astype(complex)
+    size = float(np.abs(poles).max(initial=0.0))
+    # R + B'XB is the second variation of the cost: without its sign the law is stable but a maximum.
+    minimum = bool(np.linalg.eigvalsh(through).min(initial=1.0) > 0.0)
+    if not np.isfinite(residual) or residual > WORTHLESS or size >= 1.0 or not minimum:
+        raise NumericalError(
+            f"no stabilising discrete Riccati solution: residual {residual:.1e}, largest pole {size:.9f}"
+            + ("" if minimum else ", and the cost has no minimum"),
+            hint="bring the weights or intensities closer together",
+            residual=residual,
+            poles=poles,
+        )
+    return DiscreteRiccatiSolution(X, gain, poles, residual)
+
+
+def _solve_scaled(A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[np.ndarray, "state state"]:
+    t = unit_scales(A, B @ B.T, Q)
+    scaled = A * t / t[:, None], B / t[:, None], Q * np.outer(t, t)
+    found = _solve_doubling(*scaled)
+    found = _solve_pencil(*scaled) if found is None else found
+    if found is None:
+        raise NumericalError(
+            "the discrete Riccati equation has no stabilising solution: its pencil has poles on the circle",
+            hint="check that the cost (or the noise intensity) is positive semidefinite",
+        )
+    unit = unit_diagonal(found)
+    t = t * unit
+    X = _refined(found * np.outer(unit, unit), A * t / t[:, None], B / t[:, None], Q * np.outer(t, t))
+    return X / np.outer(t, t)
+
+
+def _solve_doubling(A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[np.ndarray, "state state"] | None:
+    """X = A'X(I + BB'X)^-1 A + Q by doubling; None where it does not settle."""
+    n = len(A)
+    step, reach, cost = A, B @ B.T, Q
+    for _ in range(DOUBLINGS):
+        try:
+            half = np.linalg.solve(np.eye(n) + reach @ cost, np.hstack([step, reach]))
+        except np.linalg.LinAlgError:
+            return None
+        over, damped = half[:, :n], half[:, n:]
+        more = step.T @ (cost @ over)
+        reach, cost, step = reach + step @ damped @ step.T, cost + more, step @ over
+        reach, cost = (reach + reach.T) / 2.0, (cost + cost.T) / 2.0
+        change, size = float(np.linalg.norm(more)), float(np.linalg.norm(cost))
+        if not np.isfinite(change + size):
+            return None
+        # Convergence is quadratic: after a change of 1e-12 the next is below rounding.
+        if change <= 1e-12 * size:
+            return cost
+    return None
+
+
+def _solve_pencil(A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[np.ndarray, "state state"] | None:
+    try:
+        return np.asarray(sla.solve_discrete_are(A, B, Q, np.eye(B.shape[1])))
+    except (np.linalg.LinAlgError, ValueError):
+        return None
+
+
+def _refined(X: np.ndarray, A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[np.ndarray, "state state"]:
+    """Newton steps in correction form, as long as each halves the residual."""
+    best, (defect, size) = X, _residual(X, A, B, Q)
+    halved = size > 0.0
+    while halved:
+        step = solve_discrete_lyapunov(_closed(A, B, best), defect)
+        if step is None:
+            return best
+        candidate = best + step
+        defect, now = _residual(candidate, A, B, Q)
+        halved = 0.0 < now < size / 2.0
+        best, size = (candidate, now) if now < size else (best, size)
+    return best
+
+
+def _closed(A: np.ndarray, B: np.ndarray, X: np.ndarray) -> Float[np.ndarray, "state state"]:
+    XB = X @ B
+    return A - B @ np.linalg.solve(np.eye(B.shape[1]) + B.T @ XB, XB.T @ A)
+
+
+def _residual(
+    X: np.ndarray, A: np.ndarray, B: np.ndarray, Q: np.ndarray
+) -> tuple[Float[np.ndarray, "state state"], float]:
+    XA, XB = X @ A, X @ B
+    cross = A.T @ XB
+    linear, quadratic = A.T @ XA, cross @ np.linalg.solve(np.eye(B.shape[1]) + B.T @ XB, cross.T)
+    defect = linear - X - quadratic + Q
+    terms = sum(float(np.linalg.norm(M)) for M in (linear, X, quadratic, Q))
+    return (defect + defect.T) / 2.0, float(np.linalg.norm(defect)) / terms if terms > 0.0 else 0.0
