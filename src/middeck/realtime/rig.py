@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
+from middeck.realtime.events import RunEvents
 from middeck.systems.plant import Plant
 from middeck.systems.ports import Port
 from middeck.systems.record import Record
@@ -56,11 +57,20 @@ class Run:
         What the law added, in the same samples; None if the run diverged.
     cause:
         Why there is no record: frequency and growth of the mode that diverges; empty for a good run.
+    torque:
+        What the motors gave for law and excitation together, where the rig has motors.
+    events:
+        Which limits were reached how often, where the rig has limits.
+    partial:
+        What was taken until the run was stopped, if it was.
     """
 
     record: Record | None
     control: Float[np.ndarray, "period sample input"] | None
     cause: str
+    torque: Float[np.ndarray, "period sample input"] | None = None
+    events: RunEvents | None = None
+    partial: Record | None = None
 
 
 def build_linear_rig(

@@ -108,6 +108,23 @@ class Friction:
         lost = 0.5 * self.stiffness * room**2 / abs(way)
         return sign * (self.slip_torque - lost), lost / abs(way)
 
+    def balance(self, start: float, free: float, state: float, compliance: float) -> float:
+        """The mean torque T [N m] on the way from ``start`` to ``free`` - ``compliance`` T, in closed form.
+
+        Where it slips on the way W, T = T_c - lost/W and W = free way - compliance T: a quadratic in W.
+        """
+        k, begin, way = self.stiffness, self.stiffness * (start - state), free - start
+        torque = (begin + 0.5 * k * way) / (1.0 + 0.5 * k * compliance)
+        gone = way - compliance * torque
+        sign = math.copysign(1.0, gone)
+        if sign * (begin + k * gone) <= self.slip_torque:
+            return torque
+        room = max((self.slip_torque - sign * begin) / k, 0.0)
+        lost = 0.5 * k * room * room
+        slack = sign * way - compliance * self.slip_torque
+        slipped = 0.5 * (slack + math.sqrt(slack * slack + 4.0 * compliance * lost))
+        return sign * (self.slip_torque - lost / slipped) if slipped > 0.0 else sign * self.slip_torque
+
     def stored_energy(self, angle: float, state: float) -> float:
         """Energy [J] in the presliding spring."""
         return 0.5 * self.stiffness * (angle - state) ** 2

@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError, NumericalError
+from middeck.systems.friction import Friction
 from middeck.systems.joint_element import JointElement
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
@@ -80,7 +81,7 @@ def build_joint_stepper(
         twice = sorted({n for n in names if names.count(n) > 1})
         if twice:
             raise ConfigError(f"two entries for joint {twice[0]!r}", hint="put its elements in one tuple")
-    damped = _add_viscous(plant, joints)
+    damped = add_viscous(plant, joints)
     sampled = sample_plant(damped, step_s, delay_s)
     pushed = sample_plant(damped, step_s)
     states = len(pushed.A)
@@ -92,7 +93,7 @@ def build_joint_stepper(
     angle = np.zeros((len(joints), len(sampled.A)))
     angle[:, :states] = pushed.C[rows]
     direct = pushed.D[:, columns]
-    _check_collocated(angle @ push, direct[rows], joints)
+    check_collocated(angle @ push, direct[rows], joints)
     return JointStepper(sampled, push, angle, direct, tuple(joints))
 
 
@@ -121,7 +122,7 @@ def simulate_joints(
     start = start_at_rest(stepper) if start is None else start
     u = np.asarray(u, dtype=float)
     A, push, rows = (np.ascontiguousarray(m) for m in (stepper.sampled.A, stepper.push, stepper.angle))
-    compliance = rows @ push
+    compliance: list[list[float]] = (rows @ push).tolist()
     elements = [j.elements for j in stepper.joints]
     inner = _by_joint(stepper, start.elements)
     drive = u @ stepper.sampled.B.T
@@ -139,17 +140,17 @@ def simulate_joints(
             if at_once:
                 answers[k] = stepper.direct @ _torques(elements, begin, inner)
             free: list[float] = (rows @ x).tolist()
-            torque = _balance(elements, inner, begin, free, compliance, torque)
+            torque = balance_torques(elements, inner, begin, free, compliance, torque)
             x -= push @ np.array(torque)
             begin = (rows @ x).tolist()
-            inner = [_settle(parts, a, s) for parts, a, s in zip(elements, begin, inner, strict=True)]
+            inner = [settle_elements(parts, a, s) for parts, a, s in zip(elements, begin, inner, strict=True)]
     if not np.all(np.isfinite(states[-1])):
         raise NumericalError("the simulated state overflows", hint="is the plant itself unstable?")
     y = states[:-1] @ stepper.sampled.C.T + u @ stepper.sampled.D.T - answers
     return y, JointStates(states[-1].copy(), np.array([s for row in inner for s in row]))
 
 
-def _add_viscous(plant: Plant, joints: Sequence[JointElements]) -> StateSpace | ModalSystem:
+def add_viscous(plant: Plant, joints: Sequence[JointElements]) -> StateSpace | ModalSystem:
     """The plant with each joint's viscous torque on the rate of its angle fed back, exactly."""
     damping = np.array([sum(e.viscous for e in j.elements) for j in joints])
     if not np.any(damping):
@@ -162,7 +163,8 @@ def _add_viscous(plant: Plant, joints: Sequence[JointElements]) -> StateSpace | 
     return StateSpace(A, system.B, C, system.D)
 
 
-def _check_collocated(compliance: np.ndarray, direct: np.ndarray, joints: Sequence[JointElements]) -> None:
+def check_collocated(compliance: np.ndarray, direct: np.ndarray, joints: Sequence[JointElements]) -> None:
+    """Raise `ConfigError` unless each torque and angle are of one joint that does not answer at once."""
     for i, joint in enumerate(joints):
         if np.any(direct[i]):
             raise ConfigError(
@@ -199,16 +201,17 @@ def _torques(
     ]
 
 
-def _settle(parts: tuple[JointElement, ...], angle: float, states: list[float]) -> list[float]:
+def settle_elements(parts: tuple[JointElement, ...], angle: float, states: list[float]) -> list[float]:
+    """The elements' states when their joint has gone to ``angle``."""
     return [part.resist(angle, state)[1] for part, state in zip(parts, states, strict=True)]
 
 
-def _balance(
+def balance_torques(
     elements: list[tuple[JointElement, ...]],
     inner: list[list[float]],
     begin: list[float],
     free: list[float],
-    compliance: np.ndarray,
+    compliance: list[list[float]],
     guess: list[float],
 ) -> list[float]:
     """Mean torques T with end = free - compliance T and T = T(end), joint after joint until none moves.
@@ -217,13 +220,13 @@ def _balance(
     descent along one coordinate after the other converges. One joint is done in one go.
     """
     if len(elements) == 1:
-        return [_balance_one(elements[0], inner[0], begin[0], free[0], float(compliance[0, 0]))[0]]
+        return [_balance_one(elements[0], inner[0], begin[0], free[0], compliance[0][0])[0]]
     torque = list(guess)
     for _ in range(MOST_ITERATIONS):
         moved = 0.0
         for j, parts in enumerate(elements):
-            others = float(compliance[j] @ torque) - float(compliance[j, j]) * torque[j]
-            own = float(compliance[j, j])
+            own = compliance[j][j]
+            others = sum(c * t for i, (c, t) in enumerate(zip(compliance[j], torque, strict=True)) if i != j)
             new, end = _balance_one(parts, inner[j], begin[j], free[j] - others, own)
             # Rounding of the end angle, seen as a torque.
             noise = 4e-16 * (abs(end) + abs(begin[j])) / own
@@ -240,6 +243,9 @@ def _balance_one(
     parts: tuple[JointElement, ...], states: list[float], begin: float, free: float, compliance: float
 ) -> tuple[float, float]:
     """Mean torque and end angle of one joint: the bracketed root of a function of slope one or more."""
+    if len(parts) == 1 and isinstance(parts[0], Friction):
+        torque = parts[0].balance(begin, free, states[0], compliance)
+        return torque, free - compliance * torque
     low, high = -np.inf, np.inf
     end = free
     torque = 0.0

@@ -1,0 +1,65 @@
+"""Hardware that changes with time: chosen modes drift in frequency."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from middeck.errors import ConfigError
+from middeck.systems.modal import ModalSystem
+from middeck.systems.plant import Plant
+from middeck.values import record
+
+
+@record
+class Drift:
+    """Named modes whose frequencies have moved by ``percent`` when the article is ``age_s`` old, evenly."""
+
+    modes: tuple[str, ...]
+    percent: float
+    age_s: float
+
+    def __post_init__(self) -> None:
+        if not self.age_s > 0.0:
+            raise ConfigError(f"a drift within {self.age_s} s", where="Drift", hint="an age above zero")
+
+    def factor(self, age_s: float) -> float:
+        """What the frequencies are multiplied with at ``age_s``.
+
+        >>> Drift(("a",), -2.0, 100.0).factor(50.0)
+        0.99
+        """
+        return 1.0 + 0.01 * self.percent * age_s / self.age_s
+
+
+def age_plant(plant: Plant, drifts: Sequence[Drift], age_s: float) -> Plant:
+    """The plant as it is at ``age_s``; damping ratios and shapes stay.
+
+    Raises `ConfigError` for a plant that is not modal, an unknown mode, or a frequency that would not be
+    positive.
+    """
+    modal = _modal(plant)
+    omega = np.array(modal.omega)
+    for drift in drifts:
+        for name in drift.modes:
+            if name not in modal.names:
+                raise ConfigError(f"no mode {name!r}", where="Drift", hint=f"one of {', '.join(modal.names)}")
+            omega[modal.names.index(name)] *= drift.factor(age_s)
+    if np.any(omega < 0.0) or np.any((omega == 0.0) != (modal.omega == 0.0)):
+        raise ConfigError(f"at {age_s} s a drift has brought a frequency to zero", hint="a younger article")
+    return dataclasses.replace(plant, dynamics=dataclasses.replace(modal, omega=omega))
+
+
+def nearest_modes(plant: Plant, frequency_hz: float, count: int = 2) -> tuple[str, ...]:
+    """Names of the ``count`` modes of a modal plant nearest to a frequency, the lowest first."""
+    modal = _modal(plant)
+    near = np.argsort(np.abs(modal.omega / (2.0 * np.pi) - frequency_hz), kind="stable")[:count]
+    return tuple(modal.names[i] for i in sorted(near))
+
+
+def _modal(plant: Plant) -> ModalSystem:
+    if not isinstance(plant.dynamics, ModalSystem):
+        raise ConfigError("only a plant in modal form has modes that can drift", where="Drift")
+    return plant.dynamics

@@ -1,0 +1,107 @@
+"""What happened in a run besides its samples: saturation, full rotors, clipped readings, a stop."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.errors import ConfigError
+from middeck.realtime.hybrid import HybridBlock, HybridSystem
+from middeck.systems.ports import Port, port_indices
+from middeck.values import record
+
+FULL = 1.0 - 1e-9  # part of a limit from which on it counts as reached: rounding
+
+
+@record
+class RunEvents:
+    """Shares of the ticks in which a limit was reached, settling included.
+
+    Parameters
+    ----------
+    saturated, slewed, rotor_full:
+        Of each input: at its torque limit, at its slew limit, its rotor at full speed.
+    clipped:
+        Of each output: at the end of its converter's range.
+    peak_speed_rad_s:
+        Largest rotor speed of each input; zero without a rotor.
+    stopped_s:
+        When the run was stopped, from its beginning; None where it was not.
+    """
+
+    saturated: Float[np.ndarray, " input"]
+    slewed: Float[np.ndarray, " input"]
+    rotor_full: Float[np.ndarray, " input"]
+    clipped: Float[np.ndarray, " output"]
+    peak_speed_rad_s: Float[np.ndarray, " input"]
+    stopped_s: float | None = None
+
+
+@record
+class StopRule:
+    """Stops a run at the first sample of output ``name``, as measured, beyond ``limit`` to either side."""
+
+    name: str
+    limit: float
+
+    def __post_init__(self) -> None:
+        if not self.limit > 0.0:
+            raise ConfigError(f"a stop of {self.name!r} at {self.limit}", where="StopRule", hint="above zero")
+
+
+def stop_limits(rules: Sequence[StopRule], outputs: Sequence[Port]) -> Float[np.ndarray, " output"]:
+    """The limit of each output, infinite without a rule; `ConfigError` for an unknown output."""
+    limits = np.full(len(outputs), np.inf)
+    for rule in rules:
+        limits[port_indices(outputs, [rule.name], "output")[0]] = rule.limit
+    return limits
+
+
+def find_stop(measured: Float[np.ndarray, "sample output"], limits: np.ndarray) -> tuple[int, int] | None:
+    """The first sample beyond its limit and which output it was; None if all keep theirs."""
+    beyond = np.abs(measured) > limits
+    if not beyond.any():
+        return None
+    sample = int(np.argmax(beyond.any(axis=1)))
+    return sample, int(np.argmax(beyond[sample]))
+
+
+class EventCounter:
+    """Adds up the events of a run, block by block."""
+
+    def __init__(self, system: HybridSystem, inertia: Mapping[int, float], period_s: float) -> None:
+        self._system, self._inertia, self._period_s = system, inertia, period_s
+        self._ticks = 0
+        m, p = system.computer.commands, system.computer.outputs
+        self._saturated, self._slewed, self._full = np.zeros((3, m))
+        self._clipped, self._speed = np.zeros(p), np.zeros(m)
+
+    def add(self, block: HybridBlock, before: Float[np.ndarray, " input"]) -> None:
+        """Count one block; ``before`` is the torque issued just before it."""
+        motors, readout = self._system.motors, self._system.readout
+        torque = block.torque
+        self._ticks += len(torque)
+        at_limit = (torque >= motors.upper * FULL) | (torque <= motors.lower * FULL)
+        self._saturated += at_limit.sum(axis=0)
+        step = np.abs(np.diff(torque, axis=0, prepend=before[None]))
+        self._slewed += (step >= motors.slew * FULL).sum(axis=0)
+        full = np.abs(block.momentum) >= motors.momentum * FULL
+        self._full += full.sum(axis=0)
+        self._clipped += (np.abs(block.readings) >= readout.range * FULL - readout.step).sum(axis=0)
+        for i, inertia in self._inertia.items():
+            speed = float(np.abs(block.momentum[:, i]).max(initial=0.0)) * self._period_s / inertia
+            self._speed[i] = max(self._speed[i], speed)
+
+    def total(self, stopped_s: float | None = None) -> RunEvents:
+        """All that was counted."""
+        ticks = max(self._ticks, 1)
+        return RunEvents(
+            self._saturated / ticks,
+            self._slewed / ticks,
+            self._full / ticks,
+            self._clipped / ticks,
+            self._speed,
+            stopped_s,
+        )

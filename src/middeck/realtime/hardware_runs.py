@@ -1,0 +1,175 @@
+"""Experiments on a simulated test article as on a real one: settle, record, stop where a limit is passed.
+
+A run begins at rest: the gyros' biases are measured, the law is switched on with its states at zero, and
+``settle`` unrecorded periods of the excitation go by before the recorded ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.errors import ConfigError, NumericalError
+from middeck.realtime.events import EventCounter, RunEvents, StopRule, find_stop, stop_limits
+from middeck.realtime.hardware_rig import (
+    BLOCK,
+    HardwareRig,
+    connect_law,
+    cut_blocks,
+    measure_bias,
+)
+from middeck.realtime.hybrid import HybridBlock, simulate_hybrid
+from middeck.realtime.rig import Run
+from middeck.realtime.sensors import Gyro
+from middeck.systems.record import Record
+from middeck.systems.statespace import SampledStateSpace
+
+REST_S = 30.0
+"""Rest before a run [s]: white rate noise of 2e-4 rad/s/sqrt(Hz) leaves the bias known to 4e-5 rad/s."""
+LOOK_BACK_S = 4.0  # of a stopped run, to find what was growing
+
+
+def run_hardware_open_loop(
+    rig: HardwareRig,
+    excitation: Float[np.ndarray, "sample input"],
+    *,
+    periods: int,
+    rng: np.random.Generator,
+    settle: int = 2,
+    rest_s: float = REST_S,
+    stops: Sequence[StopRule] = (),
+) -> Run:
+    """``periods`` periods of the response to a repeated ``excitation``, after ``settle`` from rest.
+
+    ``control`` of the run is zero. See `run_hardware_closed_loop`.
+    """
+    return run_hardware_closed_loop(
+        rig, None, excitation, periods=periods, rng=rng, settle=settle, rest_s=rest_s, stops=stops
+    )
+
+
+def run_hardware_closed_loop(
+    rig: HardwareRig,
+    law: SampledStateSpace | None,
+    excitation: Float[np.ndarray, "sample input"],
+    *,
+    periods: int,
+    rng: np.random.Generator,
+    settle: int = 2,
+    rest_s: float = REST_S,
+    stops: Sequence[StopRule] = (),
+) -> Run:
+    """``periods`` periods of the loop under a repeated ``excitation`` added to the law's commands.
+
+    The record holds excitation and measured outputs, from each gyro's angle its ramp taken out (see
+    `remove_ramps`). A run that passes a stop, or overflows, has a cause and no record; ``partial`` is what
+    was taken until then, settling included. Raises `ConfigError` for no period or an unknown output.
+    """
+    if periods < 1 or settle < 0 or len(excitation) < 1:
+        raise ConfigError(
+            f"{periods} periods of {len(excitation)} samples after {settle} to settle",
+            hint="one or more after zero or more",
+        )
+    u = np.asarray(excitation, dtype=float)
+    limits = stop_limits(stops, rig.outputs)
+    taken = _Taken(rig, law)
+    stop: tuple[int, int] | None = None
+    try:
+        for block in _blocks(rig, law, u, settle + periods, rest_s, rng, taken):
+            stop = find_stop(block.measured, limits)
+            taken.add(block)
+            if stop is not None:
+                break
+    except NumericalError as error:
+        return Run(None, None, f"diverged: {error}", events=taken.counter.total())
+    if stop is not None:
+        return _stopped(rig, u, taken, stop)
+    measured, control, torque = taken.joined(settle * len(u), (periods, len(u)))
+    gyro = np.array([isinstance(s, Gyro) for s in rig.sensors], dtype=bool)
+    y = remove_ramps(measured, gyro)
+    repeated = np.broadcast_to(u, (periods, *u.shape))
+    record = Record(rig.sample_hz, repeated[None], y[None], rig.inputs, rig.outputs, True)
+    return Run(record, control, "", torque, taken.counter.total())
+
+
+def remove_ramps(
+    y: Float[np.ndarray, "period sample output"], which: np.ndarray
+) -> Float[np.ndarray, "period sample output"]:
+    """``y`` without mean and, of several periods, without the slope by which an output's period means rise.
+
+    What repeats has one mean in every period, so that its slope is the drift's and nothing of the response.
+
+    >>> ramp = np.arange(8.0).reshape(2, 4, 1)
+    >>> remove_ramps(ramp, np.array([True])).ravel().tolist()
+    [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+    """
+    periods, samples, _ = y.shape
+    means = y.mean(axis=1)
+    place = np.arange(periods) - 0.5 * (periods - 1)
+    weight = place / np.sum(place**2) if periods > 1 else place
+    slope = weight @ means / samples  # per sample
+    time = np.arange(periods * samples).reshape(periods, samples, 1) - 0.5 * (periods * samples - 1)
+    return np.where(which, y - means.mean(axis=0) - time * slope, y)
+
+
+def _blocks(
+    rig: HardwareRig,
+    law: SampledStateSpace | None,
+    u: np.ndarray,
+    periods: int,
+    rest_s: float,
+    rng: np.random.Generator,
+    taken: _Taken,
+) -> Iterator[HybridBlock]:
+    start = measure_bias(rig, law, rest_s, rng)
+    taken.before = start.issued[-1]
+    repeated = (block for _ in range(periods) for block in cut_blocks(u, BLOCK))
+    return simulate_hybrid(connect_law(rig, law), repeated, rng, start)
+
+
+class _Taken:
+    """What has been taken of a run so far."""
+
+    def __init__(self, rig: HardwareRig, law: SampledStateSpace | None) -> None:
+        inertia = {i: m.rotor.inertia for i, m in enumerate(rig.motors) if m.rotor is not None}
+        self.counter = EventCounter(connect_law(rig, law), inertia, 1.0 / rig.sample_hz)
+        self.before = np.zeros(len(rig.inputs))
+        self.rows: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+
+    def add(self, block: HybridBlock) -> None:
+        self.counter.add(block, self.before)
+        self.before = block.torque[-1]
+        # The measured outputs are a view of all the computer's numbers.
+        self.rows.append((block.measured.copy(), block.control.copy(), block.torque))
+
+    def joined(self, first: int, shape: tuple[int, int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Measured, control and torque from sample ``first``, by period."""
+        measured, control, torque = (np.concatenate(x)[first:] for x in zip(*self.rows, strict=True))
+        return tuple(x.reshape(*shape, -1) for x in (measured, control, torque))  # pyright: ignore[reportReturnType]
+
+
+def _stopped(rig: HardwareRig, u: np.ndarray, taken: _Taken, stop: tuple[int, int]) -> Run:
+    """The run until the last block's sample ``stop``, and what was growing then."""
+    last = len(taken.rows[-1][0])
+    count = sum(len(rows[0]) for rows in taken.rows) - last + stop[0] + 1
+    measured = taken.joined(0, (1, -1))[0][:, :count]
+    time_s, port = (count - 1) / rig.sample_hz, rig.outputs[stop[1]]
+    where = measured[0, -round(LOOK_BACK_S * rig.sample_hz) :, stop[1]]
+    cause = (
+        f"stopped: {port.name} at {where[-1]:.3g} {port.unit} after {time_s:.3g} s, mostly at "
+        f"{_strongest_hz(where, rig.sample_hz):.3g} Hz"
+    )
+    given = np.resize(u, (1, 1, count, u.shape[1]))
+    partial = Record(rig.sample_hz, given, measured[None], rig.inputs, rig.outputs, False)
+    events: RunEvents = taken.counter.total(time_s)
+    return Run(None, None, cause, events=events, partial=partial)
+
+
+def _strongest_hz(x: Float[np.ndarray, " sample"], sample_hz: float) -> float:
+    """Frequency of the largest line of a tapered piece, its mean and slope taken out."""
+    time = np.linspace(-1.0, 1.0, len(x))
+    flat = x - x.mean() - time * (x @ time) / max(float(time @ time), 1e-300)
+    spectrum = np.abs(np.fft.rfft(flat * np.hanning(len(x))))
+    return float(np.argmax(spectrum) * sample_hz / len(x))

@@ -1,0 +1,269 @@
+"""The continuous part of a hybrid simulation, exactly sampled: plant, filters, delays, and noise in filters.
+
+Between two ticks of the computer there are one or more internal steps, in which joints rub. Commands are held
+over a tick and act late, also by a part of a tick; what is read without a filter may wait, so that all
+sensors are equally late. Nothing here is approximated but the joints' torques, see
+`middeck.systems.joint_simulation`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import scipy.linalg as sla
+from jaxtyping import Float
+
+from middeck.errors import ConfigError
+from middeck.realtime.sensors import Gyro, Sensor, anti_alias, sensor_filter
+from middeck.systems.joint_simulation import JointElements, add_viscous, check_collocated
+from middeck.systems.modal import ModalSystem, modal_to_statespace
+from middeck.systems.plant import Plant
+from middeck.systems.sampling import WHOLE
+from middeck.systems.statespace import StateSpace
+from middeck.values import record
+
+
+@record
+class HybridPlant:
+    """One tick of the continuous part, in internal steps.
+
+    Parameters
+    ----------
+    step:
+        States after each internal step; below them the angles of the joints there, their torques left out.
+    drive:
+        What two commands in a row add to that: the one issued ``late`` + 1 ticks ago, then the next.
+    push:
+        States after a step of a unit torque held at each joint.
+    angle:
+        Angle of each joint per state.
+    read:
+        What is sampled at a tick, per state.
+    late:
+        Whole ticks before a command begins to act.
+    noise:
+        White normal numbers, one for each filter state, to what they add to the states at a tick.
+    """
+
+    step: Float[np.ndarray, "internal row state"]
+    drive: Float[np.ndarray, "internal row window"]
+    push: Float[np.ndarray, "internal state joint"]
+    angle: Float[np.ndarray, "joint state"]
+    read: Float[np.ndarray, "output state"]
+    late: int
+    noise: Float[np.ndarray, "state white"]
+
+
+class _Filtered(NamedTuple):
+    """A plant behind its sensors' filters: torques of the motors, then of the joints; and noise in it."""
+
+    system: StateSpace
+    noise: np.ndarray  # intensity of the noise on the states, as a square root
+
+
+def build_hybrid_plant(
+    plant: Plant,
+    *,
+    inputs: Sequence[str],
+    sensors: Sequence[tuple[str, Sensor]],
+    joints: Sequence[JointElements],
+    period_s: float,
+    command_delay_s: float,
+    wait_s: Float[np.ndarray, " output"],
+    steps: int,
+) -> HybridPlant:
+    """``plant`` from held commands at ``inputs`` to samples of ``sensors``.
+
+    Commands act late by ``command_delay_s``, each sample is that of ``wait_s`` ago. Raises `ConfigError` for
+    unknown ports, an output that answers at once, or a joint that is none.
+    """
+    filtered = _filter_outputs(plant, inputs, sensors, joints)
+    clock = _Clock(period_s, steps, command_delay_s / period_s)
+    states, m = len(filtered.system.A), len(inputs)
+    chains = [_split_wait(w / period_s) for w in wait_s]
+    size = states + sum(length for length, _ in chains)
+    angle = np.zeros((len(joints), size))
+    angle[:, :states] = _joint_angles(plant, joints, states)
+    hold = _Hold(filtered.system)
+    step, drive, push = [], [], []
+    for j in range(steps):
+        A, B, P = _one_step(hold, filtered.system.C, m, clock, j, chains)
+        step.append(np.vstack([A, angle @ A]))
+        drive.append(np.vstack([B, angle @ B]))
+        push.append(P)
+    check_collocated(angle @ push[0], np.zeros((len(joints), len(joints))), joints)
+    noise = np.zeros((size, filtered.noise.shape[1]))
+    noise[:states] = _sampled_noise(filtered, period_s)
+    return HybridPlant(
+        np.array(step), np.array(drive), np.array(push), angle, _read_rows(filtered.system, chains, size),
+        clock.late, noise,
+    )  # fmt: skip
+
+
+class _Clock:
+    """Ticks, internal steps, and when in a tick a command takes over from the one before."""
+
+    def __init__(self, period_s: float, steps: int, delay: float) -> None:
+        nearest = round(delay)
+        delay = nearest if abs(delay - nearest) < WHOLE else delay
+        self.late = int(np.floor(delay))
+        self.takes_over = (delay - self.late) * period_s
+        self.length = period_s / steps
+        self.period_s, self.steps = period_s, steps
+
+    def hold(self, hold: _Hold, begin: float, duration: float) -> tuple[np.ndarray, np.ndarray]:
+        """Gains of the old and the new command over ``duration`` from ``begin`` within the tick."""
+        early = min(max(self.takes_over - begin, 0.0), duration)
+        rest = duration - early
+        old = hold.transition(rest) @ hold.gain(early)
+        return old, hold.gain(rest)
+
+
+class _Hold:
+    """exp(A t) and its integral times B (Van Loan 1978), each computed once."""
+
+    def __init__(self, system: StateSpace) -> None:
+        self.n, self.inputs = system.B.shape
+        self.block = np.zeros((self.n + self.inputs, self.n + self.inputs))
+        self.block[: self.n, : self.n], self.block[: self.n, self.n :] = system.A, system.B
+        self.known: dict[float, np.ndarray] = {}
+
+    def _at(self, duration: float) -> np.ndarray:
+        if duration not in self.known:
+            self.known[duration] = np.asarray(sla.expm(self.block * duration))
+        return self.known[duration]
+
+    def transition(self, duration: float) -> np.ndarray:
+        return self._at(duration)[: self.n, : self.n]
+
+    def gain(self, duration: float) -> np.ndarray:
+        return self._at(duration)[: self.n, self.n :]
+
+
+def _split_wait(ticks: float) -> tuple[int, float]:
+    """Length of the chain in which a sample waits, and when in a tick [ticks] it was taken."""
+    nearest = round(ticks)
+    ticks = nearest if abs(ticks - nearest) < WHOLE else ticks
+    length = int(np.ceil(ticks))
+    return length, length - ticks
+
+
+def _one_step(
+    hold: _Hold, C: np.ndarray, m: int, clock: _Clock, j: int, chains: list[tuple[int, float]]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """States, commands and joints' torques to the states after internal step ``j``, waiting samples last."""
+    states = hold.n
+    size = states + sum(length for length, _ in chains)
+    begin = j * clock.length
+    A = np.eye(size)
+    B, P = np.zeros((size, 2 * m)), np.zeros((size, hold.inputs - m))
+
+    def rows_after(duration: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        old, new = clock.hold(hold, begin, duration)
+        window = np.hstack([old[:, :m], new[:, :m]])
+        return hold.transition(duration), window, hold.gain(duration)[:, m:]
+
+    A[:states, :states], B[:states], P[:states] = rows_after(clock.length)
+    first = states
+    for output, (length, instant) in enumerate(chains):
+        if length and j == 0:
+            for age in range(length - 1, 0, -1):
+                A[first + age] = 0.0
+                A[first + age, first + age - 1] = 1.0
+        # The last step of a tick also holds an instant that rounding has put at its end.
+        taken = min(int(instant * clock.steps), clock.steps - 1)
+        if length and j == taken:
+            c = C[output]
+            transition, window, pushed = rows_after(instant * clock.period_s - begin)
+            A[first] = 0.0
+            A[first, :states], B[first], P[first] = c @ transition, c @ window, c @ pushed
+        first += length
+    return A, B, P
+
+
+def _read_rows(system: StateSpace, chains: list[tuple[int, float]], size: int) -> np.ndarray:
+    read = np.zeros((len(chains), size))
+    first = len(system.A)
+    for output, (length, _) in enumerate(chains):
+        if length:
+            read[output, first + length - 1] = 1.0
+        else:
+            read[output, : len(system.A)] = system.C[output]
+        first += length
+    return read
+
+
+def _filter_outputs(
+    plant: Plant,
+    inputs: Sequence[str],
+    sensors: Sequence[tuple[str, Sensor]],
+    joints: Sequence[JointElements],
+) -> _Filtered:
+    dynamics = add_viscous(plant, joints)
+    system = modal_to_statespace(dynamics) if isinstance(dynamics, ModalSystem) else dynamics
+    columns = [*plant.input_indices(inputs), *plant.input_indices([j.torque for j in joints])]
+    B = system.B[:, columns]
+    filters = [sensor_filter(sensor) for _, sensor in sensors]
+    n, extra = len(system.A), sum(len(f.A) for f in filters)
+    A, rows = np.zeros((n + extra, n + extra)), np.zeros((len(filters), n + extra))
+    A[:n, :n] = system.A
+    noise = np.zeros((n + extra, extra))
+    first = n
+    for o, ((name, sensor), f) in enumerate(zip(sensors, filters, strict=True)):
+        c = _reading(plant, system, B, name, sensor)
+        last = first + len(f.A)
+        A[first:last, :n], A[first:last, first:last] = f.B @ c[None], f.A
+        rows[o, :n], rows[o, first:last] = f.D[0, 0] * c, f.C[0]
+        if isinstance(sensor, Gyro):
+            into = anti_alias(sensor.anti_alias_hz).B[:, 0]
+            noise[last - len(into) : last, first - n] = sensor.noise * into
+        first = last
+    padded = np.vstack([B, np.zeros((extra, B.shape[1]))])
+    return _Filtered(StateSpace(A, padded, rows, np.zeros((len(rows), len(columns)))), noise)
+
+
+def _reading(plant: Plant, system: StateSpace, B: np.ndarray, name: str, sensor: Sensor) -> np.ndarray:
+    """Row of the states that a sensor reads: the output, or for a gyro its rate."""
+    row = plant.output_indices([name])[0]
+    c = system.C[row]
+    steps = np.any(system.D[row]) or (isinstance(sensor, Gyro) and np.any(_at_once(c, B)))
+    if steps:
+        raise ConfigError(
+            f"output {name!r} answers a command at once",
+            where="sensors",
+            hint="angles of a plant without residual flexibility (static=False)",
+        )
+    return c @ system.A if isinstance(sensor, Gyro) else c
+
+
+def _at_once(c: np.ndarray, B: np.ndarray) -> np.ndarray:
+    """c B beyond rounding: what an angle's rate would jump by."""
+    return np.abs(c @ B) > 1e-12 * (np.abs(c) @ np.abs(B))
+
+
+def _joint_angles(plant: Plant, joints: Sequence[JointElements], states: int) -> np.ndarray:
+    system = plant.system
+    angle = np.zeros((len(joints), states))
+    rows = plant.output_indices([j.angle for j in joints])
+    angle[:, : len(system.A)] = system.C[rows]
+    return angle
+
+
+def _sampled_noise(filtered: _Filtered, period_s: float) -> np.ndarray:
+    """Square root of the covariance that white noise leaves in a tick (Van Loan 1978), filter by filter."""
+    noise = filtered.noise
+    moved = np.flatnonzero(noise.any(axis=1))
+    root = np.zeros_like(noise)
+    if not len(moved):
+        return root[:, :0]
+    A, G = filtered.system.A[np.ix_(moved, moved)], noise[moved]
+    k = len(moved)
+    block = np.zeros((2 * k, 2 * k))
+    block[:k, :k], block[:k, k:], block[k:, k:] = -A, G @ G.T, A.T
+    exponential = np.asarray(sla.expm(block * period_s))
+    covariance = exponential[k:, k:].T @ exponential[:k, k:]
+    square = np.zeros((len(noise), k))
+    square[moved] = np.linalg.cholesky(0.5 * (covariance + covariance.T))
+    return square

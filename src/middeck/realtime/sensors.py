@@ -1,0 +1,122 @@
+"""Sensors as they are: integrated rate gyros, encoders that count, and samplers that only add noise."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from middeck.errors import ConfigError
+from middeck.systems.statespace import StateSpace, gain_system, series
+from middeck.values import record
+
+BUTTERWORTH_DELAY = math.sqrt(2.0)  # of the filter of second order at low frequency, times its omega
+
+
+@record
+class Sampler:
+    """Reads the output itself, with white noise of ``noise_rms`` at each sample: for comparison."""
+
+    noise_rms: float = 0.0
+
+    def __post_init__(self) -> None:
+        _refuse_negative("Sampler", noise_rms=self.noise_rms)
+
+
+@record
+class Encoder:
+    """Counts steps of ``step`` [rad]; ``gain`` is what it makes of a true radian."""
+
+    step: float
+    gain: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not (0.0 < self.step < math.inf):
+            raise ConfigError(f"an encoder in steps of {self.step} rad", where="Encoder", hint="above zero")
+
+
+@record
+class Gyro:
+    """A rate gyro behind an anti-alias filter, whose samples the computer adds up to an angle.
+
+    Parameters
+    ----------
+    bandwidth_hz:
+        Of its first-order lag; infinite for none.
+    noise:
+        Root of its two-sided intensity [rad/s/sqrt(Hz)], white, behind the lag and before the filter.
+    bias:
+        Standard deviation [rad/s] of the constant error that is drawn when it is switched on.
+    bias_walk:
+        Of its random walk [rad/s/sqrt(s)].
+    anti_alias_hz:
+        Of a Butterworth filter of second order before the converter; infinite for none, and the noise is then
+        taken in the band of the samples.
+    resolution, range:
+        Of the converter [rad/s]: one step (zero for none), and the largest rate.
+    gain:
+        What it makes of a true rad/s.
+
+    Raises `ConfigError` for a value out of its range.
+    """
+
+    bandwidth_hz: float = math.inf
+    noise: float = 0.0
+    bias: float = 0.0
+    bias_walk: float = 0.0
+    anti_alias_hz: float = math.inf
+    resolution: float = 0.0
+    range: float = math.inf
+    gain: float = 1.0
+
+    def __post_init__(self) -> None:
+        _refuse_negative(
+            "Gyro", noise=self.noise, bias=self.bias, bias_walk=self.bias_walk, resolution=self.resolution
+        )
+        if not (self.bandwidth_hz > 0.0 and self.anti_alias_hz > 0.0 and self.range > 0.0):
+            raise ConfigError(
+                f"a gyro of {self.bandwidth_hz} Hz, filtered at {self.anti_alias_hz} Hz, up to "
+                f"{self.range} rad/s",
+                where="Gyro",
+                hint="all above zero; infinite for no limit",
+            )
+
+
+Sensor = Sampler | Encoder | Gyro
+
+
+def _refuse_negative(where: str, **values: float) -> None:
+    for name, value in values.items():
+        if not 0.0 <= value < math.inf:
+            raise ConfigError(f"{name} = {value}", where=where, hint="finite, from zero")
+
+
+def sensor_lag(sensor: Sensor) -> float:
+    """How late [s] the sensor's filters are at low frequency."""
+    if not isinstance(sensor, Gyro):
+        return 0.0
+    return (1.0 / sensor.bandwidth_hz + BUTTERWORTH_DELAY / sensor.anti_alias_hz) / (2.0 * np.pi)
+
+
+def sensor_filter(sensor: Sensor) -> StateSpace:
+    """From what is read (for a gyro the rate) to what is sampled; states of the lag, then of the filter."""
+    gain = gain_system(np.array([[1.0 if isinstance(sensor, Sampler) else sensor.gain]]))
+    if not isinstance(sensor, Gyro):
+        return gain
+    return series(gain, series(_lag(sensor.bandwidth_hz), anti_alias(sensor.anti_alias_hz)))
+
+
+def _lag(bandwidth_hz: float) -> StateSpace:
+    if math.isinf(bandwidth_hz):
+        return gain_system(np.ones((1, 1)))
+    w = 2.0 * np.pi * bandwidth_hz
+    return StateSpace(np.array([[-w]]), np.array([[w]]), np.ones((1, 1)), np.zeros((1, 1)))
+
+
+def anti_alias(frequency_hz: float) -> StateSpace:
+    """Butterworth's filter of second order, or nothing for an infinite frequency."""
+    if math.isinf(frequency_hz):
+        return gain_system(np.ones((1, 1)))
+    w = 2.0 * np.pi * frequency_hz
+    A = np.array([[0.0, w], [-w, -BUTTERWORTH_DELAY * w]])
+    return StateSpace(A, np.array([[0.0], [w]]), np.array([[1.0, 0.0]]), np.zeros((1, 1)))
