@@ -37,7 +37,7 @@ def a_problem(layout, experiments=3, transient=None, seed=0):
     b[2] = np.real(b[2])
     poles = np.array([-0.5 + 12j, -1.0 + 30j, -4.0 + 1j * layout.fixed_imag[2]])
     delay_s = np.array([[0.01, 0.015], [0.02, 0.03]])[:, : max(layout.delays[1], 1)] * layout.with_delay
-    psi = np.array([[0.7, 1.0]])[: len(layout.rigid_pivot)]
+    psi = np.array([[0.7, 1.0], [1.0, -0.4]])[: len(layout.powers)]
     point = Point(poles, b, delay_s, psi)
     return Data(s, H, 1.0 + rng.random(H.shape), drive, transient), pack(layout, point)
 
@@ -55,6 +55,9 @@ CASES = {
     "any real residues": (a_layout(full=True, real_constants=True), None, None),
     "rigid": (a_layout(rigid_pivot=(1,)), None, None),
     "rigid, drive": (a_layout(rigid_pivot=(1,)), 3, EDGES),
+    "integrator": (a_layout(integral_pivot=(1,)), None, None),
+    "integrator, drive": (a_layout(integral_pivot=(1,)), 3, EDGES),
+    "rigid and integrator": (a_layout(rigid_pivot=(1,), integral_pivot=(0,)), None, None),
     "relative degree two": (a_layout(**TWO), None, None),
     "relative degree two, drive": (a_layout(**TWO), 3, EDGES),
     "relative degree two, any residues": (a_layout(full=True, **TWO), None, None),
