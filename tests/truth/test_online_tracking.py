@@ -12,6 +12,7 @@ from middeck.errors import ConfigError, DataError
 from middeck.identification.tracking import Drift, start_tracking, track_modes, update_tracking
 from middeck.identification.tracking.dynamics import poles_at, step_modes
 from middeck.identification.tracking.follow import FIRST_GAIN
+from middeck.identification.tracking.recovery import opening, patience
 from middeck.identification.uncertainty.parameters import Uncertainty
 from middeck.realtime.rig import build_linear_rig
 from middeck.systems.record import Record
@@ -210,6 +211,63 @@ def test_lost_samples_and_spikes_do_no_harm():
     assert np.all(np.abs(found.natural_hz - MODES) < 4.5 * found.frequency_std_hz)
 
 
+def lost_between(seconds, *, hz=None, seed=7):
+    """A transmission that gives zeros for two seconds from the sixth."""
+    taken, noise = moving_gimbal.record(seed, seconds, hz=hz)
+    y = np.array(taken.y)
+    y[0, 0, round(6.0 * RATE) : round(8.0 * RATE)] = 0.0
+    return dataclasses.replace(taken, y=y), noise
+
+
+@pytest.mark.parametrize(("mode", "factor"), [(0, 1.1), (1, 0.9), (2, 0.9), (3, 0.9)])
+def test_modes_lost_in_a_dropout_are_found_again_though_one_jumped_by_a_tenth(mode, factor):
+    hz = stepping(24.0, 7.0, mode, factor)
+    taken, noise = lost_between(24.0, hz=hz)
+    state = start_tracking(moving_gimbal.model(), noise_rms=noise, known=WELL_KNOWN, **AT_ONE_RATE)
+    found = track_modes(state, taken)
+    during = (found.time_s > 7.0) & (found.time_s < 12.0)
+    assert not found.trusted[during].any()
+    assert found.restarts[found.time_s < 8.0][-1] == 0
+    first = found.state.restarts[0]
+    assert first.good_s < 6.0 < first.time_s
+    assert first.opening == 0.01
+    # Neighbours of like gains may have changed names; 0.2 % is a few deviations after ten seconds.
+    error = np.sort(found.natural_hz[-1]) / np.sort(hz[-1]) - 1.0
+    assert np.abs(error).max() < 2e-3
+    assert mode == 3 or np.abs(found.natural_hz[-1] / hz[-1] - 1.0).max() < 2e-3
+
+
+@pytest.mark.long
+def test_a_mode_that_went_too_far_for_one_opening_is_found_by_the_next():
+    hz = stepping(40.0, 7.0, 2, 1.15)
+    taken, noise = lost_between(40.0, hz=hz)
+    state = start_tracking(moving_gimbal.model(), noise_rms=noise, known=WELL_KNOWN, **AT_ONE_RATE)
+    found = track_modes(state, taken, block=2560)
+    assert [r.opening for r in found.state.restarts[:2]] == [0.01, 0.02]
+    assert np.abs(np.sort(found.natural_hz[-1]) / np.sort(hz[-1]) - 1.0).max() < 2e-3
+
+
+def test_more_noise_is_no_loss():
+    """Twice the stated noise: not trusted, but nothing to begin again for."""
+    taken, noise = moving_gimbal.record(3, 12.0)
+    state = start_tracking(moving_gimbal.model(), noise_rms=0.5 * noise, known=WELL_KNOWN, **AT_ONE_RATE)
+    found = track_modes(state, taken, block=2560)
+    assert not found.trusted[-1]
+    assert found.restarts[-1] == 0
+    assert np.abs(found.natural_hz[-1] / MODES - 1.0).max() < 2e-3  # twice the noise, twice the deviation
+
+
+def test_what_is_never_found_is_looked_for_ever_more_rarely():
+    taken, noise = moving_gimbal.record(3, 24.0)
+    state = start_tracking(moving_gimbal.model(), noise_rms=noise, **AT_ONE_RATE)
+    found = track_modes(state, dataclasses.replace(taken, y=taken.y[:, :, ::-1]), block=2560)
+    assert np.isfinite(found.natural_hz).all()
+    # At most one in PATIENCE_S of 6 s.
+    assert 1 <= found.restarts[-1] <= 4
+    assert [opening(k) for k in range(4)] == [1.0, 2.0, 4.0, 1.0]
+    assert patience(6) == 3.0 * patience(0)
+
+
 @pytest.mark.parametrize("wrong", ["noise", "missing mode", "sign"])
 def test_a_model_that_does_not_hold_is_not_trusted(wrong):
     taken, noise = moving_gimbal.record(3, 8.0)
@@ -255,6 +313,7 @@ def test_a_long_record_does_not_wear_the_filter_out(campaign):
     assert np.all(np.abs(found.natural_hz - MODES) < 5.0 * found.frequency_std_hz)
     # Chance is taken for a jump about once in 150,000 looks at ten sums, every four seconds.
     assert found.jumps[-1].sum() <= 1
+    assert found.restarts[-1] == 0
 
 
 def test_what_cannot_be_followed_is_refused():

@@ -9,7 +9,7 @@ from middeck.identification.faults.found import Found, placed
 from middeck.identification.faults.levels import find_coarse_steps, find_drift, find_held, find_offset
 from middeck.identification.faults.pairs import find_pair_faults
 from middeck.identification.faults.periods import find_transient, find_unsteady_input
-from middeck.identification.faults.runs import Signal, levels_of
+from middeck.identification.faults.runs import Runs, Signal, levels_of
 from middeck.identification.faults.samples import (
     find_clipping,
     find_dropouts,
@@ -17,6 +17,7 @@ from middeck.identification.faults.samples import (
     find_spikes,
     is_dead,
     is_impact,
+    spike_runs,
 )
 from middeck.systems.fault import Fault, Side
 from middeck.systems.ports import Port
@@ -54,13 +55,15 @@ def detect_faults(record: Record, reference: FrequencyResponse | None = None) ->
     """
     found: list[Fault] = []
     struck = any(is_impact(_filled(x)) for x in _channels(record.u) if not is_dead(_filled(x)))
+    driven = [] if struck else [_driven(u) for u in record.u]
     sides: tuple[tuple[Side, tuple[Port, ...], np.ndarray], ...] = (
         ("input", record.inputs, record.u), ("output", record.outputs, record.y)
     )  # fmt: skip
     for side, ports, samples in sides:
         for k, port in enumerate(ports):
             for e, x in enumerate(samples[..., k]):
-                faults = _channel_faults(x, port, side=side, periodic=record.periodic, struck=struck)
+                answered = None if struck else driven[e] if side == "output" else []
+                faults = _channel_faults(x, port, side=side, periodic=record.periodic, driven=answered)
                 found += placed(faults, side, port.name, e)
     whole = not any(f.kind in ("gap", "dead") for f in found)
     if whole:
@@ -68,6 +71,12 @@ def detect_faults(record: Record, reference: FrequencyResponse | None = None) ->
     if whole and reference is not None:
         found += compare_with_reference(record, reference)
     return tuple(sorted(found, key=lambda f: SEVERITIES.index(f.severity)))
+
+
+def _driven(inputs: np.ndarray) -> Runs:
+    """Spikes of the inputs of one experiment."""
+    channels = [_filled(x.ravel()) for x in np.moveaxis(inputs, -1, 0)]
+    return [run for x in channels if not is_dead(x) for run in spike_runs(x, levels_of(x))]
 
 
 def _channels(samples: np.ndarray) -> list[Signal]:
@@ -84,8 +93,9 @@ def _filled(x: Signal) -> Signal:
 
 
 def _channel_faults(
-    periods: np.ndarray, port: Port, *, side: Side, periodic: bool, struck: bool
+    periods: np.ndarray, port: Port, *, side: Side, periodic: bool, driven: Runs | None
 ) -> list[Found]:
+    """``driven`` are spikes of the inputs; None where inputs are impacts, which have no others."""
     period, is_input = periods.shape[1], side == "input"
     gaps, x = find_gaps(periods.ravel()), _filled(periods.ravel())
     if is_dead(x):
@@ -97,7 +107,7 @@ def _channel_faults(
     levels = levels_of(x)
     found = [*gaps, *find_clipping(x, levels)]
     found += find_dropouts(x, levels, period=period, is_input=is_input)
-    found += [] if struck else find_spikes(x, levels)
+    found += [] if driven is None else find_spikes(x, levels, driven)
     found += find_offset(x, port.unit, is_input=is_input)
     if is_input:
         return found + (find_unsteady_input(x, period) if periodic else [])

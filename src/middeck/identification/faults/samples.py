@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy.linalg
 import scipy.ndimage
+import scipy.signal
 
 from middeck.identification.faults.found import Found
 from middeck.identification.faults.runs import Levels, Runs, Signal, equal_runs, runs_of
@@ -31,6 +33,11 @@ REST = 0.05
 # Spikes: samples on each side that a spike is compared with, the nearest left out, and by how many times
 # their span it leaves it. Of Gaussian samples one in 1e9 does.
 BESIDE, LEAP = 12, 2.0
+# Spikes among large samples of the signal's own: residuals of a prediction from so many samples before. The
+# largest, a share but no fewer than FEWEST_LARGE, tell the tail; chance is beyond it in one of e^BEYOND.
+PREDICTED_FROM, LARGE, FEWEST_LARGE, BEYOND = 16, 0.01, 20, 7.0
+# Samples by which an output may follow a spike of an input and be its answer.
+ANSWERS = 2
 # Inputs with so much of their energy in spikes are impacts.
 IMPACTS = 0.1
 
@@ -129,9 +136,12 @@ def _leaps(x: Signal, run: tuple[int, int], step: float) -> bool:
     return max(edges) > max(5.0 * step, share * usual) and usual > 0.0
 
 
-def find_spikes(x: Signal, levels: Levels) -> list[Found]:
-    """One or two samples far outside of all that is beside them."""
-    runs = _spike_runs(x, levels.step)
+def find_spikes(x: Signal, levels: Levels, driven: Runs | None = None) -> list[Found]:
+    """One or two samples far outside of all that is beside them, of the signal's tail and of any answer.
+
+    ``driven`` are spikes of the inputs, which an output may answer.
+    """
+    runs = [r for r in spike_runs(x, levels) if not _answers(r, driven or [])]
     if not runs:
         return []
     largest = max(float(np.abs(x[a:b] - np.median(x)).max()) for a, b in runs)
@@ -140,7 +150,51 @@ def find_spikes(x: Signal, levels: Levels) -> list[Found]:
     return [Found("spike", "serious", tuple(runs), what, hint)]
 
 
-def _spike_runs(x: Signal, step: float) -> Runs:
+def spike_runs(x: Signal, levels: Levels) -> Runs:
+    """Samples outside of what is beside them that are no large samples like others of the signal.
+
+    >>> from middeck.identification.faults.runs import levels_of
+    >>> rng = np.random.default_rng(0)
+    >>> x = rng.laplace(size=4000)
+    >>> x[70] = 60.0
+    >>> spike_runs(x, levels_of(x))
+    [(70, 71)]
+    """
+    runs = _outside_runs(x, levels.step)
+    if not runs:
+        return []
+    left, limit = _tail(x, runs)
+    return [(a, b) for a, b in runs if left[a:b].max() > limit]
+
+
+def _tail(x: Signal, runs: Runs) -> tuple[Signal, float]:
+    """What each sample has that those before it do not foretell, and what chance hardly makes of it.
+
+    The largest residuals of the rest are taken for a power law (Hill 1975): exact for heavy tails, and for
+    lighter ones, exponential or normal, on the safe side.
+    """
+    rest = np.ones(len(x), dtype=bool)
+    for a, b in runs:
+        rest[a : b + PREDICTED_FROM] = False
+    level = np.where(rest, x, np.interp(np.arange(len(x)), np.flatnonzero(rest), x[rest]))
+    before = min(PREDICTED_FROM, len(x) // 4)
+    past = np.fft.irfft(np.abs(np.fft.rfft(level - level.mean(), 2 * len(x))) ** 2)[: before + 1]
+    # A share of white noise, as small as the rounding of a good converter, keeps the equations determined.
+    column = past[:-1] + np.eye(1, before)[0] * 1e-9 * past[0]
+    weights = scipy.linalg.solve_toeplitz(column, past[1:]) if past[0] > 0.0 else np.zeros(before)
+    left = np.abs(scipy.signal.lfilter(np.concatenate([[1.0], -weights]), [1.0], x - level.mean()))
+    clean = np.sort(left[rest])
+    large = clean[-max(FEWEST_LARGE, int(LARGE * len(clean))) :]
+    least = max(float(large[0]), np.finfo(float).tiny)
+    slope = float(np.mean(np.log(np.maximum(large, least) / least)))
+    return left, least * float(np.exp(min(slope * (np.log(len(large)) + BEYOND), 300.0)))
+
+
+def _answers(run: tuple[int, int], driven: Runs) -> bool:
+    return any(a <= run[0] <= b - 1 + ANSWERS for a, b in driven)
+
+
+def _outside_runs(x: Signal, step: float) -> Runs:
     if len(x) < 2 * BESIDE + 5:
         return []
     size = BESIDE - 1
@@ -159,7 +213,7 @@ def _spike_runs(x: Signal, step: float) -> Runs:
 def is_impact(x: Signal) -> bool:
     """Whether a good part of the energy is in spikes, as of a hammer."""
     swing = x - np.median(x)
-    energy = sum(float(np.sum(swing[a:b] ** 2)) for a, b in _spike_runs(x, 0.0))
+    energy = sum(float(np.sum(swing[a:b] ** 2)) for a, b in _outside_runs(x, 0.0))
     return energy > IMPACTS * float(np.sum(swing**2))
 
 

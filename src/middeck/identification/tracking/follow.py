@@ -7,6 +7,7 @@ from jaxtyping import Complex, Float, Int
 
 from middeck.errors import ConfigError
 from middeck.identification.measurement_model import MeasurementModel, damping_ratio, natural_hz
+from middeck.identification.tracking.recovery import Recovery, Restart, first_recovery
 from middeck.identification.tracking.trust import WATCHED, is_trusted
 from middeck.identification.uncertainty.parameters import Uncertainty
 from middeck.values import record
@@ -101,6 +102,8 @@ class Tracking:
         Weight of what the means have seen, up to one.
     jumps:
         How often each mode, or one within a tenth of its frequency, was thought to have jumped.
+    recovery:
+        What a restart begins from, should the modes be lost.
     """
 
     followed: Followed
@@ -114,6 +117,12 @@ class Tracking:
     late: Float[np.ndarray, "age2 output"]
     weight: float
     jumps: Int[np.ndarray, " mode"]
+    recovery: Recovery
+
+    @property
+    def restarts(self) -> tuple[Restart, ...]:
+        """When the modes were lost, and from which good state they were followed again."""
+        return self.recovery.restarts
 
     @property
     def time_s(self) -> float:
@@ -218,25 +227,16 @@ def start_tracking(
     _check(model, sample_hz, noise, rms)
     followed = _followed(model, sample_hz, noise, drift or Drift(), hold_in_model=hold_in_model)
     modes, outputs, groups = len(model.poles), len(model.outputs), len(followed.whole)
-    f = FIRST_FREQUENCY if known is None else known.natural_hz / natural_hz(model)
-    z = FIRST_DAMPING if known is None else known.damping / damping_ratio(model)
-    # z' = lambda z + b u under white u, rms^2 T: E|z|^2 = |b|^2 rms^2 T / (2 sigma).
-    power = np.abs(model.participation) ** 2 @ rms**2 / sample_hz / (-2.0 * np.real(model.poles))
-    state = MORE_IN_BAND * np.sqrt(power)
-    deviation = np.concatenate(
-        [
-            np.tile(state, 2 * groups),
-            np.broadcast_to(f, (modes,)),
-            np.broadcast_to(z, (modes,)),
-            np.full(outputs * modes, FIRST_GAIN),
-        ]
+    moving = motion_deviation(followed, rms**2)
+    known_by = _parameter_deviation(model, known)
+    deviation = np.concatenate([np.tile(moving, 2 * groups), known_by])
+    parameters = np.concatenate(
+        [np.log(np.abs(model.poles)), np.log(damping_ratio(model)), np.zeros(outputs * modes)]
     )
-    logs = [np.log(np.abs(model.poles)), np.log(damping_ratio(model))]
-    mean = np.concatenate([np.zeros(2 * modes * groups), *logs, np.zeros(outputs * modes)])
     return Tracking(
         followed,
         0,
-        mean,
+        np.concatenate([np.zeros(2 * modes * groups), parameters]),
         np.diag(deviation**2),
         np.zeros((int(followed.whole.max()) + 2, len(model.inputs))),
         np.zeros(2 * modes),
@@ -245,7 +245,26 @@ def start_tracking(
         np.zeros((WATCHED, outputs)),
         0.0,
         np.zeros(modes, dtype=int),
+        first_recovery(parameters, known_by**2, rms**2),
     )
+
+
+def motion_deviation(followed: Followed, loudness: Float[np.ndarray, " input"]) -> Float[np.ndarray, " mode"]:
+    """Of the modal states, where only the mean square of what moves them is known."""
+    # z' = lambda z + b u under white u, rms^2 T: E|z|^2 = |b|^2 rms^2 T / (2 sigma).
+    power = np.abs(followed.participation) ** 2 @ loudness * followed.T / (-2.0 * np.real(followed.poles))
+    return MORE_IN_BAND * np.sqrt(power)
+
+
+def _parameter_deviation(
+    model: MeasurementModel, known: Uncertainty | None
+) -> Float[np.ndarray, " parameter"]:
+    """Of log frequency, log damping and gains at the start."""
+    modes = len(model.poles)
+    f = FIRST_FREQUENCY if known is None else known.natural_hz / natural_hz(model)
+    z = FIRST_DAMPING if known is None else known.damping / damping_ratio(model)
+    each = [np.broadcast_to(x, (modes,)) for x in (f, z)]
+    return np.concatenate([*each, np.full(len(model.outputs) * modes, FIRST_GAIN)])
 
 
 def _followed(

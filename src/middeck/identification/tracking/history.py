@@ -28,6 +28,8 @@ class Tracked:
         Whether the innovations were white and as large as stated.
     jumps:
         How often each mode, or a neighbour, was thought to have jumped by then.
+    restarts:
+        How often the modes had been lost and were looked for again by then; ``state.restarts`` says when.
     state:
         At the end, from which to go on.
     """
@@ -39,6 +41,7 @@ class Tracked:
     damping_std: Float[np.ndarray, "block mode"]
     trusted: Bool[np.ndarray, " block"]
     jumps: Int[np.ndarray, "block mode"]
+    restarts: Int[np.ndarray, " block"]
     state: Tracking
 
 
@@ -80,6 +83,7 @@ def track_modes(state: Tracking, measured: Record, *, block: int = 256) -> Track
         column("damping_std"),
         column("trusted"),
         column("jumps"),
+        np.array([len(s.restarts) for s in states]),
         states[-1],
     )
 

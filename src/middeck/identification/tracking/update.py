@@ -15,8 +15,16 @@ from jaxtyping import Float
 
 from middeck.errors import DataError
 from middeck.identification.tracking.dynamics import poles_at, step_modes
-from middeck.identification.tracking.follow import Followed, Tracking, log_places
-from middeck.identification.tracking.trust import MEMORY
+from middeck.identification.tracking.follow import Followed, Tracking, log_places, motion_deviation
+from middeck.identification.tracking.recovery import (
+    BRIEF,
+    PATIENCE_S,
+    Restart,
+    is_lost,
+    opening,
+    patience,
+)
+from middeck.identification.tracking.trust import MEMORY, is_trusted
 
 # An innovation pulls no further than so many of its deviations: a spike is no news.
 CLIPPED = 5.0
@@ -59,6 +67,7 @@ def update_tracking(
         work.predict()
         if (state.samples + k) % LOOK == 0:
             work.look_for_jumps()
+            work.look_for_loss(state.samples + k + 1)
     return work.frozen(state, len(u))
 
 
@@ -74,6 +83,9 @@ class _Work:
         self.sums, self.chance = state.corrections.copy(), state.chance.copy()
         self.products, self.late = state.products.copy(), state.late.copy()
         self.weight, self.jumps = state.weight, state.jumps.copy()
+        self.recovery = state.recovery
+        self.brief, self.brief_weight = state.recovery.products.copy(), state.recovery.weight
+        self.loudness = state.recovery.loudness.copy()
         self._places(followed)
         self.forget = np.exp(-followed.T / SUMMED_S)
 
@@ -109,6 +121,7 @@ class _Work:
     def take_input(self, u: np.ndarray) -> None:
         self.past[1:] = self.past[:-1]
         self.past[0] = u
+        self.loudness += (u * u - self.loudness) / MEMORY
 
     def correct(self, y: np.ndarray) -> None:
         followed, n = self.followed, self.states
@@ -147,11 +160,11 @@ class _Work:
     def _watch(self, news: np.ndarray, move: np.ndarray, W: np.ndarray) -> None:
         self.sums = self.forget * self.sums + move
         self.chance = self.forget**2 * self.chance + np.sum(W * W, axis=1)
-        share = 1.0 / MEMORY
-        self.products *= 1.0 - share
-        self.products[0] += share * (news @ news) / self.outputs
-        self.products[1:] += share * (self.late @ news) / self.outputs
-        self.weight += share * (1.0 - self.weight)
+        product = np.concatenate([[news @ news], self.late @ news]) / self.outputs
+        self.products += (product - self.products) / MEMORY
+        self.weight += (1.0 - self.weight) / MEMORY
+        self.brief += (product - self.brief) / BRIEF
+        self.brief_weight += (1.0 - self.brief_weight) / BRIEF
         self.late[1:] = self.late[:-1]
         self.late[0] = news
 
@@ -210,6 +223,46 @@ class _Work:
         for at in (places, places + self.states):
             self.cov[at, at] += LOST_PHASE**2 * size
 
+    def look_for_loss(self, samples: int) -> None:
+        """Keep what is good; begin again from it when the modes have been lost for long."""
+        kept, T = self.recovery, self.followed.T
+        lost = is_lost(self.brief, self.brief_weight)
+        count = max(0, kept.lost + (LOOK if lost else -LOOK))
+        self.recovery = dataclasses.replace(kept, lost=count)
+        if count * T > patience(kept.tries):
+            self._restart(samples)
+        elif count == 0 and is_trusted(self.products, self.weight, self.outputs):
+            self._keep(samples)
+
+    def _keep(self, samples: int) -> None:
+        kept = self.recovery
+        self.recovery = dataclasses.replace(kept, tries=0)
+        if (samples - kept.taken[1]) * self.followed.T < PATIENCE_S:
+            return
+        first = self.logs.start
+        mean, variance = self.x[first:], self.cov[self.diagonal[first:], self.diagonal[first:]]
+        self.recovery = dataclasses.replace(
+            self.recovery,
+            mean=np.stack([kept.mean[1], mean]),
+            variance=np.stack([kept.variance[1], variance]),
+            taken=np.array([kept.taken[1], samples]),
+        )
+
+    def _restart(self, samples: int) -> None:
+        """Parameters of the older good state, as uncertain as they now are; motion by what moves it."""
+        kept, n, T, first = self.recovery, self.states, self.followed.T, self.logs.start
+        opened = opening(kept.tries) * self.followed.drift.frequency_jump
+        variance = kept.variance[0] + (samples - kept.taken[0]) * self.Q[first:]
+        variance[: self.modes] += opened**2
+        moving = np.tile(motion_deviation(self.followed, self.loudness) ** 2, 2 * self.groups)
+        self.x = np.concatenate([np.zeros(2 * n), kept.mean[0]])
+        self.cov = np.diag(np.concatenate([moving, variance]))
+        self.sums[:], self.chance[:], self.brief[:], self.brief_weight = 0.0, 0.0, 0.0, 0.0
+        event = Restart(samples * T, float(kept.taken[0]) * T, opened)
+        self.recovery = dataclasses.replace(
+            kept, lost=0, tries=kept.tries + 1, restarts=(*kept.restarts, event)
+        )
+
     def frozen(self, state: Tracking, samples: int) -> Tracking:
         return dataclasses.replace(
             state,
@@ -223,4 +276,10 @@ class _Work:
             late=self.late,
             weight=self.weight,
             jumps=self.jumps,
+            recovery=dataclasses.replace(
+                self.recovery,
+                products=self.brief,
+                weight=self.brief_weight,
+                loudness=self.loudness,
+            ),
         )
