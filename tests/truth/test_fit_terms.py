@@ -7,9 +7,9 @@ import pytest
 
 from middeck.identification.fit.data import Data, Transient
 from middeck.identification.fit.design import build_terms, jacobian, residual_of
-from middeck.identification.fit.gram_blocks import Functions
+from middeck.identification.fit.gram_blocks import Functions, hear
 from middeck.identification.fit.layout import Layout, Point, pack
-from middeck.identification.fit.normal_equations import solve_normal
+from middeck.identification.fit.normal_equations import Solved, solve_normal
 from middeck.identification.fit.refine import solve_by_qr, weighted
 
 
@@ -196,18 +196,28 @@ def test_a_held_input_of_any_kind_is_exact():
     np.testing.assert_allclose(step.linear[0, :5], [0.6, -2.0, -1.1, 0.4, 0.3], rtol=1e-9)
 
 
+def summed(each):
+    """Several outputs as one: what they say of theta is added."""
+    linear, cost, gradient, gram = zip(*each, strict=True)
+    return Solved(np.concatenate(linear), sum(cost), sum(gradient), sum(gram))
+
+
+@pytest.mark.parametrize("from_sums", [True, False], ids=["from sums", "line by line"])
 @pytest.mark.parametrize("alike", [True, False], ids=["one weight", "weights of inputs"])
 @case
-def test_normal_equations_are_those_of_qr(layout, experiments, transient, alike):
+def test_normal_equations_are_those_of_qr(layout, experiments, transient, alike, from_sums):
     data, theta = a_problem(layout, experiments)
     if alike:
         data = dataclasses.replace(data, weight=np.repeat(data.weight[:, :, :1], data.H.shape[2], axis=2))
     terms = build_terms(layout, data, theta)
-    shared = Functions(layout, data, terms)
-    for o in range(2):
-        fast, exact = solve_normal(layout, data, terms, shared, o), solve_by_qr(layout, data, terms, o)
+    shared = Functions(layout, data, terms, from_sums=from_sums)
+    heard = hear(layout, data, terms, shared)
+    found = [solve_normal(layout, data.s, terms, shared, of) for of in heard]
+    assert [one.linear.shape[0] for one in found] == ([2] if data.drive is None else [1, 1])
+    each = [solve_by_qr(layout, data, terms, o) for o in range(2)]
+    for fast, exact in zip(found, [summed(each)] if data.drive is None else each, strict=True):
         # Conditions of 1e2 to 1e4: corrected once, the solution is good to rounding times that.
-        np.testing.assert_allclose(fast.linear[0], exact.linear[0], rtol=1e-9, atol=1e-10)
+        np.testing.assert_allclose(fast.linear, exact.linear, rtol=1e-9, atol=1e-10)
         assert fast.cost == pytest.approx(exact.cost, rel=1e-13)
         scale = np.sqrt(2.0 * exact.cost * np.diag(exact.gram))
         assert (np.abs(fast.gradient - exact.gradient) <= 1e-11 * scale).all()
@@ -222,7 +232,8 @@ def test_a_coincident_pole_is_left_to_qr():
     theta = theta.copy()
     theta[1], theta[4] = theta[0] + 1e-9, theta[3] + 1e-9
     terms = build_terms(layout, data, theta)
-    assert solve_normal(layout, data, terms, Functions(layout, data, terms), 0) is None
+    shared = Functions(layout, data, terms)
+    assert solve_normal(layout, data.s, terms, shared, hear(layout, data, terms, shared)[0]) is None
     assert weighted(layout, data, theta) is not None
 
 

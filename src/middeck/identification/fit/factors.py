@@ -20,18 +20,29 @@ def functions(
     layout: Layout, parts: Fractions, s: Complex[np.ndarray, " line"]
 ) -> Complex[np.ndarray, "function line"]:
     """The functions: of pairs kind by kind, of real poles, then 1/s^2, 1/s and 1 if the layout has them."""
-    pairs = layout.pairs
+    pairs, at = layout.pairs, _Places(layout)
     u, low, real = parts.upper[:pairs], parts.lower[:pairs], parts.upper[pairs:]
+    found = np.empty((at.size, len(s)), dtype=complex)
+    both, difference = u + low, u - low
     if layout.real_constants:
-        both = u * low
-        of_pairs = (both, both * (u + low), 1j * both * (u - low))
+        product = found[:pairs]
+        np.multiply(u, low, out=product)
+        np.multiply(product, both, out=found[pairs : 2 * pairs])
+        np.multiply(product, 1j * difference, out=found[2 * pairs : at.first])
     else:
-        up_squared, low_squared = u**2, low**2
-        of_pairs = (u + low, 1j * (u - low), up_squared + low_squared, 1j * (up_squared - low_squared))
-    constant = [np.ones((1, len(s)))] if layout.with_direct else []
-    double = [1.0 / s[None] ** 2] if layout.with_lower or layout.rigid_pivot else []
-    single = [1.0 / s[None]] if layout.integral_pivot else []
-    return np.concatenate([*of_pairs, real, real**2, *double, *single, *constant])
+        found[:pairs] = both
+        np.multiply(1j, difference, out=found[pairs : 2 * pairs])
+        # u^2 + l^2 and u^2 - l^2 by the sum and the difference.
+        squares = found[2 * pairs : 3 * pairs]
+        np.add(both**2, difference**2, out=squares)
+        squares *= 0.5
+        np.multiply(found[pairs : 2 * pairs], both, out=found[3 * pairs : at.first])
+    found[at.first : at.first + len(real)] = real
+    found[at.first + len(real) : at.double] = real**2
+    found[at.double : at.single] = 1.0 / s**2
+    found[at.single : at.constant] = 1.0 / s
+    found[at.constant :] = 1.0
+    return found
 
 
 def column_factors(layout: Layout, point: Point) -> Float[np.ndarray, "column input function"]:
@@ -66,42 +77,52 @@ def column_factors(layout: Layout, point: Point) -> Float[np.ndarray, "column in
 
 
 def slope_factors(
-    layout: Layout, point: Point, parts: Fractions, x: Float[np.ndarray, " column"]
-) -> Float[np.ndarray, "unknown input function"]:
-    """Each slope by theta (delays apart) of an output with the linear unknowns ``x``."""
+    layout: Layout, point: Point, parts: Fractions, x: Float[np.ndarray, "output column"]
+) -> Float[np.ndarray, "output unknown input function"]:
+    """Each slope by theta (delays apart) of outputs with the linear unknowns ``x``."""
     at = _Places(layout)
     modes, pairs = len(layout.pair), layout.pairs
-    free, free_psi = layout.free_b, layout.free_psi
-    used = modes + pairs + len(free)
-    C = np.zeros((used + len(free_psi), layout.inputs, at.size))
-    c = linear_of_terms(layout, x)
+    used = modes + pairs + len(layout.free_b)
+    C = np.zeros((len(x), used + len(layout.free_psi), layout.inputs, at.size))
+    c = np.array([linear_of_terms(layout, one) for one in x])
     # Summed over the terms of each pole.
-    z = np.add.reduceat(c[:, None] * point.b, np.arange(0, len(c), layout.copies))
-    z = z * parts.slope[:, None] if len(z) else z
+    z = (c[:, :, None] * point.b).reshape(len(x), modes, layout.copies, -1).sum(axis=2)
+    z = z * parts.slope[:, None]
     m = np.arange(pairs)
-    sigma, omega = np.real(point.poles)[:, None], np.imag(point.poles)[:pairs, None]
+    # An index beside a slice puts its axis first.
+    pair = np.moveaxis(z[:, :pairs], 1, 0)
+    sigma, omega = np.real(point.poles)[:, None, None], np.imag(point.poles)[:pairs, None, None]
     if layout.real_constants:
-        C[m, :, pairs + m] = sigma[:pairs] * np.real(z[:pairs])
-        C[modes + m, :, 2 * pairs + m] = omega * np.real(z[:pairs])
+        C[:, m, :, pairs + m] = sigma[:pairs] * pair.real
+        C[:, modes + m, :, 2 * pairs + m] = omega * pair.real
     else:
-        C[m, :, 2 * pairs + m] = sigma[:pairs] * np.real(z[:pairs])
-        C[m, :, 3 * pairs + m] = sigma[:pairs] * np.imag(z[:pairs])
-        C[modes + m, :, 2 * pairs + m] = -omega * np.imag(z[:pairs])
-        C[modes + m, :, 3 * pairs + m] = omega * np.real(z[:pairs])
+        C[:, m, :, 2 * pairs + m] = sigma[:pairs] * pair.real
+        C[:, m, :, 3 * pairs + m] = sigma[:pairs] * pair.imag
+        C[:, modes + m, :, 2 * pairs + m] = -omega * pair.imag
+        C[:, modes + m, :, 3 * pairs + m] = omega * pair.real
     single = np.arange(modes - pairs)
-    C[pairs + single, :, at.first + len(single) + single] = sigma[pairs:] * np.real(z[pairs:])
-    for k, (mode, i, part) in enumerate(free):
-        # A pair's entry of b multiplies c: the same combination as c's own column at b = 1 or j.
-        entry = 1j * c[mode] if part else c[mode]
-        if mode >= pairs:
-            C[modes + pairs + k, i, at.first + mode - pairs] = entry.real
-        else:
-            C[modes + pairs + k, i, mode] = entry.real
-            if not layout.real_constants:
-                C[modes + pairs + k, i, pairs + mode] = entry.imag
-    for k, (r, i) in enumerate(free_psi):
-        C[used + k, i, at.zero[r]] = x[layout.mode_columns + r]
+    C[:, pairs + single, :, at.first + len(single) + single] = sigma[pairs:] * np.real(z[:, pairs:]).swapaxes(
+        0, 1
+    )
+    _put_slopes_by_b(layout, at, c, C[:, modes + pairs : used])
+    for k, (r, i) in enumerate(layout.free_psi):
+        C[:, used + k, i, at.zero[r]] = x[:, layout.mode_columns + r]
     return C
+
+
+def _put_slopes_by_b(
+    layout: Layout, at: _Places, c: Complex[np.ndarray, "output term"], C: np.ndarray
+) -> None:
+    """A pair's entry of b multiplies c: the same combination as c's own column at b = 1 or j."""
+    if not layout.free_b:
+        return
+    mode, i, part = (np.array(v) for v in zip(*layout.free_b, strict=True))
+    k, pairs = np.arange(len(mode)), layout.pairs
+    entry = np.where(part, 1j, 1.0) * c[:, mode]
+    pair = mode < pairs
+    C[:, k, i, np.where(pair, mode, at.first + mode - pairs)] = np.real(entry)
+    if not layout.real_constants:
+        C[:, k[pair], i[pair], pairs + mode[pair]] = np.imag(entry[:, pair])
 
 
 class _Places:
@@ -117,7 +138,7 @@ class _Places:
             [np.repeat(np.arange(layout.pairs), layout.copies), np.repeat(np.arange(real), layout.copies)]
         )
         self.double = self.first + 2 * real
-        single = self.double + int(layout.with_lower or bool(layout.rigid_pivot))
-        self.zero = np.where(layout.powers == 2, self.double, single)
-        self.constant = single + bool(layout.integral_pivot)
+        self.single = self.double + int(layout.with_lower or bool(layout.rigid_pivot))
+        self.zero = np.where(layout.powers == 2, self.double, self.single)
+        self.constant = self.single + bool(layout.integral_pivot)
         self.size = self.constant + int(layout.with_direct)

@@ -25,7 +25,7 @@ from middeck.identification.fit.design import (
     late_slopes,
     model_of_output,
 )
-from middeck.identification.fit.gram_blocks import Functions
+from middeck.identification.fit.gram_blocks import Functions, hear
 from middeck.identification.fit.layout import Layout
 from middeck.identification.fit.normal_equations import Solved, solve_normal
 from middeck.identification.fit.own_transients import OwnTransients, as_real
@@ -68,21 +68,28 @@ def weighted(layout: Layout, data: Data, theta: Float[np.ndarray, " unknown"]) -
     terms = build_terms(layout, data, theta)
     if terms is None:
         return None
-    shared = Functions(layout, data, terms) if _is_large(layout, data) or data.mix is not None else None
-    solved: list[Solved] = []
-    for o in range(layout.outputs) if data.mix is None else (None,):
-        one = None if shared is None else solve_normal(layout, data, terms, shared, o)
-        if one is None and o is not None:
-            one = solve_by_qr(layout, data, terms, o)
-        if one is None:
-            return None
-        solved.append(one)
+    solved = _solve(layout, data, terms)
+    if solved is None:
+        return None
     cost = sum(one.cost for one in solved)
     if not np.isfinite(cost):
         return None
     gradient = np.sum([one.gradient for one in solved], axis=0)
     gram = np.sum([one.gram for one in solved], axis=0)
     return Step(cost, gradient, gram, np.concatenate([one.linear for one in solved]))
+
+
+def _solve(layout: Layout, data: Data, terms: Terms) -> list[Solved] | None:
+    """All outputs: by normal equations from sums or else line by line where they pay, or by QR."""
+    for from_sums in (True, False) if data.mix is not None or _is_large(layout, data) else ():
+        shared = Functions(layout, data, terms, from_sums=from_sums)
+        solved = [solve_normal(layout, data.s, terms, shared, of) for of in hear(layout, data, terms, shared)]
+        if all(one is not None for one in solved):
+            return [one for one in solved if one is not None]
+    if data.mix is not None:
+        return None
+    by_qr = [solve_by_qr(layout, data, terms, o) for o in range(layout.outputs)]
+    return None if any(one is None for one in by_qr) else [one for one in by_qr if one is not None]
 
 
 def _is_large(layout: Layout, data: Data) -> bool:
@@ -152,7 +159,7 @@ def search(
     for _ in range(most_steps):
         scale = np.maximum(np.diag(step.gram), 1e-14 * np.diag(step.gram).max())
         try:
-            move = _solve(step.gram + damping * np.diag(scale), -step.gradient)
+            move = _move(step.gram + damping * np.diag(scale), -step.gradient)
         except np.linalg.LinAlgError:  # two modes have met; more damping tells them apart
             damping, growth = damping * growth, 2.0 * growth
             continue
@@ -171,7 +178,7 @@ def search(
     return Refined(theta, step, tuple(history), False)
 
 
-def _solve(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
+def _move(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
     # Scaled to a unit diagonal: frequencies, shapes and delays differ by many orders.
     size = 1.0 / np.sqrt(np.diag(matrix))
     return size * np.linalg.solve(matrix * size[:, None] * size, size * right)
