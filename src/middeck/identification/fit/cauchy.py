@@ -26,7 +26,7 @@ CLOSE = 0.03
 
 
 class Sums(NamedTuple):
-    """Sum over the lines of weight g + conj(weight g*), g of a pole, g* of its twin; its slope by the pole."""
+    """Sum over lines of weight g + conj(weight g*), g of a pole and g* of its twin; its slope by the pole."""
 
     value: Complex[np.ndarray, "weight mode"]
     slope: Complex[np.ndarray, "weight mode"]

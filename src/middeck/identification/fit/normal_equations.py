@@ -32,12 +32,13 @@ ROUNDING = 1e-14
 
 
 class Solved(NamedTuple):
-    """Some outputs: linear unknowns, weighted residual, cost, gradient and Gram matrix by theta."""
+    """Some outputs: linear unknowns, cost, gradient and Gram matrix by theta; their weighted residual."""
 
     linear: Float[np.ndarray, "output column"]
     cost: float
     gradient: Float[np.ndarray, " unknown"]
     gram: Float[np.ndarray, "unknown unknown"]
+    left: Complex[np.ndarray, "output column line"] | None = None
 
 
 def solve_normal(
@@ -58,7 +59,8 @@ def solve_normal(
     late, late_place = _delay_slopes(layout, of, -s * solved.path)
     by_theta = _by_theta(shared, of, solve, free[None], _by_group(of, slopes), late, solved)
     cost = 0.5 * float(np.sum(_squares(solved.left)))
-    return Solved(each, cost, *_added(layout, slopes.shape[1] + late_place, *by_theta))
+    gradient, gram = _added(layout, slopes.shape[1] + late_place, *by_theta)
+    return Solved(each, cost, gradient, gram, solved.left)
 
 
 class _Linear(NamedTuple):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Complex, Float
 
 from middeck.identification.fit.bounds import bound_theta, bounded
 from middeck.identification.fit.data import Data
@@ -62,7 +62,7 @@ def polish(
     if share is None:
         if found is None:
             return None
-        share = _share_left(layout, data, found, spread)
+        share = excess_share(_left(layout, data, found), spread)
     theta = start.theta if found is None else found.theta
     for _ in range(rounds):
         v = spread.at(share)
@@ -70,7 +70,7 @@ def polish(
         found = _search(layout, again, theta, steps)
         if found is None:
             return None
-        theta, before, share = found.theta, share, _share_left(layout, data, found, spread)
+        theta, before, share = found.theta, share, excess_share(_left(layout, data, found), spread)
         if abs(share - before) * np.mean(spread.size / v) <= SETTLED:
             break
     return None if found is None else _polished(layout, data, found, spread, share, found.step.gram)
@@ -101,8 +101,10 @@ def _search(layout: Layout, data: Data, theta: Float[np.ndarray, " unknown"], st
     return None if found is None else dataclasses.replace(found, theta=bound_theta(layout, data, found.theta))
 
 
-def _share_left(layout: Layout, data: Data, found: Refined, spread: Spread) -> float:
-    return excess_share(residual_of(layout, data, found.theta, found.step.linear), spread)
+def _left(layout: Layout, data: Data, found: Refined) -> Complex[np.ndarray, "output line column"]:
+    """H - E at the end of a search."""
+    r = found.step.residual
+    return residual_of(layout, data, found.theta, found.step.linear) if r is None else r
 
 
 def logarithmic_polish(data: Data, start: Polished, spread: Spread) -> Polished:
@@ -134,6 +136,5 @@ def logarithmic_polish(data: Data, start: Polished, spread: Spread) -> Polished:
 def _polished(
     layout: Layout, data: Data, found: Refined, spread: Spread, share: float, gram: np.ndarray
 ) -> Polished:
-    r = residual_of(layout, data, found.theta, found.step.linear)
-    v = spread.at(share)
+    r, v = _left(layout, data, found), spread.at(share)
     return Polished(layout, found, share, gram, float(np.sum(np.log(v) + np.abs(r) ** 2 / v)))

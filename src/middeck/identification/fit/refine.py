@@ -15,7 +15,7 @@ from collections.abc import Callable
 
 import numpy as np
 import scipy.linalg
-from jaxtyping import Float
+from jaxtyping import Complex, Float
 
 from middeck.identification.fit.data import Data
 from middeck.identification.fit.design import (
@@ -45,12 +45,13 @@ SMALLEST_GAIN = 1e-3
 
 @record
 class Step:
-    """Cost, normal equations and linear unknowns (the transients' last) at a theta."""
+    """Cost, normal equations and linear unknowns (the transients' last) at a theta; what is left, if at hand."""
 
     cost: float
     gradient: Float[np.ndarray, " unknown"]
     gram: Float[np.ndarray, "unknown unknown"]
     linear: Float[np.ndarray, "output column"]
+    residual: Complex[np.ndarray, "output line experiment"] | None = None
 
 
 @record
@@ -76,7 +77,16 @@ def weighted(layout: Layout, data: Data, theta: Float[np.ndarray, " unknown"]) -
         return None
     gradient = np.sum([one.gradient for one in solved], axis=0)
     gram = np.sum([one.gram for one in solved], axis=0)
-    return Step(cost, gradient, gram, np.concatenate([one.linear for one in solved]))
+    linear = np.concatenate([one.linear for one in solved])
+    return Step(cost, gradient, gram, linear, _residual(data, solved))
+
+
+def _residual(data: Data, solved: list[Solved]) -> Complex[np.ndarray, "output line column"] | None:
+    """H - E, unweighted; None where it would have to be formed for that."""
+    left = [one.left for one in solved if one.left is not None]
+    if data.mix is not None or len(left) < len(solved):
+        return None
+    return np.swapaxes(np.concatenate(left), 1, 2) / data.weight
 
 
 def _solve(layout: Layout, data: Data, terms: Terms) -> list[Solved] | None:
