@@ -80,6 +80,31 @@ def test_columns_by_number_and_variable(tmp_path: Path) -> None:
     assert np.array_equal(record.y[0, 0, :, 0], MATRIX[:, 0] + 1.0)
 
 
+def test_every_matrix_of_a_mat_file_is_offered_with_its_shape(tmp_path: Path) -> None:
+    """Fields of structures too, of either version; and they can be chosen."""
+    inner = {"force": MATRIX, "gain": 2.0}
+    scipy.io.savemat(
+        tmp_path / "5.mat", {"A": MATRIX, "text": "as run", "run": inner | {"deep": {"B": MATRIX[:, :2]}}}
+    )
+    with h5py.File(tmp_path / "73.mat", "w", userblock_size=512) as archive:
+        archive["A"] = MATRIX.T
+        archive["run/force"] = MATRIX.T
+        archive["run/gain"] = np.array([[2.0]])
+        archive["run/deep/B"] = MATRIX.T[:2]
+        archive["#refs#/a"] = MATRIX
+    with open(tmp_path / "73.mat", "r+b") as stream:
+        stream.write(b"MATLAB 7.3 MAT-file")
+    rows = len(MATRIX)
+    for name in ("5.mat", "73.mat"):
+        with pytest.raises(DataError, match="variables") as caught:
+            load_record(tmp_path / name, DAISY)
+        for offered in (f"A {rows}x3", f"run.force {rows}x3", "run.gain 1x1", f"run.deep.B {rows}x2"):
+            assert offered in caught.value.hint
+        assert "#refs#" not in caught.value.hint
+        field = name_columns(["3=u"], ["1=y"], sample_hz=1.0, variable="run.force")
+        assert np.array_equal(load_record(tmp_path / name, field).u[0, 0, :, 0], MATRIX[:, 2])
+
+
 def test_a_file_of_channels_beside_the_record(tmp_path: Path) -> None:
     mat_5(tmp_path / "a.mat")
     (tmp_path / "a.mat.toml").write_text(

@@ -10,6 +10,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from middeck.errors import DataError
 from middeck.files.records.checked import check_channels, check_finite, check_shape
 from middeck.files.records.columns import Columns, columns_beside, name_columns
@@ -35,6 +37,7 @@ __all__ = [
     "read_record",
     "split_periods",
     "write_record",
+    "write_response",
     "write_stream",
 ]
 
@@ -158,6 +161,23 @@ def write_record(path: str | Path, record: Record, *, ascii: bool = False) -> No
         case _:
             raise _unknown(file, "writer", [s for s in SUFFIXES if s != ".npy"])
     write(file, record)
+
+
+def write_response(path: str | Path, response: FrequencyResponse, *, ascii: bool = False) -> None:
+    """Write the frequency responses as data sets 58b (58 if ``ascii``) of a universal file, type 4.
+
+    Every digit is kept but in ASCII: 13 of the response, and 7 of frequencies that are not evenly spaced. The
+    variance is not, as the format has no place for it. Raises `DataError` for another ending, a name or unit
+    that is too long, or values that are not finite.
+    """
+    from middeck.files.records.uff import write_uff_response
+
+    file = Path(path)
+    if file.suffix.lower() not in UFF:
+        raise _unknown(file, "writer of responses", UFF)
+    if not (np.isfinite(response.H).all() and len(response.H)):
+        raise DataError("a response without lines, or not finite", where=str(path), hint="leave lines out")
+    write_uff_response(file, response, binary=not ascii)
 
 
 def write_stream(path: str | Path, stream: RecordStream) -> None:

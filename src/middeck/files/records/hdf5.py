@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -29,18 +29,22 @@ def read_hdf5(file: Path, variable: str) -> Raw:
         names = [k for k in archive if isinstance(archive[k], h5py.Dataset)]
         if is_own(names) and not variable:
             return build_raw({k: plain(archive[k]) for k in names}, str(file))
-        return raw_matrix(plain(archive[pick(names, variable, file)]), file)
+        return raw_matrix(plain(archive[pick({k: archive[k] for k in names}, variable, file)]), file)
 
 
-def pick(names: list[str], variable: str, file: Path) -> str:
+def pick(arrays: Mapping[str, Any], variable: str, file: Path) -> str:
     """The matrix to take: ``variable``, or the only one there is."""
-    if variable in names:
+    if variable in arrays:
         return variable
-    if variable or len(names) != 1:
-        what = f"no variable {variable!r}" if variable else f"{len(names)} variables"
-        held = ", ".join(names) or "nothing"
+    if variable or len(arrays) != 1:
+        what = f"no variable {variable!r}" if variable else f"{len(arrays)} variables"
+        held = ", ".join(f"{name} {_shape(x.shape)}" for name, x in arrays.items()) or "nothing"
         raise DataError(what, where=str(file), hint=f"it holds {held}; choose with --variable NAME")
-    return names[0]
+    return next(iter(arrays))
+
+
+def _shape(shape: Sequence[int]) -> str:
+    return "x".join(map(str, shape)) or "of one value"
 
 
 def plain(dataset: Any) -> np.ndarray:

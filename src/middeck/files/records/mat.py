@@ -6,9 +6,10 @@ import zlib
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import scipy.io
-from scipy.io.matlab import MatReadError
+from scipy.io.matlab import MatlabOpaque, MatReadError
 
 from middeck.errors import DataError
 from middeck.files.atomic import replacing
@@ -27,13 +28,16 @@ BROKEN = (
 
 
 def read_mat(file: Path, variable: str) -> Raw:
-    """A record of the package's layout, or the matrix ``variable``, of either version."""
+    """A record of the package's layout, or the matrix ``variable``, of either version.
+
+    A field of a structure is named with it: ``run.force``.
+    """
     with open(file, "rb") as stream:
         is_hdf5 = stream.read(19) == b"MATLAB 7.3 MAT-file"
     arrays = _read_73(file) if is_hdf5 else _read_5(file)
     if is_own(list(arrays)) and not variable:
         return build_raw({k: _four_axes(v) if k in ("u", "y") else v for k, v in arrays.items()}, str(file))
-    return raw_matrix(arrays[pick(list(arrays), variable, file)], file)
+    return raw_matrix(arrays[pick(arrays, variable, file)], file)
 
 
 def _four_axes(x: np.ndarray) -> np.ndarray:
@@ -47,9 +51,19 @@ def _read_5(file: Path) -> dict[str, np.ndarray]:
     except BROKEN as error:
         what = f"truncated or not a MAT file: {' '.join(str(error).split())}"
         raise DataError(what, where=str(file), hint="copy or record it again") from None
-    return {
-        k: _texts_5(v) for k, v in content.items() if not k.startswith("__") and isinstance(v, np.ndarray)
-    }
+    found: dict[str, np.ndarray] = {}
+    for name, value in content.items():
+        if not name.startswith("__") and isinstance(value, np.ndarray):
+            found |= _named_5(name, value)
+    return found
+
+
+def _named_5(name: str, value: np.ndarray) -> dict[str, np.ndarray]:
+    """An array, or those in the fields of a structure: ``run.force``."""
+    if value.dtype.names is None or isinstance(value, MatlabOpaque) or value.size != 1:
+        return {name: _texts_5(value)}
+    fields = {field: np.asarray(value[field].item()) for field in value.dtype.names}
+    return {k: x for field, inner in fields.items() for k, x in _named_5(f"{name}.{field}", inner).items()}
 
 
 def _texts_5(value: np.ndarray) -> np.ndarray:
@@ -66,8 +80,19 @@ def _text(value: Any) -> str:
 
 def _read_73(file: Path) -> dict[str, np.ndarray]:
     with opened(file) as archive:
-        found = {k: archive[k] for k in archive if not k.startswith("#")}
-        return {k: _array_73(v, archive) for k, v in found.items() if hasattr(v, "shape")}
+        found: dict[str, Any] = {}
+
+        def note(path: str, item: Any) -> None:
+            if isinstance(item, h5py.Dataset) and not path.startswith("#") and not _is_struct_array(item):
+                found[path.replace("/", ".")] = item
+
+        archive.visititems(note)
+        return {name: _array_73(item, archive) for name, item in found.items()}
+
+
+def _is_struct_array(data: Any) -> bool:
+    """A field of an array of structures holds references without a class of their own."""
+    return h5py.check_ref_dtype(data.dtype) is not None and "MATLAB_class" not in data.attrs
 
 
 def _array_73(data: Any, archive: Any) -> np.ndarray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -30,6 +31,8 @@ OURS = "middeck 1"
 # Share of a sample by which channels that were sampled together may seem to start apart.
 APART = 0.01
 WHOLE = 1 << 20
+# Share of the highest frequency by which lines may be off an even spacing: rounding.
+EVEN = 1e-12
 
 
 @record
@@ -129,15 +132,19 @@ def _heads(channels: Sequence[Sequence[Dataset]], file: Path) -> tuple[Head, ...
 
 def _head(name: str, data: Dataset, file: Path) -> Head:
     node, direction = _node(data.response), _direction(data.response)
-    told = dict(re.findall(r"(role|gain|calibrated)=(\S+)", data.texts[4])) if _is_ours(data) else {}
-    gain = {"gain": float(told["gain"])} if "gain" in told else {}
-    raw_unit = re.search(r"raw_unit=(.*)", data.texts[4]) if _is_ours(data) else None
-    table = told | gain | {"node": node, "direction": direction}
-    if raw_unit is not None:
-        table["raw_unit"] = raw_unit.group(1)
+    told = _told_channel(data.texts[4]) if _is_ours(data) else {}
+    table = told | {"node": node, "direction": direction}
     channel = build_channel(table, f"{file}:{data.line}, channel {name}")
     unit = data.unit if data.unit or _is_ours(data) else UNITS.get(data.quantity) if is_si(file) else None
     return Head(name, unit, _side(data), channel)
+
+
+def _told_channel(text: str) -> dict[str, Any]:
+    """What `_known` wrote."""
+    told: dict[str, Any] = dict(re.findall(r"(role|gain|calibrated)=(\S+)", text))
+    raw_unit = re.search(r"raw_unit=(.*)", text)
+    gain = {"gain": float(told["gain"])} if "gain" in told else {}
+    return told | gain | ({} if raw_unit is None else {"raw_unit": raw_unit.group(1)})
 
 
 def _is_ours(data: Dataset) -> bool:
@@ -238,12 +245,15 @@ def write_uff(path: Path, held: Record, *, binary: bool = True) -> None:
 
 def _header(port: Port, ours: str, side: str, where: str) -> Header:
     channel = port.channel or Channel()
-    keys = ("role", "gain", "calibrated", "raw_unit")  # the last may hold blanks
-    known = [f"{k}={v}" for k in keys if (v := getattr(channel, k)) not in ("", None)]
     quantity = FORCE if side == "input" and port.unit in ("N", "N m") else QUANTITY.get(port.unit, 1)
-    texts = (port.name, "NONE", "NONE", ours, " ".join(known) or "NONE")
+    texts = (port.name, "NONE", "NONE", ours, _known(channel))
     place = _place(channel, f"{where}, channel {port.name}")
     return Header(texts, TIME, place, Place("", 0, 0), 17, "s", quantity, port.unit)
+
+
+def _known(channel: Channel) -> str:
+    keys = ("role", "gain", "calibrated", "raw_unit")  # the last may hold blanks
+    return " ".join(f"{k}={v}" for k in keys if (v := getattr(channel, k)) not in ("", None)) or "NONE"
 
 
 def _place(channel: Channel, where: str) -> Place:
@@ -264,16 +274,14 @@ def read_response(file: Path) -> FrequencyResponse:
     if not sets:
         what = "no frequency responses (data set 58, function type 4)"
         raise DataError(what, where=str(file), hint="load_record reads time functions")
-    outputs, inputs = (
-        list(dict.fromkeys(getattr(d, end) for d in sets)) for end in ("response", "reference")
-    )
-    found = {(d.response, d.reference): d for d in sets}
+    found = {_ends(d): d for d in sets}
+    outputs, inputs = (list(dict.fromkeys(ends[k] for ends in found)) for k in range(2))
     lines: np.ndarray | None = None
     H = np.empty((sets[0].count, len(outputs), len(inputs)), complex)
     for o, output in enumerate(outputs):
         for i, at in enumerate(inputs):
             data = found.get((output, at))
-            where = f"{file}, {_place_name(output)} by {_place_name(at)}"
+            where = f"{file}, {_end_name(output)} by {_end_name(at)}"
             if data is None:
                 raise DataError("no response between them", where=where, hint="export all, or one input")
             frequency, values = _response(file, data)
@@ -284,22 +292,74 @@ def read_response(file: Path) -> FrequencyResponse:
     assert lines is not None
     kept = slice(int(lines[0] == 0.0), None)  # zero hertz has no phase, and no fit a use for it
     units = UNITS if is_si(file) else {}
-    into = tuple(_end(at, found[outputs[0], at].divisor_unit) for at in inputs)
+    into = tuple(
+        _end(at, found[outputs[0], at].divisor_unit, found[outputs[0], at].texts[2], file) for at in inputs
+    )
+    firsts = [found[at, inputs[0]] for at in outputs]
     out = tuple(
-        _end(at, found[at, inputs[0]].unit or units.get(found[at, inputs[0]].quantity, "")) for at in outputs
+        _end(at, d.unit or units.get(d.quantity, ""), d.texts[4], file)
+        for at, d in zip(outputs, firsts, strict=True)
     )
     return FrequencyResponse(lines[kept], H[kept], into, out)
 
 
-def _end(place: Place, unit: str) -> Port:
-    channel = Channel(node=_node(place), direction=_direction(place))
-    return Port(_place_name(place), unit, None if channel == Channel() else channel)
+End = tuple[Place, str]  # with the name of the port, where the file is ours
+
+
+def _ends(data: Dataset) -> tuple[End, End]:
+    names = data.texts[:2] if _is_ours(data) else ("", "")
+    return (data.response, names[0]), (data.reference, names[1])
+
+
+def _end_name(end: End) -> str:
+    return end[1] or _place_name(end[0])
+
+
+def _end(end: End, unit: str, told: str, file: Path) -> Port:
+    place, name = end
+    table = _told_channel(told) if name else {}
+    channel = build_channel(
+        table | {"node": _node(place), "direction": _direction(place)}, f"{file}, channel {_end_name(end)}"
+    )
+    return Port(_end_name(end), unit, None if channel == Channel() else channel)
 
 
 def _response(file: Path, data: Dataset) -> tuple[np.ndarray, np.ndarray]:
     values = np.concatenate(list(read_values(file, data, WHOLE)))
     if not np.isfinite(values).all():
         raise DataError("a value is not finite", where=f"{file}:{data.line}", hint="leave that line out")
-    frequency = values[:, 0] if data.step is None else data.first + data.step * np.arange(data.count)
-    part = values[:, 1:] if data.step is None else values
+    if data.step is None:
+        frequency, part = values[:, 0], values[:, 1:]
+    else:
+        first, step = (
+            exact if (exact := _told(data, key)) is not None else printed
+            for key, printed in (("first", data.first), ("step", data.step))
+        )
+        frequency, part = first + step * np.arange(data.count), values
     return frequency, part[:, 0] + 1j * part[:, 1] if part.shape[1] == 2 else part[:, 0] + 0j
+
+
+def write_uff_response(path: Path, held: FrequencyResponse, *, binary: bool = True) -> None:
+    """Write ``held`` as data sets 58b, or 58 in ASCII, of function type 4; its variance has no place."""
+    f = held.frequency_hz
+    step = float(f[-1] - f[0]) / (len(f) - 1) if len(f) > 1 else 1.0
+    even = step > 0.0 and np.abs(f - f[0] - step * np.arange(len(f))).max() <= EVEN * f[-1]
+    told = f" first={float(f[0])!r} step={step!r}" if even else ""
+    with replacing(path) as temporary, open(temporary, "wb") as stream:
+        for o, i in np.ndindex(held.H.shape[1:]):
+            header = _response_header(held.outputs[o], held.inputs[i], told, str(path))
+            H = held.H[:, o, i]
+            if even:
+                write_58(stream, header, float(f[0]), step, H, binary=binary)
+            else:
+                rows = np.column_stack([f, np.real(H), np.imag(H)])
+                write_58(stream, header, 0.0, None, rows, binary=binary)
+
+
+def _response_header(output: Port, at: Port, told: str, where: str) -> Header:
+    ends = [port.channel or Channel() for port in (output, at)]
+    places = [_place(c, f"{where}, channel {p.name}") for c, p in zip(ends, (output, at), strict=True)]
+    texts = (output.name, at.name, _known(ends[1]), f"{OURS} response{told}", _known(ends[0]))
+    divisor = FORCE if at.unit in ("N", "N m") else QUANTITY.get(at.unit, 0)
+    quantity = QUANTITY.get(output.unit, 0)
+    return Header(texts, RESPONSE, places[0], places[1], 18, "Hz", quantity, output.unit, divisor, at.unit)

@@ -30,21 +30,23 @@ class Header:
 
 
 def write_58(
-    stream: IO[bytes], header: Header, first: float, step: float, values: np.ndarray, *, binary: bool
+    stream: IO[bytes], header: Header, first: float, step: float | None, values: np.ndarray, *, binary: bool
 ) -> None:
-    """One data set of evenly spaced real or complex ``values`` in double precision.
+    """One data set of real or complex ``values`` in double precision.
 
-    ASCII has 13 digits; binary, little endian, has all.
+    Evenly spaced; with ``step`` None, rows of an abscissa and complex parts that stand for it. ASCII has 13
+    digits, 7 of an abscissa; binary, little endian, has all.
     """
-    is_complex = np.iscomplexobj(values)
-    numbers = np.ascontiguousarray(values).view(float)
+    is_complex = np.iscomplexobj(values) or step is None
+    numbers = np.ascontiguousarray(values).view(float).ravel()
     stream.write(MARK + b"\n" + _opening(numbers.size * 8 if binary else None))
     for text in header.texts:
         stream.write(_cut(text, 80).encode() + b"\n")
     ends = "".join(_place(p) for p in (header.response, header.reference))
     stream.write(f"{header.kind:5d}{0:10d}{0:5d}{0:10d}{ends}\n".encode())
     data = COMPLEX if is_complex else REAL
-    stream.write(f"{data:10d}{len(values):10d}{1:10d}{_e13(first)}{_e13(step)}{_e13(0.0)}\n".encode())
+    spacing = f"{int(step is not None):10d}{_e13(first)}{_e13(step or 0.0)}{_e13(0.0)}"
+    stream.write(f"{data:10d}{len(values):10d}{spacing}\n".encode())
     stream.write(_axis(header.axis, header.axis_unit))
     stream.write(_axis(header.quantity, header.unit))
     stream.write(_axis(header.divisor, header.divisor_unit))
@@ -53,8 +55,11 @@ def write_58(
         stream.write(numbers.astype("<f8").tobytes())
         stream.write(b"\n" + MARK + b"\n")
         return
-    for row in range(0, len(numbers), 4):
-        stream.write("".join(f"{x:20.12e}" for x in numbers[row : row + 4]).encode() + b"\n")
+    on_line = 4 if step is not None else 3
+    for row in range(0, len(numbers), on_line):
+        line = [f"{x:20.12e}" for x in numbers[row : row + on_line]]
+        line[:1] = [_e13(numbers[row])] if step is None else line[:1]
+        stream.write("".join(line).encode() + b"\n")
     stream.write(MARK + b"\n")
 
 
