@@ -62,6 +62,14 @@ class RigForm(Form):
     anti_alias_hz: Positive
     umbilical_hz: NotNegative
     identification_noise: NotNegative
+    gimbal_slew_nm_per_s: Positive | None = None
+    wheel_slew_nm_per_s: Positive | None = None
+    gyro_range_rad_per_s: Positive = 5.0
+    rest_s: NotNegative = 30.0
+    modes_hz: Positive = 200.0
+    mesh_factor: Annotated[int, whole(1, 100)] = 3
+    shear_coefficient: Annotated[float, within(above=0.0, most=1.0)] | None = 0.62
+    hidden_seed: Annotated[int, whole(0, 2**63 - 1)] | None = None
 
 
 class Figure6Form(Form):

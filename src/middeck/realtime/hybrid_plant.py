@@ -60,7 +60,8 @@ class _Filtered(NamedTuple):
     """A plant behind its sensors' filters: torques of the motors, then of the joints; and noise in it."""
 
     system: StateSpace
-    noise: np.ndarray  # intensity of the noise on the states, as a square root
+    noise: np.ndarray  # root of the intensity of the noise on the states, a column for each
+    moved: list[int]  # states of the filters behind it
 
 
 def build_hybrid_plant(
@@ -94,8 +95,8 @@ def build_hybrid_plant(
         drive.append(np.vstack([B, angle @ B]))
         push.append(P)
     check_collocated(angle @ push[0], np.zeros((len(joints), len(joints))), joints)
-    noise = np.zeros((size, filtered.noise.shape[1]))
-    noise[:states] = _sampled_noise(filtered, period_s)
+    noise = np.zeros((size, len(filtered.moved)))
+    noise[filtered.moved] = _sampled_noise(filtered, period_s)
     return HybridPlant(
         np.array(step), np.array(drive), np.array(push), angle, _read_rows(filtered.system, chains, size),
         clock.late, noise,
@@ -208,20 +209,22 @@ def _filter_outputs(
     filters = [sensor_filter(sensor) for _, sensor in sensors]
     n, extra = len(system.A), sum(len(f.A) for f in filters)
     A, rows = np.zeros((n + extra, n + extra)), np.zeros((len(filters), n + extra))
+    moved: list[int] = []
     A[:n, :n] = system.A
-    noise = np.zeros((n + extra, extra))
+    noise = np.zeros((n + extra, len(filters)))
     first = n
     for o, ((name, sensor), f) in enumerate(zip(sensors, filters, strict=True)):
         c = _reading(plant, system, B, name, sensor)
         last = first + len(f.A)
         A[first:last, :n], A[first:last, first:last] = f.B @ c[None], f.A
         rows[o, :n], rows[o, first:last] = f.D[0, 0] * c, f.C[0]
-        if isinstance(sensor, Gyro):
+        if isinstance(sensor, Gyro) and sensor.noise > 0.0:
             into = anti_alias(sensor.anti_alias_hz).B[:, 0]
-            noise[last - len(into) : last, first - n] = sensor.noise * into
+            noise[last - len(into) : last, o] = sensor.noise * into
+            moved += range(last - len(into), last)
         first = last
     padded = np.vstack([B, np.zeros((extra, B.shape[1]))])
-    return _Filtered(StateSpace(A, padded, rows, np.zeros((len(rows), len(columns)))), noise)
+    return _Filtered(StateSpace(A, padded, rows, np.zeros((len(rows), len(columns)))), noise, moved)
 
 
 def _reading(plant: Plant, system: StateSpace, B: np.ndarray, name: str, sensor: Sensor) -> np.ndarray:
@@ -253,17 +256,12 @@ def _joint_angles(plant: Plant, joints: Sequence[JointElements], states: int) ->
 
 def _sampled_noise(filtered: _Filtered, period_s: float) -> np.ndarray:
     """Square root of the covariance that white noise leaves in a tick (Van Loan 1978), filter by filter."""
-    noise = filtered.noise
-    moved = np.flatnonzero(noise.any(axis=1))
-    root = np.zeros_like(noise)
-    if not len(moved):
-        return root[:, :0]
-    A, G = filtered.system.A[np.ix_(moved, moved)], noise[moved]
-    k = len(moved)
+    moved, k = filtered.moved, len(filtered.moved)
+    if not k:
+        return np.zeros((0, 0))
+    A, G = filtered.system.A[np.ix_(moved, moved)], filtered.noise[moved]
     block = np.zeros((2 * k, 2 * k))
     block[:k, :k], block[:k, k:], block[k:, k:] = -A, G @ G.T, A.T
     exponential = np.asarray(sla.expm(block * period_s))
     covariance = exponential[k:, k:].T @ exponential[:k, k:]
-    square = np.zeros((len(noise), k))
-    square[moved] = np.linalg.cholesky(0.5 * (covariance + covariance.T))
-    return square
+    return np.linalg.cholesky(0.5 * (covariance + covariance.T))
