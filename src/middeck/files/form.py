@@ -38,6 +38,7 @@ UNITS = {
     "_nm_per_rthz": "N m/sqrt(Hz)",
     "_rad_per_rthz": "rad/sqrt(Hz)",
     "_rad_per_s_per_rthz": "rad/s/sqrt(Hz)",
+    "_nm_per_s": "N m/s",
     "_rad_per_s_per_rts": "rad/s/sqrt(s)",
 }
 

@@ -64,7 +64,7 @@ class RigForm(Form):
     identification_noise: NotNegative
     gimbal_slew_nm_per_s: Positive | None = None
     wheel_slew_nm_per_s: Positive | None = None
-    gyro_range_rad_per_s: Positive = 5.0
+    gyro_range_rad_s: Positive = 5.0
     rest_s: NotNegative = 30.0
     modes_hz: Positive = 200.0
     mesh_factor: Annotated[int, whole(1, 100)] = 3

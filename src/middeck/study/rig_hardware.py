@@ -110,8 +110,8 @@ def _sensor(structure: Structure, name: str, form: RigForm, gain: float) -> Sens
         bias=abs(form.gyro_bias_rad_s),
         bias_walk=form.gyro_bias_walk_rad_per_s_per_rts,
         anti_alias_hz=form.anti_alias_hz,
-        resolution=_resolution(form.gyro_range_rad_per_s, form),
-        range=form.gyro_range_rad_per_s,
+        resolution=_resolution(form.gyro_range_rad_s, form),
+        range=form.gyro_range_rad_s,
         gain=gain,
     )
 
