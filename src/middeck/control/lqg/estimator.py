@@ -8,7 +8,6 @@ from jaxtyping import Float
 from middeck.control.lqg.weights import LQGWeights, require_size
 from middeck.control.partition import partition_modes
 from middeck.control.riccati import RiccatiSolution, solve_riccati
-from middeck.control.stabilisability import require_reachable
 from middeck.systems.plant import Plant, name_states, subsystem
 from middeck.values import record
 
@@ -36,13 +35,6 @@ def design_filter(plant: Plant, weights: LQGWeights) -> KalmanFilter:
     active, names = part.active, name_states(part.active)
     noise = subsystem(active, weights.disturbed, active.y)
     require_size("sensor intensities", len(weights.sensor), active.y)
-    require_reachable(
-        noise.A.T,
-        noise.C.T,
-        names,
-        complaint="no measurement in y sees it",
-        hint="measure it, or leave it out of the design if no input reaches it either",
-    )
     V = weights.process
     solution = solve_riccati(
         noise.A.T,
@@ -51,5 +43,6 @@ def design_filter(plant: Plant, weights: LQGWeights) -> KalmanFilter:
         np.diag(weights.sensor) + noise.D @ V @ noise.D.T,
         noise.B @ V @ noise.D.T,
         names=names,
+        complaint="no measurement in y sees it",
     )
     return KalmanFilter(solution.gain.T, solution, part.inert)

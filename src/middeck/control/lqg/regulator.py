@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
+from jaxtyping import Float
 
 from middeck.control.lqg.weights import LQGWeights, require_size
 from middeck.control.riccati import RiccatiSolution, solve_riccati
-from middeck.control.stabilisability import require_reachable
 from middeck.errors import ConfigError
 from middeck.systems.plant import Plant, name_states, subsystem
 
 
-def design_regulator(plant: Plant, weights: LQGWeights, authority: float) -> RiccatiSolution:
+def design_regulator(
+    plant: Plant, weights: LQGWeights, authority: float, start: Float[np.ndarray, "state state"] | None = None
+) -> RiccatiSolution:
     """The gain on the states of ``plant``, whose modes are all reachable or observed (`partition_modes`)."""
     names = name_states(plant)
     require_size("output weights", len(weights.output), plant.z)
@@ -22,7 +24,15 @@ def design_regulator(plant: Plant, weights: LQGWeights, authority: float) -> Ric
             hint="put a filter between the noise and the output",
         )
     control = subsystem(plant, plant.u, plant.z)
-    require_reachable(control.A, control.B, names, complaint="no control input in u reaches it")
     Cw, Dw = weights.output[:, None] * control.C, weights.output[:, None] * control.D
     R = Dw.T @ Dw + np.diag(weights.input) / authority
-    return solve_riccati(control.A, control.B, Cw.T @ Cw, R, Cw.T @ Dw, names=names)
+    return solve_riccati(
+        control.A,
+        control.B,
+        Cw.T @ Cw,
+        R,
+        Cw.T @ Dw,
+        names=names,
+        complaint="no control input in u reaches it",
+        start=start,
+    )

@@ -1,7 +1,6 @@
 """The continuous algebraic Riccati equation, over many decades of intensity.
 
-Balanced Hamiltonian (Benner 2001, "Symplectic balancing of Hamiltonian matrices", SIAM J. Sci. Comput. 22),
-ordered real Schur form (Laub 1979, IEEE TAC 24), Newton steps (Kleinman 1968, IEEE TAC 13); SciPy's
+Balanced Hamiltonian (Benner 2001), ordered real Schur form (Laub 1979), Newton steps (Kleinman 1968); SciPy's
 generalised Schur method where the first finds no solution.
 
 Two habits keep the residual at rounding although X B cancels where sensors are good: X B R^-1/2 is formed
@@ -11,21 +10,24 @@ coordinates where X has a unit diagonal.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
-from typing import cast
 
 import numpy as np
 import scipy.linalg as sla
 from jaxtyping import Complex, Float
 
 from middeck.control.riccati.balancing import unit_diagonal, unit_scales
-from middeck.control.stabilisability import require_reachable
+from middeck.control.riccati.newton import approach, refine, residual
+from middeck.control.riccati.subspace import solve_by_subspace
+from middeck.control.stabilisability import CANDIDATE, require_reachable
 from middeck.errors import ConfigError, NumericalError
 from middeck.values import record
 
 WORTHLESS = 1e-6
 """Relative residual above which there is no solution to return; rounding leaves 1e-15 to 1e-12."""
+PROPORTION = 1e3
+"""Feedback, relative to A, up to which a closed loop proves that its modes are reachable: to move a pole by
+`CANDIDATE` through a coupling of `RANK_FLOOR` (see `stabilisability`) takes ten times as much."""
 
 
 @record
@@ -58,12 +60,16 @@ def solve_riccati(
     S: Float[np.ndarray, "state input"] | None = None,
     *,
     names: Sequence[str] = (),
+    complaint: str = "no input reaches it",
+    start: Float[np.ndarray, "state state"] | None = None,
 ) -> RiccatiSolution:
     """Solve A'X + XA - (XB + S) R^-1 (XB + S)' + Q = 0 for the stabilising X.
 
-    ``names`` (one per state) is used in errors. Raises `NotStabilisableError` naming the modes that B does
-    not reach (real part >= 0) or Q does not see (real part = 0), `ConfigError` for R that is not positive
-    definite, `NumericalError` if no method gives a stabilising solution.
+    ``names`` (one per state) and ``complaint`` (of what B does not reach) are used in errors; ``start`` may
+    be the solution of a neighbouring problem, from which Newton's method then goes where it stabilises.
+    Raises `NotStabilisableError` naming the modes that B does not reach (real part >= 0) or Q does not see
+    (real part = 0), `ConfigError` for R that is not positive definite, `NumericalError` if no method gives a
+    stabilising solution.
 
     >>> solve_riccati(np.eye(1), np.eye(1), 3.0 * np.eye(1), np.eye(1)).X     # 2x - x^2 + 3 = 0
     array([[3.]])
@@ -72,55 +78,67 @@ def solve_riccati(
     try:
         factor = sla.cholesky(R, lower=True)
     except sla.LinAlgError as error:
-        raise ConfigError("the control weight (or sensor noise) R is not positive definite") from error
+        raise ConfigError(
+            "the control weight (or sensor noise) R is not positive definite",
+            hint="a positive weight on every input; of a filter, some noise on every measurement",
+        ) from error
     Bn = sla.solve_triangular(factor, B.T, lower=True).T
     Sn = sla.solve_triangular(factor, cross.T, lower=True).T
     Abar, Qbar = A - Bn @ Sn.T, Q - Sn @ Sn.T
-    require_reachable(Abar, B, names)
-    require_reachable(Abar.T, Qbar, names, only_axis=True, complaint="the cost (or process noise) misses it")
-    X = _solve_balanced(Abar, Bn, Qbar)
-    residual = _residual(X, Abar, Bn, Qbar)[1]
-    gain = sla.cho_solve((factor, True), (X @ B + cross).T)
-    poles = np.linalg.eigvals(A - B @ gain).astype(complex)
-    if not np.isfinite(residual) or residual > WORTHLESS or poles.real.max(initial=-1.0) >= 0.0:
-        raise NumericalError(
-            f"no stabilising Riccati solution: relative residual {residual:.1e}, largest real part "
-            f"{poles.real.max(initial=-np.inf):.1e} rad/s",
-            hint="bring the weights or intensities closer together",
-            residual=residual,
-            poles=poles,
+    X = _solve_balanced(Abar, Bn, Qbar, start)
+    gain = None if X is None else sla.cho_solve((factor, True), (X @ B + cross).T)
+    poles = None if gain is None else np.linalg.eigvals(A - B @ gain).astype(complex)
+    if X is None or gain is None or poles is None or _doubtful(poles, gain, A, B):
+        require_reachable(Abar, B, names, complaint=complaint)
+        require_reachable(
+            Abar.T, Qbar, names, only_axis=True, complaint="the cost (or process noise) misses it"
         )
-    return RiccatiSolution(X, gain, poles, residual)
-
-
-def _solve_balanced(A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[np.ndarray, "state state"]:
-    """Solve A'X + XA - (XB)(XB)' + Q = 0."""
-    t = unit_scales(A, B @ B.T, Q)
-    scaled = A * t / t[:, None], B / t[:, None], Q * np.outer(t, t)
-    found = _solve_schur(*scaled)
-    found = _solve_pencil(*scaled) if found is None else found
-    if found is None:
+    if X is None or gain is None or poles is None:
         raise NumericalError(
             "the Riccati equation has no stabilising solution: its Hamiltonian has poles on the axis",
             hint="check that the cost (or the noise intensity) is positive semidefinite",
         )
+    remains = residual(X, Abar, Bn, Qbar)[1]
+    if not np.isfinite(remains) or remains > WORTHLESS or poles.real.max(initial=-1.0) >= 0.0:
+        raise NumericalError(
+            f"no stabilising Riccati solution: relative residual {remains:.1e}, largest real part "
+            f"{poles.real.max(initial=-np.inf):.1e} rad/s",
+            hint="bring the weights or intensities closer together",
+            residual=remains,
+            poles=poles,
+        )
+    return RiccatiSolution(X, gain, poles, remains)
+
+
+def _doubtful(poles: np.ndarray, gain: np.ndarray, A: np.ndarray, B: np.ndarray) -> bool:
+    """Whether a mode may be unreachable or outside the cost although a solution was found.
+
+    Such a mode keeps its place under any feedback, or is left on the axis. So poles that are all clear of it
+    prove the contrary, unless a gain out of all proportion moved them through a coupling that is rounding.
+    """
+    size = float(np.linalg.norm(A))
+    near = bool(np.real(poles).max(initial=-np.inf) >= -CANDIDATE * size)
+    feedback = float(np.linalg.norm(B, axis=0) @ np.linalg.norm(gain, axis=1))
+    return near or feedback > PROPORTION * size
+
+
+def _solve_balanced(
+    A: np.ndarray, B: np.ndarray, Q: np.ndarray, start: np.ndarray | None
+) -> Float[np.ndarray, "state state"] | None:
+    """Solve A'X + XA - (XB)(XB)' + Q = 0."""
+    if not np.all(np.isfinite(A)) or not np.all(np.isfinite(B)) or not np.all(np.isfinite(Q)):
+        raise ConfigError("the Riccati equation contains a number that is not finite", hint="check the plant")
+    t = unit_scales(A, B @ B.T, Q)
+    scaled = A * t / t[:, None], B / t[:, None], Q * np.outer(t, t)
+    found = None if start is None else approach(start * np.outer(t, t), *scaled)
+    found = solve_by_subspace(*scaled) if found is None else found
+    found = _solve_pencil(*scaled) if found is None else found
+    if found is None:
+        return None
     unit = unit_diagonal(found)
     t = t * unit
-    X = _refined(found * np.outer(unit, unit), A * t / t[:, None], B / t[:, None], Q * np.outer(t, t))
+    X = refine(found * np.outer(unit, unit), A * t / t[:, None], B / t[:, None], Q * np.outer(t, t))
     return X / np.outer(t, t)
-
-
-def _solve_schur(A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[np.ndarray, "state state"] | None:
-    n = len(A)
-    try:
-        H = np.block([[A, -B @ B.T], [-Q, -A.T]])
-        _, U, stable = cast("tuple[np.ndarray, np.ndarray, int]", sla.schur(H, sort="lhp"))
-        if stable != n:
-            return None
-        X = np.linalg.solve(U[:n, :n].T, U[n:, :n].T)
-    except np.linalg.LinAlgError:
-        return None
-    return (X + X.T) / 2.0
 
 
 def _solve_pencil(A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[np.ndarray, "state state"] | None:
@@ -128,29 +146,3 @@ def _solve_pencil(A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[np.ndarr
         return np.asarray(sla.solve_continuous_are(A, B, Q, np.eye(B.shape[1])))
     except (np.linalg.LinAlgError, ValueError):
         return None
-
-
-def _refined(X: np.ndarray, A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[np.ndarray, "state state"]:
-    """Newton steps (Kleinman 1968) in correction form, as long as each halves the residual."""
-    best, (defect, size) = X, _residual(X, A, B, Q)
-    halved = size > 0.0
-    while halved:
-        with warnings.catch_warnings():
-            # A pole near the axis makes the step doubtful; it counts only if it halves the residual.
-            warnings.filterwarnings("ignore", "Input .a. has an eigenvalue pair", RuntimeWarning)
-            step = np.asarray(sla.solve_continuous_lyapunov((A - B @ (best @ B).T).T, -defect))
-        candidate = best + (step + step.T) / 2.0
-        defect, now = _residual(candidate, A, B, Q)
-        halved = 0.0 < now < size / 2.0
-        best, size = (candidate, now) if now < size else (best, size)
-    return best
-
-
-def _residual(
-    X: np.ndarray, A: np.ndarray, B: np.ndarray, Q: np.ndarray
-) -> tuple[Float[np.ndarray, "state state"], float]:
-    linear, factor = A.T @ X, X @ B
-    quadratic = factor @ factor.T
-    defect = linear + linear.T - quadratic + Q
-    terms = 2.0 * np.linalg.norm(linear) + np.linalg.norm(quadratic) + np.linalg.norm(Q)
-    return defect, float(np.linalg.norm(defect) / terms) if terms > 0.0 else 0.0

@@ -1,0 +1,89 @@
+"""Newton's method for the continuous Riccati equation (Kleinman 1968, IEEE TAC 13), in correction form.
+
+The residual drives the step instead of a fresh solution, so that what rounding leaves is relative to the
+correction. From afar the step is shortened to where the residual is least, which a polynomial of third degree
+says (Benner and Byers 1998, IEEE TAC 43, "An exact line search method for solving generalized continuous-time
+algebraic Riccati equations").
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.control.riccati.lyapunov import solve_lyapunov
+
+NEWTON_STEPS = 12
+"""From a neighbour four or five suffice; a start that needs more is dearer than none."""
+CLOSE = 1e-8
+"""Relative residual from which `refine` goes on: one more step squares it."""
+
+
+def refine(X: np.ndarray, A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[np.ndarray, "state state"]:
+    """Newton steps as long as each halves the residual and that is above rounding."""
+    best, (defect, size) = X, residual(X, A, B, Q)
+    halved = size > 0.0
+    while halved:
+        step = _step(best, defect, A, B)
+        if step is None:
+            return best
+        candidate = best + step
+        defect, now = residual(candidate, A, B, Q)
+        halved = rounding(A) < now < size / 2.0
+        best, size = (candidate, now) if now < size else (best, size)
+    return best
+
+
+def approach(
+    start: np.ndarray, A: np.ndarray, B: np.ndarray, Q: np.ndarray
+) -> Float[np.ndarray, "state state"] | None:
+    """The stabilising solution from a ``start`` that stabilises; None where that is not found soon."""
+    if np.linalg.eigvals(A - B @ (start @ B).T).real.max(initial=-1.0) >= 0.0:
+        return None
+    here = start
+    defect, size = residual(here, A, B, Q)
+    for _ in range(NEWTON_STEPS):
+        step = _step(here, defect, A, B)
+        if step is None:
+            return None
+        here = here + _length(defect, step, B) * step
+        defect, now = residual(here, A, B, Q)
+        if now < CLOSE or not now < size:
+            return here if now < CLOSE else None
+        size = now
+    return None
+
+
+def rounding(A: np.ndarray) -> float:
+    """Relative residual that rounding alone may leave."""
+    return 0.1 * len(A) * float(np.finfo(float).eps)
+
+
+def residual(
+    X: np.ndarray, A: np.ndarray, B: np.ndarray, Q: np.ndarray
+) -> tuple[Float[np.ndarray, "state state"], float]:
+    """A'X + XA - (XB)(XB)' + Q, and its Frobenius norm over the sum of its terms'."""
+    linear, factor = A.T @ X, X @ B
+    quadratic = factor @ factor.T
+    defect = linear + linear.T - quadratic + Q
+    terms = 2.0 * np.linalg.norm(linear) + np.linalg.norm(quadratic) + np.linalg.norm(Q)
+    return defect, float(np.linalg.norm(defect) / terms) if terms > 0.0 else 0.0
+
+
+def _step(X: np.ndarray, defect: np.ndarray, A: np.ndarray, B: np.ndarray) -> np.ndarray | None:
+    try:
+        step = solve_lyapunov(A - B @ (X @ B).T, defect)
+    except np.linalg.LinAlgError:
+        return None
+    return step if np.all(np.isfinite(step)) else None
+
+
+def _length(defect: np.ndarray, step: np.ndarray, B: np.ndarray) -> float:
+    """The t in (0, 2] that minimises the residual (1 - t) defect - t^2 (step B)(step B)'."""
+    factor = step @ B
+    square = factor @ factor.T
+    alpha, beta, gamma = np.sum(defect * defect), np.sum(defect * square), np.sum(square * square)
+    slope = np.roots([4.0 * gamma, 6.0 * beta, 2.0 * alpha - 4.0 * beta, -2.0 * alpha])
+    least = np.real(slope[np.isreal(slope)])
+    inside = least[(least > 0.0) & (least <= 2.0)]
+    return float(inside.min()) if len(inside) else 1.0
