@@ -10,7 +10,8 @@ from jaxtyping import Float
 
 from middeck.errors import FitError
 from middeck.identification.checks import check_response
-from middeck.identification.fit.choices import Choices, Constants, Delay, at_zero, options_of
+from middeck.identification.fit.beyond import race_of_orders
+from middeck.identification.fit.choices import Choices, Constants, Delay, options_of
 from middeck.identification.fit.data import Data
 from middeck.identification.fit.doubts import (
     causal_delay,
@@ -22,7 +23,7 @@ from middeck.identification.fit.doubts import (
 from middeck.identification.fit.fitted_model import model_of, structure_of
 from middeck.identification.fit.likelihood import likelihood_polish
 from middeck.identification.fit.polish import Polished, logarithmic_polish, settle
-from middeck.identification.fit.race import count_unknowns, model_error, race, recommend_states
+from middeck.identification.fit.race import count_unknowns, model_error, race
 from middeck.identification.fit.weights import Spread, spread_of
 from middeck.identification.measurement_model import MeasurementModel, model_response
 from middeck.identification.uncertainty.covariance import ModelCovariance, estimate_covariance
@@ -117,10 +118,11 @@ def fit_response(
         are confounded: the result then warns.
     direct:
         Whether there is a constant term, which also stands for modes above the band; by default with
-        complex constants only.
+        complex constants, or where the recommended order would else have poles outside the band.
     residuals:
         Whether terms for the modes outside the band are fitted beside the states: 1/s^2 for those below,
-        a constant for those above (Ewins 2000, sec. 4.2). Continuous models only.
+        a constant for those above (Ewins 2000, sec. 4.2). Continuous models only. They are tried, too, where
+        the recommended order would else have poles there and nothing is said of ``direct``.
     full_rank:
         Residues of any rank, as vector fitting has them, rather than rank one: for modes too close to be told
         apart, and for what is no modal model.
@@ -171,12 +173,11 @@ def fit_chosen(
         )
     spread = spread_of(measured, relative=cost == "logarithmic")
     data = _first_data(measured, spread)
-    reason = f"{states} states were asked for"
     if states is None:
-        choice = recommend_states(measured, data, spread, options)
-        options, reason = dataclasses.replace(options, states=choice.states), choice.reason
-        reason += f"; {still} more are at zero" if (still := at_zero(choices)) else ""
-    best = settle(data, race(data, spread, options), spread)
+        best, reason = race_of_orders(measured, data, spread, options, choices)
+    else:
+        best, reason = race(data, spread, options), f"{states} states were asked for"
+    best = settle(data, best, spread)
     if cost == "logarithmic":
         best = logarithmic_polish(data, best, spread)
     if cost == "likelihood" and measured.covariance is not None:

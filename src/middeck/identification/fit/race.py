@@ -110,7 +110,9 @@ def recommend_states(
 
     def judge(run: Polished) -> Tried:
         states = _states(run)
-        unknowns = count_unknowns(measured, dataclasses.replace(options, states=states))
+        # Terms for modes outside the band are the same at each order, and dearer than poles there otherwise.
+        sized = dataclasses.replace(options, states=states, with_lower=False, with_direct=False)
+        unknowns = count_unknowns(measured, sized)
         length = description_length(run.likelihood, unknowns, 2 * part.H.size)
         runs[states] = Tried(states, length, _held_out(data, part, some, run)), run
         return runs[states][0]

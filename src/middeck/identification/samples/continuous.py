@@ -57,7 +57,8 @@ def fit_continuous(
     first, failed = (None, None) if short and states is None else _attempt(local)
     starts, reason = [], ""
     if first is not None:
-        starts, reason = _prompt(record, [_start_of(first, options)]), first.order_reason
+        options, reason = _terms_of(first, options), first.order_reason
+        starts = _prompt(record, [_start_of(first, options)])
     found = _led(record, data, starts, weighting)
     if short or found is None or first is None or float(np.max(first.error)) > POOR:
         past = past_of(record, data)
@@ -70,6 +71,12 @@ def fit_continuous(
     if found is None:
         raise failed or _no_start()
     return *_finished(record, *found, weighting), reason
+
+
+def _terms_of(first: FitResult, options: Options) -> Options:
+    """With the terms for modes outside the band that a response of no stated order has asked for."""
+    structure = first.covariance.structure
+    return dataclasses.replace(options, with_lower=structure.with_lower, with_direct=structure.with_direct)
 
 
 def _order(layout: Layout) -> int:
