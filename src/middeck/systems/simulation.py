@@ -1,12 +1,46 @@
-"""Sampled systems in time: stepping, and the state from which a periodic input gives a periodic output."""
+"""Sampled systems in time: stepping, and the state from which a periodic input gives a periodic output.
+
+Long inputs go through in blocks of L samples: with the powers of A written out, a block's outputs are products
+of matrices for all blocks at once, and only one state in L is stepped to. The block is short enough that no
+power of A grows. The power that is stepped with carries its own rounding along, since that would add up: a
+lightly damped mode would turn by another angle in each block. So the result is that of stepping, to rounding.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
+from typing import Any, cast
+
 import numpy as np
+import scipy.linalg as sla
 from jaxtyping import Float
 
 from middeck.errors import NumericalError
 from middeck.systems.statespace import SampledStateSpace
+from middeck.values import record
+
+GROWTH = 1e3
+"""Largest norm that a power A^2, A^4, A^8 ... of a balanced A may have within a block."""
+STEP_COST = 60_000
+"""What stepping to a state costs beside its own products, in multiplications of a large product of matrices."""
+LONGEST = 256
+CHUNK = 1 << 16  # samples at a time: what a block needs beside its input and output stays below this
+
+
+@record
+class _Blocks:
+    """A system written out over L samples, its states scaled.
+
+    ``after`` and ``rest``, what rounding took from it, take a state to that L samples later, ``collect`` the
+    inputs of a block to their part of it; ``observe`` and ``through`` take the state before a block and its inputs to its outputs.
+    """
+
+    after: Float[np.ndarray, "state state"]
+    rest: Float[np.ndarray, "state state"]
+    collect: Float[np.ndarray, "state block_input"]
+    observe: Float[np.ndarray, "block_output state"]
+    through: Float[np.ndarray, "block_output block_input"]
+    scale: Float[np.ndarray, " state"]
 
 
 def simulate(
@@ -22,14 +56,38 @@ def simulate(
     (array([0. , 1. , 1.5]), array([1.75]))
     """
     u = np.asarray(u, dtype=float)
-    A = np.ascontiguousarray(system.A)
-    drive = u @ system.B.T
-    states = np.empty((len(u) + 1, len(A)))
-    states[0] = 0.0 if start is None else start
-    for k in range(len(u)):
-        np.dot(A, states[k], out=states[k + 1])
-        states[k + 1] += drive[k]
-    return states[:-1] @ system.C.T + u @ system.D.T, states[-1].copy()
+    x = np.zeros(len(system.A)) if start is None else np.array(start, dtype=float)
+    blocks = _write_out(system, len(u))
+    if blocks is None:
+        return _step(system, u, x)
+    y = np.empty((len(u), len(system.C)))
+    for first in range(0, len(u), CHUNK):
+        x = _advance(system, blocks, u[first : first + CHUNK], x, y[first : first + CHUNK])
+    return y, x
+
+
+def stream(
+    system: SampledStateSpace,
+    blocks: Iterable[Float[np.ndarray, "sample input"]],
+    start: Float[np.ndarray, " state"] | None = None,
+) -> Iterator[Float[np.ndarray, "sample output"]]:
+    """`simulate` for an input that comes in pieces and may be longer than memory: the outputs, piece by piece.
+
+    >>> import numpy as np
+    >>> sums = SampledStateSpace([[1.0]], [[1.0]], [[1.0]], [[0.0]], 1.0)
+    >>> [y.ravel().tolist() for y in stream(sums, (np.ones((2, 1)) for _ in range(2)))]
+    [[0.0, 1.0], [2.0, 3.0]]
+    """
+    x = np.zeros(len(system.A)) if start is None else np.array(start, dtype=float)
+    written = _write_out(system, CHUNK)
+    for piece in blocks:
+        u = np.asarray(piece, dtype=float)
+        if written is None:
+            y, x = _step(system, u, x)
+        else:
+            y = np.empty((len(u), len(system.C)))
+            x = _advance(system, written, u, x, y)
+        yield y
 
 
 def find_periodic_state(
@@ -49,3 +107,97 @@ def find_periodic_state(
             hint="hold the rigid-body modes, or start from rest",
         )
     return np.linalg.solve(left, end)
+
+
+def _step(
+    system: SampledStateSpace, u: np.ndarray, start: np.ndarray
+) -> tuple[Float[np.ndarray, "sample output"], Float[np.ndarray, " state"]]:
+    """Sample after sample."""
+    A = np.ascontiguousarray(system.A)
+    drive = u @ system.B.T
+    states = np.empty((len(u) + 1, len(A)))
+    states[0] = start
+    for k in range(len(u)):
+        np.dot(A, states[k], out=states[k + 1])
+        states[k + 1] += drive[k]
+    return states[:-1] @ system.C.T + u @ system.D.T, states[-1].copy()
+
+
+def _advance(
+    system: SampledStateSpace, blocks: _Blocks, u: np.ndarray, x: np.ndarray, y: np.ndarray
+) -> np.ndarray:
+    """Outputs to ``u`` from ``x``, written into ``y``, and the state after them."""
+    m, p = system.B.shape[1], len(system.C)
+    length = blocks.through.shape[0] // p
+    whole = len(u) // length * length
+    inputs = u[:whole].reshape(-1, length * m)
+    collected = inputs @ blocks.collect.T
+    states = np.empty((len(inputs) + 1, len(x)))
+    states[0] = x / blocks.scale
+    for k, own in enumerate(collected):
+        np.dot(blocks.after, states[k], out=states[k + 1])
+        states[k + 1] += own + np.dot(blocks.rest, states[k])
+    outputs = inputs @ blocks.through.T
+    outputs += states[:-1] @ blocks.observe.T
+    y[:whole] = outputs.reshape(whole, p)
+    y[whole:], end = _step(system, u[whole:], states[-1] * blocks.scale)
+    return end
+
+
+def _write_out(system: SampledStateSpace, samples: int) -> _Blocks | None:
+    """The system over as many samples as pay; None where stepping is as good or powers of A grow."""
+    n, m, p = len(system.A), system.B.shape[1], len(system.C)
+    if n == 0 or m == 0 or p == 0 or not np.isfinite(system.A).all():
+        return None
+    # A block of L costs its step and L^2 m p in all: least per sample at this L.
+    best = min(LONGEST, np.sqrt((STEP_COST + n * n) / (m * p)), samples / 8)
+    balanced, (scale, _) = cast("Any", sla.matrix_balance(system.A, permute=False, separate=True))
+    A, B, C = balanced, system.B / scale[:, None], system.C * scale
+    length, after, rest = 1, A, np.zeros_like(A)
+    while 2 * length <= best:
+        twice, left_over = _square(after, rest)
+        if np.abs(twice).sum(axis=1).max() > GROWTH:
+            break
+        length, after, rest = 2 * length, twice, left_over
+    if length == 1:
+        return None
+    drive, seen = [B], [C]
+    for _ in range(length - 1):
+        drive.append(A @ drive[-1])
+        seen.append(seen[-1] @ A)
+    markov = [system.D, *(C @ gain for gain in drive[:-1])]
+    through = np.zeros((length, p, length, m))
+    for late, gain in enumerate(markov):
+        for k in range(late, length):
+            through[k, :, k - late] = gain
+    return _Blocks(
+        after=after,
+        rest=rest,
+        collect=np.hstack(drive[::-1]),
+        observe=np.vstack(seen),
+        through=through.reshape(length * p, length * m),
+        scale=scale,
+    )
+
+
+def _square(
+    high: Float[np.ndarray, "state state"], low: Float[np.ndarray, "state state"]
+) -> tuple[np.ndarray, np.ndarray]:
+    """The square of ``high`` + ``low``, as the nearest matrix and what is left, good to some 70 bits.
+
+    The leading bits of either factor multiply without rounding (Ozaki, Ogita, Oishi and Rump 2012).
+    """
+    left, right = _leading(high, axis=1), _leading(high, axis=0)
+    exact = left @ right
+    small = left @ (high - right) + (high - left) @ high + high @ low + low @ high
+    nearest = exact + small
+    return nearest, (exact - nearest) + small
+
+
+def _leading(matrix: Float[np.ndarray, "state state"], axis: int) -> Float[np.ndarray, "state state"]:
+    """As many leading bits as a sum of products may have, of each row (axis 1) or column (axis 0)."""
+    bits = (53 - int(np.ceil(np.log2(len(matrix) + 1)))) // 2
+    peak = np.abs(matrix).max(axis=axis, keepdims=True)
+    exponent = np.ceil(np.log2(np.where(peak > 0.0, peak, 1.0)))
+    large = 2.0 ** (exponent + 53 - bits)
+    return (matrix + large) - large
