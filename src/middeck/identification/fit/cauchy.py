@@ -22,7 +22,7 @@ from middeck.identification.fit.layout import Layout
 from middeck.identification.fit.terms import Fractions
 
 # Twins closer than their distance to where fractions are summed by more are one but for three digits.
-CLOSE = 0.03
+CLOSE = 0.01
 
 
 class Sums(NamedTuple):
@@ -58,17 +58,28 @@ class Kernel(NamedTuple):
 def cauchy_gram(
     layout: Layout, poles: Complex[np.ndarray, " mode"], parts: Fractions, weight: np.ndarray
 ) -> Float[np.ndarray, "weight function function"]:
-    """Re sum conj(f) weight g of all functions of poles (`factors`), for each ``weight`` [weight, line]."""
-    second = _sums(layout, poles, parts, weight)
-    first = _sums(layout, poles, parts, weight.conj()) if np.iscomplexobj(weight) else second
+    """Re sum conj(f) weight g of functions of poles (`factors`) and 1, for each ``weight`` [weight, line]."""
+    sums = _sums(parts, weight)
+    conjugate = _sums(parts, weight.conj()) if np.iscomplexobj(weight) else sums
+    first, second = (_of_kernel(layout, poles, of, weight) for of in (conjugate, sums))
     P = _kernel(layout, poles.conj(), poles).times(Sums(first.value.conj(), first.slope.conj()), second)
     Q = _kernel(layout, poles, poles).times(first, second)
     more, less = P + Q, P - Q
     # Among u + l and j(u - l), from the products of u with u and of l with u.
     kinds = np.array([[np.real(more), -np.imag(more)], [np.imag(less), np.real(less)]])
     size = 4 * len(poles)
+    whole = np.empty((len(weight), size + 1, size + 1))
     # [kind, kind, slope, slope, weight, mode, mode] to rows: slope, kind, mode.
-    return _own(layout, poles, kinds.transpose(4, 2, 0, 5, 3, 1, 6).reshape(len(weight), size, size))
+    whole[:, :-1, :-1] = kinds.transpose(4, 2, 0, 5, 3, 1, 6).reshape(len(weight), size, size)
+    whole[:, -1, :-1], whole[:, :-1, -1] = _with_one(sums), _with_one(conjugate)
+    whole[:, -1, -1] = np.sum(np.real(weight), axis=1)
+    return _own(layout, poles, whole)
+
+
+def _with_one(sums: Sums) -> Float[np.ndarray, "weight function"]:
+    """Products of u + l, j(u - l) and the same of squares with one."""
+    parts = (v for z in sums for v in (np.real(z), -np.imag(z)))
+    return np.concatenate(list(parts), axis=1)
 
 
 def close_twins(layout: Layout, poles: Complex[np.ndarray, " pair"]) -> np.ndarray:
@@ -78,13 +89,23 @@ def close_twins(layout: Layout, poles: Complex[np.ndarray, " pair"]) -> np.ndarr
     return np.abs(np.imag(p)) < CLOSE * inside
 
 
-def _sums(layout: Layout, poles: np.ndarray, parts: Fractions, weight: np.ndarray) -> Sums:
+def _sums(parts: Fractions, weight: np.ndarray) -> Sums:
+    """Of the fractions themselves."""
     u, low = parts.upper, parts.lower
-    by, by_squared = (weight @ a.T + (weight @ b.T).conj() for a, b in ((u, low), (u**2, low**2)))
+    if np.iscomplexobj(weight):
+        return Sums(*(weight @ a.T + (weight @ b.T).conj() for a, b in ((u, low), (u**2, low**2))))
+    twins = u + low.conj()
+    # u^2 + conj(l)^2 by the sum and the difference.
+    return Sums(weight @ twins.T, weight @ (0.5 * (twins**2 + (u - low.conj()) ** 2)).T)
+
+
+def _of_kernel(layout: Layout, poles: np.ndarray, sums: Sums, weight: np.ndarray) -> Sums:
+    """Of g."""
     if not layout.period_s:
-        return Sums(by, by_squared)
+        return sums
     p = np.exp(poles * layout.period_s)
-    return Sums(np.sum(np.real(weight), axis=1)[:, None] + p * by, by + p * by_squared)
+    total = np.sum(np.real(weight), axis=1)[:, None]
+    return Sums(total + p * sums.value, sums.value + p * sums.slope)
 
 
 def _kernel(layout: Layout, first: np.ndarray, second: np.ndarray) -> Kernel:
@@ -101,21 +122,22 @@ def _kernel(layout: Layout, first: np.ndarray, second: np.ndarray) -> Kernel:
 def _own(
     layout: Layout, poles: np.ndarray, whole: Float[np.ndarray, "weight row column"]
 ) -> Float[np.ndarray, "weight function function"]:
-    """Of the functions that a layout has, from those of u + l, j(u - l) and squares, as if all were pairs."""
+    """Of the functions that a layout has, from u + l, j(u - l) and squares as if all were pairs, and 1."""
     modes, pairs = len(poles), layout.pairs
     m, single = np.arange(pairs), np.arange(pairs, modes)
     if not layout.real_constants:
         if pairs == modes:
             return whole
-        place = np.concatenate([*(k * modes + m for k in range(4)), single, 2 * modes + single])
-        half = np.where(np.arange(len(place)) < 4 * pairs, 1.0, 0.5)
+        place = np.concatenate([*(k * modes + m for k in range(4)), single, 2 * modes + single, [4 * modes]])
+        half = np.repeat([1.0, 0.5, 1.0], [4 * pairs, 2 * len(single), 1])
         return whole[:, place[:, None], place] * half[:, None] * half
     omega = np.imag(poles)[:pairs]
-    R = np.zeros((3 * pairs + 2 * len(single), 4 * modes))
+    R = np.zeros((3 * pairs + 2 * len(single) + 1, 4 * modes + 1))
     R[m, modes + m] = -0.5 / omega
     R[pairs + m, 3 * modes + m] = -0.5 / omega
     R[2 * pairs + m, 2 * modes + m] = 0.5 / omega
     R[2 * pairs + m, modes + m] = 0.5 / omega**2
     k = 3 * pairs + np.arange(len(single))
     R[k, single] = R[k + len(single), 2 * modes + single] = 0.5
+    R[-1, -1] = 1.0
     return R @ whole @ R.T

@@ -40,9 +40,13 @@ class Functions:
         )
 
     def _by_sums(self, weight: np.ndarray) -> Float[np.ndarray, "weight function function"]:
-        of_poles = cauchy_gram(self._layout, self._terms.point.poles, self._terms.parts, weight)
+        known = cauchy_gram(self._layout, self._terms.point.poles, self._terms.parts, weight)
+        size, last = self._of_poles, len(self.values) - 1
         found = np.zeros((len(weight), len(self.values), len(self.values)))
-        found[:, : of_poles.shape[1], : of_poles.shape[1]] = of_poles
+        found[:, :size, :size] = known[:, :-1, :-1]
+        if self._layout.with_direct:
+            found[:, last, :size], found[:, :size, last] = known[:, -1, :-1], known[:, :-1, -1]
+            found[:, last, last] = known[:, -1, -1]
         if len(rest := self._no_sums):
             rows = self.products(weight[:, None] * self.values[rest])
             found[:, :, rest] = np.swapaxes(rows, 1, 2)
@@ -51,15 +55,20 @@ class Functions:
             found[:, rest] = rows
         return found
 
+    @property
+    def _of_poles(self) -> int:
+        kinds = 3 if self._layout.real_constants else 4
+        return kinds * self._layout.pairs + 2 * (len(self._layout.pair) - self._layout.pairs)
+
     @functools.cached_property
     def _no_sums(self) -> Int[np.ndarray, " function"]:
-        """Functions that are of no pole, or differences of twins that are all but one."""
-        layout, pairs = self._layout, self._layout.pairs
-        close = np.flatnonzero(close_twins(layout, self._terms.point.poles[:pairs]))
-        kinds = 3 if layout.real_constants else 4
-        of_poles = kinds * pairs + 2 * (len(layout.pair) - pairs)
-        of_close = (np.arange(kinds)[:, None] * pairs + close).ravel()
-        return np.concatenate([of_close, np.arange(of_poles, len(self.values))])
+        """1/s^2, 1/s, and differences of twins that are all but one."""
+        pairs = self._layout.pairs
+        close = np.flatnonzero(close_twins(self._layout, self._terms.point.poles[:pairs]))
+        of_close = (np.arange(3 if self._layout.real_constants else 4)[:, None] * pairs + close).ravel()
+        return np.concatenate(
+            [of_close, np.arange(self._of_poles, len(self.values) - self._layout.with_direct)]
+        )
 
     def _by_lines(self, weight: np.ndarray) -> Gram:
         if np.any(np.imag(weight)):
@@ -96,8 +105,7 @@ class Alone(NamedTuple):
     def inner(self, A: np.ndarray, B: np.ndarray) -> Float[np.ndarray, "group row other"]:
         """Inner products of rows by their factors [group, row, path, function]."""
         found = np.zeros((len(self.y), A.shape[1], B.shape[1]))
-        for i in range(self.y.shape[1]):
-            a, b = _parts_in(A, i), _parts_in(B, i)
+        for i, (a, b) in enumerate(zip(_rows_in_paths(A), _rows_in_paths(B), strict=True)):
             found[:, a[:, None], b] += A[:, a, i] @ self.grams[:, i] @ np.swapaxes(B[:, b, i], 1, 2)
         return found
 
@@ -121,8 +129,9 @@ class Together(NamedTuple):
     def inner(self, A: np.ndarray, B: np.ndarray) -> Float[np.ndarray, "group row other"]:
         """Inner products of rows by their factors [group, row, path, function]."""
         found = np.zeros((1, A.shape[1], B.shape[1]))
+        of_a, of_b = _rows_in_paths(A), _rows_in_paths(B)
         for i, j, M in self.grams:
-            a, b = _parts_in(A, i), _parts_in(B, j)
+            a, b = of_a[i], of_b[j]
             found[:, a[:, None], b] += A[:, a, i] @ M @ np.swapaxes(B[:, b, j], 1, 2)
         return found
 
@@ -130,9 +139,9 @@ class Together(NamedTuple):
 Heard = Alone | Together
 
 
-def _parts_in(A: np.ndarray, path: int) -> Int[np.ndarray, " row"]:
-    """Rows that have a part in a path; most have none in most."""
-    return np.flatnonzero(A[:, :, path].any(axis=(0, 2)))
+def _rows_in_paths(A: np.ndarray) -> list[Int[np.ndarray, " row"]]:
+    """Rows that have a part in each path; most have none in most."""
+    return [np.flatnonzero(rows) for rows in A.any(axis=(0, 3)).T]
 
 
 def hear(layout: Layout, data: Data, terms: Terms, shared: Functions) -> list[Heard]:

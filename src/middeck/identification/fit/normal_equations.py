@@ -104,6 +104,8 @@ def _added(
     layout: Layout, late_place: np.ndarray, gradients: np.ndarray, grams: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Those of all groups together; the last of each stand at ``late_place``."""
+    if not late_place.size:
+        return np.sum(gradients, axis=0), np.sum(grams, axis=0)
     gradient, gram = np.zeros(layout.size), np.zeros((layout.size, layout.size))
     first = np.arange(gradients.shape[1] - late_place.shape[1])
     for one, matrix, last in zip(gradients, grams, late_place, strict=True):
@@ -128,7 +130,8 @@ def _by_theta(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Gradient and Gram matrix by theta: of slopes ``G`` by their factors, then of delays line by line."""
     gradient = _flat(G) @ solved.on_left.reshape(len(G), -1, 1)
-    gram, cross = of.inner(G, G), of.inner(G, free)
+    columns = np.broadcast_to(free, (len(G), *free.shape[1:]))
+    gram, cross = np.split(of.inner(G, np.concatenate([G, columns], axis=1)), [G.shape[1]], axis=2)
     if late.shape[1]:
         on_late = np.stack([on_functions(shared, of, late[:, d]) for d in range(late.shape[1])], axis=1)
         with_late = _flat(G) @ np.swapaxes(_flat(on_late), 1, 2)

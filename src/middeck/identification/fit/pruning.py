@@ -47,15 +47,17 @@ def _missed(
     right: np.ndarray,
     blocks: Sequence[Sequence[int] | Int[np.ndarray, " own"]],
     free: Sequence[int],
-) -> list[float]:
+) -> Float[np.ndarray, " block"]:
     """By how much the squares rise without each block, the others solved for again."""
     columns = [int(c) for block in blocks for c in block] + list(free)
     inverse = np.linalg.pinv(gram[np.ix_(columns, columns)], hermitian=True)
     x = inverse @ right[columns]
-    missed: list[float] = []
-    first = 0
-    for block in blocks:
-        own = slice(first, first + len(block))
-        first += len(block)
-        missed.append(float(np.sum(x[own] * (np.linalg.pinv(inverse[own, own], hermitian=True) @ x[own]))))
+    sizes = np.array([len(block) for block in blocks])
+    first = np.cumsum(sizes) - sizes
+    missed = np.zeros(len(blocks))
+    # All blocks of one size at once.
+    for size in set(sizes.tolist()):
+        own = first[sizes == size, None] + np.arange(size)
+        among = np.linalg.pinv(inverse[own[:, :, None], own[:, None]], hermitian=True)
+        missed[sizes == size] = np.sum(x[own] * (among @ x[own]), axis=(1, 2))
     return missed

@@ -45,7 +45,7 @@ SMALLEST_GAIN = 1e-3
 
 @record
 class Step:
-    """Cost, normal equations and linear unknowns (the transients' last) at a theta; what is left, if at hand."""
+    """Cost, normal equations and linear unknowns (the transients' last) at a theta; H - E if at hand."""
 
     cost: float
     gradient: Float[np.ndarray, " unknown"]
