@@ -1,5 +1,7 @@
 """Local models of response and transient: exact where they must be, honest about their noise, and refused."""
 
+import tracemalloc
+
 import gimbal_record
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ from middeck.identification.spectra import estimate_response, response_scatter
 from middeck.identification.spectra.local_fit import LocalModel, fit_windows, freedom
 from middeck.identification.spectra.scatter import trusted
 from middeck.systems.ports import Port
-from middeck.systems.record import Record
+from middeck.systems.record import Record, RecordStream, stream_record
 
 HZ = 256.0
 
@@ -293,3 +295,59 @@ def test_a_sum_over_lines_is_as_certain_as_its_data():
     assert squared == pytest.approx(np.mean(stated), rel=0.5)
     # With the variances of the smoothed lines it would be taken for far more certain than it is.
     assert squared > 4.0 * np.mean(pointwise)
+
+
+@pytest.mark.parametrize("method", ["local polynomial", "local rational"])
+@pytest.mark.parametrize("band", [(0.0, 3.0), (5.0, 9.0), (40.0, 58.0)])
+def test_a_stream_gives_what_memory_gives(method, band):
+    record = cut_record(3, samples=3001, noise=0.01, outputs=2, inputs=2, experiments=2)
+    held = response_scatter(record, method=method, band_hz=band)
+    read = response_scatter(stream_record(record), method=method, band_hz=band)
+    assert np.array_equal(read.frequency_hz, held.frequency_hz)
+    # Rounding of the transforms, times the condition of a window (normal equations: some 1e6).
+    np.testing.assert_allclose(read.H, held.H, rtol=1e-7, atol=1e-9 * np.abs(held.H).max())
+    np.testing.assert_allclose(read.total, held.total, rtol=1e-6)
+
+
+def test_periods_that_are_not_steady_are_streamed_too():
+    rng = np.random.default_rng(9)
+    u = np.tile(rng.standard_normal(256), 6)[None, None, :, None]
+    y = lfilter([1.0], [1.0, -1.8, 0.9], u, axis=2)
+    ports = gimbal_record.INPUTS[:1], gimbal_record.OUTPUTS[:1]
+    record = Record(HZ, u.reshape(1, 6, 256, 1), y.reshape(1, 6, 256, 1), *ports, periodic=True)
+    held = response_scatter(record, method="local rational", band_hz=(20.0, 60.0))
+    read = response_scatter(stream_record(record), method="local rational", band_hz=(20.0, 60.0))
+    assert np.array_equal(read.frequency_hz, held.frequency_hz)
+    np.testing.assert_allclose(read.H, held.H, rtol=1e-7)
+
+
+def drawn_as_read(samples, blocks):
+    """A stream of two million samples that are never all there."""
+
+    def pieces(experiment, size):
+        rng = np.random.default_rng(experiment)
+        state = np.zeros(2)
+        for start in range(0, samples, blocks):
+            u = rng.standard_normal(min(blocks, samples - start))
+            y, state = lfilter([1.0], [1.0, -1.8, 0.9], u, zi=state)
+            yield u[:, None], y[:, None]
+
+    return RecordStream(HZ, gimbal_record.INPUTS[:1], gimbal_record.OUTPUTS[:1], samples, 1, None, pieces)
+
+
+def test_a_record_longer_than_memory_takes_that_of_its_band():
+    stream = drawn_as_read(1 << 20, 10_000)
+    tracemalloc.start()
+    found = estimate_response(stream, band_hz=(10.0, 10.25))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    q = np.exp(-2j * np.pi * found.frequency_hz / HZ)
+    assert len(found.frequency_hz) == 1025
+    # No noise; the transient of the filter is one of the models'.
+    np.testing.assert_allclose(found.H[:, 0, 0], 1.0 / (1.0 - 1.8 * q + 0.9 * q**2), rtol=1e-6)
+    # The record has 16 MB, its transform as much again.
+    assert peak < 12e6
+    with pytest.raises(DataError, match="lines of 2 channels") as caught:
+        estimate_response(drawn_as_read(1 << 22, 10_000))
+    assert "band_hz of at most" in caught.value.hint
+    assert "h1" in caught.value.hint

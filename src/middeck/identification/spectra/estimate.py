@@ -44,7 +44,8 @@ def estimate_response(
     ----------
     record:
         Whole steady periods, or any other record; several experiments are used together. A record longer than
-        memory (`RecordStream`) is read in pieces by ``"periods"``, ``"h1"``, ``"h2"`` and ``"hv"``.
+        memory (`RecordStream`) is read in pieces by every method; local models hold the lines of ``band_hz``,
+        all others a period or some segments.
     band_hz:
         Lowest and highest frequency to keep; all excited lines above zero by default.
     method:
@@ -169,11 +170,7 @@ def _scatter(
     if method not in get_args(Method):
         raise ConfigError(f"no method {method!r}", hint=", ".join(get_args(Method)))
     if method in ("local polynomial", "local rational"):
-        if isinstance(record, RecordStream):
-            raise DataError(
-                f"{method} models need the whole record in memory", hint="h1, or a shorter part of the record"
-            )
-        excited = excited_lines(period_moments(stream_record(record))) if periodic else None
+        excited = excited_lines(period_moments(_stream(record))) if periodic else None
         return scatter_of_local_models(record, band_hz, rational=method == "local rational", excited=excited)
     spectra = estimate_spectra(record, segment=segment)
     if not periodic:

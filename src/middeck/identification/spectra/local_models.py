@@ -25,7 +25,8 @@ from middeck.identification.spectra.local_fit import (
     window_rows,
 )
 from middeck.identification.spectra.scatter import ResponseScatter
-from middeck.systems.record import Record
+from middeck.identification.spectra.zoom import zoomed_lines
+from middeck.systems.record import Record, RecordStream
 
 # Rows of a window for each unknown, from the narrowest that leaves a few to judge by, to where a response of
 # 1 % damping bends too much for any gain in noise.
@@ -40,7 +41,7 @@ AVERAGED = 20
 
 
 def scatter_of_local_models(
-    record: Record,
+    record: Record | RecordStream,
     band_hz: tuple[float, float] | None,
     *,
     rational: bool,
@@ -48,24 +49,29 @@ def scatter_of_local_models(
 ) -> ResponseScatter:
     """The response at all lines that are excited, each from the local model that predicts best there.
 
-    ``excited`` says which lines of a period are; of other records they are found.
+    ``excited`` says which lines of a period are; of other records they are found. Of a stream no more is held
+    than the lines of the band (`zoomed_lines`).
     """
-    U, Y, frequency, stride = _spectra(record)
-    experiments, inputs = U.shape[1:]
+    experiments, inputs, stride = _shape(record)
     polynomials = _models(ROWS_POLYNOMIAL, experiments, inputs, stride, rational=False)
-    narrowest = polynomials[0]
+    rationals = _models(ROWS_RATIONAL, experiments, inputs, stride, rational=True) if rational else []
+    narrowest, widest = polynomials[0], max(m.half for m in (*polynomials, *rationals))
+    U, Y, numbers, step_hz = (
+        _spectra(record) if isinstance(record, Record) else _band_spectra(record, band_hz, widest)
+    )
+    frequency = numbers * step_hz
     if 2 * narrowest.half + 1 > len(U):
         raise DataError(
             f"{len(U)} lines are too few for a local model of {2 * narrowest.half + 1}",
             hint="a longer record, or whole steady periods of a repeated signal",
         )
-    wanted = in_band(np.concatenate([[0.0], frequency, [np.inf]]), band_hz)[1:-1]
+    wanted = in_band(np.concatenate([[0.0, step_hz], frequency, [np.inf]]), band_hz)[2:-1]
+    wanted &= numbers % stride == 0
     if excited is not None:
         # Line k of a period is line k stride of all periods together.
-        wanted[stride - 1 :: stride] &= excited[1 : 1 + len(wanted[stride - 1 :: stride])]
-    lines = np.flatnonzero(wanted & (np.arange(1, len(U) + 1) % stride == 0))
+        wanted &= excited[numbers // stride]
+    lines = np.flatnonzero(wanted)
     lines = lines[_excited(U, lines, narrowest.half, frequency, band_hz)]
-    rationals = _models(ROWS_RATIONAL, experiments, inputs, stride, rational=True) if rational else []
     models = [m for m in (*polynomials, *rationals) if 2 * m.half + 1 <= len(U)]
     # In units of each channel's largest line, so that no sum of squares leaves the range of numbers.
     sizes = by_input, by_output = np.abs(U).max(axis=(0, 1)), np.abs(Y).max(axis=(0, 1))
@@ -75,16 +81,39 @@ def scatter_of_local_models(
     )
 
 
-def _spectra(record: Record) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
-    """Spectra of all samples of each experiment without zero and Nyquist; every stride-th line is excited."""
+Lines = tuple[np.ndarray, np.ndarray, Int[np.ndarray, " line"], float]
+
+
+def _shape(record: Record | RecordStream) -> tuple[int, int, int]:
+    """Experiments, inputs, and of how many lines of the whole record one is excited."""
+    if isinstance(record, Record):
+        experiments, periods = record.u.shape[:2]
+        return experiments, record.u.shape[3], periods if record.periodic else 1
+    periods = record.samples // record.period if record.period else 1
+    return record.experiments, len(record.inputs), periods
+
+
+def _spectra(record: Record) -> Lines:
+    """Spectra of all samples of each experiment without zero and Nyquist, and their numbers."""
     experiments, periods, samples, _ = record.u.shape
     total = periods * samples
     U, Y = (
         np.fft.rfft(x.reshape(experiments, total, -1), axis=1).transpose(1, 0, 2)[1 : (total + 1) // 2]
         for x in (record.u, record.y)
     )
-    frequency = np.fft.rfftfreq(total, 1.0 / record.sample_hz)[1 : (total + 1) // 2]
-    return U, Y, frequency, periods if record.periodic else 1
+    return U, Y, np.arange(1, (total + 1) // 2), 1.0 / (total * (1.0 / record.sample_hz))
+
+
+def _band_spectra(stream: RecordStream, band_hz: tuple[float, float] | None, margin: int) -> Lines:
+    """The same of a band, and of as many lines on each side as the windows at its edges take."""
+    last = (stream.samples + 1) // 2 - 1
+    low, high = (0.0, np.inf) if band_hz is None else band_hz
+    step_hz = 1.0 / (stream.samples * (1.0 / stream.sample_hz))
+    first = int(np.clip(np.floor(low / step_hz) - margin, 1, max(last, 1)))
+    end = int(np.clip(np.ceil(min(high, stream.sample_hz) / step_hz) + margin, first, max(last, 1)))
+    z = zoomed_lines(stream, first, end + 1 - first)
+    inputs = len(stream.inputs)
+    return z[:, :, :inputs], z[:, :, inputs:], np.arange(first, end + 1), step_hz
 
 
 def _models(
