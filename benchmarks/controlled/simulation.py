@@ -1,0 +1,135 @@
+"""One million samples of a closed loop, and what a tick costs where motors and sensors are not linear."""
+
+from __future__ import annotations
+
+import time
+import tracemalloc
+from typing import Any
+
+import numpy as np
+from measured.rows import cell, peer, row
+
+from middeck.control.lqg import LQGWeights, design_lqg
+from middeck.realtime.hardware_rig import build_hardware_rig, connect_law, cut_blocks
+from middeck.realtime.hybrid import simulate_hybrid, start_hybrid
+from middeck.realtime.motors import Motor
+from middeck.realtime.rig import close_sampled_loop
+from middeck.realtime.sensors import Encoder
+from middeck.systems.friction import Friction
+from middeck.systems.joint_simulation import JointElements
+from middeck.systems.modal import ModalSystem, select_modes
+from middeck.systems.plant import Plant
+from middeck.systems.ports import Port
+from middeck.systems.sampling import sample_plant, tustin
+from middeck.systems.simulation import stream
+from middeck.systems.stability import is_stable
+from middeck.systems.statespace import SampledStateSpace
+
+CASE = "simulation"
+PERIOD_S, SAMPLES, PIECE, REPEATS = 1e-3, 1_000_000, 50_000, 3
+MODES, KEPT_MODES, INPUTS, OUTPUTS = 30, 20, 5, 14
+LAST, TICKS = 1000, 50_000
+
+
+def rows(options: Any) -> list[dict]:
+    plant = _plant()
+    law = _law(plant)
+    loop = close_sampled_loop(sample_plant(plant.dynamics, PERIOD_S, PERIOD_S), law)
+    # Disturbed at the inputs; the measured outputs.
+    system = SampledStateSpace(
+        loop.A, loop.B[:, :INPUTS], loop.C[:OUTPUTS], loop.D[:OUTPUTS, :INPUTS], PERIOD_S
+    )
+    assert is_stable(system)
+    seconds, y, peak = _ours(system)
+    made = [row(CASE, "million closed-loop samples", "CPU s", seconds, states=len(system.A)),
+            row(CASE, "memory in all", "MB", peak)]  # fmt: skip
+    found = peer(
+        options.peer_python, "control_simulation.py", A=system.A, B=system.B, C=system.C, D=system.D,
+        period_s=PERIOD_S, samples=SAMPLES, kept=LAST, seed=0, repeats=1,
+    )  # fmt: skip
+    if found is not None:
+        name = "python-control"
+        made[0]["peers"] = cell(name, found, found["seconds"])
+        made[1]["peers"] = cell(name, found, found["peak_mb"])
+        made.append(row(CASE, "time over python-control's", "ratio", seconds / float(found["seconds"]), 0.25))
+        error = np.abs(y - found["y"]).max() / np.abs(found["y"]).max()
+        made.append(row(CASE, "difference from python-control", "relative", error, 1e-12))
+    return made + _hybrid(plant, law)
+
+
+def _plant() -> Plant:
+    """The frozen case's: 30 modes log-spaced 0.3 to 60 Hz at 1 %."""
+    rng = np.random.default_rng(60)
+    omega = 2.0 * np.pi * np.geomspace(0.3, 60.0, MODES)
+    psi = rng.standard_normal((MODES, INPUTS))
+    phi = np.vstack([psi.T, rng.standard_normal((OUTPUTS - INPUTS, MODES))])
+    names = tuple(f"mode {k}" for k in range(MODES))
+    modal = ModalSystem(omega, np.full(MODES, 0.01), psi, phi, np.zeros_like(phi), names)
+    inputs = tuple(Port(f"u{i}", "N m") for i in range(INPUTS))
+    outputs = tuple(Port(f"y{i}", "rad") for i in range(OUTPUTS))
+    u, y = tuple(p.name for p in inputs), tuple(p.name for p in outputs)
+    return Plant(modal, inputs, outputs, w=u, u=u, z=y, y=y)
+
+
+def _law(plant: Plant) -> SampledStateSpace:
+    """An LQG of 40 states on the 20 lowest modes, of an authority that the other ten let live."""
+    modal = plant.dynamics
+    assert isinstance(modal, ModalSystem)
+    design = Plant(select_modes(modal, np.arange(KEPT_MODES)), plant.inputs, plant.outputs,
+                   plant.w, plant.u, plant.z, plant.y)  # fmt: skip
+    weights = LQGWeights(np.ones(OUTPUTS), np.ones(INPUTS), plant.u, np.eye(INPUTS), np.full(OUTPUTS, 1e-2))
+    return tustin(design_lqg(design, weights, 1e-2).system, PERIOD_S)
+
+
+def _ours(system: SampledStateSpace) -> tuple[float, np.ndarray, float]:
+    """CPU seconds (median), the last outputs, and the memory that a run takes at its most."""
+
+    def run() -> np.ndarray:
+        rng = np.random.default_rng(0)
+        pieces = (rng.standard_normal((PIECE, INPUTS)) for _ in range(SAMPLES // PIECE))
+        y = np.empty((0, OUTPUTS))
+        for piece in stream(system, pieces):
+            y = piece
+        return y[-LAST:]
+
+    def draw() -> None:
+        rng = np.random.default_rng(0)
+        for _ in range(SAMPLES // PIECE):
+            rng.standard_normal((PIECE, INPUTS))
+
+    times = []
+    for _ in range(REPEATS):
+        times.append(_cpu(run)[0] - _cpu(draw)[0])  # the peer's noise is not counted either
+    tracemalloc.start()
+    y = run()
+    peak = tracemalloc.get_traced_memory()[1] / 2**20
+    tracemalloc.stop()
+    return float(np.median(times)), y, peak
+
+
+def _hybrid(plant: Plant, law: SampledStateSpace) -> list[dict]:
+    """Saturation, slew, converters and encoders at every tick; then one rubbing joint besides."""
+    motors = {p.name: Motor(1.0, slew_limit=300.0, resolution=1e-4) for p in plant.inputs}
+    sensors = {p.name: Encoder(1e-5) for p in plant.outputs}
+    rub = JointElements("u0", "y0", (Friction(0.05, 50.0, 0.01),))
+    made = []
+    for joints, what in (((), "hybrid tick: limits, slew and converters"), ((rub,), "the same and friction")):
+        rig = build_hardware_rig(
+            plant, motors=motors, sensors=sensors, joints=joints, sample_hz=1.0 / PERIOD_S, delay_s=1.5e-3
+        )
+        system = connect_law(rig, law)
+        times = []
+        for _ in range(REPEATS):
+            rng = np.random.default_rng(0)
+            noise = rng.standard_normal((TICKS, INPUTS))
+            start = start_hybrid(system, np.zeros(OUTPUTS))
+            run = simulate_hybrid(system, cut_blocks(noise), rng, start)
+            times.append(_cpu(lambda run=run: [None for _ in run])[0])
+        made.append(row(CASE, what, "CPU us", 1e6 * float(np.median(times)) / TICKS, 20.0, states=100))
+    return made
+
+
+def _cpu(work: Any) -> tuple[float, Any]:
+    start = time.process_time()
+    answer = work()
+    return time.process_time() - start, answer
