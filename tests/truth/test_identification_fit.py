@@ -243,7 +243,9 @@ def test_residual_terms_stand_for_modes_outside_the_band():
     )
     # One term 1/s^2 errs by (0.32/f)^2 of the suspension's response at the band's edge: some 1e-3 over it.
     assert better < 5e-3
-    assert worse > 3.0 * better
+    # Without terms one of two near modes of the band is given up for the suspension below it.
+    assert worse > 1.5 * better
+    assert np.min(natural_hz(without.model)) < 0.8
     np.testing.assert_allclose(np.sort(natural_hz(with_terms.model)), gimbal_record.MODES_HZ, rtol=2e-3)
     assert without.excess[0] > 0.0
 

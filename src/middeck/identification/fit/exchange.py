@@ -1,4 +1,4 @@
-"""Out of a local minimum: give up the mode that is missed least for one where the residual is largest.
+"""Out of a local minimum: give up the mode that is missed least for the one that would tell most.
 
 A search from a subspace start can hold a mode that does little while two modes elsewhere are fitted by one.
 """
@@ -13,10 +13,11 @@ from jaxtyping import Float
 
 from middeck.identification.fit.data import Data
 from middeck.identification.fit.design import build_terms, residual_of
-from middeck.identification.fit.layout import unpack
+from middeck.identification.fit.layout import Point, unpack
+from middeck.identification.fit.newcomer import Newcomer, find_newcomer
 from middeck.identification.fit.own_transients import as_real
 from middeck.identification.fit.polish import Polished
-from middeck.identification.fit.start import Options, Start, start_at
+from middeck.identification.fit.start import Options, Start, start_at, start_from_point
 from middeck.identification.fit.weights import Spread
 
 # Lines over which the residual's peak is looked for, as a share of the frequency: a mode of 1 % is so wide.
@@ -27,21 +28,28 @@ CANDIDATES = 3
 HEAVIEST = 0.05
 
 
-def exchanges(data: Data, options: Options, best: Polished, spread: Spread) -> Iterator[Start]:
-    """Starts that have one pair (or two real poles) of ``best`` replaced by one at the residual's peak."""
+def exchanges(
+    data: Data, options: Options, best: Polished, spread: Spread, *, at_any_rate: bool
+) -> Iterator[Start]:
+    """Starts that have one pair (or two real poles) of ``best`` replaced by the pair that would tell most.
+
+    Unless ``at_any_rate``, only where that tells more at once than what is given up.
+    """
     layout = best.layout
     at_best = dataclasses.replace(data, weight=1.0 / np.sqrt(spread.at(best.share)))
-    missed = missed_modes(at_best, best)
+    missed, new = missed_modes(at_best, best), _found_pole(at_best, best)
     single = layout.pairs + np.argsort(missed[layout.pairs :])[:2]
     units = [np.array([m]) for m in range(layout.pairs)] + ([single] if len(single) == 2 else [])
-    for k in np.argsort([float(np.sum(missed[unit])) for unit in units])[:CANDIDATES]:
-        yield _with_peak(at_best, options, best, np.setdiff1d(np.arange(len(missed)), units[k]))
+    given_up = np.array([float(np.sum(missed[unit])) for unit in units])
+    for k in np.argsort(given_up)[:CANDIDATES]:
+        if at_any_rate or new.gain > given_up[k]:
+            yield _with(at_best, options, best, np.setdiff1d(np.arange(len(missed)), units[k]), new)
 
 
 def grown(data: Data, options: Options, best: Polished, spread: Spread) -> Start:
-    """``best`` with one pair more, at the residual's peak."""
+    """``best`` with one pair more, where it tells most."""
     at_best = dataclasses.replace(data, weight=1.0 / np.sqrt(spread.at(best.share)))
-    return _with_peak(at_best, options, best, np.arange(len(best.layout.pair)))
+    return _with(at_best, options, best, np.arange(len(best.layout.pair)), _found_pole(at_best, best))
 
 
 def shrunk(data: Data, options: Options, best: Polished, spread: Spread) -> Start | None:
@@ -53,8 +61,11 @@ def shrunk(data: Data, options: Options, best: Polished, spread: Spread) -> Star
     point = unpack(layout, best.refined.theta)
     kept = np.delete(np.arange(len(layout.pair)), np.argmin(missed_modes(at_best, best)[: layout.pairs]))
     pair = np.asarray(layout.pair)[kept]
-    vectors = None if layout.full or len(layout.powers) else point.b[kept]
-    return start_at(at_best, options, point.poles[kept], pair, point.delay_s, vectors)
+    if layout.full:
+        return start_at(at_best, options, point.poles[kept], pair, point.delay_s)
+    return start_from_point(
+        options, pair, Point(point.poles[kept], point.b[kept], point.delay_s, point.psi), layout.outputs
+    )
 
 
 def missed_modes(data: Data, best: Polished) -> Float[np.ndarray, " mode"]:
@@ -74,16 +85,26 @@ def missed_modes(data: Data, best: Polished) -> Float[np.ndarray, " mode"]:
     return missed
 
 
-def _with_peak(data: Data, options: Options, best: Polished, kept: np.ndarray) -> Start:
-    """Some of the modes and one at the residual's peak, damped as the others."""
+def _found_pole(data: Data, best: Polished) -> Newcomer:
+    """The pair that would tell most; in records of experiments, one at the residual's peak."""
+    pairs = unpack(best.layout, best.refined.theta).poles[: best.layout.pairs]
+    light = float(np.median(-np.real(pairs) / np.abs(pairs))) if len(pairs) else PEAK_WIDTH
+    light, peak = min(light, HEAVIEST), _peak(data, best)
+    found = find_newcomer(data, best, light, peak) if data.drive is None else None
+    return found or Newcomer(peak * (-light + 1j), np.zeros(0, dtype=complex), 0.0)
+
+
+def _with(data: Data, options: Options, best: Polished, kept: np.ndarray, new: Newcomer) -> Start:
+    """Some of the modes, as they are, and a new pair."""
     layout = best.layout
     point = unpack(layout, best.refined.theta)
-    pairs = point.poles[: layout.pairs]
-    light = np.median(-np.real(pairs) / np.abs(pairs)) if len(pairs) else PEAK_WIDTH
-    new = _peak(data, best) * (-min(float(light), HEAVIEST) + 1j)
     poles, pair = point.poles[kept], np.asarray(layout.pair)[kept]
     place = int(np.sum(pair))
-    return start_at(data, options, np.insert(poles, place, new), np.insert(pair, place, True), point.delay_s)
+    poles, pair = np.insert(poles, place, new.pole), np.insert(pair, place, True)
+    if layout.full or not len(new.b):
+        return start_at(data, options, poles, pair, point.delay_s)
+    b = np.insert(point.b[kept], place, new.b, axis=0)
+    return start_from_point(options, pair, Point(poles, b, point.delay_s, point.psi), layout.outputs)
 
 
 def _peak(data: Data, best: Polished) -> float:
