@@ -7,8 +7,8 @@ import tracemalloc
 from typing import Any
 
 import numpy as np
-from measured.rows import cell, peer, row
 
+from measured.rows import cell, peer, row
 from middeck.control.lqg import LQGWeights, design_lqg
 from middeck.realtime.hardware_rig import build_hardware_rig, connect_law, cut_blocks
 from middeck.realtime.hybrid import simulate_hybrid, start_hybrid

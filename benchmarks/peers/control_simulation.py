@@ -6,8 +6,9 @@ import resource
 import sys
 import time
 
-import control
 import numpy as np
+
+import control
 
 given = np.load(sys.argv[1])
 loop = control.ss(given["A"], given["B"], given["C"], given["D"], float(given["period_s"]))
