@@ -145,6 +145,8 @@ def fit_response(
     ------
     ConfigError
         For options that exclude each other.
+    DataError
+        If there are too few lines to choose an order by.
     FitError
         If the response is constant, all noise or too short for so many states, if an output leads its
         input, or if no start could be refined.

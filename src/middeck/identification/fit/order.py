@@ -15,6 +15,9 @@ MOST_STATES = 60
 
 # Held-out errors within this share of each other are equal.
 EQUAL = 0.1
+# An order that meets lines kept out of the fit so many times worse than a smaller one fits single lines:
+# distortion that differs from line to line asks for ever more poles, each narrower than lines are apart.
+WORSE = 1.25
 
 
 @record
@@ -74,11 +77,15 @@ def is_settled(length: Sequence[float]) -> bool:
 def choose(tried: Sequence[Tried]) -> OrderChoice:
     """One order, with its reason and what lines kept out of the fit say of it.
 
-    That of the shortest description. Where even the largest order tried shortens it, no order is the true one
+    That of the shortest description, of orders that do not meet the lines kept out clearly worse than smaller
+    ones. Where even the largest order tried shortens it, no order is the true one
     (a real structure has no end of modes): then the smallest that meets the lines kept out of the fit as well
     as any, up to a tenth.
     """
-    shortest = min(tried, key=lambda t: t.length)
+    trusted = [
+        t for k, t in enumerate(tried) if t.held_out <= WORSE * min(o.held_out for o in tried[: k + 1])
+    ]
+    shortest = min(trusted, key=lambda t: t.length)
     closest = min(tried, key=lambda t: t.held_out)
     enough = next(t for t in tried if t.held_out <= (1.0 + EQUAL) * closest.held_out)
     span = f"of {len(tried)} orders from {tried[0].states} to {tried[-1].states}"
@@ -88,10 +95,12 @@ def choose(tried: Sequence[Tried]) -> OrderChoice:
             f" a tenth ({enough.held_out:.2%}; {closest.held_out:.2%} at best {span}); still more tell more"
         )
         return OrderChoice(enough.states, reason, tuple(tried))
-    rivals = [t.length - shortest.length for t in tried if t is not shortest]
+    rivals = [t.length - shortest.length for t in trusted if t is not shortest]
     margin = f", {min(rivals):.0f} below the next" if rivals else ""
     opinion = f"lines kept out of the fit are met to {shortest.held_out:.2%}"
     if enough.states > shortest.states:
         opinion += f" and ask for {enough.states} ({enough.held_out:.2%})"
+    if min(t.length for t in tried) < shortest.length:
+        opinion += ", more states clearly worse"
     reason = f"{shortest.states} states have the shortest description {span}{margin}; {opinion}"
     return OrderChoice(shortest.states, reason, tuple(tried))
