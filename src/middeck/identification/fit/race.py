@@ -22,8 +22,8 @@ from middeck.systems.response import FrequencyResponse
 HEAT, FEW, FEW_STEPS, LAST_STEPS, EXCHANGE_STEPS = 0, 2, 6, 12, 4
 # A start that costs so many times the best, before any step, is not refined at all.
 HOPELESS = 3.0
-# Exchanges are tried when more than this share of the variance is not the measured one, and one counts when
-# it gains more likelihood than rounding and an unsettled search may.
+# Exchanges are tried at any rate when more than this share of the variance is not the measured one, and one
+# counts when it gains more likelihood than rounding and an unsettled search may.
 WORTH_EXCHANGE = 0.1
 EXCHANGE_GAIN = 1.0
 # An order is given up to so many turns of a few steps before it is compared.
@@ -75,11 +75,12 @@ def _negative_likelihood(run: Polished) -> float:
 
 
 def _exchange(part: Data, spread: Spread, options: Options, best: Polished) -> Polished:
-    """Exchange modes as long as that pays; a model that leaves no excess has nothing to gain."""
-    while model_error(best, spread) > WORTH_EXCHANGE:
+    """Exchange modes as long as that pays; where no excess is left, only as far as it promises to."""
+    while True:
+        large = model_error(best, spread) > WORTH_EXCHANGE
         runs = [
             polish(part, start, spread, steps=EXCHANGE_STEPS, rounds=1, share=best.share)
-            for start in exchanges(part, options, best, spread)
+            for start in exchanges(part, options, best, spread, at_any_rate=large)
         ]
         found = min((run for run in runs if run is not None), key=_negative_likelihood, default=None)
         if found is None:
@@ -88,7 +89,6 @@ def _exchange(part: Data, spread: Spread, options: Options, best: Polished) -> P
         if _negative_likelihood(found) >= best.likelihood - EXCHANGE_GAIN:
             return best
         best = found
-    return best
 
 
 def model_error(best: Polished, spread: Spread) -> float:
