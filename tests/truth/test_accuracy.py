@@ -13,7 +13,8 @@ from middeck.identification.plants.plant_model import model_of_plant
 from middeck.identification.spectra import estimate_response
 from middeck.identification.uncertainty.accuracy import expected_accuracy, periods_needed, structure_of
 from middeck.identification.uncertainty.covariance import draw_errors
-from middeck.identification.uncertainty.unknowns import entry_slopes, model_at, unknowns_of
+from middeck.identification.uncertainty.entry_factors import entry_slopes
+from middeck.identification.uncertainty.unknowns import model_at, unknowns_of
 from middeck.systems.excitation import Limits, design_mls, design_multisine, design_sweep
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant

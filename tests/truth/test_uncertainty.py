@@ -19,6 +19,7 @@ from middeck.identification.measurement_model import (
 )
 from middeck.identification.spectra import estimate_response
 from middeck.identification.uncertainty.covariance import ModelCovariance, estimate_covariance, line_degrees
+from middeck.identification.uncertainty.entry_factors import entry_slopes
 from middeck.identification.uncertainty.parameters import (
     distinct_poles,
     modal_constant,
@@ -28,14 +29,7 @@ from middeck.identification.uncertainty.parameters import (
     zero_deviation,
 )
 from middeck.identification.uncertainty.response_bounds import response_bounds
-from middeck.identification.uncertainty.unknowns import (
-    Structure,
-    entry_slopes,
-    model_at,
-    places_of,
-    ties,
-    unknowns_of,
-)
+from middeck.identification.uncertainty.unknowns import Structure, model_at, places_of, ties, unknowns_of
 from middeck.systems.response import FrequencyResponse, ResponseCovariance
 
 DRAWS = 60

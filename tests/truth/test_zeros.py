@@ -14,8 +14,8 @@ from middeck.identification.plants.measured_plant import measured_plant
 from middeck.identification.plants.pole_zero_gain import PoleZeroGain, from_pole_zero_gain, pole_zero_gain
 from middeck.identification.plants.zeros import matrix_zeros, name_zeros, path_zeros
 from middeck.identification.spectra import estimate_response
+from middeck.identification.uncertainty.entry_factors import entry_slopes
 from middeck.identification.uncertainty.parameters import zero_deviation
-from middeck.identification.uncertainty.unknowns import entry_slopes
 from middeck.systems.modal import ModalSystem, modal_to_statespace
 from middeck.systems.ports import Port
 from middeck.systems.response import evaluate_plant

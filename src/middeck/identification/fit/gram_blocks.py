@@ -141,7 +141,7 @@ Heard = Alone | Together
 
 def _rows_in_paths(A: np.ndarray) -> list[Int[np.ndarray, " row"]]:
     """Rows that have a part in each path; most have none in most."""
-    return [np.flatnonzero(rows) for rows in A.any(axis=(0, 3)).T]
+    return [np.flatnonzero(rows) for rows in np.transpose(np.any(A, axis=(0, 3)))]
 
 
 def hear(layout: Layout, data: Data, terms: Terms, shared: Functions) -> list[Heard]:

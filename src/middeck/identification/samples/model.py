@@ -14,7 +14,8 @@ from middeck.identification.fit.refine import Refined
 from middeck.identification.fit.transient import transient_slopes
 from middeck.identification.measurement_model import MeasurementModel
 from middeck.identification.uncertainty.covariance import ModelCovariance, inverse_root
-from middeck.identification.uncertainty.unknowns import Structure, entry_slopes, places_of, ties
+from middeck.identification.uncertainty.entry_factors import entry_slopes
+from middeck.identification.uncertainty.unknowns import Structure, places_of, ties
 from middeck.systems.record import Record
 
 

@@ -19,8 +19,9 @@ from middeck.errors import ConfigError
 from middeck.identification.measurement_model import MeasurementModel, damping_ratio, natural_hz
 from middeck.identification.plants.plant_model import model_of_plant
 from middeck.identification.uncertainty.covariance import ModelCovariance
+from middeck.identification.uncertainty.entry_factors import entry_slopes
 from middeck.identification.uncertainty.parameters import Uncertainty, modal_constant, uncertainty_of
-from middeck.identification.uncertainty.unknowns import Structure, entry_slopes, places_of
+from middeck.identification.uncertainty.unknowns import Structure, places_of
 from middeck.systems.excitation.recognition import recognise_excitation
 from middeck.systems.excitation.signal import Excitation
 from middeck.systems.plant import Plant

@@ -18,8 +18,14 @@ from jaxtyping import Complex, Float
 
 from middeck.identification.fit.weights import NEIGHBOURS
 from middeck.identification.measurement_model import MeasurementModel, model_response
+from middeck.identification.uncertainty.entry_factors import (
+    EntrySlopes,
+    entry_factors,
+    entry_slopes,
+    shared_functions,
+)
 from middeck.identification.uncertainty.entry_noise import common_noise, common_scores
-from middeck.identification.uncertainty.unknowns import EntrySlopes, Structure, entry_slopes, places_of, ties
+from middeck.identification.uncertainty.unknowns import Structure, places_of, ties
 from middeck.systems.response import FrequencyResponse
 from middeck.values import record
 
@@ -27,6 +33,8 @@ from middeck.values import record
 CLEARLY_MORE = 3.0
 # A line that determines an unknown alone leaves no residual: its leverage is counted up to here.
 MOST_LEVERAGE = 0.9
+# Lines taken together: their functions stay in a processor's cache.
+CHUNK = 256
 # A modal constant is real if its imaginary part is no more than rounding.
 ROUNDING = 1e-9
 # Information of an unknown without any effect: its deviation is beyond all bounds, its square still a number.
@@ -93,7 +101,7 @@ def estimate_covariance(
     common = None if robust else common_noise(measured, 0.5 * degrees)
     if common is not None:
         flat = (np.moveaxis(v, 1, 2).reshape(-1, len(s)) for v in (assumed, noise))
-        matrix = inverse @ common_scores((entry for _, _, entry in each), len(A), common, *flat) @ inverse
+        matrix = inverse @ common_scores(each.slopes(), len(A), common, *flat) @ inverse
     if robust:
         size, direction = np.linalg.eigh(root.T @ _scores_spread(each, residual, inverse) @ root)
         wide = root @ direction * np.sqrt(np.maximum(size, 0.5))
@@ -102,30 +110,48 @@ def estimate_covariance(
 
 
 class _Entries:
-    """Derivatives of each entry of H, made anew when asked for: together they would fill the memory."""
+    """Derivatives of all entries of H, by their factors; lines are taken some at a time."""
 
     def __init__(
         self, model: MeasurementModel, structure: Structure, s: np.ndarray, variance: np.ndarray
     ) -> None:
         self.model, self.structure, self.s, self.variance = model, structure, s, variance
-        self.unknowns = places_of(model, structure).size
+        at = places_of(model, structure)
+        self.unknowns = at.size
+        outputs, inputs = model.direct.shape
+        self.factors = {
+            (o, i): entry_factors(model, structure, at, o, i) for o in range(outputs) for i in range(inputs)
+        }
 
-    def __iter__(self) -> Iterator[tuple[int, int, EntrySlopes]]:
-        outputs, inputs = self.model.direct.shape
-        for o in range(outputs):
-            for i in range(inputs):
-                yield o, i, entry_slopes(self.model, self.structure, self.s, o, i)
+    def slopes(self) -> Iterator[EntrySlopes]:
+        """Each entry's derivatives as they are."""
+        return (entry_slopes(self.model, self.structure, self.s, o, i) for o, i in self.factors)
+
+    def some_lines(self) -> Iterator[tuple[slice, Complex[np.ndarray, "function line"]]]:
+        """Some lines, and the functions of all entries on them."""
+        for first in range(0, len(self.s), CHUNK):
+            lines = slice(first, first + CHUNK)
+            yield lines, shared_functions(self.model, self.s[lines])
+
+    def weighted(
+        self, entry: tuple[int, int], lines: slice, shared: np.ndarray
+    ) -> Complex[np.ndarray, "function line"]:
+        """Functions of an entry over its deviation; its delay, that would turn all alike, left out."""
+        size = np.sqrt(self.variance[entry[0], lines, entry[1]])
+        return self.factors[entry].functions(shared, self.s[lines]) / size
 
     def information(self) -> Float[np.ndarray, "unknown unknown"]:
+        """Of all unknowns."""
         A = np.zeros((self.unknowns, self.unknowns))
-        for o, i, entry in self:
-            J = _real(entry.by / np.sqrt(self.variance[o, :, i]))
-            A[np.ix_(entry.place, entry.place)] += J @ J.T
+        grams = {entry: np.zeros(2 * factors.by.shape[1:]) for entry, factors in self.factors.items()}
+        for lines, shared in self.some_lines():
+            for entry, gram in grams.items():
+                f = self.weighted(entry, lines, shared).view(float)
+                gram += f @ f.T
+        for entry, gram in grams.items():
+            place, by = self.factors[entry].place, self.factors[entry].by
+            A[np.ix_(place, place)] += by @ gram @ by.T
         return A
-
-
-def _real(by: Complex[np.ndarray, "unknown line"]) -> Float[np.ndarray, "unknown number"]:
-    return np.ascontiguousarray(by).view(float)
 
 
 def inverse_root(A: np.ndarray, held: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -186,11 +212,14 @@ def _scores_spread(
     and West's (1987) weights over as many lines as the residual stays correlated.
     """
     scores = np.zeros((each.unknowns, residual.shape[1]))
-    for o, i, entry in each:
-        size = np.sqrt(each.variance[o, :, i])
-        J = entry.by / size
-        left = _without_leverage(J, residual[o, :, i] / size, inverse[np.ix_(entry.place, entry.place)])
-        scores[entry.place] += np.real(J.conj() * left)
+    hats = {k: e.by.T @ inverse[np.ix_(e.place, e.place)] @ e.by for k, e in each.factors.items()}
+    for lines, shared in each.some_lines():
+        for (o, i), entry in each.factors.items():
+            f = each.weighted((o, i), lines, shared)
+            r = residual[o, lines, i] * np.exp(each.s[lines] * entry.delay_s)
+            re, im = np.real(f).copy(), np.imag(f).copy()
+            left = _without_leverage(re, im, hats[o, i], r / np.sqrt(each.variance[o, lines, i]))
+            scores[entry.place, lines] += entry.by @ (re * np.real(left) + im * np.imag(left))
     # The weights 1 - |lag| / width are a window of so many lines, convolved with itself.
     width = _correlated_lags(residual / np.sqrt(each.variance)) + 1
     sums = np.cumsum(np.pad(scores, ((0, 0), (width, width - 1))), axis=1)
@@ -198,18 +227,24 @@ def _scores_spread(
     return windows @ windows.T / width
 
 
-def _without_leverage(J: np.ndarray, r: np.ndarray, inverse: np.ndarray) -> Complex[np.ndarray, " line"]:
-    """(I - h)^-1 r on each line, h the 2 x 2 block of the hat matrix for real and imaginary part."""
-    re, im = np.real(J), np.imag(J)
-    by_re, by_im = inverse @ re, inverse @ im
-    h = np.empty((len(r), 2, 2))
-    h[:, 0, 0] = np.sum(re * by_re, axis=0)
-    h[:, 1, 1] = np.sum(im * by_im, axis=0)
-    h[:, 0, 1] = h[:, 1, 0] = np.sum(re * by_im, axis=0)
-    size, direction = np.linalg.eigh(h)
-    along = np.einsum("kij,ki->kj", direction, np.stack([np.real(r), np.imag(r)], axis=1))
-    left = np.einsum("kij,kj->ki", direction, along / (1.0 - np.clip(size, 0.0, MOST_LEVERAGE)))
-    return left[:, 0] + 1j * left[:, 1]
+def _without_leverage(
+    re: Float[np.ndarray, "function line"],
+    im: Float[np.ndarray, "function line"],
+    hat: Float[np.ndarray, "function function"],
+    r: Complex[np.ndarray, " line"],
+) -> Complex[np.ndarray, " line"]:
+    """(I - h)^-1 r on each line, h the 2 x 2 block of the hat matrix for real and imaginary part.
+
+    Of h, whose eigenvalues are m + d and m - d, a function is its mean at these and half of its difference
+    times (h - m I) / d, which turns r into (a + j b) conj(r) / d, a half the difference of the diagonal.
+    """
+    by_im = hat @ im
+    first, second = np.sum(re * (hat @ re), axis=0), np.sum(im * by_im, axis=0)
+    middle, apart = 0.5 * (first + second), 0.5 * (first - second) + 1j * np.sum(re * by_im, axis=0)
+    size = np.abs(apart)
+    more, less = (1.0 / (1.0 - np.clip(middle + d, 0.0, MOST_LEVERAGE)) for d in (size, -size))
+    turned = apart / np.maximum(size, np.finfo(float).tiny) * r.conj()
+    return 0.5 * (more + less) * r + 0.5 * (more - less) * turned
 
 
 def _correlated_lags(z: Complex[np.ndarray, "output line input"]) -> int:

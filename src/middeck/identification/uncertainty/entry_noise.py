@@ -15,7 +15,7 @@ import scipy.ndimage
 from jaxtyping import Complex, Float
 
 from middeck.identification.fit.weights import NEIGHBOURS
-from middeck.identification.uncertainty.unknowns import EntrySlopes
+from middeck.identification.uncertainty.entry_factors import EntrySlopes
 from middeck.systems.response import FrequencyResponse
 
 # Mean square coherence of independent noise is one over its degrees of freedom: what is twice that is common.

@@ -9,7 +9,8 @@ from jaxtyping import Complex, Float
 from middeck.errors import ConfigError
 from middeck.identification.measurement_model import MeasurementModel, damping_ratio, natural_hz
 from middeck.identification.uncertainty.covariance import ModelCovariance
-from middeck.identification.uncertainty.unknowns import Places, entry_slopes, places_of
+from middeck.identification.uncertainty.entry_factors import entry_slopes
+from middeck.identification.uncertainty.unknowns import Places, places_of
 from middeck.systems.ports import Port
 from middeck.values import record
 

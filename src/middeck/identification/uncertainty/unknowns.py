@@ -123,18 +123,19 @@ def unknowns_of(model: MeasurementModel, structure: Structure) -> Float[np.ndarr
     _put(x, at.b, _parts(model.participation))
     _put(x, at.c, _parts(phi))
     for place, value in (
-        (at.rigid, _of(model, model.rigid)),
-        (at.integral, _of(model, model.integral)),
+        (at.rigid, part_of(model, model.rigid)),
+        (at.integral, part_of(model, model.integral)),
         (at.lower, model.lower),
         (at.direct, model.direct),
         (at.delay, model.delay_s),
-        (at.path, _of(model, model.path_delay_s)),
+        (at.path, part_of(model, model.path_delay_s)),
     ):
         _put(x, place, value)
     return x
 
 
-def _of(model: MeasurementModel, part: np.ndarray | None) -> Float[np.ndarray, "output input"]:
+def part_of(model: MeasurementModel, part: np.ndarray | None) -> Float[np.ndarray, "output input"]:
+    """A part of the model that not every model has."""
     return np.zeros(model.direct.shape) if part is None else part
 
 
@@ -148,10 +149,11 @@ def _take(x: np.ndarray, place: np.ndarray, otherwise: np.ndarray) -> np.ndarray
 
 def _constants(model: MeasurementModel, structure: Structure) -> Complex[np.ndarray, "output mode"]:
     """c as the fit has it: phi = 2 j omega_d c of a pair with real constants."""
-    return model.shapes * _unit(model.poles, model.is_pair, structure)
+    return model.shapes * unit_of(model.poles, model.is_pair, structure)
 
 
-def _unit(poles: np.ndarray, pair: np.ndarray, structure: Structure) -> np.ndarray:
+def unit_of(poles: np.ndarray, pair: np.ndarray, structure: Structure) -> np.ndarray:
+    """By what an output vector is multiplied to be a modal constant, where those are real."""
     return np.where(pair & structure.real_constants, 2j * np.imag(poles), 1.0)
 
 
@@ -163,7 +165,7 @@ def model_at(
     omega = np.where(pair, np.exp(_take(x, at.omega, np.zeros(len(pair)))), np.imag(model.poles))
     poles = -np.exp(x[at.sigma]) + 1j * omega
     b = _complex(x, at.b, model.participation)
-    c = _complex(x, at.c, _constants(model, structure)) / _unit(poles, pair, structure)
+    c = _complex(x, at.c, _constants(model, structure)) / unit_of(poles, pair, structure)
     return dataclasses.replace(
         model,
         poles=poles,
@@ -189,68 +191,6 @@ def _complex(x: np.ndarray, place: np.ndarray, otherwise: np.ndarray) -> np.ndar
     return parts[..., 0] + 1j * parts[..., 1]
 
 
-@record
-class EntrySlopes:
-    """Response of one entry of H at some s, and its derivatives by the unknowns it depends on."""
-
-    H: Complex[np.ndarray, " line"]
-    place: Int[np.ndarray, " unknown"]
-    by: Complex[np.ndarray, "unknown line"]
-
-
-def entry_slopes(
-    model: MeasurementModel,
-    structure: Structure,
-    s: Complex[np.ndarray, " line"],
-    output: int,
-    input: int,
-) -> EntrySlopes:
-    """H_oi and its derivatives at ``s``, which need not lie on the imaginary axis."""
-    at, pair = places_of(model, structure), model.is_pair
-    T = 0.0 if model.sample_hz is None else 1.0 / model.sample_hz
-    q, pole = (np.exp(s * T), np.exp(model.poles * T)) if T else (s, model.poles)
-    slope = T * pole if T else np.ones_like(pole)
-    c, b = model.shapes[output][:, None], model.participation[:, input, None]
-    up, low = 1.0 / (q - pole[:, None]), pair[:, None] / (q - pole[:, None].conj())
-    term, twin = c * b * up, (c * b).conj() * low
-    late = np.exp(-s * (model.delay_s[output] + _of(model, model.path_delay_s)[output, input]))
-    slow = model.lower[output, input] + _of(model, model.rigid)[output, input]
-    slow = slow / s**2 + _of(model, model.integral)[output, input] / s
-    H = (np.sum(term + twin, axis=0) + slow + model.direct[output, input]) * late
-    # By the pole and by its conjugate, as if independent.
-    by_pole, by_twin = term * slope[:, None] * up, twin * slope.conj()[:, None] * low
-    decay, omega = np.real(model.poles)[:, None], np.imag(model.poles)[:, None]
-    scaled = (term + twin) if structure.real_constants else 0.0  # phi is held: c goes with 1 / omega_d
-    unit = 1.0 / _unit(model.poles, pair, structure)[:, None]
-    blocks = (
-        (at.sigma, decay * (by_pole + by_twin)),
-        (at.omega, 1j * omega * (by_pole - by_twin) - scaled),
-        (at.b[:, input, 0], c * up + c.conj() * low),
-        (at.b[:, input, 1], 1j * (c * up - c.conj() * low)),
-        (at.c[output, :, 0], unit * b * up + (unit * b).conj() * low),
-        (at.c[output, :, 1], 1j * (unit * b * up - (unit * b).conj() * low)),
-        (at.rigid[output, input, None], 1.0 / s[None] ** 2),
-        (at.integral[output, input, None], 1.0 / s[None]),
-        (at.lower[output, input, None], 1.0 / s[None] ** 2),
-        (at.direct[output, input, None], np.ones((1, len(s)))),
-        (at.delay[output, None], -s[None] * H[None] / late),
-        (at.path[output, input, None], -s[None] * H[None] / late),
-    )
-    place = np.concatenate([p for p, _ in blocks])
-    by = np.concatenate([v for _, v in blocks]) * late
-    return EntrySlopes(H, *_together(place[place >= 0], by[place >= 0]))
-
-
-def _together(place: np.ndarray, by: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Slopes by what stands in one place are added."""
-    once, which = np.unique(place, return_inverse=True)
-    if len(once) == len(place):
-        return place, by
-    total = np.zeros((len(once), by.shape[1]), dtype=complex)
-    np.add.at(total, which, by)
-    return once, total
-
-
 def ties(model: MeasurementModel, structure: Structure) -> Float[np.ndarray, "tie unknown"]:
     """Derivatives of what the fit held at zero: the sum of all residues of each path, if it was."""
     at = places_of(model, structure)
@@ -259,7 +199,7 @@ def ties(model: MeasurementModel, structure: Structure) -> Float[np.ndarray, "ti
         return np.zeros((0, at.size))
     G = np.zeros((outputs, inputs, at.size))
     twice = np.where(model.is_pair, 2.0, 1.0)
-    unit = 1.0 / _unit(model.poles, model.is_pair, structure)
+    unit = 1.0 / unit_of(model.poles, model.is_pair, structure)
     for m in range(len(model.poles)):
         for o in range(outputs):
             for i in range(inputs):

@@ -1,0 +1,126 @@
+"""Derivatives of the entries of a response as real combinations of few functions that all entries share.
+
+As for a fit's columns (`fit.factors`): with u = 1/(q - lambda) and l = 1/(q - conj lambda) any term of a pair
+is z u + conj(z) l = Re z (u + l) + Im z j(u - l), and its derivative by the pole the same of squares. An
+entry's own is only its derivative by its delay.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Complex, Float, Int
+
+from middeck.identification.measurement_model import MeasurementModel
+from middeck.identification.uncertainty.unknowns import (
+    Places,
+    Structure,
+    part_of,
+    places_of,
+    unit_of,
+)
+from middeck.values import record
+
+
+@record
+class EntrySlopes:
+    """Response of one entry of H at some s, and its derivatives by the unknowns it depends on."""
+
+    H: Complex[np.ndarray, " line"]
+    place: Int[np.ndarray, " unknown"]
+    by: Complex[np.ndarray, "unknown line"]
+
+
+def entry_slopes(
+    model: MeasurementModel,
+    structure: Structure,
+    s: Complex[np.ndarray, " line"],
+    output: int,
+    input: int,
+) -> EntrySlopes:
+    """H_oi and its derivatives at ``s``, which need not lie on the imaginary axis."""
+    entry = entry_factors(model, structure, places_of(model, structure), output, input)
+    functions = entry.functions(shared_functions(model, s), s)
+    late = np.exp(-s * entry.delay_s)
+    H = combined(entry.response[None], functions[:-1])[0] * late
+    return EntrySlopes(H, entry.place, combined(entry.by, functions) * late)
+
+
+class EntryFactors(NamedTuple):
+    """One entry: which unknowns it depends on, its derivatives and itself by the functions, and its delay.
+
+    The last function of the derivatives is the entry's own, -s H.
+    """
+
+    place: Int[np.ndarray, " unknown"]
+    by: Float[np.ndarray, "unknown function"]
+    response: Float[np.ndarray, " function"]
+    delay_s: float
+
+    def functions(
+        self, shared: Complex[np.ndarray, "function line"], s: Complex[np.ndarray, " line"]
+    ) -> Complex[np.ndarray, "function line"]:
+        """The functions of `shared_functions` and the entry's own, all without its delay."""
+        return np.concatenate([shared, (-s * combined(self.response[None], shared))])
+
+
+def combined(
+    factors: Float[np.ndarray, "row function"], functions: Complex[np.ndarray, "function line"]
+) -> Complex[np.ndarray, "row line"]:
+    """Real combinations of functions."""
+    return (factors @ np.ascontiguousarray(functions).view(float)).view(complex)
+
+
+def shared_functions(
+    model: MeasurementModel, s: Complex[np.ndarray, " line"]
+) -> Complex[np.ndarray, "function line"]:
+    """u + l and j(u - l) of each mode, the same of squares, 1/s^2, 1/s and 1, at any ``s``; l = 0 if real."""
+    T = 0.0 if model.sample_hz is None else 1.0 / model.sample_hz
+    q, pole = (np.exp(s * T), np.exp(model.poles * T)) if T else (s, model.poles)
+    u, low = 1.0 / (q - pole[:, None]), model.is_pair[:, None] / (q - pole[:, None].conj())
+    of_poles = [u + low, 1j * (u - low), u**2 + low**2, 1j * (u**2 - low**2)]
+    return np.concatenate([*of_poles, [1.0 / s**2, 1.0 / s, np.ones(len(s))]])
+
+
+def entry_factors(
+    model: MeasurementModel, structure: Structure, at: Places, output: int, input: int
+) -> EntryFactors:
+    """Of H_oi, for unknowns at their places."""
+    modes = len(model.poles)
+    rows: list[tuple[Int[np.ndarray, " unknown"], Float[np.ndarray, "unknown function"]]] = []
+
+    def put(place: np.ndarray, squares: bool, z: Complex[np.ndarray, " mode"]) -> None:
+        C = np.zeros((modes, 4 * modes + 4))
+        m = np.arange(modes) + 2 * modes * squares
+        C[np.arange(modes), m], C[np.arange(modes), modes + m] = np.real(z), np.imag(z)
+        rows.append((place, C))
+
+    T = 0.0 if model.sample_hz is None else 1.0 / model.sample_hz
+    c, b = model.shapes[output], model.participation[:, input]
+    # By the pole; what follows the conjugate comes with it.
+    z = c * b * (T * np.exp(model.poles * T) if T else 1.0)
+    unit = 1.0 / unit_of(model.poles, model.is_pair, structure)
+    put(at.sigma, True, np.real(model.poles) * z)
+    put(at.omega, True, 1j * np.imag(model.poles) * z)
+    if structure.real_constants:  # phi is held: c goes with 1 / omega_d
+        put(at.omega, False, -c * b)
+    put(at.b[:, input, 0], False, c)
+    put(at.b[:, input, 1], False, 1j * c)
+    put(at.c[output, :, 0], False, unit * b)
+    put(at.c[output, :, 1], False, 1j * unit * b)
+    last = 4 * modes + np.array([0, 1, 0, 2, 3, 3])
+    constant = [x[output, input] for x in (at.rigid, at.integral, at.lower, at.direct)]
+    rows.append(
+        (np.array([*constant, at.delay[output], at.path[output, input]]), np.eye(4 * modes + 4)[last])
+    )
+    place, by = (np.concatenate(x) for x in zip(*rows, strict=True))
+    once, which = np.unique(place[place >= 0], return_inverse=True)
+    total = np.zeros((len(once), by.shape[1]))
+    np.add.at(total, which, by[place >= 0])
+    slow = [model.lower[output, input] + part_of(model, model.rigid)[output, input]]
+    slow += [part_of(model, model.integral)[output, input], model.direct[output, input]]
+    none = np.zeros(2 * modes)
+    response = np.concatenate([np.real(c * b), np.imag(c * b), none, slow])
+    delay_s = model.delay_s[output] + part_of(model, model.path_delay_s)[output, input]
+    return EntryFactors(once, total, response, float(delay_s))
