@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Literal, TypedDict
 
 from middeck.cli.blame import reading
 from middeck.cli.settings import FitSettings
 from middeck.errors import ConfigError
 from middeck.files.records import Columns, load_records, split_periods
 from middeck.identification.faults import detect_faults
+from middeck.identification.fit.choices import Constants, Delay
 from middeck.identification.fit.fit_response import FitResult, fit_response
 from middeck.identification.samples.fit_record import fit_record
 from middeck.identification.spectra import (
@@ -72,17 +74,9 @@ def _fit_response(taken: Record, settings: FitSettings, seen: tuple[str, ...]) -
     )
     reaches = measured.frequency_hz[-1] > HELD_ABOVE * taken.sample_hz
     sampled = bool(reaches) if settings.sampled is None else settings.sampled
+    sample_hz = taken.sample_hz if sampled else None
     fit = fit_response(
-        measured,
-        states=settings.states,
-        sample_hz=taken.sample_hz if sampled else None,
-        constants=settings.constants,
-        delay=False if settings.delay == "none" else settings.delay,
-        residuals=settings.residuals,
-        full_rank=settings.full_rank,
-        rigid=settings.rigid,
-        relative_degree=settings.relative_degree,
-        cost=settings.cost,
+        measured, states=settings.states, sample_hz=sample_hz, cost=settings.cost, **_kind(settings)
     )
     chosen = settings.sampled is None and sampled
     warnings = [_chosen(measured.frequency_hz[-1], taken.sample_hz)] if chosen else []
@@ -103,15 +97,13 @@ def _fit_record(taken: Record, settings: FitSettings, seen: tuple[str, ...]) -> 
     last_hz = band_hz[1]
     reaches = last_hz > HELD_ABOVE * taken.sample_hz
     sampled = reaches if settings.sampled is None else settings.sampled
-    _refuse_for_records(settings)
+    if settings.cost != "weighted":
+        raise ConfigError(
+            "the samples of a record that is not periodic are fitted by their likelihood, no other cost",
+            hint="--method 'local rational' fits an estimated response instead",
+        )
     fit = fit_record(
-        taken,
-        states=settings.states,
-        sampled=sampled,
-        band_hz=settings.band_hz,
-        constants=settings.constants,
-        delay=None if settings.delay is None else settings.delay != "none",
-        residuals=settings.residuals,
+        taken, states=settings.states, sampled=sampled, band_hz=settings.band_hz, **_kind(settings)
     )
     warnings = (_chosen(last_hz, taken.sample_hz),) if settings.sampled is None and sampled else ()
     return Identified(
@@ -119,21 +111,27 @@ def _fit_record(taken: Record, settings: FitSettings, seen: tuple[str, ...]) -> 
     )
 
 
-def _refuse_for_records(settings: FitSettings) -> None:
-    """What a direct fit of samples does not know; a fit to an estimated response does."""
-    asked = {
-        "cost": settings.cost != "weighted",
+class _Kind(TypedDict):
+    constants: Constants | None
+    delay: bool | Delay | None
+    residuals: bool
+    full_rank: bool
+    rigid: int
+    integrators: int
+    relative_degree: Literal[0, 1, 2] | None
+
+
+def _kind(settings: FitSettings) -> _Kind:
+    """The kind of model, in the words that both fits share."""
+    return {
+        "constants": settings.constants,
+        "delay": False if settings.delay == "none" else settings.delay,
+        "residuals": settings.residuals,
         "full_rank": settings.full_rank,
-        "rigid": settings.rigid > 0,
-        "relative_degree": settings.relative_degree is not None,
-        "delay": settings.delay in ("path", "common"),
+        "rigid": settings.rigid,
+        "integrators": settings.integrators,
+        "relative_degree": settings.relative_degree,
     }
-    unknown = [name for name, is_asked in asked.items() if is_asked]
-    if unknown:
-        raise ConfigError(
-            f"the samples of a record that is not periodic are fitted without {', '.join(unknown)}",
-            hint="--method 'local rational' fits an estimated response instead",
-        )
 
 
 def _chosen(last_hz: float, sample_hz: float) -> str:

@@ -59,7 +59,8 @@ METHODS = ("samples", "periods", "local rational", "local polynomial", "h1", "h2
     type=click.Choice(["none", "output", "path", "common"]),
     help="What has a delay of its own.  [default: each output; none with complex constants]",
 )
-@click.option("--rigid", type=click.IntRange(0, 6), help="Free rigid-body modes among the states.")
+@click.option("--rigid", type=click.IntRange(0, 6), help="Free rigid-body modes, 1/s^2, among the states.")
+@click.option("--integrators", type=click.IntRange(0, 6), help="Single poles at zero, 1/s, among the states.")
 @click.option("--residuals", is_flag=True, default=None, help="Terms for the modes outside the band.")
 @click.option("--full-rank", is_flag=True, default=None, help="Residues of any rank.")
 @click.option(
@@ -104,7 +105,7 @@ def verb(
     steady periods are used where the record has them (the input shows it, or --periods says so) and the
     response is fitted line by line; otherwise the samples are fitted, with a transient that shares the poles.
     --set takes the names of the options: states, band_hz, sampled, method, reference, cost, constants, delay,
-    rigid, residuals, full_rank, relative_degree and periods.
+    rigid, integrators, residuals, full_rank, relative_degree and periods.
     """
     from middeck.cli.fitting import identify
     from middeck.cli.settings import FitSettings, settle
