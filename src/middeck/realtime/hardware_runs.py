@@ -86,7 +86,9 @@ def run_hardware_closed_loop(
         return Run(None, None, f"diverged: {error}", events=taken.counter.total())
     if stop is not None:
         return _stopped(rig, u, taken, stop)
-    measured, control, torque = taken.joined(settle * len(u), (periods, len(u)))
+    measured, control, torque = (
+        x[settle * len(u) :].reshape(periods, len(u), x.shape[1]) for x in taken.joined()
+    )
     gyro = np.array([isinstance(s, Gyro) for s in rig.sensors], dtype=bool)
     y = remove_ramps(measured, gyro)
     repeated = np.broadcast_to(u, (periods, *u.shape))
@@ -144,32 +146,33 @@ class _Taken:
         # The measured outputs are a view of all the computer's numbers.
         self.rows.append((block.measured.copy(), block.control.copy(), block.torque))
 
-    def joined(self, first: int, shape: tuple[int, int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Measured, control and torque from sample ``first``, by period."""
-        measured, control, torque = (np.concatenate(x)[first:] for x in zip(*self.rows, strict=True))
-        return tuple(x.reshape(*shape, -1) for x in (measured, control, torque))  # pyright: ignore[reportReturnType]
+    def joined(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Measured, control and torque, sample by sample."""
+        measured, control, torque = zip(*self.rows, strict=True)
+        return np.concatenate(measured), np.concatenate(control), np.concatenate(torque)
 
 
 def _stopped(rig: HardwareRig, u: np.ndarray, taken: _Taken, stop: tuple[int, int]) -> Run:
     """The run until the last block's sample ``stop``, and what was growing then."""
     last = len(taken.rows[-1][0])
     count = sum(len(rows[0]) for rows in taken.rows) - last + stop[0] + 1
-    measured = taken.joined(0, (1, -1))[0][:, :count]
+    measured = taken.joined()[0][:count]
     time_s, port = (count - 1) / rig.sample_hz, rig.outputs[stop[1]]
-    where = measured[0, -round(LOOK_BACK_S * rig.sample_hz) :, stop[1]]
+    where = measured[-round(LOOK_BACK_S * rig.sample_hz) :, stop[1]]
     cause = (
         f"stopped: {port.name} at {where[-1]:.3g} {port.unit} after {time_s:.3g} s, mostly at "
         f"{_strongest_hz(where, rig.sample_hz):.3g} Hz"
     )
     given = np.resize(u, (1, 1, count, u.shape[1]))
-    partial = Record(rig.sample_hz, given, measured[None], rig.inputs, rig.outputs, False)
+    partial = Record(rig.sample_hz, given, measured[None, None], rig.inputs, rig.outputs, False)
     events: RunEvents = taken.counter.total(time_s)
     return Run(None, None, cause, events=events, partial=partial)
 
 
 def _strongest_hz(x: Float[np.ndarray, " sample"], sample_hz: float) -> float:
-    """Frequency of the largest line of a tapered piece, its mean and slope taken out."""
+    """Frequency of the peak of a tapered piece's spectrum, its mean and slope taken out."""
     time = np.linspace(-1.0, 1.0, len(x))
     flat = x - x.mean() - time * (x @ time) / max(float(time @ time), 1e-300)
-    spectrum = np.abs(np.fft.rfft(flat * np.hanning(len(x))))
-    return float(np.argmax(spectrum) * sample_hz / len(x))
+    samples = 8 * len(x)
+    spectrum = np.abs(np.fft.rfft(flat * np.hanning(len(x)), samples))
+    return float(np.argmax(spectrum) * sample_hz / samples)

@@ -1,0 +1,283 @@
+"""The rig as hardware: without limits the linear rig, with joints the nonlinear one; delays are exact."""
+
+from __future__ import annotations
+
+import tracemalloc
+
+import numpy as np
+import pytest
+
+from middeck.errors import ConfigError
+from middeck.realtime.hardware_rig import (
+    build_hardware_rig,
+    connect_law,
+    cut_blocks,
+    linearise_rig,
+    stream_hardware,
+)
+from middeck.realtime.hardware_runs import (
+    StopRule,
+    remove_ramps,
+    run_hardware_closed_loop,
+    run_hardware_open_loop,
+)
+from middeck.realtime.hybrid import simulate_hybrid, start_hybrid
+from middeck.realtime.motors import Motor, Rotor
+from middeck.realtime.nonlinear_rig import build_nonlinear_rig
+from middeck.realtime.rig import build_linear_rig, close_sampled_loop
+from middeck.realtime.sensors import Encoder, Gyro, Sampler, sensor_lag
+from middeck.systems.deadband import Deadband
+from middeck.systems.excitation import random_multisine
+from middeck.systems.friction import Friction
+from middeck.systems.joint_simulation import JointElements, simulate_joints
+from middeck.systems.modal import ModalSystem
+from middeck.systems.plant import Plant
+from middeck.systems.ports import Port
+from middeck.systems.response import statespace_response
+from middeck.systems.sampling import tustin
+from middeck.systems.simulation import simulate
+from middeck.systems.stability import growth_rates
+from middeck.systems.statespace import SampledStateSpace, StateSpace
+
+RATE, DELAY = 500.0, 0.0103  # not a whole number of samples
+INPUTS = (Port("base", "N m"), Port("pri_rel_z", "N m"))
+OUTPUTS = (Port("bus_z", "rad"), Port("pri_rel_z", "rad"))
+GYRO = Gyro(bandwidth_hz=100.0, anti_alias_hz=200.0)
+
+
+@pytest.fixture(scope="module")
+def plant():
+    omega = 2.0 * np.pi * np.array([0.9, 1.3, 7.2, 31.0])
+    joint, bus = np.array([0.8, 3.0, 1.1, 0.4]), np.array([0.3, 0.2, -0.4, 0.2])
+    psi, phi = np.stack([bus, joint], axis=1), np.stack([bus, joint])
+    return Plant(ModalSystem(omega, np.full(4, 0.02), psi, phi, 0.0 * phi, tuple("abcd")), INPUTS, OUTPUTS)
+
+
+def rig_of(plant, motors=None, sensors=None, **more):
+    motors = {"base": Motor(), "pri_rel_z": Motor()} if motors is None else motors
+    sensors = {"bus_z": Sampler(), "pri_rel_z": Sampler()} if sensors is None else sensors
+    return build_hardware_rig(
+        plant, motors=motors, sensors=sensors, **{"sample_hz": RATE, "delay_s": DELAY} | more
+    )
+
+
+def linear_rig(plant, delay_s=DELAY):
+    return build_linear_rig(plant, sample_hz=RATE, delay_s=delay_s, noise_rms=np.zeros(2))
+
+
+def damper(gain=0.05):
+    """Rate feedback of both angles to both torques behind a roll-off, to be added at the plant's input."""
+    w = 2.0 * np.pi * 3.0
+    A = np.kron(np.eye(2), np.array([[0.0, 1.0], [-(w**2), -1.4 * w]]))
+    B, C = np.kron(np.eye(2), np.array([[0.0], [w**2]])), np.kron(np.eye(2), np.array([[0.0, -gain]]))
+    return tustin(StateSpace(A, B, C, np.zeros((2, 2))), 1.0 / RATE)
+
+
+def noise(samples=3000, seed=0, inputs=2):
+    return np.random.default_rng(seed).standard_normal((samples, inputs))
+
+
+def run_through(rig, law, u, rng=None, size=777):
+    system = connect_law(rig, law)
+    start = start_hybrid(system, np.zeros(len(rig.outputs)))
+    rng = np.random.default_rng(0) if rng is None else rng
+    blocks = list(simulate_hybrid(system, cut_blocks(u, size), rng, start))
+    return {n: np.concatenate([getattr(b, n) for b in blocks]) for n in blocks[0]._fields if n != "state"}
+
+
+@pytest.mark.parametrize("steps", [1, 3])
+@pytest.mark.parametrize("delay", [0.5 / RATE, 0.003, DELAY])
+def test_without_limits_it_is_the_linear_rig(plant, steps, delay):
+    u, law = noise(), damper()
+    hardware = rig_of(plant, steps=steps, delay_s=delay)
+    if delay == 0.5 / RATE:  # no true delay: the linear rig then answers at the next sample, as this one
+        assert hardware.plant.late == 0
+    loop = close_sampled_loop(linear_rig(plant, delay).sampled, law)
+    y, _ = simulate(loop, np.hstack([u, np.zeros_like(u)]))
+    taken = run_through(hardware, law, u)
+    # Rounding of 3000 steps of lightly damped modes.
+    np.testing.assert_allclose(taken["measured"], y[:, :2], rtol=0.0, atol=1e-11 * np.abs(y[:, :2]).max())
+    np.testing.assert_allclose(taken["control"], y[:, 2:], rtol=0.0, atol=1e-11 * np.abs(y[:, 2:]).max())
+    np.testing.assert_allclose(taken["torque"], u + taken["control"], rtol=0.0, atol=1e-15)
+    linear = linearise_rig(hardware)
+    hz = np.geomspace(0.1, 240.0, 50)
+    ours, theirs = (
+        statespace_response(s, 2.0 * np.pi * hz) for s in (linear.sampled, linear_rig(plant, delay).sampled)
+    )
+    np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=1e-11 * np.abs(theirs).max())
+
+
+@pytest.mark.parametrize("element", [Friction(0.02, 2.0, 0.01), Deadband(0.01, 3.0)], ids=["rubs", "knocks"])
+@pytest.mark.parametrize("steps", [1, 4])
+def test_with_joints_it_is_the_nonlinear_rig(plant, element, steps):
+    u = 0.3 * noise()
+    joints = [JointElements("pri_rel_z", "pri_rel_z", (element,))]
+    taken = run_through(rig_of(plant, joints=joints, steps=steps), None, u)
+    rig = build_nonlinear_rig(
+        plant, joints, sample_hz=RATE, delay_s=DELAY, noise_rms=np.zeros(2), steps=steps
+    )
+    y, _ = simulate_joints(rig.stepper, np.repeat(u, steps, axis=0))
+    assert np.abs(y[::steps] - run_through(rig_of(plant), None, u)["measured"]).max() > 1e-3  # it matters
+    # Rounding, which a slider's corner amplifies.
+    np.testing.assert_allclose(taken["measured"], y[::steps], rtol=0.0, atol=1e-10 * np.abs(y).max())
+
+
+@pytest.mark.parametrize("steps", [1, 5])
+def test_every_sensor_is_late_by_the_same_total_delay(plant, steps):
+    hz = np.geomspace(0.2, 20.0, 40)
+    sensors = {"bus_z": GYRO, "pri_rel_z": Encoder(1e-12)}
+    H = statespace_response(
+        linearise_rig(rig_of(plant, sensors=sensors, steps=steps)).sampled, 2 * np.pi * hz
+    )
+    exact = statespace_response(linear_rig(plant).sampled, 2.0 * np.pi * hz)
+    # The encoder waits for the gyro, by a part of a sample, exactly.
+    np.testing.assert_allclose(H[:, 1], exact[:, 1], rtol=0.0, atol=1e-11 * np.abs(exact).max())
+    # The gyro's own filters take the place of true delay. They miss its phase by the third power of w lag.
+    lag = sensor_lag(GYRO)
+    assert lag == pytest.approx((1.0 / 100.0 + np.sqrt(2.0) / 200.0) / (2.0 * np.pi))
+    ratio = H[:, 0, 1] / exact[:, 0, 1]
+    assert np.all(np.abs(np.angle(ratio)) < (2.0 * np.pi * hz * lag) ** 3)
+    # Exactly: the filters and the trapezoidal rule, w T/2 / tan(w T/2), in the place of the delay.
+    s = 2j * np.pi * hz
+    a, f = 2.0 * np.pi * 100.0, 2.0 * np.pi * 200.0
+    filters = a / (s + a) * f**2 / (s**2 + np.sqrt(2.0) * f * s + f**2) * np.exp(s * lag)
+    half = np.pi * hz / RATE
+    expected = filters * half / np.tan(half)
+    # What a plant with modes to 31 Hz folds from beyond 250 Hz into the samples, small beside the response.
+    at = hz < 10.0
+    np.testing.assert_allclose(ratio[at], expected[at], rtol=2e-3)
+
+
+def test_blocks_and_seeds_make_the_same_numbers(plant):
+    sensors = {"bus_z": Gyro(100.0, 2e-4, 1e-3, 1e-4, 200.0, 1e-4, 5.0), "pri_rel_z": Sampler(1e-3)}
+    rig = rig_of(plant, sensors=sensors)
+    taken = [run_through(rig, damper(), noise(), np.random.default_rng(5), size) for size in (100, 777, 3000)]
+    for other in taken[1:]:
+        for name, values in taken[0].items():
+            assert np.array_equal(values, other[name]), name
+    again = run_through(rig, damper(), noise(), np.random.default_rng(6))
+    assert not np.array_equal(again["measured"], taken[0]["measured"])
+
+
+def test_memory_does_not_grow_with_the_record(plant):
+    rig = rig_of(plant, motors={"base": Motor(1.0, resolution=1e-3)}, sensors={"bus_z": Encoder(1e-6)})
+    peaks = []
+    for count in (4, 24):
+        tracemalloc.start()
+        pieces = (np.ones((200, 1)) for _ in range(count))
+        for _ in stream_hardware(rig, None, pieces, np.random.default_rng(0)):
+            pass
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    # Six times as long, the same memory: a tenth for what the interpreter keeps.
+    assert peaks[1] < 1.1 * peaks[0]
+
+
+def test_a_run_gives_a_record_of_steady_periods(plant):
+    u = np.zeros((2000, 2))
+    u[:, 1] = random_multisine((0.5, 60.0), 4.0, RATE, 0.1, np.random.default_rng(1))
+    run = run_hardware_open_loop(rig_of(plant), u, periods=2, rng=np.random.default_rng(0), settle=40)
+    assert run.cause == ""
+    assert run.record.periodic
+    assert run.record.y.shape == (1, 2, 2000, 2)
+    assert run.control.shape == run.torque.shape == (2, 2000, 2)
+    assert not np.any(run.control)
+    spectra = [np.fft.rfft(x[0].mean(axis=0), axis=0)[2:241] for x in (run.record.u, run.record.y)]
+    H = spectra[1] / spectra[0][:, 1:]
+    hz = np.arange(2, 241) / 4.0
+    exact = statespace_response(linear_rig(plant).sampled, 2.0 * np.pi * hz)[:, :, 1]
+    # 40 periods at 0.11 rad/s and more leave 2e-8 of the start.
+    np.testing.assert_allclose(H, exact, rtol=0.0, atol=1e-7 * np.abs(exact).max())
+
+
+def test_an_unstable_loop_is_stopped_and_says_where(plant):
+    """Positive rate feedback drives the mode at 1.3 Hz: the motor saturates, the angle passes its stop."""
+    rig = rig_of(plant, motors={"base": Motor(0.2), "pri_rel_z": Motor(0.2)})
+    law = damper(-0.2)
+    u = 0.01 * noise(1000)
+    taken = {}
+    for name, stops in (("stopped", [StopRule("pri_rel_z", 0.3)]), ("left alone", [])):
+        taken[name] = run_hardware_closed_loop(
+            rig, law, u, periods=10, rng=np.random.default_rng(0), stops=stops, settle=0
+        )
+    stopped = taken["stopped"]
+    assert stopped.record is None
+    assert stopped.cause.startswith("stopped: pri_rel_z at ")
+    rates = growth_rates(close_sampled_loop(linearise_rig(rig).sampled, law))
+    growing = rates[np.argmax(rates.real)]
+    assert growing.real > 0.1
+    told = float(stopped.cause.split("mostly at ")[1].removesuffix(" Hz"))
+    # Four seconds are five turns: a twentieth of a hertz.
+    assert told == pytest.approx(abs(growing.imag) / (2.0 * np.pi), abs=0.05)
+    y = stopped.partial.y[0, 0, :, 1]
+    assert abs(y[-1]) > 0.3
+    assert np.abs(y[:-1]).max() <= 0.3
+    assert stopped.events.stopped_s == pytest.approx((len(y) - 1) / RATE)
+    assert stopped.partial.u.shape[2] == len(y)
+    # Nobody stops it: it goes on at the limit of its motor.
+    assert taken["left alone"].record is not None
+    assert taken["left alone"].events.saturated[1] > 0.1
+
+
+def test_a_loop_without_limits_that_overflows_has_a_cause(plant):
+    law = SampledStateSpace(np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((2, 0)), 1e6 * np.eye(2), 1.0 / RATE)
+    with np.errstate(over="ignore", invalid="ignore"):
+        run = run_hardware_closed_loop(
+            rig_of(plant), law, noise(2000), periods=1, rng=np.random.default_rng(0), settle=0
+        )
+    assert run.record is None
+    assert "overflow" in run.cause
+
+
+def test_ramps_are_taken_out_and_nothing_else():
+    rng = np.random.default_rng(2)
+    periodic = rng.standard_normal((100, 2)) - 0.3
+    y = np.broadcast_to(periodic, (4, 100, 2)).copy()
+    ramp = 0.02 * np.arange(400).reshape(4, 100)
+    y[:, :, 0] += ramp + 7.0
+    flat = remove_ramps(y, np.array([True, False]))
+    expected = np.broadcast_to(periodic[:, 0] - periodic[:, 0].mean(), (4, 100))
+    # The mean of four ramped periods is the ramp's; what is left is the periodic part without its mean.
+    np.testing.assert_allclose(flat[:, :, 0], expected, rtol=0.0, atol=1e-12)
+    assert np.array_equal(flat[:, :, 1], y[:, :, 1])
+
+
+def test_settings_that_cannot_be_are_refused(plant):
+    with pytest.raises(ConfigError, match="hold and filters"):
+        rig_of(plant, sensors={"bus_z": GYRO}, delay_s=0.003)
+    with pytest.raises(ConfigError, match="internal steps"):
+        rig_of(plant, steps=0)
+    with pytest.raises(ConfigError, match="no output named 'nose'"):
+        rig_of(plant, sensors={"nose": Sampler()})
+    with pytest.raises(ConfigError, match="no input named 'fin'"):
+        rig_of(plant, motors={"fin": Motor()})
+    rub = JointElements("pri_rel_z", "pri_rel_z", (Friction(0.1, 1.0),))
+    with pytest.raises(ConfigError, match="two entries"):
+        rig_of(plant, joints=[rub, rub])
+    with pytest.raises(ConfigError, match="all that the motor gives"):
+        Motor(1.0, holding=-1.5)
+    with pytest.raises(ConfigError, match="rotor"):
+        Rotor(0.0, 300.0)
+    with pytest.raises(ConfigError, match="noise = -1"):
+        Gyro(noise=-1.0)
+    with pytest.raises(ConfigError, match="the law has"):
+        connect_law(rig_of(plant), SampledStateSpace(
+            np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.zeros((1, 1)), 1.0 / RATE
+        ))  # fmt: skip
+    with pytest.raises(ConfigError, match="2 motors"):
+        list(stream_hardware(rig_of(plant), None, [np.ones((5, 3))], np.random.default_rng(0)))
+    with pytest.raises(ConfigError, match="periods"):
+        run_hardware_open_loop(rig_of(plant), noise(10), periods=0, rng=np.random.default_rng(0))
+    with pytest.raises(ConfigError, match="no output named"):
+        run_hardware_open_loop(
+            rig_of(plant), noise(10), periods=1, rng=np.random.default_rng(0), stops=[StopRule("x", 1.0)]
+        )
+
+
+def test_an_angle_that_answers_at_once_is_refused(plant):
+    modal = plant.dynamics
+    stiff = ModalSystem(
+        modal.omega, modal.zeta, modal.psi, modal.phi, modal.phi_rate, modal.names, None, np.ones((2, 2))
+    )
+    with pytest.raises(ConfigError, match="at once"):
+        rig_of(Plant(stiff, INPUTS, OUTPUTS))
