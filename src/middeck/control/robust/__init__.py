@@ -1,0 +1,50 @@
+"""Designs that survive what is not known of a plant, and how they do on plants they have not seen."""
+
+from middeck.control.robust.mode_shift import shift_modes
+from middeck.control.robust.monte_carlo import (
+    PlantOutcomes,
+    Verification,
+    outcomes_on,
+    stable_share,
+    verify_robustness,
+    worst_db,
+)
+from middeck.control.robust.multimodel import MultiModelCompensator, design_multimodel
+from middeck.control.robust.result import RobustCompensator, Stage
+from middeck.control.robust.structure import Station, Structure
+from middeck.control.robust.uncertainty import (
+    ModeShift,
+    Uncertainty,
+    corner_positions,
+    draw_positions,
+    end_positions,
+    finished_plants,
+    parameter_names,
+    perturb_plant,
+    without_delays,
+)
+
+__all__ = [
+    "ModeShift",
+    "MultiModelCompensator",
+    "PlantOutcomes",
+    "RobustCompensator",
+    "Stage",
+    "Station",
+    "Structure",
+    "Uncertainty",
+    "Verification",
+    "corner_positions",
+    "design_multimodel",
+    "draw_positions",
+    "end_positions",
+    "finished_plants",
+    "outcomes_on",
+    "parameter_names",
+    "perturb_plant",
+    "shift_modes",
+    "stable_share",
+    "verify_robustness",
+    "without_delays",
+    "worst_db",
+]

@@ -1,0 +1,177 @@
+"""The way to a law that stabilises all models: by authority, by discount, by the size of what is unknown."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from middeck.control.robust.blend import Stations, improve
+from middeck.control.robust.closed_cost import Law, spectral_abscissa
+from middeck.control.robust.design_model import DesignModel, discounted
+from middeck.control.robust.problem import Problem, models_of
+from middeck.control.robust.result import Stage
+from middeck.control.robust.starts import LADDER, find_starts, in_the_loop, stabilises
+from middeck.control.robust.structure import order_of, shifted, station_ports
+from middeck.errors import ConfigError, NumericalError
+from middeck.values import record
+
+LOOSE, TIDY = 1e-5, 1e-7
+"""Relative gain of ten steps at which a descent on the way ends, and one that is compared with others."""
+STEPS_ON_THE_WAY = 200
+SMALLEST_STEP = 1e-4
+"""Of the size of the perturbations: a law that cannot be carried so far stands before a wall."""
+ROUNDS, ROUND_STEPS = 60, 20
+RESTARTS = 4
+
+
+@record
+class Arrival:
+    """A law, the relative norm of the gradient there, and the legs so far."""
+
+    law: Law
+    gradient: float
+    history: tuple[Stage, ...]
+
+
+def approach(problem: Problem, start: Law | None, power: float) -> Arrival:
+    """A law that stabilises all models at full size, not yet the best.
+
+    At the size where the way begins (the nominal model alone for a box, all plants where they were given one
+    by one) a start is an LQG law of the right order, at the authority asked for or at a lower one, where laws
+    are weak and hold anything that is stable; the cost at a higher authority is then finite, and the law
+    descends it. Where nothing holds, all states are lent a decay and it is withdrawn as the law improves. The
+    perturbations then grow as far as the law holds, which is improved there, and so on.
+    """
+    stations = station_ports(problem.structure, problem.nominal)
+    arrival = _best_start(problem, stations, power) if start is None else _given(problem, start)
+    return _grow(problem, stations, arrival, power)
+
+
+def carry_on(problem: Problem, arrival: Arrival, power: float, tolerance: float) -> Arrival:
+    """Descend at full size; begun again in fresh coordinates as long as that helps."""
+    stations = station_ports(problem.structure, problem.nominal)
+    models = models_of(problem, 1.0, 1.0)
+    for _ in range(RESTARTS):
+        before = arrival
+        arrival = _step(models, stations, arrival, power, tolerance, 1.0, 1.0)
+        if (
+            before.history
+            and before.history[-1].cost - arrival.history[-1].cost < 1e-6 * arrival.history[-1].cost
+        ):
+            break
+    return arrival
+
+
+def _given(problem: Problem, start: Law) -> Arrival:
+    models = models_of(problem, 1.0, 0.0)
+    order = order_of(problem.structure, len(models[0].A))
+    shape = len(start.A), start.B.shape[1], len(start.C)
+    if shape != (order, len(models[0].C2), models[0].B2.shape[1]):
+        raise ConfigError(
+            f"a start of {shape[0]} states, {shape[1]} inputs and {shape[2]} outputs does not fit"
+        )
+    if not stabilises(models, start):
+        raise ConfigError(
+            "the law to start from does not stabilise the nominal plant", hint="leave out start="
+        )
+    return Arrival(start, np.inf, ())
+
+
+def _best_start(problem: Problem, stations: Stations, power: float) -> Arrival:
+    def models_at(ratio: float) -> Sequence[DesignModel]:
+        return models_of(problem, ratio, 0.0)
+
+    order = order_of(problem.structure, len(models_at(1.0)[0].A))
+    starts = list(find_starts(models_at, order, stations))
+    if len(starts) == 1 and starts[0][1] == 1.0:
+        return Arrival(starts[0][0], np.inf, ())
+    best: Arrival | None = None
+    for law, ratio in starts:
+        found = _climb(problem, stations, law, ratio, power)
+        if best is None or found.history[-1].cost < best.history[-1].cost:
+            best = found
+    if best is not None:
+        return best
+    if stations:
+        raise NumericalError(
+            "no decentralised start was found that stabilises the nominal plant", hint="give a law as start="
+        )
+    law = in_the_loop(models_at(1.0)[0], order)
+    return _withdraw_discount(models_at(1.0), stations, law)
+
+
+def _climb(problem: Problem, stations: Stations, law: Law, ratio: float, power: float) -> Arrival:
+    """From a lower authority to the one asked for, in half decades."""
+    arrival = Arrival(law, np.inf, ())
+    for level in sorted(r for r in LADDER if ratio < r < 1.0):
+        models = models_of(problem, level, 0.0)
+        arrival = _step(models, stations, arrival, power, LOOSE, 0.0, float(level))
+    return _step(models_of(problem, 1.0, 0.0), stations, arrival, power, TIDY, 0.0, 1.0)
+
+
+def _grow(problem: Problem, stations: Stations, arrival: Arrival, power: float) -> Arrival:
+    size = 0.0 if problem.growing else 1.0
+    while size < 1.0:
+        step = 1.0 - size
+        while not stabilises(models_of(problem, 1.0, size + step), arrival.law):
+            step /= 2.0
+            if step < SMALLEST_STEP:
+                raise NumericalError(
+                    f"no law of {len(arrival.law.A)} states was found for perturbations beyond {size:.3g} of "
+                    "those asked for",
+                    hint="a smaller uncertainty, a lower authority, or a higher order",
+                    size=size,
+                    law=arrival.law,
+                    history=arrival.history,
+                )
+        # Short of the edge, where the cost would be nearly infinite.
+        size = 1.0 if size + step >= 1.0 else size + 0.75 * step
+        models = models_of(problem, 1.0, size)
+        if size < 1.0:
+            arrival = _step(models, stations, arrival, power, LOOSE, size, 1.0)
+    return arrival
+
+
+def _withdraw_discount(models: Sequence[DesignModel], stations: Stations, law: Law) -> Arrival:
+    """Lend all states a decay that makes the loop stable, improve, lend less (Perdomo et al. 2021)."""
+    history: list[Stage] = []
+    floor = 1e-3 * float(np.median(np.abs(np.linalg.eigvals(models[0].A))))
+    for _ in range(ROUNDS):
+        growth = max(spectral_abscissa(model, law) for model in models)
+        if growth < 0.0:
+            return Arrival(law, np.inf, tuple(history))
+        rate = growth + 0.05 * max(growth, floor)
+        lent = [discounted(model, rate) for model in models]
+        found = improve(shifted(law, rate), lent, stations, power=1.0, tolerance=LOOSE, steps=ROUND_STEPS)
+        if found is None:
+            break
+        law = shifted(found[0], -rate)
+        history.append(Stage(0.0, 1.0, rate, found[1].value, found[1].evaluations))
+    raise NumericalError(
+        f"no law of {len(law.A)} states was found that stabilises",
+        hint="a higher order, or a law to start from: start=",
+        law=law,
+        history=tuple(history),
+    )
+
+
+def _step(
+    models: Sequence[DesignModel],
+    stations: Stations,
+    arrival: Arrival,
+    power: float,
+    tolerance: float,
+    size: float,
+    ratio: float,
+) -> Arrival:
+    steps = STEPS_ON_THE_WAY if tolerance >= LOOSE else 2000
+    found = improve(arrival.law, models, stations, power=power, tolerance=tolerance, steps=steps)
+    if found is None:
+        raise NumericalError(
+            "the law lost a model on the way: rounding at the edge of stability", law=arrival.law,
+            history=arrival.history,
+        )  # fmt: skip
+    law, descent = found
+    leg = Stage(size, ratio, 0.0, descent.value, descent.evaluations)
+    return Arrival(law, descent.gradient, (*arrival.history, leg))

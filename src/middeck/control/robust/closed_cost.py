@@ -1,0 +1,114 @@
+"""The H2 cost of one model under one law, and its gradient, from one real Schur form.
+
+With A the closed loop's matrix, J = tr(C X C') where A X + X A' + B B' = 0, and with A' P + P A + C'C = 0
+the gradient is dJ = 2 tr(P X dA') + 2 tr(P B dB') + 2 tr(C X dC') (Levine and Athans 1970; for dynamic laws
+of any order Hyland and Bernstein 1984). Both equations share the Schur form of A.
+"""
+
+from __future__ import annotations
+
+from typing import Any, cast
+
+import numpy as np
+import scipy.linalg as sla
+from jaxtyping import Float
+from scipy.linalg import lapack
+
+from middeck.control.robust.design_model import DesignModel
+from middeck.values import record
+
+
+@record
+class Law:
+    """A strictly proper law x' = A x + B y, u = C x."""
+
+    A: Float[np.ndarray, "law law"]
+    B: Float[np.ndarray, "law y"]
+    C: Float[np.ndarray, "u law"]
+
+
+@record
+class LawCost:
+    """The cost of a model under a law, its gradient, and what scales the law's coordinates.
+
+    ``cost`` is ``inf`` and the rest None where the loop is unstable. ``covariance`` is that of the law's
+    states, ``worth`` the cost of a unit of each (the block of P); ``measured`` the mean square of each
+    measurement without sensor noise, ``pushed`` the worth of a push at each input.
+    """
+
+    cost: float
+    A: Float[np.ndarray, "law law"] | None = None
+    B: Float[np.ndarray, "law y"] | None = None
+    C: Float[np.ndarray, "u law"] | None = None
+    covariance: Float[np.ndarray, "law law"] | None = None
+    worth: Float[np.ndarray, "law law"] | None = None
+    measured: Float[np.ndarray, " y"] | None = None
+    pushed: Float[np.ndarray, " u"] | None = None
+
+
+def closed_matrices(model: DesignModel, law: Law) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A, B, C of the loop from w to e; states of the model, then the law's."""
+    n = len(model.A)
+    A = np.empty((n + len(law.A), n + len(law.A)))
+    A[:n, :n] = model.A
+    A[:n, n:] = model.B2 @ law.C
+    A[n:, :n] = law.B @ model.C2
+    A[n:, n:] = law.A + law.B @ (model.D22 @ law.C)
+    return A, np.vstack([model.B1, law.B @ model.D21]), np.hstack([model.C1, model.D12 @ law.C])
+
+
+def spectral_abscissa(model: DesignModel, law: Law) -> float:
+    """Largest real part of the closed loop's poles [rad/s]."""
+    return float(np.linalg.eigvals(closed_matrices(model, law)[0]).real.max(initial=-np.inf))
+
+
+def evaluate_cost(model: DesignModel, law: Law) -> LawCost:
+    """The cost and its gradient with respect to the law's matrices."""
+    A, B, C = closed_matrices(model, law)
+    n = len(model.A)
+    try:
+        T, U = cast("tuple[np.ndarray, np.ndarray]", sla.schur(A, check_finite=False))
+    except (sla.LinAlgError, ValueError):
+        return LawCost(np.inf)
+    # The diagonal of a standard real Schur form holds the real parts.
+    if not np.diag(T).max(initial=-np.inf) < 0.0:
+        return LawCost(np.inf)
+    X = U @ _solve_triangular(T, U.T @ B, transposed=False) @ U.T
+    P = U @ _solve_triangular(T, (C @ U).T, transposed=True) @ U.T
+    cost = float(np.sum((C @ X) * C))
+    if not np.isfinite(cost):
+        return LawCost(np.inf)
+    return _gradient(model, law, cost, (A, B, C), X, P, P @ X, P @ B, n)
+
+
+def _gradient(
+    model: DesignModel,
+    law: Law,
+    cost: float,
+    closed: tuple[np.ndarray, np.ndarray, np.ndarray],
+    X: np.ndarray,
+    P: np.ndarray,
+    PX: np.ndarray,
+    PB: np.ndarray,
+    n: int,
+) -> LawCost:
+    """From dJ/dA = 2 PX, dJ/dB = 2 PB and dJ/dC = 2 C X of the loop to the blocks the law fills."""
+    through = model.D22 @ law.C
+    CX = closed[2] @ X
+    return LawCost(
+        cost,
+        2.0 * PX[n:, n:],
+        2.0 * (PX[n:, :n] @ model.C2.T + PX[n:, n:] @ through.T + PB[n:] @ model.D21.T),
+        2.0 * (model.B2.T @ PX[:n, n:] + (law.B @ model.D22).T @ PX[n:, n:] + model.D12.T @ CX[:, n:]),
+        X[n:, n:],
+        P[n:, n:],
+        np.sum((model.C2 @ X[:n, :n]) * model.C2, axis=1),
+        np.sum((model.B2.T @ P[:n, :n]) * model.B2.T, axis=1),
+    )
+
+
+def _solve_triangular(T: np.ndarray, factor: np.ndarray, *, transposed: bool) -> np.ndarray:
+    """T Y + Y T' + F F' = 0, or T' Y + Y T + F F' = 0."""
+    sides = {"trana": "T"} if transposed else {"tranb": "T"}
+    solved, scale, _ = cast("Any", lapack).dtrsyl(T, T, -(factor @ factor.T), **sides)
+    return solved / scale

@@ -1,0 +1,130 @@
+"""A plant with its weights and noise, all of unit size: what an H2 design sees.
+
+x' = A x + B1 w + B2 u, e = C1 x + D12 u, y = C2 x + D21 w + D22 u, with white w of unit intensity (process,
+then sensor noise) and the cost E[e'e] = E[z' W^2 z + rho u' R u].
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.control.lqg import LQGWeights
+from middeck.control.partition import partition_modes
+from middeck.errors import ConfigError
+from middeck.systems.plant import Plant
+from middeck.systems.statespace import StateSpace
+from middeck.values import record
+
+
+@record
+class DesignModel:
+    """One model of a design, see the module."""
+
+    A: Float[np.ndarray, "state state"]
+    B1: Float[np.ndarray, "state w"]
+    B2: Float[np.ndarray, "state u"]
+    C1: Float[np.ndarray, "e state"]
+    D12: Float[np.ndarray, "e u"]
+    C2: Float[np.ndarray, "y state"]
+    D21: Float[np.ndarray, "y w"]
+    D22: Float[np.ndarray, "y u"]
+
+
+def build_model(
+    plant: Plant,
+    weights: LQGWeights,
+    authority: float,
+    *,
+    before: StateSpace | None = None,
+    after: StateSpace | None = None,
+) -> DesignModel:
+    """The model of ``plant`` without inert modes, with fixed filters ``before`` and ``after`` what is free.
+
+    ``before`` filters the measurements, ``after`` the commands. Raises `ConfigError` for weights that do not
+    fit, and for process noise that reaches z directly (the cost would be infinite).
+    """
+    active = partition_modes(plant).active
+    _check_weights(active, weights, authority)
+    s = active.system
+    w, u = active.input_indices(weights.disturbed), active.input_indices(active.u)
+    z, y = active.output_indices(active.z), active.output_indices(active.y)
+    if np.any(s.D[np.ix_(z, w)]):
+        raise ConfigError(
+            "process noise reaches a performance output directly: white noise makes the cost infinite",
+            hint="put a filter between the noise and the output",
+        )
+    root = square_root(weights.process)
+    W = weights.output[:, None]
+    model = DesignModel(
+        s.A,
+        np.hstack([s.B[:, w] @ root, np.zeros((len(s.A), len(y)))]),
+        s.B[:, u],
+        np.vstack([W * s.C[z], np.zeros((len(u), len(s.A)))]),
+        np.vstack([W * s.D[np.ix_(z, u)], np.diag(np.sqrt(weights.input / authority))]),
+        s.C[y],
+        np.hstack([s.D[np.ix_(y, w)] @ root, np.diag(np.sqrt(weights.sensor))]),
+        s.D[np.ix_(y, u)],
+    )
+    model = model if before is None else _filter_measurements(model, before)
+    return model if after is None else _filter_commands(model, after)
+
+
+def square_root(intensity: Float[np.ndarray, "w w"]) -> Float[np.ndarray, "w w"]:
+    """A factor G with G G' = intensity, which need not be definite."""
+    values, vectors = np.linalg.eigh(intensity)
+    return vectors * np.sqrt(np.maximum(values, 0.0))
+
+
+def discounted(model: DesignModel, rate: float) -> DesignModel:
+    """The model whose states decay faster by ``rate``: it is stable under a law that is nearly so."""
+    return dataclasses.replace(model, A=model.A - rate * np.eye(len(model.A)))
+
+
+def _check_weights(plant: Plant, weights: LQGWeights, authority: float) -> None:
+    if not (np.isfinite(authority) and authority > 0.0):
+        raise ConfigError(f"authority is {authority}; it must be positive")
+    if not plant.u or not plant.y:
+        raise ConfigError("the plant has no port in its group u or y: there is no loop to design")
+    sizes = (
+        ("output weights", len(weights.output), plant.z),
+        ("input weights", len(weights.input), plant.u),
+        ("sensor intensities", len(weights.sensor), plant.y),
+    )
+    for what, size, group in sizes:
+        if size != len(group):
+            raise ConfigError(f"{size} {what} for {len(group)} ports ({', '.join(group)})")
+
+
+def _filter_measurements(m: DesignModel, f: StateSpace) -> DesignModel:
+    if f.D.shape != (len(m.C2), len(m.C2)):
+        raise ConfigError(f"a filter of {f.D.shape} before the compensator, for {len(m.C2)} measurements")
+    n, k = len(m.A), len(f.A)
+    return DesignModel(
+        np.block([[m.A, np.zeros((n, k))], [f.B @ m.C2, f.A]]),
+        np.vstack([m.B1, f.B @ m.D21]),
+        np.vstack([m.B2, f.B @ m.D22]),
+        np.hstack([m.C1, np.zeros((len(m.C1), k))]),
+        m.D12,
+        np.hstack([f.D @ m.C2, f.C]),
+        f.D @ m.D21,
+        f.D @ m.D22,
+    )
+
+
+def _filter_commands(m: DesignModel, f: StateSpace) -> DesignModel:
+    if f.D.shape != (m.B2.shape[1], m.B2.shape[1]):
+        raise ConfigError(f"a filter of {f.D.shape} after the compensator, for {m.B2.shape[1]} inputs")
+    n, k = len(m.A), len(f.A)
+    return DesignModel(
+        np.block([[m.A, m.B2 @ f.C], [np.zeros((k, n)), f.A]]),
+        np.vstack([m.B1, np.zeros((k, m.B1.shape[1]))]),
+        np.vstack([m.B2 @ f.D, f.B]),
+        np.hstack([m.C1, m.D12 @ f.C]),
+        m.D12 @ f.D,
+        np.hstack([m.C2, m.D22 @ f.C]),
+        m.D21,
+        m.D22 @ f.D,
+    )

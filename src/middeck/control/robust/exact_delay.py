@@ -1,0 +1,73 @@
+"""The growth rate of loops with delays: poles of a fine Pade approximation, corrected with exp(-s tau)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Complex, Float
+
+from middeck.control.partition import partition_modes
+from middeck.control.robust.closed_cost import Law
+from middeck.systems.delayed_plant import DelayedPlant
+from middeck.systems.plant import Plant
+
+RIGHTMOST, NEWTON_STEPS = 6, 3
+NEAR = 1e-3
+"""Largest correction, relative to the pole: a root further off belongs to another pole."""
+
+
+def exact_growth(
+    plants: Sequence[Plant | DelayedPlant], law: Law, poles: Sequence[Complex[np.ndarray, " state"]]
+) -> Float[np.ndarray, " plant"]:
+    """Largest real part of each loop's roots, ``poles`` being those with approximated delays.
+
+    The poles furthest right are carried by Newton steps on det(I - K(s) G(s)) to roots with the exact delay.
+    Where that determinant has no root nearby (a pole that the loop does not move) the pole itself counts.
+    """
+    return np.array([_growth(p, law, values) for p, values in zip(plants, poles, strict=True)], dtype=float)
+
+
+def _growth(delayed: Plant | DelayedPlant, law: Law, values: np.ndarray) -> float:
+    if not isinstance(delayed, DelayedPlant):
+        return float(np.real(values).max(initial=-np.inf))
+    upper = values[np.imag(values) >= 0.0]
+    order = np.argsort(-np.real(upper))
+    lead, rest = upper[order[:RIGHTMOST]], upper[order[RIGHTMOST:]]
+    roots = np.concatenate([_corrected(delayed, law, lead), rest])
+    return float(np.real(roots).max(initial=-np.inf))
+
+
+def _corrected(
+    delayed: DelayedPlant, law: Law, poles: Complex[np.ndarray, " pole"]
+) -> Complex[np.ndarray, " pole"]:
+    active = partition_modes(delayed.plant).active
+    system = active.system
+    u, y = active.input_indices(active.u), active.output_indices(active.y)
+    late = delayed.delay_s[np.ix_(y, u)]
+    G = system.A, system.B[:, u], system.C[y], system.D[np.ix_(y, u)]
+    root = poles.copy()
+    for _ in range(NEWTON_STEPS):
+        try:
+            g, dg = _transfer(*G, root)
+            k, dk = _transfer(law.A, law.B, law.C, np.zeros((len(u), len(y))), root)
+            delay = np.exp(-root[:, None, None] * late)
+            g, dg = g * delay, (dg - late * g) * delay
+            loop = np.eye(len(u)) - k @ g
+            # d log det M / ds = tr(M^-1 M'); the step of Newton is minus its inverse.
+            slope = np.trace(np.linalg.solve(loop, -(dk @ g + k @ dg)), axis1=1, axis2=2)
+        except np.linalg.LinAlgError:  # exactly on a root, or on a pole that the loop does not move
+            break
+        step = np.divide(-1.0, slope, out=np.zeros_like(slope), where=np.abs(slope) > 0.0)
+        root = root + step
+    near = np.abs(root - poles) <= NEAR * np.abs(poles)
+    return np.where(near & np.isfinite(root), root, poles)
+
+
+def _transfer(
+    A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, s: np.ndarray
+) -> tuple[Complex[np.ndarray, "pole output input"], Complex[np.ndarray, "pole output input"]]:
+    """C (s - A)^-1 B + D and its derivative, at several s."""
+    resolvent = s[:, None, None] * np.eye(len(A)) - A
+    first = np.linalg.solve(resolvent, np.broadcast_to(B.astype(complex), (len(s), *B.shape)))
+    return C @ first + D, -C @ np.linalg.solve(resolvent, first)

@@ -1,0 +1,122 @@
+"""One law of any order for several plants: fixed-order multi-model H2 (MacMartin, Hall and Bernstein 1991).
+
+The mean, or the maximum, over the models of E[z' W^2 z + rho u' R u] is minimised over the law's matrices,
+with analytic gradients. The domain is the set of laws that stabilise all models; the cost grows without bound
+at its edge, so that a descent begun inside stays inside. How to begin inside is in
+`middeck.control.robust.approach`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.control.compensator import Compensator, driven_ports, measured_ports
+from middeck.control.lqg import LQGWeights
+from middeck.control.partition import partition_modes
+from middeck.control.robust.approach import Arrival, approach, carry_on
+from middeck.control.robust.blend import blend
+from middeck.control.robust.closed_cost import evaluate_cost
+from middeck.control.robust.problem import Problem, law_of, models_of, pose_problem, whole_law
+from middeck.control.robust.result import RobustCompensator
+from middeck.control.robust.structure import Structure
+from middeck.control.robust.uncertainty import Uncertainty
+from middeck.systems.delayed_plant import DelayedPlant
+from middeck.systems.plant import Plant
+from middeck.values import record
+
+Over = Literal["mean", "maximum"]
+POWERS: dict[str, tuple[float, ...]] = {"mean": (1.0,), "maximum": (4.0, 16.0, 64.0)}
+"""Exponents of the blend, one after the other: the last is at most the 64th root of N under the maximum."""
+
+
+@record
+class MultiModelCompensator(RobustCompensator):
+    """A law for several models, which knows how each weighed.
+
+    Parameters
+    ----------
+    over:
+        ``"mean"`` or ``"maximum"`` of the models' costs.
+    multipliers:
+        Weight of each model's cost in the mean whose minimum this is; they add up to one. Equal for the mean;
+        the dual weights of the maximum.
+    """
+
+    over: str
+    multipliers: Float[np.ndarray, " model"]
+
+
+def design_multimodel(
+    plant: Plant | DelayedPlant,
+    weights: LQGWeights,
+    authority: float,
+    *,
+    uncertainty: Uncertainty | Sequence[Plant | DelayedPlant],
+    positions: Float[np.ndarray, "model parameter"] | None = None,
+    over: Over = "mean",
+    structure: Structure | None = None,
+    start: Compensator | None = None,
+    tolerance: float = 1e-9,
+) -> MultiModelCompensator:
+    """The law of a given form that minimises the mean or the maximum of the costs of several plants.
+
+    Parameters
+    ----------
+    plant:
+        The nominal one, before its `Uncertainty` finishes it.
+    weights, authority:
+        As for `design_lqg`; rho = 1/authority.
+    uncertainty:
+        A box, or the other plants one by one. They may differ in their number of states, not in their ports.
+    positions:
+        Where in the box the models are (`end_positions` unless given; also `corner_positions`).
+    over:
+        ``"mean"`` or ``"maximum"``.
+    structure:
+        Order, stations and fixed filters; as many states as the nominal model unless given.
+    start:
+        A law to begin with, e.g. of a lower authority: strictly proper, in the form of ``structure`` without
+        its filters. Otherwise a start is found.
+    tolerance:
+        The descent ends when ten steps gain less than this part of the cost.
+
+    Raises
+    ------
+    NotStabilisableError
+        Naming the modes of a plant that nothing can hold.
+    NumericalError
+        Where no law of that form was found that stabilises all models; how far it came is in its data.
+    ConfigError
+        For weights, ports, modes or forms that do not fit.
+    """
+    structure = structure or Structure()
+    problem = pose_problem(plant, weights, authority, uncertainty, positions, structure)
+    powers = POWERS[over]
+    arrival = approach(problem, None if start is None else law_of(start), powers[0])
+    for power in powers:
+        arrival = carry_on(problem, arrival, power, tolerance)
+    return _result(problem, arrival, over)
+
+
+def _result(problem: Problem, arrival: Arrival, over: Over) -> MultiModelCompensator:
+    costs = np.array([evaluate_cost(m, arrival.law).cost for m in models_of(problem, 1.0, 1.0)])
+    multipliers = blend(costs, POWERS[over][-1])[1]
+    part = partition_modes(problem.nominal)
+    return MultiModelCompensator(
+        whole_law(arrival.law, problem.structure),
+        measured_ports(part.active),
+        driven_ports(part.active),
+        problem.authority,
+        len(arrival.law.A),
+        float(costs.mean() if over == "mean" else costs.max()),
+        costs,
+        arrival.gradient,
+        arrival.history,
+        part.inert,
+        over,
+        multipliers / multipliers.sum(),
+    )

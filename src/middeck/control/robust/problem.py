@@ -1,0 +1,134 @@
+"""A design of one law for several plants: which plants, at which size of the perturbation and authority."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.control.compensator import Compensator
+from middeck.control.lqg import LQGWeights
+from middeck.control.partition import partition_modes
+from middeck.control.robust.closed_cost import Law
+from middeck.control.robust.design_model import DesignModel, build_model
+from middeck.control.robust.structure import Structure
+from middeck.control.robust.uncertainty import (
+    Uncertainty,
+    end_positions,
+    finished_plants,
+    without_delays,
+)
+from middeck.control.stabilisability import require_reachable
+from middeck.errors import ConfigError
+from middeck.systems.delayed_plant import DelayedPlant
+from middeck.systems.plant import Plant, name_states
+from middeck.systems.statespace import StateSpace, gain_system, series
+from middeck.values import record
+
+Plants = Sequence[Plant | DelayedPlant]
+
+
+@record
+class Problem:
+    """What is asked for.
+
+    ``plants_at`` gives the plants at a size of the perturbation from 0 to 1, the nominal one first; where
+    ``growing`` is False they are the same at every size.
+    """
+
+    nominal: Plant
+    plants_at: Callable[[float], tuple[Plant, ...]]
+    growing: bool
+    weights: LQGWeights
+    authority: float
+    structure: Structure
+
+
+def pose_problem(
+    plant: Plant | DelayedPlant,
+    weights: LQGWeights,
+    authority: float,
+    uncertainty: Uncertainty | Plants,
+    positions: Float[np.ndarray, "model parameter"] | None,
+    structure: Structure,
+) -> Problem:
+    """From the arguments of a design; raises what bad ones deserve, modes that cannot be held by name."""
+    if isinstance(uncertainty, Uncertainty):
+        places = _nominal_first(end_positions(uncertainty) if positions is None else np.asarray(positions))
+
+        def grown(size: float) -> tuple[Plant, ...]:
+            there = finished_plants(plant, uncertainty, size * places if size else places[:1])
+            return tuple(without_delays(each) for each in there)
+
+        problem = Problem(grown(0.0)[0], grown, True, weights, authority, structure)
+    else:
+        if positions is not None:
+            raise ConfigError("positions belong to an Uncertainty, and plants are given one by one")
+        given = tuple(without_delays(p) for p in (plant, *uncertainty))
+        _same_groups(given)
+        problem = Problem(given[0], lambda _: given, False, weights, authority, structure)
+    for each in problem.plants_at(1.0):
+        _require_stabilisable(each)
+    return problem
+
+
+def models_of(problem: Problem, ratio: float, size: float) -> tuple[DesignModel, ...]:
+    """The models at a ratio of the authority and a size of the perturbation."""
+    s = problem.structure
+    return tuple(
+        build_model(p, problem.weights, problem.authority * ratio, before=s.before, after=s.after)
+        for p in problem.plants_at(size)
+    )
+
+
+def whole_law(law: Law, structure: Structure) -> StateSpace:
+    """The law with its fixed filters."""
+    system = StateSpace(law.A, law.B, law.C, np.zeros((len(law.C), law.B.shape[1])))
+    filtered = system if structure.before is None else series(structure.before, system)
+    return filtered if structure.after is None else series(filtered, structure.after)
+
+
+def law_of(compensator: Compensator) -> Law:
+    """The matrices of a strictly proper compensator; raises `ConfigError` for another."""
+    system = compensator.system
+    if np.any(system.D):
+        raise ConfigError("the compensator to start from is not strictly proper")
+    return Law(system.A, system.B, system.C)
+
+
+def idle_law(model: DesignModel) -> Law:
+    """A law without states: the loop stays open."""
+    empty = gain_system(np.zeros((model.B2.shape[1], len(model.C2))))
+    return Law(empty.A, empty.B, empty.C)
+
+
+def _nominal_first(positions: np.ndarray) -> Float[np.ndarray, "model parameter"]:
+    others = positions[np.any(positions != 0.0, axis=1)]
+    return np.vstack([np.zeros((1, positions.shape[1])), others])
+
+
+def _same_groups(plants: tuple[Plant, ...]) -> None:
+    first = plants[0]
+    for i, plant in enumerate(plants[1:]):
+        for group in ("u", "y", "z"):
+            if getattr(plant, group) != getattr(first, group):
+                raise ConfigError(
+                    f"plant {i + 1} has {getattr(plant, group)} as its group {group}, the nominal one "
+                    f"{getattr(first, group)}",
+                    hint="one law needs the same ports, in the same order, on every plant",
+                )
+
+
+def _require_stabilisable(plant: Plant) -> None:
+    active = partition_modes(plant).active
+    s, names = active.system, name_states(active)
+    u, y = active.input_indices(active.u), active.output_indices(active.y)
+    require_reachable(s.A, s.B[:, u], names, complaint="no control input in u reaches it")
+    require_reachable(
+        s.A.T,
+        s.C[y].T,
+        names,
+        complaint="no measurement in y sees it",
+        hint="measure it, or leave it out of the design if no input reaches it either",
+    )

@@ -1,0 +1,140 @@
+"""Sampled loops on many plants: the true delay, inputs held, and the covariance at the sampling instants."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import scipy.linalg as sla
+from jaxtyping import Float
+
+from middeck.control.compensator import Compensator
+from middeck.control.lqg import LQGWeights
+from middeck.control.partition import partition_modes
+from middeck.control.robust.batch import row_rms, sampled_covariances
+from middeck.control.robust.design_model import square_root
+from middeck.errors import ConfigError
+from middeck.systems.delayed_plant import DelayedPlant, approximate_delays
+from middeck.systems.plant import Plant, subsystem
+from middeck.systems.sampling import sample_plant, tustin
+from middeck.systems.stability import GROWTH_LIMIT
+from middeck.systems.statespace import SampledStateSpace
+from middeck.values import record
+
+REST_PADE = 8
+HALVINGS = 6
+
+
+@record
+class _SampledLoop:
+    """x+ = A x + noise of covariance Q; rows give the weighted outputs and the weighted inputs."""
+
+    A: Float[np.ndarray, "state state"]
+    Q: Float[np.ndarray, "state state"]
+    outputs: Float[np.ndarray, "z state"]
+    inputs: Float[np.ndarray, "u state"]
+    input_noise: Float[np.ndarray, " u"]
+
+
+def sampled_outcomes(
+    plants: Sequence[Plant | DelayedPlant], compensator: Compensator, weights: LQGWeights, rate_hz: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Whether each loop is stable, the rms of its weighted outputs and of its weighted inputs.
+
+    Sensor noise is taken as averaged over a period: variance = intensity / period.
+    """
+    if not (np.isfinite(rate_hz) and rate_hz > 0.0):
+        raise ConfigError(f"a rate of {rate_hz} Hz: a positive one, please")
+    period = 1.0 / rate_hz
+    law = tustin(compensator.system, period)
+    loops = [_sampled_loop(plant, law, weights, period) for plant in plants]
+    stable = np.zeros(len(loops), dtype=bool)
+    rms, control = np.full(len(loops), np.inf), np.full(len(loops), np.inf)
+    groups: dict[int, list[int]] = {}
+    for i, loop in enumerate(loops):
+        groups.setdefault(len(loop.A), []).append(i)
+    for group in groups.values():
+        values, X = sampled_covariances(
+            np.array([loops[i].A for i in group]), np.array([loops[i].Q for i in group])
+        )
+        stable[group] = np.abs(values).max(axis=1) <= np.exp(GROWTH_LIMIT * period)
+        rms[group] = np.linalg.norm(row_rms(np.array([loops[i].outputs for i in group]), X), axis=1)
+        moved = row_rms(np.array([loops[i].inputs for i in group]), X)
+        noise = np.array([loops[i].input_noise for i in group])
+        control[group] = np.sqrt(np.sum(moved**2 + noise, axis=1))
+    return stable, rms, control
+
+
+def _sampled_loop(
+    plant: Plant | DelayedPlant, law: SampledStateSpace, weights: LQGWeights, period: float
+) -> _SampledLoop:
+    active, late = _delay_at_the_hold(plant)
+    active = partition_modes(active).active
+    held = sample_plant(subsystem(active, active.u, (*active.z, *active.y)), period, late)
+    noise = subsystem(active, weights.disturbed, active.y)
+    root = square_root(weights.process)
+    n, size = len(noise.A), len(held.A)
+    Q = np.zeros((size, size))
+    Q[:n, :n] = _noise_over(noise.A, noise.B @ root, period)
+    sensor = (np.diag(weights.sensor) + noise.D @ weights.process @ noise.D.T) / period
+    nz = len(active.z)
+    return _close(held, law, Q, sensor, nz, weights)
+
+
+def _close(
+    held: SampledStateSpace,
+    law: SampledStateSpace,
+    Q: np.ndarray,
+    sensor: np.ndarray,
+    nz: int,
+    weights: LQGWeights,
+) -> _SampledLoop:
+    Cz, Cy, Dz, Dy = held.C[:nz], held.C[nz:], held.D[:nz], held.D[nz:]
+    through = np.linalg.inv(np.eye(len(law.D)) - law.D @ Dy)
+    # u = Fx x + Fc xc + Fv v, and y = Cy x + Dy u + v.
+    Fx, Fc, Fv = through @ law.D @ Cy, through @ law.C, through @ law.D
+    A = np.block([[held.A + held.B @ Fx, held.B @ Fc], [law.B @ (Cy + Dy @ Fx), law.A + law.B @ Dy @ Fc]])
+    into = np.vstack([held.B @ Fv, law.B @ (np.eye(len(Cy)) + Dy @ Fv)])
+    noise = into @ sensor @ into.T
+    noise[: len(Q), : len(Q)] += Q
+    W, R = weights.output[:, None], np.sqrt(weights.input)[:, None]
+    return _SampledLoop(
+        A,
+        noise,
+        W * np.hstack([Cz + Dz @ Fx, Dz @ Fc]),
+        R * np.hstack([Fx, Fc]),
+        weights.input * np.sum((Fv @ sensor) * Fv, axis=1),
+    )
+
+
+def _delay_at_the_hold(plant: Plant | DelayedPlant) -> tuple[Plant, float]:
+    """All delay that the measurements or the commands have in common is put behind the hold.
+
+    A law does not care whether what it reads is late or what it commands: that part is exact. What single
+    paths are late beyond it is approximated finely.
+    """
+    if not isinstance(plant, DelayedPlant):
+        return plant, 0.0
+    inside, late = plant.plant, plant.delay_s.copy()
+    rows, columns = inside.output_indices(inside.y), inside.input_indices(inside.u)
+    shared = sorted(set(inside.y) & set(inside.z)), sorted(set(inside.u) & set(inside.w))
+    of_y = 0.0 if shared[0] else float(late[rows].min(initial=np.inf))
+    late[rows] -= of_y
+    of_u = 0.0 if shared[1] else float(late[:, columns].min(initial=np.inf))
+    late[:, columns] -= of_u
+    rest = DelayedPlant(inside, np.maximum(late, 0.0))
+    return approximate_delays(rest, REST_PADE), of_y + of_u
+
+
+def _noise_over(A: np.ndarray, B: np.ndarray, period: float) -> Float[np.ndarray, "state state"]:
+    """The integral of exp(A t) B B' exp(A' t) over a period (Van Loan 1978), by halves that double again."""
+    n = len(A)
+    block = np.zeros((2 * n, 2 * n))
+    block[:n, :n], block[:n, n:], block[n:, n:] = -A, B @ B.T, A.T
+    exponential = np.asarray(sla.expm(block * (period / 2**HALVINGS)))
+    step = exponential[n:, n:].T
+    total = step @ exponential[:n, n:]
+    for _ in range(HALVINGS):
+        total = total + step @ total @ step.T
+        step = step @ step
+    return (total + total.T) / 2.0

@@ -1,0 +1,175 @@
+"""Laws to begin a design of any order with: LQG laws, reduced or with states added."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+import scipy.linalg as sla
+from jaxtyping import Float
+
+from middeck.control.riccati import solve_riccati
+from middeck.control.robust.closed_cost import Law, evaluate_cost, spectral_abscissa
+from middeck.control.robust.design_model import DesignModel
+from middeck.control.robust.structure import join_stations
+
+LADDER = tuple(10.0 ** (-0.5 * k) for k in range(13))
+"""Ratios of authority at which a start is looked for, the one asked for first."""
+OWN_BALANCE = (1e-3, 1e-4, 1e-5)
+"""Ratios at which laws are reduced by their own Gramians: weak laws are stable, and reduce to different sets
+of modes. Different starts end in different minima; the best is taken."""
+HALVINGS = 30
+
+Stations = list[tuple[list[int], list[int], int]]
+ModelsAt = Callable[[float], Sequence[DesignModel]]
+
+
+def lqg_law(model: DesignModel) -> Law:
+    """The law that is best for this model alone (Kwakernaak and Sivan 1972, chapter 5).
+
+    A weight or noise that a fixed filter made singular is given a trillionth of the largest: it is a start.
+    """
+    K = solve_riccati(
+        model.A, model.B2, model.C1.T @ model.C1, _definite(model.D12.T @ model.D12), model.C1.T @ model.D12
+    ).gain
+    L = solve_riccati(
+        model.A.T,
+        model.C2.T,
+        model.B1 @ model.B1.T,
+        _definite(model.D21 @ model.D21.T),
+        model.B1 @ model.D21.T,
+    ).gain.T
+    return Law(model.A - model.B2 @ K - L @ (model.C2 - model.D22 @ K), L, -K)
+
+
+def _definite(R: Float[np.ndarray, "port port"]) -> Float[np.ndarray, "port port"]:
+    return R + 1e-12 * float(np.trace(R)) * np.eye(len(R)) if np.linalg.cond(R) > 1e12 else R
+
+
+def reduce_law(
+    law: Law, order: int, covariance: Float[np.ndarray, "law law"], worth: Float[np.ndarray, "law law"]
+) -> Law:
+    """Truncation in coordinates in which two Gramians are equal and diagonal (Moore 1981, IEEE TAC 26)."""
+    left, right = _factor(worth), _factor(covariance)
+    U, s, Vt = np.linalg.svd(left.T @ right)
+    s = np.maximum(s[:order], 1e-12 * s[0])
+    into, out = (left @ U[:, :order] / np.sqrt(s)).T, right @ Vt[:order].T / np.sqrt(s)
+    return Law(into @ law.A @ out, into @ law.B, law.C @ out)
+
+
+def _factor(gramian: np.ndarray) -> np.ndarray:
+    values, vectors = np.linalg.eigh((gramian + gramian.T) / 2.0)
+    return vectors * np.sqrt(np.maximum(values, 1e-15 * values.max(initial=0.0)))
+
+
+def pad_law(law: Law, order: int) -> Law:
+    """More states, stable, spread over the law's frequencies, joined by a hundredth of its typical gains."""
+    extra = order - len(law.A)
+    if extra <= 0:
+        return law
+    values = np.abs(np.linalg.eigvals(law.A))
+    rates = np.geomspace(np.quantile(values, 0.2), np.quantile(values, 0.8), extra)
+    small_B, small_C = (0.01 * float(np.sqrt(np.mean(M**2))) for M in (law.B, law.C))
+    # Signs that alternate differently for each port, so that no two states are alike.
+    B = small_B * np.cos(np.outer(np.arange(extra) + 1.0, np.arange(law.B.shape[1]) + 1.0))
+    C = small_C * np.cos(np.outer(np.arange(len(law.C)) + 1.0, np.arange(extra) + 2.0))
+    return Law(
+        np.asarray(sla.block_diag(law.A, -np.diag(rates))), np.vstack([law.B, B]), np.hstack([law.C, C])
+    )
+
+
+def stabilises(models: Sequence[DesignModel], law: Law) -> bool:
+    """Whether all loops are stable, by their eigenvalues."""
+    return all(spectral_abscissa(model, law) < 0.0 for model in models)
+
+
+def find_starts(models_at: ModelsAt, order: int, stations: Stations) -> Iterator[tuple[Law, float]]:
+    """Laws of ``order`` states, and the ratio of authority at which each stabilises all models.
+
+    ``models_at`` gives the models at a ratio, the nominal one first. Nothing comes where nothing was found.
+    """
+    if stations:
+        yield from _decentralised(models_at, stations)
+        return
+    whole = order >= len(models_at(1.0)[0].A)
+    yield from _first(models_at, order, LADDER)
+    for ratio in () if whole else OWN_BALANCE:
+        found = _own_balance(models_at, order, ratio)
+        if found is not None:
+            yield found, ratio
+
+
+def _first(models_at: ModelsAt, order: int, ratios: Sequence[float]) -> Iterator[tuple[Law, float]]:
+    """The LQG law at the highest authority where it stabilises, balanced in the loop if it must shrink."""
+    for ratio in ratios:
+        models = models_at(float(ratio))
+        law = in_the_loop(models[0], order)
+        if stabilises(models, law):
+            yield law, float(ratio)
+            return
+
+
+def in_the_loop(model: DesignModel, order: int) -> Law:
+    """The LQG law with states added, or reduced by the Gramians that its states have in the loop."""
+    law = lqg_law(model)
+    if order >= len(law.A):
+        return pad_law(law, order)
+    cost = evaluate_cost(model, law)
+    if cost.covariance is None or cost.worth is None:
+        return reduce_law(law, order, np.eye(len(law.A)), np.eye(len(law.A)))
+    return reduce_law(law, order, cost.covariance, cost.worth)
+
+
+def _own_balance(models_at: ModelsAt, order: int, ratio: float) -> Law | None:
+    models = models_at(ratio)
+    law = _reduced_alone(lqg_law(models[0]), order)
+    return None if law is None else _weakened(models, law)
+
+
+def _reduced_alone(law: Law, order: int) -> Law | None:
+    if order >= len(law.A) or np.linalg.eigvals(law.A).real.max() >= 0.0:
+        return None
+    covariance, worth = (
+        np.asarray(sla.solve_continuous_lyapunov(A, -F @ F.T))
+        for A, F in ((law.A, law.B), (law.A.T, law.C.T))
+    )
+    return reduce_law(law, order, covariance, worth)
+
+
+def _weakened(models: Sequence[DesignModel], law: Law) -> Law | None:
+    """With its gain halved until it stabilises: a stable law does, where the plants are stable."""
+    for _ in range(HALVINGS):
+        if stabilises(models, law):
+            return law
+        law = dataclasses.replace(law, C=law.C / 2.0)
+    return None
+
+
+def _decentralised(models_at: ModelsAt, stations: Stations) -> Iterator[tuple[Law, float]]:
+    """Each station designed as if it were alone, at the highest authority at which all together hold."""
+    for ratio in LADDER:
+        models = models_at(float(ratio))
+        laws = [_alone(models[0], station) for station in stations]
+        if any(law is None for law in laws):
+            continue
+        joined = join_stations(
+            [law for law in laws if law is not None], stations, len(models[0].C2), models[0].B2.shape[1]
+        )
+        if stabilises(models, joined):
+            yield joined, float(ratio)
+            return
+
+
+def _alone(model: DesignModel, station: tuple[list[int], list[int], int]) -> Law | None:
+    y, u, order = station
+    seen = np.any(model.D21[y] != 0.0, axis=0) | np.any(model.B1 != 0.0, axis=0)
+    part = DesignModel(
+        model.A, model.B1[:, seen], model.B2[:, u], model.C1, model.D12[:, u], model.C2[y],
+        model.D21[y][:, seen], model.D22[y][:, u],
+    )  # fmt: skip
+    law = lqg_law(part)
+    if order >= len(law.A):
+        return pad_law(law, order)
+    own = _reduced_alone(law, order)
+    return in_the_loop(part, order) if own is None else own

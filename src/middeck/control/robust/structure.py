@@ -1,0 +1,171 @@
+"""What of a law is free: its order, who reads and drives what, and the fixed filters around it."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import scipy.linalg as sla
+from jaxtyping import Bool, Float
+
+from middeck.control.robust.closed_cost import Law
+from middeck.errors import ConfigError
+from middeck.systems.plant import Plant
+from middeck.systems.statespace import StateSpace
+from middeck.values import record
+
+WORST_BASIS = 1e8
+"""Condition of a law's eigenvectors beyond which its modal form is not used: half the digits are left."""
+
+
+@record
+class Station:
+    """A part of a decentralised law: it reads ``inputs`` and drives ``outputs`` with ``order`` states."""
+
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    order: int
+
+
+@record
+class Structure:
+    """The form of a law u = after K before y; K is strictly proper.
+
+    Parameters
+    ----------
+    order:
+        States of K; None for as many as the design model has.
+    stations:
+        Parts that know nothing of each other; their orders add up to that of K. Empty for one that reads all.
+    before, after:
+        Fixed filters, e.g. notches or leads, of the measurements and of the commands, square.
+
+    Examples
+    --------
+    >>> Structure(order=8).stations
+    ()
+    """
+
+    order: int | None = None
+    stations: tuple[Station, ...] = ()
+    before: StateSpace | None = None
+    after: StateSpace | None = None
+
+    def __post_init__(self) -> None:
+        total = sum(station.order for station in self.stations)
+        if self.order is not None and (self.order < 1 or (self.stations and total != self.order)):
+            raise ConfigError(f"an order of {self.order}, and stations of {total} states together")
+        if any(station.order < 1 for station in self.stations):
+            raise ConfigError("a station without states")
+
+
+@record
+class Free:
+    """Which entries of a law may change."""
+
+    A: Bool[np.ndarray, "law law"]
+    B: Bool[np.ndarray, "law y"]
+    C: Bool[np.ndarray, "u law"]
+
+
+def order_of(structure: Structure, default: int) -> int:
+    """States of the free law."""
+    if structure.stations:
+        return sum(station.order for station in structure.stations)
+    return default if structure.order is None else structure.order
+
+
+def station_ports(structure: Structure, plant: Plant) -> list[tuple[list[int], list[int], int]]:
+    """Of each station: its measurements among y, its inputs among u, its states."""
+    return [
+        (_positions(plant.y, s.inputs, "y"), _positions(plant.u, s.outputs, "u"), s.order)
+        for s in structure.stations
+    ]
+
+
+def _positions(group: tuple[str, ...], names: tuple[str, ...], which: str) -> list[int]:
+    unknown = [name for name in names if name not in group]
+    if unknown:
+        raise ConfigError(
+            f"a station names {', '.join(map(repr, unknown))}, not in the plant's group {which}",
+            hint=f"one of {', '.join(group)}",
+        )
+    return [group.index(name) for name in names]
+
+
+def arrange(law: Law, stations: list[tuple[list[int], list[int], int]]) -> tuple[Law, Free]:
+    """The law in real modal coordinates, station by station, and what of it may then change.
+
+    A is free on three diagonals within each station: every real matrix is similar to such a one, modes that
+    meet stay differentiable in it, and its 3 k - 2 numbers leave little of the k^2 directions that change
+    coordinates only. Where eigenvectors are nearly dependent the coordinates stay and all of A is free.
+    """
+    ny, nu = law.B.shape[1], len(law.C)
+    parts = stations or [(list(range(ny)), list(range(nu)), len(law.A))]
+    free = Free(*(np.zeros(M.shape, dtype=bool) for M in (law.A, law.B, law.C)))
+    A, B, C = (M.copy() for M in (free.A, free.B, free.C))
+    turn = np.eye(len(law.A))
+    first = 0
+    for inputs, outputs, order in parts:
+        own = slice(first, first + order)
+        basis = _modal_basis(law.A[own, own])
+        near = np.abs(np.subtract.outer(np.arange(order), np.arange(order))) <= 1
+        A[own, own] = near if basis is not None else True
+        B[own, inputs] = True
+        C[np.array(outputs)[:, None], np.arange(first, first + order)] = True
+        turn[own, own] = np.eye(order) if basis is None else basis
+        first += order
+    back = np.linalg.inv(turn)
+    turned = Law(back @ law.A @ turn, back @ law.B, law.C @ turn)
+    # Rounding outside the free pattern is dropped.
+    kept = Law(np.where(A, turned.A, 0.0), np.where(B, turned.B, 0.0), np.where(C, turned.C, 0.0))
+    return kept, Free(A, B, C)
+
+
+def _modal_basis(A: Float[np.ndarray, "state state"]) -> Float[np.ndarray, "state state"] | None:
+    """Real and imaginary parts of the eigenvectors, slow modes first; None where they cannot carry A."""
+    values, vectors = np.linalg.eig(A)
+    rate, turn = np.real(values), np.imag(values)
+    columns: list[np.ndarray] = []
+    for i in np.lexsort((turn, np.hypot(rate, turn))):
+        if turn[i] > 0.0:
+            columns += [np.real(vectors[:, i]), np.imag(vectors[:, i])]
+        elif turn[i] == 0.0:
+            columns.append(np.real(vectors[:, i]))
+    basis = np.array(columns).T
+    return basis if basis.size == 0 or np.linalg.cond(basis) < WORST_BASIS else None
+
+
+def scale_states(law: Law, scale: Float[np.ndarray, " law"]) -> Law:
+    """The law in states divided by ``scale``."""
+    return Law(law.A * scale / scale[:, None], law.B / scale[:, None], law.C * scale)
+
+
+def pack(law: Law, free: Free) -> Float[np.ndarray, " parameter"]:
+    """The free entries in a row."""
+    return np.concatenate([law.A[free.A], law.B[free.B], law.C[free.C]])
+
+
+def unpack(x: Float[np.ndarray, " parameter"], law: Law, free: Free) -> Law:
+    """The law with its free entries replaced."""
+    ends = np.cumsum([np.count_nonzero(free.A), np.count_nonzero(free.B)])
+    A, B, C = law.A.copy(), law.B.copy(), law.C.copy()
+    A[free.A], B[free.B], C[free.C] = np.split(x, ends)
+    return Law(A, B, C)
+
+
+def shifted(law: Law, rate: float) -> Law:
+    """The law whose states decay faster by ``rate``."""
+    return dataclasses.replace(law, A=law.A - rate * np.eye(len(law.A)))
+
+
+def join_stations(laws: list[Law], stations: list[tuple[list[int], list[int], int]], ny: int, nu: int) -> Law:
+    """Laws of the stations side by side."""
+    order = sum(len(law.A) for law in laws)
+    B, C = np.zeros((order, ny)), np.zeros((nu, order))
+    first = 0
+    for law, (inputs, outputs, _) in zip(laws, stations, strict=True):
+        rows = np.arange(first, first + len(law.A))[:, None]
+        B[rows, np.array(inputs)], C[np.array(outputs)[:, None], rows[:, 0]] = law.B, law.C
+        first += len(law.A)
+    return Law(np.asarray(sla.block_diag(*(law.A for law in laws))), B, C)

@@ -1,0 +1,164 @@
+"""What is not known about a plant: which modes move, together or apart, and by how much."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.control.robust.mode_shift import scale_inputs, shift_modes
+from middeck.errors import ConfigError
+from middeck.systems.delayed_plant import DelayedPlant, approximate_delays
+from middeck.systems.plant import Plant
+from middeck.values import record
+
+PADE_ORDER = 3
+MOST_CORNERS = 4096
+
+
+def without_delays(plant: Plant | DelayedPlant) -> Plant:
+    """The plant of a design: with Pade approximations of order 3 for delays."""
+    return approximate_delays(plant, PADE_ORDER) if isinstance(plant, DelayedPlant) else plant
+
+
+@record
+class ModeShift:
+    """Modes that move together, by at most ``half_width`` of their frequency.
+
+    >>> ModeShift(("8.8 Hz", "9.4 Hz"), 0.02).half_width
+    0.02
+    """
+
+    modes: tuple[str, ...]
+    half_width: float
+
+    def __post_init__(self) -> None:
+        if not self.modes:
+            raise ConfigError("a shift without modes")
+        if not 0.0 < self.half_width < 1.0:
+            raise ConfigError(f"modes shifted by {self.half_width:g} of their frequency: between 0 and 1")
+
+
+@record
+class Uncertainty:
+    """A box of plants around a nominal one.
+
+    Parameters
+    ----------
+    shifts:
+        Modes that move, each group by one number of its own.
+    damping:
+        Damping ratios of the modes in ``shifts`` are multiplied by exp(+-damping), each by its own number.
+    gain:
+        Relative half-width of one factor on all inputs in the plant's group u.
+    delay:
+        Relative half-width of one factor on all delays; the plant must be a `DelayedPlant`.
+    finish:
+        What makes of a plant so changed the one that is controlled, e.g. closes an inner loop. None: nothing.
+
+    Examples
+    --------
+    >>> apart = Uncertainty((ModeShift(("a",), 0.02), ModeShift(("b",), 0.02)), gain=0.1)
+    >>> parameter_names(apart)
+    ('frequency of a', 'frequency of b', 'gain')
+    """
+
+    shifts: tuple[ModeShift, ...]
+    damping: float = 0.0
+    gain: float = 0.0
+    delay: float = 0.0
+    finish: Callable[[Plant | DelayedPlant], Plant | DelayedPlant] | None = None
+
+    def __post_init__(self) -> None:
+        if self.damping < 0.0 or not 0.0 <= self.gain < 1.0 or not 0.0 <= self.delay <= 1.0:
+            raise ConfigError(
+                "half-widths of damping, gain or delay are negative, or the gain's is not below 1"
+            )
+        named = [mode for shift in self.shifts for mode in shift.modes]
+        twice = sorted({mode for mode in named if named.count(mode) > 1})
+        if twice:
+            raise ConfigError(f"{', '.join(twice)} would be shifted twice", hint="one group for each mode")
+
+
+def parameter_names(uncertainty: Uncertainty) -> tuple[str, ...]:
+    """What each number of a position stands for."""
+    modes = [mode for shift in uncertainty.shifts for mode in shift.modes]
+    return (
+        *(f"frequency of {' and '.join(shift.modes)}" for shift in uncertainty.shifts),
+        *(f"damping of {mode}" for mode in modes if uncertainty.damping),
+        *(["gain"] if uncertainty.gain else []),
+        *(["delay"] if uncertainty.delay else []),
+    )
+
+
+def perturb_plant(
+    plant: Plant | DelayedPlant, uncertainty: Uncertainty, position: Sequence[float] | np.ndarray
+) -> Plant | DelayedPlant:
+    """The plant at a position of the box, each number from -1 to 1 (`parameter_names`), not yet finished.
+
+    Raises `ConfigError` for modes that do not exist, a position of another length, or an uncertain delay of a
+    plant that has none.
+    """
+    names = parameter_names(uncertainty)
+    if len(position) != len(names):
+        raise ConfigError(f"{len(position)} numbers for {len(names)} parameters: {', '.join(names)}")
+    if uncertainty.delay and not isinstance(plant, DelayedPlant):
+        raise ConfigError("an uncertain delay, and the plant has none", hint="give a DelayedPlant")
+    at = iter(float(p) for p in position)
+    frequency = {
+        mode: factor
+        for shift, factor in [(s, 1.0 + s.half_width * next(at)) for s in uncertainty.shifts]
+        for mode in shift.modes
+    }
+    spread = uncertainty.damping
+    damping = {mode: float(np.exp(spread * next(at))) for mode in frequency} if spread else {}
+    gain = 1.0 + uncertainty.gain * next(at) if uncertainty.gain else 1.0
+    inside = plant.plant if isinstance(plant, DelayedPlant) else plant
+    moved = scale_inputs(shift_modes(inside, frequency, damping), inside.u, gain)
+    if not isinstance(plant, DelayedPlant):
+        return moved
+    factor = 1.0 + uncertainty.delay * next(at) if uncertainty.delay else 1.0
+    return dataclasses.replace(plant, plant=moved, delay_s=plant.delay_s * factor)
+
+
+def finished_plants(
+    plant: Plant | DelayedPlant, uncertainty: Uncertainty, positions: Float[np.ndarray, "plant parameter"]
+) -> tuple[Plant | DelayedPlant, ...]:
+    """The plants at ``positions``, as they are controlled."""
+    moved = (perturb_plant(plant, uncertainty, position) for position in positions)
+    return tuple(p if uncertainty.finish is None else uncertainty.finish(p) for p in moved)
+
+
+def end_positions(uncertainty: Uncertainty) -> Float[np.ndarray, "plant parameter"]:
+    """The middle, and both ends of each parameter alone: 1 + 2 n plants.
+
+    >>> end_positions(Uncertainty((ModeShift(("a", "b"), 0.02),))).ravel().tolist()
+    [0.0, -1.0, 1.0]
+    """
+    n = len(parameter_names(uncertainty))
+    return np.vstack([np.zeros((1, n)), np.kron(np.eye(n), [[-1.0], [1.0]])])
+
+
+def corner_positions(
+    uncertainty: Uncertainty, count: int | None = None, rng: np.random.Generator | None = None
+) -> Float[np.ndarray, "plant parameter"]:
+    """The middle and all 2^n corners of the box, or ``count`` of them drawn with ``rng``."""
+    n = len(parameter_names(uncertainty))
+    if count is not None:
+        if rng is None:
+            raise ConfigError("corners to be drawn need a random generator", hint="rng=")
+        drawn = rng.choice([-1.0, 1.0], size=(count, n))
+        return np.vstack([np.zeros((1, n)), drawn])
+    if 2**n > MOST_CORNERS:
+        raise ConfigError(f"{2**n} corners of {n} parameters", hint="draw some: count= and rng=")
+    return np.vstack([np.zeros((1, n)), np.array(list(itertools.product([-1.0, 1.0], repeat=n)))])
+
+
+def draw_positions(
+    uncertainty: Uncertainty, count: int, rng: np.random.Generator
+) -> Float[np.ndarray, "plant parameter"]:
+    """Positions drawn uniformly from the box."""
+    return rng.uniform(-1.0, 1.0, (count, len(parameter_names(uncertainty))))
