@@ -212,7 +212,7 @@ class _Normal:
         along = np.stack([_triangular(L, b, 1) for L, b in zip(self._factor, right, strict=True)])
         rest = gram - np.swapaxes(along, 1, 2) @ along
         own = np.arange(rest.shape[1])
-        rest[:, own, own] = np.maximum(rest[:, own, own], ROUNDING * gram[:, own, own])
+        rest[:, own, own] = np.maximum(rest[:, own, own], ROUNDING * np.abs(gram[:, own, own]))
         return rest
 
 
