@@ -10,6 +10,7 @@ import pytest
 
 from cli_runner import middeck
 from middeck.errors import DataError
+from middeck.files.models import load_model
 from middeck.files.records import load_record, split_periods, write_record
 from middeck.systems.ports import Port
 from middeck.systems.record import Record
@@ -97,17 +98,63 @@ def test_a_record_without_periods_is_fitted_by_its_samples(tmp_path: Path, capfd
     assert found["delay_s"]["angle"] == pytest.approx(DELAY_S, abs=3e-4)
 
 
-def test_what_a_fit_of_samples_does_not_know_is_refused(files: tuple[Path, Path], capfd: Capture) -> None:
-    ended = middeck(capfd, "identify", files[0], "--method", "periods", "--rigid", 1, "--states", 8)
-    assert ended.code == 0, ended.err
+def test_a_cost_that_a_fit_of_samples_does_not_have_is_refused(
+    files: tuple[Path, Path], capfd: Capture
+) -> None:
     whole = load_record(files[1])
     noise = np.random.default_rng(0).standard_normal(whole.u.shape)
     path = files[0].parent / "noise.npz"
     write_record(path, Record(whole.sample_hz, noise, whole.y, whole.inputs, whole.outputs, periodic=False))
-    ended = middeck(capfd, "identify", path, "--rigid", 1, "--states", 8)
+    ended = middeck(capfd, "identify", path, "--cost", "logarithmic", "--states", 8)
     assert (ended.code, ended.out) == (2, "")
-    assert "rigid" in ended.err
+    assert "likelihood" in ended.err
     assert "--method" in ended.err
+
+
+@pytest.mark.parametrize("method", ["local rational", "samples"])
+@pytest.mark.parametrize(
+    ("options", "states", "pole_at_zero"),
+    [
+        (("--integrators", 1, "--states", 3), 3, True),
+        (("--rigid", 1, "--states", 4), 4, True),
+        (("--delay", "path", "--states", 2), 2, False),
+        (("--constants", "complex", "--relative-degree", 2, "--delay", "common", "--states", 2), 2, False),
+        (("--constants", "complex", "--full-rank", "--states", 2), 2, False),
+    ],
+    ids=str,
+)
+def test_both_fits_take_the_same_options(
+    tmp_path: Path,
+    capfd: Capture,
+    method: str,
+    options: tuple[str | int, ...],
+    states: int,
+    pole_at_zero: bool,
+) -> None:
+    """Of a torque to a rate or an angle: 1/s or 1/s^2 beside a mode, or that mode alone."""
+    power = {"--integrators": 1, "--rigid": 2}.get(str(options[0]))
+    rng, rate, samples = np.random.default_rng(0), 64.0, 2048
+    f = np.fft.rfftfreq(4 * samples, 1.0 / rate)
+    on = (f > 0.3) & (f < 7.0)
+    s, w = np.where(on, 2j * np.pi * f, 1.0), 2.0 * np.pi * 3.0
+    G = w**2 / (s**2 + 0.02 * w * s + w**2) + (0.0 if power is None else (3.0 / s) ** power)
+    U = np.where(on, rng.standard_normal(len(f)) + 1j * rng.standard_normal(len(f)), 0.0)
+    u, y = (np.fft.irfft(X, n=4 * samples)[samples : 2 * samples][None, None, :, None] for X in (U, G * U))
+    y = y + 1e-3 * y.std() * rng.standard_normal(y.shape)
+    ports = (Port("torque", "N m"),), (Port("angle", "rad"),)
+    write_record(tmp_path / "part.npz", Record(rate, u, y, *ports, periodic=False))
+    path, model_file = tmp_path / "part.npz", tmp_path / "model.json"
+    asked = ("--method", method, "--band", "0.5,6.5", "--continuous", "-o", model_file, "--json")
+    ended = middeck(capfd, "identify", path, *options, *asked)
+    assert ended.code == 0, ended.err
+    found = json.loads(ended.out)
+    assert found["states"] == states
+    assert found["frequency_hz"][-1] == pytest.approx(3.0, rel=1e-3)
+    model = load_model(model_file)
+    at_zero = model.integral if power == 1 else model.rigid
+    assert (at_zero is not None) == pole_at_zero
+    if at_zero is not None and power is not None:
+        assert at_zero[0, 0] == pytest.approx(3.0**power, rel=1e-2)
 
 
 @pytest.mark.parametrize(
