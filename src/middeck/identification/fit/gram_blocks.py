@@ -79,7 +79,9 @@ class Functions:
 
     def products(self, rows: Complex[np.ndarray, "... line"]) -> Float[np.ndarray, "... function"]:
         """Re sum conj(f) row over the lines."""
-        return np.ascontiguousarray(rows).view(float) @ self.real.T
+        # In one product: matrices of few rows each would read all functions once for each.
+        flat = np.ascontiguousarray(rows).view(float).reshape(-1, self.real.shape[1])
+        return (flat @ self.real.T).reshape(*rows.shape[:-1], -1)
 
 
 class Alone(NamedTuple):
