@@ -23,8 +23,8 @@ from middeck.identification.fit.doubts import (
 from middeck.identification.fit.fitted_model import model_of, structure_of
 from middeck.identification.fit.likelihood import likelihood_polish
 from middeck.identification.fit.polish import Polished, logarithmic_polish, settle
-from middeck.identification.fit.race import count_unknowns, model_error, race
-from middeck.identification.fit.weights import Spread, spread_of
+from middeck.identification.fit.race import count_unknowns, model_error, race, spread_to_follow
+from middeck.identification.fit.weights import Spread, excess_share, spread_of
 from middeck.identification.measurement_model import MeasurementModel, model_response
 from middeck.identification.uncertainty.covariance import ModelCovariance, estimate_covariance
 from middeck.identification.uncertainty.parameters import Uncertainty, uncertainty_of
@@ -179,12 +179,13 @@ def fit_chosen(
         best, reason = race_of_orders(measured, data, spread, options, choices)
     else:
         best, reason = race(data, spread, options), f"{states} states were asked for"
-    best = settle(data, best, spread)
+    followed = spread_to_follow(best, spread)
+    best = settle(data, best, followed)
     if cost == "logarithmic":
-        best = logarithmic_polish(data, best, spread)
+        best, followed = logarithmic_polish(data, best, spread), spread
     if cost == "likelihood" and measured.covariance is not None:
-        best = likelihood_polish(data, best, measured.covariance)
-    return _result(measured, best, spread, reason)
+        best, followed = likelihood_polish(data, best, measured.covariance), spread
+    return _result(measured, best, spread, followed, reason)
 
 
 def _first_data(measured: FrequencyResponse, spread: Spread) -> Data:
@@ -192,16 +193,27 @@ def _first_data(measured: FrequencyResponse, spread: Spread) -> Data:
     return Data(2j * np.pi * measured.frequency_hz, np.moveaxis(measured.H, 0, 1), weight)
 
 
-def _result(measured: FrequencyResponse, best: Polished, spread: Spread, reason: str) -> FitResult:
+def _result(
+    measured: FrequencyResponse, best: Polished, spread: Spread, followed: Spread, reason: str
+) -> FitResult:
     found = model_of(best.layout, best.refined, measured.inputs, measured.outputs)
-    covariance = _covariance(found, measured, best, spread)
+    covariance = estimate_covariance(
+        found,
+        structure_of(best.layout),
+        measured,
+        assumed=followed.at(best.share),
+        noise=spread.variance,
+    )
     uncertainty = uncertainty_of(covariance)
     delay_s, warnings = causal_delay(measured, found.delay_s, uncertainty)
     model = dataclasses.replace(found, delay_s=delay_s)
-    r = np.abs(model_response(model, measured.frequency_hz) - measured.H) ** 2
+    residual = model_response(model, measured.frequency_hz) - measured.H
+    r = np.abs(residual) ** 2
     if not np.isfinite(r).all():
         raise FitError("the fitted response is not finite", hint="fewer states")
     refuse_a_lead(measured, found, model)
+    if followed is not spread:
+        best = dataclasses.replace(best, share=excess_share(np.moveaxis(residual, 0, 1), spread))
     error = np.sqrt(np.sum(r, axis=(0, 2)) / np.sum(np.abs(measured.H) ** 2, axis=(0, 2)))
     if not best.refined.converged:
         warnings.append(f"the search had not settled after {len(best.refined.history)} steps")
@@ -218,12 +230,4 @@ def _result(measured: FrequencyResponse, best: Polished, spread: Spread, reason:
         np.array(best.refined.history),
         reason,
         tuple(warnings),
-    )
-
-
-def _covariance(
-    model: MeasurementModel, measured: FrequencyResponse, best: Polished, spread: Spread
-) -> ModelCovariance:
-    return estimate_covariance(
-        model, structure_of(best.layout), measured, assumed=spread.at(best.share), noise=spread.variance
     )

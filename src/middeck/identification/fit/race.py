@@ -46,7 +46,15 @@ def race(data: Data, spread: Spread, options: Options) -> Polished:
             hint="fewer states, a wider band or a longer period",
         )
     best = _further(part, some, best, LAST_STEPS)
-    return _exchange(part, some, options, best)
+    followed = spread_to_follow(best, some)
+    if followed is not some:
+        best = _further(part, followed, best, FEW_STEPS)
+    return _exchange(part, followed, options, best)
+
+
+def spread_to_follow(best: Polished, spread: Spread) -> Spread:
+    """The spread itself for a model that explains its data, the even one for a model that leaves more."""
+    return spread.even if model_error(best, spread) > WORTH_EXCHANGE else spread
 
 
 def _hopeful(part: Data, started: list[Start]) -> list[Start]:

@@ -190,5 +190,8 @@ def search(
 
 def _move(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
     # Scaled to a unit diagonal: frequencies, shapes and delays differ by many orders.
-    size = 1.0 / np.sqrt(np.diag(matrix))
+    square = np.diag(matrix)
+    if not (square > 0.0).all():  # rounding of normal equations where two modes have met
+        raise np.linalg.LinAlgError
+    size = 1.0 / np.sqrt(square)
     return size * np.linalg.solve(matrix * size[:, None] * size, size * right)

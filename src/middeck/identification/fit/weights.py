@@ -8,8 +8,10 @@ That excess is taken as one more variance e P, with one share e for all lines an
 
     sum |r|^2 / (v + e P) = number of lines   (Paule and Mandel 1982)
 
-so that a good model is weighted by its noise and a short one by the size of what it must follow. P is the
-mean square response of the output, or for the logarithmic cost |H|^2 of each line, which makes peaks and
+so that a good model is weighted by its noise and a short one by the size of what it must follow. Where that
+excess is no small part, the measured variance is the wrong norm for what such a model can follow: then it
+counts for a tenth (`Spread.even`), so that a line which is mostly noise still weighs less. P is the mean
+square response of the output, or for the logarithmic cost |H|^2 of each line, which makes peaks and
 antiresonances count alike. A share for each output would let a fit give up one output and then weigh it less
 for being so.
 """
@@ -27,6 +29,9 @@ from middeck.values import record
 
 # Half width of the average over lines.
 NEIGHBOURS = 10
+# Share of the variance that still weighs lines of a model that leaves more than it: the quietest lines would
+# otherwise rule what the model follows, and where a structure is loudest its distortion is, too.
+EVEN = 0.1
 # Smallest variance, as a share of the mean square response: rounding of double precision data.
 ROUNDING = 1e-22
 
@@ -41,6 +46,11 @@ class Spread:
     def at(self, share: float) -> Float[np.ndarray, "output line input"]:
         """v + share P."""
         return self.variance + share * self.size
+
+    @property
+    def even(self) -> Spread:
+        """The same with most of the variance left out: for a model that does not reach it."""
+        return Spread(EVEN * self.variance, self.size)
 
 
 def spread_of(measured: FrequencyResponse, *, relative: bool) -> Spread:
