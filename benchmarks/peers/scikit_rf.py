@@ -2,7 +2,8 @@
 
     python benchmarks/peers/scikit_rf.py IN.npz OUT.npz
 
-IN: frequency_hz, H (line, output, input), poles (their number), at_hz. OUT: H at ``at_hz``, CPU seconds, version.
+IN: frequency_hz, H (line, output, input), poles (their number), at_hz. OUT: H at ``at_hz``, seconds (of the
+CPU), version.
 """
 
 from __future__ import annotations

@@ -41,16 +41,16 @@ def entry_slopes(
 ) -> EntrySlopes:
     """H_oi and its derivatives at ``s``, which need not lie on the imaginary axis."""
     entry = entry_factors(model, structure, places_of(model, structure), output, input)
-    functions = entry.functions(shared_functions(model, s), s)
+    shared = shared_functions(model, s)
     late = np.exp(-s * entry.delay_s)
-    H = combined(entry.response[None], functions[:-1])[0] * late
-    return EntrySlopes(H, entry.place, combined(entry.by, functions) * late)
+    H = combined(entry.response[None], shared)[0] * late
+    return EntrySlopes(H, entry.place, combined(entry.by, entry.functions(shared, s)) * late)
 
 
 class EntryFactors(NamedTuple):
     """One entry: which unknowns it depends on, its derivatives and itself by the functions, and its delay.
 
-    The last function of the derivatives is the entry's own, -s H.
+    The last function of the derivatives is the entry's own, -s H, where a delay is among the unknowns.
     """
 
     place: Int[np.ndarray, " unknown"]
@@ -62,6 +62,8 @@ class EntryFactors(NamedTuple):
         self, shared: Complex[np.ndarray, "function line"], s: Complex[np.ndarray, " line"]
     ) -> Complex[np.ndarray, "function line"]:
         """The functions of `shared_functions` and the entry's own, all without its delay."""
+        if self.by.shape[1] == len(shared):
+            return shared
         return np.concatenate([shared, (-s * combined(self.response[None], shared))])
 
 
@@ -114,13 +116,14 @@ def entry_factors(
     rows.append(
         (np.array([*constant, at.delay[output], at.path[output, input]]), np.eye(4 * modes + 4)[last])
     )
-    place, by = (np.concatenate(x) for x in zip(*rows, strict=True))
+    place, each = (np.concatenate(x) for x in zip(*rows, strict=True))
     once, which = np.unique(place[place >= 0], return_inverse=True)
-    total = np.zeros((len(once), by.shape[1]))
-    np.add.at(total, which, by[place >= 0])
+    total = np.zeros((len(once), each.shape[1]))
+    np.add.at(total, which, each[place >= 0])
     slow = [model.lower[output, input] + part_of(model, model.rigid)[output, input]]
     slow += [part_of(model, model.integral)[output, input], model.direct[output, input]]
     none = np.zeros(2 * modes)
     response = np.concatenate([np.real(c * b), np.imag(c * b), none, slow])
     delay_s = model.delay_s[output] + part_of(model, model.path_delay_s)[output, input]
-    return EntryFactors(once, total, response, float(delay_s))
+    by = total if total[:, -1].any() else total[:, :-1]
+    return EntryFactors(once, by, response, float(delay_s))
