@@ -37,7 +37,7 @@ COINCIDENT = 1e-13
 MOST_STEPS = 200
 # Products in an output's normal equations below which forming them directly, by QR, takes less than to find
 # few functions to form them from.
-SMALL = 2e6
+SMALL = 4e5
 # A step that promises less ends the search. Weights are one over standard deviations, so that an unknown one
 # deviation off costs 1/2 or more: 1e-3 is a twentieth of a deviation, for all unknowns together.
 SMALLEST_GAIN = 1e-3
