@@ -1,0 +1,38 @@
+"""A sampled plant of two inputs and two outputs, shaken by inputs, by forces, and under sensor noise."""
+
+import dataclasses
+
+import numpy as np
+
+from middeck.identification.measurement_model import MeasurementModel
+from middeck.identification.samples.simulation import simulate_record
+from middeck.systems.ports import Port
+from middeck.systems.record import Record
+
+U2, Y2 = (Port("u0", "V"), Port("u1", "V")), (Port("y0", "m"), Port("y1", "m"))
+POLES = np.array([-0.02 + 0.6j, -0.03 + 1.4j])
+
+
+def a_plant():
+    rng = np.random.default_rng(7)
+    c, b = (rng.standard_normal((2, 2)) + 1j * rng.standard_normal((2, 2)) for _ in "cb")
+    direct = np.array([[0.2, 0.0], [0.1, -0.3]])
+    return MeasurementModel(POLES, c, b, direct, 0 * direct, np.zeros(2), U2, Y2, 1.0)
+
+
+def shaken(seed, count=400, *, experiments=1, noise=0.0, motion=0.0):
+    """Records of the plant at rest before, with sensor noise or forces beside the inputs."""
+    rng = np.random.default_rng(seed)
+    u = rng.standard_normal((experiments, 1, count + 200, 2))
+    blank = Record(1.0, u + motion * rng.standard_normal(u.shape), u, U2, Y2, periodic=False)
+    y = simulate_record(
+        a_plant(), dataclasses.replace(blank, y=rng.standard_normal(u.shape)), state_share=0.05
+    )
+    y = y + noise * rng.standard_normal(y.shape)
+    # The first samples are cut: the record begins in motion.
+    return Record(1.0, u[:, :, 200:], y[:, :, 200:], U2, Y2, periodic=False)
+
+
+def pole_error(model):
+    found = model.poles[np.argsort(np.imag(model.poles))]
+    return np.abs(found - POLES).max()
