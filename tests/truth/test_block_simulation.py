@@ -1,4 +1,4 @@
-"""Simulation in blocks is stepping, to rounding: lightly damped, rigid, late, growing and ill-scaled systems."""
+"""Simulation in blocks is stepping, to rounding: lightly damped, rigid, late, growing, ill-scaled systems."""
 
 from __future__ import annotations
 

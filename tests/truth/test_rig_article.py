@@ -142,7 +142,10 @@ def test_in_orbit_an_umbilical_ties_it_weakly(dm, form):
     assert np.sum(free.omega == 0.0) == 8
     # Tied at one point: three translations have a frequency, of the sheet's size; rotations about it do not.
     assert np.sum(tied.omega == 0.0) == 5
-    np.testing.assert_allclose(tied.frequency_hz[5:8], form.umbilical_hz, rtol=0.2)
+    assert tied.frequency_hz[5] == pytest.approx(form.umbilical_hz, rel=1e-3)
+    # Beside the centre of mass the tie moves less than the whole mass; half of it at the least.
+    assert np.all(tied.frequency_hz[5:8] > 0.999 * form.umbilical_hz)
+    assert np.all(tied.frequency_hz[5:8] < 1.5 * form.umbilical_hz)
     np.testing.assert_allclose(flexible(tied)[3:], flexible(free)[: len(flexible(tied)) - 3], rtol=1e-3)
 
 
@@ -190,8 +193,6 @@ def test_a_study_rig_runs_drifted_and_rubbing(dm, lab, form):
     # Viscous drag in the bearings moves the damped frequency by next to nothing.
     np.testing.assert_allclose(near[1] / near[0], 1.02, rtol=1e-4)
     u = 0.1 * np.sin(2.0 * np.pi * 1.0 * np.arange(500) / 500.0)[:, None]
-    run = run_hardware_open_loop(
-        rig, u, periods=1, rng=np.random.default_rng(0), settle=1, rest_s=rubs.rest_s
-    )
+    run = run_hardware_open_loop(rig, u, periods=1, rng=np.random.default_rng(0), settle=1, rest_s=1.0)
     assert run.cause == ""
     assert np.std(run.record.y) > 1e-4
