@@ -16,7 +16,7 @@ class Stage:
     Parameters
     ----------
     size:
-        Of the perturbations, from 0 (the nominal model) to 1.
+        Of the perturbations, from 0 (the nominal model) to 1; of sensitivity weighting the strength tried.
     authority_ratio:
         Authority over the one asked for.
     discount:

@@ -1,0 +1,188 @@
+"""Sensitivity-weighted LQG: modes that are not known well are priced, and their noise raised (Grocott 1994).
+
+Beside z the cost holds what z would change with each uncertain parameter, E[sum h_i^2 z_i' W^2 z_i] with
+z_i = dz/d alpha_i. The sensitivities obey x_i' = A x_i + A_i x; taken quasi-statically, x_i = -A^-1 A_i x, they
+need no states of their own, and the problem stays an LQG of the plant's order. The filter is the dual: noise
+that the parameters would make of noise, A_i A^-1 B1 w.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.control.compensator import driven_ports, measured_ports
+from middeck.control.lqg import LQGWeights
+from middeck.control.partition import partition_modes
+from middeck.control.riccati import RiccatiSolution, solve_riccati
+from middeck.control.robust.blend import evaluate_models
+from middeck.control.robust.closed_cost import Law, evaluate_cost
+from middeck.control.robust.design_model import DesignModel
+from middeck.control.robust.directions import Directions, stiffness_directions
+from middeck.control.robust.problem import Problem, models_of, pose_problem, whole_law
+from middeck.control.robust.result import RobustCompensator, Stage
+from middeck.control.robust.structure import Structure
+from middeck.control.robust.uncertainty import Uncertainty
+from middeck.errors import ConfigError, NumericalError
+from middeck.systems.delayed_plant import DelayedPlant
+from middeck.systems.plant import Plant
+from middeck.values import record
+
+RUNGS = (0.0, *(0.1 * 2.0**k for k in range(20)))
+"""Strengths that are tried: none, then from a tenth of what the half-widths say, doubled."""
+FINER = 7
+"""Strengths tried between the neighbours of the best rung: steps of a fifth."""
+
+
+@record
+class SensitivityWeightedCompensator(RobustCompensator):
+    """An LQG compensator of a cost with sensitivities.
+
+    Parameters
+    ----------
+    strength:
+        By how much the half-widths were multiplied.
+    regulator, estimator:
+        The two Riccati solutions.
+    """
+
+    strength: float
+    regulator: RiccatiSolution
+    estimator: RiccatiSolution
+
+
+def design_sensitivity_weighted(
+    plant: Plant | DelayedPlant,
+    weights: LQGWeights,
+    authority: float,
+    *,
+    uncertainty: Uncertainty,
+    positions: Float[np.ndarray, "model parameter"] | None = None,
+    strength: float | None = None,
+) -> SensitivityWeightedCompensator:
+    """The LQG compensator of a cost and a noise that count the modes' uncertainty, of the plant's own order.
+
+    Parameters
+    ----------
+    plant, weights, authority, uncertainty, positions:
+        As for `design_multimodel`; only ``uncertainty.shifts`` enter the cost.
+    strength:
+        Multiplies the half-widths in the cost. None: the one, to a fifth, at which the mean of the plain costs
+        of the models at ``positions`` is least; all of them are then stable.
+
+    Raises
+    ------
+    NumericalError
+        Where no strength holds all models.
+    ConfigError, NotStabilisableError
+        As `design_multimodel`.
+    """
+    if strength is not None and not (np.isfinite(strength) and strength >= 0.0):
+        raise ConfigError(f"a strength of {strength}: zero or more")
+    problem = pose_problem(plant, weights, authority, uncertainty, positions, Structure())
+    directions = stiffness_directions(plant, problem.nominal, uncertainty)
+    models = models_of(problem, 1.0, 1.0)
+    tried: list[Stage] = []
+    level = _best_strength(models, directions, tried) if strength is None else strength
+    return _result(problem, models, directions, level, tuple(tried))
+
+
+def _best_strength(models: Sequence[DesignModel], directions: Directions, tried: list[Stage]) -> float:
+    """On the ladder first, then between the neighbours of the best rung; an unstable model costs ``inf``."""
+
+    def mean_cost(strength: float) -> float:
+        law = _solve(models[0], directions, strength)[0]
+        found = evaluate_models(models, law)
+        cost = np.inf if found is None else float(np.mean([each.cost for each in found]))
+        tried.append(Stage(strength, 1.0, 0.0, cost, 1))
+        return cost
+
+    costs = [mean_cost(strength) for strength in RUNGS]
+    best = int(np.argmin(costs))
+    if not np.isfinite(costs[best]):
+        raise NumericalError(
+            f"sensitivity weighting holds the models at no strength up to {RUNGS[-1]:g}",
+            hint="a lower authority, a smaller uncertainty, or design_multimodel",
+            history=tuple(tried),
+        )
+    if not best:
+        return 0.0
+    ends = RUNGS[max(best - 1, 1)], RUNGS[min(best + 1, len(RUNGS) - 1)]
+    for strength in np.geomspace(*ends, FINER + 2)[1:-1]:
+        mean_cost(float(strength))
+    return min(tried, key=lambda stage: stage.cost).size
+
+
+def _solve(
+    model: DesignModel, directions: Directions, strength: float
+) -> tuple[Law, RiccatiSolution, RiccatiSolution, float]:
+    """The law, both Riccati solutions, and the weighted cost."""
+    worse = _weighted(model, directions, strength)
+    A, B, C = worse.A, worse.B2, worse.C2
+    regulator = solve_riccati(A, B, worse.C1.T @ worse.C1, worse.D12.T @ worse.D12, worse.C1.T @ worse.D12)
+    estimator = solve_riccati(
+        A.T, C.T, worse.B1 @ worse.B1.T, worse.D21 @ worse.D21.T, worse.B1 @ worse.D21.T
+    )
+    K, L = regulator.gain, estimator.gain.T
+    cost = np.sum(regulator.X * (worse.B1 @ worse.B1.T))
+    cost += np.sum((K @ estimator.X) * (worse.D12.T @ worse.D12 @ K))
+    return Law(A - B @ K - L @ (C - worse.D22 @ K), L, -K), regulator, estimator, float(cost)
+
+
+def _weighted(model: DesignModel, directions: Directions, strength: float) -> DesignModel:
+    """The model with outputs -C1 A^-1 A_i x h_i and noise inputs -A_i A^-1 B1 w_i h_i beside its own."""
+    outputs, noises = [model.C1], [model.B1]
+    inverse = np.linalg.pinv(model.A)
+    for change in _changes(directions, len(model.A)) if strength else []:
+        outputs.append(strength * (model.C1 @ inverse @ change))
+        noises.append(strength * (change @ inverse @ model.B1))
+    extra_e, extra_w = len(model.C1) * (len(outputs) - 1), model.B1.shape[1] * (len(noises) - 1)
+    return dataclasses.replace(
+        model,
+        C1=np.vstack(outputs),
+        D12=np.vstack([model.D12, np.zeros((extra_e, model.D12.shape[1]))]),
+        B1=np.hstack(noises),
+        D21=np.hstack([model.D21, np.zeros((len(model.D21), extra_w))]),
+    )
+
+
+def _changes(directions: Directions, states: int) -> list[np.ndarray]:
+    """h_i A_i of each shift: what half its width does to A, modes that move together in one."""
+    found: list[np.ndarray] = []
+    for group in sorted(set(directions.group)):
+        mine = np.array([g == group for g in directions.group])
+        half = (directions.high - directions.low)[mine] / 2.0
+        change = np.zeros((states, states))
+        known = len(directions.into)
+        change[:known, :known] = directions.into[:, mine] @ (half[:, None] * directions.out[mine])
+        found.append(change)
+    return found
+
+
+def _result(
+    problem: Problem,
+    models: Sequence[DesignModel],
+    directions: Directions,
+    strength: float,
+    tried: tuple[Stage, ...],
+) -> SensitivityWeightedCompensator:
+    law, regulator, estimator, cost = _solve(models[0], directions, strength)
+    part = partition_modes(problem.nominal)
+    return SensitivityWeightedCompensator(
+        whole_law(law, problem.structure),
+        measured_ports(part.active),
+        driven_ports(part.active),
+        problem.authority,
+        len(law.A),
+        cost,
+        np.array([evaluate_cost(model, law).cost for model in models]),
+        max(regulator.residual, estimator.residual),
+        tried,
+        part.inert,
+        strength,
+        regulator,
+        estimator,
+    )
