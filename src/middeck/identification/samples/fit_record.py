@@ -25,7 +25,7 @@ from middeck.identification.samples.model import record_covariance, record_model
 from middeck.identification.samples.noise import negative_log_likelihood, noise_variance
 from middeck.identification.samples.order import choose_record
 from middeck.identification.samples.search import RecordRun, Weighting
-from middeck.identification.samples.spectra import record_data, without_trend
+from middeck.identification.samples.spectra import record_data, without_offset, without_trend
 from middeck.identification.spectra import estimate_response
 from middeck.identification.uncertainty.parameters import uncertainty_of
 from middeck.systems.excitation.driven import driven_band
@@ -75,7 +75,7 @@ def fit_record(
     weighting:
         "flat": the error of the simulation is least. "output": by the noise of sensors, "motion": by forces
         that shake the article as the inputs do. By default the likelier of the last two, or of a sampled
-        model that which simulates parts of the record held out best.
+        model those that simulate samples held out best.
 
     Raises
     ------
@@ -92,7 +92,11 @@ def fit_record(
         record.sample_hz if sampled else None,
         constants, delay, direct, residuals, full_rank, rigid, relative_degree, integrators,
     )  # fmt: skip
-    record = without_trend(record, inputs=not (residuals or at_zero(choices)))
+    record = (
+        without_offset(record)
+        if sampled
+        else without_trend(record, inputs=not (residuals or at_zero(choices)))
+    )
     if band_hz is None and not sampled:
         inputs = record.u.reshape(len(record.u), -1, record.u.shape[3])
         band_hz = driven_band(inputs, record.sample_hz)

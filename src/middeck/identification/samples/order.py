@@ -1,10 +1,10 @@
 """Order and weights of a sampled model: the shortest description, and samples held out.
 
 The order is that of the shortest description of the record by either kind of noise, transients counted among
-its unknowns. The weights at that order are those whose model simulates samples held out best: refined on the
-first two thirds of the record and judged on the last, with only its initial state fitted there, and the other
-way round. Both rules were chosen among others by their error on simulated records whose truth is known
-(docs/explanation/one-long-record.md).
+its unknowns. The weights at that order are those whose model simulates samples held out best (`held_out`):
+what a model of a real article leaves is more than noise, and the likeliest weights need not be those that
+simulate best. Both rules were chosen among others by their error on simulated records, with and without model
+error (docs/explanation/one-long-record.md).
 """
 
 from __future__ import annotations
@@ -12,41 +12,30 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 
-import numpy as np
-
-from middeck.errors import FitError, NumericalError
+from middeck.errors import FitError
 from middeck.identification.fit.data import Data
 from middeck.identification.fit.order import description_length, is_settled, sizes
-from middeck.identification.fit.start import Options
-from middeck.identification.measurement_model import MeasurementModel
-from middeck.identification.samples.model import record_model
+from middeck.identification.fit.start import Options, Start
+from middeck.identification.samples.growth import exchanges, grown
+from middeck.identification.samples.held_out import error_held_out
 from middeck.identification.samples.race import further, leader
-from middeck.identification.samples.search import RecordRun, Weighting, refine_record
-from middeck.identification.samples.simulation import record_nrmse
-from middeck.identification.samples.spectra import cut_samples, record_data
+from middeck.identification.samples.search import RecordRun, Weighting
+from middeck.identification.samples.spectra import record_data
 from middeck.identification.samples.starts import record_starts
 from middeck.systems.record import Record
-from middeck.values import record as frozen
 
-# Rounds of noise and search, and steps of each, on all samples; steps on each part that is held out from.
-ROUNDS, STEPS, PART_STEPS = 4, 60, 15
-# Share of the part held out to which the initial state is fitted.
-STATE_SHARE = 0.5
-KINDS: tuple[Weighting, ...] = ("output", "motion")
+# Rounds of noise and search of each model, and steps of each.
+ROUNDS, STEPS = 4, 60
+# An exchange counts when it gains more likelihood than an unsettled search may.
+WORTH = 1.0
+# An order that is asked for is grown from so many states less.
+BELOW = 4
+NOISES: tuple[Weighting, ...] = ("output", "motion")
 WEIGHED = {
     "flat": "all lines weighed alike",
     "output": "lines weighed by the noise of sensors",
     "motion": "lines weighed by the noise of forces",
 }
-
-
-@frozen
-class Candidate:
-    """An order, the model that it gives on all samples with some weights, and its description length."""
-
-    states: int
-    run: RecordRun
-    length: float
 
 
 def choose_record(
@@ -58,43 +47,80 @@ def choose_record(
     weighting: Weighting | None,
 ) -> tuple[RecordRun, str]:
     """The best order (of those asked for) and weighting, with the reason."""
-    kinds = KINDS if weighting is None else (weighting,)
     data = record_data(record, band_hz, whole=True)
+    kinds = NOISES if weighting is None else (weighting,)
     if states is None:
         found, reason = _shortest(record, data, options, kinds)
     else:
-        sized = dataclasses.replace(options, states=states)
-        found, reason = _candidates(record, data, sized, kinds), f"{states} states were asked for"
+        options = dataclasses.replace(options, states=states)
+        found, reason = _grown_to(record, data, options, kinds, []), f"{states} states were asked for"
     if not found:
         raise FitError("no start could be refined", hint="a longer record, or fewer states")
+    options = dataclasses.replace(options, states=found[0].states)
     if weighting is not None:
-        return found[0].run, reason
-    found += _candidates(record, data, dataclasses.replace(options, states=found[0].states), ("flat",))
-    judged = [(_held_out(record, options, band_hz, one.run), one.length, one) for one in found]
+        return _exchanged(data, options, found[0]), reason
+    found += _grown_to(record, data, options, ("flat",), found)
+    found = [_exchanged(data, options, run) for run in found]
+    judged = [(error_held_out(record, band_hz, run), record_length(data, run), run) for run in found]
     error, _, best = min(judged, key=lambda t: t[:2])
-    return (
-        best.run,
-        f"{reason}; {WEIGHED[best.run.weighting]}: samples held out are simulated within {error:.2%}",
-    )
+    return best, f"{reason}; {WEIGHED[best.weighting]}: samples held out are simulated within {error:.2%}"
 
 
 def _shortest(
     record: Record, data: Data, options: Options, kinds: tuple[Weighting, ...]
-) -> tuple[list[Candidate], str]:
-    """The candidates of the order that has the shortest description, and why."""
-    tried: list[tuple[float, list[Candidate]]] = []
-    for size in sizes():
-        if not enough_samples(record, size):
+) -> tuple[list[RecordRun], str]:
+    """The models of the order that has the shortest description, and why."""
+    tried: list[tuple[int, float, list[RecordRun]]] = []
+    runs: list[RecordRun] = []
+    for states in sizes():
+        if not enough_samples(record, states):
             break
-        found = _candidates(record, data, dataclasses.replace(options, states=size), kinds)
-        if found:
-            tried.append((min(one.length for one in found), found))
-        if tried and is_settled([length for length, _ in tried]):
+        runs = _models(record, data, dataclasses.replace(options, states=states), kinds, runs)
+        if runs:
+            tried.append((states, min(record_length(data, run) for run in runs), runs))
+        if tried and is_settled([length for _, length, _ in tried]):
             break
     if not tried:
         return [], ""
-    reason = shortest_reason([(found[0].states, length) for length, found in tried])
-    return min(tried, key=lambda t: t[0])[1], reason
+    return min(tried, key=lambda t: t[1])[2], shortest_reason([t[:2] for t in tried])
+
+
+def _grown_to(
+    record: Record, data: Data, options: Options, kinds: tuple[Weighting, ...], others: list[RecordRun]
+) -> list[RecordRun]:
+    """Models of ``options.states`` states with each weighting, grown from orders just below."""
+    runs: list[RecordRun] = []
+    for less in range(BELOW, 0, -2):
+        if options.states > less:
+            below = dataclasses.replace(options, states=options.states - less)
+            runs = _models(record, data, below, kinds, runs)
+    return _models(record, data, options, kinds, [*runs, *others])
+
+
+def _exchanged(data: Data, options: Options, run: RecordRun) -> RecordRun:
+    """With modes elsewhere, as long as that pays."""
+    while (other := leader(data, exchanges(data, options, run), run.weighting)) is not None:
+        other = further(data, other, rounds=ROUNDS, steps=STEPS)
+        if other.likelihood > run.likelihood - WORTH:
+            break
+        run = other
+    return run
+
+
+def _models(
+    record: Record, data: Data, options: Options, kinds: tuple[Weighting, ...], known: list[RecordRun]
+) -> list[RecordRun]:
+    """The likeliest model with each weighting, from subspaces, from the order before and from each other."""
+    starts = list(record_starts(record, data, options))
+    same = [run for run in known if run.states == options.states]
+    found: list[RecordRun] = []
+    for weighting in kinds:
+        before = [grown(data, options, run) for run in known if run.weighting == weighting]
+        other = [Start(run.layout, run.refined.theta) for run in (*same, *found)]
+        run = leader(data, [*starts, *other, *(start for start in before if start is not None)], weighting)
+        if run is not None:
+            found.append(further(data, run, rounds=ROUNDS, steps=STEPS))
+    return found
 
 
 def shortest_reason(tried: Sequence[tuple[int, float]]) -> str:
@@ -122,35 +148,3 @@ def enough_samples(record: Record, states: int) -> bool:
     outputs = record.y.shape[3]
     unknowns = states * (inputs + outputs + outputs * experiments) + inputs * outputs
     return unknowns < experiments * outputs * (2 * periods * samples // 3)
-
-
-def _candidates(
-    record: Record, data: Data, options: Options, weightings: tuple[Weighting, ...]
-) -> list[Candidate]:
-    starts = list(record_starts(record, data, options))
-    found: list[Candidate] = []
-    for weighting in weightings:
-        run = leader(data, starts, weighting)
-        if run is not None:
-            run = further(data, run, rounds=ROUNDS, steps=STEPS)
-            found.append(Candidate(options.states, run, record_length(data, run)))
-    return found
-
-
-def _held_out(record: Record, options: Options, band_hz: tuple[float, float] | None, run: RecordRun) -> float:
-    """rms over both halves held out of the error of the simulation there, outputs alike."""
-    count = record.u.shape[1] * record.u.shape[2]
-    third = count // 3
-    errors: list[float] = []
-    for seen, unseen in (((0, count - third), (count - third, count)), ((third, count), (0, third))):
-        data = record_data(cut_samples(record, *seen), band_hz, whole=True)
-        part = refine_record(data, run.layout, run.refined.theta, run.weighting, rounds=1, steps=PART_STEPS)
-        if part is None:
-            return np.inf
-        model: MeasurementModel = record_model(part.layout, part.refined, record)
-        try:
-            left = record_nrmse(model, cut_samples(record, *unseen), state_share=STATE_SHARE)
-        except NumericalError:
-            return np.inf
-        errors += list(left**2)
-    return float(np.sqrt(np.mean(errors)))

@@ -1,4 +1,4 @@
-"""The likeliest of several starts on a record."""
+"""The likeliest of several starts on a record, by successive halving (Jamieson and Talwalkar 2016)."""
 
 from __future__ import annotations
 
@@ -8,18 +8,19 @@ from middeck.identification.fit.data import Data
 from middeck.identification.fit.start import Start
 from middeck.identification.samples.search import RecordRun, Weighting, refine_record
 
-# Steps for all starts, and for the best few of them.
-HEAT, FEW, FEW_STEPS = 3, 3, 10
+# Steps of all starts, and of those that stay: twice as many each time, the noise estimated anew within.
+HEAT, ROUNDS = 3, 2
 
 
 def leader(data: Data, starts: Iterable[Start], weighting: Weighting) -> RecordRun | None:
-    """All starts take a few steps, the best few some more, the likeliest leads; None if none has a model."""
+    """All starts take a few steps, the better half twice as many, and so on; None if none has a model."""
     heats = [refine_record(data, s.layout, s.theta, weighting, rounds=1, steps=HEAT) for s in starts]
-    ranked = sorted((run for run in heats if run is not None), key=lambda run: run.likelihood)
-    if len(ranked) < 2:
-        return ranked[0] if ranked else None
-    few = [further(data, run, rounds=2, steps=FEW_STEPS) for run in ranked[:FEW]]
-    return min(few, key=lambda run: run.likelihood)
+    runs, steps = [run for run in heats if run is not None], HEAT
+    while len(runs) > 1:
+        better = sorted(runs, key=lambda run: run.likelihood)[: len(runs) // 2]
+        runs = [further(data, run, rounds=ROUNDS, steps=steps) for run in better]
+        steps *= 2
+    return runs[0] if runs else None
 
 
 def further(data: Data, run: RecordRun, *, rounds: int, steps: int) -> RecordRun:

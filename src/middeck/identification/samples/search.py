@@ -21,6 +21,9 @@ Weighting = Literal["flat"] | Noise
 # A decay rate times the record's length below which free motion is no different from a steady one, and times
 # the sampling period above which it is over within a sample.
 SLOWEST, FASTEST = 0.1, 15.0
+# A real pole of a sampled model decays once over the record: several slower ones make ramps and parabolas of
+# it, which fit any drift, and which no initial state brings to other samples.
+SLOWEST_REAL = 1.0
 
 
 @record
@@ -40,6 +43,11 @@ class RecordRun:
     weighting: Weighting
     variance: Float[np.ndarray, "output line column"]
     likelihood: float
+
+    @property
+    def states(self) -> int:
+        """Order of the model."""
+        return int(np.sum(np.where(self.layout.pair, 2, 1)))
 
 
 def refine_record(
@@ -90,6 +98,8 @@ def _bounds(layout: Layout, data: Data) -> tuple[np.ndarray, np.ndarray]:
     low, high = np.full(layout.size, -np.inf), np.full(layout.size, np.inf)
     modes, pairs = len(layout.pair), layout.pairs
     low[: modes + pairs] = np.log(SLOWEST / length)
+    if layout.period_s > 0.0:
+        low[pairs:modes] = np.log(SLOWEST_REAL / length)
     high[:modes] = np.log(FASTEST / period)
     high[modes : modes + pairs] = np.log(0.999 * np.pi / period)
     return low, high

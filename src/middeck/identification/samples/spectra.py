@@ -59,6 +59,15 @@ def _driven(U: np.ndarray) -> np.ndarray:
     return (np.arange(len(power)) >= strong[0]) & (np.arange(len(power)) <= strong[-1])
 
 
+def without_offset(record: Record) -> Record:
+    """A record without the mean of each channel: zero is no line of a fit, but starts would suffer."""
+    return dataclasses.replace(
+        record,
+        u=record.u - record.u.mean(axis=(1, 2), keepdims=True),
+        y=record.y - record.y.mean(axis=(1, 2), keepdims=True),
+    )
+
+
 def without_trend(record: Record, *, inputs: bool) -> Record:
     """A record without the offset and the ramp of each output, and of each input if those are to be.
 
