@@ -11,14 +11,12 @@ much as they miss the resonances.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import cast
 
 import numpy as np
-import scipy.linalg as sla
 from jaxtyping import Complex, Float
 
 from middeck.errors import ConfigError
-from middeck.systems.response import statespace_response
+from middeck.systems.resolvent import Resolvent, balance_states, by_schur_form, by_solving
 from middeck.systems.stability import GROWTH_LIMIT
 from middeck.systems.statespace import StateSpace, poles
 
@@ -55,7 +53,7 @@ def band_rms(
         return np.full(len(system.C), np.inf)
     modal = _as_pole_sum(noisy, values.astype(complex), V, (w1, w2))
     if modal is None:
-        return np.sqrt(_quadrature(_in_schur_form(noisy), values, (w1, w2)) / np.pi)
+        return np.sqrt(_quadrature(_on_axis(by_schur_form(noisy)), values, (w1, w2)) / np.pi)
     # A negative square is rounding about zero.
     return np.sqrt(np.maximum(_pair_integral(*modal, noisy.D, w1, w2), 0.0) / np.pi)
 
@@ -75,12 +73,12 @@ def band_rms_by_quadrature(
     to place the first cuts. It is an integral and does not know whether the system is stable.
     """
     band = _check_band(band_hz)
-    balanced = _balanced(system, _square_root(intensity))
-
-    def response(omega: np.ndarray) -> np.ndarray:
-        return statespace_response(balanced, omega)
-
+    response = _on_axis(by_solving(_balanced(system, _square_root(intensity))))
     return np.sqrt(_quadrature(response, poles(system), band) / np.pi)
+
+
+def _on_axis(resolvent: Resolvent) -> Callable[[np.ndarray], np.ndarray]:
+    return lambda omega: resolvent(1j * omega)
 
 
 def _quadrature(
@@ -118,21 +116,6 @@ def _panel_integrals(
     return 0.5 * (high - low)[:, None] * np.concatenate(parts)
 
 
-def _in_schur_form(system: StateSpace) -> Callable[[np.ndarray], np.ndarray]:
-    """The response by back substitution in complex Schur form, all lines at once: n^2 a line, and stable."""
-    T, Q = cast("tuple[np.ndarray, np.ndarray]", sla.schur(system.A, output="complex"))
-    B, C = Q.conj().T @ system.B, system.C @ Q
-
-    def response(omega: np.ndarray) -> np.ndarray:
-        x = np.zeros((len(B), len(omega), B.shape[1]), dtype=complex)
-        for i in reversed(range(len(B))):
-            coupled = np.tensordot(T[i, i + 1 :], x[i + 1 :], axes=1)
-            x[i] = (B[i] + coupled) / (1j * omega - T[i, i])[:, None]
-        return np.moveaxis(np.tensordot(C, x, axes=1), 0, 1) + system.D
-
-    return response
-
-
 def _check_band(band_hz: tuple[float, float]) -> tuple[float, float]:
     low, high = band_hz
     if not 0.0 <= low < high < np.inf:
@@ -147,8 +130,8 @@ def _balanced(system: StateSpace, root: Float[np.ndarray, "input input"]) -> Sta
     """The system driven by white noise of unit intensity, in states of comparable size."""
     if not len(system.A):
         return StateSpace(system.A, system.B @ root, system.C, system.D @ root)
-    A, (unit, _) = sla.matrix_balance(system.A, separate=True, permute=False)
-    return StateSpace(A, (system.B / unit[:, None]) @ root, system.C * unit, system.D @ root)
+    balanced = balance_states(system)
+    return StateSpace(balanced.A, balanced.B @ root, balanced.C, system.D @ root)
 
 
 def _square_root(intensity: Float[np.ndarray, "input input"]) -> Float[np.ndarray, "input input"]:
@@ -177,7 +160,7 @@ def _as_pole_sum(
     if not np.abs(Bv).max(initial=0.0) < 1e100:
         return None
     probe, width = _probes(values, np.linalg.norm(Cv, axis=0) * np.linalg.norm(Bv, axis=1), band)
-    direct = statespace_response(system, probe)
+    direct = by_solving(system)(1j * probe)
     summed = (Cv / (1j * probe[:, None, None] - values)) @ Bv + system.D
     error, size = np.linalg.norm(summed - direct, axis=2), np.linalg.norm(direct, axis=2)
     # The change of int |G|^2 is 2 int |G| error, to first order; that of the rms, relatively, half of it.

@@ -8,6 +8,7 @@ from jaxtyping import Complex, Float
 from middeck.systems.modal import ModalSystem, modal_response
 from middeck.systems.plant import Plant
 from middeck.systems.ports import Port
+from middeck.systems.resolvent import evaluate_transfer
 from middeck.systems.statespace import SampledStateSpace, StateSpace
 from middeck.values import record
 
@@ -49,15 +50,13 @@ class FrequencyResponse:
 def statespace_response(
     system: StateSpace | SampledStateSpace, omega: Float[np.ndarray, " line"]
 ) -> Complex[np.ndarray, "line output input"]:
-    """C (p I - A)^-1 B + D with p = j omega, or exp(j omega T) for a sampled system; ``omega`` in rad/s."""
+    """C (p I - A)^-1 B + D with p = j omega, or exp(j omega T) for a sampled system; ``omega`` in rad/s.
+
+    Many lines of a large system cost little more than its poles, see `middeck.systems.resolvent`.
+    """
     omega = np.asarray(omega, dtype=float)
     p = np.exp(1j * omega * system.period_s) if isinstance(system, SampledStateSpace) else 1j * omega
-    if not len(system.A):
-        return np.broadcast_to(system.D.astype(complex), (len(p), *system.D.shape)).copy()
-    pencil = p[:, None, None] * np.eye(len(system.A)) - system.A
-    return np.asarray(
-        system.C @ np.linalg.solve(pencil, np.broadcast_to(system.B, (len(p), *system.B.shape))) + system.D
-    )
+    return evaluate_transfer(system, p)
 
 
 def evaluate_plant(plant: Plant, frequency_hz: Float[np.ndarray, " line"]) -> FrequencyResponse:
