@@ -98,6 +98,8 @@ class SisoForm(Form):
     sensor: str
     period_s: Positive
     periods: Annotated[int, whole(2, 1000)]  # the fit weighs by their scatter
+    excitation_nm: Positive
+    closed_excitation_nm: Positive
     band_hz: Band
     fit_band_hz: Band
     states: Annotated[int, whole(2, 1000)]
@@ -106,14 +108,16 @@ class SisoForm(Form):
     input_weight: Positive
     disturbance_nm_per_rthz: Positive
     angle_noise_rad_per_rthz: Positive
-    pair_shift_percent: Finite
+    pair_shift_percent: Positive
     pair_shift_hz: Positive
+    drifted: Literal["up", "down"]
     low: AuthorityForm
     high: AuthorityForm
+    robust: AuthorityForm
 
 
 class SitoForm(Form):
-    """One input to two sensors and the performance: fitted together (Figures 10a and 10b).
+    """One input to two sensors and the performance: fitted together (Figures 10a, 10b), controlled (11, 12).
 
     Article, environment, actuator, excitation and rig are those of `SisoForm`, and its sensor is the
     performance.
@@ -121,8 +125,18 @@ class SitoForm(Form):
 
     sensors: Names
     fit_band_hz: Band
-    states: Annotated[int, whole(2, 1000)]
+    states: Annotated[int, whole(2, 1000)] | None = None
+    smaller_states: Annotated[tuple[Annotated[int, whole(2, 1000)], ...], Field(strict=False)] = ()
+    smaller_bands_hz: Annotated[tuple[Band, ...], Field(strict=False)] = ()
     pade_order: Annotated[int, whole(1, 12)]
+    angle_noise_rad_per_rthz: Annotated[tuple[Positive, ...], Field(strict=False)]
+    lead_zeros_hz: Positive
+    lead_poles_hz: Positive
+    lead_damping: Positive
+    pair_shift_percent: Positive
+    bus_weight: Positive
+    payload: AuthorityForm
+    both: AuthorityForm
 
 
 class MirrorForm(Form):
@@ -164,6 +178,8 @@ def study_findings(data: Table) -> list[Finding]:
         *_ascending(data, "siso", "band_hz"),
         *_ascending(data, "siso", "fit_band_hz"),
         *_ascending(data, "sito", "fit_band_hz"),
+        *_one_each(_table(data, "sito"), "sensors", ["angle_noise_rad_per_rthz"], "sito"),
+        *_one_each(_table(data, "sito"), "smaller_states", ["smaller_bands_hz"], "sito"),
         *_levels(control),
         *_weighed(control),
         *_two_rates(data),
@@ -180,15 +196,15 @@ def _table(data: Table, key: str) -> Table:
     return cast("Table", value) if isinstance(value, dict) else {}
 
 
-def _one_each(control: Table, names: str, keys: list[str]) -> Iterator[Finding]:
-    wanted = control.get(names)
+def _one_each(table: Table, names: str, keys: list[str], where: str = "control") -> Iterator[Finding]:
+    wanted = table.get(names)
     for key in keys:
-        given = control.get(key)
+        given = table.get(key)
         if isinstance(wanted, list) and isinstance(given, list):
             count, needed = len(cast("list[Any]", given)), len(cast("list[Any]", wanted))
             if count != needed:
                 message = f"{count} values for the {needed} {names}; must be one each"
-                yield Finding(("control", key), message, show(given))
+                yield Finding((where, key), message, show(given))
 
 
 def _ascending(data: Table, table: str, key: str) -> Iterator[Finding]:

@@ -10,20 +10,21 @@ from middeck.plot.curves import decibels, draw_bode
 from middeck.plot.ports import port_words
 from middeck.plot.style import COLOUR, frequency_axis, new_figure, phase_axis, styled
 from middeck.study.measured_sensors import MeasuredSensors
+from middeck.study.two_sensor_control import TwoSensorControl
 
 BELOW_DB = 9.0  # room under the curves for the zeros' marks
 
 
 @styled
-def figure_10a(sensors: MeasuredSensors) -> Figure:
+def figure_10a(control: TwoSensorControl) -> Figure:
     """The encoder."""
-    return _draw(sensors, 1)
+    return _draw(control.sensors, 1)
 
 
 @styled
-def figure_10b(sensors: MeasuredSensors) -> Figure:
+def figure_10b(control: TwoSensorControl) -> Figure:
     """The bus."""
-    return _draw(sensors, 2)
+    return _draw(control.sensors, 2)
 
 
 def _draw(sensors: MeasuredSensors, output: int) -> Figure:

@@ -22,9 +22,9 @@ from middeck.report.words import Numbers
 from middeck.structure.comparison import ModeComparison
 from middeck.study.gravity_responses import GravityResponses
 from middeck.study.measured_control import MeasuredControl
-from middeck.study.measured_sensors import MeasuredSensors
 from middeck.study.mirror import MirrorFit
 from middeck.study.stages import Outcome
+from middeck.study.two_sensor_control import TwoSensorControl
 from middeck.study.zero_g_control import ZeroGControl
 
 
@@ -61,7 +61,7 @@ DRAWINGS: dict[type[Outcome], tuple[Drawing, ...]] = {
         Drawing("figure-9a", "Figure 9a: measured response and fit", figure_9a, sentences.figure_9a),
         Drawing("figure-9b", "Figure 9b: open and closed loops", figure_9b, sentences.figure_9b),
     ),
-    MeasuredSensors: (
+    TwoSensorControl: (
         Drawing("figure-10a", sentences.title_10a, figure_10a, sentences.figure_10a),
         Drawing("figure-10b", sentences.title_10b, figure_10b, sentences.figure_10b),
     ),

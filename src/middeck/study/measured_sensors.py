@@ -10,10 +10,8 @@ from middeck.identification.fit.fit_response import FitResult, fit_response
 from middeck.identification.measurement_model import model_response
 from middeck.identification.plants.measured_plant import measured_plant
 from middeck.identification.plants.zeros import Zeros, path_zeros
-from middeck.identification.spectra import estimate_response
 from middeck.identification.uncertainty.parameters import zero_deviation
-from middeck.structure.modes import Modes
-from middeck.study.rig_experiment import in_band, rig_plant, run_rig_experiment
+from middeck.study.rig_experiment import in_band
 from middeck.systems.plant import Plant
 from middeck.systems.response import FrequencyResponse
 from middeck.values import record
@@ -62,22 +60,15 @@ class MeasuredSensors:
 
 
 def study_measured_sensors(
-    modes: Modes, rig: RigForm, siso: SisoForm, sito: SitoForm, rng: np.random.Generator
+    measured: FrequencyResponse, rig: RigForm, siso: SisoForm, sito: SitoForm
 ) -> MeasuredSensors:
-    """Excite once, fit the three paths together and find the zeros of each."""
-    article = rig_plant(modes, siso.actuator, (siso.sensor, *sito.sensors))
-    test = run_rig_experiment(article, rig, siso, rng)
-    measured = estimate_response(test.record, band_hz=siso.band_hz)
+    """Fit the three measured paths together and find the zeros of each."""
     banded = in_band(measured, sito.fit_band_hz)
-    fit = fit_response(banded, states=sito.states, cost="logarithmic")
+    fit = fit_response(banded, states=sito.states, cost="logarithmic", delay="common")
     H = model_response(fit.model, measured.frequency_hz)
+    torque = (siso.actuator,)
     plant = measured_plant(
-        fit.model,
-        pade_order=sito.pade_order,
-        w=(siso.actuator,),
-        u=(siso.actuator,),
-        z=(siso.sensor,),
-        y=sito.sensors,
+        fit.model, pade_order=sito.pade_order, w=torque, u=torque, z=(siso.sensor,), y=sito.sensors
     )
     return MeasuredSensors(
         sito.fit_band_hz,

@@ -18,10 +18,13 @@ from middeck.structure.equilibrium import Equilibrium, node_rotations
 from middeck.structure.modes import Modes
 from middeck.study.claims import figure_6_claims, figure_7_claims, figure_9_claims, figure_10_claims
 from middeck.study.gravity_responses import GravityResponses
-from middeck.study.measured_control import MeasuredControl, MeasuredLoop
+from middeck.study.measured_control import MeasuredControl
+from middeck.study.measured_loop import MeasuredLoop
 from middeck.study.measured_sensors import MeasuredSensors, SensorZeros
 from middeck.study.mirror import PUBLISHED_NRMSE, MirrorFit
+from middeck.study.reach import Reach
 from middeck.study.stages import Outcome
+from middeck.study.two_sensor_control import TwoSensorControl
 from middeck.study.zero_g_control import SubModelSweep, ZeroGControl
 from middeck.systems.response import FrequencyResponse
 
@@ -58,9 +61,14 @@ def figure_numbers(outcome: Outcome) -> Numbers:
             return {"figure_7": figure_7(outcome)}
         case MeasuredControl():
             return {"figure_9a": figure_9a(outcome), "figure_9b": figure_9b(outcome)}
-        case MeasuredSensors():
-            encoder, bus = (figure_10(outcome, output) for output in (1, 2))
-            return {"figure_10a": encoder, "figure_10b": bus | {"claims": figure_10_claims(outcome)}}
+        case TwoSensorControl():
+            encoder, bus = (figure_10(outcome.sensors, output) for output in (1, 2))
+            return {
+                "figure_10a": encoder,
+                "figure_10b": bus | {"claims": figure_10_claims(outcome.sensors)},
+                "figure_11": figure_11(outcome),
+                "figure_12": figure_12(outcome),
+            }
         case MirrorFit():
             return {"mirror": mirror(outcome)}
 
@@ -220,7 +228,11 @@ def _loop(loop: MeasuredLoop) -> Numbers:
         "predicted_db": loop.predicted_db,
         "measured_db": loop.measured_db,
         "rms_error_db": loop.rms_error_db,
+        "worst_error_db": loop.worst_error_db,
+        "worst_hz": loop.worst_hz,
+        "control_rms_nm": loop.control_rms_nm,
         "stable": loop.stable,
+        "cause": loop.cause,
         "survives_shift_percent": {f"{percent:+g}": ok for percent, ok in loop.survives},
     }
 
@@ -246,6 +258,46 @@ def figure_10(sensors: MeasuredSensors, output: int) -> Numbers:
         "states": model.states,
         "plant_states": len(sensors.plant.system.A),
         "warnings": fit.warnings,
+    }
+
+
+def figure_11(control: TwoSensorControl) -> Numbers:
+    """The payload held by encoder and bus: how far each design reaches, and the loop with the lead."""
+    designs = (*control.smaller, control.without_lead, control.with_lead)
+    return {
+        "open_loop": response_numbers(control.sensors.measured),
+        "reach": [_reach(design) for design in designs],
+        "payload": _loop(control.payload),
+    }
+
+
+def figure_12(control: TwoSensorControl) -> Numbers:
+    """Payload and bus held together: both closed-loop responses, and what the bus costs and gains."""
+    sensors = control.sensors
+    bus = {
+        "open_loop": response_numbers(sensors.measured, output=2),
+        "predicted": response_numbers(control.both.predicted, output=2),
+        "measured": None
+        if control.both.measured is None
+        else response_numbers(control.both.measured, output=2),
+    }
+    return {
+        "open_loop": response_numbers(sensors.measured),
+        "both": _loop(control.both),
+        "bus": bus,
+        "bus_db_7_to_9_hz": dict(zip(("payload", "both"), control.bus_db, strict=True)),
+        "payload_db_above_10_hz": dict(zip(("payload", "both"), control.above_db, strict=True)),
+        "payload_deeper_db_7_to_9_hz": control.deeper_db,
+    }
+
+
+def _reach(reach: Reach) -> Numbers:
+    return {
+        "what": reach.what,
+        "log10_authority": reach.log10_authority,
+        "predicted_db": reach.predicted_db,
+        "stopped_hz": reach.stopped_hz,
+        "stopped_percent": reach.stopped_percent,
     }
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 
@@ -13,18 +13,20 @@ from middeck.structure.comparison import ModeComparison
 from middeck.study.gravity import find_modes, study_gravity
 from middeck.study.gravity_responses import GravityResponses, study_gravity_responses
 from middeck.study.measured_control import MeasuredControl, study_measured_control
-from middeck.study.measured_sensors import MeasuredSensors, study_measured_sensors
 from middeck.study.mirror import MirrorFit, study_mirror
+from middeck.study.rig_article import RigArticle
+from middeck.study.rig_hardware import build_rig_article
+from middeck.study.two_sensor_control import TwoSensorControl, study_two_sensor_control
 from middeck.study.zero_g_control import ZeroGControl, study_zero_g_control
 
-Outcome = ModeComparison | GravityResponses | ZeroGControl | MeasuredControl | MeasuredSensors | MirrorFit
+Outcome = ModeComparison | GravityResponses | ZeroGControl | MeasuredControl | TwoSensorControl | MirrorFit
 # Share of the whole time, measured; only for the estimate of the remaining time.
 STAGES = {
     "figures 4 and 5": 0.08,
     "figure 6": 0.06,
     "figure 7": 0.43,
     "figure 9": 0.09,
-    "figure 10": 0.11,
+    "figures 10 to 12": 0.11,
     "mirror": 0.23,
 }
 
@@ -55,16 +57,18 @@ def run_stages(study: Study) -> Iterator[tuple[str, Callable[[], Outcome]]]:
     def zero_g_control() -> ZeroGControl:
         return study_zero_g_control({"orbit": found[0].orbit, "lab": found[0].lab}, control)
 
-    def measured_control() -> MeasuredControl:
-        modes = find_modes(*study.case(siso.article, siso.environment))
-        return study_measured_control(modes, study.rig, siso, rng["figure 9"])
+    @cache
+    def article() -> RigArticle:
+        return build_rig_article(*study.case(siso.article, siso.environment), study.rig)
 
-    def measured_sensors() -> MeasuredSensors:
-        modes = find_modes(*study.case(siso.article, siso.environment))
-        return study_measured_sensors(modes, study.rig, siso, study.sito, rng["figure 10"])
+    def measured_control() -> MeasuredControl:
+        return study_measured_control(article(), study.rig, siso, rng["figure 9"])
+
+    def two_sensor_control() -> TwoSensorControl:
+        return study_two_sensor_control(article(), study.rig, siso, study.sito, rng["figures 10 to 12"])
 
     def mirror() -> MirrorFit:
         return study_mirror(load_record(study.train_file), load_record(study.test_file), study.mirror.states)
 
-    runs = (gravity, responses, zero_g_control, measured_control, measured_sensors, mirror)
+    runs = (gravity, responses, zero_g_control, measured_control, two_sensor_control, mirror)
     yield from zip(STAGES, runs, strict=True)

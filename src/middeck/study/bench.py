@@ -1,0 +1,132 @@
+"""The bench: one article on its hardware rig, the excitation it is driven with, and what is taken from it.
+
+Open loop and closed loop, today or after its pair of modes has moved: records in, records out. Nothing else
+of the rig is used by a design; only whether a loop would survive is asked of the rig's own eigenvalues.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.control.compensator import Compensator
+from middeck.files.study_form import RigForm, SisoForm
+from middeck.identification.spectra import estimate_response
+from middeck.realtime.drift import Drift, nearest_modes
+from middeck.realtime.hardware_rig import HardwareRig, linearise_rig
+from middeck.realtime.hardware_runs import run_hardware_closed_loop, run_hardware_open_loop
+from middeck.realtime.rig import Run, close_sampled_loop
+from middeck.study.rig_article import RigArticle, rig_article_plant
+from middeck.study.rig_hardware import build_article_rig
+from middeck.systems.excitation import Limits, design_multisine, random_multisine
+from middeck.systems.ports import port_indices
+from middeck.systems.response import FrequencyResponse
+from middeck.systems.sampling import tustin
+from middeck.systems.stability import is_stable
+from middeck.systems.statespace import SampledStateSpace
+from middeck.values import record
+
+SETTLE = 2  # unrecorded periods of a run
+# A motor that is at its limit for more than this share of a run holds a loop that is unstable without it.
+SATURATED = 1e-3
+
+
+@record
+class Bench:
+    """A rig, one period of the torque command in open and in closed loop, and how often it is repeated."""
+
+    rig: HardwareRig
+    open_loop: Float[np.ndarray, "sample input"]
+    closed_loop: Float[np.ndarray, "sample input"]
+    periods: int
+    rest_s: float
+    band_hz: tuple[float, float]
+
+
+@record
+class Taken:
+    """What a closed-loop run gave: its response, or why there is none; and the rms torque of the law."""
+
+    response: FrequencyResponse | None
+    cause: str
+    control_rms: float | None
+
+
+def build_bench(
+    article: RigArticle,
+    form: RigForm,
+    siso: SisoForm,
+    sensors: tuple[str, ...],
+    rng: np.random.Generator,
+    *,
+    shift_percent: float = 0.0,
+) -> Bench:
+    """The article with one motor and ``sensors``, excited by random-phase multisines over the band.
+
+    In open loop all lines are alike; in closed loop power falls with frequency, as the angles of integrated
+    gyros are noisiest where the loop holds best. Its pair of modes near ``siso.pair_shift_hz`` has drifted by
+    ``shift_percent``.
+    """
+    equal = random_multisine(siso.band_hz, siso.period_s, form.sample_hz, siso.excitation_nm, rng)
+    limits = Limits(rms=siso.closed_excitation_nm)
+    falling = design_multisine(
+        siso.band_hz, siso.period_s, form.sample_hz, limits, rng, amplitude=lambda f: f**-0.5
+    )
+    inputs = (siso.actuator,)
+    drifts: tuple[Drift, ...] = ()
+    if shift_percent:
+        pair = nearest_modes(rig_article_plant(article, inputs=inputs, outputs=sensors), siso.pair_shift_hz)
+        drifts = (Drift(pair, shift_percent, 1.0),)
+    rig = build_article_rig(article, form, inputs=inputs, outputs=sensors, drifts=drifts, age_s=1.0)
+    return Bench(rig, equal[:, None], falling.u[0], siso.periods, form.rest_s, siso.band_hz)
+
+
+def take_open_loop(bench: Bench, rng: np.random.Generator) -> FrequencyResponse:
+    """The measured response from the torque command to all sensors."""
+    run = run_hardware_open_loop(
+        bench.rig, bench.open_loop, periods=bench.periods, rng=rng, settle=SETTLE, rest_s=bench.rest_s
+    )
+    assert run.record is not None, run.cause
+    return estimate_response(run.record, band_hz=bench.band_hz)
+
+
+def take_closed_loop(bench: Bench, compensator: Compensator, rng: np.random.Generator) -> Taken:
+    """The same under control: the law runs in the rig's computer by Tustin's rule."""
+    run = run_hardware_closed_loop(
+        bench.rig,
+        law_on(bench.rig, compensator),
+        bench.closed_loop,
+        periods=bench.periods,
+        rng=rng,
+        settle=SETTLE,
+        rest_s=bench.rest_s,
+    )
+    cause = run.cause or _limit_cycle(run)
+    if cause or run.record is None or run.control is None:
+        return Taken(None, cause, None)
+    response = estimate_response(run.record, band_hz=bench.band_hz)
+    return Taken(response, "", float(np.sqrt(np.mean(run.control**2))))
+
+
+def survives(bench: Bench, compensator: Compensator) -> bool:
+    """Whether the loop is stable on the rig, by the eigenvalues of the sampled loop without its limits."""
+    linear = linearise_rig(bench.rig)
+    return is_stable(close_sampled_loop(linear.sampled, law_on(bench.rig, compensator)))
+
+
+def law_on(rig: HardwareRig, compensator: Compensator) -> SampledStateSpace:
+    """The compensator sampled by Tustin's rule, from all outputs of the rig to all its inputs."""
+    law = tustin(compensator.system, 1.0 / rig.sample_hz)
+    rows = port_indices(rig.inputs, [p.name for p in compensator.outputs], "input")
+    columns = port_indices(rig.outputs, [p.name for p in compensator.inputs], "output")
+    B = np.zeros((len(law.A), len(rig.outputs)))
+    C, D = np.zeros((len(rig.inputs), len(law.A))), np.zeros((len(rig.inputs), len(rig.outputs)))
+    B[:, columns], C[rows] = law.B, law.C
+    D[np.ix_(rows, columns)] = law.D
+    return SampledStateSpace(law.A, B, C, D, law.period_s)
+
+
+def _limit_cycle(run: Run) -> str:
+    """What a run says that only the motor's limit kept finite; empty for a good one."""
+    share = 0.0 if run.events is None else float(np.max(run.events.saturated))
+    return f"unstable: the motor is at its limit in {share:.0%} of the run" if share > SATURATED else ""

@@ -1,0 +1,156 @@
+"""One loop of an experiment: designed on a fit, predicted from it, measured on the bench."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.control.closed_loop import close_loop, leave_open, predict_closed_loop_response
+from middeck.control.compensator import Compensator, evaluate_compensator
+from middeck.control.performance import Performance, measure_rms
+from middeck.study.bench import Bench, survives, take_closed_loop
+from middeck.systems.plant import Plant
+from middeck.systems.response import FrequencyResponse
+from middeck.values import record
+
+SEEN_DB = 40.0  # prediction and measurement are compared where the open loop is within this of its peak
+
+
+@record
+class DesignCase:
+    """What a design knows: the plant made of a fit, the fit on all lines, and the measured open loop.
+
+    The first output of the responses is the performance; ``torque_nm`` is the rms of the excitation.
+    """
+
+    plant: Plant
+    fitted: FrequencyResponse
+    measured: FrequencyResponse
+    band_hz: tuple[float, float]
+    torque_nm: float
+
+
+@record
+class MeasuredLoop:
+    """One compensator: its loop as predicted from the fit and as measured on the rig.
+
+    Parameters
+    ----------
+    predicted, measured:
+        Closed-loop responses of all sensors; ``measured`` is None where the rig gave none, for ``cause``.
+    predicted_db, measured_db:
+        20 log10 of the closed-loop rms of the performance in the band over the open-loop one, each from its
+        own open loop. None where one of its two has no finite rms.
+    rms_error_db:
+        Compares the two closed-loop rms values.
+    worst_error_db, worst_hz:
+        Largest difference of the two responses where the open loop is within 40 dB of its peak.
+    control_rms_nm:
+        Torque of the law alone.
+    survives:
+        For each shift of the pair [%], whether the sampled loop stays stable.
+    """
+
+    name: str
+    log10_authority: float
+    compensator: Compensator
+    predicted: FrequencyResponse
+    measured: FrequencyResponse | None
+    cause: str
+    predicted_db: float | None
+    measured_db: float | None
+    rms_error_db: float | None
+    worst_error_db: float | None
+    worst_hz: float | None
+    control_rms_nm: float | None
+    survives: tuple[tuple[float, bool], ...]
+
+    @property
+    def stable(self) -> bool:
+        """Whether the rig's loop gave a response."""
+        return self.measured is not None
+
+
+def measure_loop(
+    name: str,
+    log10_authority: float,
+    compensator: Compensator,
+    case: DesignCase,
+    bench: Bench,
+    drifted: Mapping[float, Bench],
+    rng: np.random.Generator,
+) -> MeasuredLoop:
+    """Predict the loop, run it on the bench, and ask the drifted benches whether it would survive."""
+    taken = take_closed_loop(bench, compensator, rng)
+    closed = taken.response
+    predicted = predict_closed_loop_response(
+        case.fitted, evaluate_compensator(compensator, case.fitted.frequency_hz)
+    )
+    predicted_rms, predicted_open = (_predicted_rms(case, law) for law in (compensator, None))
+    measured_rms = np.inf if closed is None else measured_rms_of(closed, case.torque_nm)
+    worst = (None, None) if closed is None else _worst_error(case.measured, predicted, closed)
+    return MeasuredLoop(
+        name=name,
+        log10_authority=log10_authority,
+        compensator=compensator,
+        predicted=predicted,
+        measured=closed,
+        cause=taken.cause,
+        predicted_db=decibel(predicted_rms, predicted_open),
+        measured_db=decibel(measured_rms, measured_rms_of(case.measured, case.torque_nm)),
+        rms_error_db=decibel(predicted_rms, measured_rms),
+        worst_error_db=worst[0],
+        worst_hz=worst[1],
+        control_rms_nm=taken.control_rms,
+        survives=tuple((percent, survives(there, compensator)) for percent, there in drifted.items()),
+    )
+
+
+def measured_rms_of(
+    response: FrequencyResponse,
+    torque_nm: float,
+    *,
+    output: int = 0,
+    band_hz: tuple[float, float] = (0.0, np.inf),
+) -> float:
+    """Rms of an output in a band under equal amplitudes on all lines of the excitation."""
+    f = response.frequency_hz
+    inside = (f >= band_hz[0]) & (f <= band_hz[1])
+    return float(torque_nm * np.sqrt(np.sum(np.abs(response.H[inside, output]) ** 2) / len(f)))
+
+
+def decibel(rms: float, reference: float) -> float | None:
+    """None unless both are finite and positive."""
+    good = np.isfinite([rms, reference]).all() and rms > 0.0 and reference > 0.0
+    return float(20.0 * np.log10(rms / reference)) if good else None
+
+
+def predicted_db(case: DesignCase, compensator: Compensator) -> float | None:
+    """Improvement of the performance on the design plant alone; None where that loop is unstable."""
+    return decibel(_predicted_rms(case, compensator), _predicted_rms(case, None))
+
+
+def _predicted_rms(case: DesignCase, compensator: Compensator | None) -> float:
+    """Rms of the performance on the design plant, for the excitation's intensity in the band."""
+    loop = leave_open(case.plant) if compensator is None else close_loop(case.plant, compensator)
+    low, high = case.band_hz
+    intensity = np.array([[case.torque_nm**2 / (2.0 * (high - low))]])
+    weights = np.zeros(len(loop.outputs))
+    weights[0] = 1.0
+    return float(measure_rms(loop, Performance(weights, intensity, case.band_hz))[0])
+
+
+def _worst_error(
+    open_loop: FrequencyResponse, predicted: FrequencyResponse, measured: FrequencyResponse
+) -> tuple[float, float]:
+    seen = _seen(open_loop.H[:, 0, 0])
+    error = np.abs(20.0 * np.log10(np.abs(predicted.H[seen, 0, 0] / measured.H[seen, 0, 0])))
+    at = int(np.argmax(error))
+    return float(error[at]), float(measured.frequency_hz[seen][at])
+
+
+def _seen(H: np.ndarray) -> Float[np.ndarray, " line"]:
+    size = np.abs(H)
+    return np.flatnonzero(size > size.max() * 10.0 ** (-SEEN_DB / 20.0))

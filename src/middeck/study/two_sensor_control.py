@@ -1,0 +1,162 @@
+"""Figures 11 and 12: the payload held by encoder and bus alone, then payload and bus together.
+
+The loop is designed on the common fit of Figures 10a and 10b. Without shaping it is stopped by the pair of
+modes near 9 Hz, which the filter inverts; a lead about the pair gives it the phase to go on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+
+import numpy as np
+
+from middeck.control.compensator import Compensator
+from middeck.control.lqg import LQGWeights, design_filter, design_lqg
+from middeck.control.shaping import second_order_section, shape_compensator
+from middeck.files.study_form import RigForm, SisoForm, SitoForm
+from middeck.identification.fit.fit_response import FitResult, fit_response
+from middeck.identification.measurement_model import model_response
+from middeck.identification.plants.measured_plant import measured_plant
+from middeck.study.bench import Bench, build_bench, take_open_loop
+from middeck.study.measured_loop import DesignCase, MeasuredLoop, decibel, measure_loop, measured_rms_of
+from middeck.study.measured_sensors import MeasuredSensors, study_measured_sensors
+from middeck.study.reach import Design, Reach, find_reach
+from middeck.study.rig_article import RigArticle
+from middeck.study.rig_experiment import in_band
+from middeck.systems.response import FrequencyResponse
+from middeck.values import record
+
+FLEXIBLE_HZ = (7.0, 9.0)  # the modes that the bus penalty is for
+ABOVE_HZ = (10.0, np.inf)
+
+
+@record
+class TwoSensorControl:
+    """The three paths and their fit, how far each design reaches, and the loops of Figures 11 and 12.
+
+    Parameters
+    ----------
+    sensors:
+        Figures 10a and 10b.
+    smaller:
+        Reach of designs on fits of fewer states.
+    without_lead, with_lead:
+        Reach of the payload's design on the fit.
+    payload, both:
+        The loop of Figure 11 (payload penalty, with the lead) and that of Figure 12 (payload and bus).
+    bus_db:
+        Of both loops, the measured bus in 7-9 Hz over that of the open loop.
+    above_db:
+        The payload above 10 Hz, likewise.
+    deeper_db:
+        The payload in 7-9 Hz under both penalties over that under the payload's alone.
+    """
+
+    sensors: MeasuredSensors
+    smaller: tuple[Reach, ...]
+    without_lead: Reach
+    with_lead: Reach
+    payload: MeasuredLoop
+    both: MeasuredLoop
+    bus_db: tuple[float | None, ...]
+    above_db: tuple[float | None, ...]
+    deeper_db: float | None
+
+
+def study_two_sensor_control(
+    article: RigArticle, rig: RigForm, siso: SisoForm, sito: SitoForm, rng: np.random.Generator
+) -> TwoSensorControl:
+    """Excite once, fit the three paths together, search each design's reach, then measure the two loops."""
+    bench_at = partial(build_bench, article, rig, siso, (siso.sensor, *sito.sensors))
+    seed, shift = int(rng.integers(2**63)), sito.pair_shift_percent
+    benches = {p: bench_at(np.random.default_rng(seed), shift_percent=p) for p in (0.0, -shift, shift)}
+    measured = take_open_loop(benches[0.0], rng)
+    sensors = study_measured_sensors(measured, rig, siso, sito)
+    smaller = tuple(
+        _reach(_fit_of(measured, states, band), measured, siso, sito, benches, lead=False)
+        for states, band in zip(sito.smaller_states, sito.smaller_bands_hz, strict=True)
+    )
+    now = benches[0.0]
+    moved = {p: bench for p, bench in benches.items() if p}
+    payload, both = (_case(sensors.fit, measured, siso, sito, bus=bus) for bus in (False, True))
+    law = _designs(payload, siso, sito, lead=True)(10.0**sito.payload.log10_authority)
+    first = measure_loop("payload", sito.payload.log10_authority, law, payload, now, moved, rng)
+    law = _designs(both, siso, sito, lead=False)(10.0**sito.both.log10_authority)
+    second = measure_loop("both", sito.both.log10_authority, law, both, now, moved, rng)
+    return TwoSensorControl(
+        sensors,
+        smaller,
+        _reach(sensors.fit, measured, siso, sito, benches, lead=False),
+        _reach(sensors.fit, measured, siso, sito, benches, lead=True),
+        first,
+        second,
+        tuple(_over(loop.measured, measured, 2, FLEXIBLE_HZ) for loop in (first, second)),
+        tuple(_over(loop.measured, measured, 0, ABOVE_HZ) for loop in (first, second)),
+        _over(second.measured, first.measured, 0, FLEXIBLE_HZ),
+    )
+
+
+def _fit_of(measured: FrequencyResponse, states: int, band_hz: tuple[float, float]) -> FitResult:
+    return fit_response(in_band(measured, band_hz), states=states, cost="logarithmic", delay="common")
+
+
+def _case(
+    fit: FitResult, measured: FrequencyResponse, siso: SisoForm, sito: SitoForm, *, bus: bool = False
+) -> DesignCase:
+    """The plant of a fit, with the payload for its performance, or payload and bus."""
+    torque = (siso.actuator,)
+    z = (siso.sensor, sito.sensors[1]) if bus else (siso.sensor,)
+    plant = measured_plant(fit.model, pade_order=sito.pade_order, w=torque, u=torque, z=z, y=sito.sensors)
+    H = model_response(fit.model, measured.frequency_hz)
+    fitted = FrequencyResponse(measured.frequency_hz, H, measured.inputs, measured.outputs)
+    return DesignCase(plant, fitted, measured, siso.band_hz, siso.excitation_nm)
+
+
+def _designs(case: DesignCase, siso: SisoForm, sito: SitoForm, *, lead: bool) -> Design:
+    """LQG by authority, with the lead about the pair behind it or without."""
+    both = np.array([siso.angle_weight, sito.bus_weight])
+    weights = LQGWeights(
+        both[: len(case.plant.z)],
+        np.array([siso.input_weight]),
+        (siso.actuator,),
+        np.array([[siso.disturbance_nm_per_rthz**2]]),
+        np.array(sito.angle_noise_rad_per_rthz) ** 2,
+    )
+    kalman = design_filter(case.plant, weights)
+    section = second_order_section(
+        sito.lead_zeros_hz, sito.lead_damping, sito.lead_poles_hz, sito.lead_damping
+    )
+
+    def design(authority: float) -> Compensator:
+        law = design_lqg(case.plant, weights, authority, kalman=kalman)
+        return shape_compensator(law, section) if lead else law
+
+    return design
+
+
+def _reach(
+    fit: FitResult,
+    measured: FrequencyResponse,
+    siso: SisoForm,
+    sito: SitoForm,
+    benches: Mapping[float, Bench],
+    *,
+    lead: bool,
+) -> Reach:
+    case = _case(fit, measured, siso, sito)
+    what = f"{fit.model.states} states" + (" and the lead" if lead else "")
+    return find_reach(what, _designs(case, siso, sito, lead=lead), case, benches)
+
+
+def _over(
+    response: FrequencyResponse | None,
+    reference: FrequencyResponse | None,
+    output: int,
+    band_hz: tuple[float, float],
+) -> float | None:
+    """An output's rms in a band over the reference's [dB]; None where one was not measured."""
+    if response is None or reference is None:
+        return None
+    rms = (measured_rms_of(r, 1.0, output=output, band_hz=band_hz) for r in (response, reference))
+    return decibel(*rms)
