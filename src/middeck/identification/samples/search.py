@@ -21,9 +21,9 @@ Weighting = Literal["flat"] | Noise
 # A decay rate times the record's length below which free motion is no different from a steady one, and times
 # the sampling period above which it is over within a sample.
 SLOWEST, FASTEST = 0.1, 15.0
-# A real pole of a sampled model decays once over the record: several slower ones make ramps and parabolas of
-# it, which fit any drift, and which no initial state brings to other samples.
-SLOWEST_REAL = 1.0
+# Of real poles with fewer decays over the record a sampled model has one: several make ramps and parabolas,
+# which fit any drift, and which no initial state brings to other samples.
+SLOW_REAL = 10.0
 
 
 @record
@@ -53,7 +53,7 @@ class RecordRun:
 def refine_record(
     data: Data, layout: Layout, theta: np.ndarray, weighting: Weighting, *, rounds: int, steps: int
 ) -> RecordRun | None:
-    """Search and estimate the noise in turn; None where there is no finite model at ``theta``."""
+    """Search and estimate the noise in turn; None for no finite model, or one of several slow real poles."""
     bounds = _bounds(layout, data)
     theta = np.clip(theta, *bounds)
     first = weighted(layout, data, theta)
@@ -68,6 +68,8 @@ def refine_record(
         if better is None or not np.isfinite(better.step.cost):
             return None
         found = dataclasses.replace(better, theta=np.clip(better.theta, *bounds))
+    if layout.period_s > 0.0 and _slow_reals(layout, data, found.theta) > 1:
+        return None
     v = variance_of(data, layout, found, weighting)
     r = residual_of(layout, data, found.theta, found.step.linear)
     return RecordRun(layout, found, weighting, v, negative_log_likelihood(r, v))
@@ -91,15 +93,21 @@ def all_poles(layout: Layout, theta: np.ndarray) -> Complex[np.ndarray, " pole"]
     return np.concatenate([p, p[layout.pair].conj()])
 
 
+def _length_s(data: Data) -> float:
+    return 2.0 * np.pi / float(np.min(np.diff(np.imag(data.s)), initial=np.imag(data.s[-1])))
+
+
+def _slow_reals(layout: Layout, data: Data, theta: np.ndarray) -> int:
+    decays = np.exp(theta[layout.pairs : len(layout.pair)]) * _length_s(data)
+    return int(np.sum(decays < SLOW_REAL))
+
+
 def _bounds(layout: Layout, data: Data) -> tuple[np.ndarray, np.ndarray]:
     assert data.transient is not None
-    period = data.transient.period_s
-    length = 2.0 * np.pi / float(np.min(np.diff(np.imag(data.s)), initial=np.imag(data.s[-1])))
+    period, length = data.transient.period_s, _length_s(data)
     low, high = np.full(layout.size, -np.inf), np.full(layout.size, np.inf)
     modes, pairs = len(layout.pair), layout.pairs
     low[: modes + pairs] = np.log(SLOWEST / length)
-    if layout.period_s > 0.0:
-        low[pairs:modes] = np.log(SLOWEST_REAL / length)
     high[:modes] = np.log(FASTEST / period)
     high[modes : modes + pairs] = np.log(0.999 * np.pi / period)
     return low, high
