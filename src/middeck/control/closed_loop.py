@@ -11,7 +11,7 @@ from middeck.errors import ConfigError
 from middeck.systems.plant import Plant, name_states
 from middeck.systems.ports import Port, port_indices
 from middeck.systems.response import FrequencyResponse
-from middeck.systems.stability import is_stable
+from middeck.systems.stability import none_grows
 from middeck.systems.statespace import StateSpace, poles
 from middeck.values import record
 
@@ -60,13 +60,14 @@ def close_loop(plant: Plant, compensator: Compensator) -> ClosedLoop:
     joined = _join(
         system.A, system.B[:, w], system.B[:, u], system.C[z], system.C[y], _direct(system.D, w, u, z, y), law
     )
+    values = poles(joined)
     return ClosedLoop(
         joined,
         tuple(active.inputs[i] for i in w),
         tuple(active.outputs[i] for i in z),
         name_states(active),
-        poles(joined),
-        is_stable(joined),
+        values,
+        none_grows(values),
         part.inert,
     )
 

@@ -124,27 +124,29 @@ def by_schur_form(system: System) -> Resolvent:
     """Back substitution in complex Schur form, many lines at once: n^2 a line, and stable."""
     T, Q = cast("tuple[np.ndarray, np.ndarray]", sla.schur(system.A, output="complex"))
     B, C = Q.conj().T @ system.B, system.C @ Q
+    outputs, inputs = system.D.shape
 
     def evaluate(points: np.ndarray) -> np.ndarray:
-        H = np.empty((len(points), *system.D.shape), dtype=complex)
+        H = np.empty((len(points), outputs, inputs), dtype=complex)
         for some in _chunks(len(points), B.size):
-            states = _substitute(T, B, points[some])
-            H[some] = np.moveaxis(np.tensordot(C, states, axes=1), 0, 1)
+            states = C @ _substitute(T, B, points[some])
+            H[some] = np.moveaxis(states.reshape(outputs, inputs, -1), 2, 0)
         return H + system.D
 
     return evaluate
 
 
-def _substitute(T: np.ndarray, B: np.ndarray, points: np.ndarray) -> Complex[np.ndarray, "state line input"]:
-    """(p I - T)^-1 B for upper triangular T, a block of rows at a time."""
+def _substitute(T: np.ndarray, B: np.ndarray, points: np.ndarray) -> Complex[np.ndarray, "state column"]:
+    """(p I - T)^-1 B for upper triangular T, a block of rows at a time; columns: inputs, then points."""
     n, inputs = B.shape
-    x = np.zeros((n, len(points), inputs), dtype=complex)
+    x = np.repeat(B, len(points), axis=1)
+    resolved = np.tile(1.0 / (points - np.diag(T)[:, None]), inputs)
     for end in range(n, 0, -ROWS):
         start = max(end - ROWS, 0)
-        x[start:end] = B[start:end, None, :] + np.tensordot(T[start:end, end:], x[end:], axes=1)
+        x[start:end] += T[start:end, end:] @ x[end:]
         for i in reversed(range(start, end)):
-            x[i] += np.tensordot(T[i, i + 1 : end], x[i + 1 : end], axes=1)
-            x[i] /= (points - T[i, i])[:, None]
+            x[i] += T[i, i + 1 : end] @ x[i + 1 : end]
+            x[i] *= resolved[i]
     return x
 
 

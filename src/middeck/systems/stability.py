@@ -38,5 +38,13 @@ def is_stable(system: StateSpace | SampledStateSpace) -> bool:
     >>> is_stable(StateSpace([[0.1]], [[1.0]], [[1.0]], [[0.0]]))
     False
     """
-    rates = growth_rates(system)
+    return none_grows(growth_rates(system))
+
+
+def none_grows(rates: Complex[np.ndarray, " state"]) -> bool:
+    """The same, asked of poles [rad/s] that are known already.
+
+    >>> none_grows(np.array([-1.0 + 2.0j, -1.0 - 2.0j]))
+    True
+    """
     return not len(rates) or bool(np.real(rates).max() <= GROWTH_LIMIT)

@@ -116,7 +116,8 @@ def _doubtful(poles: np.ndarray, gain: np.ndarray, A: np.ndarray, B: np.ndarray)
     Such a mode keeps its place under any feedback, or is left on the axis. So poles that are all clear of it
     prove the contrary, unless a gain out of all proportion moved them through a coupling that is rounding.
     """
-    size = float(np.linalg.norm(A))
+    # Between the largest singular value and, of a modal form, not much more.
+    size = float(np.sqrt(np.linalg.norm(A, 1) * np.linalg.norm(A, np.inf)))
     near = bool(np.real(poles).max(initial=-np.inf) >= -CANDIDATE * size)
     feedback = float(np.linalg.norm(B, axis=0) @ np.linalg.norm(gain, axis=1))
     return near or feedback > PROPORTION * size
