@@ -14,10 +14,9 @@ from jaxtyping import Complex, Float
 
 from middeck.identification.fit.data import Data
 from middeck.identification.fit.design import build_terms, residual_of
-from middeck.identification.fit.layout import Layout, Point, unpack
+from middeck.identification.fit.layout import Layout, unpack
 from middeck.identification.fit.own_transients import as_real
 from middeck.identification.fit.polish import Polished
-from middeck.identification.fit.terms import columns, fractions
 from middeck.values import record
 
 # Damping ratios of candidates beside that of the modes at hand.
@@ -84,13 +83,12 @@ def _grid(layout: Layout, data: Data, light: float, peak: float) -> Complex[np.n
 
 def _terms_of(layout: Layout, poles: np.ndarray, s: np.ndarray) -> Complex[np.ndarray, "column line"]:
     """One column of each candidate with real constants, two with complex ones; one input."""
-    none = np.zeros(len(poles))
-    alone = Layout(
-        np.ones(len(poles), dtype=bool), none, none.astype(int), 1, 1, layout.real_constants, False, False,
-        False, layout.period_s,
-    )  # fmt: skip
-    point = Point(poles, np.ones((len(poles), 1), dtype=complex), np.zeros((1, 1)))
-    return columns(alone, point, fractions(alone, poles, s), s)[:, :, 0]
+    T = layout.period_s
+    q, pole = (np.exp(s * T), np.exp(poles * T)) if T else (s, poles)
+    up, low = 1.0 / (q - pole[:, None]), 1.0 / (q - pole.conj()[:, None])
+    if layout.real_constants:
+        return up * low
+    return np.stack([up + low, 1j * (up - low)], axis=1).reshape(-1, len(s))
 
 
 def _most_told(
