@@ -1,5 +1,6 @@
 """Designs that survive what is not known of a plant, and how they do on plants they have not seen."""
 
+from middeck.control.robust.comparison import ComparedDesign, compare_designs, comparison_table
 from middeck.control.robust.mode_shift import shift_modes
 from middeck.control.robust.monte_carlo import (
     PlantOutcomes,
@@ -10,7 +11,12 @@ from middeck.control.robust.monte_carlo import (
     worst_db,
 )
 from middeck.control.robust.multimodel import MultiModelCompensator, design_multimodel
+from middeck.control.robust.popov import PopovCompensator, design_popov
 from middeck.control.robust.result import RobustCompensator, Stage
+from middeck.control.robust.sensitivity_weighted import (
+    SensitivityWeightedCompensator,
+    design_sensitivity_weighted,
+)
 from middeck.control.robust.structure import Station, Structure
 from middeck.control.robust.uncertainty import (
     ModeShift,
@@ -25,17 +31,24 @@ from middeck.control.robust.uncertainty import (
 )
 
 __all__ = [
+    "ComparedDesign",
     "ModeShift",
     "MultiModelCompensator",
     "PlantOutcomes",
+    "PopovCompensator",
     "RobustCompensator",
+    "SensitivityWeightedCompensator",
     "Stage",
     "Station",
     "Structure",
     "Uncertainty",
     "Verification",
+    "compare_designs",
+    "comparison_table",
     "corner_positions",
     "design_multimodel",
+    "design_popov",
+    "design_sensitivity_weighted",
     "draw_positions",
     "end_positions",
     "finished_plants",

@@ -44,8 +44,14 @@ def approach(problem: Problem, start: Law | None, power: float) -> Arrival:
     perturbations then grow as far as the law holds, which is improved there, and so on.
     """
     stations = station_ports(problem.structure, problem.nominal)
-    arrival = _best_start(problem, stations, power) if start is None else _given(problem, start)
-    return _grow(problem, stations, arrival, power)
+    return _grow(problem, stations, begin(problem, start, power), power)
+
+
+def begin(problem: Problem, start: Law | None, power: float) -> Arrival:
+    """A law that stabilises where the way begins."""
+    if start is not None:
+        return _given(problem, start)
+    return _best_start(problem, station_ports(problem.structure, problem.nominal), power)
 
 
 def carry_on(problem: Problem, arrival: Arrival, power: float, tolerance: float) -> Arrival:

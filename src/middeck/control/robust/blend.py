@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.control.robust.closed_cost import Law, LawCost, evaluate_cost
+from middeck.control.robust.coordinates import even_scale, parameter_scale
 from middeck.control.robust.descent import Descent, descend
 from middeck.control.robust.design_model import DesignModel
 from middeck.control.robust.structure import Free, arrange, pack, scale_states, unpack
@@ -54,8 +55,8 @@ def improve(
     start = evaluate_models(models, arranged)
     if start is None:
         return None
-    even = scale_states(arranged, _even_scale(start))
-    scale = _parameter_scale(even, free, start, _even_scale(start), models)
+    even = scale_states(arranged, even_scale(start))
+    scale = parameter_scale(even, free, start, even_scale(start), models)
 
     def objective(x: np.ndarray) -> tuple[float, np.ndarray]:
         return _blended(models, unpack(x * scale, even, free), free, power, scale)
@@ -82,42 +83,3 @@ def gradient_row(cost: LawCost, free: Free) -> Float[np.ndarray, " parameter"]:
     assert cost.B is not None
     assert cost.C is not None
     return np.concatenate([cost.A[free.A], cost.B[free.B], cost.C[free.C]])
-
-
-def _even_scale(costs: Sequence[LawCost]) -> Float[np.ndarray, " law"]:
-    """States as large as they are worth: the diagonal of what balancing would do to all."""
-    X, P = _diagonals(costs)
-    return (X / P) ** 0.25
-
-
-def _diagonals(costs: Sequence[LawCost]) -> tuple[np.ndarray, np.ndarray]:
-    diagonals: list[np.ndarray] = []
-    for name in ("covariance", "worth"):
-        mean = np.mean([np.diag(getattr(cost, name)) for cost in costs], axis=0)
-        # A state that nothing drives or that nothing reads keeps a size: 1e-6 of the largest in amplitude.
-        diagonals.append(np.maximum(mean, max(1e-12 * float(mean.max(initial=0.0)), 1e-300)))
-    return diagonals[0], diagonals[1]
-
-
-def _parameter_scale(
-    law: Law, free: Free, costs: Sequence[LawCost], even: np.ndarray, models: Sequence[DesignModel]
-) -> Float[np.ndarray, " parameter"]:
-    """How far each entry may go for about the same change of the cost.
-
-    An entry A_ij makes x_j drive x_i: its second derivative is about P_ii X_jj times how long x_j lasts, and
-    for B and C the noise of a measurement and the price of an input are added.
-    """
-    covariance, worth = _diagonals(costs)
-    X, P = covariance / even**2, worth * even**2
-    values = np.abs(np.linalg.eigvals(law.A))
-    lasting = 1.0 / max(float(np.median(values)), 1e-300)
-    y = np.mean([np.asarray(c.measured) for c in costs], axis=0) * lasting
-    u = np.mean([np.asarray(c.pushed) for c in costs], axis=0) * lasting
-    noise = np.mean([np.sum(m.D21**2, axis=1) for m in models], axis=0)
-    price = np.mean([np.sum(m.D12**2, axis=0) for m in models], axis=0)
-    curvature = (
-        np.outer(P, X * lasting)[free.A],
-        np.outer(P, noise + y)[free.B],
-        np.outer(price + u, X)[free.C],
-    )
-    return 1.0 / np.sqrt(np.maximum(np.concatenate(curvature), 1e-300))

@@ -65,7 +65,6 @@ def spectral_abscissa(model: DesignModel, law: Law) -> float:
 def evaluate_cost(model: DesignModel, law: Law) -> LawCost:
     """The cost and its gradient with respect to the law's matrices."""
     A, B, C = closed_matrices(model, law)
-    n = len(model.A)
     try:
         T, U = cast("tuple[np.ndarray, np.ndarray]", sla.schur(A, check_finite=False))
     except (sla.LinAlgError, ValueError):
@@ -78,23 +77,20 @@ def evaluate_cost(model: DesignModel, law: Law) -> LawCost:
     cost = float(np.sum((C @ X) * C))
     if not np.isfinite(cost):
         return LawCost(np.inf)
-    return _gradient(model, law, cost, (A, B, C), X, P, P @ X, P @ B, n)
+    return law_gradient(model, law, cost, X, P, (P @ X, P @ B, C @ X))
 
 
-def _gradient(
+def law_gradient(
     model: DesignModel,
     law: Law,
     cost: float,
-    closed: tuple[np.ndarray, np.ndarray, np.ndarray],
-    X: np.ndarray,
-    P: np.ndarray,
-    PX: np.ndarray,
-    PB: np.ndarray,
-    n: int,
+    X: Float[np.ndarray, "state state"],
+    P: Float[np.ndarray, "state state"],
+    halves: tuple[np.ndarray, np.ndarray, np.ndarray],
 ) -> LawCost:
-    """From dJ/dA = 2 PX, dJ/dB = 2 PB and dJ/dC = 2 C X of the loop to the blocks the law fills."""
-    through = model.D22 @ law.C
-    CX = closed[2] @ X
+    """From half the loop's dJ/dA, dJ/dB and dJ/dC (PX, PB and CX of an H2 cost) to the law's blocks."""
+    PX, PB, CX = halves
+    n, through = len(model.A), model.D22 @ law.C
     return LawCost(
         cost,
         2.0 * PX[n:, n:],
@@ -105,6 +101,16 @@ def _gradient(
         np.sum((model.C2 @ X[:n, :n]) * model.C2, axis=1),
         np.sum((model.B2.T @ P[:n, :n]) * model.B2.T, axis=1),
     )
+
+
+def solve_gramian(
+    A: Float[np.ndarray, "state state"], B: Float[np.ndarray, "state w"]
+) -> Float[np.ndarray, "state state"] | None:
+    """X of A X + X A' + B B' = 0; None where A is not stable."""
+    T, U = cast("tuple[np.ndarray, np.ndarray]", sla.schur(A, check_finite=False))
+    if not np.diag(T).max(initial=-np.inf) < 0.0:
+        return None
+    return U @ _solve_triangular(T, U.T @ B, transposed=False) @ U.T
 
 
 def _solve_triangular(T: np.ndarray, factor: np.ndarray, *, transposed: bool) -> np.ndarray:

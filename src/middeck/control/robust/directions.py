@@ -1,7 +1,7 @@
 """Uncertain modes as feedback of unknown gain: A + sum of B0_i delta_i C0_i, one scalar for each mode.
 
-A mode's frequency moves by its stiffness, omega^2 (1 + delta), which enters where the mode is pushed: B0 is that
-direction of its two states and C0 reads the one that is perpendicular to it, so that C0 B0 = 0.
+A mode's frequency moves by its stiffness, omega^2 (1 + delta), which enters where the mode is pushed: B0 is
+that direction of its two states and C0 reads the one that is perpendicular to it, so that C0 B0 = 0.
 """
 
 from __future__ import annotations

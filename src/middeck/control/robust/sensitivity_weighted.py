@@ -1,9 +1,9 @@
 """Sensitivity-weighted LQG: modes that are not known well are priced, and their noise raised (Grocott 1994).
 
 Beside z the cost holds what z would change with each uncertain parameter, E[sum h_i^2 z_i' W^2 z_i] with
-z_i = dz/d alpha_i. The sensitivities obey x_i' = A x_i + A_i x; taken quasi-statically, x_i = -A^-1 A_i x, they
-need no states of their own, and the problem stays an LQG of the plant's order. The filter is the dual: noise
-that the parameters would make of noise, A_i A^-1 B1 w.
+z_i = dz/d alpha_i. The sensitivities obey x_i' = A x_i + A_i x; taken quasi-statically, x_i = -A^-1 A_i x,
+they need no states of their own, and the problem stays an LQG of the plant's order. The filter is the dual:
+noise that the parameters would make of noise, A_i A^-1 B1 w.
 """
 
 from __future__ import annotations
@@ -70,8 +70,8 @@ def design_sensitivity_weighted(
     plant, weights, authority, uncertainty, positions:
         As for `design_multimodel`; only ``uncertainty.shifts`` enter the cost.
     strength:
-        Multiplies the half-widths in the cost. None: the one, to a fifth, at which the mean of the plain costs
-        of the models at ``positions`` is least; all of them are then stable.
+        Multiplies the half-widths in the cost. None: the one, to a fifth, at which the mean of the plain
+        costs of the models at ``positions`` is least; all of them are then stable.
 
     Raises
     ------

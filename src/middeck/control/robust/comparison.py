@@ -1,0 +1,114 @@
+"""Designs side by side: decibels, stable share, order and control effort together, on one set of plants."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.control.compensator import Compensator
+from middeck.control.lqg import LQGWeights
+from middeck.control.robust.monte_carlo import PlantOutcomes, stable_share, verify_robustness, worst_db
+from middeck.control.robust.uncertainty import Uncertainty, parameter_names
+from middeck.systems.delayed_plant import DelayedPlant
+from middeck.systems.plant import Plant
+from middeck.values import record
+
+
+@record
+class ComparedDesign:
+    """One design in one setting.
+
+    Parameters
+    ----------
+    name, setting:
+        The design, and ``"continuous"`` or the sampling rate.
+    order:
+        States of the compensator, fixed filters included.
+    nominal_db, nominal_control_rms:
+        On the nominal plant; ``inf`` where unstable.
+    stable_share:
+        Of the unseen plants.
+    worst_db, median_db, median_control_rms:
+        Over the stable ones among them; ``inf`` where there is none.
+    """
+
+    name: str
+    setting: str
+    order: int
+    nominal_db: float
+    nominal_control_rms: float
+    stable_share: float
+    worst_db: float
+    median_db: float
+    median_control_rms: float
+
+
+def compare_designs(
+    plant: Plant | DelayedPlant,
+    designs: Mapping[str, Compensator],
+    weights: LQGWeights,
+    *,
+    uncertainty: Uncertainty,
+    positions: Float[np.ndarray, "plant parameter"],
+    rates_hz: Sequence[float] = (),
+) -> tuple[ComparedDesign, ...]:
+    """Every design on the nominal plant and on the plants at ``positions``, in every setting.
+
+    The designs are compared as they are: at equal authority it is for the caller to make them so.
+    """
+    places = np.vstack([np.zeros((1, len(parameter_names(uncertainty)))), positions])
+    rows: list[ComparedDesign] = []
+    for name, design in designs.items():
+        found = verify_robustness(
+            plant, design, weights, uncertainty=uncertainty, positions=places, rates_hz=rates_hz
+        )
+        rows += [_row(name, len(design.system.A), outcomes) for outcomes in found.outcomes]
+    return tuple(rows)
+
+
+def _row(name: str, order: int, whole: PlantOutcomes) -> ComparedDesign:
+    unseen = PlantOutcomes(
+        whole.setting, whole.stable[1:], whole.rms[1:], whole.db[1:], whole.control_rms[1:]
+    )
+    return ComparedDesign(
+        name,
+        whole.setting,
+        order,
+        float(whole.db[0]),
+        float(whole.control_rms[0]),
+        stable_share(unseen),
+        worst_db(unseen),
+        _median(unseen.db, unseen.stable),
+        _median(unseen.control_rms, unseen.stable),
+    )
+
+
+def _median(values: np.ndarray, stable: np.ndarray) -> float:
+    return float(np.median(values[stable])) if stable.any() else np.inf
+
+
+def comparison_table(rows: Sequence[ComparedDesign]) -> str:
+    """The rows as text, a line each."""
+    head = (
+        "design", "setting", "order", "nominal dB", "control rms", "stable share", "worst dB", "median dB",
+    )  # fmt: skip
+    lines = [
+        (
+            row.name,
+            row.setting,
+            str(row.order),
+            f"{row.nominal_db:.2f}",
+            f"{row.nominal_control_rms:.3g}",
+            f"{row.stable_share:.1%}",
+            f"{row.worst_db:.2f}",
+            f"{row.median_db:.2f}",
+        )
+        for row in rows
+    ]
+    widths = [max(len(line[i]) for line in (head, *lines)) for i in range(len(head))]
+    return "\n".join(
+        "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip()
+        for line in (head, *lines)
+    )

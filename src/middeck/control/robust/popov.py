@@ -1,0 +1,208 @@
+"""Popov/H2: a law with a guaranteed cost over a whole box of modal frequencies (How, Hall and Haddad 1994).
+
+The bound of `middeck.control.robust.popov_bound` is minimised over the law and the multipliers together, by
+quasi-Newton descent with analytic gradients.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.control.compensator import Compensator, driven_ports, measured_ports
+from middeck.control.lqg import LQGWeights
+from middeck.control.partition import partition_modes
+from middeck.control.robust.approach import RESTARTS, approach, carry_on
+from middeck.control.robust.blend import gradient_row
+from middeck.control.robust.closed_cost import Law, evaluate_cost
+from middeck.control.robust.coordinates import even_scale, parameter_scale
+from middeck.control.robust.descent import descend
+from middeck.control.robust.design_model import DesignModel
+from middeck.control.robust.directions import Directions, stiffness_directions
+from middeck.control.robust.popov_bound import Multipliers, evaluate_bound, first_multipliers
+from middeck.control.robust.problem import Problem, law_of, models_of, pose_problem, whole_law
+from middeck.control.robust.result import RobustCompensator, Stage
+from middeck.control.robust.structure import Structure, arrange, pack, scale_states, station_ports, unpack
+from middeck.control.robust.uncertainty import ModeShift, Uncertainty, corner_positions, end_positions
+from middeck.errors import NumericalError
+from middeck.systems.delayed_plant import DelayedPlant
+from middeck.systems.plant import Plant
+from middeck.values import record
+
+WIDENINGS, WIDEST = (1.0, 2.0, 4.0, 6.0, 9.0), 0.5
+"""Boxes of the models that a start is designed for, over the one asked for, and their greatest half-width."""
+FEW = 3
+"""Modes up to which all corners of such a box are models."""
+ROUGH = 1e-4
+MORE = (1.0, 2.0, 4.0, 8.0)
+"""Factors on N that are tried."""
+FURTHEST = 20.0
+"""Logarithms of the multipliers are held within so many of where they began."""
+
+
+@record
+class PopovCompensator(RobustCompensator):
+    """A law whose ``cost`` bounds that of every plant whose modes lie in the box, in frequency alone.
+
+    Parameters
+    ----------
+    directions:
+        Which states the stiffness of each uncertain mode enters, and the bounds.
+    multipliers:
+        H and N of each mode.
+    """
+
+    directions: Directions
+    multipliers: Multipliers
+
+
+@record
+class _Place:
+    law: Law
+    multipliers: Multipliers
+    bound: float
+    gradient: float
+    history: tuple[Stage, ...]
+
+
+def design_popov(
+    plant: Plant | DelayedPlant,
+    weights: LQGWeights,
+    authority: float,
+    *,
+    uncertainty: Uncertainty,
+    positions: Float[np.ndarray, "model parameter"] | None = None,
+    structure: Structure | None = None,
+    start: Compensator | None = None,
+    tolerance: float = 1e-7,
+) -> PopovCompensator:
+    """The law that minimises a bound on the cost over all frequencies in a box.
+
+    Every mode of ``uncertainty.shifts`` may be anywhere in its width, also those of one group apart; damping,
+    gain and delay do not enter the bound. The other arguments are those of `design_multimodel`; the models at
+    ``positions`` only report their costs.
+
+    Raises
+    ------
+    NumericalError
+        Where no law was found whose bound covers the box.
+    ConfigError, NotStabilisableError
+        As `design_multimodel`.
+    """
+    structure = structure or Structure()
+    problem = pose_problem(plant, weights, authority, uncertainty, positions, structure)
+    directions = stiffness_directions(plant, problem.nominal, uncertainty)
+    model = models_of(problem, 1.0, 0.0)[0]
+    law = None if start is None else law_of(start)
+    place = _covering_start(plant, problem, uncertainty, model, directions, law)
+    for _ in range(RESTARTS):
+        before, place = place.bound, _improve(problem, model, directions, place, tolerance)
+        if not before - place.bound > 1e-5 * place.bound:
+            break
+    return _result(problem, directions, place)
+
+
+def _covering_start(
+    plant: Plant | DelayedPlant,
+    problem: Problem,
+    uncertainty: Uncertainty,
+    model: DesignModel,
+    directions: Directions,
+    law: Law | None,
+) -> _Place:
+    """A law whose bound covers the box: that of several models, in boxes as wide as it takes.
+
+    The law of least bound for a smaller box is no good start for a larger one: it has spent its robustness up
+    to the edge, where the bound still is finite, and the box could grow by parts of a per cent only.
+    """
+    history: tuple[Stage, ...] = ()
+    for widening in WIDENINGS:
+        wide = _widened(uncertainty, widening)
+        if wide is None:
+            break
+        places = corner_positions(wide) if len(wide.shifts) <= FEW else end_positions(wide)
+        posed = pose_problem(plant, problem.weights, problem.authority, wide, places, problem.structure)
+        arrival = carry_on(posed, approach(posed, law, 1.0), 1.0, ROUGH)
+        law, history = arrival.law, (*history, *arrival.history)
+        found = _covering_multipliers(model, law, directions)
+        if found is not None:
+            return _Place(law, found, np.inf, np.inf, history)
+    raise NumericalError(
+        "no law was found whose bound covers the box",
+        hint="a smaller uncertainty, a lower authority, or design_multimodel, which promises less",
+        history=history,
+    )
+
+
+def _covering_multipliers(model: DesignModel, law: Law, directions: Directions) -> Multipliers | None:
+    """Those of a small box, or with more weight on the frequencies of the modes, if they cover this one."""
+    first = first_multipliers(model, law, directions)
+    assert first is not None  # the law stabilises the nominal model
+    for more in MORE:
+        multipliers = Multipliers(first.H, more * first.N)
+        if np.isfinite(evaluate_bound(model, law, directions, multipliers).law.cost):
+            return multipliers
+    return None
+
+
+def _widened(uncertainty: Uncertainty, widening: float) -> Uncertainty | None:
+    """Each mode apart, in a wider box; None where a frequency would come near zero."""
+    apart = [(mode, s.half_width * widening) for s in uncertainty.shifts for mode in s.modes]
+    if max(width for _, width in apart) > WIDEST:
+        return None
+    return Uncertainty(tuple(ModeShift((mode,), width) for mode, width in apart), finish=uncertainty.finish)
+
+
+def _improve(
+    problem: Problem,
+    model: DesignModel,
+    directions: Directions,
+    place: _Place,
+    tolerance: float,
+) -> _Place:
+    arranged, free = arrange(place.law, station_ports(problem.structure, problem.nominal))
+    nominal = [evaluate_cost(model, arranged)]
+    even = even_scale(nominal)
+    law = scale_states(arranged, even)
+    scale = parameter_scale(law, free, nominal, even, [model])
+    modes, first = len(directions.low), place.multipliers
+
+    def at(x: np.ndarray) -> tuple[Law, Multipliers]:
+        logs = x[: 2 * modes]
+        return (
+            unpack(x[2 * modes :] * scale, law, free),
+            Multipliers(first.H * np.exp(logs[:modes]), first.N * np.exp(logs[modes:])),
+        )
+
+    def objective(x: np.ndarray) -> tuple[float, np.ndarray]:
+        if np.abs(x[: 2 * modes]).max() > FURTHEST:
+            return np.inf, np.zeros(len(x))
+        bound = evaluate_bound(model, at(x)[0], directions, at(x)[1])
+        if not np.isfinite(bound.law.cost):
+            return np.inf, np.zeros(len(x))
+        return bound.law.cost, np.concatenate(
+            [bound.log_H, bound.log_N, scale * gradient_row(bound.law, free)]
+        )
+
+    begun = np.concatenate([np.zeros(2 * modes), pack(law, free) / scale])
+    descent = descend(objective, begun, tolerance=tolerance)
+    leg = Stage(1.0, 1.0, 0.0, descent.value, descent.evaluations)
+    return _Place(*at(descent.x), descent.value, descent.gradient, (*place.history, leg))
+
+
+def _result(problem: Problem, directions: Directions, place: _Place) -> PopovCompensator:
+    part = partition_modes(problem.nominal)
+    return PopovCompensator(
+        whole_law(place.law, problem.structure),
+        measured_ports(part.active),
+        driven_ports(part.active),
+        problem.authority,
+        len(place.law.A),
+        place.bound,
+        np.array([evaluate_cost(m, place.law).cost for m in models_of(problem, 1.0, 1.0)]),
+        place.gradient,
+        place.history,
+        part.inert,
+        directions,
+        place.multipliers,
+    )
