@@ -11,35 +11,12 @@ from middeck.identification.measurement_model import MeasurementModel, path_dela
 from middeck.identification.plants.modal_states import modal_statespace, state_names
 from middeck.identification.plants.selection import select_channels
 from middeck.systems.delayed_plant import SAME_DELAY_S, DelayedPlant, approximate_delays, join_channels
-from middeck.systems.delayed_sampling import is_sum, sample_delayed
+from middeck.systems.delayed_sampling import is_sum
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port, port_indices
-from middeck.systems.statespace import SampledStateSpace, StateSpace
-from middeck.values import record
+from middeck.systems.sampled_plant import SampledPlant, build_sampled_plant
+from middeck.systems.statespace import StateSpace
 
 Named = tuple[StateSpace, tuple[str, ...]]
-
-
-@record
-class SampledPlant:
-    """A plant as a computer sees it: inputs held, outputs sampled, delays exact.
-
-    Parameters
-    ----------
-    system:
-        From held inputs to sampled outputs; states as in `sample_delayed`.
-    inputs, outputs, w, u, z, y, state_names:
-        As in `Plant`.
-    """
-
-    system: SampledStateSpace
-    inputs: tuple[Port, ...]
-    outputs: tuple[Port, ...]
-    w: tuple[str, ...]
-    u: tuple[str, ...]
-    z: tuple[str, ...]
-    y: tuple[str, ...]
-    state_names: tuple[str, ...]
 
 
 def measured_plant(
@@ -111,14 +88,7 @@ def sampled_plant(
     ConfigError
         For a sampled model, a period that is not positive or an unknown port.
     """
-    _check_continuous(model)
-    for ports, names, side in ((model.inputs, (*w, *u), "input"), (model.outputs, (*z, *y), "output")):
-        port_indices(ports, names, side)
-    delay_s = path_delay(model)
-    system = sample_delayed(modal_statespace(model), period_s, delay_s)
-    modes = state_names(model) * (1 if is_sum(delay_s / period_s) else len(model.inputs))
-    names = (*modes, *("delay",) * (len(system.A) - len(modes)))
-    return SampledPlant(system, model.inputs, model.outputs, tuple(w), tuple(u), tuple(z), tuple(y), names)
+    return build_sampled_plant(delayed_plant(model, w=w, u=u, z=z, y=y), period_s)
 
 
 def _check_continuous(model: MeasurementModel) -> None:
