@@ -18,6 +18,7 @@ BAND_HZ = (0.5, 3000.0)
 # By amplitude [mV], then by order; None: no level at this order was asked for.
 LEVELS = {300: {28: (4.2, 5.6, 4.8), 40: (3.6, 4.0, 3.5)}, 100: {28: (5.6, 6.0, 6.5)}}
 REPEATS = 3
+BLOCK_ROWS = 20  # of nfoursid, twice the states over the outputs
 
 
 def rows(data: Path, python: str | None) -> list[dict[str, Any]]:
@@ -28,7 +29,7 @@ def rows(data: Path, python: str | None) -> list[dict[str, Any]]:
         found += _errors(f"mirror {amplitude} mV", train, test, None, levels[28])
         for states, level in levels.items():
             found += _errors(f"mirror {amplitude} mV, order by hand", train, test, states, level)
-    return found + _beside_vector_fitting(data, python)
+    return found + _beside_vector_fitting(data, python) + _beside_nfoursid(data, python)
 
 
 def load(data: Path, amplitude: int, part: str) -> Record:
@@ -91,6 +92,34 @@ def _beside_vector_fitting(data: Path, python: str | None) -> list[dict[str, Any
         time_row,
         row(case, "time over that of vector fitting", "", ratio, 1.0, states=states),
     ]
+
+
+def _beside_nfoursid(data: Path, python: str | None) -> list[dict[str, Any]]:
+    """All samples here, from records to model; there one experiment of six: all do not fit in its memory."""
+    case, states = "mirror 300 mV beside nfoursid", 30
+    train, test = (load(data, 300, part) for part in ("train", "test"))
+    begun = time.process_time()
+    model = fit_response(estimate_response(train, band_hz=BAND_HZ), states=states, sample_hz=SAMPLE_HZ).model
+    seconds = time.process_time() - begun
+    u, y = (x[0].reshape(-1, x.shape[3]) for x in (train.u, train.y))
+    found = peer(python, "time_domain.py", tool="nfoursid", u=u, y=y, states=states, block_rows=BLOCK_ROWS)
+    peers: list[dict[str, Any]] = [{}] * 4
+    if found is not None:
+        z = np.exp(2j * np.pi * np.fft.rfftfreq(test.u.shape[2]))[:, None, None]
+        A, B, C, D = (found[k] for k in "ABCD")
+        errors = 100.0 * _nrmse_of(C @ np.linalg.solve(z * np.eye(len(A)) - A, B + 0j * z) + D, test)
+        peers = [cell("nfoursid", found, v) for v in (*errors, float(found["seconds"]))]
+    ours = 100.0 * nrmse(model, test)
+    result = [
+        row(case, f"NRMSE of output {o + 1}", "%", ours[o], states=states, peers=peers[o]) for o in range(3)
+    ]
+    note = "all samples; nfoursid: one experiment of them"
+    result.append(row(case, "time from samples to model", "CPU s", seconds, states=states, peers=peers[3],
+                      note=note))  # fmt: skip
+    if found is not None:
+        ratio = seconds / float(found["seconds"])
+        result.append(row(case, "time over that of nfoursid", "", ratio, 1.0, states=states, note=note))
+    return result
 
 
 def _nrmse_of(H: np.ndarray, test: Record) -> np.ndarray:

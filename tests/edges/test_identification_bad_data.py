@@ -208,8 +208,8 @@ def test_a_delay_of_whole_periods_cannot_be_seen():
     assert late.delay_s[0] == pytest.approx(0.02, abs=1e-3)
 
 
-def test_an_output_whose_lead_is_no_small_one_is_refused():
-    """y2 is 10 ms late and has no mode; real modal constants of y1's modes follow it only with a lead."""
+def test_an_output_without_the_others_modes_is_flagged():
+    """y2 is 10 ms late and has no mode; with real modal constants y1's modes alone follow it only by a lead."""
     f = np.arange(0.1, 40.0, 0.05)
     s = 2j * np.pi * f
     modes = sum(g / (s**2 + 0.02 * w * s + w**2) for g, w in ((1.0, 18.8), (0.5, 53.4)))
@@ -219,8 +219,10 @@ def test_an_output_whose_lead_is_no_small_one_is_refused():
     noise = (rng.standard_normal((*H.shape, 2)) @ np.array([1.0, 1j])) * size / np.sqrt(2.0)
     ports = (Port("force", "N"),), (Port("y1", "m"), Port("y2", "m"))
     measured = FrequencyResponse(f, H + noise, *ports, np.broadcast_to(size**2, H.shape).copy())
-    with pytest.raises(FitError, match="leads its input"):
-        fit_response(measured, states=4)
+    fit = fit_response(measured, states=4)
+    assert fit.model.delay_s.min() > 0.0
+    assert any("output y1: the model leaves 10% of the response unexplained" in w for w in fit.warnings)
+    assert any("lies outside the band" in w for w in fit.warnings)
 
 
 def test_an_acceleration_takes_complex_constants():
