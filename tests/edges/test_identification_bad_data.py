@@ -209,7 +209,7 @@ def test_a_delay_of_whole_periods_cannot_be_seen():
 
 
 def test_an_output_without_the_others_modes_is_flagged():
-    """y2 is 10 ms late and has no mode; with real modal constants y1's modes alone follow it only by a lead."""
+    """y2 is 10 ms late, without a mode; real modal constants of y1's modes follow it only with a lead."""
     f = np.arange(0.1, 40.0, 0.05)
     s = 2j * np.pi * f
     modes = sum(g / (s**2 + 0.02 * w * s + w**2) for g, w in ((1.0, 18.8), (0.5, 53.4)))
