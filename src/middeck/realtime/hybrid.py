@@ -285,10 +285,10 @@ class _Tick:
         self.torque = balance_torques(self.elements, self.inner, self.angles, free, compliance, self.torque)
         self.x -= np.dot(self.push[j], self.torque)
         # Few joints: plain numbers are faster than arrays.
-        self.angles = [
-            end - sum(c * t for c, t in zip(row, self.torque, strict=True))
-            for end, row in zip(free, compliance, strict=True)
-        ]
-        for parts, angle, states in zip(self.elements, self.angles, self.inner, strict=True):
-            for i, part in enumerate(parts):
-                states[i] = part.resist(angle, states[i])[1]
+        for joint, (end, row) in enumerate(zip(free, compliance, strict=True)):
+            for coefficient, torque in zip(row, self.torque, strict=True):
+                end -= coefficient * torque
+            self.angles[joint] = end
+            states = self.inner[joint]
+            for i, part in enumerate(self.elements[joint]):
+                states[i] = part.resist(end, states[i])[1]

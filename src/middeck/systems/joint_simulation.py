@@ -225,12 +225,16 @@ def balance_torques(
     for _ in range(MOST_ITERATIONS):
         moved = 0.0
         for j, parts in enumerate(elements):
-            own = compliance[j][j]
-            others = sum(c * t for i, (c, t) in enumerate(zip(compliance[j], torque, strict=True)) if i != j)
+            row, others = compliance[j], 0.0
+            for i, other in enumerate(torque):
+                if i != j:
+                    others += row[i] * other
+            own = row[j]
             new, end = _balance_one(parts, inner[j], begin[j], free[j] - others, own)
             # Rounding of the end angle, seen as a torque.
             noise = 4e-16 * (abs(end) + abs(begin[j])) / own
-            moved = max(moved, abs(new - torque[j]) - 1e-14 * abs(new) - noise)
+            change = abs(new - torque[j]) - 1e-14 * abs(new) - noise
+            moved = change if change > moved else moved
             torque[j] = new
         if moved <= 0.0:
             return torque
