@@ -190,6 +190,23 @@ def test_a_run_gives_a_record_of_steady_periods(plant):
     np.testing.assert_allclose(H, exact, rtol=0.0, atol=1e-7 * np.abs(exact).max())
 
 
+@pytest.mark.parametrize("closed", [False, True])
+@pytest.mark.parametrize("sensor", [Sampler(), GYRO], ids=["sampled", "gyro"])
+@pytest.mark.parametrize("delay", [0.005, DELAY])
+def test_a_steady_start_is_steady(plant, closed, sensor, delay):
+    u = np.zeros((2000, 2))
+    u[:, 1] = random_multisine((0.5, 60.0), 4.0, RATE, 0.1, np.random.default_rng(1))
+    rig = rig_of(plant, sensors={"bus_z": sensor, "pri_rel_z": Encoder(1e-14)}, delay_s=delay)
+    law = damper() if closed else None
+    run = run_hardware_closed_loop(
+        rig, law, u, periods=2, rng=np.random.default_rng(0), settle=0, rest_s=0.0, steady=True
+    )
+    first, second = run.record.y[0]
+    # Rounding, of a linear system with a condition number of some 1e3; from rest it would be of order one.
+    np.testing.assert_allclose(second, first, rtol=0.0, atol=1e-9 * np.abs(first).max())
+    assert np.std(first[:, 1]) > 1e-3
+
+
 def test_an_unstable_loop_is_stopped_and_says_where(plant):
     """Positive rate feedback drives the mode at 1.3 Hz: the motor saturates, the angle passes its stop."""
     rig = rig_of(plant, motors={"base": Motor(0.2), "pri_rel_z": Motor(0.2)})

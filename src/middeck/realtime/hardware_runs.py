@@ -6,6 +6,7 @@ A run begins at rest: the gyros' biases are measured, the law is switched on wit
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -18,16 +19,20 @@ from middeck.realtime.hardware_rig import (
     HardwareRig,
     connect_law,
     cut_blocks,
+    linearise_rig,
     measure_bias,
 )
-from middeck.realtime.hybrid import HybridBlock, simulate_hybrid
-from middeck.realtime.rig import Run
+from middeck.realtime.hybrid import HybridBlock, HybridState, simulate_hybrid
+from middeck.realtime.rig import Run, close_sampled_loop
 from middeck.realtime.sensors import Gyro
 from middeck.systems.record import Record
+from middeck.systems.simulation import simulate
+from middeck.systems.stability import is_stable
 from middeck.systems.statespace import SampledStateSpace
 
 REST_S = 30.0
 """Rest before a run [s]: white rate noise of 2e-4 rad/s/sqrt(Hz) leaves the bias known to 4e-5 rad/s."""
+LEAST = 1e-9  # part of the largest below which a motion has no steady state of its own: the sum of a gyro
 LOOK_BACK_S = 4.0  # of a stopped run, to find what was growing
 
 
@@ -40,14 +45,16 @@ def run_hardware_open_loop(
     settle: int = 2,
     rest_s: float = REST_S,
     stops: Sequence[StopRule] = (),
+    steady: bool = False,
 ) -> Run:
     """``periods`` periods of the response to a repeated ``excitation``, after ``settle`` from rest.
 
     ``control`` of the run is zero. See `run_hardware_closed_loop`.
     """
     return run_hardware_closed_loop(
-        rig, None, excitation, periods=periods, rng=rng, settle=settle, rest_s=rest_s, stops=stops
-    )
+        rig, None, excitation, periods=periods, rng=rng, settle=settle, rest_s=rest_s, stops=stops,
+        steady=steady,
+    )  # fmt: skip
 
 
 def run_hardware_closed_loop(
@@ -60,9 +67,12 @@ def run_hardware_closed_loop(
     settle: int = 2,
     rest_s: float = REST_S,
     stops: Sequence[StopRule] = (),
+    steady: bool = False,
 ) -> Run:
     """``periods`` periods of the loop under a repeated ``excitation`` added to the law's commands.
 
+    With ``steady``, which no hardware can, it begins where the linear loop would be in its steady state, if
+    that is stable, so that less has to settle.
     The record holds excitation and measured outputs, from each gyro's angle its ramp taken out (see
     `remove_ramps`). A run that passes a stop, or overflows, has a cause and no record; ``partial`` is what
     was taken until then, settling included. Raises `ConfigError` for no period or an unknown output.
@@ -77,7 +87,9 @@ def run_hardware_closed_loop(
     taken = _Taken(rig, law)
     stop: tuple[int, int] | None = None
     try:
-        for block in _blocks(rig, law, u, settle + periods, rest_s, rng, taken):
+        begin = measure_bias(rig, law, rest_s, rng)
+        begin = find_steady_start(rig, law, u, begin) if steady else begin
+        for block in _blocks(rig, law, u, settle + periods, begin, rng, taken):
             stop = find_stop(block.measured, limits)
             taken.add(block)
             if stop is not None:
@@ -121,14 +133,35 @@ def _blocks(
     law: SampledStateSpace | None,
     u: np.ndarray,
     periods: int,
-    rest_s: float,
+    start: HybridState,
     rng: np.random.Generator,
     taken: _Taken,
 ) -> Iterator[HybridBlock]:
-    start = measure_bias(rig, law, rest_s, rng)
     taken.before = start.issued[-1]
     repeated = (block for _ in range(periods) for block in cut_blocks(u, BLOCK))
     return simulate_hybrid(connect_law(rig, law), repeated, rng, start)
+
+
+def find_steady_start(
+    rig: HardwareRig, law: SampledStateSpace | None, u: Float[np.ndarray, "sample input"], rested: HybridState
+) -> HybridState:
+    """``rested`` with the states of the linear loop at the start of a steady period of ``u``.
+
+    An unstable loop has none: ``rested`` itself. The sum of a gyro's samples may have any constant: of all
+    steady states the smallest is taken.
+    """
+    linear = linearise_rig(rig).sampled
+    m, p = len(rig.inputs), len(rig.outputs)
+    loop = linear if law is None else close_sampled_loop(linear, law)
+    if not is_stable(loop):
+        return rested
+    drive = u if law is None else np.hstack([u, np.zeros((len(u), p))])
+    _, end = simulate(loop, drive)
+    left = np.eye(len(loop.A)) - np.linalg.matrix_power(loop.A, len(u))
+    x = np.linalg.lstsq(left, end, rcond=LEAST)[0]
+    states, depth = len(rested.x), len(rested.issued)
+    past = x[states : states + depth * m].reshape(depth, m)
+    return dataclasses.replace(rested, x=x[:states], issued=past[::-1], computer=x[states + depth * m :])
 
 
 class _Taken:
