@@ -16,13 +16,15 @@ from middeck.control.robust.structure import order_of, shifted, station_ports
 from middeck.errors import ConfigError, NumericalError
 from middeck.values import record
 
-LOOSE, TIDY = 1e-5, 1e-7
+ROUGH, LOOSE, TIDY = 1e-4, 1e-5, 1e-7
 """Relative gain of ten steps at which a descent on the way ends, and one that is compared with others."""
 STEPS_ON_THE_WAY = 200
 SMALLEST_STEP = 1e-4
 """Of the size of the perturbations: a law that cannot be carried so far stands before a wall."""
 ROUNDS, ROUND_STEPS = 60, 20
 RESTARTS = 4
+FINALISTS = 5
+"""Of all starts, those that are followed to their minimum."""
 
 
 @record
@@ -92,13 +94,12 @@ def _best_start(problem: Problem, stations: Stations, power: float) -> Arrival:
     starts = list(find_starts(models_at, order, stations))
     if len(starts) == 1 and starts[0][1] == 1.0:
         return Arrival(starts[0][0], np.inf, ())
-    best: Arrival | None = None
-    for law, ratio in starts:
-        found = _climb(problem, stations, law, ratio, power)
-        if best is None or found.history[-1].cost < best.history[-1].cost:
-            best = found
-    if best is not None:
-        return best
+    if starts:
+        climbed = [_climb(problem, stations, law, ratio, power) for law, ratio in starts]
+        climbed.sort(key=lambda arrival: arrival.history[-1].cost)
+        models = models_at(1.0)
+        tidied = [_step(models, stations, each, power, TIDY, 0.0, 1.0) for each in climbed[:FINALISTS]]
+        return min(tidied, key=lambda arrival: arrival.history[-1].cost)
     if stations:
         raise NumericalError(
             "no decentralised start was found that stabilises the nominal plant", hint="give a law as start="
@@ -113,7 +114,7 @@ def _climb(problem: Problem, stations: Stations, law: Law, ratio: float, power: 
     for level in sorted(r for r in LADDER if ratio < r < 1.0):
         models = models_of(problem, level, 0.0)
         arrival = _step(models, stations, arrival, power, LOOSE, 0.0, float(level))
-    return _step(models_of(problem, 1.0, 0.0), stations, arrival, power, TIDY, 0.0, 1.0)
+    return _step(models_of(problem, 1.0, 0.0), stations, arrival, power, ROUGH, 0.0, 1.0)
 
 
 def _grow(problem: Problem, stations: Stations, arrival: Arrival, power: float) -> Arrival:

@@ -20,7 +20,11 @@ OWN_BALANCE = (1e-3, 1e-4, 1e-5)
 """Ratios at which laws are reduced by their own Gramians: weak laws are stable, and reduce to different sets
 of modes. Different starts end in different minima; the best is taken."""
 HALVINGS = 30
+SMALL, SPREAD = 8, 48
+"""Laws of so few states bear little likeness to any LQG law: so many more starts are spread over all that are
+stable."""
 
+PRIMES = np.array([2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53])
 Stations = list[tuple[list[int], list[int], int]]
 ModelsAt = Callable[[float], Sequence[DesignModel]]
 
@@ -98,6 +102,12 @@ def find_starts(models_at: ModelsAt, order: int, stations: Stations) -> Iterator
         found = _own_balance(models_at, order, ratio)
         if found is not None:
             yield found, ratio
+    if not whole and order <= SMALL:
+        models = models_at(1.0)
+        for number in range(SPREAD):
+            spread = _weakened(models, _spread_law(models[0], order, number))
+            if spread is not None:
+                yield spread, 1.0
 
 
 def _first(models_at: ModelsAt, order: int, ratios: Sequence[float]) -> Iterator[tuple[Law, float]]:
@@ -135,6 +145,25 @@ def _reduced_alone(law: Law, order: int) -> Law | None:
         for A, F in ((law.A, law.B), (law.A.T, law.C.T))
     )
     return reduce_law(law, order, covariance, worth)
+
+
+def _spread_law(model: DesignModel, order: int, number: int) -> Law:
+    """Damped pairs, and a real pole if the order is odd, from below the model's poles to far above them.
+
+    Frequencies, damping and directions follow multiples of square roots of primes, which fill a box evenly
+    (Niederreiter 1992, section 3.1) without any chance.
+    """
+    poles = np.abs(np.linalg.eigvals(model.A))
+    low, high = np.log(0.3 * np.median(poles)), np.log(30.0 * np.median(poles))
+    counts = np.arange(1, order + 1), np.arange(1, model.B2.shape[1] + len(model.C2) + 1)
+    first = np.mod((number + 1.0) * np.sqrt(PRIMES[: 2 * len(counts[0])]), 1.0)
+    rates, damping = np.exp(low + (high - low) * first[:order]), 0.02 + 0.98 * first[order:]
+    A = np.diag(-rates)
+    for i in range(0, order - 1, 2):
+        A[i : i + 2, i : i + 2] = rates[i] * np.array([[0.0, 1.0], [-1.0, -2.0 * damping[i]]])
+    turns = np.outer(counts[0], counts[1]) * np.sqrt(2.0) * (number + 1.0)
+    ports = np.cos(2.0 * np.pi * turns)
+    return Law(A, ports[:, : len(model.C2)], ports[:, len(model.C2) :].T)
 
 
 def _weakened(models: Sequence[DesignModel], law: Law) -> Law | None:
