@@ -7,6 +7,7 @@ import tracemalloc
 import numpy as np
 import pytest
 
+from middeck.errors import ConfigError
 from middeck.systems import simulation
 from middeck.systems.modal import ModalSystem
 from middeck.systems.sampling import sample_plant
@@ -154,3 +155,14 @@ def test_the_periodic_state_repeats_itself():
     _, end = simulate(system, u, start)
     # The slowest mode keeps 0.989 of its state over a period: rounding is a hundredfold here.
     np.testing.assert_allclose(end, start, rtol=0.0, atol=1e-11 * np.abs(start).max())
+
+
+def test_inputs_of_another_size_are_refused():
+    system = modes(0.01, 0.3, 60.0)
+    for u in (np.zeros((100, 3)), np.zeros(100)):
+        with pytest.raises(ConfigError, match="2 inputs"):
+            simulate(system, u)
+        with pytest.raises(ConfigError, match="2 inputs"):
+            list(stream(system, [u]))
+    with pytest.raises(ConfigError, match="16 states"):
+        simulate(system, np.zeros((100, 2)), np.zeros(3))

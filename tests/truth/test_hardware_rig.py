@@ -7,7 +7,7 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from middeck.errors import ConfigError
+from middeck.errors import ConfigError, DataError
 from middeck.realtime.hardware_rig import (
     build_hardware_rig,
     connect_law,
@@ -283,6 +283,12 @@ def test_settings_that_cannot_be_are_refused(plant):
         ))  # fmt: skip
     with pytest.raises(ConfigError, match="2 motors"):
         list(stream_hardware(rig_of(plant), None, [np.ones((5, 3))], np.random.default_rng(0)))
+    with pytest.raises(DataError, match="no finite number"):
+        list(stream_hardware(rig_of(plant), None, [np.full((5, 2), np.nan)], np.random.default_rng(0)))
+    with pytest.raises(ConfigError, match="samples a second"):
+        rig_of(plant, sample_hz=0.0)
+    with pytest.raises(ConfigError, match="without motor or sensor"):
+        rig_of(plant, motors={})
     with pytest.raises(ConfigError, match="periods"):
         run_hardware_open_loop(rig_of(plant), noise(10), periods=0, rng=np.random.default_rng(0))
     with pytest.raises(ConfigError, match="no output named"):

@@ -82,6 +82,12 @@ def build_hardware_rig(
     """
     if steps < 1:
         raise ConfigError(f"{steps} internal steps in a tick", hint="one or more")
+    if not (0.0 < sample_hz < np.inf and 0.0 <= delay_s < np.inf):
+        raise ConfigError(
+            f"{sample_hz} samples a second, late by {delay_s} s", hint="a positive rate, a delay from zero"
+        )
+    if not motors or not sensors:
+        raise ConfigError("a rig without motor or sensor", hint="name an input and an output of the plant")
     names = [j.torque for j in joints]
     if len(set(names)) < len(names):
         raise ConfigError("two entries for one joint", hint="put its elements in one tuple")

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from middeck.errors import ConfigError, NumericalError
+from middeck.errors import ConfigError, DataError, NumericalError
 from middeck.realtime.computer import Computer
 from middeck.realtime.hybrid_plant import HybridPlant
 from middeck.realtime.motors import EXACT, MotorBank
@@ -128,6 +128,10 @@ def simulate_hybrid(
             raise ConfigError(
                 f"an excitation of shape {e.shape} for {system.computer.commands} motors",
                 hint="samples in rows, one column for each motor",
+            )
+        if not np.isfinite(e).all():
+            raise DataError(
+                "a sample of the excitation is no finite number", hint="leave it out or record again"
             )
         done = _run_block(system, e, rng, start)
         start = done.state

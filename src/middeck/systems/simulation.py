@@ -1,9 +1,9 @@
 """Sampled systems in time: stepping, and the state from which a periodic input gives a periodic output.
 
-Long inputs go through in blocks of L samples: with the powers of A written out, a block's outputs are products
-of matrices for all blocks at once, and only one state in L is stepped to. The block is short enough that no
-power of A grows. The power that is stepped with carries its own rounding along, since that would add up: a
-lightly damped mode would turn by another angle in each block. So the result is that of stepping, to rounding.
+Long inputs go through in blocks of L samples: with the powers of A written out, outputs are products of
+matrices for all blocks at once, and only one state in L is stepped to. The block is short enough that no power
+of A grows. The power that is stepped with carries its own rounding along, since that would add up: a lightly
+damped mode would turn by another angle in each block. So the result is that of stepping, to rounding.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ import numpy as np
 import scipy.linalg as sla
 from jaxtyping import Float
 
-from middeck.errors import NumericalError
+from middeck.errors import ConfigError, NumericalError
 from middeck.systems.statespace import SampledStateSpace
 from middeck.values import record
 
 GROWTH = 1e3
 """Largest norm that a power A^2, A^4, A^8 ... of a balanced A may have within a block."""
 STEP_COST = 60_000
-"""What stepping to a state costs beside its own products, in multiplications of a large product of matrices."""
+"""What stepping to a state costs beside its own products, in multiplications of a large product."""
 LONGEST = 256
 CHUNK = 1 << 16  # samples at a time: what a block needs beside its input and output stays below this
 
@@ -32,7 +32,8 @@ class _Blocks:
     """A system written out over L samples, its states scaled.
 
     ``after`` and ``rest``, what rounding took from it, take a state to that L samples later, ``collect`` the
-    inputs of a block to their part of it; ``observe`` and ``through`` take the state before a block and its inputs to its outputs.
+    inputs of a block to their part of it; ``observe`` and ``through`` take the state before a block and its
+    inputs to its outputs.
     """
 
     after: Float[np.ndarray, "state state"]
@@ -50,13 +51,14 @@ def simulate(
 ) -> tuple[Float[np.ndarray, "sample output"], Float[np.ndarray, " state"]]:
     """Outputs y[k] = C x[k] + D u[k] and the state after the last sample, from ``start`` (zero if None).
 
+    Raises `ConfigError` for an input of other channels or a start of another size.
+
     >>> import numpy as np
     >>> y, x = simulate(SampledStateSpace([[0.5]], [[1.0]], [[1.0]], [[0.0]], 1.0), np.ones((3, 1)))
     >>> y.ravel(), x
     (array([0. , 1. , 1.5]), array([1.75]))
     """
-    u = np.asarray(u, dtype=float)
-    x = np.zeros(len(system.A)) if start is None else np.array(start, dtype=float)
+    u, x = _as_input(system, u), _as_start(system, start)
     blocks = _write_out(system, len(u))
     if blocks is None:
         return _step(system, u, x)
@@ -71,17 +73,17 @@ def stream(
     blocks: Iterable[Float[np.ndarray, "sample input"]],
     start: Float[np.ndarray, " state"] | None = None,
 ) -> Iterator[Float[np.ndarray, "sample output"]]:
-    """`simulate` for an input that comes in pieces and may be longer than memory: the outputs, piece by piece.
+    """`simulate` for an input that comes in pieces and may be longer than memory: the outputs in pieces.
 
     >>> import numpy as np
     >>> sums = SampledStateSpace([[1.0]], [[1.0]], [[1.0]], [[0.0]], 1.0)
     >>> [y.ravel().tolist() for y in stream(sums, (np.ones((2, 1)) for _ in range(2)))]
     [[0.0, 1.0], [2.0, 3.0]]
     """
-    x = np.zeros(len(system.A)) if start is None else np.array(start, dtype=float)
+    x = _as_start(system, start)
     written = _write_out(system, CHUNK)
     for piece in blocks:
-        u = np.asarray(piece, dtype=float)
+        u = _as_input(system, piece)
         if written is None:
             y, x = _step(system, u, x)
         else:
@@ -107,6 +109,23 @@ def find_periodic_state(
             hint="hold the rigid-body modes, or start from rest",
         )
     return np.linalg.solve(left, end)
+
+
+def _as_input(system: SampledStateSpace, u: np.ndarray) -> Float[np.ndarray, "sample input"]:
+    u = np.asarray(u, dtype=float)
+    if u.ndim != 2 or u.shape[1] != system.B.shape[1]:
+        raise ConfigError(
+            f"an input of shape {u.shape} for a system of {system.B.shape[1]} inputs",
+            hint="samples in rows, one column for each input",
+        )
+    return u
+
+
+def _as_start(system: SampledStateSpace, start: np.ndarray | None) -> Float[np.ndarray, " state"]:
+    x = np.zeros(len(system.A)) if start is None else np.array(start, dtype=float)
+    if x.shape != (len(system.A),):
+        raise ConfigError(f"a start of shape {x.shape} for {len(system.A)} states", hint="one each, or None")
+    return x
 
 
 def _step(
