@@ -19,9 +19,10 @@ if TYPE_CHECKING:
     from middeck.control.lqg import LQGWeights, design_filter, design_lqg
     from middeck.control.performance import Performance, measure_metric, measure_rms
     from middeck.errors import MiddeckError
+    from middeck.files.compensators import write_compensator
     from middeck.files.documents import load_case, load_environment, load_structure
     from middeck.files.measured_modes import load_measured_modes, write_measured_modes
-    from middeck.files.models import load_fitted, load_model, write_compensator, write_model
+    from middeck.files.models import load_fitted, load_model, write_model
     from middeck.files.records import (
         load_campaign,
         load_record,
@@ -238,7 +239,7 @@ _ROOM = {
     "tilt_place": "structure.gravity.places",
     "track_modes": "identification.tracking.history",
     "update_tracking": "identification.tracking.update",
-    "write_compensator": "files.models",
+    "write_compensator": "files.compensators",
     "write_measured_modes": "files.measured_modes",
     "write_model": "files.models",
     "write_record": "files.records",

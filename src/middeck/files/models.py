@@ -1,25 +1,22 @@
-"""Measurement models and compensators as JSON, so that one verb's result is another's input."""
+"""Measurement models as JSON, so that one verb's result is another's input."""
 
 from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
-from middeck.control.compensator import Compensator
 from middeck.errors import ConfigError, DataError
-from middeck.files.channels import build_channel
 from middeck.files.json_input import json_numbers, read_json
 from middeck.files.json_output import write_json
+from middeck.files.json_parts import read_ports, require_keys
 from middeck.identification.measurement_model import MeasurementModel
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.unknowns import Structure, places_of
-from middeck.systems.ports import Port
 
 MODEL_SCHEMA = "middeck.model/1"
-COMPENSATOR_SCHEMA = "middeck.compensator/1"
 COMPLEX = ("poles", "shapes", "participation")
 AGAIN = "write the model again"
 REAL = ("direct", "lower", "delay_s")
@@ -74,16 +71,16 @@ def load_fitted(path: str | Path) -> tuple[MeasurementModel, ModelCovariance | N
 
 
 def _model(data: dict[str, Any], path: str) -> MeasurementModel:
-    _require(data, ("sample_hz", "inputs", "outputs", *COMPLEX, *REAL), path)
+    require_keys(data, ("sample_hz", "inputs", "outputs", *COMPLEX, *REAL), path, AGAIN)
     given = (*REAL, *(name for name in OPTIONAL if data.get(name) is not None))
     arrays = {name: _array(data[name], f"{path}, {name}") for name in given}
     for name in COMPLEX:
-        _require(data[name], ("re", "im"), f"{path}, {name}")
+        require_keys(data[name], ("re", "im"), f"{path}, {name}", AGAIN)
         re, im = (_array(data[name][part], f"{path}, {name}.{part}") for part in ("re", "im"))
         if re.shape != im.shape:
             raise DataError(f"re has shape {re.shape}, im {im.shape}", where=f"{path}, {name}")
         arrays[name] = re + 1j * im
-    inputs, outputs = (_ports(data[side], f"{path}, {side}") for side in ("inputs", "outputs"))
+    inputs, outputs = (read_ports(data[side], f"{path}, {side}", AGAIN) for side in ("inputs", "outputs"))
     rate = _rate(data["sample_hz"], path)
     try:
         model = MeasurementModel(**arrays, inputs=inputs, outputs=outputs, sample_hz=rate)
@@ -98,7 +95,7 @@ def _model(data: dict[str, Any], path: str) -> MeasurementModel:
 
 
 def _covariance(known: Any, model: MeasurementModel, where: str) -> ModelCovariance:
-    _require(known, COVARIANCE, where)
+    require_keys(known, COVARIANCE, where, AGAIN)
     structure = _structure(known["structure"], f"{where}, structure")
     matrix, inflation = (_array(known[name], f"{where}, {name}") for name in ("matrix", "inflation"))
     size = places_of(model, structure).size
@@ -119,7 +116,7 @@ def _covariance(known: Any, model: MeasurementModel, where: str) -> ModelCovaria
 
 def _structure(value: Any, where: str) -> Structure:
     names = tuple(f.name for f in dataclasses.fields(Structure))
-    _require(value, names, where)
+    require_keys(value, names, where, AGAIN)
     return Structure(**{name: _truth(value[name], f"{where}, {name}") for name in names})
 
 
@@ -138,35 +135,8 @@ def _is_covariance(matrix: np.ndarray) -> bool:
     return float(np.linalg.eigvalsh(correlation).min(initial=0.0)) >= -ROUNDING * max(len(matrix), 1)
 
 
-def write_compensator(path: str | Path, compensator: Compensator) -> None:
-    """Write u = K(s) y whole or not at all: A, B, C, D and the ports read and driven, in their order."""
-    system = {name: getattr(compensator.system, name) for name in "ABCD"}
-    ports = {"inputs": compensator.inputs, "outputs": compensator.outputs}
-    write_json(path, {"schema": COMPENSATOR_SCHEMA, **ports, **system})
-
-
-def _require(data: Any, keys: tuple[str, ...], where: str) -> None:
-    missing = [k for k in keys if not isinstance(data, dict) or k not in data]
-    if missing:
-        raise DataError(f"keys missing: {', '.join(missing)}", where=where, hint=AGAIN)
-
-
 def _array(value: Any, where: str) -> np.ndarray:
     return json_numbers(value, where, ragged=AGAIN, infinite=AGAIN)
-
-
-def _ports(value: Any, where: str) -> tuple[Port, ...]:
-    if not isinstance(value, list) or not value:
-        raise DataError("no ports", where=where, hint='a list of {"name": ..., "unit": ...}')
-    return tuple(_port(item, where) for item in cast("list[Any]", value))
-
-
-def _port(item: Any, where: str) -> Port:
-    _require(item, ("name", "unit"), where)
-    channel = item.get("channel")
-    if channel is None:
-        return Port(str(item["name"]), str(item["unit"]))
-    return Port(str(item["name"]), str(item["unit"]), build_channel(channel, f"{where}, channel"))
 
 
 def _rate(value: Any, where: str) -> float | None:

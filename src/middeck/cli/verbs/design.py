@@ -83,7 +83,7 @@ def verb(
     from middeck.cli.lqg import design_loop
     from middeck.cli.plants import Wanted
     from middeck.cli.settings import LoopSettings, settle
-    from middeck.files.models import write_compensator
+    from middeck.files.compensators import write_compensator
 
     from_article = len(sources) == 1 and not sources[0].endswith((".json", ".npz", ".csv"))
     settings = settle(
