@@ -1,9 +1,9 @@
 """Sampled systems in time: stepping, and the state from which a periodic input gives a periodic output.
 
 Long inputs go through in blocks of L samples: with the powers of A written out, outputs are products of
-matrices for all blocks at once, and only one state in L is stepped to. The block is short enough that no power
-of A grows. The power that is stepped with carries its own rounding along, since that would add up: a lightly
-damped mode would turn by another angle in each block. So the result is that of stepping, to rounding.
+matrices for all blocks at once, and only one state in L is stepped to. The block is short enough that no
+power of A grows. The power that is stepped with carries its own rounding along, since that would add up: a
+lightly damped mode would turn by another angle in each block. So the result is that of stepping, to rounding.
 """
 
 from __future__ import annotations
