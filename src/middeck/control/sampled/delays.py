@@ -1,0 +1,71 @@
+"""Where the delays of a plant are put before it is sampled.
+
+The delays are those of sums: input i late by a_i, measurement o late by b_o. White noise and a mean square do
+not care when they are, so that delays of disturbances and of z drop out, and what all measurements are late
+by may as well be waited for at the inputs. Left are inputs that change within the period, each at its own
+instant, and measurements that are late by what they are later than the earliest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.errors import ConfigError
+from middeck.systems.delayed_plant import SAME_DELAY_S, DelayedPlant, approximate_delays
+from middeck.systems.delayed_sampling import split_delays
+from middeck.systems.plant import Plant
+from middeck.values import record
+
+REST_PADE = 8
+"""Delays of single paths, beyond those of inputs and of outputs, are approximated to this order."""
+
+
+@record
+class TimedPlant:
+    """A plant whose inputs u and measurements y are late, the earliest measurement on time."""
+
+    plant: Plant
+    input_s: Float[np.ndarray, " u"]
+    output_s: Float[np.ndarray, " y"]
+
+
+def place_delays(
+    plant: Plant | DelayedPlant, disturbed: Sequence[str], process: Float[np.ndarray, "w w"]
+) -> TimedPlant:
+    """The plant with its delays at u and y, under white noise of intensity ``process`` on ``disturbed``.
+
+    Exact where each path is late by its input's delay plus its output's; what single paths are late beyond
+    that is approximated (Pade 8). Raises `ConfigError` for disturbances that belong together and are late by
+    different times.
+    """
+    if not isinstance(plant, DelayedPlant):
+        return TimedPlant(plant, np.zeros(len(plant.u)), np.zeros(len(plant.y)))
+    inside = plant.plant
+    u, w = inside.input_indices(inside.u), inside.input_indices(disturbed)
+    y, z = inside.output_indices(inside.y), inside.output_indices(inside.z)
+    inputs, outputs = list(dict.fromkeys([*u, *w])), list(dict.fromkeys([*y, *z]))
+    split = split_delays(plant.delay_s[np.ix_(outputs, inputs)])
+    late_in, late_out = (
+        dict(zip(inputs, split.input_s, strict=True)),
+        dict(zip(outputs, split.output_s, strict=True)),
+    )
+    _check_disturbances(process, np.array([late_in[i] for i in w]))
+    if np.any(split.rest_s > SAME_DELAY_S):
+        rest = np.zeros_like(plant.delay_s)
+        rest[np.ix_(outputs, inputs)] = split.rest_s
+        inside = approximate_delays(DelayedPlant(inside, rest), REST_PADE)
+    of_u, of_y = np.array([late_in[i] for i in u]), np.array([late_out[o] for o in y])
+    common = float(of_y.min(initial=np.inf)) if len(of_y) else 0.0
+    return TimedPlant(inside, of_u + common, of_y - common)
+
+
+def _check_disturbances(process: np.ndarray, late: np.ndarray) -> None:
+    apart = np.abs(late[:, None] - late[None]) > SAME_DELAY_S
+    if np.any(apart & (process != 0.0)):
+        raise ConfigError(
+            "disturbances that belong together are late by different times",
+            hint="a diagonal process intensity, or one delay for these inputs",
+        )

@@ -1,0 +1,152 @@
+"""Linear-quadratic Gaussian design for a computer: the continuous problem, sampled exactly.
+
+The cost between samples, its cross term and the noise of a whole period enter the discrete problem as they
+are (Levis, Schlueter and Athans 1971, Int. J. Control 13; Åström and Wittenmark 1997, chapter 11).
+"""
+
+from __future__ import annotations
+
+from typing import Literal, get_args
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.control.lqg.weights import LQGWeights
+from middeck.control.riccati import DiscreteRiccatiSolution, solve_discrete_riccati
+from middeck.control.sampled.compensator import SampledCompensator
+from middeck.control.sampled.held import HeldPlant, hold_plant
+from middeck.control.sampled.integrals import integrate_along
+from middeck.errors import ConfigError
+from middeck.systems.delayed_plant import DelayedPlant
+from middeck.systems.plant import Plant
+from middeck.systems.statespace import SampledStateSpace
+from middeck.values import record
+
+Form = Literal["predictor", "current"]
+
+
+@record
+class SampledLQG(SampledCompensator):
+    """A sampled compensator that knows how it was made.
+
+    Parameters
+    ----------
+    authority:
+        1/rho.
+    form:
+        ``"predictor"``: u[k] from y up to y[k-1], a whole period to compute in; ``"current"``: from y[k] too.
+    regulator, estimator:
+        The two Riccati solutions: residuals, regulator poles and filter poles in the z-plane.
+    cost:
+        The minimum of E[z' W^2 z + rho u' diag(input) u], the mean over time, between the samples too.
+    noise_cost:
+        What no sampled law can do anything about: the part that noise makes within its own period.
+    inert:
+        Modes of the plant left out because no port reaches or sees them.
+    """
+
+    authority: float
+    form: Form
+    regulator: DiscreteRiccatiSolution
+    estimator: DiscreteRiccatiSolution
+    cost: float
+    noise_cost: float
+    inert: tuple[str, ...]
+
+
+@record
+class SampledCost:
+    """The mean over a period of z' W^2 z + rho u' diag(input) u as x' Q x + 2 x' S u + u' R u at the sample.
+
+    ``noise`` is the part of it that noise makes within the period.
+    """
+
+    Q: Float[np.ndarray, "state state"]
+    S: Float[np.ndarray, "state u"]
+    R: Float[np.ndarray, "u u"]
+    noise: float
+
+
+def sample_cost(held: HeldPlant, weights: LQGWeights, authority: float) -> SampledCost:
+    """The continuous cost as a function of the state at a sample and of the inputs issued there."""
+    seen = weights.output[:, None] * held.performance
+    Q = seen.T @ seen
+    n, x = len(held.system.A), len(held.dwell)
+    whole = np.zeros((n + len(held.inputs),) * 2)
+    for segment in held.segments:
+        whole += segment.start.T @ integrate_along(held.generator, Q, segment.duration_s) @ segment.start
+    whole /= held.system.period_s
+    R = whole[n:, n:] + np.diag(weights.input) / authority
+    return SampledCost(whole[:n, :n], whole[:n, n:], R, float(np.sum(Q[:x, :x] * held.dwell)))
+
+
+def design_sampled_lqg(
+    plant: Plant | DelayedPlant,
+    weights: LQGWeights,
+    authority: float,
+    period_s: float,
+    form: Form = "predictor",
+) -> SampledLQG:
+    """The sampled law that minimises the continuous E[z' W^2 z + rho u' diag(input) u], rho = 1/authority.
+
+    Inputs are held over ``period_s`` and each path is late by its own true delay; nothing is approximated.
+    Sensor noise is what an average over the period leaves of white noise: variance = intensity / period_s.
+    As the period goes to zero the law becomes that of `design_lqg`.
+
+    Raises `NotStabilisableError` naming the modes that cannot be held (also those that sampling makes
+    unreachable: a mode at a whole multiple of half the rate), `ConfigError` for weights or a period that do
+    not fit and for a ``"current"`` law on a plant that answers within the sample.
+
+    >>> from middeck.systems.ports import Port
+    >>> from middeck.systems.statespace import StateSpace
+    >>> push, way = (Port("push", "N"),), (Port("way", "m"),)
+    >>> walk = Plant(StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]), push, way, w=("push",), u=("push",),
+    ...              z=("way",), y=("way",))
+    >>> weights = LQGWeights([1.0], [1.0], ("push",), [[1.0]], [1.0])
+    >>> early, late = (design_sampled_lqg(walk, weights, 1.0, 0.1, form) for form in ("current", "predictor"))
+    >>> 2.0 < early.cost < late.cost, late.own_delay_s                 # continuous: 2
+    (True, 0.1)
+    """
+    if not (np.isfinite(authority) and authority > 0.0):
+        raise ConfigError(f"authority is {authority}; it must be positive")
+    if form not in get_args(Form):
+        raise ConfigError(f"no form {form!r} of an observer", hint=f"one of {', '.join(get_args(Form))}")
+    held = hold_plant(plant, weights, period_s)
+    system = held.system
+    if form == "current" and np.any(system.D):
+        raise ConfigError(
+            "the plant answers within the sample in which it is commanded: y[k] needs u[k], and u[k] y[k]",
+            hint="the predictor form, or the plant's true delay",
+        )
+    price = sample_cost(held, weights, authority)
+    regulator = solve_discrete_riccati(system.A, system.B, price.Q, price.R, price.S, names=held.state_names)
+    sensor = np.diag(held.sensor)
+    estimator = solve_discrete_riccati(system.A.T, system.C.T, held.noise, sensor, names=held.state_names)
+    law, error = _join(system, regulator.gain, estimator, sensor, form)
+    weight = price.R + system.B.T @ regulator.X @ system.B
+    cost = np.sum(regulator.X * held.noise) + np.sum((regulator.gain @ error) * (weight @ regulator.gain))
+    return SampledLQG(
+        law, held.outputs, held.inputs, f"direct, {form}", authority, form, regulator, estimator,
+        float(cost) + price.noise, price.noise, held.inert,
+    )  # fmt: skip
+
+
+def _join(
+    plant: SampledStateSpace,
+    K: np.ndarray,
+    estimator: DiscreteRiccatiSolution,
+    sensor: np.ndarray,
+    form: Form,
+) -> tuple[SampledStateSpace, Float[np.ndarray, "state state"]]:
+    """The law, and the covariance of what it does not know of the state when it issues u."""
+    A, B, C, D = plant.A, plant.B, plant.C, plant.D
+    P, L = estimator.X, estimator.gain.T
+    if form == "predictor":
+        law = SampledStateSpace(
+            A - B @ K - L @ C + L @ D @ K, L, -K, np.zeros((len(K), len(C))), plant.period_s
+        )
+        return law, P
+    M = np.linalg.solve(C @ P @ C.T + sensor, C @ P).T
+    rest = np.eye(len(A)) - M @ C
+    step = A - B @ K
+    return SampledStateSpace(step @ rest, step @ M, -K @ rest, -K @ M, plant.period_s), rest @ P

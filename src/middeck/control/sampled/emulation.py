@@ -1,0 +1,77 @@
+"""A continuous law made sampled: by a hold, by Tustin's rule, or pole by pole and zero by zero.
+
+None of them knows the plant or the hold. They are what a direct design is compared with (Franklin, Powell and
+Workman 1998, chapter 6).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Literal, get_args
+
+import numpy as np
+
+from middeck.control.compensator import Compensator
+from middeck.control.sampled.compensator import SampledCompensator
+from middeck.control.sampled.matched import match_roots
+from middeck.errors import ConfigError
+from middeck.systems.sampling import sample_plant, tustin
+from middeck.systems.statespace import SampledStateSpace, StateSpace
+
+Rule = Literal["hold", "tustin", "matched"]
+
+
+def emulate(
+    compensator: Compensator, period_s: float, rule: Rule = "tustin", *, match_hz: float | None = None
+) -> SampledCompensator:
+    """The law as a computer of ``period_s`` may run it.
+
+    Parameters
+    ----------
+    compensator, period_s:
+        The law, and the time from sample to sample [s].
+    rule:
+        ``"hold"``: exact where its input stands still over each period. ``"tustin"``: the trapezoidal rule.
+        ``"matched"``: each pole and zero goes to exp(s T), zeros at infinity to z = -1; for one input and one
+        output.
+    match_hz:
+        Where the response is to be met: Tustin's rule is prewarped there, a matched law has its gain there.
+        None for zero frequency. The hold has no such choice.
+
+    Raises
+    ------
+    ConfigError
+        For a period that is not positive, a frequency beyond half the rate, an unknown rule, or a matched law
+        of more than one input or output.
+
+    Examples
+    --------
+    >>> from middeck.systems.ports import Port
+    >>> y, u = (Port("y", "m"),), (Port("u", "N"),)
+    >>> lag = Compensator(StateSpace([[-2.0]], [[2.0]], [[1.0]], [[0.0]]), y, u)
+    >>> [round(float(emulate(lag, 0.1, rule).system.A[0, 0]), 6) for rule in ("hold", "tustin", "matched")]
+    [0.818731, 0.818182, 0.818731]
+    """
+    if not (np.isfinite(period_s) and period_s > 0.0):
+        raise ConfigError(f"a period of {period_s} s cannot be sampled at", hint="a positive period")
+    if match_hz is not None and not 0.0 <= match_hz < 0.5 / period_s:
+        raise ConfigError(
+            f"a law cannot be met at {match_hz} Hz when sampled at {1.0 / period_s:g} Hz",
+            hint="a frequency below half the rate",
+        )
+    if rule not in get_args(Rule):
+        raise ConfigError(f"no rule {rule!r}", hint=f"one of {', '.join(get_args(Rule))}")
+    at = 2.0 * np.pi * (match_hz or 0.0)
+    if rule == "hold":
+        system = sample_plant(compensator.system, period_s)
+    elif rule == "tustin":
+        system = _prewarped(compensator.system, period_s, at)
+    else:
+        system = match_roots(compensator.system, period_s, at)
+    return SampledCompensator(system, compensator.inputs, compensator.outputs, rule)
+
+
+def _prewarped(system: StateSpace, period_s: float, omega: float) -> SampledStateSpace:
+    """s = w / tan(w T / 2) (z - 1)/(z + 1): a period of 2 tan(w T / 2) / w in Tustin's rule."""
+    warped = 2.0 * np.tan(0.5 * omega * period_s) / omega if omega > 0.0 else period_s
+    return dataclasses.replace(tustin(system, warped), period_s=period_s)

@@ -1,0 +1,126 @@
+"""A plant between two samples: what held inputs, late by true delays, and white noise do to it, exactly."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.control.compensator import driven_ports, measured_ports
+from middeck.control.lqg.weights import LQGWeights, require_size
+from middeck.control.partition import partition_modes
+from middeck.control.sampled.delays import place_delays
+from middeck.control.sampled.integrals import spread_noise
+from middeck.control.sampled.period import Between, Segment, follow_period
+from middeck.errors import ConfigError
+from middeck.systems.delayed_plant import DelayedPlant
+from middeck.systems.plant import Plant, name_states, subsystem
+from middeck.systems.ports import Port
+from middeck.systems.sampling import WHOLE
+from middeck.systems.statespace import SampledStateSpace
+from middeck.values import record
+
+
+@record
+class HeldPlant:
+    """A plant under held inputs: between samples, and from sample to sample.
+
+    Parameters
+    ----------
+    system:
+        From u to y. States: the plant's, then past inputs (input by input, the latest first), then
+        measurements that wait. y[k] is taken at the instant at which u[k] is issued.
+    noise:
+        Covariance of what white process noise adds to the states in one period.
+    sensor:
+        Variance of the noise on each sampled measurement: its intensity over the period.
+    generator, segments:
+        d/dt (x, inputs in force) = generator (x, inputs in force) within each segment.
+    performance:
+        z from (x, inputs in force).
+    dwell:
+        Covariance of x within the period that the noise of this period alone makes, averaged over it.
+    inputs, outputs, z:
+        Ports u, y and z.
+    state_names:
+        What each state of ``system`` belongs to.
+    inert:
+        Modes left out because no port reaches or sees them.
+    """
+
+    system: SampledStateSpace
+    noise: Float[np.ndarray, "state state"]
+    sensor: Float[np.ndarray, " y"]
+    generator: Float[np.ndarray, "held held"]
+    segments: tuple[Segment, ...]
+    performance: Float[np.ndarray, "z held"]
+    dwell: Float[np.ndarray, "x x"]
+    inputs: tuple[Port, ...]
+    outputs: tuple[Port, ...]
+    z: tuple[Port, ...]
+    state_names: tuple[str, ...]
+    inert: tuple[str, ...]
+
+
+def hold_plant(plant: Plant | DelayedPlant, weights: LQGWeights, period_s: float) -> HeldPlant:
+    """The plant with its inputs held over ``period_s``, under the noises of ``weights``.
+
+    Delays are exact where each path is late by its input's delay plus its output's; what single paths are
+    late beyond that is approximated (Pade 8). Raises `ConfigError` for a period that is not positive, for
+    weights that do not fit, and for white noise that reaches z or y directly: its samples are infinite.
+    """
+    if not (np.isfinite(period_s) and period_s > 0.0):
+        raise ConfigError(f"a period of {period_s} s cannot be sampled at", hint="a positive period")
+    timed = place_delays(plant, weights.disturbed, weights.process)
+    part = partition_modes(timed.plant)
+    active = part.active
+    _check(active, weights)
+    control = subsystem(active, active.u, (*active.z, *active.y))
+    noise = subsystem(active, weights.disturbed, active.y)
+    between = Between(
+        control.A,
+        control.B,
+        noise.B @ weights.process @ noise.B.T,
+        control.C[len(active.z) :],
+        control.D[len(active.z) :],
+        _in_samples(timed.input_s, period_s),
+        _in_samples(timed.output_s, period_s),
+        period_s,
+    )
+    system, added, segments = follow_period(between)
+    names = name_states(active)
+    m = control.B.shape[1]
+    generator = np.vstack([np.hstack([control.A, control.B]), np.zeros((m, len(names) + m))])
+    nz = len(active.z)
+    return HeldPlant(
+        system,
+        added,
+        weights.sensor / period_s,
+        generator,
+        segments,
+        np.hstack([control.C[:nz], control.D[:nz]]),
+        spread_noise(control.A, between.V, period_s).dwell / period_s,
+        driven_ports(active),
+        measured_ports(active),
+        tuple(active.outputs[i] for i in active.output_indices(active.z)),
+        (*names, *("delay",) * (len(system.A) - len(names))),
+        part.inert,
+    )
+
+
+def _check(plant: Plant, weights: LQGWeights) -> None:
+    require_size("output weights", len(weights.output), plant.z)
+    require_size("input weights", len(weights.input), plant.u)
+    require_size("sensor intensities", len(weights.sensor), plant.y)
+    root = weights.process != 0.0
+    for group, what in ((plant.z, "a performance output"), (plant.y, "a measurement")):
+        if np.any(subsystem(plant, weights.disturbed, group).D @ root):
+            raise ConfigError(
+                f"process noise reaches {what} directly: a sample of white noise is infinite",
+                hint="put a filter between them: filter_measurements, or a coloured disturbance",
+            )
+
+
+def _in_samples(late_s: np.ndarray, period_s: float) -> np.ndarray:
+    late = late_s / period_s
+    nearest = np.round(late)
+    return np.where(np.abs(late - nearest) < WHOLE, nearest, late)

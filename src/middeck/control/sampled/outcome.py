@@ -1,0 +1,158 @@
+"""A sampled law on a plant that does not stop between samples: stability, and rms over all time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Complex, Float
+
+from middeck.control.lqg.weights import LQGWeights
+from middeck.control.riccati import solve_discrete_lyapunov
+from middeck.control.sampled.compensator import SampledCompensator
+from middeck.control.sampled.held import HeldPlant, hold_plant
+from middeck.control.sampled.integrals import spread_noise
+from middeck.errors import ConfigError
+from middeck.systems.delayed_plant import DelayedPlant
+from middeck.systems.plant import Plant
+from middeck.systems.ports import Port, port_indices
+from middeck.systems.stability import is_stable
+from middeck.systems.statespace import SampledStateSpace, poles
+from middeck.values import record
+
+
+@record
+class SampledOutcome:
+    """What a sampled loop does; unstable is an expected outcome, not an error.
+
+    Parameters
+    ----------
+    stable:
+        By the eigenvalues of the loop from sample to sample.
+    poles:
+        Those eigenvalues, z-plane.
+    rms:
+        Of each output z over all time, between the samples too; ``inf`` for an unstable loop, and for one
+        with a pole on the circle that noise drives.
+    rms_at_samples:
+        The same at the sampling instants alone (of the plant's state: an output's own delay left out).
+    control_rms:
+        Of each input u.
+    metric:
+        Norm of W rms: the square root of the cost's first part.
+    cost:
+        E[z' W^2 z + rho u' diag(input) u] at rho = 1 / authority.
+    """
+
+    stable: bool
+    poles: Complex[np.ndarray, " state"]
+    rms: Float[np.ndarray, " z"]
+    rms_at_samples: Float[np.ndarray, " z"]
+    control_rms: Float[np.ndarray, " u"]
+    metric: float
+    cost: float
+
+
+def measure_sampled_loop(
+    plant: Plant | DelayedPlant, compensator: SampledCompensator, weights: LQGWeights, authority: float
+) -> SampledOutcome:
+    """The loop of ``plant`` and a sampled law under the noises of ``weights``, delays and hold exact.
+
+    The covariance at the samples solves a discrete Lyapunov equation; within the period it is followed
+    under held inputs and its mean taken, so that nothing is missed that happens between the samples.
+
+    Raises `ConfigError` for ports that differ from the groups u and y, weights that do not fit, and a law
+    that reads its own input within the sample.
+    """
+    held = hold_plant(plant, weights, compensator.period_s)
+    law = arrange_law(held, compensator)
+    loop = _close(held, law)
+    values = poles(loop)
+    stable = is_stable(loop)
+    covariance = _covariance(held, law, loop) if stable else None
+    if covariance is None:
+        nz, nu = np.full(len(held.z), np.inf), np.full(len(held.inputs), np.inf)
+        return SampledOutcome(stable, values, nz, nz, nu, np.inf, np.inf)
+    n = len(held.system.A)
+    mean = _mean_within(held, covariance)
+    first = held.segments[0].start @ covariance @ held.segments[0].start.T
+    rms, at_samples = (_rows_rms(held.performance, each) for each in (mean, first))
+    control = np.sqrt(np.diag(covariance)[n:])
+    metric = float(np.linalg.norm(weights.output * rms))
+    cost = metric**2 + float(np.sum(weights.input * control**2)) / authority
+    return SampledOutcome(True, values, rms, at_samples, control, metric, cost)
+
+
+def arrange_law(held: HeldPlant, compensator: SampledCompensator) -> SampledStateSpace:
+    """The law with its ports in the order of the plant's groups y and u.
+
+    Raises `ConfigError` for other ports, another period, and a loop within the sample.
+    """
+    columns = _places(compensator.inputs, held.outputs, "measurement")
+    rows = _places(compensator.outputs, held.inputs, "control input")
+    s = compensator.system
+    law = SampledStateSpace(s.A, s.B[:, columns], s.C[rows], s.D[np.ix_(rows, columns)], s.period_s)
+    if abs(law.period_s - held.system.period_s) > 1e-12 * law.period_s:
+        raise ConfigError(f"a law of {law.period_s} s on a plant held over {held.system.period_s} s")
+    if np.any(held.system.D) and np.any(law.D):
+        raise ConfigError(
+            "the plant answers within the sample in which it is commanded, and so does the law",
+            hint="the plant's true delay, or a law without a direct term (the predictor form)",
+        )
+    return law
+
+
+def _places(given: Sequence[Port], wanted: Sequence[Port], what: str) -> list[int]:
+    places = port_indices(given, [p.name for p in wanted], what)
+    if len(given) != len(wanted):
+        raise ConfigError(
+            f"the compensator has {len(given)} ports where the plant has {len(wanted)} of this {what}",
+            hint="the plant's groups u and y must be those of the compensator",
+        )
+    return places
+
+
+def _close(held: HeldPlant, law: SampledStateSpace) -> SampledStateSpace:
+    """From sensor noise to the inputs u; states: the held plant's, then the law's."""
+    A, B, C, D = held.system.A, held.system.B, held.system.C, held.system.D
+    return SampledStateSpace(
+        np.block([[A + B @ law.D @ C, B @ law.C], [law.B @ C, law.A + law.B @ D @ law.C]]),
+        np.vstack([B @ law.D, law.B]),
+        np.hstack([law.D @ C, law.C]),
+        law.D,
+        law.period_s,
+    )
+
+
+def _covariance(
+    held: HeldPlant, law: SampledStateSpace, loop: SampledStateSpace
+) -> Float[np.ndarray, "all all"] | None:
+    """Of the held plant's states and the inputs issued, at the samples; None where it has no bound."""
+    sensor = np.diag(held.sensor)
+    n = len(held.system.A)
+    noise = loop.B @ sensor @ loop.B.T
+    noise[:n, :n] += held.noise
+    X = solve_discrete_lyapunov(loop.A.T, noise)
+    if X is None:
+        return None
+    seen = np.vstack([np.eye(n, len(X)), loop.C])
+    covariance = seen @ X @ seen.T
+    covariance[n:, n:] += law.D @ sensor @ law.D.T
+    return covariance
+
+
+def _mean_within(held: HeldPlant, covariance: np.ndarray) -> Float[np.ndarray, "held held"]:
+    """Of (x, inputs in force), the mean over the period."""
+    total = np.zeros_like(held.generator)
+    for segment in held.segments:
+        start = segment.start @ covariance @ segment.start.T
+        total += spread_noise(held.generator, start, segment.duration_s).covariance
+    total /= held.system.period_s
+    x = len(held.dwell)
+    total[:x, :x] += held.dwell
+    return total
+
+
+def _rows_rms(rows: np.ndarray, covariance: np.ndarray) -> Float[np.ndarray, " row"]:
+    # A negative square is rounding about zero.
+    return np.sqrt(np.maximum(np.sum((rows @ covariance) * rows, axis=1), 0.0))
