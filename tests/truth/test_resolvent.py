@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 import scipy.linalg as sla
 
-from middeck.systems.resolvent import by_poles, by_schur_form, by_solving, evaluate_transfer
+from middeck.systems.refined_poles import refine_poles
+from middeck.systems.resolvent import by_poles, by_schur_form, by_solving, evaluate_transfer, on_axis
 from middeck.systems.response import statespace_response
 from middeck.systems.statespace import SampledStateSpace, StateSpace
 
@@ -58,9 +59,18 @@ def test_many_lines_are_as_good_as_the_matrices():
 def test_plain_poles_agree_with_solving():
     system = turned(resonators(np.geomspace(1.0, 30.0, 10), 0.02))
     points = 1j * np.geomspace(0.1, 100.0, 50)
-    values, V = np.linalg.eig(system.A)
     # Condition of the eigenvectors below 100.
-    assert relative(by_poles(system, values, V)(points), by_solving(system)(points)) < 1e-11
+    poles = refine_poles(system.A, system.B, system.C)
+    assert relative(by_poles(poles)(points) + system.D, by_solving(system)(points)) < 1e-11
+    assert relative(on_axis(poles, points.imag) + system.D, by_solving(system)(points)) < 1e-11
+
+
+def test_real_poles_and_a_constant_of_the_system_count():
+    # 1/(s + 1) + 1/(s + 3) + 2 on many lines, in full coordinates.
+    system = turned(StateSpace(np.diag([-1.0, -3.0]), [[1.0], [1.0]], [[1.0, 1.0]], [[2.0]]))
+    s = 1j * np.geomspace(0.1, 100.0, 50)
+    found = statespace_response(system, s.imag)[:, 0, 0]
+    np.testing.assert_allclose(found, 1.0 / (s + 1.0) + 1.0 / (s + 3.0) + 2.0, rtol=1e-13)
 
 
 def test_defective_poles_go_by_substitution():

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Complex, Float
 
+from middeck.systems.second_order import sum_second_order
 from middeck.systems.statespace import StateSpace
 from middeck.values import record
 
@@ -116,10 +117,14 @@ def modal_response(
     modal: ModalSystem, omega: Float[np.ndarray, " line"]
 ) -> Complex[np.ndarray, "line output input"]:
     """Frequency response at ``omega`` [rad/s]: O(modes) per line and one matrix product each."""
-    s = 1j * np.asarray(omega, dtype=float)[:, None]
-    q = 1.0 / (s**2 + 2.0 * modal.zeta * modal.omega * s + modal.omega**2)
-    c = modal.phi[None] + s[:, :, None] * modal.phi_rate[None]
+    omega = np.asarray(omega, dtype=float)
+    shapes = [modal.phi, modal.phi_rate]
     if modal.phi_acceleration is not None:
-        c = c + s[:, :, None] ** 2 * modal.phi_acceleration[None]
-    through_modes = np.asarray((c * q[:, None, :]) @ modal.psi)
+        shapes.append(modal.phi_acceleration)
+    outputs, inputs = len(modal.phi), modal.psi.shape[1]
+    residues = tuple(
+        (shape.T[:, :, None] * modal.psi[:, None, :]).reshape(-1, outputs * inputs) for shape in shapes
+    )
+    damping, stiffness = 2.0 * modal.zeta * modal.omega, modal.omega**2
+    through_modes = sum_second_order(omega, damping, stiffness, residues).reshape(-1, outputs, inputs)
     return through_modes if modal.direct is None else through_modes + modal.direct

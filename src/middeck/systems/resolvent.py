@@ -13,24 +13,19 @@ from typing import cast
 
 import numpy as np
 import scipy.linalg as sla
-from jaxtyping import Complex
-from scipy.sparse.csgraph import connected_components
+from jaxtyping import Complex, Float
 
+from middeck.systems.refined_poles import PoleForm, refine_poles
+from middeck.systems.second_order import sum_second_order
 from middeck.systems.statespace import SampledStateSpace, StateSpace
 
 FEW_LINES = 32
 """Up to here solving is no dearer than a form."""
-WELL_CONDITIONED = 1e4
-"""Condition of the eigenvectors up to which a sum over poles is used: it loses four digits of sixteen, on top
-of the rounding of A that any form leaves."""
-SEPARATE = 1e-5
-"""Change of an eigenvector up to which one step of Newton's method is enough: it squares it."""
-REFINED_STATES = 400
-"""Beyond, arithmetic in extended precision (no BLAS) is dearer than ten thousand substitutions."""
 CHUNK_BYTES = 2**20
 """What is worked on at once: about the cache of a core."""
 ROWS = 24
 """Rows of the Schur form taken by substitution before the next matrix product."""
+
 
 System = StateSpace | SampledStateSpace
 Resolvent = Callable[[np.ndarray], np.ndarray]
@@ -45,8 +40,12 @@ def evaluate_transfer(
     if len(points) <= FEW_LINES:
         return by_solving(system)(points)
     balanced = balance_states(system)
-    form = _refined_poles(balanced.A)
-    return (by_schur_form(balanced) if form is None else by_poles(balanced, *form))(points)
+    form = refine_poles(balanced.A, balanced.B, balanced.C)
+    if form is None:
+        return by_schur_form(balanced)(points)
+    if isinstance(system, SampledStateSpace):
+        return by_poles(form)(points) + system.D
+    return on_axis(form, np.imag(points)) + system.D
 
 
 def balance_states(system: System) -> StateSpace:
@@ -66,58 +65,32 @@ def by_solving(system: System) -> Resolvent:
     return evaluate
 
 
-def by_poles(system: System, values: np.ndarray, V: np.ndarray) -> Resolvent:
-    """The sum over poles, given the eigenvalues and eigenvectors of A: a reciprocal a pole and line."""
-    Bv, Cv = np.linalg.solve(V.astype(complex), system.B), system.C @ V
-    residues = (Bv[:, None, :] * Cv.T[:, :, None]).reshape(len(values), system.D.size)
+def by_poles(form: PoleForm) -> Resolvent:
+    """The sum over poles without the direct term: a reciprocal a pole and line, one product."""
+    residues, shape = _residues(form), (len(form.C), form.B.shape[1])
 
     def evaluate(points: np.ndarray) -> np.ndarray:
-        H = np.empty((len(points), system.D.size), dtype=complex)
-        for some in _chunks(len(points), len(values)):
-            np.matmul(1.0 / (points[some, None] - values), residues, out=H[some])
-        return H.reshape(len(points), *system.D.shape) + system.D
+        H = np.empty((len(points), residues.shape[1]), dtype=complex)
+        for some in _chunks(len(points), len(residues)):
+            np.matmul(1.0 / (points[some, None] - form.values), residues, out=H[some])
+        return H.reshape(len(points), *shape)
 
     return evaluate
 
 
-def _refined_poles(A: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-    """Eigenvalues and eigenvectors of A as good as A itself, or None where they are too dependent.
-
-    The rounding of LAPACK's, 1e-16 of A, is 1e-11 of the width of a mode that is light and slow beside the
-    largest entry of A. One step of Newton's method takes it away, its residual in extended precision
-    (Dongarra, Moler and Wilkinson 1983, SIAM J. Numer. Anal. 20, "Improving the accuracy of computed
-    eigenvalues and eigenvectors"); poles that nearly coincide are parted within the space they span.
-    """
-    if len(A) > REFINED_STATES:
-        return None
-    values, V = np.linalg.eig(A)
-    if np.linalg.cond(V) > WELL_CONDITIONED:
-        return None
-    exact = V.astype(np.clongdouble)
-    left_over = (A.astype(np.longdouble) @ exact - exact * values).astype(complex)
-    mixed = np.linalg.solve(V.astype(complex), left_over)
-    gaps = values[None, :] - values[:, None]
-    np.fill_diagonal(gaps, 1.0)
-    change = mixed / np.where(gaps == 0.0, np.finfo(float).tiny, gaps)
-    np.fill_diagonal(change, 0.0)
-    together = ~(np.abs(change) < SEPARATE)
-    return _parted(values + np.diag(mixed), V + V @ np.where(together, 0.0, change), mixed, together)
+def on_axis(form: PoleForm, omega: Float[np.ndarray, " line"]) -> Complex[np.ndarray, "line output input"]:
+    """The same at j ``omega``; each conjugate pair by its upper pole, in real arithmetic."""
+    residues = _residues(form)
+    value, residue = form.values[form.upper], residues[form.upper]
+    # r / (s - p) + its conjugate = (2 Re(r) s - 2 Re(r conj(p))) / (s^2 - 2 Re(p) s + |p|^2).
+    constant, slope = -2.0 * np.real(residue * np.conj(value)[:, None]), 2.0 * np.real(residue)
+    pairs = sum_second_order(omega, -2.0 * np.real(value), np.abs(value) ** 2, (constant, slope))
+    alone = (1.0 / (1j * omega[:, None] - form.values[form.single])) @ residues[form.single]
+    return (pairs + alone).reshape(len(omega), len(form.C), form.B.shape[1])
 
 
-def _parted(
-    values: np.ndarray, V: np.ndarray, mixed: np.ndarray, together: np.ndarray
-) -> tuple[np.ndarray, np.ndarray] | None:
-    """Eigenvectors within each group of poles that nearly coincide; None where they are too dependent."""
-    values, vectors = values.copy(), V.copy()
-    count, label = connected_components(together, directed=False)
-    for group in (np.flatnonzero(label == k) for k in range(count) if np.count_nonzero(label == k) > 1):
-        block = mixed[np.ix_(group, group)].copy()
-        np.fill_diagonal(block, values[group] - values[group[0]])
-        inner, turn = np.linalg.eig(block)
-        if np.linalg.cond(turn) > WELL_CONDITIONED:
-            return None
-        values[group], vectors[:, group] = values[group[0]] + inner, V[:, group] @ turn
-    return values, vectors
+def _residues(form: PoleForm) -> Complex[np.ndarray, "pole port"]:
+    return (form.B[:, None, :] * form.C.T[:, :, None]).reshape(len(form.values), -1)
 
 
 def by_schur_form(system: System) -> Resolvent:
