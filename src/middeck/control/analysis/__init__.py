@@ -1,0 +1,24 @@
+"""What a loop bears: stability, margins and worst cases with exact delays, continuous or sampled."""
+
+from middeck.control.analysis.disk import DiskMargin, measure_disk_margin
+from middeck.control.analysis.loop import AnyLaw, AnyPlant, FeedbackLoop, form_loop
+from middeck.control.analysis.margins import LoopMargins, Margins, Peak, measure_margins
+from middeck.control.analysis.return_ratio import ReturnRatio, trace_return_ratio
+from middeck.control.analysis.stability import LoopStability, decide_stability
+
+__all__ = [
+    "AnyLaw",
+    "AnyPlant",
+    "DiskMargin",
+    "FeedbackLoop",
+    "LoopMargins",
+    "LoopStability",
+    "Margins",
+    "Peak",
+    "ReturnRatio",
+    "decide_stability",
+    "form_loop",
+    "measure_disk_margin",
+    "measure_margins",
+    "trace_return_ratio",
+]

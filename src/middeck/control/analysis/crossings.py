@@ -1,0 +1,103 @@
+"""Where a return ratio meets the negative real axis or the unit circle, to rounding."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from jaxtyping import Complex, Float, Int
+from scipy.optimize import elementwise
+
+from middeck.control.analysis.lines import WIDEST
+from middeck.values import record
+
+SKEW = 1.07
+"""Points are not put half-way: that may be a pole on the axis, around which lines were placed."""
+Ratio = Callable[[np.ndarray], np.ndarray]
+
+
+@record
+class Crossings:
+    """Where one quantity of L changes sign, channel by channel.
+
+    Parameters
+    ----------
+    omega:
+        Angular frequency [rad/s].
+    channel:
+        Position of the channel.
+    L:
+        The ratio there.
+    """
+
+    omega: Float[np.ndarray, " crossing"]
+    channel: Int[np.ndarray, " crossing"]
+    L: Complex[np.ndarray, " crossing"]
+
+
+def axis_crossings(ratio: Ratio, omega: Float[np.ndarray, " line"], L: np.ndarray) -> Crossings:
+    """Where L is real and negative, within 80 dB of one."""
+    # Projected on a sphere, so that the way through a pole on the axis stays finite and is recognised.
+    found = _roots(ratio, omega, L, lambda x: np.imag(x) / (1.0 + np.abs(x) ** 2))
+    size = np.abs(found.L)
+    return _keep(found, (np.real(found.L) < 0.0) & (size < WIDEST) & (size > 1.0 / WIDEST))
+
+
+def circle_crossings(ratio: Ratio, omega: Float[np.ndarray, " line"], L: np.ndarray) -> Crossings:
+    """Where L has gain one."""
+    found = _roots(ratio, omega, L, lambda x: (np.abs(x) ** 2 - 1.0) / (np.abs(x) ** 2 + 1.0))
+    return _keep(found, np.isfinite(found.L))
+
+
+def _keep(found: Crossings, which: np.ndarray) -> Crossings:
+    return Crossings(found.omega[which], found.channel[which], found.L[which])
+
+
+def _roots(
+    ratio: Ratio, omega: np.ndarray, L: np.ndarray, value: Callable[[np.ndarray], np.ndarray]
+) -> Crossings:
+    """Bracketed by neighbouring lines, then by Chandrupatla's method (1997), all at once."""
+    levels = value(L)
+    line, channel = np.nonzero(np.signbit(levels[1:]) != np.signbit(levels[:-1]))
+    if not len(line):
+        return Crossings(np.zeros(0), np.zeros(0, dtype=int), np.zeros(0, dtype=complex))
+
+    def at(x: np.ndarray, k: np.ndarray) -> np.ndarray:
+        # A pole on the axis is no crossing: it is told by its gain afterwards.
+        return np.nan_to_num(value(_pick(ratio, x, k)))
+
+    solve: Any = elementwise.find_root
+    root = solve(at, (omega[line], omega[line + 1]), args=(channel,)).x
+    return Crossings(root, channel, np.nan_to_num(_pick(ratio, root, channel), nan=np.inf))
+
+
+def _pick(ratio: Ratio, omega: np.ndarray, channel: np.ndarray) -> np.ndarray:
+    x, k = np.broadcast_arrays(omega, channel)
+    each = ratio(1j * x.ravel())
+    return each[np.arange(x.size), k.ravel().astype(int)].reshape(x.shape)
+
+
+def find_peaks(
+    function: Callable[[np.ndarray], np.ndarray], omega: Float[np.ndarray, " line"], value: np.ndarray
+) -> tuple[float, float]:
+    """The largest of a positive function of frequency, beyond the grid: where, and how large.
+
+    Peaks within a tenth of the highest line are narrowed to an eighth time and again: where a maximum is flat
+    its place matters as the square.
+    """
+    padded = np.concatenate([[-np.inf], value, [-np.inf]])
+    peaks = np.flatnonzero((value >= padded[:-2]) & (value >= padded[2:]) & (value >= 0.9 * value.max()))
+    low, high = omega[np.maximum(peaks - 1, 0)], omega[np.minimum(peaks + 1, len(omega) - 1)]
+    best, place = value[peaks], omega[peaks]
+    share = np.linspace(0.0, 1.0, 9) ** SKEW
+    for _ in range(12):
+        x = low[:, None] + (high - low)[:, None] * share
+        y = function(x.ravel()).reshape(x.shape)
+        top = np.argmax(y, axis=1)
+        rows = np.arange(len(peaks))
+        better = y[rows, top] > best
+        best, place = np.where(better, y[rows, top], best), np.where(better, x[rows, top], place)
+        low, high = x[rows, np.maximum(top - 1, 0)], x[rows, np.minimum(top + 1, 8)]
+    lead = int(np.argmax(best))
+    return float(place[lead]), float(best[lead])

@@ -1,0 +1,163 @@
+"""Where to look at a loop: around every pole and zero, then wherever its curve still turns."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.control.analysis.loop import (
+    At,
+    FeedbackLoop,
+    approximate_halves,
+    broken_at,
+    close_channels,
+    period_of,
+)
+from middeck.systems.delayed_plant import DelayedPlant
+from middeck.systems.stability import growth_rates
+from middeck.systems.statespace import SampledStateSpace, StateSpace
+from middeck.systems.transmission_zeros import transmission_zeros
+
+Response = Callable[[np.ndarray], np.ndarray]
+
+WIDEST = 1e4
+"""Loop gains and their inverses beyond 80 dB are no crossing that anybody designs for."""
+PER_DECADE = 30
+HALF_WIDTHS = np.array([0.0, 0.3, 1.0, 3.0, 10.0, 30.0])
+TURN, STRETCH = 0.35, 0.7
+"""Largest change of phase [rad] and of the logarithm of the gain from line to line."""
+ROUNDS, FINEST = 40, 1e-10
+SLOWEST_DECADES = 16
+AT_REST = 1e-9
+"""Poles slower than this share of the fastest count as at rest: rounding splits double ones."""
+UNDAMPED = 1e-8
+"""Damping ratio that cannot be told from none: a zero that cancels a pole is known to the root of rounding."""
+BESIDE, OFF_MIDDLE = 1e-4, 0.47
+"""Lines keep off a pole on the axis: two loops that cancel there leave rounding only. So they are never put
+half-way between others."""
+MOST_DELAY_LINES = 20_000
+SHORT_OF_NYQUIST = 1e-9
+"""At half the sampling rate itself everything is real: an end of the curve, not a line of it."""
+
+
+def place_lines(loop: FeedbackLoop, at: At, ratio: Response) -> Float[np.ndarray, " line"]:
+    """Angular frequencies [rad/s] from well below the slowest feature to where the loop gain is negligible.
+
+    Poles and zeros are those of the loop broken at each channel with the others closed, delays by a Pade
+    approximation of high order: they say where to look, no more.
+    """
+    features = _features(loop, at)
+    size = np.abs(features)
+    moving = size[size > AT_REST * size.max(initial=0.0)]
+    low, high = (0.01 * moving.min(), 3.0 * moving.max()) if len(moving) else (0.01, 100.0)
+    low = _where_settled(ratio, low)
+    period = period_of(loop)
+    top = _where_gone(ratio, high) if period is None else (1.0 - SHORT_OF_NYQUIST) * np.pi / period
+    lines = [np.geomspace(low, top, int(PER_DECADE * np.log10(top / low)) + 2), _clusters(features)]
+    late = float(loop.plant.delay_s.max()) if isinstance(loop.plant, DelayedPlant) else 0.0
+    if late > 0.0:
+        lines.append(np.arange(1, min(int(2.0 * top * late) + 1, MOST_DELAY_LINES)) * 0.5 / late)
+    omega = np.unique(np.concatenate(lines))
+    return omega[(omega >= low) & (omega <= top)]
+
+
+def _features(loop: FeedbackLoop, at: At) -> np.ndarray:
+    halves = approximate_halves(loop)
+    first = len(loop.inputs) if at == "outputs" else 0
+    found: list[np.ndarray] = [_rates(loop, halves), _rates(loop, close_channels(halves))]
+    for i in range(first, first + len(broken_at(loop, at))):
+        alone = close_channels(halves, [i])
+        channel = StateSpace(alone.A, alone.B[:, [i]], alone.C[[i]], alone.D[[i]][:, [i]])
+        zeros = transmission_zeros(channel)
+        found += [_rates(loop, channel), zeros if period_of(loop) is None else _mapped(loop, zeros)]
+    return np.concatenate(found)
+
+
+def _rates(loop: FeedbackLoop, system: StateSpace) -> np.ndarray:
+    period = period_of(loop)
+    if period is None:
+        return growth_rates(system)
+    return _finite(growth_rates(SampledStateSpace(system.A, system.B, system.C, system.D, period)))
+
+
+def _mapped(loop: FeedbackLoop, z: np.ndarray) -> np.ndarray:
+    return _finite(np.log(z[np.abs(z) > 0.0]) / (period_of(loop) or 1.0))
+
+
+def _finite(rates: np.ndarray) -> np.ndarray:
+    return rates[np.isfinite(rates)]
+
+
+def _clusters(features: np.ndarray) -> np.ndarray:
+    """Lines around each resonance and antiresonance; never on one that is not damped at all."""
+    centre, width = np.abs(np.imag(features)), np.abs(np.real(features))
+    undamped = width < UNDAMPED * centre
+    width = np.where(undamped, BESIDE * centre, width)
+    offset = width[:, None] * HALF_WIDTHS
+    offset[undamped, 0] = width[undamped]
+    return np.concatenate([(centre[:, None] + offset).ravel(), (centre[:, None] - offset).ravel()])
+
+
+def add_ends(loop: FeedbackLoop, ratio: Response, omega: Float[np.ndarray, " line"]) -> np.ndarray:
+    """The lines with rest, and half the sampling rate, before and after them, where finite."""
+    period = period_of(loop)
+    ends = np.array([0.0] if period is None else [0.0, np.pi / period])
+    return np.sort(np.concatenate([omega, ends[np.isfinite(ratio(1j * ends)).all(axis=1)]]))
+
+
+def _where_settled(ratio: Response, omega: float) -> float:
+    """From ``omega`` downwards, where all gains are constant or beyond `WIDEST` on either side."""
+    for _ in range(SLOWEST_DECADES):
+        L = np.abs(ratio(1j * omega * np.array([0.1, 1.0])))
+        beyond = np.all((L > WIDEST) | (L < 1.0 / WIDEST), axis=0)
+        if np.all(beyond | (np.abs(L[1] - L[0]) < 1e-3 * L[0])):
+            break
+        omega *= 0.1
+    return omega
+
+
+def _where_gone(ratio: Response, omega: float) -> float:
+    """From ``omega`` upwards, where no loop gain is above 1 / `WIDEST`; or a thousand times ``omega``.
+
+    With a direct term in the loop the gain never goes: there the crossings repeat.
+    """
+    for factor in np.geomspace(1.0, 1e3, 13):
+        there = np.abs(ratio(1j * omega * factor * np.array([1.0, 1.3, 1.7])))
+        if np.all(there < 1.0 / WIDEST):
+            return omega * float(factor)
+    return omega * 1e3
+
+
+def refine_lines(ratio: Response, omega: Float[np.ndarray, " line"]) -> Float[np.ndarray, " line"]:
+    """More lines wherever gain or phase of any channel changes much from one to the next.
+
+    Only where the gain is within `WIDEST` of one, so that a pole or a zero on the axis is approached no
+    further than that. Lines on which the ratio is infinite are left out.
+    """
+    omega, value = _finite_lines(omega, ratio(1j * omega))
+    for _ in range(ROUNDS):
+        coarse = _coarse(value) & (np.diff(omega) > FINEST * omega[1:])
+        if not coarse.any():
+            break
+        middle = (omega[:-1] + OFF_MIDDLE * np.diff(omega))[coarse]
+        place = np.flatnonzero(coarse) + 1
+        value = np.insert(value, place, ratio(1j * middle), axis=0)
+        omega, value = _finite_lines(np.insert(omega, place, middle), value)
+    return omega
+
+
+def _finite_lines(omega: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    keep = np.isfinite(value).all(axis=1)
+    return omega[keep], value[keep]
+
+
+def _coarse(L: np.ndarray) -> np.ndarray:
+    """Which steps are too long."""
+    size = np.maximum(np.abs(L), 1e-300)
+    level = np.log(size)
+    inside = np.abs(level) < np.log(WIDEST)
+    turn = np.abs(np.angle(L[1:] / size[1:] * np.conj(L[:-1] / size[:-1])))
+    stretch = np.abs(np.diff(level, axis=0))
+    return np.any((inside[1:] | inside[:-1]) & ((turn > TURN) | (stretch > STRETCH)), axis=1)

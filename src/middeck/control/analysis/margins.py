@@ -1,0 +1,217 @@
+"""Gain, phase and delay margins and sensitivity peaks of each loop, the others closed, delays exact."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.control.analysis.crossings import (
+    Crossings,
+    Ratio,
+    axis_crossings,
+    circle_crossings,
+    find_peaks,
+)
+from middeck.control.analysis.disk import DiskMargin, disk_from_peak
+from middeck.control.analysis.lines import WIDEST, add_ends, place_lines, refine_lines
+from middeck.control.analysis.loop import AnyLaw, AnyPlant, At, broken_at, form_loop, period_of
+from middeck.control.analysis.return_ratio import broken_ratio
+from middeck.control.analysis.stability import LoopStability, decide_loop
+from middeck.values import record
+
+
+@record
+class Peak:
+    """The largest gain of a function and where it lies."""
+
+    gain: float
+    frequency_hz: float
+
+
+@record
+class LoopMargins:
+    """What one loop bears before it lies on the stability limit, the others closed as they are.
+
+    Parameters
+    ----------
+    channel:
+        Where the loop is broken.
+    gain:
+        Every factor on the loop gain, above and below one, that puts a pole on the axis, ascending.
+    gain_hz:
+        Where that pole lies.
+    phase_rad:
+        At each frequency of unit gain, the lag (positive) or lead (negative) that does; the shorter way.
+    phase_hz:
+        Those frequencies, ascending.
+    delay_s:
+        At each of them, the least further delay that does, also by more than half a turn.
+    sensitivity, complementary:
+        Peaks of 1 / (1 + L) and of L / (1 + L).
+    disk:
+        The balanced disk margin of this loop alone.
+    """
+
+    channel: str
+    gain: Float[np.ndarray, " axis"]
+    gain_hz: Float[np.ndarray, " axis"]
+    phase_rad: Float[np.ndarray, " circle"]
+    phase_hz: Float[np.ndarray, " circle"]
+    delay_s: Float[np.ndarray, " circle"]
+    sensitivity: Peak
+    complementary: Peak
+    disk: DiskMargin
+
+    @property
+    def gain_limits(self) -> tuple[float, float]:
+        """The nearest factors below and above one; 0 and ``inf`` where there is none."""
+        below, above = self.gain[self.gain < 1.0], self.gain[self.gain > 1.0]
+        return float(below.max(initial=0.0)), float(above.min(initial=np.inf))
+
+    @property
+    def gain_db(self) -> float:
+        """The lesser of the two in decibels, not negative."""
+        below, above = self.gain_limits
+        down = -20.0 * np.log10(below) if below else np.inf
+        return float(min(down, 20.0 * np.log10(above)))
+
+    @property
+    def phase_limit_rad(self) -> float:
+        """The least phase, lag or lead; ``inf`` where the gain is never one."""
+        return float(np.abs(self.phase_rad).min(initial=np.inf))
+
+    @property
+    def delay_limit_s(self) -> float:
+        """The least further delay."""
+        return float(self.delay_s.min(initial=np.inf))
+
+
+@record
+class Margins:
+    """Margins of all loops of a plant and its law.
+
+    Parameters
+    ----------
+    stability:
+        Of the loop as it is. Margins of an unstable loop are crossings, not distances: its disks are zero.
+    loops:
+        One for each channel.
+    """
+
+    stability: LoopStability
+    loops: tuple[LoopMargins, ...]
+
+    @property
+    def stable(self) -> bool:
+        """Whether the loop is."""
+        return self.stability.stable
+
+
+def measure_margins(plant: AnyPlant, law: AnyLaw, *, at: At = "inputs") -> Margins:
+    """Margins with one loop broken at a time, all others closed, delays exact.
+
+    L = -K G; a crossing is a frequency at which 1 + k L exp(-j phi) = 0 for a gain k or a phase phi alone.
+    Crossings are bracketed on lines around every pole and zero and then solved for to rounding; those that
+    ask for a change of gain beyond 80 dB are left out. A real pole that passes through the origin, or through
+    z = -1, counts among the gains. A delay of the loop is in the plant (`DelayedPlant`) and stays as it is.
+
+    Raises
+    ------
+    ConfigError
+        For halves that do not fit (`form_loop`).
+
+    Examples
+    --------
+    >>> from middeck.control.compensator import Compensator
+    >>> from middeck.systems.delayed_plant import delay_inputs
+    >>> from middeck.systems.plant import Plant
+    >>> from middeck.systems.ports import Port
+    >>> from middeck.systems.statespace import StateSpace, gain_system
+    >>> force, way = Port("force", "N"), Port("way", "m")
+    >>> integrator = Plant(StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]), (force,), (way,))
+    >>> P = Compensator(gain_system(np.array([[-1.0]])), (way,), (force,))
+    >>> one = measure_margins(delay_inputs(integrator, 0.1), P).loops[0]
+    >>> one.gain_limits[1].__round__(9), one.phase_limit_rad.__round__(9)    # pi/(2 tau), pi/2 - tau
+    (15.707963268, 1.470796327)
+    """
+    loop = form_loop(plant, law)
+    stability = decide_loop(loop)
+    ratio = broken_ratio(loop, at)
+    omega = refine_lines(ratio, place_lines(loop, at, ratio))
+    L = ratio(1j * omega)  # the ends are real: no crossing of theirs has a sign to change
+    everywhere = add_ends(loop, ratio, omega)
+    ends = _ends(ratio, period_of(loop))
+    axis, circle = axis_crossings(ratio, omega, L), circle_crossings(ratio, omega, L)
+    loops = (
+        _describe(name, i, ratio, everywhere, axis, circle, ends, stability.stable)
+        for i, name in enumerate(broken_at(loop, at))
+    )
+    return Margins(stability, tuple(loops))
+
+
+def _ends(ratio: Ratio, period: float | None) -> tuple[tuple[float, np.ndarray], ...]:
+    """The ratio at rest, and at half the sampling rate: real numbers, infinite behind an integrator."""
+    omega = [0.0] if period is None else [0.0, np.pi / period]
+    return tuple((w, np.nan_to_num(ratio(np.array([1j * w]))[0], nan=np.inf)) for w in omega)
+
+
+def _describe(
+    name: str,
+    i: int,
+    ratio: Ratio,
+    omega: np.ndarray,
+    axis: Crossings,
+    circle: Crossings,
+    ends: tuple[tuple[float, np.ndarray], ...],
+    stable: bool,
+) -> LoopMargins:
+    real = [(w, float(-1.0 / value[i].real)) for w, value in ends if _bears_gain(value[i])]
+    gain = np.concatenate([-1.0 / np.real(axis.L[axis.channel == i]), [k for _, k in real]])
+    gain_at = np.concatenate([axis.omega[axis.channel == i], [w for w, _ in real]])
+    order = np.argsort(gain, kind="stable")
+    at, value = circle.omega[circle.channel == i], circle.L[circle.channel == i]
+    lag = np.mod(np.angle(value) + np.pi, 2.0 * np.pi)
+    turn = 2.0 * np.pi
+
+    def peak(function: Callable[[np.ndarray], np.ndarray]) -> tuple[float, float]:
+        def gain(w: np.ndarray) -> np.ndarray:
+            return np.abs(function(ratio(1j * w)[:, i]))
+
+        return find_peaks(gain, omega, gain(omega))
+
+    at_peaks = [peak(one) for one in (_sensitivity, _complementary, _skewed)]
+    S, T = (Peak(gain, w / turn) for w, gain in at_peaks[:2])
+    worst, skewed = at_peaks[2]
+    return LoopMargins(
+        name,
+        gain[order],
+        gain_at[order] / turn,
+        np.where(lag > np.pi, lag - turn, lag),
+        at / turn,
+        lag / at,
+        S,
+        T,
+        disk_from_peak(skewed if stable else np.inf, worst),
+    )
+
+
+def _sensitivity(L: np.ndarray) -> np.ndarray:
+    return 1.0 / (1.0 + L)
+
+
+def _complementary(L: np.ndarray) -> np.ndarray:
+    # Behind an integrator 1 / L vanishes; without gain it is infinite, and this is zero.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return 1.0 / (1.0 + 1.0 / L)
+
+
+def _skewed(L: np.ndarray) -> np.ndarray:
+    """S - 1/2, see `middeck.control.analysis.disk`."""
+    return 0.5 * (1.0 - L) / (1.0 + L)
+
+
+def _bears_gain(value: complex) -> bool:
+    """Whether a real end of the curve is a crossing within 80 dB of one."""
+    return bool(1.0 / WIDEST < -value.real < WIDEST)

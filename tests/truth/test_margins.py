@@ -1,0 +1,226 @@
+"""Margins against closed forms and brute force: integrators, delays, light modes, several loops."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from middeck.control.analysis import measure_disk_margin, measure_margins, trace_return_ratio
+from middeck.control.compensator import Compensator
+from middeck.errors import ConfigError
+from middeck.systems.delayed_plant import DelayedPlant, delay_inputs
+from middeck.systems.modal import ModalSystem
+from middeck.systems.plant import Plant
+from middeck.systems.ports import Port
+from middeck.systems.sampling import sample_plant
+from middeck.systems.statespace import SampledStateSpace, StateSpace, gain_system
+
+FORCE, WAY, RATE = Port("force", "N"), Port("way", "m"), Port("rate", "m/s")
+INTEGRATOR = Plant(StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]), (FORCE,), (WAY,))
+BODY = Plant(
+    ModalSystem([0.0], [0.0], [[1.0]], [[1.0], [0.0]], [[0.0], [1.0]], ("body",)), (FORCE,), (WAY, RATE)
+)
+
+
+def gain(*k: float) -> Compensator:
+    return Compensator(gain_system(-np.array([k])), (WAY, RATE)[: len(k)], (FORCE,))
+
+
+@pytest.mark.parametrize("k", [1e-3, 1.0, 7.0])
+def test_integrator_with_a_delay(k: float) -> None:
+    """L = k exp(-s tau) / s: unit gain at k, phases -pi/2 - w tau."""
+    tau = 0.1
+    one = measure_margins(delay_inputs(INTEGRATOR, tau), gain(k)).loops[0]
+    # Roots to rounding: 1e-13.
+    assert one.phase_limit_rad == pytest.approx(np.pi / 2.0 - k * tau, rel=1e-13)
+    assert one.phase_hz * 2.0 * np.pi == pytest.approx([k], rel=1e-13)
+    assert one.delay_limit_s == pytest.approx((np.pi / 2.0) / k - tau, rel=1e-13)
+    # -180 degrees at every w tau = pi/2 + 2 pi n; the factor there is w/k.
+    expected = (np.pi / 2.0 + 2.0 * np.pi * np.arange(10)) / tau / k
+    found = one.gain[:10]
+    assert found == pytest.approx(expected[: len(found)], rel=1e-12)
+    assert len(found) == min(10, np.sum(expected < 1e4))
+
+
+def test_rigid_body_under_pd() -> None:
+    """L = (kp + kd s)/s^2: unit gain at w^2 = (kd^2 + sqrt(kd^4 + 4 kp^2))/2, no finite gain margin."""
+    kp, kd = 2.0, 0.7
+    one = measure_margins(BODY, gain(kp, kd)).loops[0]
+    w = np.sqrt((kd**2 + np.sqrt(kd**4 + 4.0 * kp**2)) / 2.0)
+    assert one.phase_hz * 2.0 * np.pi == pytest.approx([w], rel=1e-13)
+    assert one.phase_limit_rad == pytest.approx(np.arctan2(kd * w, kp), rel=1e-12)
+    assert one.gain_limits == (0.0, np.inf)
+
+
+def test_delay_margin_is_the_delay_that_it_names() -> None:
+    """With the delay margin put in, the loop lies on the limit."""
+    one = measure_margins(BODY, gain(2.0, 0.7)).loops[0]
+    for change, stable in ((-1e-6, True), (1e-6, False)):
+        late = delay_inputs(BODY, one.delay_limit_s * (1.0 + change))
+        assert measure_margins(late, gain(2.0, 0.7)).stable is stable
+
+
+def test_conditional_stability_has_a_gain_margin_downwards() -> None:
+    """L = k (s + 1)^2 / s^3: at w = 1, L = -2 k... stable for k > 1/2."""
+    k = 3.0
+    A = np.diag([1.0, 1.0], 1)
+    triple = Plant(StateSpace(A, [[0.0], [0.0], [1.0]], [[1.0, 2.0, 1.0]], [[0.0]]), (FORCE,), (WAY,))
+    margins = measure_margins(triple, gain(k))
+    assert margins.stable
+    assert margins.loops[0].gain == pytest.approx([0.5 / k], rel=1e-12)
+    assert margins.loops[0].gain_hz * 2.0 * np.pi == pytest.approx([1.0], rel=1e-12)
+    assert margins.loops[0].gain_limits == (pytest.approx(0.5 / k), np.inf)
+
+
+@pytest.mark.parametrize("zeta", [3e-3, 1e-5, 1e-7])
+def test_no_light_mode_is_missed(zeta: float) -> None:
+    """Each of twelve modes crosses unit gain twice: |H| = |g| / |w_n^2 - w^2 + 2 j zeta w_n w| near it."""
+    omega = 2.0 * np.pi * np.geomspace(0.3, 60.0, 12)
+    # A gain of 3 at each peak: modes far apart do not add to that.
+    psi = (6.0 * zeta * omega**2)[:, None]
+    modes = ModalSystem(omega, np.full(12, zeta), psi, np.ones((1, 12)), np.zeros((1, 12)), ("m",) * 12)
+    one = measure_margins(Plant(modes, (FORCE,), (WAY,)), gain(1.0)).loops[0]
+    near = np.abs(one.phase_hz[:, None] * 2.0 * np.pi / omega - 1.0) < 6.0 * zeta
+    assert np.array_equal(near.sum(axis=0), np.full(12, 2))
+    assert one.sensitivity.gain > 1.0
+
+
+def test_delayed_modes_agree_with_a_brute_force_grid() -> None:
+    modes = ModalSystem([6.0, 40.0], [0.02, 0.01], [[1.0], [0.7]], [[30.0, 50.0]], [[0.0, 0.0]], ("a", "b"))
+    late = delay_inputs(Plant(modes, (FORCE,), (WAY,)), 0.02)
+    one = measure_margins(late, gain(1.0)).loops[0]
+    w = np.linspace(0.01, 400.0, 2_000_001)
+    L = trace_return_ratio(late, gain(1.0), frequency_hz=w / 2.0 / np.pi).L[:, 0]
+    cross = np.flatnonzero((np.diff(np.sign(L.imag)) != 0) & (L[1:].real < 0.0))
+    ahead = one.gain_hz < 400.0 / (2.0 * np.pi)
+    # A grid of 2e-4 rad/s: phase and gain change by 2e-4 / (zeta w) from line to line, a thousandth.
+    assert np.sort(one.gain[ahead]) == pytest.approx(np.sort(-1.0 / L[cross].real), rel=3e-3)
+    assert one.sensitivity.gain == pytest.approx(np.abs(1.0 / (1.0 + L)).max(), rel=1e-6)
+    assert one.sensitivity.gain >= np.abs(1.0 / (1.0 + L)).max()
+    assert one.complementary.gain == pytest.approx(np.abs(L / (1.0 + L)).max(), rel=1e-6)
+
+
+def test_a_steady_gain_that_turns_the_sign_counts() -> None:
+    """-1/(s + 1) under k: a real pole reaches the origin at the factor that makes k/(s + 1) one."""
+    lag = Plant(StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]]), (FORCE,), (WAY,))
+    margins = measure_margins(lag, gain(-0.25))
+    assert margins.loops[0].gain == pytest.approx([4.0], rel=1e-14)
+    assert margins.loops[0].gain_hz.tolist() == [0.0]
+
+
+def test_sampled_integrator() -> None:
+    """z+ = z - k z: L = k/(z - 1), real at z = -1: factor 2/k; unit gain where 2 sin(w T / 2) = k."""
+    T, k = 0.01, 0.5
+    plant = SampledStateSpace([[1.0]], [[1.0]], [[1.0]], [[0.0]], T)
+    law = SampledStateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[-k]], T)
+    margins = measure_margins(plant, law)
+    one = margins.loops[0]
+    assert margins.stable
+    assert one.gain == pytest.approx([2.0 / k], rel=1e-12)
+    assert one.gain_hz == pytest.approx([0.5 / T])
+    turn = 2.0 * np.arcsin(k / 2.0)
+    assert one.phase_hz == pytest.approx([turn / T / 2.0 / np.pi], rel=1e-12)
+    assert one.phase_limit_rad == pytest.approx(np.pi / 2.0 - turn / 2.0, rel=1e-12)
+
+
+def test_sampled_margins_approach_the_continuous_ones() -> None:
+    """A hold of T is a delay of T/2 to first order, an error of (w T)^2/24 of it to second."""
+    T = 1e-4
+    held = sample_plant(BODY.dynamics, T)
+    law = SampledStateSpace(np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((1, 0)), [[-2.0, -0.7]], T)
+    sampled = measure_margins(held, law).loops[0]
+    late = measure_margins(delay_inputs(BODY, T / 2.0), gain(2.0, 0.7)).loops[0]
+    assert sampled.phase_limit_rad == pytest.approx(late.phase_limit_rad, rel=1e-7)
+    assert sampled.sensitivity.gain == pytest.approx(late.sensitivity.gain, rel=1e-7)
+
+
+def satellite(a: float) -> tuple[Plant, Compensator]:
+    """A spinning body, (Seiler, Packard and Gahinet 2020): T = 1/(s + 1) [[1, a], [-a, 1]] under u = -y."""
+    A, C = np.array([[0.0, a], [-a, 0.0]]), np.array([[1.0, a], [-a, 1.0]])
+    ports = (Port("u1", "N m"), Port("u2", "N m")), (Port("y1", "rad/s"), Port("y2", "rad/s"))
+    plant = Plant(StateSpace(A, np.eye(2), C, np.zeros((2, 2))), *ports)
+    return plant, Compensator(gain_system(-np.eye(2)), ports[1], ports[0])
+
+
+def test_one_loop_at_a_time_may_look_good() -> None:
+    """L = 1/s in each loop with the other closed: 90 degrees, any gain, the largest disk."""
+    for at in ("inputs", "outputs"):
+        for one in measure_margins(*satellite(10.0), at=at).loops:
+            assert one.gain_limits == (0.0, np.inf)
+            assert one.phase_limit_rad == pytest.approx(np.pi / 2.0, rel=1e-10)
+            assert one.disk.alpha == pytest.approx(2.0, rel=1e-9)
+
+
+def test_both_loops_together_bear_little() -> None:
+    """S - T is normal; squared, its larger eigenvalue is 1 + 4 a (w + a)/(1 + w^2): most at w^2 + 2 a w = 1."""
+    a = 10.0
+    w = np.sqrt(a**2 + 1.0) - a
+    alpha = 2.0 / np.sqrt(1.0 + 4.0 * a * (w + a) / (1.0 + w**2))
+    for at in ("inputs", "outputs"):
+        disk = measure_disk_margin(*satellite(a), at=at)
+        assert disk.alpha == pytest.approx(alpha, rel=1e-9)
+        # A maximum's place is known to the root of its height's rounding.
+        assert disk.frequency_hz * 2.0 * np.pi == pytest.approx(w, rel=1e-4)
+    both = measure_disk_margin(*satellite(10.0), at="both")
+    # Every change at one end is also a change at both; half of it at each end is more than all at one.
+    assert alpha / 2.01 < both.alpha < alpha / 1.9
+
+
+def test_disks_hold_what_they_promise_and_no_more() -> None:
+    """Gains inside the disk leave the spinning body stable in every combination; some just outside do not."""
+    plant, law = satellite(10.0)
+    disk = measure_disk_margin(plant, law, at="inputs")
+    low, high = disk.gain
+
+    def growth(gains: np.ndarray) -> float:
+        return float(np.linalg.eigvals(plant.system.A - np.diag(gains) @ plant.system.C).real.max())
+
+    inside = [np.array([f, g]) for f in (low, 1.0, high) for g in (low, 1.0, high)]
+    assert all(growth(1.0 + (g - 1.0) * 0.999) < 0.0 for g in inside)
+    assert any(growth(1.0 + (g - 1.0) * 1.01) > 0.0 for g in inside)
+
+
+def test_disk_of_one_loop_by_brute_force() -> None:
+    late = delay_inputs(BODY, 0.1)
+    one = measure_margins(late, gain(2.0, 0.7)).loops[0]
+    w = np.geomspace(1e-2, 1e3, 400_001)
+    L = trace_return_ratio(late, gain(2.0, 0.7), frequency_hz=w / 2.0 / np.pi).L[:, 0]
+    peak = np.abs(0.5 * (1.0 - L) / (1.0 + L)).max()
+    # A relative grid of 3e-5 misses a peak by its curvature, 1e-8.
+    assert one.disk.alpha == pytest.approx(1.0 / peak, rel=1e-7)
+    assert one.disk.gain[1] < one.gain_limits[1]
+    assert one.disk.phase_rad < one.phase_limit_rad
+
+
+def test_an_unstable_loop_has_no_disk() -> None:
+    margins = measure_margins(delay_inputs(INTEGRATOR, 2.0), gain(1.0))
+    assert not margins.stable
+    assert margins.loops[0].disk.alpha == 0.0
+    assert measure_disk_margin(delay_inputs(INTEGRATOR, 2.0), gain(1.0)).alpha == 0.0
+
+
+def test_ratio_of_one_loop_is_the_return_difference_of_all_over_that_of_the_others() -> None:
+    rng = np.random.default_rng(5)
+    n, ny = 6, 3
+    A = rng.standard_normal((n, n)) - 4.0 * np.eye(n)
+    system = StateSpace(A, rng.standard_normal((n, ny)), rng.standard_normal((ny, n)), np.zeros((ny, ny)))
+    u = tuple(Port(f"u{i}", "N") for i in range(ny))
+    y = tuple(Port(f"y{i}", "m") for i in range(ny))
+    delay = rng.uniform(0.0, 0.1, (ny, ny))
+    law = Compensator(gain_system(rng.standard_normal((ny, ny))), y, u)
+    f = np.array([0.0, 0.1, 1.0, 10.0])
+    L = trace_return_ratio(DelayedPlant(Plant(system, u, y), delay), law, frequency_hz=f).L
+    for k, s in enumerate(2j * np.pi * f):
+        G = (system.C @ np.linalg.solve(s * np.eye(n) - A, system.B)) * np.exp(-s * delay)
+        whole = np.eye(ny) - law.system.D @ G
+        for i in range(ny):
+            rest = np.delete(np.delete(whole, i, 0), i, 1)
+            expected = np.linalg.det(whole) / np.linalg.det(rest)
+            assert 1.0 + L[k, i] == pytest.approx(expected, rel=1e-11)
+
+
+def test_bad_pairs_are_refused() -> None:
+    with pytest.raises(ConfigError, match="sampled law on a continuous plant"):
+        measure_margins(INTEGRATOR, SampledStateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]], 0.1))
+    with pytest.raises(ConfigError, match="broken at"):
+        measure_margins(INTEGRATOR, gain(1.0), at="input")  # type: ignore[arg-type]
