@@ -10,15 +10,18 @@ multiplication by using fast routines of matrix multiplication and its applicati
 
 from __future__ import annotations
 
+from typing import Any, cast
+
 import numpy as np
 from jaxtyping import Bool, Complex
+from scipy.linalg import lapack
 from scipy.sparse.csgraph import connected_components
 
 from middeck.values import record
 
 WELL_CONDITIONED = 1e5
-"""Condition of the eigenvectors (an upper bound, ten times the condition itself for hundreds of states) up to
-which they are used: a sum over poles loses as many digits."""
+"""Condition of the eigenvectors (in the 1-norm: for hundreds of states ten times that in the 2-norm) up to
+which they are used; a sum over poles loses as many digits."""
 SEPARATE = 1e-5
 """Change of an eigenvector up to which one step of Newton's method is enough: it squares it."""
 BITS, EXACT_STATES = 22, 512
@@ -52,28 +55,29 @@ def refine_poles(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> PoleForm | None
     if len(A) > EXACT_STATES:
         return None
     values, V = (np.asarray(M, dtype=complex) for M in np.linalg.eig(A))
-    try:
-        inverse = np.linalg.inv(V)
-    except np.linalg.LinAlgError:
-        return None
-    # Not so of eigenvectors that overflow: the comparison is false for NaN.
-    if not _size(V) * _size(inverse) < WELL_CONDITIONED:
-        return None
     upper, single = np.imag(values) > 0.0, np.imag(values) == 0.0
-    mixed = inverse @ _left_over(A, values, V, upper | single)
+    solved = _solve_conditioned(V, np.hstack([_left_over(A, values, V, upper | single), B]))
+    if solved is None:
+        return None
+    mixed, Bv, Cv = solved[:, : len(A)], solved[:, len(A) :], C @ V
     gaps = values[None, :] - values[:, None]
-    change = mixed / np.where(gaps == 0.0, np.finfo(float).tiny, gaps)
+    gaps[gaps == 0.0] = np.finfo(float).tiny
+    change = mixed / gaps
     np.fill_diagonal(change, 0.0)
     together = ~(np.abs(change) < SEPARATE)
     change[together] = 0.0
-    Bv, Cv = inverse @ B, C @ V
     form = PoleForm(values + np.diag(mixed), Bv - change @ Bv, Cv + Cv @ change, upper, single)
     return _parted(form, mixed, together) if together.any() else form
 
 
-def _size(M: np.ndarray) -> float:
-    """A bound of the largest singular value."""
-    return float(np.sqrt(np.linalg.norm(M, 1) * np.linalg.norm(M, np.inf)))
+def _solve_conditioned(V: np.ndarray, right: np.ndarray) -> np.ndarray | None:
+    """V^-1 right, None where V is worse conditioned than `WELL_CONDITIONED` (LAPACK's estimate, 1-norm)."""
+    norm = float(np.linalg.norm(V, 1))
+    tools = cast("Any", lapack)
+    lu, pivots, singular = tools.zgetrf(V)
+    if singular or not np.isfinite(norm) or tools.zgecon(lu, norm)[0] * WELL_CONDITIONED < 1.0:
+        return None
+    return np.asarray(tools.zgetrs(lu, pivots, right)[0])
 
 
 def _left_over(
@@ -109,7 +113,7 @@ def _parted(form: PoleForm, mixed: np.ndarray, together: np.ndarray) -> PoleForm
     """Eigenvectors within each group of poles that nearly coincide; None where they are too dependent."""
     count, label = connected_components(together, directed=False)
     values, Bv, Cv = form.values.copy(), form.B.copy(), form.C.copy()
-    size = np.bincount(label, minlength=count)
+    size = np.bincount(label[form.upper | form.single], minlength=count)
     for group in (np.flatnonzero(label == k) for k in np.flatnonzero(size > 1)):
         block = mixed[np.ix_(group, group)].copy()
         np.fill_diagonal(block, values[group] - values[group[0]])

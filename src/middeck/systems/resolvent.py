@@ -85,8 +85,9 @@ def on_axis(form: PoleForm, omega: Float[np.ndarray, " line"]) -> Complex[np.nda
     # r / (s - p) + its conjugate = (2 Re(r) s - 2 Re(r conj(p))) / (s^2 - 2 Re(p) s + |p|^2).
     constant, slope = -2.0 * np.real(residue * np.conj(value)[:, None]), 2.0 * np.real(residue)
     pairs = sum_second_order(omega, -2.0 * np.real(value), np.abs(value) ** 2, (constant, slope))
-    alone = (1.0 / (1j * omega[:, None] - form.values[form.single])) @ residues[form.single]
-    return (pairs + alone).reshape(len(omega), len(form.C), form.B.shape[1])
+    if form.single.any():
+        pairs += (1.0 / (1j * omega[:, None] - form.values[form.single])) @ residues[form.single]
+    return pairs.reshape(len(omega), len(form.C), form.B.shape[1])
 
 
 def _residues(form: PoleForm) -> Complex[np.ndarray, "pole port"]:
