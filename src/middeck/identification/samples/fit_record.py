@@ -25,7 +25,7 @@ from middeck.identification.samples.model import record_covariance, record_model
 from middeck.identification.samples.noise import negative_log_likelihood, noise_variance
 from middeck.identification.samples.order import choose_record
 from middeck.identification.samples.search import RecordRun, Weighting
-from middeck.identification.samples.spectra import record_data, without_offset, without_trend
+from middeck.identification.samples.spectra import record_data, without_drift, without_trend
 from middeck.identification.spectra import estimate_response
 from middeck.identification.uncertainty.parameters import uncertainty_of
 from middeck.systems.excitation.driven import driven_band
@@ -93,7 +93,7 @@ def fit_record(
         constants, delay, direct, residuals, full_rank, rigid, relative_degree, integrators,
     )  # fmt: skip
     record = (
-        without_offset(record)
+        without_drift(record)
         if sampled
         else without_trend(record, inputs=not (residuals or at_zero(choices)))
     )

@@ -42,7 +42,8 @@ def exchanges(data: Data, options: Options, run: RecordRun) -> Iterator[Start]:
     without: list[tuple[float, Start, np.ndarray]] = []
     for m in range(run.layout.pairs if len(pair) > 1 else 0):
         kept = np.arange(len(pair)) != m
-        start = start_of(data, options, point.poles[kept], pair[kept], point.b[kept])
+        b = None if run.layout.full else point.b[kept]
+        start = start_of(data, options, point.poles[kept], pair[kept], b)
         step = None if start is None else weighted(start.layout, at, start.theta)
         if start is not None and step is not None:
             left = residual_of(start.layout, data, start.theta, step.linear)

@@ -15,6 +15,8 @@ from middeck.systems.record import Record
 FAINTEST = 1e-6
 # Lines over which the power of an input is averaged for that.
 NEIGHBOURS = 10
+# Share of a channel's power from which on a ramp is drift.
+DRIFT = 0.1
 
 
 def record_data(record: Record, band_hz: tuple[float, float] | None, *, whole: bool) -> Data:
@@ -59,13 +61,23 @@ def _driven(U: np.ndarray) -> np.ndarray:
     return (np.arange(len(power)) >= strong[0]) & (np.arange(len(power)) <= strong[-1])
 
 
-def without_offset(record: Record) -> Record:
-    """A record without the mean of each channel: zero is no line of a fit, but starts would suffer."""
-    return dataclasses.replace(
-        record,
-        u=record.u - record.u.mean(axis=(1, 2), keepdims=True),
-        y=record.y - record.y.mean(axis=(1, 2), keepdims=True),
-    )
+def without_drift(record: Record) -> Record:
+    """A record without the mean of each channel, nor its ramp where that holds over a tenth of its power.
+
+    The transient of a fit has a ramp anyway; but starts, and samples held out, would suffer. A lesser ramp is
+    left: it may be slow response, which a short record can ill spare.
+    """
+
+    def level(x: np.ndarray) -> np.ndarray:
+        run = x.reshape(len(x), -1, x.shape[3])
+        flat = run - run.mean(axis=1, keepdims=True)
+        even = scipy.signal.detrend(run, axis=1, type="linear")
+        drifts = np.sum(even**2, axis=1, keepdims=True) < (1.0 - DRIFT) * np.sum(
+            flat**2, axis=1, keepdims=True
+        )
+        return np.where(drifts, even, flat).reshape(x.shape)
+
+    return dataclasses.replace(record, u=level(record.u), y=level(record.y))
 
 
 def without_trend(record: Record, *, inputs: bool) -> Record:
