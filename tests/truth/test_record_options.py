@@ -154,7 +154,7 @@ def _poles_once(fitted):
 def test_an_offset_and_a_ramp_of_any_channel_change_nothing(options, within):
     """A ramp of fifty times the response is in the span of the transient: what is left is rounding.
 
-    A sampled fit keeps small ramps, as slow response: its weights differ by what the still record has of them.
+    A sampled fit keeps small ramps, as slow response: its weights differ by those of the still record.
     """
     record = moving(4)
     t = np.linspace(0.0, 1.0, record.u.shape[2])[:, None]
