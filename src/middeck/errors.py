@@ -4,6 +4,7 @@
 
     MiddeckError
     |-- ConfigError            exit 2   a document or an option is wrong
+    |-- MissingExtraError      exit 3   an optional package is not installed
     |-- DataError              exit 4   a record cannot be used
     `-- NumericalError         exit 5   a computation has no trustworthy answer
         |-- EquilibriumError            statics did not converge, or a cable went slack
@@ -53,6 +54,15 @@ class ConfigError(MiddeckError):
     """A document, a key or an option is wrong; several may be reported in one error."""
 
     exit_code = 2
+
+
+class MissingExtraError(MiddeckError):
+    """An optional package is not installed; ``extra`` is the name under which the package brings it."""
+
+    exit_code = 3
+
+    def __init__(self, what: str, *, extra: str) -> None:
+        super().__init__(what, hint=f'pip install "middeck[{extra}]"', extra=extra)
 
 
 class DataError(MiddeckError):

@@ -4,7 +4,7 @@
  0 done
  1 the answer is no (only where a verdict was asked for)
  2 usage or configuration
- 3 kept for an optional package that is missing; there is none yet
+ 3 an optional package is not installed
  4 bad data
  5 numerical failure: there is no trustworthy answer
 70 a fault of middeck itself (EX_SOFTWARE of sysexits.h), so that no script takes it for a "no"

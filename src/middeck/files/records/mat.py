@@ -32,12 +32,17 @@ def read_mat(file: Path, variable: str) -> Raw:
 
     A field of a structure is named with it: ``run.force``.
     """
-    with open(file, "rb") as stream:
-        is_hdf5 = stream.read(19) == b"MATLAB 7.3 MAT-file"
-    arrays = _read_73(file) if is_hdf5 else _read_5(file)
+    arrays = mat_arrays(file)
     if is_own(list(arrays)) and not variable:
         return build_raw({k: _four_axes(v) if k in ("u", "y") else v for k, v in arrays.items()}, str(file))
     return raw_matrix(arrays[pick(arrays, variable, file)], file)
+
+
+def mat_arrays(file: Path) -> dict[str, np.ndarray]:
+    """All variables by name, of either version; those of a structure as ``run.force``, cells as texts."""
+    with open(file, "rb") as stream:
+        is_hdf5 = stream.read(19) == b"MATLAB 7.3 MAT-file"
+    return _read_73(file) if is_hdf5 else _read_5(file)
 
 
 def _four_axes(x: np.ndarray) -> np.ndarray:

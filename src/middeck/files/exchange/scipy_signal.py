@@ -1,0 +1,100 @@
+"""scipy.signal: `lti` and `dlti` systems, which know no names."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, cast
+
+import numpy as np
+
+from middeck.errors import ConfigError
+from middeck.files.exchange.foreign import (
+    build_foreign,
+    chain_sections,
+    improper,
+    real_matrix,
+    realise_ratio,
+    settle_period,
+)
+from middeck.files.exchange.named import Exchangeable, NamedSystem, name_ports, named_system
+from middeck.systems.ports import Port
+from middeck.systems.statespace import SampledStateSpace, StateSpace
+
+
+def to_scipy(value: Exchangeable, *, negative_feedback: bool = False) -> Any:
+    """``value`` as a `scipy.signal.StateSpace`, of ``dt`` if it is sampled; names are lost.
+
+    The sign of a compensator is that of this house, u = K y added; ``negative_feedback=True`` gives -K.
+
+    >>> to_scipy(StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]])).A
+    array([[-1.]])
+    """
+    import scipy.signal
+
+    system = named_system(value, negative_feedback=negative_feedback).system
+    matrices = system.A, system.B, system.C, system.D
+    if isinstance(system, SampledStateSpace):
+        return scipy.signal.StateSpace(*matrices, dt=system.period_s)
+    return scipy.signal.StateSpace(*matrices)
+
+
+def from_scipy(
+    system: Any,
+    *,
+    inputs: Sequence[Port] = (),
+    outputs: Sequence[Port] = (),
+    state_names: Sequence[str] = (),
+    period_s: float | None = None,
+) -> NamedSystem:
+    """A `StateSpace`, `TransferFunction` or `ZerosPolesGain` of scipy.signal, continuous or sampled.
+
+    Ports without a name are u1, u2 ... and y1, y2 ... Poles and zeros become a chain of sections of second
+    order, not coefficients of high order. ``period_s`` is for a ``dlti`` whose dt is True.
+
+    Raises
+    ------
+    ConfigError
+        For a complex or improper system, an open sampling period, names that are not as many as the ports,
+        or an object that is none of these.
+    """
+    import scipy.signal
+
+    what = type(system).__name__
+    if not isinstance(system, scipy.signal.lti | scipy.signal.dlti):
+        raise ConfigError(f"{what} is no system of scipy.signal", hint="scipy.signal.lti or dlti")
+    # A continuous system has dt None there.
+    continuous = isinstance(system, scipy.signal.lti)
+    period = settle_period(0 if continuous else system.dt, period_s, what)
+    found = _matrices(system, period, what)
+    rows, columns = found.D.shape
+    ports = tuple(inputs) or name_ports("u", columns), tuple(outputs) or name_ports("y", rows)
+    return NamedSystem(found, *ports, tuple(state_names))
+
+
+def _matrices(system: Any, period: float | None, what: str) -> StateSpace | SampledStateSpace:
+    import scipy.signal
+
+    match system:
+        case scipy.signal.TransferFunction():
+            if np.ndim(cast("Any", system).num) > 1:
+                raise ConfigError("one input to several outputs", where=what, hint="system.to_ss() first")
+            found = realise_ratio(system.num, system.den, what)
+        case scipy.signal.ZerosPolesGain():
+            found = _from_roots(system, what)
+        case _:
+            found = system
+    return build_foreign({name: getattr(found, name) for name in "ABCD"}, period, what)
+
+
+def _from_roots(system: Any, what: str) -> StateSpace:
+    import scipy.signal
+
+    zeros, poles = np.atleast_1d(system.zeros), np.atleast_1d(system.poles)
+    gain = float(real_matrix(system.gain, f"{what}, gain"))
+    if len(zeros) > len(poles):
+        raise improper(len(zeros), len(poles), what)
+    for name, roots in (("zeros", zeros), ("poles", poles)):
+        if not np.allclose(np.sort_complex(roots), np.sort_complex(np.conj(roots)), rtol=1e-9, atol=0.0):
+            raise ConfigError("complex without conjugates", where=f"{what}, {name}", hint="pairs of roots")
+    sections = scipy.signal.zpk2sos(zeros, poles, gain, pairing="minimal", analog=True)
+    return chain_sections(np.asarray(sections), what)
