@@ -152,7 +152,7 @@ def test_one_loop_at_a_time_may_look_good() -> None:
 
 
 def test_both_loops_together_bear_little() -> None:
-    """S - T is normal; squared, its larger eigenvalue is 1 + 4 a (w + a)/(1 + w^2): most at w^2 + 2 a w = 1."""
+    """S - T is normal, its larger eigenvalue squared 1 + 4 a (w + a)/(1 + w^2): most at w^2 + 2 a w = 1."""
     a = 10.0
     w = np.sqrt(a**2 + 1.0) - a
     alpha = 2.0 / np.sqrt(1.0 + 4.0 * a * (w + a) / (1.0 + w**2))

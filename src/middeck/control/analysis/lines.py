@@ -33,7 +33,7 @@ SLOWEST_DECADES = 16
 AT_REST = 1e-9
 """Poles slower than this share of the fastest count as at rest: rounding splits double ones."""
 UNDAMPED = 1e-8
-"""Damping ratio that cannot be told from none: a zero that cancels a pole is known to the root of rounding."""
+"""Damping ratio that cannot be told from none: a zero that cancels a pole, as rounding leaves it."""
 BESIDE, OFF_MIDDLE = 1e-4, 0.47
 """Lines keep off a pole on the axis: two loops that cancel there leave rounding only. So they are never put
 half-way between others."""
@@ -60,7 +60,7 @@ def place_lines(loop: FeedbackLoop, at: At, ratio: Response) -> Float[np.ndarray
     if late > 0.0:
         lines.append(np.arange(1, min(int(2.0 * top * late) + 1, MOST_DELAY_LINES)) * 0.5 / late)
     omega = np.unique(np.concatenate(lines))
-    return omega[(omega >= low) & (omega <= top)]
+    return omega[(omega >= low) & (omega <= top) & ~_on_pole(features, omega)]
 
 
 def _features(loop: FeedbackLoop, at: At) -> np.ndarray:
@@ -88,6 +88,19 @@ def _mapped(loop: FeedbackLoop, z: np.ndarray) -> np.ndarray:
 
 def _finite(rates: np.ndarray) -> np.ndarray:
     return rates[np.isfinite(rates)]
+
+
+def _on_pole(features: np.ndarray, omega: np.ndarray) -> np.ndarray:
+    """Lines that met a pole on the axis by chance."""
+    centre = np.abs(np.imag(features))
+    bare = np.sort(centre[(np.abs(np.real(features)) < UNDAMPED * centre) & (centre > 0.0)])
+    if not len(bare):
+        return np.zeros(len(omega), dtype=bool)
+    above = np.searchsorted(bare, omega)
+    near = np.minimum(
+        np.abs(omega - bare[np.maximum(above - 1, 0)]), np.abs(omega - bare[np.minimum(above, len(bare) - 1)])
+    )
+    return near < 0.5 * BESIDE * omega
 
 
 def _clusters(features: np.ndarray) -> np.ndarray:
