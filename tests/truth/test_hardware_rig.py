@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import tracemalloc
 
 import numpy as np
@@ -146,6 +147,27 @@ def test_every_sensor_is_late_by_the_same_total_delay(plant, steps):
     # What a plant with modes to 31 Hz folds from beyond 250 Hz into the samples, small beside the response.
     at = hz < 10.0
     np.testing.assert_allclose(ratio[at], expected[at], rtol=2e-3)
+
+
+@pytest.mark.parametrize("free", [False, True])
+def test_the_linear_view_of_a_gyro_is_what_it_sums(plant, free):
+    """Its sum is a row of the other states where the plant comes to rest, and a state of its own in orbit."""
+    modal = plant.dynamics
+    if free:
+        omega = np.concatenate([np.zeros(1), modal.omega[1:]])
+        modal = dataclasses.replace(modal, omega=omega, zeta=np.where(omega > 0.0, modal.zeta, 0.0))
+    sensors = {"bus_z": GYRO, "pri_rel_z": Sampler()}
+    rig = rig_of(dataclasses.replace(plant, dynamics=modal), sensors=sensors)
+    linear = linearise_rig(rig).sampled
+    extra = 1 if free else 0
+    assert len(linear.A) == rig.plant.angle.shape[1] + 2 * (rig.plant.late + 1) + extra
+    u = noise()
+    y, _ = simulate(linear, u)
+    taken = run_through(rig, None, u)["measured"]
+    np.testing.assert_allclose(y, taken, rtol=0.0, atol=1e-10 * np.abs(taken).max(axis=0).min())
+    # Closed, no pole is at one but the sum, and the free angle, of which the law reads the rate only.
+    poles = np.linalg.eigvals(close_sampled_loop(linear, damper()).A)
+    assert np.sum(np.abs(poles - 1.0) < 1e-7) == 2 * extra
 
 
 def test_blocks_and_seeds_make_the_same_numbers(plant):

@@ -19,6 +19,7 @@ from middeck.realtime.hardware_rig import (
     HardwareRig,
     connect_law,
     cut_blocks,
+    gyro_sums,
     linearise_rig,
     measure_bias,
 )
@@ -147,11 +148,11 @@ def find_steady_start(
 ) -> HybridState:
     """``rested`` with the states of the linear loop at the start of a steady period of ``u``.
 
-    An unstable loop has none: ``rested`` itself. The sum of a gyro's samples may have any constant: of all
-    steady states the smallest is taken.
+    An unstable loop has none: ``rested`` itself. Where a gyro's sum is a state of its own it may have any
+    constant: of all steady states the smallest is taken.
     """
     linear = linearise_rig(rig).sampled
-    m, p = len(rig.inputs), len(rig.outputs)
+    p = len(rig.outputs)
     loop = linear if law is None else close_sampled_loop(linear, law)
     if not is_stable(loop):
         return rested
@@ -159,9 +160,15 @@ def find_steady_start(
     _, end = simulate(loop, drive)
     left = np.eye(len(loop.A)) - np.linalg.matrix_power(loop.A, len(u))
     x = np.linalg.lstsq(left, end, rcond=LEAST)[0]
-    states, depth = len(rested.x), len(rested.issued)
-    past = x[states : states + depth * m].reshape(depth, m)
-    return dataclasses.replace(rested, x=x[:states], issued=past[::-1], computer=x[states + depth * m :])
+    states, own = len(rested.x), len(rested.x) + rested.issued.size
+    rows = gyro_sums(rig)
+    sums = x[own:own] if rows is None else rows @ x[:own]
+    return dataclasses.replace(
+        rested,
+        x=x[:states],
+        issued=x[states:own].reshape(rested.issued.shape)[::-1],
+        computer=np.concatenate([sums, x[own:]]),
+    )
 
 
 class _Taken:
