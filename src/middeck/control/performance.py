@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.closed_loop import ClosedLoop
+from middeck.control.closed_loop import ClosedLoop, close_loop
+from middeck.control.compensator import Compensator
+from middeck.control.partition import partition_modes
 from middeck.systems.norms import band_rms
+from middeck.systems.plant import Plant, name_states
+from middeck.systems.ports import Port
+from middeck.systems.statespace import StateSpace
 from middeck.values import record
 
 
@@ -41,3 +48,32 @@ def measure_metric(loop: ClosedLoop, performance: Performance) -> float:
     if not loop.stable:
         return float(np.inf)
     return float(np.linalg.norm(performance.weights * measure_rms(loop, performance)))
+
+
+def measure_control_rms(
+    plant: Plant, compensator: Compensator, performance: Performance
+) -> Float[np.ndarray, " u"]:
+    """Rms of each control input that the compensator drives, under the disturbance and in the band.
+
+    Sensor noise is not in it. ``inf`` for an unstable loop.
+    """
+    loop = close_loop(_show_commands(plant, compensator), compensator)
+    return measure_rms(loop, performance)
+
+
+def _show_commands(plant: Plant, compensator: Compensator) -> Plant:
+    """The plant with the compensator's commands as its performance outputs."""
+    active = partition_modes(plant).active
+    system, u = active.system, active.input_indices([p.name for p in compensator.outputs])
+    echo = np.eye(len(active.inputs))[u]
+    shown = StateSpace(
+        system.A, system.B, np.vstack([system.C, 0.0 * system.B.T[u]]), np.vstack([system.D, echo])
+    )
+    ports = tuple(Port(f"command {port.name}", port.unit) for port in compensator.outputs)
+    return dataclasses.replace(
+        active,
+        dynamics=shown,
+        outputs=(*active.outputs, *ports),
+        z=tuple(port.name for port in ports),
+        state_names=name_states(active),
+    )

@@ -5,13 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from middeck.control.compensator import Compensator, driven_ports, measured_ports
+from middeck.control.lqg.design_model import DesignModel, build_design_model
 from middeck.control.lqg.estimator import KalmanFilter, design_filter
-from middeck.control.lqg.regulator import design_regulator
+from middeck.control.lqg.regulator import Regulator, design_regulator
+from middeck.control.lqg.shaping import Shaping
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.partition import partition_modes
 from middeck.control.riccati import RiccatiSolution
 from middeck.errors import ConfigError
-from middeck.systems.plant import Plant, subsystem
+from middeck.systems.plant import Plant
 from middeck.systems.statespace import StateSpace
 from middeck.values import record
 
@@ -27,9 +29,12 @@ class LQGCompensator(Compensator):
     regulator, estimator:
         The two Riccati solutions: residuals, regulator poles and filter poles.
     cost:
-        The minimum of E[z' W^2 z + rho u' diag(input) u] on the design plant, white noise unlimited in band.
+        The minimum of E[z' W^2 z + rho u' diag(input) u] on the design plant, white noise unlimited in band;
+        with filters, of what comes out of them; with integrals, of them too, sensor noise included.
     inert:
         Modes of the plant left out because no port reaches or sees them.
+    state_names:
+        What each state of the law estimates (or integrates).
     """
 
     authority: float
@@ -37,35 +42,66 @@ class LQGCompensator(Compensator):
     estimator: RiccatiSolution
     cost: float
     inert: tuple[str, ...]
+    state_names: tuple[str, ...] = ()
 
 
 def design_lqg(
-    plant: Plant, weights: LQGWeights, authority: float, *, kalman: KalmanFilter | None = None
+    plant: Plant,
+    weights: LQGWeights,
+    authority: float,
+    *,
+    kalman: KalmanFilter | None = None,
+    shaping: Shaping | None = None,
+    neighbour: LQGCompensator | None = None,
 ) -> LQGCompensator:
     """The compensator that minimises E[z' W^2 z + rho u' diag(input) u], rho = 1/authority.
 
     Modes that no port reaches or sees are set aside by name and listed in ``inert``. Direct terms from u to
     z, and from any input to y, are part of the design; one from process noise to z is refused, for it makes
-    the cost infinite. Raises `NotStabilisableError` naming the modes that cannot be held and `ConfigError`
-    for weights that do not fit the plant.
+    the cost infinite. ``shaping`` adds filters, integral action and correlated noise (give the same to
+    `design_filter`); from a ``neighbour`` in authority Newton's method finds the regulator. Raises
+    `NotStabilisableError` naming the modes that cannot be held and `ConfigError` for weights that do not fit
+    the plant.
     """
-    if not authority > 0.0:
-        raise ConfigError(f"authority is {authority}; it must be positive")
+    if not 0.0 < authority < np.inf:
+        raise ConfigError(f"authority is {authority}; it must be positive and finite")
     part = partition_modes(plant)
     active = part.active
-    kalman = design_filter(plant, weights) if kalman is None else kalman
-    regulator = design_regulator(active, weights, authority)
-    control = subsystem(active, active.u, active.y)
-    K, L = regulator.gain, kalman.gain
-    law = StateSpace(
-        control.A - control.B @ K - L @ control.C + L @ control.D @ K,
-        L,
-        -K,
-        np.zeros((len(active.u), len(active.y))),
-    )
-    noise = subsystem(active, weights.disturbed, active.z)
-    cost = np.sum(regulator.X * (noise.B @ weights.process @ noise.B.T))
-    rho_R = np.diag(weights.input) / authority
-    cost += np.sum((K @ kalman.solution.X) * (rho_R @ K))
+    shaping = shaping or Shaping()
+    model = build_design_model(active, weights, shaping)
+    kalman = design_filter(plant, weights, shaping) if kalman is None else kalman
+    if len(kalman.gain) != len(model.A):
+        raise ConfigError(
+            f"the filter has {len(kalman.gain)} states, the design {len(model.A)}",
+            hint="design the filter for the same plant and with the same shaping",
+        )
+    regulator = design_regulator(model, authority, None if neighbour is None else neighbour.regulator.X)
+    law = _join(model, regulator.solution.gain, kalman.gain)
+    cost = _cost(model, regulator, kalman.solution.X)
     ports = measured_ports(active), driven_ports(active)
-    return LQGCompensator(law, *ports, authority, regulator, kalman.solution, float(cost), part.inert)
+    names = (*model.names, *model.integral_names)
+    return LQGCompensator(
+        law, *ports, authority, regulator.solution, kalman.solution, cost, part.inert, names
+    )
+
+
+def _join(model: DesignModel, gain: np.ndarray, injection: np.ndarray) -> StateSpace:
+    """u = -K (xhat, integrals); the integrals are of the measurements themselves, and known."""
+    n, rows = len(model.A), list(model.integral)
+    driven = model.control - injection @ model.D22
+    A = np.zeros((n + len(rows), n + len(rows)))
+    A[:n] = -driven @ gain
+    A[:n, :n] += model.A - injection @ model.C2
+    B = np.vstack([injection, np.eye(len(model.C2))[rows]])
+    return StateSpace(A, B, -gain, np.zeros((len(gain), len(model.C2))))
+
+
+def _cost(model: DesignModel, regulator: Regulator, error: np.ndarray) -> float:
+    """tr(X N) + tr(R K Sigma K'): what noise on states and integrals costs, and what not knowing them."""
+    n, rows = len(model.A), list(model.integral)
+    joint = np.block([[model.process, model.cross], [model.cross.T, np.diag(model.sensor)]])
+    sensors = np.eye(len(model.C2))[rows]
+    drive = np.block([[model.noise, np.zeros((n, len(model.C2)))], [model.D21[rows], sensors]])
+    noise = np.sum(regulator.solution.X * (drive @ joint @ drive.T))
+    gain = regulator.solution.gain[:, :n]
+    return float(noise + np.sum((gain @ error) * (regulator.R @ gain)))

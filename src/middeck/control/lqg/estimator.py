@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.lqg.weights import LQGWeights, require_size
+from middeck.control.lqg.design_model import DesignModel, build_design_model
+from middeck.control.lqg.shaping import Shaping
+from middeck.control.lqg.weights import LQGWeights
 from middeck.control.partition import partition_modes
 from middeck.control.riccati import RiccatiSolution, solve_riccati
-from middeck.systems.plant import Plant, name_states, subsystem
+from middeck.systems.plant import Plant
 from middeck.values import record
 
 
@@ -25,24 +27,28 @@ class KalmanFilter:
     inert: tuple[str, ...]
 
 
-def design_filter(plant: Plant, weights: LQGWeights) -> KalmanFilter:
+def design_filter(plant: Plant, weights: LQGWeights, shaping: Shaping | None = None) -> KalmanFilter:
     """The Kalman filter of ``plant``; give it to `design_lqg` in a sweep over authority.
 
-    Raises `NotStabilisableError` naming the modes that do not decay and that no measurement sees, or that
-    lie on the axis without process noise.
+    States of colours and of dynamic weights are estimated with the plant's. Raises `NotStabilisableError`
+    naming the modes that do not decay and that no measurement sees, or that lie on the axis without process
+    noise.
     """
     part = partition_modes(plant)
-    active, names = part.active, name_states(part.active)
-    noise = subsystem(active, weights.disturbed, active.y)
-    require_size("sensor intensities", len(weights.sensor), active.y)
-    V = weights.process
-    solution = solve_riccati(
-        noise.A.T,
-        noise.C.T,
-        noise.B @ V @ noise.B.T,
-        np.diag(weights.sensor) + noise.D @ V @ noise.D.T,
-        noise.B @ V @ noise.D.T,
-        names=names,
+    model = build_design_model(part.active, weights, shaping or Shaping())
+    solution = estimate_states(model)
+    return KalmanFilter(solution.gain.T, solution, part.inert)
+
+
+def estimate_states(model: DesignModel) -> RiccatiSolution:
+    """The dual Riccati equation, noise through direct terms and correlated noise included."""
+    through = model.D21 @ model.cross
+    return solve_riccati(
+        model.A.T,
+        model.C2.T,
+        model.noise @ model.process @ model.noise.T,
+        np.diag(model.sensor) + model.D21 @ model.process @ model.D21.T + through + through.T,
+        model.noise @ (model.process @ model.D21.T + model.cross),
+        names=model.names,
         complaint="no measurement in y sees it",
     )
-    return KalmanFilter(solution.gain.T, solution, part.inert)

@@ -1,0 +1,165 @@
+"""The model a design works on: the plant between the filters that shape its disturbances and its cost."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg as sla
+from jaxtyping import Float
+
+from middeck.control.lqg.shaping import Shaping, pick
+from middeck.control.lqg.weights import LQGWeights, require_size
+from middeck.errors import ConfigError
+from middeck.systems.plant import Plant, name_states
+from middeck.systems.statespace import StateSpace, gain_system, series
+from middeck.values import record
+
+
+@record
+class DesignModel:
+    """x' = A x + noise w + control u, cost z'z + u' plain u / authority, y = C2 x + D21 w + D22 u + v.
+
+    Parameters
+    ----------
+    A, noise, control:
+        Dynamics; states: colours, plant, weights.
+    C1, D11, D12:
+        Weighed performance outputs.
+    shaped, shaped_through:
+        Weighed control: rows of control inputs behind their filters, to be divided by the root of the
+        authority.
+    plain:
+        Weight of each squared control input that has no filter, zero for the others.
+    C2, D21, D22:
+        Measurements.
+    process, sensor, cross:
+        Intensities of w (behind colours that take several noises each: of those), of v, and of both.
+    names:
+        What each state belongs to.
+    integral:
+        Rows of y that are integrated and the weights of the integrals; and their names.
+    """
+
+    A: Float[np.ndarray, "x x"]
+    noise: Float[np.ndarray, "x w"]
+    control: Float[np.ndarray, "x u"]
+    C1: Float[np.ndarray, "z x"]
+    D11: Float[np.ndarray, "z w"]
+    D12: Float[np.ndarray, "z u"]
+    shaped: Float[np.ndarray, "s x"]
+    shaped_through: Float[np.ndarray, "s u"]
+    plain: Float[np.ndarray, " u"]
+    C2: Float[np.ndarray, "y x"]
+    D21: Float[np.ndarray, "y w"]
+    D22: Float[np.ndarray, "y u"]
+    process: Float[np.ndarray, "w w"]
+    sensor: Float[np.ndarray, " y"]
+    cross: Float[np.ndarray, "w y"]
+    names: tuple[str, ...]
+    integral: tuple[int, ...]
+    integral_weight: Float[np.ndarray, " i"]
+    integral_names: tuple[str, ...]
+
+
+def build_design_model(plant: Plant, weights: LQGWeights, shaping: Shaping) -> DesignModel:
+    """The model of ``plant``, whose modes are all reachable or observed (`partition_modes`).
+
+    Raises `ConfigError` for weights, intensities and filters that do not fit its ports.
+    """
+    require_size("output weights", len(weights.output), plant.z)
+    require_size("input weights", len(weights.input), plant.u)
+    require_size("sensor intensities", len(weights.sensor), plant.y)
+    colours = pick(shaping.colours, weights.disturbed)
+    on_outputs, on_inputs = pick(shaping.outputs, plant.z), pick(shaping.inputs, plant.u)
+    pick(tuple((name, gain_system(np.eye(1))) for name, _ in shaping.integral), plant.y)
+    kept = [k for k, weight in enumerate(on_inputs) if weight is not None]
+    n_u, n_y = len(plant.u), len(plant.y)
+    before = _beside([*_or_one(colours), gain_system(np.eye(n_u))])
+    after = _beside([*_or_one(on_outputs), *_or_one([on_inputs[k] for k in kept]), gain_system(np.eye(n_y))])
+    whole = series(series(before, _middle(plant, weights.disturbed, kept)), after)
+    n_z, n_w = len(plant.z), whole.B.shape[1] - n_u
+    z, s, y = slice(n_z), slice(n_z, n_z + len(kept)), slice(n_z + len(kept), None)
+    scale = weights.output[:, None]
+    effort = np.sqrt(weights.input[kept])[:, None]
+    process, cross = _intensities(weights, shaping, colours)
+    names = (
+        *_name_filters("colour of", weights.disturbed, colours),
+        *name_states(plant),
+        *_name_filters("weight on", plant.z, on_outputs),
+        *_name_filters("weight on", plant.u, on_inputs),
+    )
+    return DesignModel(
+        whole.A, whole.B[:, :n_w], whole.B[:, n_w:],
+        scale * whole.C[z], scale * whole.D[z, :n_w], scale * whole.D[z, n_w:],
+        effort * whole.C[s], effort * whole.D[s, n_w:],
+        np.where([weight is None for weight in on_inputs], weights.input, 0.0),
+        whole.C[y], whole.D[y, :n_w], whole.D[y, n_w:],
+        process, weights.sensor, cross, names,
+        tuple(plant.y.index(name) for name, _ in shaping.integral),
+        np.array([weight for _, weight in shaping.integral]),
+        tuple(f"integral of {name}" for name, _ in shaping.integral),
+    )  # fmt: skip
+
+
+def _middle(plant: Plant, disturbed: tuple[str, ...], kept: list[int]) -> StateSpace:
+    """From noise and control to z, the control inputs ``kept`` themselves, and y."""
+    system = plant.system
+    columns = [*plant.input_indices(disturbed), *plant.input_indices(plant.u)]
+    z, y = plant.output_indices(plant.z), plant.output_indices(plant.y)
+    echo = np.zeros((len(kept), len(columns)))
+    echo[np.arange(len(kept)), len(disturbed) + np.array(kept, dtype=int)] = 1.0
+    D = system.D[:, columns]
+    return StateSpace(
+        system.A,
+        system.B[:, columns],
+        np.vstack([system.C[z], np.zeros((len(kept), len(system.A))), system.C[y]]),
+        np.vstack([D[z], echo, D[y]]),
+    )
+
+
+def _intensities(
+    weights: LQGWeights, shaping: Shaping, colours: list[StateSpace | None]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Of the noises in front of the colours, and with the sensors'; the whole positive semidefinite."""
+    cross = np.zeros((len(weights.process), len(weights.sensor))) if shaping.cross is None else shaping.cross
+    if cross.shape != (len(weights.process), len(weights.sensor)):
+        raise ConfigError(
+            f"the cross intensity is {cross.shape}",
+            hint=f"one row for each of {len(weights.process)} disturbances, one column for each measurement",
+        )
+    joint = np.block([[weights.process, cross], [cross.T, np.diag(weights.sensor)]])
+    size = np.sqrt(np.where(np.diag(joint) > 0.0, np.diag(joint), 1.0))
+    # Of correlations, so that units do not matter; rounding of an eigenvalue of some tens of rows.
+    if np.linalg.eigvalsh(joint / np.outer(size, size)).min(initial=0.0) < -1e-12:
+        raise ConfigError(
+            "process and sensor noise correlate more than fully",
+            hint="cross^2 <= process * sensor for each pair, and jointly positive semidefinite",
+        )
+    count = np.array([1 if colour is None else colour.D.shape[1] for colour in colours], dtype=int)
+    alone = weights.process - np.diag(np.diag(weights.process))
+    if np.any((count > 1) & (np.any(alone, axis=1) | np.any(cross, axis=1))):
+        raise ConfigError(
+            "a disturbance made of several independent noises cannot correlate with another",
+            hint="one noise for each correlated disturbance",
+        )
+    which = np.repeat(np.arange(len(count)), count)
+    same = which[:, None] == which[None, :]
+    process = np.where(same, 0.0, weights.process[np.ix_(which, which)])
+    return process + np.diag(np.diag(weights.process)[which]), cross[which]
+
+
+def _or_one(filters: list[StateSpace | None]) -> list[StateSpace]:
+    return [gain_system(np.eye(1)) if one is None else one for one in filters]
+
+
+def _name_filters(what: str, ports: tuple[str, ...], filters: list[StateSpace | None]) -> list[str]:
+    return [
+        f"{what} {port}"
+        for port, one in zip(ports, filters, strict=True)
+        for _ in range(0 if one is None else len(one.A))
+    ]
+
+
+def _beside(systems: list[StateSpace]) -> StateSpace:
+    """Systems that know nothing of each other."""
+    parts = (np.asarray(sla.block_diag(*(getattr(s, k) for s in systems))) for k in "ABCD")
+    return StateSpace(*parts)

@@ -1,0 +1,160 @@
+"""Disturbance spectra as shaping filters: what white noise of unit intensity must pass to have them.
+
+Two-sided densities S(f) [unit^2/Hz]; the filter's |G|^2 is S, the noise in front of it has intensity one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import scipy.linalg as sla
+from jaxtyping import Float
+from scipy.optimize import least_squares
+
+from middeck.errors import ConfigError, DataError
+from middeck.systems.resolvent import by_solving
+from middeck.systems.statespace import StateSpace, series
+from middeck.values import record
+
+
+@record
+class SpectrumFit:
+    """A shaping filter for a table of power against frequency, and how wrong it is.
+
+    Parameters
+    ----------
+    filter:
+        Stable, without zeros right of the axis, falling at high frequency; one input, one output.
+    rms_error_db, worst_error_db:
+        Of 10 log10 of the density over the lines of the table.
+    power_ratio:
+        Power of the filter's output over that of the table, both by trapezia over its lines.
+    """
+
+    filter: StateSpace
+    rms_error_db: float
+    worst_error_db: float
+    power_ratio: float
+
+
+def line_filter(frequency_hz: float, width_hz: float, rms: float) -> StateSpace:
+    """A lightly damped line, as a wheel's harmonic makes, by its half-power width and its rms.
+
+    G = g s / (s^2 + 2 zeta w s + w^2), zeta = width / (2 f); its variance is g^2 / (4 zeta w).
+
+    Raises
+    ------
+    ConfigError
+        For a width that is not between zero and twice the frequency, or an rms that is not positive.
+    """
+    if not 0.0 < width_hz < 2.0 * frequency_hz or not 0.0 < rms < np.inf:
+        raise ConfigError(
+            f"a line at {frequency_hz} Hz, {width_hz} Hz wide, of rms {rms}",
+            hint="0 < width < 2 frequency (a wheel whose speed wanders by 1 %: 0.01 frequency), rms > 0",
+        )
+    omega, half = 2.0 * np.pi * frequency_hz, np.pi * width_hz
+    gain = rms * np.sqrt(4.0 * half)
+    A = np.array([[0.0, omega], [-omega, -2.0 * half]])
+    return StateSpace(A, np.array([[0.0], [gain]]), np.array([[0.0, 1.0]]), np.zeros((1, 1)))
+
+
+def sum_spectra(filters: Sequence[StateSpace]) -> StateSpace:
+    """One colour whose density is the sum of several: an independent noise for each, outputs added."""
+    A, B, C = (np.asarray(sla.block_diag(*(getattr(s, k) for s in filters))) for k in "ABC")
+    return StateSpace(A, B, C.sum(axis=0, keepdims=True), np.hstack([s.D for s in filters]))
+
+
+def fit_spectrum(
+    frequency_hz: Float[np.ndarray, " line"], density: Float[np.ndarray, " line"], sections: int
+) -> SpectrumFit:
+    """Fit a table of two-sided density [unit^2/Hz] by a chain of ``sections`` of second order and one lag.
+
+    Frequencies and dampings of poles and zeros are sought by their logarithms, so that the filter is stable
+    and of minimum phase whatever is found; the misfit is that of log S, a section at a time where it is
+    largest. (The spectral factor of a rational density; Kwakernaak and Sivan 1972, section 1.11.)
+
+    Raises
+    ------
+    DataError
+        For a table that is not ascending, positive and longer than the filter has numbers.
+    """
+    f, S = np.asarray(frequency_hz, dtype=float), np.asarray(density, dtype=float)
+    if f.shape != S.shape or not np.all(np.isfinite(f * S)) or np.any(S <= 0.0) or np.any(np.diff(f) <= 0.0):
+        raise DataError(
+            "a spectrum needs ascending frequencies and positive densities, one for one",
+            hint="leave out lines where nothing was measured",
+        )
+    if f[0] <= 0.0 or len(f) < 4 * sections + 2:
+        raise DataError(
+            f"{len(f)} lines from {f[0]:g} Hz for {sections} sections",
+            hint="positive frequencies; fewer sections",
+        )
+    target = np.log(S)
+    found = np.array([np.mean(target), np.log(3.0 * f[-1])])
+    found = _improved(found, f, target)
+    for _ in range(sections):
+        trials = [_improved(_grown(found, f, target, sign), f, target) for sign in (1.0, -1.0)]
+        # A section that does not help, rise or dip, is taken all the same: the order is the caller's.
+        found = min(trials, key=lambda p: float(np.sum(_misfit(p, f, target) ** 2)))
+    return _described(found, f, S)
+
+
+def _log_density(p: np.ndarray, f: np.ndarray) -> np.ndarray:
+    """log |G|^2 of gain, lag, and sections of (zero, its damping, pole, its damping), all logarithms."""
+    log = p[0] - np.log1p((f / np.exp(p[1])) ** 2)
+    for zero, zero_damping, pole, pole_damping in p[2:].reshape(-1, 4):
+        log = log + _log_square(f, zero, zero_damping) - _log_square(f, pole, pole_damping)
+    return log
+
+
+def _log_square(f: np.ndarray, log_corner: float, log_damping: float) -> np.ndarray:
+    """log |1 - r^2 + 2 j zeta r|^2 with r = f / corner."""
+    r, zeta = f / np.exp(log_corner), np.exp(log_damping)
+    return np.log((1.0 - r**2) ** 2 + (2.0 * zeta * r) ** 2)
+
+
+def _misfit(p: np.ndarray, f: np.ndarray, target: np.ndarray) -> np.ndarray:
+    return _log_density(p, f) - target
+
+
+def _improved(p: np.ndarray, f: np.ndarray, target: np.ndarray) -> np.ndarray:
+    corner, damping = (np.log(f[0] / 30.0), np.log(f[-1] * 30.0)), (np.log(1e-4), np.log(5.0))
+    level = (p[0] - 60.0, p[0] + 60.0)
+    bounds = np.array([level, corner, *(len(p) // 4) * [corner, damping, corner, damping]])[: len(p)]
+    inside = np.clip(p, bounds[:, 0] + 1e-6, bounds[:, 1] - 1e-6)
+    answer = least_squares(_misfit, inside, args=(f, target), bounds=bounds.T, x_scale="jac", max_nfev=200)
+    return np.asarray(answer.x)
+
+
+def _grown(p: np.ndarray, f: np.ndarray, target: np.ndarray, sign: float) -> np.ndarray:
+    """One more section where the table lies furthest above (below) the filter: a bump (dip) of that size."""
+    short = sign * (target - _log_density(p, f))
+    at = int(np.argmax(short))
+    width = np.count_nonzero(short > short[at] / 2.0) / len(f) * np.log(f[-1] / f[0])
+    damping = float(np.clip(width / 2.0, 1e-3, 1.0))
+    narrow, wide = np.log(damping), np.log(min(damping * np.exp(max(short[at], 0.1) / 2.0), 4.0))
+    zero, pole = (wide, narrow) if sign > 0.0 else (narrow, wide)
+    return np.concatenate([p, [np.log(f[at]), zero, np.log(f[at]), pole]])
+
+
+def _described(p: np.ndarray, f: np.ndarray, S: np.ndarray) -> SpectrumFit:
+    lag = 2.0 * np.pi * np.exp(p[1])
+    one = np.eye(1)
+    system = StateSpace(-lag * one, lag * one, np.exp(p[0] / 2.0) * one, 0.0 * one)
+    for section in p[2:].reshape(-1, 4):
+        system = series(system, _biquad(*np.exp(section)))
+    fitted = np.abs(by_solving(system)(2j * np.pi * f)[:, 0, 0]) ** 2
+    error = 10.0 * np.log10(fitted / S)
+    power = float(np.trapezoid(fitted, f) / np.trapezoid(S, f))
+    return SpectrumFit(system, float(np.sqrt(np.mean(error**2))), float(np.abs(error).max()), power)
+
+
+def _biquad(zero_hz: float, zero_damping: float, pole_hz: float, pole_damping: float) -> StateSpace:
+    """((s/z)^2 + 2 zeta_z s/z + 1) / ((s/p)^2 + 2 zeta_p s/p + 1) with states of one size."""
+    z, p = 2.0 * np.pi * zero_hz, 2.0 * np.pi * pole_hz
+    ratio = (p / z) ** 2
+    # ratio u, and what is left of the numerator over the denominator, as position and rate.
+    rate = 2.0 * (zero_damping * p / z - ratio * pole_damping)
+    A = np.array([[0.0, p], [-p, -2.0 * pole_damping * p]])
+    return StateSpace(A, np.array([[0.0], [p]]), np.array([[1.0 - ratio, rate]]), np.array([[ratio]]))
