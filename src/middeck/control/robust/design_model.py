@@ -18,6 +18,9 @@ from middeck.systems.plant import Plant
 from middeck.systems.statespace import StateSpace
 from middeck.values import record
 
+INNER = 1e-3
+"""Part of the price and of the noise that is put on the free law itself where filters are fixed."""
+
 
 @record
 class DesignModel:
@@ -43,7 +46,11 @@ def build_model(
 ) -> DesignModel:
     """The model of ``plant`` without inert modes, with fixed filters ``before`` and ``after`` what is free.
 
-    ``before`` filters the measurements, ``after`` the commands. Raises `ConfigError` for weights that do not
+    ``before`` filters the measurements, ``after`` the commands. At a notch commands would then cost nothing
+    and nothing would be measured, and what is free would undo the notch: a thousandth of the price and of the
+    noise is put on what it commands and reads itself.
+
+    Raises `ConfigError` for weights that do not
     fit, and for process noise that reaches z directly (the cost would be infinite).
     """
     active = partition_modes(plant).active
@@ -68,8 +75,10 @@ def build_model(
         np.hstack([s.D[np.ix_(y, w)] @ root, np.diag(np.sqrt(weights.sensor))]),
         s.D[np.ix_(y, u)],
     )
+    if before is None and after is None:
+        return model
     model = model if before is None else _filter_measurements(model, before)
-    return model if after is None else _filter_commands(model, after)
+    return _priced(model if after is None else _filter_commands(model, after))
 
 
 def square_root(intensity: Float[np.ndarray, "w w"]) -> Float[np.ndarray, "w w"]:
@@ -96,6 +105,20 @@ def _check_weights(plant: Plant, weights: LQGWeights, authority: float) -> None:
     for what, size, group in sizes:
         if size != len(group):
             raise ConfigError(f"{size} {what} for {len(group)} ports ({', '.join(group)})")
+
+
+def _priced(m: DesignModel) -> DesignModel:
+    price, noise = (
+        np.sqrt(INNER * np.trace(D.T @ D) / count) * np.eye(count)
+        for D, count in ((m.D12, m.B2.shape[1]), (m.D21, len(m.C2)))
+    )
+    return dataclasses.replace(
+        m,
+        C1=np.vstack([m.C1, np.zeros((len(price), len(m.A)))]),
+        D12=np.vstack([m.D12, price]),
+        B1=np.hstack([m.B1, np.zeros((len(m.A), len(noise)))]),
+        D21=np.hstack([m.D21, noise]),
+    )
 
 
 def _filter_measurements(m: DesignModel, f: StateSpace) -> DesignModel:

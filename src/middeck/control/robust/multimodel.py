@@ -19,8 +19,7 @@ from middeck.control.lqg import LQGWeights
 from middeck.control.partition import partition_modes
 from middeck.control.robust.approach import Arrival, approach, carry_on
 from middeck.control.robust.blend import blend
-from middeck.control.robust.closed_cost import evaluate_cost
-from middeck.control.robust.problem import Problem, law_of, models_of, pose_problem, whole_law
+from middeck.control.robust.problem import Problem, law_of, pose_problem, true_costs, whole_law
 from middeck.control.robust.result import RobustCompensator
 from middeck.control.robust.structure import Structure
 from middeck.control.robust.uncertainty import Uncertainty
@@ -103,7 +102,7 @@ def design_multimodel(
 
 
 def _result(problem: Problem, arrival: Arrival, over: Over) -> MultiModelCompensator:
-    costs = np.array([evaluate_cost(m, arrival.law).cost for m in models_of(problem, 1.0, 1.0)])
+    costs = true_costs(problem, arrival.law)
     multipliers = blend(costs, POWERS[over][-1])[1]
     part = partition_modes(problem.nominal)
     return MultiModelCompensator(

@@ -20,7 +20,7 @@ from middeck.control.robust.descent import descend
 from middeck.control.robust.design_model import DesignModel
 from middeck.control.robust.directions import Directions, stiffness_directions
 from middeck.control.robust.popov_bound import Multipliers, evaluate_bound, first_multipliers
-from middeck.control.robust.problem import Problem, law_of, models_of, pose_problem, whole_law
+from middeck.control.robust.problem import Problem, law_of, models_of, pose_problem, true_costs, whole_law
 from middeck.control.robust.result import RobustCompensator, Stage
 from middeck.control.robust.structure import Structure, arrange, pack, scale_states, station_ports, unpack
 from middeck.control.robust.uncertainty import ModeShift, Uncertainty, corner_positions, end_positions
@@ -199,7 +199,7 @@ def _result(problem: Problem, directions: Directions, place: _Place) -> PopovCom
         problem.authority,
         len(place.law.A),
         place.bound,
-        np.array([evaluate_cost(m, place.law).cost for m in models_of(problem, 1.0, 1.0)]),
+        true_costs(problem, place.law),
         place.gradient,
         place.history,
         part.inert,

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from middeck.control.compensator import Compensator
 from middeck.control.lqg import LQGWeights
 from middeck.control.partition import partition_modes
-from middeck.control.robust.closed_cost import Law
+from middeck.control.robust.closed_cost import Law, evaluate_cost
 from middeck.control.robust.design_model import DesignModel, build_model
 from middeck.control.robust.structure import Structure
 from middeck.control.robust.uncertainty import (
@@ -79,6 +79,18 @@ def models_of(problem: Problem, ratio: float, size: float) -> tuple[DesignModel,
     return tuple(
         build_model(p, problem.weights, problem.authority * ratio, before=s.before, after=s.after)
         for p in problem.plants_at(size)
+    )
+
+
+def true_costs(problem: Problem, law: Law) -> Float[np.ndarray, " model"]:
+    """E[z' W^2 z + rho u' R u] of each plant at full size under the law with its filters."""
+    whole = whole_law(law, problem.structure)
+    closed = Law(whole.A, whole.B, whole.C)
+    return np.array(
+        [
+            evaluate_cost(build_model(p, problem.weights, problem.authority), closed).cost
+            for p in problem.plants_at(1.0)
+        ]
     )
 
 

@@ -19,8 +19,8 @@ LADDER = tuple(10.0 ** (-0.5 * k) for k in range(13))
 OWN_BALANCE = (1e-3, 1e-4, 1e-5)
 """Ratios at which laws are reduced by their own Gramians: weak laws are stable, and reduce to different sets
 of modes. Different starts end in different minima; the best is taken."""
-HALVINGS = 30
-SMALL, SPREAD = 8, 48
+HALVINGS = 16
+SMALL, SPREAD = 6, 32
 """Laws of so few states bear little likeness to any LQG law: so many more starts are spread over all that are
 stable."""
 
@@ -30,25 +30,18 @@ ModelsAt = Callable[[float], Sequence[DesignModel]]
 
 
 def lqg_law(model: DesignModel) -> Law:
-    """The law that is best for this model alone (Kwakernaak and Sivan 1972, chapter 5).
-
-    A weight or noise that a fixed filter made singular is given a trillionth of the largest: it is a start.
-    """
+    """The law that is best for this model alone (Kwakernaak and Sivan 1972, chapter 5)."""
     K = solve_riccati(
-        model.A, model.B2, model.C1.T @ model.C1, _definite(model.D12.T @ model.D12), model.C1.T @ model.D12
+        model.A, model.B2, model.C1.T @ model.C1, model.D12.T @ model.D12, model.C1.T @ model.D12
     ).gain
     L = solve_riccati(
         model.A.T,
         model.C2.T,
         model.B1 @ model.B1.T,
-        _definite(model.D21 @ model.D21.T),
+        model.D21 @ model.D21.T,
         model.B1 @ model.D21.T,
     ).gain.T
     return Law(model.A - model.B2 @ K - L @ (model.C2 - model.D22 @ K), L, -K)
-
-
-def _definite(R: Float[np.ndarray, "port port"]) -> Float[np.ndarray, "port port"]:
-    return R + 1e-12 * float(np.trace(R)) * np.eye(len(R)) if np.linalg.cond(R) > 1e12 else R
 
 
 def reduce_law(
@@ -102,12 +95,14 @@ def find_starts(models_at: ModelsAt, order: int, stations: Stations) -> Iterator
         found = _own_balance(models_at, order, ratio)
         if found is not None:
             yield found, ratio
-    if not whole and order <= SMALL:
-        models = models_at(1.0)
-        for number in range(SPREAD):
-            spread = _weakened(models, _spread_law(models[0], order, number))
-            if spread is not None:
-                yield spread, 1.0
+
+
+def spread_starts(models: Sequence[DesignModel], order: int) -> Iterator[tuple[Law, float]]:
+    """Small laws that stabilise ``models`` and come from no LQG law; none for larger orders."""
+    for number in range(SPREAD if order <= SMALL else 0):
+        spread = _weakened(models, _spread_law(models[0], order, number))
+        if spread is not None:
+            yield spread, 1.0
 
 
 def _first(models_at: ModelsAt, order: int, ratios: Sequence[float]) -> Iterator[tuple[Law, float]]:

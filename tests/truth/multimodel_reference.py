@@ -1,0 +1,36 @@
+"""The frozen case of multi-model control: five modes, 10 ms of delay, rho = 1e-2, 13 states."""
+
+import numpy as np
+
+from middeck.control.lqg import LQGWeights
+from middeck.control.robust import ModeShift, Uncertainty
+from middeck.systems.delayed_plant import DelayedPlant
+from middeck.systems.modal import ModalSystem
+from middeck.systems.plant import Plant
+from middeck.systems.ports import Port
+
+UNIT_S = 1.0 / (2.0 * np.pi * 3.0)  # seconds in a unit of time
+HZ = np.array([1.1, 1.7, 7.0, 8.8, 9.4])
+NAMES = tuple(f"{hz} Hz" for hz in HZ)
+AUTHORITY = 100.0
+WEIGHTS = LQGWeights(np.ones(1), np.ones(1), ("w",), np.eye(1), np.array([1e-6]))
+TOGETHER = Uncertainty((ModeShift(NAMES[3:], 0.02),))
+APART = Uncertainty((ModeShift(NAMES[3:4], 0.02), ModeShift(NAMES[4:], 0.02)))
+UNSEEN = Uncertainty(tuple(ModeShift((name,), 0.02) for name in NAMES), damping=0.5, gain=0.1, delay=0.1)
+
+
+def reference_plant() -> DelayedPlant:
+    phi = np.array([1.0, 0.6, 0.6, 0.8, 0.7])
+    modal = ModalSystem(
+        HZ / 3.0, np.full(5, 0.01), np.ones((5, 2)), np.stack([phi, phi]), np.zeros((2, 5)), NAMES
+    )
+    ports = (Port("w", "N"), Port("u", "N")), (Port("z", "m"), Port("y", "m"))
+    plant = Plant(modal, *ports, ("w",), ("u",), ("z",), ("y",))
+    late = 0.010 / UNIT_S
+    return DelayedPlant(plant, np.array([[0.0, 0.0], [late, late]]))
+
+
+def grid() -> np.ndarray:
+    """The 9x9 positions of `APART`."""
+    steps = np.linspace(-1.0, 1.0, 9)
+    return np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
