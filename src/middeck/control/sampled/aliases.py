@@ -1,0 +1,134 @@
+"""Modes beyond half the sampling rate: where the computer sees them, and what they do to its loop."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from middeck.control.lqg.weights import LQGWeights
+from middeck.control.partition import partition_modes
+from middeck.control.sampled.antialias import filter_measurements
+from middeck.control.sampled.compensator import SampledCompensator
+from middeck.control.sampled.margins import sample_controlled
+from middeck.control.sampled.outcome import SampledOutcome, measure_sampled_loop
+from middeck.errors import ConfigError
+from middeck.systems.delayed_plant import DelayedPlant
+from middeck.systems.modal import ModalSystem, select_modes
+from middeck.systems.plant import Plant
+from middeck.systems.response import statespace_response
+from middeck.systems.statespace import StateSpace
+from middeck.values import record
+
+
+@record
+class Alias:
+    """A mode beyond half the rate, as the computer meets it.
+
+    Parameters
+    ----------
+    name, frequency_hz:
+        The mode.
+    alias_hz:
+        Where its samples say it is: folded about whole multiples of half the rate.
+    damping:
+        Damping ratio of that image: it decays as the mode does, but turns more slowly.
+    filter_gain:
+        What the filter leaves of it; one without a filter.
+    loop_gain:
+        Size of this mode's part of the return ratio at the image, the largest over the loops.
+    stable:
+        Whether the loop is, with this mode beside those that the rate can tell.
+    metric:
+        That loop's.
+    """
+
+    name: str
+    frequency_hz: float
+    alias_hz: float
+    damping: float
+    filter_gain: float
+    loop_gain: float
+    stable: bool
+    metric: float
+
+
+@record
+class AliasReport:
+    """The loop of one law at one rate.
+
+    Parameters
+    ----------
+    rate_hz:
+        Sampling rate.
+    aliases:
+        Each mode beyond half of it, ascending in frequency.
+    resolved:
+        The loop with the modes below half the rate alone.
+    together:
+        The loop with all modes.
+    """
+
+    rate_hz: float
+    aliases: tuple[Alias, ...]
+    resolved: SampledOutcome
+    together: SampledOutcome
+
+
+def find_aliases(
+    plant: Plant | DelayedPlant,
+    compensator: SampledCompensator,
+    weights: LQGWeights,
+    authority: float,
+    *,
+    antialias: StateSpace | None = None,
+) -> AliasReport:
+    """What modes beyond half the rate become, and do, with ``compensator`` on ``plant``.
+
+    ``antialias`` is put behind each measurement, as in `filter_measurements`; the law should be designed for
+    the plant with it, since it costs phase. The cost of the loop counts the modes' own motion too: what a law
+    does to them is the difference between two laws, or between filter and none.
+
+    Raises `ConfigError` for a plant that is not in modal form, and what `measure_sampled_loop` does.
+    """
+    inside = plant.plant if isinstance(plant, DelayedPlant) else plant
+    inside = partition_modes(inside).active
+    modal = inside.dynamics
+    if not isinstance(modal, ModalSystem):
+        raise ConfigError("a plant without modes has no mode to alias", hint="build_plant keeps modal form")
+    period = compensator.period_s
+    beyond = np.flatnonzero(modal.omega >= np.pi / period)
+    beyond = beyond[np.argsort(modal.omega[beyond], kind="stable")]
+    below = np.flatnonzero(modal.omega < np.pi / period)
+
+    def with_modes(keep: np.ndarray) -> Plant | DelayedPlant:
+        part = dataclasses.replace(inside, dynamics=select_modes(modal, np.sort(keep)))
+        late = DelayedPlant(part, plant.delay_s) if isinstance(plant, DelayedPlant) else part
+        return late if antialias is None else filter_measurements(late, antialias)
+
+    def loop_of(keep: np.ndarray) -> SampledOutcome:
+        return measure_sampled_loop(with_modes(keep), compensator, weights, authority)
+
+    found: list[Alias] = []
+    for k in beyond:
+        omega, decay = float(modal.omega[k]), float(modal.omega[k] * modal.zeta[k])
+        turning = float(np.sqrt(max(omega**2 - decay**2, 0.0)))
+        seen = abs(turning - 2.0 * np.pi / period * round(turning * period / (2.0 * np.pi)))
+        alone = sample_controlled(with_modes(np.array([k])), compensator)
+        ratio = [statespace_response(s, np.array([seen]))[0] for s in (compensator.system, alone)]
+        outcome = loop_of(np.append(below, k))
+        found.append(
+            Alias(
+                modal.names[k],
+                omega / (2.0 * np.pi),
+                seen / (2.0 * np.pi),
+                decay / float(np.hypot(seen, decay)) if decay else 0.0,
+                1.0
+                if antialias is None
+                else float(np.abs(statespace_response(antialias, np.array([omega]))[0, 0, 0])),
+                float(np.abs(np.linalg.eigvals(ratio[0] @ ratio[1])).max(initial=0.0)),
+                outcome.stable,
+                outcome.metric,
+            )
+        )
+    return AliasReport(1.0 / period, tuple(found), loop_of(below), loop_of(np.arange(len(modal.omega))))

@@ -1,0 +1,74 @@
+"""An analogue filter in front of the sampler, as part of the plant."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from middeck.control.partition import partition_modes
+from middeck.errors import ConfigError
+from middeck.systems.delayed_plant import DelayedPlant
+from middeck.systems.plant import Plant, name_states
+from middeck.systems.statespace import StateSpace
+
+UNFILTERED = "_unfiltered"
+
+
+def filter_measurements(plant: Plant | DelayedPlant, section: StateSpace) -> Plant | DelayedPlant:
+    """The plant with ``section`` (one input, one output) behind each of its measurements y.
+
+    A measurement keeps its name: it is what the computer reads. Where it is a performance output z too, z
+    reads a copy in front of the filter, named with the suffix ``_unfiltered``. Modes that no port reaches or
+    sees are left out.
+
+    Raises `ConfigError` for a section with more than one input or output.
+
+    >>> from middeck.control.shaping import roll_off
+    >>> from middeck.systems.ports import Port
+    >>> lag = StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
+    >>> plant = Plant(lag, (Port("f", "N"),), (Port("x", "m"),), ("f",), ("f",), ("x",), ("x",))
+    >>> filtered = filter_measurements(plant, roll_off(40.0, 2))
+    >>> filtered.z, filtered.y, name_states(filtered)
+    (('x_unfiltered',), ('x',), ('state 0', 'anti-alias', 'anti-alias'))
+    """
+    if section.D.shape != (1, 1):
+        raise ConfigError(f"a filter of {section.D.shape} outputs and inputs", hint="one of each")
+    if isinstance(plant, DelayedPlant):
+        inside = _filtered(plant.plant, section)
+        return DelayedPlant(inside, np.vstack([plant.delay_s, plant.delay_s[_shared(plant.plant)]]))
+    return _filtered(plant, section)
+
+
+def _shared(plant: Plant) -> list[int]:
+    """Rows of the measurements that are performance outputs too."""
+    return plant.output_indices([name for name in dict.fromkeys(plant.y) if name in plant.z])
+
+
+def _filtered(plant: Plant, section: StateSpace) -> Plant:
+    active = partition_modes(plant).active
+    system, rows, shared = active.system, active.output_indices(active.y), _shared(active)
+    one = np.eye(len(rows))
+    f = StateSpace(*(np.kron(one, m) for m in (section.A, section.B, section.C, section.D)))
+    C = np.hstack([system.C, np.zeros((len(system.C), len(f.A)))])
+    C[rows] = np.hstack([f.D @ system.C[rows], f.C])
+    D = system.D.copy()
+    D[rows] = f.D @ system.D[rows]
+    before = np.hstack([system.C[shared], np.zeros((len(shared), len(f.A)))])
+    dynamics = StateSpace(
+        np.block([[system.A, np.zeros((len(system.A), len(f.A)))], [f.B @ system.C[rows], f.A]]),
+        np.vstack([system.B, f.B @ system.D[rows]]),
+        np.vstack([C, before]),
+        np.vstack([D, system.D[shared]]),
+    )
+    names = {active.outputs[i].name for i in shared}
+    copies = tuple(
+        dataclasses.replace(p, name=p.name + UNFILTERED) for p in (active.outputs[i] for i in shared)
+    )
+    return dataclasses.replace(
+        active,
+        dynamics=dynamics,
+        outputs=(*active.outputs, *copies),
+        z=tuple(name + UNFILTERED if name in names else name for name in active.z),
+        state_names=(*name_states(active), *("anti-alias",) * len(f.A)),
+    )
