@@ -13,16 +13,15 @@ from middeck.control.compensator import Compensator
 from middeck.files.study_form import RigForm, SisoForm
 from middeck.identification.spectra import estimate_response
 from middeck.realtime.drift import Drift, nearest_modes
-from middeck.realtime.hardware_rig import HardwareRig, linearise_rig
+from middeck.realtime.hardware_rig import HardwareRig
 from middeck.realtime.hardware_runs import run_hardware_closed_loop, run_hardware_open_loop
-from middeck.realtime.rig import Run, close_sampled_loop
+from middeck.realtime.rig import Run
 from middeck.study.rig_article import RigArticle, rig_article_plant
 from middeck.study.rig_hardware import build_article_rig
 from middeck.systems.excitation import Limits, design_multisine, random_multisine
 from middeck.systems.ports import port_indices
 from middeck.systems.response import FrequencyResponse
 from middeck.systems.sampling import tustin
-from middeck.systems.stability import is_stable
 from middeck.systems.statespace import SampledStateSpace
 from middeck.values import record
 
@@ -106,12 +105,6 @@ def take_closed_loop(bench: Bench, compensator: Compensator, rng: np.random.Gene
         return Taken(None, cause, None)
     response = estimate_response(run.record, band_hz=bench.band_hz)
     return Taken(response, "", float(np.sqrt(np.mean(run.control**2))))
-
-
-def survives(bench: Bench, compensator: Compensator) -> bool:
-    """Whether the loop is stable on the rig, by the eigenvalues of the sampled loop without its limits."""
-    linear = linearise_rig(bench.rig)
-    return is_stable(close_sampled_loop(linear.sampled, law_on(bench.rig, compensator)))
 
 
 def law_on(rig: HardwareRig, compensator: Compensator) -> SampledStateSpace:

@@ -20,6 +20,7 @@ from middeck.study.bench import Bench, build_bench, take_open_loop
 from middeck.study.measured_loop import DesignCase, MeasuredLoop, measure_loop
 from middeck.study.rig_article import RigArticle, rig_article_plant
 from middeck.study.rig_experiment import in_band
+from middeck.study.rig_loop import RigLoop, judge_loops, view_rig
 from middeck.systems.modal import ModalSystem, output_rows
 from middeck.systems.plant import Plant
 from middeck.systems.response import FrequencyResponse
@@ -42,8 +43,9 @@ class MeasuredControl:
     """The measured open loop, the fit to it in its band, the design plant, and a loop at each authority.
 
     ``loops`` are "low", "high" (CL1, CL2) and "robust" (CL3, for the fit ``drifted_fit`` of the article with
-    its pair moved too). ``below_fit`` is the mode that stands out most among those measured below the band of
-    the fit; None where there is none or a fitted pole holds it.
+    its pair moved by ``drifted_percent`` too). ``one_model`` is LQG on the first fit alone at CL3's
+    authority, on the rig as it was and shifted. ``below_fit`` is the mode that stands out most among those
+    measured below the band of the fit; None where there is none or a fitted pole holds it.
     """
 
     fit_band_hz: tuple[float, float]
@@ -54,8 +56,10 @@ class MeasuredControl:
     plant: Plant
     pade_order: int
     pair_shift_hz: float
+    drifted_percent: float
     below_fit: OutsideMode | None
     loops: tuple[MeasuredLoop, ...]
+    one_model: tuple[RigLoop, ...]
 
 
 def study_measured_control(
@@ -65,30 +69,24 @@ def study_measured_control(
     bench_at = partial(build_bench, article, rig, siso, (siso.sensor,))
     seed = int(rng.integers(2**63))  # one excitation for all
     shift = siso.pair_shift_percent
-    now, *later = (bench_at(np.random.default_rng(seed), shift_percent=p) for p in (0.0, -shift, shift))
-    drifted = dict(zip((-shift, shift), later, strict=True))
-    measured, fit = _identify(now, siso, rng)
-    _, drifted_fit = _identify(drifted[shift if siso.drifted == "up" else -shift], siso, rng)
+    views = {
+        p: view_rig(bench_at(np.random.default_rng(seed), shift_percent=p)) for p in (0.0, -shift, shift)
+    }
+    measured, fit = _identify(views[0.0].bench, siso, rng)
+    later = shift if siso.drifted == "up" else -shift
+    _, drifted_fit = _identify(views[later].bench, siso, rng)
     case = _design_case(fit, measured, siso)
     weights = _weights(siso)
     kalman = design_filter(case.plant, weights)
-    laws = {
-        "low": (siso.low, design_lqg(case.plant, weights, 10.0**siso.low.log10_authority, kalman=kalman)),
-        "high": (siso.high, design_lqg(case.plant, weights, 10.0**siso.high.log10_authority, kalman=kalman)),
-        "robust": (
-            siso.robust,
-            design_multimodel(
-                case.plant,
-                weights,
-                10.0**siso.robust.log10_authority,
-                uncertainty=(_design_case(drifted_fit, measured, siso).plant,),
-            ),
-        ),
-    }
-    loops = tuple(
-        measure_loop(name, level.log10_authority, law, case, now, drifted, rng)
-        for name, (level, law) in laws.items()
+    design = partial(design_lqg, case.plant, weights, kalman=kalman)
+    low, high, robust = (level.log10_authority for level in (siso.low, siso.high, siso.robust))
+    also = _design_case(drifted_fit, measured, siso).plant
+    laws = (
+        ("low", low, design(10.0**low)),
+        ("high", high, design(10.0**high)),
+        ("robust", robust, design_multimodel(case.plant, weights, 10.0**robust, uncertainty=(also,))),
     )
+    loops = tuple(measure_loop(name, level, law, case, views, rng) for name, level, law in laws)
     return MeasuredControl(
         siso.fit_band_hz,
         measured,
@@ -98,8 +96,10 @@ def study_measured_control(
         case.plant,
         siso.pade_order,
         siso.pair_shift_hz,
+        later,
         _below_fit(article, siso, fit),
         loops,
+        judge_loops(views, design(10.0**robust)),
     )
 
 
@@ -113,7 +113,7 @@ def _design_case(fit: FitResult, measured: FrequencyResponse, siso: SisoForm) ->
     plant = measured_plant(fit.model, pade_order=siso.pade_order, **ports)
     H = model_response(fit.model, measured.frequency_hz)
     fitted = FrequencyResponse(measured.frequency_hz, H, measured.inputs, measured.outputs)
-    return DesignCase(plant, fitted, measured, siso.band_hz, siso.excitation_nm)
+    return DesignCase(fit.model, plant, fitted, measured, siso.band_hz, siso.excitation_nm)
 
 
 def _weights(siso: SisoForm) -> LQGWeights:

@@ -10,26 +10,39 @@ from jaxtyping import Float
 from middeck.control.closed_loop import close_loop, leave_open, predict_closed_loop_response
 from middeck.control.compensator import Compensator, evaluate_compensator
 from middeck.control.performance import Performance, measure_rms
-from middeck.study.bench import Bench, survives, take_closed_loop
+from middeck.identification.measurement_model import MeasurementModel, damping_ratio, natural_hz
+from middeck.study.bench import take_closed_loop
+from middeck.study.rig_loop import RigLoop, RigView, judge_loops
 from middeck.systems.plant import Plant
 from middeck.systems.response import FrequencyResponse
 from middeck.values import record
 
 SEEN_DB = 40.0  # prediction and measurement are compared where the open loop is within this of its peak
+STATIC_HZ = 0.2  # below the suspension's modes an angle follows its torque statically
+HALF_WIDTHS = 3.0  # on either side of a mode, where its peak is looked for
 
 
 @record
 class DesignCase:
-    """What a design knows: the plant made of a fit, the fit on all lines, and the measured open loop.
+    """What a design knows: a fit, the plant made of it, the fit on all lines, and the measured open loop.
 
     The first output of the responses is the performance; ``torque_nm`` is the rms of the excitation.
     """
 
+    model: MeasurementModel
     plant: Plant
     fitted: FrequencyResponse
     measured: FrequencyResponse
     band_hz: tuple[float, float]
     torque_nm: float
+
+
+@record
+class ModeReduction:
+    """The measured peak of one fitted mode in the performance, closed over open loop."""
+
+    frequency_hz: float
+    db: float
 
 
 @record
@@ -49,8 +62,12 @@ class MeasuredLoop:
         Largest difference of the two responses where the open loop is within 40 dB of its peak.
     control_rms_nm:
         Torque of the law alone.
-    survives:
-        For each shift of the pair [%], whether the sampled loop stays stable.
+    static_db:
+        The performance below 0.2 Hz, measured, over that of the open loop.
+    modes:
+        Each mode of the fit in the measured band, the lowest first; empty where nothing was measured.
+    on_rig:
+        The loop by the rig's own eigenvalues and return ratio: the pair where it was, then each shift of it.
     """
 
     name: str
@@ -65,12 +82,19 @@ class MeasuredLoop:
     worst_error_db: float | None
     worst_hz: float | None
     control_rms_nm: float | None
-    survives: tuple[tuple[float, bool], ...]
+    static_db: float | None
+    modes: tuple[ModeReduction, ...]
+    on_rig: tuple[RigLoop, ...]
 
     @property
     def stable(self) -> bool:
         """Whether the rig's loop gave a response."""
         return self.measured is not None
+
+    @property
+    def survives(self) -> tuple[tuple[float, bool], ...]:
+        """For each shift of the pair [%], whether the loop stays stable."""
+        return tuple((loop.percent, loop.stable) for loop in self.on_rig if loop.percent)
 
 
 def measure_loop(
@@ -78,12 +102,11 @@ def measure_loop(
     log10_authority: float,
     compensator: Compensator,
     case: DesignCase,
-    bench: Bench,
-    drifted: Mapping[float, Bench],
+    views: Mapping[float, RigView],
     rng: np.random.Generator,
 ) -> MeasuredLoop:
-    """Predict the loop, run it on the bench, and ask the drifted benches whether it would survive."""
-    taken = take_closed_loop(bench, compensator, rng)
+    """Predict the loop, run it where nothing has moved, and ask each view how near it is to instability."""
+    taken = take_closed_loop(views[0.0].bench, compensator, rng)
     closed = taken.response
     predicted = predict_closed_loop_response(
         case.fitted, evaluate_compensator(compensator, case.fitted.frequency_hz)
@@ -104,7 +127,9 @@ def measure_loop(
         worst_error_db=worst[0],
         worst_hz=worst[1],
         control_rms_nm=taken.control_rms,
-        survives=tuple((percent, survives(there, compensator)) for percent, there in drifted.items()),
+        static_db=None if closed is None else _static_db(case.measured, closed),
+        modes=() if closed is None else _mode_reductions(case, closed),
+        on_rig=judge_loops(views, compensator),
     )
 
 
@@ -149,6 +174,23 @@ def _worst_error(
     error = np.abs(20.0 * np.log10(np.abs(predicted.H[seen, 0, 0] / measured.H[seen, 0, 0])))
     at = int(np.argmax(error))
     return float(error[at]), float(measured.frequency_hz[seen][at])
+
+
+def _static_db(open_loop: FrequencyResponse, closed: FrequencyResponse) -> float | None:
+    rms = (measured_rms_of(r, 1.0, band_hz=(0.0, STATIC_HZ)) for r in (closed, open_loop))
+    return decibel(*rms)
+
+
+def _mode_reductions(case: DesignCase, closed: FrequencyResponse) -> tuple[ModeReduction, ...]:
+    """The highest line near each fitted mode; a mode without a line of its own is left out."""
+    f = closed.frequency_hz
+    found: list[ModeReduction] = []
+    for mode, zeta in sorted(zip(natural_hz(case.model), damping_ratio(case.model), strict=True)):
+        near = np.abs(f / mode - 1.0) <= HALF_WIDTHS * abs(zeta)
+        if near.any() and f[0] <= mode <= f[-1]:
+            peaks = [float(np.max(np.abs(r.H[near, 0, 0]))) for r in (closed, case.measured)]
+            found.append(ModeReduction(float(mode), float(20.0 * np.log10(peaks[0] / peaks[1]))))
+    return tuple(found)
 
 
 def _seen(H: np.ndarray) -> Float[np.ndarray, " line"]:

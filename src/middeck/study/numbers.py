@@ -16,13 +16,19 @@ from middeck.identification.plants.zeros import name_zeros
 from middeck.structure.comparison import ModeComparison
 from middeck.structure.equilibrium import Equilibrium, node_rotations
 from middeck.structure.modes import Modes
-from middeck.study.claims import figure_6_claims, figure_7_claims, figure_9_claims, figure_10_claims
+from middeck.study.claims import (
+    figure_6_claims,
+    figure_7_claims,
+    figure_9_claims,
+    figure_10_claims,
+    figure_11_claims,
+    figure_12_claims,
+)
 from middeck.study.gravity_responses import GravityResponses
 from middeck.study.measured_control import MeasuredControl
 from middeck.study.measured_loop import MeasuredLoop
 from middeck.study.measured_sensors import MeasuredSensors, SensorZeros
 from middeck.study.mirror import PUBLISHED_NRMSE, MirrorFit
-from middeck.study.reach import Reach
 from middeck.study.stages import Outcome
 from middeck.study.two_sensor_control import TwoSensorControl
 from middeck.study.zero_g_control import SubModelSweep, ZeroGControl
@@ -211,11 +217,19 @@ def figure_9a(control: MeasuredControl) -> Numbers:
 
 
 def figure_9b(control: MeasuredControl) -> Numbers:
-    """Loops at two authorities, predicted and measured."""
+    """Loops at two authorities and one for two records, predicted and measured."""
+    drifted = control.drifted_fit
     return {
         "open_loop": response_numbers(control.open_loop),
         "pair_shift_hz": control.pair_shift_hz,
+        "drifted": {
+            "shift_percent": control.drifted_percent,
+            "natural_hz": natural_hz(drifted.model),
+            "damping": damping_ratio(drifted.model),
+            "relative_error": drifted.error[0],
+        },
         **{loop.name: _loop(loop) for loop in control.loops},
+        "one_model": control.one_model,
         "claims": figure_9_claims(control),
     }
 
@@ -233,7 +247,10 @@ def _loop(loop: MeasuredLoop) -> Numbers:
         "control_rms_nm": loop.control_rms_nm,
         "stable": loop.stable,
         "cause": loop.cause,
+        "static_db": loop.static_db,
+        "modes": loop.modes,
         "survives_shift_percent": {f"{percent:+g}": ok for percent, ok in loop.survives},
+        "rig": loop.on_rig,
     }
 
 
@@ -266,8 +283,9 @@ def figure_11(control: TwoSensorControl) -> Numbers:
     designs = (*control.smaller, control.without_lead, control.with_lead)
     return {
         "open_loop": response_numbers(control.sensors.measured),
-        "reach": [_reach(design) for design in designs],
+        "reach": designs,
         "payload": _loop(control.payload),
+        "claims": figure_11_claims(control),
     }
 
 
@@ -288,16 +306,7 @@ def figure_12(control: TwoSensorControl) -> Numbers:
         "bus_db_7_to_9_hz": dict(zip(("payload", "both"), control.bus_db, strict=True)),
         "payload_db_above_10_hz": dict(zip(("payload", "both"), control.above_db, strict=True)),
         "payload_deeper_db_7_to_9_hz": control.deeper_db,
-    }
-
-
-def _reach(reach: Reach) -> Numbers:
-    return {
-        "what": reach.what,
-        "log10_authority": reach.log10_authority,
-        "predicted_db": reach.predicted_db,
-        "stopped_hz": reach.stopped_hz,
-        "stopped_percent": reach.stopped_percent,
+        "claims": figure_12_claims(control),
     }
 
 

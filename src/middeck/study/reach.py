@@ -5,14 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 import numpy as np
-from jaxtyping import Complex
 
 from middeck.control.compensator import Compensator
-from middeck.realtime.hardware_rig import linearise_rig
-from middeck.realtime.rig import close_sampled_loop
-from middeck.study.bench import Bench, law_on
 from middeck.study.measured_loop import DesignCase, predicted_db
-from middeck.systems.stability import GROWTH_LIMIT, growth_rates
+from middeck.study.rig_loop import RigView, fastest_pole, judge_loops
+from middeck.systems.stability import GROWTH_LIMIT
 from middeck.values import record
 
 LEVELS = np.arange(0.0, 4.51, 0.25)  # log10 authority
@@ -26,40 +23,46 @@ class Reach:
 
     Parameters
     ----------
-    what:
-        The design.
+    what, states:
+        The design, and the states of the fit it was made on.
     log10_authority, predicted_db:
         Of the last level that is stable on all of them; None where the lowest is not.
+    least_db:
+        The least improvement among them at that level, by the rig's own linear loop.
     stopped_hz, stopped_percent:
         What grows fastest at the next level, and with which shift; None where no level is stopped.
     """
 
     what: str
+    states: int
     log10_authority: float | None
     predicted_db: float | None
+    least_db: float | None
     stopped_hz: float | None
     stopped_percent: float | None
 
 
-def find_reach(what: str, design: Design, case: DesignCase, benches: Mapping[float, Bench]) -> Reach:
-    """Raise the authority level by level until a loop on one of the ``benches`` is unstable."""
-    linear = {percent: linearise_rig(bench.rig).sampled for percent, bench in benches.items()}
-    last: tuple[float, float | None] | None = None
+def find_reach(what: str, design: Design, case: DesignCase, views: Mapping[float, RigView]) -> Reach:
+    """Raise the authority level by level until a loop of the ``views`` is unstable."""
+    states = case.model.states
+    last: tuple[float, Compensator] | None = None
     for level in LEVELS:
         compensator = design(10.0 ** float(level))
-        rates = {
-            percent: _fastest(
-                growth_rates(close_sampled_loop(linear[percent], law_on(bench.rig, compensator)))
+        poles = {percent: fastest_pole(view, compensator) for percent, view in views.items()}
+        worst = max(poles, key=lambda percent: poles[percent].real)
+        if poles[worst].real > GROWTH_LIMIT:
+            return Reach(
+                what, states, *_held(last, case, views), abs(poles[worst].imag) / (2.0 * np.pi), worst
             )
-            for percent, bench in benches.items()
-        }
-        worst = max(rates, key=lambda percent: rates[percent].real)
-        if rates[worst].real > GROWTH_LIMIT:
-            stopped = abs(rates[worst].imag) / (2.0 * np.pi)
-            return Reach(what, *(last or (None, None)), stopped, worst)
-        last = float(level), predicted_db(case, compensator)
-    return Reach(what, *(last or (None, None)), None, None)
+        last = float(level), compensator
+    return Reach(what, states, *_held(last, case, views), None, None)
 
 
-def _fastest(rates: Complex[np.ndarray, " state"]) -> complex:
-    return complex(rates[int(np.argmax(np.real(rates)))])
+def _held(
+    last: tuple[float, Compensator] | None, case: DesignCase, views: Mapping[float, RigView]
+) -> tuple[float | None, float | None, float | None]:
+    if last is None:
+        return None, None, None
+    level, compensator = last
+    improvements = (loop.improvement_db for loop in judge_loops(views, compensator))
+    return level, predicted_db(case, compensator), max(db for db in improvements if db is not None)

@@ -18,12 +18,13 @@ from middeck.files.study_form import RigForm, SisoForm, SitoForm
 from middeck.identification.fit.fit_response import FitResult, fit_response
 from middeck.identification.measurement_model import model_response
 from middeck.identification.plants.measured_plant import measured_plant
-from middeck.study.bench import Bench, build_bench, take_open_loop
+from middeck.study.bench import build_bench, take_open_loop
 from middeck.study.measured_loop import DesignCase, MeasuredLoop, decibel, measure_loop, measured_rms_of
 from middeck.study.measured_sensors import MeasuredSensors, study_measured_sensors
 from middeck.study.reach import Design, Reach, find_reach
 from middeck.study.rig_article import RigArticle
 from middeck.study.rig_experiment import in_band
+from middeck.study.rig_loop import RigView, view_rig
 from middeck.systems.response import FrequencyResponse
 from middeck.values import record
 
@@ -70,25 +71,25 @@ def study_two_sensor_control(
     """Excite once, fit the three paths together, search each design's reach, then measure the two loops."""
     bench_at = partial(build_bench, article, rig, siso, (siso.sensor, *sito.sensors))
     seed, shift = int(rng.integers(2**63)), sito.pair_shift_percent
-    benches = {p: bench_at(np.random.default_rng(seed), shift_percent=p) for p in (0.0, -shift, shift)}
-    measured = take_open_loop(benches[0.0], rng)
+    views = {
+        p: view_rig(bench_at(np.random.default_rng(seed), shift_percent=p)) for p in (0.0, -shift, shift)
+    }
+    measured = take_open_loop(views[0.0].bench, rng)
     sensors = study_measured_sensors(measured, rig, siso, sito)
     smaller = tuple(
-        _reach(_fit_of(measured, states, band), measured, siso, sito, benches, lead=False)
+        _reach(_fit_of(measured, states, band), measured, siso, sito, views, lead=False)
         for states, band in zip(sito.smaller_states, sito.smaller_bands_hz, strict=True)
     )
-    now = benches[0.0]
-    moved = {p: bench for p, bench in benches.items() if p}
     payload, both = (_case(sensors.fit, measured, siso, sito, bus=bus) for bus in (False, True))
     law = _designs(payload, siso, sito, lead=True)(10.0**sito.payload.log10_authority)
-    first = measure_loop("payload", sito.payload.log10_authority, law, payload, now, moved, rng)
+    first = measure_loop("payload", sito.payload.log10_authority, law, payload, views, rng)
     law = _designs(both, siso, sito, lead=False)(10.0**sito.both.log10_authority)
-    second = measure_loop("both", sito.both.log10_authority, law, both, now, moved, rng)
+    second = measure_loop("both", sito.both.log10_authority, law, both, views, rng)
     return TwoSensorControl(
         sensors,
         smaller,
-        _reach(sensors.fit, measured, siso, sito, benches, lead=False),
-        _reach(sensors.fit, measured, siso, sito, benches, lead=True),
+        _reach(sensors.fit, measured, siso, sito, views, lead=False),
+        _reach(sensors.fit, measured, siso, sito, views, lead=True),
         first,
         second,
         tuple(_over(loop.measured, measured, 2, FLEXIBLE_HZ) for loop in (first, second)),
@@ -110,7 +111,7 @@ def _case(
     plant = measured_plant(fit.model, pade_order=sito.pade_order, w=torque, u=torque, z=z, y=sito.sensors)
     H = model_response(fit.model, measured.frequency_hz)
     fitted = FrequencyResponse(measured.frequency_hz, H, measured.inputs, measured.outputs)
-    return DesignCase(plant, fitted, measured, siso.band_hz, siso.excitation_nm)
+    return DesignCase(fit.model, plant, fitted, measured, siso.band_hz, siso.excitation_nm)
 
 
 def _designs(case: DesignCase, siso: SisoForm, sito: SitoForm, *, lead: bool) -> Design:
@@ -140,13 +141,13 @@ def _reach(
     measured: FrequencyResponse,
     siso: SisoForm,
     sito: SitoForm,
-    benches: Mapping[float, Bench],
+    views: Mapping[float, RigView],
     *,
     lead: bool,
 ) -> Reach:
     case = _case(fit, measured, siso, sito)
     what = f"{fit.model.states} states" + (" and the lead" if lead else "")
-    return find_reach(what, _designs(case, siso, sito, lead=lead), case, benches)
+    return find_reach(what, _designs(case, siso, sito, lead=lead), case, views)
 
 
 def _over(
