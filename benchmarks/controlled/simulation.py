@@ -42,7 +42,8 @@ def rows(options: Any) -> list[dict]:
     assert is_stable(system)
     seconds, y, peak = _ours(system)
     made = [row(CASE, "million closed-loop samples", "CPU s", seconds, states=len(system.A)),
-            row(CASE, "memory in all", "MB", peak, note="ours what it allocates, the peer's resident")]  # fmt: skip
+            row(CASE, "memory in all", "MB", peak,
+                note="ours what it allocates, the peer's resident")]  # fmt: skip
     found = peer(
         options.peer_python, "control_simulation.py", A=system.A, B=system.B, C=system.C, D=system.D,
         period_s=PERIOD_S, samples=SAMPLES, kept=LAST, seed=0, repeats=1,
