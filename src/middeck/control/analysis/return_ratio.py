@@ -105,6 +105,10 @@ def _one_by_one(P: np.ndarray) -> np.ndarray:
     L = np.empty(P.shape[:2], dtype=complex)
     for i in range(channels):
         r = np.delete(np.arange(channels), i)
-        through = np.linalg.solve(np.eye(channels - 1) - P[:, r][:, :, r], P[:, r, i][:, :, None])
-        L[:, i] = -(P[:, i, i] + (P[:, i, r][:, None, :] @ through)[:, 0, 0])
+        others = np.eye(channels - 1) - P[:, r][:, :, r]
+        # Where the other loops alone have a pole on the line, this one is without bound.
+        bounded = np.isfinite(P).all(axis=(1, 2)) & (np.linalg.det(others) != 0.0)
+        through = np.linalg.solve(others[bounded], P[bounded][:, r, i][:, :, None])
+        L[~bounded, i] = np.inf
+        L[bounded, i] = -(P[bounded, i, i] + (P[bounded][:, i, r][:, None, :] @ through)[:, 0, 0])
     return L

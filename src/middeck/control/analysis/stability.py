@@ -26,10 +26,11 @@ from middeck.control.analysis.loop import (
     form_loop,
     is_late,
     period_of,
+    resolve,
 )
 from middeck.errors import NumericalError
 from middeck.systems.delayed_plant import DelayedPlant, approximate_delays
-from middeck.systems.resolvent import Resolvent, by_schur_form
+from middeck.systems.resolvent import Resolvent
 from middeck.systems.stability import GROWTH_LIMIT, growth_rates, none_grows
 from middeck.systems.statespace import SampledStateSpace, gain_system
 from middeck.values import record
@@ -271,7 +272,7 @@ def _smoothed_delays(plant: DelayedPlant, order: int) -> Resolvent:
     ones = dataclasses.replace(
         plant.plant, dynamics=gain_system(np.ones(plant.delay_s.shape)), state_names=()
     )
-    return by_schur_form(approximate_delays(DelayedPlant(ones, plant.delay_s), order).system)
+    return resolve(approximate_delays(DelayedPlant(ones, plant.delay_s), order).system)
 
 
 def _wall_lines(
