@@ -83,6 +83,20 @@ def band_rms_by_quadrature(
     return np.sqrt(_quadrature(response, poles(system), band) / np.pi)
 
 
+def response_rms(
+    response: Callable[[np.ndarray], np.ndarray],
+    peaks: Complex[np.ndarray, " pole"],
+    intensity: Float[np.ndarray, "input input"],
+    band_hz: tuple[float, float],
+) -> Float[np.ndarray, " output"]:
+    """The same of any ``response`` [line, output, input] to omega [rad/s], e.g. of a loop with delays.
+
+    ``peaks`` are poles beside which it may be narrow; they place the first cuts and enter nowhere else.
+    """
+    band, root = _check_band(band_hz), _square_root(intensity)
+    return np.sqrt(_quadrature(lambda omega: response(omega) @ root, peaks, band) / np.pi)
+
+
 def _on_axis(resolvent: Resolvent) -> Callable[[np.ndarray], np.ndarray]:
     return lambda omega: resolvent(1j * omega)
 
