@@ -97,15 +97,43 @@ def response_rms(
     return np.sqrt(_quadrature(lambda omega: response(omega) @ root, peaks, band) / np.pi)
 
 
+def weighed_rms(
+    system: StateSpace,
+    intensity: Float[np.ndarray, "input input"],
+    band_hz: tuple[float, float],
+    weight: Callable[[np.ndarray], np.ndarray],
+    cuts: Float[np.ndarray, " cut"],
+) -> Float[np.ndarray, " output"]:
+    """Root of 2 times the integral over the band of ``weight`` (of omega, real, not negative) times |G|^2 S.
+
+    Adaptive quadrature in Schur form; ``cuts`` [rad/s] are where the weight changes its course. It is an
+    integral and does not know whether the system is stable.
+    """
+    w1, w2 = _check_band(band_hz)
+    noisy = _balanced(system, _square_root(intensity))
+    if not len(noisy.A):
+        noisy = StateSpace(-np.eye(1), np.zeros((1, noisy.B.shape[1])), np.zeros((len(noisy.C), 1)), noisy.D)
+    response = _on_axis(by_schur_form(noisy))
+
+    def weighed(omega: np.ndarray) -> np.ndarray:
+        return response(omega) * np.sqrt(weight(omega))[:, None, None]
+
+    inside = cuts[(cuts > w1) & (cuts < w2)]
+    return np.sqrt(_quadrature(weighed, poles(system), (w1, w2), inside) / np.pi)
+
+
 def _on_axis(resolvent: Resolvent) -> Callable[[np.ndarray], np.ndarray]:
     return lambda omega: resolvent(1j * omega)
 
 
 def _quadrature(
-    response: Callable[[np.ndarray], np.ndarray], values: np.ndarray, band: tuple[float, float]
+    response: Callable[[np.ndarray], np.ndarray],
+    values: np.ndarray,
+    band: tuple[float, float],
+    cuts: Float[np.ndarray, " cut"] | None = None,
 ) -> Float[np.ndarray, " output"]:
     """The integral of |G|^2 over the band by halving panels until nothing changes."""
-    edges = np.unique(np.concatenate([_cuts(values, *band), band]))
+    edges = np.unique(np.concatenate([_cuts(values, *band), () if cuts is None else cuts, band]))
     low, high = edges[:-1], edges[1:]
     whole = _panel_integrals(response, low, high)
     square = np.zeros(whole.shape[1])

@@ -17,7 +17,7 @@ from middeck.systems.plant import Plant
 from middeck.values import record
 
 Topology = tuple[Sequence[str], Sequence[str]]
-"""Names of the inputs that are driven and of the outputs that are read; one each is SISO, one and two SITO."""
+"""Names of the inputs that are driven and of the outputs that are read: SISO one each, SITO one and two."""
 
 
 @record

@@ -1,0 +1,78 @@
+"""Lines, tables and their filters: power, width, and spectra whose filter is known."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from middeck.control.lqg import fit_spectrum, line_filter, sum_spectra
+from middeck.errors import ConfigError, DataError
+from middeck.systems.norms import band_rms
+from middeck.systems.resolvent import by_solving
+from middeck.systems.transmission_zeros import transmission_zeros
+
+
+def density(system, f):
+    return np.sum(np.abs(by_solving(system)(2j * np.pi * np.asarray(f))) ** 2, axis=(1, 2))
+
+
+def test_a_line_has_its_rms_and_its_width():
+    line = line_filter(30.0, 0.6, 2.0)
+    # Of a rate, S falls as 1/f^2: less than a millionth of the power lies above 1e6 Hz.
+    assert band_rms(line, np.eye(1), (0.0, 1e6))[0] == pytest.approx(2.0, rel=1e-6)
+    # Half power at f where |f^2 - f0^2| = width f: exactly a width apart.
+    half = np.sqrt(30.0**2 + 0.3**2) + np.array([-0.3, 0.3])
+    np.testing.assert_allclose(density(line, half), density(line, [30.0, 30.0]) / 2.0, rtol=1e-12)
+
+
+def test_powers_add():
+    both = sum_spectra([line_filter(30.0, 0.6, 2.0), line_filter(60.0, 1.2, 1.0)])
+    assert both.D.shape == (1, 2)
+    f = np.array([10.0, 30.0, 61.0])
+    apart = density(line_filter(30.0, 0.6, 2.0), f) + density(line_filter(60.0, 1.2, 1.0), f)
+    np.testing.assert_allclose(density(both, f), apart, rtol=1e-13)
+    assert band_rms(both, np.eye(2), (0.0, 1e6))[0] == pytest.approx(np.sqrt(5.0), rel=1e-6)
+
+
+def bump(f, f0, zeta):
+    return 1.0 / ((1.0 - (f / f0) ** 2) ** 2 + (2.0 * zeta * f / f0) ** 2)
+
+
+def test_a_table_of_a_rational_spectrum_is_found():
+    # A floor that falls above 3 Hz and two resonances: the sum is rational of order five.
+    f = np.geomspace(0.5, 200.0, 400)
+    S = 1e-4 * (1.0 / (1.0 + (f / 3.0) ** 2) + 0.5 * bump(f, 20.0, 0.02) + 0.02 * bump(f, 70.0, 0.005))
+    fit = fit_spectrum(f, S, 2)
+    # Least squares to convergence on exact data.
+    assert fit.rms_error_db < 1e-6
+    assert fit.power_ratio == pytest.approx(1.0, abs=1e-7)
+    poles, zeros = np.linalg.eigvals(fit.filter.A), transmission_zeros(fit.filter)
+    assert poles.real.max() < 0.0
+    assert zeros.real.max() < 0.0
+    np.testing.assert_allclose(density(fit.filter, f), S, rtol=1e-6)
+
+
+def test_more_sections_never_fit_worse_and_the_error_is_told():
+    rng = np.random.default_rng(3)
+    f = np.geomspace(1.0, 100.0, 120)
+    S = (1.0 / f + bump(f, 12.0, 0.05)) * np.exp(0.2 * rng.standard_normal(120))
+    fits = [fit_spectrum(f, S, n) for n in range(4)]
+    errors = [fit.rms_error_db for fit in fits]
+    assert all(later <= earlier * (1.0 + 1e-6) for earlier, later in pairwise(errors))
+    # The scatter of 0.2 in log S is 0.87 dB: no filter of 13 numbers goes much below on 120 lines.
+    assert 0.75 < errors[-1] < 1.2
+    for fit in fits:
+        off = 10.0 * np.log10(density(fit.filter, f) / S)
+        assert fit.worst_error_db == pytest.approx(np.abs(off).max(), rel=1e-9)
+
+
+def test_tables_and_lines_without_sense_are_refused():
+    f = np.geomspace(1.0, 10.0, 20)
+    for bad in ((f[::-1], f), (f, 0.0 * f), (f, f[:-1]), (f - 1.0, f), (f, np.where(f > 5.0, np.nan, f))):
+        with pytest.raises(DataError):
+            fit_spectrum(*bad, 1)
+    with pytest.raises(DataError, match="sections"):
+        fit_spectrum(f, f, 6)
+    for line in ((30.0, 0.0, 1.0), (30.0, 70.0, 1.0), (30.0, 1.0, -1.0)):
+        with pytest.raises(ConfigError):
+            line_filter(*line)

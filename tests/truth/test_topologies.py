@@ -1,0 +1,66 @@
+"""Sensors and actuators compared on one plant: each row is what designing for it alone gives."""
+
+import dataclasses
+
+import mace_like
+import numpy as np
+import pytest
+
+from middeck.control.classical import close_inner_loop
+from middeck.control.closed_loop import close_loop, leave_open
+from middeck.control.compensator import Compensator
+from middeck.control.lqg import compare_topologies, design_lqg
+from middeck.control.lqg.topologies import select_weights
+from middeck.control.performance import Performance, measure_control_rms, measure_metric
+from middeck.errors import ConfigError
+from middeck.systems.plant import Plant
+from middeck.systems.ports import Port
+from middeck.systems.statespace import StateSpace, gain_system
+
+INTENSITY = 2e-6
+LEVELS = (1.0, 100.0)
+
+
+@pytest.fixture(scope="module")
+def orbit():
+    return close_inner_loop(mace_like.build("orbit"), mace_like.pd_loops())
+
+
+def test_topologies_are_the_designs_alone(orbit):
+    performance = Performance(mace_like.METRIC_WEIGHTS, INTENSITY * np.eye(2), mace_like.BAND_HZ)
+    weights = mace_like.weights(INTENSITY)
+    chosen = {
+        "SISO": (("pri_rel_z",), ("pri_in_z",)),
+        "SITO": (("pri_rel_z",), ("bus_z", "pri_rel_z")),
+        "MIMO": (orbit.u, orbit.y),
+    }
+    table = compare_topologies(orbit, weights, chosen, LEVELS, performance)
+    assert table.names == ("SISO", "SITO", "MIMO")
+    assert table.order.tolist() == 3 * [len(orbit.system.A)]
+    assert table.stable.all()
+    part = dataclasses.replace(orbit, u=chosen["SITO"][0], y=chosen["SITO"][1])
+    law = design_lqg(part, select_weights(orbit, weights, part), 100.0)
+    metric = measure_metric(close_loop(part, law), performance)
+    expected = 20.0 * np.log10(metric / measure_metric(leave_open(orbit), performance))
+    assert table.db[1, 1] == pytest.approx(expected, rel=1e-12)
+    # Five inputs and fourteen sensors do more than one and one, at each authority.
+    assert np.all(table.db[2] < table.db[0])
+    assert np.all(table.control_rms[:, 1] > table.control_rms[:, 0])
+
+
+def test_control_rms_of_a_scalar():
+    # x' = -x + u + w under u = -k x: u is k times a lag of corner 1 + k.
+    ports = (Port("w", "N"), Port("u", "N")), (Port("x", "m"),)
+    system = StateSpace([[-1.0]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]])
+    plant = Plant(system, *ports, ("w",), ("u",), ("x",), ("x",))
+    law = Compensator(gain_system([[-3.0]]), (Port("x", "m"),), (Port("u", "N"),))
+    found = measure_control_rms(plant, law, Performance(np.ones(1), np.eye(1), (0.0, 1.0)))
+    expected = 3.0 * np.sqrt(np.arctan(2.0 * np.pi / 4.0) / 4.0 / np.pi)
+    assert found[0] == pytest.approx(expected, rel=1e-12)
+
+
+def test_ports_outside_the_groups_are_refused(orbit):
+    performance = Performance(mace_like.METRIC_WEIGHTS, INTENSITY * np.eye(2), mace_like.BAND_HZ)
+    for u, y in ((("sec_rel_x",), orbit.y), (orbit.u, ("nothing",)), (orbit.u, ())):
+        with pytest.raises(ConfigError, match="one or more of|no output named"):
+            compare_topologies(orbit, mace_like.weights(INTENSITY), {"bad": (u, y)}, LEVELS, performance)
