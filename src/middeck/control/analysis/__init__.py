@@ -1,5 +1,6 @@
 """What a loop bears: stability, margins and worst cases with exact delays, continuous or sampled."""
 
+from middeck.control.analysis.delayed_rms import measure_delayed_rms
 from middeck.control.analysis.disk import DiskMargin, measure_disk_margin
 from middeck.control.analysis.loop import AnyLaw, AnyPlant, FeedbackLoop, form_loop
 from middeck.control.analysis.margins import LoopMargins, Margins, Peak, measure_margins
@@ -18,6 +19,7 @@ __all__ = [
     "ReturnRatio",
     "decide_stability",
     "form_loop",
+    "measure_delayed_rms",
     "measure_disk_margin",
     "measure_margins",
     "trace_return_ratio",

@@ -77,7 +77,7 @@ def form_loop(plant: AnyPlant, law: AnyLaw) -> FeedbackLoop:
     active = partition_modes(delayed.plant).active
     columns, rows = active.input_indices(inputs), active.output_indices(outputs)
     controlled = Plant(
-        _select(active, columns, rows),
+        select_dynamics(active, columns, rows),
         tuple(active.inputs[i] for i in columns),
         tuple(active.outputs[i] for i in rows),
         state_names=name_states(active),
@@ -102,7 +102,8 @@ def _numbered(letter: str, count: int) -> tuple[str, ...]:
     return tuple(f"{letter}{i + 1}" for i in range(count))
 
 
-def _select(plant: Plant, columns: list[int], rows: list[int]) -> ModalSystem | StateSpace:
+def select_dynamics(plant: Plant, columns: list[int], rows: list[int]) -> ModalSystem | StateSpace:
+    """Some inputs and outputs, in the form of the whole."""
     modal = plant.dynamics
     if not isinstance(modal, ModalSystem):
         D = modal.D[np.ix_(rows, columns)]
@@ -139,14 +140,18 @@ def evaluate_halves(loop: FeedbackLoop) -> Halves:
             return sampled(z), law(z)
 
         return at_z
-    dynamics, late = loop.plant.plant.dynamics, loop.plant.delay_s
-    plant = _sum_modes(dynamics) if isinstance(dynamics, ModalSystem) else resolve(dynamics)
+    plant, late = transfer_of(loop.plant.plant.dynamics), loop.plant.delay_s
 
     def at_s(s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         s = np.asarray(s, dtype=complex)
         return plant(s) * np.exp(-s[:, None, None] * late), law(s)
 
     return at_s
+
+
+def transfer_of(dynamics: ModalSystem | StateSpace) -> Resolvent:
+    """A plant's transfer function over s, mode by mode where there are modes."""
+    return _sum_modes(dynamics) if isinstance(dynamics, ModalSystem) else resolve(dynamics)
 
 
 def resolve(system: StateSpace | SampledStateSpace) -> Resolvent:
