@@ -25,6 +25,7 @@ VERBS = (
     "identify",
     "drift",
     "design",
+    "qualify",
 )
 
 EXAMPLES = """\

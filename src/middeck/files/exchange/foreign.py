@@ -34,7 +34,7 @@ def real_matrix(value: Any, where: str) -> np.ndarray:
             "complex numbers", where=where, hint="a real form of the same system: 2x2 blocks for pairs"
         )
     if not np.isfinite(array).all():
-        raise ConfigError("a number is not finite", where=where)
+        raise ConfigError("a number is not finite", where=where, hint="look at where it comes from")
     return np.real(array).astype(float)
 
 
@@ -96,9 +96,42 @@ def improper(zeros: int, poles: int, what: str) -> ConfigError:
     )
 
 
-def chain_sections(sections: np.ndarray, what: str) -> StateSpace:
-    """Ratios of second order, rows (b0 b1 b2 a0 a1 a2), one behind the other: no high-order coefficients."""
-    chain = gain_system(np.eye(1))
-    for row in sections:
-        chain = series(chain, realise_ratio(row[:3], row[3:], what))
+def realise_roots(zeros: np.ndarray, poles: np.ndarray, gain: float, what: str) -> StateSpace:
+    """gain prod(s - z) / prod(s - p) as sections of second order, one behind the other.
+
+    No coefficients of high order: those of twenty resonances hold no digit of them. Each factor of poles has
+    the nearest of zeros beside it, so that no section is large where another is small.
+
+    Raises `ConfigError` for more zeros than poles, and for complex roots without their conjugates.
+
+    >>> realise_roots(np.array([]), np.array([-1.0]), 2.0, "a lag").A
+    array([[-1.]])
+    """
+    if len(zeros) > len(poles):
+        raise improper(len(zeros), len(poles), what)
+    above, below = _factors(zeros, f"{what}, zeros"), _factors(poles, f"{what}, poles")
+    chain = gain_system(np.array([[gain]]))
+    for den in below:
+        fits = [num for num in above if len(num) <= len(den)]
+        # Longest first, so that what is left fits the factors that are left; of those the nearest.
+        num = min(fits, key=lambda num: (-len(num), abs(num[-1] - den[-1])), default=np.ones(1))
+        above = [other for other in above if other is not num]
+        chain = series(chain, realise_ratio(num, den, what))
     return chain
+
+
+def _factors(roots: np.ndarray, where: str) -> list[np.ndarray]:
+    """Real polynomials of second order whose roots these are, and at most one of first order, the last."""
+    roots = np.atleast_1d(roots).astype(complex)
+    # Rounding of another program's conjugates.
+    single = np.abs(np.imag(roots)) <= 1e-12 * np.abs(roots)
+    upper, lower = roots[~single & (np.imag(roots) > 0.0)], roots[~single & (np.imag(roots) < 0.0)]
+    pairs = len(upper) == len(lower) and np.allclose(
+        np.sort_complex(upper), np.sort_complex(np.conj(lower)), rtol=1e-9, atol=0.0
+    )
+    if not pairs:
+        raise ConfigError("complex without conjugates", where=where, hint="roots in conjugate pairs")
+    real = np.sort(np.real(roots[single]))
+    found = [np.array([1.0, -2.0 * p.real, abs(p) ** 2]) for p in upper]
+    found += [np.array([1.0, -a - b, a * b]) for a, b in zip(real[:-1:2], real[1::2], strict=True)]
+    return [*found, *([np.array([1.0, -real[-1]])] if len(real) % 2 else [])]

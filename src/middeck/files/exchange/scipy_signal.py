@@ -10,10 +10,9 @@ import numpy as np
 from middeck.errors import ConfigError
 from middeck.files.exchange.foreign import (
     build_foreign,
-    chain_sections,
-    improper,
     real_matrix,
     realise_ratio,
+    realise_roots,
     settle_period,
 )
 from middeck.files.exchange.named import Exchangeable, NamedSystem, name_ports, named_system
@@ -59,7 +58,7 @@ def from_scipy(
     """
     import scipy.signal
 
-    what = type(system).__name__
+    what = type(system).__name__.removesuffix("Continuous").removesuffix("Discrete")
     if not isinstance(system, scipy.signal.lti | scipy.signal.dlti):
         raise ConfigError(f"{what} is no system of scipy.signal", hint="scipy.signal.lti or dlti")
     # A continuous system has dt None there.
@@ -80,21 +79,9 @@ def _matrices(system: Any, period: float | None, what: str) -> StateSpace | Samp
                 raise ConfigError("one input to several outputs", where=what, hint="system.to_ss() first")
             found = realise_ratio(system.num, system.den, what)
         case scipy.signal.ZerosPolesGain():
-            found = _from_roots(system, what)
+            form = cast("Any", system)
+            gain = float(real_matrix(form.gain, f"{what}, gain"))
+            found = realise_roots(np.atleast_1d(form.zeros), np.atleast_1d(form.poles), gain, what)
         case _:
             found = system
     return build_foreign({name: getattr(found, name) for name in "ABCD"}, period, what)
-
-
-def _from_roots(system: Any, what: str) -> StateSpace:
-    import scipy.signal
-
-    zeros, poles = np.atleast_1d(system.zeros), np.atleast_1d(system.poles)
-    gain = float(real_matrix(system.gain, f"{what}, gain"))
-    if len(zeros) > len(poles):
-        raise improper(len(zeros), len(poles), what)
-    for name, roots in (("zeros", zeros), ("poles", poles)):
-        if not np.allclose(np.sort_complex(roots), np.sort_complex(np.conj(roots)), rtol=1e-9, atol=0.0):
-            raise ConfigError("complex without conjugates", where=f"{what}, {name}", hint="pairs of roots")
-    sections = scipy.signal.zpk2sos(zeros, poles, gain, pairing="minimal", analog=True)
-    return chain_sections(np.asarray(sections), what)

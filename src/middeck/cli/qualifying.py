@@ -1,0 +1,147 @@
+"""Plants that a compensator is tried on: articles in environments, fitted models, their modes moved."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from middeck.cli.blame import reading
+from middeck.cli.cases import solve_case
+from middeck.control.compensator import Compensator
+from middeck.control.robust.mode_shift import shift_modes
+from middeck.control.sampled.compensator import SampledCompensator
+from middeck.errors import ConfigError
+from middeck.files.models import load_model
+from middeck.identification.plants.measured_plant import delayed_plant
+from middeck.structure.plants.modal_plant import build_plant
+from middeck.systems.delayed_plant import DelayedPlant
+from middeck.systems.plant import Plant, name_states
+from middeck.values import record
+
+Law = Compensator | SampledCompensator
+
+
+@record
+class Shift:
+    """Modes moved together by so many per cent of their frequency, down and up: names, or "7:10" Hz."""
+
+    modes: str
+    percent: float
+
+
+def gather_plants(
+    sources: Sequence[str],
+    environments: Sequence[str],
+    law: Law,
+    *,
+    count: int,
+    overrides: Sequence[str],
+    delay_s: float,
+) -> dict[str, DelayedPlant]:
+    """Each article in each environment, and each model; all ``delay_s`` later than they are."""
+    if overrides and all(s.endswith(".json") for s in sources):
+        raise ConfigError("--set is for articles and environments", hint="name an article, or leave it out")
+    found: dict[str, DelayedPlant] = {}
+    for source in sources:
+        if source.endswith(".json"):
+            found[_new_name(source, found)] = later(_model(source, law), delay_s)
+            continue
+        for environment in environments:
+            name = f" in {Path(environment).stem}"
+            found[_new_name(source, found, name)] = later(
+                _article(source, environment, law, count, overrides), delay_s
+            )
+    return found
+
+
+def _new_name(source: str, found: Mapping[str, object], end: str = "") -> str:
+    """Short where that tells the plants apart."""
+    short = Path(source).stem + end
+    return source + end if short in found else short
+
+
+def _article(source: str, environment: str, law: Law, count: int, overrides: Sequence[str]) -> Plant:
+    modes = solve_case(source, environment, overrides)
+    structure = modes.equilibrium.model.structure
+    u, y = (tuple(port.name for port in side) for side in (law.outputs, law.inputs))
+    with reading(source):
+        _require_ports(u, [a.name for a in structure.actuators], "drives", "actuator")
+        sensors = [s.name for s in structure.sensors]
+        _require_ports([name.removesuffix("_rate") for name in y], sensors, "reads", "sensor")
+        return build_plant(modes, inputs=u, outputs=y, count=count, w=u, u=u, z=y, y=y)
+
+
+def _require_ports(wanted: Sequence[str], there: Sequence[str], verb: str, part: str) -> None:
+    missing = [name for name in wanted if name not in there]
+    if missing:
+        raise ConfigError(
+            f"the compensator {verb} {', '.join(missing)}; the article has no such {part}",
+            hint=f"a plant with it; this one has {', '.join(there)}",
+        )
+
+
+def _model(source: str, law: Law) -> DelayedPlant:
+    model = load_model(source)
+    u, y = (tuple(port.name for port in side) for side in (law.outputs, law.inputs))
+    with reading(source):
+        _require_ports(u, [p.name for p in model.inputs], "drives", "input")
+        _require_ports(y, [p.name for p in model.outputs], "reads", "output")
+        return delayed_plant(model, w=u, u=u, z=y, y=y)
+
+
+def later(plant: Plant | DelayedPlant, delay_s: float) -> DelayedPlant:
+    """The plant, all its paths later by ``delay_s``."""
+    if isinstance(plant, DelayedPlant):
+        return dataclasses.replace(plant, delay_s=plant.delay_s + delay_s)
+    return DelayedPlant(plant, np.full((len(plant.outputs), len(plant.inputs)), delay_s))
+
+
+def shifted_plants(plants: Mapping[str, DelayedPlant], shifts: Sequence[Shift]) -> dict[str, DelayedPlant]:
+    """Each plant as it is, then each shift alone, down and up."""
+    found: dict[str, DelayedPlant] = {}
+    for name, plant in plants.items():
+        found[name] = plant
+        for shift in shifts:
+            with reading(name):
+                moved = chosen_modes(plant.plant, shift.modes)
+                for sign in (-1.0, 1.0):
+                    by = sign * shift.percent
+                    inside = shift_modes(plant.plant, dict.fromkeys(moved, 1.0 + 0.01 * by))
+                    found[f"{name}, {shift.modes} {by:+g} %"] = dataclasses.replace(plant, plant=inside)
+    return found
+
+
+def chosen_modes(plant: Plant, text: str) -> tuple[str, ...]:
+    """Modes by their names, or those that oscillate within a band such as "7:10" Hz.
+
+    Raises `ConfigError` where there is none.
+    """
+    names = name_states(plant)
+    low, colon, high = text.partition(":")
+    try:
+        band = (float(low), float(high)) if colon else None
+    except ValueError:
+        band = None
+    if band is None:
+        return tuple(name.strip() for name in text.split(","))
+    hz = natural_hz(plant)
+    within = tuple(name for name in dict.fromkeys(names) if band[0] <= hz.get(name, -1.0) <= band[1])
+    if not within:
+        there = ", ".join(f"{name} {f:.4g} Hz" for name, f in hz.items())
+        raise ConfigError(f"no mode between {band[0]:g} and {band[1]:g} Hz", hint=f"there are {there}")
+    return within
+
+
+def natural_hz(plant: Plant) -> dict[str, float]:
+    """The frequency [Hz] of each mode that oscillates, by name."""
+    names, A = np.array(name_states(plant)), plant.system.A
+    found: dict[str, float] = {}
+    for name in dict.fromkeys(names.tolist()):
+        index = np.flatnonzero(names == name)
+        values = np.linalg.eigvals(A[np.ix_(index, index)])
+        if len(index) == 2 and np.any(np.imag(values)):
+            found[name] = float(np.abs(values[0]) / (2.0 * np.pi))
+    return found

@@ -1,0 +1,245 @@
+"""``middeck qualify``: a compensator on plants that it was not designed for."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from middeck.cli import options
+from middeck.cli.requirements import Requirement, meets, read_requirements
+from middeck.cli.screen import Table, show
+
+if TYPE_CHECKING:
+    from middeck.cli.qualifying import Law
+    from middeck.control.qualification import Qualified
+
+EPILOG = """\
+\b
+Examples:
+  middeck qualify law.json articles/mace-dm.toml \\
+    --environment lab --environment orbit --count 12
+  middeck qualify law.json model.json --shift 7:10 2 --rate 250 \\
+    --require stable --require gain_db=3 --require db=-6
+"""
+AT_LEAST = ("gain_db", "phase_deg", "delay_ms", "disk", "damping")
+AT_MOST = ("db", "control_rms")
+
+
+@click.command("qualify", epilog=EPILOG)
+@click.argument("law_file", metavar="LAW.json")
+@click.argument("plants", nargs=-1, required=True, metavar="ARTICLE|MODEL.json...")
+@click.option(
+    "--environment",
+    "environments",
+    multiple=True,
+    metavar="NAME|PATH",
+    help="Of the articles; may be repeated.  [default: lab]",
+)
+@options.count
+@click.option(
+    "--shift",
+    "shifts",
+    type=(str, click.FloatRange(0.0, 100.0, min_open=True, max_open=True)),
+    multiple=True,
+    metavar="MODES PERCENT",
+    help="Modes by name or LO:HI in Hz, moved together down and up.",
+)
+@click.option(
+    "--rate", "rates_hz", type=options.Frequencies(), multiple=True, metavar="HZ,HZ", help="Also sampled."
+)
+@click.option("--delay-ms", type=click.FloatRange(min=0.0), default=0.0, help="More delay in each plant.")
+@click.option(
+    "--angle-noise",
+    type=click.FloatRange(min=0.0, min_open=True),
+    default=2e-5,
+    show_default=True,
+    help="Sensor noise, output unit/sqrt(Hz).",
+)
+@click.option(
+    "--disturbance",
+    type=click.FloatRange(min=0.0, min_open=True),
+    default=1e-2,
+    show_default=True,
+    help="At the inputs, unit/sqrt(Hz).",
+)
+@click.option(
+    "--require",
+    "required",
+    multiple=True,
+    metavar="LIMIT",
+    help="stable, gain_db=6, phase_deg=30, delay_ms=1, disk=0.5, damping=0.01, db=-20 or control_rms=1: "
+    "exit code 1 if a row fails.",
+)
+@options.common
+def verb(
+    law_file: str,
+    plants: tuple[str, ...],
+    environments: tuple[str, ...],
+    count: int,
+    required: tuple[str, ...],
+    overrides: tuple[str, ...],
+    as_json: bool,
+    **given: Any,
+) -> None:
+    """Try a compensator on plants it was not made for.
+
+    Each article in each environment and each fitted model, as it is and with modes moved, continuous and at
+    each rate: stability by eigenvalues, margins at the plant's inputs, and the rms of the outputs that are
+    read, over all frequencies under disturbance and noise, beside that without control (dB, less is better).
+    The delays of a model are exact. --set takes the keys of articles and environments.
+    """
+    requirements = read_requirements(required, AT_LEAST, AT_MOST)
+    law, found = _qualify(law_file, plants, environments or ("lab",), count, overrides, given)
+    rows = [_row(q) for q in found]
+    document = describe(law_file, law, rows, requirements)
+    show(as_json, document, *_tables(document))
+    if not document["passed"]:
+        click.get_current_context().exit(1)
+
+
+def _qualify(
+    law_file: str,
+    sources: tuple[str, ...],
+    environments: tuple[str, ...],
+    count: int,
+    overrides: tuple[str, ...],
+    given: dict[str, Any],
+) -> tuple[Law, tuple[Qualified, ...]]:
+    import numpy as np
+
+    from middeck.cli.qualifying import Shift, gather_plants, shifted_plants
+    from middeck.control.lqg import LQGWeights
+    from middeck.control.qualification import qualify_compensator
+    from middeck.files.compensators import load_compensator
+
+    law = load_compensator(law_file)
+    plants = gather_plants(
+        sources, environments, law, count=count, overrides=overrides, delay_s=1e-3 * given["delay_ms"]
+    )
+    plants = shifted_plants(plants, [Shift(*shift) for shift in given["shifts"]])
+    u, y = (tuple(port.name for port in side) for side in (law.outputs, law.inputs))
+    intensity = given["disturbance"] ** 2 * np.eye(len(u))
+    noise = np.full(len(y), given["angle_noise"] ** 2)
+    weights = LQGWeights(np.ones(len(y)), np.ones(len(u)), u, intensity, noise)
+    rates = tuple(rate for rates in given["rates_hz"] for rate in rates)
+    return law, qualify_compensator(law, plants, weights, rates_hz=rates)
+
+
+def _row(found: Qualified) -> dict[str, Any]:
+    """Numbers of one row, the least of all its loops; still infinite where there is no limit."""
+    import math
+
+    loops, unlimited = found.loops, math.inf if found.stable else None
+
+    def least(values: Any) -> Any:
+        return min(values, default=unlimited) if found.stable else None
+
+    weakest = min(loops, key=lambda loop: loop.disk.alpha, default=None)
+    return {
+        "plant": found.plant,
+        "setting": found.setting,
+        "stable": found.stable,
+        "pole_hz": found.stability.frequency_hz,
+        "decay_per_s": found.stability.margin,
+        "damping": found.stability.damping,
+        "gain_db": least(loop.gain_db for loop in loops),
+        "phase_deg": least(math.degrees(loop.phase_limit_rad) for loop in loops),
+        "delay_ms": least(1e3 * loop.delay_limit_s for loop in loops),
+        "disk": least(loop.disk.alpha for loop in loops),
+        "weakest_loop": None if weakest is None else weakest.channel,
+        "rms": found.rms,
+        # Without an rms of its own to compare with there are no decibels.
+        "db": found.db if math.isfinite(found.db) else None,
+        "control_rms": found.control_rms if found.stable else None,
+    }
+
+
+def describe(
+    law_file: str, law: Law, rows: list[dict[str, Any]], requirements: tuple[Requirement, ...]
+) -> dict[str, Any]:
+    """The JSON document; what is infinite or unknown is null."""
+    import math
+
+    from middeck.files.compensators import how_made, period_of
+
+    def finite(value: Any) -> Any:
+        return None if isinstance(value, float) and not math.isfinite(value) else value
+
+    judged = [
+        {
+            "require": requirement.text,
+            "failed": [f"{r['plant']}, {r['setting']}" for r in rows if not meets(requirement, r)],
+        }
+        for requirement in requirements
+    ]
+    return {
+        "schema": "middeck.qualify/1",
+        "law": {
+            "file": law_file,
+            **how_made(law),
+            "order": len(law.system.A),
+            "period_s": period_of(law.system),
+            "reads": [port.name for port in law.inputs],
+            "drives": [port.name for port in law.outputs],
+        },
+        "rows": [{key: finite(value) for key, value in row.items()} for row in rows],
+        "stable": sum(row["stable"] for row in rows),
+        "requirements": judged,
+        "passed": not any(r["failed"] for r in judged),
+        "warnings": _warnings(law, rows),
+    }
+
+
+def _warnings(law: Law, rows: list[dict[str, Any]]) -> list[str]:
+    import numpy as np
+
+    said: list[str] = []
+    if np.any(law.system.D) and any(r["setting"] == "continuous" for r in rows):
+        said.append(
+            "the compensator passes sensor noise on directly: white noise has no rms without a rate (--rate)"
+        )
+    elif any(row["stable"] and row["db"] is None for row in rows):
+        said.append("no dB where the plant does not decay without control: its own rms is infinite")
+    return said
+
+
+def _tables(document: dict[str, Any]) -> list[str | Table]:
+    law, rows = document["law"], document["rows"]
+    form = {"gain_db": ".2f", "phase_deg": ".1f", "delay_ms": ".3g", "disk": ".3f", "db": ".2f"}
+    headers = ["plant", "setting", "stable", "pole Hz", "damping", "gain dB", "phase deg", "delay ms", "disk"]
+    cells = [
+        [
+            row["plant"],
+            row["setting"],
+            "yes" if row["stable"] else "NO",
+            _number(row["pole_hz"], ".4g"),
+            _number(row["damping"], ".4f"),
+            *(_number(row[key], form[key], row["stable"]) for key in ("gain_db", "phase_deg", "delay_ms")),
+            _number(row["disk"], form["disk"]),
+            _number(row["db"], form["db"]),
+            _number(row["control_rms"], ".3g"),
+        ]
+        for row in rows
+    ]
+    kind = "continuous" if law["period_s"] is None else f"sampled at {1.0 / law['period_s']:g} Hz"
+    made = f", {law['method']}" if law["method"] else ""
+    failed = [
+        f"FAILED       {judged['require']}: {'; '.join(judged['failed'])}"
+        for judged in document["requirements"]
+        if judged["failed"]
+    ]
+    met = [f"met          {j['require']}" for j in document["requirements"] if not j["failed"]]
+    return [
+        f"compensator  {law['order']} states, {kind}{made}",
+        f"from         {', '.join(law['reads'])} to {', '.join(law['drives'])}",
+        f"stable       {document['stable']} of {len(rows)}",
+        Table("least margins of the loops, and rms", [*headers, "rms dB", "control rms"], cells),
+        *(["", *met, *failed] if document["requirements"] else []),
+    ]
+
+
+def _number(value: float | None, form: str, unlimited: bool = False) -> str:
+    if value is None:
+        return "none" if unlimited else "-"
+    return format(value, form)

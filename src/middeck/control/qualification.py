@@ -1,0 +1,214 @@
+"""A compensator on plants it was not designed for: stability, margins, rms, as it is and as it is sampled."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from middeck.control.analysis.margins import LoopMargins, measure_margins
+from middeck.control.analysis.stability import LoopStability
+from middeck.control.compensator import Compensator, idle_compensator
+from middeck.control.lqg import LQGWeights
+from middeck.control.partition import partition_modes
+from middeck.control.robust.monte_carlo import outcomes_on
+from middeck.control.sampled.compensator import SampledCompensator
+from middeck.control.sampled.outcome import measure_sampled_loop
+from middeck.errors import ConfigError, MiddeckError
+from middeck.systems.delayed_plant import DelayedPlant
+from middeck.systems.plant import Plant
+from middeck.systems.sampled_plant import build_sampled_plant
+from middeck.systems.sampling import tustin
+from middeck.systems.statespace import SampledStateSpace
+from middeck.values import record
+
+CONTINUOUS = "continuous"
+
+
+@record
+class Qualified:
+    """What one plant does under one form of a compensator.
+
+    Parameters
+    ----------
+    plant:
+        Its name.
+    setting:
+        ``"continuous"``, or the sampling rate, as ``"250 Hz"``.
+    stability:
+        By roots, delays exact; unstable is an outcome.
+    rms, control_rms:
+        (E[z' W^2 z])^1/2 and (E[u' R u])^1/2 under process and sensor noise, of a sampled loop between the
+        samples too; ``inf`` where unstable, and where a law with a direct term passes on white sensor noise.
+    db:
+        20 log10 of ``rms`` over that without control; ``inf`` where unstable, ``-inf`` where without control
+        there is no rms (a mode that does not decay), NaN never: ``inf`` where neither has one.
+    loops:
+        Margins of each loop, broken at the plant's inputs; empty for an unstable loop.
+    """
+
+    plant: str
+    setting: str
+    stability: LoopStability
+    rms: float
+    control_rms: float
+    db: float
+    loops: tuple[LoopMargins, ...]
+
+    @property
+    def stable(self) -> bool:
+        """Whether the loop is."""
+        return self.stability.stable
+
+
+def qualify_compensator(
+    compensator: Compensator | SampledCompensator,
+    plants: Mapping[str, Plant | DelayedPlant],
+    weights: LQGWeights,
+    *,
+    rates_hz: Sequence[float] = (),
+) -> tuple[Qualified, ...]:
+    """The compensator on each of ``plants``, continuous and then at each rate; delays and hold exact.
+
+    At a rate a continuous compensator is sampled by Tustin's rule; a sampled one runs at its own rate only.
+    ``weights`` say what is measured, under which noise: z, u and y of each plant in their order.
+
+    Raises
+    ------
+    ConfigError
+        For ports that a plant does not have, weights that do not fit, and rates for a sampled compensator.
+        The error's place is the name of the plant.
+    """
+    found: list[Qualified] = []
+    for name, plant in plants.items():
+        try:
+            aligned = align_plant(plant, compensator)
+            reference = _reference(aligned, weights)
+            if isinstance(compensator, Compensator):
+                found.append(_continuous(name, aligned, compensator, weights, reference))
+            laws = sampled_forms(compensator, rates_hz)
+            found += [_sampled(name, aligned, law, weights, reference) for law in laws]
+        except MiddeckError as error:
+            error.where = ", ".join(filter(None, [name, error.where]))
+            raise
+    return tuple(found)
+
+
+def align_plant(
+    plant: Plant | DelayedPlant, compensator: Compensator | SampledCompensator
+) -> Plant | DelayedPlant:
+    """The plant whose groups u and y are the compensator's ports, in its order; inert modes left out.
+
+    Raises `ConfigError` naming the ports that the plant does not have.
+    """
+    if isinstance(plant, DelayedPlant):
+        return dataclasses.replace(plant, plant=_aligned(plant.plant, compensator))
+    return _aligned(plant, compensator)
+
+
+def _aligned(plant: Plant, compensator: Compensator | SampledCompensator) -> Plant:
+    sides = (("drives", "input", compensator.outputs, plant.inputs),
+             ("reads", "output", compensator.inputs, plant.outputs))  # fmt: skip
+    for verb, side, wanted, there in sides:
+        known = {port.name: port.unit for port in there}
+        missing = [port.name for port in wanted if port.name not in known]
+        if missing:
+            raise ConfigError(
+                f"the compensator {verb} {', '.join(missing)}; the plant has no such {side}",
+                hint=f"a plant with it; this one has {', '.join(known)}",
+            )
+        other = [p for p in wanted if p.unit and known[p.name] and p.unit != known[p.name]]
+        if other:
+            raise ConfigError(
+                f"the compensator {verb} {other[0].name} in {other[0].unit}, the plant has it in "
+                f"{known[other[0].name]}",
+                hint="scale one of them",
+            )
+    u, y = (tuple(port.name for port in side) for side in (compensator.outputs, compensator.inputs))
+    # Before delays are approximated: the modes of what comes of that are no longer told apart.
+    return partition_modes(dataclasses.replace(plant, u=u, y=y)).active
+
+
+def sampled_forms(
+    compensator: Compensator | SampledCompensator, rates_hz: Sequence[float]
+) -> tuple[SampledCompensator, ...]:
+    """The compensator at each rate: by Tustin's rule, or a sampled one as it is.
+
+    Raises `ConfigError` for a rate that is not positive, and for one that is not a sampled compensator's own.
+    """
+    if isinstance(compensator, SampledCompensator):
+        own = 1.0 / compensator.period_s
+        if any(abs(rate - own) > 1e-9 * own for rate in rates_hz):
+            raise ConfigError(
+                f"the compensator is sampled, at {own:g} Hz; it has no form at another rate",
+                hint="leave the rates out, or give the continuous design",
+            )
+        return (compensator,)
+    bad = [rate for rate in rates_hz if not (np.isfinite(rate) and rate > 0.0)]
+    if bad:
+        raise ConfigError(f"a rate of {bad[0]} Hz", hint="a rate > 0 Hz")
+    ports = compensator.inputs, compensator.outputs
+    return tuple(
+        SampledCompensator(tustin(compensator.system, 1.0 / rate), *ports, "Tustin") for rate in rates_hz
+    )
+
+
+def _reference(plant: Plant | DelayedPlant, weights: LQGWeights) -> float:
+    inside = plant.plant if isinstance(plant, DelayedPlant) else plant
+    return float(outcomes_on([plant], idle_compensator(inside), weights)[0].rms[0])
+
+
+def _continuous(
+    name: str, plant: Plant | DelayedPlant, law: Compensator, weights: LQGWeights, reference: float
+) -> Qualified:
+    margins = measure_margins(plant, law)
+    rms = control = np.inf
+    if margins.stable and not np.any(law.system.D):
+        outcome = outcomes_on([plant], law, weights)[0]
+        rms, control = float(outcome.rms[0]), float(outcome.control_rms[0])
+    loops = margins.loops if margins.stable else ()
+    return Qualified(name, CONTINUOUS, margins.stability, rms, control, decibels(rms, reference), loops)
+
+
+def _sampled(
+    name: str, plant: Plant | DelayedPlant, law: SampledCompensator, weights: LQGWeights, reference: float
+) -> Qualified:
+    margins = measure_margins(_held(plant, law.period_s), law.system)
+    rms = control = np.inf
+    if margins.stable:
+        outcome = measure_sampled_loop(plant, law, weights, 1.0)
+        rms = outcome.metric
+        control = float(np.sqrt(np.sum(weights.input * outcome.control_rms**2)))
+    names = (port.name for port in law.outputs)
+    loops = [dataclasses.replace(m, channel=n) for m, n in zip(margins.loops, names, strict=True)]
+    return Qualified(
+        name,
+        f"{1.0 / law.period_s:g} Hz",
+        margins.stability,
+        rms,
+        control,
+        decibels(rms, reference),
+        tuple(loops) if margins.stable else (),
+    )
+
+
+def _held(plant: Plant | DelayedPlant, period_s: float) -> SampledStateSpace:
+    """From u to y."""
+    inside = plant.plant if isinstance(plant, DelayedPlant) else plant
+    columns, rows = inside.input_indices(inside.u), inside.output_indices(inside.y)
+    s = build_sampled_plant(plant, period_s).system
+    return SampledStateSpace(s.A, s.B[:, columns], s.C[rows], s.D[np.ix_(rows, columns)], s.period_s)
+
+
+def decibels(rms: float, reference: float) -> float:
+    """20 log10 of a ratio of two rms, either of which may be infinite.
+
+    >>> decibels(1.0, 10.0), decibels(1.0, np.inf), decibels(np.inf, np.inf)
+    (-20.0, -inf, inf)
+    """
+    if not np.isfinite(rms):
+        return np.inf
+    if not np.isfinite(reference):
+        return -np.inf
+    return float(20.0 * np.log10(rms / reference)) if rms > 0.0 and reference > 0.0 else 0.0
