@@ -29,7 +29,7 @@ def match_roots(system: StateSpace, period_s: float, omega: float) -> SampledSta
         )
     found, zeros = poles(system), transmission_zeros(system)
     chain = _in_series(_group(found, period_s), _group(zeros, period_s), period_s)
-    at = _beside(np.concatenate([found, zeros]), omega)
+    at = _beside(np.concatenate([found, zeros]), omega, 1.0 / period_s)
     wanted, have = (statespace_response(s, np.array([at]))[0, 0, 0] for s in (system, chain))
     if wanted == 0.0:
         raise ConfigError("a law that is zero has no gain to match", hint="leave it out")
@@ -38,12 +38,11 @@ def match_roots(system: StateSpace, period_s: float, omega: float) -> SampledSta
     return SampledStateSpace(chain.A, chain.B, gain * chain.C, gain * chain.D, period_s)
 
 
-def _beside(roots: np.ndarray, omega: float) -> float:
-    """``omega``; a thousandth of the smallest root that is not there where one is: no gain could be met."""
+def _beside(roots: np.ndarray, omega: float, rate: float) -> float:
+    """``omega``; where a root is, no gain could be met: then a thousandth of the way to the next."""
     away = np.abs(roots - 1j * omega)
-    scale = float(np.abs(roots).max(initial=0.0))
-    there = away < 1e-9 * scale
-    return omega + 1e-3 * float(away[~there].min(initial=scale)) if there.any() else omega
+    there = away <= 1e-9 * np.abs(roots).max(initial=0.0)
+    return omega + 1e-3 * float(away[~there].min(initial=rate)) if there.any() else omega
 
 
 def _group(roots: np.ndarray, period_s: float) -> list[Roots]:
