@@ -13,6 +13,7 @@ from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.plant import Plant
 
 RIGHTMOST, NEWTON_STEPS = 6, 3
+DECIDES = 30.0
 NEAR = 1e-3
 """Largest correction, relative to the pole: a root further off belongs to another pole."""
 
@@ -32,8 +33,10 @@ def _growth(delayed: Plant | DelayedPlant, law: Law, values: np.ndarray) -> floa
     if not isinstance(delayed, DelayedPlant):
         return float(np.real(values).max(initial=-np.inf))
     upper = values[np.imag(values) >= 0.0]
-    order = np.argsort(-np.real(upper))
-    lead, rest = upper[order[:RIGHTMOST]], upper[order[RIGHTMOST:]]
+    upper = upper[np.argsort(-np.real(upper))]
+    # A root so far left that its delay would be a factor beyond all numbers decides nothing.
+    count = np.count_nonzero(-np.real(upper[:RIGHTMOST]) * delayed.delay_s.max(initial=0.0) < DECIDES)
+    lead, rest = upper[:count], upper[count:]
     roots = np.concatenate([_corrected(delayed, law, lead), rest])
     return float(np.real(roots).max(initial=-np.inf))
 

@@ -6,6 +6,8 @@ quasi-Newton descent with analytic gradients.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from jaxtyping import Float
 
@@ -93,24 +95,41 @@ def design_popov(
     problem = pose_problem(plant, weights, authority, uncertainty, positions, structure)
     directions = stiffness_directions(plant, problem.nominal, uncertainty)
     model = models_of(problem, 1.0, 0.0)[0]
-    law = None if start is None else law_of(start)
-    place = _covering_start(plant, problem, uncertainty, model, directions, law)
+    law, history = None if start is None else law_of(start), ()
+    for place in _covering_starts(plant, problem, uncertainty, model, directions, law):
+        found = _minimise(problem, model, directions, place, tolerance)
+        if np.isfinite(found.bound):
+            return _result(problem, directions, found)
+        history = found.history
+    raise NumericalError(
+        "no law was found whose bound covers the box",
+        hint="a smaller uncertainty, a lower authority, or design_multimodel, which promises less",
+        history=history,
+    )
+
+
+def _minimise(
+    problem: Problem, model: DesignModel, directions: Directions, place: _Place, tolerance: float
+) -> _Place:
+    """Begun again in fresh coordinates as long as that helps; the bound is ``inf`` if it was lost at once."""
     for _ in range(RESTARTS):
-        before, place = place.bound, _improve(problem, model, directions, place, tolerance)
-        if not before - place.bound > 1e-5 * place.bound:
+        after = _improve(problem, model, directions, place, tolerance)
+        gain = place.bound - after.bound if np.isfinite(after.bound) else -np.inf
+        place = after if gain > 0.0 or not np.isfinite(place.bound) else place
+        if not gain > 1e-5 * after.bound:
             break
-    return _result(problem, directions, place)
+    return place
 
 
-def _covering_start(
+def _covering_starts(
     plant: Plant | DelayedPlant,
     problem: Problem,
     uncertainty: Uncertainty,
     model: DesignModel,
     directions: Directions,
     law: Law | None,
-) -> _Place:
-    """A law whose bound covers the box: that of several models, in boxes as wide as it takes.
+) -> Iterator[_Place]:
+    """Laws whose bound covers the box: those of several models, in boxes as wide as it takes.
 
     The law of least bound for a smaller box is no good start for a larger one: it has spent its robustness up
     to the edge, where the bound still is finite, and the box could grow by parts of a per cent only.
@@ -126,12 +145,7 @@ def _covering_start(
         law, history = arrival.law, (*history, *arrival.history)
         found = _covering_multipliers(model, law, directions)
         if found is not None:
-            return _Place(law, found, np.inf, np.inf, history)
-    raise NumericalError(
-        "no law was found whose bound covers the box",
-        hint="a smaller uncertainty, a lower authority, or design_multimodel, which promises less",
-        history=history,
-    )
+            yield _Place(law, found, np.inf, np.inf, history)
 
 
 def _covering_multipliers(model: DesignModel, law: Law, directions: Directions) -> Multipliers | None:

@@ -29,6 +29,9 @@ from middeck.control.robust.design_model import DesignModel
 from middeck.control.robust.directions import Directions
 from middeck.values import record
 
+SOUND = 1e-9
+"""Largest relative residual, and negative eigenvalue over the largest, of a Riccati solution that is used."""
+
 
 @record
 class Multipliers:
@@ -107,10 +110,22 @@ def _solve(
     if scaled is None:
         return None
     P = unit * scaled
-    PA = P @ moved
-    defect = PA + PA.T + P @ R @ P + Q
-    step = _lyapunov(moved + R @ P, (defect + defect.T) / 2.0)
-    return None if step is None else P + step
+    step = _lyapunov(moved + R @ P, _defect(P, moved, R, Q)[0])
+    if step is None:
+        return None
+    solved = P + step
+    lowest, *_, highest = np.linalg.eigvalsh(solved)
+    # A bound is a promise: none without a solution to nearly rounding, positive as it must be.
+    sound = _defect(solved, moved, R, Q)[1] <= SOUND and lowest >= -SOUND * highest
+    return solved if sound else None
+
+
+def _defect(P: np.ndarray, A: np.ndarray, R: np.ndarray, Q: np.ndarray) -> tuple[np.ndarray, float]:
+    """What is left of the Riccati equation, and its norm over that of the terms."""
+    linear, square = P @ A, P @ R @ P
+    defect = linear + linear.T + square + Q
+    size = 2.0 * np.linalg.norm(linear) + np.linalg.norm(square) + np.linalg.norm(Q)
+    return (defect + defect.T) / 2.0, float(np.linalg.norm(defect) / size)
 
 
 def _stable_subspace(hamiltonian: np.ndarray) -> Float[np.ndarray, "state state"] | None:
