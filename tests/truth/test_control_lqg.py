@@ -138,8 +138,21 @@ def test_weights_that_make_no_sense_are_refused():
     weights = LQGWeights(np.ones(2), np.ones(1), ("w",), np.eye(1), np.ones(1))
     with pytest.raises(ConfigError, match="2 output weights for 1"):
         design_lqg(scalar_plant(1.0), weights, 1.0)
-    with pytest.raises(ConfigError, match="authority"):
-        design_lqg(scalar_plant(1.0), scalar_weights(1.0, 1.0), 0.0)
+    for authority in (0.0, -1.0, np.nan, np.inf):
+        with pytest.raises(ConfigError, match="authority"):
+            design_lqg(scalar_plant(1.0), scalar_weights(1.0, 1.0), authority)
+    for bad in ({"input": np.zeros(1)}, {"output": np.array([np.nan])}, {"sensor": np.array([np.inf])},
+                {"process": np.array([[np.nan]])}, {"disturbed": ("w", "u")}):  # fmt: skip
+        with pytest.raises(ConfigError):
+            dataclasses.replace(scalar_weights(1.0, 1.0), **bad)
+
+
+def test_no_process_noise_at_all_is_named_where_a_mode_needs_it():
+    # A decaying plant needs no noise: the filter does nothing. One on the axis has no stationary filter.
+    quiet = scalar_weights(0.0, 1.0)
+    assert design_filter(scalar_plant(-1.0), quiet).gain[0, 0] == pytest.approx(0.0, abs=1e-12)
+    with pytest.raises(NotStabilisableError, match="process noise"):
+        design_filter(scalar_plant(0.0), quiet)
 
 
 def test_translations_are_set_aside_by_name():

@@ -36,9 +36,17 @@ class LQGWeights:
 
     def __post_init__(self) -> None:
         if len(self.disturbed) != len(self.process):
-            raise ConfigError(f"{len(self.disturbed)} disturbed inputs for {len(self.process)} intensities")
+            raise ConfigError(
+                f"{len(self.disturbed)} disturbed inputs for {len(self.process)} intensities",
+                hint="one row and column of the process intensity for each name in disturbed",
+            )
+        if not all(np.all(np.isfinite(a)) for a in (self.output, self.input, self.process, self.sensor)):
+            raise ConfigError("a weight or an intensity is not a finite number")
         if not np.all(self.input > 0.0):
-            raise ConfigError("an input weight is not positive: the control would be unbounded")
+            raise ConfigError(
+                "an input weight is not positive: the control would be unbounded",
+                hint="weigh every input, or take it out of u",
+            )
         if not np.all(self.sensor > 0.0):
             raise ConfigError(
                 "a sensor noise intensity is not positive: the filter would be singular",
@@ -48,7 +56,10 @@ class LQGWeights:
         symmetric = np.array_equal(self.process, self.process.T)
         # Rounding of an eigenvalue of a symmetric matrix, relative to its size.
         if not symmetric or lowest < -1e-12 * np.abs(self.process).max(initial=0.0):
-            raise ConfigError("the process intensity is not symmetric and positive semidefinite")
+            raise ConfigError(
+                "the process intensity is not symmetric and positive semidefinite",
+                hint="a covariance matrix: no correlation beyond the root of the product of two intensities",
+            )
 
 
 def require_size(what: str, size: int, group: tuple[str, ...]) -> None:
