@@ -1,6 +1,7 @@
 """Shaping of a law by hand: leads, lags, notches and roll-off in series with it."""
 
 from middeck.control.shaping.sections import (
+    design_pd,
     first_order_section,
     notch,
     roll_off,
@@ -8,4 +9,11 @@ from middeck.control.shaping.sections import (
     shape_compensator,
 )
 
-__all__ = ["first_order_section", "notch", "roll_off", "second_order_section", "shape_compensator"]
+__all__ = [
+    "design_pd",
+    "first_order_section",
+    "notch",
+    "roll_off",
+    "second_order_section",
+    "shape_compensator",
+]

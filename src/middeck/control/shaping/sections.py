@@ -6,10 +6,15 @@ so that a section of 1 % damping stays exact beside a plant of hundreds of state
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Sequence
 
+import numpy as np
+import scipy.linalg as sla
+
+from middeck.control.classical import PDLoops
 from middeck.control.compensator import Compensator
 from middeck.errors import ConfigError
+from middeck.systems.plant import Plant
 from middeck.systems.statespace import StateSpace, gain_system, series
 
 
@@ -86,6 +91,34 @@ def roll_off(frequency_hz: float, order: int = 2) -> StateSpace:
         lag = StateSpace(np.array([[-w]]), np.array([[w]]), np.ones((1, 1)), np.zeros((1, 1)))
         law = series(law, lag)
     return law
+
+
+def design_pd(
+    plant: Plant, pd: PDLoops, corner_hz: float | Sequence[float], *, order: int = 2
+) -> Compensator:
+    """u = -(kp + kd s) y through Butterworth's roll-off, one loop for each name: reads angles only.
+
+    The loops of `close_inner_loop` as a compensator that can be built: no rate is measured, and beyond
+    ``corner_hz`` (one for all loops, or one each) nothing is amplified. At an ``order`` of one a direct term
+    is left. Raises `ConfigError` for ports that the plant lacks and a corner or order that is not positive.
+    """
+    corners = np.broadcast_to(np.asarray(corner_hz, dtype=float), (len(pd.names),))
+    each = [
+        _pd_loop(float(kp), float(kd), float(corner), order)
+        for kp, kd, corner in zip(pd.kp, pd.kd, corners, strict=True)
+    ]
+    beside = StateSpace(*(np.asarray(sla.block_diag(*(getattr(s, m) for s in each))) for m in "ABCD"))
+    return Compensator(
+        beside,
+        tuple(plant.outputs[i] for i in plant.output_indices(pd.names)),
+        tuple(plant.inputs[i] for i in plant.input_indices(pd.names)),
+    )
+
+
+def _pd_loop(kp: float, kd: float, corner_hz: float, order: int) -> StateSpace:
+    """-(kp + kd s) F: with x' = A x + B y and f = C x, s F y is C A x + C B y."""
+    F = roll_off(corner_hz, order)
+    return StateSpace(F.A, F.B, -(kp * F.C + kd * F.C @ F.A), -kd * F.C @ F.B)
 
 
 def shape_compensator(compensator: Compensator, section: StateSpace) -> Compensator:

@@ -1,0 +1,109 @@
+"""Balanced truncation and residualisation; what does not decay is kept apart, exactly.
+
+The error is at most twice the sum of the Hankel singular values left out (Enns 1984, thesis, Stanford; Glover
+1984, Int. J. Control 39). How large it is is found, not bounded, see `middeck.systems.peak_gain`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.control.reduction.gramian import factor_gramians
+from middeck.control.reduction.projection import balance, bound_of, check_order, project, settle_order
+from middeck.control.reduction.result import Reduction, Rest
+from middeck.control.reduction.separation import add, separate_unstable, subtract
+from middeck.errors import ConfigError
+from middeck.systems.peak_gain import peak_gain
+from middeck.systems.statespace import StateSpace
+
+Sizes = Float[np.ndarray, " port"]
+
+
+def hankel_values(
+    system: StateSpace, *, input_size: Sizes | None = None, output_size: Sizes | None = None
+) -> Float[np.ndarray, " value"]:
+    """Hankel singular values of the part that decays, largest first.
+
+    >>> lag = StateSpace([[-2.0]], [[6.0]], [[4.0]], [[0.0]])             # half its static gain
+    >>> hankel_values(lag).tolist()
+    [6.0]
+    """
+    sized = in_sizes(system, input_size, output_size)
+    return balance(factor_gramians(separate_unstable(sized).rest)).hankel
+
+
+def reduce_balanced(
+    system: StateSpace,
+    order: int | None = None,
+    *,
+    bound: float | None = None,
+    rest: Rest = "truncate",
+    input_size: Sizes | None = None,
+    output_size: Sizes | None = None,
+) -> Reduction:
+    """The system with fewer states: those that are both hardest to reach and least seen go.
+
+    Parameters
+    ----------
+    system:
+        Any; the poles that do not decay are kept as they are and count in the order.
+    order:
+        States to be left; fewer where equal singular values would be parted, or where there are no more.
+    bound:
+        Instead of an order: the fewest states whose bound is at most this.
+    rest:
+        ``"truncate"`` (the limit at high frequency stays) or ``"residualise"`` (the static gain stays).
+    input_size, output_size:
+        Typical size of each port, in which gains, singular values and errors count; one unless given.
+
+    Raises
+    ------
+    ConfigError
+        For an order below the number of poles that do not decay, sizes that do not fit, or both an order and
+        a bound.
+
+    Examples
+    --------
+    >>> two = StateSpace(np.diag([-1.0, -9.0]), np.ones((2, 1)), np.array([[1.0, 0.01]]), np.zeros((1, 1)))
+    >>> small = reduce_balanced(two, 1)
+    >>> small.order, small.error <= small.bound
+    (1, True)
+    """
+    sized = in_sizes(system, input_size, output_size)
+    parts = separate_unstable(sized)
+    coordinates = balance(factor_gramians(parts.rest))
+    hankel, kept = coordinates.hankel, len(parts.kept.A)
+    k = settle_order(hankel, check_order(order, kept, len(system.A)), bound)
+    reduced = project(parts.rest, coordinates, k, rest)
+    peak = peak_gain(subtract(parts.rest, reduced))
+    whole = out_of_sizes(add(parts.kept, reduced), input_size, output_size)
+    method = "balanced truncation" if rest == "truncate" else "balanced residualisation"
+    return Reduction(
+        whole, len(whole.A), method, kept, hankel, bound_of(hankel, len(reduced.A)), peak.gain, peak.omega
+    )
+
+
+def in_sizes(system: StateSpace, input_size: Sizes | None, output_size: Sizes | None) -> StateSpace:
+    """The system whose ports are counted in their sizes."""
+    outputs, inputs = system.D.shape
+    u, y = _check_size(input_size, inputs, "input"), _check_size(output_size, outputs, "output")
+    return StateSpace(system.A, system.B * u, system.C / y[:, None], system.D * u / y[:, None])
+
+
+def out_of_sizes(system: StateSpace, input_size: Sizes | None, output_size: Sizes | None) -> StateSpace:
+    """Back to the ports' units."""
+    outputs, inputs = system.D.shape
+    u, y = _check_size(input_size, inputs, "input"), _check_size(output_size, outputs, "output")
+    return in_sizes(system, 1.0 / u, 1.0 / y)
+
+
+def _check_size(size: Sizes | None, count: int, side: str) -> Sizes:
+    if size is None:
+        return np.ones(count)
+    size = np.asarray(size, dtype=float)
+    if size.shape != (count,) or not np.all((size > 0.0) & np.isfinite(size)):
+        raise ConfigError(
+            f"{side} sizes {size.tolist()} for {count} ports", hint="one positive number for each port"
+        )
+    return size

@@ -1,0 +1,141 @@
+"""Compensators of lower order that still hold the plants they were made for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import get_args
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from middeck.control.closed_loop import close_loop
+from middeck.control.compensator import Compensator
+from middeck.control.lqg import LQGWeights
+from middeck.control.reduction.balanced import in_sizes
+from middeck.control.reduction.candidates import Method
+from middeck.control.reduction.loop import Loop, pose_loop, proper_law, response_in_loop
+from middeck.control.reduction.result import ReducedCompensator
+from middeck.control.reduction.search import Best, Trial, search_law
+from middeck.control.reduction.separation import subtract
+from middeck.control.robust.closed_cost import evaluate_cost
+from middeck.control.robust.uncertainty import without_delays
+from middeck.errors import ConfigError
+from middeck.systems.delayed_plant import DelayedPlant
+from middeck.systems.peak_gain import peak_gain
+from middeck.systems.plant import Plant
+from middeck.systems.statespace import StateSpace, series
+
+
+def reduce_compensator(
+    compensator: Compensator,
+    plants: Plant | DelayedPlant | Sequence[Plant | DelayedPlant],
+    order: int,
+    *,
+    method: Method | Best = "performance",
+    weights: LQGWeights | None = None,
+    authority: float = 1.0,
+    homotopy: bool = True,
+    polish: bool = False,
+) -> ReducedCompensator:
+    """The compensator with ``order`` states, the loop with every plant kept stable wherever a way is found.
+
+    First by ``method``. Where that leaves a loop unstable, the remainder is withdrawn step by step while the
+    law descends the H2 cost of the loops (a stability homotopy); where that is blocked, the other methods
+    are tried, each with its homotopy. ``steps`` of the result says what was done, ``stable`` whether it
+    holds: where nothing does, the law of ``method`` comes back and says so. A direct term stays as it is.
+
+    Parameters
+    ----------
+    compensator:
+        It must hold all ``plants``. States of an unstable part count in the order.
+    plants:
+        One or several; the first gives the typical sizes of u and y. Delays enter by Pade approximations.
+    order:
+        States to be left.
+    method:
+        ``"performance"``, ``"stability"``, ``"coprime"`` or ``"balanced"``, see
+        `middeck.control.reduction.candidates`; or ``"best"``: all four, and of those that hold the law that
+        costs least.
+    weights, authority:
+        What was minimised, e.g. of `design_lqg`; unless given the loop's own sizes are the weights, under
+        unit white noise on the group w.
+    homotopy:
+        Without it only the cut by ``method`` is made.
+    polish:
+        Descend the cost from there also where the cut was stable. With ``weights`` of the design this is the
+        best law of that order that the descent finds (`design_multimodel` goes further, with restarts);
+        without them it redesigns for the loop's own sizes.
+
+    Raises
+    ------
+    ConfigError
+        For an order of less than one or no reduction, a compensator that does not hold a plant, unknown
+        ports or methods.
+    """
+    known = (*get_args(Method), "best")
+    if method not in known:
+        raise ConfigError(f"no method {method!r}", hint=f"one of {', '.join(known)}")
+    n = len(compensator.system.A)
+    if not 0 < order < n:
+        raise ConfigError(f"an order of {order} for a compensator of {n} states", hint=f"from 1 to {n - 1}")
+    each = [plants] if isinstance(plants, Plant | DelayedPlant) else list(plants)
+    if not each:
+        raise ConfigError("no plant to reduce the compensator for", hint="the plant it was designed for")
+    whole = [without_delays(plant) for plant in each]
+    loops = [pose_loop(plant, compensator, weights, authority) for plant in whole]
+    found = search_law(_strictly_proper(compensator), order, method, loops, homotopy=homotopy, polish=polish)
+    return _report(compensator, whole, loops, found)
+
+
+def _strictly_proper(compensator: Compensator) -> StateSpace:
+    s = compensator.system
+    return StateSpace(s.A, s.B, s.C, np.zeros(s.D.shape))
+
+
+def _report(
+    compensator: Compensator,
+    plants: Sequence[Plant],
+    loops: Sequence[Loop],
+    found: Trial,
+) -> ReducedCompensator:
+    law, candidate = found.law, found.candidate
+    cut = law is candidate.law
+    whole = _strictly_proper(compensator)
+    # Of the first cut the remainder is known without what was kept in both.
+    remainder = candidate.remainder if cut else subtract(whole, law)
+    system = StateSpace(law.A, law.B, law.C, compensator.system.D)
+    smaller = Compensator(system, compensator.inputs, compensator.outputs)
+    peak = peak_gain(in_sizes(remainder, loops[0].output_size, loops[0].input_size))
+    return ReducedCompensator(
+        system,
+        compensator.inputs,
+        compensator.outputs,
+        len(system.A),
+        found.method,
+        found.steps,
+        candidate.hankel,
+        candidate.bound if cut else None,
+        peak.gain,
+        _loop_errors(whole, remainder, loops),
+        _stable(smaller, plants),
+        _cost_ratios(whole, law, loops),
+    )
+
+
+def _loop_errors(
+    whole: StateSpace, remainder: StateSpace, loops: Sequence[Loop]
+) -> Float[np.ndarray, " plant"]:
+    found: list[float] = []
+    for loop in loops:
+        weighted = series(response_in_loop(loop.model, whole), remainder)
+        found.append(peak_gain(in_sizes(weighted, loops[0].input_size, loops[0].input_size)).gain)
+    return np.array(found)
+
+
+def _stable(law: Compensator, plants: Sequence[Plant]) -> Bool[np.ndarray, " plant"]:
+    return np.array([close_loop(plant, law).stable for plant in plants], dtype=bool)
+
+
+def _cost_ratios(whole: StateSpace, law: StateSpace, loops: Sequence[Loop]) -> Float[np.ndarray, " plant"]:
+    costs = [[evaluate_cost(loop.model, proper_law(k)).cost for loop in loops] for k in (law, whole)]
+    return np.array(costs[0]) / np.array(costs[1])

@@ -1,0 +1,77 @@
+"""From a law that holds the plants to one of lower order that does not yet, by way of laws that do.
+
+K(a) = K_r + (1 - a) R with the remainder R = K - K_r of the first cut: at a = 0 it is K, at a = 1 it is K_r.
+On the way K_r descends the H2 cost of the loops, which grows without bound at the edge of stability, so that
+the remainder can be withdrawn further (as multi-model designs grow their perturbation, see
+`middeck.control.robust.approach`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from middeck.control.reduction.candidates import Candidate
+from middeck.control.reduction.loop import absorb, proper_law
+from middeck.control.robust.blend import improve
+from middeck.control.robust.closed_cost import Law
+from middeck.control.robust.design_model import DesignModel
+from middeck.control.robust.starts import stabilises
+from middeck.systems.stability import growth_rates
+from middeck.systems.statespace import StateSpace
+from middeck.values import record
+
+SMALLEST_STEP = 1.0 / 256.0
+"""Of the remainder, withdrawn at once; with less the way is taken as blocked."""
+SHORT_OF_EDGE = 0.75
+"""Part of a step that is taken: at the edge itself the cost is infinite."""
+ON_THE_WAY, AT_THE_END = 25, 200
+"""Steps of the descent at each stop, and once the remainder is gone."""
+LOOSE, TIDY = 1e-3, 1e-6
+
+
+@record
+class Withdrawal:
+    """How far the remainder was withdrawn (1: wholly), and the law there; ``stops`` counts the descents."""
+
+    law: Law
+    share: float
+    stops: int
+
+
+def withdraw_remainder(models: Sequence[DesignModel], candidate: Candidate) -> Withdrawal:
+    """The law of the candidate's order at the end of the way, or where the way was blocked."""
+    law, share, stops = proper_law(candidate.law), 0.0, 0
+
+    def at(a: float) -> Sequence[DesignModel]:
+        return models if a == 1.0 else [absorb(m, _times(candidate.remainder, 1.0 - a)) for m in models]
+
+    if not decays(candidate.remainder) or not stabilises(at(0.0), law):
+        return Withdrawal(law, 0.0, 0)
+    while share < 1.0:
+        step = 1.0 - share
+        while not stabilises(at(share + step), law):
+            step /= 2.0
+            if step < SMALLEST_STEP:
+                return Withdrawal(law, share, stops)
+        share = 1.0 if share + step >= 1.0 else share + SHORT_OF_EDGE * step
+        if share < 1.0:
+            found = improve(law, at(share), [], power=1.0, tolerance=LOOSE, steps=ON_THE_WAY)
+            law = law if found is None else found[0]
+            stops += 1
+    law = polish_law(models, law) or law
+    return Withdrawal(law, share, stops)
+
+
+def polish_law(models: Sequence[DesignModel], law: Law) -> Law | None:
+    """The law at the end of a descent of the mean cost; None where it does not hold all models."""
+    found = improve(law, models, [], power=1.0, tolerance=TIDY, steps=AT_THE_END)
+    return None if found is None else found[0]
+
+
+def _times(system: StateSpace, factor: float) -> StateSpace:
+    return StateSpace(system.A, system.B, factor * system.C, factor * system.D)
+
+
+def decays(system: StateSpace) -> bool:
+    """Whether all poles do."""
+    return all(rate.real < 0.0 for rate in growth_rates(system))

@@ -1,0 +1,168 @@
+"""The loop that a compensator is reduced in: what disturbs it, what counts in it, and how large it is.
+
+Where no weights are given they are those of the loop itself: unit white noise on the group w, each
+measurement with noise of a tenth of its rms in the compensator's band, each output and input over its rms.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.control.compensator import Compensator
+from middeck.control.lqg import LQGWeights
+from middeck.control.reduction.gramian import GramianFactors, factor_gramians, restrict
+from middeck.control.riccati.lyapunov import solve_lyapunov
+from middeck.control.robust.closed_cost import Law, closed_matrices, spectral_abscissa
+from middeck.control.robust.design_model import DesignModel, build_model
+from middeck.errors import ConfigError
+from middeck.systems.plant import Plant
+from middeck.systems.statespace import StateSpace, gain_system
+from middeck.values import record
+
+SENSOR_SHARE = 0.1
+"""Noise of a measurement over its rms: what the law does between its resonances counts a little."""
+
+
+@record
+class Loop:
+    """A plant with the compensator's direct term closed, its weights, and typical sizes of u and y."""
+
+    model: DesignModel
+    input_size: Float[np.ndarray, " u"]
+    output_size: Float[np.ndarray, " y"]
+
+
+def pose_loop(plant: Plant, compensator: Compensator, weights: LQGWeights | None, authority: float) -> Loop:
+    """The loop of ``compensator`` and ``plant``; raises `ConfigError` where it is unstable."""
+    joined = dataclasses.replace(
+        plant,
+        u=tuple(p.name for p in compensator.outputs),
+        y=tuple(p.name for p in compensator.inputs),
+        w=plant.w or tuple(p.name for p in compensator.outputs),
+    )
+    law, direct = proper_law(compensator.system), gain_system(compensator.system.D)
+    if weights is None:
+        joined = dataclasses.replace(joined, z=_without_direct(joined))
+        unit = _unit_weights(joined)
+        model = absorb(build_model(joined, unit, 1.0), direct)
+        weights, authority = _weights_of_loop(joined, model, law, unit), 1.0
+    model = absorb(build_model(joined, weights, authority), direct)
+    _, y, u = _mean_squares(model, law, len(weights.disturbed), len(joined.z))
+    return Loop(model, np.sqrt(_positive(u)), np.sqrt(_positive(y)))
+
+
+def proper_law(system: StateSpace) -> Law:
+    """The system without its direct term."""
+    return Law(system.A, system.B, system.C)
+
+
+def absorb(model: DesignModel, beside: StateSpace) -> DesignModel:
+    """The model with the fixed feedback ``beside`` closed around it; what is added to it at u is free.
+
+    White noise straight through to u would count infinitely, and in every law alike: it is left out.
+    """
+    M = np.linalg.inv(np.eye(len(beside.D)) - beside.D @ model.D22)
+    Fx, Fr, Fw = M @ beside.D @ model.C2, M @ beside.C, M @ beside.D @ model.D21
+    through = model.D22 @ M
+    return DesignModel(
+        np.block(
+            [
+                [model.A + model.B2 @ Fx, model.B2 @ Fr],
+                [beside.B @ (model.C2 + model.D22 @ Fx), beside.A + beside.B @ model.D22 @ Fr],
+            ]
+        ),
+        np.vstack([model.B1 + model.B2 @ Fw, beside.B @ (model.D21 + model.D22 @ Fw)]),
+        np.vstack([model.B2 @ M, beside.B @ through]),
+        np.hstack([model.C1 + model.D12 @ Fx, model.D12 @ Fr]),
+        model.D12 @ M,
+        np.hstack([model.C2 + model.D22 @ Fx, model.D22 @ Fr]),
+        model.D21 + model.D22 @ Fw,
+        through,
+    )
+
+
+def response_in_loop(model: DesignModel, law: StateSpace) -> StateSpace:
+    """G (I - K G)^-1, from what is added at u to y."""
+    closed = absorb(model, law)
+    return StateSpace(closed.A, closed.B2, closed.C2, closed.D22)
+
+
+def gramians_in_loop(models: Sequence[DesignModel], law: Law) -> GramianFactors:
+    """Of the law's states in the loop, mean over the models: how far they move, and what moving them costs.
+
+    Driven by the noises of the model, judged by its cost. With (I - G K)^-1 behind y and (I - K G)^-1 before
+    u as weights Enns' Gramians of a stable K are these (the weight's copy of K moves as K does); they exist
+    for an unstable one too.
+    """
+    return _mean([_blocks(*closed_matrices(model, law), len(model.A)) for model in models])
+
+
+def seen_at_y(models: Sequence[DesignModel], law: Law, output_size: np.ndarray) -> GramianFactors:
+    """The same judged by what comes back at y, each measurement over its size."""
+    found: list[GramianFactors] = []
+    for model in models:
+        A, B, _ = closed_matrices(model, law)
+        C = np.hstack([model.C2, model.D22 @ law.C]) / output_size[:, None]
+        found.append(_blocks(A, B, C, len(model.A)))
+    return _mean(found)
+
+
+def _blocks(A: np.ndarray, B: np.ndarray, C: np.ndarray, n: int) -> GramianFactors:
+    whole = factor_gramians(StateSpace(A, B, C, np.zeros((len(C), B.shape[1]))))
+    return GramianFactors(restrict(whole.reach, slice(n, None)), restrict(whole.see, slice(n, None)))
+
+
+def _mean(found: list[GramianFactors]) -> GramianFactors:
+    def mean(factors: list[np.ndarray]) -> np.ndarray:
+        return restrict(np.hstack(factors) / np.sqrt(len(factors)), slice(None))
+
+    return GramianFactors(mean([f.reach for f in found]), mean([f.see for f in found]))
+
+
+def _without_direct(plant: Plant) -> tuple[str, ...]:
+    """Outputs that noise does not reach directly, of the group z (of y where z is empty)."""
+    D, w = plant.system.D, plant.input_indices(plant.w)
+    names = plant.z or plant.y
+    rows = plant.output_indices(names)
+    return tuple(name for name, row in zip(names, rows, strict=True) if not np.any(D[row, w]))
+
+
+def _unit_weights(plant: Plant) -> LQGWeights:
+    ones = [np.ones(len(group)) for group in (plant.z, plant.u, plant.y)]
+    return LQGWeights(ones[0], ones[1], plant.w, np.eye(len(plant.w)), ones[2])
+
+
+def _weights_of_loop(plant: Plant, model: DesignModel, law: Law, unit: LQGWeights) -> LQGWeights:
+    z, y, u = (_positive(square) for square in _mean_squares(model, law, len(plant.w), len(plant.z)))
+    values = law.A if len(law.A) else model.A
+    highest_hz = float(np.abs(np.linalg.eigvals(values)).max()) / (2.0 * np.pi)
+    noise = SENSOR_SHARE**2 * y / (2.0 * max(highest_hz, np.finfo(float).tiny))
+    return dataclasses.replace(unit, output=1.0 / np.sqrt(z), input=1.0 / u, sensor=noise)
+
+
+def _mean_squares(
+    model: DesignModel, law: Law, noises: int, outputs: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of z, y and u under the process noise alone."""
+    if not spectral_abscissa(model, law) < 0.0:
+        raise ConfigError(
+            "the compensator to be reduced does not stabilise the plant",
+            hint="begin with a law that holds every plant: reduction keeps a loop stable, it makes none",
+        )
+    A, B, C = closed_matrices(model, law)
+    X = solve_lyapunov(A.T, B[:, :noises] @ B[:, :noises].T)
+    rows = np.vstack([C, np.hstack([model.C2, model.D22 @ law.C])])
+    squares = np.einsum("ij,jk,ik->i", rows, X, rows)
+    return squares[:outputs], squares[len(C) :], squares[outputs : len(C)]
+
+
+def _positive(squares: np.ndarray) -> Float[np.ndarray, " port"]:
+    """What nothing moves has the size of the largest; one where nothing moves at all."""
+    largest = float(squares.max(initial=0.0))
+    if not largest > 0.0:
+        return np.ones(len(squares))
+    return np.where(squares > 1e-24 * largest, squares, largest)

@@ -1,0 +1,205 @@
+"""Modal reduction: modes stay what they are, and those that matter least to chosen ports in a band go.
+
+What a mode matters is the largest share it has, within the band, of any path's largest response; so units do
+not matter. What is left out keeps its limit: a mode above the band its static gain (residual flexibility),
+one below the band its gain as a mass (an accelerometer's direct part).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import cast
+
+import numpy as np
+import scipy.linalg as sla
+from jaxtyping import Bool, Complex, Float
+
+from middeck.control.partition import partition_modes
+from middeck.control.reduction.result import ReducedPlant
+from middeck.control.reduction.separation import AXIS, separate_poles
+from middeck.errors import ConfigError
+from middeck.systems.modal import ModalSystem, modal_response, modal_to_statespace, select_modes
+from middeck.systems.peak_gain import peak_gain
+from middeck.systems.plant import Plant
+from middeck.systems.resolvent import evaluate_transfer
+from middeck.systems.statespace import StateSpace
+
+ACROSS = np.array([-3.0, -1.0, 0.0, 1.0, 3.0])
+"""Lines across each mode, in half-power half-widths, at which a path's largest response is looked for."""
+
+
+def reduce_modes(
+    plant: Plant,
+    modes: int,
+    *,
+    band_hz: tuple[float, float],
+    inputs: Sequence[str] = (),
+    outputs: Sequence[str] = (),
+    static: bool = True,
+) -> ReducedPlant:
+    """The plant with the ``modes`` that contribute most from ``inputs`` to ``outputs`` within ``band_hz``.
+
+    Rigid modes, and poles that do not decay, are kept and counted. A modal plant stays modal; of another the
+    modes are its poles, a pair or a real one each, kept by an invariant subspace. ``static`` keeps the limits
+    of what is dropped in the direct term; without it, a plant that had none has none (an LQG design refuses
+    one from process noise to a performance output). All ports unless named.
+
+    Raises
+    ------
+    ConfigError
+        For more modes than there are, fewer than must be kept, a band that is none, or unknown ports.
+    """
+    if not 0.0 <= band_hz[0] < band_hz[1] < np.inf:
+        raise ConfigError(f"a band of {band_hz} Hz", hint="0 <= low < high, both finite")
+    active = partition_modes(plant).active
+    u = active.input_indices(tuple(inputs) or [p.name for p in active.inputs])
+    y = active.output_indices(tuple(outputs) or [p.name for p in active.outputs])
+    band = 2.0 * np.pi * band_hz[0], 2.0 * np.pi * band_hz[1]
+    if isinstance(active.dynamics, ModalSystem):
+        return _of_modal(active, active.dynamics, modes, band, (u, y), static)
+    return _of_statespace(active, active.dynamics, modes, band, (u, y), static)
+
+
+def _of_modal(
+    plant: Plant,
+    modal: ModalSystem,
+    modes: int,
+    band: tuple[float, float],
+    ports: tuple[list[int], list[int]],
+    static: bool,
+) -> ReducedPlant:
+    seen = _through(modal, *ports)
+    keep, shares = _most(_contributions(seen, band), modal.omega == 0.0, modes)
+    smaller = select_modes(modal, keep)
+    gone = dataclasses.replace(select_modes(modal, ~keep), direct=None)
+    limit = _limits(gone, band)
+    if static:
+        direct = limit if modal.direct is None else modal.direct + limit
+        smaller = dataclasses.replace(smaller, direct=direct)
+    left = modal_to_statespace(_through(gone, *ports))
+    if static:
+        left = dataclasses.replace(left, D=left.D - limit[np.ix_(ports[1], ports[0])])
+    peak = peak_gain(left, band)
+    return ReducedPlant(
+        dataclasses.replace(plant, dynamics=smaller), 2 * len(smaller.omega), _words(static), smaller.names,
+        gone.names, shares, None, peak.gain, peak.omega / (2.0 * np.pi),
+    )  # fmt: skip
+
+
+def _words(static: bool) -> str:
+    return "modal, limits of the rest kept" if static else "modal, truncated"
+
+
+def _through(modal: ModalSystem, inputs: list[int], outputs: list[int]) -> ModalSystem:
+    a, direct = modal.phi_acceleration, modal.direct
+    return ModalSystem(
+        modal.omega, modal.zeta, modal.psi[:, inputs], modal.phi[outputs], modal.phi_rate[outputs],
+        modal.names, None if a is None else a[outputs],
+        None if direct is None else direct[np.ix_(outputs, inputs)],
+    )  # fmt: skip
+
+
+def _limits(gone: ModalSystem, band: tuple[float, float]) -> Float[np.ndarray, "output input"]:
+    """Static gain of modes in or above the band, direct part of those below it."""
+    above = gone.omega >= band[0]
+    limit = gone.phi[:, above] @ (gone.psi[above] / gone.omega[above, None] ** 2)
+    if gone.phi_acceleration is None:
+        return limit
+    return limit + gone.phi_acceleration[:, ~above] @ gone.psi[~above]
+
+
+def _contributions(modal: ModalSystem, band: tuple[float, float]) -> Float[np.ndarray, " mode"]:
+    lines = _lines(modal.omega, modal.zeta * modal.omega, band)
+    size = np.abs(modal_response(modal, lines)).max(axis=0)
+    share = np.zeros(len(modal.omega))
+    for m in range(len(share)):
+        one = dataclasses.replace(select_modes(modal, np.array([m])), direct=None)
+        at = _lines(one.omega, one.zeta * one.omega, band)
+        share[m] = _share(np.abs(modal_response(one, at)).max(axis=0), size)
+    return share
+
+
+def _share(part: np.ndarray, size: np.ndarray) -> float:
+    """The largest over paths; a path without response has none."""
+    return float(np.max(part / np.where(size > 0.0, size, np.inf), initial=0.0))
+
+
+def _lines(omega: np.ndarray, rate: np.ndarray, band: tuple[float, float]) -> Float[np.ndarray, " line"]:
+    # Lines at zero frequency would meet rigid modes: a thousandth of the band's width above it.
+    low = max(band[0], 1e-3 * band[1])
+    across = (omega[:, None] + ACROSS * rate[:, None]).ravel()
+    return np.unique(np.clip(np.append(across, [low, band[1]]), low, band[1]))
+
+
+def _most(
+    share: Float[np.ndarray, " mode"], must: Bool[np.ndarray, " mode"], modes: int
+) -> tuple[Bool[np.ndarray, " mode"], Float[np.ndarray, " mode"]]:
+    if not max(int(must.sum()), 1) <= modes <= len(share):
+        raise ConfigError(
+            f"{modes} modes of {len(share)}, of which {int(must.sum())} do not decay and are kept",
+            hint=f"from {max(int(must.sum()), 1)} to {len(share)}",
+        )
+    ranked = np.argsort(-np.where(must, np.inf, share), kind="stable")
+    keep = np.zeros(len(share), dtype=bool)
+    keep[ranked[:modes]] = True
+    return keep, np.sort(share)[::-1]
+
+
+def _of_statespace(
+    plant: Plant,
+    system: StateSpace,
+    modes: int,
+    band: tuple[float, float],
+    ports: tuple[list[int], list[int]],
+    static: bool,
+) -> ReducedPlant:
+    values, share = _pole_shares(_between(system, *ports), band)
+    grows = np.real(values) > -AXIS * np.abs(values).max(initial=0.0)
+    keep, shares = _most(share, grows, modes)
+    parts = separate_poles(system, _both(values[keep]))
+    gone = parts.rest
+    limit = gone.D - gone.C @ np.linalg.solve(gone.A, gone.B) if static and len(gone.A) else gone.D
+    smaller = dataclasses.replace(parts.kept, D=limit)
+    peak = peak_gain(_between(dataclasses.replace(gone, D=gone.D - limit), *ports), band)
+    states = tuple(f"modal {i}" for i in range(len(smaller.A)))
+    return ReducedPlant(
+        dataclasses.replace(plant, dynamics=smaller, state_names=states), len(smaller.A), _words(static),
+        _pole_names(values[keep]), _pole_names(values[~keep]), shares, None, peak.gain,
+        peak.omega / (2.0 * np.pi),
+    )  # fmt: skip
+
+
+def _between(system: StateSpace, inputs: list[int], outputs: list[int]) -> StateSpace:
+    return StateSpace(system.A, system.B[:, inputs], system.C[outputs], system.D[np.ix_(outputs, inputs)])
+
+
+def _pole_shares(
+    system: StateSpace, band: tuple[float, float]
+) -> tuple[Complex[np.ndarray, " mode"], Float[np.ndarray, " mode"]]:
+    """One pole of each pair, and its largest share of any path."""
+    values, left, right = cast(
+        "tuple[np.ndarray, np.ndarray, np.ndarray]", sla.eig(system.A, left=True, right=True)
+    )
+    one = np.flatnonzero(np.imag(values) >= 0.0)
+    lines = _lines(np.abs(values[one]), np.abs(np.real(values[one])), band)
+    size = np.abs(evaluate_transfer(system, 1j * lines)).max(axis=0)
+    share = np.zeros(len(one))
+    for i, k in enumerate(one):
+        overlap = left[:, k].conj() @ right[:, k]
+        at = 1j * _lines(np.abs(values[[k]]), np.abs(np.real(values[[k]])), band)[:, None, None]
+        residue = np.outer(system.C @ right[:, k], left[:, k].conj() @ system.B)
+        response = residue / (at - values[k])
+        if values[k].imag > 0.0:
+            response = response + residue.conj() / (at - values[k].conj())
+        # Eigenvectors of a double pole do not overlap: it matters as much as anything can.
+        share[i] = _share(np.abs(response).max(axis=0), size) / max(abs(overlap), np.finfo(float).tiny)
+    return values[one], share
+
+
+def _both(values: Complex[np.ndarray, " mode"]) -> Complex[np.ndarray, " pole"]:
+    return np.concatenate([values, np.conj(values[np.imag(values) > 0.0])])
+
+
+def _pole_names(values: Complex[np.ndarray, " mode"]) -> tuple[str, ...]:
+    return tuple(f"{abs(pole) / (2.0 * np.pi):.4g} Hz" for pole in values)

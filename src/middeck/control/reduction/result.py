@@ -1,0 +1,123 @@
+"""What a reduction returns, and what it says of itself."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from middeck.control.compensator import Compensator
+from middeck.systems.plant import Plant
+from middeck.systems.statespace import StateSpace
+from middeck.values import record
+
+Rest = Literal["truncate", "residualise"]
+"""What becomes of the states left out: nothing, or their static gain. Truncation is exact at high frequency,
+residualisation at zero frequency; both have the same bound."""
+
+
+@record
+class Reduction:
+    """A system of lower order.
+
+    Parameters
+    ----------
+    system:
+        What is left; states: those kept as they are, then those reduced.
+    order:
+        Its states.
+    method:
+        How it was made, in words.
+    kept:
+        States of poles that do not decay: kept exactly, never reduced.
+    hankel:
+        Hankel singular values of what was reduced, largest first, in the sizes of the ports.
+    bound:
+        2 (sum of those left out) >= ``error``; None where the method has none.
+    error:
+        The largest gain of first minus second system over all frequencies, in the sizes of the ports and
+        through the weights: the actual error, not a bound.
+    error_omega:
+        Where that is [rad/s].
+    """
+
+    system: StateSpace
+    order: int
+    method: str
+    kept: int
+    hankel: Float[np.ndarray, " value"]
+    bound: float | None
+    error: float
+    error_omega: float
+
+
+@record
+class ReducedPlant:
+    """A plant of lower order with the same ports.
+
+    Parameters
+    ----------
+    plant:
+        What is left. Modal where modes were chosen from a modal plant.
+    order:
+        Its states.
+    method:
+        How it was made, in words.
+    kept:
+        Names of the modes (or of what states belong to) that were kept as they are.
+    dropped:
+        Names of those left out as a whole; empty for a balanced reduction, which mixes them.
+    hankel, bound, error, error_hz:
+        As in `Reduction`; of a modal reduction ``hankel`` holds the modes' contributions, largest first, and
+        the error is that within the band.
+    """
+
+    plant: Plant
+    order: int
+    method: str
+    kept: tuple[str, ...]
+    dropped: tuple[str, ...]
+    hankel: Float[np.ndarray, " value"]
+    bound: float | None
+    error: float
+    error_hz: float
+
+
+@record
+class ReducedCompensator(Compensator):
+    """A compensator of lower order that knows what it replaces.
+
+    Parameters
+    ----------
+    order:
+        States.
+    method:
+        ``"performance"``, ``"stability"``, ``"coprime"`` or ``"balanced"``: the one that gave this law.
+    steps:
+        What was tried and what came of it, in words.
+    hankel:
+        Singular values by which states were chosen; what they measure depends on the method.
+    bound:
+        2 (sum of those left out) for ``"balanced"``, None for the others.
+    error:
+        Largest gain of the difference K - K_r over all frequencies, in the sizes of the ports.
+    loop_error:
+        Largest gain of (K - K_r) G (I - K G)^-1, one for each plant. Below one it proves stability, if K and
+        K_r have equally many unstable poles (Anderson and Liu 1989).
+    stable:
+        Whether the loop with the law is stable, on each plant: by eigenvalues.
+    cost_ratio:
+        What is minimised with the law over the same with the first one, on each plant; ``inf`` where
+        unstable.
+    """
+
+    order: int
+    method: str
+    steps: tuple[str, ...]
+    hankel: Float[np.ndarray, " value"]
+    bound: float | None
+    error: float
+    loop_error: Float[np.ndarray, " plant"]
+    stable: Bool[np.ndarray, " plant"]
+    cost_ratio: Float[np.ndarray, " plant"]

@@ -1,0 +1,102 @@
+"""From method to method until a law of lower order holds every plant."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+
+from middeck.control.reduction.candidates import Candidate, Method, find_candidate, find_start
+from middeck.control.reduction.homotopy import Withdrawal, decays, polish_law, withdraw_remainder
+from middeck.control.reduction.loop import Loop, proper_law
+from middeck.control.robust.closed_cost import Law, evaluate_cost
+from middeck.errors import ConfigError, NumericalError
+from middeck.systems.statespace import StateSpace
+from middeck.values import record
+
+Best = Literal["best"]
+ORDER_OF_TRIAL: tuple[Method, ...] = ("performance", "stability", "coprime", "balanced")
+
+
+@record
+class Trial:
+    """Where one method led: the law, its first cut, whether it holds all plants, and the words for it."""
+
+    law: StateSpace
+    method: Method
+    candidate: Candidate
+    holds: bool
+    steps: tuple[str, ...]
+
+
+def search_law(
+    system: StateSpace,
+    order: int,
+    method: Method | Best,
+    loops: Sequence[Loop],
+    *,
+    homotopy: bool,
+    polish: bool,
+) -> Trial:
+    """The first method that leads to a law that holds, or of all methods the one that costs least.
+
+    Where none holds, that of the first method.
+    """
+    asked: Method = "performance" if method == "best" else method
+    trials = [_try(system, order, asked, loops, homotopy, polish)]
+    steps: list[str] = []
+    for way in ORDER_OF_TRIAL:
+        if way == asked or (method != "best" and (trials[-1].holds or not homotopy)):
+            continue
+        try:
+            trials.append(_try(system, order, way, loops, homotopy, polish))
+        except (ConfigError, NumericalError) as error:
+            # What one way cannot do (keep more unstable poles than states are left) another may.
+            steps.append(f"{way}: {error.what}")
+    chosen = trials[0]
+    if any(trial.holds for trial in trials):
+        chosen = min(trials, key=lambda trial: _mean_cost(trial.law, loops))
+    done = (step for trial in trials for step in trial.steps)
+    return dataclasses.replace(chosen, steps=(*done, *steps))
+
+
+def _try(
+    system: StateSpace, order: int, method: Method, loops: Sequence[Loop], homotopy: bool, polish: bool
+) -> Trial:
+    candidate = find_candidate(system, order, method, loops)
+    law = candidate.law
+    holds = bool(np.isfinite(_mean_cost(law, loops)))
+    steps = [f"{method}: {'stable' if holds else 'unstable'} as cut"]
+    if not holds and homotopy:
+        end = _withdraw(system, order, candidate, loops)
+        holds = end.share == 1.0
+        law = _with_law(law, end.law) if holds else law
+        steps.append(f"{method}: {_words(end)}")
+    elif holds and polish:
+        found = polish_law([loop.model for loop in loops], proper_law(law))
+        law = law if found is None else _with_law(law, found)
+        steps.append(f"{method}: the cost descended")
+    return Trial(law, method, candidate, holds, tuple(steps))
+
+
+def _words(end: Withdrawal) -> str:
+    if end.share < 1.0:
+        return f"homotopy blocked with {end.share:.3g} of the remainder withdrawn"
+    return f"remainder withdrawn by a homotopy of {end.stops} stops, then the cost descended"
+
+
+def _withdraw(system: StateSpace, order: int, candidate: Candidate, loops: Sequence[Loop]) -> Withdrawal:
+    start = candidate if decays(candidate.remainder) else find_start(system, order, loops)
+    if start is None:
+        return Withdrawal(proper_law(candidate.law), 0.0, 0)
+    return withdraw_remainder([loop.model for loop in loops], start)
+
+
+def _with_law(system: StateSpace, law: Law) -> StateSpace:
+    return StateSpace(law.A, law.B, law.C, system.D)
+
+
+def _mean_cost(law: StateSpace, loops: Sequence[Loop]) -> float:
+    return float(np.mean([evaluate_cost(loop.model, proper_law(law)).cost for loop in loops]))

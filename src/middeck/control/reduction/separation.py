@@ -1,0 +1,112 @@
+"""A system as the sum of two: the poles asked for, and the others.
+
+Ordered real Schur form and one Sylvester equation (Kågström and Van Dooren 1990, "Additive decomposition of a
+transfer function"; Bai and Demmel 1993 for the ordering). The sum is the system to rounding, whatever its
+poles do: what is unstable or integrates passes a reduction untouched.
+"""
+
+from __future__ import annotations
+
+from typing import Any, cast
+
+import numpy as np
+import scipy.linalg as sla
+from jaxtyping import Bool, Complex, Float
+from scipy.linalg import lapack
+
+from middeck.errors import NumericalError
+from middeck.systems.resolvent import balance_states
+from middeck.systems.statespace import StateSpace
+from middeck.values import record
+
+AXIS = float(np.sqrt(np.finfo(float).eps))
+"""Real part, relative to A, left of which a pole counts as decaying: a double one at the origin is known to
+the square root of rounding."""
+
+
+@record
+class Separation:
+    """``kept`` (no direct term) plus ``rest`` is the system."""
+
+    kept: StateSpace
+    rest: StateSpace
+
+
+def separate_unstable(system: StateSpace) -> Separation:
+    """The part that does not decay is kept apart."""
+    balanced = balance_states(system)
+    size = float(np.linalg.norm(balanced.A, 2)) if len(balanced.A) else 0.0
+    form = _schur(balanced)
+    return _separate(balanced, *form, np.real(form[2]) > -AXIS * size)
+
+
+def separate_poles(system: StateSpace, wanted: Complex[np.ndarray, " wanted"]) -> Separation:
+    """The part with the poles ``wanted`` (both of a pair) is kept apart."""
+    balanced = balance_states(system)
+    form = _schur(balanced)
+    values = form[2]
+    which = np.zeros(len(values), dtype=bool)
+    for pole in wanted:
+        # The nearest that is not taken, so that of equal poles as many are kept as are asked for.
+        which[int(np.argmin(np.where(which, np.inf, np.abs(values - pole))))] = True
+    return _separate(balanced, *form, which)
+
+
+def _schur(system: StateSpace) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    if not len(system.A):
+        return np.zeros((0, 0)), np.zeros((0, 0)), np.zeros(0, dtype=complex)
+    T, Q = cast("tuple[np.ndarray, np.ndarray]", sla.schur(system.A))
+    values = np.diag(T).astype(complex)
+    # A standard block has equal diagonal entries and off-diagonal ones of opposite sign.
+    for i in np.flatnonzero(np.diag(T, -1)):
+        turn = np.sqrt(abs(T[i, i + 1])) * np.sqrt(abs(T[i + 1, i]))
+        values[i] += 1j * turn
+        values[i + 1] -= 1j * turn
+    return T, Q, values
+
+
+def _separate(
+    system: StateSpace, T: np.ndarray, Q: np.ndarray, values: np.ndarray, which: Bool[np.ndarray, " state"]
+) -> Separation:
+    k, D = int(which.sum()), system.D
+    if not 0 < k < len(which):
+        none = _part(system, slice(0, 0), np.zeros(D.shape))
+        whole = _part(system, slice(None), np.zeros(D.shape) if k else D)
+        return Separation(whole, _part(system, slice(0, 0), D)) if k else Separation(none, whole)
+    ordered, vectors, *_, info = cast("Any", lapack).dtrsen(which.astype(np.int32), T, Q, job="N")
+    if info:
+        raise NumericalError(
+            "poles to be kept and poles to be reduced are too close to part",
+            hint="another order",
+            poles=values,
+        )
+    X = _uncouple(ordered, k)
+    turn = np.block([[np.eye(k), X], [np.zeros((len(T) - k, k)), np.eye(len(T) - k)]])
+    back = np.block([[np.eye(k), -X], [np.zeros((len(T) - k, k)), np.eye(len(T) - k)]])
+    apart = StateSpace(ordered, back @ vectors.T @ system.B, system.C @ vectors @ turn, D)
+    return Separation(_part(apart, slice(0, k), np.zeros(D.shape)), _part(apart, slice(k, None), D))
+
+
+def _uncouple(T: np.ndarray, k: int) -> Float[np.ndarray, "kept rest"]:
+    """X with T11 X - X T22 + T12 = 0."""
+    X, scale, _ = cast("Any", lapack).dtrsyl(T[:k, :k], T[k:, k:], -T[:k, k:], isgn=-1)
+    return X / scale
+
+
+def _part(system: StateSpace, which: slice, D: np.ndarray) -> StateSpace:
+    return StateSpace(system.A[which, which], system.B[which], system.C[:, which], D)
+
+
+def add(first: StateSpace, second: StateSpace) -> StateSpace:
+    """Both driven by the same inputs, their outputs added; states ordered (first, second)."""
+    return StateSpace(
+        np.asarray(sla.block_diag(first.A, second.A)),
+        np.vstack([first.B, second.B]),
+        np.hstack([first.C, second.C]),
+        first.D + second.D,
+    )
+
+
+def subtract(first: StateSpace, second: StateSpace) -> StateSpace:
+    """What the first does beyond the second."""
+    return add(first, StateSpace(second.A, second.B, -second.C, -second.D))
