@@ -16,7 +16,9 @@ if TYPE_CHECKING:
     from middeck.control.authority import find_first_instability, sweep_authority
     from middeck.control.classical import PDLoops, close_inner_loop
     from middeck.control.closed_loop import close_loop, leave_open
-    from middeck.control.lqg import LQGWeights, design_filter, design_lqg
+    from middeck.control.lqg.design import design_lqg
+    from middeck.control.lqg.estimator import design_filter
+    from middeck.control.lqg.weights import LQGWeights
     from middeck.control.performance import Performance, measure_metric, measure_rms
     from middeck.errors import MiddeckError
     from middeck.files.compensators import write_compensator
@@ -123,7 +125,7 @@ _ROOM = {
     "Environment": "structure.environment",
     "Excitation": "systems.excitation.signal",
     "Friction": "systems.friction",
-    "LQGWeights": "control.lqg",
+    "LQGWeights": "control.lqg.weights",
     "Limits": "systems.excitation.limits",
     "MeasuredModes": "structure.correlation.measured_modes",
     "MeasurementModel": "identification.measurement_model",
@@ -150,8 +152,8 @@ _ROOM = {
     "cut_periods": "systems.excitation.recognition",
     "design_binary": "systems.excitation.binary",
     "design_burst": "systems.excitation.noise",
-    "design_filter": "control.lqg",
-    "design_lqg": "control.lqg",
+    "design_filter": "control.lqg.estimator",
+    "design_lqg": "control.lqg.design",
     "design_mls": "systems.excitation.binary",
     "design_multisine": "systems.excitation.multisine",
     "design_noise": "systems.excitation.noise",
