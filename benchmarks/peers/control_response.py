@@ -1,6 +1,6 @@
 """python-control with slycot on the frequency response of in.npz: CPU seconds and the answer.
 
-    python control_response.py IN.npz OUT.npz     needs control, slycot
+python control_response.py IN.npz OUT.npz     needs control, slycot
 """
 
 from __future__ import annotations
@@ -8,9 +8,10 @@ from __future__ import annotations
 import sys
 import time
 
-import control
 import numpy as np
 import slycot
+
+import control
 
 
 def main() -> None:
