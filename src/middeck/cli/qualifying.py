@@ -5,11 +5,13 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from middeck.cli.blame import reading
 from middeck.cli.cases import solve_case
+from middeck.control.analysis.shifts import find_allowed_shifts
 from middeck.control.compensator import Compensator
 from middeck.control.robust.mode_shift import shift_modes
 from middeck.control.sampled.compensator import SampledCompensator
@@ -22,6 +24,8 @@ from middeck.systems.plant import Plant, name_states
 from middeck.values import record
 
 Law = Compensator | SampledCompensator
+# As far as a shift to instability is looked for.
+MOST = 0.2
 
 
 @record
@@ -68,17 +72,19 @@ def _article(source: str, environment: str, law: Law, count: int, overrides: Seq
     structure = modes.equilibrium.model.structure
     u, y = (tuple(port.name for port in side) for side in (law.outputs, law.inputs))
     with reading(source):
-        _require_ports(u, [a.name for a in structure.actuators], "drives", "actuator")
+        _require_ports(u, [a.name for a in structure.actuators], "drives", "the article has no such actuator")
         sensors = [s.name for s in structure.sensors]
-        _require_ports([name.removesuffix("_rate") for name in y], sensors, "reads", "sensor")
+        _require_ports(
+            [name.removesuffix("_rate") for name in y], sensors, "reads", "the article has no such sensor"
+        )
         return build_plant(modes, inputs=u, outputs=y, count=count, w=u, u=u, z=y, y=y)
 
 
-def _require_ports(wanted: Sequence[str], there: Sequence[str], verb: str, part: str) -> None:
+def _require_ports(wanted: Sequence[str], there: Sequence[str], verb: str, lacks: str) -> None:
     missing = [name for name in wanted if name not in there]
     if missing:
         raise ConfigError(
-            f"the compensator {verb} {', '.join(missing)}; the article has no such {part}",
+            f"the compensator {verb} {', '.join(missing)}; {lacks}",
             hint=f"a plant with it; this one has {', '.join(there)}",
         )
 
@@ -87,8 +93,8 @@ def _model(source: str, law: Law) -> DelayedPlant:
     model = load_model(source)
     u, y = (tuple(port.name for port in side) for side in (law.outputs, law.inputs))
     with reading(source):
-        _require_ports(u, [p.name for p in model.inputs], "drives", "input")
-        _require_ports(y, [p.name for p in model.outputs], "reads", "output")
+        _require_ports(u, [p.name for p in model.inputs], "drives", "the model has no such input")
+        _require_ports(y, [p.name for p in model.outputs], "reads", "the model has no such output")
         return delayed_plant(model, w=u, u=u, z=y, y=y)
 
 
@@ -111,6 +117,33 @@ def shifted_plants(plants: Mapping[str, DelayedPlant], shifts: Sequence[Shift]) 
                     by = sign * shift.percent
                     inside = shift_modes(plant.plant, dict.fromkeys(moved, 1.0 + 0.01 * by))
                     found[f"{name}, {shift.modes} {by:+g} %"] = dataclasses.replace(plant, plant=inside)
+    return found
+
+
+def allowed_shifts(plants: Mapping[str, DelayedPlant], law: Law) -> list[dict[str, Any]]:
+    """How far each mode of each plant may shift before the continuous loop is unstable, in per cent.
+
+    Raises `ConfigError` for a sampled compensator.
+    """
+    if not isinstance(law, Compensator):
+        raise ConfigError(
+            "--limits is for a continuous compensator", hint="--shift MODES PERCENT, one by one"
+        )
+    found: list[dict[str, Any]] = []
+    for name, plant in plants.items():
+        with reading(name):
+            shifts = find_allowed_shifts(plant, law, most=MOST)
+        found += [
+            {
+                "plant": name,
+                "mode": shift.mode,
+                "down_percent": 100.0 * shift.down if np.isfinite(shift.down) else None,
+                "up_percent": 100.0 * shift.up if np.isfinite(shift.up) else None,
+                "down_hz": shift.down_hz if np.isfinite(shift.down) else None,
+                "up_hz": shift.up_hz if np.isfinite(shift.up) else None,
+            }
+            for shift in shifts
+        ]
     return found
 
 

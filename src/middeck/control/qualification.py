@@ -7,20 +7,17 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from middeck.control.analysis.margins import LoopMargins, measure_margins
-from middeck.control.analysis.stability import LoopStability
+from middeck.control.analysis import LoopMargins, LoopStability, Margins, measure_margins
 from middeck.control.compensator import Compensator, idle_compensator
 from middeck.control.lqg import LQGWeights
 from middeck.control.partition import partition_modes
 from middeck.control.robust.monte_carlo import outcomes_on
-from middeck.control.sampled.compensator import SampledCompensator
-from middeck.control.sampled.outcome import measure_sampled_loop
-from middeck.errors import ConfigError, MiddeckError
+from middeck.control.sampled import SampledCompensator, measure_sampled_loop, measure_sampled_margins
+from middeck.control.stabilisability import require_reachable
+from middeck.errors import ConfigError, MiddeckError, NotStabilisableError
 from middeck.systems.delayed_plant import DelayedPlant
-from middeck.systems.plant import Plant
-from middeck.systems.sampled_plant import build_sampled_plant
+from middeck.systems.plant import Plant, name_states, subsystem
 from middeck.systems.sampling import tustin
-from middeck.systems.statespace import SampledStateSpace
 from middeck.values import record
 
 CONTINUOUS = "continuous"
@@ -46,6 +43,9 @@ class Qualified:
         there is no rms (a mode that does not decay), NaN never: ``inf`` where neither has one.
     loops:
         Margins of each loop, broken at the plant's inputs; empty for an unstable loop.
+    unheld:
+        Modes that do not decay and that no law at these ports can hold: the loop is then not stable, whether
+        rounding puts their poles left or right of the axis.
     """
 
     plant: str
@@ -55,11 +55,12 @@ class Qualified:
     control_rms: float
     db: float
     loops: tuple[LoopMargins, ...]
+    unheld: tuple[str, ...] = ()
 
     @property
     def stable(self) -> bool:
-        """Whether the loop is."""
-        return self.stability.stable
+        """Whether the loop is, nothing of the plant left to drift."""
+        return self.stability.stable and not self.unheld
 
 
 def qualify_compensator(
@@ -83,16 +84,36 @@ def qualify_compensator(
     found: list[Qualified] = []
     for name, plant in plants.items():
         try:
-            aligned = align_plant(plant, compensator)
-            reference = _reference(aligned, weights)
+            tried = _try(name, plant, compensator, weights)
             if isinstance(compensator, Compensator):
-                found.append(_continuous(name, aligned, compensator, weights, reference))
-            laws = sampled_forms(compensator, rates_hz)
-            found += [_sampled(name, aligned, law, weights, reference) for law in laws]
+                found.append(_continuous(tried, compensator, weights))
+            found += [_sampled(tried, law, weights) for law in sampled_forms(compensator, rates_hz)]
         except MiddeckError as error:
             error.where = ", ".join(filter(None, [name, error.where]))
             raise
     return tuple(found)
+
+
+@record
+class _Tried:
+    """A plant with its groups set, what it does alone, and what nothing holds."""
+
+    name: str
+    plant: Plant | DelayedPlant
+    reference: float
+    unheld: tuple[str, ...]
+
+
+def _try(
+    name: str,
+    plant: Plant | DelayedPlant,
+    compensator: Compensator | SampledCompensator,
+    weights: LQGWeights,
+) -> _Tried:
+    aligned = align_plant(plant, compensator)
+    inside = aligned.plant if isinstance(aligned, DelayedPlant) else aligned
+    alone = outcomes_on([aligned], idle_compensator(inside), weights)[0]
+    return _Tried(name, aligned, float(alone.rms[0]), _unheld(aligned))
 
 
 def align_plant(
@@ -154,51 +175,42 @@ def sampled_forms(
     )
 
 
-def _reference(plant: Plant | DelayedPlant, weights: LQGWeights) -> float:
-    inside = plant.plant if isinstance(plant, DelayedPlant) else plant
-    return float(outcomes_on([plant], idle_compensator(inside), weights)[0].rms[0])
-
-
-def _continuous(
-    name: str, plant: Plant | DelayedPlant, law: Compensator, weights: LQGWeights, reference: float
-) -> Qualified:
-    margins = measure_margins(plant, law)
+def _continuous(tried: _Tried, law: Compensator, weights: LQGWeights) -> Qualified:
+    margins = measure_margins(tried.plant, law)
     rms = control = np.inf
-    if margins.stable and not np.any(law.system.D):
-        outcome = outcomes_on([plant], law, weights)[0]
+    if margins.stable and not tried.unheld and not np.any(law.system.D):
+        outcome = outcomes_on([tried.plant], law, weights)[0]
         rms, control = float(outcome.rms[0]), float(outcome.control_rms[0])
-    loops = margins.loops if margins.stable else ()
-    return Qualified(name, CONTINUOUS, margins.stability, rms, control, decibels(rms, reference), loops)
+    return _qualified(tried, CONTINUOUS, margins, rms, control)
 
 
-def _sampled(
-    name: str, plant: Plant | DelayedPlant, law: SampledCompensator, weights: LQGWeights, reference: float
-) -> Qualified:
-    margins = measure_margins(_held(plant, law.period_s), law.system)
+def _sampled(tried: _Tried, law: SampledCompensator, weights: LQGWeights) -> Qualified:
+    margins = measure_sampled_margins(tried.plant, law)
     rms = control = np.inf
-    if margins.stable:
-        outcome = measure_sampled_loop(plant, law, weights, 1.0)
+    if margins.stable and not tried.unheld:
+        outcome = measure_sampled_loop(tried.plant, law, weights, 1.0)
         rms = outcome.metric
         control = float(np.sqrt(np.sum(weights.input * outcome.control_rms**2)))
-    names = (port.name for port in law.outputs)
-    loops = [dataclasses.replace(m, channel=n) for m, n in zip(margins.loops, names, strict=True)]
-    return Qualified(
-        name,
-        f"{1.0 / law.period_s:g} Hz",
-        margins.stability,
-        rms,
-        control,
-        decibels(rms, reference),
-        tuple(loops) if margins.stable else (),
-    )
+    return _qualified(tried, f"{1.0 / law.period_s:g} Hz", margins, rms, control)
 
 
-def _held(plant: Plant | DelayedPlant, period_s: float) -> SampledStateSpace:
-    """From u to y."""
+def _qualified(tried: _Tried, setting: str, margins: Margins, rms: float, control: float) -> Qualified:
+    loops = margins.loops if margins.stable and not tried.unheld else ()
+    db = decibels(rms, tried.reference)
+    return Qualified(tried.name, setting, margins.stability, rms, control, db, loops, tried.unheld)
+
+
+def _unheld(plant: Plant | DelayedPlant) -> tuple[str, ...]:
+    """Modes that do not decay and that u does not reach or y does not see; delays change nothing of that."""
     inside = plant.plant if isinstance(plant, DelayedPlant) else plant
-    columns, rows = inside.input_indices(inside.u), inside.output_indices(inside.y)
-    s = build_sampled_plant(plant, period_s).system
-    return SampledStateSpace(s.A, s.B[:, columns], s.C[rows], s.D[np.ix_(rows, columns)], s.period_s)
+    path, names = subsystem(inside, inside.u, inside.y), name_states(inside)
+    found: list[str] = []
+    for A, B in ((path.A, path.B), (path.A.T, path.C.T)):
+        try:
+            require_reachable(A, B, names)
+        except NotStabilisableError as error:
+            found += error.data["modes"]
+    return tuple(dict.fromkeys(found))
 
 
 def decibels(rms: float, reference: float) -> float:

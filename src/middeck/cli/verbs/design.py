@@ -20,7 +20,7 @@ EPILOG = """\
 \b
 Examples:
   middeck design articles/mace-dm.toml --environment lab --count 12 \\
-    --control pri_rel_z --measure pri_in_z --log10-authority 2
+    --control pri_rel_z --measure pri_in_z --log10-authority 2 -o gimbal.json
   middeck design model.json --control piezo_1 --measure position_1 \\
     --log10-authority 12 --angle-noise 1e-7 --disturbance 0.1 -o law.json
 """

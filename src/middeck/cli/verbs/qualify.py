@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 EPILOG = """\
 \b
 Examples:
-  middeck qualify law.json articles/mace-dm.toml \\
-    --environment lab --environment orbit --count 12
-  middeck qualify law.json model.json --shift 7:10 2 --rate 250 \\
-    --require stable --require gain_db=3 --require db=-6
+  middeck qualify gimbal.json articles/mace-dm.toml --count 12 \\
+    --environment lab --environment orbit --rate 100,250
+  middeck qualify law.json model.json --shift 300:1000 0.5 \\
+    --angle-noise 1e-7 --disturbance 0.1 --require stable --require gain_db=6
 """
 AT_LEAST = ("gain_db", "phase_deg", "delay_ms", "disk", "damping")
 AT_MOST = ("db", "control_rms")
@@ -48,6 +48,7 @@ AT_MOST = ("db", "control_rms")
 @click.option(
     "--rate", "rates_hz", type=options.Frequencies(), multiple=True, metavar="HZ,HZ", help="Also sampled."
 )
+@click.option("--limits", is_flag=True, help="How far each mode may shift to instability, up to 20 %.")
 @click.option("--delay-ms", type=click.FloatRange(min=0.0), default=0.0, help="More delay in each plant.")
 @click.option(
     "--angle-noise",
@@ -90,9 +91,9 @@ def verb(
     The delays of a model are exact. --set takes the keys of articles and environments.
     """
     requirements = read_requirements(required, AT_LEAST, AT_MOST)
-    law, found = _qualify(law_file, plants, environments or ("lab",), count, overrides, given)
+    law, found, allowed = _qualify(law_file, plants, environments or ("lab",), count, overrides, given)
     rows = [_row(q) for q in found]
-    document = describe(law_file, law, rows, requirements)
+    document = describe(law_file, law, rows, requirements) | {"allowed_shift": allowed}
     show(as_json, document, *_tables(document))
     if not document["passed"]:
         click.get_current_context().exit(1)
@@ -105,10 +106,10 @@ def _qualify(
     count: int,
     overrides: tuple[str, ...],
     given: dict[str, Any],
-) -> tuple[Law, tuple[Qualified, ...]]:
+) -> tuple[Law, tuple[Qualified, ...], list[dict[str, Any]] | None]:
     import numpy as np
 
-    from middeck.cli.qualifying import Shift, gather_plants, shifted_plants
+    from middeck.cli.qualifying import Shift, allowed_shifts, gather_plants, shifted_plants
     from middeck.control.lqg import LQGWeights
     from middeck.control.qualification import qualify_compensator
     from middeck.files.compensators import load_compensator
@@ -117,13 +118,14 @@ def _qualify(
     plants = gather_plants(
         sources, environments, law, count=count, overrides=overrides, delay_s=1e-3 * given["delay_ms"]
     )
+    allowed = allowed_shifts(plants, law) if given["limits"] else None
     plants = shifted_plants(plants, [Shift(*shift) for shift in given["shifts"]])
     u, y = (tuple(port.name for port in side) for side in (law.outputs, law.inputs))
     intensity = given["disturbance"] ** 2 * np.eye(len(u))
     noise = np.full(len(y), given["angle_noise"] ** 2)
     weights = LQGWeights(np.ones(len(y)), np.ones(len(u)), u, intensity, noise)
     rates = tuple(rate for rates in given["rates_hz"] for rate in rates)
-    return law, qualify_compensator(law, plants, weights, rates_hz=rates)
+    return law, qualify_compensator(law, plants, weights, rates_hz=rates), allowed
 
 
 def _row(found: Qualified) -> dict[str, Any]:
@@ -148,6 +150,7 @@ def _row(found: Qualified) -> dict[str, Any]:
         "delay_ms": least(1e3 * loop.delay_limit_s for loop in loops),
         "disk": least(loop.disk.alpha for loop in loops),
         "weakest_loop": None if weakest is None else weakest.channel,
+        "unheld": found.unheld,
         "rms": found.rms,
         # Without an rms of its own to compare with there are no decibels.
         "db": found.db if math.isfinite(found.db) else None,
@@ -194,7 +197,10 @@ def describe(
 def _warnings(law: Law, rows: list[dict[str, Any]]) -> list[str]:
     import numpy as np
 
-    said: list[str] = []
+    said = [
+        f"{plant}: nothing at these ports holds {', '.join(modes)}, which does not decay"
+        for plant, modes in {r["plant"]: r["unheld"] for r in rows if r["unheld"]}.items()
+    ]
     if np.any(law.system.D) and any(r["setting"] == "continuous" for r in rows):
         said.append(
             "the compensator passes sensor noise on directly: white noise has no rms without a rate (--rate)"
@@ -235,8 +241,27 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         f"from         {', '.join(law['reads'])} to {', '.join(law['drives'])}",
         f"stable       {document['stable']} of {len(rows)}",
         Table("least margins of the loops, and rms", [*headers, "rms dB", "control rms"], cells),
+        *_limits(document["allowed_shift"]),
         *(["", *met, *failed] if document["requirements"] else []),
     ]
+
+
+def _limits(allowed: list[dict[str, Any]] | None) -> list[str | Table]:
+    if allowed is None:
+        return []
+    ends = ("down_percent", "down_hz", "up_percent", "up_hz")
+    limited = [
+        [shift["plant"], shift["mode"], *(_number(shift[end], ".4g") for end in ends)]
+        for shift in allowed
+        if shift["down_percent"] is not None or shift["up_percent"] is not None
+    ]
+    rest = f"\n{len(allowed) - len(limited)} modes may shift by 20 % and more both ways, each alone"
+    table = Table(
+        "shift of one mode at which the loop becomes unstable, and the frequency that then grows",
+        ["plant", "mode", "down %", "at Hz", "up %", "at Hz"],
+        limited,
+    )
+    return [table, rest] if limited else [rest]
 
 
 def _number(value: float | None, form: str, unlimited: bool = False) -> str:
