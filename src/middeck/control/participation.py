@@ -41,17 +41,38 @@ def find_participation(loop: ClosedLoop) -> Participation:
     For a plant built from modes the states are the modal ones, position and rate, with or without static
     feedback around it. Raises `NumericalError` for a defective eigenvalue, where shares do not exist.
     """
-    form = cast("tuple[np.ndarray, np.ndarray, np.ndarray]", sla.eig(loop.system.A, left=True, right=True))
-    values, left, right = form
+    values, left, right = _eigenvectors(loop)
     lead = int(np.argmax(np.real(values)))
-    product = np.abs(left[:, lead].conj() * right[:, lead])
-    if abs(np.vdot(left[:, lead], right[:, lead])) < 1e-12:
+    if _defective(left[:, lead], right[:, lead]):
         raise NumericalError(f"the eigenvalue {values[lead]:.3g} is defective: participation does not exist")
+    return _describe(loop, complex(values[lead]), left[:, lead], right[:, lead])
+
+
+def find_participations(loop: ClosedLoop) -> tuple[Participation, ...]:
+    """The same of every pole, one of each pair, the furthest right first; defective ones are left out."""
+    values, left, right = _eigenvectors(loop)
+    order = np.argsort(-np.real(values), kind="stable")
+    return tuple(
+        _describe(loop, complex(values[k]), left[:, k], right[:, k])
+        for k in order
+        if np.imag(values[k]) >= 0.0 and not _defective(left[:, k], right[:, k])
+    )
+
+
+def _eigenvectors(loop: ClosedLoop) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    form = sla.eig(loop.system.A, left=True, right=True)
+    return cast("tuple[np.ndarray, np.ndarray, np.ndarray]", form)
+
+
+def _defective(left: np.ndarray, right: np.ndarray) -> bool:
+    return bool(abs(np.vdot(left, right)) < 1e-12)
+
+
+def _describe(loop: ClosedLoop, pole: complex, left: np.ndarray, right: np.ndarray) -> Participation:
+    product = np.abs(left.conj() * right)
     product /= product.sum()
     names = tuple(dict.fromkeys(loop.state_names))
     index = np.array([names.index(name) for name in loop.state_names], dtype=int)
     shares = np.bincount(index, weights=product[: len(index)], minlength=len(names))
-    pole = complex(values[lead])
-    return Participation(
-        complex(pole.real, abs(pole.imag)), names, shares, float(product[len(index) :].sum())
-    )
+    pole = complex(pole.real, abs(pole.imag))
+    return Participation(pole, names, shares, float(product[len(index) :].sum()))

@@ -2,22 +2,31 @@
 
 from middeck.control.analysis.delayed_rms import measure_delayed_rms
 from middeck.control.analysis.disk import DiskMargin, measure_disk_margin
+from middeck.control.analysis.inversion import Inversion, find_inversion
 from middeck.control.analysis.loop import AnyLaw, AnyPlant, FeedbackLoop, form_loop
 from middeck.control.analysis.margins import LoopMargins, Margins, Peak, measure_margins
 from middeck.control.analysis.return_ratio import ReturnRatio, trace_return_ratio
+from middeck.control.analysis.shifts import AllowedShift, find_allowed_shifts
 from middeck.control.analysis.stability import LoopStability, decide_stability
+from middeck.control.analysis.worst_case import WorstCase, find_worst_case
 
 __all__ = [
+    "AllowedShift",
     "AnyLaw",
     "AnyPlant",
     "DiskMargin",
     "FeedbackLoop",
+    "Inversion",
     "LoopMargins",
     "LoopStability",
     "Margins",
     "Peak",
     "ReturnRatio",
+    "WorstCase",
     "decide_stability",
+    "find_allowed_shifts",
+    "find_inversion",
+    "find_worst_case",
     "form_loop",
     "measure_delayed_rms",
     "measure_disk_margin",

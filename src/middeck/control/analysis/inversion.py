@@ -1,0 +1,127 @@
+"""Which plant poles a law inverts: its zeros that lie beside them, and how near.
+
+A law that cancels a light mode works for the plant it was made for; the phase turns by half a turn between
+pole and zero, so that a shift of the mode by more than their distance may make it unstable.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Complex
+
+from middeck.control.analysis.loop import AnyLaw, AnyPlant, FeedbackLoop, form_loop, period_of
+from middeck.systems.delayed_plant import DelayedPlant
+from middeck.systems.modal import ModalSystem
+from middeck.systems.plant import Plant, name_states
+from middeck.systems.statespace import SampledStateSpace, StateSpace
+from middeck.systems.transmission_zeros import transmission_zeros
+from middeck.values import record
+
+CANCELLED = 1e-8
+"""A zero as near as this to a pole of the law itself is none: that state is not in the path."""
+
+
+@record
+class Inversion:
+    """A zero of the law beside a pole of the plant.
+
+    Parameters
+    ----------
+    mode:
+        The plant's mode.
+    reads, drives:
+        The path of the law that has the zero.
+    pole, zero:
+        Both [rad/s], imaginary parts positive; of sampled loops log(z)/T.
+    distance:
+        |zero - pole| / |pole|.
+    pole_damping, zero_damping:
+        Damping ratios; a zero right of the axis has a negative one.
+    """
+
+    mode: str
+    reads: str
+    drives: str
+    pole: complex
+    zero: complex
+    distance: float
+    pole_damping: float
+    zero_damping: float
+
+
+def find_inversion(plant: AnyPlant, law: AnyLaw, *, within: float = 0.1) -> tuple[Inversion, ...]:
+    """The nearest zero of each path of the law to each oscillating pole of the plant, nearest pairs first.
+
+    Pairs further apart than ``within``, relative to the pole, are left out. A pole counts as inverted where
+    the distance is of the order of its damping ratio or less: at the resonance the law is then as small as
+    the plant is large.
+
+    Raises
+    ------
+    ConfigError
+        For halves that do not fit (`form_loop`).
+    """
+    loop = form_loop(plant, law)
+    found: list[Inversion] = []
+    for row, drives in enumerate(loop.inputs):
+        for column, reads in enumerate(loop.outputs):
+            zeros = _path_zeros(loop, row, column)
+            found += [
+                _pair(mode, reads, drives, pole, zeros) for mode, pole in _plant_poles(loop) if len(zeros)
+            ]
+    near = [pair for pair in found if pair.distance <= within]
+    return tuple(sorted(near, key=lambda pair: pair.distance))
+
+
+def _pair(mode: str, reads: str, drives: str, pole: complex, zeros: np.ndarray) -> Inversion:
+    zero = complex(zeros[np.argmin(np.abs(zeros - pole))])
+    distance = abs(zero - pole) / abs(pole)
+    return Inversion(mode, reads, drives, pole, zero, distance, _damping(pole), _damping(zero))
+
+
+def _damping(s: complex) -> float:
+    return float(-s.real / abs(s)) if abs(s) > 0.0 else 1.0
+
+
+def _path_zeros(loop: FeedbackLoop, row: int, column: int) -> Complex[np.ndarray, " zero"]:
+    law = loop.law
+    matrices = law.A, law.B[:, [column]], law.C[[row]], law.D[[row]][:, [column]]
+    zeros = transmission_zeros(StateSpace(*matrices))
+    poles = np.linalg.eigvals(law.A)
+    away = np.abs(zeros[:, None] - poles).min(axis=1, initial=np.inf)
+    return _as_rates(loop, zeros[away > CANCELLED * np.abs(zeros)])
+
+
+def _as_rates(loop: FeedbackLoop, values: np.ndarray) -> Complex[np.ndarray, " value"]:
+    period = period_of(loop)
+    return values if period is None else np.log(values[np.abs(values) > 0.0]) / period
+
+
+def _plant_poles(loop: FeedbackLoop) -> list[tuple[str, complex]]:
+    """Oscillating poles with the mode that each belongs to."""
+    if isinstance(loop.plant, SampledStateSpace):
+        names = tuple(f"state {i}" for i in range(len(loop.plant.A)))
+        return _named_poles(loop, loop.plant.A, names)
+    return _continuous_poles(loop, loop.plant)
+
+
+def _continuous_poles(loop: FeedbackLoop, delayed: DelayedPlant) -> list[tuple[str, complex]]:
+    plant: Plant = delayed.plant
+    modal = plant.dynamics
+    if not isinstance(modal, ModalSystem):
+        return _named_poles(loop, modal.A, name_states(plant))
+    light = (modal.omega > 0.0) & (np.abs(modal.zeta) < 1.0)
+    return [
+        (modal.names[k], complex(modal.omega[k] * (-modal.zeta[k] + 1j * np.sqrt(1.0 - modal.zeta[k] ** 2))))
+        for k in np.flatnonzero(light)
+    ]
+
+
+def _named_poles(loop: FeedbackLoop, A: np.ndarray, names: tuple[str, ...]) -> list[tuple[str, complex]]:
+    """Each pole by the name of the state that takes the largest part in it."""
+    values, right = np.linalg.eig(A)
+    # The rows of the pseudo-inverse are the left eigenvectors; of a defective pair, something near them.
+    shares = np.abs(np.linalg.pinv(right).T * right)
+    upper = np.flatnonzero(np.imag(values) > 0.0)
+    rates = _as_rates(loop, values[upper].astype(complex))
+    return [(names[int(np.argmax(shares[:, k]))], complex(r)) for k, r in zip(upper, rates, strict=True)]

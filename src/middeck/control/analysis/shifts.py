@@ -1,0 +1,168 @@
+"""How far each mode may shift before the loop is unstable, mode by mode and in both directions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from middeck.control.analysis.loop import FeedbackLoop, approximate_halves, close_channels, form_loop
+from middeck.control.analysis.stability import decide_loop
+from middeck.control.compensator import Compensator
+from middeck.control.partition import partition_modes
+from middeck.control.robust.mode_shift import shift_modes
+from middeck.errors import ConfigError
+from middeck.systems.delayed_plant import DelayedPlant
+from middeck.systems.modal import ModalSystem
+from middeck.systems.plant import Plant, name_states
+from middeck.systems.stability import GROWTH_LIMIT, growth_rates
+from middeck.values import record
+
+LateOrNot = Plant | DelayedPlant
+
+
+@record
+class AllowedShift:
+    """The shifts of one mode's frequency, in parts of it, at which the loop first becomes unstable.
+
+    Parameters
+    ----------
+    mode:
+        Its name.
+    down, up:
+        Negative and positive; -``inf`` and ``inf`` where the loop is stable as far as was looked, both zero
+        where it is unstable without any shift.
+    down_hz, up_hz:
+        Frequency of the pole that reaches the axis; 0 where none does.
+    """
+
+    mode: str
+    down: float
+    up: float
+    down_hz: float
+    up_hz: float
+
+
+def find_allowed_shifts(
+    plant: LateOrNot,
+    compensator: Compensator,
+    *,
+    modes: Sequence[str] | None = None,
+    most: float = 0.2,
+    step: float = 0.0025,
+    resolution: float = 1e-8,
+    finish: Callable[[LateOrNot], LateOrNot] | None = None,
+) -> tuple[AllowedShift, ...]:
+    """The first shift to instability of each mode alone, damping ratio kept, delays exact.
+
+    Marches outwards in steps of ``step`` up to ``most`` with eigenvalues (delays by an approximation of high
+    order), then bisects with exact delays to ``resolution``. Unstable intervals narrower than ``step``, a
+    fraction of the damping ratio by default, may be stepped over.
+
+    Parameters
+    ----------
+    modes:
+        All that oscillate and that a port reaches or sees, if None.
+    finish:
+        Makes of the shifted plant the one that is controlled, e.g. closes an inner loop.
+
+    Raises
+    ------
+    ConfigError
+        For modes that do not exist or do not oscillate (`shift_modes`), or a step that is not positive.
+    """
+    if not 0.0 < step <= most < 1.0:
+        raise ConfigError(f"steps of {step:g} up to {most:g}: 0 < step <= most < 1")
+    names = _oscillating(plant) if modes is None else tuple(modes)
+
+    def loop_at(mode: str, shift: float) -> LateOrNot:
+        moved = _shifted(plant, mode, shift)
+        return moved if finish is None else finish(moved)
+
+    return tuple(
+        _allowed(mode, lambda x, mode=mode: loop_at(mode, x), compensator, most, step, resolution)
+        for mode in names
+    )
+
+
+def _shifted(plant: LateOrNot, mode: str, shift: float) -> LateOrNot:
+    if not isinstance(plant, DelayedPlant):
+        return shift_modes(plant, {mode: 1.0 + shift})
+    return DelayedPlant(shift_modes(plant.plant, {mode: 1.0 + shift}), plant.delay_s)
+
+
+def _oscillating(plant: LateOrNot) -> tuple[str, ...]:
+    inside = partition_modes(plant.plant if isinstance(plant, DelayedPlant) else plant).active
+    if isinstance(inside.dynamics, ModalSystem):
+        moving = zip(inside.dynamics.names, inside.dynamics.omega, strict=True)
+        return tuple(name for name, omega in moving if omega > 0.0)
+    names, rates = name_states(inside), inside.system.A
+    blocks = {name: np.flatnonzero(np.array(names) == name) for name in dict.fromkeys(names)}
+    return tuple(
+        name
+        for name, index in blocks.items()
+        if len(index) == 2 and np.any(np.imag(np.linalg.eigvals(rates[np.ix_(index, index)])) != 0.0)
+    )
+
+
+def _allowed(
+    mode: str,
+    plant_at: Callable[[float], LateOrNot],
+    law: Compensator,
+    most: float,
+    step: float,
+    resolution: float,
+) -> AllowedShift:
+    if not decide_loop(form_loop(plant_at(0.0), law)).stable:
+        return AllowedShift(mode, 0.0, 0.0, 0.0, 0.0)
+    ends = [_first(plant_at, law, sign, most, step, resolution) for sign in (-1.0, 1.0)]
+    return AllowedShift(mode, ends[0][0], ends[1][0], ends[0][1], ends[1][1])
+
+
+def _first(
+    plant_at: Callable[[float], LateOrNot],
+    law: Compensator,
+    sign: float,
+    most: float,
+    step: float,
+    resolution: float,
+) -> tuple[float, float]:
+    """The first unstable shift in one direction, and the frequency of the pole."""
+    low = 0.0
+    for high in np.append(np.arange(step, most, step), most):
+        loop = form_loop(plant_at(sign * float(high)), law)
+        if largest_growth(loop_poles(loop)) > GROWTH_LIMIT and not decide_loop(loop).stable:
+            break
+        low = float(high)
+    else:
+        return sign * np.inf, 0.0
+    return _bisect(plant_at, law, sign, (low, float(high)), resolution)
+
+
+def _bisect(
+    plant_at: Callable[[float], LateOrNot],
+    law: Compensator,
+    sign: float,
+    bracket: tuple[float, float],
+    resolution: float,
+) -> tuple[float, float]:
+    low, high = bracket
+    found = decide_loop(form_loop(plant_at(sign * high), law))
+    while high - low > resolution:
+        middle = 0.5 * (low + high)
+        outcome = decide_loop(form_loop(plant_at(sign * middle), law))
+        if outcome.stable:
+            low = middle
+        else:
+            high, found = middle, outcome
+    return sign * high, found.frequency_hz
+
+
+def loop_poles(loop: FeedbackLoop) -> np.ndarray:
+    """Poles of the closed loop, delays by an approximation of high order: to rank, not to decide."""
+    return growth_rates(close_channels(approximate_halves(loop)))
+
+
+def largest_growth(rates: np.ndarray) -> float:
+    """Largest real part."""
+    return float(np.real(rates).max(initial=-np.inf))

@@ -1,0 +1,185 @@
+"""The worst plant of a box: all corners, then a search from the worst of them, delays exact at the end."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.control.analysis.delayed_rms import measure_delayed_rms
+from middeck.control.analysis.loop import SMOOTHED_PADE, FeedbackLoop, evaluate_halves, form_loop
+from middeck.control.analysis.shifts import largest_growth, loop_poles
+from middeck.control.analysis.stability import LoopStability, decide_loop
+from middeck.control.closed_loop import close_loop
+from middeck.control.compensator import Compensator
+from middeck.control.partition import partition_modes
+from middeck.control.performance import Performance, measure_metric
+from middeck.control.robust.uncertainty import (
+    Uncertainty,
+    corner_positions,
+    finished_plants,
+    parameter_names,
+)
+from middeck.systems.delayed_plant import DelayedPlant, approximate_delays
+from middeck.systems.plant import Plant
+from middeck.systems.stability import GROWTH_LIMIT
+from middeck.values import record
+
+SEARCHED = 4
+"""Corners from which the box is searched, besides the middle."""
+FIRST_STEP, LAST_STEP = 0.5, 1e-3
+UNSTABLE = 1e6
+"""Beyond any sensitivity worth telling from instability."""
+
+Objective = Callable[[Float[np.ndarray, " parameter"]], float]
+
+
+@record
+class WorstCase:
+    """The worst that was found in a box of plants.
+
+    Parameters
+    ----------
+    parameters:
+        What the numbers of a position stand for.
+    position:
+        Each from -1 to 1: where in the box.
+    stability:
+        Of that plant, delays exact.
+    metric:
+        The performance metric there; ``inf`` where unstable; None where no performance was asked for.
+    nominal_metric:
+        The same in the middle of the box.
+    unstable_corners:
+        Part of the corners that are unstable.
+    tried:
+        Plants evaluated.
+    """
+
+    parameters: tuple[str, ...]
+    position: Float[np.ndarray, " parameter"]
+    stability: LoopStability
+    metric: float | None
+    nominal_metric: float | None
+    unstable_corners: float
+    tried: int
+
+
+def find_worst_case(
+    plant: Plant | DelayedPlant,
+    compensator: Compensator,
+    uncertainty: Uncertainty,
+    *,
+    performance: Performance | None = None,
+    corners: int | None = None,
+    rng: np.random.Generator | None = None,
+) -> WorstCase:
+    """The plant of the box with the fastest growth; or, where all are stable, the worst performance.
+
+    All corners, or ``corners`` of them drawn with ``rng``, then a search along the parameters from the
+    middle and the worst corners with steps that are halved. Growth and rms are ranked with delays in an
+    approximation of order 8; stability and metric of the answer have exact delays. A lower bound: a search
+    proves nothing between the points that it tried (`measure_disk_margin` bounds from the other side).
+
+    Raises
+    ------
+    ConfigError
+        For a box that does not fit the plant (`perturb_plant`), or too many corners without ``corners``.
+    """
+    positions = corner_positions(uncertainty, corners, rng)
+    count = _Count()
+
+    def plant_at(position: np.ndarray) -> Plant | DelayedPlant:
+        return finished_plants(plant, uncertainty, position[None])[0]
+
+    def closeness(position: np.ndarray) -> float:
+        count.plants += 1
+        return _closeness(form_loop(plant_at(position), compensator))
+
+    def cost(position: np.ndarray) -> float:
+        count.plants += 1
+        assert performance is not None
+        return _rough_metric(plant_at(position), compensator, performance)
+
+    near = np.array([closeness(p) for p in positions])
+    worst = _climb(closeness, positions, near)
+    stability = decide_loop(form_loop(plant_at(worst), compensator))
+    metric = nominal = None
+    if performance is not None:
+        if stability.stable:
+            worst = _climb(cost, positions, np.array([cost(p) for p in positions]))
+            stability = decide_loop(form_loop(plant_at(worst), compensator))
+        nominal = _exact_metric(plant_at(positions[0]), compensator, performance)
+        metric = _exact_metric(plant_at(worst), compensator, performance)
+    return WorstCase(
+        parameter_names(uncertainty), worst, stability, metric, nominal,
+        float(np.mean(near[1:] >= UNSTABLE)), count.plants,
+    )  # fmt: skip
+
+
+@dataclasses.dataclass
+class _Count:
+    plants: int = 0
+
+
+def _closeness(loop: FeedbackLoop) -> float:
+    """How near a loop is to instability, rising through it: its sensitivity, then its growth.
+
+    The pole furthest right says nothing while it belongs to a mode that the loop hardly moves; the
+    sensitivity at the poles' frequencies does. A loop that grows is nearer than any that does not.
+    """
+    rates = loop_poles(loop)
+    growth = largest_growth(rates)
+    if growth > GROWTH_LIMIT:
+        return UNSTABLE * (1.0 + growth)
+    omega = np.imag(rates)[np.imag(rates) > 0.0]
+    G, K = evaluate_halves(loop)(1j * omega)
+    difference = np.eye(K.shape[1]) - K @ G
+    sound = difference[np.isfinite(difference).all(axis=(1, 2))]
+    least = np.linalg.svd(sound, compute_uv=False)[:, -1]
+    return min(1.0 / float(least.min(initial=1.0)), UNSTABLE) if len(least) else 0.0
+
+
+def _climb(
+    objective: Objective, positions: np.ndarray, values: np.ndarray
+) -> Float[np.ndarray, " parameter"]:
+    """From the middle and the worst corners to where no step along a parameter makes it worse."""
+    starts = dict.fromkeys([0, *(int(k) for k in np.argsort(-values, kind="stable")[:SEARCHED])])
+    found = [_pattern_search(objective, positions[k], float(values[k])) for k in starts]
+    return max(found, key=lambda each: each[1])[0]
+
+
+def _pattern_search(
+    objective: Objective, start: np.ndarray, value: float
+) -> tuple[Float[np.ndarray, " parameter"], float]:
+    """Steps along each parameter within the box, halved where none helps (Hooke and Jeeves 1961)."""
+    best, step = start.copy(), FIRST_STEP
+    while step > LAST_STEP:
+        moved = False
+        for i in range(len(best)):
+            for sign in (1.0, -1.0):
+                trial = best.copy()
+                trial[i] = np.clip(best[i] + sign * step, -1.0, 1.0)
+                if trial[i] == best[i]:
+                    continue
+                there = objective(trial)
+                if there > value:
+                    best, value, moved = trial, there, True
+                    break
+        if not moved:
+            step *= 0.5
+    return best, value
+
+
+def _rough_metric(plant: Plant | DelayedPlant, law: Compensator, performance: Performance) -> float:
+    if isinstance(plant, DelayedPlant):
+        active = DelayedPlant(partition_modes(plant.plant).active, plant.delay_s)
+        plant = approximate_delays(active, SMOOTHED_PADE)
+    return measure_metric(close_loop(plant, law), performance)
+
+
+def _exact_metric(plant: Plant | DelayedPlant, law: Compensator, performance: Performance) -> float:
+    rms = measure_delayed_rms(plant, law, performance)
+    return float(np.linalg.norm(performance.weights * rms)) if np.isfinite(rms).all() else np.inf

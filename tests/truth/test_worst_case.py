@@ -1,0 +1,147 @@
+"""Allowed shifts, worst cases, inversion and participation against brute force and closed forms."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from middeck.control.analysis import (
+    decide_stability,
+    find_allowed_shifts,
+    find_inversion,
+    find_worst_case,
+    measure_delayed_rms,
+)
+from middeck.control.closed_loop import close_loop
+from middeck.control.compensator import Compensator
+from middeck.control.lqg import LQGWeights, design_lqg
+from middeck.control.participation import find_participation, find_participations
+from middeck.control.performance import Performance
+from middeck.control.robust.mode_shift import shift_modes
+from middeck.control.robust.uncertainty import ModeShift, Uncertainty, finished_plants
+from middeck.control.shaping import second_order_section
+from middeck.errors import ConfigError
+from middeck.systems.delayed_plant import DelayedPlant, approximate_delays
+from middeck.systems.modal import ModalSystem
+from middeck.systems.plant import Plant
+from middeck.systems.ports import Port
+from middeck.systems.sampling import sample_plant, tustin
+
+FORCE, WAY, SEEN = Port("force", "N"), Port("way", "m"), Port("seen", "m")
+# The multi-model reference case: five modes, y 10 ms late, in units of 1/(2 pi 3 Hz).
+MODES = ("1.1 Hz", "1.7 Hz", "7 Hz", "8.8 Hz", "9.4 Hz")
+OMEGA = np.array([1.1, 1.7, 7.0, 8.8, 9.4]) / 3.0
+PLANT = Plant(
+    ModalSystem(
+        OMEGA, np.full(5, 0.01), np.array([[1.0, 0.6, 0.6, 0.8, 0.7]]).T,
+        np.ones((2, 5)), np.zeros((2, 5)), MODES,
+    ),
+    (FORCE,), (WAY, SEEN), ("force",), ("force",), ("way",), ("seen",),
+)  # fmt: skip
+LATE = DelayedPlant(PLANT, np.array([[0.0], [0.010 * 2.0 * np.pi * 3.0]]))
+WEIGHTS = LQGWeights(np.ones(1), np.ones(1), ("force",), np.eye(1), np.array([1e-6]))
+LAW = design_lqg(approximate_delays(LATE, 3), WEIGHTS, 100.0)
+
+
+def moved(mode: str, shift: float) -> DelayedPlant:
+    return dataclasses.replace(LATE, plant=shift_modes(PLANT, {mode: 1.0 + shift}))
+
+
+def test_stability_ends_at_the_allowed_shift_and_not_before() -> None:
+    (found,) = find_allowed_shifts(LATE, LAW, modes=["9.4 Hz"], most=0.1)
+    for limit in (found.down, found.up):
+        assert not decide_stability(moved("9.4 Hz", limit), LAW).stable
+        assert decide_stability(moved("9.4 Hz", limit - np.sign(limit) * 2e-8), LAW).stable
+    assert all(
+        decide_stability(moved("9.4 Hz", x), LAW).stable for x in np.linspace(found.down, found.up, 22)[1:-1]
+    )
+    at = decide_stability(moved("9.4 Hz", found.up), LAW)
+    assert found.up_hz == pytest.approx(at.frequency_hz, rel=1e-9)
+
+
+def test_a_shift_without_limit_and_a_loop_unstable_from_the_start() -> None:
+    (found,) = find_allowed_shifts(LATE, LAW, modes=["1.1 Hz"], most=0.05)
+    assert (found.down, found.up, found.up_hz) == (-np.inf, np.inf, 0.0)
+    (broken,) = find_allowed_shifts(moved("8.8 Hz", 0.03), LAW, modes=["1.1 Hz"], most=0.05)
+    assert (broken.down, broken.up) == (0.0, 0.0)
+    with pytest.raises(ConfigError, match="no mode named"):
+        find_allowed_shifts(LATE, LAW, modes=["3 Hz"])
+
+
+def test_worst_stability_over_a_box_by_brute_force() -> None:
+    """Where the box is just unstable the search says so; just inside, it does not."""
+    apart = (ModeShift(("8.8 Hz",), 0.02), ModeShift(("9.4 Hz",), 0.02))
+    found = find_worst_case(LATE, LAW, Uncertainty(apart))
+    assert not found.stability.stable
+    assert found.unstable_corners == 0.25
+    small = Uncertainty(tuple(dataclasses.replace(s, half_width=0.002) for s in apart))
+    assert find_worst_case(LATE, LAW, small).stability.stable
+
+
+def test_worst_rms_over_a_box_by_brute_force() -> None:
+    box = Uncertainty((ModeShift(("7 Hz",), 0.002), ModeShift(("8.8 Hz", "9.4 Hz"), 0.005)))
+    performance = Performance(np.ones(1), np.eye(1), (0.001, 2.0))
+    found = find_worst_case(LATE, LAW, box, performance=performance)
+    grid = np.stack(np.meshgrid(*[np.linspace(-1.0, 1.0, 4)] * 2), axis=-1).reshape(-1, 2)
+    brute = max(measure_delayed_rms(p, LAW, performance)[0] for p in finished_plants(LATE, box, grid))
+    # The grid is not in the search: it may only be less bad.
+    assert found.metric is not None
+    assert found.metric >= brute * (1.0 - 1e-9)
+    nominal = measure_delayed_rms(LATE, LAW, performance)[0]
+    assert found.nominal_metric == pytest.approx(nominal, rel=1e-12)
+    assert found.metric > found.nominal_metric
+
+
+def test_search_leaves_the_corners_where_the_worst_is_inside() -> None:
+    """A box wide enough for the notch of a law to be met inside only: the mode at its worst shift."""
+    quiet = ModalSystem([1.0], [0.01], [[1.0]], [[1.0], [1.0]], [[0.0], [0.0]], ("one",))
+    plant = dataclasses.replace(PLANT, dynamics=quiet)
+    # A law with a light pole at 1.1: the mode meets it amid the box, at neither end nor the middle.
+    at = 1.1 / (2.0 * np.pi)
+    law = Compensator(second_order_section(at, 0.02, at, 0.004), (SEEN,), (FORCE,))
+    small = dataclasses.replace(law.system, C=law.system.C * -0.01, D=law.system.D * -0.01)
+    law = dataclasses.replace(law, system=small)
+    box = Uncertainty((ModeShift(("one",), 0.2),))
+    performance = Performance(np.ones(1), np.eye(1), (0.01, 1.0))
+    found = find_worst_case(plant, law, box, performance=performance)
+    grid = np.linspace(-1.0, 1.0, 201)[:, None]
+    brute = max(measure_delayed_rms(p, law, performance)[0] for p in finished_plants(plant, box, grid))
+    assert found.metric == pytest.approx(brute, rel=1e-3)
+
+
+def test_a_notch_on_a_mode_is_an_inversion() -> None:
+    at = OMEGA[2] / (2.0 * np.pi)
+    law = Compensator(second_order_section(1.003 * at, 0.012, at, 0.5), (SEEN,), (FORCE,))
+    first = find_inversion(LATE, law)[0]
+    assert (first.mode, first.reads, first.drives) == ("7 Hz", "seen", "force")
+    assert first.zero_damping == pytest.approx(0.012, rel=1e-9)
+    assert first.pole_damping == pytest.approx(0.01, rel=1e-12)
+    assert first.distance == pytest.approx(np.hypot(0.003, 0.002), rel=0.01)
+
+
+def test_nominal_lqg_inverts_and_the_sampled_loop_says_the_same() -> None:
+    """Cheap control of a disturbance at the actuator: zeros beside the modes that the law cancels."""
+    found = find_inversion(LATE, LAW, within=0.3)
+    assert found
+    period = 0.005
+    late = sample_plant(PLANT.dynamics, period)
+    seen = dataclasses.replace(late, C=late.C[1:], D=late.D[1:])
+    sampled = find_inversion(seen, tustin(LAW.system, period), within=0.3)
+    # Tustin's rule moves a frequency by (w T)^2 / 12, 2e-5 at most here.
+    assert sampled[0].distance == pytest.approx(found[0].distance, abs=1e-4)
+    assert sampled[0].zero == pytest.approx(found[0].zero, rel=1e-4)
+
+
+def test_participation_of_every_pole() -> None:
+    loop = close_loop(approximate_delays(LATE, 3), LAW)
+    every = find_participations(loop)
+    assert len(every) == int(np.sum(loop.poles.imag >= 0.0))
+    assert every[0] == find_participation(loop)
+    assert all(p.shares.sum() + p.compensator == pytest.approx(1.0) for p in every)
+    idle = close_loop(
+        PLANT, dataclasses.replace(LAW, system=dataclasses.replace(LAW.system, C=LAW.system.C * 0.0))
+    )
+    leads = {p.names[int(np.argmax(p.shares))] for p in find_participations(idle) if p.shares.max() > 0.99}
+    assert leads == set(MODES)
