@@ -142,7 +142,7 @@ def test_where_aliases_are():
 
 
 def pointing_plant(share):
-    """A rigid body held at 3 Hz or so, and a mode that 100 Hz folds to 3 Hz; 2 ms late."""
+    """A rigid body, to be held at some 4 Hz, and a mode that 100 Hz folds to 3 Hz; 2 ms late."""
     omega = 2.0 * np.pi * np.array([0.0, 97.0])
     modal = ModalSystem(omega, [0.0, 0.002], [[1.0], [1.0]], [[1.0, share]], [[0.0, 0.0]], ("rigid", "panel"))
     torque, angle = (Port("t", "N m"),), (Port("a", "rad"),)
