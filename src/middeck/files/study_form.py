@@ -187,6 +187,7 @@ def study_findings(data: Table) -> list[Finding]:
         *_gap(data),
         *_even(data, "siso"),
         *_even(data, "sito"),
+        *_smaller(data),
         *_two_sensors(data),
     ]
 
@@ -249,6 +250,26 @@ def _even(data: Table, table: str) -> Iterator[Finding]:
     states = _table(data, table).get("states")
     if isinstance(states, int) and states % 2:
         yield Finding((table, "states"), "must be even: two for each mode", show(states))
+
+
+def _smaller(data: Table) -> Iterator[Finding]:
+    """The smaller designs of Figure 11: two states for each mode, each in a band."""
+    table = _table(data, "sito")
+    for k, states in enumerate(_list(table, "smaller_states")):
+        if isinstance(states, int) and states % 2:
+            yield Finding(("sito", "smaller_states", k), "must be even: two for each mode", show(states))
+    for k, band in enumerate(_list(table, "smaller_bands_hz")):
+        match band:
+            case [int() | float() as low, int() | float() as high] if not low < high:
+                where = ("sito", "smaller_bands_hz", k)
+                yield Finding(where, "must ascend, [lowest, highest] in Hz", show(band))
+            case _:
+                pass
+
+
+def _list(table: Table, key: str) -> list[Any]:
+    value = table.get(key)
+    return cast("list[Any]", value) if isinstance(value, list) else []
 
 
 def _two_sensors(data: Table) -> Iterator[Finding]:

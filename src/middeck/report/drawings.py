@@ -15,6 +15,8 @@ from middeck.plot.figure_7 import figure_7a, figure_7b
 from middeck.plot.figure_9a import figure_9a
 from middeck.plot.figure_9b import figure_9b
 from middeck.plot.figure_10 import figure_10a, figure_10b
+from middeck.plot.figure_11 import figure_11
+from middeck.plot.figure_12 import figure_12a, figure_12b
 from middeck.plot.mirror import mirror
 from middeck.plot.svg import svg_text
 from middeck.report import sentences
@@ -64,6 +66,9 @@ DRAWINGS: dict[type[Outcome], tuple[Drawing, ...]] = {
     TwoSensorControl: (
         Drawing("figure-10a", sentences.title_10a, figure_10a, sentences.figure_10a),
         Drawing("figure-10b", sentences.title_10b, figure_10b, sentences.figure_10b),
+        Drawing("figure-11", "Figure 11: payload held by encoder and bus", figure_11, sentences.figure_11),
+        Drawing("figure-12a", "Figure 12a: payload under both penalties", figure_12a, sentences.figure_12a),
+        Drawing("figure-12b", "Figure 12b: bus under both penalties", figure_12b, sentences.figure_12b),
     ),
     MirrorFit: (Drawing("mirror", "A real steering mirror, measured and fitted", mirror, sentences.mirror),),
 }

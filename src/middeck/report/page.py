@@ -17,6 +17,8 @@ CLAIMS = {
     "figure_7": "figure-7a",
     "figure_9b": "figure-9b",
     "figure_10b": "figure-10b",
+    "figure_11": "figure-11",
+    "figure_12": "figure-12a",
 }
 
 

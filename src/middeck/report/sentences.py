@@ -185,9 +185,14 @@ def figure_9a(figures: Numbers) -> str:
 def figure_9b(figures: Numbers) -> str:
     """Prediction and measurement."""
     numbers = figures["figure_9b"]
-    parts = [f"{_change(numbers[name])} at {name} authority" for name in ("low", "high")]
     angle = port_words(figures["figure_9a"]["output"])
-    return f"Controllers designed on the fit change the {angle} rms angle by {' and '.join(parts)}."
+    pair = f"the pair of modes near {numbers['pair_shift_hz']:g} Hz"
+    return (
+        f"Controllers designed on the fit change the {angle} rms angle by {_change(numbers['low'])} at low"
+        f" authority (CL1), by {_change(numbers['high'])} at high (CL2), and by {_change(numbers['robust'])}"
+        f" where the design is for two records at once (CL3), the second with {pair} at"
+        f" {_signed(numbers['drifted']['shift_percent'])} %."
+    )
 
 
 def title_10a(figures: Numbers) -> str:
@@ -230,6 +235,60 @@ def _figure_10(numbers: Numbers) -> str:
         f" {low:g} to {high:g} Hz within {percent(numbers['relative_error'])} (relative complex error);"
         f" {zeros}."
     )
+
+
+def figure_11(figures: Numbers) -> str:
+    """How far the loop goes, and what the lead does for it."""
+    numbers = figures["figure_11"]
+    *_, bare, lead = numbers["reach"]
+    return (
+        f"With encoder and bus fed back, a design on {bare['states']} states {_goes(bare)}; with a lead about"
+        f" the pair near 9 Hz it {_goes(lead)}. The loop shown has the lead: it changes the payload's rms"
+        f" angle by {_change(numbers['payload'])}."
+    )
+
+
+def figure_12a(figures: Numbers) -> str:
+    """The payload."""
+    numbers = figures["figure_12"]
+    above, deeper = numbers["payload_db_above_10_hz"]["both"], numbers["payload_deeper_db_7_to_9_hz"]
+    return (
+        f"A penalty on payload and bus changes the payload's rms angle by {_change(numbers['both'])}; above"
+        f" 10 Hz it is {_apart(above)} in open loop, and at 7-9 Hz (shaded) {_apart(deeper)} under the"
+        " payload penalty alone."
+    )
+
+
+def figure_12b(figures: Numbers) -> str:
+    """The bus."""
+    bus = figures["figure_12"]["bus_db_7_to_9_hz"]
+    return (
+        f"At 7-9 Hz (shaded) the bus is {_apart(bus['both'])} in open loop under both penalties, and"
+        f" {_apart(bus['payload'])} there under the payload penalty alone."
+    )
+
+
+def _goes(reach: Numbers) -> str:
+    """As far as a design goes, and what ends it."""
+    if reach["log10_authority"] is None:
+        return f"is unstable at any authority, at {fixed(reach['stopped_hz'], 2)} Hz"
+    reached = f"reaches {fixed(reach['predicted_db'], 1)} dB"
+    if reach["stopped_hz"] is None:
+        return f"{reached} at the highest authority asked for"
+    return (
+        f"{reached} before {fixed(reach['stopped_hz'], 2)} Hz goes unstable (with that pair at"
+        f" {_signed(reach['stopped_percent'])} %)"
+    )
+
+
+def _apart(db: float | None) -> str:
+    if db is None:
+        return "not measured, so not to be compared with that"
+    return f"{fixed(abs(db), 1)} dB {'below' if db < 0.0 else 'above'} that"
+
+
+def _signed(value: float) -> str:
+    return f"{value:+g}".replace("-", "\N{MINUS SIGN}")
 
 
 def _change(loop: Numbers) -> str:

@@ -158,23 +158,114 @@ def fit_tables(figures: Numbers) -> list[Table]:
 
 
 def loop_tables(figures: Numbers) -> list[Table]:
-    """Both loops."""
+    """The three loops, mode by mode, and on the shifted rig."""
     numbers = figures["figure_9b"]
+    loops = {f"CL{k + 1}": numbers[name] for k, name in enumerate(("low", "high", "robust"))}
+    drifted, fitted = numbers["drifted"], figures["figure_9a"]
+    both = zip(sorted(fitted["natural_hz"]), sorted(drifted["natural_hz"]), strict=True)
+    shift = f"{drifted['shift_percent']:+g}".replace("-", "\N{MINUS SIGN}")
+    return [
+        _loops_table("Payload rms angle in the band, over the open loop's", loops),
+        _modes_table(loops),
+        _rig_table(loops | {"LQG for one record at CL3's authority": {"rig": numbers["one_model"]}},
+                   numbers["pair_shift_hz"]),
+        Table("Modes of the two records that CL3 is for",
+              ("first record [Hz]", f"pair at {shift} % [Hz]"),
+              [[fixed(f, 4), fixed(g, 4)] for f, g in both]),
+    ]  # fmt: skip
+
+
+def reach_tables(figures: Numbers) -> list[Table]:
+    """How far each design goes, then the loop that was measured."""
+    numbers = figures["figure_11"]
+    rows = [
+        [
+            reach["what"],
+            fixed(reach["log10_authority"], 2),
+            fixed(reach["predicted_db"], 2),
+            fixed(reach["least_db"], 2),
+            fixed(reach["stopped_hz"], 2),
+            "–" if reach["stopped_percent"] is None else fixed(reach["stopped_percent"], 0),
+        ]
+        for reach in numbers["reach"]
+    ]
+    head = ("design on", "last stable log10 authority", "predicted [dB]", "least on the rig [dB]",
+            "then unstable at [Hz]", "with the pair at [%]")  # fmt: skip
+    loops = {"payload": numbers["payload"]}
+    return [
+        Table("How far each design goes, with the pair moved to either side and not", head, rows),
+        _loops_table("Payload rms angle in the band, over the open loop's, payload penalty", loops),
+        _modes_table(loops, "payload penalty"),
+        _rig_table(loops, figures["figure_9b"]["pair_shift_hz"] if "figure_9b" in figures else None),
+    ]
+
+
+def both_tables(figures: Numbers) -> list[Table]:
+    """The loop under both penalties beside the one under the payload's alone."""
+    numbers = figures["figure_12"]
+    loops = {"payload and bus": numbers["both"]}
+    rows = [
+        [name, fixed(numbers["bus_db_7_to_9_hz"][key], 2), fixed(numbers["payload_db_above_10_hz"][key], 2)]
+        for key, name in (("payload", "payload"), ("both", "payload and bus"))
+    ]
+    head = ("penalty", "bus at 7-9 Hz [dB]", "payload above 10 Hz [dB]")
+    return [
+        _loops_table("Payload rms angle in the band, over the open loop's, both penalties", loops),
+        Table("Measured rms in parts of the band, over the open loop's", head, rows),
+        _modes_table(loops, "both penalties"),
+        _rig_table(loops, figures["figure_9b"]["pair_shift_hz"] if "figure_9b" in figures else None),
+    ]
+
+
+def _loops_table(caption: str, loops: Numbers) -> Table:
     rows = [
         [
             name,
-            fixed(numbers[name]["log10_authority"], 2),
-            fixed(numbers[name]["predicted_db"], 3),
-            fixed(numbers[name]["measured_db"], 3),
-            fixed(numbers[name]["rms_error_db"], 3),
-            ", ".join(f"{shift} %: {'stable' if ok else 'unstable'}"
-                      for shift, ok in numbers[name]["survives_shift_percent"].items()),
+            fixed(loop["log10_authority"], 2),
+            fixed(loop["predicted_db"], 3),
+            fixed(loop["measured_db"], 3),
+            fixed(loop["rms_error_db"], 3),
+            fixed(loop["worst_error_db"], 2),
+            fixed(loop["worst_hz"], 2),
+            fixed(loop["control_rms_nm"], 3),
         ]
-        for name in ("low", "high")
-    ]  # fmt: skip
-    head = ("authority", "log10", "predicted [dB]", "measured [dB]", "prediction error of rms [dB]",
-            f"after a shift of the pair near {numbers['pair_shift_hz']:g} Hz")  # fmt: skip
-    return [Table("Payload rms angle in the band, over the open loop's", head, rows)]
+        for name, loop in loops.items()
+    ]
+    head = ("loop", "log10 authority", "predicted [dB]", "measured [dB]", "error of rms [dB]",
+            "largest error of a line [dB]", "at [Hz]", "torque of the law, rms [N m]")  # fmt: skip
+    return Table(caption, head, rows)
+
+
+def _modes_table(loops: Numbers, which: str = "CL1, CL2, CL3") -> Table:
+    """Modes of the fit down, loops across; a loop that was not measured has none."""
+    frequencies = next((loop["modes"] for loop in loops.values() if loop["modes"]), [])
+    rows = [["static", *(fixed(loop["static_db"], 1) for loop in loops.values())]]
+    for k, mode in enumerate(frequencies):
+        cells = (fixed(loop["modes"][k]["db"] if loop["modes"] else None, 1) for loop in loops.values())
+        rows.append([f"{mode['frequency_hz']:.2f} Hz", *cells])
+    head = ("payload at", *(f"{name} [dB]" for name in loops))
+    return Table(f"Measured peaks over the open loop's, {which}", head, rows)
+
+
+def _rig_table(loops: Numbers, pair_hz: float | None) -> Table:
+    rows = [
+        [
+            name,
+            fixed(on["percent"], 0),
+            "stable" if on["stable"] else f"unstable at {fixed(on['growth_hz'], 2)} Hz",
+            fixed(on["improvement_db"], 2),
+            fixed(on["gain_margin_db"], 1),
+            fixed(on["gain_margin_hz"], 2),
+            fixed(on["phase_margin_deg"], 1),
+            fixed(on["phase_margin_hz"], 2),
+        ]
+        for name, loop in loops.items()
+        for on in loop["rig"]
+    ]
+    pair = "the pair" if pair_hz is None else f"the pair near {pair_hz:g} Hz"
+    head = ("loop", "shift [%]", "loop is", "payload [dB]", "gain margin [dB]", "at [Hz]",
+            "phase margin [deg]", "at [Hz]")  # fmt: skip
+    return Table(f"On the rig without limits and noise, {pair} shifted: {', '.join(loops)}", head, rows)
 
 
 def encoder_tables(figures: Numbers) -> list[Table]:
@@ -239,5 +330,7 @@ TABLES: dict[str, Callable[[Numbers], list[Table]]] = {
     "figure-9b": loop_tables,
     "figure-10a": encoder_tables,
     "figure-10b": bus_tables,
+    "figure-11": reach_tables,
+    "figure-12b": both_tables,
     "mirror": mirror_tables,
 }

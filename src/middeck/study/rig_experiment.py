@@ -1,8 +1,6 @@
-"""Tests on the simulated rig of an article in the laboratory: a torque command in, sampled outputs out."""
+"""Figure 6 on the linear rig of an article in the laboratory: a torque command in, sampled outputs out."""
 
 from __future__ import annotations
-
-import dataclasses
 
 import numpy as np
 from jaxtyping import Float
@@ -12,7 +10,6 @@ from middeck.realtime.rig import LinearRig, build_linear_rig, run_open_loop
 from middeck.structure.modes import Modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.systems.excitation import random_multisine
-from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
 from middeck.systems.record import Record
 from middeck.systems.response import FrequencyResponse
@@ -36,16 +33,6 @@ def rig_plant(modes: Modes, actuator: str, sensors: tuple[str, ...]) -> Plant:
     count = int(np.searchsorted(modes.frequency_hz, RIG_MODES_HZ))
     w = u = (actuator,)
     return build_plant(modes, inputs=u, outputs=sensors, count=count, w=w, u=u, z=sensors, y=sensors)
-
-
-def shift_modes(plant: Plant, near_hz: float, factor: float) -> Plant:
-    """The same plant with the two modes nearest to ``near_hz`` moved by ``factor`` in frequency."""
-    modal = plant.dynamics
-    assert isinstance(modal, ModalSystem)
-    pair = np.argsort(np.abs(modal.omega / (2.0 * np.pi) - near_hz))[:2]
-    omega = np.array(modal.omega)
-    omega[pair] *= factor
-    return dataclasses.replace(plant, dynamics=dataclasses.replace(modal, omega=omega))
 
 
 def run_rig_experiment(plant: Plant, rig: RigForm, siso: SisoForm, rng: np.random.Generator) -> RigExperiment:

@@ -1,0 +1,67 @@
+"""Open and closed loops over frequency: measured ones in full lines, their predictions dashed over them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from middeck.plot.curves import draw_magnitude
+from middeck.plot.style import COLOUR, frequency_axis, new_figure
+from middeck.study.measured_loop import MeasuredLoop
+from middeck.systems.response import FrequencyResponse
+
+GAPS = {
+    "low": (0, (2, 4)),
+    "high": (0, (5, 4)),
+    "robust": (2, (3, 4)),
+    "payload": (0, (5, 4)),
+    "both": (0, (2, 4)),
+}
+"""Of the dashes: wide, so that the measured curve under them keeps its colour."""
+
+
+def begin_loops(open_loop: FrequencyResponse, title: str, *, output: int = 0) -> tuple[Figure, Axes]:
+    """An empty figure with the measured open loop."""
+    figure = new_figure(4.6)
+    axes = figure.subplots()
+    f = open_loop.frequency_hz
+    style: dict[str, Any] = {"color": COLOUR["rig"], "linewidth": 1.6, "label": "open loop, measured"}
+    draw_magnitude(axes, f, open_loop.H[:, output, 0], **style)
+    axes.set_ylabel("magnitude [dB re 1 rad per N m]")
+    axes.set_title(title)
+    frequency_axis(axes, float(f[0]), float(f[-1]))
+    return figure, axes
+
+
+def draw_measured(
+    axes: Axes, loop: MeasuredLoop, who: str, *, output: int = 0, decibels: bool = True
+) -> None:
+    """The loop as the rig gave it, or a word that it gave none."""
+    full: dict[str, Any] = {"color": COLOUR[loop.name], "linewidth": 1.8}
+    if loop.measured is None:
+        axes.plot([], [], **full, label=f"{who}: unstable on the rig")
+        return
+    label = f"{who}, measured{_decibels(loop.measured_db) if decibels else ''}"
+    draw_magnitude(axes, loop.measured.frequency_hz, loop.measured.H[:, output, 0], **full, label=label)
+
+
+def draw_predicted(
+    axes: Axes, loop: MeasuredLoop, who: str, *, output: int = 0, decibels: bool = True
+) -> None:
+    """The loop as the fit foretells it."""
+    dashed: dict[str, Any] = {"color": COLOUR["prediction"], "linestyle": GAPS[loop.name], "linewidth": 0.9}
+    label = f"{who}, predicted{_decibels(loop.predicted_db) if decibels else ''}"
+    draw_magnitude(axes, loop.predicted.frequency_hz, loop.predicted.H[:, output, 0], **dashed, label=label)
+
+
+def end_loops(figure: Figure, axes: Axes) -> Figure:
+    """The legend under the curves, where nothing is drawn."""
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower left", ncols=2)
+    return figure
+
+
+def _decibels(value: float | None) -> str:
+    return "" if value is None else f": {value:.2f} dB".replace("-", "\N{MINUS SIGN}")
