@@ -85,6 +85,11 @@ def solve_riccati(
     Bn = sla.solve_triangular(factor, B.T, lower=True).T
     Sn = sla.solve_triangular(factor, cross.T, lower=True).T
     Abar, Qbar = A - Bn @ Sn.T, Q - Sn @ Sn.T
+    if start is not None and np.shape(start) != np.shape(A):
+        raise ConfigError(
+            f"a start of shape {np.shape(start)} for {len(A)} states",
+            hint="the solution of a neighbouring problem with the same states",
+        )
     X = _solve_balanced(Abar, Bn, Qbar, start)
     gain = None if X is None else sla.cho_solve((factor, True), (X @ B + cross).T)
     poles = None if gain is None else np.linalg.eigvals(A - B @ gain).astype(complex)
