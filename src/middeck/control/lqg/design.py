@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from jaxtyping import Float
 
 from middeck.control.compensator import Compensator, driven_ports, measured_ports
 from middeck.control.lqg.design_model import DesignModel, build_design_model
@@ -52,16 +53,16 @@ def design_lqg(
     *,
     kalman: KalmanFilter | None = None,
     shaping: Shaping | None = None,
-    neighbour: LQGCompensator | None = None,
+    start: Float[np.ndarray, "state state"] | None = None,
 ) -> LQGCompensator:
     """The compensator that minimises E[z' W^2 z + rho u' diag(input) u], rho = 1/authority.
 
     Modes that no port reaches or sees are set aside by name and listed in ``inert``. Direct terms from u to
     z, and from any input to y, are part of the design; one from process noise to z is refused, for it makes
     the cost infinite. ``shaping`` adds filters, integral action and correlated noise (give the same to
-    `design_filter`); from a ``neighbour`` in authority Newton's method finds the regulator. Raises
-    `NotStabilisableError` naming the modes that cannot be held and `ConfigError` for weights that do not fit
-    the plant.
+    `design_filter`); ``start`` may be the regulator's solution at another authority, see `solve_riccati`.
+    Raises `NotStabilisableError` naming the modes that cannot be held and `ConfigError` for weights that do
+    not fit the plant.
     """
     if not 0.0 < authority < np.inf:
         raise ConfigError(f"authority is {authority}; it must be positive and finite")
@@ -75,7 +76,7 @@ def design_lqg(
             f"the filter has {len(kalman.gain)} states, the design {len(model.A)}",
             hint="design the filter for the same plant and with the same shaping",
         )
-    regulator = design_regulator(model, authority, None if neighbour is None else neighbour.regulator.X)
+    regulator = design_regulator(model, authority, start)
     law = _join(model, regulator.solution.gain, kalman.gain)
     cost = _cost(model, regulator, kalman.solution.X)
     ports = measured_ports(active), driven_ports(active)
