@@ -160,6 +160,24 @@ def gimbals_and_friction(names: Names) -> None:
     assert Path("amplitude.svg").exists()
 
 
+def qualify_a_compensator(names: Names) -> None:
+    """A margin of 2.1 dB; the plants of the last block in order, later is worse; the file is the same law."""
+    rows = names["rows"]
+    assert [(r.plant, r.setting) for r in rows[:3]] == [
+        ("on time", "continuous"), ("on time", "250 Hz"), ("8 ms late", "continuous"),
+    ]  # fmt: skip
+    assert all(r.stable for r in rows)
+    assert rows[2].loops[0].delay_limit_s == pytest.approx(rows[0].loops[0].delay_limit_s - 0.008, rel=1e-9)
+    strong = names["qualify_compensator"](
+        names["load_compensator"]("strong.json"),
+        {"late": names["delay_inputs"](names["plant"], 0.002)},
+        names["weights"],
+        rates_hz=[250.0],
+    )
+    assert strong[1].loops[0].gain_db == pytest.approx(2.1, abs=0.05)
+    assert names["again"] == names["law"]
+
+
 PROMISES: dict[str, Callable[[Names], None]] = {
     "README.md": readme,
     "docs/tutorials/first-steps.md": first_steps,
@@ -171,6 +189,7 @@ PROMISES: dict[str, Callable[[Names], None]] = {
     "docs/how-to/correlate-with-a-test.md": correlate_with_a_test,
     "docs/how-to/find-what-matters.md": find_what_matters,
     "docs/how-to/gimbals-and-friction.md": gimbals_and_friction,
+    "docs/how-to/qualify-a-compensator.md": qualify_a_compensator,
 }
 
 

@@ -37,7 +37,8 @@ Examples:
 \b
 --set key=value overrides any input value by the name it has in its file.
 Exit codes: 0 done, 1 the answer is no (--require), 2 usage or configuration,
-4 bad data, 5 numerical failure, 70 a fault of middeck, 130 interrupted.
+3 an optional package is missing, 4 bad data, 5 numerical failure,
+70 a fault of middeck, 130 interrupted.
 Manual: README.md and docs/ of the source; `middeck VERB --help` for a verb.
 """
 
