@@ -9,6 +9,8 @@ import pytest
 import sampled_cases as cases
 import scipy.integrate as si
 import scipy.linalg as sla
+from hypothesis import given
+from hypothesis import strategies as st
 
 from middeck.control.classical import close_inner_loop
 from middeck.control.lqg import LQGWeights, design_lqg
@@ -23,6 +25,7 @@ from middeck.control.sampled.integrals import spread_noise
 from middeck.errors import ConfigError, NotStabilisableError
 from middeck.systems.delayed_plant import DelayedPlant, approximate_delays, delay_inputs
 from middeck.systems.delayed_sampling import sample_delayed
+from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant, subsystem
 from middeck.systems.ports import Port
 from middeck.systems.response import statespace_response
@@ -379,6 +382,51 @@ def test_a_mode_that_sampling_hides_is_named(turns):
     plant = dataclasses.replace(cases.gimbal(), dynamics=modal)
     with pytest.raises(NotStabilisableError, match=f"{turns / T:g} Hz"):
         design_sampled_lqg(plant, cases.gimbal_weights(), 100.0, T)
+
+
+@pytest.mark.parametrize(
+    ("torque", "angle", "message"),
+    [(1.0, 0.0, "no measurement in y sees it"), (0.0, 1.0, "no control input in u")],
+)
+def test_modes_that_nothing_sees_or_reaches_are_named(torque, angle, message):
+    # A rigid turn beside the modes, in a draught.
+    modal = cases.gimbal().dynamics
+    more = ModalSystem(
+        np.append(modal.omega, 0.0), np.append(modal.zeta, 0.0),
+        np.block([[modal.psi, np.zeros((5, 1))], [np.array([[torque, 1.0]])]]),
+        np.hstack([modal.phi, [[angle]]]), np.zeros((1, 6)), (*modal.names, "turn"),
+    )  # fmt: skip
+    ports = (Port("torque", "N m"), Port("draught", "N m")), (Port("angle", "rad"),)
+    plant = Plant(more, *ports, ("torque",), ("torque",), ("angle",), ("angle",))
+    weights = dataclasses.replace(cases.gimbal_weights(), disturbed=("torque", "draught"), process=np.eye(2))
+    with pytest.raises(NotStabilisableError, match=f"{message}.*turn"):
+        design_sampled_lqg(plant, weights, 100.0, 0.01)
+
+
+@given(
+    seed=st.integers(0, 10_000),
+    late_in=st.lists(st.floats(0.0, 3.0), min_size=2, max_size=2),
+    late_out=st.lists(st.floats(0.0, 3.0), min_size=2, max_size=2),
+    form=st.sampled_from(FORMS),
+)
+def test_any_plant_with_any_delays(seed, late_in, late_out, form):
+    # The path is that of another arrangement, and the trace formula is the measured cost.
+    rng, T = np.random.default_rng(seed), 0.2
+    A = rng.standard_normal((4, 4)) - 1.0 * np.eye(4)
+    inputs, outputs = (tuple(Port(name, "N") for name in side.split()) for side in ("u1 u2 w1", "y1 y2"))
+    system = StateSpace(A, rng.standard_normal((4, 3)), rng.standard_normal((2, 4)), np.zeros((2, 3)))
+    plant = Plant(system, inputs, outputs, ("w1",), ("u1", "u2"), ("y1", "y2"), ("y1", "y2"))
+    delay_s = T * (np.array([*late_in, 0.0]) + np.array(late_out)[:, None])
+    delayed = DelayedPlant(plant, delay_s)
+    weights = LQGWeights([1.0, 1.0], [1.0, 1.0], ("w1",), [[1.0]], [0.1, 0.1])
+    omega = np.array([0.1, 1.0, 10.0])
+    mine = statespace_response(hold_plant(delayed, weights, T).system, omega)
+    control = StateSpace(A, system.B[:, :2], system.C, np.zeros((2, 2)))
+    theirs = statespace_response(sample_delayed(control, T, delay_s[:, :2]), omega)
+    # Instants within 1e-9 of a sample count as on it: the response differs by as much.
+    np.testing.assert_allclose(mine, theirs, atol=1e-8 * np.abs(theirs).max())
+    law = design_sampled_lqg(delayed, weights, 10.0, T, form)
+    assert measure_sampled_loop(delayed, law, weights, 10.0).cost == pytest.approx(law.cost, rel=1e-8)
 
 
 @pytest.mark.parametrize("period", [0.0, -1.0, np.nan, np.inf])

@@ -56,12 +56,14 @@ def solve_discrete_riccati(
     S: Float[np.ndarray, "state input"] | None = None,
     *,
     names: Sequence[str] = (),
+    complaint: str = "no input reaches it",
 ) -> DiscreteRiccatiSolution:
     """Solve A'XA - X - (A'XB + S)(R + B'XB)^-1 (A'XB + S)' + Q = 0 for the stabilising X.
 
-    ``A`` may be singular. Raises `NotStabilisableError` naming (``names``: one per state) the modes that B
-    does not reach (on or outside the circle) or Q does not see (on it), `ConfigError` for R that is not
-    positive definite, `NumericalError` if no method gives a stabilising solution.
+    ``A`` may be singular; ``names`` (one per state) and ``complaint`` (of what B does not reach) are used in
+    errors. Raises `NotStabilisableError` naming the modes that B does not reach (on or outside the circle) or
+    Q does not see (on it), `ConfigError` for R that is not positive definite, `NumericalError` if no method
+    gives a stabilising solution.
 
     >>> solution = solve_discrete_riccati(*4 * [np.eye(1)])                   # x^2 - x - 1 = 0
     >>> round(float(solution.X[0, 0]), 12)
@@ -78,7 +80,7 @@ def solve_discrete_riccati(
     Bn = sla.solve_triangular(factor, B.T, lower=True).T
     Sn = sla.solve_triangular(factor, cross.T, lower=True).T
     Abar, Qbar = A - Bn @ Sn.T, Q - Sn @ Sn.T
-    require_reachable(Abar, B, names, sampled=True)
+    require_reachable(Abar, B, names, sampled=True, complaint=complaint)
     require_reachable(
         Abar.T, Qbar, names, only_axis=True, sampled=True, complaint="the cost (or process noise) misses it"
     )

@@ -119,9 +119,15 @@ def design_sampled_lqg(
             hint="the predictor form, or the plant's true delay",
         )
     price = sample_cost(held, weights, authority)
-    regulator = solve_discrete_riccati(system.A, system.B, price.Q, price.R, price.S, names=held.state_names)
-    sensor = np.diag(held.sensor)
-    estimator = solve_discrete_riccati(system.A.T, system.C.T, held.noise, sensor, names=held.state_names)
+    names, sensor = held.state_names, np.diag(held.sensor)
+    estimator = solve_discrete_riccati(
+        system.A.T, system.C.T, held.noise, sensor,
+        names=names, complaint="no measurement in y sees it at this rate",
+    )  # fmt: skip
+    regulator = solve_discrete_riccati(
+        system.A, system.B, price.Q, price.R, price.S,
+        names=names, complaint="no control input in u reaches it at this rate",
+    )  # fmt: skip
     law, error = _join(system, regulator.gain, estimator, sensor, form)
     weight = price.R + system.B.T @ regulator.X @ system.B
     cost = np.sum(regulator.X * held.noise) + np.sum((regulator.gain @ error) * (weight @ regulator.gain))
