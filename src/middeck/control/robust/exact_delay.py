@@ -49,7 +49,7 @@ def _corrected(
     u, y = active.input_indices(active.u), active.output_indices(active.y)
     late = delayed.delay_s[np.ix_(y, u)]
     G = system.A, system.B[:, u], system.C[y], system.D[np.ix_(y, u)]
-    root = poles.copy()
+    root, near = poles.copy(), np.ones(len(poles), dtype=bool)
     for _ in range(NEWTON_STEPS):
         try:
             g, dg = _transfer(*G, root)
@@ -62,9 +62,10 @@ def _corrected(
         except np.linalg.LinAlgError:  # exactly on a root, or on a pole that the loop does not move
             break
         step = np.divide(-1.0, slope, out=np.zeros_like(slope), where=np.abs(slope) > 0.0)
-        root = root + step
-    near = np.abs(root - poles) <= NEAR * np.abs(poles)
-    return np.where(near & np.isfinite(root), root, poles)
+        # Once away from its pole an iterate belongs to another, or to none and grows beyond all numbers.
+        near = near & (np.abs(root + step - poles) <= NEAR * np.abs(poles))
+        root = np.where(near, root + step, poles)
+    return root
 
 
 def _transfer(
