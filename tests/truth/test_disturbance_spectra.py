@@ -4,11 +4,25 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+import scipy.linalg as sla
 
-from middeck.control.lqg import fit_spectrum, line_filter, sum_spectra
+from middeck.control.closed_loop import close_loop, leave_open
+from middeck.control.lqg import (
+    LQGWeights,
+    Shaping,
+    colour_disturbances,
+    design_lqg,
+    fit_spectrum,
+    line_filter,
+    sum_spectra,
+)
+from middeck.control.performance import Performance, measure_rms
 from middeck.errors import ConfigError, DataError
 from middeck.systems.norms import band_rms
+from middeck.systems.plant import Plant
+from middeck.systems.ports import Port
 from middeck.systems.resolvent import by_solving
+from middeck.systems.statespace import StateSpace
 from middeck.systems.transmission_zeros import transmission_zeros
 
 
@@ -76,3 +90,56 @@ def test_tables_and_lines_without_sense_are_refused():
     for line in ((30.0, 0.0, 1.0), (30.0, 70.0, 1.0), (30.0, 1.0, -1.0)):
         with pytest.raises(ConfigError):
             line_filter(*line)
+
+
+def one_mode():
+    """A mode at 5 Hz; the motor u disturbs as well as it controls."""
+    omega = 2.0 * np.pi * 5.0
+    system = StateSpace(
+        [[0.0, omega], [-omega, -0.04 * omega]], [[0.0, 0.0], [0.3, 1.0]], [[1.0, 0.0]], [[0.0, 0.0]]
+    )
+    return Plant(
+        system, (Port("w", "N"), Port("u", "N")), (Port("x", "m"),), ("w", "u"), ("u",), ("x",), ("x",)
+    )
+
+
+def test_a_coloured_plant_is_disturbed_by_the_spectrum():
+    wheel = sum_spectra([line_filter(5.5, 0.2, 2.0), line_filter(11.0, 0.4, 1.0)])
+    plant = colour_disturbances(one_mode(), (("u", wheel),))
+    assert plant.w == ("w", "noise of u 1", "noise of u 2")
+    assert plant.u == ("u",)
+    assert plant.state_names[:4] == 4 * ("colour of u",)
+    f = np.linspace(1.0, 20.0, 200_001)
+    G = np.abs(by_solving(one_mode().system)(2j * np.pi * f[::100])[:, 0]) ** 2
+    gain = np.stack([np.interp(f, f[::100], G[:, k]) for k in range(2)])
+    power = 2.0 * np.trapezoid(gain[0] * 0.5 + gain[1] * np.interp(f, f[::100], density(wheel, f[::100])), f)
+    found = measure_rms(leave_open(plant), Performance(np.ones(1), np.diag([0.5, 1.0, 1.0]), (1.0, 20.0)))
+    # A grid of 10 mHz on lines 200 mHz wide: trapezia to (0.05)^2 / 12.
+    assert found[0] == pytest.approx(np.sqrt(power), rel=1e-3)
+
+
+def test_a_design_for_a_spectrum_costs_what_its_coloured_loop_does():
+    wheel = line_filter(5.5, 0.2, 2.0)
+    plant = one_mode()
+    asked = LQGWeights(np.ones(1), np.ones(1), ("w", "u"), np.diag([0.5, 3.0]), np.array([1e-4]))
+    law = design_lqg(plant, asked, 100.0, shaping=Shaping(colours=(("u", wheel),)))
+    plain = design_lqg(plant, asked, 100.0)
+
+    def cost(law):
+        loop = close_loop(colour_disturbances(plant, (("u", wheel),)), law).system
+        n = len(law.system.A)
+        noise = loop.B @ np.diag([0.5, 3.0]) @ loop.B.T
+        noise[-n:, -n:] += 1e-4 * law.system.B @ law.system.B.T
+        X = sla.solve_continuous_lyapunov(loop.A, -noise)
+        u = law.system.C
+        return float((loop.C @ X @ loop.C.T + u @ X[-n:, -n:] @ u.T / 100.0)[0, 0])
+
+    assert law.cost == pytest.approx(cost(law), rel=1e-9)
+    # Who knows the line does better under it.
+    assert cost(law) < cost(plain)
+
+
+def test_colours_at_ports_that_do_not_disturb_are_refused():
+    with pytest.raises(ConfigError, match="no port 'x'"):
+        colour_disturbances(one_mode(), (("x", line_filter(5.5, 0.2, 2.0)),))
+    assert colour_disturbances(one_mode(), ()) == one_mode()

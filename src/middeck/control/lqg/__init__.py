@@ -1,5 +1,6 @@
 """Linear-quadratic Gaussian designs: weights, filter, regulator, and what they are extended by."""
 
+from middeck.control.lqg.coloured_plant import colour_disturbances
 from middeck.control.lqg.design import LQGCompensator, design_lqg
 from middeck.control.lqg.estimator import KalmanFilter, design_filter
 from middeck.control.lqg.levels import design_levels
@@ -16,6 +17,7 @@ __all__ = [
     "SpectrumFit",
     "Topology",
     "TopologyTable",
+    "colour_disturbances",
     "compare_topologies",
     "design_filter",
     "design_levels",

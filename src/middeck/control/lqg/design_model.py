@@ -73,8 +73,10 @@ def build_design_model(plant: Plant, weights: LQGWeights, shaping: Shaping) -> D
     pick(tuple((name, gain_system(np.eye(1))) for name, _ in shaping.integral), plant.y)
     kept = [k for k, weight in enumerate(on_inputs) if weight is not None]
     n_u, n_y = len(plant.u), len(plant.y)
-    before = _beside([*_or_one(colours), gain_system(np.eye(n_u))])
-    after = _beside([*_or_one(on_outputs), *_or_one([on_inputs[k] for k in kept]), gain_system(np.eye(n_y))])
+    before = put_beside([*_or_one(colours), gain_system(np.eye(n_u))])
+    after = put_beside(
+        [*_or_one(on_outputs), *_or_one([on_inputs[k] for k in kept]), gain_system(np.eye(n_y))]
+    )
     whole = series(series(before, _middle(plant, weights.disturbed, kept)), after)
     n_z, n_w = len(plant.z), whole.B.shape[1] - n_u
     z, s, y = slice(n_z), slice(n_z, n_z + len(kept)), slice(n_z + len(kept), None)
@@ -159,7 +161,7 @@ def _name_filters(what: str, ports: tuple[str, ...], filters: list[StateSpace | 
     ]
 
 
-def _beside(systems: list[StateSpace]) -> StateSpace:
+def put_beside(systems: list[StateSpace]) -> StateSpace:
     """Systems that know nothing of each other."""
     parts = (np.asarray(sla.block_diag(*(getattr(s, k) for s in systems))) for k in "ABCD")
     return StateSpace(*parts)
