@@ -159,7 +159,7 @@ def _of_statespace(
     keep, shares = _most(share, grows, modes)
     parts = separate_poles(system, _both(values[keep]))
     gone = parts.rest
-    limit = gone.D - gone.C @ np.linalg.solve(gone.A, gone.B) if static and len(gone.A) else gone.D
+    limit = _static_limit(gone, values[~keep & (np.abs(values) >= band[0])]) if static else gone.D
     smaller = dataclasses.replace(parts.kept, D=limit)
     peak = peak_gain(_between(dataclasses.replace(gone, D=gone.D - limit), *ports), band)
     states = tuple(f"modal {i}" for i in range(len(smaller.A)))
@@ -168,6 +168,14 @@ def _of_statespace(
         _pole_names(values[keep]), _pole_names(values[~keep]), shares, None, peak.gain,
         peak.omega / (2.0 * np.pi),
     )  # fmt: skip
+
+
+def _static_limit(gone: StateSpace, above: np.ndarray) -> Float[np.ndarray, "output input"]:
+    """Static gain of the poles ``above``; what lies below the band has its limit in the direct term."""
+    if not len(above):
+        return gone.D
+    springs = separate_poles(gone, _both(above)).kept
+    return gone.D - springs.C @ np.linalg.solve(springs.A, springs.B)
 
 
 def _between(system: StateSpace, inputs: list[int], outputs: list[int]) -> StateSpace:
