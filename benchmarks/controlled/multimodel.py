@@ -1,0 +1,213 @@
+"""Robust designs: the frozen case of five modes, plants it has not seen, and `simple` in 0-g.
+
+Designs are made first and nothing is changed after; the unseen plants are then drawn from the seed given.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import resource
+import sys
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from measured.rows import row
+from middeck.control.classical import PDLoops, close_inner_loop
+from middeck.control.closed_loop import close_loop, leave_open
+from middeck.control.compensator import Compensator
+from middeck.control.lqg import design_lqg
+from middeck.control.performance import measure_metric
+from middeck.control.robust import (
+    ModeShift,
+    Structure,
+    Uncertainty,
+    compare_designs,
+    corner_positions,
+    design_multimodel,
+    design_popov,
+    design_sensitivity_weighted,
+    draw_positions,
+    end_positions,
+    finished_plants,
+    verify_robustness,
+    without_delays,
+    worst_db,
+)
+from middeck.files.studies import load_study
+from middeck.study.gravity import find_modes
+from middeck.study.zero_g_control import _disturbance_psd, _performance, control_plant, design_weights
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "tests" / "truth"))
+
+from multimodel_reference import (  # noqa: E402
+    APART,
+    AUTHORITY,
+    TOGETHER,
+    UNIT_S,
+    UNSEEN,
+    WEIGHTS,
+    grid,
+    reference_plant,
+)
+
+RATES_HZ = (250.0, 500.0, 1000.0)
+CORNERS, CORNER_SEED = 20, 7
+HOLD_S = 0.001  # half a period at 500 Hz: what a hold adds to the delay
+SIMPLE_AUTHORITY = 100.0
+SIMPLE_MODES = ("first bending x-y", "first bending x-z", "second bending x-y", "second bending x-z")
+
+
+def rows(options: Any) -> list[dict[str, Any]]:
+    made, designs = _reference()
+    return made + _unseen(designs, options.seed) + _simple()
+
+
+def _timed(design: Callable[[], Any]) -> tuple[Any, float]:
+    begun = time.process_time()
+    return design(), time.process_time() - begun
+
+
+def _db(law: Compensator, positions: np.ndarray | None = None) -> Any:
+    places = np.zeros((1, 2)) if positions is None else positions
+    found = verify_robustness(reference_plant(), law, WEIGHTS, uncertainty=APART, positions=places)
+    return found.outcomes[0]
+
+
+def _reference() -> tuple[list[dict[str, Any]], dict[str, Compensator]]:
+    """Rows of the frozen case, and the designs that the unseen plants will judge."""
+    plant, case = reference_plant(), "multimodel reference"
+    lqg = design_lqg(without_delays(plant), WEIGHTS, AUTHORITY)
+    design = partial(design_multimodel, plant, WEIGHTS, AUTHORITY)
+    three, seconds = _timed(lambda: design(uncertainty=TOGETHER))
+    eight, four = (design(uncertainty=TOGETHER, structure=Structure(order)) for order in (8, 4))
+    nominal, robust = _db(lqg).db[0], _db(three).db[0]
+    on_grid = _db(three, grid())
+    one = design(uncertainty=())
+    made = [
+        row(case, "nominal LQG", "dB", nominal, note=_note(lqg)),
+        row(case, "nominal LQG, unstable share of the 9x9 grid", "", 1.0 - _db(lqg, grid()).stable.mean()),
+        row(case, "three models, loss", "dB", robust - nominal, 0.2, note=_note(three)),
+        row(case, "three models, unstable share of the 9x9 grid", "", 1.0 - on_grid.stable.mean(), 0.0),
+        row(case, "three models, worst of the grid", "dB", worst_db(on_grid)),
+        row(case, "three models, design", "CPU s", seconds, 5.0),
+        row(case, "order 8 over order 13", "dB", _db(eight).db[0] - robust, 0.1, note=_note(eight)),
+        row(case, "order 4 over order 13", "dB", _db(four).db[0] - robust, 0.6, note=_note(four)),
+        row(case, "one model, cost over LQG's less one", "", abs(one.cost / lqg.cost - 1.0), 1e-4),
+    ]
+    return made, {
+        "nominal LQG": lqg,
+        "weak LQG": _weak_lqg(plant),
+        "three models": three,
+        "three models, order 8": eight,
+        "three models, order 4": four,
+        **_robust(plant),
+    }
+
+
+def _note(law: Compensator) -> str:
+    return f"control rms {_db(law).control_rms[0]:.3g}, {len(law.system.A)} states"
+
+
+def _weak_lqg(plant: Any) -> Compensator:
+    """The LQG law of 26 dB."""
+    low, high = -3.0, 2.0
+    for _ in range(30):
+        middle = (low + high) / 2.0
+        weak = design_lqg(without_delays(plant), WEIGHTS, 10.0**middle)
+        low, high = (middle, high) if _db(weak).db[0] > -26.0 else (low, middle)
+    return weak
+
+
+def _robust(plant: Any) -> dict[str, Compensator]:
+    """Against all that the unseen plants may have; the last one also against the lateness of a hold."""
+    modes = Uncertainty(UNSEEN.shifts)
+    late = dataclasses.replace(plant, delay_s=plant.delay_s * (1.0 + HOLD_S / 0.010))
+    corners = corner_positions(UNSEEN, CORNERS, np.random.default_rng(CORNER_SEED))
+    return {
+        "sensitivity-weighted": design_sensitivity_weighted(plant, WEIGHTS, AUTHORITY, uncertainty=modes),
+        "Popov": design_popov(plant, WEIGHTS, AUTHORITY, uncertainty=modes),
+        "maximum over 21 models": design_multimodel(
+            late, WEIGHTS, AUTHORITY, uncertainty=UNSEEN, positions=corners, over="maximum", tolerance=1e-6
+        ),
+    }
+
+
+def _unseen(designs: dict[str, Compensator], seed: int) -> list[dict[str, Any]]:
+    """500 plants drawn now; levels for the design that is meant to meet them."""
+    positions = draw_positions(UNSEEN, 500, np.random.default_rng(seed))
+    compare = partial(
+        compare_designs, reference_plant(), designs, WEIGHTS, uncertainty=UNSEEN, positions=positions,
+        rates_hz=[rate * UNIT_S for rate in RATES_HZ],
+    )  # fmt: skip
+    found, seconds = _timed(compare)
+    case, made = f"multimodel unseen, seed {seed}", []
+    names = dict(
+        zip((f"{rate * UNIT_S:g} Hz" for rate in RATES_HZ), (f"{r:g} Hz" for r in RATES_HZ), strict=True)
+    )
+    for each in found:
+        setting, ours = names.get(each.setting, each.setting), each.name.startswith("maximum")
+        what = f"{each.name}, {setting}"
+        note = (
+            f"nominal {each.nominal_db:.2f} dB, control rms {each.nominal_control_rms:.3g}, "
+            f"worst stable {each.worst_db:.2f} dB, {each.order} states"
+        )
+        made.append(
+            row(case, f"{what}: unstable", "", 1.0 - each.stable_share, 0.01 if ours else None, note=note)
+        )
+        if ours:
+            made.append(row(case, f"{what}: nominal", "dB", each.nominal_db, -33.0))
+            made.append(row(case, f"{what}: worst stable", "dB", each.worst_db, -30.0))
+    made.append(row(case, "500 plants, one design in four settings", "CPU s", seconds / len(designs)))
+    return made
+
+
+def _simple() -> list[dict[str, Any]]:
+    """`simple` in 0-g with its PD loops: 46 states, 5 inputs, 14 outputs; four modes apart by 1 %."""
+    study = load_study(ROOT / "studies" / "mace-1993.toml")
+    modes, control = find_modes(*study.case("simple", "orbit")), study.control
+    pd = PDLoops(control.pd_loops, np.array(control.pd_kp_nm_per_rad), np.array(control.pd_kd_nms_per_rad))
+    bare = control_plant(modes, control)
+    plant = close_inner_loop(bare, pd)
+    psd = _disturbance_psd(plant, control)
+    weights, performance = design_weights(control, psd), _performance(control, psd)
+    box = Uncertainty(
+        tuple(ModeShift((name,), 0.01) for name in SIMPLE_MODES), finish=partial(close_inner_loop, pd=pd)
+    )
+    ask = partial(_call, bare, weights, SIMPLE_AUTHORITY, uncertainty=box)
+    designs = {
+        "LQG": lambda: design_lqg(plant, weights, SIMPLE_AUTHORITY),
+        "multi-model": lambda: ask(design_multimodel, tolerance=1e-5),
+        "multi-model, order 20": lambda: ask(
+            design_multimodel, tolerance=1e-5, structure=Structure(20), positions=end_positions(box)[:3]
+        ),
+        "sensitivity-weighted": lambda: ask(design_sensitivity_weighted),
+        "Popov": lambda: ask(design_popov, tolerance=1e-4),
+    }
+    reference = measure_metric(leave_open(plant), performance)
+    made: list[dict[str, Any]] = []
+    for name, design in designs.items():
+        law, seconds = _timed(design)
+        metric = [
+            measure_metric(close_loop(p, law), performance)
+            for p in finished_plants(bare, box, end_positions(box))
+        ]
+        db = 20.0 * np.log10(np.array(metric) / reference)
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+        case, note = (
+            "multimodel simple 0-g",
+            f"{len(law.system.A)} states, worst of 9 plants {db.max():.2f} dB",
+        )
+        made.append(row(case, f"{name}: nominal", "dB", db[0], -15.0, note=note))
+        made.append(row(case, f"{name}: design", "CPU s", seconds))
+        made.append(row(case, f"{name}: peak memory of the process so far", "MiB", peak))
+    return made
+
+
+def _call(plant: Any, weights: Any, authority: float, design: Callable[..., Any], **more: Any) -> Any:
+    return design(plant, weights, authority, **more)
