@@ -143,15 +143,17 @@ def _where_gone(ratio: Response, omega: float) -> float:
     return omega * 1e3
 
 
-def refine_lines(ratio: Response, omega: Float[np.ndarray, " line"]) -> Float[np.ndarray, " line"]:
+def refine_lines(
+    ratio: Response, omega: Float[np.ndarray, " line"], finer: float = 1.0
+) -> Float[np.ndarray, " line"]:
     """More lines wherever gain or phase of any channel changes much from one to the next.
 
     Only where the gain is within `WIDEST` of one, so that a pole or a zero on the axis is approached no
-    further than that. Lines on which the ratio is infinite are left out.
+    further than that. Lines on which the ratio is infinite are left out. ``finer`` divides the steps allowed.
     """
     omega, value = _finite_lines(omega, ratio(1j * omega))
     for _ in range(ROUNDS):
-        coarse = _coarse(value) & (np.diff(omega) > FINEST * omega[1:])
+        coarse = _coarse(value, finer) & (np.diff(omega) > FINEST * omega[1:])
         if not coarse.any():
             break
         middle = (omega[:-1] + OFF_MIDDLE * np.diff(omega))[coarse]
@@ -166,11 +168,11 @@ def _finite_lines(omega: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, np.
     return omega[keep], value[keep]
 
 
-def _coarse(L: np.ndarray) -> np.ndarray:
+def _coarse(L: np.ndarray, finer: float) -> np.ndarray:
     """Which steps are too long."""
     size = np.maximum(np.abs(L), 1e-300)
     level = np.log(size)
     inside = np.abs(level) < np.log(WIDEST)
     turn = np.abs(np.angle(L[1:] / size[1:] * np.conj(L[:-1] / size[:-1])))
     stretch = np.abs(np.diff(level, axis=0))
-    return np.any((inside[1:] | inside[:-1]) & ((turn > TURN) | (stretch > STRETCH)), axis=1)
+    return np.any((inside[1:] | inside[:-1]) & ((turn > TURN / finer) | (stretch > STRETCH / finer)), axis=1)

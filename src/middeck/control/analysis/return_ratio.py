@@ -27,6 +27,9 @@ from middeck.values import record
 Ratio = Callable[[np.ndarray], np.ndarray]
 """L [line, channel] at complex frequencies s [rad/s]."""
 
+SMOOTH = 6.0
+"""Steps of a curve that is looked at are a sixth of those that find crossings: three degrees."""
+
 
 @record
 class ReturnRatio:
@@ -76,7 +79,7 @@ def trace_return_ratio(
     loop = form_loop(plant, law)
     ratio = broken_ratio(loop, at)
     if frequency_hz is None:
-        omega = refine_lines(ratio, place_lines(loop, at, ratio))
+        omega = refine_lines(ratio, place_lines(loop, at, ratio), SMOOTH)
         return ReturnRatio(omega / (2.0 * np.pi), ratio(1j * omega), broken_at(loop, at))
     frequency_hz = np.asarray(frequency_hz, dtype=float)
     return ReturnRatio(frequency_hz, ratio(2j * np.pi * frequency_hz), broken_at(loop, at))

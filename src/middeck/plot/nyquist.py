@@ -1,0 +1,74 @@
+"""Nyquist's plot of broken loops, with the disk that they must not enter."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+
+from middeck.control.analysis import LoopMargins, Margins, ReturnRatio
+from middeck.plot.style import COLOUR, WIDTH_IN, new_figure, styled
+
+REACH = 2.5
+"""What is drawn around the critical point: light modes swing far beyond it, where nothing is decided."""
+
+
+@styled
+def nyquist(ratio: ReturnRatio, margins: Margins, reach: float = REACH) -> Figure:
+    """L(j omega) of each channel for positive frequencies, one picture each, critical point -1.
+
+    Shaded is the disk of the channel's own disk margin: the curve touches it, and no more. Dots are unit gain
+    (phase margins), squares the negative real axis (gain margins).
+    """
+    count = len(ratio.channels)
+    columns = min(count, 2)
+    rows = -(-count // columns)
+    figure = new_figure(0.25 + rows * WIDTH_IN / 2.0)
+    for k, axes in enumerate(figure.subplots(rows, columns, squeeze=False).ravel()):
+        if k >= count:
+            axes.set_visible(False)
+            continue
+        _draw(axes, ratio.L[:, k], margins.loops[k], stable=margins.stable, reach=reach)
+    return figure
+
+
+def _draw(axes: Axes, L: np.ndarray, margins: LoopMargins, *, stable: bool, reach: float) -> None:
+    turn = np.linspace(0.0, 2.0 * np.pi, 361)
+    axes.plot(np.cos(turn), np.sin(turn), color=COLOUR["ghost"], linewidth=0.8, linestyle="--")
+    low, high = margins.disk.gain
+    if stable and np.isfinite(high):
+        centre = -0.5 * (low + high), 0.0
+        axes.add_patch(
+            Circle(centre, 0.5 * (high - low), facecolor=COLOUR["shade"], edgecolor=COLOUR["ghost"])
+        )
+    axes.plot(*_near(L, reach), color=COLOUR["orbit"])
+    unit = -np.exp(1j * margins.phase_rad)
+    axes.plot(np.real(unit), np.imag(unit), "o", color=COLOUR["prediction"], label="unit gain")
+    crossing = -1.0 / margins.gain
+    shown = crossing[crossing > -2.0 * reach]
+    axes.plot(shown, np.zeros(len(shown)), "s", color=COLOUR["low"], label="negative real axis")
+    axes.plot([-1.0], [0.0], "+", color=COLOUR["lab"], markersize=11.0, markeredgewidth=1.8, label="-1")
+    axes.set_xlim(-1.0 - reach, -1.0 + reach)
+    axes.set_ylim(-reach, reach)
+    axes.set_aspect("equal")
+    axes.set_xlabel("real part of L")
+    axes.set_ylabel("imaginary part of L")
+    axes.set_title(title_of(margins, stable=stable))
+    axes.legend(loc="upper right")
+
+
+def _near(L: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
+    """The curve with gaps where it is far outside the picture."""
+    inside = np.abs(L) < 4.0 * reach
+    return np.where(inside, np.real(L), np.nan), np.where(inside, np.imag(L), np.nan)
+
+
+def title_of(margins: LoopMargins, *, stable: bool) -> str:
+    """Name and margins of a loop in two lines."""
+    if not stable:
+        return f"broken at {margins.channel}:\nthe closed loop is unstable"
+    phase = np.degrees(margins.phase_limit_rad)
+    phase_words = f"{phase:.1f} deg" if np.isfinite(phase) else "any phase"
+    gain_words = f"{margins.gain_db:.1f} dB" if np.isfinite(margins.gain_db) else "any gain"
+    return f"broken at {margins.channel}:\n{gain_words}, {phase_words}, disk {margins.disk.alpha:.2f}"

@@ -1,0 +1,68 @@
+"""Nyquist's and Nichols's plots show what was computed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from middeck.control.analysis import Margins, ReturnRatio, measure_margins, trace_return_ratio
+from middeck.control.compensator import Compensator
+from middeck.plot.nichols import nichols
+from middeck.plot.nyquist import nyquist, title_of
+from middeck.systems.delayed_plant import delay_inputs
+from middeck.systems.modal import ModalSystem
+from middeck.systems.plant import Plant
+from middeck.systems.ports import Port
+from middeck.systems.statespace import gain_system
+
+FORCE, WAY, RATE = Port("force", "N"), Port("way", "m"), Port("rate", "m/s")
+MODES = ModalSystem(
+    [0.0, 9.0],
+    [0.0, 0.02],
+    [[1.0], [0.5]],
+    [[1.0, 0.5], [0.0, 0.0]],
+    [[0.0, 0.0], [1.0, 0.5]],
+    ("body", "one"),
+)
+
+
+def looked_at(delay_s: float) -> tuple[ReturnRatio, Margins]:
+    late = delay_inputs(Plant(MODES, (FORCE,), (WAY, RATE)), delay_s)
+    law = Compensator(gain_system(np.array([[-2.0, -1.5]])), (WAY, RATE), (FORCE,))
+    return trace_return_ratio(late, law), measure_margins(late, law)
+
+
+def drawn(figure: Figure, colour: str) -> np.ndarray:
+    lines = [line for line in figure.axes[0].get_lines() if line.get_color() == colour]
+    return np.asarray(lines[0].get_xydata())
+
+
+def test_the_curve_passes_its_crossings_and_keeps_off_its_disk() -> None:
+    ratio, margins = looked_at(0.05)
+    curve = drawn(nyquist(ratio, margins), "#0072B2")
+    curve = curve[np.isfinite(curve[:, 0])] @ np.array([1.0, 1.0j])
+    one = margins.loops[0]
+    for point in [*-np.exp(1j * one.phase_rad), *(-1.0 / one.gain)]:
+        # Steps of three degrees and a tenth of the gain.
+        assert np.abs(curve - point).min() <= 0.06 * abs(point)
+    low, high = one.disk.gain
+    distance = np.abs(curve + 0.5 * (low + high))
+    assert distance.min() == pytest.approx(0.5 * (high - low), rel=0.02)
+    assert distance.min() >= 0.5 * (high - low) * (1.0 - 1e-9)
+
+
+def test_nichols_shows_unit_gain_at_its_phase() -> None:
+    ratio, margins = looked_at(0.05)
+    dots = drawn(nichols(ratio, margins), "#009E73")
+    assert np.sort(dots[:, 0]) == pytest.approx(np.sort(np.degrees(margins.loops[0].phase_rad) - 180.0))
+    assert not dots[:, 1].any()
+
+
+def test_an_unstable_loop_is_said_to_be_and_has_no_disk() -> None:
+    ratio, margins = looked_at(0.9)
+    assert not margins.stable
+    figure = nyquist(ratio, margins)
+    assert not figure.axes[0].patches
+    assert "unstable" in title_of(margins.loops[0], stable=False)
+    assert "unstable" in figure.axes[0].get_title(loc="left")
