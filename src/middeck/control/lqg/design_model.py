@@ -73,11 +73,12 @@ def build_design_model(plant: Plant, weights: LQGWeights, shaping: Shaping) -> D
     pick(tuple((name, gain_system(np.eye(1))) for name, _ in shaping.integral), plant.y)
     kept = [k for k, weight in enumerate(on_inputs) if weight is not None]
     n_u, n_y = len(plant.u), len(plant.y)
-    before = put_beside([*_or_one(colours), gain_system(np.eye(n_u))])
-    after = put_beside(
-        [*_or_one(on_outputs), *_or_one([on_inputs[k] for k in kept]), gain_system(np.eye(n_y))]
-    )
-    whole = series(series(before, _middle(plant, weights.disturbed, kept)), after)
+    whole = _middle(plant, weights.disturbed, kept)
+    if any(colours):
+        whole = series(put_beside([*_or_one(colours), gain_system(np.eye(n_u))]), whole)
+    if any(on_outputs) or kept:
+        behind = [*_or_one(on_outputs), *_or_one([on_inputs[k] for k in kept])]
+        whole = series(whole, put_beside([*behind, gain_system(np.eye(n_y))]))
     n_z, n_w = len(plant.z), whole.B.shape[1] - n_u
     z, s, y = slice(n_z), slice(n_z, n_z + len(kept)), slice(n_z + len(kept), None)
     scale = weights.output[:, None]
