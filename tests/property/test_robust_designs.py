@@ -1,0 +1,100 @@
+"""What holds for every plant: shifts compose, coordinates and units do not matter, more models cost more."""
+
+import dataclasses
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from middeck.control.lqg import LQGWeights, design_lqg
+from middeck.control.robust import design_multimodel, outcomes_on, shift_modes
+from middeck.control.robust.blend import blend
+from middeck.control.robust.closed_cost import Law, evaluate_cost
+from middeck.control.robust.design_model import build_model
+from middeck.control.robust.structure import arrange
+from middeck.systems.modal import ModalSystem
+from middeck.systems.plant import Plant
+from middeck.systems.ports import Port
+from middeck.systems.statespace import StateSpace
+
+WEIGHTS = LQGWeights(np.ones(2), np.ones(2), ("a", "b"), np.eye(2), np.full(2, 1e-3))
+
+
+def random_plant(seed, modes=3):
+    rng = np.random.default_rng(seed)
+    omega = np.sort(rng.uniform(1.0, 10.0, modes))
+    psi, phi = rng.standard_normal((modes, 2)), rng.standard_normal((2, modes))
+    names = tuple(f"mode {i}" for i in range(modes))
+    modal = ModalSystem(omega, np.full(modes, 0.02), psi, phi, 0.0 * phi, names)
+    ports = (Port("a", "N"), Port("b", "N")), (Port("x", "m"), Port("y", "m"))
+    return Plant(modal, *ports, ("a", "b"), ("a", "b"), ("x", "y"), ("x", "y"))
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=st.integers(0, 10_000), factor=st.floats(0.5, 2.0), damping=st.floats(0.5, 2.0))
+def test_a_shift_there_and_back_is_none(seed, factor, damping):
+    plant = random_plant(seed)
+    blocks = dataclasses.replace(
+        plant, dynamics=plant.system, state_names=tuple(n for n in plant.dynamics.names for _ in range(2))
+    )
+    there = shift_modes(blocks, {"mode 1": factor}, {"mode 1": damping})
+    back = shift_modes(there, {"mode 1": 1.0 / factor}, {"mode 1": 1.0 / damping})
+    for name in "ABC":
+        np.testing.assert_allclose(getattr(back.system, name), getattr(blocks.system, name), atol=1e-12)
+
+
+@settings(max_examples=10, deadline=None)
+@given(seed=st.integers(0, 10_000))
+def test_coordinates_of_a_law_do_not_matter(seed):
+    plant, rng = random_plant(seed), np.random.default_rng(seed)
+    lqg, model = design_lqg(plant, WEIGHTS, 1.0), build_model(plant, WEIGHTS, 1.0)
+    T = rng.standard_normal(lqg.system.A.shape) + 3.0 * np.eye(len(lqg.system.A))
+    into = np.linalg.inv(T)
+    turned = Law(into @ lqg.system.A @ T, into @ lqg.system.B, lqg.system.C @ T)
+    # Rounding times the condition of T and of the law's eigenvectors.
+    for law in (turned, arrange(turned, [])[0]):
+        assert abs(evaluate_cost(model, law).cost / lqg.cost - 1.0) < 1e-8
+
+
+@settings(max_examples=4, deadline=None)
+@given(seed=st.integers(0, 10_000))
+def test_one_more_model_never_pays_and_each_law_is_best_at_home(seed):
+    plant = random_plant(seed)
+    other = shift_modes(plant, {"mode 2": 1.05})
+    alone = [design_lqg(p, WEIGHTS, 1.0).cost for p in (plant, other)]
+    both = design_multimodel(plant, WEIGHTS, 1.0, uncertainty=[other], tolerance=1e-5)
+    assert np.all(both.costs >= np.array(alone) * (1.0 - 1e-9))
+    assert outcomes_on([plant, other], both, WEIGHTS)[0].stable.all()
+
+
+@settings(max_examples=10, deadline=None)
+@given(seed=st.integers(0, 10_000), unit=st.floats(1e-3, 1e3))
+def test_units_of_a_port_do_not_matter(seed, unit):
+    plant = random_plant(seed)
+    lqg = design_lqg(plant, WEIGHTS, 1.0)
+    system = plant.system
+    scaled = dataclasses.replace(
+        plant,
+        dynamics=StateSpace(system.A, system.B, unit * system.C, system.D),
+        state_names=tuple(n for n in plant.dynamics.names for _ in range(2)),
+    )
+    weights = dataclasses.replace(WEIGHTS, output=np.ones(2) / unit, sensor=WEIGHTS.sensor * unit**2)
+    law = dataclasses.replace(
+        lqg, system=StateSpace(lqg.system.A, lqg.system.B / unit, lqg.system.C, lqg.system.D)
+    )
+    before, after = outcomes_on([plant], lqg, WEIGHTS)[0], outcomes_on([scaled], law, weights)[0]
+    np.testing.assert_allclose(after.db, before.db, atol=1e-7)
+    np.testing.assert_allclose(after.control_rms, before.control_rms, rtol=1e-7)
+
+
+@given(
+    costs=st.lists(st.floats(1e-6, 1e6), min_size=1, max_size=8),
+    power=st.sampled_from([1.0, 4.0, 16.0, 64.0]),
+)
+def test_a_blend_lies_between_mean_and_maximum(costs, power):
+    values = np.array(costs)
+    blended, weights = blend(values, power)
+    assert values.mean() * (1.0 - 1e-12) <= blended <= values.max() * (1.0 + 1e-12)
+    assert values.max() <= blended * len(values) ** (1.0 / power) * (1.0 + 1e-12)
+    # Homogeneous of degree one: Euler's theorem.
+    np.testing.assert_allclose(weights @ values, blended, rtol=1e-10)
