@@ -13,6 +13,9 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
 import pytest  # noqa: E402
 from hypothesis import settings  # noqa: E402
 
+from middeck.files.studies import load_study  # noqa: E402
+from middeck.study.stages import run_stages  # noqa: E402
+
 LONG = os.environ.get("MIDDECK_LONG") == "1"
 SEED = 1993
 SHARE = 20  # `make test` runs a twentieth of each campaign
@@ -33,6 +36,18 @@ def campaign():
         return range(SEED, SEED + (whole if LONG else max(1, whole // SHARE)))
 
     return seeds
+
+
+@pytest.fixture(scope="session")
+def paper_study():
+    """The study of the paper as it is shipped."""
+    return load_study(Path(__file__).parents[1] / "studies/mace-1993.toml")
+
+
+@pytest.fixture(scope="session")
+def paper_outcomes(paper_study):
+    """Its stages but the mirror, which has its own tests and takes long; once a session."""
+    return {name: run() for name, run in run_stages(paper_study) if name != "mirror"}
 
 
 @pytest.fixture(scope="session")

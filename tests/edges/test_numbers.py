@@ -8,21 +8,17 @@ import jsonschema
 import pytest
 
 from middeck.files.json_output import json_text
-from middeck.files.studies import load_study
 from middeck.study.numbers import study_numbers
-from middeck.study.stages import STAGES, run_stages
+from middeck.study.stages import STAGES
 
 REFERENCE = Path(__file__).parents[1] / "reference" / "numbers.schema.json"
 SHIPPED = json.loads(files("middeck.study").joinpath("numbers.schema.json").read_text())
 
 
 @pytest.fixture(scope="module")
-def numbers():
-    """All stages but the mirror, which has its own test and takes longest."""
-    study = load_study("studies/mace-1993.toml")
-    outcomes = {name: run() for name, run in run_stages(study) if name != "mirror"}
-    assert list(outcomes) == [name for name in STAGES if name != "mirror"]
-    return json.loads(json_text(study_numbers(study, outcomes)))
+def numbers(paper_study, paper_outcomes):
+    assert list(paper_outcomes) == [name for name in STAGES if name != "mirror"]
+    return json.loads(json_text(study_numbers(paper_study, paper_outcomes)))
 
 
 def test_the_contract_holds(numbers):
@@ -70,3 +66,19 @@ def test_inputs_are_named_by_hash(numbers):
     assert len(hashes) == 7
     assert all(len(h) == 64 for h in hashes)
     assert not any(name.startswith("/") for name in numbers["inputs"])
+
+
+def test_figures_follow_the_papers_order(numbers):
+    keys = ["4", "5", "6", "7", "9a", "9b", "10a", "10b", "11", "12"]
+    assert list(numbers["figures"]) == [f"figure_{key}" for key in keys]
+
+
+def test_a_margin_stands_only_beside_a_stable_loop(numbers):
+    figures = numbers["figures"]
+    loops = [figures["figure_9b"][name] for name in ("low", "high", "robust")]
+    loops += [figures["figure_11"]["payload"], figures["figure_12"]["both"]]
+    judged = [on for loop in loops for on in loop["rig"]]
+    assert {on["stable"] for on in judged} == {True, False}
+    for on in judged:
+        assert (on["gain_margin_db"] is not None) == (on["improvement_db"] is not None) == on["stable"]
+        assert (on["growth_rad_s"] > 1e-8) == (not on["stable"])  # `GROWTH_LIMIT`
