@@ -1,11 +1,12 @@
 """Ways to fewer states of a compensator; none of them promises a stable loop, each is checked.
 
 - performance: balanced in the loop, all states, by noise and cost (weights of both sides, Anderson and Liu
-  1989, IEEE TAC 34, "Controller reduction: concepts and approaches", section III);
+  1989, IEEE TAC 34, "Controller reduction: concepts and approaches");
 - stability: the weight G (I - K G)^-1 behind K, none before it (the same, one-sided): what does not decay is
   kept, and a weighted error below one proves stability;
 - coprime: the normalised right coprime factors of K are reduced, which are stable whatever K is, by the error
-  in the gap (Meyer 1990, IEEE TAC 35, "Fractional balanced reduction");
+  in the gap (Meyer 1990, IEEE TAC 35, "Fractional balanced reduction: model reduction via fractional
+  representation");
 - balanced: K alone, as if there were no loop.
 """
 

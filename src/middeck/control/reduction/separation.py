@@ -1,7 +1,7 @@
 """A system as the sum of two: the poles asked for, and the others.
 
-Ordered real Schur form and one Sylvester equation (Kågström and Van Dooren 1990, "Additive decomposition of a
-transfer function"; Bai and Demmel 1993 for the ordering). The sum is the system to rounding, whatever its
+Ordered real Schur form and one Sylvester equation (Bavely and Stewart 1979, SIAM J. Numer. Anal. 16, "An
+algorithm for computing reducing subspaces by block diagonalization"). The sum is the system to rounding, whatever its
 poles do: what is unstable or integrates passes a reduction untouched.
 """
 

@@ -1,4 +1,4 @@
-"""Balanced reduction in which some frequencies count more (Enns 1984, thesis, Stanford, chapter 6).
+"""Balanced reduction in which some frequencies count more (Enns 1984, 23rd IEEE CDC).
 
 The Gramians are those blocks of the weighted system's that belong to the system's own states. With a weight
 on one side what is left is stable; with two it need not be. Then the right-hand sides of the two Lyapunov

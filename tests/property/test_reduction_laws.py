@@ -1,0 +1,118 @@
+"""What holds for every reduction: the bound, stability, coordinates that do not matter, and small gains."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg as sla
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from middeck.control.closed_loop import close_loop
+from middeck.control.lqg import LQGWeights, design_lqg
+from middeck.control.reduction import (
+    hankel_values,
+    reduce_balanced,
+    reduce_compensator,
+    reduce_modes,
+    reduce_plant,
+    reduce_weighted,
+)
+from middeck.systems.modal import ModalSystem
+from middeck.systems.plant import Plant
+from middeck.systems.ports import Port
+from middeck.systems.stability import growth_rates
+from middeck.systems.statespace import StateSpace, poles
+
+SEEDS = st.integers(0, 10_000)
+WEIGHTS = LQGWeights(np.ones(2), np.ones(2), ("a", "b"), np.eye(2), np.full(2, 1e-4))
+
+
+def random_system(seed, modes=5):
+    """Light modes over two decades and a real pole, in turned coordinates, with a direct term."""
+    rng = np.random.default_rng(seed)
+    omega, zeta = 10.0 ** rng.uniform(-1, 1, modes), 10.0 ** rng.uniform(-3, -0.5, modes)
+    blocks = [np.array([[0.0, w], [-w, -2.0 * z * w]]) for w, z in zip(omega, zeta, strict=True)]
+    A = sla.block_diag(*blocks, [[-rng.uniform(0.1, 10.0)]])
+    T, _ = np.linalg.qr(rng.standard_normal(A.shape))
+    n = len(A)
+    B, C = rng.standard_normal((n, 2)), rng.standard_normal((3, n))
+    return StateSpace(T @ A @ T.T, T @ B, C @ T.T, rng.standard_normal((3, 2)))
+
+
+def random_plant(seed, modes=5):
+    rng = np.random.default_rng(seed)
+    omega = np.concatenate([[0.0], 2.0 * np.pi * np.sort(rng.uniform(0.2, 10.0, modes - 1))])
+    psi, phi = rng.standard_normal((modes, 2)), rng.standard_normal((2, modes))
+    names = tuple(f"mode {i}" for i in range(modes))
+    modal = ModalSystem(omega, np.where(omega > 0.0, 0.01, 0.0), psi, phi, 0.0 * phi, names)
+    ports = (Port("a", "N"), Port("b", "N")), (Port("x", "m"), Port("y", "m"))
+    return Plant(modal, *ports, ("a", "b"), ("a", "b"), ("x", "y"), ("x", "y"))
+
+
+@settings(deadline=None)
+@given(seed=SEEDS, order=st.integers(0, 10), rest=st.sampled_from(["truncate", "residualise"]))
+def test_the_error_lies_between_the_next_value_and_the_bound(seed, order, rest):
+    found = reduce_balanced(random_system(seed), order, rest=rest)
+    assert np.all(np.real(growth_rates(found.system)) < 0.0)
+    assert found.bound is not None
+    # No system of that order comes nearer than the first value left out (Glover 1984); rounding of the gain.
+    slack = 1e-9 * found.hankel[0]
+    assert found.hankel[found.order] - slack <= found.error <= found.bound + slack
+
+
+@settings(deadline=None)
+@given(seed=SEEDS)
+def test_coordinates_do_not_matter(seed):
+    system = random_system(seed)
+    rng = np.random.default_rng(seed)
+    T = sla.expm(0.3 * rng.standard_normal(system.A.shape)) * 10.0 ** rng.uniform(-2, 2, len(system.A))
+    other = StateSpace(T @ system.A @ np.linalg.inv(T), T @ system.B, system.C @ np.linalg.inv(T), system.D)
+    # Condition of the turn, up to 1e6, times rounding, over a damping of 1e-3.
+    here = hankel_values(system)
+    np.testing.assert_allclose(hankel_values(other), here, rtol=0, atol=1e-6 * here[0])
+
+
+@settings(deadline=None)
+@given(seed=SEEDS, order=st.integers(1, 9))
+def test_a_weight_on_one_side_leaves_a_stable_remainder(seed, order):
+    rng = np.random.default_rng(seed)
+    weight = StateSpace(-np.diag(10.0 ** rng.uniform(-1, 1, 2)), np.eye(2), np.eye(2), np.zeros((2, 2)))
+    found = reduce_weighted(random_system(seed), order, before=weight)
+    assert np.all(np.real(growth_rates(found.system)) < 0.0)
+    assert "Enns" in found.method
+
+
+@settings(deadline=None)
+@given(seed=SEEDS)
+def test_nothing_left_out_is_nothing_changed(seed):
+    plant = random_plant(seed)
+    same = reduce_plant(plant, len(plant.system.A))
+    # An error that is rounding of the gain at resonance: 1 % of damping, squares of the shapes.
+    assert same.error <= 1e-9 * same.hankel[0]
+    modal = reduce_modes(plant, 5, band_hz=(0.1, 20.0))
+    assert modal.error == 0.0
+    assert modal.kept == plant.dynamics.names
+
+
+@settings(deadline=None, max_examples=10)
+@given(seed=SEEDS, order=st.integers(4, 9), method=st.sampled_from(["performance", "stability", "balanced"]))
+def test_a_loop_error_below_one_proves_stability(seed, order, method):
+    plant = random_plant(seed)
+    law = design_lqg(plant, WEIGHTS, 1.0)
+    found = reduce_compensator(law, plant, order, method=method, weights=WEIGHTS, homotopy=False)
+    unstable = [np.count_nonzero(np.real(poles(k.system)) > 0.0) for k in (law, found)]
+    if found.loop_error[0] < 1.0 and unstable[0] == unstable[1]:
+        assert found.stable[0]
+    assert found.stable[0] == close_loop(plant, found).stable == np.isfinite(found.cost_ratio[0])
+
+
+@settings(deadline=None, max_examples=8)
+@given(seed=SEEDS, order=st.integers(5, 8))
+def test_a_reduced_compensator_holds_its_plant_or_says_that_it_does_not(seed, order):
+    plant = random_plant(seed)
+    law = design_lqg(plant, WEIGHTS, 1.0)
+    found = reduce_compensator(law, plant, order, weights=WEIGHTS)
+    assert found.order <= order
+    assert found.stable[0] == close_loop(plant, found).stable
+    if not found.stable[0]:
+        assert all("blocked" in step or "unstable" in step for step in found.steps if ": homotopy" in step)
