@@ -62,5 +62,5 @@ def test_control_rms_of_a_scalar():
 def test_ports_outside_the_groups_are_refused(orbit):
     performance = Performance(mace_like.METRIC_WEIGHTS, INTENSITY * np.eye(2), mace_like.BAND_HZ)
     for u, y in ((("sec_rel_x",), orbit.y), (orbit.u, ("nothing",)), (orbit.u, ())):
-        with pytest.raises(ConfigError, match="one or more of|no output named"):
+        with pytest.raises(ConfigError, match=r"one or more of|no output named"):
             compare_topologies(orbit, mace_like.weights(INTENSITY), {"bad": (u, y)}, LEVELS, performance)
