@@ -13,16 +13,56 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from middeck.control.analysis.delayed_rms import measure_delayed_rms
+    from middeck.control.analysis.disk import measure_disk_margin
+    from middeck.control.analysis.inversion import find_inversion
+    from middeck.control.analysis.margins import measure_margins
+    from middeck.control.analysis.return_ratio import trace_return_ratio
+    from middeck.control.analysis.shifts import find_allowed_shifts
+    from middeck.control.analysis.stability import decide_stability
+    from middeck.control.analysis.worst_case import find_worst_case
     from middeck.control.authority import find_first_instability, sweep_authority
     from middeck.control.classical import PDLoops, close_inner_loop
     from middeck.control.closed_loop import close_loop, leave_open
     from middeck.control.lqg.design import design_lqg
     from middeck.control.lqg.estimator import design_filter
+    from middeck.control.lqg.levels import design_levels
+    from middeck.control.lqg.shaping import Shaping
+    from middeck.control.lqg.spectra import fit_spectrum, line_filter
+    from middeck.control.lqg.topologies import compare_topologies
     from middeck.control.lqg.weights import LQGWeights
     from middeck.control.performance import Performance, measure_metric, measure_rms
+    from middeck.control.pointing import PointingWindow, budget_pointing
+    from middeck.control.reduction.compensators import reduce_compensator
+    from middeck.control.reduction.modal import reduce_modes
+    from middeck.control.reduction.plants import reduce_plant
+    from middeck.control.robust.comparison import compare_designs
+    from middeck.control.robust.monte_carlo import verify_robustness
+    from middeck.control.robust.multimodel import design_multimodel
+    from middeck.control.robust.popov import design_popov
+    from middeck.control.robust.sensitivity_weighted import design_sensitivity_weighted
+    from middeck.control.robust.uncertainty import ModeShift, Uncertainty
+    from middeck.control.sampled.aliases import find_aliases
+    from middeck.control.sampled.antialias import filter_measurements
+    from middeck.control.sampled.comparison import compare_sampling
+    from middeck.control.sampled.compensator import SampledCompensator
+    from middeck.control.sampled.design import design_sampled_lqg
+    from middeck.control.sampled.emulation import emulate
+    from middeck.control.sampled.margins import measure_sampled_margins
+    from middeck.control.sampled.outcome import measure_sampled_loop
+    from middeck.control.shaping.sections import (
+        first_order_section,
+        notch,
+        roll_off,
+        second_order_section,
+        shape_compensator,
+    )
     from middeck.errors import MiddeckError
     from middeck.files.compensators import write_compensator
     from middeck.files.documents import load_case, load_environment, load_structure
+    from middeck.files.exchange.mat import load_mat, write_mat
+    from middeck.files.exchange.python_control import from_control, to_control
+    from middeck.files.exchange.scipy_signal import from_scipy, to_scipy
     from middeck.files.measured_modes import load_measured_modes, write_measured_modes
     from middeck.files.models import load_fitted, load_model, write_model
     from middeck.files.records import (
@@ -33,6 +73,7 @@ if TYPE_CHECKING:
         open_record,
         read_record,
         write_record,
+        write_response,
         write_stream,
     )
     from middeck.files.records.columns import name_columns
@@ -43,7 +84,7 @@ if TYPE_CHECKING:
     from middeck.identification.fit.stabilisation import stabilisation
     from middeck.identification.measurement_model import MeasurementModel, model_response
     from middeck.identification.plants.delays import merge_delays
-    from middeck.identification.plants.measured_plant import measured_plant, sampled_plant
+    from middeck.identification.plants.measured_plant import delayed_plant, measured_plant, sampled_plant
     from middeck.identification.plants.modal_parameters import modal_parameters
     from middeck.identification.plants.pole_zero_gain import from_pole_zero_gain, pole_zero_gain
     from middeck.identification.plants.reduction import minimal_model
@@ -70,6 +111,8 @@ if TYPE_CHECKING:
     from middeck.identification.uncertainty.parameters import parameters_of
     from middeck.identification.uncertainty.response_bounds import response_bounds, simultaneous_bounds
     from middeck.identification.uncertainty.response_drift import compare_responses
+    from middeck.realtime.hardware_rig import build_hardware_rig
+    from middeck.realtime.hardware_runs import run_hardware_closed_loop, run_hardware_open_loop
     from middeck.realtime.nonlinear_rig import build_nonlinear_rig, run_nonlinear_open_loop
     from middeck.structure.article import Damping
     from middeck.structure.checks.summary import summarise
@@ -100,6 +143,7 @@ if TYPE_CHECKING:
     from middeck.structure.suspension.device_friction import estimate_rest_band, sweep_device_amplitude
     from middeck.structure.suspension.levelling import level
     from middeck.systems.deadband import Deadband
+    from middeck.systems.delayed_plant import DelayedPlant, approximate_delays, delay_inputs
     from middeck.systems.excitation.binary import design_binary, design_mls
     from middeck.systems.excitation.limits import Limits
     from middeck.systems.excitation.multisine import design_multisine
@@ -111,6 +155,7 @@ if TYPE_CHECKING:
     from middeck.systems.ports import Channel, Port
     from middeck.systems.record import Campaign, Record, RecordStream
     from middeck.systems.response import evaluate_plant
+    from middeck.systems.sampled_plant import build_sampled_plant
 
 __version__ = "0.1.0"
 
@@ -120,6 +165,7 @@ _ROOM = {
     "Channel": "systems.ports",
     "Damping": "structure.article",
     "Deadband": "systems.deadband",
+    "DelayedPlant": "systems.delayed_plant",
     "Device": "structure.environment",
     "DeviceKind": "structure.environment",
     "Environment": "structure.environment",
@@ -131,32 +177,52 @@ _ROOM = {
     "MeasurementModel": "identification.measurement_model",
     "MeasurementNoise": "structure.correlation.measured_modes",
     "MiddeckError": "errors",
+    "ModeShift": "control.robust.uncertainty",
     "PDLoops": "control.classical",
     "Performance": "control.performance",
+    "PointingWindow": "control.pointing",
     "Port": "systems.ports",
     "Record": "systems.record",
     "RecordStream": "systems.record",
     "Reduction": "structure.correlation.reduction",
+    "SampledCompensator": "control.sampled.compensator",
+    "Shaping": "control.lqg.shaping",
     "Suspension": "structure.environment",
+    "Uncertainty": "control.robust.uncertainty",
     "accelerometer_offset": "structure.plants.port_rows",
+    "approximate_delays": "systems.delayed_plant",
+    "budget_pointing": "control.pointing",
     "build_budget": "structure.gravity.budget",
+    "build_hardware_rig": "realtime.hardware_rig",
     "build_nonlinear_rig": "realtime.nonlinear_rig",
     "build_plant": "structure.plants.modal_plant",
+    "build_sampled_plant": "systems.sampled_plant",
     "close_inner_loop": "control.classical",
     "close_loop": "control.closed_loop",
+    "compare_designs": "control.robust.comparison",
     "compare_fits": "identification.uncertainty.drift",
     "compare_modes": "structure.comparison",
     "compare_responses": "identification.uncertainty.response_drift",
+    "compare_sampling": "control.sampled.comparison",
     "compare_static_gain": "structure.plants.residual",
+    "compare_topologies": "control.lqg.topologies",
     "correlate_modes": "structure.correlation.correlate",
     "cut_periods": "systems.excitation.recognition",
+    "decide_stability": "control.analysis.stability",
+    "delay_inputs": "systems.delayed_plant",
+    "delayed_plant": "identification.plants.measured_plant",
     "design_binary": "systems.excitation.binary",
     "design_burst": "systems.excitation.noise",
     "design_filter": "control.lqg.estimator",
+    "design_levels": "control.lqg.levels",
     "design_lqg": "control.lqg.design",
     "design_mls": "systems.excitation.binary",
+    "design_multimodel": "control.robust.multimodel",
     "design_multisine": "systems.excitation.multisine",
     "design_noise": "systems.excitation.noise",
+    "design_popov": "control.robust.popov",
+    "design_sampled_lqg": "control.sampled.design",
+    "design_sensitivity_weighted": "control.robust.sensitivity_weighted",
     "design_stepped_sine": "systems.excitation.sweep",
     "design_sweep": "systems.excitation.sweep",
     "detect_faults": "identification.faults.detect",
@@ -164,6 +230,7 @@ _ROOM = {
     "differentiate_modes": "structure.sensitivity.shapes",
     "differentiate_plant": "structure.sensitivity.plants",
     "differentiate_rest": "structure.sensitivity.rest",
+    "emulate": "control.sampled.emulation",
     "estimate_attitude": "structure.suspension.attitude",
     "estimate_damping": "structure.plants.damping",
     "estimate_distortion": "identification.spectra.distortion",
@@ -172,21 +239,32 @@ _ROOM = {
     "estimate_spectra": "identification.spectra.averages",
     "evaluate_plant": "systems.response",
     "expected_accuracy": "identification.uncertainty.accuracy",
+    "filter_measurements": "control.sampled.antialias",
+    "find_aliases": "control.sampled.aliases",
+    "find_allowed_shifts": "control.analysis.shifts",
     "find_first_instability": "control.authority",
+    "find_inversion": "control.analysis.inversion",
     "find_parameters": "structure.sensitivity.parameters",
     "find_place": "structure.gravity.places",
     "find_profile": "structure.correlation.profiles",
+    "find_worst_case": "control.analysis.worst_case",
+    "first_order_section": "control.shaping.sections",
     "fit_record": "identification.samples.fit_record",
     "fit_response": "identification.fit.fit_response",
+    "fit_spectrum": "control.lqg.spectra",
     "follow_gravity": "structure.gravity.path",
+    "from_control": "files.exchange.python_control",
     "from_pole_zero_gain": "identification.plants.pole_zero_gain",
+    "from_scipy": "files.exchange.scipy_signal",
     "leave_open": "control.closed_loop",
     "level": "structure.suspension.levelling",
+    "line_filter": "control.lqg.spectra",
     "list_parameters": "structure.sensitivity.parameters",
     "load_campaign": "files.records",
     "load_case": "files.documents",
     "load_environment": "files.documents",
     "load_fitted": "files.models",
+    "load_mat": "files.exchange.mat",
     "load_measured_modes": "files.measured_modes",
     "load_model": "files.models",
     "load_record": "files.records",
@@ -195,10 +273,15 @@ _ROOM = {
     "load_structure": "files.documents",
     "load_study": "files.studies",
     "matrix_zeros": "identification.plants.zeros",
+    "measure_delayed_rms": "control.analysis.delayed_rms",
+    "measure_disk_margin": "control.analysis.disk",
     "measure_effective_mass": "structure.correlation.effective_mass",
+    "measure_margins": "control.analysis.margins",
     "measure_metric": "control.performance",
     "measure_modes": "structure.correlation.measured_modes",
     "measure_rms": "control.performance",
+    "measure_sampled_loop": "control.sampled.outcome",
+    "measure_sampled_margins": "control.sampled.margins",
     "measured_plant": "identification.plants.measured_plant",
     "merge_delays": "identification.plants.delays",
     "minimal_model": "identification.plants.reduction",
@@ -207,6 +290,7 @@ _ROOM = {
     "multiple_coherence": "identification.spectra.coherence",
     "name_columns": "files.records.columns",
     "name_zeros": "identification.plants.zeros",
+    "notch": "control.shaping.sections",
     "nrmse": "identification.simulation",
     "open_record": "files.records",
     "ordinary_coherence": "identification.spectra.coherence",
@@ -218,13 +302,21 @@ _ROOM = {
     "read_record": "files.records",
     "recognise_excitation": "systems.excitation.recognition",
     "record_nrmse": "identification.samples.simulation",
+    "reduce_compensator": "control.reduction.compensators",
+    "reduce_modes": "control.reduction.modal",
+    "reduce_plant": "control.reduction.plants",
     "response_bounds": "identification.uncertainty.response_bounds",
     "response_scatter": "identification.spectra.estimate",
+    "roll_off": "control.shaping.sections",
+    "run_hardware_closed_loop": "realtime.hardware_runs",
+    "run_hardware_open_loop": "realtime.hardware_runs",
     "run_nonlinear_open_loop": "realtime.nonlinear_rig",
     "sample_models": "identification.uncertainty.model_set",
     "sampled_plant": "identification.plants.measured_plant",
     "scale_channels": "identification.plants.selection",
+    "second_order_section": "control.shaping.sections",
     "select_channels": "identification.plants.selection",
+    "shape_compensator": "control.shaping.sections",
     "simulate_record": "identification.samples.simulation",
     "simultaneous_bounds": "identification.uncertainty.response_bounds",
     "solve_equilibrium": "structure.equilibrium",
@@ -239,12 +331,18 @@ _ROOM = {
     "sweep_device_amplitude": "structure.suspension.device_friction",
     "sweep_gimbals": "structure.gimbals.family",
     "tilt_place": "structure.gravity.places",
+    "to_control": "files.exchange.python_control",
+    "to_scipy": "files.exchange.scipy_signal",
+    "trace_return_ratio": "control.analysis.return_ratio",
     "track_modes": "identification.tracking.history",
     "update_tracking": "identification.tracking.update",
+    "verify_robustness": "control.robust.monte_carlo",
     "write_compensator": "files.compensators",
+    "write_mat": "files.exchange.mat",
     "write_measured_modes": "files.measured_modes",
     "write_model": "files.models",
     "write_record": "files.records",
+    "write_response": "files.records",
     "write_stream": "files.records",
 }
 
@@ -254,6 +352,7 @@ __all__ = [
     "Channel",
     "Damping",
     "Deadband",
+    "DelayedPlant",
     "Device",
     "DeviceKind",
     "Environment",
@@ -265,33 +364,53 @@ __all__ = [
     "MeasurementModel",
     "MeasurementNoise",
     "MiddeckError",
+    "ModeShift",
     "PDLoops",
     "Performance",
+    "PointingWindow",
     "Port",
     "Record",
     "RecordStream",
     "Reduction",
+    "SampledCompensator",
+    "Shaping",
     "Suspension",
+    "Uncertainty",
     "__version__",
     "accelerometer_offset",
+    "approximate_delays",
+    "budget_pointing",
     "build_budget",
+    "build_hardware_rig",
     "build_nonlinear_rig",
     "build_plant",
+    "build_sampled_plant",
     "close_inner_loop",
     "close_loop",
+    "compare_designs",
     "compare_fits",
     "compare_modes",
     "compare_responses",
+    "compare_sampling",
     "compare_static_gain",
+    "compare_topologies",
     "correlate_modes",
     "cut_periods",
+    "decide_stability",
+    "delay_inputs",
+    "delayed_plant",
     "design_binary",
     "design_burst",
     "design_filter",
+    "design_levels",
     "design_lqg",
     "design_mls",
+    "design_multimodel",
     "design_multisine",
     "design_noise",
+    "design_popov",
+    "design_sampled_lqg",
+    "design_sensitivity_weighted",
     "design_stepped_sine",
     "design_sweep",
     "detect_faults",
@@ -299,6 +418,7 @@ __all__ = [
     "differentiate_modes",
     "differentiate_plant",
     "differentiate_rest",
+    "emulate",
     "estimate_attitude",
     "estimate_damping",
     "estimate_distortion",
@@ -307,21 +427,32 @@ __all__ = [
     "estimate_spectra",
     "evaluate_plant",
     "expected_accuracy",
+    "filter_measurements",
+    "find_aliases",
+    "find_allowed_shifts",
     "find_first_instability",
+    "find_inversion",
     "find_parameters",
     "find_place",
     "find_profile",
+    "find_worst_case",
+    "first_order_section",
     "fit_record",
     "fit_response",
+    "fit_spectrum",
     "follow_gravity",
+    "from_control",
     "from_pole_zero_gain",
+    "from_scipy",
     "leave_open",
     "level",
+    "line_filter",
     "list_parameters",
     "load_campaign",
     "load_case",
     "load_environment",
     "load_fitted",
+    "load_mat",
     "load_measured_modes",
     "load_model",
     "load_record",
@@ -330,10 +461,15 @@ __all__ = [
     "load_structure",
     "load_study",
     "matrix_zeros",
+    "measure_delayed_rms",
+    "measure_disk_margin",
     "measure_effective_mass",
+    "measure_margins",
     "measure_metric",
     "measure_modes",
     "measure_rms",
+    "measure_sampled_loop",
+    "measure_sampled_margins",
     "measured_plant",
     "merge_delays",
     "minimal_model",
@@ -342,6 +478,7 @@ __all__ = [
     "multiple_coherence",
     "name_columns",
     "name_zeros",
+    "notch",
     "nrmse",
     "open_record",
     "ordinary_coherence",
@@ -353,13 +490,21 @@ __all__ = [
     "read_record",
     "recognise_excitation",
     "record_nrmse",
+    "reduce_compensator",
+    "reduce_modes",
+    "reduce_plant",
     "response_bounds",
     "response_scatter",
+    "roll_off",
+    "run_hardware_closed_loop",
+    "run_hardware_open_loop",
     "run_nonlinear_open_loop",
     "sample_models",
     "sampled_plant",
     "scale_channels",
+    "second_order_section",
     "select_channels",
+    "shape_compensator",
     "simulate_record",
     "simultaneous_bounds",
     "solve_equilibrium",
@@ -374,12 +519,18 @@ __all__ = [
     "sweep_device_amplitude",
     "sweep_gimbals",
     "tilt_place",
+    "to_control",
+    "to_scipy",
+    "trace_return_ratio",
     "track_modes",
     "update_tracking",
+    "verify_robustness",
     "write_compensator",
+    "write_mat",
     "write_measured_modes",
     "write_model",
     "write_record",
+    "write_response",
     "write_stream",
 ]
 
