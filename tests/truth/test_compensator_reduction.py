@@ -13,7 +13,7 @@ from multimodel_reference import AUTHORITY, NAMES, WEIGHTS, reference_plant
 from middeck.control.classical import PDLoops, close_inner_loop
 from middeck.control.closed_loop import close_loop
 from middeck.control.compensator import Compensator
-from middeck.control.lqg import design_lqg
+from middeck.control.lqg import Shaping, design_lqg
 from middeck.control.reduction import reduce_compensator
 from middeck.control.reduction.gramian import factor_gramians, restrict
 from middeck.control.reduction.loop import absorb, gramians_in_loop, pose_loop, proper_law, response_in_loop
@@ -168,6 +168,21 @@ def test_a_direct_term_stays(plant, law):
     found = reduce_compensator(held, plant, 9)
     assert found.system.D.tolist() == [[-1e-3]]
     assert found.stable.tolist() == [True]
+
+
+@pytest.mark.parametrize("method", ["performance", "coprime", "balanced"])
+def test_integral_action_stays(plant, method):
+    shaping = Shaping(integral=(("y", 0.01),))
+    law = design_lqg(plant, WEIGHTS, AUTHORITY, shaping=shaping)
+    assert np.abs(poles(law.system)).min() < 1e-12
+    found = reduce_compensator(law, plant, 9, method=method, polish=True, **GIVEN)
+    assert found.stable.tolist() == [True]
+    assert found.order == 9
+    # An integrator, not a slow lag: through the homotopy and the descent.
+    assert np.abs(poles(found.system)).min() < 1e-12
+    assert np.isfinite(found.error)
+    with pytest.raises(ConfigError, match="poles on the axis"):
+        reduce_compensator(law, plant, 1, method=method)
 
 
 @pytest.fixture(scope="module")

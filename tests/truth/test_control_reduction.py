@@ -320,6 +320,11 @@ def test_modes_that_do_not_decay_are_kept_or_refused():
         reduce_modes(modal_plant(), 2, band_hz=(1.0, 2.0), inputs=("v",))
 
 
+def test_an_order_below_the_rigid_states_is_refused():
+    with pytest.raises(ConfigError, match="14 states of rigid modes are kept: rotation 0"):
+        reduce_plant(mace_like.build("orbit"), 10)
+
+
 # --- Weighted -------------------------------------------------------------------------------------------
 
 

@@ -1,7 +1,8 @@
 """Balanced truncation and residualisation; what does not decay is kept apart, exactly.
 
 The error is at most twice the sum of the Hankel singular values left out (Enns 1984, 23rd IEEE CDC; Glover
-1984, Int. J. Control 39; of residualisation Liu and Anderson 1989, Int. J. Control 50). How large it is is found, not bounded, see `middeck.systems.peak_gain`.
+1984, Int. J. Control 39; of residualisation Liu and Anderson 1989, Int. J. Control 50). How large it is is
+found, not bounded, see `middeck.systems.peak_gain`.
 """
 
 from __future__ import annotations

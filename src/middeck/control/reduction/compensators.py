@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from typing import get_args
 
@@ -13,10 +14,10 @@ from middeck.control.compensator import Compensator
 from middeck.control.lqg import LQGWeights
 from middeck.control.reduction.balanced import in_sizes
 from middeck.control.reduction.candidates import Method
-from middeck.control.reduction.loop import Loop, pose_loop, proper_law, response_in_loop
+from middeck.control.reduction.loop import Loop, absorb, pose_loop, proper_law, response_in_loop
 from middeck.control.reduction.result import ReducedCompensator
 from middeck.control.reduction.search import Best, Trial, search_law
-from middeck.control.reduction.separation import subtract
+from middeck.control.reduction.separation import Separation, add, separate_axis, subtract
 from middeck.control.robust.closed_cost import evaluate_cost
 from middeck.control.robust.uncertainty import without_delays
 from middeck.errors import ConfigError
@@ -42,7 +43,8 @@ def reduce_compensator(
     First by ``method``. Where that leaves a loop unstable, the remainder is withdrawn step by step while the
     law descends the H2 cost of the loops (a stability homotopy); where that is blocked, the other methods
     are tried, each with its homotopy. ``steps`` of the result says what was done, ``stable`` whether it
-    holds: where nothing does, the law of ``method`` comes back and says so. A direct term stays as it is.
+    holds: where nothing does, the law of ``method`` comes back and says so. A direct term stays as it is;
+    poles on the axis (integral action) are kept exactly, and count.
 
     Parameters
     ----------
@@ -83,8 +85,16 @@ def reduce_compensator(
         raise ConfigError("no plant to reduce the compensator for", hint="the plant it was designed for")
     whole = [without_delays(plant) for plant in each]
     loops = [pose_loop(plant, compensator, weights, authority) for plant in whole]
-    found = search_law(_strictly_proper(compensator), order, method, loops, homotopy=homotopy, polish=polish)
-    return _report(compensator, whole, loops, found)
+    parts = separate_axis(_strictly_proper(compensator))
+    fixed, left = parts.kept, order - len(parts.kept.A)
+    if left < 1:
+        raise ConfigError(
+            f"an order of {order}, and {len(fixed.A)} poles on the axis are kept", hint=f"{len(fixed.A) + 1}"
+        )
+    # The rest is reduced in a loop that these poles are part of.
+    loops = [dataclasses.replace(loop, model=absorb(loop.model, fixed)) for loop in loops]
+    found = search_law(parts.rest, left, method, loops, homotopy=homotopy, polish=polish)
+    return _report(compensator, whole, loops, parts, found)
 
 
 def _strictly_proper(compensator: Compensator) -> StateSpace:
@@ -96,14 +106,15 @@ def _report(
     compensator: Compensator,
     plants: Sequence[Plant],
     loops: Sequence[Loop],
+    parts: Separation,
     found: Trial,
 ) -> ReducedCompensator:
     law, candidate = found.law, found.candidate
     cut = law is candidate.law
-    whole = _strictly_proper(compensator)
     # Of the first cut the remainder is known without what was kept in both.
-    remainder = candidate.remainder if cut else subtract(whole, law)
-    system = StateSpace(law.A, law.B, law.C, compensator.system.D)
+    remainder = candidate.remainder if cut else subtract(parts.rest, law)
+    joined = add(parts.kept, law)
+    system = StateSpace(joined.A, joined.B, joined.C, compensator.system.D)
     smaller = Compensator(system, compensator.inputs, compensator.outputs)
     peak = peak_gain(in_sizes(remainder, loops[0].output_size, loops[0].input_size))
     return ReducedCompensator(
@@ -116,9 +127,9 @@ def _report(
         candidate.hankel,
         candidate.bound if cut else None,
         peak.gain,
-        _loop_errors(whole, remainder, loops),
+        _loop_errors(parts.rest, remainder, loops),
         _stable(smaller, plants),
-        _cost_ratios(whole, law, loops),
+        _cost_ratios(parts.rest, law, loops),
     )
 
 

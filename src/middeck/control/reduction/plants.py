@@ -10,6 +10,7 @@ from middeck.control.partition import partition_modes
 from middeck.control.reduction.balanced import Sizes, reduce_balanced
 from middeck.control.reduction.result import ReducedPlant, Reduction, Rest
 from middeck.control.reduction.separation import add
+from middeck.errors import ConfigError
 from middeck.systems.modal import ModalSystem, modal_to_statespace, select_modes
 from middeck.systems.plant import Plant
 from middeck.systems.statespace import StateSpace
@@ -32,6 +33,11 @@ def reduce_plant(
     """
     active = partition_modes(plant).active
     rigid, names, flexible = _set_rigid_aside(active)
+    if order is not None and order < len(rigid.A):
+        raise ConfigError(
+            f"an order of {order}, and {len(rigid.A)} states of rigid modes are kept: {', '.join(names)}",
+            hint=f"an order from {len(rigid.A)}, or leave modes out of the plant",
+        )
     found = reduce_balanced(
         flexible,
         None if order is None else order - len(rigid.A),

@@ -1,8 +1,8 @@
 """A system as the sum of two: the poles asked for, and the others.
 
 Ordered real Schur form and one Sylvester equation (Bavely and Stewart 1979, SIAM J. Numer. Anal. 16, "An
-algorithm for computing reducing subspaces by block diagonalization"). The sum is the system to rounding, whatever its
-poles do: what is unstable or integrates passes a reduction untouched.
+algorithm for computing reducing subspaces by block diagonalization"). The sum is the system to rounding,
+whatever its poles do: what is unstable or integrates passes a reduction untouched.
 """
 
 from __future__ import annotations
@@ -38,6 +38,14 @@ def separate_unstable(system: StateSpace) -> Separation:
     size = float(np.linalg.norm(balanced.A, 2)) if len(balanced.A) else 0.0
     form = _schur(balanced)
     return _separate(balanced, *form, np.real(form[2]) > -AXIS * size)
+
+
+def separate_axis(system: StateSpace) -> Separation:
+    """Poles on the axis, integrators first of all, are kept apart."""
+    balanced = balance_states(system)
+    size = float(np.linalg.norm(balanced.A, 2)) if len(balanced.A) else 0.0
+    form = _schur(balanced)
+    return _separate(balanced, *form, np.abs(np.real(form[2])) <= AXIS * size)
 
 
 def separate_poles(system: StateSpace, wanted: Complex[np.ndarray, " wanted"]) -> Separation:
