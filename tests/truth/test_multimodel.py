@@ -303,6 +303,8 @@ def test_bad_input_is_named():
     weak = design_lqg(without_delays(plant), WEIGHTS, 1.0)
     with pytest.raises(ConfigError, match="does not fit"):
         design(start=weak, structure=Structure(5))
+    with pytest.raises(ConfigError, match="mean or maximum"):
+        design(over="worst")
     with pytest.raises(ConfigError, match="an order of 0"):
         Structure(0)
     with pytest.raises(ConfigError, match="shifted twice"):

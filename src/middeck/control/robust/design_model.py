@@ -12,6 +12,8 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.control.lqg import LQGWeights
+from middeck.control.lqg.design import AUTHORITY
+from middeck.control.lqg.weights import require_size
 from middeck.control.partition import partition_modes
 from middeck.errors import ConfigError
 from middeck.systems.plant import Plant
@@ -94,17 +96,18 @@ def discounted(model: DesignModel, rate: float) -> DesignModel:
 
 def _check_weights(plant: Plant, weights: LQGWeights, authority: float) -> None:
     if not (np.isfinite(authority) and authority > 0.0):
-        raise ConfigError(f"authority is {authority}; it must be positive")
+        raise ConfigError(f"authority is {authority}; it must be positive and finite", hint=AUTHORITY)
     if not plant.u or not plant.y:
-        raise ConfigError("the plant has no port in its group u or y: there is no loop to design")
+        raise ConfigError(
+            "the plant has no port in its group u or y: there is no loop to design", hint="name them: u=, y="
+        )
     sizes = (
         ("output weights", len(weights.output), plant.z),
         ("input weights", len(weights.input), plant.u),
         ("sensor intensities", len(weights.sensor), plant.y),
     )
     for what, size, group in sizes:
-        if size != len(group):
-            raise ConfigError(f"{size} {what} for {len(group)} ports ({', '.join(group)})")
+        require_size(what, size, group)
 
 
 def _priced(m: DesignModel) -> DesignModel:

@@ -23,6 +23,7 @@ from middeck.control.robust.problem import Problem, law_of, pose_problem, true_c
 from middeck.control.robust.result import RobustCompensator
 from middeck.control.robust.structure import Structure
 from middeck.control.robust.uncertainty import Uncertainty
+from middeck.errors import ConfigError
 from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.plant import Plant
 from middeck.values import record
@@ -92,6 +93,8 @@ def design_multimodel(
     ConfigError
         For weights, ports, modes or forms that do not fit.
     """
+    if over not in POWERS:
+        raise ConfigError(f"over is {over!r}", hint="mean or maximum")
     structure = structure or Structure()
     problem = pose_problem(plant, weights, authority, uncertainty, positions, structure)
     powers = POWERS[over]

@@ -55,7 +55,9 @@ def pose_problem(
 ) -> Problem:
     """From the arguments of a design; raises what bad ones deserve, modes that cannot be held by name."""
     if isinstance(uncertainty, Uncertainty):
-        places = _nominal_first(end_positions(uncertainty) if positions is None else np.asarray(positions))
+        places = _nominal_first(
+            end_positions(uncertainty) if positions is None else np.atleast_2d(np.asarray(positions, float))
+        )
 
         def grown(size: float) -> tuple[Plant, ...]:
             there = finished_plants(plant, uncertainty, size * places if size else places[:1])
@@ -70,6 +72,7 @@ def pose_problem(
         problem = Problem(given[0], lambda _: given, False, weights, authority, structure)
     for each in problem.plants_at(1.0):
         _require_stabilisable(each)
+    _require_a_cost(weights)
     return problem
 
 
@@ -130,6 +133,14 @@ def _same_groups(plants: tuple[Plant, ...]) -> None:
                     f"{getattr(first, group)}",
                     hint="one law needs the same ports, in the same order, on every plant",
                 )
+
+
+def _require_a_cost(weights: LQGWeights) -> None:
+    """Without noise, or with nothing to be kept small, the best law is none and there is no cost to compare."""
+    if not np.any(weights.process):
+        raise ConfigError("the process intensity is zero: nothing disturbs the plant", hint="some noise on w")
+    if not np.any(weights.output):
+        raise ConfigError("all output weights are zero: nothing is to be kept small", hint="weigh some z")
 
 
 def _require_stabilisable(plant: Plant) -> None:
