@@ -7,6 +7,8 @@ import os
 import re
 import subprocess
 import sys
+import tomllib
+from collections.abc import Iterator
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -30,6 +32,8 @@ CONTRACT = json.loads((ROOT / "tests/reference/numbers.schema.json").read_text()
 SHIPPED = json.loads(files("middeck.study").joinpath("numbers.schema.json").read_text())
 
 # Each case sets what cannot touch another: Figures 4 to 7 stand on [control], the others on their own tables.
+# A shorter period on the rig: fewer lines and less time, in every case.
+SHORT = ("siso.period_s=16", "siso.periods=2", "rig.rest_s=2")
 CASES = {
     "moon": (
         "constants.gravity=1.62",
@@ -47,7 +51,10 @@ LONG_CASES = {
     "soft": ("suspension.bounce_hz=0.2", "siso.pair_shift_hz=7", "siso.high.log10_authority=6"),
     "late": ("control.log10_authority_first=3", "siso.states=4", "siso.pade_order=1"),
     "many modes": ("control.modes_kept=60", "figure_6.band_hz=[35, 40]"),
-    "level": ("suspension.offsets.0.2=0", "rig.delay_s=0.002", "siso.pair_shift_percent=0"),
+    "level": ("suspension.offsets.0.2=0", "rig.delay_s=0.006", 'siso.drifted="down"'),
+    "wild": ("siso.low.log10_authority=12", "sito.payload.log10_authority=8", "sito.both.log10_authority=8"),
+    "weak": ("siso.robust.log10_authority=-2", "sito.lead_zeros_hz=10", "sito.lead_poles_hz=8"),
+    "few": ("sito.states=10", "sito.smaller_states=[8]", "sito.smaller_bands_hz=[[0.2, 12]]"),
 }
 
 
@@ -78,7 +85,7 @@ RESULTS: dict[str, Result] = {}
 def result(case: str, tmp_path_factory: pytest.TempPathFactory) -> Result:
     """All stages but the mirror, on which none of these values acts."""
     if case not in RESULTS:
-        study = load_study(STUDY, (CASES | LONG_CASES)[case])
+        study = load_study(STUDY, (*SHORT, *(CASES | LONG_CASES)[case]))
         out = tmp_path_factory.mktemp("case")
         writer = StudyWriter(out, study)
         for name, compute in run_stages(study):
@@ -108,7 +115,7 @@ def test_the_page_says_nothing_that_is_no_number(result: Result) -> None:
 
 
 def test_claims_hold_only_with_what_they_need(result: Result) -> None:
-    for figure in ("figure_6", "figure_7", "figure_9b"):
+    for figure in ("figure_6", "figure_7", "figure_9b", "figure_10b", "figure_11", "figure_12"):
         for row in result.figures[figure]["claims"]:
             never = "or never" in row["claim"]
             assert row["number"] is not None or not row["holds"] or never, row
@@ -193,7 +200,57 @@ def test_an_unstable_first_level_has_no_decibels_and_ends_no_study(late: ZeroGCo
     json_text(figure_numbers(late))  # raises for what is not finite
 
 
+def leaves(table: dict[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:
+    for key, value in table.items():
+        name = f"{path}.{key}".lstrip(".")
+        if isinstance(value, dict):
+            yield from leaves(value, name)
+        else:
+            yield name, value
+
+
+GIVEN = tomllib.loads(STUDY.read_text(encoding="utf-8"))
+KEYS = dict(leaves({name: GIVEN[name] for name in ("siso", "sito")}))
+PATHS = (
+    "siso.article",
+    "siso.environment",
+    "siso.actuator",
+    "siso.sensor",
+    "sito.sensors",
+)  # names, not values
+
+
+def changed(value: Any) -> Any:
+    """Another value of the same kind that the study still takes: states stay even, bands ascend."""
+    match value:
+        case bool() | str():
+            return value
+        case int():
+            return value + 2
+        case float():
+            return 1.25 * value
+        case _:
+            return [changed(v) for v in value]
+
+
+@pytest.mark.parametrize("key", KEYS)
+def test_every_key_of_the_loops_can_be_set(key: str) -> None:
+    wanted = {"siso.drifted": "down"}.get(key, KEYS[key] if key in PATHS else changed(KEYS[key]))
+    study = load_study(STUDY, (f"{key}={json.dumps(wanted)}",))
+    found: Any = study
+    for name in key.split("."):
+        found = getattr(found, name)
+    assert found == wanted or list(found) == wanted or [list(v) for v in found] == wanted
+    assert (wanted != KEYS[key]) or key in PATHS or key.endswith(".reason")
+
+
 BAD = {
+    "siso.pair_shift_percent=0": ("siso.pair_shift_percent", "> 0"),
+    'siso.drifted="sideways"': ("siso.drifted", "down"),
+    "sito.smaller_states=[10]": ("sito.smaller_bands_hz", "one each"),
+    "sito.smaller_states=[10, 11, 16]": ("sito.smaller_states", "even"),
+    "sito.smaller_bands_hz=[[20, 0.6], [0.1, 15], [0.1, 30]]": ("sito.smaller_bands_hz", "ascend"),
+    "sito.angle_noise_rad_per_rthz=[1e-5]": ("sito.angle_noise_rad_per_rthz", "one each"),
     "control.metric_weights=[0, 0, 0, 0, 0]": ("control.metric_weights", "> 0"),
     "siso.periods=1": ("siso.periods", "2 to 1000"),
     'figure_6.outputs=["pri_in_z_rate"]': ("figure_6.outputs", "two rates"),
@@ -234,7 +291,7 @@ sys.stdout.write(json_text(study_numbers(study, outcomes)))
 
 def test_another_process_computes_the_same_bytes() -> None:
     """Neither the order of sets nor the address of an array reaches the numbers."""
-    quick = ("control.levels=5", "control.log10_authority_first=1.5")
+    quick = ("control.levels=5", "control.log10_authority_first=1.5", *SHORT)
     command = [sys.executable, "-c", PROGRAM, str(STUDY), *quick]
     runs = [
         subprocess.Popen(command, stdout=subprocess.PIPE, env={**os.environ, "PYTHONHASHSEED": seed})
