@@ -14,6 +14,7 @@ from middeck.values import record
 
 SKEW = 1.07
 """Points are not put half-way: that may be a pole on the axis, around which lines were placed."""
+MOST_PEAKS = 12
 Ratio = Callable[[np.ndarray], np.ndarray]
 
 
@@ -83,11 +84,11 @@ def find_peaks(
 ) -> tuple[float, float]:
     """The largest of a positive function of frequency, beyond the grid: where, and how large.
 
-    Peaks within a tenth of the highest line are narrowed to an eighth time and again: where a maximum is flat
-    its place matters as the square.
+    The highest peaks, those within a tenth of the highest line, are narrowed to an eighth time and again.
     """
     padded = np.concatenate([[-np.inf], value, [-np.inf]])
     peaks = np.flatnonzero((value >= padded[:-2]) & (value >= padded[2:]) & (value >= 0.9 * value.max()))
+    peaks = peaks[np.argsort(-value[peaks], kind="stable")[:MOST_PEAKS]]
     low, high = omega[np.maximum(peaks - 1, 0)], omega[np.minimum(peaks + 1, len(omega) - 1)]
     best, place = value[peaks], omega[peaks]
     share = np.linspace(0.0, 1.0, 9) ** SKEW

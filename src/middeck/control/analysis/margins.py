@@ -142,10 +142,18 @@ def measure_margins(plant: AnyPlant, law: AnyLaw, *, at: At = "inputs") -> Margi
     omega = refine_lines(ratio, place_lines(loop, at, ratio))
     L = ratio(1j * omega)  # the ends are real: no crossing of theirs has a sign to change
     everywhere = add_ends(loop, ratio, omega)
+    ends_too = ratio(1j * everywhere)
     ends = _ends(ratio, period_of(loop))
     axis, circle = axis_crossings(ratio, omega, L), circle_crossings(ratio, omega, L)
     loops = (
-        _describe(name, i, ratio, everywhere, axis, circle, ends, stability.stable)
+        _describe(
+            name,
+            i,
+            (broken_ratio(loop, at, i), everywhere, ends_too[:, i]),
+            (axis, circle),
+            ends,
+            stability.stable,
+        )
         for i, name in enumerate(broken_at(loop, at))
     )
     return Margins(stability, tuple(loops))
@@ -160,13 +168,12 @@ def _ends(ratio: Ratio, period: float | None) -> tuple[tuple[float, np.ndarray],
 def _describe(
     name: str,
     i: int,
-    ratio: Ratio,
-    omega: np.ndarray,
-    axis: Crossings,
-    circle: Crossings,
+    curve: tuple[Ratio, np.ndarray, np.ndarray],
+    crossings: tuple[Crossings, Crossings],
     ends: tuple[tuple[float, np.ndarray], ...],
     stable: bool,
 ) -> LoopMargins:
+    axis, circle = crossings
     real = [(w, float(-1.0 / value[i].real)) for w, value in ends if _bears_gain(value[i])]
     gain = np.concatenate([-1.0 / np.real(axis.L[axis.channel == i]), [k for _, k in real]])
     gain_at = np.concatenate([axis.omega[axis.channel == i], [w for w, _ in real]])
@@ -175,13 +182,7 @@ def _describe(
     lag = np.mod(np.angle(value) + np.pi, 2.0 * np.pi)
     turn = 2.0 * np.pi
 
-    def peak(function: Callable[[np.ndarray], np.ndarray]) -> tuple[float, float]:
-        def gain(w: np.ndarray) -> np.ndarray:
-            return np.abs(function(ratio(1j * w)[:, i]))
-
-        return find_peaks(gain, omega, gain(omega))
-
-    at_peaks = [peak(one) for one in (_sensitivity, _complementary, _skewed)]
+    at_peaks = [_peak(curve, one) for one in (_sensitivity, _complementary, _skewed)]
     S, T = (Peak(gain, w / turn) for w, gain in at_peaks[:2])
     worst, skewed = at_peaks[2]
     return LoopMargins(
@@ -195,6 +196,18 @@ def _describe(
         T,
         disk_from_peak(skewed if stable else np.inf, worst),
     )
+
+
+def _peak(
+    curve: tuple[Ratio, np.ndarray, np.ndarray], function: Callable[[np.ndarray], np.ndarray]
+) -> tuple[float, float]:
+    """Where a function of one channel's ratio is largest, and how large."""
+    ratio, omega, L = curve
+
+    def gain(w: np.ndarray) -> np.ndarray:
+        return np.abs(function(ratio(1j * w)[:, 0]))
+
+    return find_peaks(gain, omega, np.abs(function(L)))
 
 
 def _sensitivity(L: np.ndarray) -> np.ndarray:

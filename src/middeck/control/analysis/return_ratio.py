@@ -85,8 +85,8 @@ def trace_return_ratio(
     return ReturnRatio(frequency_hz, ratio(2j * np.pi * frequency_hz), broken_at(loop, at))
 
 
-def broken_ratio(loop: FeedbackLoop, at: At) -> Ratio:
-    """L at each channel as a function of s, by the Schur complement of what goes round.
+def broken_ratio(loop: FeedbackLoop, at: At, only: int | None = None) -> Ratio:
+    """L at each channel, or at one ``only``, as a function of s, by the Schur complement of what goes round.
 
     With P = K G and r the other channels, L_i = -(P_ii + P_ir (1 - P_rr)^-1 P_ri): no cancellation where the
     loop is strong, as 1 / S_ii - 1 would have.
@@ -96,22 +96,24 @@ def broken_ratio(loop: FeedbackLoop, at: At) -> Ratio:
     def ratio(s: np.ndarray) -> np.ndarray:
         # On a pole the ratio is infinite; who asks there decides what that means.
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            return _one_by_one(go_round(*halves(np.asarray(s, dtype=complex)), at))
+            return _one_by_one(go_round(*halves(np.asarray(s, dtype=complex)), at), only)
 
     return ratio
 
 
-def _one_by_one(P: np.ndarray) -> np.ndarray:
-    channels = P.shape[1]
-    if channels == 1:
+def _one_by_one(P: np.ndarray, only: int | None) -> np.ndarray:
+    if P.shape[1] == 1:
         return -P[:, :, 0]
-    L = np.empty(P.shape[:2], dtype=complex)
-    for i in range(channels):
-        r = np.delete(np.arange(channels), i)
-        others = np.eye(channels - 1) - P[:, r][:, :, r]
-        # Where the other loops alone have a pole on the line, this one is without bound.
-        bounded = np.isfinite(P).all(axis=(1, 2)) & (np.linalg.det(others) != 0.0)
-        through = np.linalg.solve(others[bounded], P[bounded][:, r, i][:, :, None])
-        L[~bounded, i] = np.inf
-        L[bounded, i] = -(P[bounded, i, i] + (P[bounded][:, i, r][:, None, :] @ through)[:, 0, 0])
+    which = range(P.shape[1]) if only is None else [only]
+    return np.stack([_complement(P, i) for i in which], axis=1)
+
+
+def _complement(P: np.ndarray, i: int) -> Complex[np.ndarray, " line"]:
+    r = np.delete(np.arange(P.shape[1]), i)
+    others = np.eye(len(r)) - P[:, r][:, :, r]
+    # Where the other loops alone have a pole on the line, this one is without bound.
+    bounded = np.isfinite(P).all(axis=(1, 2)) & (np.linalg.det(others) != 0.0)
+    through = np.linalg.solve(others[bounded], P[bounded][:, r, i][:, :, None])
+    L = np.full(len(P), np.inf + 0.0j)
+    L[bounded] = -(P[bounded, i, i] + (P[bounded][:, i, r][:, None, :] @ through)[:, 0, 0])
     return L

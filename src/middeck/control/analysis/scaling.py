@@ -6,7 +6,8 @@ import numpy as np
 import scipy.optimize as opt
 from jaxtyping import Complex, Float
 
-SWEEPS = 60
+SWEEPS = 12
+"""A start that is not quite balanced costs a few steps of the descent, no more."""
 
 
 def scaled_norms(M: Complex[np.ndarray, "line channel channel"]) -> Float[np.ndarray, " line"]:
