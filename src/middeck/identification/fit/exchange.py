@@ -33,17 +33,21 @@ def exchanges(
 ) -> Iterator[Start]:
     """Starts that have one pair (or two real poles) of ``best`` replaced by the pair that would tell most.
 
-    Unless ``at_any_rate``, only where that tells more at once than what is given up.
+    Unless ``at_any_rate``, only where that tells more at once than what is given up; otherwise also by one at
+    the residual's peak: what tells most at once may be a neighbour of a mode that is there already.
     """
     layout = best.layout
     at_best = dataclasses.replace(data, weight=1.0 / np.sqrt(spread.at(best.share)))
-    missed, new = missed_modes(at_best, best), _found_pole(at_best, best)
+    missed, new, peak = missed_modes(at_best, best), _found_pole(at_best, best), _at_peak(at_best, best)
     single = layout.pairs + np.argsort(missed[layout.pairs :])[:2]
     units = [np.array([m]) for m in range(layout.pairs)] + ([single] if len(single) == 2 else [])
     given_up = np.array([float(np.sum(missed[unit])) for unit in units])
     for k in np.argsort(given_up)[:CANDIDATES]:
+        kept = np.setdiff1d(np.arange(len(missed)), units[k])
         if at_any_rate or new.gain > given_up[k]:
-            yield _with(at_best, options, best, np.setdiff1d(np.arange(len(missed)), units[k]), new)
+            yield _with(at_best, options, best, kept, new)
+        if at_any_rate and new.pole != peak.pole:
+            yield _with(at_best, options, best, kept, peak)
 
 
 def grown(data: Data, options: Options, best: Polished, spread: Spread) -> Start:
@@ -87,11 +91,18 @@ def missed_modes(data: Data, best: Polished) -> Float[np.ndarray, " mode"]:
 
 def _found_pole(data: Data, best: Polished) -> Newcomer:
     """The pair that would tell most; in records of experiments, one at the residual's peak."""
+    at_peak = _at_peak(data, best)
+    if data.drive is not None:
+        return at_peak
+    light, peak = -at_peak.pole.real / at_peak.pole.imag, at_peak.pole.imag
+    return find_newcomer(data, best, light, peak) or at_peak
+
+
+def _at_peak(data: Data, best: Polished) -> Newcomer:
+    """A pair at the residual's peak, damped as the others are in the median."""
     pairs = unpack(best.layout, best.refined.theta).poles[: best.layout.pairs]
     light = float(np.median(-np.real(pairs) / np.abs(pairs))) if len(pairs) else PEAK_WIDTH
-    light, peak = min(light, HEAVIEST), _peak(data, best)
-    found = find_newcomer(data, best, light, peak) if data.drive is None else None
-    return found or Newcomer(peak * (-light + 1j), np.zeros(0, dtype=complex), 0.0)
+    return Newcomer(_peak(data, best) * (-min(light, HEAVIEST) + 1j), np.zeros(0, dtype=complex), 0.0)
 
 
 def _with(data: Data, options: Options, best: Polished, kept: np.ndarray, new: Newcomer) -> Start:

@@ -52,7 +52,7 @@ def take_lines(data: Data, spread: Spread, kept: Int[np.ndarray, " kept"]) -> tu
     """Data and spread on some lines."""
     drive = None if data.drive is None else data.drive[kept]
     part = Data(data.s[kept], data.H[:, kept], data.weight[:, kept], drive, data.transient)
-    return part, Spread(spread.variance[:, kept], spread.size[:, kept])
+    return part, Spread(spread.variance[:, kept], spread.size[:, kept], spread.relative)
 
 
 def _apart(omega: np.ndarray, gap: float) -> Int[np.ndarray, " kept"]:

@@ -38,10 +38,14 @@ ROUNDING = 1e-22
 
 @record
 class Spread:
-    """What a residual may come from: measured variance v, and the size P of what a model must follow."""
+    """What a residual may come from: measured variance v, and the size P of what a model must follow.
+
+    ``relative``: P is the size of each line, not of the output.
+    """
 
     variance: Float[np.ndarray, "output line input"]
     size: Float[np.ndarray, "output line input"]
+    relative: bool = False
 
     def at(self, share: float) -> Float[np.ndarray, "output line input"]:
         """v + share P."""
@@ -49,8 +53,11 @@ class Spread:
 
     @property
     def even(self) -> Spread:
-        """The same with most of the variance left out: for a model that does not reach it."""
-        return Spread(EVEN * self.variance, self.size)
+        """The same with most of the variance left out: for a model that does not reach it.
+
+        A relative spread stays: without its variance, lines that are all noise would weigh most.
+        """
+        return self if self.relative else Spread(EVEN * self.variance, self.size)
 
 
 def spread_of(measured: FrequencyResponse, *, relative: bool) -> Spread:
@@ -58,7 +65,7 @@ def spread_of(measured: FrequencyResponse, *, relative: bool) -> Spread:
     H = np.moveaxis(measured.H, 0, 1)
     power = np.broadcast_to(np.mean(np.abs(H) ** 2, axis=(1, 2), keepdims=True), H.shape)
     variance = _smooth(measured) + ROUNDING * power
-    return Spread(variance, np.abs(H) ** 2 if relative else power)
+    return Spread(variance, np.abs(H) ** 2 if relative else power, relative)
 
 
 def _smooth(measured: FrequencyResponse) -> Float[np.ndarray, "output line input"]:
