@@ -86,7 +86,7 @@ def require_reachable(
     only_axis: bool = False,
     sampled: bool = False,
     complaint: str = "no input reaches it",
-    hint: str = "give it an actuator, or leave it out of the design if nothing observes it either",
+    hint: str = "give it an actuator (of a filter, a sensor), or leave it out if no port reaches or sees it",
 ) -> None:
     """Raise `NotStabilisableError` that names the modes (``names``: one per state) which nothing can hold."""
     share = unreachable_states(A, B, only_axis=only_axis, sampled=sampled)

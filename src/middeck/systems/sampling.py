@@ -33,7 +33,9 @@ def sample_plant(
     (True, (3, 3))
     """
     if not (period_s > 0.0 and delay_s >= 0.0):
-        raise ConfigError(f"period {period_s} s and delay {delay_s} s: positive and not negative, please")
+        raise ConfigError(
+            f"a period of {period_s} s and a delay of {delay_s} s", hint="a period > 0 s, a delay >= 0 s"
+        )
     whole, part = _split_delay(delay_s / period_s)
     rest, early = (1.0 - part) * period_s, part * period_s
     transition, _ = _hold(dynamics, period_s)

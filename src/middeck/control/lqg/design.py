@@ -13,10 +13,13 @@ from middeck.control.lqg.shaping import Shaping
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.partition import partition_modes
 from middeck.control.riccati import RiccatiSolution
-from middeck.errors import ConfigError
+from middeck.control.stabilisability import require_reachable
+from middeck.errors import ConfigError, NotStabilisableError
 from middeck.systems.plant import Plant
 from middeck.systems.statespace import StateSpace
 from middeck.values import record
+
+AUTHORITY = "1/rho > 0, as 10"
 
 
 @record
@@ -65,18 +68,22 @@ def design_lqg(
     not fit the plant.
     """
     if not 0.0 < authority < np.inf:
-        raise ConfigError(f"authority is {authority}; it must be positive and finite")
+        raise ConfigError(f"authority is {authority}; it must be positive and finite", hint=AUTHORITY)
     part = partition_modes(plant)
     active = part.active
     shaping = shaping or Shaping()
     model = build_design_model(active, weights, shaping)
-    kalman = design_filter(plant, weights, shaping) if kalman is None else kalman
+    try:
+        kalman = design_filter(plant, weights, shaping) if kalman is None else kalman
+        regulator = design_regulator(model, authority, start)
+    except NotStabilisableError:
+        _require_ports(model)
+        raise
     if len(kalman.gain) != len(model.A):
         raise ConfigError(
             f"the filter has {len(kalman.gain)} states, the design {len(model.A)}",
             hint="design the filter for the same plant and with the same shaping",
         )
-    regulator = design_regulator(model, authority, start)
     law = _join(model, regulator.solution.gain, kalman.gain)
     cost = _cost(model, regulator, kalman.solution.X)
     ports = measured_ports(active), driven_ports(active)
@@ -84,6 +91,12 @@ def design_lqg(
     return LQGCompensator(
         law, *ports, authority, regulator.solution, kalman.solution, cost, part.inert, names
     )
+
+
+def _require_ports(model: DesignModel) -> None:
+    """Blame the ports before cost and noise, which may miss the same mode."""
+    require_reachable(model.A, model.control, model.names, complaint="no control input in u reaches it")
+    require_reachable(model.A.T, model.C2.T, model.names, complaint="no measurement in y sees it")
 
 
 def _join(model: DesignModel, gain: np.ndarray, injection: np.ndarray) -> StateSpace:

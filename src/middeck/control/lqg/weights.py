@@ -41,7 +41,10 @@ class LQGWeights:
                 hint="one row and column of the process intensity for each name in disturbed",
             )
         if not all(np.all(np.isfinite(a)) for a in (self.output, self.input, self.process, self.sensor)):
-            raise ConfigError("a weight or an intensity is not a finite number")
+            raise ConfigError(
+                "a weight or an intensity is not a finite number",
+                hint="finite ones; 0 for an output left alone",
+            )
         if not np.all(self.input > 0.0):
             raise ConfigError(
                 "an input weight is not positive: the control would be unbounded",
@@ -65,4 +68,6 @@ class LQGWeights:
 def require_size(what: str, size: int, group: tuple[str, ...]) -> None:
     """Raise `ConfigError` unless there is one of ``what`` for each port of ``group``."""
     if size != len(group):
-        raise ConfigError(f"{size} {what} for {len(group)} ports ({', '.join(group)})")
+        raise ConfigError(
+            f"{size} {what} for {len(group)} ports ({', '.join(group)})", hint="one for each, in their order"
+        )

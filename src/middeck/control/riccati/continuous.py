@@ -29,6 +29,9 @@ PROPORTION = 1e3
 """Feedback, relative to A, up to which a closed loop proves that its modes are reachable: to move a pole by
 `CANDIDATE` through a coupling of `RANK_FLOOR` (see `stabilisability`) takes ten times as much."""
 
+MISSED = "the cost (or process noise) misses it"
+WEIGH_IT = "weigh an output that sees it; of a filter, let process noise reach it"
+
 
 @record
 class RiccatiSolution:
@@ -95,9 +98,7 @@ def solve_riccati(
     poles = None if gain is None else np.linalg.eigvals(A - B @ gain).astype(complex)
     if X is None or gain is None or poles is None or _doubtful(poles, gain, A, B):
         require_reachable(Abar, B, names, complaint=complaint)
-        require_reachable(
-            Abar.T, Qbar, names, only_axis=True, complaint="the cost (or process noise) misses it"
-        )
+        require_reachable(Abar.T, Qbar, names, only_axis=True, complaint=MISSED, hint=WEIGH_IT)
     if X is None or gain is None or poles is None:
         raise NumericalError(
             "the Riccati equation has no stabilising solution: its Hamiltonian has poles on the axis",

@@ -16,7 +16,7 @@ import scipy.linalg as sla
 from jaxtyping import Complex, Float
 
 from middeck.control.riccati.balancing import unit_diagonal, unit_scales
-from middeck.control.riccati.continuous import WORTHLESS
+from middeck.control.riccati.continuous import MISSED, WEIGH_IT, WORTHLESS
 from middeck.control.riccati.lyapunov import solve_discrete_lyapunov
 from middeck.control.stabilisability import require_reachable
 from middeck.errors import ConfigError, NumericalError
@@ -81,9 +81,7 @@ def solve_discrete_riccati(
     Sn = sla.solve_triangular(factor, cross.T, lower=True).T
     Abar, Qbar = A - Bn @ Sn.T, Q - Sn @ Sn.T
     require_reachable(Abar, B, names, sampled=True, complaint=complaint)
-    require_reachable(
-        Abar.T, Qbar, names, only_axis=True, sampled=True, complaint="the cost (or process noise) misses it"
-    )
+    require_reachable(Abar.T, Qbar, names, only_axis=True, sampled=True, complaint=MISSED, hint=WEIGH_IT)
     X = _solve_scaled(Abar, Bn, Qbar)
     residual = _residual(X, Abar, Bn, Qbar)[1]
     through = R + B.T @ X @ B
@@ -92,6 +90,9 @@ def solve_discrete_riccati(
     size = float(np.abs(poles).max(initial=0.0))
     # R + B'XB is the second variation of the cost: without its sign the law is stable but a maximum.
     minimum = bool(np.linalg.eigvalsh(through).min(initial=1.0) > 0.0)
+    if size >= 1.0:
+        # A mode that grows unseen by the cost: doubling finds a solution, and not the one that moves it.
+        require_reachable(Abar.T, Qbar, names, sampled=True, complaint=MISSED, hint=WEIGH_IT)
     if not np.isfinite(residual) or residual > WORTHLESS or size >= 1.0 or not minimum:
         raise NumericalError(
             f"no stabilising discrete Riccati solution: residual {residual:.1e}, largest pole {size:.9f}"

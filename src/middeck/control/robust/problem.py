@@ -136,7 +136,7 @@ def _same_groups(plants: tuple[Plant, ...]) -> None:
 
 
 def _require_a_cost(weights: LQGWeights) -> None:
-    """Without noise, or with nothing to be kept small, the best law is none and there is no cost to compare."""
+    """Without noise, or with nothing to be kept small, the best law is none: no cost to compare."""
     if not np.any(weights.process):
         raise ConfigError("the process intensity is zero: nothing disturbs the plant", hint="some noise on w")
     if not np.any(weights.output):

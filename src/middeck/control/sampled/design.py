@@ -11,11 +11,13 @@ from typing import Literal, get_args
 import numpy as np
 from jaxtyping import Float
 
+from middeck.control.lqg.design import AUTHORITY
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.riccati import DiscreteRiccatiSolution, solve_discrete_riccati
 from middeck.control.sampled.compensator import SampledCompensator
 from middeck.control.sampled.held import HeldPlant, hold_plant
 from middeck.control.sampled.integrals import integrate_along
+from middeck.control.stabilisability import require_reachable
 from middeck.errors import ConfigError
 from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.plant import Plant
@@ -108,7 +110,7 @@ def design_sampled_lqg(
     (True, 0.1)
     """
     if not (np.isfinite(authority) and authority > 0.0):
-        raise ConfigError(f"authority is {authority}; it must be positive")
+        raise ConfigError(f"authority is {authority}; it must be positive and finite", hint=AUTHORITY)
     if form not in get_args(Form):
         raise ConfigError(f"no form {form!r} of an observer", hint=f"one of {', '.join(get_args(Form))}")
     held = hold_plant(plant, weights, period_s)
@@ -120,6 +122,10 @@ def design_sampled_lqg(
         )
     price = sample_cost(held, weights, authority)
     names, sensor = held.state_names, np.diag(held.sensor)
+    # Before cost and noise, which may miss the same mode, are blamed for what no port can hold.
+    require_reachable(
+        system.A, system.B, names, sampled=True, complaint="no control input in u reaches it at this rate"
+    )
     estimator = solve_discrete_riccati(
         system.A.T, system.C.T, held.noise, sensor,
         names=names, complaint="no measurement in y sees it at this rate",

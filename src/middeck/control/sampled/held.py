@@ -19,6 +19,9 @@ from middeck.systems.sampling import WHOLE
 from middeck.systems.statespace import SampledStateSpace
 from middeck.values import record
 
+MOST_LATE = 200
+"""Periods of delay: half a second at 400 Hz. Each is a state, and a design takes their number cubed."""
+
 
 @record
 class HeldPlant:
@@ -70,6 +73,7 @@ def hold_plant(plant: Plant | DelayedPlant, weights: LQGWeights, period_s: float
     """
     if not (np.isfinite(period_s) and period_s > 0.0):
         raise ConfigError(f"a period of {period_s} s cannot be sampled at", hint="a positive period")
+    _check_delays(plant, period_s)
     timed = place_delays(plant, weights.disturbed, weights.process)
     part = partition_modes(timed.plant)
     active = part.active
@@ -105,6 +109,15 @@ def hold_plant(plant: Plant | DelayedPlant, weights: LQGWeights, period_s: float
         (*names, *("delay",) * (len(system.A) - len(names))),
         part.inert,
     )
+
+
+def _check_delays(plant: Plant | DelayedPlant, period_s: float) -> None:
+    longest = float(plant.delay_s.max(initial=0.0)) if isinstance(plant, DelayedPlant) else 0.0
+    if longest > MOST_LATE * period_s:
+        raise ConfigError(
+            f"a delay of {longest:g} s is {longest / period_s:.0f} periods of {period_s:g} s, a state each",
+            hint=f"at most {MOST_LATE}: a slower rate, or is the delay in other units than seconds?",
+        )
 
 
 def _check(plant: Plant, weights: LQGWeights) -> None:

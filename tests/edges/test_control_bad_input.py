@@ -1,0 +1,264 @@
+"""What is wrong with the input of a design or an analysis is named, with what to try."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cli_runner import ROOT, middeck
+from middeck.control.analysis import measure_margins
+from middeck.control.classical import PDLoops, close_inner_loop
+from middeck.control.closed_loop import close_loop
+from middeck.control.compensator import Compensator
+from middeck.control.lqg import LQGWeights, design_lqg
+from middeck.control.qualification import qualify_compensator
+from middeck.control.robust import (
+    ModeShift,
+    Uncertainty,
+    design_multimodel,
+    design_popov,
+    design_sensitivity_weighted,
+)
+from middeck.control.sampled import design_sampled_lqg
+from middeck.errors import ConfigError, MiddeckError, NotStabilisableError
+from middeck.files.exchange import from_scipy
+from middeck.files.models import write_model
+from middeck.identification.measurement_model import MeasurementModel
+from middeck.realtime.rig import build_linear_rig
+from middeck.systems.delayed_plant import delay_inputs
+from middeck.systems.modal import ModalSystem
+from middeck.systems.plant import Plant
+from middeck.systems.ports import Port
+from middeck.systems.sampled_plant import build_sampled_plant
+from middeck.systems.sampling import sample_plant
+from middeck.systems.statespace import gain_system
+
+TORQUE, ANGLE = Port("torque", "N m"), Port("angle", "rad")
+GOOD: dict[str, Any] = {
+    "output": [1.0],
+    "input": [1.0],
+    "disturbed": ("torque",),
+    "process": [[1e-4]],
+    "sensor": [4e-10],
+}
+APART = Uncertainty((ModeShift(("c",), 0.02),))
+DESIGNS: dict[str, Callable[[Any, LQGWeights, float], Any]] = {
+    "LQG": design_lqg,
+    "sampled": lambda plant, weights, authority: design_sampled_lqg(plant, weights, authority, 0.004),
+    "multi-model": lambda *given: design_multimodel(*given, uncertainty=APART),
+    "sensitivity": lambda *given: design_sensitivity_weighted(*given, uncertainty=APART),
+    "Popov": lambda *given: design_popov(*given, uncertainty=APART),
+}
+ROBUST = ("multi-model", "sensitivity", "Popov")
+each_design = pytest.mark.parametrize("method", DESIGNS)
+
+
+def plant(
+    hz: tuple[float, ...] = (2.0, 5.0, 9.0),
+    psi: tuple[float, ...] = (1.0, 0.7, 1.2),
+    phi: tuple[float, ...] = (1.0, -0.6, 0.8),
+    zeta: tuple[float, ...] = (0.01, 0.01, 0.01),
+) -> Plant:
+    """Three modes, "a", "b" and "c", from a torque to an angle."""
+    modal = ModalSystem(
+        2.0 * np.pi * np.array(hz), np.where(np.array(hz) > 0.0, zeta, 0.0), np.array(psi)[:, None],
+        np.array([phi]), np.zeros((1, 3)), ("a", "b", "c"),
+    )  # fmt: skip
+    return Plant(modal, (TORQUE,), (ANGLE,), ("torque",), ("torque",), ("angle",), ("angle",))
+
+
+def refused(run: Callable[[], Any], kind: type[MiddeckError], says: str) -> MiddeckError:
+    """The error of ``run``, which must say what to try."""
+    with pytest.raises(kind, match=says) as error:
+        run()
+    assert error.value.hint, f"nothing to try: {error.value}"
+    return error.value
+
+
+# a plant that no controller can stabilise
+
+
+@each_design
+@pytest.mark.parametrize(
+    ("kind", "says"),
+    [
+        ({"hz": (0.0, 5.0, 9.0), "psi": (0.0, 0.7, 1.2)}, "no control input in u reaches it"),
+        ({"hz": (0.0, 5.0, 9.0), "phi": (0.0, -0.6, 0.8)}, "no measurement in y sees it|cost .* misses it"),
+        ({"zeta": (-0.01, 0.01, 0.01), "psi": (0.0, 0.7, 1.2)}, "no control input in u reaches it"),
+        ({"zeta": (-0.01, 0.01, 0.01), "phi": (0.0, -0.6, 0.8)}, "no measurement in y sees it|misses it"),
+    ],
+)
+def test_the_mode_that_cannot_be_held_is_named(method: str, kind: dict[str, Any], says: str) -> None:
+    error = refused(
+        lambda: DESIGNS[method](plant(**kind), LQGWeights(**GOOD), 1e3), NotStabilisableError, says
+    )
+    assert "does not decay: a" in error.what
+    assert error.data["modes"] == ("a",)
+
+
+def test_the_command_line_names_it_too(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """Free in space, driven by the torque between two bodies: all of it turns together, unheld."""
+    ended = middeck(
+        capfd, "design", ROOT / "articles" / "mace-dm.toml", "--environment", "orbit", "--count", 12,
+        "--control", "pri_rel_z", "--measure", "pri_in_z",
+    )  # fmt: skip
+    assert ended.code == 5
+    assert "does not decay: rotation z" in ended.err
+    assert "  try: " in ended.err
+
+
+# weights
+
+
+@each_design
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"output": [1.0, 1.0]}, r"2 output weights for 1 ports \(angle\)"),
+        ({"input": [1.0, 1.0]}, r"2 input weights for 1 ports \(torque\)"),
+        ({"sensor": [1.0, 1.0]}, r"2 sensor intensities for 1 ports \(angle\)"),
+        ({"disturbed": ("wind",)}, "no input named 'wind'"),
+    ],
+)
+def test_weights_that_do_not_fit_the_plant(method: str, changes: dict[str, Any], says: str) -> None:
+    refused(lambda: DESIGNS[method](plant(), LQGWeights(**(GOOD | changes)), 1e3), ConfigError, says)
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"process": np.eye(2)}, "1 disturbed inputs for 2 intensities"),
+        ({"input": [-1.0]}, "input weight is not positive"),
+        ({"input": [0.0]}, "input weight is not positive"),
+        ({"process": [[-1.0]]}, "not symmetric and positive semidefinite"),
+        (
+            {"process": [[1.0, 2.0], [2.0, 1.0]], "disturbed": ("torque", "torque")},
+            "not symmetric and positive semidefinite",
+        ),
+        (
+            {"process": [[1.0, 0.5], [0.0, 1.0]], "disturbed": ("torque", "torque")},
+            "not symmetric and positive semidefinite",
+        ),
+        ({"sensor": [0.0]}, "sensor noise intensity is not positive"),
+        ({"sensor": [-1.0]}, "sensor noise intensity is not positive"),
+        ({"output": [np.nan]}, "not a finite number"),
+        ({"process": [[np.inf]]}, "not a finite number"),
+    ],
+)
+def test_weights_that_are_none(changes: dict[str, Any], says: str) -> None:
+    refused(lambda: LQGWeights(**(GOOD | changes)), ConfigError, says)
+
+
+@pytest.mark.parametrize("method", ROBUST)
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"process": [[0.0]]}, "nothing disturbs the plant"),
+        ({"output": [0.0]}, "nothing is to be kept small"),
+    ],
+)
+def test_a_robust_design_with_no_cost(method: str, changes: dict[str, Any], says: str) -> None:
+    refused(lambda: DESIGNS[method](plant(), LQGWeights(**(GOOD | changes)), 1e3), ConfigError, says)
+
+
+@each_design
+@pytest.mark.parametrize("authority", [0.0, -1.0, np.nan, np.inf])
+def test_an_authority_that_is_none(method: str, authority: float) -> None:
+    refused(
+        lambda: DESIGNS[method](plant(), LQGWeights(**GOOD), authority),
+        ConfigError,
+        f"authority is {authority}",
+    )
+
+
+# delays and sampling
+
+
+@pytest.mark.parametrize("period_s", [0.0, -0.01, np.nan, np.inf])
+def test_a_period_that_is_none(period_s: float) -> None:
+    weights = LQGWeights(**GOOD)
+    refused(lambda: design_sampled_lqg(plant(), weights, 1e3, period_s), ConfigError, "a period of")
+    refused(lambda: build_sampled_plant(plant(), period_s), ConfigError, "a period of")
+    if not period_s > 0.0:
+        refused(lambda: sample_plant(plant().dynamics, period_s), ConfigError, "a period of")
+
+
+def test_a_delay_against_a_sample_period() -> None:
+    """Seconds taken for milliseconds would be 2500 states; a total delay is no less than the hold's own."""
+    weights = LQGWeights(**GOOD)
+    late = delay_inputs(plant(), 10.0)
+    refused(
+        lambda: design_sampled_lqg(late, weights, 1e3, 0.004), ConfigError, "10 s is 2500 periods of 0.004 s"
+    )
+    refused(lambda: delay_inputs(plant(), -0.1), ConfigError, "or one is negative")
+    refused(
+        lambda: build_linear_rig(plant(), sample_hz=100.0, delay_s=1e-3, noise_rms=np.zeros(1)),
+        ConfigError,
+        "less than the hold's own 0.005 s",
+    )
+
+
+# ports and compensators
+
+
+def test_ports_that_do_not_exist() -> None:
+    weights = LQGWeights(**GOOD)
+    made = design_lqg(plant(), weights, 1e3)
+    other = dataclasses.replace(plant(), inputs=(Port("motor", "N m"),), w=(), u=("motor",))
+    for run in (
+        lambda: close_loop(other, made),
+        lambda: measure_margins(other, made),
+        lambda: qualify_compensator(made, {"other": other}, weights),
+    ):
+        error = refused(run, ConfigError, "torque")
+        assert "motor" in error.hint
+    refused(lambda: dataclasses.replace(plant(), y=("nose",)), ConfigError, "no output named 'nose'")
+    refused(lambda: close_inner_loop(plant(), PDLoops(("neck",), [1.0], [1.0])), ConfigError, "'neck'")
+    shifted = Uncertainty((ModeShift(("q",), 0.02),))
+    refused(
+        lambda: design_multimodel(plant(), weights, 1e3, uncertainty=shifted),
+        ConfigError,
+        "no mode named 'q'",
+    )
+
+
+def test_an_improper_compensator_and_a_loop_without_a_solution() -> None:
+    scipy_signal = pytest.importorskip("scipy.signal")
+    refused(
+        lambda: from_scipy(scipy_signal.ZerosPolesGain([-1.0, -2.0], [-3.0], 1.0)), ConfigError, "improper"
+    )
+    modal = plant().dynamics
+    assert isinstance(modal, ModalSystem)
+    direct = dataclasses.replace(plant(), dynamics=dataclasses.replace(modal, direct=[[1.0]]))
+    gain = Compensator(gain_system([[1.0]]), (ANGLE,), (TORQUE,))
+    refused(lambda: close_loop(direct, gain), ConfigError, "through the direct terms has no solution")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["--control", "nowhere"], "nowhere"),
+        (["--log10-authority", "nan"], "log10_authority"),
+        (["--angle-noise", "0"], "angle_noise"),
+        (["--disturbance", "-1"], "disturbance"),
+        (["--pade-order", "0"], "pade_order"),
+    ],
+)
+def test_the_options_of_design(
+    arguments: list[str], says: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    zero = np.zeros((1, 1))
+    omega = 2.0 * np.pi * np.array([2.0])
+    model = MeasurementModel(
+        omega * (-0.01 + 1j), np.array([[1.0]]) / (2j * omega), np.ones((1, 1)), zero, zero, np.zeros(1),
+        (TORQUE,), (ANGLE,),
+    )  # fmt: skip
+    write_model(tmp_path / "model.json", model)
+    ended = middeck(capfd, "design", tmp_path / "model.json", *arguments)
+    assert ended.code == 2
+    assert says in ended.err
