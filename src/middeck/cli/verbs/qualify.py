@@ -28,7 +28,7 @@ AT_MOST = ("db", "control_rms")
 
 @click.command("qualify", epilog=EPILOG)
 @click.argument("law_file", metavar="LAW.json")
-@click.argument("plants", nargs=-1, required=True, metavar="ARTICLE|MODEL.json...")
+@click.argument("plants", nargs=-1, required=True, metavar="PLANT...")
 @click.option(
     "--environment",
     "environments",
@@ -85,8 +85,8 @@ def verb(
 ) -> None:
     """Try a compensator on plants it was not made for.
 
-    Each article in each environment and each fitted model, as it is and with modes moved, continuous and at
-    each rate: stability by eigenvalues, margins at the plant's inputs, and the rms of the outputs that are
+    Each PLANT is an article, in each environment, or a fitted model.json; as it is and with modes moved,
+    continuous and at each rate: stability by eigenvalues, margins at the plant's inputs, and the rms of the outputs that are
     read, over all frequencies under disturbance and noise, beside that without control (dB, less is better).
     The delays of a model are exact. --set takes the keys of articles and environments.
     """
