@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from middeck.control.authority import find_first_instability, sweep_authority
     from middeck.control.classical import PDLoops, close_inner_loop
     from middeck.control.closed_loop import close_loop, leave_open
+    from middeck.control.lqg.coloured_plant import colour_disturbances
     from middeck.control.lqg.design import design_lqg
     from middeck.control.lqg.estimator import design_filter
     from middeck.control.lqg.levels import design_levels
@@ -31,11 +32,13 @@ if TYPE_CHECKING:
     from middeck.control.lqg.spectra import fit_spectrum, line_filter
     from middeck.control.lqg.topologies import compare_topologies
     from middeck.control.lqg.weights import LQGWeights
-    from middeck.control.performance import Performance, measure_metric, measure_rms
+    from middeck.control.performance import Performance, measure_control_rms, measure_metric, measure_rms
     from middeck.control.pointing import PointingWindow, budget_pointing
     from middeck.control.reduction.compensators import reduce_compensator
     from middeck.control.reduction.modal import reduce_modes
     from middeck.control.reduction.plants import reduce_plant
+    from middeck.control.riccati.continuous import solve_riccati
+    from middeck.control.riccati.discrete import solve_discrete_riccati
     from middeck.control.robust.comparison import compare_designs
     from middeck.control.robust.monte_carlo import verify_robustness
     from middeck.control.robust.multimodel import design_multimodel
@@ -51,6 +54,7 @@ if TYPE_CHECKING:
     from middeck.control.sampled.margins import measure_sampled_margins
     from middeck.control.sampled.outcome import measure_sampled_loop
     from middeck.control.shaping.sections import (
+        design_pd,
         first_order_section,
         notch,
         roll_off,
@@ -152,6 +156,7 @@ if TYPE_CHECKING:
     from middeck.systems.excitation.signal import Excitation
     from middeck.systems.excitation.sweep import design_stepped_sine, design_sweep
     from middeck.systems.friction import Friction
+    from middeck.systems.peak_gain import peak_gain
     from middeck.systems.ports import Channel, Port
     from middeck.systems.record import Campaign, Record, RecordStream
     from middeck.systems.response import evaluate_plant
@@ -199,6 +204,7 @@ _ROOM = {
     "build_sampled_plant": "systems.sampled_plant",
     "close_inner_loop": "control.classical",
     "close_loop": "control.closed_loop",
+    "colour_disturbances": "control.lqg.coloured_plant",
     "compare_designs": "control.robust.comparison",
     "compare_fits": "identification.uncertainty.drift",
     "compare_modes": "structure.comparison",
@@ -220,6 +226,7 @@ _ROOM = {
     "design_multimodel": "control.robust.multimodel",
     "design_multisine": "systems.excitation.multisine",
     "design_noise": "systems.excitation.noise",
+    "design_pd": "control.shaping.sections",
     "design_popov": "control.robust.popov",
     "design_sampled_lqg": "control.sampled.design",
     "design_sensitivity_weighted": "control.robust.sensitivity_weighted",
@@ -273,6 +280,7 @@ _ROOM = {
     "load_structure": "files.documents",
     "load_study": "files.studies",
     "matrix_zeros": "identification.plants.zeros",
+    "measure_control_rms": "control.performance",
     "measure_delayed_rms": "control.analysis.delayed_rms",
     "measure_disk_margin": "control.analysis.disk",
     "measure_effective_mass": "structure.correlation.effective_mass",
@@ -297,6 +305,7 @@ _ROOM = {
     "parameters_of": "identification.uncertainty.parameters",
     "partial_coherence": "identification.spectra.coherence",
     "path_zeros": "identification.plants.zeros",
+    "peak_gain": "systems.peak_gain",
     "periods_needed": "identification.uncertainty.accuracy",
     "pole_zero_gain": "identification.plants.pole_zero_gain",
     "read_record": "files.records",
@@ -319,8 +328,10 @@ _ROOM = {
     "shape_compensator": "control.shaping.sections",
     "simulate_record": "identification.samples.simulation",
     "simultaneous_bounds": "identification.uncertainty.response_bounds",
+    "solve_discrete_riccati": "control.riccati.discrete",
     "solve_equilibrium": "structure.equilibrium",
     "solve_modes": "structure.modes",
+    "solve_riccati": "control.riccati.continuous",
     "spectra_response": "identification.spectra.ratios",
     "split_periods": "files.records.together",
     "stabilisation": "identification.fit.stabilisation",
@@ -387,6 +398,7 @@ __all__ = [
     "build_sampled_plant",
     "close_inner_loop",
     "close_loop",
+    "colour_disturbances",
     "compare_designs",
     "compare_fits",
     "compare_modes",
@@ -408,6 +420,7 @@ __all__ = [
     "design_multimodel",
     "design_multisine",
     "design_noise",
+    "design_pd",
     "design_popov",
     "design_sampled_lqg",
     "design_sensitivity_weighted",
@@ -461,6 +474,7 @@ __all__ = [
     "load_structure",
     "load_study",
     "matrix_zeros",
+    "measure_control_rms",
     "measure_delayed_rms",
     "measure_disk_margin",
     "measure_effective_mass",
@@ -485,6 +499,7 @@ __all__ = [
     "parameters_of",
     "partial_coherence",
     "path_zeros",
+    "peak_gain",
     "periods_needed",
     "pole_zero_gain",
     "read_record",
@@ -507,8 +522,10 @@ __all__ = [
     "shape_compensator",
     "simulate_record",
     "simultaneous_bounds",
+    "solve_discrete_riccati",
     "solve_equilibrium",
     "solve_modes",
+    "solve_riccati",
     "spectra_response",
     "split_periods",
     "stabilisation",
