@@ -86,9 +86,9 @@ def verb(
     """Try a compensator on plants it was not made for.
 
     Each PLANT is an article, in each environment, or a fitted model.json; as it is and with modes moved,
-    continuous and at each rate: stability by eigenvalues, margins at the plant's inputs, and the rms of the outputs that are
-    read, over all frequencies under disturbance and noise, beside that without control (dB, less is better).
-    The delays of a model are exact. --set takes the keys of articles and environments.
+    continuous and at each rate: stability by eigenvalues, margins at the plant's inputs, and the rms of the
+    outputs that are read, over all frequencies under disturbance and noise, beside that without control (dB,
+    less is better). The delays of a model are exact. --set takes the keys of articles and environments.
     """
     requirements = read_requirements(required, AT_LEAST, AT_MOST)
     law, found, allowed = _qualify(law_file, plants, environments or ("lab",), count, overrides, given)
