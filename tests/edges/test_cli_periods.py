@@ -192,3 +192,43 @@ def test_a_sampled_model_that_nobody_asked_for_is_said_to_have_no_delay(
         asked = json.loads(middeck(capfd, *ask, wanted).out)
         assert not any("was chosen" in w for w in asked["warnings"])
     assert asked["delay_s"]["angle"] == pytest.approx(DELAY_S, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    "option",
+    [
+        ("--integrators", 1, "--constants", "complex"),
+        ("--rigid", 1),
+        ("--residuals",),
+        ("--delay", "output"),
+        ("--constants", "real"),
+        ("--relative-degree", 2, "--constants", "complex"),
+    ],
+)
+def test_an_option_of_continuous_models_asks_for_one(
+    tmp_path: Path, capfd: Capture, option: tuple[str | int, ...]
+) -> None:
+    path = tmp_path / "wide.npz"
+    write_record(path, run(60.0))  # past an eighth of 256 Hz
+    states = 8 + {"--integrators": 1, "--rigid": 2}.get(str(option[0]), 0)
+    ask = ("identify", path, "--periods", PERIODS, "--states", states, *option, "--json")
+    found = json.loads(middeck(capfd, *ask).out)
+    assert found["sampled"] is False
+    assert len([w for w in found["warnings"] if "continuous model was chosen" in w and option[0] in w]) == 1
+    said = json.loads(middeck(capfd, *ask, "--continuous").out)
+    assert said["pole"] == found["pole"]
+    assert not any("was chosen" in w for w in said["warnings"])
+    refused = middeck(capfd, *ask, "--sampled")
+    assert (refused.code, refused.out) == (2, "")
+    assert str(option[0]) in refused.err
+    assert "--continuous" in refused.err
+
+
+@pytest.mark.parametrize("option", [("--delay", "none"), ("--relative-degree", 1), ("--integrators", 0)])
+def test_what_sampled_models_have_too_chooses_nothing(
+    tmp_path: Path, capfd: Capture, option: tuple[str | int, ...]
+) -> None:
+    path = tmp_path / "wide.npz"
+    write_record(path, run(60.0))
+    found = middeck(capfd, "identify", path, "--periods", PERIODS, "--states", 8, *option, "--json")
+    assert json.loads(found.out)["sampled"] is True

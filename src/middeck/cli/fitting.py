@@ -73,13 +73,12 @@ def _fit_response(taken: Record, settings: FitSettings, seen: tuple[str, ...]) -
         taken, band_hz=settings.band_hz, method=method, reference=tuple(settings.reference) or None
     )
     reaches = measured.frequency_hz[-1] > HELD_ABOVE * taken.sample_hz
-    sampled = bool(reaches) if settings.sampled is None else settings.sampled
+    sampled = _is_sampled(settings, reaches=bool(reaches))
     sample_hz = taken.sample_hz if sampled else None
     fit = fit_response(
         measured, states=settings.states, sample_hz=sample_hz, cost=settings.cost, **_kind(settings)
     )
-    chosen = settings.sampled is None and sampled
-    warnings = [_chosen(measured.frequency_hz[-1], taken.sample_hz)] if chosen else []
+    warnings = _chosen(settings, float(measured.frequency_hz[-1]), taken.sample_hz) if reaches else []
     if method in ("h1", "h2", "hv") and not taken.periodic:
         spectra = estimate_spectra(taken)
         warnings += doubts_of_window(spectra_response(spectra, method), spectra)
@@ -96,7 +95,7 @@ def _fit_record(taken: Record, settings: FitSettings, seen: tuple[str, ...]) -> 
     band_hz = settings.band_hz or recognise_excitation(taken).band_hz
     last_hz = band_hz[1]
     reaches = last_hz > HELD_ABOVE * taken.sample_hz
-    sampled = reaches if settings.sampled is None else settings.sampled
+    sampled = _is_sampled(settings, reaches=reaches)
     if settings.cost != "weighted":
         raise ConfigError(
             "the samples of a record that is not periodic are fitted by their likelihood, no other cost",
@@ -105,7 +104,7 @@ def _fit_record(taken: Record, settings: FitSettings, seen: tuple[str, ...]) -> 
     fit = fit_record(
         taken, states=settings.states, sampled=sampled, band_hz=settings.band_hz, **_kind(settings)
     )
-    warnings = (_chosen(last_hz, taken.sample_hz),) if settings.sampled is None and sampled else ()
+    warnings = _chosen(settings, last_hz, taken.sample_hz) if reaches else []
     return Identified(
         taken, None, fit, (*seen, *warnings, *fit.warnings), settings.band_hz if sampled else band_hz
     )
@@ -134,11 +133,45 @@ def _kind(settings: FitSettings) -> _Kind:
     }
 
 
-def _chosen(last_hz: float, sample_hz: float) -> str:
-    return (
-        f"a sampled model was chosen, as the lines reach {last_hz:g} Hz, past 1/8 of {sample_hz:g} Hz: it "
-        "has no delay, and poles stand in for one; if there is one, use --continuous or end --band earlier"
-    )
+def _only_continuous(settings: FitSettings) -> str:
+    """The options that only a continuous model has, as given; empty for none."""
+    asked = {
+        "--constants real": settings.constants == "real",
+        f"--delay {settings.delay}": settings.delay not in (None, "none"),
+        f"--rigid {settings.rigid}": settings.rigid > 0,
+        f"--integrators {settings.integrators}": settings.integrators > 0,
+        "--residuals": settings.residuals,
+        "--relative-degree 2": settings.relative_degree == 2,
+    }
+    return ", ".join(option for option, is_asked in asked.items() if is_asked)
+
+
+def _is_sampled(settings: FitSettings, *, reaches: bool) -> bool:
+    """As is said; otherwise if the band reaches far and nothing is asked that only a continuous model has."""
+    asked = _only_continuous(settings)
+    if settings.sampled and asked:
+        raise ConfigError(
+            f"a sampled model has no {asked}",
+            hint="--continuous in place of --sampled, or leave out what only a continuous model has",
+        )
+    return reaches and not asked if settings.sampled is None else settings.sampled
+
+
+def _chosen(settings: FitSettings, last_hz: float, sample_hz: float) -> list[str]:
+    """What is to be known of the kind of model that nobody asked for, where the lines reach far."""
+    if settings.sampled is not None:
+        return []
+    reach = f"the lines reach {last_hz:g} Hz, past 1/8 of {sample_hz:g} Hz"
+    asked = _only_continuous(settings)
+    if asked:
+        return [
+            f"a continuous model was chosen for {asked}, though {reach}: it takes what a held input loses "
+            "for dynamics; end --band earlier, or say --continuous if inputs were band-limited between samples"
+        ]
+    return [
+        f"a sampled model was chosen, as {reach}: it has no delay, and poles stand in for one; if there is "
+        "one, use --continuous or end --band earlier"
+    ]
 
 
 def load_periods(

@@ -36,7 +36,8 @@ METHODS = ("samples", "periods", "local rational", "local polynomial", "h1", "h2
 @click.option(
     "--sampled/--continuous",
     default=None,
-    help="Kind of model.  [default: sampled if the band passes 1/8 of the sampling rate]",
+    help="Kind of model.  [default: sampled if the band passes 1/8 of the sampling rate and no option is "
+    "given that only a continuous model has]",
 )
 @click.option(
     "--method",
