@@ -166,7 +166,7 @@ def _chosen(settings: FitSettings, last_hz: float, sample_hz: float) -> list[str
     if asked:
         return [
             f"a continuous model was chosen for {asked}, though {reach}: it takes what a held input loses "
-            "for dynamics; end --band earlier, or say --continuous if inputs were band-limited between samples"
+            "for dynamics; end --band earlier, or say --continuous if inputs were band-limited, not held"
         ]
     return [
         f"a sampled model was chosen, as {reach}: it has no delay, and poles stand in for one; if there is "
