@@ -16,6 +16,7 @@ import importlib
 import json
 import os
 import platform
+import re
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
@@ -36,6 +37,12 @@ def _keep_peers(rows: list[dict], before: list[dict]) -> None:
             row["peers"] = row["peers"] or known.get((row["case"], row["measure"]), {})
 
 
+def _seed_of(rows: list[dict], otherwise: int) -> int:
+    """The seed of the unseen plants, as their rows say it."""
+    drawn = (re.search(r"seed (\d+)", row["case"]) for row in rows)
+    return next((int(found[1]) for found in drawn if found), otherwise)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--peer-python")
@@ -45,6 +52,7 @@ def main() -> None:
     parser.add_argument("--made", default=datetime.date.today().isoformat())
     options = parser.parse_args()
     before = _before()
+    made_by = options.seed if "multimodel" in options.only else _seed_of(before, options.seed)
     rows: list[dict] = []
     for name in CASES:
         # A row's case begins with the name of its module.
@@ -55,7 +63,7 @@ def main() -> None:
     result = {
         "made": options.made,
         "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores, one used",
-        "command": f"python benchmarks/control.py --seed {options.seed}",
+        "command": f"python benchmarks/control.py --seed {made_by}",
         "rows": rows,
     }
     RESULT.parent.mkdir(exist_ok=True)
