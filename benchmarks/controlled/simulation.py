@@ -46,7 +46,7 @@ def rows(options: Any) -> list[dict]:
                 note="ours what it allocates, the peer's resident")]  # fmt: skip
     found = peer(
         options.peer_python, "control_simulation.py", A=system.A, B=system.B, C=system.C, D=system.D,
-        period_s=PERIOD_S, samples=SAMPLES, kept=LAST, seed=0, repeats=1,
+        period_s=PERIOD_S, samples=SAMPLES, kept=LAST, seed=0, repeats=3,
     )  # fmt: skip
     if found is not None:
         name = "python-control"
