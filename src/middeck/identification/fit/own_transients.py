@@ -37,6 +37,10 @@ class OwnTransients:
         each = [_real(rows[:, :, k] * self._weight[:, k]) for k in range(rows.shape[2])]
         return np.hstack([x - (x @ Q) @ Q.T for x, (Q, _) in zip(each, self._factors, strict=True)])
 
+    def leverage(self) -> Float[np.ndarray, "experiment number"]:
+        """Share of each real number that its transient follows, whatever it is."""
+        return np.array([np.sum(Q**2, axis=1) for Q, _ in self._factors])
+
     def unknowns(
         self, left: Complex[np.ndarray, "line experiment"]
     ) -> Float[np.ndarray, "experiment column"]:

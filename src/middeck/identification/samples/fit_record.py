@@ -149,7 +149,7 @@ def _result(record: Record, data: Data, run: RecordRun, reason: str) -> FitResul
     r = residual_of(run.layout, data, found.theta, found.step.linear)
     _refuse_noise(data, run)
     fitted = record_model(run.layout, found, record)
-    covariance = record_covariance(run.layout, found, data, run.variance, fitted)
+    covariance = record_covariance(run, data, fitted)
     uncertainty = uncertainty_of(covariance)
     lines = _lines(record, data, model_response(fitted, np.imag(data.s) / (2.0 * np.pi)))
     if not np.isfinite(lines.H).all():

@@ -6,14 +6,16 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.identification.fit.data import Data
-from middeck.identification.fit.design import Terms, split_linear
+from middeck.identification.fit.design import Terms, residual_of, split_linear
 from middeck.identification.fit.fitted_model import model_of, structure_of
 from middeck.identification.fit.layout import Layout, unpack
 from middeck.identification.fit.own_transients import OwnTransients, as_real
 from middeck.identification.fit.refine import Refined
 from middeck.identification.fit.transient import transient_slopes
 from middeck.identification.measurement_model import MeasurementModel
-from middeck.identification.uncertainty.covariance import ModelCovariance, inverse_root
+from middeck.identification.samples.noise import likelier_variance
+from middeck.identification.samples.search import RecordRun, all_poles
+from middeck.identification.uncertainty.covariance import MOST_LEVERAGE, ModelCovariance, inverse_root
 from middeck.identification.uncertainty.entry_factors import entry_slopes
 from middeck.identification.uncertainty.unknowns import Structure, places_of, ties
 from middeck.systems.record import Record
@@ -24,35 +26,62 @@ def record_model(layout: Layout, found: Refined, record: Record) -> MeasurementM
     return model_of(layout, found, record.inputs, record.outputs)
 
 
-def record_covariance(
-    layout: Layout,
-    found: Refined,
-    data: Data,
-    variance: Float[np.ndarray, "output line column"],
-    model: MeasurementModel,
-) -> ModelCovariance:
-    """The Cramer-Rao value with the transients among the unknowns.
+def record_covariance(run: RecordRun, data: Data, model: MeasurementModel) -> ModelCovariance:
+    """That of the weighted fit, A^-1 B A^-1, the transients among the unknowns.
 
-    ``variance`` is of real and imaginary part together, so that the covariance is half the inverse of the
-    information.
+    The weights W are what the simulation asks for, and only by chance one over the variance V of the noise.
+    So B = J^H W V W J has V from what is left, whatever W is (White 1980, a spectrum in the place of single
+    squares). W = 1 / V gives the Cramer-Rao value A^-1 / 2, half since V is of both parts together.
     """
-    structure = structure_of(layout)
+    structure = structure_of(run.layout)
     size = places_of(model, structure).size
-    terms = Terms(layout, data, found.theta)
+    each = _Rows(run, data, model, structure)
     alone, information = np.zeros(size), np.zeros((size, size))
-    for o in range(layout.outputs):
-        J = _slopes(layout, data, found, model, structure, o)
-        weight = 1.0 / np.sqrt(variance[o])
-        alone += np.sum(as_real(J * weight) ** 2, axis=1)
-        rows = OwnTransients(terms.B, weight).removed(J)
+    for o in range(run.layout.outputs):
+        J, own = each.of(o)
+        alone += np.sum(as_real(J / np.sqrt(run.variance[o])) ** 2, axis=1)
+        rows = own.removed(J)
         information += rows @ rows.T
     held = ties(model, structure)
     inverse = inverse_root(information, held)[1]
     inflation = np.maximum(alone * np.diag(inverse), 1.0)
-    unknowns = size - len(held) + data.H.shape[0] * data.H.shape[2] * len(terms.B)
-    return ModelCovariance(
-        model, structure, 0.5 * inverse, inflation, float(2 * data.H.size - unknowns), False
-    )
+    matrix = inverse @ _scores_spread(each, inverse) @ inverse
+    unknowns = size - len(held) + data.H.shape[0] * data.H.shape[2] * len(each.terms.B)
+    degrees = float(2 * data.H.size - unknowns)
+    return ModelCovariance(model, structure, matrix, inflation, degrees, run.weighting == "flat")
+
+
+class _Rows:
+    """Derivatives of each output's spectra with the norm of its transients; made anew, for they are large."""
+
+    def __init__(self, run: RecordRun, data: Data, model: MeasurementModel, structure: Structure) -> None:
+        self.run, self.data, self.model, self.structure = run, data, model, structure
+        self.terms = Terms(run.layout, data, run.refined.theta)
+
+    def of(self, output: int) -> tuple[Complex[np.ndarray, "unknown line column"], OwnTransients]:
+        """Of one output."""
+        J = _slopes(self.run.layout, self.data, self.run.refined, self.model, self.structure, output)
+        return J, OwnTransients(self.terms.B, 1.0 / np.sqrt(self.run.variance[output]))
+
+
+def _scores_spread(
+    each: _Rows, inverse: Float[np.ndarray, "unknown unknown"]
+) -> Float[np.ndarray, "unknown unknown"]:
+    """Covariance of the scores under the noise that is left, degrees of freedom counted on each line."""
+    run, data = each.run, each.data
+    assert data.transient is not None
+    poles = all_poles(run.layout, run.refined.theta)
+    residual = residual_of(run.layout, data, run.refined.theta, run.refined.step.linear)
+    _, lines, columns = residual.shape
+    spread = np.zeros_like(inverse)
+    for o in range(run.layout.outputs):
+        J, own = each.of(o)
+        rows = own.removed(J)
+        followed = own.leverage() + np.sum(rows * (inverse @ rows), axis=0).reshape(columns, -1)
+        left = 1.0 - np.minimum(followed.reshape(columns, lines, 2).mean(axis=2), MOST_LEVERAGE)
+        v = likelier_variance(residual[o, None], left.T[None], data.s, poles, data.transient.period_s)[0]
+        spread += (rows * np.repeat(0.5 * (v / run.variance[o]).T, 2)) @ rows.T
+    return spread
 
 
 def _slopes(

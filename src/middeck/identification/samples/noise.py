@@ -32,19 +32,36 @@ def noise_variance(
     s: Complex[np.ndarray, " line"],
     poles: Complex[np.ndarray, " pole"],
     period_s: float,
+    left: Float[np.ndarray, "output line column"] | None = None,
 ) -> Float[np.ndarray, "output line column"]:
     """Variance of each output on each line, common to all experiments.
 
-    ``poles`` [rad/s] are all of the model, conjugates included.
+    ``poles`` [rad/s] are all of the model, conjugates included. ``left`` is the share of noise that the fit
+    leaves on each line, one less its leverage: without it the power is taken as it is.
     """
     shape = np.ones(len(s)) if noise == "output" else _denominator(s, poles, period_s)
     power = np.mean(np.abs(residual) ** 2, axis=2) * shape
     half = max(1, min(HALF, int(SHARE * len(s))))
     smooth = np.array([_average(row, half) for row in power])
+    if left is not None:
+        smooth /= np.array([_average(row, half) for row in np.mean(left, axis=2)])
     # A response that is fitted exactly leaves nothing: weights stay finite, and their sum says nothing then.
     floor = QUIETEST * smooth.mean(axis=1, keepdims=True) + np.finfo(float).tiny
     v = (smooth + floor) / shape
     return np.repeat(v[:, :, None], residual.shape[2], axis=2)
+
+
+def likelier_variance(
+    residual: Complex[np.ndarray, "output line column"],
+    left: Float[np.ndarray, "output line column"],
+    s: Complex[np.ndarray, " line"],
+    poles: Complex[np.ndarray, " pole"],
+    period_s: float,
+) -> Float[np.ndarray, "output line column"]:
+    """By the kind of noise that makes the residual likelier, degrees of freedom counted."""
+    kinds: tuple[Noise, Noise] = "output", "motion"
+    both = [noise_variance(residual, kind, s, poles, period_s, left) for kind in kinds]
+    return min(both, key=lambda v: negative_log_likelihood(residual, v))
 
 
 def _denominator(s: np.ndarray, poles: np.ndarray, period_s: float) -> Float[np.ndarray, " line"]:

@@ -58,8 +58,8 @@ class ModelCovariance:
     degrees:
         Degrees of freedom of the variance behind it: Student's t, and F, stand for the normal law.
     robust:
-        True where the residual is clearly more than noise or correlated from line to line, and the
-        covariance follows the residual.
+        True where the residual is clearly more than noise or correlated from line to line, or a record's
+        weights are not those of noise, and the covariance follows the residual.
     """
 
     model: MeasurementModel
