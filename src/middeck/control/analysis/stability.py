@@ -35,13 +35,19 @@ from middeck.systems.stability import GROWTH_LIMIT, growth_rates, none_grows
 from middeck.systems.statespace import SampledStateSpace, gain_system
 from middeck.values import record
 
-ORDERS = (8, 16, 32)
-NEWTON_STEPS = 8
-NEAR = 0.1
-"""Largest correction, relative to the root: one further off belongs to another."""
-NEAR_AXIS = 1e-3
+LEAST_ORDER, MOST_ORDER = 8, 64
+LIGHT = 0.1
+"""Damping ratio below which a pole needs a good approximation at its own frequency."""
+NEWTON_STEPS = 12
+UNMOVED = 1e-9
+"""A mode that the loop moves by less, relative to itself, stands as it is: evaluation cannot tell."""
+ON_ROOT = 1e-2
+"""|f| at a root beside |f| a thousandth of the way to the next pole: within 1e-5 of that way."""
+ONE_ROOT, TWO_STARTS = 1e-8, 1e-6
+REACH = 0.1
+"""How far left of the axis roots are counted, times the longest delay: a wave changes by a tenth there."""
 NEAREST_AXIS = 12
-"""Roots followed to the exact delay beside those that are unstable."""
+"""Roots followed to the exact delay beside those that are counted."""
 STEP = 0.7
 """Largest change of phase [rad] that is believed from line to line."""
 ROUNDS, DOUBLINGS = 60, 40
@@ -78,9 +84,10 @@ class LoopStability:
 def decide_stability(plant: AnyPlant, law: AnyLaw) -> LoopStability:
     """Stability with exact delays, modes included that the law does not move; unstable is an outcome.
 
-    Without delays, and for sampled loops, by eigenvalues. With delays the poles of an approximation of high
-    order are carried to the roots of det(1 - K G) by Newton's method, and the number of unstable ones is
-    counted by the argument principle; where they disagree the order is raised.
+    Without delays, and for sampled loops, by eigenvalues. With delays the poles of an approximation, good at
+    the frequencies of all light modes, are carried to roots of det(1 - K G) by Newton's method; those right
+    of a line on the left of the axis are counted by the argument principle. Only roots at which the
+    determinant vanishes count as found; where found and counted disagree the order is raised.
 
     Raises
     ------
@@ -108,24 +115,51 @@ def decide_stability(plant: AnyPlant, law: AnyLaw) -> LoopStability:
 def decide_loop(loop: FeedbackLoop) -> LoopStability:
     """The same of a loop that is formed."""
     if not is_late(loop):
-        return _outcome(_eigenvalues(loop, ORDERS[0]))
+        return _outcome(_eigenvalues(loop, LEAST_ORDER))
     if _direct_gain(loop) >= 1.0:
         # A neutral equation: a chain of roots on or right of the axis (Hale and Verduyn Lunel 1993).
         return LoopStability(False, complex(np.inf, np.inf), np.inf, -np.inf, 0.0, -1)
-    halves = evaluate_halves(loop)
-    found = 0
-    for order in ORDERS:
+    halves, open_poles, reach = evaluate_halves(loop), _open_poles(loop), _reach(loop)
+    found, counted = 0, None
+    for order in _orders(loop, open_poles):
         near = _eigenvalues(loop, order)
-        roots = _follow(loop, halves, near)
-        wall = _clear_wall(np.concatenate([np.real(near), np.real(roots)]), roots)
-        found = int(np.sum(np.real(roots) > wall))
+        roots, others = _follow(halves, near, open_poles, reach)
+        wall = _clear_wall(np.real(np.concatenate([near, roots, open_poles])), reach)
         more = _turns(loop, halves, order, np.concatenate([near, roots]), wall)
-        if more is not None and found == int(np.sum(np.real(near) > wall)) + more:
-            return _outcome(roots)
+        found = int(np.sum(np.real(roots) > wall))
+        counted = None if more is None else int(np.sum(np.real(near) > wall)) + more
+        if found == counted:
+            return _outcome(np.concatenate([roots, others[np.real(others) < wall]]))
     raise NumericalError(
-        f"stability with delays: {found} roots found to the right of the axis, not as many as counted",
+        f"stability with delays cannot be decided: {found} roots found near and right of the axis, "
+        f"{'an unclear number' if counted is None else counted} counted",
         hint="a shorter delay or less gain at high frequency; or a root lies on the axis",
     )
+
+
+def _orders(loop: FeedbackLoop, open_poles: np.ndarray) -> list[int]:
+    """Orders to try: first one that errs by 1e-7 at the fastest light mode, which takes 0.7 omega tau + 6.
+
+    Pade errs by x^(2n+1) (n!)^2 / ((2n)! (2n+1)!), small once n > e x / 4. Modes too fast for `MOST_ORDER`
+    are found from their own poles.
+    """
+    assert isinstance(loop.plant, DelayedPlant)
+    fastest = np.abs(open_poles[_is_light(open_poles)]).max(initial=0.0)
+    enough = np.ceil(0.7 * fastest * loop.plant.delay_s.max()) + 6.0
+    first = int(np.clip(enough, LEAST_ORDER, MOST_ORDER))
+    return [first, 2 * first, 4 * first]
+
+
+def _is_light(poles: np.ndarray) -> np.ndarray:
+    return (np.imag(poles) > 0.0) & (np.abs(np.real(poles)) < LIGHT * np.abs(poles))
+
+
+def _reach(loop: FeedbackLoop) -> float:
+    """How far left of the axis [rad/s] to count: not into the chain of roots that a direct term has."""
+    assert isinstance(loop.plant, DelayedPlant)
+    direct = _direct_gain(loop)
+    chain = -0.25 * np.log(direct) if direct > 0.0 else np.inf
+    return float(min(REACH, chain) / loop.plant.delay_s.max())
 
 
 def _eigenvalues(loop: FeedbackLoop, order: int) -> Complex[np.ndarray, " root"]:
@@ -171,17 +205,39 @@ def _direct_gain(loop: FeedbackLoop) -> float:
     return gain
 
 
-def _follow(loop: FeedbackLoop, halves: Halves, near: np.ndarray) -> Complex[np.ndarray, " root"]:
-    """The roots furthest right by Newton's method from ``near``; others as they are.
+def _follow(
+    halves: Halves, near: np.ndarray, open_poles: np.ndarray, reach: float
+) -> tuple[Complex[np.ndarray, " root"], Complex[np.ndarray, " root"]]:
+    """Roots of the loop from the poles ``near`` them and from the open loop's light ones; and what is none.
 
-    A mode that the loop does not move is no root of the determinant: it stays as it is.
+    The latter are poles of the approximation that lead to no root, or that are too far left to be followed.
     """
     upper = near[np.imag(near) >= 0.0]
     upper = upper[np.argsort(-np.real(upper), kind="stable")]
-    count = int(np.sum(np.real(upper) > 0.0)) + NEAREST_AXIS
-    moved = _newton(halves, upper[:count], _open_poles(loop))
-    upper = np.concatenate([moved, upper[count:]])
+    count = int(np.sum(np.real(upper) > -reach)) + NEAREST_AXIS
+    light = open_poles[_is_light(open_poles) & (np.abs(open_poles) > 1e-3 * reach)]
+    # Not on the pole itself, where nothing is finite.
+    start = np.concatenate([upper[:count], light + 1e-6 * np.abs(light)])
+    roots, is_root = _newton(halves, start, open_poles, reach)
+    own = np.arange(len(start)) < len(upper[:count])
+    roots = _once(roots[is_root], start[is_root], own[is_root])
+    return _with_conjugates(roots), _with_conjugates(np.append(start[own & ~is_root], upper[count:]))
+
+
+def _with_conjugates(upper: np.ndarray) -> Complex[np.ndarray, " root"]:
     return np.concatenate([upper, np.conj(upper[np.imag(upper) > 0.0])])
+
+
+def _once(roots: np.ndarray, start: np.ndarray, own: np.ndarray) -> Complex[np.ndarray, " root"]:
+    """Each root once; twice where two poles of the approximation coincide there."""
+    kept: list[int] = []
+    for i in range(len(roots)):
+        size = np.abs(roots[i])
+        same = [k for k in kept if np.abs(roots[k] - roots[i]) <= ONE_ROOT * size]
+        apart = [np.abs(start[k] - start[i]) > TWO_STARTS * size for k in same]
+        if not same or (own[i] and not any(apart)):
+            kept.append(i)
+    return roots[kept]
 
 
 def _open_poles(loop: FeedbackLoop) -> Complex[np.ndarray, " pole"]:
@@ -189,20 +245,31 @@ def _open_poles(loop: FeedbackLoop) -> Complex[np.ndarray, " pole"]:
     return np.concatenate([np.linalg.eigvals(plant.A), np.linalg.eigvals(loop.law.A)]).astype(complex)
 
 
-def _newton(halves: Halves, start: np.ndarray, open_poles: np.ndarray) -> Complex[np.ndarray, " root"]:
-    s = start.copy()
+def _newton(
+    halves: Halves, start: np.ndarray, open_poles: np.ndarray, reach: float
+) -> tuple[Complex[np.ndarray, " root"], np.ndarray]:
+    """Newton's method on f(s) times all (s - p), which has no poles; and where it ended at a root.
+
+    A mode that the loop does not move is a root of this product, though not of f: it stays as it is.
+    """
+    size = np.maximum(np.abs(start), 1e-3 * reach)
+    unmoved = np.abs(start[:, None] - open_poles).min(axis=1, initial=np.inf) <= UNMOVED * size
+    s, real = start.copy(), np.imag(start) == 0.0
+    on_root = np.zeros(len(s), dtype=bool)
     with np.errstate(all="ignore"):
         for _ in range(NEWTON_STEPS):
-            # Differences over a thousandth of the way to the next pole err by 1e-6: the step's error squares.
-            away = np.abs(s[:, None] - open_poles).min(axis=1, initial=np.inf)
-            h = 1e-3 * np.where(np.isfinite(away), away, 1.0)
+            # Differences over a thousandth of the way to the next pole err by 1e-6 of the slope.
+            away = s[:, None] - open_poles
+            way = np.abs(away).min(axis=1, initial=np.inf)
+            h = 1e-3 * np.where(np.isfinite(way), way, size)
             middle, left, right = (_determinant(halves, x) for x in (s, s - h, s + h))
-            step = middle / ((right - left) / (2.0 * h))
-            s = np.where(np.isfinite(step), s - step, s)
-    real = np.imag(start) == 0.0
-    s = np.where(real, np.real(s) + 0.0j, s)
-    near = np.isfinite(s) & (np.abs(s - start) <= NEAR * np.abs(start))
-    return np.where(near & (np.imag(s) >= 0.0), s, start)
+            beside = np.maximum(np.abs(left), np.abs(right))
+            on_root = np.isfinite(beside) & (np.abs(middle) <= ON_ROOT * beside)
+            step = middle / ((right - left) / (2.0 * h) + middle * np.sum(1.0 / away, axis=1))
+            s = np.where(np.isfinite(step) & ~unmoved, s - step, s)
+            s = np.where(real, np.real(s) + 0.0j, s)
+    ended = np.where(np.imag(s) < 0.0, np.conj(s), s)
+    return ended, unmoved | on_root
 
 
 def _determinant(halves: Halves, s: np.ndarray) -> Complex[np.ndarray, " point"]:
@@ -214,16 +281,15 @@ def _determinant(halves: Halves, s: np.ndarray) -> Complex[np.ndarray, " point"]
     return value
 
 
-def _clear_wall(real: np.ndarray, roots: np.ndarray) -> float:
-    """A line Re s near the axis with no root beside it: the middle of the widest gap."""
-    lead = roots[np.argmax(np.real(roots))] if len(roots) else 1.0
-    reach = NEAR_AXIS * max(float(np.abs(lead)), 1e-6)
-    inside = np.sort(real[np.abs(real) < reach])
-    edges = np.concatenate([[-reach], inside, [reach]])
+def _clear_wall(real: np.ndarray, reach: float) -> float:
+    """A line Re s left of the axis with nothing beside it: the middle of the widest gap within ``reach``.
+
+    Whatever grows, and what is nearer to the axis than the line, is to its right: found and counted.
+    """
+    inside = np.sort(real[(real > -reach) & (real < 0.0)])
+    edges = np.concatenate([[-reach], inside, [0.0]])
     k = int(np.argmax(np.diff(edges)))
-    middle = float(0.5 * (edges[k] + edges[k + 1]))
-    # With nothing near, just right of the axis, where the poles of integrators are not met.
-    return middle if len(inside) else GROWTH_LIMIT
+    return float(0.5 * (edges[k] + edges[k + 1]))
 
 
 def _turns(loop: FeedbackLoop, halves: Halves, order: int, roots: np.ndarray, wall: float) -> int | None:
