@@ -12,7 +12,16 @@ from middeck.errors import ConfigError, DataError
 from middeck.identification.tracking import Drift, start_tracking, track_modes, update_tracking
 from middeck.identification.tracking.dynamics import poles_at, step_modes
 from middeck.identification.tracking.follow import FIRST_GAIN
-from middeck.identification.tracking.recovery import opening, patience
+from middeck.identification.tracking.recovery import (
+    BLOCK,
+    BLOCKS,
+    healed,
+    is_large,
+    no_blocks,
+    opening,
+    patience,
+)
+from middeck.identification.tracking.trust import WATCHED
 from middeck.identification.uncertainty.parameters import Uncertainty
 from middeck.realtime.rig import build_linear_rig
 from middeck.systems.record import Record
@@ -235,6 +244,41 @@ def test_modes_lost_in_a_dropout_are_found_again_though_one_jumped_by_a_tenth(mo
     error = np.sort(found.natural_hz[-1]) / np.sort(hz[-1]) - 1.0
     assert np.abs(error).max() < 2e-3
     assert mode == 3 or np.abs(found.natural_hz[-1] / hz[-1] - 1.0).max() < 2e-3
+
+
+def test_trust_and_good_states_come_back_soon_after_a_loss_is_over():
+    taken, noise = lost_between(34.0)
+    state = start_tracking(moving_gimbal.model(), noise_rms=noise, known=WELL_KNOWN, **AT_ONE_RATE)
+    found = track_modes(state, taken, block=256)
+    (restart,) = found.state.restarts
+    back = found.time_s[found.trusted & (found.time_s > restart.time_s)]
+    # Four seconds of whole blocks after the way back; a mean that forgets alone would take some twenty.
+    assert restart.time_s + 4.0 < back[0] < restart.time_s + 12.0
+    assert found.trusted[found.time_s >= back[0]].all()
+    # The state that a further restart would begin from is one of after this one.
+    assert found.state.recovery.taken[0] / RATE > restart.time_s
+    error = np.abs(found.natural_hz[found.time_s >= back[0]] / MODES - 1.0)
+    assert error.max() < 2e-3  # as of the modes found again above
+
+
+def test_a_loss_that_is_over_is_nothing_to_begin_again_for():
+    """Patience is at an end, but the last block is of the expected size."""
+    blocks, seen = no_blocks()
+    assert not is_large(blocks, seen)
+    blocks[2:, 0] = 25.0 * BLOCK
+    blocks[1, 0] = BLOCK
+    assert not is_large(blocks, BLOCK * BLOCKS)
+    blocks[1, 0] = 2.0 * BLOCK
+    assert is_large(blocks, BLOCK * BLOCKS)
+    large = np.zeros(WATCHED + 1)
+    large[0] = 4.0
+    # One block that is not yet right leaves the mean as it is.
+    assert healed(large, 1.0, blocks, BLOCK * BLOCKS, 1) is None
+    blocks[1:, 0] = BLOCK
+    assert healed(large, 1.0, blocks, BLOCK * BLOCKS, 1) is not None
+    assert healed(large, 1.0, blocks, BLOCK * (BLOCKS - 1), 1) is None
+    # A little too large for long is not a loss.
+    assert healed(0.3 * large, 1.0, blocks, BLOCK * BLOCKS, 1) is None
 
 
 @pytest.mark.long

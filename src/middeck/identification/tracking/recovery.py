@@ -12,11 +12,14 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float, Int
 
-from middeck.identification.tracking.trust import WATCHED
+from middeck.identification.tracking.trust import MEMORY, WATCHED, is_trusted
 from middeck.values import record
 
 # Memory [samples] of the products that it is judged by: a fourth of that of `trusted`, to see a try succeed.
 BRIEF = 256
+# Late innovations are also kept in blocks of samples, eight of them as long as the memory of `trusted`:
+# unlike a mean that forgets, whole blocks hold nothing of what was before them.
+BLOCK, BLOCKS = MEMORY // 8, 8
 # Mean square of innovations, and sum of their squared correlations over 16 lags, beyond which the modes are
 # lost. Chance has 1 +- 0.06 and 0.03 +- 0.01; a sine among noise as large as itself has 2 and 2.
 TOO_LARGE, TOO_COLOURED = 1.5, 0.5
@@ -63,6 +66,10 @@ class Recovery:
         Mean square of late inputs: by it motion is judged that is not known.
     restarts:
         All of them.
+    blocks:
+        Sums of the products, the block that is being filled first, then the late ones.
+    seen:
+        Samples in all blocks since the last restart.
     """
 
     products: Float[np.ndarray, " lag"]
@@ -74,6 +81,8 @@ class Recovery:
     taken: Int[np.ndarray, " age"]
     loudness: Float[np.ndarray, " input"]
     restarts: tuple[Restart, ...]
+    blocks: Float[np.ndarray, "block lag"]
+    seen: int
 
 
 def first_recovery(
@@ -83,7 +92,48 @@ def first_recovery(
 ) -> Recovery:
     """Before the first sample: the start is the good state."""
     twice = np.tile(mean, (2, 1)), np.tile(variance, (2, 1))
-    return Recovery(np.zeros(WATCHED + 1), 0.0, 0, 0, *twice, np.zeros(2, dtype=int), loudness, ())
+    return Recovery(
+        np.zeros(WATCHED + 1), 0.0, 0, 0, *twice, np.zeros(2, dtype=int), loudness, (), *no_blocks()
+    )
+
+
+def no_blocks() -> tuple[np.ndarray, int]:
+    """Blocks and samples in them at the start, and after a restart."""
+    return np.zeros((BLOCKS + 1, WATCHED + 1)), 0
+
+
+def is_large(blocks: Float[np.ndarray, "block lag"], seen: int) -> bool:
+    """Whether innovations are too large in the last whole block: if not, the modes were just found."""
+    return seen >= BLOCK and bool(blocks[1, 0] > TOO_LARGE * BLOCK)
+
+
+def healed(
+    products: Float[np.ndarray, " lag"],
+    weight: float,
+    blocks: Float[np.ndarray, "block lag"],
+    seen: int,
+    outputs: int,
+) -> tuple[Float[np.ndarray, " lag"], float] | None:
+    """Means of the whole blocks in place of ``products`` that still hold a loss that is over; else None.
+
+    Innovations of a loss are up to 25 times what they should be, and a mean that forgets in four seconds is
+    off by more than chance for twenty. Only means that are grossly too large are replaced: what is a little
+    wrong all the time is not to be judged by the shorter blocks, now and then, to be right.
+
+    >>> after = np.zeros(WATCHED + 1), 1.0
+    >>> after[0][0] = 4.0
+    >>> blocks = np.zeros((BLOCKS + 1, WATCHED + 1))
+    >>> blocks[1:, 0] = BLOCK
+    >>> new, weight = healed(*after, blocks, BLOCK * BLOCKS, 1)
+    >>> float(new[0]) / weight, is_trusted(*after, 1), is_trusted(new, weight, 1)
+    (1.0, False, True)
+    """
+    if seen < BLOCK * BLOCKS or products[0] <= TOO_LARGE * weight:
+        return None
+    # A mean that forgets has the scatter of the blocks' even mean at 2 w / (2 - w) = 1 (`is_trusted`).
+    as_heavy = 2.0 / 3.0
+    late = as_heavy * np.sum(blocks[1:], axis=0) / (BLOCK * BLOCKS)
+    return (late, as_heavy) if is_trusted(late, as_heavy, outputs) else None
 
 
 def is_lost(products: Float[np.ndarray, " lag"], weight: float) -> bool:

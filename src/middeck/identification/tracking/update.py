@@ -17,10 +17,14 @@ from middeck.errors import DataError
 from middeck.identification.tracking.dynamics import poles_at, step_modes
 from middeck.identification.tracking.follow import Followed, Tracking, log_places, motion_deviation
 from middeck.identification.tracking.recovery import (
+    BLOCK,
     BRIEF,
     PATIENCE_S,
     Restart,
+    healed,
+    is_large,
     is_lost,
+    no_blocks,
     opening,
     patience,
 )
@@ -86,6 +90,7 @@ class _Work:
         self.recovery = state.recovery
         self.brief, self.brief_weight = state.recovery.products.copy(), state.recovery.weight
         self.loudness = state.recovery.loudness.copy()
+        self.blocks, self.seen = state.recovery.blocks.copy(), state.recovery.seen
         self._places(followed)
         self.forget = np.exp(-followed.T / SUMMED_S)
 
@@ -165,8 +170,19 @@ class _Work:
         self.weight += (1.0 - self.weight) / MEMORY
         self.brief += (product - self.brief) / BRIEF
         self.brief_weight += (1.0 - self.brief_weight) / BRIEF
+        self.blocks[0] += product
+        self.seen += 1
+        if self.seen % BLOCK == 0:
+            self._end_block()
         self.late[1:] = self.late[:-1]
         self.late[0] = news
+
+    def _end_block(self) -> None:
+        self.blocks[1:] = self.blocks[:-1]
+        self.blocks[0] = 0.0
+        new = healed(self.products, self.weight, self.blocks, self.seen, self.outputs)
+        if new is not None:
+            self.products, self.weight = new
 
     def predict(self) -> None:
         n, F = self.states, self.F
@@ -229,7 +245,7 @@ class _Work:
         lost = is_lost(self.brief, self.brief_weight)
         count = max(0, kept.lost + (LOOK if lost else -LOOK))
         self.recovery = dataclasses.replace(kept, lost=count)
-        if count * T > patience(kept.tries):
+        if count * T > patience(kept.tries) and is_large(self.blocks, self.seen):
             self._restart(samples)
         elif count == 0 and is_trusted(self.products, self.weight, self.outputs):
             self._keep(samples)
@@ -258,6 +274,7 @@ class _Work:
         self.x = np.concatenate([np.zeros(2 * n), kept.mean[0]])
         self.cov = np.diag(np.concatenate([moving, variance]))
         self.sums[:], self.chance[:], self.brief[:], self.brief_weight = 0.0, 0.0, 0.0, 0.0
+        self.blocks, self.seen = no_blocks()
         event = Restart(samples * T, float(kept.taken[0]) * T, opened)
         self.recovery = dataclasses.replace(
             kept, lost=0, tries=kept.tries + 1, restarts=(*kept.restarts, event)
@@ -281,5 +298,7 @@ class _Work:
                 products=self.brief,
                 weight=self.brief_weight,
                 loudness=self.loudness,
+                blocks=self.blocks,
+                seen=self.seen,
             ),
         )
