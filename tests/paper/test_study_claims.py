@@ -7,6 +7,7 @@ from middeck.files.studies import load_study
 from middeck.identification.measurement_model import model_response, path_delay
 from middeck.identification.plants.plant_model import model_of_plant
 from middeck.identification.plants.zeros import path_zeros
+from middeck.realtime.hardware_rig import linearise_rig
 from middeck.study.claims import (
     figure_6_claims,
     figure_7_claims,
@@ -17,9 +18,9 @@ from middeck.study.claims import (
 )
 from middeck.study.gravity import find_modes
 from middeck.study.rig_article import rig_article_plant
-from middeck.study.rig_hardware import build_rig_article
+from middeck.study.rig_hardware import build_article_rig, build_rig_article
 from middeck.study.zero_g_control import study_zero_g_control
-from middeck.systems.response import evaluate_plant
+from middeck.systems.response import evaluate_plant, statespace_response
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +91,6 @@ FIGURE_9 = (
 )
 FIGURE_11 = (
     "a design on 10 states lets go of the suspension",
-    "a design on 12 states spills over",
     "a design on 16 states does neither",
     "without lead are stopped near 9 Hz",
     "and that before 18 dB",
@@ -128,24 +128,45 @@ def test_figure_12_claim_holds(outcomes, words):
 
 
 def test_what_does_not_come_out_is_said(outcomes):
-    """Three rows fail, and every other claim of these figures has a test above."""
+    """Four rows fail, and every other claim of these figures has a test above."""
     both = outcomes["figures 10 to 12"]
     rows = [*figure_9_claims(outcomes["figure 9"]), *figure_11_claims(both), *figure_12_claims(both)]
     failed = [row["claim"] for row in rows if not row["holds"]]
-    assert len(failed) == 3
-    assert len(rows) == len(FIGURE_9) + len(FIGURE_11) + len(FIGURE_12) + 3
+    assert len(failed) == 4
+    assert len(rows) == len(FIGURE_9) + len(FIGURE_11) + len(FIGURE_12) + 4
     assert failed[0].startswith("CL2 lowers every mode of the fit")
-    assert failed[1].startswith("and more than under the payload penalty alone")
-    assert "further order of magnitude" in failed[2]
+    assert failed[1].startswith("a design on 12 states spills over")
+    assert failed[2].startswith("and more than under the payload penalty alone")
+    assert "further order of magnitude" in failed[3]
 
 
-def test_a_measured_loop_is_that_of_the_rigs_own_linear_model(outcomes):
-    """Two ways to one number: a run with friction, steps and noise, and return ratio line by line."""
-    both = outcomes["figures 10 to 12"]
-    for loop in (*outcomes["figure 9"].loops, both.payload, both.both):
-        (here,) = [on for on in loop.on_rig if on.percent == 0.0]
-        # The linear rig lacks friction, which takes some hundredths of a decibel off the open loop's peak.
-        assert abs(here.improvement_db - loop.measured_db) < 0.1
+def test_with_friction_the_pair_stops_twelve_states_as_it_stops_sixteen(outcomes):
+    """Without friction it was spillover at 17.7 Hz: the fit of twelve now holds a mode there instead."""
+    twelve, sixteen = (r for r in outcomes["figures 10 to 12"].smaller if r.states in (12, 16))
+    # The same mode of the same rig, where it turns unstable: the laws move it by some hundredths of a hertz.
+    assert abs(twelve.stopped_hz - sixteen.stopped_hz) < 0.05
+    assert twelve.stopped_percent == sixteen.stopped_percent
+
+
+def test_a_measured_loop_is_that_of_the_rigs_own_linear_model(outcomes, article, paper_study):
+    """Two ways to one number: a run with friction, steps and noise, and return ratio line by line.
+
+    The linear rig has the bearings' drag and not their Coulomb friction, which holds the open loop's pendulum
+    and hardly a closed loop, whose excitation is over three times stronger: that loss is counted by itself.
+    """
+    siso, both = paper_study.siso, outcomes["figures 10 to 12"]
+    rig = build_article_rig(article, paper_study.rig, inputs=(siso.actuator,), outputs=(siso.sensor,))
+    linear = linearise_rig(rig).sampled
+    for opened, loops in (
+        (outcomes["figure 9"].open_loop, outcomes["figure 9"].loops),
+        (both.sensors.measured, (both.payload, both.both)),
+    ):
+        H = statespace_response(linear, 2.0 * np.pi * opened.frequency_hz)[:, 0, 0]
+        lost_db = 20.0 * np.log10(np.linalg.norm(H) / np.linalg.norm(opened.H[:, 0, 0]))
+        assert 0.3 < lost_db < 0.6  # 0.45 and 0.41 dB: were it none, the rig would have no friction
+        for loop in loops:
+            (here,) = [on for on in loop.on_rig if on.percent == 0.0]
+            assert abs(loop.measured_db - lost_db - here.improvement_db) < 0.1
 
 
 def test_figure_9a_delay_is_the_rigs(outcomes):

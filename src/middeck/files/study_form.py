@@ -184,6 +184,7 @@ def study_findings(data: Table) -> list[Finding]:
         *_weighed(control),
         *_two_rates(data),
         *_documents(data),
+        *_rubs(data),
         *_gap(data),
         *_even(data, "siso"),
         *_even(data, "sito"),
@@ -283,6 +284,23 @@ def _two_sensors(data: Table) -> Iterator[Finding]:
             yield Finding(("sito", "sensors"), message, show(given))
         case _:
             return
+
+
+def _rubs(data: Table) -> Iterator[Finding]:
+    """Friction slips once it has given: without that distance, or a torque to slip at, there is none."""
+    rig = _table(data, "rig")
+    coulomb, viscous = rig.get("gimbal_friction_nm"), rig.get("gimbal_viscous_nms_per_rad")
+    if _is_positive(coulomb) and "gimbal_presliding_deg" not in rig:
+        advice = "how far a gimbal gives before it slips, studies/mace-1993.toml has 0.05; or no friction, 0"
+        where = ("rig", "gimbal_friction_nm")
+        yield Finding(where, "needs 'gimbal_presliding_deg' beside it", show(coulomb), advice)
+    if _is_positive(viscous) and coulomb == 0:
+        where, message = ("rig", "gimbal_viscous_nms_per_rad"), "has no effect where gimbal_friction_nm is 0"
+        yield Finding(where, message, show(viscous), "0, or give gimbal_friction_nm")
+
+
+def _is_positive(value: Any) -> bool:
+    return isinstance(value, int | float) and value > 0
 
 
 def _gap(data: Table) -> Iterator[Finding]:

@@ -13,7 +13,8 @@ from middeck.systems.joint_element import JointElement
 def build_gimbal_elements(rig: RigForm, *, preload_nm: float = 0.0) -> tuple[JointElement, ...]:
     """What acts at each gimbal axis beside its motor; nothing where the rig does not say how.
 
-    Friction needs ``gimbal_presliding_deg``, play ``gimbal_deadband_deg`` and ``gimbal_flank_nm_per_rad``.
+    Friction needs ``gimbal_presliding_deg`` (a study file without it is refused), play
+    ``gimbal_deadband_deg`` and ``gimbal_flank_nm_per_rad``.
     ``preload_nm`` is the torque that presses the gear on its flank, e.g. the axis's holding torque in the
     laboratory where no motor takes it.
     """

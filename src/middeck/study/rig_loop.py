@@ -1,7 +1,7 @@
 """A loop on the rig itself, by eigenvalues and return ratio: whether it holds, how well, how near to not.
 
-This is asked of the rig without limits, steps, friction and noise (`linearise_rig`), sampled and with its
-true delay. No design sees it; it says what a drift would do, for which no run is spent.
+This is asked of the rig without limits, steps, Coulomb friction and noise (`linearise_rig`), sampled and
+with its true delay. No design sees it; it says what a drift would do, for which no run is spent.
 """
 
 from __future__ import annotations
