@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from middeck.errors import DataError
+from middeck.errors import DataError, FitError
 from middeck.identification.fit.fit_response import fit_response
 from middeck.identification.fit.order import Tried, choose
 from middeck.identification.measurement_model import damping_ratio, natural_hz
@@ -49,6 +49,54 @@ def test_what_is_said_of_the_constant_term_stands():
     fitted = fit_response(measured, direct=False, delay=False)
     assert not fitted.model.direct.any()
     assert not fitted.model.lower.any()
+
+
+def late(low, high, *, free=0.0, delay_s=0.0113, seed=1, lines=200, noise=5e-3):
+    """Modes at 3.1 and 8.7 Hz, and free / s, in a narrow band, late by ``delay_s``."""
+    f = np.linspace(low, high, lines)
+    s = 2j * np.pi * f
+    modes = structure(s, (3.1,), (1.0,), 0.008) + structure(s, (8.7,), (-0.6,), 0.015)
+    H = ((modes + free / s) * np.exp(-s * delay_s))[:, None, None]
+    size = noise * np.mean(np.abs(H))
+    re, im = np.random.default_rng(seed).standard_normal((2, *H.shape)) / np.sqrt(2.0)
+    return FrequencyResponse(f, H + size * (re + 1j * im), *PORTS, np.full(H.shape, size**2))
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("free", [0.0, 2.0])
+@pytest.mark.parametrize(("low", "high", "hz", "zeta"), [(2.8, 3.4, 3.1, 0.008), (8.0, 9.5, 8.7, 0.015)])
+def test_a_delay_in_a_narrow_band_is_not_half_a_period_off(low, high, hz, zeta, free, seed):
+    fitted = fit_response(late(low, high, free=free, seed=seed), integrators=int(free > 0.0))
+    of = fitted.uncertainty
+    assert fitted.model.states == 2 + (free > 0.0)
+    # Unit normals, three in each of eight cases: all below four with probability 0.998; the terms for the
+    # mode outside leave less of it than a tenth of the noise.
+    assert abs(natural_hz(fitted.model)[0] - hz) < 4.0 * of.natural_hz[0]
+    assert abs(damping_ratio(fitted.model)[0] - zeta) < 4.0 * of.damping[0]
+    assert abs(fitted.model.delay_s[0] - 0.0113) < 4.0 * of.delay_s[0]
+    assert not fitted.warnings
+
+
+def test_a_delay_that_poles_outside_a_narrow_band_share_is_not_stated_as_known():
+    """Both modes lie outside 4-7 Hz, with 1/s: far poles that stand for them move the delay by ms."""
+    fitted = fit_response(late(4.0, 7.0, free=2.0), integrators=1)
+    doubted = [w for w in fitted.warnings if "the delay of" in w and "is not known" in w]
+    right = abs(fitted.model.delay_s[0] - 0.0113) < 4.0 * fitted.uncertainty.delay_s[0]
+    assert right or doubted
+
+
+def test_a_lead_in_a_narrow_band_is_refused_for_what_it_is():
+    # Four periods: no constant nor pole stands for a phase that falls so fast along the band.
+    with pytest.raises(FitError, match="leads its input") as error:
+        fit_response(late(8.0, 9.5, delay_s=-0.45), states=4)
+    assert "input" not in error.value.hint
+    assert "wider" in error.value.hint
+
+
+@pytest.mark.parametrize("lines", [6, 8, 12])
+def test_few_lines_do_not_ask_for_a_lead(lines):
+    fitted = fit_response(late(8.0, 9.5, lines=lines), states=2, residuals=True)
+    assert abs(fitted.model.delay_s[0] - 0.0113) < 4.0 * fitted.uncertainty.delay_s[0]
 
 
 def distorted(seed, cubic, samples=2048, rate_hz=256.0):

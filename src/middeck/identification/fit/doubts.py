@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import FitError
+from middeck.identification.fit.start import HEAVY, NARROW
 from middeck.identification.measurement_model import (
     MeasurementModel,
     damping_ratio,
@@ -31,6 +32,10 @@ CONFOUNDED = 1e4
 FAILED = 2.0
 # A lead is only a little one if the model without it leaves no more than this many times as much.
 LEAD_COST = 2.0
+CHECK = "check which channel is the input, and that the period is long enough"
+TAKE_MORE = "the band is too narrow to tell a delay from modes outside it: take a wider one, or delay=False"
+# A pole so many times outside the band is none of the article.
+FAR = 100.0
 BEYOND = "of a velocity or an acceleration, take constants='complex'; with modes beyond the band, residuals"
 
 
@@ -87,7 +92,7 @@ def doubts_of_deviations(
     """
     return [
         *_doubts_of_variance(measured, covariance),
-        *_doubts_of_delays(covariance),
+        *_doubts_of_delays(measured, covariance),
         *_doubts_of_modes(measured, covariance, of_samples=of_samples),
     ]
 
@@ -106,9 +111,10 @@ def _doubts_of_variance(measured: FrequencyResponse, covariance: ModelCovariance
     return []
 
 
-def _doubts_of_delays(covariance: ModelCovariance) -> list[str]:
+def _doubts_of_delays(measured: FrequencyResponse, covariance: ModelCovariance) -> list[str]:
     at = places_of(covariance.model, covariance.structure)
     found: list[str] = []
+    standing = _stands_for_phase(measured, covariance.model)
     for o in np.flatnonzero(at.delay >= 0):
         name, inflation = covariance.model.outputs[o].name, covariance.inflation[at.delay[o]]
         if inflation > CONFOUNDED:
@@ -117,7 +123,26 @@ def _doubts_of_delays(covariance: ModelCovariance) -> list[str]:
                 f"deviation is {np.sqrt(inflation):.0f} times what it would be if they were known; fit real "
                 "constants, or no delay"
             )
+        elif standing:
+            found.append(
+                f"output {name}: the delay of {covariance.model.delay_s[o] * 1e3:.4g} ms is not known as its "
+                "deviation says: the band is narrow, and poles outside it that are no modes stand for phase, "
+                "too; take a wider band"
+            )
     return found
+
+
+def _stands_for_phase(measured: FrequencyResponse, model: MeasurementModel) -> bool:
+    """Whether poles outside a narrow band, heavily damped or far away, share its phase with a delay."""
+    f, zeta, lines = natural_hz(model), damping_ratio(model), measured.frequency_hz
+    outside = (f < lines[0]) | (f > lines[-1])
+    far = (f < lines[0] / FAR) | (f > FAR * lines[-1])
+    return is_narrow(measured) and bool(np.any(outside & (far | (zeta > HEAVY))))
+
+
+def is_narrow(measured: FrequencyResponse) -> bool:
+    """Whether delays half a period apart look alike in the band, but for a sign."""
+    return bool(measured.frequency_hz[-1] < NARROW * measured.frequency_hz[0])
 
 
 def _doubts_of_modes(
@@ -178,7 +203,7 @@ def causal_delay(
             raise FitError(
                 f"the output leads its input by {-tau:.6g} s",
                 where=f"output {name}",
-                hint=f"check which channel is the input, and that the period is long enough; {BEYOND}",
+                hint=f"{TAKE_MORE if is_narrow(measured) else CHECK}; {BEYOND}",
             )
         if tau < 0.0:
             warnings.append(
@@ -202,7 +227,7 @@ def refuse_a_lead(measured: FrequencyResponse, found: MeasurementModel, model: M
         raise FitError(
             f"the output leads its input by {-found.delay_s[o]:.6g} s, and no model follows without",
             where=f"output {measured.outputs[o].name}",
-            hint=f"leave the output out; {BEYOND}",
+            hint=f"{TAKE_MORE if is_narrow(measured) else 'leave the output out'}; {BEYOND}",
         )
 
 

@@ -39,6 +39,10 @@ DELAY_STEP = 0.125
 # First tried on either side of zero, and the share of the response that a right delay explains.
 FIRST_DELAYS = 64
 ENOUGH = 0.5
+# A band from f to less than so many times f is narrow: delays half a period apart look alike in it, and the
+# steps are so many times finer, to tell. One that leaves a third or more of what the promptest leaves is not
+# tried beside it.
+NARROW, FINER, HOPELESS = 2.0, 64, 3.0
 # Lines that are closer than so small a share of the band are taken for one when delays are tried.
 MOST_LINES = 2**15
 # Damping ratio above which a candidate is no mode of a structure but takes up delay or noise.
@@ -115,9 +119,11 @@ def _own_start(data: Data, options: Options, factor: float) -> Iterator[Start]:
 
 
 def starts_from(data: Data, options: Options, found: Complex[np.ndarray, " state"]) -> Iterator[Start]:
-    """A start (or none) at the modes among candidate poles ``found`` that would be missed most."""
-    make = _real_start if options.real_constants else _complex_start
-    start = make(data, options, found)
+    """Starts (or none) at the modes among candidate poles ``found`` that would be missed most."""
+    if options.real_constants:
+        yield from _real_starts(data, options, found)
+        return
+    start = _complex_start(data, options, found)
     if start is not None:
         yield start
 
@@ -311,73 +317,106 @@ def _one_by_one(
     return layout, point, columns(layout, point, fractions(layout, poles, data.s), data.s)[:, :, 0]
 
 
-def _real_start(data: Data, options: Options, found: np.ndarray) -> Start | None:
-    """The strongest oscillating modes among the candidates, at the best delay of each output."""
+def _real_starts(data: Data, options: Options, found: np.ndarray) -> Iterator[Start]:
+    """The strongest oscillating modes among the candidates, at the best delays of each output."""
     wanted = options.states // 2
     light = (np.imag(found) > 0.0) & (-np.real(found) < HEAVY * np.abs(found))
     poles = found[light]
     poles = poles[np.argsort(np.imag(poles))]
     if len(poles) < wanted:
-        return None
+        return
     pair = np.ones(len(poles), dtype=bool)
     _, _, X = _one_by_one(data, options, poles, pair)
-    delay_s = _first_delays(data, options, X)
     line, level = _weights_alike(data)
-    prompt = np.moveaxis(data.H * np.exp(data.s[:, None] * delay_s[:, None]) * level * line, 1, 2)
-    targets = as_real(prompt.reshape(-1, len(data.s))[:, :, None])
     modes = [np.array([m]) for m in range(len(poles))]
-    kept = prune(as_real((X * line[:, 0])[:, :, None]).T, targets.T, modes, [2] * len(poles), options.states)
-    return None if kept is None else start_at(data, options, poles[kept], pair[kept], delay_s)
+    rows = as_real((X * line[:, 0])[:, :, None]).T
+    for delay_s in _first_delays(data, options, X):
+        prompt = np.moveaxis(data.H * np.exp(data.s[:, None] * delay_s[:, None]) * level * line, 1, 2)
+        targets = as_real(prompt.reshape(-1, len(data.s))[:, :, None])
+        kept = prune(rows, targets.T, modes, [2] * len(poles), options.states)
+        if kept is not None:
+            yield start_at(data, options, poles[kept], pair[kept], delay_s)
 
 
 def _first_delays(
     data: Data, options: Options, X: Complex[np.ndarray, "column line"]
-) -> Float[np.ndarray, "output path"]:
+) -> Iterator[Float[np.ndarray, "output path"]]:
+    """The best delays, the shortest that may do first; then those that explain far more, if any."""
     outputs, _, inputs = data.H.shape
     if not options.with_delay:
-        return np.zeros((outputs, 1))
-    if options.delay_of == "path":
-        return np.array([[_best_delay(data, X, o, [i]) for i in range(inputs)] for o in range(outputs)])
-    each = np.array([[_best_delay(data, X, o, list(range(inputs)))] for o in range(outputs)])
-    return np.full_like(each, np.median(each)) if options.delay_of == "common" else each
+        yield np.zeros((outputs, 1))
+        return
+    groups = [[i] for i in range(inputs)] if options.delay_of == "path" else [list(range(inputs))]
+    delays = np.array([[_best_delays(data, X, o, g) for g in groups] for o in range(outputs)])
+    if options.delay_of == "common":
+        delays = np.broadcast_to(np.median(delays, axis=0), delays.shape)
+    yield delays[..., 0]
+    if np.any(delays[..., 1] != delays[..., 0]):
+        yield delays[..., 1]
 
 
-def _best_delay(data: Data, X: Complex[np.ndarray, "column line"], output: int, inputs: list[int]) -> float:
+def _best_delays(
+    data: Data, X: Complex[np.ndarray, "column line"], output: int, inputs: list[int]
+) -> tuple[float, float]:
     """The delay (negative: a lead) on a grid at which real constants explain most of some entries.
 
     The grid grows to half the record until most is explained: lines no closer than that tell no longer delay.
+    In a narrow band half a period more or less is little else than a change of sign, which constants take up:
+    there the best delay from zero to half a period comes first, the best of all only if it leaves far less.
     """
+    omega = np.imag(data.s)
     weight = np.sqrt(np.mean(data.weight[output] ** 2, axis=1))
     target = data.H[output][:, inputs] * weight[:, None]
-    tau, explained = _explained(np.imag(data.s), X * weight, target)
-    count = FIRST_DELAYS
+    products = _products(X * weight, target)
+    tau, explained = _explained(omega, products)
+    count, whole = FIRST_DELAYS, np.sum(np.abs(target) ** 2)
     while True:
         near = np.concatenate(
             [np.arange(-min(count, len(tau) // 2), 0), np.arange(min(count, len(tau) // 2))]
         )
         best = near[int(np.argmax(explained[near]))]
-        if explained[best] > ENOUGH * np.sum(np.abs(target) ** 2) or 2 * count >= len(tau):
-            return float(tau[best])
+        if explained[best] > ENOUGH * whole or 2 * count >= len(tau):
+            break
         count *= 4
+    if omega[-1] >= NARROW * omega[0]:
+        return float(tau[best]), float(tau[best])
+    half = 2.0 * np.pi / (omega[0] + omega[-1])
+    soon, of_soon = _sharpened(omega, products, np.arange(0.0, half, tau[1] / FINER))
+    other, of_other = _sharpened(omega, products, tau[best] + tau[1] * np.arange(-1.0, 1.0, 1.0 / FINER))
+    return soon, other if HOPELESS * (whole - of_other) < whole - of_soon else soon
+
+
+def _products(X: Complex[np.ndarray, "column line"], target: np.ndarray) -> np.ndarray:
+    """conj(Q_l) y_l of each line l, on the orthonormal Q of the columns."""
+    Q = np.linalg.qr(np.ascontiguousarray(X).view(float).T)[0]
+    products = (Q[0::2] - 1j * Q[1::2])[:, :, None] * target[:, None, :]
+    return products.reshape(len(target), -1)
 
 
 def _explained(
-    omega: np.ndarray, X: Complex[np.ndarray, "column line"], target: Complex[np.ndarray, "line input"]
+    omega: np.ndarray, products: Complex[np.ndarray, "line product"]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Delays, those of leads last, and the squares that ``X`` explains of the target less each of them.
+    """Delays, those of leads last, and the squares that are explained of the target less each of them.
 
-    All at once: on the orthonormal Q of the columns they are |Re sum_l conj(Q_l) y_l exp(j omega_l tau)|^2, a
-    Fourier transform of lines put on an even grid.
+    All at once: they are |Re sum_l conj(Q_l) y_l exp(j omega_l tau)|^2 (`_products`), a Fourier transform of
+    lines put on an even grid.
     """
     step = max(float(np.min(np.diff(omega), initial=omega[-1])), omega[-1] / MOST_LINES)
     place = np.round(omega / step).astype(int)
     count = 2 ** int(np.ceil(np.log2(omega[-1] / step / DELAY_STEP)))
-    Q = np.linalg.qr(np.ascontiguousarray(X).view(float).T)[0]
-    products = (Q[0::2] - 1j * Q[1::2])[:, :, None] * target[:, None, :]
-    on_grid = np.zeros((count, products[0].size), dtype=complex)
-    np.add.at(on_grid, place, products.reshape(len(omega), -1))
+    on_grid = np.zeros((count, products.shape[1]), dtype=complex)
+    np.add.at(on_grid, place, products)
     tau = 2.0 * np.pi / step * np.fft.fftfreq(count)
     return tau, np.sum(np.real(np.fft.ifft(on_grid, axis=0) * count) ** 2, axis=1)
+
+
+def _sharpened(
+    omega: np.ndarray, products: Complex[np.ndarray, "line product"], tau: Float[np.ndarray, " delay"]
+) -> tuple[float, float]:
+    """The best of a few delays, on the lines where they are, and the squares it explains."""
+    explained = np.sum(np.real(np.exp(1j * np.outer(tau, omega)) @ products) ** 2, axis=1)
+    best = int(np.argmax(explained))
+    return float(tau[best]), float(explained[best])
 
 
 def _weights_alike(data: Data) -> tuple[Float[np.ndarray, "line one"], Float[np.ndarray, "output one one"]]:
