@@ -8,7 +8,9 @@ and on the imaginary axis the same with g = 1/(s - p), D = -1/(conj(p_m) + p_n):
 fractions are a matrix of Cauchy's kind, of which one sum of g for each pole tells all (of displacement rank
 two: Heinig and Rost 1984). Squares of fractions are derivatives by the pole, and so are their products. A
 stable pole and another's mirror image never meet, so that no difference is divided by zero; rounding grows
-with the distance of lines that are heavy over a pole's decay rate, and `normal_equations` sees what it did.
+with the distance of lines that are heavy over a pole's decay rate. What that does to the linear unknowns is
+seen in their residual (`normal_equations`); what it does to theta's Gram matrix is not, so that a search has
+it formed line by line before it ends (`refine`).
 """
 
 from __future__ import annotations
@@ -131,7 +133,8 @@ def _own(
         place = np.concatenate([*(k * modes + m for k in range(4)), single, 2 * modes + single, [4 * modes]])
         half = np.repeat([1.0, 0.5, 1.0], [4 * pairs, 2 * len(single), 1])
         return whole[:, place[:, None], place] * half[:, None] * half
-    omega = np.imag(poles)[:pairs]
+    # Rows of close twins are formed line by line instead: here they need but be finite.
+    omega = np.where(close_twins(layout, poles[:pairs]), 1.0, np.imag(poles)[:pairs])
     R = np.zeros((3 * pairs + 2 * len(single) + 1, 4 * modes + 1))
     R[m, modes + m] = -0.5 / omega
     R[pairs + m, 3 * modes + m] = -0.5 / omega

@@ -11,6 +11,7 @@ adds a variance of its own to each output, as in a weighted fit, estimated anew 
 from __future__ import annotations
 
 import dataclasses
+import functools
 from typing import Any
 
 import numpy as np
@@ -74,7 +75,9 @@ def likelihood_polish(data: Data, start: Polished, covariance: ResponseCovarianc
         share = _excess(left, noise)
         mixed = dataclasses.replace(white, mix=noise.mix(share))
         found = search(
-            bounded(layout, mixed, lambda x, mixed=mixed: weighted(layout, mixed, x)), best.refined.theta
+            bounded(layout, mixed, functools.partial(weighted, layout, mixed)),
+            best.refined.theta,
+            exactly=bounded(layout, mixed, functools.partial(weighted, layout, mixed, from_sums=False)),
         )
         if found is None:
             return best

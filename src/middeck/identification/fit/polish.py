@@ -11,7 +11,13 @@ from middeck.identification.fit.bounds import bound_theta, bounded
 from middeck.identification.fit.data import Data
 from middeck.identification.fit.design import residual_of
 from middeck.identification.fit.layout import Layout
-from middeck.identification.fit.refine import Refined, logarithmic, search, weighted
+from middeck.identification.fit.refine import (
+    Refined,
+    by_normal_equations,
+    logarithmic,
+    search,
+    weighted,
+)
 from middeck.identification.fit.start import Start
 from middeck.identification.fit.weights import Spread, excess_share
 from middeck.values import record
@@ -97,7 +103,9 @@ def settle(data: Data, start: Polished, spread: Spread) -> Polished:
 
 def _search(layout: Layout, data: Data, theta: Float[np.ndarray, " unknown"], steps: int) -> Refined | None:
     """A search within `bounds`."""
-    found = search(bounded(layout, data, lambda x: weighted(layout, data, x)), theta, steps)
+    by_lines = bounded(layout, data, lambda x: weighted(layout, data, x, from_sums=False))
+    exactly = by_lines if by_normal_equations(layout, data) else None
+    found = search(bounded(layout, data, lambda x: weighted(layout, data, x)), theta, steps, exactly=exactly)
     return None if found is None else dataclasses.replace(found, theta=bound_theta(layout, data, found.theta))
 
 

@@ -11,7 +11,8 @@ all unknowns are searched together.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -41,6 +42,11 @@ SMALL = 4e5
 # A step that promises less ends the search. Weights are one over standard deviations, so that an unknown one
 # deviation off costs 1/2 or more: 1e-3 is a twentieth of a deviation, for all unknowns together.
 SMALLEST_GAIN = 1e-3
+# Most that an eigenvalue of theta's Gram matrix, scaled to a unit diagonal, may round below zero. The data
+# say nothing of so weak a direction: its deviation is ten thousand times that of unknowns that go alone.
+WEAKEST = 1e-8
+# First damping, and its first growth.
+DAMPING, GROWTH = 1e-3, 2.0
 
 
 @record
@@ -64,12 +70,17 @@ class Refined:
     converged: bool
 
 
-def weighted(layout: Layout, data: Data, theta: Float[np.ndarray, " unknown"]) -> Step | None:
-    """Half the sum of |weight (H - E)|^2, the linear unknowns solved for; None where it has no value."""
+def weighted(
+    layout: Layout, data: Data, theta: Float[np.ndarray, " unknown"], *, from_sums: bool = True
+) -> Step | None:
+    """Half the sum of |weight (H - E)|^2, the linear unknowns solved for; None where it has no value.
+
+    Not ``from_sums``: with the Gram matrix of theta line by line, which costs more and rounds less.
+    """
     terms = build_terms(layout, data, theta)
     if terms is None:
         return None
-    solved = _solve(layout, data, terms)
+    solved = _solve(layout, data, terms, from_sums=from_sums)
     if solved is None:
         return None
     cost = sum(one.cost for one in solved)
@@ -89,21 +100,47 @@ def _residual(data: Data, solved: list[Solved]) -> Complex[np.ndarray, "output l
     return np.swapaxes(np.concatenate(left), 1, 2) / data.weight
 
 
-def _solve(layout: Layout, data: Data, terms: Terms) -> list[Solved] | None:
+def _solve(layout: Layout, data: Data, terms: Terms, *, from_sums: bool) -> list[Solved] | None:
     """All outputs: by normal equations from sums or else line by line where they pay, or by QR."""
-    for from_sums in (True, False) if data.mix is not None or _is_large(layout, data) else ():
-        shared = Functions(layout, data, terms, from_sums=from_sums)
-        solved = [solve_normal(layout, data.s, terms, shared, of) for of in hear(layout, data, terms, shared)]
-        if all(one is not None for one in solved):
-            return [one for one in solved if one is not None]
+    solved = None
+    ways = (True, False) if from_sums else (False,)
+    for sums in ways if by_normal_equations(layout, data) else ():
+        shared = Functions(layout, data, terms, from_sums=sums)
+        each = (solve_normal(layout, data.s, terms, shared, of) for of in hear(layout, data, terms, shared))
+        solved = _all_of(each)
+        if solved is not None and (sums or is_positive(np.sum([one.gram for one in solved], axis=0))):
+            return solved
     if data.mix is not None:
-        return None
-    by_qr = [solve_by_qr(layout, data, terms, o) for o in range(layout.outputs)]
-    return None if any(one is None for one in by_qr) else [one for one in by_qr if one is not None]
+        return solved
+    return _all_of(solve_by_qr(layout, data, terms, o) for o in range(layout.outputs))
 
 
-def _is_large(layout: Layout, data: Data) -> bool:
-    """Whether normal equations pay; they cannot project transients out."""
+def _all_of(solved: Iterable[Solved | None]) -> list[Solved] | None:
+    """None where one of them is."""
+    found: list[Solved] = []
+    for one in solved:
+        if one is None:
+            return None
+        found.append(one)
+    return found
+
+
+def is_positive(gram: Float[np.ndarray, "unknown unknown"]) -> bool:
+    """Whether a Gram matrix is one but for rounding."""
+    if not np.isfinite(gram).all():
+        return False
+    size = np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
+    try:
+        np.linalg.cholesky(gram / size[:, None] / size + WEAKEST * np.eye(len(gram)))
+    except np.linalg.LinAlgError:
+        return False
+    return True
+
+
+def by_normal_equations(layout: Layout, data: Data) -> bool:
+    """Whether they pay, or are all there is; they cannot project transients out."""
+    if data.mix is not None:
+        return True
     numbers = 2 * len(data.s) * data.H.shape[2]
     return data.transient is None and numbers * (layout.columns + layout.size) ** 2 > SMALL
 
@@ -159,39 +196,51 @@ def search(
     evaluate: Callable[[np.ndarray], Step | None],
     theta: Float[np.ndarray, " unknown"],
     most_steps: int = MOST_STEPS,
+    *,
+    exactly: Callable[[np.ndarray], Step | None] | None = None,
 ) -> Refined | None:
-    """Levenberg-Marquardt with Marquardt's scaling and Nielsen's (1999) damping; None if it cannot start."""
+    """Levenberg-Marquardt with Marquardt's scaling and Nielsen's (1999) damping; None if it cannot start.
+
+    Rounding of a Gram matrix may promise little, or nothing, where there is much to gain. Before a search
+    ends, theta is evaluated again ``exactly``; and what a matrix promises that has lost its sign is no end.
+    """
     step = evaluate(theta)
     if step is None:
         return None
-    damping, growth = 1e-3, 2.0
+    damping, growth, again = DAMPING, GROWTH, exactly
     history = [step.cost]
     for _ in range(most_steps):
         scale = np.maximum(np.diag(step.gram), 1e-14 * np.diag(step.gram).max())
-        try:
-            move = _move(step.gram + damping * np.diag(scale), -step.gradient)
-        except np.linalg.LinAlgError:  # two modes have met; more damping tells them apart
-            damping, growth = damping * growth, 2.0 * growth
-            continue
-        promised = float(-move @ step.gradient - 0.5 * move @ step.gram @ move)
-        if promised <= SMALLEST_GAIN:
-            return Refined(theta, step, tuple(history), True)
-        trial = evaluate(theta + move)
+        move = _move(step.gram + damping * np.diag(scale), -step.gradient)
+        promised = -1.0 if move is None else float(-move @ step.gradient - 0.5 * move @ step.gram @ move)
+        if not promised > SMALLEST_GAIN:
+            if again is not None:
+                step, again = again(theta) or step, None
+                damping, growth = min(damping, DAMPING), GROWTH
+                continue
+            if promised >= 0.0:
+                return Refined(theta, step, tuple(history), is_positive(step.gram))
+        trial = evaluate(theta + move) if move is not None and promised > 0.0 else None
         gain = -1.0 if trial is None else (step.cost - trial.cost) / promised
         if trial is not None and gain > 0.0:
-            theta, step = theta + move, trial
+            theta, step, again = theta + move, trial, exactly
             history.append(step.cost)
             damping *= max(1.0 / 3.0, 1.0 - (2.0 * gain - 1.0) ** 3)
-            growth = 2.0
+            growth = GROWTH
         else:
             damping, growth = damping * growth, 2.0 * growth
     return Refined(theta, step, tuple(history), False)
 
 
-def _move(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
+def _move(matrix: np.ndarray, right: np.ndarray) -> np.ndarray | None:
+    """The step; None where the matrix is not positive definite, so that a step would not lead downhill."""
     # Scaled to a unit diagonal: frequencies, shapes and delays differ by many orders.
     square = np.diag(matrix)
-    if not (square > 0.0).all():  # rounding of normal equations where two modes have met
-        raise np.linalg.LinAlgError
+    if not (np.isfinite(matrix).all() and (square > 0.0).all()):
+        return None
     size = 1.0 / np.sqrt(square)
-    return size * np.linalg.solve(matrix * size[:, None] * size, size * right)
+    try:
+        factor: Any = scipy.linalg.cho_factor(matrix * size[:, None] * size, check_finite=False)
+    except np.linalg.LinAlgError:
+        return None
+    return size * np.asarray(scipy.linalg.cho_solve(factor, size * right, check_finite=False))

@@ -1,0 +1,87 @@
+"""A search does not end where rounding of its normal equations says that nothing is to be gained."""
+
+import numpy as np
+import pytest
+
+from middeck.identification.fit.data import Data
+from middeck.identification.fit.design import build_terms
+from middeck.identification.fit.gram_blocks import Functions
+from middeck.identification.fit.layout import Layout, Point, pack
+from middeck.identification.fit.refine import SMALLEST_GAIN, Step, is_positive, search, weighted
+
+CURVATURE = np.array([[2.0, 1.0], [1.0, 3.0]])
+# The same with a product that rounding has made larger than both lengths allow.
+NO_GRAM = np.array([[2.0, -9.0], [-9.0, 3.0]])
+
+
+def a_bowl(gram):
+    def evaluate(x):
+        return Step(0.5 * float(x @ CURVATURE @ x), CURVATURE @ x, gram, np.zeros((1, 0)))
+
+    return evaluate
+
+
+@pytest.mark.parametrize("start", [(3.0, -2.0), (1.0, 1.0), (0.1, 5.0)])
+def test_an_indefinite_gram_is_formed_again_and_never_the_end(start):
+    again = search(a_bowl(NO_GRAM), np.array(start), exactly=a_bowl(CURVATURE))
+    assert again.converged
+    # The last step promised less than this, and on a bowl the undamped one keeps its word.
+    assert again.step.cost <= 2.0 * SMALLEST_GAIN
+    alone = search(a_bowl(NO_GRAM), np.array(start), 40)
+    assert not alone.converged
+
+
+def test_what_is_not_finite_is_no_convergence():
+    def evaluate(x):
+        return Step(1.0, np.full(2, np.nan), CURVATURE, np.zeros((1, 0)))
+
+    assert not search(evaluate, np.ones(2), 10).converged
+    assert not is_positive(np.full((2, 2), np.nan))
+
+
+def damped_low_modes(seed, *, decades):
+    """Modes of 30 to 90 % damping in the lowest lines, falling noise: the heavy lines are far from them."""
+    rng = np.random.default_rng(seed)
+    hz, zeta = np.array([0.05, 0.12, 0.2, 10.0, 20.0, 30.0]), np.array([0.9, 0.5, 0.3, 0.01, 0.01, 0.01])
+    omega, f = 2.0 * np.pi * hz, np.geomspace(0.1, 1000.0, 1500)
+    poles = omega * (-zeta + 1j * np.sqrt(1.0 - zeta**2))
+    s, delay_s = 2j * np.pi * f, 0.003
+    b, c = np.stack([np.ones(6), rng.standard_normal(6)], axis=1), rng.standard_normal((2, 6))
+    modes = np.abs(poles) ** 2 / ((s[:, None] - poles) * (s[:, None] - poles.conj()))
+    H = np.einsum("on,kn,ni->oki", c, modes, b) * np.exp(-s * delay_s)[:, None]
+    size = 1e-4 * np.sqrt(np.mean(np.abs(H) ** 2)) * (f / f[0]) ** -decades
+    H = H + size[:, None] * (rng.standard_normal(H.shape) + 1j * rng.standard_normal(H.shape))
+    layout = Layout(np.ones(6, bool), np.zeros(6), np.zeros(6, int), 2, 2, True, True, False, False, 0.0)
+    theta = pack(layout, Point(poles, b, np.full((2, 1), delay_s), np.zeros((0, 2))))
+    away = np.r_[np.ones(6), np.full(6, 0.003), np.ones(len(theta) - 14), 0.02, 0.02]
+    data = Data(s, H, np.broadcast_to(1.0 / size[:, None], H.shape), None, None)
+    return layout, data, theta + 0.3 * away * rng.standard_normal(len(theta))
+
+
+def test_damped_low_modes_under_weights_over_decades():
+    """Sums alone ended here at a thousand times the cost, and said that they had converged."""
+    layout, data, theta = damped_low_modes(2, decades=1)
+
+    def by_lines(x):
+        return weighted(layout, data, x, from_sums=False)
+
+    found = search(lambda x: weighted(layout, data, x), theta, 60, exactly=by_lines)
+    reference = search(by_lines, theta, 60)
+    # Both are still on their way down a narrow valley after 60 steps; the false end was 1700 times above.
+    assert found.step.cost < 1.1 * reference.step.cost
+
+
+def test_gram_from_sums_of_pairs_without_a_frequency():
+    """Critically damped to the last digit: nothing divides by their frequency, and no warning is raised."""
+    s = 2j * np.pi * np.linspace(0.5, 9.0, 40)
+    layout = Layout(np.ones(2, bool), np.zeros(2), np.zeros(2, int), 1, 1, True, False, False, False, 0.0)
+    theta = pack(
+        layout,
+        Point(np.array([-3 + 1e-200j, -0.4 + 20j]), np.ones((2, 1)), np.zeros((1, 1)), np.zeros((0, 1))),
+    )
+    data = Data(s, np.ones((1, 40, 1)), np.ones((1, 40, 1)))
+    terms, weight = build_terms(layout, data, theta), np.random.default_rng(0).random((1, 40))
+    sums, lines = (Functions(layout, data, terms, from_sums=way).grams(weight) for way in (True, False))
+    size = np.sqrt(np.einsum("gnn->gn", lines))
+    # Rounding of forty terms, times the distance of the lines over the decay rate of 0.4: some hundred.
+    assert (np.abs(sums - lines) <= 1e-11 * size[:, :, None] * size[:, None]).all()
