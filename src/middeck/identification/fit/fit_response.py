@@ -21,6 +21,7 @@ from middeck.identification.fit.doubts import (
     refuse_a_lead,
 )
 from middeck.identification.fit.fitted_model import model_of, structure_of
+from middeck.identification.fit.lacking_delay import name_lacking_delay
 from middeck.identification.fit.likelihood import likelihood_polish
 from middeck.identification.fit.polish import Polished, logarithmic_polish, settle
 from middeck.identification.fit.race import count_unknowns, model_error, race, spread_to_follow
@@ -218,7 +219,8 @@ def _result(
     if not best.refined.converged:
         warnings.append(f"the search had not settled after {len(best.refined.history)} steps")
     warnings += doubts_of_record(measured)
-    warnings += doubts_of_model(measured, error, model_error(best, spread), best.share)
+    doubts = doubts_of_model(measured, error, model_error(best, spread), best.share)
+    warnings += name_lacking_delay(doubts, measured, covariance, error)
     warnings += doubts_of_deviations(measured, covariance)
     return FitResult(
         model,

@@ -1,0 +1,94 @@
+"""Whether a delay is what a fit without one lacks.
+
+With the poles of the fit the rest is linear, and a delay only turns the data. So a delay is tried by least
+squares at hardly any cost, on each output's own: if its response, moved earlier, is followed much better
+without a constant term than it is with one where it stands, a delay is lacking, not a mode.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Complex, Float
+
+from middeck.identification.fit.doubts import LEFT
+from middeck.identification.measurement_model import MeasurementModel, double_pole
+from middeck.identification.uncertainty.covariance import ModelCovariance
+from middeck.systems.response import FrequencyResponse
+
+# A delay is named where it leaves less than half of what is left without.
+MUCH = 0.5
+# Delays are tried up to this many periods of the last line, at so many in each, then as many about the best.
+PERIODS, IN_PERIOD = 8, 16
+
+
+def name_lacking_delay(
+    doubts: list[str],
+    measured: FrequencyResponse,
+    covariance: ModelCovariance,
+    error: Float[np.ndarray, " output"],
+) -> list[str]:
+    """``doubts`` of how a model follows, where there are any, with the delays that it seems to lack.
+
+    They stand for the modes that it would else be said to lack, and beside outputs that it leaves mostly
+    unexplained.
+    """
+    model, structure = covariance.model, covariance.structure
+    if not doubts or model.sample_hz is not None or structure.with_delay or structure.real_constants:
+        return doubts
+    late = [
+        f"output {port.name}: a delay of about {tau * 1e3:.3g} ms explains most of the {left:.1%} that the "
+        "model leaves; fit it, with --delay output --relative-degree 1 (delay='output', relative_degree=1)"
+        for port, left, tau in zip(measured.outputs, error, lacking_delay(measured, model), strict=True)
+        if tau > 0.0
+    ]
+    return [*doubts, *late] if np.any(error > LEFT) else late or doubts
+
+
+def lacking_delay(measured: FrequencyResponse, model: MeasurementModel) -> Float[np.ndarray, " output"]:
+    """Delay [s] that each output seems to lack; zero where none would help much.
+
+    ``model`` is continuous and has no delay; a lead is not looked for.
+    """
+    s = 2j * np.pi * measured.frequency_hz
+    moving = _basis(model, s)
+    with_direct = np.column_stack([moving, np.ones(len(s))])
+    found = [_of_output(s, moving, with_direct, H) for H in np.moveaxis(measured.H, 1, 0)]
+    return np.array(found)
+
+
+def _of_output(s: np.ndarray, moving: np.ndarray, with_direct: np.ndarray, H: np.ndarray) -> float:
+    last_s = 2.0 * np.pi / float(np.imag(s[-1]))
+    q = np.linalg.qr(_apart(moving))[0]
+
+    def left(tau: float) -> float:
+        return _left(q, H * np.exp(s * tau)[:, None])
+
+    step, coarse = last_s / IN_PERIOD, np.arange(1, PERIODS * IN_PERIOD + 1)
+    near = step * float(min(coarse, key=lambda k: left(step * k)))
+    best = float(min(near + step * np.linspace(-1.0, 1.0, IN_PERIOD + 1), key=left))
+    return best if left(best) < MUCH**2 * _left(np.linalg.qr(_apart(with_direct))[0], H) else 0.0
+
+
+def _left(q: Float[np.ndarray, "row column"], H: Complex[np.ndarray, "line input"]) -> float:
+    """Sum of squares that least squares leave."""
+    y = _apart(H)
+    return float(np.sum((y - q @ (q.T @ y)) ** 2))
+
+
+def _apart(x: Complex[np.ndarray, "line column"]) -> Float[np.ndarray, "row column"]:
+    """Real parts above imaginary parts."""
+    return np.concatenate([np.real(x), np.imag(x)])
+
+
+def _basis(model: MeasurementModel, s: np.ndarray) -> Complex[np.ndarray, "line column"]:
+    """Functions of which a path without delay and constant term is a real sum."""
+    poles = np.unique(model.poles)
+    pair = np.imag(poles) != 0.0
+    first, second = 1.0 / (s[:, None] - poles), 1.0 / (s[:, None] - poles.conj())
+    columns = [first + second, 1j * (first - second)[:, pair]]
+    if model.integral is not None:
+        columns.append(1.0 / s[:, None])
+    if np.any(double_pole(model)):
+        columns.append(1.0 / s[:, None] ** 2)
+    basis = np.concatenate(columns, axis=1)
+    return basis / np.linalg.norm(basis, axis=0)

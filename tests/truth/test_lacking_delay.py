@@ -1,0 +1,68 @@
+"""A delay that a fit without one lacks is named, and no other thing is taken for one."""
+
+import numpy as np
+import pytest
+
+from middeck.identification.fit.fit_response import fit_response
+from middeck.identification.fit.lacking_delay import lacking_delay
+from middeck.systems.ports import Port
+from middeck.systems.response import FrequencyResponse
+
+F = np.arange(0.2, 30.0, 0.05)
+S = 2j * np.pi * F
+HZ, ZETA, GAIN = (3.1, 8.7, 17.0), (0.01, 0.008, 0.012), np.array([[1.0, 0.7, 0.9], [-0.6, 0.8, 0.5]])
+DELAY = 0.0113
+
+
+def rates(delay_s=(DELAY, DELAY), *, modes=2, noise=1e-3):
+    """Two rates of a free body with modes, each late by its own delay."""
+    H = np.zeros((len(F), 2, 1), complex)
+    for o, late in enumerate(delay_s):
+        H[:, o, 0] = (2.0, 1.2)[o] / S
+        for m in range(modes):
+            w = 2.0 * np.pi * HZ[m]
+            H[:, o, 0] += GAIN[o, m] * S / (S**2 + 2.0 * ZETA[m] * w * S + w**2)
+        H[:, o, 0] *= np.exp(-S * late)
+    size = noise * np.sqrt(np.mean(np.abs(H) ** 2, axis=(0, 2), keepdims=True))
+    re, im = np.random.default_rng(4).standard_normal((2, *H.shape)) / np.sqrt(2.0)
+    ports = tuple(Port(name, "rad/s") for name in ("hub", "tip"))
+    variance = np.broadcast_to(size**2, H.shape).copy()
+    return FrequencyResponse(F, H + size * (re + 1j * im), (Port("torque", "N m"),), ports, variance)
+
+
+def hints(fitted):
+    return [w for w in fitted.warnings if "--delay output --relative-degree 1" in w]
+
+
+def test_a_lacking_delay_is_named_in_place_of_modes():
+    fitted = fit_response(rates(), states=5, integrators=1)
+    said = hints(fitted)
+    assert [w.split(":")[0] for w in said] == ["output hub", "output tip"]
+    assert not any("modes it lacks" in w for w in fitted.warnings)
+    # The poles are those of a model without the delay; a twentieth of it is enough for a hint.
+    np.testing.assert_allclose(lacking_delay(rates(), fitted.model), DELAY, rtol=0.05)
+    as_told = fit_response(rates(), states=5, integrators=1, delay="output", relative_degree=1)
+    # Four deviations of a delay that the fit knows itself.
+    assert np.all(np.abs(as_told.model.delay_s - DELAY) < 4.0 * as_told.uncertainty.delay_s)
+    assert np.all(as_told.error < 0.05 * fitted.error)
+    assert not hints(as_told)
+
+
+def test_only_the_output_that_is_late_is_named():
+    fitted = fit_response(rates((0.0, DELAY)), states=5, integrators=1)
+    tau = lacking_delay(rates((0.0, DELAY)), fitted.model)
+    assert tau[0] == 0.0
+    assert tau[1] == pytest.approx(DELAY, rel=0.05)  # as above
+    assert [w.split(":")[0] for w in hints(fitted)] == ["output tip"]
+
+
+def test_a_lacking_mode_is_no_delay():
+    fitted = fit_response(rates((0.0, 0.0), modes=3), states=5, integrators=1)
+    assert any("modes it lacks" in w or "unexplained" in w for w in fitted.warnings)
+    assert not hints(fitted)
+
+
+@pytest.mark.parametrize("delay_s", [(0.0, 0.0), (DELAY, DELAY)])
+def test_a_fit_that_follows_to_the_noise_says_nothing(delay_s):
+    fitted = fit_response(rates(delay_s, noise=0.01), integrators=1)
+    assert not hints(fitted)
