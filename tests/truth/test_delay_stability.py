@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 from scipy.special import lambertw
 
 from middeck.control.analysis import decide_stability, measure_margins
@@ -23,6 +25,8 @@ INTEGRATOR = Plant(StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]), (FORCE,), (WA
 BODY = Plant(
     ModalSystem([0.0], [0.0], [[1.0]], [[1.0], [0.0]], [[0.0], [1.0]], ("body",)), (FORCE,), (WAY, RATE)
 )
+
+LONG = os.environ.get("MIDDECK_LONG") == "1"
 
 
 def gain(*k: float) -> Compensator:
@@ -131,3 +135,87 @@ def test_a_gain_margin_is_where_stability_ends() -> None:
     limit = measure_margins(late, gain(2.0, 0.7)).loops[0].gain_limits[1]
     for factor, stable in ((limit * (1.0 - 1e-7), True), (limit * (1.0 + 1e-7), False)):
         assert decide_stability(late, gain(2.0 * factor, 0.7 * factor)).stable is stable
+
+
+@dataclasses.dataclass(frozen=True)
+class WeakLoop:
+    """Light modes sum a / q, q = s^2 + 2 zeta omega s + omega^2, late by tau; the law is g wl / (s + wl).
+
+    With so little gain that the loop matters at its modes only, each has one root near its own pole, and only
+    these can grow.
+    """
+
+    omega: np.ndarray
+    zeta: np.ndarray
+    amplitude: np.ndarray
+    tau: float
+    wl: float
+
+    def root(self, k: int, g: float) -> complex:
+        """Of q = R: from the expansion p + R(p)/q'(p) by Newton's method, up to slow changes of R."""
+        w, z = self.omega[k], self.zeta[k]
+        others = np.arange(len(self.omega)) != k
+        s = p = complex(-z * w, w * np.sqrt(1.0 - z**2))
+        for _ in range(60):
+            spring = s**2 + 2.0 * z * w * s + w**2
+            rest = s**2 + 2.0 * (self.zeta * self.omega)[others] * s + self.omega[others] ** 2
+            a = self.amplitude[k] + spring * np.sum(self.amplitude[others] / rest)
+            R = g * self.wl / (s + self.wl) * np.exp(-s * self.tau) * a
+            left_over = spring - R
+            s = p + R / (2j * p.imag) if s == p else s - left_over / (2.0 * (s + z * w) + self.tau * R)
+        # Rounding of s^2, some eps w^2, beside the width of the mode.
+        assert abs(left_over) < 1e-13 * w**2
+        return complex(s)
+
+    def lead(self, g: float) -> complex:
+        return max((self.root(k, g) for k in range(len(self.omega))), key=lambda s: s.real)
+
+    def build(self, g: float) -> tuple[DelayedPlant, Compensator]:
+        n = len(self.omega)
+        modes = ModalSystem(
+            self.omega, self.zeta, np.ones((n, 1)), self.amplitude[None], np.zeros((1, n)),
+            tuple(f"mode {k}" for k in range(n)),
+        )  # fmt: skip
+        law = StateSpace([[-self.wl]], [[self.wl]], [[g]], [[0.0]])
+        return delay_inputs(Plant(modes, (FORCE,), (WAY,)), self.tau), Compensator(law, (WAY,), (FORCE,))
+
+
+def _check_weak(loop: WeakLoop, g: float) -> bool:
+    true = loop.lead(g)
+    found = decide_stability(*loop.build(g))
+    assert found.stable is (true.real < 0.0)
+    # Newton's method to rounding, of which zeta = 1e-5 leaves 1e-11 of the mode's width.
+    assert found.pole == pytest.approx(true, rel=1e-11)
+    growing = sum(loop.root(k, g).real > 0.0 for k in range(len(loop.omega)))
+    assert found.growing == 2 * growing
+    return found.stable
+
+
+@pytest.mark.parametrize("turned", [5.0, 10.0, 20.0, 23.31, 30.0, 45.0, 60.0])
+def test_a_light_mode_late_by_many_radians(turned: float) -> None:
+    """A mode of 371 Hz and 1e-4 damping up to and beyond its gain limit, whatever omega tau."""
+    w = 2.0 * np.pi * 371.0
+    loop = WeakLoop(np.array([w]), np.array([1e-4]), np.array([w**2]), turned / w, 2.0 * np.pi * 400.0)
+    sign = 1.0 if loop.root(0, 1e-6).real > loop.root(0, -1e-6).real else -1.0
+    limit = sign * brentq(lambda g: loop.root(0, sign * g).real, 1e-6, 1e-2, xtol=1e-18, rtol=1e-14)
+    # The limit is conditioned like the mode: rounding 1e-16 of omega beside zeta omega = 1e-4 of it.
+    assert measure_margins(*loop.build(limit / 2.0)).loops[0].gain_limits[1] == pytest.approx(2.0, rel=1e-10)
+    for factor in (0.5, 0.99, 0.999, 0.999999, 1.000001, 1.001, 1.01, 1.5, 3.0):
+        assert _check_weak(loop, factor * limit) is (factor < 1.0)
+    if turned == 23.31:
+        assert limit == pytest.approx(3.10e-4, rel=1e-2)
+
+
+@pytest.mark.parametrize("seed", range(400 if LONG else 20))
+def test_weak_loops_of_light_modes_drawn_at_random(seed: int) -> None:
+    """One to four modes, omega tau from 0.5 to 80, damping from 1e-5 to 1e-2, gains about their limits."""
+    rng = np.random.default_rng([4, seed])
+    n, tau = int(rng.integers(1, 5)), 10.0 ** rng.uniform(-3.0, -1.0)
+    # A factor of 1.1 or more apart: no two share a root's surroundings.
+    spread = np.cumprod(rng.uniform(1.1, 2.5, n))
+    omega = 10.0 ** rng.uniform(np.log10(0.5), np.log10(80.0)) / tau * spread / spread[-1]
+    zeta = 10.0 ** rng.uniform(-5.0, -2.0, n)
+    amplitude = omega**2 * rng.choice([-1.0, 1.0], n)
+    g = 2.0 * rng.choice(zeta) * 10.0 ** rng.uniform(-1.0, 1.0)
+    loop = WeakLoop(omega, zeta, amplitude, tau, float(rng.choice(omega) * 10.0 ** rng.uniform(-0.7, 0.7)))
+    _check_weak(loop, min(g, 5e-3))
