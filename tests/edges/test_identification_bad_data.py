@@ -90,6 +90,24 @@ def test_a_response_that_is_not_finite():
         fit_response(a_response(np.r_[np.ones(100), np.nan]), states=4)
 
 
+@pytest.mark.parametrize("value", [np.nan, np.inf, -1e-4])
+def test_a_variance_that_is_none(value):
+    variance = np.full((200, 1, 1), 1e-4)
+    variance[7] = value
+    measured = a_response(1.0 / (1.0 + 0.1j * np.arange(200)), variance)
+    with pytest.raises(DataError, match=r"output angle, input torque: the variance of 1 entries .* 0.8 Hz"):
+        fit_response(measured, states=2)
+
+
+def test_a_line_of_zero_has_no_logarithm():
+    H = 1.0 / (1.0 + 0.1j * np.arange(200))
+    H[49] = 0.0
+    measured = a_response(H, np.full((200, 1, 1), 1e-4))
+    with pytest.raises(DataError, match=r"output angle, input torque: 1 entries .* zero, first at 5 Hz"):
+        fit_response(measured, states=2, cost="logarithmic")
+    assert fit_response(measured, states=2).model.states == 2
+
+
 def test_more_unknowns_than_data():
     with pytest.raises(FitError, match="unknowns cannot be fitted to 20 numbers"):
         fit_response(a_response(1.0 / (np.arange(10) + 1j)), states=28)

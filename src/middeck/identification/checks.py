@@ -84,9 +84,13 @@ def check_swing(swing: Swing | None, stream: RecordStream) -> None:
 
 
 def check_response(measured: FrequencyResponse, unknowns: int) -> None:
-    """Raise `FitError` for a response that is not finite, constant or shorter than the unknowns."""
+    """Raise `FitError` for a response that is not finite, constant or shorter than the unknowns.
+
+    Raises `DataError` for a variance that is none.
+    """
     if not np.isfinite(measured.H).all():
         raise FitError("the response is not finite on all lines", hint="leave the bad lines out")
+    _check_variance(measured)
     if (np.diff(measured.frequency_hz) <= 0.0).any() or (measured.frequency_hz <= 0.0).any():
         raise FitError("the frequencies of the response are not positive and rising")
     numbers = 2 * measured.H.size
@@ -112,3 +116,35 @@ def check_response(measured: FrequencyResponse, unknowns: int) -> None:
                 where=f"output {output.name}",
                 hint="a gain needs no model; check that the output is not the input itself",
             )
+
+
+def _check_variance(measured: FrequencyResponse) -> None:
+    variance = measured.variance
+    if variance is None:
+        return
+    bad = ~(np.isfinite(variance) & (variance >= 0.0))
+    if bad.any():
+        k, o, i = np.argwhere(bad)[0]
+        raise DataError(
+            f"the variance of {bad.sum()} entries is negative or not finite, "
+            f"first {variance[k, o, i]:.6g} at {measured.frequency_hz[k]:.6g} Hz",
+            where=_path(measured, o, i),
+            hint="give sigma^2 of every line, zero or more; leave bad lines out, or give no variance at all",
+        )
+
+
+def check_logarithms(measured: FrequencyResponse) -> None:
+    """Raise `DataError` for a line that is exactly zero: it has no logarithm."""
+    zero = measured.H == 0.0
+    if zero.any():
+        k, o, i = np.argwhere(zero)[0]
+        raise DataError(
+            f"{zero.sum()} entries of the response are exactly zero, first at "
+            f"{measured.frequency_hz[k]:.6g} Hz: they have no logarithm",
+            where=_path(measured, o, i),
+            hint="leave the lines out, or take cost 'weighted'",
+        )
+
+
+def _path(measured: FrequencyResponse, output: int, column: int) -> str:
+    return f"output {measured.outputs[output].name}, input {measured.inputs[column].name}"

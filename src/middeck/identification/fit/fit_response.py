@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import FitError
-from middeck.identification.checks import check_response
+from middeck.identification.checks import check_logarithms, check_response
 from middeck.identification.fit.beyond import race_of_orders
 from middeck.identification.fit.choices import Choices, Constants, Delay, options_of
 from middeck.identification.fit.data import Data
@@ -147,7 +147,8 @@ def fit_response(
     ConfigError
         For options that exclude each other.
     DataError
-        If there are too few lines to choose an order by.
+        If there are too few lines to choose an order by, if a variance is negative or not finite, or, for the
+        logarithmic cost, if a line is exactly zero.
     FitError
         If the response is constant, all noise or too short for so many states, if an output leads its
         input, or if no start could be refined.
@@ -169,6 +170,8 @@ def fit_chosen(
             "the logarithmic cost needs the variance of the response, and one period has none",
             hint="record two periods or more, or take cost 'weighted'",
         )
+    if cost == "logarithmic":
+        check_logarithms(measured)
     if cost == "likelihood" and measured.covariance is None:
         raise FitError(
             "the likelihood needs the covariance of the response",
