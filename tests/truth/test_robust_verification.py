@@ -16,9 +16,12 @@ from multimodel_reference import (
     reference_plant,
 )
 
+from middeck.control.analysis import decide_stability, measure_delayed_rms
 from middeck.control.closed_loop import close_loop
 from middeck.control.compensator import Compensator, evaluate_compensator
 from middeck.control.lqg import LQGWeights, design_lqg
+from middeck.control.performance import Performance
+from middeck.control.qualification import qualify_compensator
 from middeck.control.robust import (
     ModeShift,
     Uncertainty,
@@ -36,15 +39,17 @@ from middeck.control.robust import (
     without_delays,
 )
 from middeck.control.robust.closed_cost import Law
+from middeck.control.robust.delay_order import MOST_PADE, pade_order, phase_of_modes
 from middeck.control.robust.exact_delay import exact_growth
 from middeck.errors import ConfigError
+from middeck.systems.delay import pade
 from middeck.systems.delayed_plant import DelayedPlant, approximate_delays, evaluate_delayed
 from middeck.systems.delayed_sampling import sample_delayed
 from middeck.systems.modal import ModalSystem, modal_to_statespace
 from middeck.systems.norms import band_rms
 from middeck.systems.plant import Plant
 from middeck.systems.ports import Port
-from middeck.systems.response import evaluate_plant
+from middeck.systems.response import evaluate_plant, statespace_response
 from middeck.systems.sampling import tustin
 from middeck.systems.statespace import StateSpace
 
@@ -157,6 +162,75 @@ def test_rms_with_a_delay_is_that_of_quadrature_with_the_exact_one():
     assert found.control_rms[0] == pytest.approx(control, rel=2e-3)
     open_rms = band_rms(plant.plant.system, np.diag([1.0, 0.0]), (0.0, 300.0))[0]
     assert found.db[0] == pytest.approx(20.0 * np.log10(rms / open_rms), abs=1e-4)
+
+
+QUIET = LQGWeights(np.ones(1), np.ones(1), ("w",), np.eye(1), np.array([1e-30]))
+
+
+def fast_mode(hz, gain, delay_s=0.010):
+    """One mode of 0.3 %, and a first-order law at 400 Hz: omega tau is 2.5 at 40 Hz and 25 at 400 Hz."""
+    omega = 2.0 * np.pi * hz
+    modal = ModalSystem(
+        [omega], [0.003], np.ones((1, 2)), np.full((2, 1), omega**2), np.zeros((2, 1)), ("a",)
+    )
+    ports = (Port("w", "N"), Port("u", "N")), (Port("z", "m"), Port("y", "m"))
+    plant = DelayedPlant(
+        Plant(modal, *ports, ("w",), ("u",), ("z",), ("y",)), np.array([[0.0, 0.0], [delay_s, delay_s]])
+    )
+    corner = 2.0 * np.pi * 400.0
+    law = StateSpace([[-corner]], [[corner]], [[gain]], [[0.0]])
+    return plant, Compensator(law, (Port("y", "m"),), (Port("u", "N"),))
+
+
+@pytest.mark.parametrize("hz", [40.0, 110.0, 160.0, 200.0, 231.0, 260.0, 290.0, 320.0, 345.0, 376.0, 400.0])
+def test_many_turns_of_delay_between_the_mode_and_the_law(hz):
+    """Against the count of roots and the quadrature of `middeck.control.analysis`, which know exp(-s tau)."""
+    settled = 0
+    for gain in (-0.02, -0.01, 0.01, 0.02):
+        plant, law = fast_mode(hz, gain)
+        found, exact = outcomes_on([plant], law, QUIET)[0], decide_stability(plant, law)
+        assert found.stable[0] == exact.stable
+        assert np.isfinite(found.rms[0]) == exact.stable
+        (alone,) = qualify_compensator(law, {"p": plant}, QUIET)
+        assert alone.stable == exact.stable
+        assert np.isfinite(alone.rms) == exact.stable
+        if exact.stable:
+            settled += 1
+            assert found.db[0] == pytest.approx(alone.db, abs=1e-5)
+            # The band ends at 20 kHz; above 400 Hz the response falls with f^2: (400/20000)^3 of the square
+            # times its damping 3e-3, 1e-8. The phase of the approximation is right to 1e-9, near the edge of
+            # stability that counts a hundredfold.
+            band = Performance(np.ones(1), np.eye(1), (0.0, 20000.0))
+            wanted = measure_delayed_rms(plant, law, band)[0]
+            assert found.rms[0] == pytest.approx(wanted, rel=1e-6)
+            assert alone.rms == pytest.approx(wanted, rel=1e-7)
+    assert settled
+
+
+@pytest.mark.parametrize("phase", [0.1, 1.0, 3.0, 6.0, 10.0, 16.0, 25.0, 40.0, 60.0, 100.0])
+def test_the_order_of_a_delay_is_as_high_as_its_phase_asks(phase):
+    lag = statespace_response(pade(1.0, pade_order(phase)), np.array([phase]))[0, 0, 0]
+    assert abs(lag - np.exp(-1j * phase)) < 1e-9
+
+
+def test_a_delay_of_too_many_turns_is_taken_exactly():
+    plant, law = fast_mode(200.0, 0.002, 0.1)
+    assert pade_order(phase_of_modes(plant, law.system)) > MOST_PADE
+    found, exact = outcomes_on([plant], law, QUIET)[0], decide_stability(plant, law)
+    assert exact.stable
+    assert found.stable[0]
+    band = Performance(np.ones(1), np.eye(1), (0.0, 20000.0))
+    assert found.rms[0] == pytest.approx(measure_delayed_rms(plant, law, band)[0], rel=1e-6)
+
+
+def test_what_drifts_is_not_stable():
+    """An integrator that nothing holds: no root grows, and the rms is infinite."""
+    plant, law = integrator_loop(0.3, 1.0)
+    still = Compensator(StateSpace(law.A, law.B, 0.0 * law.C, [[0.0]]), (Port("y", "m"),), (Port("u", "N"),))
+    for each in (plant, plant.plant):
+        found = outcomes_on([each], still, QUIET)[0]
+        assert found.rms[0] == np.inf
+        assert not found.stable[0]
 
 
 def test_a_fast_sampled_loop_is_the_continuous_one():

@@ -11,13 +11,14 @@ from middeck.control.analysis import LoopMargins, LoopStability, Margins, measur
 from middeck.control.compensator import Compensator, idle_compensator
 from middeck.control.lqg import LQGWeights
 from middeck.control.partition import partition_modes
-from middeck.control.robust.monte_carlo import outcomes_on
+from middeck.control.robust.noise_rms import measure_noise_rms
 from middeck.control.sampled import SampledCompensator, measure_sampled_loop, measure_sampled_margins
 from middeck.control.stabilisability import require_reachable
 from middeck.errors import ConfigError, MiddeckError, NotStabilisableError
-from middeck.systems.delayed_plant import DelayedPlant
+from middeck.systems.delayed_plant import DelayedPlant, delay_inputs
 from middeck.systems.plant import Plant, name_states, subsystem
 from middeck.systems.sampling import tustin
+from middeck.systems.stability import GROWTH_LIMIT
 from middeck.values import record
 
 CONTINUOUS = "continuous"
@@ -36,8 +37,9 @@ class Qualified:
     stability:
         By roots, delays exact; unstable is an outcome.
     rms, control_rms:
-        (E[z' W^2 z])^1/2 and (E[u' R u])^1/2 under process and sensor noise, of a sampled loop between the
-        samples too; ``inf`` where unstable, and where a law with a direct term passes on white sensor noise.
+        (E[z' W^2 z])^1/2 and (E[u' R u])^1/2 under process and sensor noise, delays exact
+        (`measure_noise_rms`), of a sampled loop between the samples too; ``inf`` where unstable, and where a
+        direct term passes on white sensor noise.
     db:
         20 log10 of ``rms`` over that without control; ``inf`` where unstable, ``-inf`` where without control
         there is no rms (a mode that does not decay), NaN never: ``inf`` where neither has one.
@@ -59,8 +61,8 @@ class Qualified:
 
     @property
     def stable(self) -> bool:
-        """Whether the loop is, nothing of the plant left to drift."""
-        return self.stability.stable and not self.unheld
+        """Whether the loop is and every root decays: one on the axis drifts without bound under noise."""
+        return self.stability.stable and self.stability.margin > GROWTH_LIMIT and not self.unheld
 
 
 def qualify_compensator(
@@ -112,8 +114,15 @@ def _try(
 ) -> _Tried:
     aligned = align_plant(plant, compensator)
     inside = aligned.plant if isinstance(aligned, DelayedPlant) else aligned
-    alone = outcomes_on([aligned], idle_compensator(inside), weights)[0]
-    return _Tried(name, aligned, float(alone.rms[0]), _unheld(aligned))
+    alone, _ = _noise_rms(aligned, idle_compensator(inside), weights)
+    return _Tried(name, aligned, alone, _unheld(aligned))
+
+
+def _noise_rms(plant: Plant | DelayedPlant, law: Compensator, weights: LQGWeights) -> tuple[float, float]:
+    """Of the outputs and the commands."""
+    late = plant if isinstance(plant, DelayedPlant) else delay_inputs(plant, 0.0)
+    found = measure_noise_rms(late, law, weights)
+    return found.rms, found.control_rms
 
 
 def align_plant(
@@ -178,9 +187,8 @@ def sampled_forms(
 def _continuous(tried: _Tried, law: Compensator, weights: LQGWeights) -> Qualified:
     margins = measure_margins(tried.plant, law)
     rms = control = np.inf
-    if margins.stable and not tried.unheld and not np.any(law.system.D):
-        outcome = outcomes_on([tried.plant], law, weights)[0]
-        rms, control = float(outcome.rms[0]), float(outcome.control_rms[0])
+    if margins.stable and not tried.unheld:
+        rms, control = _noise_rms(tried.plant, law, weights)
     return _qualified(tried, CONTINUOUS, margins, rms, control)
 
 

@@ -12,6 +12,7 @@ from middeck.control.compensator import Compensator
 from middeck.control.lqg import LQGWeights
 from middeck.control.partition import partition_modes
 from middeck.control.robust.batch import row_rms, sampled_covariances
+from middeck.control.robust.delay_order import pade_order, phase_of_modes
 from middeck.control.robust.design_model import square_root
 from middeck.errors import ConfigError
 from middeck.systems.delayed_plant import DelayedPlant, approximate_delays
@@ -21,7 +22,6 @@ from middeck.systems.stability import GROWTH_LIMIT
 from middeck.systems.statespace import SampledStateSpace
 from middeck.values import record
 
-REST_PADE = 8
 HALVINGS = 6
 
 
@@ -111,7 +111,7 @@ def _delay_at_the_hold(plant: Plant | DelayedPlant) -> tuple[Plant, float]:
     """All delay that the measurements or the commands have in common is put behind the hold.
 
     A law does not care whether what it reads is late or what it commands: that part is exact. What single
-    paths are late beyond it is approximated finely.
+    paths are late beyond it is approximated, of an order at which every mode's phase is right.
     """
     if not isinstance(plant, DelayedPlant):
         return plant, 0.0
@@ -123,7 +123,7 @@ def _delay_at_the_hold(plant: Plant | DelayedPlant) -> tuple[Plant, float]:
     of_u = 0.0 if shared[1] else float(late[:, columns].min(initial=np.inf))
     late[:, columns] -= of_u
     rest = DelayedPlant(inside, np.maximum(late, 0.0))
-    return approximate_delays(rest, REST_PADE), of_y + of_u
+    return approximate_delays(rest, pade_order(phase_of_modes(rest))), of_y + of_u
 
 
 def _noise_over(A: np.ndarray, B: np.ndarray, period: float) -> Float[np.ndarray, "state state"]:
