@@ -78,8 +78,23 @@ def test_a_model_worse_than_none_is_refused(shaken):
     record = Record(SAMPLE_HZ, np.broadcast_to(u, (1, PERIODS, *u.shape)), y[None], *ports, True)
     measured = estimate_response(record, band_hz=(0.5, 14.0))
     with pytest.raises(FitError, match="3 times the response") as caught:
-        doubts_of_model(measured, np.array([3.0]), 1.0, 9.0)
+        doubts_of_model(measured, np.array([3.0]), 1.0, 2.0 * measured.H)
     assert caught.value.where == "output tip"
+
+
+def test_a_small_part_of_the_rms_says_on_which_lines_it_is_most():
+    """Six decades from the strong lines to the weak: what is 90 % wrong there is 1e-6 of the rms."""
+    f, H = np.arange(1.0, 101.0), np.ones((100, 1, 1), complex)
+    H[70:] = 1e-6
+    ports = (Port("force", "N"),), (Port("tip", "m"),)
+    measured = FrequencyResponse(f, H, *ports, np.full(H.shape, 1e-18))
+    wrong = np.where(np.arange(100) < 70, 0.0, 0.9e-6)[:, None, None] + 0j
+    error = np.sqrt(np.sum(np.abs(wrong) ** 2) / np.sum(np.abs(H) ** 2))
+    (told,) = doubts_of_model(measured, np.array([error]), 1.0, wrong)
+    assert "5.9e-05% of the response's rms" in told
+    assert "more than half of the response itself on 30 of 100 lines, 71-100 Hz" in told
+    (told,) = doubts_of_model(measured, np.array([0.02]), 1.0, 0.02 * H)
+    assert "(2% of the response's rms over the band)" in told
 
 
 def test_modes_outside_the_band_are_one_sentence_and_narrow_ones_no_doubt_of_samples():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Complex, Float
 
 from middeck.errors import FitError
 from middeck.identification.fit.start import HEAVY, NARROW
@@ -54,12 +54,15 @@ def doubts_of_record(measured: FrequencyResponse) -> list[str]:
 
 
 def doubts_of_model(
-    measured: FrequencyResponse, error: Float[np.ndarray, " output"], model_error: float, share: float
+    measured: FrequencyResponse,
+    error: Float[np.ndarray, " output"],
+    model_error: float,
+    residual: Complex[np.ndarray, "line output input"],
 ) -> list[str]:
     """Outputs that the model does not explain, or deviations that do not cover what it lacks.
 
-    ``model_error`` is the part of the assumed variance that is not noise, ``share`` its size as a part of
-    the mean square response. Raises `FitError` for a model that is worse than none.
+    ``model_error`` is the part of the assumed variance that is not noise; ``residual`` is E - H. Raises
+    `FitError` for a model that is worse than none.
     """
     if np.any(error > FAILED):
         worst = int(np.argmax(error))
@@ -76,10 +79,24 @@ def doubts_of_model(
     ]
     if poor or model_error <= 0.5 or measured.variance is None:
         return poor
+    of_rms = 100.0 * np.sqrt(np.mean(error**2))
     return [
-        f"most of what the fit leaves is not noise but modes it lacks ({np.sqrt(share):.1%} of the "
-        "response): the stated deviations follow what is left, but do not cover a bias that all lines share"
+        f"most of what the fit leaves is not noise but modes it lacks ({of_rms:.2g}% of the "
+        f"response's rms over the band{_wrong_lines(measured, residual)}): the stated deviations follow what "
+        "is left, but do not cover a bias that all lines share"
     ]
+
+
+def _wrong_lines(measured: FrequencyResponse, residual: Complex[np.ndarray, "line output input"]) -> str:
+    """Where a small part of the rms is most of a line."""
+    wrong = np.any(np.abs(residual) > HALF * np.abs(measured.H), axis=(1, 2))
+    if not wrong.any():
+        return ""
+    first, last = measured.frequency_hz[wrong][[0, -1]]
+    return (
+        f", but more than half of the response itself on {wrong.sum()} of {len(wrong)} lines, "
+        f"{first:.4g}-{last:.4g} Hz"
+    )
 
 
 def doubts_of_deviations(

@@ -222,7 +222,7 @@ def _result(
     if not best.refined.converged:
         warnings.append(f"the search had not settled after {len(best.refined.history)} steps")
     warnings += doubts_of_record(measured)
-    doubts = doubts_of_model(measured, error, model_error(best, spread), best.share)
+    doubts = doubts_of_model(measured, error, model_error(best, spread), residual)
     warnings += name_lacking_delay(doubts, measured, covariance, error)
     warnings += doubts_of_deviations(measured, covariance)
     return FitResult(
