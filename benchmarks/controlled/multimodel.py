@@ -1,12 +1,13 @@
 """Robust designs: the frozen case of five modes, plants it has not seen, and `simple` in 0-g.
 
-Designs are made first; the unseen plants are then drawn from the seed given. Decibels of a plant are over its
-own open loop (over the nominal one's, the worst continuous case of the last design is -32.9 dB); the uncertain
-gain scales u only.
+Designs are made first; the unseen plants are then drawn from the seed given. Decibels of a plant are over
+its own open loop (over the nominal one's, the worst continuous case of the last design is -32.9 dB); the
+uncertain gain scales u only.
 
-How HOLD_S, CORNERS and CORNER_SEED were chosen is not recorded. Without HOLD_S the worst at 250 Hz is -29.8 dB:
-presumably it was chosen knowing a verification. With it the level is met barely: worst of 500 plants at 250 Hz,
-seeds 0 to 5: -30.31, -30.20, -30.28, -29.97 (missed), -30.12, -30.15 dB; in continuous time -30.9 to -31.3 dB.
+How HOLD_S, CORNERS and CORNER_SEED were chosen is not recorded. Without HOLD_S the worst at 250 Hz is
+-29.8 dB: presumably it was chosen knowing a verification. With it the level is met barely: worst of 500
+plants at 250 Hz, seeds 0 to 5: -30.31, -30.20, -30.28, -29.97 (missed), -30.12, -30.15 dB; in continuous
+time -30.9 to -31.3 dB.
 """
 
 from __future__ import annotations
