@@ -162,12 +162,13 @@ def _rms_of(
         if orders[i] > order or not agreed:
             alone = measure_noise_rms(plant, compensator, weights)
             stable[i], rms[i], control[i] = alone.stable, alone.rms, alone.control_rms
-    return stable & np.isfinite(rms), rms, control
+    return stable, rms, control
 
 
 def _outcomes(
     setting: str, stable: np.ndarray, rms: np.ndarray, control: np.ndarray, reference: np.ndarray
 ) -> PlantOutcomes:
+    stable = stable & np.isfinite(rms)
     rms, control = np.where(stable, rms, np.inf), np.where(stable, control, np.inf)
     db = np.where(np.isfinite(rms), np.where(np.isfinite(reference), 0.0, -np.inf), np.inf)
     both = np.isfinite(rms) & np.isfinite(reference) & (rms > 0.0) & (reference > 0.0)
