@@ -57,7 +57,7 @@ def options_of(measured: FrequencyResponse, states: int | None, choices: Choices
     if real and (states - still) % 2:
         raise ConfigError(
             f"{states} states, {still} of them at zero, are no whole number of modes",
-            hint="one more, or constants='complex'",
+            hint="one more, for an even number beside those at zero, or constants='complex'",
         )
     with_delay = real if choices.delay is None else bool(choices.delay)
     return Options(
