@@ -22,6 +22,7 @@ SHARE = 20  # `make test` runs a twentieth of each campaign
 
 # Independent programs with environments of their own; nothing here imports them.
 collect_ignore = ["cross/sheet_by_autodiff", "cross/suspended_bus", "cross/uff"]
+collect_ignore_glob = ["cross/*/make_*.py"]
 
 settings.register_profile("short", max_examples=20, derandomize=True, deadline=None)
 settings.register_profile("long", max_examples=20 * SHARE, derandomize=True, deadline=None)

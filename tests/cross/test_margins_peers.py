@@ -1,4 +1,4 @@
-"""Margins of rational loops beside python-control (margins/make.py)."""
+"""Margins of rational loops beside python-control (margins/make_margins.py)."""
 
 from __future__ import annotations
 

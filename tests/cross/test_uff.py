@@ -1,4 +1,4 @@
-"""Universal files that pyuff wrote (tests/cross/uff/make.py), read by ours."""
+"""Universal files that pyuff wrote (tests/cross/uff/make_uff.py), read by ours."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ HZ, SAMPLES, LINES = 1024.0, 40, 12
 
 
 def signals() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """As in make.py."""
+    """As in make_uff.py."""
     rng = np.random.default_rng(58)
     force, acceleration = rng.standard_normal((2, 2, SAMPLES))
     return force, acceleration, rng.standard_normal((LINES, 2)) + 1j * rng.standard_normal((LINES, 2))

@@ -1,4 +1,4 @@
-"""Gains of python-control (0.10.2) for the paper's single loop, sampled: python make.py
+"""Gains of python-control (0.10.2) for the paper's single loop, sampled: python make_sampled_lqg.py
 
 The plant of the benchmark cases, 10 ms late at its input; the cost, its cross term and the noise of a period
 by Van Loan's exponential (1978), here once with all inputs in force among the states. Its own Riccati solver,

@@ -1,4 +1,4 @@
-"""Write the files of this folder with pyuff (2.5.8), which the package does not need: python make.py
+"""Write the files of this folder with pyuff (2.5.8), which the package does not need: python make_uff.py
 
 Two experiments of a force and an acceleration at 1024 Hz, and responses of two points, in ASCII and binary.
 """

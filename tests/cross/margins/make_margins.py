@@ -1,6 +1,6 @@
 """Margins of rational loops by python-control, for tests/cross/test_margins_peers.py.
 
-PYTHON make.py        (python-control 0.10.2 and slycot 0.7.1; writes numbers.json beside itself)
+PYTHON make_margins.py        (python-control 0.10.2 and slycot 0.7.1; writes numbers.json beside itself)
 """
 
 from __future__ import annotations
