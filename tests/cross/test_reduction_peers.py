@@ -1,4 +1,4 @@
-"""Balanced reductions and peak gains that SLICOT found (tests/cross/reduction/make_reduction.py), found again."""
+"""Balanced reductions and peak gains that SLICOT found (reduction/make_reduction.py), found again."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sampled LQG of the paper's single loop beside python-control's dlqr and dlqe (sampled_lqg/make_sampled_lqg.py)."""
+"""Sampled LQG of the paper's single loop beside python-control's (sampled_lqg/make_sampled_lqg.py)."""
 
 import json
 from pathlib import Path

@@ -1,6 +1,7 @@
 """Reduced systems and peak gains by slycot (SLICOT's AB09AD, AB09BD, AB09MD, AB09ND, AB13DD).
 
-In an environment of its own with slycot 0.7.1 and scipy: python make_reduction.py. Writes numbers.npz beside it.
+In an environment of its own with slycot 0.7.1 and scipy: python make_reduction.py.
+Writes numbers.npz beside it.
 """
 
 from concurrent.futures import ProcessPoolExecutor
