@@ -48,11 +48,12 @@ def test_topologies_are_the_designs_alone(orbit):
     assert np.all(table.control_rms[:, 1] > table.control_rms[:, 0])
 
 
-def test_control_rms_of_a_scalar():
-    # x' = -x + u + w under u = -k x: u is k times a lag of corner 1 + k.
+@pytest.mark.parametrize("disturbed", ["w", "u"])
+def test_control_rms_of_a_scalar(disturbed):
+    # x' = -x + u + w under u = -k x: u is k times a lag of corner 1 + k; a disturbance at u is not of it.
     ports = (Port("w", "N"), Port("u", "N")), (Port("x", "m"),)
     system = StateSpace([[-1.0]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]])
-    plant = Plant(system, *ports, ("w",), ("u",), ("x",), ("x",))
+    plant = Plant(system, *ports, (disturbed,), ("u",), ("x",), ("x",))
     law = Compensator(gain_system([[-3.0]]), (Port("x", "m"),), (Port("u", "N"),))
     found = measure_control_rms(plant, law, Performance(np.ones(1), np.eye(1), (0.0, 1.0)))
     expected = 3.0 * np.sqrt(np.arctan(2.0 * np.pi / 4.0) / 4.0 / np.pi)

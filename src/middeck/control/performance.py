@@ -62,18 +62,28 @@ def measure_control_rms(
 
 
 def _show_commands(plant: Plant, compensator: Compensator) -> Plant:
-    """The plant with the compensator's commands as its performance outputs."""
+    """The plant with the compensator's commands as its performance outputs.
+
+    Disturbances get inputs of their own: where one acts at a port that is driven too, it is no command.
+    """
     active = partition_modes(plant).active
-    system, u = active.system, active.input_indices([p.name for p in compensator.outputs])
+    system, w = active.system, active.input_indices(active.w)
+    u = active.input_indices([p.name for p in compensator.outputs])
     echo = np.eye(len(active.inputs))[u]
+    commands = tuple(Port(f"command {port.name}", port.unit) for port in compensator.outputs)
+    disturbances = tuple(Port(f"disturbance {active.inputs[i].name}", active.inputs[i].unit) for i in w)
     shown = StateSpace(
-        system.A, system.B, np.vstack([system.C, 0.0 * system.B.T[u]]), np.vstack([system.D, echo])
+        system.A,
+        np.hstack([system.B, system.B[:, w]]),
+        np.vstack([system.C, 0.0 * system.B.T[u]]),
+        np.block([[system.D, system.D[:, w]], [echo, 0.0 * echo[:, w]]]),
     )
-    ports = tuple(Port(f"command {port.name}", port.unit) for port in compensator.outputs)
     return dataclasses.replace(
         active,
         dynamics=shown,
-        outputs=(*active.outputs, *ports),
-        z=tuple(port.name for port in ports),
+        inputs=(*active.inputs, *disturbances),
+        outputs=(*active.outputs, *commands),
+        w=tuple(port.name for port in disturbances),
+        z=tuple(port.name for port in commands),
         state_names=name_states(active),
     )
