@@ -11,7 +11,8 @@ import numpy as np
 from measured.rows import cell, peer, row
 from middeck.control.lqg import LQGWeights, design_lqg
 from middeck.realtime.hardware_rig import build_hardware_rig, connect_law, cut_blocks
-from middeck.realtime.hybrid import simulate_hybrid, start_hybrid
+from middeck.realtime.hybrid import simulate_hybrid
+from middeck.realtime.hybrid_state import start_hybrid
 from middeck.realtime.motors import Motor
 from middeck.realtime.rig import close_sampled_loop
 from middeck.realtime.sensors import Encoder

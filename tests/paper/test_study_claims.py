@@ -7,7 +7,7 @@ from middeck.files.studies import load_study
 from middeck.identification.measurement_model import model_response, path_delay
 from middeck.identification.plants.plant_model import model_of_plant
 from middeck.identification.plants.zeros import path_zeros
-from middeck.realtime.hardware_rig import linearise_rig
+from middeck.realtime.linear_view import linearise_rig
 from middeck.study.claims import (
     figure_6_claims,
     figure_7_claims,

@@ -13,7 +13,6 @@ from middeck.realtime.hardware_rig import (
     build_hardware_rig,
     connect_law,
     cut_blocks,
-    linearise_rig,
     stream_hardware,
 )
 from middeck.realtime.hardware_runs import (
@@ -22,7 +21,9 @@ from middeck.realtime.hardware_runs import (
     run_hardware_closed_loop,
     run_hardware_open_loop,
 )
-from middeck.realtime.hybrid import simulate_hybrid, start_hybrid
+from middeck.realtime.hybrid import simulate_hybrid
+from middeck.realtime.hybrid_state import start_hybrid
+from middeck.realtime.linear_view import linearise_rig
 from middeck.realtime.motors import Motor, Rotor
 from middeck.realtime.nonlinear_rig import build_nonlinear_rig
 from middeck.realtime.rig import build_linear_rig, close_sampled_loop

@@ -16,7 +16,8 @@ from middeck.realtime.hardware_rig import (
     stream_hardware,
 )
 from middeck.realtime.hardware_runs import run_hardware_closed_loop, run_hardware_open_loop
-from middeck.realtime.hybrid import simulate_hybrid, start_hybrid
+from middeck.realtime.hybrid import simulate_hybrid
+from middeck.realtime.hybrid_state import start_hybrid
 from middeck.realtime.motors import Motor, Rotor
 from middeck.realtime.sensors import Encoder, Gyro, Sampler
 from middeck.systems.friction import Friction

@@ -11,16 +11,15 @@ from middeck.errors import ConfigError
 from middeck.files.documents import load_environment, load_structure
 from middeck.files.studies import load_study
 from middeck.realtime.drift import Drift, nearest_modes
-from middeck.realtime.hardware_rig import linearise_rig
 from middeck.realtime.hardware_runs import run_hardware_open_loop
+from middeck.realtime.linear_view import linearise_rig
 from middeck.realtime.sensors import Encoder, Gyro
 from middeck.structure.environment import Environment
 from middeck.structure.equilibrium import solve_equilibrium
 from middeck.structure.modes import solve_modes
+from middeck.study.hidden_errors import HiddenErrors, draw_hidden_errors
 from middeck.study.rig_article import (
     TUBE_SHEAR,
-    HiddenErrors,
-    draw_hidden_errors,
     holding_torque,
     rig_article_plant,
     solve_rig_article,

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
-from middeck.realtime.hybrid import HybridBlock, HybridSystem
+from middeck.realtime.hybrid_state import HybridBlock, HybridSystem
 from middeck.systems.ports import Port, port_indices
 from middeck.values import record
 

@@ -15,19 +15,14 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
-from middeck.realtime.computer import build_computer, integrators
-from middeck.realtime.hybrid import (
-    HybridBlock,
-    HybridState,
-    HybridSystem,
-    Readout,
-    simulate_hybrid,
-    start_hybrid,
-)
+from middeck.realtime.computer import build_computer
+from middeck.realtime.hybrid import simulate_hybrid
 from middeck.realtime.hybrid_plant import HybridPlant, build_hybrid_plant
-from middeck.realtime.motors import EXACT, Motor, gather_motors
-from middeck.realtime.rig import LinearRig, pure_delay
-from middeck.realtime.sensors import Encoder, Gyro, Sampler, Sensor, sensor_lag
+from middeck.realtime.hybrid_state import HybridBlock, HybridState, HybridSystem, start_hybrid
+from middeck.realtime.motors import Motor, gather_motors
+from middeck.realtime.readout import gather_readout
+from middeck.realtime.rig import pure_delay
+from middeck.realtime.sensors import Sensor, sensor_lag
 from middeck.systems.joint_simulation import JointElements
 from middeck.systems.plant import Plant
 from middeck.systems.ports import Port
@@ -118,7 +113,7 @@ def connect_law(rig: HardwareRig, law: SampledStateSpace | None) -> HybridSystem
         rig.plant,
         build_computer(rig.sensors, law, len(rig.inputs), period_s),
         gather_motors(rig.motors, period_s),
-        _readout(rig.sensors, period_s),
+        gather_readout(rig.sensors, period_s),
         rig.joints,
     )
 
@@ -146,7 +141,7 @@ def measure_bias(
 
     The mean of the readings is taken for the bias and will be subtracted before the computer adds them up.
     """
-    readout = _readout(rig.sensors, 1.0 / rig.sample_hz)
+    readout = gather_readout(rig.sensors, 1.0 / rig.sample_hz)
     bias = readout.bias * rng.standard_normal(len(rig.outputs))
     begin = start_hybrid(connect_law(rig, law), bias)
     ticks = round(rest_s * rig.sample_hz)
@@ -169,82 +164,3 @@ def cut_blocks(
 ) -> Iterator[Float[np.ndarray, "sample input"]]:
     """``excitation`` in blocks of ``size`` samples; the last may be shorter."""
     return (excitation[k : k + size] for k in range(0, len(excitation), size))
-
-
-def linearise_rig(rig: HardwareRig) -> LinearRig:
-    """The same rig without limits, steps, joints' torques and noise: for eigenvalues, not for a design.
-
-    States: the continuous part's, then commands on their way, the latest first; and of a plant with
-    rigid-body modes the sums of the gyros' samples, each a pole at one. Otherwise the sums are rows of the
-    other states, see `gyro_sums`, and that pole, which nothing moves, is left out.
-    """
-    m, period_s = len(rig.inputs), 1.0 / rig.sample_hz
-    A, B, read = _without_sums(rig)
-    sums = integrators(rig.sensors, period_s)
-    rows = gyro_sums(rig)
-    p, n = len(rig.outputs), len(sums.A)
-    if rows is not None:
-        sampled = SampledStateSpace(A, B, sums.C @ rows + sums.D @ read, np.zeros((p, m)), period_s)
-    else:
-        sampled = SampledStateSpace(
-            np.block([[A, np.zeros((len(A), n))], [sums.B @ read, sums.A]]),
-            np.vstack([B, np.zeros((n, m))]),
-            np.hstack([sums.D @ read, sums.C]),
-            np.zeros((p, m)),
-            period_s,
-        )
-    return LinearRig(sampled, rig.sample_hz, np.zeros(p), rig.inputs, rig.outputs)
-
-
-def gyro_sums(rig: HardwareRig) -> Float[np.ndarray, "gyro state"] | None:
-    """The sum of each gyro's samples as a row L of the other linear states; None with rigid-body modes.
-
-    The sum s[k+1] = s[k] + T r[k] of a reading r = c x is L x with L (A - I) = T c, but for a constant. For
-    L B = T c (A - I)^-1 B is the rate's gain at zero frequency: zero, for the angle comes to rest.
-    """
-    A, _, read = _without_sums(rig)
-    left = A - np.eye(len(A))
-    # 1e12: the frequency of the slowest mode in cycles a sample, squared, far above rounding.
-    if len(A) and np.linalg.cond(left) > 1e12:
-        return None
-    return np.linalg.solve(left.T, (integrators(rig.sensors, 1.0 / rig.sample_hz).B @ read).T).T
-
-
-def _without_sums(rig: HardwareRig) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A, B and the readings of the continuous part, followed by commands on their way."""
-    plant, m = rig.plant, len(rig.inputs)
-    states, depth = plant.angle.shape[1], plant.late + 1
-    transition, window = np.eye(states), np.zeros((states, 2 * m))
-    for step, drive in zip(plant.step, plant.drive, strict=True):
-        transition, window = step[:states] @ transition, step[:states] @ window + drive[:states]
-    size = states + depth * m
-    A, B = np.zeros((size, size)), np.zeros((size, m))
-    A[:states, :states] = transition
-    for age, gain in ((depth, window[:, :m]), (depth - 1, window[:, m:])):
-        if age:
-            A[:states, states + (age - 1) * m : states + age * m] = gain
-        else:
-            B[:states] = gain
-    B[states : states + m] = np.eye(m)
-    for age in range(1, depth):
-        here = states + age * m
-        A[here : here + m, here - m : here] = np.eye(m)
-    return A, B, np.hstack([plant.read, np.zeros((len(plant.read), depth * m))])
-
-
-def _readout(sensors: Sequence[Sensor], period_s: float) -> Readout:
-    step, reach, noise, bias, walk = np.zeros((5, len(sensors)))
-    reach[:], step[:] = np.inf, EXACT
-    for i, sensor in enumerate(sensors):
-        match sensor:
-            case Sampler():
-                noise[i] = sensor.noise_rms
-            case Encoder():
-                step[i] = sensor.step
-            case Gyro():
-                step[i], reach[i] = sensor.resolution or EXACT, sensor.range
-                bias[i], walk[i] = sensor.bias, sensor.bias_walk * np.sqrt(period_s)
-                if np.isinf(sensor.anti_alias_hz):
-                    noise[i] = sensor.noise / np.sqrt(period_s)
-    gyro = np.array([isinstance(s, Gyro) for s in sensors], dtype=bool)
-    return Readout(step, reach, noise, bias, walk, gyro)

@@ -19,11 +19,11 @@ from middeck.realtime.hardware_rig import (
     HardwareRig,
     connect_law,
     cut_blocks,
-    gyro_sums,
-    linearise_rig,
     measure_bias,
 )
-from middeck.realtime.hybrid import HybridBlock, HybridState, simulate_hybrid
+from middeck.realtime.hybrid import simulate_hybrid
+from middeck.realtime.hybrid_state import HybridBlock, HybridState
+from middeck.realtime.linear_view import gyro_sums, linearise_rig
 from middeck.realtime.rig import Run, close_sampled_loop
 from middeck.realtime.sensors import Gyro
 from middeck.systems.record import Record

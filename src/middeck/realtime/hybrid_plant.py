@@ -9,16 +9,14 @@ sensors are equally late. Nothing here is approximated but the joints' torques, 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg as sla
 from jaxtyping import Float
 
-from middeck.errors import ConfigError
-from middeck.realtime.sensors import Gyro, Sensor, anti_alias, sensor_filter
-from middeck.systems.joint_simulation import JointElements, add_viscous, check_collocated
-from middeck.systems.modal import ModalSystem, modal_to_statespace
+from middeck.realtime.filtered_plant import filter_outputs, sample_noise
+from middeck.realtime.sensors import Sensor
+from middeck.systems.joint_simulation import JointElements, check_collocated
 from middeck.systems.plant import Plant
 from middeck.systems.sampling import WHOLE
 from middeck.systems.statespace import StateSpace
@@ -56,14 +54,6 @@ class HybridPlant:
     noise: Float[np.ndarray, "state white"]
 
 
-class _Filtered(NamedTuple):
-    """A plant behind its sensors' filters: torques of the motors, then of the joints; and noise in it."""
-
-    system: StateSpace
-    noise: np.ndarray  # root of the intensity of the noise on the states, a column for each
-    moved: list[int]  # states of the filters behind it
-
-
 def build_hybrid_plant(
     plant: Plant,
     *,
@@ -80,7 +70,7 @@ def build_hybrid_plant(
     Commands act late by ``command_delay_s``, each sample is that of ``wait_s`` ago. Raises `ConfigError` for
     unknown ports, an output that answers at once, or a joint that is none.
     """
-    filtered = _filter_outputs(plant, inputs, sensors, joints)
+    filtered = filter_outputs(plant, inputs, sensors, joints)
     clock = _Clock(period_s, steps, command_delay_s / period_s)
     states, m = len(filtered.system.A), len(inputs)
     chains = [_split_wait(w / period_s) for w in wait_s]
@@ -96,7 +86,7 @@ def build_hybrid_plant(
         push.append(P)
     check_collocated(angle @ push[0], np.zeros((len(joints), len(joints))), joints)
     noise = np.zeros((size, len(filtered.moved)))
-    noise[filtered.moved] = _sampled_noise(filtered, period_s)
+    noise[filtered.moved] = sample_noise(filtered, period_s)
     return HybridPlant(
         np.array(step), np.array(drive), np.array(push), angle, _read_rows(filtered.system, chains, size),
         clock.late, noise,
@@ -196,72 +186,9 @@ def _read_rows(system: StateSpace, chains: list[tuple[int, float]], size: int) -
     return read
 
 
-def _filter_outputs(
-    plant: Plant,
-    inputs: Sequence[str],
-    sensors: Sequence[tuple[str, Sensor]],
-    joints: Sequence[JointElements],
-) -> _Filtered:
-    dynamics = add_viscous(plant, joints)
-    system = modal_to_statespace(dynamics) if isinstance(dynamics, ModalSystem) else dynamics
-    columns = [*plant.input_indices(inputs), *plant.input_indices([j.torque for j in joints])]
-    B = system.B[:, columns]
-    filters = [sensor_filter(sensor) for _, sensor in sensors]
-    n, extra = len(system.A), sum(len(f.A) for f in filters)
-    A, rows = np.zeros((n + extra, n + extra)), np.zeros((len(filters), n + extra))
-    moved: list[int] = []
-    A[:n, :n] = system.A
-    noise = np.zeros((n + extra, len(filters)))
-    first = n
-    for o, ((name, sensor), f) in enumerate(zip(sensors, filters, strict=True)):
-        c = _reading(plant, system, B, name, sensor)
-        last = first + len(f.A)
-        A[first:last, :n], A[first:last, first:last] = f.B @ c[None], f.A
-        rows[o, :n], rows[o, first:last] = f.D[0, 0] * c, f.C[0]
-        if isinstance(sensor, Gyro) and sensor.noise > 0.0:
-            into = anti_alias(sensor.anti_alias_hz).B[:, 0]
-            noise[last - len(into) : last, o] = sensor.noise * into
-            moved += range(last - len(into), last)
-        first = last
-    padded = np.vstack([B, np.zeros((extra, B.shape[1]))])
-    return _Filtered(StateSpace(A, padded, rows, np.zeros((len(rows), len(columns)))), noise, moved)
-
-
-def _reading(plant: Plant, system: StateSpace, B: np.ndarray, name: str, sensor: Sensor) -> np.ndarray:
-    """Row of the states that a sensor reads: the output, or for a gyro its rate."""
-    row = plant.output_indices([name])[0]
-    c = system.C[row]
-    steps = np.any(system.D[row]) or (isinstance(sensor, Gyro) and np.any(_at_once(c, B)))
-    if steps:
-        raise ConfigError(
-            f"output {name!r} answers a command at once",
-            where="sensors",
-            hint="angles of a plant without residual flexibility (static=False)",
-        )
-    return c @ system.A if isinstance(sensor, Gyro) else c
-
-
-def _at_once(c: np.ndarray, B: np.ndarray) -> np.ndarray:
-    """c B beyond rounding: what an angle's rate would jump by."""
-    return np.abs(c @ B) > 1e-12 * (np.abs(c) @ np.abs(B))
-
-
 def _joint_angles(plant: Plant, joints: Sequence[JointElements], states: int) -> np.ndarray:
     system = plant.system
     angle = np.zeros((len(joints), states))
     rows = plant.output_indices([j.angle for j in joints])
     angle[:, : len(system.A)] = system.C[rows]
     return angle
-
-
-def _sampled_noise(filtered: _Filtered, period_s: float) -> np.ndarray:
-    """Square root of the covariance that white noise leaves in a tick (Van Loan 1978), filter by filter."""
-    moved, k = filtered.moved, len(filtered.moved)
-    if not k:
-        return np.zeros((0, 0))
-    A, G = filtered.system.A[np.ix_(moved, moved)], filtered.noise[moved]
-    block = np.zeros((2 * k, 2 * k))
-    block[:k, :k], block[:k, k:], block[k:, k:] = -A, G @ G.T, A.T
-    exponential = np.asarray(sla.expm(block * period_s))
-    covariance = exponential[k:, k:].T @ exponential[:k, k:]
-    return np.linalg.cholesky(0.5 * (covariance + covariance.T))

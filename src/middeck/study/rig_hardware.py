@@ -16,12 +16,8 @@ from middeck.structure.article import Actuator, JointState, Structure
 from middeck.structure.environment import Environment
 from middeck.structure.equilibrium import Equilibrium
 from middeck.study.gimbal_elements import build_gimbal_elements
-from middeck.study.rig_article import (
-    RigArticle,
-    draw_hidden_errors,
-    rig_article_plant,
-    solve_rig_article,
-)
+from middeck.study.hidden_errors import draw_hidden_errors
+from middeck.study.rig_article import RigArticle, rig_article_plant, solve_rig_article
 from middeck.systems.joint_simulation import JointElements
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.control.compensator import Compensator
-from middeck.realtime.hardware_rig import linearise_rig
+from middeck.realtime.linear_view import linearise_rig
 from middeck.realtime.rig import close_sampled_loop
 from middeck.study.bench import Bench, law_on
 from middeck.systems.response import statespace_response

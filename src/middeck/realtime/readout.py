@@ -1,0 +1,48 @@
+"""What converters and encoders make of sampled outputs, as arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.realtime.motors import EXACT
+from middeck.realtime.sensors import Encoder, Gyro, Sampler, Sensor
+from middeck.values import record
+
+
+@record
+class Readout:
+    """What converters and encoders make of the sampled outputs, one entry each.
+
+    ``step`` is one count (`EXACT` for none), ``range`` the largest reading; ``noise_rms`` is white and added
+    before them. ``bias`` and ``walk`` (per tick) are standard deviations of an error and of its random walk;
+    ``gyro`` tells the outputs that have one.
+    """
+
+    step: Float[np.ndarray, " output"]
+    range: Float[np.ndarray, " output"]
+    noise_rms: Float[np.ndarray, " output"]
+    bias: Float[np.ndarray, " output"]
+    walk: Float[np.ndarray, " output"]
+    gyro: np.ndarray
+
+
+def gather_readout(sensors: Sequence[Sensor], period_s: float) -> Readout:
+    """All sensors of a rig at a tick of ``period_s``."""
+    step, reach, noise, bias, walk = np.zeros((5, len(sensors)))
+    reach[:], step[:] = np.inf, EXACT
+    for i, sensor in enumerate(sensors):
+        match sensor:
+            case Sampler():
+                noise[i] = sensor.noise_rms
+            case Encoder():
+                step[i] = sensor.step
+            case Gyro():
+                step[i], reach[i] = sensor.resolution or EXACT, sensor.range
+                bias[i], walk[i] = sensor.bias, sensor.bias_walk * np.sqrt(period_s)
+                if np.isinf(sensor.anti_alias_hz):
+                    noise[i] = sensor.noise / np.sqrt(period_s)
+    gyro = np.array([isinstance(s, Gyro) for s in sensors], dtype=bool)
+    return Readout(step, reach, noise, bias, walk, gyro)

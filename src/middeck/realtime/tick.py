@@ -1,0 +1,119 @@
+"""One tick of a hybrid simulation: read, limit, move."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from middeck.realtime.hybrid_state import HybridState, HybridSystem
+from middeck.realtime.motors import EXACT
+from middeck.systems.joint_simulation import balance_torques
+
+Array = np.ndarray
+
+
+class Tick:
+    """Buffers and matrices of one block; `read`, `limit` and `move` are the three parts of a tick."""
+
+    def __init__(self, system: HybridSystem, start: HybridState) -> None:
+        plant, motors, readout = system.plant, system.motors, system.readout
+        self.x = start.x.copy()
+        self.digital = np.concatenate([start.computer, np.zeros(system.computer.outputs)])
+        self.reading = self.digital[system.computer.states :]
+        self.trim = start.trim if np.any(start.trim) else None
+        self.momentum = start.momentum.copy()
+        self.previous = start.issued[-1].copy()
+        self.motors = motors
+        self.per_step = 1.0 / motors.step
+        self.converts = bool(np.any(motors.step > EXACT))
+        self.slews, self.turns = (
+            bool(np.isfinite(motors.slew).any()),
+            bool(np.isfinite(motors.momentum).any()),
+        )
+        self.low, self.high = np.empty_like(self.momentum), np.empty_like(self.momentum)
+        self.counts = bool(np.any(readout.step > EXACT))
+        self.count, self.per_count = readout.step, 1.0 / readout.step
+        self.range = readout.range if np.isfinite(readout.range).any() else None
+        self.steps = [np.ascontiguousarray(a) for a in plant.step]
+        self.drives = [np.ascontiguousarray(b) for b in plant.drive]
+        self.first = np.vstack([self.steps[0], plant.read])
+        self.ahead = np.empty(len(self.first))
+        self.noisy = plant.noise.shape[1] > 0
+        self.elements = [j.elements for j in system.joints]
+        values = iter(start.joints.tolist())
+        self.inner = [[next(values) for _ in parts] for parts in self.elements]
+        self.push = list(plant.push)
+        self.compliance: list[list[list[float]]] = [(plant.angle @ p).tolist() for p in plant.push]
+        self.angles: list[float] = (plant.angle @ self.x).tolist()
+        self.torque = [0.0] * len(self.elements)
+
+    def joint_states(self) -> Array:
+        """State of every joint element in order."""
+        return np.array([s for row in self.inner for s in row], dtype=float)
+
+    def read(self, offset: Array, reading: Array) -> None:
+        """What the sensors give now, also into ``reading``; and the states after the first internal step."""
+        np.dot(self.first, self.x, out=self.ahead)
+        now = self.reading
+        np.add(self.ahead[len(self.steps[0]) :], offset, out=now)
+        if self.range is not None:
+            np.minimum(now, self.range, out=now)
+            np.maximum(now, -self.range, out=now)
+        if self.counts:
+            np.multiply(now, self.per_count, out=now)
+            np.rint(now, out=now)
+            np.multiply(now, self.count, out=now)
+        reading[:] = now
+        if self.trim is not None:
+            np.subtract(now, self.trim, out=now)
+
+    def limit(self, law: Array, excitation: Array, torque: Array, momentum: Array) -> None:
+        """What the motors give for law and excitation together, and what that leaves in their rotors."""
+        motors, low, high = self.motors, self.low, self.high
+        np.add(law, excitation, out=torque)
+        if self.converts:
+            np.multiply(torque, self.per_step, out=torque)
+            np.rint(torque, out=torque)
+            np.multiply(torque, motors.step, out=torque)
+        if self.slews:
+            np.subtract(self.previous, motors.slew, out=low)
+            np.add(self.previous, motors.slew, out=high)
+            np.maximum(torque, low, out=torque)
+            np.minimum(torque, high, out=torque)
+        np.maximum(torque, motors.lower, out=torque)
+        np.minimum(torque, motors.upper, out=torque)
+        if self.turns:
+            np.subtract(self.momentum, motors.momentum, out=low)
+            np.add(self.momentum, motors.momentum, out=high)
+            np.maximum(torque, low, out=torque)
+            np.minimum(torque, high, out=torque)
+        np.subtract(self.momentum, torque, out=self.momentum)
+        momentum[:] = self.momentum
+        self.previous[:] = torque
+
+    def move(self, window: Array, noise: Array) -> None:
+        """The continuous part to the next tick."""
+        ahead = self.ahead[: len(self.steps[0])]
+        for j, drive in enumerate(self.drives):
+            if j:
+                ahead = np.dot(self.steps[j], self.x)
+            after = np.dot(drive, window)
+            np.add(after, ahead, out=after)
+            self.x = after[: len(self.x)]
+            if self.elements:
+                self._rub(j, after[len(self.x) :].tolist())
+        if self.noisy:
+            np.add(self.x, noise, out=self.x)
+
+    def _rub(self, j: int, free: list[float]) -> None:
+        """Torques of the joints, held over this step, and where their angles end."""
+        compliance = self.compliance[j]
+        self.torque = balance_torques(self.elements, self.inner, self.angles, free, compliance, self.torque)
+        self.x -= np.dot(self.push[j], self.torque)
+        # Few joints: plain numbers are faster than arrays.
+        for joint, (end, row) in enumerate(zip(free, compliance, strict=True)):
+            for coefficient, torque in zip(row, self.torque, strict=True):
+                end -= coefficient * torque
+            self.angles[joint] = end
+            states = self.inner[joint]
+            for i, part in enumerate(self.elements[joint]):
+                states[i] = part.resist(end, states[i])[1]
