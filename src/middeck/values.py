@@ -21,8 +21,9 @@ import jaxtyping
 import numpy as np
 
 T = TypeVar("T")
-# Arrays of no more numbers are shown as they are.
-SHORT = 6
+# Arrays of no more numbers and tuples of no more entries are shown as they are; of records within records,
+# those whose call is no longer than a line.
+SHORT, LINE = 6, 100
 
 
 @dataclass_transform(frozen_default=True)
@@ -133,7 +134,14 @@ def _brief(value: Any) -> str:
     if isinstance(value, np.ndarray) and value.size > SHORT:
         shape = " x ".join(map(str, value.shape))
         return f"array({shape}) of {value.dtype}"
-    return repr(value)
+    if type(value) is tuple and len(value) > SHORT:
+        return f"({', '.join(map(_brief, value[:2]))}, ..., {_brief(value[-1])}: {len(value)} in all)"
+    if type(value) is tuple:
+        return f"({', '.join(map(_brief, value))}{',' if len(value) == 1 else ''})"
+    shown = repr(value)
+    if dataclasses.is_dataclass(value) and len(shown) > LINE:
+        return f"{type(value).__qualname__}(...)"
+    return shown
 
 
 def _reduce(self: Any) -> tuple[Any, ...]:

@@ -18,6 +18,12 @@ class Outer:
     H: np.ndarray
 
 
+@record
+class Holder:
+    one: Outer
+    other: Inner
+
+
 def test_long_arrays_are_shown_by_shape_and_kind() -> None:
     shown = repr(Outer("a", (Inner(np.zeros(10_000)),), np.zeros((20, 2), complex)))
     assert (
@@ -38,3 +44,14 @@ def test_what_shows_itself_is_left_alone() -> None:
             return "mine"
 
     assert repr(Own(np.zeros(3))) == "mine"
+
+
+def test_long_tuples_are_shown_by_their_ends() -> None:
+    shown = repr(Outer("a", tuple(Inner(np.array([float(k)])) for k in range(9)), np.zeros(1)))
+    ends = "Inner(x=array([0.])), Inner(x=array([1.])), ..., Inner(x=array([8.])): 9 in all"
+    assert shown == f"Outer(name='a', inner=({ends}), H=array([0.]))"
+
+
+def test_long_records_within_records_are_shown_by_name() -> None:
+    holder = Holder(Outer("a" * 100, (), np.zeros(1)), Inner(np.zeros(1)))
+    assert repr(holder) == "Holder(one=Outer(...), other=Inner(x=array([0.])))"

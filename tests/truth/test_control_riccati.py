@@ -115,6 +115,17 @@ def test_unreachable_free_mode_is_named_even_if_rotated():
         solve_riccati(turn @ A @ turn.T, turn @ B, np.eye(4), np.eye(1))
 
 
+def test_modes_that_are_out_of_reach_in_a_combination_only_are_said_to_be():
+    # One force on two free masses moves their sum; neither alone is out of reach.
+    A = np.zeros((4, 4))
+    A[0, 1] = A[2, 3] = 1.0
+    B = np.array([[0.0], [1.0], [0.0], [1.0]])
+    names = ("left", "left", "right", "right")
+    with pytest.raises(NotStabilisableError, match="a combination of left, right") as caught:
+        solve_riccati(A, B, np.eye(4), np.eye(1), names=names)
+    assert caught.value.data["modes"] == ("left", "right")
+
+
 def test_free_mode_outside_the_cost_is_named():
     A, B = np.diag([0.0, -1.0]), np.ones((2, 1))
     with pytest.raises(NotStabilisableError, match=r"the cost .* misses it.*drift"):

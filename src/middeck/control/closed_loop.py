@@ -31,7 +31,7 @@ class ClosedLoop:
     poles:
         Eigenvalues [rad/s].
     stable:
-        By those eigenvalues, see `middeck.systems.stability`.
+        No pole grows (`middeck.systems.stability`); a free body that merely drifts counts as stable.
     inert:
         Modes of the plant that no port reaches or sees: in no transfer function, and not in ``system``.
     """

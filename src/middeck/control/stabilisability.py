@@ -99,5 +99,16 @@ def require_reachable(
     # A tenth: parts of a mode spread over several names are all named, traces of rounding are not.
     blamed = tuple(label for label, part in total.items() if part > 0.1)
     raise NotStabilisableError(
-        f"{complaint}, and it does not decay: {', '.join(blamed)}", hint=hint, modes=blamed, shares=share
+        f"{complaint}, and it does not decay: {_said(blamed, round(float(share.sum())))}",
+        hint=hint,
+        modes=blamed,
+        shares=share,
     )
+
+
+def _said(blamed: tuple[str, ...], directions: int) -> str:
+    """The modes; as combinations where more of them take part than are out of reach."""
+    names = ", ".join(blamed)
+    if directions >= len(blamed):
+        return names
+    return f"a combination of {names}" if directions == 1 else f"{directions} combinations of {names}"
