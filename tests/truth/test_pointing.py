@@ -110,6 +110,29 @@ def test_an_unstable_loop_has_no_budget():
     assert all(x[0] == np.inf for x in (budget.absolute, budget.mean, budget.relative, budget.drift))
 
 
+def test_a_random_walk_has_no_mean_but_a_jitter_and_a_drift():
+    # Of a walk of unit rate: tau - T/3 and T/6; beyond f2 each lacks the integral of 2 a weight / (2 pi f)^2,
+    # 1/(2 pi^2 f2) under the weight one, and of the order of f2^-3 under sinc^2.
+    window, f2 = PointingWindow(0.5, 2.0), 200.0
+    budget = budget_pointing(
+        loop_of([[0.0]], [[1.0]], [[1.0]]), Performance(np.ones(1), np.eye(1), (0.0, f2)), window
+    )
+    assert budget.absolute[0] == budget.mean[0] == np.inf
+    assert budget.drift[0] ** 2 == pytest.approx(2.0 - 0.5 / 3.0, rel=1e-7)
+    assert budget.relative[0] ** 2 == pytest.approx(0.5 / 6.0 - 1.0 / (2.0 * np.pi**2 * f2), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("A", "B"), [([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]]), ([[0.0, 9.0], [-9.0, 0.0]], [[0.0], [1.0]])]
+)
+def test_what_diverges_is_infinite(A, B):
+    # A free mass has a rate that walks; an undamped mode in the band no spectrum at all.
+    budget = budget_pointing(
+        loop_of(A, B, [[1.0, 0.0]]), Performance(np.ones(1), np.eye(1), (0.0, 20.0)), PointingWindow(0.5, 2.0)
+    )
+    assert all(x[0] == np.inf for x in (budget.absolute, budget.mean, budget.relative, budget.drift))
+
+
 def test_windows_without_sense_are_refused():
     with pytest.raises(ConfigError, match="window"):
         PointingWindow(0.0, 1.0)

@@ -106,8 +106,8 @@ def weighed_rms(
 ) -> Float[np.ndarray, " output"]:
     """Root of 2 times the integral over the band of ``weight`` (of omega, real, not negative) times |G|^2 S.
 
-    Adaptive quadrature in Schur form; ``cuts`` [rad/s] are where the weight changes its course. It is an
-    integral and does not know whether the system is stable.
+    Adaptive quadrature in Schur form; ``cuts`` [rad/s] are where the weight changes its course. ``inf`` where
+    a pole on the axis makes the integral diverge; beyond that it does not know whether the system is stable.
     """
     w1, w2 = _check_band(band_hz)
     noisy = _balanced(system, _square_root(intensity))
@@ -119,7 +119,10 @@ def weighed_rms(
         return response(omega) * np.sqrt(weight(omega))[:, None, None]
 
     inside = cuts[(cuts > w1) & (cuts < w2)]
-    return np.sqrt(_quadrature(weighed, poles(system), (w1, w2), inside) / np.pi)
+    # Panels beside such a pole are halved until they overflow; what then is no number was infinite.
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        rms = np.sqrt(_quadrature(weighed, poles(system), (w1, w2), inside) / np.pi)
+    return np.where(np.isfinite(rms), rms, np.inf)
 
 
 def _on_axis(resolvent: Resolvent) -> Callable[[np.ndarray], np.ndarray]:
