@@ -44,7 +44,6 @@ if TYPE_CHECKING:
     from middeck.control.robust.multimodel import design_multimodel
     from middeck.control.robust.popov import design_popov
     from middeck.control.robust.sensitivity_weighted import design_sensitivity_weighted
-    from middeck.control.robust.uncertainty import ModeShift, Uncertainty
     from middeck.control.sampled.aliases import find_aliases
     from middeck.control.sampled.antialias import filter_measurements
     from middeck.control.sampled.comparison import compare_sampling
@@ -61,6 +60,7 @@ if TYPE_CHECKING:
         second_order_section,
         shape_compensator,
     )
+    from middeck.control.uncertainty import ModeShift, Uncertainty
     from middeck.errors import MiddeckError
     from middeck.files.compensators import write_compensator
     from middeck.files.documents import load_case, load_environment, load_structure
@@ -182,7 +182,7 @@ _ROOM = {
     "MeasurementModel": "identification.measurement_model",
     "MeasurementNoise": "structure.correlation.measured_modes",
     "MiddeckError": "errors",
-    "ModeShift": "control.robust.uncertainty",
+    "ModeShift": "control.uncertainty",
     "PDLoops": "control.classical",
     "Performance": "control.performance",
     "PointingWindow": "control.pointing",
@@ -193,7 +193,7 @@ _ROOM = {
     "SampledCompensator": "control.sampled.compensator",
     "Shaping": "control.lqg.shaping",
     "Suspension": "structure.environment",
-    "Uncertainty": "control.robust.uncertainty",
+    "Uncertainty": "control.uncertainty",
     "accelerometer_offset": "structure.plants.port_rows",
     "approximate_delays": "systems.delayed_plant",
     "budget_pointing": "control.pointing",

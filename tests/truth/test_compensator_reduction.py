@@ -21,8 +21,8 @@ from middeck.control.reduction.separation import subtract
 from middeck.control.robust import shift_modes
 from middeck.control.robust.closed_cost import closed_matrices, evaluate_cost
 from middeck.control.robust.design_model import build_model
-from middeck.control.robust.uncertainty import without_delays
 from middeck.control.shaping import second_order_section, shape_compensator
+from middeck.control.uncertainty import without_delays
 from middeck.errors import ConfigError
 from middeck.files.studies import load_study
 from middeck.study.gravity import find_modes

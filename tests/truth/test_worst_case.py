@@ -19,12 +19,12 @@ from middeck.control.compensator import Compensator
 from middeck.control.lqg import LQGWeights, design_lqg
 from middeck.control.participation import find_participation, find_participations
 from middeck.control.performance import Performance
-from middeck.control.robust.mode_shift import shift_modes
-from middeck.control.robust.uncertainty import ModeShift, Uncertainty, finished_plants
 from middeck.control.shaping import second_order_section
+from middeck.control.uncertainty import ModeShift, Uncertainty, finished_plants
 from middeck.errors import ConfigError
 from middeck.systems.delayed_plant import DelayedPlant, approximate_delays
 from middeck.systems.modal import ModalSystem
+from middeck.systems.mode_shift import shift_modes
 from middeck.systems.plant import Plant
 from middeck.systems.ports import Port
 from middeck.systems.sampling import sample_plant, tustin

@@ -13,13 +13,13 @@ from middeck.cli.blame import reading
 from middeck.cli.cases import solve_case
 from middeck.control.analysis.shifts import find_allowed_shifts
 from middeck.control.compensator import Compensator
-from middeck.control.robust.mode_shift import shift_modes
 from middeck.control.sampled.compensator import SampledCompensator
 from middeck.errors import ConfigError
 from middeck.files.models import load_model
 from middeck.identification.plants.measured_plant import delayed_plant
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.systems.delayed_plant import DelayedPlant
+from middeck.systems.mode_shift import shift_modes
 from middeck.systems.plant import Plant, name_states
 from middeck.values import record
 

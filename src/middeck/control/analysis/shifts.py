@@ -10,10 +10,10 @@ from middeck.control.analysis.loop import FeedbackLoop, approximate_halves, clos
 from middeck.control.analysis.stability import decide_loop
 from middeck.control.compensator import Compensator
 from middeck.control.partition import partition_modes
-from middeck.control.robust.mode_shift import shift_modes
 from middeck.errors import ConfigError
 from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.modal import ModalSystem
+from middeck.systems.mode_shift import shift_modes
 from middeck.systems.plant import Plant, name_states
 from middeck.systems.stability import GROWTH_LIMIT, growth_rates
 from middeck.values import record

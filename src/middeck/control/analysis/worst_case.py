@@ -16,7 +16,7 @@ from middeck.control.closed_loop import close_loop
 from middeck.control.compensator import Compensator
 from middeck.control.partition import partition_modes
 from middeck.control.performance import Performance, measure_metric
-from middeck.control.robust.uncertainty import (
+from middeck.control.uncertainty import (
     Uncertainty,
     corner_positions,
     finished_plants,

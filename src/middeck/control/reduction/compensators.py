@@ -19,7 +19,7 @@ from middeck.control.reduction.result import ReducedCompensator
 from middeck.control.reduction.search import Best, Trial, search_law
 from middeck.control.reduction.separation import Separation, add, separate_axis, subtract
 from middeck.control.robust.closed_cost import evaluate_cost
-from middeck.control.robust.uncertainty import without_delays
+from middeck.control.uncertainty import without_delays
 from middeck.errors import ConfigError
 from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.peak_gain import peak_gain

@@ -1,7 +1,6 @@
 """Designs that survive what is not known of a plant, and how they do on plants they have not seen."""
 
 from middeck.control.robust.comparison import ComparedDesign, compare_designs, comparison_table
-from middeck.control.robust.mode_shift import shift_modes
 from middeck.control.robust.monte_carlo import (
     PlantOutcomes,
     Verification,
@@ -18,7 +17,7 @@ from middeck.control.robust.sensitivity_weighted import (
     design_sensitivity_weighted,
 )
 from middeck.control.robust.structure import Station, Structure
-from middeck.control.robust.uncertainty import (
+from middeck.control.uncertainty import (
     ModeShift,
     Uncertainty,
     corner_positions,
@@ -29,6 +28,7 @@ from middeck.control.robust.uncertainty import (
     perturb_plant,
     without_delays,
 )
+from middeck.systems.mode_shift import shift_modes
 
 __all__ = [
     "ComparedDesign",

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from middeck.control.compensator import Compensator
 from middeck.control.lqg import LQGWeights
 from middeck.control.robust.monte_carlo import PlantOutcomes, stable_share, verify_robustness, worst_db
-from middeck.control.robust.uncertainty import Uncertainty, parameter_names
+from middeck.control.uncertainty import Uncertainty, parameter_names
 from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.plant import Plant
 from middeck.values import record

@@ -10,10 +10,10 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.control.partition import partition_modes
-from middeck.control.robust.mode_shift import mode_states
-from middeck.control.robust.uncertainty import Uncertainty
+from middeck.control.uncertainty import Uncertainty
 from middeck.errors import ConfigError
 from middeck.systems.delayed_plant import DelayedPlant
+from middeck.systems.mode_shift import mode_states
 from middeck.systems.plant import Plant, name_states
 from middeck.values import record
 

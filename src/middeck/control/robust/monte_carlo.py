@@ -16,7 +16,7 @@ from middeck.control.robust.design_model import DesignModel, build_model
 from middeck.control.robust.exact_delay import exact_growth
 from middeck.control.robust.noise_rms import measure_noise_rms
 from middeck.control.robust.sampled_loops import sampled_outcomes
-from middeck.control.robust.uncertainty import Uncertainty, finished_plants
+from middeck.control.uncertainty import Uncertainty, finished_plants
 from middeck.errors import ConfigError
 from middeck.systems.delayed_plant import DelayedPlant, approximate_delays
 from middeck.systems.plant import Plant

@@ -22,7 +22,7 @@ from middeck.control.robust.blend import blend
 from middeck.control.robust.problem import Problem, law_of, pose_problem, true_costs, whole_law
 from middeck.control.robust.result import RobustCompensator
 from middeck.control.robust.structure import Structure
-from middeck.control.robust.uncertainty import Uncertainty
+from middeck.control.uncertainty import Uncertainty
 from middeck.errors import ConfigError
 from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.plant import Plant

@@ -25,7 +25,7 @@ from middeck.control.robust.popov_bound import Multipliers, evaluate_bound, firs
 from middeck.control.robust.problem import Problem, law_of, models_of, pose_problem, true_costs, whole_law
 from middeck.control.robust.result import RobustCompensator, Stage
 from middeck.control.robust.structure import Structure, arrange, pack, scale_states, station_ports, unpack
-from middeck.control.robust.uncertainty import ModeShift, Uncertainty, corner_positions, end_positions
+from middeck.control.uncertainty import ModeShift, Uncertainty, corner_positions, end_positions
 from middeck.errors import NumericalError
 from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.plant import Plant

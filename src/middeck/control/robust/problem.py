@@ -13,13 +13,13 @@ from middeck.control.partition import partition_modes
 from middeck.control.robust.closed_cost import Law, evaluate_cost
 from middeck.control.robust.design_model import DesignModel, build_model
 from middeck.control.robust.structure import Structure
-from middeck.control.robust.uncertainty import (
+from middeck.control.stabilisability import require_reachable
+from middeck.control.uncertainty import (
     Uncertainty,
     end_positions,
     finished_plants,
     without_delays,
 )
-from middeck.control.stabilisability import require_reachable
 from middeck.errors import ConfigError
 from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.plant import Plant, name_states

@@ -25,7 +25,7 @@ from middeck.control.robust.directions import Directions, stiffness_directions
 from middeck.control.robust.problem import Problem, models_of, pose_problem, whole_law
 from middeck.control.robust.result import RobustCompensator, Stage
 from middeck.control.robust.structure import Structure
-from middeck.control.robust.uncertainty import Uncertainty
+from middeck.control.uncertainty import Uncertainty
 from middeck.errors import ConfigError, NumericalError
 from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.plant import Plant

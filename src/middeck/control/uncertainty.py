@@ -9,9 +9,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.robust.mode_shift import scale_inputs, shift_modes
 from middeck.errors import ConfigError
 from middeck.systems.delayed_plant import DelayedPlant, approximate_delays
+from middeck.systems.mode_shift import scale_inputs, shift_modes
 from middeck.systems.plant import Plant
 from middeck.values import record
 
