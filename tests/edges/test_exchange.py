@@ -335,7 +335,8 @@ def test_plants_and_systems_come_back_with_groups_units_and_transducers(tmp_path
 def test_matrices_of_any_origin(tmp_path: Path) -> None:
     """As MATLAB writes them, by themselves or in a structure, with or without names."""
     A, B, C, D = np.array([[-1.0]]), np.array([[1.0, 2.0]]), np.array([[3.0]]), np.zeros((1, 2))
-    scipy.io.savemat(tmp_path / "a.mat", {"G": {"A": A, "B": B, "C": C, "D": D, "Ts": 0.1}})
+    plain = {"E": np.eye(1), "InputDelay": np.zeros(2), "TimeUnit": "seconds"}
+    scipy.io.savemat(tmp_path / "a.mat", {"G": {"A": A, "B": B, "C": C, "D": D, "Ts": 0.1, **plain}})
     found = load_mat(tmp_path / "a.mat", variable="G")
     assert isinstance(found, NamedSystem)
     assert [p.name for p in found.inputs] == ["u1", "u2"]
@@ -355,6 +356,13 @@ def test_matrices_of_any_origin(tmp_path: Path) -> None:
         ({"Ts": None}, "Ts: its time base is open"),
         ({"Ts": -1.0}, "Ts: its time base is sampled, of no period"),
         ({"Ts": -2.0}, "a sampling period of -2 s"),
+        ({"E": np.array([[2.0]])}, "E: a descriptor matrix"),
+        ({"InputDelay": 0.01}, "InputDelay: a delay"),
+        ({"InternalDelay": np.array([0.0, 0.01])}, "InternalDelay: a delay"),
+        ({"TimeUnit": "minutes"}, "TimeUnit: time in minutes"),
+        ({"Kind": "law"}, "Kind: 'law' is no kind"),
+        ({"Kind": "compensator", "Feedback": "Negative"}, "Feedback: a feedback of 'Negative'"),
+        ({"Feedback": "negative"}, "Feedback: a feedback of 'negative' for a system"),
         ({"Kind": "plant", "u": np.array(["motor"], dtype=object)}, "no input named 'motor'"),
     ],
 )

@@ -34,7 +34,9 @@ from middeck.systems.ports import Port
 from middeck.systems.sampled_plant import SampledPlant
 
 GROUPS = ("w", "u", "z", "y")
+KINDS = ("", "plant", "compensator", "system")
 NEGATIVE, POSITIVE = "negative", "positive"
+DELAYS = ("InputDelay", "OutputDelay", "IODelay", "ioDelay", "InternalDelay")
 HINT = "s.A = K.A; ... save('law.mat', '-struct', 's') of an ss object's matrices"
 
 
@@ -109,7 +111,8 @@ def load_mat(
     ------
     DataError
         Naming file and variable, for a file that is missing or broken, matrices that are missing, complex,
-        not finite or do not fit, or names that are not as many as the ports.
+        not finite or do not fit, names that are not as many as the ports, or what A, B, C and D alone do not
+        say: a matrix E, a delay, a unit of time other than the second, a kind or sign that is not known.
     """
     where = str(path)
     found = _part(_arrays(Path(path)), variable)
@@ -117,6 +120,7 @@ def load_mat(
     if missing:
         there = ", ".join(sorted(found)) or "nothing"
         raise DataError(f"no {', '.join(missing)}; there is {there}", where=where, hint=HINT)
+    _require_plain(found, where)
     try:
         matrices = {name: real_matrix(found[name], name) for name in "ABCD"}
         ts = float(np.ravel(found["Ts"])[0]) if "Ts" in found and np.size(found["Ts"]) else None
@@ -142,6 +146,34 @@ def _part(arrays: Mapping[str, np.ndarray], variable: str) -> dict[str, np.ndarr
     if not variable:
         return dict(arrays)
     return {name[len(variable) + 1 :]: x for name, x in arrays.items() if name.startswith(f"{variable}.")}
+
+
+def _require_plain(found: Mapping[str, np.ndarray], where: str) -> None:
+    """Refuse what would make another system of the same four matrices."""
+    E = np.asarray(found.get("E", ()))
+    if E.size and not np.array_equal(E, np.eye(len(E))):
+        raise DataError(
+            "a descriptor matrix E", where=f"{where}, E", hint="ss(E\\A, E\\B, C, D) where E is regular"
+        )
+    late = [name for name in DELAYS if np.any(found.get(name, 0.0))]
+    if late:
+        raise DataError(
+            "a delay, which A, B, C and D do not hold",
+            where=f"{where}, {late[0]}",
+            hint="0 there, and a DelayedPlant here; or pade(s, 3)",
+        )
+    unit = _text(found, "TimeUnit")
+    if unit not in ("", "seconds"):
+        raise DataError(f"time in {unit}", where=f"{where}, TimeUnit", hint="chgTimeUnit(s, 'seconds')")
+    kind, feedback = _text(found, "Kind"), _text(found, "Feedback")
+    if kind not in KINDS:
+        raise DataError(f"{kind!r} is no kind", where=f"{where}, Kind", hint=", ".join(KINDS[1:]))
+    if feedback not in (("", POSITIVE, NEGATIVE) if kind == "compensator" else ("",)):
+        raise DataError(
+            f"a feedback of {feedback!r} for a {kind or 'system'}",
+            where=f"{where}, Feedback",
+            hint=f"{POSITIVE} (u = K y) or {NEGATIVE} (u = -K y), with Kind = compensator",
+        )
 
 
 def _build(
