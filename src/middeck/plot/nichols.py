@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from middeck.control.analysis import LoopMargins, Margins, ReturnRatio
 from middeck.plot.curves import decibels
 from middeck.plot.nyquist import title_of
-from middeck.plot.style import COLOUR, WIDTH_IN, new_figure, styled
+from middeck.plot.style import COLOUR, square_pictures, styled
 
 CONTOURS_DB = (0.0, 3.0, 6.0, 12.0)
 REACH_DB = 40.0
@@ -22,15 +22,9 @@ def nichols(ratio: ReturnRatio, margins: Margins, reach_db: float = REACH_DB) ->
     The critical point is at -180 degrees and 0 dB; grey are contours of |L/(1 + L)|. Dots are unit gain,
     squares -180 degrees.
     """
-    count = len(ratio.channels)
-    columns = min(count, 2)
-    rows = -(-count // columns)
-    figure = new_figure(0.25 + rows * WIDTH_IN / 2.0)
-    for k, axes in enumerate(figure.subplots(rows, columns, squeeze=False).ravel()):
-        if k >= count:
-            axes.set_visible(False)
-            continue
-        _draw(axes, ratio.L[:, k], margins.loops[k], stable=margins.stable, reach_db=reach_db)
+    figure, pictures = square_pictures(len(ratio.channels))
+    for axes, L, loop in zip(pictures, ratio.L.T, margins.loops, strict=True):
+        _draw(axes, L, loop, stable=margins.stable, reach_db=reach_db)
     return figure
 
 

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from middeck.control.analysis import LoopMargins, Margins, ReturnRatio
-from middeck.plot.style import COLOUR, WIDTH_IN, new_figure, styled
+from middeck.plot.style import COLOUR, square_pictures, styled
 
 REACH = 2.5
 """What is drawn around the critical point: light modes swing far beyond it, where nothing is decided."""
@@ -21,15 +21,9 @@ def nyquist(ratio: ReturnRatio, margins: Margins, reach: float = REACH) -> Figur
     Shaded is the disk of the channel's own disk margin: the curve touches it, and no more. Dots are unit gain
     (phase margins), squares the negative real axis (gain margins).
     """
-    count = len(ratio.channels)
-    columns = min(count, 2)
-    rows = -(-count // columns)
-    figure = new_figure(0.25 + rows * WIDTH_IN / 2.0)
-    for k, axes in enumerate(figure.subplots(rows, columns, squeeze=False).ravel()):
-        if k >= count:
-            axes.set_visible(False)
-            continue
-        _draw(axes, ratio.L[:, k], margins.loops[k], stable=margins.stable, reach=reach)
+    figure, pictures = square_pictures(len(ratio.channels))
+    for axes, L, loop in zip(pictures, ratio.L.T, margins.loops, strict=True):
+        _draw(axes, L, loop, stable=margins.stable, reach=reach)
     return figure
 
 

@@ -88,6 +88,17 @@ def new_figure(height_in: float, width_in: float = WIDTH_IN) -> Figure:
     return Figure(figsize=(width_in, height_in), layout="constrained")
 
 
+def square_pictures(count: int) -> tuple[Figure, list[Axes]]:
+    """A figure of ``count`` square pictures, two in a row."""
+    columns = min(count, 2)
+    rows = -(-count // columns)
+    figure = new_figure(0.25 + rows * WIDTH_IN / 2.0)
+    axes: list[Axes] = list(figure.subplots(rows, columns, squeeze=False).ravel())
+    for spare in axes[count:]:
+        spare.set_visible(False)
+    return figure, axes[:count]
+
+
 class _PlainNumbers(LogFormatter):
     """Between decades, labels where matplotlib wants some, without powers of ten."""
 
