@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from middeck.control.analysis import measure_disk_margin, measure_margins, trace_return_ratio
+from middeck.control.analysis.loop import At
 from middeck.control.analysis.scaling import scaled_norms
 from middeck.control.compensator import Compensator
 from middeck.errors import ConfigError
@@ -150,6 +151,7 @@ def test_one_loop_at_a_time_may_look_good() -> None:
             assert one.gain_limits == (0.0, np.inf)
             assert one.phase_limit_rad == pytest.approx(np.pi / 2.0, rel=1e-10)
             assert one.disk.alpha == pytest.approx(2.0, rel=1e-9)
+            assert one.disk.phase_rad == pytest.approx(np.pi / 2.0, rel=1e-9)
 
 
 def test_both_loops_together_bear_little() -> None:
@@ -200,7 +202,31 @@ def test_an_unstable_loop_has_no_disk() -> None:
     assert measure_disk_margin(delay_inputs(INTEGRATOR, 2.0), gain(1.0)).alpha == 0.0
 
 
-def test_ratio_of_one_loop_is_the_return_difference_of_all_over_that_of_the_others() -> None:
+@pytest.mark.parametrize("plant", [INTEGRATOR, delay_inputs(INTEGRATOR, 0.1)])
+def test_a_law_without_gain_bears_everything(plant: Plant | DelayedPlant) -> None:
+    """L = 0: no crossing, S = 1, T = 0, and |S - 1/2| = 1/2."""
+    for at in ("inputs", "outputs", "both"):
+        for one in measure_margins(plant, gain(0.0), at=at).loops:
+            assert (one.gain_limits, one.gain_db) == ((0.0, np.inf), np.inf)
+            assert (one.phase_limit_rad, one.delay_limit_s) == (np.inf, np.inf)
+            assert (one.sensitivity.gain, one.complementary.gain, one.disk.alpha) == (1.0, 0.0, 2.0)
+
+
+def test_a_root_on_a_line_is_minus_one_where_it_is_seen() -> None:
+    """1/(s + 1) under -2, and beside it -1 at rest by itself: only the loop that has the root tells."""
+    A, law = -np.eye(2), np.diag([0.5, 1.0])
+    ports = (Port("u1", "N"), Port("u2", "N")), (Port("y1", "m"), Port("y2", "m"))
+    lags = Plant(StateSpace(A, np.eye(2), np.eye(2), np.zeros((2, 2))), *ports)
+    held = Compensator(gain_system(law), ports[1], ports[0])
+    at_rest = trace_return_ratio(lags, held, frequency_hz=np.array([0.0])).L[0]
+    # With the second loop on its limit, the first one's ratio is that of a difference without meaning.
+    assert at_rest[1] == -1.0
+    assert not np.isfinite(at_rest[0])
+    assert measure_margins(lags, held).loops[1].gain == pytest.approx([1.0], rel=1e-14)
+
+
+@pytest.mark.parametrize("at", ["inputs", "outputs", "both"])
+def test_ratio_of_one_loop_is_the_return_difference_of_all_over_that_of_the_others(at: At) -> None:
     rng = np.random.default_rng(5)
     n, ny = 6, 3
     A = rng.standard_normal((n, n)) - 4.0 * np.eye(n)
@@ -210,14 +236,16 @@ def test_ratio_of_one_loop_is_the_return_difference_of_all_over_that_of_the_othe
     delay = rng.uniform(0.0, 0.1, (ny, ny))
     law = Compensator(gain_system(rng.standard_normal((ny, ny))), y, u)
     f = np.array([0.0, 0.1, 1.0, 10.0])
-    L = trace_return_ratio(DelayedPlant(Plant(system, u, y), delay), law, frequency_hz=f).L
+    L = trace_return_ratio(DelayedPlant(Plant(system, u, y), delay), law, at=at, frequency_hz=f).L
     for k, s in enumerate(2j * np.pi * f):
         G = (system.C @ np.linalg.solve(s * np.eye(n) - A, system.B)) * np.exp(-s * delay)
-        whole = np.eye(ny) - law.system.D @ G
-        for i in range(ny):
-            rest = np.delete(np.delete(whole, i, 0), i, 1)
-            expected = np.linalg.det(whole) / np.linalg.det(rest)
-            assert 1.0 + L[k, i] == pytest.approx(expected, rel=1e-11)
+        round_all = {"inputs": [law.system.D @ G], "outputs": [G @ law.system.D]}
+        round_all["both"] = round_all["inputs"] + round_all["outputs"]
+        expected: list[complex] = []
+        for P in round_all[at]:
+            rest = [np.delete(np.delete(np.eye(ny) - P, i, 0), i, 1) for i in range(ny)]
+            expected += [np.linalg.det(np.eye(ny) - P) / np.linalg.det(each) for each in rest]
+        assert 1.0 + L[k] == pytest.approx(np.array(expected), rel=1e-11)
 
 
 def test_bad_pairs_are_refused() -> None:

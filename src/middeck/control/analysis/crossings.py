@@ -14,7 +14,9 @@ from middeck.values import record
 
 SKEW = 1.07
 """Points are not put half-way: that may be a pole on the axis, around which lines were placed."""
-MOST_PEAKS = 12
+MOST_PEAKS, MOST_ROUNDS = 12, 12
+FLAT = 1e-10
+"""A parabola whose points beside the highest lie no further below it rises by a quarter of that at most."""
 Ratio = Callable[[np.ndarray], np.ndarray]
 
 
@@ -84,21 +86,25 @@ def find_peaks(
 ) -> tuple[float, float]:
     """The largest of a positive function of frequency, beyond the grid: where, and how large.
 
-    The highest peaks, those within a tenth of the highest line, are narrowed to an eighth time and again.
+    The highest peaks, those within a tenth of the highest line, are narrowed to an eighth time and again
+    until they are flat: narrower there is rounding only, the more the nearer to a pole that cancels.
     """
     padded = np.concatenate([[-np.inf], value, [-np.inf]])
     peaks = np.flatnonzero((value >= padded[:-2]) & (value >= padded[2:]) & (value >= 0.9 * value.max()))
     peaks = peaks[np.argsort(-value[peaks], kind="stable")[:MOST_PEAKS]]
     low, high = omega[np.maximum(peaks - 1, 0)], omega[np.minimum(peaks + 1, len(omega) - 1)]
-    best, place = value[peaks], omega[peaks]
+    best, place = value[peaks[0]], omega[peaks[0]]
     share = np.linspace(0.0, 1.0, 9) ** SKEW
-    for _ in range(12):
+    for _ in range(MOST_ROUNDS):
         x = low[:, None] + (high - low)[:, None] * share
         y = function(x.ravel()).reshape(x.shape)
-        top = np.argmax(y, axis=1)
-        rows = np.arange(len(peaks))
-        better = y[rows, top] > best
-        best, place = np.where(better, y[rows, top], best), np.where(better, x[rows, top], place)
-        low, high = x[rows, np.maximum(top - 1, 0)], x[rows, np.minimum(top + 1, 8)]
-    lead = int(np.argmax(best))
-    return float(place[lead]), float(best[lead])
+        rows, top = np.arange(len(x)), np.argmax(y, axis=1)
+        lead = int(np.argmax(y[rows, top]))
+        if y[lead, top[lead]] > best:
+            best, place = y[lead, top[lead]], x[lead, top[lead]]
+        left, right = np.maximum(top - 1, 0), np.minimum(top + 1, 8)
+        going = np.minimum(y[rows, left], y[rows, right]) < (1.0 - FLAT) * y[rows, top]
+        if not going.any():
+            break
+        low, high = x[rows, left][going], x[rows, right][going]
+    return float(place), float(best)

@@ -51,10 +51,10 @@ def disk_from_peak(peak: float, omega: float) -> DiskMargin:
     (0.6, 1.6666666666666667)
     """
     alpha = 1.0 / peak if peak > 0.0 else np.inf
-    # From a radius of two on, the disk covers every positive gain and every phase.
+    # From a radius of two on, the disk covers every positive gain, though no phase beyond its own.
     low = (2.0 - alpha) / (2.0 + alpha) if alpha < 2.0 else 0.0
     high = 1.0 / low if low > 0.0 else np.inf
-    phase = 2.0 * np.arctan(0.5 * alpha) if alpha < 2.0 else np.pi
+    phase = 2.0 * np.arctan(0.5 * alpha)
     return DiskMargin(float(alpha), float(omega / (2.0 * np.pi)), (float(low), float(high)), float(phase))
 
 
@@ -71,7 +71,7 @@ def measure_disk_margin(plant: AnyPlant, law: AnyLaw, *, at: At = "both") -> Dis
         return disk_from_peak(np.inf, 0.0)
     halves = evaluate_halves(loop)
     ratio = broken_ratio(loop, at)
-    omega = add_ends(loop, ratio, refine_lines(ratio, place_lines(loop, at, ratio)))
+    omega, _ = add_ends(loop, ratio, refine_lines(ratio, place_lines(loop, at, ratio)))
 
     def bound(w: np.ndarray) -> Float[np.ndarray, " line"]:
         return scaled_norms(skewed_sensitivity(go_round(*halves(1j * w), at)))

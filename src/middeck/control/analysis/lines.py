@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Complex, Float
 
 from middeck.control.analysis.loop import (
     At,
@@ -21,6 +21,8 @@ from middeck.systems.statespace import SampledStateSpace, StateSpace
 from middeck.systems.transmission_zeros import transmission_zeros
 
 Response = Callable[[np.ndarray], np.ndarray]
+Curve = tuple[Float[np.ndarray, " line"], Complex[np.ndarray, "line channel"]]
+"""Angular frequencies and the ratio there."""
 
 WIDEST = 1e4
 """Loop gains and their inverses beyond 80 dB are no crossing that anybody designs for."""
@@ -113,11 +115,20 @@ def _clusters(features: np.ndarray) -> np.ndarray:
     return np.concatenate([(centre[:, None] + offset).ravel(), (centre[:, None] - offset).ravel()])
 
 
-def add_ends(loop: FeedbackLoop, ratio: Response, omega: Float[np.ndarray, " line"]) -> np.ndarray:
+def add_ends(loop: FeedbackLoop, ratio: Response, curve: Curve) -> Curve:
     """The lines with rest, and half the sampling rate, before and after them, where finite."""
+    ends = ends_of(loop)
+    omega, value = (
+        np.concatenate(both) for both in zip(curve, _finite_lines(ends, ratio(1j * ends)), strict=True)
+    )
+    order = np.argsort(omega, kind="stable")
+    return omega[order], value[order]
+
+
+def ends_of(loop: FeedbackLoop) -> Float[np.ndarray, " end"]:
+    """Rest, and half the sampling rate: there everything is real."""
     period = period_of(loop)
-    ends = np.array([0.0] if period is None else [0.0, np.pi / period])
-    return np.sort(np.concatenate([omega, ends[np.isfinite(ratio(1j * ends)).all(axis=1)]]))
+    return np.array([0.0] if period is None else [0.0, np.pi / period])
 
 
 def _where_settled(ratio: Response, omega: float) -> float:
@@ -143,10 +154,8 @@ def _where_gone(ratio: Response, omega: float) -> float:
     return omega * 1e3
 
 
-def refine_lines(
-    ratio: Response, omega: Float[np.ndarray, " line"], finer: float = 1.0
-) -> Float[np.ndarray, " line"]:
-    """More lines wherever gain or phase of any channel changes much from one to the next.
+def refine_lines(ratio: Response, omega: Float[np.ndarray, " line"], finer: float = 1.0) -> Curve:
+    """The ratio on more lines, wherever gain or phase of any channel changes much from one to the next.
 
     Only where the gain is within `WIDEST` of one, so that a pole or a zero on the axis is approached no
     further than that. Lines on which the ratio is infinite are left out. ``finer`` divides the steps allowed.
@@ -160,10 +169,10 @@ def refine_lines(
         place = np.flatnonzero(coarse) + 1
         value = np.insert(value, place, ratio(1j * middle), axis=0)
         omega, value = _finite_lines(np.insert(omega, place, middle), value)
-    return omega
+    return omega, value
 
 
-def _finite_lines(omega: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _finite_lines(omega: np.ndarray, value: np.ndarray) -> Curve:
     keep = np.isfinite(value).all(axis=1)
     return omega[keep], value[keep]
 

@@ -15,8 +15,8 @@ from middeck.control.analysis.crossings import (
     find_peaks,
 )
 from middeck.control.analysis.disk import DiskMargin, disk_from_peak
-from middeck.control.analysis.lines import WIDEST, add_ends, place_lines, refine_lines
-from middeck.control.analysis.loop import AnyLaw, AnyPlant, At, broken_at, form_loop, period_of
+from middeck.control.analysis.lines import WIDEST, add_ends, ends_of, place_lines, refine_lines
+from middeck.control.analysis.loop import AnyLaw, AnyPlant, At, broken_at, form_loop
 from middeck.control.analysis.return_ratio import broken_ratio
 from middeck.control.analysis.stability import LoopStability, decide_loop
 from middeck.values import record
@@ -139,30 +139,20 @@ def measure_margins(plant: AnyPlant, law: AnyLaw, *, at: At = "inputs") -> Margi
     loop = form_loop(plant, law)
     stability = decide_loop(loop)
     ratio = broken_ratio(loop, at)
-    omega = refine_lines(ratio, place_lines(loop, at, ratio))
-    L = ratio(1j * omega)  # the ends are real: no crossing of theirs has a sign to change
-    everywhere = add_ends(loop, ratio, omega)
-    ends_too = ratio(1j * everywhere)
-    ends = _ends(ratio, period_of(loop))
-    axis, circle = axis_crossings(ratio, omega, L), circle_crossings(ratio, omega, L)
+    curve = refine_lines(ratio, place_lines(loop, at, ratio))
+    # The ends are real: no crossing of theirs has a sign to change.
+    crossings = axis_crossings(ratio, *curve), circle_crossings(ratio, *curve)
+    omega, L = add_ends(loop, ratio, curve)
+    ends = tuple((float(w), np.nan_to_num(ratio(np.array([1j * w]))[0], nan=np.inf)) for w in ends_of(loop))
     loops = (
-        _describe(
-            name,
-            i,
-            (broken_ratio(loop, at, i), everywhere, ends_too[:, i]),
-            (axis, circle),
-            ends,
-            stability.stable,
-        )
+        _describe(name, i, (_channel(ratio, i), omega, L[:, i]), crossings, ends, stability.stable)
         for i, name in enumerate(broken_at(loop, at))
     )
     return Margins(stability, tuple(loops))
 
 
-def _ends(ratio: Ratio, period: float | None) -> tuple[tuple[float, np.ndarray], ...]:
-    """The ratio at rest, and at half the sampling rate: real numbers, infinite behind an integrator."""
-    omega = [0.0] if period is None else [0.0, np.pi / period]
-    return tuple((w, np.nan_to_num(ratio(np.array([1j * w]))[0], nan=np.inf)) for w in omega)
+def _channel(ratio: Ratio, i: int) -> Ratio:
+    return lambda s: ratio(s)[:, i]
 
 
 def _describe(
@@ -174,6 +164,7 @@ def _describe(
     stable: bool,
 ) -> LoopMargins:
     axis, circle = crossings
+    # Behind an integrator the ratio at rest is infinite.
     real = [(w, float(-1.0 / value[i].real)) for w, value in ends if _bears_gain(value[i])]
     gain = np.concatenate([-1.0 / np.real(axis.L[axis.channel == i]), [k for _, k in real]])
     gain_at = np.concatenate([axis.omega[axis.channel == i], [w for w, _ in real]])
@@ -199,30 +190,31 @@ def _describe(
 
 
 def _peak(
-    curve: tuple[Ratio, np.ndarray, np.ndarray], function: Callable[[np.ndarray], np.ndarray]
+    curve: tuple[Ratio, np.ndarray, np.ndarray], size: Callable[[np.ndarray], np.ndarray]
 ) -> tuple[float, float]:
     """Where a function of one channel's ratio is largest, and how large."""
     ratio, omega, L = curve
 
     def gain(w: np.ndarray) -> np.ndarray:
-        return np.abs(function(ratio(1j * w)[:, 0]))
+        there = ratio(1j * w)
+        # On a pole of the ratio nothing peaks: S vanishes there, and T is one.
+        return size(np.where(np.isfinite(there), there, 0.0))
 
-    return find_peaks(gain, omega, np.abs(function(L)))
+    with np.errstate(divide="ignore"):  # on a root of the loop itself all of them are infinite
+        return find_peaks(gain, omega, size(L))
 
 
 def _sensitivity(L: np.ndarray) -> np.ndarray:
-    return 1.0 / (1.0 + L)
+    return 1.0 / np.abs(1.0 + L)
 
 
 def _complementary(L: np.ndarray) -> np.ndarray:
-    # Behind an integrator 1 / L vanishes; without gain it is infinite, and this is zero.
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return 1.0 / (1.0 + 1.0 / L)
+    return np.abs(L) / np.abs(1.0 + L)
 
 
 def _skewed(L: np.ndarray) -> np.ndarray:
-    """S - 1/2, see `middeck.control.analysis.disk`."""
-    return 0.5 * (1.0 - L) / (1.0 + L)
+    """|S - 1/2|, see `middeck.control.analysis.disk`."""
+    return 0.5 * np.abs(1.0 - L) / np.abs(1.0 + L)
 
 
 def _bears_gain(value: complex) -> bool:

@@ -79,41 +79,48 @@ def trace_return_ratio(
     loop = form_loop(plant, law)
     ratio = broken_ratio(loop, at)
     if frequency_hz is None:
-        omega = refine_lines(ratio, place_lines(loop, at, ratio), SMOOTH)
-        return ReturnRatio(omega / (2.0 * np.pi), ratio(1j * omega), broken_at(loop, at))
+        omega, L = refine_lines(ratio, place_lines(loop, at, ratio), SMOOTH)
+        return ReturnRatio(omega / (2.0 * np.pi), L, broken_at(loop, at))
     frequency_hz = np.asarray(frequency_hz, dtype=float)
     return ReturnRatio(frequency_hz, ratio(2j * np.pi * frequency_hz), broken_at(loop, at))
 
 
-def broken_ratio(loop: FeedbackLoop, at: At, only: int | None = None) -> Ratio:
-    """L at each channel, or at one ``only``, as a function of s, by the Schur complement of what goes round.
+def broken_ratio(loop: FeedbackLoop, at: At) -> Ratio:
+    """L at each channel as a function of s, all from one inverse of what goes round.
 
-    With P = K G and r the other channels, L_i = -(P_ii + P_ir (1 - P_rr)^-1 P_ri): no cancellation where the
-    loop is strong, as 1 / S_ii - 1 would have.
+    With P = K G, S = (1 - P)^-1 and r the other channels, L_i = -(P_ii + P_ir (1 - P_rr)^-1 P_ri) is
+    -(S P)_ii / S_ii term by term: no cancellation where the loop is strong, as 1 / S_ii - 1 would have.
     """
     halves = evaluate_halves(loop)
+    # A channel's loop is the same whichever others are named: each end has an inverse of its own size.
+    ends: tuple[At, ...] = ("inputs", "outputs") if at == "both" else (at,)
 
     def ratio(s: np.ndarray) -> np.ndarray:
         # On a pole the ratio is infinite; who asks there decides what that means.
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            return _one_by_one(go_round(*halves(np.asarray(s, dtype=complex)), at), only)
+            G, K = halves(np.asarray(s, dtype=complex))
+            return np.concatenate([_one_by_one(go_round(G, K, end)) for end in ends], axis=1)
 
     return ratio
 
 
-def _one_by_one(P: np.ndarray, only: int | None) -> np.ndarray:
+def _one_by_one(P: Complex[np.ndarray, "line channel channel"]) -> Complex[np.ndarray, "line channel"]:
     if P.shape[1] == 1:
         return -P[:, :, 0]
-    which = range(P.shape[1]) if only is None else [only]
-    return np.stack([_complement(P, i) for i in which], axis=1)
-
-
-def _complement(P: np.ndarray, i: int) -> Complex[np.ndarray, " line"]:
-    r = np.delete(np.arange(P.shape[1]), i)
-    others = np.eye(len(r)) - P[:, r][:, :, r]
+    difference = np.eye(P.shape[1]) - P
+    bounded = np.isfinite(P).all(axis=(1, 2))
+    on_root = bounded & (np.linalg.det(difference) == 0.0)
+    regular = bounded & ~on_root
+    S = np.linalg.inv(difference[regular])
+    through, own = np.sum(S * P[regular].transpose(0, 2, 1), axis=2), np.diagonal(S, axis1=1, axis2=2)
     # Where the other loops alone have a pole on the line, this one is without bound.
-    bounded = np.isfinite(P).all(axis=(1, 2)) & (np.linalg.det(others) != 0.0)
-    through = np.linalg.solve(others[bounded], P[bounded][:, r, i][:, :, None])
-    L = np.full(len(P), np.inf + 0.0j)
-    L[bounded] = -(P[bounded, i, i] + (P[bounded][:, i, r][:, None, :] @ through)[:, 0, 0])
+    L = np.full(P.shape[:2], np.inf + 0.0j)
+    L[regular] = np.where(own == 0.0, np.inf, -through / own)
+    for k in np.flatnonzero(on_root):
+        L[k, [bool(_minor(difference[k], i)) for i in range(P.shape[1])]] = -1.0
     return L
+
+
+def _minor(matrix: np.ndarray, i: int) -> complex:
+    """The determinant of the other channels."""
+    return complex(np.linalg.det(np.delete(np.delete(matrix, i, 0), i, 1)))
