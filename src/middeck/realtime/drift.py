@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -22,8 +23,12 @@ class Drift:
     age_s: float
 
     def __post_init__(self) -> None:
-        if not self.age_s > 0.0:
-            raise ConfigError(f"a drift within {self.age_s} s", where="Drift", hint="an age above zero")
+        if not (0.0 < self.age_s < math.inf and math.isfinite(self.percent)):
+            raise ConfigError(
+                f"a drift by {self.percent} % within {self.age_s} s",
+                where="Drift",
+                hint="finite, in an age above zero",
+            )
 
     def factor(self, age_s: float) -> float:
         """What the frequencies are multiplied with at ``age_s``.
@@ -35,12 +40,16 @@ class Drift:
 
 
 def age_plant(plant: Plant, drifts: Sequence[Drift], age_s: float) -> Plant:
-    """The plant as it is at ``age_s``; damping ratios and shapes stay.
+    """The plant as it is at ``age_s``; damping ratios and shapes stay. Without drifts it is ``plant``.
 
     Raises `ConfigError` for a plant that is not modal, an unknown mode, or a frequency that would not be
     positive.
     """
-    modal = _modal(plant)
+    if not drifts:
+        return plant
+    modal = modal_part(plant)
+    if not 0.0 <= age_s < math.inf:
+        raise ConfigError(f"an article {age_s} s old", where="Drift", hint="finite, from zero")
     omega = np.array(modal.omega)
     for drift in drifts:
         for name in drift.modes:
@@ -54,12 +63,13 @@ def age_plant(plant: Plant, drifts: Sequence[Drift], age_s: float) -> Plant:
 
 def nearest_modes(plant: Plant, frequency_hz: float, count: int = 2) -> tuple[str, ...]:
     """Names of the ``count`` modes of a modal plant nearest to a frequency, the lowest first."""
-    modal = _modal(plant)
+    modal = modal_part(plant)
     near = np.argsort(np.abs(modal.omega / (2.0 * np.pi) - frequency_hz), kind="stable")[:count]
     return tuple(modal.names[i] for i in sorted(near))
 
 
-def _modal(plant: Plant) -> ModalSystem:
+def modal_part(plant: Plant) -> ModalSystem:
+    """The modes of a plant; `ConfigError` for one that is not modal."""
     if not isinstance(plant.dynamics, ModalSystem):
         raise ConfigError("only a plant in modal form has modes that can drift", where="Drift")
     return plant.dynamics

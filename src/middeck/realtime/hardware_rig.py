@@ -9,15 +9,18 @@ The order of a tick is that of `middeck.realtime.rig`. With neither limits nor r
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
+from middeck.realtime.ageing import Ageing, plan_ageing, simulate_ageing
 from middeck.realtime.computer import build_computer
+from middeck.realtime.drift import Drift, age_plant
 from middeck.realtime.hybrid import simulate_hybrid
-from middeck.realtime.hybrid_plant import HybridPlant, build_hybrid_plant
+from middeck.realtime.hybrid_plant import HybridPlant, Wiring, build_hybrid_plant
 from middeck.realtime.hybrid_state import HybridBlock, HybridState, HybridSystem, start_hybrid
 from middeck.realtime.motors import Motor, gather_motors
 from middeck.realtime.readout import gather_readout
@@ -43,6 +46,7 @@ class HardwareRig:
     sample_hz: float
     inputs: tuple[Port, ...]
     outputs: tuple[Port, ...]
+    ageing: Ageing | None = None
 
 
 def build_hardware_rig(
@@ -54,6 +58,8 @@ def build_hardware_rig(
     delay_s: float,
     joints: Sequence[JointElements] = (),
     steps: int = 1,
+    drifts: Sequence[Drift] = (),
+    age_s: float = 0.0,
 ) -> HardwareRig:
     """The rig of ``plant``, commanded at ``motors`` and read by ``sensors``: its ports are in their order.
 
@@ -68,12 +74,15 @@ def build_hardware_rig(
         Friction and gaps, at any joint of the plant; those need not be commanded.
     steps:
         Internal steps in a tick; more of them follow stiff joints closer, see `NonlinearRig`.
+    drifts, age_s:
+        Modes that drift while it runs, and how old the plant is whenever it is switched on; ``plant`` is as
+        new.
 
     Raises
     ------
     ConfigError
         If the filters alone are later than ``delay_s``; for unknown ports, a joint twice, no step, or a plant
-        that answers a command at once.
+        that answers a command at once; for drifts as `age_plant`.
     """
     if steps < 1:
         raise ConfigError(f"{steps} internal steps in a tick", hint="one or more")
@@ -95,15 +104,17 @@ def build_hardware_rig(
             f"{slowest + 0.5 / sample_hz:.4g} s",
             hint="sample faster, or filter higher",
         )
-    continuous = build_hybrid_plant(
-        plant, inputs=tuple(motors), sensors=tuple(sensors.items()), joints=joints,
-        period_s=1.0 / sample_hz, command_delay_s=late - slowest, wait_s=slowest - lags, steps=steps,
+    wiring = Wiring(
+        tuple(motors), tuple(sensors.items()), tuple(joints), 1.0 / sample_hz, steps, late - slowest,
+        slowest - lags,
     )  # fmt: skip
+    continuous = build_hybrid_plant(age_plant(plant, drifts, age_s), wiring)
     inputs = tuple(plant.inputs[i] for i in plant.input_indices(tuple(motors)))
     outputs = tuple(plant.outputs[i] for i in plant.output_indices(tuple(sensors)))
     return HardwareRig(
-        continuous, tuple(motors.values()), tuple(sensors.values()), tuple(joints), sample_hz, inputs, outputs
-    )
+        continuous, tuple(motors.values()), tuple(sensors.values()), tuple(joints), sample_hz, inputs,
+        outputs, plan_ageing(plant, drifts, age_s, wiring),
+    )  # fmt: skip
 
 
 def connect_law(rig: HardwareRig, law: SampledStateSpace | None) -> HybridSystem:
@@ -118,6 +129,20 @@ def connect_law(rig: HardwareRig, law: SampledStateSpace | None) -> HybridSystem
     )
 
 
+def simulate_rig(
+    rig: HardwareRig,
+    law: SampledStateSpace | None,
+    excitation: Iterable[Float[np.ndarray, "sample input"]],
+    rng: np.random.Generator,
+    start: HybridState,
+) -> Iterator[HybridBlock]:
+    """`simulate_hybrid` of the rig with a law or none, drifting if it drifts."""
+    system = connect_law(rig, law)
+    if rig.ageing is None:
+        return simulate_hybrid(system, excitation, rng, start)
+    return simulate_ageing(system, rig.ageing, excitation, rng, start)
+
+
 def stream_hardware(
     rig: HardwareRig,
     law: SampledStateSpace | None,
@@ -130,8 +155,7 @@ def stream_hardware(
 
     With ``rest_s`` above zero the gyros' biases are measured at rest first, for that long.
     """
-    start = measure_bias(rig, law, rest_s, rng)
-    return simulate_hybrid(connect_law(rig, law), excitation, rng, start)
+    return simulate_rig(rig, law, excitation, rng, measure_bias(rig, law, rest_s, rng))
 
 
 def measure_bias(
@@ -140,23 +164,23 @@ def measure_bias(
     """Switch on and rest for ``rest_s``: where a run with ``law`` begins, gyro biases drawn and measured.
 
     The mean of the readings is taken for the bias and will be subtracted before the computer adds them up.
+    Raises `ConfigError` for a rest that is negative or has no end.
     """
+    if not 0.0 <= rest_s < np.inf:
+        raise ConfigError(f"a rest of {rest_s} s", hint="finite, from zero")
     readout = gather_readout(rig.sensors, 1.0 / rig.sample_hz)
     bias = readout.bias * rng.standard_normal(len(rig.outputs))
     begin = start_hybrid(connect_law(rig, law), bias)
     ticks = round(rest_s * rig.sample_hz)
     if ticks < 1 or not readout.gyro.any():
-        return begin
-    idle = connect_law(rig, None)
+        return dataclasses.replace(begin, tick=ticks)
     total = np.zeros(len(rig.outputs))
-    state = start_hybrid(idle, bias)
-    for block in simulate_hybrid(idle, cut_blocks(np.zeros((ticks, len(rig.inputs)))), rng, state):
+    state = start_hybrid(connect_law(rig, None), bias)
+    for block in simulate_rig(rig, None, cut_blocks(np.zeros((ticks, len(rig.inputs)))), rng, state):
         total += block.readings.sum(axis=0)
         state = block.state
-    return HybridState(
-        state.x, begin.computer, state.issued, state.momentum, state.joints, state.bias,
-        np.where(readout.gyro, total / ticks, 0.0),
-    )  # fmt: skip
+    trim = np.where(readout.gyro, total / ticks, 0.0)
+    return dataclasses.replace(state, computer=begin.computer, trim=trim)
 
 
 def cut_blocks(

@@ -20,8 +20,8 @@ from middeck.realtime.hardware_rig import (
     connect_law,
     cut_blocks,
     measure_bias,
+    simulate_rig,
 )
-from middeck.realtime.hybrid import simulate_hybrid
 from middeck.realtime.hybrid_state import HybridBlock, HybridState
 from middeck.realtime.linear_view import gyro_sums, linearise_rig
 from middeck.realtime.rig import Run, close_sampled_loop
@@ -74,6 +74,7 @@ def run_hardware_closed_loop(
 
     With ``steady``, which no hardware can, it begins where the linear loop would be in its steady state, if
     that is stable, so that less has to settle.
+    A rig that drifts begins every run at the same age, its rest included.
     The record holds excitation and measured outputs, from each gyro's angle its ramp taken out (see
     `remove_ramps`). A run that passes a stop, or overflows, has a cause and no record; ``partial`` is what
     was taken until then, settling included. Raises `ConfigError` for no period or an unknown output.
@@ -140,7 +141,7 @@ def _blocks(
 ) -> Iterator[HybridBlock]:
     taken.before = start.issued[-1]
     repeated = (block for _ in range(periods) for block in cut_blocks(u, BLOCK))
-    return simulate_hybrid(connect_law(rig, law), repeated, rng, start)
+    return simulate_rig(rig, law, repeated, rng, start)
 
 
 def find_steady_start(

@@ -71,8 +71,9 @@ def _run_block(system: HybridSystem, e: Array, rng: np.random.Generator, start: 
         limit(row[answer:], e[k], new[k], momentum[k])
         move(window[k], noise[k])
     end = HybridState(
-        tick.x, digital[:states], issued[len(e) :], tick.momentum, tick.joint_states(), bias, start.trim
-    )
+        tick.x, digital[:states], issued[len(e) :], tick.momentum, tick.joint_states(), bias, start.trim,
+        start.tick + len(e),
+    )  # fmt: skip
     measured, control = rows[:, states:answer], rows[:, answer:]
     return HybridBlock(measured, readings, control, new, momentum, end)
 

@@ -54,26 +54,43 @@ class HybridPlant:
     noise: Float[np.ndarray, "state white"]
 
 
-def build_hybrid_plant(
-    plant: Plant,
-    *,
-    inputs: Sequence[str],
-    sensors: Sequence[tuple[str, Sensor]],
-    joints: Sequence[JointElements],
-    period_s: float,
-    command_delay_s: float,
-    wait_s: Float[np.ndarray, " output"],
-    steps: int,
-) -> HybridPlant:
-    """``plant`` from held commands at ``inputs`` to samples of ``sensors``.
+@record
+class Wiring:
+    """What stands between a computer and a plant, and when.
 
-    Commands act late by ``command_delay_s``, each sample is that of ``wait_s`` ago. Raises `ConfigError` for
-    unknown ports, an output that answers at once, or a joint that is none.
+    Parameters
+    ----------
+    inputs, sensors:
+        The plant's inputs that motors drive, and its outputs with what reads each.
+    joints:
+        Friction and gaps.
+    period_s, steps:
+        A tick, and internal steps in it.
+    command_delay_s:
+        By how much commands act late.
+    wait_s:
+        How long ago each sample was taken.
     """
-    filtered = filter_outputs(plant, inputs, sensors, joints)
-    clock = _Clock(period_s, steps, command_delay_s / period_s)
-    states, m = len(filtered.system.A), len(inputs)
-    chains = [_split_wait(w / period_s) for w in wait_s]
+
+    inputs: tuple[str, ...]
+    sensors: tuple[tuple[str, Sensor], ...]
+    joints: tuple[JointElements, ...]
+    period_s: float
+    steps: int
+    command_delay_s: float
+    wait_s: Float[np.ndarray, " output"]
+
+
+def build_hybrid_plant(plant: Plant, wiring: Wiring) -> HybridPlant:
+    """``plant`` from held commands to samples, as ``wiring`` has them.
+
+    Raises `ConfigError` for unknown ports, an output that answers at once, or a joint that is none.
+    """
+    joints, period_s, steps = wiring.joints, wiring.period_s, wiring.steps
+    filtered = filter_outputs(plant, wiring.inputs, wiring.sensors, joints)
+    clock = _Clock(period_s, steps, wiring.command_delay_s / period_s)
+    states, m = len(filtered.system.A), len(wiring.inputs)
+    chains = [_split_wait(w / period_s) for w in wiring.wait_s]
     size = states + sum(length for length, _ in chains)
     angle = np.zeros((len(joints), size))
     angle[:, :states] = _joint_angles(plant, joints, states)

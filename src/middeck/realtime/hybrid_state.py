@@ -33,6 +33,8 @@ class HybridState:
         Error of each reading now.
     trim:
         What the computer takes for it and subtracts.
+    tick:
+        Ticks since it was switched on.
     """
 
     x: Float[np.ndarray, " state"]
@@ -42,6 +44,7 @@ class HybridState:
     joints: Float[np.ndarray, " element"]
     bias: Float[np.ndarray, " output"]
     trim: Float[np.ndarray, " output"]
+    tick: int = 0
 
 
 class HybridBlock(NamedTuple):

@@ -38,14 +38,16 @@ def build_article_rig(
     outputs: Sequence[str],
     drifts: Sequence[Drift] = (),
     age_s: float = 0.0,
+    drifting: bool = False,
     steps: int = 1,
 ) -> HardwareRig:
     """The rig of ``article`` between torque commands at ``inputs`` and samples of the angles ``outputs``.
 
     Every free gimbal axis has friction and play if the form says how, commanded or not. A torque on a node is
     a wheel's, at a joint a gimbal's motor's, which also holds the payload; a joint angle is an encoder's, an
-    inertial one an integrated gyro's. ``drifts`` have gone on for ``age_s``. Raises `ConfigError` as
-    `build_hardware_rig`, for an unknown port, and where a motor cannot hold its payload.
+    inertial one an integrated gyro's. ``drifts`` have gone on for ``age_s`` when it is switched on; then they
+    halt or, ``drifting``, go on. Raises `ConfigError` as `build_hardware_rig`, for an unknown port, and where
+    a motor cannot hold its payload.
     """
     equilibrium = article.equilibrium
     structure = equilibrium.model.structure
@@ -57,13 +59,15 @@ def build_article_rig(
     hidden = article.hidden
     gains = {} if hidden is None else dict(hidden.gain)
     return build_hardware_rig(
-        age_plant(plant, drifts, age_s),
+        plant if drifting else age_plant(plant, drifts, age_s),
         motors={name: _motor(equilibrium, name, form) for name in inputs},
         sensors={name: _sensor(structure, name, form, gains.get(name, 1.0)) for name in outputs},
         sample_hz=form.sample_hz,
         delay_s=form.delay_s + (0.0 if hidden is None else hidden.delay_s),
         joints=[JointElements(name, name, elements) for name in rubs],
         steps=steps,
+        drifts=drifts if drifting else (),
+        age_s=age_s,
     )
 
 

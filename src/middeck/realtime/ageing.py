@@ -1,0 +1,120 @@
+"""A plant that goes on drifting while it runs: held for some ticks, then renewed, its motion going on.
+
+A mode obeys q'' + 2 zeta w(t) q' + w(t)^2 q = psi u. Over a piece w is held at that of the piece's middle,
+and q and q' go on into the next: the exponential midpoint rule (Magnus 1954, Comm. Pure Appl. Math. 7). Held
+for several half turns it would kick a mode by its own stroboscope, hence `TURN`. The sampled matrices are
+computed at knots and lie on the chord in between.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Iterable, Iterator, Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.realtime.drift import Drift, age_plant, modal_part
+from middeck.realtime.hybrid import simulate_hybrid
+from middeck.realtime.hybrid_plant import HybridPlant, Wiring, build_hybrid_plant
+from middeck.realtime.hybrid_state import HybridBlock, HybridState, HybridSystem
+from middeck.systems.modal import rate_scale
+from middeck.systems.plant import Plant
+from middeck.systems.statespace import StateSpace
+from middeck.values import record
+
+TURN = 1.0
+"""By how much [rad] the fastest of the drifting modes turns in a piece, unless in a tick."""
+CHORD = 1e-3
+"""Part of itself by which a frequency changes from knot to knot. On the chord it is wrong by a twelfth of the
+square of that, a hundred-thousandth of the half-width of a mode of 1 % damping."""
+
+
+@record
+class Ageing:
+    """How a rig's plant goes on from where it is switched on.
+
+    Parameters
+    ----------
+    plant:
+        The plant as new.
+    drifts, age_s:
+        What moves its modes, and how old it is when it is switched on.
+    wiring:
+        What stands between it and the computer.
+    ticks, pieces:
+        Ticks for which it is held, and how many such pieces lie between two knots.
+    """
+
+    plant: Plant
+    drifts: tuple[Drift, ...]
+    age_s: float
+    wiring: Wiring
+    ticks: int
+    pieces: int
+
+
+def plan_ageing(plant: Plant, drifts: Sequence[Drift], age_s: float, wiring: Wiring) -> Ageing | None:
+    """Pieces and knots as `TURN` and `CHORD` ask at ``age_s``; None where nothing drifts."""
+    if not drifts:
+        return None
+    modal = modal_part(age_plant(plant, drifts, age_s))
+    change = np.zeros(len(modal.omega))  # part of itself that a frequency changes by in a second
+    for drift in drifts:
+        a_second = 0.01 * abs(drift.percent) / drift.age_s / drift.factor(age_s)
+        change += a_second * np.isin(modal.names, drift.modes)
+    fastest = float(modal.omega[change > 0.0].max(initial=0.0))
+    if fastest == 0.0:
+        return None
+    ticks = max(int(TURN / fastest / wiring.period_s), 1)
+    pieces = max(int(CHORD / change.max() / (ticks * wiring.period_s)), 1)
+    return Ageing(plant, tuple(drifts), age_s, wiring, ticks, pieces)
+
+
+def simulate_ageing(
+    system: HybridSystem,
+    ageing: Ageing,
+    excitation: Iterable[Float[np.ndarray, "sample input"]],
+    rng: np.random.Generator,
+    start: HybridState,
+) -> Iterator[HybridBlock]:
+    """`simulate_hybrid` on a plant that drifts; blocks also end where it is renewed."""
+    knot = functools.lru_cache(maxsize=2)(functools.partial(_build_knot, ageing))
+    for block in excitation:
+        first = 0
+        while first < len(block):
+            number = start.tick // ageing.ticks
+            last = first + (number + 1) * ageing.ticks - start.tick
+            before, place = divmod(number + 0.5, ageing.pieces)
+            plant = _between(knot(int(before)), knot(int(before) + 1), place / ageing.pieces)
+            held = dataclasses.replace(system, plant=plant)
+            for done in simulate_hybrid(held, [block[first:last]], rng, start):
+                start = done.state
+                yield done
+            first = last
+
+
+def _build_knot(ageing: Ageing, number: int) -> HybridPlant:
+    """The plant at a knot, in the states of the one that was switched on."""
+    at_s = number * ageing.pieces * ageing.ticks * ageing.wiring.period_s
+    old, new = (age_plant(ageing.plant, ageing.drifts, ageing.age_s + s) for s in (0.0, at_s))
+    return build_hybrid_plant(_with_states_of(old, new), ageing.wiring)
+
+
+def _with_states_of(old: Plant, new: Plant) -> Plant:
+    """``new`` with each mode's q'/w, its second state, by the w of ``old``."""
+    before, after = rate_scale(modal_part(old)), rate_scale(modal_part(new))
+    scale = np.ones(2 * len(after))
+    scale[1::2] = after / before
+    s = new.system
+    A, B, C = scale[:, None] * s.A / scale, scale[:, None] * s.B, s.C / scale
+    return dataclasses.replace(new, dynamics=StateSpace(A, B, C, s.D))
+
+
+def _between(first: HybridPlant, last: HybridPlant, share: float) -> HybridPlant:
+    step, drive, push = (
+        a + share * (b - a)
+        for a, b in ((first.step, last.step), (first.drive, last.drive), (first.push, last.push))
+    )
+    return dataclasses.replace(first, step=step, drive=drive, push=push)
