@@ -49,6 +49,7 @@ FORMS: list[type[Form]] = [
     study_form.Figure6Form,
     study_form.SisoForm,
     study_form.AuthorityForm,
+    study_form.ImprovementForm,
     study_form.SitoForm,
     study_form.MirrorForm,
 ]

@@ -52,7 +52,7 @@ LONG_CASES = {
     "late": ("control.log10_authority_first=3", "siso.states=4", "siso.pade_order=1"),
     "many modes": ("control.modes_kept=60", "figure_6.band_hz=[35, 40]"),
     "level": ("suspension.offsets.0.2=0", "rig.delay_s=0.006", 'siso.drifted="down"'),
-    "wild": ("siso.low.log10_authority=12", "sito.payload.log10_authority=8", "sito.both.log10_authority=8"),
+    "wild": ("siso.low.log10_authority=12", "sito.payload.predicted_db=90", "sito.both.predicted_db=90"),
     "weak": ("siso.robust.log10_authority=-2", "sito.lead_zeros_hz=10", "sito.lead_poles_hz=8"),
     "few": ("sito.states=10", "sito.smaller_states=[8]", "sito.smaller_bands_hz=[[0.2, 12]]"),
 }

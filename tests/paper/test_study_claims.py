@@ -20,6 +20,7 @@ from middeck.study.gravity import find_modes
 from middeck.study.rig_article import rig_article_plant
 from middeck.study.rig_hardware import build_article_rig, build_rig_article
 from middeck.study.zero_g_control import study_zero_g_control
+from middeck.systems.modal import output_rows
 from middeck.systems.response import evaluate_plant, statespace_response
 
 
@@ -91,6 +92,7 @@ FIGURE_9 = (
 )
 FIGURE_11 = (
     "a design on 10 states lets go of the suspension",
+    "a design on 12 states spills over",
     "a design on 16 states does neither",
     "without lead are stopped near 9 Hz",
     "and that before 18 dB",
@@ -104,6 +106,8 @@ FIGURE_12 = (
     "the payload is down by 20 dB",
     "the bus at 7-9 Hz is lower than in open loop by at least 12 dB",
     "above 10 Hz is raised over the open loop",
+    "and more than with no bus penalty",
+    "at the mode near 7.2 Hz itself",
     "payload and bus penalty: predicted and measured rms agree",
     "payload and bus penalty: and line by line",
 )
@@ -128,24 +132,35 @@ def test_figure_12_claim_holds(outcomes, words):
 
 
 def test_what_does_not_come_out_is_said(outcomes):
-    """Four rows fail, and every other claim of these figures has a test above."""
+    """Two rows fail, and every other claim of these figures has a test above."""
     both = outcomes["figures 10 to 12"]
     rows = [*figure_9_claims(outcomes["figure 9"]), *figure_11_claims(both), *figure_12_claims(both)]
     failed = [row["claim"] for row in rows if not row["holds"]]
-    assert len(failed) == 4
-    assert len(rows) == len(FIGURE_9) + len(FIGURE_11) + len(FIGURE_12) + 4
+    assert len(failed) == 2
+    assert len(rows) == len(FIGURE_9) + len(FIGURE_11) + len(FIGURE_12) + 2
     assert failed[0].startswith("CL2 lowers every mode of the fit")
-    assert failed[1].startswith("a design on 12 states spills over")
-    assert failed[2].startswith("and more than under the payload penalty alone")
-    assert "further order of magnitude" in failed[3]
+    assert "further order of magnitude" in failed[1]
 
 
-def test_with_friction_the_pair_stops_twelve_states_as_it_stops_sixteen(outcomes):
-    """Without friction it was spillover at 17.7 Hz: the fit of twelve now holds a mode there instead."""
-    twelve, sixteen = (r for r in outcomes["figures 10 to 12"].smaller if r.states in (12, 16))
-    # The same mode of the same rig, where it turns unstable: the laws move it by some hundredths of a hertz.
-    assert abs(twelve.stopped_hz - sixteen.stopped_hz) < 0.05
-    assert twelve.stopped_percent == sixteen.stopped_percent
+def test_the_order_is_chosen_by_the_data_and_reaches_as_far_as_one_set_by_hand(outcomes, paper_study):
+    both = outcomes["figures 10 to 12"]
+    assert paper_study.sito.states is None
+    assert both.with_lead.states > 16
+    # A quarter of a decade further than sixteen states with the modes of the paper's programme.
+    assert both.without_lead.log10_authority >= both.smaller[2].log10_authority
+
+
+def test_without_the_mode_near_7_hz_the_payload_would_be_no_order_of_magnitude_lower(article, paper_study):
+    """Why the whole of 7-9 Hz does not show what the mode itself does: the payload's inertia and the flank
+    of 9.4 Hz are what else is there, and no control of the bus takes them away."""
+    siso = paper_study.siso
+    plant = rig_article_plant(article, inputs=(siso.actuator,), outputs=(siso.sensor,))
+    modal, f = plant.dynamics, np.arange(7.0, 9.0, 1.0 / 64.0)
+    s, w = 2j * np.pi * f[:, None], modal.omega
+    terms = output_rows(modal).position[0] * modal.psi[:, 0] / (s**2 + 2.0 * modal.zeta * w * s + w**2)
+    mode = np.argmin(np.abs(w / (2.0 * np.pi) - 7.19))
+    with_it, without = terms.sum(axis=1), np.delete(terms, mode, axis=1).sum(axis=1)
+    assert 3.0 < 20.0 * np.log10(np.linalg.norm(with_it) / np.linalg.norm(without)) < 6.0  # 4.9
 
 
 def test_a_measured_loop_is_that_of_the_rigs_own_linear_model(outcomes, article, paper_study):
@@ -194,13 +209,14 @@ def true_zeros(article, paper_study, sensor):
 
 
 def test_figure_10b_zeros_are_the_articles(sensors, article, paper_study):
-    """The bus angle's zeros of the right half-plane, against those of the article on the rig."""
+    """The bus angle's zero of the right half-plane in the band, against that of the article on the rig."""
     truth = true_zeros(article, paper_study, paper_study.sito.sensors[1])
     found = sensors.sensors[2]
-    wrong = found.zeros.is_nonminimum_phase
-    true_hz = truth.frequency_hz[truth.is_nonminimum_phase]
-    assert len(true_hz) == wrong.sum() == 2
-    # Four standard deviations of each: a false alarm in 1e4 studies.
+    top = sensors.fit_band_hz[1]
+    wrong = found.zeros.is_nonminimum_phase & (found.zeros.frequency_hz < top)
+    true_hz = truth.frequency_hz[truth.is_nonminimum_phase & (truth.frequency_hz < top)]
+    assert len(true_hz) == wrong.sum() == 1
+    # Four standard deviations: a false alarm in 1e4 studies.
     off = np.abs(found.zeros.frequency_hz[wrong] - true_hz)
     assert np.all(off < 4.0 * found.frequency_deviation_hz[wrong])
     assert off[0] < 0.02

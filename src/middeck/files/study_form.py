@@ -89,6 +89,13 @@ class AuthorityForm(Form):
     reason: Annotated[str, Field(min_length=1)]
 
 
+class ImprovementForm(Form):
+    """The improvement to be predicted, by the lowest level of authority that does, and why so much."""
+
+    predicted_db: Positive
+    reason: Annotated[str, Field(min_length=1)]
+
+
 class SisoForm(Form):
     """Identify, design and verify one loop on the rig (Figures 9a and 9b)."""
 
@@ -135,8 +142,8 @@ class SitoForm(Form):
     lead_damping: Positive
     pair_shift_percent: Positive
     bus_weight: Positive
-    payload: AuthorityForm
-    both: AuthorityForm
+    payload: ImprovementForm
+    both: ImprovementForm
 
 
 class MirrorForm(Form):

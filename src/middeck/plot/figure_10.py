@@ -30,15 +30,13 @@ def figure_10b(control: TwoSensorControl) -> Figure:
 def _draw(sensors: MeasuredSensors, output: int) -> Figure:
     figure = new_figure(4.9)
     magnitude, phase = figure.subplots(2, 1, sharex=True, height_ratios=[1.35, 1.0])
-    f, data, fit = (
-        sensors.measured.frequency_hz,
-        sensors.measured.H[:, output, 0],
-        sensors.fitted.H[:, output, 0],
-    )
+    f, data = sensors.measured.frequency_hz, sensors.measured.H[:, output, 0]
+    fitted = (f >= sensors.fit_band_hz[0]) & (f <= sensors.fit_band_hz[1])
+    fit = sensors.fitted.H[fitted, output, 0]
     draw_bode(magnitude, phase, f, data, color=COLOUR["rig"], linewidth=1.8, label="data (simulated rig)")
-    draw_bode(magnitude, phase, f, fit, color=COLOUR["prediction"], linewidth=1.1, label="fit")
+    draw_bode(magnitude, phase, f[fitted], fit, color=COLOUR["prediction"], linewidth=1.1, label="fit")
     low, high = f[[0, -1]]
-    _mark_zeros(magnitude, sensors, output, (low, high), float(decibels(fit).min()))
+    _mark_zeros(magnitude, sensors, output, float(decibels(data).min()))
     magnitude.set_ylabel("magnitude [dB re 1 rad per N m]")
     torque, angle = sensors.measured.inputs[0].name, sensors.measured.outputs[output].name
     magnitude.set_title(f"{port_words(torque)} torque to {port_words(angle)} angle")
@@ -50,11 +48,9 @@ def _draw(sensors: MeasuredSensors, output: int) -> Figure:
     return figure
 
 
-def _mark_zeros(
-    axes: Axes, sensors: MeasuredSensors, output: int, band_hz: tuple[float, float], floor_db: float
-) -> None:
+def _mark_zeros(axes: Axes, sensors: MeasuredSensors, output: int, floor_db: float) -> None:
     """A row of marks under the curves: rings as in a pole-zero plot, diamonds for the wrong half-plane."""
-    zeros = sensors.sensors[output].zeros
+    zeros, band_hz = sensors.sensors[output].zeros, sensors.fit_band_hz
     inside = (zeros.frequency_hz >= band_hz[0]) & (zeros.frequency_hz <= band_hz[1])
     wrong = zeros.is_nonminimum_phase
     level = floor_db - BELOW_DB

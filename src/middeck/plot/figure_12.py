@@ -31,7 +31,7 @@ def _draw(control: TwoSensorControl, output: int) -> Figure:
         title += "; dB: rms angle in the band over the open loop's"
     figure, axes = begin_loops(measured, title, output=output)
     axes.axvspan(*FLEXIBLE_HZ, color=COLOUR["shade"], linewidth=0.0, zorder=0)
-    draw_measured(axes, control.payload, "payload penalty alone", output=output, decibels=payload)
+    draw_measured(axes, control.payload, "payload penalty alone, with lead", output=output, decibels=payload)
     draw_measured(axes, control.both, "payload and bus penalty", output=output, decibels=payload)
     draw_predicted(axes, control.both, "payload and bus penalty", output=output, decibels=payload)
     return end_loops(figure, axes)

@@ -64,7 +64,7 @@ def study_measured_sensors(
 ) -> MeasuredSensors:
     """Fit the three measured paths together and find the zeros of each."""
     banded = in_band(measured, sito.fit_band_hz)
-    fit = fit_response(banded, states=sito.states, cost="logarithmic", delay="common")
+    fit = fit_sensors(measured, sito.states, sito.fit_band_hz)
     H = model_response(fit.model, measured.frequency_hz)
     torque = (siso.actuator,)
     plant = measured_plant(
@@ -79,6 +79,15 @@ def study_measured_sensors(
         plant,
         rig.delay_s,
     )
+
+
+def fit_sensors(measured: FrequencyResponse, states: int | None, band_hz: tuple[float, float]) -> FitResult:
+    """All paths in a band, by common poles and one delay; the data choose the order where none is given.
+
+    Without a constant term, which a disturbance that is white would make infinite in the performance.
+    """
+    banded = in_band(measured, band_hz)
+    return fit_response(banded, states=states, cost="logarithmic", delay="common", direct=False)
 
 
 def _sensor_zeros(fit: FitResult, banded: FrequencyResponse, o: int) -> SensorZeros:

@@ -305,7 +305,10 @@ def figure_12(control: TwoSensorControl) -> Numbers:
         "bus": bus,
         "bus_db_7_to_9_hz": dict(zip(("payload", "both"), control.bus_db, strict=True)),
         "payload_db_above_10_hz": dict(zip(("payload", "both"), control.above_db, strict=True)),
+        "payload_db_above_10_hz_without_bus_penalty": control.above_without_bus_db,
         "payload_deeper_db_7_to_9_hz": control.deeper_db,
+        "payload_deeper_db_at_mode": control.deeper_at_mode_db,
+        "mode_hz": control.mode_hz,
         "claims": figure_12_claims(control),
     }
 

@@ -58,6 +58,13 @@ def find_reach(what: str, design: Design, case: DesignCase, views: Mapping[float
     return Reach(what, states, *_held(last, case, views), None, None)
 
 
+def find_level(design: Design, case: DesignCase, improvement_db: float) -> float:
+    """The lowest level that predicts so much improvement, or where none does the one that predicts most."""
+    found = {float(level): predicted_db(case, design(10.0 ** float(level))) or 0.0 for level in LEVELS}
+    enough = (level for level, db in found.items() if db <= -improvement_db)
+    return next(enough, min(found, key=lambda level: found[level]))
+
+
 def _held(
     last: tuple[float, Compensator] | None, case: DesignCase, views: Mapping[float, RigView]
 ) -> tuple[float | None, float | None, float | None]:

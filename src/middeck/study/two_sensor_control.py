@@ -15,21 +15,21 @@ from middeck.control.compensator import Compensator
 from middeck.control.lqg import LQGWeights, design_filter, design_lqg
 from middeck.control.shaping import second_order_section, shape_compensator
 from middeck.files.study_form import RigForm, SisoForm, SitoForm
-from middeck.identification.fit.fit_response import FitResult, fit_response
+from middeck.identification.fit.fit_response import FitResult
 from middeck.identification.measurement_model import model_response
 from middeck.identification.plants.measured_plant import measured_plant
-from middeck.study.bench import build_bench, take_open_loop
+from middeck.study.bench import build_bench, take_closed_loop, take_open_loop
 from middeck.study.measured_loop import DesignCase, MeasuredLoop, decibel, measure_loop, measured_rms_of
-from middeck.study.measured_sensors import MeasuredSensors, study_measured_sensors
-from middeck.study.reach import Design, Reach, find_reach
+from middeck.study.measured_sensors import MeasuredSensors, fit_sensors, study_measured_sensors
+from middeck.study.reach import Design, Reach, find_level, find_reach
 from middeck.study.rig_article import RigArticle
-from middeck.study.rig_experiment import in_band
 from middeck.study.rig_loop import RigView, view_rig
 from middeck.systems.response import FrequencyResponse
 from middeck.values import record
 
 FLEXIBLE_HZ = (7.0, 9.0)  # the modes that the bus penalty is for
 ABOVE_HZ = (10.0, np.inf)
+HALF_POWER = 0.01  # the flexible modes' damping: so far to either side a peak is down by 3 dB
 
 
 @record
@@ -50,8 +50,12 @@ class TwoSensorControl:
         Of both loops, the measured bus in 7-9 Hz over that of the open loop.
     above_db:
         The payload above 10 Hz, likewise.
+    above_without_bus_db:
+        The same of the loop that differs from Figure 12's in nothing but the penalty on the bus.
     deeper_db:
         The payload in 7-9 Hz under both penalties over that under the payload's alone.
+    mode_hz, deeper_at_mode_db:
+        Where the bus is highest there in open loop, and the same between that mode's half-power points.
     """
 
     sensors: MeasuredSensors
@@ -62,7 +66,10 @@ class TwoSensorControl:
     both: MeasuredLoop
     bus_db: tuple[float | None, ...]
     above_db: tuple[float | None, ...]
+    above_without_bus_db: float | None
     deeper_db: float | None
+    mode_hz: float
+    deeper_at_mode_db: float | None
 
 
 def study_two_sensor_control(
@@ -77,14 +84,19 @@ def study_two_sensor_control(
     measured = take_open_loop(views[0.0].bench, rng)
     sensors = study_measured_sensors(measured, rig, siso, sito)
     smaller = tuple(
-        _reach(_fit_of(measured, states, band), measured, siso, sito, views, lead=False)
+        _reach(fit_sensors(measured, states, band), measured, siso, sito, views, lead=False)
         for states, band in zip(sito.smaller_states, sito.smaller_bands_hz, strict=True)
     )
     payload, both = (_case(sensors.fit, measured, siso, sito, bus=bus) for bus in (False, True))
-    law = _designs(payload, siso, sito, lead=True)(10.0**sito.payload.log10_authority)
-    first = measure_loop("payload", sito.payload.log10_authority, law, payload, views, rng)
-    law = _designs(both, siso, sito, lead=False)(10.0**sito.both.log10_authority)
-    second = measure_loop("both", sito.both.log10_authority, law, both, views, rng)
+    design = _designs(payload, siso, sito, lead=True)
+    level = find_level(design, payload, sito.payload.predicted_db)
+    first = measure_loop("payload", level, design(10.0**level), payload, views, rng)
+    design = _designs(both, siso, sito, lead=False)
+    level = find_level(design, both, sito.both.predicted_db)
+    second = measure_loop("both", level, design(10.0**level), both, views, rng)
+    without_bus = _designs(payload, siso, sito, lead=False)(10.0**level)
+    mode_hz = _highest_hz(measured, 2, FLEXIBLE_HZ)
+    at_mode = mode_hz * (1.0 - HALF_POWER), mode_hz * (1.0 + HALF_POWER)
     return TwoSensorControl(
         sensors,
         smaller,
@@ -94,14 +106,11 @@ def study_two_sensor_control(
         second,
         tuple(_over(loop.measured, measured, 2, FLEXIBLE_HZ) for loop in (first, second)),
         tuple(_over(loop.measured, measured, 0, ABOVE_HZ) for loop in (first, second)),
+        _over(take_closed_loop(views[0.0].bench, without_bus, rng).response, measured, 0, ABOVE_HZ),
         _over(second.measured, first.measured, 0, FLEXIBLE_HZ),
+        mode_hz,
+        _over(second.measured, first.measured, 0, at_mode),
     )
-
-
-def _fit_of(measured: FrequencyResponse, states: int, band_hz: tuple[float, float]) -> FitResult:
-    """Weighed by scatter: the suspension's mode is the bus's strongest and a few lines wide only, so that
-    few states under a logarithmic cost, which counts lines, may do without it."""
-    return fit_response(in_band(measured, band_hz), states=states, delay="common")
 
 
 def _case(
@@ -150,6 +159,12 @@ def _reach(
     case = _case(fit, measured, siso, sito)
     what = f"{fit.model.states} states" + (" and the lead" if lead else "")
     return find_reach(what, _designs(case, siso, sito, lead=lead), case, views)
+
+
+def _highest_hz(response: FrequencyResponse, output: int, band_hz: tuple[float, float]) -> float:
+    f = response.frequency_hz
+    inside = np.flatnonzero((f >= band_hz[0]) & (f <= band_hz[1]))
+    return float(f[inside[np.argmax(np.abs(response.H[inside, output, 0]))]])
 
 
 def _over(

@@ -11,8 +11,8 @@ ORDER_DB = -20.0
 def figure_12_claims(control: TwoSensorControl) -> list[Claim]:
     """The bus at 7-9 Hz, the payload above 10 Hz, and the paper's further order of magnitude."""
     both = control.both
-    alone_above, above = control.above_db
-    more = None if alone_above is None or above is None else above - alone_above
+    without, above = control.above_without_bus_db, control.above_db[1]
+    more = None if without is None or above is None else above - without
     band = "{:g}-{:g} Hz".format(*FLEXIBLE_HZ)
     beyond = f"above {ABOVE_HZ[0]:g} Hz"
     return [
@@ -30,13 +30,18 @@ def figure_12_claims(control: TwoSensorControl) -> list[Claim]:
             above,
         ),
         row(
-            "and more than under the payload penalty alone, at that loop's own authority [dB]",
+            "and more than with no bus penalty and all else, authority and no lead, the same [dB]",
             more is not None and more > 0.0,
             more,
         ),
         at_most(
             f"the payload at {band} falls by a further order of magnitude below the payload penalty's [dB]",
             control.deeper_db,
+            ORDER_DB,
+        ),
+        at_most(
+            f"at the mode near {control.mode_hz:.1f} Hz itself, between its half-power points, it does [dB]",
+            control.deeper_at_mode_db,
             ORDER_DB,
         ),
         *prediction_claims((both,), "payload and bus penalty"),
