@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import scipy.linalg as sla
 
+from middeck.control.analysis import decide_stability
 from middeck.control.classical import PDLoops, close_inner_loop
 from middeck.control.closed_loop import (
     close_loop,
@@ -17,6 +18,7 @@ from middeck.control.compensator import Compensator, evaluate_compensator
 from middeck.control.lqg import LQGWeights, design_filter, design_lqg
 from middeck.control.partition import partition_modes
 from middeck.errors import ConfigError, NotStabilisableError
+from middeck.systems.delayed_plant import approximate_delays, delay_inputs
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
 from middeck.systems.ports import Port
@@ -177,6 +179,42 @@ def test_design_on_the_bare_orbit_plant_leaves_the_translations_out():
     assert loop.inert == law.inert
     with pytest.raises(NotStabilisableError, match="the cost"):
         design_lqg(secondary, weights, 10.0)
+
+
+def test_translations_are_set_aside_of_a_late_plant_too():
+    plant = mace_like.build("orbit")
+    everything = dataclasses.replace(
+        plant,
+        u=mace_like.LOOPS,
+        y=tuple(p.name for p in plant.outputs),
+        z=tuple(p.name for p in plant.outputs[:9]),
+    )
+    late = approximate_delays(delay_inputs(everything, 0.01), 2)
+    part = partition_modes(late)
+    assert part.inert == ("translation x", "translation y", "translation z")
+    assert len(part.active.system.A) == 46 + 2 * len(plant.inputs)
+    omega = np.geomspace(0.1, 400.0, 50)
+    np.testing.assert_allclose(
+        statespace_response(part.active.system, omega), statespace_response(late.system, omega), rtol=1e-9
+    )
+    weights = dataclasses.replace(
+        mace_like.weights(INTENSITY),
+        output=np.ones(9),
+        input=np.ones(7),
+        sensor=np.repeat([2e-5**2, 2e-4**2], 9),
+    )
+    law = design_lqg(late, weights, 10.0)
+    assert law.inert == part.inert
+    assert close_loop(late, law).stable
+    assert decide_stability(delay_inputs(everything, 0.01), law).stable
+
+
+def test_a_growing_part_that_meets_no_port_stays():
+    apart = StateSpace(np.diag([-1.0, -2.0, 0.5]), [[1.0], [0.0], [0.0]], [[1.0, 0.0, 0.0]], [[0.0]])
+    ports = (Port("u", "N"),), (Port("y", "m"),)
+    part = partition_modes(Plant(apart, *ports, state_names=("lag", "idle", "grows")))
+    assert part.inert == ("idle",)
+    assert part.active.state_names == ("lag", "grows")
 
 
 def test_translations_with_rounding_in_their_couplings_are_still_inert():

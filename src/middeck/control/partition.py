@@ -10,15 +10,14 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 
-from middeck.systems.modal import ModalSystem, output_rows, rate_scale, select_modes
-from middeck.systems.plant import Plant
+from middeck.systems.inert_modes import inert_modes
+from middeck.systems.modal import ModalSystem, select_modes
+from middeck.systems.plant import Plant, name_states
+from middeck.systems.stability import none_grows
+from middeck.systems.statespace import StateSpace
 from middeck.values import record
-
-COUPLING_FLOOR = 1e-9
-"""Relative coupling below which a port and a mode are unconnected: a thousand times the 1e-12 that an
-eigensolution leaves where there should be zero, and 180 dB under the best coupled mode of that port."""
 
 
 @record
@@ -40,33 +39,34 @@ class ModePartition:
 def partition_modes(plant: Plant) -> ModePartition:
     """Set aside the modes that are neither reachable from any input nor observed by any output.
 
-    Each port's coupling to a mode is taken relative to its coupling to the mode it couples best with, so
-    that units do not matter, and compared with `COUPLING_FLOOR`. A mode that is only unreachable, or only
-    unobserved, stays: a design then refuses it by name. Plants without modal dynamics come back whole.
+    Of modal dynamics by `inert_modes`, of a state space those states of one name that are joined to no other
+    state and no port, by exact zeros, and do not grow. A mode that is only unreachable, or only unobserved,
+    stays: a design then refuses it by name.
     """
     modal = plant.dynamics
     if not isinstance(modal, ModalSystem):
-        return ModePartition(plant, ())
-    inert = ~reached_modes(modal) & ~observed_modes(modal)
+        return _partition_states(plant, modal)
+    inert = inert_modes(modal)
     names = tuple(name for name, out in zip(modal.names, inert, strict=True) if out)
     active = dataclasses.replace(plant, dynamics=select_modes(modal, ~inert)) if names else plant
     return ModePartition(active, names)
 
 
-def reached_modes(modal: ModalSystem) -> Bool[np.ndarray, " mode"]:
-    """Which modes at least one input moves."""
-    return _coupled(np.abs(modal.psi).T)
+def _partition_states(plant: Plant, system: StateSpace) -> ModePartition:
+    names = np.array(name_states(plant), dtype=object)
+    at_ports = np.any(system.B, axis=1) | np.any(system.C, axis=0)
+    quiet = dict.fromkeys(names[~at_ports])
+    inert = tuple(name for name in quiet if _is_alone(system, names == name))
+    if not inert:
+        return ModePartition(plant, ())
+    kept = np.flatnonzero([name not in inert for name in names])
+    active = StateSpace(system.A[np.ix_(kept, kept)], system.B[kept], system.C[:, kept], system.D)
+    return ModePartition(dataclasses.replace(plant, dynamics=active, state_names=tuple(names[kept])), inert)
 
 
-def observed_modes(modal: ModalSystem) -> Bool[np.ndarray, " mode"]:
-    """Which modes at least one output sees, by displacement or rate.
-
-    An accelerometer does not see the state of a rigid mode: what it reads of it is the input, directly.
-    """
-    rows = output_rows(modal)
-    return _coupled(np.maximum(np.abs(rows.position), np.abs(rows.rate) * rate_scale(modal)))
-
-
-def _coupled(coupling: Float[np.ndarray, "port mode"]) -> Bool[np.ndarray, " mode"]:
-    best = coupling.max(axis=1, initial=0.0, keepdims=True)
-    return np.any(coupling > COUPLING_FLOOR * best, axis=0)
+def _is_alone(system: StateSpace, own: Bool[np.ndarray, " state"]) -> bool:
+    """Whether the states ``own`` meet exact zeros only, and do not grow."""
+    joined = (system.A[own][:, ~own], system.A[~own][:, own], system.B[own], system.C[:, own])
+    return not any(np.any(part) for part in joined) and none_grows(
+        np.linalg.eigvals(system.A[own][:, own]).astype(complex)
+    )

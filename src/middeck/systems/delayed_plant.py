@@ -12,6 +12,8 @@ from jaxtyping import Float
 from middeck.errors import ConfigError
 from middeck.systems.delay import pade
 from middeck.systems.delayed_sampling import is_sum, split_delays
+from middeck.systems.inert_modes import silence_inert
+from middeck.systems.modal import ModalSystem, modal_to_statespace
 from middeck.systems.plant import Plant, name_states
 from middeck.systems.response import FrequencyResponse, evaluate_plant
 from middeck.systems.statespace import StateSpace, series
@@ -75,14 +77,17 @@ def approximate_delays(delayed: DelayedPlant, order: int) -> Plant:
     A delay common to all paths is put on the side with fewer channels; what an input or an output is late
     beyond that needs states of its own. Delays that are no sum of one for the input and one for the output
     (`is_sum`) give each channel of the smaller side the plant's states once more. States: those of the
-    inputs' delays (named "delay"), the plant's, those of the outputs' delays.
+    inputs' delays (named "delay"), the plant's, those of the outputs' delays. Modes of the plant that no port
+    moves or sees stand apart by exact zeros (`silence_inert`).
 
     Raises
     ------
     ConfigError
         For an order below one.
     """
-    system, names = _approximated(delayed.plant.system, name_states(delayed.plant), delayed.delay_s, order)
+    dynamics = delayed.plant.dynamics
+    system = modal_to_statespace(silence_inert(dynamics)) if isinstance(dynamics, ModalSystem) else dynamics
+    system, names = _approximated(system, name_states(delayed.plant), delayed.delay_s, order)
     return dataclasses.replace(delayed.plant, dynamics=system, state_names=names)
 
 
