@@ -11,13 +11,14 @@ import numpy as np
 import pytest
 
 from cli_runner import ROOT, middeck
+from middeck.control import qualification
 from middeck.control.analysis import measure_margins
 from middeck.control.compensator import Compensator
 from middeck.control.lqg import LQGCompensator, LQGWeights, design_lqg
 from middeck.control.qualification import qualify_compensator
 from middeck.control.robust import outcomes_on, shift_modes
 from middeck.control.sampled import SampledCompensator, design_sampled_lqg, measure_sampled_loop
-from middeck.errors import ConfigError, DataError
+from middeck.errors import ConfigError, DataError, NumericalError
 from middeck.files.compensators import (
     StoredCompensator,
     StoredSampledCompensator,
@@ -192,6 +193,18 @@ def test_what_nothing_holds_is_named_and_not_stable_at_any_rate() -> None:
         assert row.unheld == (() if row.stable else ("rotation z",))
 
 
+def test_what_cannot_be_decided_is_said_in_its_row(monkeypatch: pytest.MonkeyPatch) -> None:
+    def measure(plant: Any, law: Any) -> Any:
+        if plant.delay_s[0, 0] == 0.5:
+            raise NumericalError("a root lies on the axis")
+        return measure_margins(plant, law)
+
+    monkeypatch.setattr(qualification, "measure_margins", measure)
+    late, fine = qualify_compensator(law(), {"late": plant(0.5), "fine": plant()}, WEIGHTS)
+    assert (late.stable, late.undecided, late.db) == (False, "a root lies on the axis", np.inf)
+    assert (fine.stable, fine.undecided) == (True, "")
+
+
 def test_white_sensor_noise_through_a_direct_term_has_no_rms() -> None:
     gain = Compensator(gain_system([[-0.1]]), (ANGLE,), (TORQUE,))
     continuous, sampled = qualify_compensator(gain, {"p": plant(0.0)}, WEIGHTS, rates_hz=[500.0])
@@ -294,7 +307,8 @@ def test_an_article_in_several_environments(tmp_path: Path, capfd: Capture) -> N
     assert [row["stable"] for row in rows] == [True, False]
     # Free in space a torque between two bodies turns them against each other and never both together.
     assert rows[1]["unheld"]
-    text = middeck(capfd, "qualify", file, article, "--count", 12, "--environment", "orbit").err
+    late = ("--count", 12, "--environment", "orbit", "--delay-ms", 7)
+    text = middeck(capfd, "qualify", file, article, *late).err
     assert "nothing at these ports holds" in text
 
 

@@ -7,14 +7,14 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from middeck.control.analysis import LoopMargins, LoopStability, Margins, measure_margins
+from middeck.control.analysis import LoopMargins, LoopStability, measure_margins
 from middeck.control.compensator import Compensator, idle_compensator
 from middeck.control.lqg import LQGWeights
 from middeck.control.partition import partition_modes
 from middeck.control.robust.noise_rms import measure_noise_rms
 from middeck.control.sampled import SampledCompensator, measure_sampled_loop, measure_sampled_margins
 from middeck.control.stabilisability import require_reachable
-from middeck.errors import ConfigError, MiddeckError, NotStabilisableError
+from middeck.errors import ConfigError, MiddeckError, NotStabilisableError, NumericalError
 from middeck.systems.delayed_plant import DelayedPlant, delay_inputs
 from middeck.systems.plant import Plant, name_states, subsystem
 from middeck.systems.sampling import tustin
@@ -35,7 +35,7 @@ class Qualified:
     setting:
         ``"continuous"``, or the sampling rate, as ``"250 Hz"``.
     stability:
-        By roots, delays exact; unstable is an outcome.
+        By roots, delays exact; unstable is an outcome. None where ``unheld`` decides, or nothing could.
     rms, control_rms:
         (E[z' W^2 z])^1/2 and (E[u' R u])^1/2 under process and sensor noise, delays exact
         (`measure_noise_rms`), of a sampled loop between the samples too; ``inf`` where unstable, and where a
@@ -48,21 +48,25 @@ class Qualified:
     unheld:
         Modes that do not decay and that no law at these ports can hold: the loop is then not stable, whether
         rounding puts their poles left or right of the axis.
+    undecided:
+        Why it could not be told whether the loop is stable; empty where it could.
     """
 
     plant: str
     setting: str
-    stability: LoopStability
+    stability: LoopStability | None
     rms: float
     control_rms: float
     db: float
     loops: tuple[LoopMargins, ...]
     unheld: tuple[str, ...] = ()
+    undecided: str = ""
 
     @property
     def stable(self) -> bool:
-        """Whether the loop is and every root decays: one on the axis drifts without bound under noise."""
-        return self.stability.stable and self.stability.margin > GROWTH_LIMIT and not self.unheld
+        """Whether it is known that every root decays: one on the axis drifts without bound under noise."""
+        known = self.stability
+        return known is not None and known.stable and known.margin > GROWTH_LIMIT
 
 
 def qualify_compensator(
@@ -87,9 +91,10 @@ def qualify_compensator(
     for name, plant in plants.items():
         try:
             tried = _try(name, plant, compensator, weights)
+            forms: list[Compensator | SampledCompensator] = [*sampled_forms(compensator, rates_hz)]
             if isinstance(compensator, Compensator):
-                found.append(_continuous(tried, compensator, weights))
-            found += [_sampled(tried, law, weights) for law in sampled_forms(compensator, rates_hz)]
+                forms.insert(0, compensator)
+            found += [_row(tried, law, weights) for law in forms]
         except MiddeckError as error:
             error.where = ", ".join(filter(None, [name, error.where]))
             raise
@@ -184,28 +189,32 @@ def sampled_forms(
     )
 
 
-def _continuous(tried: _Tried, law: Compensator, weights: LQGWeights) -> Qualified:
-    margins = measure_margins(tried.plant, law)
-    rms = control = np.inf
-    if margins.stable and not tried.unheld:
-        rms, control = _noise_rms(tried.plant, law, weights)
-    return _qualified(tried, CONTINUOUS, margins, rms, control)
-
-
-def _sampled(tried: _Tried, law: SampledCompensator, weights: LQGWeights) -> Qualified:
-    margins = measure_sampled_margins(tried.plant, law)
-    rms = control = np.inf
-    if margins.stable and not tried.unheld:
-        outcome = measure_sampled_loop(tried.plant, law, weights, 1.0)
-        rms = outcome.metric
-        control = float(np.sqrt(np.sum(weights.input * outcome.control_rms**2)))
-    return _qualified(tried, f"{1.0 / law.period_s:g} Hz", margins, rms, control)
-
-
-def _qualified(tried: _Tried, setting: str, margins: Margins, rms: float, control: float) -> Qualified:
-    loops = margins.loops if margins.stable and not tried.unheld else ()
+def _row(tried: _Tried, law: Compensator | SampledCompensator, weights: LQGWeights) -> Qualified:
+    """One form on one plant; what cannot be decided is said in its row and takes no other row along."""
+    sampled = isinstance(law, SampledCompensator)
+    setting = f"{1.0 / law.period_s:g} Hz" if sampled else CONTINUOUS
+    unknown = Qualified(tried.name, setting, None, np.inf, np.inf, np.inf, (), tried.unheld)
+    if tried.unheld:
+        return unknown
+    try:
+        margins = measure_sampled_margins(tried.plant, law) if sampled else measure_margins(tried.plant, law)
+        if not margins.stable:
+            return dataclasses.replace(unknown, stability=margins.stability)
+        rms, control = (
+            _sampled_rms(tried.plant, law, weights) if sampled else _noise_rms(tried.plant, law, weights)
+        )
+    except NumericalError as error:
+        return dataclasses.replace(unknown, undecided=error.what)
     db = decibels(rms, tried.reference)
-    return Qualified(tried.name, setting, margins.stability, rms, control, db, loops, tried.unheld)
+    return Qualified(tried.name, setting, margins.stability, rms, control, db, margins.loops)
+
+
+def _sampled_rms(
+    plant: Plant | DelayedPlant, law: SampledCompensator, weights: LQGWeights
+) -> tuple[float, float]:
+    """Of the outputs, between the samples too, and the commands."""
+    outcome = measure_sampled_loop(plant, law, weights, 1.0)
+    return outcome.metric, float(np.sqrt(np.sum(weights.input * outcome.control_rms**2)))
 
 
 def _unheld(plant: Plant | DelayedPlant) -> tuple[str, ...]:

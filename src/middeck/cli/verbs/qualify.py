@@ -132,7 +132,7 @@ def _row(found: Qualified) -> dict[str, Any]:
     """Numbers of one row, the least of all its loops; still infinite where there is no limit."""
     import math
 
-    loops, unlimited = found.loops, math.inf if found.stable else None
+    loops, unlimited, known = found.loops, math.inf if found.stable else None, found.stability
 
     def least(values: Any) -> Any:
         return min(values, default=unlimited) if found.stable else None
@@ -142,15 +142,16 @@ def _row(found: Qualified) -> dict[str, Any]:
         "plant": found.plant,
         "setting": found.setting,
         "stable": found.stable,
-        "pole_hz": found.stability.frequency_hz,
-        "decay_per_s": found.stability.margin,
-        "damping": found.stability.damping,
+        "pole_hz": known.frequency_hz if known else None,
+        "decay_per_s": known.margin if known else None,
+        "damping": known.damping if known else None,
         "gain_db": least(loop.gain_db for loop in loops),
         "phase_deg": least(math.degrees(loop.phase_limit_rad) for loop in loops),
         "delay_ms": least(1e3 * loop.delay_limit_s for loop in loops),
         "disk": least(loop.disk.alpha for loop in loops),
         "weakest_loop": None if weakest is None else weakest.channel,
         "unheld": found.unheld,
+        "undecided": found.undecided,
         "rms": found.rms,
         # Without an rms of its own to compare with there are no decibels.
         "db": found.db if math.isfinite(found.db) else None,
@@ -201,6 +202,7 @@ def _warnings(law: Law, rows: list[dict[str, Any]]) -> list[str]:
         f"{plant}: nothing at these ports holds {', '.join(modes)}, which does not decay"
         for plant, modes in {r["plant"]: r["unheld"] for r in rows if r["unheld"]}.items()
     ]
+    said += [f"{r['plant']}, {r['setting']}: {r['undecided']}" for r in rows if r["undecided"]]
     if np.any(law.system.D) and any(r["setting"] == "continuous" for r in rows):
         said.append(
             "the compensator passes sensor noise on directly: white noise has no rms without a rate (--rate)"
