@@ -19,6 +19,7 @@ from multimodel_reference import (
 from middeck.control.analysis import decide_stability, measure_delayed_rms
 from middeck.control.closed_loop import close_loop
 from middeck.control.compensator import Compensator, evaluate_compensator
+from middeck.control.delay_order import MOST_PADE, pade_order, phase_of_modes
 from middeck.control.lqg import LQGWeights, design_lqg
 from middeck.control.performance import Performance
 from middeck.control.qualification import qualify_compensator
@@ -39,7 +40,6 @@ from middeck.control.robust import (
     without_delays,
 )
 from middeck.control.robust.closed_cost import Law
-from middeck.control.robust.delay_order import MOST_PADE, pade_order, phase_of_modes
 from middeck.control.robust.exact_delay import exact_growth
 from middeck.errors import ConfigError
 from middeck.systems.delay import pade

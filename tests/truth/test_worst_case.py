@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+import scipy.optimize
 
 from middeck.control.analysis import (
     decide_stability,
@@ -28,6 +29,7 @@ from middeck.systems.mode_shift import shift_modes
 from middeck.systems.plant import Plant
 from middeck.systems.ports import Port
 from middeck.systems.sampling import sample_plant, tustin
+from middeck.systems.statespace import gain_system
 
 FORCE, WAY, SEEN = Port("force", "N"), Port("way", "m"), Port("seen", "m")
 # The multi-model reference case: five modes, y 10 ms late, in units of 1/(2 pi 3 Hz).
@@ -59,6 +61,27 @@ def test_stability_ends_at_the_allowed_shift_and_not_before() -> None:
     )
     at = decide_stability(moved("9.4 Hz", found.up), LAW)
     assert found.up_hz == pytest.approx(at.frequency_hz, rel=1e-9)
+
+
+def test_a_light_mode_late_by_many_turns_is_ranked_with_its_own_phase() -> None:
+    """A weak gain -k moves the root of a mode by j k exp(-j w tau) / (2 w): growth where sin(w tau) > 0.
+
+    Late by 25 radians, all that an approximation of order 8 can turn: it sees no limit below.
+    """
+    omega, zeta, tau, k = 1250.0, 1e-5, 0.02, 100.0
+    modal = ModalSystem([omega], [zeta], [[1.0]], [[1.0]], [[0.0]], ("fast",))
+    late = DelayedPlant(Plant(modal, (FORCE,), (SEEN,)), np.array([[tau]]))
+    law = Compensator(gain_system(np.array([[-k]])), (SEEN,), (FORCE,))
+    (found,) = find_allowed_shifts(late, law, most=0.2)
+
+    def growth(shift: float) -> float:
+        w = omega * (1.0 + shift)
+        return float(k * np.sin(w * tau) / (2.0 * w) - zeta * w)
+
+    # The root itself is off the mode's frequency by k / (2 w^2) = 4e-5 of it.
+    for limit in (found.down, found.up):
+        assert np.isfinite(limit)
+        assert scipy.optimize.brentq(growth, limit - 0.01, limit + 0.01) == pytest.approx(limit, abs=1e-4)
 
 
 def test_a_shift_without_limit_and_a_loop_unstable_from_the_start() -> None:

@@ -12,6 +12,7 @@ from jaxtyping import Complex
 
 from middeck.control.classical import close_static
 from middeck.control.compensator import Compensator
+from middeck.control.delay_order import approximation_order
 from middeck.control.partition import partition_modes
 from middeck.errors import ConfigError
 from middeck.systems.delayed_plant import DelayedPlant, approximate_delays, delay_inputs
@@ -27,9 +28,6 @@ AnyLaw = Compensator | SampledStateSpace
 """What controls it: by named ports, or a sampled law from all measurements to all commands."""
 At = Literal["inputs", "outputs", "both"]
 """Where a loop is broken or disturbed: at the plant's inputs, at the measurements, or at both at once."""
-
-SMOOTHED_PADE = 8
-"""Order of the approximation that says where to look: at one turn of delay it errs by 1e-7."""
 
 WELL_APART = 1e3
 """Condition of eigenvectors up to which a sum over poles, a tenth of the work, keeps twelve digits."""
@@ -212,18 +210,15 @@ def go_round(G: np.ndarray, K: np.ndarray, at: At) -> Complex[np.ndarray, "line 
     return both
 
 
-def approximate_halves(loop: FeedbackLoop, order: int = SMOOTHED_PADE) -> StateSpace:
+def approximate_halves(loop: FeedbackLoop, order: int | None = None) -> StateSpace:
     """The halves side by side as one system without delays: from (u, y) to (K y, G u).
 
-    States: the plant's, with those of its approximated delays, then the law's. Of a sampled loop the matrices
-    are its own.
+    States: the plant's, with those of its delays in a Pade approximation of ``order`` (by default as the
+    fastest mode asks), then the law's. Of a sampled loop the matrices are its own.
     """
-    plant = (
-        loop.plant
-        if isinstance(loop.plant, SampledStateSpace)
-        else approximate_delays(loop.plant, order).system
-    )
-    law = loop.law
+    law, plant = loop.law, loop.plant
+    if isinstance(plant, DelayedPlant):
+        plant = approximate_delays(plant, order or approximation_order(plant, law)).system
     nu, ny = len(law.D), len(plant.C)
     A, B, C, D = (
         np.asarray(scipy.linalg.block_diag(getattr(plant, name), getattr(law, name))) for name in "ABCD"

@@ -28,6 +28,7 @@ from middeck.control.analysis.loop import (
     period_of,
     resolve,
 )
+from middeck.control.delay_order import pade_order
 from middeck.errors import NumericalError
 from middeck.systems.delayed_plant import DelayedPlant, approximate_delays
 from middeck.systems.resolvent import Resolvent
@@ -35,7 +36,7 @@ from middeck.systems.stability import GROWTH_LIMIT, growth_rates, none_grows
 from middeck.systems.statespace import SampledStateSpace, gain_system
 from middeck.values import record
 
-LEAST_ORDER, MOST_ORDER = 8, 64
+MOST_ORDER = 64
 LIGHT = 0.1
 """Damping ratio below which a pole needs a good approximation at its own frequency."""
 NEWTON_STEPS = 12
@@ -115,7 +116,7 @@ def decide_stability(plant: AnyPlant, law: AnyLaw) -> LoopStability:
 def decide_loop(loop: FeedbackLoop) -> LoopStability:
     """The same of a loop that is formed."""
     if not is_late(loop):
-        return _outcome(_eigenvalues(loop, LEAST_ORDER))
+        return _outcome(_eigenvalues(loop))
     if _direct_gain(loop) >= 1.0:
         # A neutral equation: a chain of roots on or right of the axis (Hale and Verduyn Lunel 1993).
         return LoopStability(False, complex(np.inf, np.inf), np.inf, -np.inf, 0.0, -1)
@@ -138,15 +139,13 @@ def decide_loop(loop: FeedbackLoop) -> LoopStability:
 
 
 def _orders(loop: FeedbackLoop, open_poles: np.ndarray) -> list[int]:
-    """Orders to try: first one that errs by 1e-7 at the fastest light mode, which takes 0.7 omega tau + 6.
+    """Orders to try: first one that is right at the fastest light mode, then twice and four times that.
 
-    Pade errs by x^(2n+1) (n!)^2 / ((2n)! (2n+1)!), small once n > e x / 4. Modes too fast for `MOST_ORDER`
-    are found from their own poles.
+    Modes too fast for `MOST_ORDER` are found from their own poles.
     """
     assert isinstance(loop.plant, DelayedPlant)
     fastest = np.abs(open_poles[_is_light(open_poles)]).max(initial=0.0)
-    enough = np.ceil(0.7 * fastest * loop.plant.delay_s.max()) + 6.0
-    first = int(np.clip(enough, LEAST_ORDER, MOST_ORDER))
+    first = min(pade_order(fastest * loop.plant.delay_s.max()), MOST_ORDER)
     return [first, 2 * first, 4 * first]
 
 
@@ -162,7 +161,7 @@ def _reach(loop: FeedbackLoop) -> float:
     return float(min(REACH, chain) / loop.plant.delay_s.max())
 
 
-def _eigenvalues(loop: FeedbackLoop, order: int) -> Complex[np.ndarray, " root"]:
+def _eigenvalues(loop: FeedbackLoop, order: int | None = None) -> Complex[np.ndarray, " root"]:
     """Poles of the closed loop [rad/s] with approximated delays, or of the sampled loop."""
     closed, period = close_channels(approximate_halves(loop, order)), period_of(loop)
     if period is None:

@@ -9,11 +9,12 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.control.analysis.delayed_rms import measure_delayed_rms
-from middeck.control.analysis.loop import SMOOTHED_PADE, FeedbackLoop, evaluate_halves, form_loop
+from middeck.control.analysis.loop import FeedbackLoop, evaluate_halves, form_loop
 from middeck.control.analysis.shifts import largest_growth, loop_poles
 from middeck.control.analysis.stability import LoopStability, decide_loop
 from middeck.control.closed_loop import close_loop
 from middeck.control.compensator import Compensator
+from middeck.control.delay_order import approximation_order
 from middeck.control.partition import partition_modes
 from middeck.control.performance import Performance, measure_metric
 from middeck.control.uncertainty import (
@@ -80,8 +81,9 @@ def find_worst_case(
 
     All corners, or ``corners`` of them drawn with ``rng``, then a search along the parameters from the
     middle and the worst corners with steps that are halved. Growth and rms are ranked with delays in an
-    approximation of order 8; stability and metric of the answer have exact delays. A lower bound: a search
-    proves nothing between the points that it tried (`measure_disk_margin` bounds from the other side).
+    approximation of the order that the fastest mode asks; stability and metric of the answer are exact.
+    A lower bound: a search proves nothing between the points that it tried (`measure_disk_margin` bounds from
+    the other side).
 
     Raises
     ------
@@ -176,7 +178,7 @@ def _pattern_search(
 def _rough_metric(plant: Plant | DelayedPlant, law: Compensator, performance: Performance) -> float:
     if isinstance(plant, DelayedPlant):
         active = DelayedPlant(partition_modes(plant.plant).active, plant.delay_s)
-        plant = approximate_delays(active, SMOOTHED_PADE)
+        plant = approximate_delays(active, approximation_order(active, law.system))
     return measure_metric(close_loop(plant, law), performance)
 
 

@@ -8,10 +8,10 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from middeck.control.compensator import Compensator, idle_compensator
+from middeck.control.delay_order import LEAST_PADE, MOST_PADE, is_within, pade_order, phase_of_modes
 from middeck.control.lqg import LQGWeights
 from middeck.control.robust.batch import continuous_covariances, row_rms, settled
 from middeck.control.robust.closed_cost import Law, closed_matrices
-from middeck.control.robust.delay_order import LEAST_PADE, MOST_PADE, is_within, pade_order, phase_of_modes
 from middeck.control.robust.design_model import DesignModel, build_model
 from middeck.control.robust.exact_delay import exact_growth
 from middeck.control.robust.noise_rms import measure_noise_rms

@@ -5,16 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+import scipy.linalg as sla
 from jaxtyping import Complex
 
-from middeck.control.analysis.loop import (
-    approximate_halves,
-    close_channels,
-    evaluate_halves,
-    form_loop,
-    select_dynamics,
-    transfer_of,
-)
+from middeck.control.analysis.closed_response import closed_response
+from middeck.control.analysis.loop import approximate_halves, close_channels, form_loop
 from middeck.control.analysis.stability import decide_loop
 from middeck.control.compensator import Compensator
 from middeck.control.lqg import LQGWeights
@@ -69,7 +64,7 @@ def measure_noise_rms(plant: DelayedPlant, compensator: Compensator, weights: LQ
     peaks = np.append(poles(close_channels(approximate_halves(loop))), found.pole)
     fastest = np.abs(np.concatenate([_open_poles(plant, compensator), [found.pole]]))
     top = FAR * float(fastest[np.isfinite(fastest)].max(initial=1.0))
-    respond, outputs = _noise_response(plant, compensator, weights)
+    respond, outputs = _noise_response(plant, compensator, weights), len(weights.output)
     band = response_rms(respond, peaks, np.eye(respond(np.ones(1)).shape[2]), (0.0, top / (2.0 * np.pi)))
     last = respond(np.array([top, 10.0 * top]))
     square = band**2 + np.sum(np.abs(last[0]) ** 2, axis=1) * top / np.pi
@@ -86,29 +81,9 @@ def _open_poles(plant: DelayedPlant, compensator: Compensator) -> Complex[np.nda
 
 def _noise_response(
     plant: DelayedPlant, compensator: Compensator, weights: LQGWeights
-) -> tuple[Callable[[np.ndarray], Complex[np.ndarray, "line e noise"]], int]:
-    """From unit white noise (process, then sensor) to W z, then R^1/2 u, over omega; and the number of z."""
-    active = partition_modes(plant.plant).active
-    w, z = active.input_indices(weights.disturbed), active.output_indices(active.z)
-    u = active.input_indices([p.name for p in compensator.outputs])
-    y = active.output_indices([p.name for p in compensator.inputs])
-    rows, columns = [*z, *y], [*w, *u]
-    transfer = transfer_of(select_dynamics(active, columns, rows))
-    late = plant.delay_s[np.ix_(rows, columns)]
-    halves = evaluate_halves(form_loop(plant, compensator))
-    root, sensor = square_root(weights.process), np.diag(np.sqrt(weights.sensor))
-    W, R = weights.output[:, None], np.sqrt(weights.input)[:, None]
-    nz, nw = len(z), len(w)
-
-    def respond(omega: np.ndarray) -> np.ndarray:
-        s = 1j * omega
-        G = transfer(s) * np.exp(-s[:, None, None] * late)
-        K = halves(s)[1]
-        M = np.linalg.solve(np.eye(len(u)) - K @ G[:, nz:, nw:], K)
-        u_w, u_v = M @ G[:, nz:, :nw] @ root, M @ sensor
-        z_w, z_v = G[:, :nz, :nw] @ root + G[:, :nz, nw:] @ u_w, G[:, :nz, nw:] @ u_v
-        return np.concatenate(
-            [np.concatenate([W * z_w, W * z_v], axis=2), np.concatenate([R * u_w, R * u_v], axis=2)], axis=1
-        )
-
-    return respond, nz
+) -> Callable[[np.ndarray], Complex[np.ndarray, "line e noise"]]:
+    """From unit white noise (process, then sensor) to W z, then R^1/2 u, over omega."""
+    closed = closed_response(plant, compensator, weights.disturbed)
+    noise = sla.block_diag(square_root(weights.process), np.diag(np.sqrt(weights.sensor)))
+    weight = np.concatenate([weights.output, np.sqrt(weights.input)])[:, None]
+    return lambda omega: weight * (closed(omega) @ noise)

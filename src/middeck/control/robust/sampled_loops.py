@@ -9,10 +9,10 @@ import scipy.linalg as sla
 from jaxtyping import Float
 
 from middeck.control.compensator import Compensator
+from middeck.control.delay_order import pade_order, phase_of_modes
 from middeck.control.lqg import LQGWeights
 from middeck.control.partition import partition_modes
 from middeck.control.robust.batch import row_rms, sampled_covariances
-from middeck.control.robust.delay_order import pade_order, phase_of_modes
 from middeck.control.robust.design_model import square_root
 from middeck.errors import ConfigError
 from middeck.systems.delayed_plant import DelayedPlant, approximate_delays

@@ -13,14 +13,12 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
+from middeck.control.delay_order import approximation_order
 from middeck.errors import ConfigError
 from middeck.systems.delayed_plant import SAME_DELAY_S, DelayedPlant, approximate_delays
 from middeck.systems.delayed_sampling import split_delays
 from middeck.systems.plant import Plant
 from middeck.values import record
-
-REST_PADE = 8
-"""Delays of single paths, beyond those of inputs and of outputs, are approximated to this order."""
 
 
 @record
@@ -38,8 +36,9 @@ def place_delays(
     """The plant with its delays at u and y, under white noise of intensity ``process`` on ``disturbed``.
 
     Exact where each path is late by its input's delay plus its output's; what single paths are late beyond
-    that is approximated (Pade 8). Raises `ConfigError` for disturbances that belong together and are late by
-    different times.
+    that is approximated, of the order that the fastest mode asks.
+
+    Raises `ConfigError` for disturbances that belong together and are late by different times.
     """
     if not isinstance(plant, DelayedPlant):
         return TimedPlant(plant, np.zeros(len(plant.u)), np.zeros(len(plant.y)))
@@ -56,7 +55,8 @@ def place_delays(
     if np.any(split.rest_s > SAME_DELAY_S):
         rest = np.zeros_like(plant.delay_s)
         rest[np.ix_(outputs, inputs)] = split.rest_s
-        inside = approximate_delays(DelayedPlant(inside, rest), REST_PADE)
+        late = DelayedPlant(inside, rest)
+        inside = approximate_delays(late, approximation_order(late))
     of_u, of_y = np.array([late_in[i] for i in u]), np.array([late_out[o] for o in y])
     common = float(of_y.min(initial=np.inf)) if len(of_y) else 0.0
     return TimedPlant(inside, of_u + common, of_y - common)

@@ -68,8 +68,10 @@ def hold_plant(plant: Plant | DelayedPlant, weights: LQGWeights, period_s: float
     """The plant with its inputs held over ``period_s``, under the noises of ``weights``.
 
     Delays are exact where each path is late by its input's delay plus its output's; what single paths are
-    late beyond that is approximated (Pade 8). Raises `ConfigError` for a period that is not positive, for
-    weights that do not fit, and for white noise that reaches z or y directly: its samples are infinite.
+    late beyond that is approximated (`approximation_order`).
+
+    Raises `ConfigError` for a period that is not positive, for weights that do not fit, and for white noise
+    that reaches z or y directly: its samples are infinite.
     """
     if not (np.isfinite(period_s) and period_s > 0.0):
         raise ConfigError(f"a period of {period_s} s cannot be sampled at", hint="a positive period")

@@ -6,7 +6,9 @@ import numpy as np
 
 from middeck.control.partition import partition_modes
 from middeck.systems.delayed_plant import DelayedPlant
-from middeck.systems.statespace import StateSpace, poles
+from middeck.systems.statespace import SampledStateSpace, StateSpace, poles
+
+System = StateSpace | SampledStateSpace
 
 LEAST_PADE, MOST_PADE = 8, 40
 """Beyond 40 (50 radians, 800 Hz for 10 ms) a plant by itself with its exact delay is cheaper."""
@@ -24,11 +26,16 @@ def pade_order(phase: float) -> int:
     return max(LEAST_PADE, int(np.ceil(0.5 * phase + 1.5 * np.sqrt(phase))) + 4)
 
 
-def phase_of_modes(plant: DelayedPlant, law: StateSpace | None = None) -> float:
+def phase_of_modes(plant: DelayedPlant, law: System | None = None) -> float:
     """Largest frequency of a pole of plant or law times the largest delay [rad]."""
     inside = poles(partition_modes(plant.plant).active.system)
     turning = np.abs(np.imag(inside if law is None else np.append(inside, poles(law))))
     return float(turning.max(initial=0.0) * plant.delay_s.max(initial=0.0))
+
+
+def approximation_order(plant: DelayedPlant, law: System | None = None) -> int:
+    """The order at which every mode of plant and law comes back with the right phase, at most `MOST_PADE`."""
+    return min(pade_order(phase_of_modes(plant, law)), MOST_PADE)
 
 
 def is_within(order: int, plant: DelayedPlant, values: np.ndarray) -> bool:
