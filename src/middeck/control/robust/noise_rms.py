@@ -9,11 +9,11 @@ import scipy.linalg as sla
 from jaxtyping import Complex
 
 from middeck.control.analysis.closed_response import closed_response
+from middeck.control.analysis.delayed_roots import find_open_poles
 from middeck.control.analysis.loop import approximate_halves, close_channels, form_loop
 from middeck.control.analysis.stability import decide_loop
 from middeck.control.compensator import Compensator
 from middeck.control.lqg import LQGWeights
-from middeck.control.partition import partition_modes
 from middeck.control.robust.design_model import build_model, square_root
 from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.norms import response_rms
@@ -62,7 +62,7 @@ def measure_noise_rms(plant: DelayedPlant, compensator: Compensator, weights: LQ
     if not found.stable or found.margin <= GROWTH_LIMIT:
         return NoiseOutcome(found.stable, np.inf, np.inf)
     peaks = np.append(poles(close_channels(approximate_halves(loop))), found.pole)
-    fastest = np.abs(np.concatenate([_open_poles(plant, compensator), [found.pole]]))
+    fastest = np.abs(np.concatenate([find_open_poles(loop), [found.pole]]))
     top = FAR * float(fastest[np.isfinite(fastest)].max(initial=1.0))
     respond, outputs = _noise_response(plant, compensator, weights), len(weights.output)
     band = response_rms(respond, peaks, np.eye(respond(np.ones(1)).shape[2]), (0.0, top / (2.0 * np.pi)))
@@ -72,11 +72,6 @@ def measure_noise_rms(plant: DelayedPlant, compensator: Compensator, weights: LQ
     level = np.linalg.norm(last, axis=2)
     square[(level[1] > 0.5 * level[0]) & (level[1] > 0.0)] = np.inf
     return NoiseOutcome(True, float(np.sqrt(square[:outputs].sum())), float(np.sqrt(square[outputs:].sum())))
-
-
-def _open_poles(plant: DelayedPlant, compensator: Compensator) -> Complex[np.ndarray, " pole"]:
-    inside = partition_modes(plant.plant).active.system
-    return np.concatenate([np.linalg.eigvals(inside.A), np.linalg.eigvals(compensator.system.A)])
 
 
 def _noise_response(

@@ -1,0 +1,102 @@
+"""Roots of a loop with exact delays, from the poles of an approximation and the light modes themselves."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Complex
+
+from middeck.control.analysis.loop import FeedbackLoop, Halves
+from middeck.systems.delayed_plant import DelayedPlant
+
+LIGHT = 0.1
+"""Damping ratio below which a pole needs a good approximation at its own frequency."""
+NEWTON_STEPS = 12
+UNMOVED = 1e-9
+"""A mode that the loop moves by less, relative to itself, stands as it is: evaluation cannot tell."""
+ON_ROOT = 1e-2
+"""|f| at a root beside |f| a thousandth of the way to the next pole: within 1e-5 of that way."""
+ONE_ROOT, TWO_STARTS = 1e-8, 1e-6
+NEAREST_AXIS = 12
+"""Roots followed to the exact delay beside those that are counted."""
+
+
+def follow_roots(
+    halves: Halves, near: np.ndarray, open_poles: np.ndarray, reach: float
+) -> tuple[Complex[np.ndarray, " root"], Complex[np.ndarray, " root"]]:
+    """Roots of the loop from the poles ``near`` them and from the open loop's light ones; and what is none.
+
+    The latter are poles of the approximation that lead to no root, or that are too far left to be followed.
+    """
+    upper = near[np.imag(near) >= 0.0]
+    upper = upper[np.argsort(-np.real(upper), kind="stable")]
+    count = int(np.sum(np.real(upper) > -reach)) + NEAREST_AXIS
+    light = open_poles[is_light(open_poles) & (np.abs(open_poles) > 1e-3 * reach)]
+    # Not on the pole itself, where nothing is finite.
+    start = np.concatenate([upper[:count], light + 1e-6 * np.abs(light)])
+    roots, is_root = _newton(halves, start, open_poles, reach)
+    own = np.arange(len(start)) < len(upper[:count])
+    roots = _once(roots[is_root], start[is_root], own[is_root])
+    return _with_conjugates(roots), _with_conjugates(np.append(start[own & ~is_root], upper[count:]))
+
+
+def _with_conjugates(upper: np.ndarray) -> Complex[np.ndarray, " root"]:
+    return np.concatenate([upper, np.conj(upper[np.imag(upper) > 0.0])])
+
+
+def _once(roots: np.ndarray, start: np.ndarray, own: np.ndarray) -> Complex[np.ndarray, " root"]:
+    """Each root once; twice where two poles of the approximation coincide there."""
+    kept: list[int] = []
+    for i in range(len(roots)):
+        size = np.abs(roots[i])
+        same = [k for k in kept if np.abs(roots[k] - roots[i]) <= ONE_ROOT * size]
+        apart = [np.abs(start[k] - start[i]) > TWO_STARTS * size for k in same]
+        if not same or (own[i] and not any(apart)):
+            kept.append(i)
+    return roots[kept]
+
+
+def find_open_poles(loop: FeedbackLoop) -> Complex[np.ndarray, " pole"]:
+    """Poles of plant and law."""
+    plant = loop.plant.plant.system if isinstance(loop.plant, DelayedPlant) else loop.plant
+    return np.concatenate([np.linalg.eigvals(plant.A), np.linalg.eigvals(loop.law.A)]).astype(complex)
+
+
+def is_light(poles: np.ndarray) -> np.ndarray:
+    """Upper poles that oscillate with little damping."""
+    return (np.imag(poles) > 0.0) & (np.abs(np.real(poles)) < LIGHT * np.abs(poles))
+
+
+def _newton(
+    halves: Halves, start: np.ndarray, open_poles: np.ndarray, reach: float
+) -> tuple[Complex[np.ndarray, " root"], np.ndarray]:
+    """Newton's method on f(s) times all (s - p), which has no poles; and where it ended at a root.
+
+    A mode that the loop does not move is a root of this product, though not of f: it stays as it is.
+    """
+    size = np.maximum(np.abs(start), 1e-3 * reach)
+    unmoved = np.abs(start[:, None] - open_poles).min(axis=1, initial=np.inf) <= UNMOVED * size
+    s, real = start.copy(), np.imag(start) == 0.0
+    on_root = np.zeros(len(s), dtype=bool)
+    with np.errstate(all="ignore"):
+        for _ in range(NEWTON_STEPS):
+            # Differences over a thousandth of the way to the next pole err by 1e-6 of the slope.
+            away = s[:, None] - open_poles
+            way = np.abs(away).min(axis=1, initial=np.inf)
+            h = 1e-3 * np.where(np.isfinite(way), way, size)
+            middle, left, right = (_determinant(halves, x) for x in (s, s - h, s + h))
+            beside = np.maximum(np.abs(left), np.abs(right))
+            on_root = np.isfinite(beside) & (np.abs(middle) <= ON_ROOT * beside)
+            step = middle / ((right - left) / (2.0 * h) + middle * np.sum(1.0 / away, axis=1))
+            s = np.where(np.isfinite(step) & ~unmoved, s - step, s)
+            s = np.where(real, np.real(s) + 0.0j, s)
+    ended = np.where(np.imag(s) < 0.0, np.conj(s), s)
+    return ended, unmoved | on_root
+
+
+def _determinant(halves: Halves, s: np.ndarray) -> Complex[np.ndarray, " point"]:
+    G, K = halves(s)
+    loop = np.eye(K.shape[1]) - K @ G
+    finite = np.isfinite(loop).all(axis=(1, 2))
+    value = np.full(len(s), np.nan + 0.0j)
+    value[finite] = np.linalg.det(loop[finite])
+    return value

@@ -1,0 +1,138 @@
+"""How many roots a loop with exact delays has right of a line, by the argument principle.
+
+With f = det(1 - K G) and f_n the same with delays approximated, f / f_n has no open-loop poles: it has the
+roots of the delayed loop as zeros and those of the approximation, which are eigenvalues, as poles. Its change
+of phase along the line is therefore the difference of the two numbers of roots right of it, whatever
+integrators and rigid modes the plant has.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.control.analysis.delayed_roots import find_open_poles
+from middeck.control.analysis.lines import HALF_WIDTHS, MOST_DELAY_LINES, PER_DECADE
+from middeck.control.analysis.loop import FeedbackLoop, Halves, resolve
+from middeck.errors import NumericalError
+from middeck.systems.delayed_plant import DelayedPlant, approximate_delays
+from middeck.systems.resolvent import Resolvent
+from middeck.systems.statespace import gain_system
+
+STEP = 0.7
+"""Largest change of phase [rad] that is believed from line to line."""
+ROUNDS, DOUBLINGS = 60, 40
+
+
+def clear_wall(real: np.ndarray, reach: float) -> float:
+    """A line Re s left of the axis with nothing beside it: the middle of the widest gap within ``reach``.
+
+    Whatever grows, and what is nearer to the axis than the line, is to its right: found and counted.
+    """
+    inside = np.sort(real[(real > -reach) & (real < 0.0)])
+    edges = np.concatenate([[-reach], inside, [0.0]])
+    k = int(np.argmax(np.diff(edges)))
+    return float(0.5 * (edges[k] + edges[k + 1]))
+
+
+def count_more(loop: FeedbackLoop, halves: Halves, order: int, roots: np.ndarray, wall: float) -> int | None:
+    """How many roots right of ``wall`` the delayed loop has more than its approximation; None if unclear."""
+    phase = _phase(loop, halves, order)
+    omega = _wall_lines(loop, halves, roots, wall)
+    ratio, away = phase(wall + 1j * omega)
+    for _ in range(ROUNDS):
+        step = np.angle(ratio[1:] * np.conj(ratio[:-1]))
+        coarse = (np.abs(step) > STEP) & (np.diff(omega) > 1e-14 * omega[1:])
+        if not coarse.any():
+            break
+        middle = 0.5 * (omega[:-1] + omega[1:])[coarse]
+        between, _ = phase(wall + 1j * middle)
+        place = np.flatnonzero(coarse) + 1
+        omega, ratio = np.insert(omega, place, middle), np.insert(ratio, place, between)
+    step = np.angle(ratio[1:] * np.conj(ratio[:-1]))
+    # From the last line along Re s to infinity both loops are small: their phase is that of 1 - K G itself.
+    half_turns = (away[-1] - step.sum()) / np.pi
+    near = round(float(half_turns)) if np.isfinite(half_turns) else 0
+    clear = np.all(np.abs(step) <= STEP) and abs(half_turns - near) < 0.1
+    return near if clear else None
+
+
+def _phase(
+    loop: FeedbackLoop, halves: Halves, order: int
+) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]:
+    """f / f_n of size one, and its phase where both loops are small."""
+    assert isinstance(loop.plant, DelayedPlant)
+    late, smoothed = loop.plant.delay_s, _smoothed_delays(loop.plant, order)
+
+    def evaluate(s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        G, K = halves(s)
+        identity = np.eye(K.shape[1])
+        exact = identity - K @ G
+        near = identity - K @ (G * np.exp(s[:, None, None] * late) * smoothed(s))
+        ratio = np.linalg.slogdet(exact)[0] * np.conj(np.linalg.slogdet(near)[0])
+        away = [np.angle(np.linalg.eigvals(M[-1])).sum() for M in (exact, near)]
+        return ratio, np.full(len(s), away[0] - away[1])
+
+    return evaluate
+
+
+def _smoothed_delays(plant: DelayedPlant, order: int) -> Resolvent:
+    """What stands for exp(-s tau) of each path in `approximate_delays`: that of a plant of ones."""
+    ones = dataclasses.replace(
+        plant.plant, dynamics=gain_system(np.ones(plant.delay_s.shape)), state_names=()
+    )
+    return resolve(approximate_delays(DelayedPlant(ones, plant.delay_s), order).system)
+
+
+def _wall_lines(
+    loop: FeedbackLoop, halves: Halves, roots: np.ndarray, wall: float
+) -> Float[np.ndarray, " line"]:
+    """Frequencies from zero to where the loop is small, dense beside the roots and for the delay."""
+    assert isinstance(loop.plant, DelayedPlant)
+    size = np.abs(np.concatenate([roots, find_open_poles(loop)]))
+    moving = size[size > 1e-9 * size.max(initial=0.0)]
+    low, high = (0.01 * moving.min(), 2.0 * moving.max()) if len(moving) else (0.01, 100.0)
+    top = _where_small(halves, wall, high, direct_gain(loop))
+    centre, width = np.abs(np.imag(roots)), np.abs(np.real(roots) - wall)
+    beside = centre[:, None] + width[:, None] * np.concatenate([-HALF_WIDTHS, HALF_WIDTHS])
+    late = float(loop.plant.delay_s.max())
+    waves = np.arange(1, min(int(2.0 * top * late) + 1, MOST_DELAY_LINES)) * 0.5 / late
+    lines = np.geomspace(low, top, int(PER_DECADE * np.log10(top / low)) + 2)
+    omega = np.unique(np.concatenate([[0.0], lines, beside.ravel(), waves]))
+    return omega[(omega >= 0.0) & (omega <= top)]
+
+
+def _where_small(halves: Halves, wall: float, omega: float, direct: float) -> float:
+    """From where on a wave is less than half of itself each time round, or half-way to what stays of it."""
+    for _ in range(DOUBLINGS):
+        G, K = halves(wall + 1j * omega * np.array([1.0, 1.3, 1.7, 2.3]))
+        if np.abs(np.linalg.eigvals(K @ G)).max(initial=0.0) < 0.5 * (1.0 + direct):
+            return omega
+        omega *= 2.0
+    raise NumericalError("stability with delays: the loop gain does not fall with frequency")
+
+
+def direct_gain(loop: FeedbackLoop) -> float:
+    """How much a wave without end keeps of itself each time round; one or more is unstable.
+
+    Exact where all paths with a direct term are late alike; otherwise from absolute values, an upper bound.
+    """
+    if not isinstance(loop.plant, DelayedPlant):
+        return 0.0
+    through, law = loop.plant.plant.system.D, loop.law.D
+    late = loop.plant.delay_s[through != 0.0]
+    if not late.size or not np.any(late):
+        return 0.0
+    alike = bool(np.all(late == late[0]))
+    if not alike:
+        through, law = np.abs(through), np.abs(law)
+    gain = float(np.abs(np.linalg.eigvals(law @ through)).max(initial=0.0))
+    if not alike and gain >= 1.0:
+        raise NumericalError(
+            f"a direct term of loop gain {gain:.3g} comes back by paths that are late by different times",
+            hint="a law or a plant that rolls off",
+        )
+    return gain
