@@ -10,9 +10,9 @@ import numpy as np
 
 from measured.rows import cell, peer, row
 from middeck.control.lqg import LQGWeights, design_lqg
-from middeck.realtime.hardware_rig import build_hardware_rig, connect_law, cut_blocks
+from middeck.realtime.hardware_rig import BLOCK, build_hardware_rig, connect_law, cut_blocks
 from middeck.realtime.hybrid import simulate_hybrid
-from middeck.realtime.hybrid_state import start_hybrid
+from middeck.realtime.hybrid_state import HybridSystem, start_hybrid
 from middeck.realtime.motors import Motor
 from middeck.realtime.rig import close_sampled_loop
 from middeck.realtime.sensors import Encoder
@@ -30,6 +30,7 @@ CASE = "simulation"
 PERIOD_S, SAMPLES, PIECE, REPEATS = 1e-3, 1_000_000, 50_000, 3
 MODES, KEPT_MODES, INPUTS, OUTPUTS = 30, 20, 5, 14
 LAST, TICKS = 1000, 50_000
+SHORT, LONG = 100_000, 1_000_000  # ticks of the runs whose memory is compared
 
 
 def rows(options: Any) -> list[dict]:
@@ -128,7 +129,37 @@ def _hybrid(plant: Plant, law: SampledStateSpace) -> list[dict]:
             run = simulate_hybrid(system, cut_blocks(noise), rng, start)
             times.append(_cpu(lambda run=run: [None for _ in run])[0])
         made.append(row(CASE, what, "CPU us", 1e6 * float(np.median(times)) / TICKS, 20.0, states=100))
+    made.append(row(CASE, "of which products with matrices", "CPU us", _products(system), states=100))
+    short, long = (_peak(system, ticks) for ticks in (SHORT, LONG))
+    made.append(row(CASE, "memory of a million such ticks", "MB", long / 2**20, states=100))
+    made.append(row(CASE, "the same over that of 100,000 ticks", "ratio", long / short, 1.1, states=100))
     return made
+
+
+def _products(system: HybridSystem) -> float:
+    """CPU microseconds of a tick's three products alone, the least that it can take."""
+    plant, computer = system.plant, system.computer
+    pairs = [np.vstack([plant.step[0], plant.read]), computer.step, plant.drive[0]]
+    parts = [(m.copy(), np.ones(m.shape[1]), np.empty(len(m))) for m in pairs]
+
+    def run() -> None:
+        for _ in range(TICKS):
+            for matrix, x, y in parts:
+                np.dot(matrix, x, out=y)
+
+    return 1e6 * float(np.median([_cpu(run)[0] for _ in range(REPEATS)])) / TICKS
+
+
+def _peak(system: HybridSystem, ticks: int) -> int:
+    """Bytes that a run takes at its most, excitation and answer going by in pieces."""
+    rng = np.random.default_rng(0)
+    tracemalloc.start()
+    pieces = (rng.standard_normal((BLOCK, INPUTS)) for _ in range(0, ticks, BLOCK))
+    for _ in simulate_hybrid(system, pieces, rng, start_hybrid(system, np.zeros(OUTPUTS))):
+        pass
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    return peak
 
 
 def _cpu(work: Any) -> tuple[float, Any]:
