@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from middeck.control.analysis.disk import measure_disk_margin
     from middeck.control.analysis.inversion import find_inversion
     from middeck.control.analysis.margins import measure_margins
+    from middeck.control.analysis.margins_table import margins_table
     from middeck.control.analysis.return_ratio import trace_return_ratio
     from middeck.control.analysis.shifts import find_allowed_shifts
     from middeck.control.analysis.stability import decide_stability
@@ -29,21 +30,23 @@ if TYPE_CHECKING:
     from middeck.control.lqg.estimator import design_filter
     from middeck.control.lqg.levels import design_levels
     from middeck.control.lqg.shaping import Shaping
-    from middeck.control.lqg.spectra import fit_spectrum, line_filter
+    from middeck.control.lqg.spectra import fit_spectrum, line_filter, sum_spectra
     from middeck.control.lqg.topologies import compare_topologies
     from middeck.control.lqg.weights import LQGWeights
     from middeck.control.performance import Performance, measure_control_rms, measure_metric, measure_rms
     from middeck.control.pointing import PointingWindow, budget_pointing
+    from middeck.control.qualification import qualify_compensator
     from middeck.control.reduction.compensators import reduce_compensator
     from middeck.control.reduction.modal import reduce_modes
     from middeck.control.reduction.plants import reduce_plant
     from middeck.control.riccati.continuous import solve_riccati
     from middeck.control.riccati.discrete import solve_discrete_riccati
-    from middeck.control.robust.comparison import compare_designs
+    from middeck.control.robust.comparison import compare_designs, comparison_table
     from middeck.control.robust.monte_carlo import verify_robustness
     from middeck.control.robust.multimodel import design_multimodel
     from middeck.control.robust.popov import design_popov
     from middeck.control.robust.sensitivity_weighted import design_sensitivity_weighted
+    from middeck.control.robust.structure import Structure
     from middeck.control.sampled.aliases import find_aliases
     from middeck.control.sampled.antialias import filter_measurements
     from middeck.control.sampled.comparison import compare_sampling
@@ -60,11 +63,12 @@ if TYPE_CHECKING:
         second_order_section,
         shape_compensator,
     )
-    from middeck.control.uncertainty import ModeShift, Uncertainty
+    from middeck.control.uncertainty import ModeShift, Uncertainty, draw_positions
     from middeck.errors import MiddeckError
-    from middeck.files.compensators import write_compensator
+    from middeck.files.compensators import load_compensator, write_compensator
     from middeck.files.documents import load_case, load_environment, load_structure
     from middeck.files.exchange.mat import load_mat, write_mat
+    from middeck.files.exchange.named import as_compensator, as_plant
     from middeck.files.exchange.python_control import from_control, to_control
     from middeck.files.exchange.scipy_signal import from_scipy, to_scipy
     from middeck.files.measured_modes import load_measured_modes, write_measured_modes
@@ -117,7 +121,9 @@ if TYPE_CHECKING:
     from middeck.identification.uncertainty.response_drift import compare_responses
     from middeck.realtime.hardware_rig import build_hardware_rig
     from middeck.realtime.hardware_runs import run_hardware_closed_loop, run_hardware_open_loop
+    from middeck.realtime.motors import Motor
     from middeck.realtime.nonlinear_rig import build_nonlinear_rig, run_nonlinear_open_loop
+    from middeck.realtime.sensors import Encoder, Gyro
     from middeck.structure.article import Damping
     from middeck.structure.checks.summary import summarise
     from middeck.structure.comparison import compare_modes
@@ -161,6 +167,7 @@ if TYPE_CHECKING:
     from middeck.systems.record import Campaign, Record, RecordStream
     from middeck.systems.response import evaluate_plant
     from middeck.systems.sampled_plant import build_sampled_plant
+    from middeck.systems.sampling import tustin
 
 __version__ = "0.1.0"
 
@@ -173,9 +180,11 @@ _ROOM = {
     "DelayedPlant": "systems.delayed_plant",
     "Device": "structure.environment",
     "DeviceKind": "structure.environment",
+    "Encoder": "realtime.sensors",
     "Environment": "structure.environment",
     "Excitation": "systems.excitation.signal",
     "Friction": "systems.friction",
+    "Gyro": "realtime.sensors",
     "LQGWeights": "control.lqg.weights",
     "Limits": "systems.excitation.limits",
     "MeasuredModes": "structure.correlation.measured_modes",
@@ -183,6 +192,7 @@ _ROOM = {
     "MeasurementNoise": "structure.correlation.measured_modes",
     "MiddeckError": "errors",
     "ModeShift": "control.uncertainty",
+    "Motor": "realtime.motors",
     "PDLoops": "control.classical",
     "Performance": "control.performance",
     "PointingWindow": "control.pointing",
@@ -192,10 +202,13 @@ _ROOM = {
     "Reduction": "structure.correlation.reduction",
     "SampledCompensator": "control.sampled.compensator",
     "Shaping": "control.lqg.shaping",
+    "Structure": "control.robust.structure",
     "Suspension": "structure.environment",
     "Uncertainty": "control.uncertainty",
     "accelerometer_offset": "structure.plants.port_rows",
     "approximate_delays": "systems.delayed_plant",
+    "as_compensator": "files.exchange.named",
+    "as_plant": "files.exchange.named",
     "budget_pointing": "control.pointing",
     "build_budget": "structure.gravity.budget",
     "build_hardware_rig": "realtime.hardware_rig",
@@ -212,6 +225,7 @@ _ROOM = {
     "compare_sampling": "control.sampled.comparison",
     "compare_static_gain": "structure.plants.residual",
     "compare_topologies": "control.lqg.topologies",
+    "comparison_table": "control.robust.comparison",
     "correlate_modes": "structure.correlation.correlate",
     "cut_periods": "systems.excitation.recognition",
     "decide_stability": "control.analysis.stability",
@@ -237,6 +251,7 @@ _ROOM = {
     "differentiate_modes": "structure.sensitivity.shapes",
     "differentiate_plant": "structure.sensitivity.plants",
     "differentiate_rest": "structure.sensitivity.rest",
+    "draw_positions": "control.uncertainty",
     "emulate": "control.sampled.emulation",
     "estimate_attitude": "structure.suspension.attitude",
     "estimate_damping": "structure.plants.damping",
@@ -269,6 +284,7 @@ _ROOM = {
     "list_parameters": "structure.sensitivity.parameters",
     "load_campaign": "files.records",
     "load_case": "files.documents",
+    "load_compensator": "files.compensators",
     "load_environment": "files.documents",
     "load_fitted": "files.models",
     "load_mat": "files.exchange.mat",
@@ -279,6 +295,7 @@ _ROOM = {
     "load_response": "files.records",
     "load_structure": "files.documents",
     "load_study": "files.studies",
+    "margins_table": "control.analysis.margins_table",
     "matrix_zeros": "identification.plants.zeros",
     "measure_control_rms": "control.performance",
     "measure_delayed_rms": "control.analysis.delayed_rms",
@@ -308,6 +325,7 @@ _ROOM = {
     "peak_gain": "systems.peak_gain",
     "periods_needed": "identification.uncertainty.accuracy",
     "pole_zero_gain": "identification.plants.pole_zero_gain",
+    "qualify_compensator": "control.qualification",
     "read_record": "files.records",
     "recognise_excitation": "systems.excitation.recognition",
     "record_nrmse": "identification.samples.simulation",
@@ -336,6 +354,7 @@ _ROOM = {
     "split_periods": "files.records.together",
     "stabilisation": "identification.fit.stabilisation",
     "start_tracking": "identification.tracking.follow",
+    "sum_spectra": "control.lqg.spectra",
     "summarise": "structure.checks.summary",
     "sweep_amplitude": "structure.gimbals.amplitude",
     "sweep_authority": "control.authority",
@@ -346,6 +365,7 @@ _ROOM = {
     "to_scipy": "files.exchange.scipy_signal",
     "trace_return_ratio": "control.analysis.return_ratio",
     "track_modes": "identification.tracking.history",
+    "tustin": "systems.sampling",
     "update_tracking": "identification.tracking.update",
     "verify_robustness": "control.robust.monte_carlo",
     "write_compensator": "files.compensators",
@@ -366,9 +386,11 @@ __all__ = [
     "DelayedPlant",
     "Device",
     "DeviceKind",
+    "Encoder",
     "Environment",
     "Excitation",
     "Friction",
+    "Gyro",
     "LQGWeights",
     "Limits",
     "MeasuredModes",
@@ -376,6 +398,7 @@ __all__ = [
     "MeasurementNoise",
     "MiddeckError",
     "ModeShift",
+    "Motor",
     "PDLoops",
     "Performance",
     "PointingWindow",
@@ -385,11 +408,14 @@ __all__ = [
     "Reduction",
     "SampledCompensator",
     "Shaping",
+    "Structure",
     "Suspension",
     "Uncertainty",
     "__version__",
     "accelerometer_offset",
     "approximate_delays",
+    "as_compensator",
+    "as_plant",
     "budget_pointing",
     "build_budget",
     "build_hardware_rig",
@@ -406,6 +432,7 @@ __all__ = [
     "compare_sampling",
     "compare_static_gain",
     "compare_topologies",
+    "comparison_table",
     "correlate_modes",
     "cut_periods",
     "decide_stability",
@@ -431,6 +458,7 @@ __all__ = [
     "differentiate_modes",
     "differentiate_plant",
     "differentiate_rest",
+    "draw_positions",
     "emulate",
     "estimate_attitude",
     "estimate_damping",
@@ -463,6 +491,7 @@ __all__ = [
     "list_parameters",
     "load_campaign",
     "load_case",
+    "load_compensator",
     "load_environment",
     "load_fitted",
     "load_mat",
@@ -473,6 +502,7 @@ __all__ = [
     "load_response",
     "load_structure",
     "load_study",
+    "margins_table",
     "matrix_zeros",
     "measure_control_rms",
     "measure_delayed_rms",
@@ -502,6 +532,7 @@ __all__ = [
     "peak_gain",
     "periods_needed",
     "pole_zero_gain",
+    "qualify_compensator",
     "read_record",
     "recognise_excitation",
     "record_nrmse",
@@ -530,6 +561,7 @@ __all__ = [
     "split_periods",
     "stabilisation",
     "start_tracking",
+    "sum_spectra",
     "summarise",
     "sweep_amplitude",
     "sweep_authority",
@@ -540,6 +572,7 @@ __all__ = [
     "to_scipy",
     "trace_return_ratio",
     "track_modes",
+    "tustin",
     "update_tracking",
     "verify_robustness",
     "write_compensator",

@@ -1,0 +1,53 @@
+"""Margins as text, in the units that people speak."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from middeck.control.analysis.margins import LoopMargins, Margins
+
+HEAD = ("broken at", "gain dB", "at Hz", "phase deg", "at Hz", "delay ms", "disk", "max |S|", "at Hz")
+
+
+def margins_table(margins: Margins) -> str:
+    """A line for each loop: the least gain, phase and delay that break it and where, disk and peak of S.
+
+    An unstable loop has no margins: the line says where its fastest root is. ``-``: nothing breaks it.
+
+    >>> from middeck.control.analysis import measure_margins
+    >>> from middeck.control.compensator import Compensator
+    >>> from middeck.systems.plant import Plant
+    >>> from middeck.systems.ports import Port
+    >>> from middeck.systems.statespace import StateSpace, gain_system
+    >>> force, way = Port("force", "N"), Port("way", "m")
+    >>> integrator = Plant(StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]), (force,), (way,))
+    >>> law = Compensator(gain_system(np.array([[-2.0]])), (way,), (force,))
+    >>> print(margins_table(measure_margins(integrator, law)))
+    broken at  gain dB  at Hz  phase deg  at Hz   delay ms  disk   max |S|  at Hz
+    force      -        -      90.0       0.3183  785       2.000  1.000    inf
+    """
+    if not margins.stable:
+        root = margins.stability
+        return f"unstable: a root at {root.frequency_hz:.4g} Hz grows by {-root.margin:.3g} 1/s"
+    lines = [HEAD, *(_cells(loop) for loop in margins.loops)]
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    return "\n".join(
+        "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip()
+        for line in lines
+    )
+
+
+def _cells(loop: LoopMargins) -> tuple[str, ...]:
+    gain = np.argmin(np.abs(np.log(loop.gain))) if len(loop.gain) else None
+    phase = np.argmin(np.abs(loop.phase_rad)) if len(loop.phase_rad) else None
+    return (
+        loop.channel,
+        "-" if gain is None else f"{20.0 * np.log10(loop.gain[gain]):+.1f}",
+        "-" if gain is None else f"{loop.gain_hz[gain]:.4g}",
+        "-" if phase is None else f"{np.degrees(abs(loop.phase_rad[phase])):.1f}",
+        "-" if phase is None else f"{loop.phase_hz[phase]:.4g}",
+        "-" if phase is None else f"{1e3 * loop.delay_limit_s:.3g}",
+        f"{loop.disk.alpha:.3f}",
+        f"{loop.sensitivity.gain:.3f}",
+        f"{loop.sensitivity.frequency_hz:.4g}",
+    )
