@@ -12,6 +12,8 @@ from middeck.control.sampled import (
     design_sampled_lqg,
     filter_measurements,
     find_aliases,
+    find_sampled_shifts,
+    measure_sampled_disk,
     measure_sampled_loop,
     measure_sampled_margins,
     sample_controlled,
@@ -20,6 +22,7 @@ from middeck.control.shaping import roll_off
 from middeck.errors import ConfigError
 from middeck.systems.delayed_plant import DelayedPlant, delay_inputs, evaluate_delayed
 from middeck.systems.modal import ModalSystem, select_modes
+from middeck.systems.mode_shift import shift_modes
 from middeck.systems.plant import Plant, name_states
 from middeck.systems.ports import Port
 from middeck.systems.response import statespace_response
@@ -87,6 +90,29 @@ def test_margins_are_those_of_the_sampled_loop(comparison):
             assert radius[0] == pytest.approx(1.0, abs=1e-7)
             assert radius[1] < 1.0
         assert row.margins.loops[0].channel == "torque"
+
+
+def test_shifts_end_where_the_sampled_loop_does(comparison):
+    plant = cases.late_gimbal()
+    law = next(row.law for row in comparison.rows if row.rate_hz == 500.0 and row.outcome.stable)
+    (found,) = find_sampled_shifts(plant, law, modes=["8.8 Hz"], most=0.1)
+
+    def radius(shift):
+        moved = dataclasses.replace(plant, plant=shift_modes(plant.plant, {"8.8 Hz": 1.0 + shift}))
+        return np.abs(poles(closed(sample_controlled(moved, law), law.system, 1.0))).max()
+
+    # Bisected to 1e-8.
+    for limit in (found.down, found.up):
+        assert radius(limit) > 1.0 > radius(limit - np.sign(limit) * 2e-8)
+    assert all(radius(x) < 1.0 for x in np.linspace(found.down, found.up, 23)[1:-1])
+
+
+def test_one_channel_has_the_same_disk_alone_and_at_once(comparison):
+    plant, law = cases.late_gimbal(), comparison.rows[0].law
+    alone = measure_sampled_margins(plant, law).loops[0].disk
+    assert measure_sampled_disk(plant, law, at="inputs").alpha == pytest.approx(alone.alpha, rel=1e-9)
+    # A change at each end is one change of twice the size at most: half the radius, roughly.
+    assert 0.45 * alone.alpha < measure_sampled_disk(plant, law).alpha < 0.55 * alone.alpha
 
 
 def closed(held, law, gain):

@@ -168,3 +168,19 @@ def test_participation_of_every_pole() -> None:
     )
     leads = {p.names[int(np.argmax(p.shares))] for p in find_participations(idle) if p.shares.max() > 0.99}
     assert leads == set(MODES)
+
+
+@pytest.mark.parametrize("k", [0.3, 2.0, 6.0])
+def test_two_coupled_modes_share_a_pole_as_their_eigenvectors_say(k: float) -> None:
+    """Two modes of w1, w2 joined by a spring: (1 - s, s), tan 2a = 2 k / (w2^2 - w1^2), s = sin^2 a."""
+    w = np.array([2.0, 3.0])
+    modal = ModalSystem(w, np.zeros(2), np.ones((2, 1)), [[1.0, 1.0]], [[0.0, 0.0]], ("slow", "fast"))
+    plant = Plant(modal, (FORCE,), (WAY,), ("force",), ("force",), ("way",), ("way",))
+    # u = -k (q1 + q2): each mode stiffer by k, and k between them.
+    loop = close_loop(plant, Compensator(gain_system(np.array([[-k]])), (WAY,), (FORCE,)))
+    a = 0.5 * np.arctan2(2.0 * k, w[1] ** 2 - w[0] ** 2)
+    stiff = np.linalg.eigvalsh(np.diag(w**2) + k)
+    for found in find_participations(loop):
+        slow = np.cos(a) ** 2 if found.pole.imag < np.sqrt(stiff.mean()) else np.sin(a) ** 2
+        # Left and right eigenvectors are those of the symmetric stiffness.
+        assert found.shares == pytest.approx([slow, 1.0 - slow], rel=1e-10)

@@ -6,16 +6,15 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from middeck.control.analysis.loop import FeedbackLoop, approximate_halves, close_channels, form_loop
-from middeck.control.analysis.stability import decide_loop
-from middeck.control.compensator import Compensator
+from middeck.control.analysis.loop import AnyLaw, AnyPlant, form_loop
+from middeck.control.analysis.stability import decide_loop, largest_growth, loop_poles
 from middeck.control.partition import partition_modes
 from middeck.errors import ConfigError
 from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.modal import ModalSystem
 from middeck.systems.mode_shift import shift_modes
 from middeck.systems.plant import Plant, name_states
-from middeck.systems.stability import GROWTH_LIMIT, growth_rates
+from middeck.systems.stability import GROWTH_LIMIT
 from middeck.values import record
 
 LateOrNot = Plant | DelayedPlant
@@ -45,13 +44,13 @@ class AllowedShift:
 
 def find_allowed_shifts(
     plant: LateOrNot,
-    compensator: Compensator,
+    compensator: AnyLaw,
     *,
     modes: Sequence[str] | None = None,
     most: float = 0.2,
     step: float = 0.0025,
     resolution: float = 1e-8,
-    finish: Callable[[LateOrNot], LateOrNot] | None = None,
+    finish: Callable[[LateOrNot], AnyPlant] | None = None,
 ) -> tuple[AllowedShift, ...]:
     """The first shift to instability of each mode alone, damping ratio kept, delays exact.
 
@@ -64,7 +63,8 @@ def find_allowed_shifts(
     modes:
         All that oscillate and that a port reaches or sees, if None.
     finish:
-        Makes of the shifted plant the one that is controlled, e.g. closes an inner loop.
+        Makes of the shifted plant the one that is controlled: closes an inner loop, or samples it for a
+        sampled law (`find_sampled_shifts`).
 
     Raises
     ------
@@ -75,7 +75,7 @@ def find_allowed_shifts(
         raise ConfigError(f"steps of {step:g} up to {most:g}: 0 < step <= most < 1")
     names = _oscillating(plant) if modes is None else tuple(modes)
 
-    def loop_at(mode: str, shift: float) -> LateOrNot:
+    def loop_at(mode: str, shift: float) -> AnyPlant:
         moved = _shifted(plant, mode, shift)
         return moved if finish is None else finish(moved)
 
@@ -107,8 +107,8 @@ def _oscillating(plant: LateOrNot) -> tuple[str, ...]:
 
 def _allowed(
     mode: str,
-    plant_at: Callable[[float], LateOrNot],
-    law: Compensator,
+    plant_at: Callable[[float], AnyPlant],
+    law: AnyLaw,
     most: float,
     step: float,
     resolution: float,
@@ -120,8 +120,8 @@ def _allowed(
 
 
 def _first(
-    plant_at: Callable[[float], LateOrNot],
-    law: Compensator,
+    plant_at: Callable[[float], AnyPlant],
+    law: AnyLaw,
     sign: float,
     most: float,
     step: float,
@@ -140,8 +140,8 @@ def _first(
 
 
 def _bisect(
-    plant_at: Callable[[float], LateOrNot],
-    law: Compensator,
+    plant_at: Callable[[float], AnyPlant],
+    law: AnyLaw,
     sign: float,
     bracket: tuple[float, float],
     resolution: float,
@@ -156,13 +156,3 @@ def _bisect(
         else:
             high, found = middle, outcome
     return sign * high, found.frequency_hz
-
-
-def loop_poles(loop: FeedbackLoop) -> np.ndarray:
-    """Poles of the closed loop, delays by an approximation of high order: to rank, not to decide."""
-    return growth_rates(close_channels(approximate_halves(loop)))
-
-
-def largest_growth(rates: np.ndarray) -> float:
-    """Largest real part."""
-    return float(np.real(rates).max(initial=-np.inf))

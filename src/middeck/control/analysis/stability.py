@@ -92,14 +92,14 @@ def decide_stability(plant: AnyPlant, law: AnyLaw) -> LoopStability:
 def decide_loop(loop: FeedbackLoop) -> LoopStability:
     """The same of a loop that is formed."""
     if not is_late(loop):
-        return _outcome(_eigenvalues(loop))
+        return _outcome(loop_poles(loop))
     if direct_gain(loop) >= 1.0:
         # A neutral equation: a chain of roots on or right of the axis (Hale and Verduyn Lunel 1993).
         return LoopStability(False, complex(np.inf, np.inf), np.inf, -np.inf, 0.0, -1)
     halves, open_poles, reach = evaluate_halves(loop), find_open_poles(loop), _reach(loop)
     found, counted = 0, None
     for order in _orders(loop, open_poles):
-        near = _eigenvalues(loop, order)
+        near = loop_poles(loop, order)
         roots, others = follow_roots(halves, near, open_poles, reach)
         wall = clear_wall(np.real(np.concatenate([near, roots, open_poles])), reach)
         more = count_more(loop, halves, order, np.concatenate([near, roots]), wall)
@@ -133,12 +133,17 @@ def _reach(loop: FeedbackLoop) -> float:
     return float(min(REACH, chain) / loop.plant.delay_s.max())
 
 
-def _eigenvalues(loop: FeedbackLoop, order: int | None = None) -> Complex[np.ndarray, " root"]:
-    """Poles of the closed loop [rad/s] with approximated delays, or of the sampled loop."""
+def loop_poles(loop: FeedbackLoop, order: int | None = None) -> Complex[np.ndarray, " root"]:
+    """Poles of the closed loop [rad/s] with approximated delays, or of the sampled loop: to rank by."""
     closed, period = close_channels(approximate_halves(loop, order)), period_of(loop)
     if period is None:
         return growth_rates(closed)
     return growth_rates(SampledStateSpace(closed.A, closed.B, closed.C, closed.D, period))
+
+
+def largest_growth(rates: Complex[np.ndarray, " root"]) -> float:
+    """Largest real part."""
+    return float(np.real(rates).max(initial=-np.inf))
 
 
 def _outcome(roots: Complex[np.ndarray, " root"]) -> LoopStability:

@@ -10,8 +10,7 @@ from jaxtyping import Float
 
 from middeck.control.analysis.delayed_rms import measure_delayed_rms
 from middeck.control.analysis.loop import FeedbackLoop, evaluate_halves, form_loop
-from middeck.control.analysis.shifts import largest_growth, loop_poles
-from middeck.control.analysis.stability import LoopStability, decide_loop
+from middeck.control.analysis.stability import LoopStability, decide_loop, largest_growth, loop_poles
 from middeck.control.closed_loop import close_loop
 from middeck.control.compensator import Compensator
 from middeck.control.delay_order import approximation_order

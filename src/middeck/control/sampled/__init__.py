@@ -7,7 +7,12 @@ from middeck.control.sampled.compensator import SampledCompensator
 from middeck.control.sampled.design import SampledCost, SampledLQG, design_sampled_lqg, sample_cost
 from middeck.control.sampled.emulation import emulate
 from middeck.control.sampled.held import HeldPlant, hold_plant
-from middeck.control.sampled.margins import measure_sampled_margins, sample_controlled
+from middeck.control.sampled.margins import (
+    find_sampled_shifts,
+    measure_sampled_disk,
+    measure_sampled_margins,
+    sample_controlled,
+)
 from middeck.control.sampled.outcome import SampledOutcome, measure_sampled_loop
 
 __all__ = [
@@ -25,7 +30,9 @@ __all__ = [
     "emulate",
     "filter_measurements",
     "find_aliases",
+    "find_sampled_shifts",
     "hold_plant",
+    "measure_sampled_disk",
     "measure_sampled_loop",
     "measure_sampled_margins",
     "sample_controlled",
