@@ -29,7 +29,7 @@ from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant, subsystem
 from middeck.systems.ports import Port
 from middeck.systems.response import statespace_response
-from middeck.systems.statespace import StateSpace
+from middeck.systems.statespace import SampledStateSpace, StateSpace
 
 FORMS = ("predictor", "current")
 
@@ -427,6 +427,21 @@ def test_any_plant_with_any_delays(seed, late_in, late_out, form):
     np.testing.assert_allclose(mine, theirs, atol=1e-8 * np.abs(theirs).max())
     law = design_sampled_lqg(delayed, weights, 10.0, T, form)
     assert measure_sampled_loop(delayed, law, weights, 10.0).cost == pytest.approx(law.cost, rel=1e-8)
+
+
+def test_a_walk_under_a_gain_is_a_closed_form_at_the_samples_and_between_them():
+    # x+ = (1 - k T) x - k T v + w; after t within a period (1 - k t) x - k t v and noise of variance t.
+    T, k, r = 0.4, 1.5, 0.3
+    law = SampledStateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[-k]], T)
+    plant = walk()
+    weights = LQGWeights([1.0], [1.0], ("push",), [[1.0]], [r])
+    held = SampledCompensator(law, plant.outputs, plant.inputs, "gain")
+    found = measure_sampled_loop(plant, held, weights, 1.0)
+    at_samples = (T + k**2 * T * r) / (1.0 - (1.0 - k * T) ** 2)
+    between = at_samples * (1.0 - k * T + (k * T) ** 2 / 3.0) + T / 2.0 + k**2 * T * r / 3.0
+    assert found.rms_at_samples**2 == pytest.approx([at_samples], rel=1e-12)
+    assert found.rms**2 == pytest.approx([between], rel=1e-12)
+    assert found.control_rms**2 == pytest.approx([k**2 * (at_samples + r / T)], rel=1e-12)
 
 
 def test_single_late_paths_keep_the_phase_of_a_fast_mode():
