@@ -103,6 +103,16 @@ def build_design_model(plant: Plant, weights: LQGWeights, shaping: Shaping) -> D
     )  # fmt: skip
 
 
+def require_finite_cost(model: DesignModel) -> None:
+    """Raise `ConfigError` where process noise reaches z directly."""
+    if np.any(model.D11):
+        raise ConfigError(
+            "process noise reaches a performance output directly: white noise makes the cost infinite",
+            hint="put a filter between the noise and the output: a colour of the noise or a weight on the "
+            "output whose response falls to zero",
+        )
+
+
 def _middle(plant: Plant, disturbed: tuple[str, ...], kept: list[int]) -> StateSpace:
     """From noise and control to z, the control inputs ``kept`` themselves, and y."""
     system = plant.system

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.lqg.design_model import DesignModel
+from middeck.control.lqg.design_model import DesignModel, require_finite_cost
 from middeck.control.riccati import RiccatiSolution, solve_riccati
-from middeck.errors import ConfigError
 from middeck.values import record
 
 
@@ -23,13 +24,8 @@ def design_regulator(
     model: DesignModel, authority: float, start: Float[np.ndarray, "state state"] | None = None
 ) -> Regulator:
     """Minimise E[z'z + u'Ru] on the states of ``model`` and its integrals; ``start``: see `solve_riccati`."""
-    if np.any(model.D11):
-        raise ConfigError(
-            "process noise reaches a performance output directly: white noise makes the cost infinite",
-            hint="put a filter between the noise and the output: a colour of the noise or a weight on the "
-            "output whose response falls to zero",
-        )
-    A, B = append_integrals(model)
+    require_finite_cost(model)
+    A, B = append_integrals(model.A, model.control, model.C2, model.D22, model.integral)
     effort = 1.0 / np.sqrt(authority)
     C = np.vstack([model.C1, effort * model.shaped])
     D = np.vstack([model.D12, effort * model.shaped_through])
@@ -51,8 +47,14 @@ def design_regulator(
     return Regulator(solution, R)
 
 
-def append_integrals(model: DesignModel) -> tuple[np.ndarray, np.ndarray]:
-    """A and B with the integrals of measurements as last states."""
-    rows, count = list(model.integral), len(model.integral)
-    A = np.block([[model.A, np.zeros((len(model.A), count))], [model.C2[rows], np.zeros((count, count))]])
-    return A, np.vstack([model.control, model.D22[rows]])
+def append_integrals(
+    A: Float[np.ndarray, "x x"],
+    B: Float[np.ndarray, "x u"],
+    C: Float[np.ndarray, "y x"],
+    D: Float[np.ndarray, "y u"],
+    integral: Sequence[int],
+) -> tuple[np.ndarray, np.ndarray]:
+    """A and B with the integrals of some rows of y as last states."""
+    rows, count = list(integral), len(integral)
+    longer = np.block([[A, np.zeros((len(A), count))], [C[rows], np.zeros((count, count))]])
+    return longer, np.vstack([B, D[rows]])

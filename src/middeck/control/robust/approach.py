@@ -9,9 +9,10 @@ import numpy as np
 from middeck.control.robust.blend import Stations, improve
 from middeck.control.robust.closed_cost import Law, evaluate_cost, spectral_abscissa
 from middeck.control.robust.design_model import DesignModel, discounted
+from middeck.control.robust.nominal_law import lqg_law
 from middeck.control.robust.problem import Problem, models_of
 from middeck.control.robust.result import Stage
-from middeck.control.robust.starts import LADDER, find_starts, in_the_loop, lqg_law, spread_starts, stabilises
+from middeck.control.robust.starts import LADDER, find_starts, in_the_loop, spread_starts, stabilises
 from middeck.control.robust.structure import order_of, shifted, station_ports
 from middeck.errors import ConfigError, NumericalError
 from middeck.values import record
@@ -74,12 +75,15 @@ def carry_on(problem: Problem, arrival: Arrival, power: float, tolerance: float)
 
 def _given(problem: Problem, start: Law) -> Arrival:
     models = models_of(problem, 1.0, 0.0)
-    order = order_of(problem.structure, len(models[0].A))
+    model, order = models[0], order_of(problem.structure, len(models[0].A))
+    rows = [row for row, _ in model.integrals]
     shape = len(start.A), start.B.shape[1], len(start.C)
-    if shape != (order, len(models[0].C2), models[0].B2.shape[1]):
+    if shape != (order + len(rows), len(model.C2), model.B2.shape[1]):
         raise ConfigError(
             f"a start of {shape[0]} states, {shape[1]} inputs and {shape[2]} outputs does not fit"
         )
+    if np.any(start.A[order:]) or not np.array_equal(start.B[order:], np.eye(shape[1])[rows]):
+        raise ConfigError("the last states of the law to start from are not the integrals asked for")
     if not stabilises(models, start):
         raise ConfigError(
             "the law to start from does not stabilise the nominal plant", hint="leave out start="

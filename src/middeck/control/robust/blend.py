@@ -51,12 +51,14 @@ def improve(
     steps: int = 2000,
 ) -> tuple[Law, Descent] | None:
     """Descend from ``law``, its coordinates evened out first; None where it does not stabilise all models."""
-    arranged, free = arrange(law, stations)
+    integrals = len(models[0].integrals)
+    arranged, free = arrange(law, stations, integrals)
     start = evaluate_models(models, arranged)
     if start is None:
         return None
-    even = scale_states(arranged, even_scale(start))
-    scale = parameter_scale(even, free, start, even_scale(start), models)
+    states = even_scale(start, integrals)
+    even = scale_states(arranged, states)
+    scale = parameter_scale(even, free, start, states, models)
 
     def objective(x: np.ndarray) -> tuple[float, np.ndarray]:
         return _blended(models, unpack(x * scale, even, free), free, power, scale)

@@ -20,7 +20,7 @@ from middeck.values import record
 
 @record
 class Law:
-    """A strictly proper law x' = A x + B y, u = C x."""
+    """A strictly proper law x' = A x + B y, u = C x; integrals of measurements are its last states."""
 
     A: Float[np.ndarray, "law law"]
     B: Float[np.ndarray, "law y"]
@@ -54,7 +54,11 @@ def closed_matrices(model: DesignModel, law: Law) -> tuple[np.ndarray, np.ndarra
     A[:n, n:] = model.B2 @ law.C
     A[n:, :n] = law.B @ model.C2
     A[n:, n:] = law.A + law.B @ (model.D22 @ law.C)
-    return A, np.vstack([model.B1, law.B @ model.D21]), np.hstack([model.C1, model.D12 @ law.C])
+    C = np.hstack([model.C1, model.D12 @ law.C])
+    held = len(model.integrals)
+    if held:
+        C[-held:, -held:] = np.diag([weight for _, weight in model.integrals])
+    return A, np.vstack([model.B1, law.B @ model.D21]), C
 
 
 def spectral_abscissa(model: DesignModel, law: Law) -> float:

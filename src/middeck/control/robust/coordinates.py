@@ -12,10 +12,12 @@ from middeck.control.robust.design_model import DesignModel
 from middeck.control.robust.structure import Free
 
 
-def even_scale(costs: Sequence[LawCost]) -> Float[np.ndarray, " law"]:
-    """States as large as they are worth: the diagonal of what balancing would do to all."""
+def even_scale(costs: Sequence[LawCost], integrals: int = 0) -> Float[np.ndarray, " law"]:
+    """States as large as they are worth: the diagonal of what balancing would do to all but integrals."""
     X, P = _diagonals(costs)
-    return (X / P) ** 0.25
+    scale = (X / P) ** 0.25
+    scale[len(scale) - integrals :] = 1.0
+    return scale
 
 
 def _diagonals(costs: Sequence[LawCost]) -> tuple[np.ndarray, np.ndarray]:

@@ -1,7 +1,8 @@
 """A plant with its weights and noise, all of unit size: what an H2 design sees.
 
 x' = A x + B1 w + B2 u, e = C1 x + D12 u, y = C2 x + D21 w + D22 u, with white w of unit intensity (process,
-then sensor noise) and the cost E[e'e] = E[z' W^2 z + rho u' R u].
+then sensor noise) and the cost E[e'e] = E[z' W^2 z + rho u' R u]. Filters of a `Shaping` are states behind
+the plant's. Measurements that are integrated are so by the last states of the law.
 """
 
 from __future__ import annotations
@@ -9,11 +10,12 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+import scipy.linalg as sla
 from jaxtyping import Float
 
-from middeck.control.lqg import LQGWeights
+from middeck.control.lqg import LQGWeights, Shaping
+from middeck.control.lqg import design_model as lqg_model
 from middeck.control.lqg.design import AUTHORITY
-from middeck.control.lqg.weights import require_size
 from middeck.control.partition import partition_modes
 from middeck.errors import ConfigError
 from middeck.systems.plant import Plant
@@ -26,7 +28,11 @@ INNER = 1e-3
 
 @record
 class DesignModel:
-    """One model of a design, see the module."""
+    """One model of a design, see the module.
+
+    ``integrals`` are rows of y, and the weight of the integral of each; the last rows of C1 and D12 are kept
+    free for them.
+    """
 
     A: Float[np.ndarray, "state state"]
     B1: Float[np.ndarray, "state w"]
@@ -36,6 +42,7 @@ class DesignModel:
     C2: Float[np.ndarray, "y state"]
     D21: Float[np.ndarray, "y w"]
     D22: Float[np.ndarray, "y u"]
+    integrals: tuple[tuple[int, float], ...] = ()
 
 
 def build_model(
@@ -43,6 +50,7 @@ def build_model(
     weights: LQGWeights,
     authority: float,
     *,
+    shaping: Shaping | None = None,
     before: StateSpace | None = None,
     after: StateSpace | None = None,
 ) -> DesignModel:
@@ -52,35 +60,49 @@ def build_model(
     and nothing would be measured, and what is free would undo the notch: a thousandth of the price and of the
     noise is put on what it commands and reads itself.
 
-    Raises `ConfigError` for weights that do not
-    fit, and for process noise that reaches z directly (the cost would be infinite).
+    Raises `ConfigError` for weights and filters that do not fit, and for process noise that reaches z
+    directly (the cost would be infinite).
     """
     active = partition_modes(plant).active
-    _check_weights(active, weights, authority)
-    s = active.system
-    w, u = active.input_indices(weights.disturbed), active.input_indices(active.u)
-    z, y = active.output_indices(active.z), active.output_indices(active.y)
-    if np.any(s.D[np.ix_(z, w)]):
-        raise ConfigError(
-            "process noise reaches a performance output directly: white noise makes the cost infinite",
-            hint="put a filter between the noise and the output",
-        )
-    root = square_root(weights.process)
-    W = weights.output[:, None]
+    _require_loop(active, authority)
+    shaping = shaping or Shaping()
+    m = lqg_model.build_design_model(active, weights, shaping)
+    lqg_model.require_finite_cost(m)
+    effort, held, nu = 1.0 / np.sqrt(authority), len(m.integral), len(m.plain)
+    noise, n = _noise_root(m), len(m.A)
+    # The plant's states first, then weights on ports, then colours.
+    turn = np.roll(np.arange(n), -sum(len(colour.A) for _, colour in shaping.colours))
     model = DesignModel(
-        s.A,
-        np.hstack([s.B[:, w] @ root, np.zeros((len(s.A), len(y)))]),
-        s.B[:, u],
-        np.vstack([W * s.C[z], np.zeros((len(u), len(s.A)))]),
-        np.vstack([W * s.D[np.ix_(z, u)], np.diag(np.sqrt(weights.input / authority))]),
-        s.C[y],
-        np.hstack([s.D[np.ix_(y, w)] @ root, np.diag(np.sqrt(weights.sensor))]),
-        s.D[np.ix_(y, u)],
+        m.A[np.ix_(turn, turn)],
+        np.hstack([m.noise, np.zeros((n, len(m.sensor)))])[turn] @ noise,
+        m.control[turn],
+        np.vstack([m.C1, effort * m.shaped, np.zeros((nu + held, n))])[:, turn],
+        np.vstack(
+            [
+                m.D12,
+                effort * m.shaped_through,
+                effort * np.diag(np.sqrt(m.plain)),
+                np.zeros((held, nu)),
+            ]
+        ),
+        m.C2[:, turn],
+        np.hstack([m.D21, np.eye(len(m.sensor))]) @ noise,
+        m.D22,
+        tuple(zip(m.integral, m.integral_weight.tolist(), strict=True)),
     )
     if before is None and after is None:
         return model
     model = model if before is None else _filter_measurements(model, before)
     return _priced(model if after is None else _filter_commands(model, after))
+
+
+def _noise_root(m: lqg_model.DesignModel) -> Float[np.ndarray, "noise noise"]:
+    """A factor of the joint intensity of process and sensor noise."""
+    if not np.any(m.cross):
+        return np.asarray(sla.block_diag(square_root(m.process), np.diag(np.sqrt(m.sensor))))
+    joint = np.block([[m.process, m.cross], [m.cross.T, np.diag(m.sensor)]])
+    size = np.sqrt(np.where(np.diag(joint) > 0.0, np.diag(joint), 1.0))
+    return size[:, None] * square_root(joint / np.outer(size, size))
 
 
 def square_root(intensity: Float[np.ndarray, "w w"]) -> Float[np.ndarray, "w w"]:
@@ -94,20 +116,13 @@ def discounted(model: DesignModel, rate: float) -> DesignModel:
     return dataclasses.replace(model, A=model.A - rate * np.eye(len(model.A)))
 
 
-def _check_weights(plant: Plant, weights: LQGWeights, authority: float) -> None:
+def _require_loop(plant: Plant, authority: float) -> None:
     if not (np.isfinite(authority) and authority > 0.0):
         raise ConfigError(f"authority is {authority}; it must be positive and finite", hint=AUTHORITY)
     if not plant.u or not plant.y:
         raise ConfigError(
             "the plant has no port in its group u or y: there is no loop to design", hint="name them: u=, y="
         )
-    sizes = (
-        ("output weights", len(weights.output), plant.z),
-        ("input weights", len(weights.input), plant.u),
-        ("sensor intensities", len(weights.sensor), plant.y),
-    )
-    for what, size, group in sizes:
-        require_size(what, size, group)
 
 
 def _priced(m: DesignModel) -> DesignModel:

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.control.compensator import Compensator, driven_ports, measured_ports
-from middeck.control.lqg import LQGWeights
+from middeck.control.lqg import LQGWeights, Shaping
 from middeck.control.partition import partition_modes
 from middeck.control.robust.approach import Arrival, approach, carry_on
 from middeck.control.robust.blend import blend
@@ -59,6 +59,7 @@ def design_multimodel(
     positions: Float[np.ndarray, "model parameter"] | None = None,
     over: Over = "mean",
     structure: Structure | None = None,
+    shaping: Shaping | None = None,
     start: Compensator | None = None,
     tolerance: float = 1e-9,
 ) -> MultiModelCompensator:
@@ -78,9 +79,12 @@ def design_multimodel(
         ``"mean"`` or ``"maximum"``.
     structure:
         Order, stations and fixed filters; as many states as the nominal model unless given.
+    shaping:
+        Filters at ports, integral action and correlated noise, as for `design_lqg`. Integrals come as last
+        states, beside those of ``structure``; they go with no stations and no fixed filters.
     start:
         A law to begin with, e.g. of a lower authority: strictly proper, in the form of ``structure`` without
-        its filters. Otherwise a start is found.
+        its filters, integrals last. Otherwise a start is found.
     tolerance:
         The descent ends when ten steps gain less than this part of the cost.
 
@@ -96,7 +100,7 @@ def design_multimodel(
     if over not in POWERS:
         raise ConfigError(f"over is {over!r}", hint="mean or maximum")
     structure = structure or Structure()
-    problem = pose_problem(plant, weights, authority, uncertainty, positions, structure)
+    problem = pose_problem(plant, weights, authority, uncertainty, positions, structure, shaping)
     powers = POWERS[over]
     arrival = approach(problem, None if start is None else law_of(start), powers[0])
     for power in powers:
@@ -113,7 +117,7 @@ def _result(problem: Problem, arrival: Arrival, over: Over) -> MultiModelCompens
         measured_ports(part.active),
         driven_ports(part.active),
         problem.authority,
-        len(arrival.law.A),
+        len(arrival.law.A) - len(problem.shaping.integral),
         float(costs.mean() if over == "mean" else costs.max()),
         costs,
         arrival.gradient,

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.control.compensator import Compensator, driven_ports, measured_ports
-from middeck.control.lqg import LQGWeights
+from middeck.control.lqg import LQGWeights, Shaping
 from middeck.control.partition import partition_modes
 from middeck.control.robust.approach import RESTARTS, approach, carry_on
 from middeck.control.robust.blend import gradient_row
@@ -75,6 +75,7 @@ def design_popov(
     uncertainty: Uncertainty,
     positions: Float[np.ndarray, "model parameter"] | None = None,
     structure: Structure | None = None,
+    shaping: Shaping | None = None,
     start: Compensator | None = None,
     tolerance: float = 1e-7,
 ) -> PopovCompensator:
@@ -92,7 +93,7 @@ def design_popov(
         As `design_multimodel`.
     """
     structure = structure or Structure()
-    problem = pose_problem(plant, weights, authority, uncertainty, positions, structure)
+    problem = pose_problem(plant, weights, authority, uncertainty, positions, structure, shaping)
     directions = stiffness_directions(plant, problem.nominal, uncertainty)
     model = models_of(problem, 1.0, 0.0)[0]
     law, history = None if start is None else law_of(start), ()
@@ -140,7 +141,9 @@ def _covering_starts(
         if wide is None:
             break
         places = corner_positions(wide) if len(wide.shifts) <= FEW else end_positions(wide)
-        posed = pose_problem(plant, problem.weights, problem.authority, wide, places, problem.structure)
+        posed = pose_problem(
+            plant, problem.weights, problem.authority, wide, places, problem.structure, problem.shaping
+        )
         arrival = carry_on(posed, approach(posed, law, 1.0), 1.0, ROUGH)
         law, history = arrival.law, (*history, *arrival.history)
         found = _covering_multipliers(model, law, directions)
@@ -174,9 +177,10 @@ def _improve(
     place: _Place,
     tolerance: float,
 ) -> _Place:
-    arranged, free = arrange(place.law, station_ports(problem.structure, problem.nominal))
+    integrals = len(model.integrals)
+    arranged, free = arrange(place.law, station_ports(problem.structure, problem.nominal), integrals)
     nominal = [evaluate_cost(model, arranged)]
-    even = even_scale(nominal)
+    even = even_scale(nominal, integrals)
     law = scale_states(arranged, even)
     scale = parameter_scale(law, free, nominal, even, [model])
     modes, first = len(directions.low), place.multipliers
@@ -211,7 +215,7 @@ def _result(problem: Problem, directions: Directions, place: _Place) -> PopovCom
         measured_ports(part.active),
         driven_ports(part.active),
         problem.authority,
-        len(place.law.A),
+        len(place.law.A) - len(problem.shaping.integral),
         place.bound,
         true_costs(problem, place.law),
         place.gradient,

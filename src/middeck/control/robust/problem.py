@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Sequence
 
 import numpy as np
 from jaxtyping import Float
 
 from middeck.control.compensator import Compensator
-from middeck.control.lqg import LQGWeights
+from middeck.control.lqg import LQGWeights, Shaping
+from middeck.control.lqg.regulator import append_integrals
 from middeck.control.partition import partition_modes
 from middeck.control.robust.closed_cost import Law, evaluate_cost
 from middeck.control.robust.design_model import DesignModel, build_model
@@ -23,7 +25,7 @@ from middeck.control.uncertainty import (
 from middeck.errors import ConfigError
 from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.plant import Plant, name_states
-from middeck.systems.statespace import StateSpace, gain_system, series
+from middeck.systems.statespace import StateSpace, series
 from middeck.values import record
 
 Plants = Sequence[Plant | DelayedPlant]
@@ -43,6 +45,7 @@ class Problem:
     weights: LQGWeights
     authority: float
     structure: Structure
+    shaping: Shaping
 
 
 def pose_problem(
@@ -52,8 +55,15 @@ def pose_problem(
     uncertainty: Uncertainty | Plants,
     positions: Float[np.ndarray, "model parameter"] | None,
     structure: Structure,
+    shaping: Shaping | None = None,
 ) -> Problem:
     """From the arguments of a design; raises what bad ones deserve, modes that cannot be held by name."""
+    shaping = shaping or Shaping()
+    if shaping.integral and (structure.stations or structure.before or structure.after):
+        raise ConfigError(
+            "integral action goes with no stations and no fixed filters",
+            hint="a structure of an order alone, or a filter at a port of the plant",
+        )
     if isinstance(uncertainty, Uncertainty):
         places = _nominal_first(
             end_positions(uncertainty) if positions is None else np.atleast_2d(np.asarray(positions, float))
@@ -63,16 +73,16 @@ def pose_problem(
             there = finished_plants(plant, uncertainty, size * places if size else places[:1])
             return tuple(without_delays(each) for each in there)
 
-        problem = Problem(grown(0.0)[0], grown, True, weights, authority, structure)
+        problem = Problem(grown(0.0)[0], grown, True, weights, authority, structure, shaping)
     else:
         if positions is not None:
             raise ConfigError("positions belong to an Uncertainty, and plants are given one by one")
         given = tuple(without_delays(p) for p in (plant, *uncertainty))
         _same_groups(given)
-        problem = Problem(given[0], lambda _: given, False, weights, authority, structure)
+        problem = Problem(given[0], lambda _: given, False, weights, authority, structure, shaping)
     for each in problem.plants_at(1.0):
-        _require_stabilisable(each)
-    _require_a_cost(weights)
+        _require_stabilisable(each, shaping)
+    _require_a_cost(weights, shaping)
     return problem
 
 
@@ -80,19 +90,26 @@ def models_of(problem: Problem, ratio: float, size: float) -> tuple[DesignModel,
     """The models at a ratio of the authority and a size of the perturbation."""
     s = problem.structure
     return tuple(
-        build_model(p, problem.weights, problem.authority * ratio, before=s.before, after=s.after)
+        build_model(
+            p,
+            problem.weights,
+            problem.authority * ratio,
+            shaping=problem.shaping,
+            before=s.before,
+            after=s.after,
+        )
         for p in problem.plants_at(size)
     )
 
 
 def true_costs(problem: Problem, law: Law) -> Float[np.ndarray, " model"]:
-    """E[z' W^2 z + rho u' R u] of each plant at full size under the law with its filters."""
+    """E[z' W^2 z + rho u' R u], shaped, of each plant at full size under the law with its filters."""
     whole = whole_law(law, problem.structure)
     closed = Law(whole.A, whole.B, whole.C)
     return np.array(
         [
-            evaluate_cost(build_model(p, problem.weights, problem.authority), closed).cost
-            for p in problem.plants_at(1.0)
+            evaluate_cost(model, closed).cost
+            for model in models_of(dataclasses.replace(problem, structure=Structure()), 1.0, 1.0)
         ]
     )
 
@@ -112,12 +129,6 @@ def law_of(compensator: Compensator) -> Law:
     return Law(system.A, system.B, system.C)
 
 
-def idle_law(model: DesignModel) -> Law:
-    """A law without states: the loop stays open."""
-    empty = gain_system(np.zeros((model.B2.shape[1], len(model.C2))))
-    return Law(empty.A, empty.B, empty.C)
-
-
 def _nominal_first(positions: np.ndarray) -> Float[np.ndarray, "model parameter"]:
     others = positions[np.any(positions != 0.0, axis=1)]
     return np.vstack([np.zeros((1, positions.shape[1])), others])
@@ -135,19 +146,24 @@ def _same_groups(plants: tuple[Plant, ...]) -> None:
                 )
 
 
-def _require_a_cost(weights: LQGWeights) -> None:
+def _require_a_cost(weights: LQGWeights, shaping: Shaping) -> None:
     """Without noise, or with nothing to be kept small, the best law is none: no cost to compare."""
     if not np.any(weights.process):
         raise ConfigError("the process intensity is zero: nothing disturbs the plant", hint="some noise on w")
-    if not np.any(weights.output):
+    if not np.any(weights.output) and not shaping.integral:
         raise ConfigError("all output weights are zero: nothing is to be kept small", hint="weigh some z")
 
 
-def _require_stabilisable(plant: Plant) -> None:
+def _require_stabilisable(plant: Plant, shaping: Shaping) -> None:
     active = partition_modes(plant).active
     s, names = active.system, name_states(active)
     u, y = active.input_indices(active.u), active.output_indices(active.y)
-    require_reachable(s.A, s.B[:, u], names, complaint="no control input in u reaches it")
+    asked = [name for name, _ in shaping.integral if name in active.y]
+    longer = append_integrals(
+        s.A, s.B[:, u], s.C[y], s.D[np.ix_(y, u)], [active.y.index(name) for name in asked]
+    )
+    integrals = tuple(f"integral of {name}" for name in asked)
+    require_reachable(*longer, (*names, *integrals), complaint="no control input in u reaches it")
     require_reachable(
         s.A.T,
         s.C[y].T,

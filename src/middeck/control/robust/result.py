@@ -43,11 +43,12 @@ class RobustCompensator(Compensator):
     authority:
         1/rho.
     order:
-        Free states; fixed filters have theirs beside.
+        Free states; fixed filters and integrals have theirs beside.
     cost:
         What was minimised: the mean or the maximum over the models, a bound, or a weighted cost.
     costs:
-        E[z' W^2 z + rho u' R u] on each design model, the nominal one first; ``inf`` where unstable.
+        E[z' W^2 z + rho u' R u] on each design model, the nominal one first; ``inf`` where unstable. With a
+        `Shaping`, of what its filters and integrals make of them.
     gradient:
         Norm of the gradient over the cost where the method descends, in coordinates of unit size; the largest
         relative residual where it solves Riccati equations.

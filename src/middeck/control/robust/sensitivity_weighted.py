@@ -15,13 +15,14 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.control.compensator import driven_ports, measured_ports
-from middeck.control.lqg import LQGWeights
+from middeck.control.lqg import LQGWeights, Shaping
 from middeck.control.partition import partition_modes
-from middeck.control.riccati import RiccatiSolution, solve_riccati
+from middeck.control.riccati import RiccatiSolution
 from middeck.control.robust.blend import evaluate_models
 from middeck.control.robust.closed_cost import Law, evaluate_cost
 from middeck.control.robust.design_model import DesignModel
 from middeck.control.robust.directions import Directions, stiffness_directions
+from middeck.control.robust.nominal_law import solve_lqg
 from middeck.control.robust.problem import Problem, models_of, pose_problem, whole_law
 from middeck.control.robust.result import RobustCompensator, Stage
 from middeck.control.robust.structure import Structure
@@ -61,14 +62,15 @@ def design_sensitivity_weighted(
     *,
     uncertainty: Uncertainty,
     positions: Float[np.ndarray, "model parameter"] | None = None,
+    shaping: Shaping | None = None,
     strength: float | None = None,
 ) -> SensitivityWeightedCompensator:
     """The LQG compensator of a cost and a noise that count the modes' uncertainty, of the plant's own order.
 
     Parameters
     ----------
-    plant, weights, authority, uncertainty, positions:
-        As for `design_multimodel`; only ``uncertainty.shifts`` enter the cost.
+    plant, weights, authority, uncertainty, positions, shaping:
+        As for `design_multimodel`; only ``uncertainty.shifts`` enter the cost, and of what is weighed only z.
     strength:
         Multiplies the half-widths in the cost. None: the one, to a fifth, at which the mean of the plain
         costs of the models at ``positions`` is least; all of them are then stable.
@@ -82,7 +84,7 @@ def design_sensitivity_weighted(
     """
     if strength is not None and not (np.isfinite(strength) and strength >= 0.0):
         raise ConfigError(f"a strength of {strength}: zero or more")
-    problem = pose_problem(plant, weights, authority, uncertainty, positions, Structure())
+    problem = pose_problem(plant, weights, authority, uncertainty, positions, Structure(), shaping)
     directions = stiffness_directions(plant, problem.nominal, uncertainty)
     models = models_of(problem, 1.0, 1.0)
     tried: list[Stage] = []
@@ -120,16 +122,7 @@ def _solve(
     model: DesignModel, directions: Directions, strength: float
 ) -> tuple[Law, RiccatiSolution, RiccatiSolution, float]:
     """The law, both Riccati solutions, and the weighted cost."""
-    worse = _weighted(model, directions, strength)
-    A, B, C = worse.A, worse.B2, worse.C2
-    regulator = solve_riccati(A, B, worse.C1.T @ worse.C1, worse.D12.T @ worse.D12, worse.C1.T @ worse.D12)
-    estimator = solve_riccati(
-        A.T, C.T, worse.B1 @ worse.B1.T, worse.D21 @ worse.D21.T, worse.B1 @ worse.D21.T
-    )
-    K, L = regulator.gain, estimator.gain.T
-    cost = np.sum(regulator.X * (worse.B1 @ worse.B1.T))
-    cost += np.sum((K @ estimator.X) * (worse.D12.T @ worse.D12 @ K))
-    return Law(A - B @ K - L @ (C - worse.D22 @ K), L, -K), regulator, estimator, float(cost)
+    return solve_lqg(_weighted(model, directions, strength))
 
 
 def _weighted(model: DesignModel, directions: Directions, strength: float) -> DesignModel:
@@ -176,7 +169,7 @@ def _result(
         measured_ports(part.active),
         driven_ports(part.active),
         problem.authority,
-        len(law.A),
+        len(models[0].A),
         cost,
         np.array([evaluate_cost(model, law).cost for model in models]),
         max(regulator.residual, estimator.residual),

@@ -9,10 +9,10 @@ import numpy as np
 import scipy.linalg as sla
 from jaxtyping import Float
 
-from middeck.control.riccati import solve_riccati
 from middeck.control.robust.closed_cost import Law, evaluate_cost, spectral_abscissa
 from middeck.control.robust.design_model import DesignModel
-from middeck.control.robust.structure import join_stations
+from middeck.control.robust.nominal_law import lqg_law
+from middeck.control.robust.structure import add_laws, join_stations, split_law
 
 LADDER = tuple(10.0 ** (-0.5 * k) for k in range(13))
 """Ratios of authority at which a start is looked for, the one asked for first."""
@@ -27,21 +27,6 @@ stable."""
 PRIMES = np.array([2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53])
 Stations = list[tuple[list[int], list[int], int]]
 ModelsAt = Callable[[float], Sequence[DesignModel]]
-
-
-def lqg_law(model: DesignModel) -> Law:
-    """The law that is best for this model alone (Kwakernaak and Sivan 1972, chapter 5)."""
-    K = solve_riccati(
-        model.A, model.B2, model.C1.T @ model.C1, model.D12.T @ model.D12, model.C1.T @ model.D12
-    ).gain
-    L = solve_riccati(
-        model.A.T,
-        model.C2.T,
-        model.B1 @ model.B1.T,
-        model.D21 @ model.D21.T,
-        model.B1 @ model.D21.T,
-    ).gain.T
-    return Law(model.A - model.B2 @ K - L @ (model.C2 - model.D22 @ K), L, -K)
 
 
 def reduce_law(
@@ -71,9 +56,7 @@ def pad_law(law: Law, order: int) -> Law:
     # Signs that alternate differently for each port, so that no two states are alike.
     B = small_B * np.cos(np.outer(np.arange(extra) + 1.0, np.arange(law.B.shape[1]) + 1.0))
     C = small_C * np.cos(np.outer(np.arange(len(law.C)) + 1.0, np.arange(extra) + 2.0))
-    return Law(
-        np.asarray(sla.block_diag(law.A, -np.diag(rates))), np.vstack([law.B, B]), np.hstack([law.C, C])
-    )
+    return add_laws(law, Law(-np.diag(rates), B, C))
 
 
 def stabilises(models: Sequence[DesignModel], law: Law) -> bool:
@@ -98,8 +81,8 @@ def find_starts(models_at: ModelsAt, order: int, stations: Stations) -> Iterator
 
 
 def spread_starts(models: Sequence[DesignModel], order: int) -> Iterator[tuple[Law, float]]:
-    """Small laws that stabilise ``models`` and come from no LQG law; none for larger orders."""
-    for number in range(SPREAD if order <= SMALL else 0):
+    """Small laws that stabilise ``models`` and come from no LQG law; none for larger orders or integrals."""
+    for number in range(SPREAD if order <= SMALL and not models[0].integrals else 0):
         spread = _weakened(models, _spread_law(models[0], order, number))
         if spread is not None:
             yield spread, 1.0
@@ -117,19 +100,21 @@ def _first(models_at: ModelsAt, order: int, ratios: Sequence[float]) -> Iterator
 
 def in_the_loop(model: DesignModel, order: int) -> Law:
     """The LQG law with states added, or reduced by the Gramians that its states have in the loop."""
-    law = lqg_law(model)
-    if order >= len(law.A):
-        return pad_law(law, order)
+    law, n = lqg_law(model), len(model.A)
+    free, integrals = split_law(law, len(model.integrals))
+    if order >= n:
+        return add_laws(pad_law(free, order), integrals)
     cost = evaluate_cost(model, law)
-    if cost.covariance is None or cost.worth is None:
-        return reduce_law(law, order, np.eye(len(law.A)), np.eye(len(law.A)))
-    return reduce_law(law, order, cost.covariance, cost.worth)
+    covariance = np.eye(n) if cost.covariance is None else cost.covariance[:n, :n]
+    worth = np.eye(n) if cost.worth is None else cost.worth[:n, :n]
+    return add_laws(reduce_law(free, order, covariance, worth), integrals)
 
 
 def _own_balance(models_at: ModelsAt, order: int, ratio: float) -> Law | None:
     models = models_at(ratio)
-    law = _reduced_alone(lqg_law(models[0]), order)
-    return None if law is None else _weakened(models, law)
+    free, integrals = split_law(lqg_law(models[0]), len(models[0].integrals))
+    law = _reduced_alone(free, order)
+    return None if law is None else _weakened(models, add_laws(law, integrals))
 
 
 def _reduced_alone(law: Law, order: int) -> Law | None:

@@ -93,15 +93,19 @@ def _positions(group: tuple[str, ...], names: tuple[str, ...], which: str) -> li
     return [group.index(name) for name in names]
 
 
-def arrange(law: Law, stations: list[tuple[list[int], list[int], int]]) -> tuple[Law, Free]:
+def arrange(
+    law: Law, stations: list[tuple[list[int], list[int], int]], integrals: int = 0
+) -> tuple[Law, Free]:
     """The law in real modal coordinates, station by station, and what of it may then change.
 
     A is free on three diagonals within each station: every real matrix is similar to such a one, modes that
     meet stay differentiable in it, and its 3 k - 2 numbers leave little of the k^2 directions that change
     coordinates only. Where eigenvectors are nearly dependent the coordinates stay and all of A is free.
+    ``integrals`` last states stand beside the rest; of them C alone is free.
     """
+    law = decouple(law, integrals)
     ny, nu = law.B.shape[1], len(law.C)
-    parts = stations or [(list(range(ny)), list(range(nu)), len(law.A))]
+    parts = stations or [(list(range(ny)), list(range(nu)), len(law.A) - integrals)]
     free = Free(*(np.zeros(M.shape, dtype=bool) for M in (law.A, law.B, law.C)))
     A, B, C = (M.copy() for M in (free.A, free.B, free.C))
     turn = np.eye(len(law.A))
@@ -117,9 +121,52 @@ def arrange(law: Law, stations: list[tuple[list[int], list[int], int]]) -> tuple
         first += order
     back = np.linalg.inv(turn)
     turned = Law(back @ law.A @ turn, back @ law.B, law.C @ turn)
-    # Rounding outside the free pattern is dropped.
-    kept = Law(np.where(A, turned.A, 0.0), np.where(B, turned.B, 0.0), np.where(C, turned.C, 0.0))
+    C[:, first:] = True
+    # Rounding outside the free pattern is dropped; what integrates stays.
+    fixed = np.zeros(len(law.A), dtype=bool)
+    fixed[first:] = True
+    kept = Law(
+        np.where(A | np.diag(fixed), turned.A, 0.0),
+        np.where(B | fixed[:, None], turned.B, 0.0),
+        np.where(C, turned.C, 0.0),
+    )
     return kept, Free(A, B, C)
+
+
+def decouple(law: Law, integrals: int) -> Law:
+    """The law in coordinates in which its last states, the integrals, drive no other state.
+
+    >>> law = Law(np.array([[-2.0, 1.0], [0.0, 0.0]]), np.ones((2, 1)), np.ones((1, 2)))
+    >>> decouple(law, 1).A.tolist()
+    [[-2.0, 0.0], [0.0, 0.0]]
+    """
+    if not integrals:
+        return law
+    n = len(law.A) - integrals
+    # x = x' + M i with (A + r) M = -G, where r is a decay lent to all states.
+    M = -np.linalg.solve(law.A[:n, :n] - law.A[-1, -1] * np.eye(n), law.A[:n, n:])
+    A, B, C = law.A.copy(), law.B.copy(), law.C.copy()
+    A[:n, n:] = 0.0
+    B[:n] -= M @ law.B[n:]
+    C[:, n:] += law.C[:, :n] @ M
+    return Law(A, B, C)
+
+
+def split_law(law: Law, integrals: int) -> tuple[Law, Law]:
+    """The law without its integrals, and these alone."""
+    n = len(law.A) - integrals
+    parts = slice(None, n), slice(n, None)
+    first, second = (Law(law.A[s, s], law.B[s], law.C[:, s]) for s in parts)
+    return first, second
+
+
+def add_laws(first: Law, second: Law) -> Law:
+    """Both side by side: their commands add up."""
+    return Law(
+        np.asarray(sla.block_diag(first.A, second.A)),
+        np.vstack([first.B, second.B]),
+        np.hstack([first.C, second.C]),
+    )
 
 
 def _modal_basis(A: Float[np.ndarray, "state state"]) -> Float[np.ndarray, "state state"] | None:

@@ -1,0 +1,45 @@
+"""The law that is best for one model: two Riccati equations (Kwakernaak and Sivan 1972, chapter 5)."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg as sla
+
+from middeck.control.lqg.regulator import append_integrals
+from middeck.control.riccati import RiccatiSolution, solve_riccati
+from middeck.control.robust.closed_cost import Law
+from middeck.control.robust.design_model import DesignModel
+from middeck.control.robust.structure import decouple
+
+
+def solve_lqg(model: DesignModel) -> tuple[Law, RiccatiSolution, RiccatiSolution, float]:
+    """The law, its integrals beside the rest, the regulator's and the filter's solution, and the cost."""
+    rows, n = [row for row, _ in model.integrals], len(model.A)
+    A, B = append_integrals(model.A, model.B2, model.C2, model.D22, rows)
+    price = model.D12.T @ model.D12
+    Q = np.asarray(sla.block_diag(model.C1.T @ model.C1, np.diag([w**2 for _, w in model.integrals])))
+    S = np.vstack([model.C1.T @ model.D12, np.zeros((len(rows), len(price)))])
+    regulator = solve_riccati(A, B, Q, price, S)
+    estimator = solve_riccati(
+        model.A.T,
+        model.C2.T,
+        model.B1 @ model.B1.T,
+        model.D21 @ model.D21.T,
+        model.B1 @ model.D21.T,
+    )
+    K, L = regulator.gain, estimator.gain.T
+    inside = -(model.B2 - L @ model.D22) @ K
+    inside[:, :n] += model.A - L @ model.C2
+    law = Law(
+        np.vstack([inside, np.zeros((len(rows), n + len(rows)))]),
+        np.vstack([L, np.eye(len(model.C2))[rows]]),
+        -K,
+    )
+    drive = np.vstack([model.B1, model.D21[rows]])
+    cost = np.sum(regulator.X * (drive @ drive.T)) + np.sum((K[:, :n] @ estimator.X) * (price @ K[:, :n]))
+    return decouple(law, len(rows)), regulator, estimator, float(cost)
+
+
+def lqg_law(model: DesignModel) -> Law:
+    """The law alone."""
+    return solve_lqg(model)[0]
