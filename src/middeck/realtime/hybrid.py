@@ -58,20 +58,17 @@ def _run_block(system: HybridSystem, e: Array, rng: np.random.Generator, start: 
     rows = np.empty((len(e), len(computer.step)))
     readings = np.empty((len(e), computer.outputs))
     momentum = np.empty_like(e)
-    tick = Tick(system, start)
-    window = _pairs(issued)
-    limit, read, move = tick.limit, tick.read, tick.move
-    step, digital = computer.step, tick.digital
+    tick, window = Tick(system, start), _pairs(issued)
     states, answer = computer.states, computer.states + computer.outputs
-    new = issued[len(start.issued) :]
+    new, step, digital, kept = issued[len(start.issued) :], computer.step, tick.digital, tick.kept
     for k, row in enumerate(rows):
-        read(offset[k], readings[k])
+        tick.read(offset[k], readings[k])
         np.dot(step, digital, out=row)
-        digital[:states] = row[:states]
-        limit(row[answer:], e[k], new[k], momentum[k])
-        move(window[k], noise[k])
+        kept[:] = row[:states]
+        tick.limit(row[answer:], e[k], new[k], momentum[k])
+        tick.move(window[k], noise[k])
     end = HybridState(
-        tick.x, digital[:states], issued[len(e) :], tick.momentum, tick.joint_states(), bias, start.trim,
+        tick.x, kept, issued[len(e) :], tick.momentum, tick.joint_states(), bias, start.trim,
         start.tick + len(e),
     )  # fmt: skip
     measured, control = rows[:, states:answer], rows[:, answer:]

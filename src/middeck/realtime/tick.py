@@ -18,30 +18,31 @@ class Tick:
         plant, motors, readout = system.plant, system.motors, system.readout
         self.x = start.x.copy()
         self.digital = np.concatenate([start.computer, np.zeros(system.computer.outputs)])
-        self.reading = self.digital[system.computer.states :]
+        self.kept, self.reading = np.split(self.digital, [system.computer.states])
         self.trim = start.trim if np.any(start.trim) else None
-        self.momentum = start.momentum.copy()
-        self.previous = start.issued[-1].copy()
+        self.momentum, self.previous = start.momentum, start.issued[-1]
         self.motors = motors
         self.per_step = 1.0 / motors.step
         self.converts = bool(np.any(motors.step > EXACT))
-        self.slews, self.turns = (
-            bool(np.isfinite(motors.slew).any()),
-            bool(np.isfinite(motors.momentum).any()),
-        )
-        self.low, self.high = np.empty_like(self.momentum), np.empty_like(self.momentum)
+        # Both ways at once: one addition instead of two.
+        self.slew = _both_ways(motors.slew)
+        self.room = _both_ways(motors.momentum)
+        self.ends = np.empty((2, len(self.momentum)))
+        self.low, self.high = self.ends
         self.counts = bool(np.any(readout.step > EXACT))
         self.count, self.per_count = readout.step, 1.0 / readout.step
-        self.range = readout.range if np.isfinite(readout.range).any() else None
+        self.range = _both_ways(readout.range)
         self.steps = [np.ascontiguousarray(a) for a in plant.step]
         self.drives = [np.ascontiguousarray(b) for b in plant.drive]
         self.first = np.vstack([self.steps[0], plant.read])
         self.ahead = np.empty(len(self.first))
+        self.after_first, self.sampled = np.split(self.ahead, [len(self.steps[0])])
         self.noisy = plant.noise.shape[1] > 0
         self.elements = [j.elements for j in system.joints]
         values = iter(start.joints.tolist())
         self.inner = [[next(values) for _ in parts] for parts in self.elements]
-        self.push = list(plant.push)
+        self.push = [np.ascontiguousarray(p) for p in plant.push]
+        self.held, self.pushed = np.zeros(len(self.elements)), np.empty(len(self.x))
         self.compliance: list[list[list[float]]] = [(plant.angle @ p).tolist() for p in plant.push]
         self.angles: list[float] = (plant.angle @ self.x).tolist()
         self.torque = [0.0] * len(self.elements)
@@ -54,10 +55,10 @@ class Tick:
         """What the sensors give now, also into ``reading``; and the states after the first internal step."""
         np.dot(self.first, self.x, out=self.ahead)
         now = self.reading
-        np.add(self.ahead[len(self.steps[0]) :], offset, out=now)
+        np.add(self.sampled, offset, out=now)
         if self.range is not None:
-            np.minimum(now, self.range, out=now)
-            np.maximum(now, -self.range, out=now)
+            np.maximum(now, self.range[0], out=now)
+            np.minimum(now, self.range[1], out=now)
         if self.counts:
             np.multiply(now, self.per_count, out=now)
             np.rint(now, out=now)
@@ -74,25 +75,22 @@ class Tick:
             np.multiply(torque, self.per_step, out=torque)
             np.rint(torque, out=torque)
             np.multiply(torque, motors.step, out=torque)
-        if self.slews:
-            np.subtract(self.previous, motors.slew, out=low)
-            np.add(self.previous, motors.slew, out=high)
+        if self.slew is not None:
+            np.add(self.previous, self.slew, out=self.ends)
             np.maximum(torque, low, out=torque)
             np.minimum(torque, high, out=torque)
         np.maximum(torque, motors.lower, out=torque)
         np.minimum(torque, motors.upper, out=torque)
-        if self.turns:
-            np.subtract(self.momentum, motors.momentum, out=low)
-            np.add(self.momentum, motors.momentum, out=high)
+        if self.room is not None:
+            np.add(self.momentum, self.room, out=self.ends)
             np.maximum(torque, low, out=torque)
             np.minimum(torque, high, out=torque)
-        np.subtract(self.momentum, torque, out=self.momentum)
-        momentum[:] = self.momentum
-        self.previous[:] = torque
+        np.subtract(self.momentum, torque, out=momentum)
+        self.momentum, self.previous = momentum, torque
 
     def move(self, window: Array, noise: Array) -> None:
         """The continuous part to the next tick."""
-        ahead = self.ahead[: len(self.steps[0])]
+        ahead = self.after_first
         for j, drive in enumerate(self.drives):
             if j:
                 ahead = np.dot(self.steps[j], self.x)
@@ -108,7 +106,9 @@ class Tick:
         """Torques of the joints, held over this step, and where their angles end."""
         compliance = self.compliance[j]
         self.torque = balance_torques(self.elements, self.inner, self.angles, free, compliance, self.torque)
-        self.x -= np.dot(self.push[j], self.torque)
+        self.held[:] = self.torque
+        np.dot(self.push[j], self.held, out=self.pushed)
+        np.subtract(self.x, self.pushed, out=self.x)
         # Few joints: plain numbers are faster than arrays.
         for joint, (end, row) in enumerate(zip(free, compliance, strict=True)):
             for coefficient, torque in zip(row, self.torque, strict=True):
@@ -117,3 +117,8 @@ class Tick:
             states = self.inner[joint]
             for i, part in enumerate(self.elements[joint]):
                 states[i] = part.resist(end, states[i])[1]
+
+
+def _both_ways(limit: Array) -> Array | None:
+    """A limit downwards and upwards; None where no channel has one."""
+    return np.stack([-limit, limit]) if np.isfinite(limit).any() else None
