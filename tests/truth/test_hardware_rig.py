@@ -239,6 +239,8 @@ def test_an_unstable_loop_is_stopped_and_says_where(plant):
     assert np.abs(y[:-1]).max() <= 0.3
     assert stopped.events.stopped_s == pytest.approx((len(y) - 1) / RATE)
     assert stopped.partial.u.shape[2] == len(y)
+    # What would have come after it is not counted.
+    assert round(stopped.events.saturated[1] * len(y), 6).is_integer()
     # Nobody stops it: it goes on at the limit of its motor.
     assert taken["left alone"].record is not None
     assert taken["left alone"].events.saturated[1] > 0.1
@@ -252,6 +254,22 @@ def test_a_loop_without_limits_that_overflows_has_a_cause(plant):
         )
     assert run.record is None
     assert "overflow" in run.cause
+    assert run.partial is None
+
+
+def test_a_law_that_overflows_behind_a_limited_motor_has_a_cause_too(plant):
+    """The motor's limit keeps the plant finite; the law's own state doubles every tick."""
+    B = np.array([[1.0, 0.0]])
+    law = SampledStateSpace([[2.0]], B, 1e-3 * B.T, np.zeros((2, 2)), 1.0 / RATE)
+    rig = rig_of(plant, motors={"base": Motor(0.1), "pri_rel_z": Motor(0.1)})
+    with np.errstate(over="ignore", invalid="ignore"):
+        run = run_hardware_closed_loop(
+            rig, law, noise(600), periods=8, rng=np.random.default_rng(0), settle=0
+        )
+    assert run.record is None
+    assert "the law itself" in run.cause
+    assert np.isfinite(run.partial.y).all()
+    assert run.partial.u.shape[2] == run.partial.y.shape[2] == 600
 
 
 def test_ramps_are_taken_out_and_nothing_else():
@@ -283,6 +301,10 @@ def test_settings_that_cannot_be_are_refused(plant):
         Motor(1.0, holding=-1.5)
     with pytest.raises(ConfigError, match="rotor"):
         Rotor(0.0, 300.0)
+    with pytest.raises(ConfigError, match="a gain of nan"):
+        Encoder(1e-6, gain=np.nan)
+    with pytest.raises(ConfigError, match="a gain of 0"):
+        Gyro(gain=0.0)
     with pytest.raises(ConfigError, match="noise = -1"):
         Gyro(noise=-1.0)
     with pytest.raises(ConfigError, match="the law has"):

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError, NumericalError
-from middeck.realtime.events import EventCounter, RunEvents, StopRule, find_stop, stop_limits
+from middeck.realtime.events import EventCounter, StopRule, find_stop, stop_limits
 from middeck.realtime.hardware_rig import (
     BLOCK,
     HardwareRig,
@@ -22,7 +22,7 @@ from middeck.realtime.hardware_rig import (
     measure_bias,
     simulate_rig,
 )
-from middeck.realtime.hybrid_state import HybridBlock, HybridState
+from middeck.realtime.hybrid_state import HybridBlock, HybridState, cut_block
 from middeck.realtime.linear_view import gyro_sums, linearise_rig
 from middeck.realtime.rig import Run, close_sampled_loop
 from middeck.realtime.sensors import Gyro
@@ -73,8 +73,8 @@ def run_hardware_closed_loop(
     """``periods`` periods of the loop under a repeated ``excitation`` added to the law's commands.
 
     With ``steady``, which no hardware can, it begins where the linear loop would be in its steady state, if
-    that is stable, so that less has to settle.
-    A rig that drifts begins every run at the same age, its rest included.
+    that is stable, so that less has to settle. A rig that drifts is of the same age at the beginning of every
+    run's rest; its record is called periodic, as on hardware: nobody has told the experimenter.
     The record holds excitation and measured outputs, from each gyro's angle its ramp taken out (see
     `remove_ramps`). A run that passes a stop, or overflows, has a cause and no record; ``partial`` is what
     was taken until then, settling included. Raises `ConfigError` for no period or an unknown output.
@@ -87,19 +87,16 @@ def run_hardware_closed_loop(
     u = np.asarray(excitation, dtype=float)
     limits = stop_limits(stops, rig.outputs)
     taken = _Taken(rig, law)
-    stop: tuple[int, int] | None = None
     try:
         begin = measure_bias(rig, law, rest_s, rng)
         begin = find_steady_start(rig, law, u, begin) if steady else begin
         for block in _blocks(rig, law, u, settle + periods, begin, rng, taken):
             stop = find_stop(block.measured, limits)
-            taken.add(block)
+            taken.add(block if stop is None else cut_block(block, stop[0] + 1))
             if stop is not None:
-                break
+                return _stopped(rig, u, taken, stop[1])
     except NumericalError as error:
-        return Run(None, None, f"diverged: {error}", events=taken.counter.total())
-    if stop is not None:
-        return _stopped(rig, u, taken, stop)
+        return Run(None, None, f"diverged: {error}", events=taken.counter.total(), partial=taken.partial(u))
     measured, control, torque = (
         x[settle * len(u) :].reshape(periods, len(u), x.shape[1]) for x in taken.joined()
     )
@@ -178,7 +175,7 @@ class _Taken:
     def __init__(self, rig: HardwareRig, law: SampledStateSpace | None) -> None:
         inertia = {i: m.rotor.inertia for i, m in enumerate(rig.motors) if m.rotor is not None}
         self.counter = EventCounter(connect_law(rig, law), inertia, 1.0 / rig.sample_hz)
-        self.before = np.zeros(len(rig.inputs))
+        self.rig, self.before = rig, np.zeros(len(rig.inputs))
         self.rows: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
 
     def add(self, block: HybridBlock) -> None:
@@ -192,22 +189,26 @@ class _Taken:
         measured, control, torque = zip(*self.rows, strict=True)
         return np.concatenate(measured), np.concatenate(control), np.concatenate(torque)
 
+    def partial(self, u: np.ndarray) -> Record | None:
+        """The record so far, settling included; None of nothing."""
+        if not self.rows:
+            return None
+        measured = self.joined()[0]
+        given = np.resize(u, (1, 1, len(measured), u.shape[1]))
+        rig = self.rig
+        return Record(rig.sample_hz, given, measured[None, None], rig.inputs, rig.outputs, False)
 
-def _stopped(rig: HardwareRig, u: np.ndarray, taken: _Taken, stop: tuple[int, int]) -> Run:
-    """The run until the last block's sample ``stop``, and what was growing then."""
-    last = len(taken.rows[-1][0])
-    count = sum(len(rows[0]) for rows in taken.rows) - last + stop[0] + 1
-    measured = taken.joined()[0][:count]
-    time_s, port = (count - 1) / rig.sample_hz, rig.outputs[stop[1]]
-    where = measured[-round(LOOK_BACK_S * rig.sample_hz) :, stop[1]]
+
+def _stopped(rig: HardwareRig, u: np.ndarray, taken: _Taken, output: int) -> Run:
+    """The run until ``output`` passed its stop, and what was growing then."""
+    measured = taken.joined()[0]
+    time_s, port = (len(measured) - 1) / rig.sample_hz, rig.outputs[output]
+    where = measured[-round(LOOK_BACK_S * rig.sample_hz) :, output]
     cause = (
         f"stopped: {port.name} at {where[-1]:.3g} {port.unit} after {time_s:.3g} s, mostly at "
         f"{_strongest_hz(where, rig.sample_hz):.3g} Hz"
     )
-    given = np.resize(u, (1, 1, count, u.shape[1]))
-    partial = Record(rig.sample_hz, given, measured[None, None], rig.inputs, rig.outputs, False)
-    events: RunEvents = taken.counter.total(time_s)
-    return Run(None, None, cause, events=events, partial=partial)
+    return Run(None, None, cause, events=taken.counter.total(time_s), partial=taken.partial(u))
 
 
 def _strongest_hz(x: Float[np.ndarray, " sample"], sample_hz: float) -> float:

@@ -44,9 +44,10 @@ def simulate_hybrid(
             )
         done = _run_block(system, e, rng, start)
         start = done.state
-        if not np.isfinite(start.x).all():
+        if not (np.isfinite(start.x).all() and np.isfinite(start.computer).all()):
             raise NumericalError(
-                "the simulated state overflows", hint="is the loop unstable? give motors a torque_limit"
+                "the simulated state overflows",
+                hint="is the loop, or the law itself, unstable? give motors a torque_limit, and a run stops",
             )
         yield done
 

@@ -63,6 +63,11 @@ class HybridBlock(NamedTuple):
     state: HybridState
 
 
+def cut_block(block: HybridBlock, ticks: int) -> HybridBlock:
+    """Its first ``ticks``; the state stays that of its end."""
+    return HybridBlock(*(x[:ticks] for x in block[:-1]), state=block.state)
+
+
 @record
 class HybridSystem:
     """Everything that a hybrid simulation needs; `middeck.realtime.hardware_rig` builds one."""

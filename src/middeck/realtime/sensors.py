@@ -33,6 +33,7 @@ class Encoder:
     def __post_init__(self) -> None:
         if not (0.0 < self.step < math.inf):
             raise ConfigError(f"an encoder in steps of {self.step} rad", where="Encoder", hint="above zero")
+        _refuse_gain("Encoder", self.gain)
 
 
 @record
@@ -80,6 +81,7 @@ class Gyro:
                 where="Gyro",
                 hint="all above zero; infinite for no limit",
             )
+        _refuse_gain("Gyro", self.gain)
 
 
 Sensor = Sampler | Encoder | Gyro
@@ -89,6 +91,11 @@ def _refuse_negative(where: str, **values: float) -> None:
     for name, value in values.items():
         if not 0.0 <= value < math.inf:
             raise ConfigError(f"{name} = {value}", where=where, hint="finite, from zero")
+
+
+def _refuse_gain(where: str, gain: float) -> None:
+    if not 0.0 < abs(gain) < math.inf:
+        raise ConfigError(f"a gain of {gain}", where=where, hint="finite, not zero")
 
 
 def sensor_lag(sensor: Sensor) -> float:
