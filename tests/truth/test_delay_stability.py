@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,13 +14,20 @@ from scipy.special import lambertw
 from middeck.control.analysis import decide_stability, measure_margins
 from middeck.control.closed_loop import close_loop
 from middeck.control.compensator import Compensator
+from middeck.control.lqg import LQGWeights, design_lqg
 from middeck.errors import NumericalError
+from middeck.files.documents import load_environment, load_structure
+from middeck.structure.environment import Environment
+from middeck.structure.equilibrium import solve_equilibrium
+from middeck.structure.modes import solve_modes
+from middeck.structure.plants.modal_plant import build_plant
 from middeck.systems.delayed_plant import DelayedPlant, approximate_delays, delay_inputs
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
 from middeck.systems.ports import Port
 from middeck.systems.statespace import SampledStateSpace, StateSpace, gain_system
 
+ROOT = Path(__file__).parents[2]
 FORCE, WAY, RATE = Port("force", "N"), Port("way", "m"), Port("rate", "m/s")
 INTEGRATOR = Plant(StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]), (FORCE,), (WAY,), u=("force",), y=("way",))
 BODY = Plant(
@@ -76,6 +84,44 @@ def test_modes_that_the_loop_does_not_move_count() -> None:
         if not stable:
             assert found.pole == pytest.approx(0.03 + 3.0j * np.sqrt(1.0 - 1e-4), rel=1e-12)
             assert found.growing == 2
+
+
+def test_modes_that_coincide_and_that_the_loop_does_not_move() -> None:
+    """Of a free body one force reaches some rigid modes and one sensor sees others: all are poles at zero."""
+    omega, zeta = np.array([0.0, 0.0, 0.0, 5.0, 5.0, 5.0]), np.array([0.0, 0.0, 0.0, 0.01, 0.01, 0.01])
+    psi = np.array([[1.0], [0.0], [1.0], [1.0], [0.0], [1.0]])
+    phi = np.array([[0.1, 1.0, 0.0, 0.2, 1.0, 0.0]])
+    plant = Plant(ModalSystem(omega, zeta, psi, phi, 0.1 * phi, tuple("abcdef")), (FORCE,), (WAY,))
+    found = decide_stability(delay_inputs(plant, 0.05), gain(1.0))
+    # The moved modes alone decay; what stays at zero neither decays nor grows.
+    moved = Plant(ModalSystem(omega[[0, 3]], zeta[[0, 3]], psi[[0, 3]], phi[:, [0, 3]], 0.1 * phi[:, [0, 3]],
+                              ("a", "d")), (FORCE,), (WAY,))  # fmt: skip
+    assert decide_stability(delay_inputs(moved, 0.05), gain(1.0)).margin > 0.0
+    assert found.stable
+    assert found.margin == 0.0
+
+
+def test_an_article_whose_law_estimates_modes_that_it_hardly_moves() -> None:
+    """Closed roots and open poles then lie within roundings of each other, and yet are counted."""
+    hung, orbit = (
+        gimbal_loop(load_environment(ROOT / "environments" / f"{e}.toml")) for e in ("lab", "orbit")
+    )
+    weights = LQGWeights(np.ones(1), np.ones(1), ("pri_rel_z",), 1e-4 * np.eye(1), np.array([4e-10]))
+    law = design_lqg(approximate_delays(hung, 3), weights, 1e5)
+    found, fine = decide_stability(hung, law), np.linalg.eigvals(_closed(hung, law, 12))
+    assert found.stable
+    # The slowest is a mode that the law does not move, its pole known to rounding of a matrix of 60 rows.
+    assert found.margin == pytest.approx(-np.real(fine).max(), rel=1e-9)
+    # In orbit the torque turns two bodies against each other and never both together.
+    free = decide_stability(orbit, law)
+    assert not free.stable or free.margin == 0.0
+
+
+def gimbal_loop(environment: Environment) -> DelayedPlant:
+    """The gimbal of the development model, 18 modes, 10 ms late."""
+    modes = solve_modes(solve_equilibrium(load_structure(ROOT / "articles" / "mace-dm.toml"), environment))
+    u, z = ("pri_rel_z",), ("pri_in_z",)
+    return delay_inputs(build_plant(modes, inputs=u, outputs=z, count=18, w=u, u=u, z=z, y=z), 0.01)
 
 
 def test_many_modes_agree_with_a_fine_approximation() -> None:

@@ -12,9 +12,10 @@ LIGHT = 0.1
 """Damping ratio below which a pole needs a good approximation at its own frequency."""
 NEWTON_STEPS = 12
 UNMOVED = 1e-9
-"""A mode that the loop moves by less, relative to itself, stands as it is: evaluation cannot tell."""
+"""A mode that the loop moves by less, relative to itself, rests as it is: evaluation cannot tell."""
 ON_ROOT = 1e-2
-"""|f| at a root beside |f| a thousandth of the way to the next pole: within 1e-5 of that way."""
+"""|f| at a root beside |f| a thousandth of the way to the next pole: within 1e-5 of that way. Beside a mode
+that the loop hardly moves |f| is rounding so near: there a tenth of the way, where Newton's method rests."""
 ONE_ROOT, TWO_STARTS = 1e-8, 1e-6
 NEAREST_AXIS = 12
 """Roots followed to the exact delay beside those that are counted."""
@@ -76,7 +77,7 @@ def _newton(
     size = np.maximum(np.abs(start), 1e-3 * reach)
     unmoved = np.abs(start[:, None] - open_poles).min(axis=1, initial=np.inf) <= UNMOVED * size
     s, real = start.copy(), np.imag(start) == 0.0
-    on_root = np.zeros(len(s), dtype=bool)
+    on_root = rests = np.zeros(len(s), dtype=bool)
     with np.errstate(all="ignore"):
         for _ in range(NEWTON_STEPS):
             # Differences over a thousandth of the way to the next pole err by 1e-6 of the slope.
@@ -84,13 +85,20 @@ def _newton(
             way = np.abs(away).min(axis=1, initial=np.inf)
             h = 1e-3 * np.where(np.isfinite(way), way, size)
             middle, left, right = (_determinant(halves, x) for x in (s, s - h, s + h))
-            beside = np.maximum(np.abs(left), np.abs(right))
-            on_root = np.isfinite(beside) & (np.abs(middle) <= ON_ROOT * beside)
+            on_root = _vanishes(middle, left, right)
             step = middle / ((right - left) / (2.0 * h) + middle * np.sum(1.0 / away, axis=1))
+            rests = np.abs(step) <= 0.1 * ONE_ROOT * size
             s = np.where(np.isfinite(step) & ~unmoved, s - step, s)
             s = np.where(real, np.real(s) + 0.0j, s)
+        h = 0.1 * np.abs(s[:, None] - open_poles).min(axis=1, initial=np.inf)
+        rests &= _vanishes(*(_determinant(halves, x) for x in (s, s - h, s + h)))
     ended = np.where(np.imag(s) < 0.0, np.conj(s), s)
-    return ended, unmoved | on_root
+    return ended, unmoved | on_root | rests
+
+
+def _vanishes(middle: np.ndarray, left: np.ndarray, right: np.ndarray) -> np.ndarray:
+    beside = np.maximum(np.abs(left), np.abs(right))
+    return np.isfinite(beside) & (np.abs(middle) <= ON_ROOT * beside)
 
 
 def _determinant(halves: Halves, s: np.ndarray) -> Complex[np.ndarray, " point"]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 from jaxtyping import Complex
 
@@ -21,8 +23,10 @@ from middeck.control.analysis.root_count import clear_wall, count_more, direct_g
 from middeck.control.delay_order import pade_order
 from middeck.errors import NumericalError
 from middeck.systems.delayed_plant import DelayedPlant
+from middeck.systems.inert_modes import observed_modes, reached_modes
+from middeck.systems.modal import ModalSystem, modal_to_statespace, select_modes
 from middeck.systems.stability import GROWTH_LIMIT, growth_rates, none_grows
-from middeck.systems.statespace import SampledStateSpace
+from middeck.systems.statespace import SampledStateSpace, poles
 from middeck.values import record
 
 MOST_ORDER = 64
@@ -96,6 +100,7 @@ def decide_loop(loop: FeedbackLoop) -> LoopStability:
     if direct_gain(loop) >= 1.0:
         # A neutral equation: a chain of roots on or right of the axis (Hale and Verduyn Lunel 1993).
         return LoopStability(False, complex(np.inf, np.inf), np.inf, -np.inf, 0.0, -1)
+    loop, unmoved = _split_unmoved(loop)
     halves, open_poles, reach = evaluate_halves(loop), find_open_poles(loop), _reach(loop)
     found, counted = 0, None
     for order in _orders(loop, open_poles):
@@ -106,12 +111,26 @@ def decide_loop(loop: FeedbackLoop) -> LoopStability:
         found = int(np.sum(np.real(roots) > wall))
         counted = None if more is None else int(np.sum(np.real(near) > wall)) + more
         if found == counted:
-            return _outcome(np.concatenate([roots, others[np.real(others) < wall]]))
+            return _outcome(np.concatenate([roots, others[np.real(others) < wall], unmoved]))
     raise NumericalError(
         f"stability with delays cannot be decided: {found} roots found near and right of the axis, "
         f"{'an unclear number' if counted is None else counted} counted",
         hint="a shorter delay or less gain at high frequency; or a root lies on the axis",
     )
+
+
+def _split_unmoved(loop: FeedbackLoop) -> tuple[FeedbackLoop, Complex[np.ndarray, " pole"]]:
+    """The loop without modes that u does not reach or y does not see; and their poles, which nothing moves.
+
+    They are in no return ratio: its roots cannot be counted with them, least of all where several coincide.
+    """
+    plant = loop.plant
+    if not isinstance(plant, DelayedPlant) or not isinstance(modal := plant.plant.dynamics, ModalSystem):
+        return loop, np.zeros(0, dtype=complex)
+    moved = reached_modes(modal) & observed_modes(modal)
+    inside = dataclasses.replace(plant.plant, dynamics=select_modes(modal, moved), state_names=())
+    alone = modal_to_statespace(select_modes(modal, ~moved))
+    return dataclasses.replace(loop, plant=dataclasses.replace(plant, plant=inside)), poles(alone)
 
 
 def _orders(loop: FeedbackLoop, open_poles: np.ndarray) -> list[int]:
