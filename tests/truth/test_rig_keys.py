@@ -86,6 +86,7 @@ def facts(dm, lab, form):
         "elements": member.elements,
         "shear": member.section.GA_y,
         "lightest tie": float(in_orbit.modes.frequency_hz[5]),
+        "lowest on ground": float(on_ground.modes.frequency_hz[0]),
         "hidden": on_ground.hidden,
     }
 
@@ -116,13 +117,16 @@ CHANGES = {  # key: a factor or a value, and by how much which facts change
     "modes_hz": (0.5, {"modes": None}),
     "mesh_factor": (2, {"elements": 2.0}),
     "shear_coefficient": (0.5, {"shear": 0.5}),
-    "hidden_seed": (None, {"hidden": None, "shear": None, "late": None, "lightest tie": None}),
+    "hidden_seed": (
+        None,
+        {"hidden": None, "shear": None, "late": None, "lightest tie": None, "lowest on ground": None},
+    ),
     "rest_s": (2.0, {}),  # of a run, not of the rig: see `Bench`
     "identification_noise": (2.0, {}),  # of the linear rig, below
 }
 
 
-MEASURED = ("late", "lightest tie")  # not given but seen in a response
+MEASURED = ("late", "lightest tie", "lowest on ground")  # not given but seen in a response
 
 
 def test_no_key_is_forgotten():
@@ -150,6 +154,19 @@ def test_a_key_does_what_it_says_and_nothing_else(dm, lab, form, plain, key):
             assert changed[name] != value, name
         else:
             assert changed[name] == pytest.approx(expected[name] * value, rel=1e-3), name
+
+
+def test_the_rig_of_the_study_is_richer_than_what_anyone_designs_with(dm, lab):
+    study = load_study(ROOT / "studies" / "mace-1993.toml")
+    article = build_rig_article(dm, lab, study.rig)
+    for mine, theirs in zip(article.equilibrium.model.structure.members, dm.members, strict=True):
+        assert mine.elements == 3 * theirs.elements
+        assert np.isfinite([mine.section.GA_y, mine.section.GA_z]).all()
+        assert np.isinf([theirs.section.GA_y, theirs.section.GA_z]).all()
+    modes = rig_article_plant(article, **PORTS, to_hz=study.rig.modes_hz).dynamics
+    assert study.rig.modes_hz == 200.0
+    assert 150.0 < modes.omega[-1] / (2.0 * np.pi) < 200.0
+    assert len(modes.omega) > study.siso.states
 
 
 def test_identification_noise_is_a_part_of_the_rms_of_each_output(dm, lab, form):

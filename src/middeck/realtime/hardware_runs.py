@@ -7,7 +7,7 @@ A run begins at rest: the gyros' biases are measured, the law is switched on wit
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -15,7 +15,6 @@ from jaxtyping import Float
 from middeck.errors import ConfigError, NumericalError
 from middeck.realtime.events import EventCounter, StopRule, find_stop, stop_limits
 from middeck.realtime.hardware_rig import (
-    BLOCK,
     HardwareRig,
     connect_law,
     cut_blocks,
@@ -90,7 +89,9 @@ def run_hardware_closed_loop(
     try:
         begin = measure_bias(rig, law, rest_s, rng)
         begin = find_steady_start(rig, law, u, begin) if steady else begin
-        for block in _blocks(rig, law, u, settle + periods, begin, rng, taken):
+        taken.before = begin.issued[-1]
+        repeated = (block for _ in range(settle + periods) for block in cut_blocks(u))
+        for block in simulate_rig(rig, law, repeated, rng, begin):
             stop = find_stop(block.measured, limits)
             taken.add(block if stop is None else cut_block(block, stop[0] + 1))
             if stop is not None:
@@ -125,20 +126,6 @@ def remove_ramps(
     slope = weight @ means / samples  # per sample
     time = np.arange(periods * samples).reshape(periods, samples, 1) - 0.5 * (periods * samples - 1)
     return np.where(which, y - means.mean(axis=0) - time * slope, y)
-
-
-def _blocks(
-    rig: HardwareRig,
-    law: SampledStateSpace | None,
-    u: np.ndarray,
-    periods: int,
-    start: HybridState,
-    rng: np.random.Generator,
-    taken: _Taken,
-) -> Iterator[HybridBlock]:
-    taken.before = start.issued[-1]
-    repeated = (block for _ in range(periods) for block in cut_blocks(u, BLOCK))
-    return simulate_rig(rig, law, repeated, rng, start)
 
 
 def find_steady_start(

@@ -92,8 +92,7 @@ def build_hybrid_plant(plant: Plant, wiring: Wiring) -> HybridPlant:
     states, m = len(filtered.system.A), len(wiring.inputs)
     chains = [_split_wait(w / period_s) for w in wiring.wait_s]
     size = states + sum(length for length, _ in chains)
-    angle = np.zeros((len(joints), size))
-    angle[:, :states] = _joint_angles(plant, joints, states)
+    angle = _joint_angles(plant, joints, size)
     hold = _Hold(filtered.system)
     step, drive, push = [], [], []
     for j in range(steps):
