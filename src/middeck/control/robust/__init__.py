@@ -1,6 +1,7 @@
 """Designs that survive what is not known of a plant, and how they do on plants they have not seen."""
 
 from middeck.control.robust.comparison import ComparedDesign, compare_designs, comparison_table
+from middeck.control.robust.exchange import design_for_worst
 from middeck.control.robust.monte_carlo import (
     PlantOutcomes,
     Verification,
@@ -12,6 +13,7 @@ from middeck.control.robust.monte_carlo import (
 from middeck.control.robust.multimodel import MultiModelCompensator, design_multimodel
 from middeck.control.robust.popov import PopovCompensator, design_popov
 from middeck.control.robust.result import RobustCompensator, Stage
+from middeck.control.robust.sampled_plant import plant_as_sampled
 from middeck.control.robust.sensitivity_weighted import (
     SensitivityWeightedCompensator,
     design_sensitivity_weighted,
@@ -46,6 +48,7 @@ __all__ = [
     "compare_designs",
     "comparison_table",
     "corner_positions",
+    "design_for_worst",
     "design_multimodel",
     "design_popov",
     "design_sensitivity_weighted",
@@ -55,6 +58,7 @@ __all__ = [
     "outcomes_on",
     "parameter_names",
     "perturb_plant",
+    "plant_as_sampled",
     "shift_modes",
     "stable_share",
     "verify_robustness",

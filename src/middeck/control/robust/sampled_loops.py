@@ -68,7 +68,7 @@ def sampled_outcomes(
 def _sampled_loop(
     plant: Plant | DelayedPlant, law: SampledStateSpace, weights: LQGWeights, period: float
 ) -> _SampledLoop:
-    active, late = _delay_at_the_hold(plant)
+    active, late = delay_at_the_hold(plant)
     active = partition_modes(active).active
     held = sample_plant(subsystem(active, active.u, (*active.z, *active.y)), period, late)
     noise = subsystem(active, weights.disturbed, active.y)
@@ -107,7 +107,7 @@ def _close(
     )
 
 
-def _delay_at_the_hold(plant: Plant | DelayedPlant) -> tuple[Plant, float]:
+def delay_at_the_hold(plant: Plant | DelayedPlant) -> tuple[Plant, float]:
     """All delay that the measurements or the commands have in common is put behind the hold.
 
     A law does not care whether what it reads is late or what it commands: that part is exact. What single

@@ -1,0 +1,83 @@
+"""One law for more plants than a design can hold as models: the worst are added until none is worse.
+
+The exchange method of semi-infinite programming (Hettich and Kortanek 1993, SIAM Review 35): a minimax law
+for few plants, the worst of all plants under it, a minimax law for these too. It ends when no plant costs
+more than the worst of the design's own, which is then the minimax law for all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from middeck.control.compensator import Compensator
+from middeck.control.lqg import LQGWeights, Shaping
+from middeck.control.robust.closed_cost import evaluate_cost, spectral_abscissa
+from middeck.control.robust.design_model import DesignModel, build_model
+from middeck.control.robust.multimodel import MultiModelCompensator, design_multimodel
+from middeck.control.robust.problem import law_of
+from middeck.control.robust.structure import Structure
+from middeck.control.uncertainty import without_delays
+from middeck.errors import NumericalError
+from middeck.systems.delayed_plant import DelayedPlant
+from middeck.systems.plant import Plant
+
+ADDED, ROUNDS = 6, 30
+WITHIN = 1.01
+"""A plant that costs so many times the worst of the models, or less, is not added."""
+
+
+def design_for_worst(
+    plant: Plant | DelayedPlant,
+    weights: LQGWeights,
+    authority: float,
+    *,
+    candidates: Sequence[Plant | DelayedPlant],
+    structure: Structure | None = None,
+    shaping: Shaping | None = None,
+    tolerance: float = 1e-5,
+) -> tuple[MultiModelCompensator, tuple[int, ...]]:
+    """The law whose greatest cost over ``plant`` and thousands of ``candidates`` is least, and its models.
+
+    All that is not ``candidates`` is as in `design_multimodel` with ``over="maximum"``; returned with the law
+    are the positions among the candidates of those that became models. No candidate costs more than 1 %
+    beyond the law's ``cost``.
+
+    Raises
+    ------
+    NumericalError
+        Where some candidate is still worse after thirty rounds, or as `design_multimodel`.
+    """
+    models = [build_model(without_delays(each), weights, authority, shaping=shaping) for each in candidates]
+    chosen: list[int] = []
+    start: Compensator | None = None
+    law: Compensator | None = None
+    worse: list[int] = []
+    for _ in range(ROUNDS):
+        law = design_multimodel(
+            plant, weights, authority, uncertainty=[candidates[i] for i in chosen], over="maximum",
+            structure=structure, shaping=shaping, start=start, tolerance=tolerance,
+        )  # fmt: skip
+        worse, stable = _worse_than(WITHIN * law.cost, models, law)
+        if not worse:
+            return law, tuple(chosen)
+        chosen += worse[:ADDED]
+        start = law if stable else None
+    raise NumericalError(
+        f"after {ROUNDS} rounds {len(worse)} plants still cost more than the worst of the models",
+        hint="a smaller uncertainty or a lower authority",
+        law=law,
+    )
+
+
+def _worse_than(
+    limit: float, models: Sequence[DesignModel], compensator: Compensator
+) -> tuple[list[int], bool]:
+    """The unstable ones, the fastest growing first; if there are none, those beyond ``limit``, and True."""
+    law = law_of(compensator)
+    costs = np.array([evaluate_cost(model, law).cost for model in models])
+    unstable = [int(i) for i in np.flatnonzero(~np.isfinite(costs))]
+    if unstable:
+        return sorted(unstable, key=lambda i: -spectral_abscissa(models[i], law)), False
+    return [int(i) for i in np.argsort(-costs) if costs[i] > limit], True

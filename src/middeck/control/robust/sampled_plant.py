@@ -1,0 +1,73 @@
+"""A plant under a hold, in the plane in which a law sampled by Tustin's rule is itself again.
+
+Tustin's rule takes a law to a computer by s = (2/T) (z - 1)/(z + 1). Taken the other way, the exactly sampled
+plant becomes a continuous one (Franklin, Powell and Workman 1998, section 7.4, the w-plane): the loop of that
+plant and the continuous law has the poles of the sampled loop, mapped, whatever the rate. So a rate is one
+more model of a design. A spectrum of samples is that of the mapped plant over 1 + (w T/2)^2, which matters
+beyond half the rate only, and is left out.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from middeck.control.partition import partition_modes
+from middeck.control.robust.sampled_loops import delay_at_the_hold
+from middeck.errors import ConfigError
+from middeck.systems.delayed_plant import DelayedPlant
+from middeck.systems.plant import Plant, subsystem
+from middeck.systems.sampling import sample_plant
+from middeck.systems.statespace import StateSpace
+
+
+def plant_as_sampled(plant: Plant | DelayedPlant, period_s: float) -> Plant:
+    """The plant as a law meets it that runs by Tustin's rule every ``period_s``, delay and hold exact.
+
+    Disturbances are held over a period too, and keep their intensity; what of them reaches z at half the rate
+    is left out, or white noise would cost without bound. Ports outside the groups y and z are dropped.
+
+    Raises
+    ------
+    ConfigError
+        Where an input both disturbs and controls, or a mode lies at half the rate.
+
+    Examples
+    --------
+    >>> from middeck.systems.ports import Port
+    >>> lag = StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
+    >>> plant = Plant(lag, (Port("u", "N"),), (Port("y", "m"),), (), ("u",), (), ("y",))
+    >>> round(float(plant_as_sampled(plant, 0.1).system.A[0, 0]), 4)  # -tanh(T/2) / (T/2)
+    -0.9992
+    """
+    rest, late = delay_at_the_hold(plant)
+    active = partition_modes(rest).active
+    shared = sorted(set(active.w) & set(active.u))
+    if shared:
+        raise ConfigError(f"{', '.join(shared)} disturbs and controls", hint="a port of its own for each")
+    outputs = tuple(p for p in active.outputs if p.name in (*active.z, *active.y))
+    inputs = tuple(p for p in active.inputs if p.name not in active.u)
+    commands = tuple(p for p in active.inputs if p.name in active.u)
+    rows = [p.name for p in outputs]
+    slow = sample_plant(subsystem(active, [p.name for p in commands], rows), period_s, late)
+    noise = sample_plant(subsystem(active, [p.name for p in inputs], rows), period_s)
+    B = np.zeros((len(slow.A), len(inputs) + len(commands)))
+    B[: len(noise.A), : len(inputs)], B[:, len(inputs) :] = noise.B, slow.B
+    system = _without_tustin(slow.A, B, slow.C, np.hstack([noise.D, slow.D]), period_s)
+    D = system.D.copy()
+    D[[n in active.z for n in rows], : len(inputs)] = 0.0
+    return Plant(
+        StateSpace(system.A, system.B, system.C, D), (*inputs, *commands), outputs,
+        active.w, active.u, active.z, active.y,
+    )  # fmt: skip
+
+
+def _without_tustin(
+    A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, period_s: float
+) -> StateSpace:
+    """The continuous system of which Tustin's rule makes this one."""
+    unit, root = np.eye(len(A)), 2.0 / np.sqrt(period_s)
+    if np.linalg.norm(unit + A, -2) < 1e-12:
+        raise ConfigError(f"a mode at half the rate of {1.0 / period_s:g} Hz", hint="another rate")
+    inverse = np.linalg.inv(unit + A)
+    into, out = root * inverse @ B, root * C @ inverse
+    return StateSpace((2.0 / period_s) * (A - unit) @ inverse, into, out, D - C @ into / root)
