@@ -110,6 +110,48 @@ def test_a_steady_gain_that_turns_the_sign_counts() -> None:
     assert margins.loops[0].gain_hz.tolist() == [0.0]
 
 
+@pytest.mark.parametrize("tau", [0.0, 0.05])
+@pytest.mark.parametrize("sampled", [False, True])
+def test_a_real_pole_through_rest_counts_though_another_loop_holds_the_integrator(
+    tau: float, sampled: bool
+) -> None:
+    """x' = u1 + u2, u1 = -3 k x, u2 = x: stable for k above a third, whatever the delay."""
+    plant = Plant(
+        StateSpace([[0.0]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]]), (FORCE, Port("more", "N")), (WAY,)
+    )
+    K = np.array([[-3.0], [1.0]])
+    if sampled:
+        law = SampledStateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((2, 0)), K, 0.05)
+        one = measure_margins(sample_plant(plant.system, 0.05, tau), law).loops[0]
+    else:
+        late = delay_inputs(plant, tau) if tau else plant
+        one = measure_margins(late, Compensator(gain_system(K), (WAY,), plant.inputs)).loops[0]
+    assert one.gain_limits[0] == pytest.approx(1.0 / 3.0, rel=1e-9)
+    assert one.gain_hz[0] == 0.0
+
+
+def test_a_rigid_body_held_by_one_sensor_and_pushed_by_another() -> None:
+    """PD from the way, 0.4 of the way fed back the wrong way round: k - 0.4 must stay positive."""
+    away = Port("encoder", "m")
+    twice = Plant(
+        ModalSystem([0.0], [0.0], [[1.0]], [[1.0], [0.0], [1.0]], [[0.0], [1.0], [0.0]], ("body",)),
+        (FORCE,), (WAY, RATE, away),
+    )  # fmt: skip
+    law = Compensator(gain_system([[-1.0, -1.0, 0.4]]), (WAY, RATE, away), (FORCE,))
+    way, rate, encoder = measure_margins(twice, law, at="outputs").loops
+    assert way.gain_limits[0] == pytest.approx(0.4, rel=1e-9)
+    assert encoder.gain_limits[1] == pytest.approx(2.5, rel=1e-9)
+    assert rate.gain_limits == (0.0, np.inf)
+
+
+def test_a_real_pole_through_infinity_counts() -> None:
+    """1/(s + 1) - 1/2 under u = -k y: the pole is at -1 - k/(1 - k/2)."""
+    plant = Plant(StateSpace([[-1.0]], [[1.0]], [[1.0]], [[-0.5]]), (FORCE,), (WAY,))
+    one = measure_margins(plant, gain(1.0)).loops[0]
+    assert one.gain_limits == pytest.approx((0.0, 2.0), rel=1e-12)
+    assert one.gain_hz.tolist() == [np.inf]
+
+
 def test_sampled_integrator() -> None:
     """z+ = z - k z: L = k/(z - 1), real at z = -1: factor 2/k; unit gain where 2 sin(w T / 2) = k."""
     T, k = 0.01, 0.5

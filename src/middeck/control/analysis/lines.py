@@ -117,18 +117,13 @@ def _clusters(features: np.ndarray) -> np.ndarray:
 
 def add_ends(loop: FeedbackLoop, ratio: Response, curve: Curve) -> Curve:
     """The lines with rest, and half the sampling rate, before and after them, where finite."""
-    ends = ends_of(loop)
+    period = period_of(loop)
+    ends = np.array([0.0] if period is None else [0.0, np.pi / period])
     omega, value = (
         np.concatenate(both) for both in zip(curve, _finite_lines(ends, ratio(1j * ends)), strict=True)
     )
     order = np.argsort(omega, kind="stable")
     return omega[order], value[order]
-
-
-def ends_of(loop: FeedbackLoop) -> Float[np.ndarray, " end"]:
-    """Rest, and half the sampling rate: there everything is real."""
-    period = period_of(loop)
-    return np.array([0.0] if period is None else [0.0, np.pi / period])
 
 
 def _where_settled(ratio: Response, omega: float) -> float:

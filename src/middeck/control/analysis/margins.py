@@ -15,7 +15,8 @@ from middeck.control.analysis.crossings import (
     find_peaks,
 )
 from middeck.control.analysis.disk import DiskMargin, disk_from_peak
-from middeck.control.analysis.lines import WIDEST, add_ends, ends_of, place_lines, refine_lines
+from middeck.control.analysis.ends import Ends, find_ends
+from middeck.control.analysis.lines import WIDEST, add_ends, place_lines, refine_lines
 from middeck.control.analysis.loop import AnyLaw, AnyPlant, At, broken_at, form_loop
 from middeck.control.analysis.return_ratio import broken_ratio
 from middeck.control.analysis.stability import LoopStability, decide_loop
@@ -114,8 +115,9 @@ def measure_margins(plant: AnyPlant, law: AnyLaw, *, at: At = "inputs") -> Margi
 
     L = -K G; a crossing is a frequency at which 1 + k L exp(-j phi) = 0 for a gain k or a phase phi alone.
     Crossings are bracketed on lines around every pole and zero and then solved for to rounding; those that
-    ask for a change of gain beyond 80 dB are left out. A real pole that passes through the origin, or through
-    z = -1, counts among the gains. A delay of the loop is in the plant (`DelayedPlant`) and stays as it is.
+    ask for a change of gain beyond 80 dB are left out. A real pole that passes through the origin, through
+    z = -1, or through infinity (direct terms, no delay) counts among the gains. A delay of the loop is in the
+    plant (`DelayedPlant`) and stays as it is.
 
     Raises
     ------
@@ -143,7 +145,7 @@ def measure_margins(plant: AnyPlant, law: AnyLaw, *, at: At = "inputs") -> Margi
     # The ends are real: no crossing of theirs has a sign to change.
     crossings = axis_crossings(ratio, *curve), circle_crossings(ratio, *curve)
     omega, L = add_ends(loop, ratio, curve)
-    ends = tuple((float(w), np.nan_to_num(ratio(np.array([1j * w]))[0], nan=np.inf)) for w in ends_of(loop))
+    ends = find_ends(loop, at)
     loops = (
         _describe(name, i, (_channel(ratio, i), omega, L[:, i]), crossings, ends, stability.stable)
         for i, name in enumerate(broken_at(loop, at))
@@ -160,11 +162,10 @@ def _describe(
     i: int,
     curve: tuple[Ratio, np.ndarray, np.ndarray],
     crossings: tuple[Crossings, Crossings],
-    ends: tuple[tuple[float, np.ndarray], ...],
+    ends: Ends,
     stable: bool,
 ) -> LoopMargins:
     axis, circle = crossings
-    # Behind an integrator the ratio at rest is infinite.
     real = [(w, float(-1.0 / value[i].real)) for w, value in ends if _bears_gain(value[i])]
     gain = np.concatenate([-1.0 / np.real(axis.L[axis.channel == i]), [k for _, k in real]])
     gain_at = np.concatenate([axis.omega[axis.channel == i], [w for w, _ in real]])

@@ -1,0 +1,75 @@
+"""The real ends of a loop's curve: rest, and half the sampling rate or what is infinitely fast.
+
+A real pole crosses the axis there, and the ratio seen along the axis need not show it: behind a pole at rest
+that another loop holds too, each half of the loop is infinite, and the ratio is not.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Complex
+
+from middeck.control.analysis.lines import AT_REST
+from middeck.control.analysis.loop import (
+    At,
+    FeedbackLoop,
+    approximate_halves,
+    broken_at,
+    close_channels,
+    is_late,
+    period_of,
+)
+from middeck.systems.resolvent import balance_states
+from middeck.systems.statespace import StateSpace
+
+Ends = tuple[tuple[float, Complex[np.ndarray, " channel"]], ...]
+"""Angular frequency [rad/s] and the ratio of each channel there; infinite on a pole."""
+REGULAR = 1e10
+"""Condition up to which a system is solved for at the end itself."""
+BESIDE = 1e-3
+"""Else it is extrapolated to the end from points so far away, of the way to the next pole; of third order."""
+
+
+def find_ends(loop: FeedbackLoop, at: At) -> Ends:
+    """The ratio at rest (a delay is nothing there), and at the other end; none there for late loops, whose
+    curve has no limit."""
+    halves = approximate_halves(loop)
+    first = len(loop.inputs) if at == "outputs" else 0
+    channels = [_channel(halves, i) for i in range(first, first + len(broken_at(loop, at)))]
+    period = period_of(loop)
+    if period is not None:
+        rest, fastest = (_values(channels, point) for point in (1.0, -1.0))
+        return (0.0, rest), (np.pi / period, fastest)
+    rest = _values(channels, 0.0)
+    if is_late(loop):
+        return ((0.0, rest),)
+    return (0.0, rest), (np.inf, np.array([-one.D[0, 0] for one in channels], dtype=complex))
+
+
+def _channel(halves: StateSpace, i: int) -> StateSpace:
+    """What comes back to a channel from itself, all others closed: minus its ratio."""
+    alone = close_channels(halves, [i])
+    return balance_states(StateSpace(alone.A, alone.B[:, [i]], alone.C[[i]], alone.D[[i]][:, [i]]))
+
+
+def _values(channels: list[StateSpace], point: float) -> Complex[np.ndarray, " channel"]:
+    return np.array([-_at(one, point) for one in channels], dtype=complex)
+
+
+def _at(system: StateSpace, point: float) -> float:
+    n = len(system.A)
+    if not n or np.linalg.cond(point * np.eye(n) - system.A) < REGULAR:
+        return _solve(system, point)
+    away = np.abs(np.linalg.eigvals(system.A) - point)
+    others = away[away > AT_REST * max(away.max(), 1.0)]
+    step = BESIDE * (float(others.min()) if len(others) else 1.0)
+    # From outside: right of the origin, or beyond the unit circle.
+    sign = -1.0 if point < 0.0 else 1.0
+    far, middle, near = (_solve(system, point + sign * step * part) for part in (1.0, 0.5, 0.25))
+    # On a pole the value doubles with each halving.
+    return (8.0 * near - 6.0 * middle + far) / 3.0 if abs(near) < 1.5 * abs(middle) else np.inf
+
+
+def _solve(system: StateSpace, point: float) -> float:
+    states = np.linalg.solve(point * np.eye(len(system.A)) - system.A, system.B)
+    return float((system.C @ states + system.D)[0, 0])
