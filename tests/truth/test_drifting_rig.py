@@ -178,6 +178,7 @@ def test_where_blocks_are_cut_and_how_long_it_rests_makes_no_other_motion():
     quiet = [held_for(rig, 10) for rig in quiet]  # pieces that begin alike
     rested = measure_bias(quiet[0], None, 3.0, np.random.default_rng(0))
     assert rested.tick == ticks
+    assert measure_bias(rig, None, 1.0, np.random.default_rng(0)).tick == RATE
     y = measured(quiet[0], u, start=rested)
     # Rounding: the states' scale is that of the switching on.
     np.testing.assert_allclose(y, measured(quiet[1], u), rtol=0.0, atol=1e-12 * np.abs(y).max())

@@ -135,7 +135,7 @@ def test_each_mode_has_its_own_hidden_damping(dm, lab):
     np.testing.assert_allclose(plant.dynamics.zeta, expected, rtol=1e-12)
 
 
-def test_in_orbit_an_umbilical_ties_it_weakly(dm, form):
+def test_in_orbit_an_umbilical_ties_it_weakly(dm, lab, form):
     tied = solve_rig_article(dm, Environment.orbit(), mesh_factor=1, umbilical_hz=form.umbilical_hz).modes
     free = solve_rig_article(dm, Environment.orbit(), mesh_factor=1).modes
     assert np.sum(free.omega == 0.0) == 8
@@ -146,6 +146,8 @@ def test_in_orbit_an_umbilical_ties_it_weakly(dm, form):
     assert np.all(tied.frequency_hz[5:8] > 0.999 * form.umbilical_hz)
     assert np.all(tied.frequency_hz[5:8] < 1.5 * form.umbilical_hz)
     np.testing.assert_allclose(flexible(tied), flexible(free), rtol=1e-3)
+    hung = [solve_rig_article(dm, lab, mesh_factor=1, umbilical_hz=hz).modes.omega for hz in (0.0, 0.02)]
+    assert np.array_equal(*hung)
 
 
 def test_the_motor_holds_the_payload_and_has_that_much_less(lab, form):
@@ -191,6 +193,17 @@ def test_a_study_rig_runs_drifted_and_rubbing(dm, lab, form):
     near = [np.unique(np.round(p[(p > 8.3) & (p < 10.0)], 6)) for p in poles]
     # Viscous drag in the bearings moves the damped frequency by next to nothing.
     np.testing.assert_allclose(near[1] / near[0], 1.02, rtol=1e-4)
+    ports = {"inputs": ("pri_rel_z",), "outputs": ("pri_in_z",)}
+    goes_on = build_article_rig(
+        article, rubs, **ports, drifts=[Drift(pair, 2.0, 10.0)], age_s=10.0, drifting=True
+    )
+    assert rig.ageing is None
+    # Switched on it is the one that halted at that age, and goes on from there: 2 % of it as new in 10 s.
+    assert goes_on.plant == rig.plant
+    assert goes_on.ageing.age_s == 10.0
+    new = nearest_modes(goes_on.ageing.plant, 9.0)
+    assert new == pair
+    assert goes_on.ageing.drifts == (Drift(pair, 2.0, 10.0),)
     u = 0.1 * np.sin(2.0 * np.pi * 1.0 * np.arange(500) / 500.0)[:, None]
     run = run_hardware_open_loop(rig, u, periods=1, rng=np.random.default_rng(0), settle=1, rest_s=1.0)
     assert run.cause == ""
