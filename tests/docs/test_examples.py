@@ -103,6 +103,20 @@ def correlate_with_a_test(names: Names) -> None:
     assert names["again"].passed
 
 
+def design_a_controller(names: Names) -> None:
+    """LQG is broken by the drift that the other design holds; fewer states hold too; a pole at zero."""
+    assert names["margins"].stable
+    share = {(row.name, row.setting): row.stable_share for row in names["rows"]}
+    assert share["multi-model", "continuous"] == share["multi-model", "250 Hz"] == 1.0
+    assert share["LQG", "continuous"] < 0.9
+    assert names["small"].order == 12
+    assert np.all(names["small"].stable)
+    assert names["held"].state_names[-1] == "integral of pri_in_z"
+    assert not names["held"].system.A[-1].any()
+    assert names["outcome"].stable
+    assert names["again"].system == names["translated"].system
+
+
 def override_a_value(names: Names) -> None:
     """Both overrides arrived, the first in its article alone."""
     study = names["study"]
@@ -189,6 +203,7 @@ PROMISES: dict[str, Callable[[Names], None]] = {
     "docs/how-to/correlate-with-a-test.md": correlate_with_a_test,
     "docs/how-to/find-what-matters.md": find_what_matters,
     "docs/how-to/gimbals-and-friction.md": gimbals_and_friction,
+    "docs/how-to/design-a-controller.md": design_a_controller,
     "docs/how-to/qualify-a-compensator.md": qualify_a_compensator,
 }
 
