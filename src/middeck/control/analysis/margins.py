@@ -66,8 +66,15 @@ class LoopMargins:
     disk: DiskMargin
 
     @property
+    def broken(self) -> bool:
+        """Whether the loop is unstable as it is: what is listed are crossings then, and its limits are zero."""
+        return self.disk.alpha == 0.0
+
+    @property
     def gain_limits(self) -> tuple[float, float]:
-        """The nearest factors below and above one; 0 and ``inf`` where there is none."""
+        """The nearest factors below and above one; 0 and ``inf`` where there is none; one if unstable as it is."""
+        if self.broken:
+            return 1.0, 1.0
         below, above = self.gain[self.gain < 1.0], self.gain[self.gain > 1.0]
         return float(below.max(initial=0.0)), float(above.min(initial=np.inf))
 
@@ -80,13 +87,13 @@ class LoopMargins:
 
     @property
     def phase_limit_rad(self) -> float:
-        """The least phase, lag or lead; ``inf`` where the gain is never one."""
-        return float(np.abs(self.phase_rad).min(initial=np.inf))
+        """The least phase, lag or lead; ``inf`` where the gain is never one; none if unstable as it is."""
+        return 0.0 if self.broken else float(np.abs(self.phase_rad).min(initial=np.inf))
 
     @property
     def delay_limit_s(self) -> float:
-        """The least further delay."""
-        return float(self.delay_s.min(initial=np.inf))
+        """The least further delay; none if unstable as it is."""
+        return 0.0 if self.broken else float(self.delay_s.min(initial=np.inf))
 
 
 @record
@@ -96,7 +103,7 @@ class Margins:
     Parameters
     ----------
     stability:
-        Of the loop as it is. Margins of an unstable loop are crossings, not distances: its disks are zero.
+        Of the loop as it is. An unstable loop has crossings, but no margins: its limits and disks are zero.
     loops:
         One for each channel.
     """

@@ -47,12 +47,15 @@ def second_order_section(
 
 
 def notch(frequency_hz: float, depth: float, width: float) -> StateSpace:
-    """A dip to ``depth`` (0 to 1) at ``frequency_hz``, half as wide as ``width`` of it at 3 dB where deep.
+    """A dip to ``depth`` (0 to 1) at ``frequency_hz``; a deep one is 3 dB down over ``width`` of that frequency.
 
     >>> from middeck.systems.response import statespace_response
     >>> dip = statespace_response(notch(9.0, 0.1, 0.2), np.array([2.0 * np.pi * 9.0]))[0, 0, 0]
     >>> round(float(abs(dip)), 12)
     0.1
+    >>> edges = 2.0 * np.pi * 9.0 * (1.0 + np.array([-0.005, 0.005]))       # all gone, 1 % wide
+    >>> abs(statespace_response(notch(9.0, 0.0, 0.01), edges)[:, 0, 0]).round(2)
+    array([0.71, 0.71])
     """
     if not 0.0 <= depth <= 1.0:
         raise ConfigError(f"a notch to {depth:g} of the gain", hint="a depth of 0 (all gone) to 1 (nothing)")
