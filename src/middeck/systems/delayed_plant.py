@@ -12,8 +12,9 @@ from jaxtyping import Float
 from middeck.errors import ConfigError
 from middeck.systems.delay import pade
 from middeck.systems.delayed_sampling import is_sum, split_delays
-from middeck.systems.inert_modes import silence_inert
-from middeck.systems.modal import ModalSystem, modal_to_statespace
+from middeck.systems.inert_modes import inert_modes, silence_inert
+from middeck.systems.late_rigid import add_systems, approximate_late_rigid
+from middeck.systems.modal import ModalSystem, modal_to_statespace, select_modes
 from middeck.systems.plant import Plant, name_states
 from middeck.systems.response import FrequencyResponse, evaluate_plant
 from middeck.systems.statespace import StateSpace, series
@@ -76,7 +77,9 @@ def approximate_delays(delayed: DelayedPlant, order: int) -> Plant:
 
     A delay common to all paths is put on the side with fewer channels; what an input or an output is late
     beyond that needs states of its own. Delays that are no sum of one for the input and one for the output
-    (`is_sum`) give each channel of the smaller side the plant's states once more. States: those of the
+    (`is_sum`) give each channel of the smaller side the plant's states once more, but for rigid modes of a
+    plant in modal form: those are kept once, with the integrators that such delays add to them
+    (`middeck.systems.late_rigid`), and come last. States: those of the
     inputs' delays (named "delay"), the plant's, those of the outputs' delays. Modes of the plant that no port
     moves or sees stand apart by exact zeros (`silence_inert`).
 
@@ -85,13 +88,34 @@ def approximate_delays(delayed: DelayedPlant, order: int) -> Plant:
     ConfigError
         For an order below one.
     """
-    dynamics = delayed.plant.dynamics
-    system = modal_to_statespace(silence_inert(dynamics)) if isinstance(dynamics, ModalSystem) else dynamics
-    system, names = _approximated(system, name_states(delayed.plant), delayed.delay_s, order)
-    return dataclasses.replace(delayed.plant, dynamics=system, state_names=names)
+    plant = delayed.plant
+    if isinstance(plant.dynamics, ModalSystem):
+        system, names = _approximate_modes(silence_inert(plant.dynamics), delayed.delay_s, order)
+    else:
+        system, names = _approximated(plant.dynamics, name_states(plant), delayed.delay_s, order)
+    return dataclasses.replace(plant, dynamics=system, state_names=names)
 
 
 Named = tuple[StateSpace, tuple[str, ...]]
+
+
+def _approximate_modes(modal: ModalSystem, delay_s: np.ndarray, order: int) -> Named:
+    """Copies of the modes that oscillate, as each channel is late; those at rest once."""
+    rigid = (modal.omega == 0.0) & ~inert_modes(modal)
+    if is_sum(delay_s, SAME_DELAY_S) or not rigid.any():
+        return _approximated(modal_to_statespace(modal), _doubled(modal.names), delay_s, order)
+    moving, still = (select_modes(modal, which) for which in (~rigid, rigid))
+    integrals, count = approximate_late_rigid(still, np.where(delay_s > SAME_DELAY_S, delay_s, 0.0), order)
+    names = (*(", ".join(still.names),) * count, *("delay",) * (len(integrals.A) - count))
+    if not len(moving.omega):
+        return integrals, names
+    moving = dataclasses.replace(moving, direct=None)
+    copies, others = _approximated(modal_to_statespace(moving), _doubled(moving.names), delay_s, order)
+    return add_systems([copies, integrals]), (*others, *names)
+
+
+def _doubled(names: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(name for name in names for _ in range(2))
 
 
 def _approximated(system: StateSpace, names: tuple[str, ...], delay_s: np.ndarray, order: int) -> Named:
@@ -103,7 +127,11 @@ def _approximated(system: StateSpace, names: tuple[str, ...], delay_s: np.ndarra
     for k in range(min(delay_s.shape)):
         rows, columns = (slice(None), [k]) if by_input else ([k], slice(None))
         alone = StateSpace(system.A, system.B[:, columns], system.C[rows], system.D[rows][:, columns])
-        parts.append(_late_channels(alone, names, delay_s[rows][:, columns], order))
+        late = _late(delay_s[rows][:, columns].ravel(), order)
+        held = ("delay",) * len(late.A)
+        parts.append(
+            (series(alone, late), (*names, *held)) if by_input else (series(late, alone), (*held, *names))
+        )
     return join_channels(parts, by_input=by_input)
 
 

@@ -23,6 +23,8 @@ from middeck.control.stabilisability import CANDIDATE, require_reachable
 from middeck.errors import ConfigError, NumericalError
 from middeck.values import record
 
+SPOILT = 1e3
+"""How much worse than found a solution may be after refinement in finer units before these are given up."""
 WORTHLESS = 1e-6
 """Relative residual above which there is no solution to return; rounding leaves 1e-15 to 1e-12."""
 PROPORTION = 1e3
@@ -143,9 +145,13 @@ def _solve_balanced(
     if found is None:
         return None
     unit = unit_diagonal(found)
-    t = t * unit
-    X = refine(found * np.outer(unit, unit), A * t / t[:, None], B / t[:, None], Q * np.outer(t, t))
-    return X / np.outer(t, t)
+    fine = t * unit
+    units = A * fine / fine[:, None], B / fine[:, None], Q * np.outer(fine, fine)
+    refined = refine(found * np.outer(unit, unit), *units) / np.outer(unit, unit)
+    # Of states that cost nothing the diagonal is rounding, and a unit made of it spoils the others.
+    if residual(refined, *scaled)[1] > SPOILT * residual(found, *scaled)[1]:
+        refined = refine(found, *scaled)
+    return refined / np.outer(t, t)
 
 
 def _solve_pencil(A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[np.ndarray, "state state"] | None:

@@ -24,6 +24,9 @@ from middeck.values import record
 FAR = 1e5
 """The integral ends at so many times the fastest pole; what is left falls with the square of frequency and is
 taken from its last value, which errs by 1 / FAR^2 of it."""
+REST = 1e-4
+"""And it begins at this part of the slowest pole, below which all is flat to its square: nearer to rest a
+plant that integrates outweighs the loop's own return by more than numbers hold."""
 
 
 @record
@@ -64,10 +67,12 @@ def measure_noise_rms(plant: DelayedPlant, compensator: Compensator, weights: LQ
     peaks = np.append(poles(close_channels(approximate_halves(loop))), found.pole)
     fastest = np.abs(np.concatenate([find_open_poles(loop), [found.pole]]))
     top = FAR * float(fastest[np.isfinite(fastest)].max(initial=1.0))
+    low = REST * float(np.abs(peaks).min(initial=top))
     respond, outputs = _noise_response(plant, compensator, weights), len(weights.output)
-    band = response_rms(respond, peaks, np.eye(respond(np.ones(1)).shape[2]), (0.0, top / (2.0 * np.pi)))
-    last = respond(np.array([top, 10.0 * top]))
-    square = band**2 + np.sum(np.abs(last[0]) ** 2, axis=1) * top / np.pi
+    unit = np.eye(respond(np.ones(1)).shape[2])
+    band = response_rms(respond, peaks, unit, (low / (2.0 * np.pi), top / (2.0 * np.pi)))
+    first, *last = respond(np.array([low, top, 10.0 * top]))
+    square = band**2 + np.sum(low * np.abs(first) ** 2 + top * np.abs(last[0]) ** 2, axis=1) / np.pi
     # Where a response does not fall any more from the last line on, white noise comes through.
     level = np.linalg.norm(last, axis=2)
     square[(level[1] > 0.5 * level[0]) & (level[1] > 0.0)] = np.inf

@@ -1,0 +1,105 @@
+"""Rigid modes behind delays that are no sums: the response, the integrators kept, and a loop's stability."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from middeck.control.analysis import decide_stability
+from middeck.control.compensator import Compensator
+from middeck.control.lqg import LQGWeights, design_lqg
+from middeck.control.partition import partition_modes
+from middeck.control.robust.noise_rms import measure_noise_rms
+from middeck.control.sampled import design_sampled_lqg, measure_sampled_loop, sample_controlled
+from middeck.systems.delay import pade
+from middeck.systems.delayed_plant import DelayedPlant, approximate_delays
+from middeck.systems.modal import ModalSystem, select_modes
+from middeck.systems.plant import Plant
+from middeck.systems.ports import Port
+from middeck.systems.response import evaluate_plant, statespace_response
+from middeck.systems.statespace import gain_system
+
+WAY, RATE = Port("way", "m"), Port("rate", "m/s")
+
+
+def test_rigid_modes_behind_delays_that_are_no_sums_are_kept_once() -> None:
+    """The response is that of each path with its own approximation, on as few integrators as there are."""
+    rng = np.random.default_rng(3)
+    omega = np.array([0.0, 0.0, 5.0, 0.0])
+    # The last one is out of reach and sight.
+    psi, shapes = rng.standard_normal((4, 2)), rng.standard_normal((3, 3, 4))
+    psi[3], shapes[:, :, 3] = 0.0, 0.0
+    modal = ModalSystem(
+        omega, np.where(omega > 0.0, 0.01, 0.0), psi, shapes[0], shapes[1], ("x", "turn", "bend", "away"),
+        shapes[2], rng.standard_normal((3, 2)),
+    )  # fmt: skip
+    delay_s = np.array([[0.0, 0.3], [0.2, 0.1], [0.2, 0.0]])
+    plant = Plant(modal, (Port("a", "N"), Port("b", "N")), (Port("p", "m"), Port("q", "m"), Port("r", "m")))
+    near = approximate_delays(DelayedPlant(plant, delay_s), 4)
+    f = np.array([1e-3, 0.1, 2.0])
+    each = [[statespace_response(pade(t, 4), 2.0 * np.pi * f)[:, 0, 0] for t in row] for row in delay_s]
+    wanted = evaluate_plant(plant, f).H * np.moveaxis(np.array(each), 2, 0)
+    # The double pole makes 1e-3 Hz large beside the rest: rounding of a few products.
+    assert pytest.approx(wanted, rel=1e-11) == evaluate_plant(near, f).H
+    assert "away" in partition_modes(near).inert
+    values = np.linalg.eigvals(partition_modes(near).active.system.A)
+    # Two double poles: both inputs integrated twice, which leaves no other integrator to keep.
+    assert np.sum(np.abs(values) < 1e-6) == 4
+    one = dataclasses.replace(plant, dynamics=select_modes(modal, np.array([0])))
+    alone = approximate_delays(DelayedPlant(one, delay_s), 4)
+    # One body under two forces: twice integrated together, and once each.
+    assert np.sum(np.abs(np.linalg.eigvals(alone.system.A)) < 1e-6) == 3
+
+
+def test_a_rigid_body_whose_paths_are_late_each_by_its_own_time() -> None:
+    """Two forces, position and rate: 1 + g h / s^2 + g^2 det k (e^-s(t11 + t22) - e^-s(t12 + t21)) / s^3."""
+    tau, k = np.array([[0.05, 0.3], [0.4, 0.1]]), np.array([[1.0, 0.9], [0.5, 0.6]])
+    forces = (Port("a", "N"), Port("b", "N"))
+    body = ModalSystem([0.0], [0.0], [[1.0, 1.0]], [[1.0], [0.0]], [[0.0], [1.0]], ("body",))
+    late = DelayedPlant(Plant(body, forces, (WAY, RATE)), tau)
+
+    def terms(s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        e = np.exp(-s * tau[:, :, None])
+        first = (k[0, 0] * e[0, 0] + k[1, 0] * e[0, 1] + s * (k[0, 1] * e[1, 0] + k[1, 1] * e[1, 1])) / s**2
+        return first, np.linalg.det(k) * (e[0, 0] * e[1, 1] - e[0, 1] * e[1, 0]) / s**3
+
+    # Where on the axis both gains that solve the quadratic become real and positive, the least first.
+    omega = np.linspace(1e-2, 60.0, 600_001)
+    h, d = terms(1j * omega)
+    root = np.sqrt(h**2 - 4.0 * d)
+    limits = []
+    for g in ((-h + root) / (2.0 * d), (-h - root) / (2.0 * d)):
+        turns = (np.diff(np.sign(g.imag)) != 0) & (np.abs(np.diff(g)) < 0.1)
+        limits += list(g.real[np.flatnonzero(turns & (g.real[1:] > 0.0))])
+    limit = min(limits)
+    for factor in (0.1, 0.5, 0.99, 0.999, 1.001, 1.01, 1.5, 2.0):
+        gain = factor * limit
+        found = decide_stability(late, Compensator(gain_system(-gain * k), (WAY, RATE), forces))
+        # The grid of 1e-4 rad/s leaves 1e-4 of the limit.
+        assert found.stable is (factor < 1.0)
+        first, second = terms(np.array([found.pole]))
+        assert np.abs(1.0 + gain * first + gain**2 * second) < 1e-9
+
+
+def test_designs_hold_a_rigid_body_whose_paths_are_late_each_by_its_own_time() -> None:
+    """The cost that a design promises is what its loop costs with exact delays."""
+    forces = (Port("a", "N"), Port("b", "N"))
+    body = ModalSystem([0.0], [0.0], [[1.0, 1.0]], [[1.0], [0.0]], [[0.0], [1.0]], ("body",))
+    plant = Plant(body, forces, (WAY, RATE), ("a", "b"), ("a", "b"), ("way",), ("way", "rate"))
+    late = DelayedPlant(plant, np.array([[0.05, 0.3], [0.4, 0.1]]))
+    weights = LQGWeights([1.0], [1.0, 1.0], ("a", "b"), np.eye(2), [1e-2, 1e-2])
+    for order, error in ((3, 1e-4), (10, 1e-6)):
+        law = design_lqg(approximate_delays(late, order), weights, 1.0)
+        found = measure_noise_rms(late, law, weights)
+        # White noise reaches frequencies at which an approximation is wrong; there the loop is weak.
+        assert found.rms**2 + found.control_rms**2 == pytest.approx(law.cost, rel=error)
+    sampled = design_sampled_lqg(late, weights, 1.0, 0.02, "current")
+    outcome = measure_sampled_loop(late, sampled, weights, 1.0)
+    assert outcome.cost == pytest.approx(sampled.cost, rel=1e-10)
+    # Exact, each path with the states it needs.
+    held = sample_controlled(late, sampled)
+    assert decide_stability(held, sampled.system).growing == 0
+    # A hold of 0.02 s is 0.01 s more of delay.
+    assert law.cost < sampled.cost < 1.01 * law.cost
