@@ -131,7 +131,6 @@ class SitoForm(Form):
     """
 
     sensors: Names
-    realisations: Annotated[int, whole(1, 100)] = 1
     fit_band_hz: Band
     states: Annotated[int, whole(2, 1000)] | None = None
     smaller_states: Annotated[tuple[Annotated[int, whole(2, 1000)], ...], Field(strict=False)] = ()

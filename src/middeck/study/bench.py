@@ -6,8 +6,6 @@ of the rig is used by a design; only whether a loop would survive is asked of th
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 from jaxtyping import Float
 
@@ -22,7 +20,6 @@ from middeck.study.rig_article import RigArticle, rig_article_plant
 from middeck.study.rig_hardware import build_article_rig
 from middeck.systems.excitation import Limits, design_multisine, random_multisine
 from middeck.systems.ports import port_indices
-from middeck.systems.record import Record
 from middeck.systems.response import FrequencyResponse
 from middeck.systems.sampling import tustin
 from middeck.systems.statespace import SampledStateSpace
@@ -83,35 +80,13 @@ def build_bench(
     return Bench(rig, equal[:, None], falling.u[0], siso.periods, form.rest_s, siso.band_hz)
 
 
-def take_open_loop(bench: Bench, rng: np.random.Generator, *, realisations: int = 1) -> FrequencyResponse:
-    """The measured response from the torque command to all sensors.
-
-    Further ``realisations`` have other phases: what friction distorts differs between them, and is told from
-    the response by its scatter (Pintelon and Schoukens 2012, sec. 4.3).
-    """
-    sample_hz, period_s = bench.rig.sample_hz, len(bench.open_loop) / bench.rig.sample_hz
-    rms = float(np.sqrt(np.mean(bench.open_loop**2)))
-    drawn = [
-        random_multisine(bench.band_hz, period_s, sample_hz, rms, rng)[:, None]
-        for _ in range(realisations - 1)
-    ]
-    records = [_open_loop_record(bench, excitation, rng) for excitation in (bench.open_loop, *drawn)]
-    together = dataclasses.replace(
-        records[0],
-        u=np.concatenate([record.u for record in records]),
-        y=np.concatenate([record.y for record in records]),
-    )
-    return estimate_response(together, band_hz=bench.band_hz)
-
-
-def _open_loop_record(
-    bench: Bench, excitation: Float[np.ndarray, "sample input"], rng: np.random.Generator
-) -> Record:
+def take_open_loop(bench: Bench, rng: np.random.Generator) -> FrequencyResponse:
+    """The measured response from the torque command to all sensors."""
     run = run_hardware_open_loop(
-        bench.rig, excitation, periods=bench.periods, rng=rng, settle=SETTLE, rest_s=bench.rest_s
+        bench.rig, bench.open_loop, periods=bench.periods, rng=rng, settle=SETTLE, rest_s=bench.rest_s
     )
     assert run.record is not None, run.cause
-    return run.record
+    return estimate_response(run.record, band_hz=bench.band_hz)
 
 
 def take_closed_loop(bench: Bench, compensator: Compensator, rng: np.random.Generator) -> Taken:

@@ -81,7 +81,7 @@ def study_two_sensor_control(
     views = {
         p: view_rig(bench_at(np.random.default_rng(seed), shift_percent=p)) for p in (0.0, -shift, shift)
     }
-    measured = take_open_loop(views[0.0].bench, rng, realisations=sito.realisations)
+    measured = take_open_loop(views[0.0].bench, rng)
     sensors = study_measured_sensors(measured, rig, siso, sito)
     smaller = tuple(
         _reach(fit_sensors(measured, states, band), measured, siso, sito, views, lead=False)
