@@ -12,6 +12,7 @@ from middeck.realtime.hardware_rig import (
     build_hardware_rig,
     connect_law,
     cut_blocks,
+    measure_bias,
     stream_hardware,
 )
 from middeck.realtime.hardware_runs import (
@@ -177,6 +178,9 @@ def test_blocks_and_seeds_make_the_same_numbers(plant):
     for other in taken[1:]:
         for name, values in taken[0].items():
             assert np.array_equal(values, other[name]), name
+    # Only what the computer adds up has its mean at rest taken off.
+    trim = measure_bias(rig, damper(), 1.0, np.random.default_rng(5)).trim
+    assert (trim != 0.0).tolist() == [True, False]
     again = run_through(rig, damper(), noise(), np.random.default_rng(6))
     assert not np.array_equal(again["measured"], taken[0]["measured"])
 
