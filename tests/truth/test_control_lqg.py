@@ -157,6 +157,12 @@ def test_no_process_noise_at_all_is_named_where_a_mode_needs_it():
         design_filter(scalar_plant(0.0), quiet)
 
 
+def test_a_filter_for_other_noise_is_refused():
+    other = design_filter(scalar_plant(-1.0), scalar_weights(2.0, 1.0))
+    with pytest.raises(ConfigError, match="other intensities"):
+        design_lqg(scalar_plant(-1.0), scalar_weights(1.0, 1.0), 1.0, kalman=other)
+
+
 def test_translations_are_set_aside_by_name():
     part = partition_modes(mace_like.build("orbit"))
     assert part.inert == ("translation x", "translation y", "translation z")

@@ -118,6 +118,12 @@ def test_a_coloured_plant_is_disturbed_by_the_spectrum():
     assert found[0] == pytest.approx(np.sqrt(power), rel=1e-3)
 
 
+def test_noises_stand_where_their_disturbances_stood():
+    wheel = sum_spectra([line_filter(5.5, 0.2, 2.0), line_filter(11.0, 0.4, 1.0)])
+    plant = colour_disturbances(one_mode(), (("w", wheel),))
+    assert plant.w == ("noise of w 1", "noise of w 2", "u")
+
+
 def test_a_design_for_a_spectrum_costs_what_its_coloured_loop_does():
     wheel = line_filter(5.5, 0.2, 2.0)
     plant = one_mode()

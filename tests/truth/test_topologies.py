@@ -65,3 +65,22 @@ def test_ports_outside_the_groups_are_refused(orbit):
     for u, y in ((("sec_rel_x",), orbit.y), (orbit.u, ("nothing",)), (orbit.u, ())):
         with pytest.raises(ConfigError, match=r"one or more of|no output named"):
             compare_topologies(orbit, mace_like.weights(INTENSITY), {"bad": (u, y)}, LEVELS, performance)
+
+
+@pytest.mark.parametrize(
+    ("weights", "intensity", "says"),
+    [
+        ([1.0, 1.0], np.eye(1), r"2 weights for 1 ports \(x\)"),
+        ([np.nan], np.eye(1), "a weight is not a finite number"),
+        ([1.0], np.eye(2), r"2 intensities for 1 ports \(w\)"),
+        ([1.0], -np.eye(1), "not symmetric and positive semidefinite"),
+        ([1.0], [[1.0, 0.5], [0.0, 1.0]], "not symmetric and positive semidefinite"),
+        ([1.0], [[1.0, 5.0], [5.0, 1.0]], "not symmetric and positive semidefinite"),
+        ([1.0], [[np.inf]], "not finite"),
+    ],
+)
+def test_a_performance_that_does_not_fit_is_refused(weights, intensity, says):
+    system = StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
+    loop = leave_open(Plant(system, (Port("w", "N"),), (Port("x", "m"),), ("w",), (), ("x",), ()))
+    with pytest.raises(ConfigError, match=says):
+        measure_metric(loop, Performance(weights, intensity, (0.0, 1.0)))

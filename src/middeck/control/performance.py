@@ -9,7 +9,9 @@ from jaxtyping import Float
 
 from middeck.control.closed_loop import ClosedLoop, close_loop
 from middeck.control.compensator import Compensator
+from middeck.control.intensity import require_intensity
 from middeck.control.partition import partition_modes
+from middeck.errors import ConfigError
 from middeck.systems.norms import band_rms
 from middeck.systems.plant import Plant, name_states
 from middeck.systems.ports import Port
@@ -35,19 +37,40 @@ class Performance:
     intensity: Float[np.ndarray, "w w"]
     band_hz: tuple[float, float]
 
+    def __post_init__(self) -> None:
+        require_intensity("the intensity of the disturbance", self.intensity)
+        if not np.all(np.isfinite(self.weights)):
+            raise ConfigError("a weight is not a finite number", hint="0 for an output left alone")
+
 
 def measure_rms(loop: ClosedLoop, performance: Performance) -> Float[np.ndarray, " z"]:
-    """Rms of each output; ``inf`` for an unstable loop."""
+    """Rms of each output; ``inf`` for an unstable loop.
+
+    Raises `ConfigError` for an intensity that does not fit the loop's disturbances.
+    """
+    _require_one_each("intensities", len(performance.intensity), loop.inputs)
     if not loop.stable:
         return np.full(len(loop.outputs), np.inf)
     return band_rms(loop.system, performance.intensity, performance.band_hz)
 
 
 def measure_metric(loop: ClosedLoop, performance: Performance) -> float:
-    """The metric, a number in the unit of the outputs; ``inf`` for an unstable loop."""
+    """The metric, a number in the unit of the outputs; ``inf`` for an unstable loop.
+
+    Raises `ConfigError` for weights and intensities that do not fit the loop's ports.
+    """
+    _require_one_each("weights", len(performance.weights), loop.outputs)
     if not loop.stable:
         return float(np.inf)
     return float(np.linalg.norm(performance.weights * measure_rms(loop, performance)))
+
+
+def _require_one_each(what: str, count: int, ports: tuple[Port, ...]) -> None:
+    if count != len(ports):
+        names = ", ".join(port.name for port in ports)
+        raise ConfigError(
+            f"{count} {what} for {len(ports)} ports ({names})", hint="one for each, in their order"
+        )
 
 
 def measure_control_rms(

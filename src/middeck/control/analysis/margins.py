@@ -67,12 +67,12 @@ class LoopMargins:
 
     @property
     def broken(self) -> bool:
-        """Whether the loop is unstable as it is: what is listed are crossings then, and its limits are zero."""
+        """Whether the loop is unstable as it is: it has crossings then, and limits of zero."""
         return self.disk.alpha == 0.0
 
     @property
     def gain_limits(self) -> tuple[float, float]:
-        """The nearest factors below and above one; 0 and ``inf`` where there is none; one if unstable as it is."""
+        """The nearest factors below and above one, 0 and ``inf`` where there is none; one if unstable."""
         if self.broken:
             return 1.0, 1.0
         below, above = self.gain[self.gain < 1.0], self.gain[self.gain > 1.0]

@@ -18,9 +18,9 @@ def colour_disturbances(plant: Plant, colours: PortFilters) -> Plant:
     """The plant with filters in front of disturbances: its group w becomes the white noises that drive them.
 
     The noises are inputs ``"noise of NAME"`` (with a number where a filter takes several); the inputs
-    themselves stay, so that one that also controls is not coloured. Disturbances without a filter stay in w.
-    Modes that no port reaches or sees are left out. Raises `ConfigError` for filters that are not stable or
-    at ports that are not in w.
+    themselves stay, so that one that also controls is not coloured. In w the noises stand where their
+    disturbances stood, and disturbances without a filter stay. Modes that no port reaches or sees are left
+    out. Raises `ConfigError` for filters that are not stable or at ports that are not in w.
     """
     Shaping(colours=colours)  # its checks
     active = partition_modes(plant).active
@@ -37,13 +37,13 @@ def colour_disturbances(plant: Plant, colours: PortFilters) -> Plant:
         np.hstack([through @ colour.C, system.C]),
         np.hstack([system.D, through @ colour.D]),
     )
-    noises = tuple(Port(name, "1") for port, one in chosen for name in _noise_names(port, one.D.shape[1]))
-    coloured = {name for name, _ in chosen}
+    noises_of = {name: _noise_names(name, one.D.shape[1]) for name, one in chosen}
+    noises = tuple(Port(noise, "1") for names in noises_of.values() for noise in names)
     return dataclasses.replace(
         active,
         dynamics=dynamics,
         inputs=(*active.inputs, *noises),
-        w=(*(n for n in active.w if n not in coloured), *(p.name for p in noises)),
+        w=tuple(noise for name in active.w for noise in noises_of.get(name, [name])),
         state_names=(
             *(f"colour of {name}" for name, one in chosen for _ in range(len(one.A))),
             *name_states(active),

@@ -84,6 +84,10 @@ def design_lqg(
             f"the filter has {len(kalman.gain)} states, the design {len(model.A)}",
             hint="design the filter for the same plant and with the same shaping",
         )
+    if not all(np.array_equal(getattr(kalman, k), getattr(model, k)) for k in ("process", "sensor", "cross")):
+        raise ConfigError(
+            "the filter was designed for other intensities of noise", hint="design it with the same weights"
+        )
     law = _join(model, regulator.solution.gain, kalman.gain)
     cost = _cost(model, regulator, kalman.solution.X)
     ports = measured_ports(active), driven_ports(active)

@@ -19,12 +19,16 @@ class KalmanFilter:
     """The stationary filter of a plant; the same at every control authority.
 
     ``gain`` is L in xhat' = A xhat + B u + L (y - yhat), ``solution`` that of the dual Riccati equation
-    (its X is the error covariance), ``inert`` names the modes left out of the design.
+    (its X is the error covariance), ``inert`` names the modes left out of the design. ``process``, ``sensor``
+    and ``cross`` are the intensities that it expects.
     """
 
     gain: Float[np.ndarray, "state y"]
     solution: RiccatiSolution
     inert: tuple[str, ...]
+    process: Float[np.ndarray, "w w"]
+    sensor: Float[np.ndarray, " y"]
+    cross: Float[np.ndarray, "w y"]
 
 
 def design_filter(plant: Plant, weights: LQGWeights, shaping: Shaping | None = None) -> KalmanFilter:
@@ -37,7 +41,7 @@ def design_filter(plant: Plant, weights: LQGWeights, shaping: Shaping | None = N
     part = partition_modes(plant)
     model = build_design_model(part.active, weights, shaping or Shaping())
     solution = estimate_states(model)
-    return KalmanFilter(solution.gain.T, solution, part.inert)
+    return KalmanFilter(solution.gain.T, solution, part.inert, model.process, model.sensor, model.cross)
 
 
 def estimate_states(model: DesignModel) -> RiccatiSolution:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
+from middeck.control.intensity import require_intensity
 from middeck.errors import ConfigError
 from middeck.values import record
 
@@ -55,14 +56,7 @@ class LQGWeights:
                 "a sensor noise intensity is not positive: the filter would be singular",
                 hint="give every measurement some noise, or take the useless one out of y",
             )
-        lowest = np.linalg.eigvalsh(self.process).min(initial=0.0)
-        symmetric = np.array_equal(self.process, self.process.T)
-        # Rounding of an eigenvalue of a symmetric matrix, relative to its size.
-        if not symmetric or lowest < -1e-12 * np.abs(self.process).max(initial=0.0):
-            raise ConfigError(
-                "the process intensity is not symmetric and positive semidefinite",
-                hint="a covariance matrix: no correlation beyond the root of the product of two intensities",
-            )
+        require_intensity("the process intensity", self.process)
 
 
 def require_size(what: str, size: int, group: tuple[str, ...]) -> None:

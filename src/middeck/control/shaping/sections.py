@@ -47,7 +47,7 @@ def second_order_section(
 
 
 def notch(frequency_hz: float, depth: float, width: float) -> StateSpace:
-    """A dip to ``depth`` (0 to 1) at ``frequency_hz``; a deep one is 3 dB down over ``width`` of that frequency.
+    """A dip to ``depth`` (0 to 1) at ``frequency_hz``, if deep 3 dB down over ``width`` of that frequency.
 
     >>> from middeck.systems.response import statespace_response
     >>> dip = statespace_response(notch(9.0, 0.1, 0.2), np.array([2.0 * np.pi * 9.0]))[0, 0, 0]
