@@ -18,7 +18,7 @@ from middeck.control.reduction import (
     reduce_weighted,
 )
 from middeck.control.reduction.gramian import factor_gramians
-from middeck.control.reduction.separation import add, separate_poles, separate_unstable
+from middeck.control.reduction.separation import separate_poles, separate_unstable
 from middeck.errors import ConfigError
 from middeck.systems.modal import ModalSystem
 from middeck.systems.peak_gain import peak_gain

@@ -13,11 +13,11 @@ from middeck.errors import ConfigError
 from middeck.systems.delay import pade
 from middeck.systems.delayed_sampling import is_sum, split_delays
 from middeck.systems.inert_modes import inert_modes, silence_inert
-from middeck.systems.late_rigid import add_systems, approximate_late_rigid
+from middeck.systems.late_rigid import approximate_late_rigid
 from middeck.systems.modal import ModalSystem, modal_to_statespace, select_modes
 from middeck.systems.plant import Plant, name_states
 from middeck.systems.response import FrequencyResponse, evaluate_plant
-from middeck.systems.statespace import StateSpace, series
+from middeck.systems.statespace import StateSpace, add, series
 from middeck.values import record
 
 # Delays that differ by less [s] are one: far below what any record can tell.
@@ -111,7 +111,7 @@ def _approximate_modes(modal: ModalSystem, delay_s: np.ndarray, order: int) -> N
         return integrals, names
     moving = dataclasses.replace(moving, direct=None)
     copies, others = _approximated(modal_to_statespace(moving), _doubled(moving.names), delay_s, order)
-    return add_systems([copies, integrals]), (*others, *names)
+    return add(copies, integrals), (*others, *names)
 
 
 def _doubled(names: tuple[str, ...]) -> tuple[str, ...]:

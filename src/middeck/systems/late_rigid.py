@@ -11,15 +11,15 @@ input at different times, one output less another is that input integrated once:
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 
 import numpy as np
-import scipy.linalg
 from jaxtyping import Float
 
 from middeck.systems.delay import pade
 from middeck.systems.modal import ModalSystem, output_rows
-from middeck.systems.statespace import StateSpace
+from middeck.systems.statespace import StateSpace, add
 
 RANK = 1e-12
 """Singular values below this share of the largest are rounding of a few products."""
@@ -39,17 +39,7 @@ def approximate_late_rigid(
             one = _remainder(seen, pade(float(tau), order))
             drive = np.arange(delay_s.shape[1])[None] == i
             parts.append(StateSpace(one.A, one.B * drive, one.C, one.D * drive))
-    return add_systems(parts), len(integrals.A)
-
-
-def add_systems(parts: Sequence[StateSpace]) -> StateSpace:
-    """Their outputs added, all driven by the same inputs."""
-    return StateSpace(
-        np.asarray(scipy.linalg.block_diag(*(s.A for s in parts))),
-        np.vstack([s.B for s in parts]),
-        np.hstack([s.C for s in parts]),
-        np.sum([s.D for s in parts], axis=0),
-    )
+    return functools.reduce(add, parts), len(integrals.A)
 
 
 def _remainder(seen: Sequence[np.ndarray], late: StateSpace) -> StateSpace:

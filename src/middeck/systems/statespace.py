@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy.linalg
 from jaxtyping import Complex, Float
 
 from middeck.values import record
@@ -46,6 +47,16 @@ def series(first: StateSpace, second: StateSpace) -> StateSpace:
     B = np.vstack([first.B, second.B @ first.D])
     C = np.hstack([second.D @ first.C, second.C])
     return StateSpace(A, B, C, second.D @ first.D)
+
+
+def add(first: StateSpace, second: StateSpace) -> StateSpace:
+    """Both driven by the same inputs, their outputs added; states ordered (first, second)."""
+    return StateSpace(
+        np.asarray(scipy.linalg.block_diag(first.A, second.A)),
+        np.vstack([first.B, second.B]),
+        np.hstack([first.C, second.C]),
+        first.D + second.D,
+    )
 
 
 def poles(system: StateSpace | SampledStateSpace) -> Complex[np.ndarray, " state"]:

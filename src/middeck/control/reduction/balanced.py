@@ -13,10 +13,10 @@ from jaxtyping import Float
 from middeck.control.reduction.gramian import factor_gramians
 from middeck.control.reduction.projection import balance, bound_of, check_order, project, settle_order
 from middeck.control.reduction.result import Reduction, Rest
-from middeck.control.reduction.separation import add, separate_unstable, subtract
+from middeck.control.reduction.separation import separate_unstable, subtract
 from middeck.errors import ConfigError
 from middeck.systems.peak_gain import peak_gain
-from middeck.systems.statespace import StateSpace
+from middeck.systems.statespace import StateSpace, add
 
 Sizes = Float[np.ndarray, " port"]
 

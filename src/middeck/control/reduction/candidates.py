@@ -22,9 +22,9 @@ from middeck.control.reduction.balanced import in_sizes, out_of_sizes
 from middeck.control.reduction.gramian import GramianFactors, factor_gramians, restrict
 from middeck.control.reduction.loop import Loop, gramians_in_loop, proper_law, seen_at_y
 from middeck.control.reduction.projection import balance, bound_of, check_order, project, settle_order
-from middeck.control.reduction.separation import add, separate_unstable, subtract
+from middeck.control.reduction.separation import separate_unstable, subtract
 from middeck.control.riccati import solve_riccati
-from middeck.systems.statespace import StateSpace
+from middeck.systems.statespace import StateSpace, add
 from middeck.values import record
 
 Method = Literal["performance", "stability", "coprime", "balanced"]

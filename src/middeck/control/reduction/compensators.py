@@ -17,14 +17,14 @@ from middeck.control.reduction.candidates import Method
 from middeck.control.reduction.loop import Loop, absorb, pose_loop, proper_law, response_in_loop
 from middeck.control.reduction.result import ReducedCompensator
 from middeck.control.reduction.search import Best, Trial, search_law
-from middeck.control.reduction.separation import Separation, add, separate_axis, subtract
+from middeck.control.reduction.separation import Separation, separate_axis, subtract
 from middeck.control.robust.closed_cost import evaluate_cost
 from middeck.control.uncertainty import without_delays
 from middeck.errors import ConfigError
 from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.peak_gain import peak_gain
 from middeck.systems.plant import Plant
-from middeck.systems.statespace import StateSpace, series
+from middeck.systems.statespace import StateSpace, add, series
 
 
 def reduce_compensator(

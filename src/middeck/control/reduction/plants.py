@@ -9,11 +9,10 @@ import numpy as np
 from middeck.control.partition import partition_modes
 from middeck.control.reduction.balanced import Sizes, reduce_balanced
 from middeck.control.reduction.result import ReducedPlant, Reduction, Rest
-from middeck.control.reduction.separation import add
 from middeck.errors import ConfigError
 from middeck.systems.modal import ModalSystem, modal_to_statespace, select_modes
 from middeck.systems.plant import Plant
-from middeck.systems.statespace import StateSpace
+from middeck.systems.statespace import StateSpace, add
 
 
 def reduce_plant(

@@ -16,7 +16,7 @@ from scipy.linalg import lapack
 
 from middeck.errors import NumericalError
 from middeck.systems.resolvent import balance_states
-from middeck.systems.statespace import StateSpace
+from middeck.systems.statespace import StateSpace, add
 from middeck.values import record
 
 AXIS = float(np.sqrt(np.finfo(float).eps))
@@ -103,16 +103,6 @@ def _uncouple(T: np.ndarray, k: int) -> Float[np.ndarray, "kept rest"]:
 
 def _part(system: StateSpace, which: slice, D: np.ndarray) -> StateSpace:
     return StateSpace(system.A[which, which], system.B[which], system.C[:, which], D)
-
-
-def add(first: StateSpace, second: StateSpace) -> StateSpace:
-    """Both driven by the same inputs, their outputs added; states ordered (first, second)."""
-    return StateSpace(
-        np.asarray(sla.block_diag(first.A, second.A)),
-        np.vstack([first.B, second.B]),
-        np.hstack([first.C, second.C]),
-        first.D + second.D,
-    )
 
 
 def subtract(first: StateSpace, second: StateSpace) -> StateSpace:

@@ -14,11 +14,11 @@ from jaxtyping import Float
 from middeck.control.reduction.gramian import GramianFactors, factor_gramians, restrict
 from middeck.control.reduction.projection import balance, check_order, project, settle_order
 from middeck.control.reduction.result import Reduction, Rest
-from middeck.control.reduction.separation import add, separate_unstable, subtract
+from middeck.control.reduction.separation import separate_unstable, subtract
 from middeck.errors import ConfigError
 from middeck.systems.peak_gain import peak_gain
 from middeck.systems.stability import growth_rates
-from middeck.systems.statespace import StateSpace, series
+from middeck.systems.statespace import StateSpace, add, series
 
 
 def reduce_weighted(
