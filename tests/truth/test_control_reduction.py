@@ -27,7 +27,7 @@ from middeck.systems.ports import Port
 from middeck.systems.resolvent import by_solving
 from middeck.systems.response import evaluate_plant
 from middeck.systems.stability import growth_rates
-from middeck.systems.statespace import StateSpace, gain_system, poles, series
+from middeck.systems.statespace import StateSpace, add, gain_system, poles, series
 
 
 def gain_at(system, omega):
