@@ -11,6 +11,10 @@ from hypothesis import strategies as st
 import middeck as md
 from middeck.control.riccati import solve_riccati
 from middeck.errors import ConfigError, NotStabilisableError, NumericalError
+from middeck.systems.delayed_plant import approximate_delays, delay_inputs
+from middeck.systems.modal import ModalSystem
+from middeck.systems.plant import Plant
+from middeck.systems.ports import Port
 
 ROOT = Path(__file__).parents[2]
 DM, LAB = ROOT / "articles/mace-dm.toml", ROOT / "environments/lab.toml"
@@ -96,6 +100,23 @@ def test_intensities_of_twenty_decades():
     assert solution.residual < 1e-11
     assert residual(solution.X, A.T, C.T, Q, R) < 1e-10
     assert np.all(solution.poles.real < 0.0)
+
+
+@pytest.mark.parametrize("noise", [1e-10, 1e-12, 1e-16])
+@pytest.mark.parametrize("order", [2, 4, 6])
+def test_states_that_no_noise_drives_spoil_nothing(order, noise):
+    """Delays of one input beside a disturbance at another: of their states the covariance is zero."""
+    omega = 2.0 * np.pi * np.array([0.7, 4.0, 9.0])
+    rng = np.random.default_rng(0)
+    modes = ModalSystem(omega, np.full(3, 0.01), rng.standard_normal((3, 2)), rng.standard_normal((1, 3)),
+                        np.zeros((1, 3)), tuple("abc"))  # fmt: skip
+    plant = Plant(modes, (Port("u", "N"), Port("w", "N")), (Port("y", "m"),))
+    late = approximate_delays(delay_inputs(plant, 0.0075), order).system
+    drive = late.B[:, 1:]
+    solution = solve_riccati(late.A.T, late.C.T, drive @ drive.T, np.array([[noise]]))
+    # Rounding of some tens of rows in the caller's coordinates.
+    assert solution.residual < 1e-13
+    assert residual(solution.X, late.A.T, late.C.T, drive @ drive.T, np.array([[noise]])) < 1e-12
 
 
 def test_unreachable_growing_mode_is_named():

@@ -17,14 +17,14 @@ import scipy.linalg as sla
 from jaxtyping import Complex, Float
 
 from middeck.control.riccati.balancing import unit_diagonal, unit_scales
-from middeck.control.riccati.newton import approach, refine, residual
+from middeck.control.riccati.newton import approach, refine, residual, rounding
 from middeck.control.riccati.subspace import solve_by_subspace
 from middeck.control.stabilisability import CANDIDATE, require_reachable
 from middeck.errors import ConfigError, NumericalError
 from middeck.values import record
 
 SPOILT = 1e3
-"""How much worse than found a solution may be after refinement in finer units before these are given up."""
+"""How far above rounding a residual may be after refinement in finer units, before coarser are tried too."""
 WORTHLESS = 1e-6
 """Relative residual above which there is no solution to return; rounding leaves 1e-15 to 1e-12."""
 PROPORTION = 1e3
@@ -147,11 +147,12 @@ def _solve_balanced(
     unit = unit_diagonal(found)
     fine = t * unit
     units = A * fine / fine[:, None], B / fine[:, None], Q * np.outer(fine, fine)
-    refined = refine(found * np.outer(unit, unit), *units) / np.outer(unit, unit)
+    refined = refine(found * np.outer(unit, unit), *units) / np.outer(unit * t, unit * t)
     # Of states that cost nothing the diagonal is rounding, and a unit made of it spoils the others.
-    if residual(refined, *scaled)[1] > SPOILT * residual(found, *scaled)[1]:
-        refined = refine(found, *scaled)
-    return refined / np.outer(t, t)
+    if residual(refined, A, B, Q)[1] > SPOILT * rounding(A):
+        coarse = refine(found, *scaled) / np.outer(t, t)
+        refined = min(refined, coarse, key=lambda X: residual(X, A, B, Q)[1])
+    return refined
 
 
 def _solve_pencil(A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[np.ndarray, "state state"] | None:
