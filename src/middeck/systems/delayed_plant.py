@@ -17,7 +17,7 @@ from middeck.systems.late_rigid import approximate_late_rigid
 from middeck.systems.modal import ModalSystem, modal_to_statespace, select_modes
 from middeck.systems.plant import Plant, name_states
 from middeck.systems.response import FrequencyResponse, evaluate_plant
-from middeck.systems.statespace import StateSpace, add, series
+from middeck.systems.statespace import StateSpace, add, gain_system, series
 from middeck.values import record
 
 # Delays that differ by less [s] are one: far below what any record can tell.
@@ -79,9 +79,9 @@ def approximate_delays(delayed: DelayedPlant, order: int) -> Plant:
     beyond that needs states of its own. Delays that are no sum of one for the input and one for the output
     (`is_sum`) give each channel of the smaller side the plant's states once more, but for rigid modes of a
     plant in modal form: those are kept once, with the integrators that such delays add to them
-    (`middeck.systems.late_rigid`), and come last. States: those of the
-    inputs' delays (named "delay"), the plant's, those of the outputs' delays. Modes of the plant that no port
-    moves or sees stand apart by exact zeros (`silence_inert`).
+    (`middeck.systems.late_rigid`), and come last. States: those of the inputs' delays (named "delay"), the
+    plant's, those of the outputs' delays. Modes of the plant that no port moves or sees stand apart by exact
+    zeros (`silence_inert`).
 
     Raises
     ------
@@ -105,13 +105,24 @@ def _approximate_modes(modal: ModalSystem, delay_s: np.ndarray, order: int) -> N
     if is_sum(delay_s, SAME_DELAY_S) or not rigid.any():
         return _approximated(modal_to_statespace(modal), _doubled(modal.names), delay_s, order)
     moving, still = (select_modes(modal, which) for which in (~rigid, rigid))
-    integrals, count = approximate_late_rigid(still, np.where(delay_s > SAME_DELAY_S, delay_s, 0.0), order)
+    banks = [_bank(delay_s, i, order) for i in range(delay_s.shape[1])]
+    integrals, count = approximate_late_rigid(still, delay_s, banks)
     names = (*(", ".join(still.names),) * count, *("delay",) * (len(integrals.A) - count))
     if not len(moving.omega):
         return integrals, names
     moving = dataclasses.replace(moving, direct=None)
     copies, others = _approximated(modal_to_statespace(moving), _doubled(moving.names), delay_s, order)
     return add(copies, integrals), (*others, *names)
+
+
+def _bank(delay_s: np.ndarray, i: int, order: int) -> StateSpace:
+    """What stands for the delays from input ``i`` to each output, path by path as in `_approximated`."""
+    if delay_s.shape[1] <= delay_s.shape[0]:
+        return _late_channels(gain_system(np.ones((len(delay_s), 1))), (), delay_s[:, [i]], order)[0]
+    common = delay_s.min(axis=1)
+    late = series(_late(common, order), _late(delay_s[:, i] - common, order))
+    B, D = (matrix.sum(axis=1, keepdims=True) for matrix in (late.B, late.D))
+    return StateSpace(late.A, B, late.C, D)
 
 
 def _doubled(names: tuple[str, ...]) -> tuple[str, ...]:
@@ -127,11 +138,7 @@ def _approximated(system: StateSpace, names: tuple[str, ...], delay_s: np.ndarra
     for k in range(min(delay_s.shape)):
         rows, columns = (slice(None), [k]) if by_input else ([k], slice(None))
         alone = StateSpace(system.A, system.B[:, columns], system.C[rows], system.D[rows][:, columns])
-        late = _late(delay_s[rows][:, columns].ravel(), order)
-        held = ("delay",) * len(late.A)
-        parts.append(
-            (series(alone, late), (*names, *held)) if by_input else (series(late, alone), (*held, *names))
-        )
+        parts.append(_late_channels(alone, names, delay_s[rows][:, columns], order))
     return join_channels(parts, by_input=by_input)
 
 

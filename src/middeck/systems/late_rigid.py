@@ -11,13 +11,11 @@ input at different times, one output less another is that input integrated once:
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float
 
-from middeck.systems.delay import pade
 from middeck.systems.modal import ModalSystem, output_rows
 from middeck.systems.statespace import StateSpace, add
 
@@ -26,29 +24,22 @@ RANK = 1e-12
 
 
 def approximate_late_rigid(
-    rigid: ModalSystem, delay_s: Float[np.ndarray, "output input"], order: int
+    rigid: ModalSystem, delay_s: Float[np.ndarray, "output input"], banks: Sequence[StateSpace]
 ) -> tuple[StateSpace, int]:
-    """Rigid modes with a Pade approximation of each path; and how many states, the first, are integrators."""
+    """Rigid modes with P of each path; and how many states, the first, are integrators.
+
+    ``banks`` hold, input by input, P to each output.
+    """
     rows = output_rows(rigid)
     R2, R1 = rows.position @ rigid.psi, rows.rate @ rigid.psi
-    integrals = _integrate(R2, R1 - delay_s * R2)
-    parts = [integrals]
-    for i, column in enumerate(delay_s.T):
-        for tau in np.unique(column):
-            seen = [np.where(column == tau, R[:, i], 0.0) for R in (R2, R1, rows.direct)]
-            one = _remainder(seen, pade(float(tau), order))
-            drive = np.arange(delay_s.shape[1])[None] == i
-            parts.append(StateSpace(one.A, one.B * drive, one.C, one.D * drive))
-    return functools.reduce(add, parts), len(integrals.A)
-
-
-def _remainder(seen: Sequence[np.ndarray], late: StateSpace) -> StateSpace:
-    """What the paths of one input and one delay have beside integrators, from that input alone."""
-    R2, R1, D = seen
-    once = np.linalg.solve(late.A.T, late.C[0])
-    twice = np.linalg.solve(late.A.T, once)
-    C = np.outer(R2, twice) + np.outer(R1, once) + np.outer(D, late.C[0])
-    return StateSpace(late.A, late.B, C, D[:, None] * late.D)
+    whole = integrals = _integrate(R2, R1 - delay_s * R2)
+    for i, late in enumerate(banks):
+        once = np.linalg.solve(late.A.T, late.C.T).T
+        twice = np.linalg.solve(late.A.T, once.T).T
+        C = R2[:, [i]] * twice + R1[:, [i]] * once + rows.direct[:, [i]] * late.C
+        drive = np.arange(len(banks))[None] == i
+        whole = add(whole, StateSpace(late.A, late.B * drive, C, rows.direct[:, [i]] * late.D * drive))
+    return whole, len(integrals.A)
 
 
 def _integrate(R2: np.ndarray, R1: np.ndarray) -> StateSpace:
