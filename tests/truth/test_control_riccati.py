@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 import middeck as md
 from middeck.control.riccati import solve_riccati
 from middeck.errors import ConfigError, NotStabilisableError, NumericalError
+from middeck.systems.delay import pade
 from middeck.systems.delayed_plant import approximate_delays, delay_inputs
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
@@ -178,3 +179,20 @@ def test_a_newton_step_near_the_axis_is_judged_by_its_residual_without_a_warning
     regulator = md.design_lqg(plant, weights, 1e24).regulator
     assert regulator.residual < 1e-12  # rounding leaves 1e-15 to 1e-12
     assert regulator.poles.real.max() < 0.0
+
+
+@pytest.mark.parametrize("order", range(2, 9))
+def test_states_that_cost_nothing_spoil_no_unit(order: int) -> None:
+    """A body's way, late by two times, is weighed; what is late by two others costs nothing: X is zero there."""
+    late = [(0.05, 0, 1.0), (0.4, 0, 0.0), (0.1, 1, 0.0), (0.3, 1, 1.0)]
+    parts = [pade(tau, order) for tau, _, _ in late]
+    A = sla.block_diag([[0.0, 1.0], [0.0, 0.0]], *(p.A for p in parts))
+    drives = [p.B * (np.arange(2) == i) for p, (_, i, _) in zip(parts, late, strict=True)]
+    B = np.vstack([[[-0.05, -0.3], [1.0, 1.0]], *drives])
+    seen = [w * np.linalg.solve((p.A @ p.A).T, p.C[0]) for p, (_, _, w) in zip(parts, late, strict=True)]
+    way = np.concatenate([[1.0, 0.0], *seen])
+    found = solve_riccati(A, B, np.outer(way, way), np.eye(2))
+    # The level asked for at 500 states; here rounding leaves 1e-16 to 1e-12.
+    assert found.residual < 1e-10
+    silent = np.arange(2 + order, 2 + 3 * order)
+    assert np.abs(found.X[silent]).max() < 1e-10 * np.abs(found.X).max()
