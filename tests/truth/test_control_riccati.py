@@ -183,7 +183,7 @@ def test_a_newton_step_near_the_axis_is_judged_by_its_residual_without_a_warning
 
 @pytest.mark.parametrize("order", range(2, 9))
 def test_states_that_cost_nothing_spoil_no_unit(order: int) -> None:
-    """A body's way, late by two times, is weighed; what is late by two others costs nothing: X is zero there."""
+    """A way late by two times is weighed; what is late by two others costs nothing, and X is zero there."""
     late = [(0.05, 0, 1.0), (0.4, 0, 0.0), (0.1, 1, 0.0), (0.3, 1, 1.0)]
     parts = [pade(tau, order) for tau, _, _ in late]
     A = sla.block_diag([[0.0, 1.0], [0.0, 0.0]], *(p.A for p in parts))
