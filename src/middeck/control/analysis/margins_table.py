@@ -24,7 +24,7 @@ def margins_table(margins: Margins) -> str:
     >>> law = Compensator(gain_system(np.array([[-2.0]])), (way,), (force,))
     >>> print(margins_table(measure_margins(integrator, law)))
     broken at  gain dB  at Hz  phase deg  at Hz   delay ms  disk   max |S|  at Hz
-    force      -        -      90.0       0.3183  785       2.000  1.000    inf
+    force      -        -      90.0       0.3183  785       2.000  1.000    954.9
     """
     if not margins.stable:
         root = margins.stability
