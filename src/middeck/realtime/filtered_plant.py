@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg as sla
+from jaxtyping import Float
 
+from middeck.control.sampled.integrals import spread_noise
 from middeck.errors import ConfigError
 from middeck.realtime.sensors import Gyro, Sensor, anti_alias, sensor_filter
 from middeck.systems.joint_simulation import JointElements, add_viscous
@@ -75,14 +77,25 @@ def _at_once(c: np.ndarray, B: np.ndarray) -> np.ndarray:
     return np.abs(c @ B) > 1e-12 * (np.abs(c) @ np.abs(B))
 
 
-def sample_noise(filtered: FilteredPlant, period_s: float) -> np.ndarray:
-    """Square root of the covariance that white noise leaves in a tick (Van Loan 1978), filter by filter."""
-    moved, k = filtered.moved, len(filtered.moved)
-    if not k:
-        return np.zeros((0, 0))
+def sample_noise(
+    filtered: FilteredPlant, period_s: float, looks: Mapping[int, float]
+) -> Float[np.ndarray, "row white"]:
+    """Square root of the covariance that white noise leaves in a tick.
+
+    Of the filters' states at its end, and below them of the outputs that are sampled within it: ``looks`` has
+    the instant [s] of each. Sample and state share the noise until then. Filters share none: what the states
+    leave open of a sample is its own.
+    """
+    moved = filtered.moved
     A, G = filtered.system.A[np.ix_(moved, moved)], filtered.noise[moved]
-    block = np.zeros((2 * k, 2 * k))
-    block[:k, :k], block[:k, k:], block[k:, k:] = -A, G @ G.T, A.T
-    exponential = np.asarray(sla.expm(block * period_s))
-    covariance = exponential[k:, k:].T @ exponential[:k, k:]
-    return np.linalg.cholesky(0.5 * (covariance + covariance.T))
+    root = np.zeros((len(moved) + len(looks),) * 2)
+    states = np.linalg.cholesky(spread_noise(A, G @ G.T, period_s).covariance)
+    root[: len(moved), : len(moved)] = states
+    for row, (output, at_s) in enumerate(looks.items(), len(moved)):
+        seen = filtered.system.C[output, moved]
+        covariance = spread_noise(A, G @ G.T, at_s).covariance @ seen
+        crossed = np.asarray(sla.expm(A * (period_s - at_s))) @ covariance
+        shared = np.linalg.solve(states, crossed)
+        root[row, : len(moved)] = shared
+        root[row, row] = np.sqrt(max(seen @ covariance - shared @ shared, 0.0))
+    return root

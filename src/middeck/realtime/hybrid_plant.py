@@ -42,7 +42,7 @@ class HybridPlant:
     late:
         Whole ticks before a command begins to act.
     noise:
-        White normal numbers, one for each filter state, to what they add to the states at a tick.
+        White normal numbers to what they add at a tick: to the filters' states, and to samples that wait.
     """
 
     step: Float[np.ndarray, "internal row state"]
@@ -101,8 +101,15 @@ def build_hybrid_plant(plant: Plant, wiring: Wiring) -> HybridPlant:
         drive.append(np.vstack([B, angle @ B]))
         push.append(P)
     check_collocated(angle @ push[0], np.zeros((len(joints), len(joints))), joints)
-    noise = np.zeros((size, len(filtered.moved)))
-    noise[filtered.moved] = sample_noise(filtered, period_s)
+    heads = states + np.cumsum([0, *(length for length, _ in chains)])
+    looks = {
+        o: instant * period_s
+        for o, (length, instant) in enumerate(chains)
+        if length and np.any(filtered.noise[:, o])
+    }
+    root = sample_noise(filtered, period_s, looks)
+    noise = np.zeros((size, len(root)))
+    noise[[*filtered.moved, *heads[list(looks)]]] = root
     return HybridPlant(
         np.array(step), np.array(drive), np.array(push), angle, _read_rows(filtered.system, chains, size),
         clock.late, noise,
