@@ -50,11 +50,11 @@ if TYPE_CHECKING:
     from middeck.control.sampled.aliases import find_aliases
     from middeck.control.sampled.antialias import filter_measurements
     from middeck.control.sampled.comparison import compare_sampling
-    from middeck.control.sampled.compensator import SampledCompensator
     from middeck.control.sampled.design import design_sampled_lqg
     from middeck.control.sampled.emulation import emulate
     from middeck.control.sampled.margins import measure_sampled_margins
     from middeck.control.sampled.outcome import measure_sampled_loop
+    from middeck.control.sampled_compensator import SampledCompensator
     from middeck.control.shaping.sections import (
         design_pd,
         first_order_section,
@@ -200,7 +200,7 @@ _ROOM = {
     "Record": "systems.record",
     "RecordStream": "systems.record",
     "Reduction": "structure.correlation.reduction",
-    "SampledCompensator": "control.sampled.compensator",
+    "SampledCompensator": "control.sampled_compensator",
     "Shaping": "control.lqg.shaping",
     "Structure": "control.robust.structure",
     "Suspension": "structure.environment",

@@ -20,7 +20,7 @@ import scipy.signal
 
 from middeck.control.compensator import Compensator
 from middeck.control.lqg import LQGWeights, design_lqg
-from middeck.control.sampled.compensator import SampledCompensator
+from middeck.control.sampled_compensator import SampledCompensator
 from middeck.errors import ConfigError, DataError, MissingExtraError
 from middeck.files.compensators import StoredCompensator, StoredSampledCompensator
 from middeck.files.exchange import (

@@ -13,7 +13,7 @@ from middeck.cli.blame import reading
 from middeck.cli.cases import solve_case
 from middeck.control.analysis.shifts import find_allowed_shifts
 from middeck.control.compensator import Compensator
-from middeck.control.sampled.compensator import SampledCompensator
+from middeck.control.sampled_compensator import SampledCompensator
 from middeck.errors import ConfigError
 from middeck.files.models import load_model
 from middeck.identification.plants.measured_plant import delayed_plant

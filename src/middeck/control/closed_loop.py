@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Complex
 
 from middeck.control.compensator import Compensator, idle_compensator
+from middeck.control.kinds import require_continuous, require_rational
 from middeck.control.partition import partition_modes
 from middeck.errors import ConfigError
 from middeck.systems.plant import Plant, name_states
@@ -51,6 +52,7 @@ def close_loop(plant: Plant, compensator: Compensator) -> ClosedLoop:
     Raises `ConfigError` where the plant lacks a port of the compensator or the loop through the direct
     terms has no solution.
     """
+    require_continuous(compensator)
     part = partition_modes(plant)
     active, law = part.active, compensator.system
     system = active.system
@@ -74,6 +76,7 @@ def close_loop(plant: Plant, compensator: Compensator) -> ClosedLoop:
 
 def leave_open(plant: Plant) -> ClosedLoop:
     """The plant from w to z under no control but its own."""
+    require_rational(plant)
     return close_loop(plant, idle_compensator(plant))
 
 

@@ -12,6 +12,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Bool
 
+from middeck.control.kinds import require_rational
 from middeck.systems.inert_modes import inert_modes
 from middeck.systems.modal import ModalSystem, select_modes
 from middeck.systems.plant import Plant, name_states
@@ -43,6 +44,7 @@ def partition_modes(plant: Plant) -> ModePartition:
     state and no port, by exact zeros, and do not grow. A mode that is only unreachable, or only unobserved,
     stays: a design then refuses it by name.
     """
+    require_rational(plant)
     modal = plant.dynamics
     if not isinstance(modal, ModalSystem):
         return _partition_states(plant, modal)

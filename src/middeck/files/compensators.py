@@ -10,7 +10,7 @@ from typing import Any, cast
 import numpy as np
 
 from middeck.control.compensator import Compensator
-from middeck.control.sampled.compensator import SampledCompensator
+from middeck.control.sampled_compensator import SampledCompensator
 from middeck.errors import DataError
 from middeck.files.json_input import json_numbers, read_json
 from middeck.files.json_output import write_json

@@ -13,19 +13,23 @@ from jaxtyping import Complex
 from middeck.control.classical import close_static
 from middeck.control.compensator import Compensator
 from middeck.control.delay_order import approximation_order
+from middeck.control.kinds import require_continuous, require_sampled
 from middeck.control.partition import partition_modes
+from middeck.control.sampled_compensator import SampledCompensator
 from middeck.errors import ConfigError
 from middeck.systems.delayed_plant import DelayedPlant, approximate_delays, delay_inputs
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant, name_states
+from middeck.systems.ports import port_indices
 from middeck.systems.resolvent import Resolvent, balance_states, by_schur_form
+from middeck.systems.sampled_plant import SampledPlant
 from middeck.systems.statespace import SampledStateSpace, StateSpace
 from middeck.values import record
 
-AnyPlant = Plant | DelayedPlant | SampledStateSpace
-"""What is controlled; a sampled one is given from commands to measurements, its delays among its states."""
-AnyLaw = Compensator | SampledStateSpace
-"""What controls it: by named ports, or a sampled law from all measurements to all commands."""
+AnyPlant = Plant | DelayedPlant | SampledPlant | SampledStateSpace
+"""What is controlled; a bare sampled one from commands to measurements, its delays among its states."""
+AnyLaw = Compensator | SampledCompensator | SampledStateSpace
+"""What controls it: by named ports, or a bare sampled law from all measurements to all commands."""
 At = Literal["inputs", "outputs", "both"]
 """Where a loop is broken or disturbed: at the plant's inputs, at the measurements, or at both at once."""
 
@@ -66,10 +70,13 @@ def form_loop(plant: AnyPlant, law: AnyLaw) -> FeedbackLoop:
         For ports that do not exist, a sampled law on a continuous plant or the reverse, sizes or periods
         that do not fit.
     """
+    if isinstance(plant, SampledPlant):
+        return _named_sampled_loop(plant, law)
     if isinstance(plant, SampledStateSpace):
-        return _sampled_loop(plant, law)
+        return _sampled_loop(plant, law.system if isinstance(law, SampledCompensator) else law)
     if isinstance(law, SampledStateSpace):
-        raise ConfigError("a sampled law on a continuous plant", hint="sample the plant: sample_delayed")
+        raise ConfigError("a sampled law on a continuous plant", hint="build_sampled_plant(plant, period_s)")
+    require_continuous(law)
     delayed = plant if isinstance(plant, DelayedPlant) else delay_inputs(plant, 0.0)
     inputs, outputs = (tuple(p.name for p in side) for side in (law.outputs, law.inputs))
     active = partition_modes(delayed.plant).active
@@ -82,6 +89,21 @@ def form_loop(plant: AnyPlant, law: AnyLaw) -> FeedbackLoop:
     )
     late = DelayedPlant(controlled, delayed.delay_s[np.ix_(rows, columns)])
     return FeedbackLoop(late, law.system, inputs, outputs)
+
+
+def _named_sampled_loop(plant: SampledPlant, law: AnyLaw) -> FeedbackLoop:
+    if isinstance(law, SampledStateSpace):
+        raise ConfigError("a sampled law without names on a plant with them", hint="a SampledCompensator")
+    known = require_sampled(law)
+    inputs, outputs = (tuple(p.name for p in side) for side in (known.outputs, known.inputs))
+    columns, rows = (
+        port_indices(plant.inputs, inputs, "input"),
+        port_indices(plant.outputs, outputs, "output"),
+    )
+    whole = plant.system
+    D = whole.D[np.ix_(rows, columns)]
+    system = SampledStateSpace(whole.A, whole.B[:, columns], whole.C[rows], D, whole.period_s)
+    return dataclasses.replace(_sampled_loop(system, known.system), inputs=inputs, outputs=outputs)
 
 
 def _sampled_loop(plant: SampledStateSpace, law: AnyLaw) -> FeedbackLoop:

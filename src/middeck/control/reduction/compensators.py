@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float
 
 from middeck.control.closed_loop import close_loop
 from middeck.control.compensator import Compensator
+from middeck.control.kinds import require_continuous
 from middeck.control.lqg import LQGWeights
 from middeck.control.reduction.balanced import in_sizes
 from middeck.control.reduction.candidates import Method
@@ -74,6 +75,7 @@ def reduce_compensator(
         For an order of less than one or no reduction, a compensator that does not hold a plant, unknown
         ports or methods.
     """
+    require_continuous(compensator)
     known = (*get_args(Method), "best")
     if method not in known:
         raise ConfigError(f"no method {method!r}", hint=f"one of {', '.join(known)}")

@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float
 
 from middeck.control.compensator import Compensator, idle_compensator
 from middeck.control.delay_order import LEAST_PADE, MOST_PADE, is_within, pade_order, phase_of_modes
+from middeck.control.kinds import require_continuous
 from middeck.control.lqg import LQGWeights
 from middeck.control.robust.batch import continuous_covariances, row_rms, settled
 from middeck.control.robust.closed_cost import Law, closed_matrices
@@ -91,6 +92,7 @@ def outcomes_on(
     rates_hz: Sequence[float] = (),
 ) -> tuple[PlantOutcomes, ...]:
     """The same on plants given one by one."""
+    require_continuous(compensator)
     for plant in plants:
         _require_ports(_inside(plant), compensator)
     if np.any(compensator.system.D):

@@ -3,7 +3,6 @@
 from middeck.control.sampled.aliases import Alias, AliasReport, find_aliases
 from middeck.control.sampled.antialias import filter_measurements
 from middeck.control.sampled.comparison import SamplingComparison, SamplingRow, compare_sampling
-from middeck.control.sampled.compensator import SampledCompensator
 from middeck.control.sampled.design import SampledCost, SampledLQG, design_sampled_lqg, sample_cost
 from middeck.control.sampled.emulation import emulate
 from middeck.control.sampled.held import HeldPlant, hold_plant
@@ -14,6 +13,7 @@ from middeck.control.sampled.margins import (
     sample_controlled,
 )
 from middeck.control.sampled.outcome import SampledOutcome, measure_sampled_loop
+from middeck.control.sampled_compensator import SampledCompensator
 
 __all__ = [
     "Alias",

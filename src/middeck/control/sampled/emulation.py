@@ -12,8 +12,9 @@ from typing import Literal, get_args
 import numpy as np
 
 from middeck.control.compensator import Compensator
-from middeck.control.sampled.compensator import SampledCompensator
+from middeck.control.kinds import require_continuous
 from middeck.control.sampled.matched import match_roots
+from middeck.control.sampled_compensator import SampledCompensator
 from middeck.errors import ConfigError
 from middeck.systems.sampling import sample_plant, tustin
 from middeck.systems.statespace import SampledStateSpace, StateSpace
@@ -52,6 +53,7 @@ def emulate(
     >>> [round(float(emulate(lag, 0.1, rule).system.A[0, 0]), 6) for rule in ("hold", "tustin", "matched")]
     [0.818731, 0.818182, 0.818731]
     """
+    require_continuous(compensator)
     if not (np.isfinite(period_s) and period_s > 0.0):
         raise ConfigError(f"a period of {period_s} s cannot be sampled at", hint="a positive period")
     if match_hz is not None and not 0.0 <= match_hz < 0.5 / period_s:

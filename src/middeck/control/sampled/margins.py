@@ -16,8 +16,9 @@ from middeck.control.analysis import (
     measure_margins,
 )
 from middeck.control.analysis.loop import At
+from middeck.control.kinds import require_sampled
 from middeck.control.partition import partition_modes
-from middeck.control.sampled.compensator import SampledCompensator
+from middeck.control.sampled_compensator import SampledCompensator
 from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.delayed_sampling import sample_delayed
 from middeck.systems.plant import Plant, subsystem
@@ -30,6 +31,7 @@ def sample_controlled(plant: Plant | DelayedPlant, compensator: SampledCompensat
     Beside ``compensator.system`` this is what `middeck.control.analysis` takes for a sampled loop. Raises
     `ConfigError` where the plant lacks a port of the law.
     """
+    require_sampled(compensator)
     inside = plant.plant if isinstance(plant, DelayedPlant) else plant
     u, y = (tuple(p.name for p in side) for side in (compensator.outputs, compensator.inputs))
     rows, columns = inside.output_indices(y), inside.input_indices(u)

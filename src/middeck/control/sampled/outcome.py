@@ -7,11 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Complex, Float
 
+from middeck.control.kinds import require_sampled
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.riccati import solve_discrete_lyapunov
-from middeck.control.sampled.compensator import SampledCompensator
 from middeck.control.sampled.held import HeldPlant, hold_plant
 from middeck.control.sampled.integrals import spread_noise
+from middeck.control.sampled_compensator import SampledCompensator
 from middeck.errors import ConfigError
 from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.plant import Plant
@@ -64,6 +65,7 @@ def measure_sampled_loop(
     Raises `ConfigError` for ports that differ from the groups u and y, weights that do not fit, and a law
     that reads its own input within the sample.
     """
+    require_sampled(compensator)
     held = hold_plant(plant, weights, compensator.period_s)
     law = arrange_law(held, compensator)
     loop = _close(held, law)

@@ -13,6 +13,7 @@ import scipy.linalg as sla
 
 from middeck.control.classical import PDLoops
 from middeck.control.compensator import Compensator
+from middeck.control.kinds import require_continuous
 from middeck.errors import ConfigError
 from middeck.systems.plant import Plant
 from middeck.systems.statespace import StateSpace, gain_system, series
@@ -129,6 +130,7 @@ def shape_compensator(compensator: Compensator, section: StateSpace) -> Compensa
 
     Raises `ConfigError` for a section with more than one input or output.
     """
+    require_continuous(compensator)
     if section.D.shape != (1, 1):
         raise ConfigError(f"a section of {section.D.shape} outputs and inputs", hint="one of each")
     one = np.eye(len(compensator.outputs))
