@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from middeck.control.lqg.spectra import fit_spectrum, line_filter, sum_spectra
     from middeck.control.lqg.topologies import compare_topologies
     from middeck.control.lqg.weights import LQGWeights
+    from middeck.control.participation import find_participation, find_participations
     from middeck.control.performance import Performance, measure_control_rms, measure_metric, measure_rms
     from middeck.control.pointing import PointingWindow, budget_pointing
     from middeck.control.qualification import qualify_compensator
@@ -42,9 +43,11 @@ if TYPE_CHECKING:
     from middeck.control.riccati.continuous import solve_riccati
     from middeck.control.riccati.discrete import solve_discrete_riccati
     from middeck.control.robust.comparison import compare_designs, comparison_table
+    from middeck.control.robust.exchange import design_for_worst
     from middeck.control.robust.monte_carlo import verify_robustness
     from middeck.control.robust.multimodel import design_multimodel
     from middeck.control.robust.popov import design_popov
+    from middeck.control.robust.sampled_plant import plant_as_sampled
     from middeck.control.robust.sensitivity_weighted import design_sensitivity_weighted
     from middeck.control.robust.structure import Structure
     from middeck.control.sampled.aliases import find_aliases
@@ -52,7 +55,11 @@ if TYPE_CHECKING:
     from middeck.control.sampled.comparison import compare_sampling
     from middeck.control.sampled.design import design_sampled_lqg
     from middeck.control.sampled.emulation import emulate
-    from middeck.control.sampled.margins import measure_sampled_margins
+    from middeck.control.sampled.margins import (
+        find_sampled_shifts,
+        measure_sampled_disk,
+        measure_sampled_margins,
+    )
     from middeck.control.sampled.outcome import measure_sampled_loop
     from middeck.control.sampled_compensator import SampledCompensator
     from middeck.control.shaping.sections import (
@@ -234,6 +241,7 @@ _ROOM = {
     "design_binary": "systems.excitation.binary",
     "design_burst": "systems.excitation.noise",
     "design_filter": "control.lqg.estimator",
+    "design_for_worst": "control.robust.exchange",
     "design_levels": "control.lqg.levels",
     "design_lqg": "control.lqg.design",
     "design_mls": "systems.excitation.binary",
@@ -267,8 +275,11 @@ _ROOM = {
     "find_first_instability": "control.authority",
     "find_inversion": "control.analysis.inversion",
     "find_parameters": "structure.sensitivity.parameters",
+    "find_participation": "control.participation",
+    "find_participations": "control.participation",
     "find_place": "structure.gravity.places",
     "find_profile": "structure.correlation.profiles",
+    "find_sampled_shifts": "control.sampled.margins",
     "find_worst_case": "control.analysis.worst_case",
     "first_order_section": "control.shaping.sections",
     "fit_record": "identification.samples.fit_record",
@@ -305,6 +316,7 @@ _ROOM = {
     "measure_metric": "control.performance",
     "measure_modes": "structure.correlation.measured_modes",
     "measure_rms": "control.performance",
+    "measure_sampled_disk": "control.sampled.margins",
     "measure_sampled_loop": "control.sampled.outcome",
     "measure_sampled_margins": "control.sampled.margins",
     "measured_plant": "identification.plants.measured_plant",
@@ -324,6 +336,7 @@ _ROOM = {
     "path_zeros": "identification.plants.zeros",
     "peak_gain": "systems.peak_gain",
     "periods_needed": "identification.uncertainty.accuracy",
+    "plant_as_sampled": "control.robust.sampled_plant",
     "pole_zero_gain": "identification.plants.pole_zero_gain",
     "qualify_compensator": "control.qualification",
     "read_record": "files.records",
@@ -441,6 +454,7 @@ __all__ = [
     "design_binary",
     "design_burst",
     "design_filter",
+    "design_for_worst",
     "design_levels",
     "design_lqg",
     "design_mls",
@@ -474,8 +488,11 @@ __all__ = [
     "find_first_instability",
     "find_inversion",
     "find_parameters",
+    "find_participation",
+    "find_participations",
     "find_place",
     "find_profile",
+    "find_sampled_shifts",
     "find_worst_case",
     "first_order_section",
     "fit_record",
@@ -512,6 +529,7 @@ __all__ = [
     "measure_metric",
     "measure_modes",
     "measure_rms",
+    "measure_sampled_disk",
     "measure_sampled_loop",
     "measure_sampled_margins",
     "measured_plant",
@@ -531,6 +549,7 @@ __all__ = [
     "path_zeros",
     "peak_gain",
     "periods_needed",
+    "plant_as_sampled",
     "pole_zero_gain",
     "qualify_compensator",
     "read_record",
