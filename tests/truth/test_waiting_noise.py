@@ -35,7 +35,7 @@ def _rig(*others: Sensor, alias_hz: float = ALIAS_HZ, steps: int = 1) -> Hardwar
 def _butterworth(alias_hz: float) -> np.ndarray:
     """Covariance of samples of white noise behind s^2 + sqrt(2) w s + w^2, 0 to 4 ticks apart.
 
-    N^2 w / (2 sqrt 2) exp(-x) (cos x + sin x) with x = w tau / sqrt 2, by the residues of N^2 w^4 / (s^4 + w^4).
+    N^2 w / (2 sqrt 2) exp(-x) (cos x + sin x), x = w tau / sqrt 2: the residues of N^2 w^4 / (s^4 + w^4).
     """
     w = 2.0 * np.pi * alias_hz
     x = w * np.arange(5) / RATE_HZ / np.sqrt(2.0)

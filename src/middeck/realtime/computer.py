@@ -8,7 +8,7 @@ import numpy as np
 import scipy.linalg as sla
 from jaxtyping import Float
 
-from middeck.errors import ConfigError
+from middeck.realtime.law import check_law
 from middeck.realtime.sensors import Gyro, Sensor
 from middeck.systems.statespace import SampledStateSpace
 from middeck.values import record
@@ -60,15 +60,6 @@ def integrators(sensors: Sequence[Sensor], period_s: float) -> SampledStateSpace
     n = len(select)
     D = np.diag(np.where(gyro, 0.5 * period_s, 1.0))
     return SampledStateSpace(np.eye(n), period_s * select, select.T, D, period_s)
-
-
-def check_law(law: SampledStateSpace, inputs: int, outputs: int, period_s: float) -> None:
-    """Raise `ConfigError` unless ``law`` fits the rig's ports and period."""
-    if law.D.shape != (inputs, outputs) or abs(law.period_s - period_s) > 1e-12 * period_s:
-        raise ConfigError(
-            f"the law has {law.D.shape} outputs and inputs at {law.period_s} s, the rig wants "
-            f"{(inputs, outputs)} at {period_s} s"
-        )
 
 
 def _no_law(inputs: int, outputs: int, period_s: float) -> SampledStateSpace:

@@ -22,6 +22,7 @@ from middeck.realtime.drift import Drift, age_plant
 from middeck.realtime.hybrid import simulate_hybrid
 from middeck.realtime.hybrid_plant import HybridPlant, Wiring, build_hybrid_plant
 from middeck.realtime.hybrid_state import HybridBlock, HybridState, HybridSystem, start_hybrid
+from middeck.realtime.law import Law, place_law
 from middeck.realtime.motors import Motor, gather_motors
 from middeck.realtime.readout import gather_readout
 from middeck.realtime.rig import pure_delay
@@ -117,6 +118,11 @@ def build_hardware_rig(
     )  # fmt: skip
 
 
+def law_on_rig(rig: HardwareRig, law: Law | None) -> SampledStateSpace | None:
+    """`place_law` on the rig's ports, or no law."""
+    return None if law is None else place_law(law, rig.inputs, rig.outputs, 1.0 / rig.sample_hz)
+
+
 def connect_law(rig: HardwareRig, law: SampledStateSpace | None) -> HybridSystem:
     """The rig with a law in its computer, or with none."""
     period_s = 1.0 / rig.sample_hz
@@ -145,7 +151,7 @@ def simulate_rig(
 
 def stream_hardware(
     rig: HardwareRig,
-    law: SampledStateSpace | None,
+    law: Law | None,
     excitation: Iterable[Float[np.ndarray, "sample input"]],
     rng: np.random.Generator,
     *,
@@ -153,9 +159,11 @@ def stream_hardware(
 ) -> Iterator[HybridBlock]:
     """Run the rig on ``excitation`` as it comes, in constant memory; the law is off while it rests.
 
-    With ``rest_s`` above zero the gyros' biases are measured at rest first, for that long.
+    With ``rest_s`` above zero the gyros' biases are measured at rest first, for that long. Raises
+    `ConfigError` for a law as `place_law`.
     """
-    return simulate_rig(rig, law, excitation, rng, measure_bias(rig, law, rest_s, rng))
+    placed = law_on_rig(rig, law)
+    return simulate_rig(rig, placed, excitation, rng, measure_bias(rig, placed, rest_s, rng))
 
 
 def measure_bias(

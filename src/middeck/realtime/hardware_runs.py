@@ -18,10 +18,12 @@ from middeck.realtime.hardware_rig import (
     HardwareRig,
     connect_law,
     cut_blocks,
+    law_on_rig,
     measure_bias,
     simulate_rig,
 )
 from middeck.realtime.hybrid_state import HybridBlock, HybridState, cut_block
+from middeck.realtime.law import Law
 from middeck.realtime.linear_view import gyro_sums, linearise_rig
 from middeck.realtime.rig import Run, close_sampled_loop
 from middeck.realtime.sensors import Gyro
@@ -59,7 +61,7 @@ def run_hardware_open_loop(
 
 def run_hardware_closed_loop(
     rig: HardwareRig,
-    law: SampledStateSpace | None,
+    law: Law | None,
     excitation: Float[np.ndarray, "sample input"],
     *,
     periods: int,
@@ -76,7 +78,8 @@ def run_hardware_closed_loop(
     run's rest; its record is called periodic, as on hardware: nobody has told the experimenter.
     The record holds excitation and measured outputs, from each gyro's angle its ramp taken out (see
     `remove_ramps`). A run that passes a stop, or overflows, has a cause and no record; ``partial`` is what
-    was taken until then, settling included. Raises `ConfigError` for no period or an unknown output.
+    was taken until then, settling included. Raises `ConfigError` for no period, an unknown output, or a law
+    as `place_law`.
     """
     if periods < 1 or settle < 0 or len(excitation) < 1:
         raise ConfigError(
@@ -85,13 +88,14 @@ def run_hardware_closed_loop(
         )
     u = np.asarray(excitation, dtype=float)
     limits = stop_limits(stops, rig.outputs)
-    taken = _Taken(rig, law)
+    placed = law_on_rig(rig, law)
+    taken = _Taken(rig, placed)
     try:
-        begin = measure_bias(rig, law, rest_s, rng)
-        begin = find_steady_start(rig, law, u, begin) if steady else begin
+        begin = measure_bias(rig, placed, rest_s, rng)
+        begin = find_steady_start(rig, placed, u, begin) if steady else begin
         taken.before = begin.issued[-1]
         repeated = (block for _ in range(settle + periods) for block in cut_blocks(u))
-        for block in simulate_rig(rig, law, repeated, rng, begin):
+        for block in simulate_rig(rig, placed, repeated, rng, begin):
             stop = find_stop(block.measured, limits)
             taken.add(block if stop is None else cut_block(block, stop[0] + 1))
             if stop is not None:

@@ -12,6 +12,7 @@ from jaxtyping import Float
 
 from middeck.errors import ConfigError
 from middeck.realtime.events import RunEvents
+from middeck.realtime.law import Law, check_law, place_law
 from middeck.systems.plant import Plant
 from middeck.systems.ports import Port
 from middeck.systems.record import Record
@@ -120,11 +121,7 @@ def close_sampled_loop(plant: SampledStateSpace, law: SampledStateSpace) -> Samp
     plant that answers a command within the same sample.
     """
     inputs, outputs = plant.B.shape[1], len(plant.C)
-    if law.D.shape != (inputs, outputs) or abs(law.period_s - plant.period_s) > 1e-12 * plant.period_s:
-        raise ConfigError(
-            f"the law has {law.D.shape} outputs and inputs at {law.period_s} s, the rig wants "
-            f"{(inputs, outputs)} at {plant.period_s} s"
-        )
+    check_law(law, inputs, outputs, plant.period_s)
     if np.any(plant.D):
         raise ConfigError(
             "the rig answers within the sample in which it is commanded", hint="give it a delay"
@@ -138,7 +135,7 @@ def close_sampled_loop(plant: SampledStateSpace, law: SampledStateSpace) -> Samp
 
 def run_closed_loop(
     rig: LinearRig,
-    law: SampledStateSpace,
+    law: Law,
     excitation: Float[np.ndarray, "sample input"],
     *,
     periods: int,
@@ -148,9 +145,11 @@ def run_closed_loop(
     """``periods`` periods of the loop under a repeated ``excitation`` at the control's own inputs.
 
     The first of ``settle`` unrecorded periods begins in the steady state without noise, so that only the
-    noise has to settle. A loop that is unstable by its eigenvalues gives a `Run` with a cause.
+    noise has to settle. A loop that is unstable by its eigenvalues gives a `Run` with a cause. Raises
+    `ConfigError` for a law as `place_law`.
     """
-    loop = close_sampled_loop(rig.sampled, law)
+    placed = place_law(law, rig.inputs, rig.outputs, 1.0 / rig.sample_hz)
+    loop = close_sampled_loop(rig.sampled, placed)
     if not is_stable(loop):
         return Run(None, None, _explain(loop))
     outputs = len(rig.outputs)

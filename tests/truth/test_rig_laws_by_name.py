@@ -1,0 +1,112 @@
+"""A sampled compensator on a rig: by the names of its ports, at the rig's own period."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from middeck.control.compensator import Compensator
+from middeck.control.sampled import SampledCompensator, emulate
+from middeck.errors import ConfigError
+from middeck.realtime.hardware_rig import HardwareRig, build_hardware_rig, stream_hardware
+from middeck.realtime.hardware_runs import run_hardware_closed_loop
+from middeck.realtime.motors import Motor
+from middeck.realtime.rig import build_linear_rig, run_closed_loop
+from middeck.realtime.sensors import Encoder, Gyro
+from middeck.systems.modal import ModalSystem
+from middeck.systems.plant import Plant
+from middeck.systems.ports import Port
+from middeck.systems.statespace import SampledStateSpace, StateSpace
+
+RATE_HZ = 200.0
+INPUTS = (Port("wheel", "N m"), Port("gimbal", "N m"))
+OUTPUTS = (Port("bus", "rad"), Port("payload", "rad"), Port("encoder", "rad"))
+U = np.random.default_rng(5).standard_normal((400, 2))
+
+
+def _plant() -> Plant:
+    shape = np.array([[1.0, 0.3], [-0.6, 0.9]])
+    rows = np.array([[1.0, 0.3], [-0.6, 0.9], [-1.6, 0.6]])
+    modal = ModalSystem(
+        2.0 * np.pi * np.array([1.0, 4.0]), np.full(2, 0.02), shape, rows, 0.0 * rows, ("a", "b")
+    )
+    return Plant(modal, INPUTS, OUTPUTS)
+
+
+def _rig() -> HardwareRig:
+    return build_hardware_rig(
+        _plant(),
+        motors={"wheel": Motor(5.0), "gimbal": Motor(5.0)},
+        sensors={"bus": Gyro(noise=1e-4), "payload": Gyro(noise=1e-4), "encoder": Encoder(1e-5)},
+        sample_hz=RATE_HZ,
+        delay_s=0.01,
+    )
+
+
+def _law() -> Compensator:
+    """From encoder and bus, in this order, to the gimbal."""
+    system = StateSpace([[-20.0]], [[20.0, 6.0]], [[-0.4]], [[-0.1, 0.0]])
+    return Compensator(system, (OUTPUTS[2], OUTPUTS[0]), (INPUTS[1],))
+
+
+def _by_hand(sampled: SampledCompensator) -> SampledStateSpace:
+    """The same, written out in the rig's order."""
+    s = sampled.system
+    B = np.column_stack([s.B[:, 1], 0.0 * s.B[:, 0], s.B[:, 0]])
+    D = np.array([[0.0, 0.0, 0.0], [s.D[0, 1], 0.0, s.D[0, 0]]])
+    return SampledStateSpace(s.A, B, np.vstack([0.0 * s.C, s.C]), D, s.period_s)
+
+
+@pytest.fixture(scope="module")
+def sampled() -> SampledCompensator:
+    return emulate(_law(), 1.0 / RATE_HZ)
+
+
+def test_ports_are_found_by_name_on_the_hardware_rig(sampled: SampledCompensator) -> None:
+    runs = [
+        run_hardware_closed_loop(
+            _rig(), law, U, periods=1, rng=np.random.default_rng(1), settle=1, rest_s=1.0, steady=True
+        )
+        for law in (sampled, _by_hand(sampled))
+    ]
+    first, second = (run.record for run in runs)
+    assert first is not None
+    assert second is not None
+    np.testing.assert_array_equal(first.y, second.y)
+    blocks = [
+        next(stream_hardware(_rig(), law, [U], np.random.default_rng(1)))
+        for law in (sampled, _by_hand(sampled))
+    ]
+    np.testing.assert_array_equal(blocks[0].control, blocks[1].control)
+    assert np.any(blocks[0].control[:, 1])
+    assert not np.any(blocks[0].control[:, 0])  # the wheel is not its
+
+
+def test_ports_are_found_by_name_on_the_linear_rig(sampled: SampledCompensator) -> None:
+    rig = build_linear_rig(_plant(), sample_hz=RATE_HZ, delay_s=0.01, noise_rms=np.full(3, 1e-4))
+    first, second = (
+        run_closed_loop(rig, law, U, periods=1, rng=np.random.default_rng(1)).control
+        for law in (sampled, _by_hand(sampled))
+    )
+    assert first is not None
+    assert second is not None
+    np.testing.assert_array_equal(first, second)
+
+
+def test_what_does_not_fit_is_named(sampled: SampledCompensator) -> None:
+    def run(law: object) -> None:
+        run_hardware_closed_loop(_rig(), law, U, periods=1, rng=np.random.default_rng(0))  # type: ignore[arg-type]
+
+    elsewhere = SampledCompensator(
+        sampled.system, (OUTPUTS[2], Port("mirror", "rad")), (INPUTS[1],), "tustin"
+    )
+    with pytest.raises(ConfigError, match="no output of the rig named 'mirror'"):
+        run(elsewhere)
+    with pytest.raises(ConfigError, match="no input of the rig named 'shaker'"):
+        run(SampledCompensator(sampled.system, sampled.inputs, (Port("shaker", "N"),), "tustin"))
+    with pytest.raises(ConfigError, match=r"at 0\.01 s, the rig wants .* at 0\.005 s"):
+        run(emulate(_law(), 0.01))
+    with pytest.raises(ConfigError, match="a continuous law"):
+        run(_law())
+    with pytest.raises(ConfigError, match=r"\(1, 2\) outputs and inputs"):
+        run(sampled.system)
