@@ -117,6 +117,25 @@ def design_a_controller(names: Names) -> None:
     assert names["again"].system == names["translated"].system
 
 
+def test_on_the_simulated_rig(names: Names) -> None:
+    """Predicted is measured; LQG, of good margins, falls to the drift that the other design does not feel."""
+    assert len(names["fit"].warnings) == 2
+    np.testing.assert_allclose(names["fit"].model.delay_s, 0.010, rtol=0.01)
+    (loop,) = names["md"].measure_margins(names["plant"], names["lqg"]).loops
+    assert loop.gain_db > 9.0
+    assert np.degrees(loop.phase_limit_rad) > 40.0
+    tight = [s.mode[:9] for s in names["shifts"] if s.down > -0.015]
+    assert tight == ["pole at 7", "pole at 9"]
+    for name, run in names["today"].items():
+        assert names["decibels"](run) == pytest.approx(names["predicted"][name], abs=0.1)
+        assert not run.events.saturated.any()
+    assert "mostly at 9." in names["a_day_later"]["LQG"].cause
+    lost = names["decibels"](names["a_day_later"]["multi-model"]) - names["decibels"](
+        names["today"]["multi-model"]
+    )
+    assert abs(lost) < 0.2
+
+
 def override_a_value(names: Names) -> None:
     """Both overrides arrived, the first in its article alone."""
     study = names["study"]
@@ -204,6 +223,7 @@ PROMISES: dict[str, Callable[[Names], None]] = {
     "docs/how-to/find-what-matters.md": find_what_matters,
     "docs/how-to/gimbals-and-friction.md": gimbals_and_friction,
     "docs/how-to/design-a-controller.md": design_a_controller,
+    "docs/how-to/test-on-the-simulated-rig.md": test_on_the_simulated_rig,
     "docs/how-to/qualify-a-compensator.md": qualify_a_compensator,
 }
 
