@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +13,12 @@ import pytest
 
 from cli_runner import ROOT, middeck
 from middeck.control.analysis import measure_margins
+from middeck.control.authority import sweep_authority
 from middeck.control.classical import PDLoops, close_inner_loop
 from middeck.control.closed_loop import close_loop
 from middeck.control.compensator import Compensator
 from middeck.control.lqg import LQGWeights, design_lqg
+from middeck.control.performance import Performance
 from middeck.control.qualification import qualify_compensator
 from middeck.control.robust import (
     ModeShift,
@@ -262,3 +265,34 @@ def test_the_options_of_design(
     ended = middeck(capfd, "design", tmp_path / "model.json", *arguments)
     assert ended.code == 2
     assert says in ended.err
+
+
+# one name where several are asked for
+
+
+@pytest.mark.parametrize(
+    "use",
+    [
+        lambda: ModeShift("9 Hz", 0.02),
+        lambda: LQGWeights(**(GOOD | {"disturbed": "torque"})),
+        lambda: dataclasses.replace(plant(), z="angle"),
+        lambda: plant().input_indices("torque"),
+    ],
+)
+def test_a_text_is_no_tuple_of_names(use: Callable[[], Any]) -> None:
+    refused(use, ConfigError, "is one name, not a tuple of names")
+
+
+def test_a_plant_without_groups_is_told_to_name_them() -> None:
+    bare = dataclasses.replace(plant(), w=(), u=(), z=(), y=())
+    refused(
+        lambda: design_lqg(bare, LQGWeights(**GOOD), 1e3), ConfigError, "no ports in that group of the plant"
+    )
+
+
+def test_a_sweep_needs_something_to_compare_with() -> None:
+    band = Performance(np.ones(1), np.eye(1), (0.0, 5.0))
+    sweep = partial(sweep_authority, lambda a: design_lqg(plant(), LQGWeights(**GOOD), a), np.ones(1))
+    refused(
+        lambda: sweep(on={"p": plant()}, performance=band, reference=0.0), ConfigError, "a reference of 0"
+    )

@@ -11,6 +11,7 @@ from middeck.control.closed_loop import close_loop
 from middeck.control.compensator import Compensator
 from middeck.control.participation import find_participation
 from middeck.control.performance import Performance, measure_metric
+from middeck.errors import ConfigError
 from middeck.systems.plant import Plant
 from middeck.systems.stability import is_stable
 from middeck.values import record
@@ -81,6 +82,8 @@ def sweep_authority(
     reference: float,
 ) -> AuthoritySweep:
     """Close every plant with the design at every authority; ``reference`` is the metric called 0 dB."""
+    if not 0.0 < reference < np.inf:
+        raise ConfigError(f"a reference of {reference}", hint="the metric called 0 dB, > 0")
     laws = [design(float(level)) for level in levels]
     loops = {name: [close_loop(plant, law) for law in laws] for name, plant in on.items()}
     metric = np.array([[measure_metric(loop, performance) for loop in row] for row in loops.values()])

@@ -13,6 +13,7 @@ from middeck.errors import ConfigError
 from middeck.systems.delayed_plant import DelayedPlant, approximate_delays
 from middeck.systems.mode_shift import scale_inputs, shift_modes
 from middeck.systems.plant import Plant
+from middeck.systems.ports import require_names
 from middeck.values import record
 
 PADE_ORDER = 3
@@ -36,6 +37,7 @@ class ModeShift:
     half_width: float
 
     def __post_init__(self) -> None:
+        require_names(self.modes, "modes")
         if not self.modes:
             raise ConfigError("a shift without modes")
         if not 0.0 < self.half_width < 1.0:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from middeck.systems.modal import ModalSystem, modal_to_statespace
-from middeck.systems.ports import Port, port_indices
+from middeck.systems.ports import Port, port_indices, require_names
 from middeck.systems.statespace import StateSpace
 from middeck.values import record
 
@@ -41,6 +41,8 @@ class Plant:
     state_names: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
+        for group in ("w", "u", "z", "y"):
+            require_names(getattr(self, group), group)
         shape = (len(self.outputs), len(self.inputs))
         rows, columns = self.system.D.shape
         if shape != (rows, columns):

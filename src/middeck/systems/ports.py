@@ -70,12 +70,19 @@ def _what(port: Port) -> tuple[str, ...]:
     return port.name, port.unit, channel.node, channel.direction
 
 
+def require_names(names: Sequence[str], what: str) -> None:
+    """Raise `ConfigError` for one name where several are asked for: its letters would be taken for names."""
+    if isinstance(names, str):
+        raise ConfigError(f"{what}: {names!r} is one name, not a tuple of names", hint=f"({names!r},)")
+
+
 def port_indices(ports: Sequence[Port], names: Sequence[str], side: str) -> list[int]:
     """Positions of ``names`` among ``ports``; raises `ConfigError` naming what there is.
 
     >>> port_indices([Port("a", "rad"), Port("b", "rad")], ["b"], "output")
     [1]
     """
+    require_names(names, f"{side}s")
     known = [p.name for p in ports]
     unknown = [n for n in names if n not in known]
     if unknown:

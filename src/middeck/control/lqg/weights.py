@@ -7,6 +7,7 @@ from jaxtyping import Float
 
 from middeck.control.intensity import require_intensity
 from middeck.errors import ConfigError
+from middeck.systems.ports import require_names
 from middeck.values import record
 
 
@@ -36,6 +37,7 @@ class LQGWeights:
     sensor: Float[np.ndarray, " y"]
 
     def __post_init__(self) -> None:
+        require_names(self.disturbed, "disturbed")
         if len(self.disturbed) != len(self.process):
             raise ConfigError(
                 f"{len(self.disturbed)} disturbed inputs for {len(self.process)} intensities",
@@ -61,6 +63,10 @@ class LQGWeights:
 
 def require_size(what: str, size: int, group: tuple[str, ...]) -> None:
     """Raise `ConfigError` unless there is one of ``what`` for each port of ``group``."""
+    if not group:
+        raise ConfigError(
+            f"{size} {what}, and no ports in that group of the plant", hint="name its groups: w=, u=, z=, y="
+        )
     if size != len(group):
         raise ConfigError(
             f"{size} {what} for {len(group)} ports ({', '.join(group)})", hint="one for each, in their order"

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from middeck.errors import ConfigError
 from middeck.structure.article import Damping
 from middeck.structure.modes import Modes
 from middeck.structure.plants.damping import estimate_damping
@@ -14,6 +15,7 @@ from middeck.structure.plants.port_rows import input_rows, output_rows
 from middeck.structure.plants.residual import residual_flexibility
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
+from middeck.systems.ports import require_names
 
 
 def build_plant(
@@ -49,8 +51,13 @@ def build_plant(
     Raises
     ------
     ConfigError
-        For an unknown port, a torque at a fixed axis, or ``static`` where rigid modes are left out.
+        For an unknown port, one name where several are asked for, fewer than one mode, a torque at a fixed
+        axis, or ``static`` where rigid modes are left out.
     """
+    for what, names in (("inputs", inputs), ("outputs", outputs), ("w", w), ("u", u), ("z", z), ("y", y)):
+        require_names(names, what)
+    if count < 1:
+        raise ConfigError(f"a plant of {count} modes", hint=f"1 to {len(modes.omega)}")
     equilibrium, count = modes.equilibrium, min(count, len(modes.omega))
     shapes = modes.shapes[:, :count]
     drive, read = input_rows(equilibrium, inputs), output_rows(equilibrium, outputs)
