@@ -153,6 +153,12 @@ def test_an_unstable_system_is_infinite_although_its_integral_is_not():
     assert band_rms(system, np.eye(1), BAND)[0] == np.inf
 
 
+def test_slow_growth_beside_a_fast_pole_is_growth():
+    # No double pole: nothing stands opposite it.
+    apart = StateSpace(np.diag([0.01, -1e7]), np.ones((2, 1)), np.ones((1, 2)), np.zeros((1, 1)))
+    assert band_rms(apart, np.eye(1), (1.0, 10.0))[0] == np.inf
+
+
 def test_an_undamped_mode_inside_the_band_is_infinite():
     system = StateSpace([[0.0, 9.0], [-9.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]])
     assert band_rms(system, np.eye(1), BAND)[0] == np.inf
