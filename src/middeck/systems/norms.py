@@ -65,7 +65,7 @@ def band_rms(
 
 
 def _at_origin(values: np.ndarray, A: np.ndarray, w1: float) -> np.ndarray:
-    """Poles that cannot be told from a double one at the origin: rounding splits it by sqrt(eps) |A|, evenly."""
+    """Poles that may be a double one at the origin, which rounding splits evenly, by sqrt(eps) |A|."""
     split = np.sqrt(np.finfo(float).eps) * np.linalg.norm(A)
     near = np.abs(values) < min(1e-2 * w1, split)  # and far below the band
     lone = np.abs(values[:, None] + values[None]) + np.where(np.eye(len(values), dtype=bool), np.inf, 0.0)
