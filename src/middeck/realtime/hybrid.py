@@ -53,27 +53,40 @@ def simulate_hybrid(
 
 
 def _run_block(system: HybridSystem, e: Array, rng: np.random.Generator, start: HybridState) -> HybridBlock:
-    computer = system.computer
+    computer, count = system.computer, system.readout.step
     noise, offset, bias = _draw(system, len(e), rng, start.bias)
-    issued = np.vstack([start.issued, np.empty_like(e)])
-    rows = np.empty((len(e), len(computer.step)))
-    readings = np.empty((len(e), computer.outputs))
-    momentum = np.empty_like(e)
-    tick, window = Tick(system, start), _pairs(issued)
     states, answer = computer.states, computer.states + computer.outputs
-    new, step, digital, kept = issued[len(start.issued) :], computer.step, tick.digital, tick.kept
-    for k, row in enumerate(rows):
-        tick.read(offset[k], readings[k])
-        np.dot(step, digital, out=row)
-        kept[:] = row[:states]
-        tick.limit(row[answer:], e[k], new[k], momentum[k])
-        tick.move(window[k], noise[k])
-    end = HybridState(
-        tick.x, kept, issued[len(e) :], tick.momentum, tick.joint_states(), bias, start.trim,
-        start.tick + len(e),
+    # The computer takes counts, and so nothing is scaled in a tick.
+    step = computer.step.copy()
+    step[:, states:] *= count
+    shift = step[:, states:] @ (start.trim / count)
+    trims = bool(shift.any())
+    issued = np.vstack([start.issued, np.empty_like(e)])
+    new = issued[len(start.issued) :]
+    rows = np.empty((len(e), len(step)))
+    digital = np.empty((len(e) + 1, step.shape[1]))
+    digital[0, :states] = start.computer
+    counts, commands = digital[:-1, states:], rows[:, answer:]
+    tick = Tick(system, start)
+    windows = _pairs(issued)[: len(e)]
+    parts = zip(
+        digital[:-1], counts, digital[1:, :states], rows, commands, offset / count, e, new, windows, noise,
+        strict=True,
     )  # fmt: skip
-    measured, control = rows[:, states:answer], rows[:, answer:]
-    return HybridBlock(measured, readings, control, new, momentum, end)
+    for now, reading, kept, row, command, off, excitation, torque, window, white in parts:
+        tick.read(off, reading)
+        np.dot(step, now, out=row)
+        if trims:
+            np.subtract(row, shift, out=row)
+        kept[:] = row[:states]
+        tick.limit(command, excitation, torque)
+        tick.move(window, white)
+    momentum = np.subtract.accumulate(np.vstack([start.momentum, new]))[1:]
+    end = HybridState(
+        tick.x, digital[-1, :states].copy(), issued[len(e) :], momentum[-1], tick.joint_states(), bias,
+        start.trim, start.tick + len(e),
+    )  # fmt: skip
+    return HybridBlock(rows[:, states:answer], counts * count, commands, new, momentum, end)
 
 
 def _draw(

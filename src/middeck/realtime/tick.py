@@ -17,9 +17,6 @@ class Tick:
     def __init__(self, system: HybridSystem, start: HybridState) -> None:
         plant, motors, readout = system.plant, system.motors, system.readout
         self.x = start.x.copy()
-        self.digital = np.concatenate([start.computer, np.zeros(system.computer.outputs)])
-        self.kept, self.reading = np.split(self.digital, [system.computer.states])
-        self.trim = start.trim if np.any(start.trim) else None
         self.momentum, self.previous = start.momentum, start.issued[-1]
         self.motors = motors
         self.per_step = 1.0 / motors.step
@@ -30,11 +27,10 @@ class Tick:
         self.ends = np.empty((2, len(self.momentum)))
         self.low, self.high = self.ends
         self.counts = bool(np.any(readout.step > EXACT))
-        self.count, self.per_count = readout.step, 1.0 / readout.step
-        self.range = _both_ways(readout.range)
+        self.range = _both_ways(readout.range / readout.step)
         self.steps = [np.ascontiguousarray(a) for a in plant.step]
         self.drives = [np.ascontiguousarray(b) for b in plant.drive]
-        self.first = np.vstack([self.steps[0], plant.read])
+        self.first = np.vstack([self.steps[0], plant.read / readout.step[:, None]])
         self.ahead = np.empty(len(self.first))
         self.after_first, self.sampled = np.split(self.ahead, [len(self.steps[0])])
         self.noisy = plant.noise.shape[1] > 0
@@ -52,23 +48,17 @@ class Tick:
         return np.array([s for row in self.inner for s in row], dtype=float)
 
     def read(self, offset: Array, reading: Array) -> None:
-        """What the sensors give now, also into ``reading``; and the states after the first internal step."""
+        """What the sensors give now, in counts; and the states after the first internal step."""
         np.dot(self.first, self.x, out=self.ahead)
-        now = self.reading
-        np.add(self.sampled, offset, out=now)
+        np.add(self.sampled, offset, out=reading)
         if self.range is not None:
-            np.maximum(now, self.range[0], out=now)
-            np.minimum(now, self.range[1], out=now)
+            np.maximum(reading, self.range[0], out=reading)
+            np.minimum(reading, self.range[1], out=reading)
         if self.counts:
-            np.multiply(now, self.per_count, out=now)
-            np.rint(now, out=now)
-            np.multiply(now, self.count, out=now)
-        reading[:] = now
-        if self.trim is not None:
-            np.subtract(now, self.trim, out=now)
+            np.rint(reading, out=reading)
 
-    def limit(self, law: Array, excitation: Array, torque: Array, momentum: Array) -> None:
-        """What the motors give for law and excitation together, and what that leaves in their rotors."""
+    def limit(self, law: Array, excitation: Array, torque: Array) -> None:
+        """What the motors give for law and excitation together."""
         motors, low, high = self.motors, self.low, self.high
         np.add(law, excitation, out=torque)
         if self.converts:
@@ -85,8 +75,8 @@ class Tick:
             np.add(self.momentum, self.room, out=self.ends)
             np.maximum(torque, low, out=torque)
             np.minimum(torque, high, out=torque)
-        np.subtract(self.momentum, torque, out=momentum)
-        self.momentum, self.previous = momentum, torque
+            self.momentum = self.momentum - torque
+        self.previous = torque
 
     def move(self, window: Array, noise: Array) -> None:
         """The continuous part to the next tick."""
