@@ -75,7 +75,6 @@ def test_figure_7_claims_hold_but_for_the_missed_target(outcomes):
 
 
 FIGURE_9 = (
-    "ten structural states",
     "low authority (CL1) lowers the static response",
     "CL1 lowers pendulum and first bending",
     "CL1 leaves the modes above",
