@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import scipy.stats
 from jaxtyping import Complex, Float
@@ -257,7 +259,7 @@ def zero_deviation(
     ConfigError
         For an unknown port.
     """
-    model = covariance.model
+    model = _without_delay(covariance.model)
     o, i = (_named(ports, name) for ports, name in ((model.outputs, output), (model.inputs, input)))
     z = np.asarray(zeros, dtype=complex)
     # H is analytic: an imaginary step has no cancellation, and its error goes with its square.
@@ -270,6 +272,12 @@ def zero_deviation(
     along = np.real(z.conj()[:, None] * by) / size
     ratio = -np.real(by) / size + np.real(z)[:, None] * along / size**2
     return _deviation(along / (2.0 * np.pi), covariance.matrix), _deviation(ratio, covariance.matrix)
+
+
+def _without_delay(model: MeasurementModel) -> MeasurementModel:
+    """Of the same zeros: exp(-s tau) is a factor of both derivatives, and beyond all floats at a far zero."""
+    path = None if model.path_delay_s is None else np.zeros_like(model.path_delay_s)
+    return dataclasses.replace(model, delay_s=np.zeros_like(model.delay_s), path_delay_s=path)
 
 
 def _named(ports: tuple[Port, ...], name: str) -> int:
