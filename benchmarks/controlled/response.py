@@ -33,7 +33,7 @@ def rows(options: Any) -> list[dict]:
             row(CASE, "10,000 lines, modal form", "CPU s", modal_s, states=270),
             row(CASE, "error, full matrices", "relative", _error(dense, true), 1e-11)]  # fmt: skip
     found = peer(options.peer_python, "control_response.py", A=system.A, B=system.B, C=system.C, D=system.D,
-                 omega=OMEGA)  # fmt: skip
+                 omega=OMEGA, repeats=REPEATS)  # fmt: skip
     if found is not None:
         name, theirs = "python-control, slycot", float(found["seconds"])
         made[0]["peers"] = made[1]["peers"] = cell(name, found, theirs)
