@@ -126,6 +126,8 @@ if TYPE_CHECKING:
     from middeck.identification.uncertainty.parameters import parameters_of
     from middeck.identification.uncertainty.response_bounds import response_bounds, simultaneous_bounds
     from middeck.identification.uncertainty.response_drift import compare_responses
+    from middeck.realtime.drift import Drift, age_plant, nearest_modes
+    from middeck.realtime.events import StopRule
     from middeck.realtime.hardware_rig import build_hardware_rig
     from middeck.realtime.hardware_runs import run_hardware_closed_loop, run_hardware_open_loop
     from middeck.realtime.motors import Motor
@@ -187,6 +189,7 @@ _ROOM = {
     "DelayedPlant": "systems.delayed_plant",
     "Device": "structure.environment",
     "DeviceKind": "structure.environment",
+    "Drift": "realtime.drift",
     "Encoder": "realtime.sensors",
     "Environment": "structure.environment",
     "Excitation": "systems.excitation.signal",
@@ -209,10 +212,12 @@ _ROOM = {
     "Reduction": "structure.correlation.reduction",
     "SampledCompensator": "control.sampled_compensator",
     "Shaping": "control.lqg.shaping",
+    "StopRule": "realtime.events",
     "Structure": "control.robust.structure",
     "Suspension": "structure.environment",
     "Uncertainty": "control.uncertainty",
     "accelerometer_offset": "structure.plants.port_rows",
+    "age_plant": "realtime.drift",
     "approximate_delays": "systems.delayed_plant",
     "as_compensator": "files.exchange.named",
     "as_plant": "files.exchange.named",
@@ -327,6 +332,7 @@ _ROOM = {
     "multiple_coherence": "identification.spectra.coherence",
     "name_columns": "files.records.columns",
     "name_zeros": "identification.plants.zeros",
+    "nearest_modes": "realtime.drift",
     "notch": "control.shaping.sections",
     "nrmse": "identification.simulation",
     "open_record": "files.records",
@@ -399,6 +405,7 @@ __all__ = [
     "DelayedPlant",
     "Device",
     "DeviceKind",
+    "Drift",
     "Encoder",
     "Environment",
     "Excitation",
@@ -421,11 +428,13 @@ __all__ = [
     "Reduction",
     "SampledCompensator",
     "Shaping",
+    "StopRule",
     "Structure",
     "Suspension",
     "Uncertainty",
     "__version__",
     "accelerometer_offset",
+    "age_plant",
     "approximate_delays",
     "as_compensator",
     "as_plant",
@@ -540,6 +549,7 @@ __all__ = [
     "multiple_coherence",
     "name_columns",
     "name_zeros",
+    "nearest_modes",
     "notch",
     "nrmse",
     "open_record",
