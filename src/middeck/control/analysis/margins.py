@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 
 import numpy as np
@@ -17,9 +18,10 @@ from middeck.control.analysis.crossings import (
 from middeck.control.analysis.disk import DiskMargin, disk_from_peak
 from middeck.control.analysis.ends import Ends, find_ends
 from middeck.control.analysis.lines import WIDEST, add_ends, place_lines, refine_lines
-from middeck.control.analysis.loop import AnyLaw, AnyPlant, At, broken_at, form_loop
+from middeck.control.analysis.loop import AnyLaw, AnyPlant, At, broken_at, form_loop, period_of
 from middeck.control.analysis.return_ratio import broken_ratio
 from middeck.control.analysis.stability import LoopStability, decide_loop
+from middeck.errors import ConfigError
 from middeck.values import record
 
 
@@ -48,7 +50,9 @@ class LoopMargins:
     phase_hz:
         Those frequencies, ascending.
     delay_s:
-        At each of them, the least further delay that does, also by more than half a turn.
+        At each of them, the least further delay that does, also by more than half a turn. Of a sampled loop
+        (`measure_sampled_margins`) the first of all delays alone; None where its plant is not known, since
+        what was sampled does not say how a mode beyond half the rate turns.
     sensitivity, complementary:
         Peaks of 1 / (1 + L) and of L / (1 + L).
     disk:
@@ -60,7 +64,7 @@ class LoopMargins:
     gain_hz: Float[np.ndarray, " axis"]
     phase_rad: Float[np.ndarray, " circle"]
     phase_hz: Float[np.ndarray, " circle"]
-    delay_s: Float[np.ndarray, " circle"]
+    delay_s: Float[np.ndarray, " delay"] | None
     sensitivity: Peak
     complementary: Peak
     disk: DiskMargin
@@ -92,8 +96,15 @@ class LoopMargins:
 
     @property
     def delay_limit_s(self) -> float:
-        """The least further delay; none if unstable as it is."""
-        return 0.0 if self.broken else float(self.delay_s.min(initial=np.inf))
+        """The least further delay; none if unstable as it is. Raises `ConfigError` where it is not known."""
+        if self.broken:
+            return 0.0
+        if self.delay_s is None:
+            raise ConfigError(
+                "the delay margin of a sampled loop is not known without its plant",
+                hint="measure_sampled_margins(plant, law)",
+            )
+        return float(self.delay_s.min(initial=np.inf))
 
 
 @record
@@ -157,6 +168,8 @@ def measure_margins(plant: AnyPlant, law: AnyLaw, *, at: At = "inputs") -> Margi
         _describe(name, i, (_channel(ratio, i), omega, L[:, i]), crossings, ends, stability.stable)
         for i, name in enumerate(broken_at(loop, at))
     )
+    if period_of(loop) is not None:
+        loops = (dataclasses.replace(one, delay_s=None) for one in loops)
     return Margins(stability, tuple(loops))
 
 

@@ -13,6 +13,7 @@ def margins_table(margins: Margins) -> str:
     """A line for each loop: the least gain, phase and delay that break it and where, disk and peak of S.
 
     An unstable loop has no margins: the line says where its fastest root is. ``-``: nothing breaks it.
+    ``?``: a delay that was not looked for (`LoopMargins`).
 
     >>> from middeck.control.analysis import measure_margins
     >>> from middeck.control.compensator import Compensator
@@ -46,7 +47,7 @@ def _cells(loop: LoopMargins) -> tuple[str, ...]:
         "-" if gain is None else f"{loop.gain_hz[gain]:.4g}",
         "-" if phase is None else f"{np.degrees(abs(loop.phase_rad[phase])):.1f}",
         "-" if phase is None else f"{loop.phase_hz[phase]:.4g}",
-        "-" if phase is None else f"{1e3 * loop.delay_limit_s:.3g}",
+        "?" if loop.delay_s is None else "-" if not len(loop.delay_s) else f"{1e3 * loop.delay_limit_s:.3g}",
         f"{loop.disk.alpha:.3f}",
         f"{loop.sensitivity.gain:.3f}",
         f"{loop.sensitivity.frequency_hz:.4g}",

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from typing import TypeVar
 
 import numpy as np
+from jaxtyping import Float
 
 from middeck.control.analysis import (
     AllowedShift,
     DiskMargin,
+    LoopMargins,
     Margins,
+    decide_stability,
     find_allowed_shifts,
     measure_disk_margin,
     measure_margins,
@@ -18,11 +22,14 @@ from middeck.control.analysis import (
 from middeck.control.analysis.loop import At
 from middeck.control.kinds import require_sampled
 from middeck.control.partition import partition_modes
+from middeck.control.sampled.delay_margin import find_delay_limit
 from middeck.control.sampled_compensator import SampledCompensator
 from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.delayed_sampling import sample_delayed
 from middeck.systems.plant import Plant, subsystem
-from middeck.systems.statespace import SampledStateSpace
+from middeck.systems.statespace import SampledStateSpace, StateSpace
+
+T = TypeVar("T")
 
 
 def sample_controlled(plant: Plant | DelayedPlant, compensator: SampledCompensator) -> SampledStateSpace:
@@ -32,6 +39,14 @@ def sample_controlled(plant: Plant | DelayedPlant, compensator: SampledCompensat
     `ConfigError` where the plant lacks a port of the law.
     """
     require_sampled(compensator)
+    system, late = _controlled_path(plant, compensator)
+    return sample_delayed(system, compensator.period_s, late)
+
+
+def _controlled_path(
+    plant: Plant | DelayedPlant, compensator: SampledCompensator
+) -> tuple[StateSpace, Float[np.ndarray, "y u"]]:
+    """From the law's outputs to its inputs, and how late each of these paths is."""
     inside = plant.plant if isinstance(plant, DelayedPlant) else plant
     u, y = (tuple(p.name for p in side) for side in (compensator.outputs, compensator.inputs))
     rows, columns = inside.output_indices(y), inside.input_indices(u)
@@ -40,22 +55,57 @@ def sample_controlled(plant: Plant | DelayedPlant, compensator: SampledCompensat
         if isinstance(plant, DelayedPlant)
         else np.zeros((len(y), len(u)))
     )
-    return sample_delayed(subsystem(partition_modes(inside).active, u, y), compensator.period_s, late)
+    return subsystem(partition_modes(inside).active, u, y), late
 
 
 def measure_sampled_margins(
-    plant: Plant | DelayedPlant, compensator: SampledCompensator, *, at: At = "inputs"
+    plant: Plant | DelayedPlant, compensator: SampledCompensator, *, at: At = "inputs", delays: bool = True
 ) -> Margins:
     """Gain, phase, delay and disk margins of each loop at the sampled rate, the others closed.
 
-    A gain is margin for the loop as it runs: what the hold and the delays cost is in it already. Raises
+    A gain is margin for the loop as it runs: what the hold and the delays cost is in it already. The delay is
+    the least at which the loop, its plant sampled anew with that channel so much later, is unstable
+    (`middeck.control.sampled.delay_margin`): most of the work, left out with ``delays=False``. Raises
     `ConfigError` where the plant lacks a port of the law.
     """
     found = measure_margins(sample_controlled(plant, compensator), compensator.system, at=at)
     u, y = (tuple(p.name for p in side) for side in (compensator.outputs, compensator.inputs))
-    names = {"inputs": u, "outputs": y, "both": (*u, *y)}[at]
-    loops = tuple(dataclasses.replace(m, channel=n) for m, n in zip(found.loops, names, strict=True))
-    return dataclasses.replace(found, loops=loops)
+    loops = [
+        dataclasses.replace(loop, channel=name)
+        for loop, name in zip(found.loops, _by_channel(u, y, at), strict=True)
+    ]
+    if delays:
+        masks = _by_channel(list(np.eye(len(u))[:, None, :]), list(np.eye(len(y))[:, :, None]), at)
+        loops = [
+            dataclasses.replace(loop, delay_s=_delay_limits(plant, compensator, loop, mask))
+            for loop, mask in zip(loops, masks, strict=True)
+        ]
+    return dataclasses.replace(found, loops=tuple(loops))
+
+
+def _by_channel(inputs: Sequence[T], outputs: Sequence[T], at: At) -> list[T]:
+    return [*(inputs if at != "outputs" else ()), *(outputs if at != "inputs" else ())]
+
+
+def _delay_limits(
+    plant: Plant | DelayedPlant,
+    compensator: SampledCompensator,
+    loop: LoopMargins,
+    later: Float[np.ndarray, "y u"],
+) -> Float[np.ndarray, " delay"]:
+    """The first alone, if there is one; ``later`` is one where the channel is."""
+    if loop.broken:
+        return np.zeros(0)
+    (system, late), period = _controlled_path(plant, compensator), compensator.period_s
+
+    def stable_at(more_s: float) -> bool:
+        return decide_stability(
+            sample_delayed(system, period, late + more_s * later), compensator.system
+        ).stable
+
+    lag = np.mod(loop.phase_rad, 2.0 * np.pi) / (2.0 * np.pi * loop.phase_hz)
+    first = find_delay_limit(stable_at, system, period, float(lag.min(initial=np.inf)))
+    return np.array([first]) if np.isfinite(first) else np.zeros(0)
 
 
 def measure_sampled_disk(

@@ -1,0 +1,121 @@
+"""The least further delay that loses a sampled loop, modes beyond half the rate included."""
+
+import numpy as np
+import pytest
+import sampled_cases as cases
+import scipy.linalg
+
+from middeck.control.analysis import measure_margins
+from middeck.control.analysis.margins_table import margins_table
+from middeck.control.sampled import design_sampled_lqg, measure_sampled_margins, sample_controlled
+from middeck.control.sampled_compensator import SampledCompensator
+from middeck.errors import ConfigError
+from middeck.systems.delayed_plant import delay_inputs
+from middeck.systems.modal import ModalSystem, modal_to_statespace
+from middeck.systems.plant import Plant
+from middeck.systems.ports import Port
+from middeck.systems.statespace import SampledStateSpace, StateSpace
+
+U, Y = (Port("u", "N"),), (Port("y", "m"),)
+PERIOD = 0.01
+
+
+def law(gain, *, waits, period=PERIOD):
+    """u[k] = gain y[k], or a period later."""
+    parts = (np.zeros((1, 1)), np.ones((1, 1)), [[gain]], np.zeros((1, 1)))
+    now = (np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[gain]])
+    return SampledCompensator(SampledStateSpace(*(parts if waits else now), period), Y, U, "gain")
+
+
+def plant_of(dynamics):
+    return Plant(dynamics, U, Y, w=("u",), u=("u",), z=("y",), y=("y",))
+
+
+def mode(hz, gain):
+    omega = 2.0 * np.pi * hz
+    return ModalSystem([omega], [0.01], [[1.0]], [[gain * 0.02 * omega**2]], [[0.0]], ("panel",))
+
+
+def limit_of(plant, one, **options):
+    return measure_sampled_margins(plant, one, **options).loops[0].delay_limit_s
+
+
+@pytest.mark.parametrize("k", [1.05, 1.25, 1.9])
+def test_a_delayed_integrator_has_a_closed_form(k):
+    # z (z - 1) + k (1 - theta) z + k theta: by Jury stable for k theta < 1, with k = gain times period.
+    integrator = plant_of(StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]))
+    found = limit_of(integrator, law(-k / PERIOD, waits=False))
+    assert found == pytest.approx(PERIOD / k, rel=1e-6)  # the stability limit of 1e-8 rad/s, over a period
+
+
+def radius(modal, gain, late_s):
+    """Largest |z| of the loop, written out with matrix exponentials: no code of the package but the matrices.
+
+    u[k] = gain y[k - 1], late by n whole periods and a part.
+    """
+    s = modal_to_statespace(modal)
+    n, part = divmod(late_s, PERIOD)
+    whole = scipy.linalg.expm(np.block([[s.A, s.B], [np.zeros((1, 3))]]) * PERIOD)
+    rest = scipy.linalg.expm(np.block([[s.A, s.B], [np.zeros((1, 3))]]) * (PERIOD - part))
+    A, newer = whole[:2, :2], rest[:2, 2:]
+    older = whole[:2, 2:] - newer
+    size = 2 + int(n) + 2  # x, then u[k], u[k-1], ... down to the oldest in force
+    loop = np.zeros((size, size))
+    loop[:2, :2] = A
+    loop[:2, size - 2 : size - 1], loop[:2, size - 1 :] = newer, older
+    loop[2, :2] = gain * s.C[0]
+    loop[3:, 2:-1] = np.eye(size - 3)
+    return float(np.abs(np.linalg.eigvals(loop)).max())
+
+
+@pytest.mark.parametrize(
+    ("hz", "sign", "late"), [(71.2, 1.0, 0.00142), (55.0, -1.0, 0.004), (55.0, 1.0, 0.004), (94.0, -1.0, 0.0)]
+)
+def test_a_mode_beyond_half_the_rate_turns_at_its_own_frequency(hz, sign, late):
+    modal = mode(hz, 2.0 / np.sinc(hz * PERIOD))  # a loop gain of two behind the hold
+    measured = measure_sampled_margins(delay_inputs(plant_of(modal), late), law(sign, waits=True))
+    found = measured.loops[0].delay_limit_s
+    assert measured.stable
+    # On the circle as far as a stability limit of 1e-8 rad/s and nine digits of a delay leave it.
+    assert radius(modal, sign, late + found) == pytest.approx(1.0, abs=1e-7)
+    before = np.arange(late, late + found, 2e-5)  # 0.01 rad of the mode
+    assert max(radius(modal, sign, t) for t in before) < 1.0
+
+
+def test_of_several_loops_each_is_delayed_alone_at_either_end():
+    plant, weights = cases.tangled(), cases.tangled_weights()
+    one = design_sampled_lqg(plant, weights, 10.0, 0.1)
+    limits = {m.channel: m.delay_limit_s for m in measure_sampled_margins(plant, one, at="both").loops}
+    assert [port for port, limit in limits.items() if np.isfinite(limit)] == ["u1", "y2"]
+    for port in ("u1", "y2"):
+        for factor, stable in ((0.999, True), (1.001, False)):
+            late = later(plant, port, factor * limits[port])
+            assert measure_sampled_margins(late, one, delays=False).stable == stable
+
+
+def later(delayed, port, more_s):
+    late = delayed.delay_s.copy()
+    inside = delayed.plant
+    if port.startswith("u"):
+        late[:, inside.input_indices([port])] += more_s
+    else:
+        late[inside.output_indices([port])] += more_s
+    return type(delayed)(inside, late)
+
+
+def test_a_loop_whose_plant_is_not_known_has_no_delay_margin():
+    plant, one = (
+        cases.late_gimbal(),
+        design_sampled_lqg(cases.late_gimbal(), cases.gimbal_weights(), 100.0, 0.01),
+    )
+    bare = measure_margins(sample_controlled(plant, one), one.system)
+    with pytest.raises(ConfigError, match="not known without its plant"):
+        _ = bare.loops[0].delay_limit_s
+    assert "  ?  " in margins_table(bare)
+    known = measure_sampled_margins(plant, one)
+    assert f"{1e3 * known.loops[0].delay_limit_s:.3g}" in margins_table(known)
+    assert known.loops[0].gain_limits == bare.loops[0].gain_limits
+
+
+def test_without_gain_there_is_no_limit():
+    assert limit_of(plant_of(mode(71.2, 2.0)), law(0.1, waits=True)) == np.inf
