@@ -10,18 +10,18 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.control.compensator import Compensator
+from middeck.control.sampled import emulate
 from middeck.files.study_form import RigForm, SisoForm
 from middeck.identification.spectra import estimate_response
 from middeck.realtime.drift import Drift, nearest_modes
 from middeck.realtime.hardware_rig import HardwareRig
 from middeck.realtime.hardware_runs import run_hardware_closed_loop, run_hardware_open_loop
+from middeck.realtime.law import place_law
 from middeck.realtime.rig import Run
 from middeck.study.rig_article import RigArticle, rig_article_plant
 from middeck.study.rig_hardware import build_article_rig
 from middeck.systems.excitation import Limits, design_multisine, random_multisine
-from middeck.systems.ports import port_indices
 from middeck.systems.response import FrequencyResponse
-from middeck.systems.sampling import tustin
 from middeck.systems.statespace import SampledStateSpace
 from middeck.values import record
 
@@ -109,14 +109,8 @@ def take_closed_loop(bench: Bench, compensator: Compensator, rng: np.random.Gene
 
 def law_on(rig: HardwareRig, compensator: Compensator) -> SampledStateSpace:
     """The compensator sampled by Tustin's rule, from all outputs of the rig to all its inputs."""
-    law = tustin(compensator.system, 1.0 / rig.sample_hz)
-    rows = port_indices(rig.inputs, [p.name for p in compensator.outputs], "input")
-    columns = port_indices(rig.outputs, [p.name for p in compensator.inputs], "output")
-    B = np.zeros((len(law.A), len(rig.outputs)))
-    C, D = np.zeros((len(rig.inputs), len(law.A))), np.zeros((len(rig.inputs), len(rig.outputs)))
-    B[:, columns], C[rows] = law.B, law.C
-    D[np.ix_(rows, columns)] = law.D
-    return SampledStateSpace(law.A, B, C, D, law.period_s)
+    period_s = 1.0 / rig.sample_hz
+    return place_law(emulate(compensator, period_s), rig.inputs, rig.outputs, period_s)
 
 
 def _limit_cycle(run: Run) -> str:
