@@ -39,7 +39,7 @@ def plant_as_sampled(plant: Plant | DelayedPlant, period_s: float) -> Plant:
     >>> round(float(plant_as_sampled(plant, 0.1).system.A[0, 0]), 4)  # -tanh(T/2) / (T/2)
     -0.9992
     """
-    rest, late = delay_at_the_hold(plant)
+    rest, late = delay_at_the_hold(plant, period_s)
     active = partition_modes(rest).active
     shared = sorted(set(active.w) & set(active.u))
     if shared:
