@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from middeck.control.lqg import LQGWeights, design_lqg
 from middeck.control.robust import design_multimodel, outcomes_on, shift_modes
 from middeck.control.robust.blend import blend
-from middeck.control.robust.closed_cost import Law, evaluate_cost
+from middeck.control.robust.closed_cost import Law, evaluate_cost, solve_gramian
 from middeck.control.robust.design_model import build_model
 from middeck.control.robust.structure import arrange
 from middeck.systems.modal import ModalSystem
@@ -54,6 +54,19 @@ def test_coordinates_of_a_law_do_not_matter(seed):
     # Rounding times the condition of T and of the law's eigenvectors.
     for law in (turned, arrange(turned, [])[0]):
         assert abs(evaluate_cost(model, law).cost / lqg.cost - 1.0) < 1e-8
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=st.integers(0, 10_000))
+def test_units_of_states_do_not_matter(seed):
+    rng, n = np.random.default_rng(seed), 6
+    A = rng.standard_normal((n, n))
+    A -= (np.linalg.eigvals(A).real.max() + 0.05) * np.eye(n)
+    B, unit = rng.standard_normal((n, 2)), 10.0 ** rng.uniform(-6.0, 6.0, n)
+    plain, scaled = solve_gramian(A, B), solve_gramian(A * unit / unit[:, None], B / unit[:, None])
+    rms = np.sqrt(np.diag(plain))
+    # Rounding times the condition of a random A, whose slowest pole decays with 0.05.
+    np.testing.assert_allclose(np.sqrt(np.diag(scaled)) * unit, rms, rtol=1e-9)
 
 
 @settings(max_examples=4, deadline=None)

@@ -69,15 +69,12 @@ def spectral_abscissa(model: DesignModel, law: Law) -> float:
 def evaluate_cost(model: DesignModel, law: Law) -> LawCost:
     """The cost and its gradient with respect to the law's matrices."""
     A, B, C = closed_matrices(model, law)
-    try:
-        T, U = cast("tuple[np.ndarray, np.ndarray]", sla.schur(A, check_finite=False))
-    except (sla.LinAlgError, ValueError):
+    form = _stable_form(A)
+    if form is None:
         return LawCost(np.inf)
-    # The diagonal of a standard real Schur form holds the real parts.
-    if not np.diag(T).max(initial=-np.inf) < 0.0:
-        return LawCost(np.inf)
-    X = U @ _solve_triangular(T, U.T @ B, transposed=False) @ U.T
-    P = U @ _solve_triangular(T, (C @ U).T, transposed=True) @ U.T
+    T, into, out = form
+    X = into @ _solve_triangular(T, out @ B, transposed=False) @ into.T
+    P = out.T @ _solve_triangular(T, (C @ into).T, transposed=True) @ out
     cost = float(np.sum((C @ X) * C))
     if not np.isfinite(cost):
         return LawCost(np.inf)
@@ -111,10 +108,27 @@ def solve_gramian(
     A: Float[np.ndarray, "state state"], B: Float[np.ndarray, "state w"]
 ) -> Float[np.ndarray, "state state"] | None:
     """X of A X + X A' + B B' = 0; None where A is not stable."""
-    T, U = cast("tuple[np.ndarray, np.ndarray]", sla.schur(A, check_finite=False))
+    form = _stable_form(A)
+    if form is None:
+        return None
+    T, into, out = form
+    return into @ _solve_triangular(T, out @ B, transposed=False) @ into.T
+
+
+def _stable_form(A: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """T, V and V^-1 of A = V T V^-1, T the real Schur form of A balanced first, so that units of states do
+    not matter; None where A is not stable."""
+    if not np.isfinite(A).all():
+        return None
+    balanced, _, _, scale, _ = cast("Any", lapack).dgebal(A, scale=1, permute=0)
+    try:
+        T, U = cast("tuple[np.ndarray, np.ndarray]", sla.schur(balanced, check_finite=False))
+    except sla.LinAlgError:
+        return None
+    # The diagonal of a standard real Schur form holds the real parts.
     if not np.diag(T).max(initial=-np.inf) < 0.0:
         return None
-    return U @ _solve_triangular(T, U.T @ B, transposed=False) @ U.T
+    return T, scale[:, None] * U, U.T / scale
 
 
 def _solve_triangular(T: np.ndarray, factor: np.ndarray, *, transposed: bool) -> np.ndarray:
