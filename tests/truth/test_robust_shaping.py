@@ -16,9 +16,11 @@ from middeck.control.robust import (
     Station,
     Structure,
     Uncertainty,
+    corner_positions,
     design_multimodel,
     design_popov,
     design_sensitivity_weighted,
+    draw_positions,
     finished_plants,
 )
 from middeck.control.robust.closed_cost import Law, evaluate_cost
@@ -63,6 +65,9 @@ def box(width):
     return Uncertainty(tuple(ModeShift((name,), width) for name in NAMES))
 
 
+LOW = Uncertainty((ModeShift(("low",), 0.01),))
+
+
 @pytest.mark.parametrize("shaping", [FILTERS, INTEGRAL, ALL])
 def test_cost_of_a_shaped_lqg_law_is_that_of_lqg_and_stationary(shaping):
     plant = oscillator()
@@ -105,7 +110,9 @@ def test_one_model_at_full_order_returns_the_lqg_cost(shaping):
     # From a law of a third of the authority, that costs up to half as much again, the descent ends where it
     # makes no use of some states: as without shaping (test_multimodel.py).
     weak = design_lqg(plant, WEIGHTS, AUTHORITY / 3.0, shaping=shaping)
-    law = design_multimodel(plant, WEIGHTS, AUTHORITY, uncertainty=(), shaping=shaping, start=weak)
+    law = design_multimodel(
+        plant, WEIGHTS, AUTHORITY, uncertainty=(), shaping=shaping, start=weak, tolerance=1e-5
+    )
     assert law.cost == pytest.approx(lqg.cost, rel=2e-3)
     assert law.cost > lqg.cost * (1.0 - 1e-10)  # nothing is below the minimum
 
@@ -124,8 +131,8 @@ def test_a_small_box_is_one_model():
 
 @pytest.fixture(scope="module")
 def bounded():
-    """At a lower authority, which leaves the bound more room and takes less time."""
-    return design_popov(oscillator(), WEIGHTS, 1.0, uncertainty=box(0.01), shaping=ALL, tolerance=1e-4)
+    """At a lower authority and for one mode, which leaves the bound more room and takes less time."""
+    return design_popov(oscillator(), WEIGHTS, 1.0, uncertainty=LOW, shaping=ALL, tolerance=1e-3)
 
 
 @pytest.fixture(scope="module")
@@ -146,7 +153,8 @@ def test_integral_action_leaves_no_error_at_rest_on_any_model(integral_designs):
         assert not law.system.A[-1].any()  # the pole at zero is exact
         assert law.system.B[-1].tolist() == [1.0]
         assert len(law.system.A) == law.order + 1
-        for each in finished_plants(plant, box(0.01), positions):
+        known = positions[:3] if law is integral_designs[-1] else positions  # bounded in LOW alone
+        for each in finished_plants(plant, box(0.01), known):
             loop = close_loop(dataclasses.replace(each, z=("y",)), law)
             assert loop.stable
             rest = loop.system.C @ np.linalg.solve(-loop.system.A, loop.system.B) + loop.system.D
@@ -156,21 +164,14 @@ def test_integral_action_leaves_no_error_at_rest_on_any_model(integral_designs):
 
 
 def test_a_shaped_bound_holds_in_its_box(bounded):
-    plant, rng = oscillator(), np.random.default_rng(2)
-    model = build_model(plant, WEIGHTS, 1.0, shaping=ALL)
-    system, d = bounded.system, bounded.directions
+    system, rng = bounded.system, np.random.default_rng(2)
     closed = Law(system.A, system.B, system.C)
-    costs = []
-    for share in np.vstack([rng.uniform(0.0, 1.0, (30, 2)), [[0, 0], [0, 1], [1, 0], [1, 1]]]):
-        A = model.A.copy()
-        A[:4, :4] += d.into @ ((d.low + share * (d.high - d.low))[:, None] * d.out)
-        costs.append(evaluate_cost(dataclasses.replace(model, A=A), closed).cost)
+    places = np.vstack([draw_positions(LOW, 30, rng), corner_positions(LOW)])
+    costs = [
+        evaluate_cost(build_model(plant, WEIGHTS, 1.0, shaping=ALL), closed).cost
+        for plant in finished_plants(oscillator(), LOW, places)
+    ]
     assert max(costs) <= bounded.cost < 1.2 * max(costs)  # and the bound is not far above
-    # These are the plants of the box: their corners' modes are where `shift_modes` puts them.
-    corner = finished_plants(plant, box(0.01), np.array([[1.0, 1.0]]))[0]
-    moved = build_model(corner, WEIGHTS, 1.0, shaping=ALL)
-    # All but the damping, which stiffness leaves and a shift does not: 1 % of 1 % of each mode.
-    assert evaluate_cost(moved, closed).cost == pytest.approx(costs[-1], rel=0.005)
 
 
 def test_what_makes_no_sense_is_refused():

@@ -41,9 +41,12 @@ from middeck.control.robust import (
 )
 from middeck.control.robust.closed_cost import Law
 from middeck.control.robust.exact_delay import exact_growth
+from middeck.control.sampled import emulate, measure_sampled_loop
+from middeck.control.sampled.antialias import filter_measurements
+from middeck.control.shaping import roll_off
 from middeck.errors import ConfigError
 from middeck.systems.delay import pade
-from middeck.systems.delayed_plant import DelayedPlant, approximate_delays, evaluate_delayed
+from middeck.systems.delayed_plant import DelayedPlant, approximate_delays, delay_inputs, evaluate_delayed
 from middeck.systems.delayed_sampling import sample_delayed
 from middeck.systems.modal import ModalSystem, modal_to_statespace
 from middeck.systems.norms import band_rms
@@ -82,6 +85,38 @@ def test_blocks_of_a_fit_shift_as_modes_do(seed):
     poles = np.linalg.eigvals(moved[1].system.A)
     np.testing.assert_allclose(np.unique(np.abs(poles).round(9)), [3.3, 7.6], rtol=1e-9)
     np.testing.assert_allclose(np.unique((-poles.real / np.abs(poles)).round(9)), [0.03, 0.05], rtol=1e-8)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_rates_that_blocks_are_read_for_shift_as_modes_do(seed):
+    plant, f = two_modes(rates=0.4), np.geomspace(0.02, 3.0, 50)
+    moved = [shift_modes(p, {"a": 1.2, "b": 0.9}, {"b": 1.5}) for p in (plant, as_blocks(plant, seed))]
+    np.testing.assert_allclose(evaluate_plant(moved[1], f).H, evaluate_plant(moved[0], f).H, rtol=1e-10)
+
+
+def test_blocks_read_for_accelerations_are_refused():
+    plant = two_modes()
+    late = approximate_delays(delay_outputs(accelerated(plant), 0.01), 2)
+    for each in (as_blocks(accelerated(plant), 0), late):
+        with pytest.raises(ConfigError, match="the acceleration of a, which outside modal form"):
+            shift_modes(each, {"a": 1.02})
+    # A path round the modes is no acceleration.
+    direct = dataclasses.replace(plant.dynamics, direct=[[0.3, 0.2]])
+    plant = dataclasses.replace(plant, dynamics=direct)
+    f = np.geomspace(0.02, 3.0, 50)
+    moved = [shift_modes(p, {"a": 1.2}) for p in (plant, as_blocks(plant, 0))]
+    np.testing.assert_allclose(evaluate_plant(moved[1], f).H, evaluate_plant(moved[0], f).H, rtol=1e-10)
+
+
+def accelerated(plant):
+    m = plant.dynamics
+    return dataclasses.replace(
+        plant, dynamics=dataclasses.replace(m, phi=0.0 * m.phi, phi_acceleration=m.phi)
+    )
+
+
+def delay_outputs(plant, delay_s):
+    return DelayedPlant(plant, np.full((len(plant.outputs), len(plant.inputs)), delay_s))
 
 
 def test_a_shift_behind_a_delay_stays_with_its_mode():
@@ -338,6 +373,41 @@ def test_unstable_is_an_outcome_and_bad_input_is_not():
         shift_modes(as_blocks(two_modes(), 0), {}, {"b": 30.0})
     with pytest.raises(ConfigError, match="between 0 and 1"):
         ModeShift(("a",), 1.5)
+
+
+def fast_and_slow():
+    """Two modes under two measurements, and a law for them."""
+    phi = np.array([[1.0, 0.4], [1.0, -0.6]])
+    modal = ModalSystem(
+        2.0 * np.pi * np.array([1.0, 3.0]), [0.02, 0.02], [[1.0, 0.5], [0.3, 1.0]], phi, 0.0 * phi, ("a", "b")
+    )
+    ports = (Port("w", ""), Port("u", "")), (Port("y", ""), Port("x", ""))
+    plant = Plant(modal, *ports, ("w",), ("u",), ("y",), ("y", "x"))
+    weights = LQGWeights(np.ones(1), np.ones(1), ("w",), np.eye(1), np.full(2, 1e-4))
+    return plant, weights, design_lqg(approximate_delays(delay_inputs(plant, 0.004), 3), weights, 3e2)
+
+
+@pytest.mark.parametrize("later_s", [1e-3, 1e-5, 1e-6, 1e-8, 1e-12])
+def test_a_path_a_little_later_than_another_is_sampled_as_it_is(later_s):
+    # `measure_sampled_loop` follows a period from instant to instant, without an approximation.
+    plant, weights, law = fast_and_slow()
+    late = DelayedPlant(plant, np.array([[0.004, 0.004], [0.004 + later_s, 0.004 + later_s]]))
+    found = outcomes_on([late], law, weights, rates_hz=(100.0,))[1]
+    exact = measure_sampled_loop(late, emulate(law, 0.01, "tustin"), weights, 1.0)
+    assert found.stable[0]
+    # Rounding of states 1e8 times as fast as the period, or 1e-6 of a period that is left out.
+    assert found.rms[0] == pytest.approx(np.linalg.norm(exact.rms_at_samples), rel=1e-7)
+    assert found.control_rms[0] == pytest.approx(exact.control_rms, rel=1e-7)
+
+
+@pytest.mark.parametrize("corner_hz", [100.0, 1e4, 1e6])
+def test_a_fast_filter_before_the_sampler_does_no_harm(corner_hz):
+    plant, weights, law = fast_and_slow()
+    plant = filter_measurements(plant, roll_off(corner_hz, 2))
+    found = outcomes_on([plant], law, weights, rates_hz=(100.0,))[1]
+    exact = measure_sampled_loop(plant, emulate(law, 0.01, "tustin"), weights, 1.0)
+    assert found.stable[0]
+    assert found.rms[0] == pytest.approx(np.linalg.norm(exact.rms_at_samples), rel=1e-7)
 
 
 def test_a_plant_that_control_alone_holds_improves_without_bound():

@@ -14,6 +14,10 @@ from middeck.errors import ConfigError
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant, name_states
 from middeck.systems.statespace import StateSpace
+from middeck.values import record
+
+ROUNDING = 1e-9
+"""Part of a row that is rounding."""
 
 
 def shift_modes(
@@ -21,15 +25,17 @@ def shift_modes(
 ) -> Plant:
     """The plant with the natural frequencies of named modes multiplied, and their damping ratios.
 
-    A shift leaves the damping ratio, and ``damping`` the frequency. Modal constants phi psi of
-    q'' + 2 zeta omega q' + omega^2 q = psi u stay. A plant without modal dynamics needs ``state_names`` and a
-    block of two states for each mode named, driven and read by others but not in a loop with them.
+    A shift leaves the damping ratio, and ``damping`` the frequency. What drives
+    q'' + 2 zeta omega q' + omega^2 q = psi u stays, and what is read of q and q'. A plant without modal form
+    needs ``state_names`` and a block of two states for each mode named, driven and read by others, not in a
+    loop with them; q is then what the strongest input does not move at once.
 
     Raises
     ------
     ConfigError
         For modes that do not exist, do not oscillate, or are in a loop with other states (shift the plant
-        without the loop and close it again); for factors that are not positive.
+        without the loop and close it again); outside modal form, where q'' is read, which other frequencies
+        make of other parts of the mode; for factors that are not positive.
 
     Examples
     --------
@@ -51,7 +57,7 @@ def shift_modes(
         raise ConfigError("a factor on a frequency or a damping ratio is not positive and finite")
     if isinstance(plant.dynamics, ModalSystem):
         return dataclasses.replace(plant, dynamics=_shift_modal(plant.dynamics, frequency, damping))
-    return dataclasses.replace(plant, dynamics=_shift_blocks(plant.dynamics, known, frequency, damping))
+    return dataclasses.replace(plant, dynamics=_shift_blocks(plant, plant.dynamics, frequency, damping))
 
 
 def _shift_modal(
@@ -67,9 +73,9 @@ def _shift_modal(
 
 
 def _shift_blocks(
-    system: StateSpace, names: tuple[str, ...], frequency: Mapping[str, float], damping: Mapping[str, float]
+    plant: Plant, system: StateSpace, frequency: Mapping[str, float], damping: Mapping[str, float]
 ) -> StateSpace:
-    A, B = system.A.copy(), system.B.copy()
+    A, names = system.A.copy(), name_states(plant)
     loops = _loops(system.A)
     for name in dict.fromkeys((*frequency, *damping)):
         index = mode_states(names, name)
@@ -78,8 +84,69 @@ def _shift_blocks(
                 f"{name} is in a loop with other states: what a shift changes cannot be told from them",
                 hint="shift the plant without the loop, then close it again",
             )
-        _shift_block(A, B, index, name, frequency.get(name, 1.0), damping.get(name, 1.0))
-    return StateSpace(A, B, system.C, system.D)
+        at = mode_coordinates(system.A, system.B, index, name)
+        _refuse_accelerations(plant, system, index, at, name)
+        f, g = frequency.get(name, 1.0), damping.get(name, 1.0)
+        if g * at.zeta >= 1.0:
+            raise ConfigError(f"{name!r} would not oscillate with {g:g} times its damping")
+        less = (1.0 - f**2) * at.omega**2 * at.position + (1.0 - f * g) * 2.0 * at.zeta * at.omega * at.rate
+        A[np.ix_(index, index)] += np.outer(at.push, less)
+    return StateSpace(A, system.B, system.C, system.D)
+
+
+@record
+class ModeCoordinates:
+    """The two states of a mode as q'' + 2 zeta omega q' + omega^2 q = what ``push`` is worth.
+
+    Parameters
+    ----------
+    push:
+        What a unit of force adds to the rate of the two states.
+    position, rate:
+        What reads q and q' of them: position @ push = 0, rate @ push = 1.
+    """
+
+    push: Float[np.ndarray, " 2"]
+    position: Float[np.ndarray, " 2"]
+    rate: Float[np.ndarray, " 2"]
+    omega: float
+    zeta: float
+
+
+def mode_coordinates(A: np.ndarray, B: np.ndarray, index: np.ndarray, name: str) -> ModeCoordinates:
+    """Of the mode with the states ``index``; raises `ConfigError` where it does not oscillate."""
+    block = A[np.ix_(index, index)]
+    pushes = np.hstack([B[index], A[np.ix_(index, np.setdiff1d(np.arange(len(A)), index))]])
+    # Where nothing pushes, the second state is a rate.
+    push = np.linalg.svd(pushes)[0][:, 0] if np.any(pushes) else np.array([0.0, 1.0])
+    decay, squared = -float(np.trace(block)) / 2.0, float(np.linalg.det(block))
+    if squared <= decay**2:
+        raise ConfigError(f"{name!r} does not oscillate: it has no frequency to shift")
+    omega, aside = float(np.sqrt(squared)), np.array([-push[1], push[0]])
+    position = aside / float(aside @ block @ push)
+    return ModeCoordinates(push, position, position @ block, omega, decay / omega)
+
+
+def _refuse_accelerations(
+    plant: Plant, system: StateSpace, index: np.ndarray, at: ModeCoordinates, name: str
+) -> None:
+    """Rows that read q'' = force - 2 zeta omega q' - omega^2 q: one with a direct term, whose part of q' is
+    2 zeta of that of omega q."""
+    others = np.setdiff1d(np.arange(len(system.A)), index)
+    driven = np.any(system.B[index], axis=0)
+    direct = np.any(np.vstack([system.D, system.B[others]])[:, driven], axis=1)
+    rows = np.vstack([system.C, system.A[others]])[:, index]
+    read = rows @ np.linalg.inv(np.vstack([at.omega * at.position, at.rate]))
+    off = np.abs(read[:, 1] - 2.0 * at.zeta * read[:, 0])
+    size = np.linalg.norm(read, axis=1)
+    found = np.flatnonzero(direct & (size > 0.0) & (off <= (0.2 * at.zeta + ROUNDING) * size))
+    if len(found):
+        names = (*(p.name for p in plant.outputs), *(name_states(plant)[i] for i in others))
+        raise ConfigError(
+            f"{names[found[0]]} reads the acceleration of {name}, which outside modal form cannot be parted "
+            "from that of other modes",
+            hint="shift the plant in modal form, or without its accelerometers",
+        )
 
 
 def mode_states(names: tuple[str, ...], name: str) -> Int[np.ndarray, " 2"]:
@@ -100,24 +167,6 @@ def _loops(A: np.ndarray) -> Int[np.ndarray, " state"]:
         csgraph.connected_components(A != 0.0, directed=True, connection="strong"),
     )
     return found[1]
-
-
-def _shift_block(
-    A: np.ndarray, B: np.ndarray, index: np.ndarray, name: str, frequency: float, damping: float
-) -> None:
-    """In place. With A = sigma I + omega_d J, J^2 = -I, eigenvectors stay; phi psi / (2 j omega_d) is the
-    residue of a mode of real constants, so what drives the block is divided by the change of omega_d."""
-    block = A[np.ix_(index, index)]
-    sigma, squared = np.trace(block) / 2.0, float(np.linalg.det(block))
-    if squared <= sigma**2:
-        raise ConfigError(f"{name!r} does not oscillate: it has no frequency to shift")
-    omega, zeta = np.sqrt(squared), -damping * sigma / np.sqrt(squared)
-    if zeta >= 1.0:
-        raise ConfigError(f"{name!r} would not oscillate with {damping:g} times its damping")
-    ratio = frequency * np.sqrt((1.0 - zeta**2) / (1.0 - (sigma / omega) ** 2))
-    A[index] /= ratio
-    B[index] /= ratio
-    A[np.ix_(index, index)] = ratio * (block - sigma * np.eye(2)) - zeta * frequency * omega * np.eye(2)
 
 
 def scale_inputs(plant: Plant, inputs: tuple[str, ...], factor: float) -> Plant:

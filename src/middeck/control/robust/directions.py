@@ -1,42 +1,55 @@
-"""Uncertain modes as feedback of unknown gain: A + sum of B0_i delta_i C0_i, one scalar for each mode.
+"""Uncertain modes as feedback of unknown gain: A + sum of B0_i delta_i C0_i.
 
 A mode's frequency moves by its stiffness, omega^2 (1 + delta), which enters where the mode is pushed: B0 is
-that direction of its two states and C0 reads the one that is perpendicular to it, so that C0 B0 = 0.
+that direction of its two states and C0 reads q, so that C0 B0 = 0. A shift that keeps the damping ratio
+(`shift_modes`) moves 2 zeta omega as well, by as much as the frequency: the same B0, and a C0 that reads q'.
 """
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from middeck.control.partition import partition_modes
-from middeck.control.uncertainty import Uncertainty
+from middeck.control.uncertainty import Uncertainty, finished_plants, without_delays
 from middeck.errors import ConfigError
 from middeck.systems.delayed_plant import DelayedPlant
-from middeck.systems.mode_shift import mode_states
+from middeck.systems.mode_shift import mode_coordinates, mode_states
 from middeck.systems.plant import Plant, name_states
+from middeck.systems.response import evaluate_plant
+from middeck.systems.statespace import poles
 from middeck.values import record
+
+BESIDE = (0.77, 1.31)
+"""Lines beside each pole at which two plants are compared: neither on a mode nor far from all."""
+MISSED, ROUNDING = 1e-6, 1e-9
+"""Parts of what a shift changes, and of the response, by which they may differ."""
 
 
 @record
 class Directions:
-    """Where the stiffness of uncertain modes enters, one column and row for each mode.
+    """Where what is uncertain enters, one column and row for each number.
 
     Parameters
     ----------
     into, out:
         B0 and C0 on the states of the finished plant, without its inert modes.
     low, high:
-        Bounds of each delta: (1 -+ half-width)^2 - 1.
+        Bounds of each delta: (1 -+ half-width)^2 - 1 of a stiffness, -+ half-width of a damping.
     group:
-        Which shift of the `Uncertainty` each mode belongs to.
+        Which shift of the `Uncertainty` each belongs to.
+    stiff:
+        Whether it is a stiffness.
     """
 
-    into: Float[np.ndarray, "state mode"]
-    out: Float[np.ndarray, "mode state"]
-    low: Float[np.ndarray, " mode"]
-    high: Float[np.ndarray, " mode"]
+    into: Float[np.ndarray, "state delta"]
+    out: Float[np.ndarray, "delta state"]
+    low: Float[np.ndarray, " delta"]
+    high: Float[np.ndarray, " delta"]
     group: tuple[int, ...]
+    stiff: Bool[np.ndarray, " delta"]
 
 
 def stiffness_directions(
@@ -46,32 +59,67 @@ def stiffness_directions(
 
     Raises `ConfigError` where a mode has not its two states in both, or nothing but these is uncertain.
     """
+    return _directions(plant, finished, uncertainty, damped=False)
+
+
+def shift_directions(plant: Plant | DelayedPlant, finished: Plant, uncertainty: Uncertainty) -> Directions:
+    """Stiffnesses, then the dampings that move with them, each as if it were free in its bounds.
+
+    Raises `ConfigError` as `stiffness_directions`, and where a shift does more to the plant than this: what
+    reads the acceleration of an uncertain mode changes too.
+    """
+    found = _directions(plant, finished, uncertainty, damped=True)
+    for end in (-1.0, 1.0):
+        _require_whole(plant, finished, uncertainty, found, end)
+    return found
+
+
+def _directions(
+    plant: Plant | DelayedPlant, finished: Plant, uncertainty: Uncertainty, *, damped: bool
+) -> Directions:
     if not uncertainty.shifts:
         raise ConfigError("no mode is uncertain: this method needs shifts", hint="Uncertainty(shifts=...)")
     bare = partition_modes(plant.plant if isinstance(plant, DelayedPlant) else plant).active
     active = partition_modes(finished).active
     before, after = name_states(bare), name_states(active)
-    modes = [(g, s.half_width, mode) for g, s in enumerate(uncertainty.shifts) for mode in s.modes]
-    into, out = np.zeros((len(after), len(modes))), np.zeros((len(modes), len(after)))
-    for i, (_, _, mode) in enumerate(modes):
-        b, c = _direction(bare.system.A, bare.system.B, mode_states(before, mode), mode)
-        index = mode_states(after, mode)
-        into[index, i], out[i, index] = b, c
-    width = np.array([half for _, half, _ in modes])
-    return Directions(
-        into, out, (1.0 - width) ** 2 - 1.0, (1.0 + width) ** 2 - 1.0, tuple(g for g, _, _ in modes)
-    )
+    rows: list[tuple[np.ndarray, np.ndarray, float, float, int]] = []
+    dampings: list[tuple[np.ndarray, np.ndarray, float, float, int]] = []
+    for group, shift in enumerate(uncertainty.shifts):
+        h = shift.half_width
+        for mode in shift.modes:
+            at = mode_coordinates(bare.system.A, bare.system.B, mode_states(before, mode), mode)
+            into, q, rate = (np.zeros(len(after)) for _ in range(3))
+            index = mode_states(after, mode)
+            into[index], q[index], rate[index] = at.push, at.position, at.rate
+            rows.append((into, -(at.omega**2) * q, (1.0 - h) ** 2 - 1.0, (1.0 + h) ** 2 - 1.0, group))
+            if damped and at.zeta:
+                dampings.append((into, -2.0 * at.zeta * at.omega * rate, -h, h, group))
+    columns, out, low, high, group = zip(*rows, *dampings, strict=True)
+    stiff = np.arange(len(group)) < len(rows)
+    return Directions(np.array(columns).T, np.array(out), np.array(low), np.array(high), group, stiff)
 
 
-def _direction(A: np.ndarray, B: np.ndarray, index: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray]:
-    """b of unit length and c perpendicular to it, with det(A + delta b c') = (1 + delta) det A."""
-    block = A[np.ix_(index, index)]
-    others = np.setdiff1d(np.arange(len(A)), index)
-    push = np.hstack([B[index], A[np.ix_(index, others)]])
-    # Where nothing pushes, the second state is a rate.
-    b = np.linalg.svd(push)[0][:, 0] if np.any(push) else np.array([0.0, 1.0])
-    squared, aside = float(np.linalg.det(block)), np.array([-b[1], b[0]])
-    if squared <= (np.trace(block) / 2.0) ** 2:
-        raise ConfigError(f"{name!r} does not oscillate: it has no stiffness to vary")
-    adjugate = np.trace(block) * np.eye(2) - block
-    return b, aside * (squared / float(aside @ adjugate @ b))
+def _require_whole(
+    plant: Plant | DelayedPlant, finished: Plant, uncertainty: Uncertainty, found: Directions, end: float
+) -> None:
+    """That at an end of the box the directions make the plant that the box means."""
+    box = Uncertainty(uncertainty.shifts, finish=uncertainty.finish)
+    there = finished_plants(plant, box, np.full((1, len(box.shifts)), end))[0]
+    meant, nominal = (partition_modes(without_delays(p)).active for p in (there, finished))
+    delta = found.low if end < 0.0 else found.high
+    A = nominal.system.A + found.into @ (delta[:, None] * found.out)
+    made = dataclasses.replace(nominal, dynamics=dataclasses.replace(nominal.system, A=A))
+    f = np.outer(BESIDE, np.abs(poles(nominal.system)) / (2.0 * np.pi)).ravel()
+    columns = nominal.input_indices((*nominal.w, *nominal.u))
+    for port in (*nominal.z, *nominal.y):
+        have, want, before = (
+            evaluate_plant(p, f[f > 0.0]).H[:, p.output_indices((port,))[0]][:, columns]
+            for p in (made, meant, nominal)
+        )
+        moved, size = np.abs(want - before).max(), np.abs(want).max()
+        if np.abs(have - want).max() > MISSED * moved + ROUNDING * size:
+            modes = ", ".join(mode for shift in uncertainty.shifts for mode in shift.modes)
+            raise ConfigError(
+                f"{port} reads more of a shift of {modes} than stiffness and damping: no bound would hold",
+                hint="an angle or a rate in place of an acceleration, or design_multimodel",
+            )

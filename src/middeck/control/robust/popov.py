@@ -6,6 +6,7 @@ quasi-Newton descent with analytic gradients.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 
 import numpy as np
@@ -20,7 +21,7 @@ from middeck.control.robust.closed_cost import Law, evaluate_cost
 from middeck.control.robust.coordinates import even_scale, parameter_scale
 from middeck.control.robust.descent import descend
 from middeck.control.robust.design_model import DesignModel
-from middeck.control.robust.directions import Directions, stiffness_directions
+from middeck.control.robust.directions import Directions, shift_directions
 from middeck.control.robust.popov_bound import Multipliers, evaluate_bound, first_multipliers
 from middeck.control.robust.problem import Problem, law_of, models_of, pose_problem, true_costs, whole_law
 from middeck.control.robust.result import RobustCompensator, Stage
@@ -36,8 +37,8 @@ WIDENINGS, WIDEST = (1.0, 2.0, 4.0, 6.0, 9.0), 0.5
 FEW = 3
 """Modes up to which all corners of such a box are models."""
 ROUGH = 1e-4
-MORE = (1.0, 2.0, 4.0, 8.0)
-"""Factors on N that are tried."""
+MORE, HEAVIER = (1.0, 2.0, 4.0, 8.0), (1.0, 2.0)
+"""Factors on N that are tried, their roots on H of dampings, which have no N; and factors on all H."""
 FURTHEST = 20.0
 """Logarithms of the multipliers are held within so many of where they began."""
 
@@ -46,12 +47,15 @@ FURTHEST = 20.0
 class PopovCompensator(RobustCompensator):
     """A law whose ``cost`` bounds that of every plant whose modes lie in the box, in frequency alone.
 
+    The box is that of `finished_plants`: damping ratios stay. Plants whose dampings 2 zeta omega stay while
+    the frequencies move are in it too.
+
     Parameters
     ----------
     directions:
-        Which states the stiffness of each uncertain mode enters, and the bounds.
+        Which states the stiffness of each uncertain mode enters, then its damping, and the bounds.
     multipliers:
-        H and N of each mode.
+        H and N of each of these; N of a damping is zero.
     """
 
     directions: Directions
@@ -81,20 +85,24 @@ def design_popov(
 ) -> PopovCompensator:
     """The law that minimises a bound on the cost over all frequencies in a box.
 
-    Every mode of ``uncertainty.shifts`` may be anywhere in its width, also those of one group apart; damping,
-    gain and delay do not enter the bound. The other arguments are those of `design_multimodel`; the models at
+    Every mode of ``uncertainty.shifts`` may be anywhere in its width, also those of one group apart, with the
+    damping ratio that it has; other uncertainty of damping, and gain and delay, do not enter the bound. The
+    other arguments are those of `design_multimodel`; the models at
     ``positions`` only report their costs.
 
     Raises
     ------
     NumericalError
         Where no law was found whose bound covers the box.
-    ConfigError, NotStabilisableError
+    ConfigError
+        Where z or y reads the acceleration of an uncertain mode, which a shift changes too; and as
+        `design_multimodel`.
+    NotStabilisableError
         As `design_multimodel`.
     """
     structure = structure or Structure()
     problem = pose_problem(plant, weights, authority, uncertainty, positions, structure, shaping)
-    directions = stiffness_directions(plant, problem.nominal, uncertainty)
+    directions = shift_directions(plant, problem.nominal, uncertainty)
     model = models_of(problem, 1.0, 0.0)[0]
     law, history = None if start is None else law_of(start), ()
     for place in _covering_starts(plant, problem, uncertainty, model, directions, law):
@@ -155,8 +163,9 @@ def _covering_multipliers(model: DesignModel, law: Law, directions: Directions) 
     """Those of a small box, or with more weight on the frequencies of the modes, if they cover this one."""
     first = first_multipliers(model, law, directions)
     assert first is not None  # the law stabilises the nominal model
-    for more in MORE:
-        multipliers = Multipliers(first.H, more * first.N)
+    for heavier, more in itertools.product(HEAVIER, MORE):
+        H = heavier * np.where(directions.stiff, 1.0, np.sqrt(more)) * first.H
+        multipliers = Multipliers(H, more * first.N)
         if np.isfinite(evaluate_bound(model, law, directions, multipliers).law.cost):
             return multipliers
     return None

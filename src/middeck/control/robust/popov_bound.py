@@ -1,12 +1,13 @@
-"""A bound on the H2 cost for all stiffnesses of a box, and its gradient (How, Hall and Haddad 1994).
+"""A bound on the H2 cost for all stiffnesses and dampings of a box, and its gradient (How 1994).
 
 For A + B0 F C0, F diagonal between 0 and M, take V(x) = x' (P + C0' F N C0) x, which depends on the
-parameters as Popov's multiplier H + N s does. With p = F C0 x, C0 B0 = 0 and H, N > 0 diagonal,
+parameters as Popov's multiplier H + N s does. With p = F C0 x, N C0 B0 = 0, H > 0 and N >= 0 diagonal,
 
     dV/dt + x' C'C x <= x' (A'P + P A + C'C) x + 2 p' S x - p' R0 p,
     S = B0' P + N C0 A + H C0,   R0 = 2 H M^-1,
 
-because 2 p' H (C0 x - M^-1 p) is not negative. The largest value over p vanishes where
+because 2 p' H (C0 x - M^-1 p) is not negative. Where a row of C0 B0 is not zero (a damping) its N is. The
+largest value over p vanishes where
 
     A' P + P A + S' R0^-1 S + C'C = 0:
 
@@ -35,10 +36,10 @@ SOUND = 1e-9
 
 @record
 class Multipliers:
-    """H and N of each uncertain mode, both positive."""
+    """H and N of each uncertain number, positive; N of a damping is zero."""
 
-    H: Float[np.ndarray, " mode"]
-    N: Float[np.ndarray, " mode"]
+    H: Float[np.ndarray, " delta"]
+    N: Float[np.ndarray, " delta"]
 
 
 @record
@@ -46,8 +47,8 @@ class Bound:
     """The bound, its gradient with respect to the law, and with respect to log H and log N."""
 
     law: LawCost
-    log_H: Float[np.ndarray, " mode"]
-    log_N: Float[np.ndarray, " mode"]
+    log_H: Float[np.ndarray, " delta"]
+    log_N: Float[np.ndarray, " delta"]
 
 
 def evaluate_bound(model: DesignModel, law: Law, directions: Directions, multipliers: Multipliers) -> Bound:
@@ -83,7 +84,7 @@ def _infinite(modes: int) -> Bound:
 
 
 def first_multipliers(model: DesignModel, law: Law, directions: Directions) -> Multipliers | None:
-    """What is best for small boxes with N = 0, and N = H / omega; None where the loop is unstable."""
+    """What is best for small boxes with N = 0, and N = H / omega of a stiffness; None if unstable."""
     A, B, C = closed_matrices(model, law)
     L, P = solve_gramian(A, B), solve_gramian(A.T, C.T)
     if L is None or P is None:
@@ -94,7 +95,7 @@ def first_multipliers(model: DesignModel, law: Law, directions: Directions) -> M
     H = np.sqrt(np.sum((pushed @ L) * pushed, axis=1) / read)
     moving = directions.out @ A[known]
     rate = np.sqrt(np.sum((moving @ L) * moving, axis=1) / read)
-    return Multipliers(H, H / rate)
+    return Multipliers(H, np.where(directions.stiff, H / rate, 0.0))
 
 
 def _solve(
