@@ -139,7 +139,7 @@ def _refuse_accelerations(
     read = rows @ np.linalg.inv(np.vstack([at.omega * at.position, at.rate]))
     off = np.abs(read[:, 1] - 2.0 * at.zeta * read[:, 0])
     size = np.linalg.norm(read, axis=1)
-    found = np.flatnonzero(direct & (size > 0.0) & (off <= (0.2 * at.zeta + ROUNDING) * size))
+    found = np.flatnonzero(direct & (size > 0.0) & (off <= (0.2 * abs(at.zeta) + ROUNDING) * size))
     if len(found):
         names = (*(p.name for p in plant.outputs), *(name_states(plant)[i] for i in others))
         raise ConfigError(
