@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -30,6 +31,8 @@ EXCHANGE_GAIN = 1.0
 MOST_TURNS = 6
 # Steps on half of the lines, from the model on all of them.
 HELD_OUT_STEPS = 3
+# A fit that misses more of the lines kept out than this share and their noise lacks a mode that can be found.
+LACKING = 0.2
 
 
 def race(data: Data, spread: Spread, options: Options) -> Polished:
@@ -112,7 +115,11 @@ def _some_lines(data: Data, spread: Spread, options: Options) -> tuple[Data, Spr
 def recommend_states(
     measured: FrequencyResponse, data: Data, spread: Spread, options: Options
 ) -> OrderChoice:
-    """The order of the shortest description, each from the best of a few starts and of the order before."""
+    """The order of the shortest description, each from the best of a few starts and of the order before.
+
+    As long as a mode is lacking (`LACKING`) an order has all starts, and the search does not end: what a few
+    sizes do not find is no sign that there is nothing more.
+    """
     part, some = _some_lines(data, spread, options)
     runs: dict[int, tuple[Tried, Polished]] = {}
 
@@ -122,20 +129,22 @@ def recommend_states(
         sized = dataclasses.replace(options, states=states, with_lower=False, with_direct=False)
         unknowns = count_unknowns(measured, sized)
         length = description_length(run.likelihood, unknowns, 2 * part.H.size)
-        runs[states] = Tried(states, length, _held_out(data, part, some, run)), run
+        runs[states] = Tried(states, length, _held_out(data, spread, part, some, run)), run
         return runs[states][0]
 
     best: Polished | None = None
+    lacking, most = True, np.hypot(LACKING, _noise_of(spread))
     for states in sizes():
         sized = dataclasses.replace(options, states=states)
         if 2 * count_unknowns(measured, sized) > part.H.size:
             break
-        best = _heats(part, some, _started(part, some, sized, best)) or best
+        first = starts(part, sized) if lacking else few_starts(part, sized)
+        best = _heats(part, some, _started(part, some, sized, best, first)) or best
         if best is None or _states(best) != states:
             continue
         best = _as_long_as_it_tells(part, some, best)
-        judge(best)
-        if is_settled([t.length for t, _ in runs.values()]):
+        lacking = judge(best).held_out > most
+        if not lacking and is_settled([t.length for t, _ in runs.values()]):
             break
     if not runs:
         raise _no_order(measured, part, options)
@@ -168,12 +177,17 @@ def _no_order(measured: FrequencyResponse, part: Data, options: Options) -> Data
     )
 
 
+def _noise_of(spread: Spread) -> float:
+    """Error that the measured variance alone leaves, as `_held_out` counts it."""
+    return float(np.sqrt(np.mean(spread.variance / spread.at(1.0))))
+
+
 def _started(
-    part: Data, some: Spread, options: Options, best: Polished | None
+    part: Data, some: Spread, options: Options, best: Polished | None, first: Iterable[Start]
 ) -> list[tuple[Start, float | None]]:
-    """Starts of an order: a few, and the order before grown."""
+    """Starts of an order: the hopeful of the first ones, and the order before grown."""
     started: list[tuple[Start, float | None]] = []
-    started += [(start, None) for start in _hopeful(part, list(few_starts(part, options)))]
+    started += [(start, None) for start in _hopeful(part, list(first))]
     if best is not None and (larger := _grown(part, some, options, best)) is not None:
         started.append(larger)
     return started
@@ -205,20 +219,19 @@ def _grown(part: Data, spread: Spread, options: Options, best: Polished) -> tupl
     return None
 
 
-def _held_out(data: Data, part: Data, spread: Spread, best: Polished) -> float:
-    """Relative error on lines that the model has not seen.
+def _held_out(data: Data, spread: Spread, part: Data, some: Spread, best: Polished) -> float:
+    """Error on lines that the model has not seen, over the size that the fit weighs by and their noise.
 
     Those that were left out; where none were, it is refined on every other line and judged on the rest.
     """
     unseen = np.setdiff1d(np.arange(len(data.s)), np.searchsorted(np.imag(data.s), np.imag(part.s)))
     run = best
     if not len(unseen):
-        half, spread_of_half = take_lines(part, spread, np.arange(0, len(part.s), 2))
+        half, spread_of_half = take_lines(part, some, np.arange(0, len(part.s), 2))
         run = _further(half, spread_of_half, best, HELD_OUT_STEPS)
         unseen = np.arange(1, len(data.s), 2)
     r = residual_of(run.layout, data, run.refined.theta, run.refined.step.linear)[:, unseen]
-    level = np.mean(np.abs(data.H) ** 2, axis=(1, 2))
-    return float(np.sqrt(np.mean(np.mean(np.abs(r) ** 2, axis=(1, 2)) / level)))
+    return float(np.sqrt(np.mean(np.abs(r) ** 2 / spread.at(1.0)[:, unseen])))
 
 
 def count_unknowns(measured: FrequencyResponse, options: Options) -> int:
