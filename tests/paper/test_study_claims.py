@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from middeck.files.studies import load_study
-from middeck.identification.measurement_model import model_response, path_delay
+from middeck.identification.measurement_model import damping_ratio, model_response, natural_hz, path_delay
 from middeck.identification.plants.plant_model import model_of_plant
 from middeck.identification.plants.zeros import path_zeros
 from middeck.realtime.linear_view import linearise_rig
@@ -145,6 +145,9 @@ def test_the_order_is_chosen_by_the_data_and_reaches_as_far_as_one_set_by_hand(o
     both = outcomes["figures 10 to 12"]
     assert paper_study.sito.states is None
     assert both.with_lead.states > 16
+    fit = both.sensors.fit
+    inside = natural_hz(fit.model) < both.sensors.fit_band_hz[1]
+    assert np.all(fit.uncertainty.damping[inside] < 0.5 * damping_ratio(fit.model)[inside])
     # A quarter of a decade further than sixteen states with the modes of the paper's programme.
     assert both.without_lead.log10_authority >= both.smaller[2].log10_authority
 

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-import numpy as np
-from jaxtyping import Complex, Float
+import dataclasses
+from functools import partial
 
-from middeck.files.study_form import RigForm, SisoForm, SitoForm
+import numpy as np
+from jaxtyping import Float
+
+from middeck.files.study_form import SisoForm, SitoForm
+from middeck.identification.fit.doubts import FAR, HALF
 from middeck.identification.fit.fit_response import FitResult, fit_response
-from middeck.identification.measurement_model import model_response
+from middeck.identification.measurement_model import damping_ratio, model_response, natural_hz
 from middeck.identification.plants.measured_plant import measured_plant
 from middeck.identification.plants.zeros import Zeros, path_zeros
 from middeck.identification.uncertainty.parameters import zero_deviation
+from middeck.study.left_zeros import refit_left
 from middeck.study.rig_experiment import in_band
 from middeck.systems.plant import Plant
 from middeck.systems.response import FrequencyResponse
@@ -26,8 +31,8 @@ class SensorZeros:
     frequency_deviation_hz, damping_deviation:
         Their standard deviations.
     mirrored_error:
-        Relative complex error of the path in the band of the fit once its zeros of the right half-plane are
-        put in the left, the sign of the gain left free; None where it has none.
+        Relative complex error of the path in the band of the fit once its zeros are fitted anew with all of
+        them in the left half-plane (`refit_left`); None where none is in the right one.
     """
 
     zeros: Zeros
@@ -47,7 +52,7 @@ class MeasuredSensors:
     sensors:
         Zeros of each path, in the same order.
     delay_s:
-        The rig's own.
+        The rig's own, hidden error included.
     """
 
     fit_band_hz: tuple[float, float]
@@ -60,9 +65,9 @@ class MeasuredSensors:
 
 
 def study_measured_sensors(
-    measured: FrequencyResponse, rig: RigForm, siso: SisoForm, sito: SitoForm
+    measured: FrequencyResponse, delay_s: float, siso: SisoForm, sito: SitoForm
 ) -> MeasuredSensors:
-    """Fit the three measured paths together and find the zeros of each."""
+    """Fit the three measured paths together and find the zeros of each; ``delay_s`` is for a claim alone."""
     banded = in_band(measured, sito.fit_band_hz)
     fit = fit_sensors(measured, sito.states, sito.fit_band_hz)
     H = model_response(fit.model, measured.frequency_hz)
@@ -77,43 +82,41 @@ def study_measured_sensors(
         FrequencyResponse(measured.frequency_hz, H, measured.inputs, measured.outputs),
         tuple(_sensor_zeros(fit, banded, o) for o in range(len(measured.outputs))),
         plant,
-        rig.delay_s,
+        delay_s,
     )
 
 
 def fit_sensors(measured: FrequencyResponse, states: int | None, band_hz: tuple[float, float]) -> FitResult:
     """All paths in a band, by common poles and one delay; the data choose the order where none is given.
 
-    Without a constant term, which a disturbance that is white would make infinite in the performance.
+    Without a constant term, which a disturbance that is white would make infinite in the performance. A
+    design trusts every mode of its plant: of a chosen order two states go as long as the damping of a mode
+    in the band is not known to half of it, as is that of a mode which follows one line's distortion, or as
+    one lies so far above the band that it is a constant there, which no law can be sampled with.
     """
-    banded = in_band(measured, band_hz)
-    return fit_response(banded, states=states, cost="logarithmic", delay="common", direct=False)
+    fit = partial(fit_response, in_band(measured, band_hz), cost="logarithmic", delay="common", direct=False)
+    found = fit(states=states)
+    reason = found.order_reason
+    while states is None and found.model.states > 2 and not _is_known(found, band_hz):
+        found = fit(states=found.model.states - 2)
+        fewer = f"{found.model.states} are the most whose modes are all known"
+        found = dataclasses.replace(found, order_reason=f"{reason}; {fewer}")
+    return found
+
+
+def _is_known(fit: FitResult, band_hz: tuple[float, float]) -> bool:
+    f = natural_hz(fit.model)
+    inside = (f >= band_hz[0]) & (f <= band_hz[1])
+    loose = inside & (fit.uncertainty.damping > HALF * damping_ratio(fit.model))
+    return not np.any(loose | (f > FAR * band_hz[1]))
 
 
 def _sensor_zeros(fit: FitResult, banded: FrequencyResponse, o: int) -> SensorZeros:
     output, torque = banded.outputs[o].name, banded.inputs[0].name
     zeros = path_zeros(fit.model, output, torque)
     deviation = zero_deviation(fit.covariance, zeros.value, output=output, input=torque)
-    wrong = zeros.value[zeros.is_nonminimum_phase]
-    fitted = model_response(fit.model, banded.frequency_hz)[:, o, 0]
-    mirrored = fitted * mirroring(banded.frequency_hz, wrong)
-    data = banded.H[:, o, 0]
-    error = min(float(np.linalg.norm(sign * mirrored - data)) for sign in (1.0, -1.0))
-    return SensorZeros(zeros, *deviation, error / float(np.linalg.norm(data)) if len(wrong) else None)
-
-
-def mirroring(
-    frequency_hz: Float[np.ndarray, " line"], zeros: Complex[np.ndarray, " zero"]
-) -> Complex[np.ndarray, " line"]:
-    """The all-pass that takes zeros [rad/s], one of each pair, to the other half-plane: only phase changes.
-
-    >>> factor = mirroring(np.array([1.0]), np.array([2.0 * np.pi + 0.0j]))
-    >>> bool(np.isclose(factor[0], -1j))
-    True
-    """
-    s = 2j * np.pi * frequency_hz
-    factor = np.ones(len(s), dtype=complex)
-    for z in zeros:
-        for each in (z,) if z.imag == 0.0 else (z, z.conjugate()):
-            factor *= (s + each.conjugate()) / (s - each)
-    return factor
+    if not zeros.is_nonminimum_phase.any():
+        return SensorZeros(zeros, *deviation, None)
+    f, data = banded.frequency_hz, banded.H[:, o, 0]
+    fitted = model_response(fit.model, f)[:, o, 0]
+    return SensorZeros(zeros, *deviation, refit_left(f, fitted, data, zeros.value))

@@ -63,12 +63,17 @@ def build_article_rig(
         motors={name: _motor(equilibrium, name, form) for name in inputs},
         sensors={name: _sensor(structure, name, form, gains.get(name, 1.0)) for name in outputs},
         sample_hz=form.sample_hz,
-        delay_s=form.delay_s + (0.0 if hidden is None else hidden.delay_s),
+        delay_s=rig_delay(article, form),
         joints=[JointElements(name, name, elements) for name in rubs],
         steps=steps,
         drifts=drifts if drifting else (),
         age_s=age_s,
     )
+
+
+def rig_delay(article: RigArticle, form: RigForm) -> float:
+    """Total delay of the rig [s]: what the form says, and what is wrong with that."""
+    return form.delay_s + (0.0 if article.hidden is None else article.hidden.delay_s)
 
 
 def _once(*names: str) -> tuple[str, ...]:

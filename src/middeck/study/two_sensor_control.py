@@ -23,6 +23,7 @@ from middeck.study.measured_loop import DesignCase, MeasuredLoop, decibel, measu
 from middeck.study.measured_sensors import MeasuredSensors, fit_sensors, study_measured_sensors
 from middeck.study.reach import Design, Reach, find_level, find_reach
 from middeck.study.rig_article import RigArticle
+from middeck.study.rig_hardware import rig_delay
 from middeck.study.rig_loop import RigView, view_rig
 from middeck.systems.response import FrequencyResponse
 from middeck.values import record
@@ -82,7 +83,7 @@ def study_two_sensor_control(
         p: view_rig(bench_at(np.random.default_rng(seed), shift_percent=p)) for p in (0.0, -shift, shift)
     }
     measured = take_open_loop(views[0.0].bench, rng)
-    sensors = study_measured_sensors(measured, rig, siso, sito)
+    sensors = study_measured_sensors(measured, rig_delay(article, rig), siso, sito)
     smaller = tuple(
         _reach(fit_sensors(measured, states, band), measured, siso, sito, views, lead=False)
         for states, band in zip(sito.smaller_states, sito.smaller_bands_hz, strict=True)

@@ -8,6 +8,8 @@ from middeck.identification.measurement_model import path_delay
 from middeck.study.claims.row import Claim, row
 from middeck.study.measured_sensors import MeasuredSensors
 
+WORSE = 2.0  # 6 dB
+
 
 def figure_10_claims(sensors: MeasuredSensors) -> list[Claim]:
     """The bus needs zeros in the right half-plane where payload and encoder need none."""
@@ -25,8 +27,9 @@ def figure_10_claims(sensors: MeasuredSensors) -> list[Claim]:
         row(f"{words[2]}: non-minimum-phase zeros {where}; zeros or pairs", wrong[2] > 0.0, wrong[2]),
         *(row(f"{words[k]}: none {where}; zeros or pairs", wrong[k] == 0.0, wrong[k]) for k in (0, 1)),
         row(
-            f"{words[2]}: with those zeros in the left half-plane the fit errs over ten times as much; ratio",
-            ratio is not None and ratio > 10.0,
+            f"{words[2]}: fitted anew, all zeros held in the left half-plane, it errs over {WORSE:g} times as"
+            " much; ratio",
+            ratio is not None and ratio > WORSE,
             ratio,
         ),
         row("the fitted delays are the rig's within 0.2 ms; largest difference [s]", late < 2e-4, late),
