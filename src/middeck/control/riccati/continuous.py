@@ -95,7 +95,7 @@ def solve_riccati(
             f"a start of shape {np.shape(start)} for {len(A)} states",
             hint="the solution of a neighbouring problem with the same states",
         )
-    X = _solve_balanced(Abar, Bn, Qbar, start)
+    X, remains = _solve_balanced(Abar, Bn, Qbar, start)
     gain = None if X is None else sla.cho_solve((factor, True), (X @ B + cross).T)
     poles = None if gain is None else np.linalg.eigvals(A - B @ gain).astype(complex)
     if X is None or gain is None or poles is None or _doubtful(poles, gain, A, B):
@@ -106,7 +106,6 @@ def solve_riccati(
             "the Riccati equation has no stabilising solution: its Hamiltonian has poles on the axis",
             hint="check that the cost (or the noise intensity) is positive semidefinite",
         )
-    remains = residual(X, Abar, Bn, Qbar)[1]
     if not np.isfinite(remains) or remains > WORTHLESS or poles.real.max(initial=-1.0) >= 0.0:
         raise NumericalError(
             f"no stabilising Riccati solution: relative residual {remains:.1e}, largest real part "
@@ -133,8 +132,8 @@ def _doubtful(poles: np.ndarray, gain: np.ndarray, A: np.ndarray, B: np.ndarray)
 
 def _solve_balanced(
     A: np.ndarray, B: np.ndarray, Q: np.ndarray, start: np.ndarray | None
-) -> Float[np.ndarray, "state state"] | None:
-    """Solve A'X + XA - (XB)(XB)' + Q = 0."""
+) -> tuple[Float[np.ndarray, "state state"] | None, float]:
+    """The X of A'X + XA - (XB)(XB)' + Q = 0, and what of that remains."""
     if not np.all(np.isfinite(A)) or not np.all(np.isfinite(B)) or not np.all(np.isfinite(Q)):
         raise ConfigError("the Riccati equation contains a number that is not finite", hint="check the plant")
     t = unit_scales(A, B @ B.T, Q)
@@ -143,16 +142,18 @@ def _solve_balanced(
     found = solve_by_subspace(*scaled) if found is None else found
     found = _solve_pencil(*scaled) if found is None else found
     if found is None:
-        return None
+        return None, np.inf
     unit = unit_diagonal(found)
     fine = t * unit
     units = A * fine / fine[:, None], B / fine[:, None], Q * np.outer(fine, fine)
     refined = refine(found * np.outer(unit, unit), *units) / np.outer(unit * t, unit * t)
+    remains = residual(refined, A, B, Q)[1]
+    if remains <= SPOILT * rounding(A):
+        return refined, remains
     # Of states that cost nothing the diagonal is rounding, and a unit made of it spoils the others.
-    if residual(refined, A, B, Q)[1] > SPOILT * rounding(A):
-        coarse = refine(found, *scaled) / np.outer(t, t)
-        refined = min(refined, coarse, key=lambda X: residual(X, A, B, Q)[1])
-    return refined
+    coarse = refine(found, *scaled) / np.outer(t, t)
+    other = residual(coarse, A, B, Q)[1]
+    return (refined, remains) if remains <= other else (coarse, other)
 
 
 def _solve_pencil(A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[np.ndarray, "state state"] | None:
