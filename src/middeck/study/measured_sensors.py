@@ -91,24 +91,25 @@ def fit_sensors(measured: FrequencyResponse, states: int | None, band_hz: tuple[
 
     Without a constant term, which a disturbance that is white would make infinite in the performance. A
     design trusts every mode of its plant: of a chosen order two states go as long as the damping of a mode
-    in the band is not known to half of it, as is that of a mode which follows one line's distortion, or as
-    one lies so far above the band that it is a constant there, which no law can be sampled with.
+    in the band is not known to half of it, or hangs on one or two lines, whose distortion the mode then
+    follows, or as one lies so far above that it is a constant there, which no law can be sampled with.
     """
-    fit = partial(fit_response, in_band(measured, band_hz), cost="logarithmic", delay="common", direct=False)
+    banded = in_band(measured, band_hz)
+    fit = partial(fit_response, banded, cost="logarithmic", delay="common", direct=False)
     found = fit(states=states)
     reason = found.order_reason
-    while states is None and found.model.states > 2 and not _is_known(found, band_hz):
+    while states is None and found.model.states > 2 and not _is_known(found, banded.frequency_hz):
         found = fit(states=found.model.states - 2)
         fewer = f"{found.model.states} are the most whose modes are all known"
         found = dataclasses.replace(found, order_reason=f"{reason}; {fewer}")
     return found
 
 
-def _is_known(fit: FitResult, band_hz: tuple[float, float]) -> bool:
-    f = natural_hz(fit.model)
-    inside = (f >= band_hz[0]) & (f <= band_hz[1])
-    loose = inside & (fit.uncertainty.damping > HALF * damping_ratio(fit.model))
-    return not np.any(loose | (f > FAR * band_hz[1]))
+def _is_known(fit: FitResult, lines: Float[np.ndarray, " line"]) -> bool:
+    f, zeta = natural_hz(fit.model), damping_ratio(fit.model)
+    inside = (f >= lines[0]) & (f <= lines[-1])
+    loose = (fit.uncertainty.damping > HALF * zeta) | (2.0 * zeta * f < lines[1] - lines[0])
+    return not np.any(inside & loose | (f > FAR * lines[-1]))
 
 
 def _sensor_zeros(fit: FitResult, banded: FrequencyResponse, o: int) -> SensorZeros:
