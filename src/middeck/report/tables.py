@@ -299,7 +299,7 @@ def _path_tables(numbers: Numbers) -> list[Table]:
         ["delay [ms]",
          f"{fixed(1e3 * numbers['delay_s'], 4)} ± {significant(1e3 * numbers['delay_deviation_s'], 2)}"],
         ["relative complex error", percent(numbers["relative_error"], 3)],
-        ["the same with all zeros in the left half-plane",
+        ["fitted anew with all zeros held in the left half-plane",
          "–" if numbers["mirrored_error"] is None else percent(numbers["mirrored_error"], 1)],
     ]  # fmt: skip
     head = ("frequency [Hz]", "± [Hz]", "damping", "half-plane")
