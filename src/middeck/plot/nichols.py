@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from middeck.control.analysis import LoopMargins, Margins, ReturnRatio
 from middeck.plot.curves import decibels
 from middeck.plot.nyquist import title_of
-from middeck.plot.style import COLOUR, square_pictures, styled
+from middeck.plot.style import COLOUR, legend_below, square_pictures, styled
 
 CONTOURS_DB = (0.0, 3.0, 6.0, 12.0)
 REACH_DB = 40.0
@@ -25,18 +25,25 @@ def nichols(ratio: ReturnRatio, margins: Margins, reach_db: float = REACH_DB) ->
     figure, pictures = square_pictures(len(ratio.channels))
     for axes, L, loop in zip(pictures, ratio.L.T, margins.loops, strict=True):
         _draw(axes, L, loop, stable=margins.stable, reach_db=reach_db)
+    legend_below(figure, pictures)
     return figure
 
 
 def _draw(axes: Axes, L: np.ndarray, margins: LoopMargins, *, stable: bool, reach_db: float) -> None:
     _contours(axes, reach_db)
-    axes.plot(*_curve(L), color=COLOUR["orbit"])
+    axes.plot(*_curve(L), color=COLOUR["orbit"], label="L")
     phase = np.degrees(_late(-np.exp(1j * margins.phase_rad)))
-    axes.plot(phase, np.zeros(len(phase)), "o", color=COLOUR["prediction"], label="unit gain")
+    axes.plot(phase, np.zeros(len(phase)), "o", color=COLOUR["prediction"], label="unit gain: phase margins")
     level = -20.0 * np.log10(margins.gain)
-    axes.plot(np.full(len(level), -180.0), level, "s", color=COLOUR["low"], label="-180 deg")
+    axes.plot(np.full(len(level), -180.0), level, "s", color=COLOUR["low"], label="-180 deg: gain margins")
     axes.plot(
-        [-180.0], [0.0], "+", color=COLOUR["lab"], markersize=11.0, markeredgewidth=1.8, label="critical"
+        [-180.0],
+        [0.0],
+        "+",
+        color=COLOUR["lab"],
+        markersize=11.0,
+        markeredgewidth=1.8,
+        label="critical point",
     )
     axes.set_xlim(-360.0, 0.0)
     axes.set_xticks([-360, -270, -180, -90, 0])
@@ -44,7 +51,6 @@ def _draw(axes: Axes, L: np.ndarray, margins: LoopMargins, *, stable: bool, reac
     axes.set_xlabel("phase of L [deg]")
     axes.set_ylabel("gain of L [dB]")
     axes.set_title(title_of(margins, stable=stable))
-    axes.legend(loc="upper left")
 
 
 def _contours(axes: Axes, reach_db: float) -> None:

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from middeck.control.analysis import LoopMargins, Margins, ReturnRatio
-from middeck.plot.style import COLOUR, square_pictures, styled
+from middeck.plot.style import COLOUR, legend_below, square_pictures, styled
 
 REACH = 2.5
 """What is drawn around the critical point: light modes swing far beyond it, where nothing is decided."""
@@ -24,32 +24,35 @@ def nyquist(ratio: ReturnRatio, margins: Margins, reach: float = REACH) -> Figur
     figure, pictures = square_pictures(len(ratio.channels))
     for axes, L, loop in zip(pictures, ratio.L.T, margins.loops, strict=True):
         _draw(axes, L, loop, stable=margins.stable, reach=reach)
+    legend_below(figure, pictures)
     return figure
 
 
 def _draw(axes: Axes, L: np.ndarray, margins: LoopMargins, *, stable: bool, reach: float) -> None:
     turn = np.linspace(0.0, 2.0 * np.pi, 361)
-    axes.plot(np.cos(turn), np.sin(turn), color=COLOUR["ghost"], linewidth=0.8, linestyle="--")
+    axes.plot(
+        np.cos(turn), np.sin(turn), color=COLOUR["ghost"], linewidth=0.8, linestyle="--", label="unit circle"
+    )
     low, high = margins.disk.gain
     if stable and np.isfinite(high):
         centre = -0.5 * (low + high), 0.0
-        axes.add_patch(
-            Circle(centre, 0.5 * (high - low), facecolor=COLOUR["shade"], edgecolor=COLOUR["ghost"])
-        )
-    axes.plot(*_near(L, reach), color=COLOUR["orbit"])
+        colours = {"facecolor": COLOUR["shade"], "edgecolor": COLOUR["ghost"]}
+        axes.add_patch(Circle(centre, 0.5 * (high - low), label="disk of the disk margin", **colours))
+    axes.plot(*_near(L, reach), color=COLOUR["orbit"], label="L")
     unit = -np.exp(1j * margins.phase_rad)
-    axes.plot(np.real(unit), np.imag(unit), "o", color=COLOUR["prediction"], label="unit gain")
+    axes.plot(np.real(unit), np.imag(unit), "o", color=COLOUR["prediction"], label="unit gain: phase margins")
     crossing = -1.0 / margins.gain
     shown = crossing[crossing > -2.0 * reach]
-    axes.plot(shown, np.zeros(len(shown)), "s", color=COLOUR["low"], label="negative real axis")
-    axes.plot([-1.0], [0.0], "+", color=COLOUR["lab"], markersize=11.0, markeredgewidth=1.8, label="-1")
+    axes.plot(shown, np.zeros(len(shown)), "s", color=COLOUR["low"], label="negative real axis: gain margins")
+    axes.plot(
+        [-1.0], [0.0], "+", color=COLOUR["lab"], markersize=11.0, markeredgewidth=1.8, label="critical point"
+    )
     axes.set_xlim(-1.0 - reach, -1.0 + reach)
     axes.set_ylim(-reach, reach)
     axes.set_aspect("equal")
     axes.set_xlabel("real part of L")
     axes.set_ylabel("imaginary part of L")
     axes.set_title(title_of(margins, stable=stable))
-    axes.legend(loc="upper right")
 
 
 def _near(L: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:

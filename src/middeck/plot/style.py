@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 from functools import wraps
 from typing import Any, ParamSpec
@@ -89,14 +89,24 @@ def new_figure(height_in: float, width_in: float = WIDTH_IN) -> Figure:
 
 
 def square_pictures(count: int) -> tuple[Figure, list[Axes]]:
-    """A figure of ``count`` square pictures, two in a row."""
+    """A figure of ``count`` square pictures, two in a row, with room for a legend."""
     columns = min(count, 2)
     rows = -(-count // columns)
-    figure = new_figure(0.25 + rows * WIDTH_IN / 2.0)
+    figure = new_figure(0.75 + rows * WIDTH_IN / 2.0)
     axes: list[Axes] = list(figure.subplots(rows, columns, squeeze=False).ravel())
     for spare in axes[count:]:
         spare.set_visible(False)
     return figure, axes[:count]
+
+
+def legend_below(figure: Figure, pictures: Sequence[Axes], columns: int = 3) -> None:
+    """One legend for all pictures, under them, where nothing is drawn."""
+    named = {
+        label: handle
+        for axes in pictures
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
+    }
+    figure.legend(named.values(), named.keys(), loc="outside lower left", ncols=columns)
 
 
 class _PlainNumbers(LogFormatter):

@@ -53,7 +53,7 @@ class WorstCase:
     nominal_metric:
         The same in the middle of the box.
     unstable_corners:
-        Part of the corners that are unstable.
+        Part of the corners that are unstable, by the approximation of delays that ranks them.
     tried:
         Plants evaluated.
     """

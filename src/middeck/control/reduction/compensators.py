@@ -9,7 +9,7 @@ from typing import get_args
 import numpy as np
 from jaxtyping import Bool, Float
 
-from middeck.control.closed_loop import close_loop
+from middeck.control.analysis import decide_stability
 from middeck.control.compensator import Compensator
 from middeck.control.kinds import require_continuous
 from middeck.control.lqg import LQGWeights
@@ -52,7 +52,8 @@ def reduce_compensator(
     compensator:
         It must hold all ``plants``. States of an unstable part count in the order.
     plants:
-        One or several; the first gives the typical sizes of u and y. Delays enter by Pade approximations.
+        One or several; the first gives the typical sizes of u and y. Delays enter by Pade approximations of
+        order 3; what is said of stability is exact.
     order:
         States to be left.
     method:
@@ -96,7 +97,7 @@ def reduce_compensator(
     # The rest is reduced in a loop that these poles are part of.
     loops = [dataclasses.replace(loop, model=absorb(loop.model, fixed)) for loop in loops]
     found = search_law(parts.rest, left, method, loops, homotopy=homotopy, polish=polish)
-    return _report(compensator, whole, loops, parts, found)
+    return _report(compensator, each, loops, parts, found)
 
 
 def _strictly_proper(compensator: Compensator) -> StateSpace:
@@ -106,7 +107,7 @@ def _strictly_proper(compensator: Compensator) -> StateSpace:
 
 def _report(
     compensator: Compensator,
-    plants: Sequence[Plant],
+    plants: Sequence[Plant | DelayedPlant],
     loops: Sequence[Loop],
     parts: Separation,
     found: Trial,
@@ -145,8 +146,8 @@ def _loop_errors(
     return np.array(found)
 
 
-def _stable(law: Compensator, plants: Sequence[Plant]) -> Bool[np.ndarray, " plant"]:
-    return np.array([close_loop(plant, law).stable for plant in plants], dtype=bool)
+def _stable(law: Compensator, plants: Sequence[Plant | DelayedPlant]) -> Bool[np.ndarray, " plant"]:
+    return np.array([decide_stability(plant, law).stable for plant in plants], dtype=bool)
 
 
 def _cost_ratios(whole: StateSpace, law: StateSpace, loops: Sequence[Loop]) -> Float[np.ndarray, " plant"]:

@@ -106,10 +106,11 @@ class ReducedCompensator(Compensator):
         Largest gain of (K - K_r) G (I - K G)^-1, one for each plant. Below one it proves stability, if K and
         K_r have equally many unstable poles (Anderson and Liu 1989).
     stable:
-        Whether the loop with the law is stable, on each plant: by eigenvalues.
+        Whether the loop with the law is stable: an array, one for each plant, also of a single one; delays
+        exact (`decide_stability`).
     cost_ratio:
         What is minimised with the law over the same with the first one, on each plant; ``inf`` where
-        unstable.
+        unstable with delays approximated.
     """
 
     order: int

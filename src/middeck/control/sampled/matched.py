@@ -29,12 +29,14 @@ def match_roots(system: StateSpace, period_s: float, omega: float) -> SampledSta
         )
     found, zeros = poles(system), transmission_zeros(system)
     chain = _in_series(_group(found, period_s), _group(zeros, period_s), period_s)
-    at = _beside(np.concatenate([found, zeros]), omega, 1.0 / period_s)
-    wanted, have = (statespace_response(s, np.array([at]))[0, 0, 0] for s in (system, chain))
-    if wanted == 0.0:
+    roots = np.concatenate([found, zeros])
+    # Each factor (s - r) / (z - exp(r T)) is positive at rest; far out a mode beyond half the rate turns it.
+    at = [_beside(roots, w, 1.0 / period_s) for w in (0.0, omega)]
+    wanted, have = (statespace_response(s, np.array(at))[:, 0, 0] for s in (system, chain))
+    if not np.all(wanted):
         raise ConfigError("a law that is zero has no gain to match", hint="leave it out")
-    ratio = complex(wanted / have)
-    gain = float(np.copysign(abs(ratio), ratio.real))
+    ratio = wanted / have
+    gain = float(np.copysign(abs(ratio[1]), ratio[0].real))
     return SampledStateSpace(chain.A, chain.B, gain * chain.C, gain * chain.D, period_s)
 
 
