@@ -84,6 +84,16 @@ def test_roots_of_a_matched_law():
     )
 
 
+@pytest.mark.parametrize("hz", [0.0, 100.0, 124.0])
+def test_a_mode_beyond_half_the_rate_does_not_turn_the_sign(hz):
+    # 150 Hz at 250 Hz: its sampled pole is met long before 124 Hz, the continuous one is not.
+    w = 2.0 * np.pi * 150.0
+    law = law_of([[0.0, w], [-w, -0.02 * w]], [[0.0], [w]], [[1.0, 0.0]], 0.0)
+    sampled = emulate(law, T, "matched", match_hz=hz)
+    assert (response(sampled, 0.0)[0] / response(law, 0.0)[0]).real > 0.0
+    assert abs(response(sampled, hz)[0]) == pytest.approx(abs(response(law, hz)[0]), rel=1e-9)
+
+
 def all_of(roots):
     return [r for root in roots for r in ((root, root.conjugate()) if isinstance(root, complex) else (root,))]
 
