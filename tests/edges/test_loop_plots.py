@@ -66,3 +66,12 @@ def test_an_unstable_loop_is_said_to_be_and_has_no_disk() -> None:
     assert not figure.axes[0].patches
     assert "unstable" in title_of(margins.loops[0], stable=False)
     assert "unstable" in figure.axes[0].get_title(loc="left")
+
+
+def test_one_legend_stands_under_the_pictures_and_names_what_is_drawn() -> None:
+    for draw, named in ((nyquist, ("unit circle", "disk of the disk margin")), (nichols, ("|L/(1 + L)|",))):
+        figure = draw(*looked_at(0.05))
+        assert not any(axes.get_legend() for axes in figure.axes)
+        (legend,) = figure.legends
+        texts = [text.get_text() for text in legend.get_texts()]
+        assert all(any(text.startswith(name) for text in texts) for name in (*named, "L", "critical point"))
