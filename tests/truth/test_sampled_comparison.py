@@ -18,6 +18,7 @@ from middeck.control.sampled import (
     measure_sampled_margins,
     sample_controlled,
 )
+from middeck.control.sampled.sampling_table import sampling_table
 from middeck.control.shaping import roll_off
 from middeck.errors import ConfigError
 from middeck.systems.delayed_plant import DelayedPlant, delay_inputs, evaluate_delayed
@@ -107,6 +108,22 @@ def test_shifts_end_where_the_sampled_loop_does(comparison):
     assert all(radius(x) < 1.0 for x in np.linspace(found.down, found.up, 23)[1:-1])
 
 
+def test_the_table_says_what_was_measured(comparison):
+    head, *lines = sampling_table(comparison).splitlines()
+    assert head.split("  ")[0] == "rate Hz"
+    assert len(lines) == len(comparison.rows)
+    for line, row in zip(lines, comparison.rows, strict=True):
+        cells = [cell.strip() for cell in line.split("  ") if cell.strip()]
+        assert cells[:2] == [f"{row.rate_hz:g}", row.method]
+        if row.margins is None:
+            assert cells[2:] == ["unstable"]
+        else:
+            ratio = row.outcome.metric / comparison.open_metric
+            assert float(cells[2]) == pytest.approx(20.0 * np.log10(ratio), abs=0.051)  # a decimal is printed
+            assert float(cells[4]) == pytest.approx(row.margins.loops[0].gain_db, abs=0.051)
+            assert float(cells[6]) == pytest.approx(row.margins.loops[0].disk.alpha, abs=0.00051)
+
+
 def test_one_channel_has_the_same_disk_alone_and_at_once(comparison):
     plant, law = cases.late_gimbal(), comparison.rows[0].law
     alone = measure_sampled_margins(plant, law).loops[0].disk
@@ -139,6 +156,7 @@ def test_an_open_loop_without_end_is_no_obstacle():
     found = compare_sampling(plant, weights, 1.0, (20.0, 50.0), pade_order=2)
     assert found.open_metric == np.inf
     assert all(row.outcome.stable for row in found.rows)
+    assert sampling_table(found).splitlines()[1].split()[3] == "-"  # after "20", "direct,", "current"
 
 
 def test_more_channels_have_no_matched_law():
