@@ -26,6 +26,11 @@ PAGES = [
         for f in ("tutorials", "how-to")
         for p in sorted((ROOT / "docs" / f).glob("*.md"))
     ),
+    # Of the pages that explain, those whose code begins with all that it needs.
+    *(
+        f"docs/explanation/{name}.md"
+        for name in ("margins", "pointing-budgets", "reduction", "sampled-control", "shaped-weights")
+    ),
 ]
 # Tested elsewhere: the main job, and the verbs of make.
 ELSEWHERE = ("make ", "middeck study ")
@@ -211,6 +216,37 @@ def qualify_a_compensator(names: Names) -> None:
     assert names["again"] == names["law"]
 
 
+def margins(names: Names) -> None:
+    """Every crossing is listed, not only the nearest."""
+    assert names["margins"].stable
+    assert len(names["margins"].loops[0].gain) > 1
+
+
+def pointing_budgets(names: Names) -> None:
+    """The parts add up."""
+    budget = names["budget"]
+    np.testing.assert_allclose(np.hypot(budget.mean, budget.relative), budget.absolute, rtol=1e-9)
+
+
+def reduction(names: Names) -> None:
+    """Five modes, and twelve states that hold."""
+    assert len(names["small"].kept) == 5
+    assert names["less"].order == 12
+    assert names["less"].stable.tolist() == [True]
+
+
+def sampled_control(names: Names) -> None:
+    """A stable law whose delay margin is known."""
+    md, law = names["md"], names["direct"]
+    assert 0.0 < md.measure_sampled_margins(names["plant"], law).loops[0].delay_limit_s < 0.1
+
+
+def shaped_weights(names: Names) -> None:
+    """It holds, with a pole at exactly zero."""
+    assert names["md"].decide_stability(names["plant"], names["law"]).stable
+    assert not names["law"].system.A[-1].any()
+
+
 PROMISES: dict[str, Callable[[Names], None]] = {
     "README.md": readme,
     "docs/tutorials/first-steps.md": first_steps,
@@ -225,6 +261,11 @@ PROMISES: dict[str, Callable[[Names], None]] = {
     "docs/how-to/design-a-controller.md": design_a_controller,
     "docs/how-to/test-on-the-simulated-rig.md": test_on_the_simulated_rig,
     "docs/how-to/qualify-a-compensator.md": qualify_a_compensator,
+    "docs/explanation/margins.md": margins,
+    "docs/explanation/pointing-budgets.md": pointing_budgets,
+    "docs/explanation/reduction.md": reduction,
+    "docs/explanation/sampled-control.md": sampled_control,
+    "docs/explanation/shaped-weights.md": shaped_weights,
 }
 
 
