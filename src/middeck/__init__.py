@@ -61,6 +61,7 @@ if TYPE_CHECKING:
         measure_sampled_margins,
     )
     from middeck.control.sampled.outcome import measure_sampled_loop
+    from middeck.control.sampled.sampling_table import sampling_table
     from middeck.control.sampled_compensator import SampledCompensator
     from middeck.control.shaping.sections import (
         design_pd,
@@ -359,6 +360,7 @@ _ROOM = {
     "run_nonlinear_open_loop": "realtime.nonlinear_rig",
     "sample_models": "identification.uncertainty.model_set",
     "sampled_plant": "identification.plants.measured_plant",
+    "sampling_table": "control.sampled.sampling_table",
     "scale_channels": "identification.plants.selection",
     "second_order_section": "control.shaping.sections",
     "select_channels": "identification.plants.selection",
@@ -576,6 +578,7 @@ __all__ = [
     "run_nonlinear_open_loop",
     "sample_models",
     "sampled_plant",
+    "sampling_table",
     "scale_channels",
     "second_order_section",
     "select_channels",

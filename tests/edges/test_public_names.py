@@ -192,6 +192,7 @@ DOCUMENTED = [
     "run_nonlinear_open_loop",
     "sample_models",
     "sampled_plant",
+    "sampling_table",
     "scale_channels",
     "second_order_section",
     "select_channels",
