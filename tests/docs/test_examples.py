@@ -122,7 +122,7 @@ def design_a_controller(names: Names) -> None:
     assert names["again"].system == names["translated"].system
 
 
-def test_on_the_simulated_rig(names: Names) -> None:
+def experiments_on_the_simulated_rig(names: Names) -> None:
     """Predicted is measured; LQG, of good margins, falls to the drift that the other design does not feel."""
     assert len(names["fit"].warnings) == 2
     np.testing.assert_allclose(names["fit"].model.delay_s, 0.010, rtol=0.01)
@@ -259,7 +259,7 @@ PROMISES: dict[str, Callable[[Names], None]] = {
     "docs/how-to/find-what-matters.md": find_what_matters,
     "docs/how-to/gimbals-and-friction.md": gimbals_and_friction,
     "docs/how-to/design-a-controller.md": design_a_controller,
-    "docs/how-to/test-on-the-simulated-rig.md": test_on_the_simulated_rig,
+    "docs/how-to/test-on-the-simulated-rig.md": experiments_on_the_simulated_rig,
     "docs/how-to/qualify-a-compensator.md": qualify_a_compensator,
     "docs/explanation/margins.md": margins,
     "docs/explanation/pointing-budgets.md": pointing_budgets,
