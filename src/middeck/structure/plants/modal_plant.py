@@ -51,13 +51,13 @@ def build_plant(
     Raises
     ------
     ConfigError
-        For an unknown port, one name where several are asked for, fewer than one mode, a torque at a fixed
+        For an unknown port, one name where several are asked for, a negative count, a torque at a fixed
         axis, or ``static`` where rigid modes are left out.
     """
     for what, names in (("inputs", inputs), ("outputs", outputs), ("w", w), ("u", u), ("z", z), ("y", y)):
         require_names(names, what)
-    if count < 1:
-        raise ConfigError(f"a plant of {count} modes", hint=f"1 to {len(modes.omega)}")
+    if count < 0:
+        raise ConfigError(f"a plant of {count} modes", hint=f"0 to {len(modes.omega)}")
     equilibrium, count = modes.equilibrium, min(count, len(modes.omega))
     shapes = modes.shapes[:, :count]
     drive, read = input_rows(equilibrium, inputs), output_rows(equilibrium, outputs)

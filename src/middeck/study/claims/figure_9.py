@@ -120,8 +120,10 @@ def _margin(
 ) -> Claim:
     """Of stable loops; one that no change brings to the axis has all of them."""
     stable = all(loop.stable for loop in loops)
+    if not stable:
+        return row(claim, False, None)
     smallest = min((m for m in map(margin, loops) if m is not None), default=None)
-    return row(claim, stable and (smallest is None or smallest >= least), smallest if stable else None)
+    return row(claim, smallest is None or smallest >= least, "any" if smallest is None else smallest)
 
 
 def _listed(modes: list[ModeReduction]) -> str:
