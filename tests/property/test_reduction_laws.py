@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.linalg as sla
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from middeck.control.closed_loop import close_loop
@@ -62,14 +62,18 @@ def test_the_error_lies_between_the_next_value_and_the_bound(seed, order, rest):
 
 @settings(deadline=None)
 @given(seed=SEEDS)
+@example(seed=1032)  # a light mode beside a matrix that the turn made large
 def test_coordinates_do_not_matter(seed):
     system = random_system(seed)
     rng = np.random.default_rng(seed)
     T = sla.expm(0.3 * rng.standard_normal(system.A.shape)) * 10.0 ** rng.uniform(-2, 2, len(system.A))
     other = StateSpace(T @ system.A @ np.linalg.inv(T), T @ system.B, system.C @ np.linalg.inv(T), system.D)
-    # Condition of the turn, up to 1e6, times rounding, over a damping of 1e-3.
+    # Rounding of the turned matrix moves a pole by so much at most (Bauer and Fike 1960, Numer. Math. 2); the
+    # largest value goes by the least decay.
+    decay = -np.real(growth_rates(system)).max()
+    slack = 1e-6 + np.finfo(float).eps * np.linalg.cond(T) * np.linalg.norm(other.A, 2) / decay
     here = hankel_values(system)
-    np.testing.assert_allclose(hankel_values(other), here, rtol=0, atol=1e-6 * here[0])
+    np.testing.assert_allclose(hankel_values(other), here, rtol=0, atol=slack * here[0])
 
 
 @settings(deadline=None)

@@ -20,8 +20,10 @@ from middeck.systems.statespace import StateSpace, add
 from middeck.values import record
 
 AXIS = float(np.sqrt(np.finfo(float).eps))
-"""Real part, relative to A, left of which a pole counts as decaying: a double one at the origin is known to
-the square root of rounding."""
+"""Real part, relative to A, left of which a pole near the origin counts as decaying: a double one there is
+known to the square root of rounding."""
+APART, SINGLE = 10.0, 1e-11
+"""Beyond so many times that from the origin, a light mode is known to rounding."""
 
 
 @record
@@ -37,7 +39,7 @@ def separate_unstable(system: StateSpace) -> Separation:
     balanced = balance_states(system)
     size = float(np.linalg.norm(balanced.A, 2)) if len(balanced.A) else 0.0
     form = _schur(balanced)
-    return _separate(balanced, *form, np.real(form[2]) > -AXIS * size)
+    return _separate(balanced, *form, np.real(form[2]) > -_known_to(form[2], size))
 
 
 def separate_axis(system: StateSpace) -> Separation:
@@ -45,7 +47,12 @@ def separate_axis(system: StateSpace) -> Separation:
     balanced = balance_states(system)
     size = float(np.linalg.norm(balanced.A, 2)) if len(balanced.A) else 0.0
     form = _schur(balanced)
-    return _separate(balanced, *form, np.abs(np.real(form[2])) <= AXIS * size)
+    return _separate(balanced, *form, np.abs(np.real(form[2])) <= _known_to(form[2], size))
+
+
+def _known_to(values: Complex[np.ndarray, " pole"], size: float) -> Float[np.ndarray, " pole"]:
+    """How far off the axis a pole of a matrix of that ``size`` may be and not be told from one on it."""
+    return np.where(np.abs(values) > APART * AXIS * size, SINGLE, AXIS) * size
 
 
 def separate_poles(system: StateSpace, wanted: Complex[np.ndarray, " wanted"]) -> Separation:
