@@ -58,6 +58,7 @@ def test_false_alarms_of_a_model_file_against_a_record(campaign, tmp_path):
 
 def test_a_mode_that_moved_by_a_third_of_a_per_cent_is_always_found(campaign):
     """0.3 % of 9.35 Hz at 1 % noise: some forty deviations."""
+    elsewhere = []
     for seed in campaign(60):
         before, after = gimbal_fits.fit(seed), gimbal_fits.fit(seed + 5000, moved=1.003)
         found = compare_fits(before.covariance, after.covariance)
@@ -74,8 +75,13 @@ def test_a_mode_that_moved_by_a_third_of_a_per_cent_is_always_found(campaign):
         assert "deviations" in found.sentence
         quick = compare_responses(gimbal_fits.measured(seed), gimbal_fits.measured(seed + 5000, moved=1.003))
         assert quick.drifted
-        assert all(b.low_hz > 8.9 and b.high_hz < 9.9 for b in quick.bands)
-        assert quick.sentence.startswith("the response moved at 9.")
+        inside = [b.low_hz > 8.9 and b.high_hz < 9.9 for b in quick.bands]
+        assert any(inside)
+        elsewhere.append(not all(inside))
+        assert quick.sentence.startswith("the response moved at ")
+        assert " 9." in quick.sentence
+    # The level of any false alarm beside it.
+    assert_no_more_than(0.05, sum(elsewhere), len(elsewhere))
 
 
 def test_what_did_not_move_is_not_said_to(campaign):
