@@ -7,7 +7,7 @@ STUDY := studies/mace-1993.toml
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: study picture test test-all check docs bench lock clean
+.PHONY: study picture test test-all kernels check docs bench lock clean
 
 study: $(VENV)/run.stamp  ## the paper: out/mace-1993/report.html
 	$(BIN)/middeck study $(STUDY) -o out/mace-1993
@@ -16,10 +16,13 @@ picture: study  ## the picture of the README
 	cp out/mace-1993/figures/mace-1993.svg docs/images/
 
 test: check  ## lint, types, import contract, tests, docs examples
-	$(BIN)/python -m pytest -rs -n 2 --dist loadfile
+	$(BIN)/python -m pytest -rs -n 2 --dist loadgroup
 
 test-all: check  ## the same with every long campaign whole; writes tests/results.json
-	MIDDECK_LONG=1 $(BIN)/python -m pytest -rs -n 2 --dist loadfile
+	MIDDECK_LONG=1 $(BIN)/python -m pytest -rs -n 2 --dist loadgroup
+
+kernels: $(VENV)/dev.stamp  ## marked tests and the study as other processors compute them, and what differs
+	$(BIN)/python .ci/kernels.py -o out/kernels
 
 check: $(VENV)/dev.stamp
 	$(BIN)/ruff check .

@@ -39,6 +39,13 @@ def campaign():
     return seeds
 
 
+def pytest_collection_modifyitems(items):
+    """Files stay whole on a worker; those that need the paper's study share one, which then runs it once."""
+    shared = {item.path for item in items if "paper_outcomes" in getattr(item, "fixturenames", ())}
+    for item in items:
+        item.add_marker(pytest.mark.xdist_group("paper" if item.path in shared else str(item.path)))
+
+
 @pytest.fixture(scope="session")
 def paper_study():
     """The study of the paper as it is shipped."""

@@ -1,0 +1,87 @@
+#!/usr/bin/env python3
+"""The marked tests and the study under several BLAS kernels, as other processors would run them.
+
+    python .ci/kernels.py -o out/kernels
+
+OpenBLAS picks its kernels by processor, and their last digits differ; ``OPENBLAS_CORETYPE`` picks another
+on the same machine. NumPy and SciPy carry a copy each, which name the kernel that they run (``OPENBLAS_VERBOSE=2``).
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+KERNELS = ("Prescott", "Haswell", "Zen", "SkylakeX")
+PROBE = "import numpy, scipy.linalg; a = numpy.eye(64); a @ a; scipy.linalg.inv(a)"
+COPIES = 2  # NumPy's OpenBLAS and SciPy's
+
+
+def environment(kernel: str) -> dict[str, str]:
+    """That in which a process runs ``kernel``, on one thread."""
+    one_thread = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    return {**os.environ, **one_thread, "OPENBLAS_CORETYPE": kernel}
+
+
+def running_kernel(kernel: str) -> str | None:
+    """What both copies of OpenBLAS run when asked for ``kernel``; none where the processor cannot run it."""
+    probe = subprocess.run(
+        [sys.executable, "-c", PROBE],
+        env={**environment(kernel), "OPENBLAS_VERBOSE": "2"},
+        capture_output=True,
+        text=True,
+    )
+    said = probe.stdout + probe.stderr
+    found = re.findall(r"^Core: (\w+)$", said, re.MULTILINE)
+    if probe.returncode != 0 or "not found" in said.lower():
+        return None
+    if len(found) != COPIES or len(set(found)) != 1:
+        raise SystemExit(f"{kernel}: NumPy and SciPy run {found or 'kernels that they do not name'}")
+    return found[0]
+
+
+def distinct_kernels() -> list[str]:
+    """The kernels asked for that this processor runs, each once; prints what becomes of every name."""
+    ran: dict[str, str] = {}
+    for kernel in KERNELS:
+        core = running_kernel(kernel)
+        if core is None:
+            print(f"{kernel}: not run, this processor cannot run it", flush=True)
+        elif core in ran:
+            print(f"{kernel}: runs the kernel {core}, as {ran[core]} does", flush=True)
+        else:
+            print(f"{kernel}: runs the kernel {core}", flush=True)
+            ran[core] = kernel
+    return list(ran.values())
+
+
+def run(kernel: str, out: Path) -> bool:
+    """Marked tests, then the study into ``out``; whether both succeeded."""
+    tests = [sys.executable, "-m", "pytest", "-m", "kernels", "-n", "2", "--dist", "loadfile", "tests"]
+    middeck = str(Path(sys.executable).with_name("middeck"))
+    study = [middeck, "study", "studies/mace-1993.toml", "-o", str(out)]
+    print(f"--- {kernel}", flush=True)
+    return all(subprocess.run(c, env=environment(kernel), cwd=ROOT).returncode == 0 for c in (tests, study))
+
+
+def main() -> int:
+    """0 where all tests pass and all numbers agree."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("-o", "--out", type=Path, default=ROOT / "out/kernels")
+    out = parser.parse_args().out
+    kernels = distinct_kernels()
+    failed = [kernel for kernel in kernels if not run(kernel, out / kernel)]
+    if failed:
+        print(f"failed under {', '.join(failed)}")
+        return 1
+    compare = [sys.executable, str(Path(__file__).with_name("compare_numbers.py"))]
+    return subprocess.run([*compare, *(str(out / k / "numbers.json") for k in kernels)]).returncode
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
