@@ -168,7 +168,7 @@ class _Entries:
         """Some lines, and the functions of all entries on them."""
         for first in range(0, len(self.s), CHUNK):
             lines = slice(first, first + CHUNK)
-            yield lines, shared_functions(self.model, self.s[lines])
+            yield lines, shared_functions(self.model, self.structure, self.s[lines])
 
     def weighted(
         self, entry: tuple[int, int], lines: slice, shared: np.ndarray
