@@ -3,7 +3,12 @@
 import numpy as np
 import pytest
 
-from middeck.identification.measurement_model import MeasurementModel, damping_ratio, model_response, natural_hz
+from middeck.identification.measurement_model import (
+    MeasurementModel,
+    damping_ratio,
+    model_response,
+    natural_hz,
+)
 from middeck.identification.uncertainty.covariance import estimate_covariance
 from middeck.identification.uncertainty.parameters import uncertainty_of
 from middeck.identification.uncertainty.unknowns import Structure
@@ -109,13 +114,15 @@ def test_modes_close_together(apart, noise, real):
 
 @pytest.mark.parametrize("size", [1e-6, 1e-20, 1e-33, 1e-160, 0.0])
 def test_a_mode_that_is_hardly_there_is_not_determined_and_others_are(size):
-    """The study's case: of a mode beyond the band with a constant of rounding, and of no zero, stays nothing."""
+    """A mode beyond the band whose constant is rounding, as fits of too many states have them."""
     model = model_of((3.0, 7.0, 128.4), (0.01, 0.02, 0.005), (1.0, 0.5, size), real=False)
     found = found_of(model, COMPLEX, 1e-3)
     known = uncertainty_of(found)
     assert np.isinf(known.natural_hz[2])
     assert np.isinf(known.damping[2])
-    of_f, of_zeta = truth_of(model_of((3.0, 7.0, 128.4), (0.01, 0.02, 0.005), (1.0, 0.5, 1e-6), real=False), False, 1e-3)
+    of_f, of_zeta = truth_of(
+        model_of((3.0, 7.0, 128.4), (0.01, 0.02, 0.005), (1.0, 0.5, 1e-6), real=False), False, 1e-3
+    )
     # A constant of nothing leaves its pole without any effect, and takes 3 % from what it leaves unknown.
     np.testing.assert_allclose(known.natural_hz[:2], of_f[:2], rtol=0.03)
     np.testing.assert_allclose(known.damping[:2], of_zeta[:2], rtol=0.03)

@@ -107,12 +107,22 @@ def _covariance(known: Any, model: MeasurementModel, where: str) -> ModelCovaria
     if np.shape(degrees) != () or not degrees > 0.0:
         raise DataError(f"degrees is {known['degrees']}; must be > 0, or null", where=where, hint=AGAIN)
     robust = _truth(known["robust"], f"{where}, robust")
-    return ModelCovariance(model, structure, root, inflation, float(degrees), robust, _count(known["loose"], root.shape[1], where))
+    return ModelCovariance(
+        model,
+        structure,
+        root,
+        inflation,
+        float(degrees),
+        robust,
+        _count(known["loose"], root.shape[1], where),
+    )
 
 
 def _count(value: Any, most: int, where: str) -> int:
     if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= most:
-        raise DataError(f"loose is {value!r}; must be a count of columns, 0 to {most}", where=where, hint=AGAIN)
+        raise DataError(
+            f"loose is {value!r}; must be a count of columns, 0 to {most}", where=where, hint=AGAIN
+        )
     return value
 
 

@@ -74,7 +74,10 @@ class _Rows:
 def _scores_spread(
     each: _Rows, W: Float[np.ndarray, "unknown direction"]
 ) -> Float[np.ndarray, "direction direction"]:
-    """Covariance of the scores in the directions W, under the noise that is left, degrees of freedom counted on each line."""
+    """Covariance of the scores in the directions W under the noise that is left.
+
+    Degrees of freedom are counted on each line.
+    """
     run, data = each.run, each.data
     assert data.transient is not None
     poles = all_poles(run.layout, run.refined.theta)

@@ -58,8 +58,8 @@ class ModelCovariance:
     model, structure:
         What was fitted; the unknowns and their order are those of `unknowns`.
     root:
-        R of their covariance R R^T: deviations that come from it keep the digits that those from the matrix lose
-        where unknowns are told apart badly. Lower triangular, but for what is loose.
+        R of their covariance R R^T: deviations that come from it keep the digits that those from the matrix
+        lose where unknowns are told apart badly. Lower triangular, but for what is loose.
     inflation:
         Of each unknown, its variance as a multiple of what it would be if all others were known.
     degrees:
@@ -92,10 +92,10 @@ class ModelCovariance:
     def deviation(self, slope: Float[np.ndarray, "row unknown"] | None = None) -> Float[np.ndarray, " row"]:
         """Standard deviation of what has these derivatives by the unknowns, or of each unknown.
 
-        Infinite where the data do not fix it: where more of it is loose than is not, for what rounding leaves of
-        a loose direction is no more; or, beside a loose direction, where what is fixed of it is told from the
-        other unknowns so badly that rounding turns the two into each other (two modes a share d of their width
-        apart have directions of d, d^2 and d^3).
+        Infinite where the data do not fix it: where more of it is loose than is not, for what rounding leaves
+        of a loose direction is no more; or, beside a loose direction, where what is fixed of it is told from
+        the other unknowns so badly that rounding turns the two into each other (two modes a share d of their
+        width apart have directions of d, d^2 and d^3).
         """
         slope = np.eye(len(self.root)) if slope is None else slope
         fixed, loose = np.split(slope @ self.root, [self.fixed.shape[1]], axis=1)

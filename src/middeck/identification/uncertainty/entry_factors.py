@@ -3,7 +3,8 @@
 As for a fit's columns (`fit.factors`): with u = 1/(q - lambda) and l = 1/(q - conj lambda) any term of a pair
 is z u + conj(z) l = Re z (u + l) + Im z j(u - l), and its derivative by the pole the same of squares. A term
 of real constants is phi psi u l, whose derivatives are of u l (u + l) and (u l)^2: as a difference of u and l
-they would be rounding where a pair comes near the real axis. An entry's own is only its derivative by its delay.
+they would be rounding where a pair comes near the real axis. An entry's own is only its derivative by its
+delay.
 """
 
 from __future__ import annotations
@@ -80,8 +81,8 @@ def shared_functions(
 ) -> Complex[np.ndarray, "function line"]:
     """Four functions of each mode, kind by kind, then 1/s^2, 1/s and 1, at any ``s``.
 
-    u + l and j(u - l) and the same of squares; u l, its square and u l (u + l) of a pair with real constants; u
-    and u^2 of a real pole. What a mode does not have is zero.
+    u + l and j(u - l) and the same of squares; u l, its square and u l (u + l) of a pair with real constants;
+    u and u^2 of a real pole. What a mode does not have is zero.
     """
     T = 0.0 if model.sample_hz is None else 1.0 / model.sample_hz
     q, pole = (np.exp(s * T), np.exp(model.poles * T)) if T else (s, model.poles)

@@ -70,7 +70,7 @@ def common_scores(
     assumed: Float[np.ndarray, "a line"],
     noise: Float[np.ndarray, "a line"],
 ) -> Float[np.ndarray, "direction direction"]:
-    """W^T B W of the B above; what was assumed beyond the measured noise is independent from entry to entry."""
+    """W^T B W of the B above; what was assumed beyond the measured noise is independent between entries."""
     each = list(entries)
     spread = np.zeros((W.shape[1], W.shape[1]))
     for first in range(0, assumed.shape[1], CHUNK):

@@ -1,8 +1,8 @@
 """Information by its orthogonal factor: J = Q F, so that A = J^T J = F^T F is never formed.
 
-The condition of A is the square of that of J: in double precision A says nothing of a direction whose deviation
-is 1e8 times what each of its unknowns would have alone, while F is good to 1e15 (Golub and Van Loan 2013, section
-5.3.8). Columns are scaled to length one first: they differ by units only.
+The condition of A is the square of that of J: in double precision A says nothing of a direction whose
+deviation is 1e8 times what each of its unknowns would have alone, while F is good to 1e13 (Golub and Van Loan
+2013, section 5.3.8). Columns are scaled to length one first: they differ by units only.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from jaxtyping import Float
 # Length of a column without any effect: the deviation of its unknown is beyond all bounds, its square still a
 # number.
 NO_INFORMATION = 1e-30
-# A singular value of the scaled derivatives, over the largest, that rounding of these cannot tell from nothing.
+# Singular value of the scaled derivatives, over the largest, that their rounding cannot tell from nothing.
 LOOSE = 1e-13
 
 
@@ -34,8 +34,8 @@ def inverse_root(
     """W with W W^T = (F^T F)^-1, among the unknowns that leave what is ``held`` as it is, and how many of its
     last columns are loose.
 
-    Along those the data fix nothing that rounding could show: `LOOSE` stands for their singular values, so that
-    they are as long as they must at least be.
+    Along those the data fix nothing that rounding could show: `LOOSE` stands for their singular values, so
+    that they are as long as they must at least be.
     """
     unknowns = F.shape[1]
     scale = 1.0 / np.maximum(np.linalg.norm(F, axis=0), NO_INFORMATION)

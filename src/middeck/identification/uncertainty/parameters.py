@@ -28,8 +28,8 @@ class Uncertainty:
     delay_s:
         Of the delay of each output [s]; zero where no delay was fitted.
 
-    Infinite where the data do not determine the number: the deviation would be larger than the frequency or the
-    damping ratio itself, or a delay's than a period of the slowest mode, and says no more than that.
+    Infinite where the data do not determine the number: the deviation would be larger than the frequency or
+    the damping ratio itself, or a delay's than a period of the slowest mode.
     """
 
     natural_hz: Float[np.ndarray, " mode"]
@@ -262,7 +262,7 @@ def zero_deviation(
 ) -> tuple[Float[np.ndarray, " zero"], Float[np.ndarray, " zero"]]:
     """Standard deviations of |z| / 2 pi [Hz] and of -Re z / |z| of the zeros [rad/s] of one entry of H.
 
-    Infinite where the data do not determine the zero: the deviation would be larger than |z| / 2 pi, or than one.
+    Infinite where the data do not determine the zero: one would be larger than |z| / 2 pi, or than one.
     By the implicit function theorem dz = -(dH / dx) / (dH / ds) at the zero; right for simple zeros that lie
     farther from each other, and from the real axis, than their deviations.
 
@@ -283,7 +283,9 @@ def zero_deviation(
     size = np.abs(z)[:, None]
     along = np.real(z.conj()[:, None] * by) / size
     # The ratio of a real zero is one whatever moves.
-    ratio = np.where(np.imag(z)[:, None] == 0.0, 0.0, -np.real(by) / size + np.real(z)[:, None] * along / size**2)
+    ratio = np.where(
+        np.imag(z)[:, None] == 0.0, 0.0, -np.real(by) / size + np.real(z)[:, None] * along / size**2
+    )
     frequency = _determined(covariance.deviation(along / (2.0 * np.pi)), np.abs(z) / (2.0 * np.pi))
     return frequency, np.where(np.isinf(frequency), np.inf, _determined(covariance.deviation(ratio), 1.0))
 
@@ -299,6 +301,15 @@ def _named(ports: tuple[Port, ...], name: str) -> int:
     if name not in names:
         raise ConfigError(f"no channel named {name!r}", hint=f"one of {', '.join(names)}")
     return names.index(name)
+
+
+def stated(deviation: Float[np.ndarray, " number"]) -> list[float | None]:
+    """Deviations as a document has them: None where the data do not determine the number.
+
+    >>> stated(np.array([0.5, np.inf]))
+    [0.5, None]
+    """
+    return [float(value) if np.isfinite(value) else None for value in deviation]
 
 
 def _determined(deviation: np.ndarray, largest: np.ndarray | float) -> np.ndarray:
