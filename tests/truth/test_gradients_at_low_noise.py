@@ -1,4 +1,4 @@
-"""The gradient of a fit whose noise is 1e-11 of its signal, against orthogonal columns in extended precision."""
+"""The gradient of a fit with a noise of 1e-11, against orthogonal columns in extended precision."""
 
 import numpy as np
 import pytest
@@ -29,7 +29,8 @@ def case(seed, noise, close):
     re, im = rng.standard_normal((2, *H.shape)) / np.sqrt(2.0)
     layout = Layout(
         pair=np.ones(MODES, bool), fixed_imag=np.zeros(MODES), pivot=np.zeros(MODES, int), inputs=PATHS,
-        outputs=PATHS, real_constants=True, with_delay=True, with_lower=False, with_direct=False, period_s=0.0,
+        outputs=PATHS, real_constants=True, with_delay=True, with_lower=False, with_direct=False,
+        period_s=0.0,
     )  # fmt: skip
     theta = pack(layout, Point(p, b + 0j, np.full((PATHS, 1), 0.004)))
     return layout, Data(s, H + size * (re + 1j * im), np.full(H.shape, 1.0 / size)), theta

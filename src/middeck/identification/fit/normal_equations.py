@@ -4,9 +4,9 @@ All columns and slopes of an output are real combinations of few functions (`fac
 products need the Gram matrices of these functions only, one for each weight, and those follow from sums over
 the lines (`cauchy`). Normal equations square the condition; but the residual is formed explicitly, corrects
 the solution until it is orthogonal to the columns (corrected seminormal equations, Bjorck 1987) and gives the
-gradient, less what the last correction, left out, would change in it. So only the Gram matrix of theta itself,
-which no more than steers the search, has the squared condition's rounding. Where that is too large (`WORST`,
-`SKEW`), or the residual itself is rounding (`Solved.rounding`), the caller takes another way.
+gradient, less what the last correction, left out, would change in it. So only the Gram matrix of theta
+itself, which no more than steers the search, has the squared condition's rounding. Where that is too large
+(`WORST`, `SKEW`), or the residual itself is rounding (`Solved.rounding`), the caller takes another way.
 """
 
 from __future__ import annotations
@@ -148,7 +148,7 @@ def _by_theta(
         cross = np.concatenate([cross, _flat(on_late) @ np.swapaxes(_flat(free[None]), 1, 2)], axis=1)
         on_rest = rows @ _flat(solved.left).view(float)[:, :, None]
         gradient = np.concatenate([gradient, on_rest], axis=1)
-    # What is left is orthogonal to the columns but for rounding, of which the slopes along them would make much.
+    # What is left is orthogonal to the columns but for rounding, of which slopes along them would make much.
     rest = solve(np.tensordot(solved.on_left, free, axes=([1, 2], [1, 2])))
     gradient -= cross @ rest[:, :, None]
     return -gradient[:, :, 0], solve.without(gram, cross)

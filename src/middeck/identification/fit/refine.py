@@ -39,8 +39,8 @@ MOST_STEPS = 200
 # Products in an output's normal equations below which forming them directly, by QR, takes less than to find
 # few functions to form them from.
 SMALL = 4e5
-# Rounding of all residuals together, in deviations, above which they are formed by orthogonal columns: it would
-# move the end of a search by as much.
+# Rounding of all residuals together, in deviations, above which they are formed by orthogonal columns: it
+# would move the end of a search by as much.
 ROUNDED = 0.02
 # A step that promises less ends the search. Weights are one over standard deviations, so that an unknown one
 # deviation off costs 1/2 or more: 1e-3 is a twentieth of a deviation, for all unknowns together.
