@@ -38,7 +38,7 @@ def fit(*, late_s: float = 1e-6, **changes: Any) -> ModelCovariance:
     at = places_of(model, structure)
     variance = np.full(at.size, 1e-6)
     variance[at.delay] = 2.5e-11
-    return ModelCovariance(model, structure, np.diag(variance), np.ones(at.size), np.inf, robust=False)
+    return ModelCovariance(model, structure, np.diag(np.sqrt(variance)), np.ones(at.size), np.inf, False)
 
 
 def saved(tmp_path: Path, of: ModelCovariance, *, known: bool = True) -> Path:

@@ -94,7 +94,9 @@ def a_run_from_rest(noise, periods=6):
     return Record(256.0, u[None, None], y[None, None], *_ports(1, 1), False)
 
 
-@pytest.mark.parametrize(("noise", "first"), [(0.5, (0, 1)), (0.1, (1, 2)), (0.01, (2, 3, 4))])
+# At a noise of 0.1 the first period's transient has the power of the noise to a hundredth, which is just what
+# is asked of it: rounding would decide.
+@pytest.mark.parametrize(("noise", "first"), [(0.5, (0,)), (0.05, (1,)), (0.01, (2,))])
 def test_unsteady_periods_are_left_out(noise, first):
     run = a_run_from_rest(noise)
     found = recognise_excitation(run)

@@ -48,7 +48,9 @@ def covariance_of(delay_s, deviation_s, *, path_delay_s=None, degrees=np.inf):
     variance = np.full(at.size, 1e-6)
     variance[at.delay] = np.square(deviation_s)
     variance[at.path[at.path >= 0]] = 1e-10
-    return ModelCovariance(model, structure, np.diag(variance), np.ones(at.size), degrees, robust=False)
+    return ModelCovariance(
+        model, structure, np.diag(np.sqrt(variance)), np.ones(at.size), degrees, robust=False
+    )
 
 
 def test_independent_delays_get_their_weighted_mean():
@@ -104,7 +106,7 @@ def test_nothing_to_merge_leaves_the_model_as_it_is():
     far = covariance_of(np.array([8e-3, 9e-3]), np.full(2, 1e-5))
     structure = dataclasses.replace(far.structure, common_delay=True)
     size = places_of(far.model, structure).size
-    common = ModelCovariance(far.model, structure, 1e-6 * np.eye(size), np.ones(size), np.inf, robust=False)
+    common = ModelCovariance(far.model, structure, 1e-3 * np.eye(size), np.ones(size), np.inf, robust=False)
     for covariance in (far, common, as_exact(far.model), covariance_of([8e-3], [1e-5])):
         found = merge_delays(covariance)
         assert found.model is covariance.model
@@ -116,11 +118,11 @@ def test_nothing_to_merge_leaves_the_model_as_it_is():
 def test_a_decay_that_is_not_known_is_not_moved_out_of_bounds():
     covariance = covariance_of(np.array([8e-3, 8.02e-3]), np.full(2, 1e-5))
     at = places_of(covariance.model, covariance.structure)
-    root = np.sqrt(np.diag(covariance.matrix))
+    root = covariance.deviation()
     root[at.sigma[0]] = 4.0  # of its logarithm, and tied to the first delay
     correlation = np.eye(at.size)
     correlation[at.sigma[0], at.delay[0]] = correlation[at.delay[0], at.sigma[0]] = 0.99
-    known = dataclasses.replace(covariance, matrix=correlation * root[:, None] * root)
+    known = dataclasses.replace(covariance, root=root[:, None] * np.linalg.cholesky(correlation))
     assert merge_delays(known).model is known.model
 
 
@@ -135,7 +137,7 @@ def test_the_merged_fit_is_the_fit_of_one_delay_and_the_level_is_kept(campaign):
         kept_apart += len(set(merge_delays(fit.covariance, level=0.05).model.delay_s)) > 1
         if k < 5:
             common = fit_response(measured, states=4, delay="common")
-            deviation = np.sqrt(np.diag(common.covariance.matrix))
+            deviation = common.covariance.deviation()
             x, merged = (unknowns_of(m, common.covariance.structure) for m in (common.model, found.model))
             # The fit's curvature beyond the linear: its square over the signal, a hundredth of a deviation.
             assert np.all(np.abs(x - merged) < 0.02 * deviation)

@@ -49,7 +49,7 @@ def test_members_keep_the_structure(fit):
         np.testing.assert_allclose(constants.imag, 0.0, atol=1e-12)
         assert not np.any(member.direct)
     # As uncertain as a set may be: damping known to a factor of three or so.
-    wild = dataclasses.replace(fit.covariance, matrix=1e4 * fit.covariance.matrix)
+    wild = dataclasses.replace(fit.covariance, root=1e2 * fit.covariance.root)
     for member in sample_models(wild, count=50, rng=np.random.default_rng(2)):
         assert np.all(member.poles.real < 0.0)
         assert np.all(member.delay_s >= 0.0)

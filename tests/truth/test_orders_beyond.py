@@ -1,5 +1,7 @@
 """Orders that could be chosen wrongly: a narrow band, single lines that distortion moves, few lines."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -80,9 +82,9 @@ def test_a_delay_in_a_narrow_band_is_not_half_a_period_off(low, high, hz, zeta, 
 def test_a_delay_that_poles_outside_a_narrow_band_share_is_not_stated_as_known():
     """Both modes lie outside 4-7 Hz, with 1/s: far poles that stand for them move the delay by ms."""
     fitted = fit_response(late(4.0, 7.0, free=2.0), integrators=1)
-    doubted = [w for w in fitted.warnings if "the delay of" in w and "is not known" in w]
-    right = abs(fitted.model.delay_s[0] - 0.0113) < 4.0 * fitted.uncertainty.delay_s[0]
-    assert right or doubted
+    deviation = fitted.uncertainty.delay_s[0]
+    doubted = [w for w in fitted.warnings if "the delay" in w and re.search("is (not|confounded)", w)]
+    assert doubted or (np.isfinite(deviation) and abs(fitted.model.delay_s[0] - 0.0113) < 4.0 * deviation)
 
 
 def test_a_lead_in_a_narrow_band_is_refused_for_what_it_is():

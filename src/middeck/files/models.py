@@ -21,16 +21,14 @@ COMPLEX = ("poles", "shapes", "participation")
 AGAIN = "write the model again"
 REAL = ("direct", "lower", "delay_s")
 OPTIONAL = ("path_delay_s", "rigid", "integral")
-COVARIANCE = ("structure", "matrix", "inflation", "degrees", "robust")
-# What rounding may leave of asymmetry, and of negative eigenvalues, in a correlation matrix.
-ROUNDING = 1e-6
+COVARIANCE = ("structure", "root", "inflation", "degrees", "robust", "loose")
 
 
 def write_model(path: str | Path, model: MeasurementModel, covariance: ModelCovariance | None = None) -> None:
     """Write ``model`` whole or not at all: poles [rad/s] and residues as ``re``, ``im``, delays in s.
 
     Delays of paths, rigid-body modes and integrators are written where the model has any, and so is the joint
-    covariance of its unknowns: infinitely many degrees of freedom are null.
+    covariance of its unknowns (a root of it): infinitely many degrees of freedom are null.
 
     Raises
     ------
@@ -62,7 +60,7 @@ def load_model(path: str | Path) -> MeasurementModel:
 def load_fitted(path: str | Path) -> tuple[MeasurementModel, ModelCovariance | None]:
     """The model in file ``path`` and the covariance of its unknowns; None where the file has none.
 
-    Raises `DataError` as `load_model` does, and for a matrix that is no covariance of this model.
+    Raises `DataError` as `load_model` does, and for a covariance that is not of this model.
     """
     data = read_json(path, MODEL_SCHEMA, "a model of middeck identify -o")
     model = _model(data, str(path))
@@ -97,21 +95,35 @@ def _model(data: dict[str, Any], path: str) -> MeasurementModel:
 def _covariance(known: Any, model: MeasurementModel, where: str) -> ModelCovariance:
     require_keys(known, COVARIANCE, where, AGAIN)
     structure = _structure(known["structure"], f"{where}, structure")
-    matrix, inflation = (_array(known[name], f"{where}, {name}") for name in ("matrix", "inflation"))
+    root, inflation = (_array(known[name], f"{where}, {name}") for name in ("root", "inflation"))
     size = places_of(model, structure).size
-    if matrix.shape != (size, size) or inflation.shape != (size,):
+    if root.ndim != 2 or len(root) != size or inflation.shape != (size,):
         raise DataError(
-            f"matrix has shape {matrix.shape}, inflation {inflation.shape}; the model has {size} unknowns",
+            f"root has shape {root.shape}, inflation {inflation.shape}; the model has {size} unknowns",
             where=where,
             hint=AGAIN,
         )
-    if not _is_covariance(matrix):
-        raise DataError("not symmetric and positive semidefinite", where=f"{where}, matrix", hint=AGAIN)
     degrees = np.inf if known["degrees"] is None else _array(known["degrees"], f"{where}, degrees")
     if np.shape(degrees) != () or not degrees > 0.0:
         raise DataError(f"degrees is {known['degrees']}; must be > 0, or null", where=where, hint=AGAIN)
     robust = _truth(known["robust"], f"{where}, robust")
-    return ModelCovariance(model, structure, matrix, inflation, float(degrees), robust)
+    return ModelCovariance(
+        model,
+        structure,
+        root,
+        inflation,
+        float(degrees),
+        robust,
+        _count(known["loose"], root.shape[1], where),
+    )
+
+
+def _count(value: Any, most: int, where: str) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= most:
+        raise DataError(
+            f"loose is {value!r}; must be a count of columns, 0 to {most}", where=where, hint=AGAIN
+        )
+    return value
 
 
 def _structure(value: Any, where: str) -> Structure:
@@ -124,15 +136,6 @@ def _truth(value: Any, where: str) -> bool:
     if not isinstance(value, bool):
         raise DataError(f"{value!r} is neither true nor false", where=where, hint=AGAIN)
     return value
-
-
-def _is_covariance(matrix: np.ndarray) -> bool:
-    variance = np.diag(matrix)
-    scale = np.sqrt(np.where(variance > 0.0, variance, 1.0))
-    correlation = matrix / scale[:, None] / scale
-    if not np.allclose(correlation, correlation.T, rtol=0.0, atol=ROUNDING):
-        return False
-    return float(np.linalg.eigvalsh(correlation).min(initial=0.0)) >= -ROUNDING * max(len(matrix), 1)
 
 
 def _array(value: Any, where: str) -> np.ndarray:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from operator import itemgetter
 
 from middeck.plot.ports import port_words
-from middeck.report.words import Numbers, Table, fixed, percent, significant, yes_no
+from middeck.report.words import UNDETERMINED, Numbers, Table, deviation, fixed, percent, significant, yes_no
 
 SUB_MODELS = {"all": "full", "rigid": "rigid", "flexible": "flexible"}
 
@@ -139,14 +140,14 @@ def fit_tables(figures: Numbers) -> list[Table]:
     numbers = figures["figure_9a"]
     columns = (numbers[k] for k in ("natural_hz", "natural_hz_deviation", "damping", "damping_deviation"))
     modes = [
-        [fixed(f, 4), significant(df, 2), percent(z, 3), percent(dz, 3)]
-        for f, df, z, dz in sorted(zip(*columns, strict=True))
+        [fixed(f, 4), deviation(df), percent(z, 3), UNDETERMINED if dz is None else percent(dz, 3)]
+        for f, df, z, dz in sorted(zip(*columns, strict=True), key=itemgetter(0, 2))
     ]
-    delay_ms, deviation_ms = 1e3 * numbers["delay_s"], 1e3 * numbers["delay_deviation_s"]
+    delay_ms = 1e3 * numbers["delay_s"]
     rows = [
         ["states of the fit", str(numbers["states"])],
         ["states of the design plant, Padé delay included", str(numbers["plant_states"])],
-        ["delay [ms]", f"{fixed(delay_ms, 4)} ± {significant(deviation_ms, 2)}"],
+        ["delay [ms]", f"{fixed(delay_ms, 4)} {deviation(numbers['delay_deviation_s'], 1e-3, '± ')}"],
         ["band of the fit [Hz]", " to ".join(f"{f:g}" for f in numbers["fit_band_hz"])],
         ["relative complex error in that band", percent(numbers["relative_error"], 3)],
     ]  # fmt: skip
@@ -273,8 +274,8 @@ def encoder_tables(figures: Numbers) -> list[Table]:
     numbers = figures["figure_10a"]
     columns = (numbers[k] for k in ("natural_hz", "natural_hz_deviation", "damping", "damping_deviation"))
     poles = [
-        [fixed(f, 4), significant(df, 2), percent(z, 3), percent(dz, 3)]
-        for f, df, z, dz in sorted(zip(*columns, strict=True))
+        [fixed(f, 4), deviation(df), percent(z, 3), UNDETERMINED if dz is None else percent(dz, 3)]
+        for f, df, z, dz in sorted(zip(*columns, strict=True), key=itemgetter(0, 2))
     ]
     head = ("natural frequency [Hz]", "± [Hz]", "damping", "±")
     return [Table("Poles common to the three sensors, one standard deviation", head, poles),
@@ -288,7 +289,7 @@ def bus_tables(figures: Numbers) -> list[Table]:
 
 def _path_tables(numbers: Numbers) -> list[Table]:
     zeros = [
-        [fixed(z["frequency_hz"], 4), significant(z["frequency_deviation_hz"], 2),
+        [fixed(z["frequency_hz"], 4), deviation(z["frequency_deviation_hz"]),
          percent(z["damping"], 2) if z["pair"] else "real", "right" if z["nonminimum_phase"] else "left"]
         for z in numbers["zeros"]
     ]  # fmt: skip
@@ -297,7 +298,7 @@ def _path_tables(numbers: Numbers) -> list[Table]:
         ["states of the fit", str(numbers["states"])],
         ["states of the design plant, Padé delays included", str(numbers["plant_states"])],
         ["delay [ms]",
-         f"{fixed(1e3 * numbers['delay_s'], 4)} ± {significant(1e3 * numbers['delay_deviation_s'], 2)}"],
+         f"{fixed(1e3 * numbers['delay_s'], 4)} {deviation(numbers['delay_deviation_s'], 1e-3, '± ')}"],
         ["relative complex error", percent(numbers["relative_error"], 3)],
         ["fitted anew with all zeros held in the left half-plane",
          "–" if numbers["mirrored_error"] is None else percent(numbers["mirrored_error"], 1)],

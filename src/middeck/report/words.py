@@ -8,6 +8,9 @@ from typing import Any, NamedTuple
 Numbers = dict[str, Any]
 
 
+UNDETERMINED = "not determined by the data"
+
+
 class Table(NamedTuple):
     """A caption, the column heads, and rows whose first cell names the row."""
 
@@ -46,6 +49,15 @@ def significant(value: float | str | None, digits: int = 4) -> str:
         return (text.rstrip("0").rstrip(".") if "." in text else text).replace("-", "−")
     mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
     return f"{mantissa}e{int(exponent)}".replace("-", "−")
+
+
+def deviation(value: float | None, unit: float = 1.0, sign: str = "") -> str:
+    """A standard deviation in ``unit`` behind its ``sign``, or that there is none.
+
+    >>> deviation(4.2e-6, 1e-3, "± "), deviation(None)
+    ('± 0.0042', 'not determined by the data')
+    """
+    return UNDETERMINED if value is None else sign + significant(value / unit, 2)
 
 
 def percent(share: float, digits: int = 2) -> str:

@@ -29,7 +29,7 @@ class SensorZeros:
     Parameters
     ----------
     frequency_deviation_hz, damping_deviation:
-        Their standard deviations.
+        Their standard deviations; infinite where the data do not determine the zero.
     mirrored_error:
         Relative complex error of the path in the band of the fit once its zeros are fitted anew with all of
         them in the left half-plane (`refit_left`); None where none is in the right one.

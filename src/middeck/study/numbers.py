@@ -13,6 +13,7 @@ from middeck import __version__
 from middeck.files.studies import Study
 from middeck.identification.measurement_model import damping_ratio, natural_hz, path_delay
 from middeck.identification.plants.zeros import name_zeros
+from middeck.identification.uncertainty.parameters import stated
 from middeck.structure.comparison import ModeComparison
 from middeck.structure.equilibrium import Equilibrium, node_rotations
 from middeck.structure.modes import Modes
@@ -202,11 +203,11 @@ def figure_9a(control: MeasuredControl) -> Numbers:
         "data": response_numbers(control.open_loop),
         "fit": response_numbers(control.fitted),
         "natural_hz": natural_hz(model),
-        "natural_hz_deviation": control.fit.uncertainty.natural_hz,
+        "natural_hz_deviation": stated(control.fit.uncertainty.natural_hz),
         "damping": damping_ratio(model),
-        "damping_deviation": control.fit.uncertainty.damping,
+        "damping_deviation": stated(control.fit.uncertainty.damping),
         "delay_s": model.delay_s[0],
-        "delay_deviation_s": control.fit.uncertainty.delay_s[0],
+        "delay_deviation_s": stated(control.fit.uncertainty.delay_s)[0],
         "fit_band_hz": control.fit_band_hz,
         "relative_error": control.fit.error[0],
         "states": model.states,
@@ -265,11 +266,11 @@ def figure_10(sensors: MeasuredSensors, output: int) -> Numbers:
         "zeros": zero_numbers(sensors.sensors[output]),
         "mirrored_error": sensors.sensors[output].mirrored_error,
         "natural_hz": natural_hz(model),
-        "natural_hz_deviation": fit.uncertainty.natural_hz,
+        "natural_hz_deviation": stated(fit.uncertainty.natural_hz),
         "damping": damping_ratio(model),
-        "damping_deviation": fit.uncertainty.damping,
+        "damping_deviation": stated(fit.uncertainty.damping),
         "delay_s": path_delay(model)[output, 0],
-        "delay_deviation_s": fit.uncertainty.delay_s[output],
+        "delay_deviation_s": stated(fit.uncertainty.delay_s)[output],
         "fit_band_hz": sensors.fit_band_hz,
         "relative_error": fit.error[output],
         "states": model.states,
@@ -319,9 +320,9 @@ def zero_numbers(sensor: SensorZeros) -> list[Numbers]:
     columns = {
         "name": name_zeros(zeros),
         "frequency_hz": zeros.frequency_hz,
-        "frequency_deviation_hz": sensor.frequency_deviation_hz,
+        "frequency_deviation_hz": stated(sensor.frequency_deviation_hz),
         "damping": zeros.damping,
-        "damping_deviation": sensor.damping_deviation,
+        "damping_deviation": stated(sensor.damping_deviation),
         "pair": zeros.is_pair,
         "nonminimum_phase": zeros.is_nonminimum_phase,
         "residual": zeros.residual,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -181,6 +182,7 @@ def _validate(
 def describe(found: Identified) -> dict[str, Any]:
     """The JSON document."""
     from middeck.identification.measurement_model import damping_ratio, natural_hz
+    from middeck.identification.uncertainty.parameters import stated
 
     fit, model, measured = found.fit, found.fit.model, found.measured
     names = [p.name for p in model.outputs]
@@ -197,13 +199,13 @@ def describe(found: Identified) -> dict[str, Any]:
         "lines": None if measured is None else len(measured.frequency_hz),
         "samples": periods * samples,
         "frequency_hz": natural_hz(model),
-        "frequency_std_hz": fit.uncertainty.natural_hz,
+        "frequency_std_hz": stated(fit.uncertainty.natural_hz),
         "damping": damping_ratio(model),
-        "damping_std": fit.uncertainty.damping,
+        "damping_std": stated(fit.uncertainty.damping),
         "pole": model.poles,
         "zeros": _zeros(model),
         "delay_s": dict(zip(names, model.delay_s, strict=True)),
-        "delay_std_s": dict(zip(names, fit.uncertainty.delay_s, strict=True)),
+        "delay_std_s": dict(zip(names, stated(fit.uncertainty.delay_s), strict=True)),
         "deviations_robust": fit.covariance.robust,
         "error": dict(zip(names, fit.error, strict=True)),
         "cost": fit.cost,
@@ -233,8 +235,8 @@ def _zeros(model: MeasurementModel) -> list[dict[str, Any]]:
 def _tables(document: dict[str, Any]) -> list[str | Table]:
     keys = ("frequency_hz", "frequency_std_hz", "damping", "damping_std")
     poles = [
-        [f"{f:.5f}", _known(df, f), f"{z:.5f}", _known(dz, z)]
-        for f, df, z, dz in sorted(zip(*(document[k] for k in keys), strict=True))
+        [f"{f:.5f}", _known(df), f"{z:.5f}", _known(dz)]
+        for f, df, z, dz in sorted(zip(*(document[k] for k in keys), strict=True), key=itemgetter(0, 2))
     ]
     held_out = document["held_out_nrmse"] or {}
     outputs = [
@@ -255,9 +257,9 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
     ]
 
 
-def _known(deviation: float, value: float) -> str:
-    """A deviation; a dash where it is larger than the value itself."""
-    return f"{deviation:.1e}" if deviation <= abs(value) else "-"
+def _known(deviation: float | None, unit: float = 1.0) -> str:
+    """A deviation, if there is one: the data do not determine a number that has none."""
+    return "not determined" if deviation is None else f"{deviation / unit:.1e}"
 
 
 def _delay(document: dict[str, Any], output: str) -> list[str]:
@@ -266,7 +268,7 @@ def _delay(document: dict[str, Any], output: str) -> list[str]:
         return ["-", "-"]
     return [
         f"{document['delay_s'][output] * 1e3:.4f}",
-        f"{document['delay_std_s'][output] * 1e3:.1e}",
+        _known(document["delay_std_s"][output], 1e-3),
     ]
 
 

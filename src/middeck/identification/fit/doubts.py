@@ -36,6 +36,7 @@ CHECK = "check which channel is the input, and that the period is long enough"
 TAKE_MORE = "the band is too narrow to tell a delay from modes outside it: take a wider one, or delay=False"
 # A pole so many times outside the band is none of the article.
 FAR = 100.0
+UNDETERMINED = "is not determined by the data"
 BEYOND = "of a velocity or an acceleration, take constants='complex'; with modes beyond the band, residuals"
 
 
@@ -132,9 +133,14 @@ def _doubts_of_delays(measured: FrequencyResponse, covariance: ModelCovariance) 
     at = places_of(covariance.model, covariance.structure)
     found: list[str] = []
     standing = _stands_for_phase(measured, covariance.model)
+    unknown = np.isinf(uncertainty_of(covariance).delay_s)
     for o in np.flatnonzero(at.delay >= 0):
         name, inflation = covariance.model.outputs[o].name, covariance.inflation[at.delay[o]]
-        if inflation > CONFOUNDED:
+        if unknown[o]:
+            found.append(
+                f"output {name}: the delay is not determined by the data; fit real constants, or no delay"
+            )
+        elif inflation > CONFOUNDED:
             found.append(
                 f"output {name}: the delay is confounded with the residues, only their sum is certain: its "
                 f"deviation is {np.sqrt(inflation):.0f} times what it would be if they were known; fit real "
@@ -173,7 +179,7 @@ def _doubts_of_modes(
     unknown = [m for m in poles if of.natural_hz[m] > HALF * f[m]]
     beyond = [m for m in poles if covariance.model.is_pair[m] and not lines[0] <= f[m] <= lines[-1]]
     found = [
-        f"mode at {f[m]:.4g} Hz: its frequency has a deviation of {of.natural_hz[m]:.3g} Hz: not known"
+        f"mode at {f[m]:.4g} Hz: its frequency {_loose(of.natural_hz[m], f'{of.natural_hz[m]:.3g} Hz')}"
         for m in unknown
         if m not in beyond
     ]
@@ -183,11 +189,20 @@ def _doubts_of_modes(
         found.append(
             f"mode{'' if one else 's'} at {places} Hz: {'it lies' if one else 'they lie'} outside the band "
             f"{lines[0]:.4g}-{lines[-1]:.4g} Hz, and stand{'s' if one else ''} for whatever is there"
+            f"{_lost([f[m] for m in beyond if np.isinf(of.natural_hz[m])])}"
         )
     within = [m for m in poles if covariance.model.is_pair[m] and m not in beyond and m not in unknown]
     for m in within:
         found += _doubts_of_damping(measured, covariance, m, of_samples=of_samples)
     return found
+
+
+def _lost(hz: list[float]) -> str:
+    """Of modes outside the band, those that could be anywhere."""
+    if not hz:
+        return ""
+    places = ", ".join(f"{f:.4g}" for f in hz)
+    return f"; the data do not determine {'that' if len(hz) == 1 else 'those'} at {places} Hz"
 
 
 def _doubts_of_damping(
@@ -205,8 +220,13 @@ def _doubts_of_damping(
             "lines, so that its damping hangs on one or two of them; use a longer period"
         )
     if deviation > HALF * zeta:
-        found.append(f"{mode}: its damping of {zeta:.2%} has a deviation of {deviation:.2%}: not known")
+        found.append(f"{mode}: its damping of {zeta:.2%} {_loose(deviation, f'{deviation:.2%}')}")
     return found
+
+
+def _loose(deviation: float, words: str) -> str:
+    """What is said of a number with a large deviation, or with none."""
+    return f"has a deviation of {words}: not known" if np.isfinite(deviation) else UNDETERMINED
 
 
 def causal_delay(

@@ -4,8 +4,9 @@ All columns and slopes of an output are real combinations of few functions (`fac
 products need the Gram matrices of these functions only, one for each weight, and those follow from sums over
 the lines (`cauchy`). Normal equations square the condition; but the residual is formed explicitly, corrects
 the solution until it is orthogonal to the columns (corrected seminormal equations, Bjorck 1987) and gives the
-gradient, so that only the Gram matrix of theta itself, which no more than steers the search, has the squared
-condition's rounding. Where that is too large (`WORST`, `SKEW`), the caller takes another way.
+gradient, less what the last correction, left out, would change in it. So only the Gram matrix of theta
+itself, which no more than steers the search, has the squared condition's rounding. Where that is too large
+(`WORST`, `SKEW`), or the residual itself is rounding (`Solved.rounding`), the caller takes another way.
 """
 
 from __future__ import annotations
@@ -32,13 +33,17 @@ ROUNDING = 1e-14
 
 
 class Solved(NamedTuple):
-    """Some outputs: linear unknowns, cost, gradient and Gram matrix by theta; their weighted residual."""
+    """Some outputs: linear unknowns, cost, gradient and Gram matrix by theta; their weighted residual.
+
+    ``rounding``: of the residual, in its units, which are deviations where weights are one over them.
+    """
 
     linear: Float[np.ndarray, "output column"]
     cost: float
     gradient: Float[np.ndarray, " unknown"]
     gram: Float[np.ndarray, "unknown unknown"]
     left: Complex[np.ndarray, "output column line"] | None = None
+    rounding: float = 0.0
 
 
 def solve_normal(
@@ -57,10 +62,12 @@ def solve_normal(
     if layout.relative_degree_two:
         slopes += np.stack([tied.moved(one, columns) for one in each])
     late, late_place = _delay_slopes(layout, of, -s * solved.path)
-    by_theta = _by_theta(shared, of, solve, free[None], _by_group(of, slopes), late, solved)
+    by_theta = _by_theta(shared, of, solve, free, _by_group(of, slopes), late, solved)
     cost = 0.5 * float(np.sum(_squares(solved.left)))
     gradient, gram = _added(layout, slopes.shape[1] + late_place, *by_theta)
-    return Solved(each, cost, gradient, gram, solved.left)
+    terms_of = solved.x.reshape(len(solved.x), -1) * solve.lengths if not layout.relative_degree_two else 0.0
+    rounding = np.finfo(float).eps * np.hypot(np.linalg.norm(terms_of), np.linalg.norm(of.y))
+    return Solved(each, cost, gradient, gram, solved.left, float(rounding))
 
 
 class _Linear(NamedTuple):
@@ -130,7 +137,7 @@ def _by_theta(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Gradient and Gram matrix by theta: of slopes ``G`` by their factors, then of delays line by line."""
     gradient = _flat(G) @ solved.on_left.reshape(len(G), -1, 1)
-    columns = np.broadcast_to(free, (len(G), *free.shape[1:]))
+    columns = np.broadcast_to(free, (len(G), *free.shape))
     gram, cross = np.split(of.inner(G, np.concatenate([G, columns], axis=1)), [G.shape[1]], axis=2)
     if late.shape[1]:
         on_late = np.stack([on_functions(shared, of, late[:, d]) for d in range(late.shape[1])], axis=1)
@@ -138,9 +145,12 @@ def _by_theta(
         rows = np.ascontiguousarray(_flat(late)).view(float)
         own = rows @ np.swapaxes(rows, 1, 2)
         gram = np.block([[gram, with_late], [np.swapaxes(with_late, 1, 2), own]])
-        cross = np.concatenate([cross, _flat(on_late) @ np.swapaxes(_flat(free), 1, 2)], axis=1)
+        cross = np.concatenate([cross, _flat(on_late) @ np.swapaxes(_flat(free[None]), 1, 2)], axis=1)
         on_rest = rows @ _flat(solved.left).view(float)[:, :, None]
         gradient = np.concatenate([gradient, on_rest], axis=1)
+    # What is left is orthogonal to the columns but for rounding, of which slopes along them would make much.
+    rest = solve(np.tensordot(solved.on_left, free, axes=([1, 2], [1, 2])))
+    gradient -= cross @ rest[:, :, None]
     return -gradient[:, :, 0], solve.without(gram, cross)
 
 
@@ -199,6 +209,11 @@ class _Normal:
         """The solution."""
         solved = [_triangular(L, b, 1) for L, b in zip(self._factor, self._size * right, strict=True)]
         return self._size * [_triangular(L, b, 0) for L, b in zip(self._factor, solved, strict=True)]
+
+    @property
+    def lengths(self) -> Float[np.ndarray, "group column"]:
+        """Of the columns."""
+        return 1.0 / self._size
 
     def cosines(self, products: Float[np.ndarray, "group column"]) -> Float[np.ndarray, " group"]:
         """The largest product with a column of length one."""

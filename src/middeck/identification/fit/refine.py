@@ -39,6 +39,9 @@ MOST_STEPS = 200
 # Products in an output's normal equations below which forming them directly, by QR, takes less than to find
 # few functions to form them from.
 SMALL = 4e5
+# Rounding of all residuals together, in deviations, above which they are formed by orthogonal columns: it
+# would move the end of a search by as much.
+ROUNDED = 0.02
 # A step that promises less ends the search. Weights are one over standard deviations, so that an unknown one
 # deviation off costs 1/2 or more: 1e-3 is a twentieth of a deviation, for all unknowns together.
 SMALLEST_GAIN = 1e-3
@@ -108,11 +111,17 @@ def _solve(layout: Layout, data: Data, terms: Terms, *, from_sums: bool) -> list
         shared = Functions(layout, data, terms, from_sums=sums)
         each = (solve_normal(layout, data.s, terms, shared, of) for of in hear(layout, data, terms, shared))
         solved = _all_of(each)
+        if solved is not None and data.mix is None and _rounding(solved) > ROUNDED:
+            break
         if solved is not None and (sums or is_positive(np.sum([one.gram for one in solved], axis=0))):
             return solved
     if data.mix is not None:
         return solved
     return _all_of(solve_by_qr(layout, data, terms, o) for o in range(layout.outputs))
+
+
+def _rounding(solved: list[Solved]) -> float:
+    return float(np.linalg.norm([one.rounding for one in solved]))
 
 
 def _all_of(solved: Iterable[Solved | None]) -> list[Solved] | None:

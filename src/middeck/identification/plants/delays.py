@@ -76,7 +76,8 @@ def merge_delays(covariance: ModelCovariance, *, level: float = LEVEL) -> Merged
     check_level(level)
     model = covariance.model
     J = _delay_rows(covariance)
-    spread = J @ covariance.matrix @ J.T
+    by = J @ covariance.root
+    spread = by @ by.T
     unchanged = MergedDelays(model, (), 1.0)
     if len(J) < 2 or not np.all(np.diag(spread) > 0.0):
         return unchanged
@@ -85,7 +86,7 @@ def merge_delays(covariance: ModelCovariance, *, level: float = LEVEL) -> Merged
     if len(groups) == len(delay_s):
         return unchanged
     x = unknowns_of(model, covariance.structure)
-    moved = x - covariance.matrix @ J.T @ np.linalg.solve(spread, delay_s - merged_s)
+    moved = x - covariance.root @ by.T @ np.linalg.solve(spread, delay_s - merged_s)
     decay = places_of(model, covariance.structure).sigma
     if np.max(np.abs(moved - x)[decay], initial=0.0) > LARGEST:
         return unchanged

@@ -15,8 +15,14 @@ from middeck.identification.fit.transient import transient_slopes
 from middeck.identification.measurement_model import MeasurementModel
 from middeck.identification.samples.noise import likelier_variance
 from middeck.identification.samples.search import RecordRun, all_poles
-from middeck.identification.uncertainty.covariance import MOST_LEVERAGE, ModelCovariance, inverse_root
+from middeck.identification.uncertainty.covariance import MOST_LEVERAGE, ModelCovariance
 from middeck.identification.uncertainty.entry_factors import entry_slopes
+from middeck.identification.uncertainty.orthogonal import (
+    canonical_root,
+    factor_of,
+    inverse_root,
+    root_of,
+)
 from middeck.identification.uncertainty.unknowns import Structure, places_of, ties
 from middeck.systems.record import Record
 
@@ -36,19 +42,20 @@ def record_covariance(run: RecordRun, data: Data, model: MeasurementModel) -> Mo
     structure = structure_of(run.layout)
     size = places_of(model, structure).size
     each = _Rows(run, data, model, structure)
-    alone, information = np.zeros(size), np.zeros((size, size))
+    alone = np.zeros(size)
+    blocks: list[np.ndarray] = []
     for o in range(run.layout.outputs):
         J, own = each.of(o)
         alone += np.sum(as_real(J / np.sqrt(run.variance[o])) ** 2, axis=1)
-        rows = own.removed(J)
-        information += rows @ rows.T
+        blocks.append(np.linalg.qr(own.removed(J).T, mode="r"))
     held = ties(model, structure)
-    inverse = inverse_root(information, held)[1]
-    inflation = np.maximum(alone * np.diag(inverse), 1.0)
-    matrix = inverse @ _scores_spread(each, inverse) @ inverse
+    W, loose = inverse_root(factor_of(blocks), held)
+    inflation = np.maximum(alone * np.sum(W**2, axis=1), 1.0)
+    W, free = np.split(W, [W.shape[1] - loose], axis=1)
+    root = np.hstack([canonical_root(W @ root_of(_scores_spread(each, W))), np.sqrt(0.5) * free])
     unknowns = size - len(held) + data.H.shape[0] * data.H.shape[2] * len(each.terms.B)
     degrees = float(2 * data.H.size - unknowns)
-    return ModelCovariance(model, structure, matrix, inflation, degrees, run.weighting == "flat")
+    return ModelCovariance(model, structure, root, inflation, degrees, run.weighting == "flat", loose)
 
 
 class _Rows:
@@ -65,19 +72,22 @@ class _Rows:
 
 
 def _scores_spread(
-    each: _Rows, inverse: Float[np.ndarray, "unknown unknown"]
-) -> Float[np.ndarray, "unknown unknown"]:
-    """Covariance of the scores under the noise that is left, degrees of freedom counted on each line."""
+    each: _Rows, W: Float[np.ndarray, "unknown direction"]
+) -> Float[np.ndarray, "direction direction"]:
+    """Covariance of the scores in the directions W under the noise that is left.
+
+    Degrees of freedom are counted on each line.
+    """
     run, data = each.run, each.data
     assert data.transient is not None
     poles = all_poles(run.layout, run.refined.theta)
     residual = residual_of(run.layout, data, run.refined.theta, run.refined.step.linear)
     _, lines, columns = residual.shape
-    spread = np.zeros_like(inverse)
+    spread = np.zeros((W.shape[1], W.shape[1]))
     for o in range(run.layout.outputs):
         J, own = each.of(o)
-        rows = own.removed(J)
-        followed = own.leverage() + np.sum(rows * (inverse @ rows), axis=0).reshape(columns, -1)
+        rows = W.T @ own.removed(J)
+        followed = own.leverage() + np.sum(rows**2, axis=0).reshape(columns, -1)
         left = 1.0 - np.minimum(followed.reshape(columns, lines, 2).mean(axis=2), MOST_LEVERAGE)
         v = likelier_variance(residual[o, None], left.T[None], data.s, poles, data.transient.period_s)[0]
         spread += (rows * np.repeat(0.5 * (v / run.variance[o]).T, 2)) @ rows.T

@@ -12,6 +12,8 @@ estimate of the response stands between: inputs need not be orthogonal for the b
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from jaxtyping import Complex, Float
 
@@ -20,6 +22,7 @@ from middeck.identification.measurement_model import MeasurementModel, damping_r
 from middeck.identification.plants.plant_model import model_of_plant
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.entry_factors import entry_slopes
+from middeck.identification.uncertainty.orthogonal import canonical_root, factor_of, inverse_root
 from middeck.identification.uncertainty.parameters import Uncertainty, modal_constant, uncertainty_of
 from middeck.identification.uncertainty.unknowns import Structure, places_of
 from middeck.systems.excitation.recognition import recognise_excitation
@@ -30,8 +33,6 @@ from middeck.values import record
 
 # Real part of a residue of displacement, as a share of its size, that is rounding.
 ROUNDING = 1e-9
-# Information on an unknown of which the others leave no more than this share is none.
-UNDETERMINED = 1e-13
 
 
 @record
@@ -109,8 +110,8 @@ def expected_accuracy(
     samples = u.shape[1]
     U = np.moveaxis(np.fft.rfft(u, axis=1)[:, lines], 1, 0)
     s = 2j * np.pi * lines * sample_hz / samples
-    A = _information(model, structure, s, U, samples * noise**2 / periods)
-    covariance = ModelCovariance(model, structure, *_inverse(A), float("inf"), False)
+    F = factor_of(_blocks(model, structure, s, U, samples * noise**2 / periods))
+    covariance = ModelCovariance(model, structure, *_inverse(F), float("inf"), False)
     scored = np.imag(s) / (2.0 * np.pi) if scored_hz is None else np.asarray(scored_hz, dtype=float)
     return ExpectedAccuracy(
         covariance,
@@ -181,38 +182,34 @@ def _check(u: np.ndarray, inputs: int, noise: np.ndarray, periods: int) -> None:
         raise ConfigError(f"a test of {periods} periods", hint="one or more")
 
 
-def _information(
+def _blocks(
     model: MeasurementModel,
     structure: Structure,
     s: Complex[np.ndarray, " line"],
     U: Complex[np.ndarray, "line experiment input"],
     variance: Float[np.ndarray, " output"],
-) -> Float[np.ndarray, "unknown unknown"]:
+) -> Iterator[Float[np.ndarray, "row unknown"]]:
+    """Derivatives of each output's spectra over their deviations."""
     size = places_of(model, structure).size
-    found = np.zeros((size, size))
     for o in range(len(model.outputs)):
         slopes = np.zeros((size, len(s), U.shape[1]), dtype=complex)
         for i in range(len(model.inputs)):
             entry = entry_slopes(model, structure, s, o, i)
             slopes[entry.place] += entry.by[:, :, None] * U[None, :, :, i]
-        J = slopes.reshape(size, -1).view(float)
-        found += 2.0 * (J @ J.T) / variance[o]
-    return found
+        yield (np.sqrt(2.0 / variance[o]) * slopes.reshape(size, -1)).view(float).T
 
 
-def _inverse(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The inverse and each unknown's inflation by the others; refused where an unknown has no information."""
-    diagonal = np.diag(A)
-    scale = 1.0 / np.sqrt(np.maximum(diagonal, np.finfo(float).tiny))
-    size, direction = np.linalg.eigh(A * scale[:, None] * scale)
-    if not diagonal.all() or size[0] <= UNDETERMINED * size[-1]:
+def _inverse(F: Float[np.ndarray, "row unknown"]) -> tuple[np.ndarray, np.ndarray]:
+    """A root of the covariance and each unknown's inflation by the others; refused where it has none."""
+    alone = np.linalg.norm(F, axis=0)
+    root, loose = inverse_root(F)
+    if not alone.all() or loose:
         raise ConfigError(
             "the test leaves unknowns of the model undetermined",
             hint="a band that holds all its modes, as many independent experiments as inputs, a longer "
             "period, or fewer unknowns (structure)",
         )
-    inverse = (direction / size) @ direction.T * scale[:, None] * scale
-    return inverse, diagonal * np.diag(inverse)
+    return canonical_root(root), (alone * np.linalg.norm(root, axis=1)) ** 2
 
 
 def _gain(covariance: ModelCovariance) -> Float[np.ndarray, "output mode input"]:
@@ -225,7 +222,7 @@ def _gain(covariance: ModelCovariance) -> Float[np.ndarray, "output mode input"]
         if value:
             # Along the constant: its size, not its phase.
             along = np.real(by * np.conj(value)) / abs(value) ** 2
-            gain[o, m, i] = np.sqrt(max(float(along @ covariance.matrix @ along), 0.0))
+            gain[o, m, i] = np.linalg.norm(along @ covariance.root)
     return gain
 
 
@@ -236,7 +233,6 @@ def _error(
     left, size = np.zeros(len(model.outputs)), np.zeros(len(model.outputs))
     for o, i in np.ndindex(model.direct.shape):
         entry = entry_slopes(model, covariance.structure, 2j * np.pi * scored_hz, o, i)
-        matrix = covariance.matrix[np.ix_(entry.place, entry.place)]
-        left[o] += float(np.real(np.sum(entry.by.conj() * (matrix @ entry.by))))
+        left[o] += float(np.sum(np.abs(covariance.root[entry.place].T @ entry.by) ** 2))
         size[o] += float(np.sum(np.abs(entry.H) ** 2))
-    return np.sqrt(np.maximum(left, 0.0) / size)
+    return np.sqrt(left / size)

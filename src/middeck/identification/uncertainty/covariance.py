@@ -5,15 +5,16 @@ half of it in each part, the covariance is A^-1 / 2. Where the model leaves sign
 neighbouring lines of a response were estimated from common samples (local models, averaged spectra), the
 residual is not of variance V or not independent from line to line: then A^-1 B A^-1 is taken instead, with
 B the covariance of the scores as the residual shows it (`_scores_spread`), in no direction less than the
-former. Noise that entries of H have in common is counted (`entry_noise`).
+former. A is never formed: what is inverted is an orthogonal factor of J (`orthogonal`). Noise that entries of
+H have in common is counted (`entry_noise`).
 """
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator
 
 import numpy as np
-import scipy.linalg
 from jaxtyping import Complex, Float
 
 from middeck.identification.fit.weights import NEIGHBOURS
@@ -25,6 +26,13 @@ from middeck.identification.uncertainty.entry_factors import (
     shared_functions,
 )
 from middeck.identification.uncertainty.entry_noise import common_noise, common_scores
+from middeck.identification.uncertainty.orthogonal import (
+    LOOSE,
+    canonical_root,
+    factor_of,
+    inverse_root,
+    root_of,
+)
 from middeck.identification.uncertainty.unknowns import Structure, places_of, ties
 from middeck.systems.response import FrequencyResponse
 from middeck.values import record
@@ -37,8 +45,6 @@ MOST_LEVERAGE = 0.9
 CHUNK = 256
 # A modal constant is real if its imaginary part is no more than rounding.
 ROUNDING = 1e-9
-# Information of an unknown without any effect: its deviation is beyond all bounds, its square still a number.
-NO_INFORMATION = 1e-60
 # Scatter of the logarithm of a variance below which it is taken as known: that of 100 degrees of freedom.
 NO_SCATTER = 0.01
 
@@ -51,8 +57,9 @@ class ModelCovariance:
     ----------
     model, structure:
         What was fitted; the unknowns and their order are those of `unknowns`.
-    matrix:
-        Their covariance.
+    root:
+        R of their covariance R R^T: deviations that come from it keep the digits that those from the matrix
+        lose where unknowns are told apart badly. Lower triangular, but for what is loose.
     inflation:
         Of each unknown, its variance as a multiple of what it would be if all others were known.
     degrees:
@@ -60,14 +67,44 @@ class ModelCovariance:
     robust:
         True where the residual is clearly more than noise or correlated from line to line, or a record's
         weights are not those of noise, and the covariance follows the residual.
+    loose:
+        How many of the last columns of ``root`` are directions along which the data do not fix the unknowns.
     """
 
     model: MeasurementModel
     structure: Structure
-    matrix: Float[np.ndarray, "unknown unknown"]
+    root: Float[np.ndarray, "unknown direction"]
     inflation: Float[np.ndarray, " unknown"]
     degrees: float
     robust: bool
+    loose: int = 0
+
+    @functools.cached_property
+    def matrix(self) -> Float[np.ndarray, "unknown unknown"]:
+        """The covariance itself; large, but finite, where unknowns are not fixed."""
+        return self.root @ self.root.T
+
+    @property
+    def fixed(self) -> Float[np.ndarray, "unknown direction"]:
+        """The root without what is loose."""
+        return self.root[:, : self.root.shape[1] - self.loose]
+
+    def deviation(self, slope: Float[np.ndarray, "row unknown"] | None = None) -> Float[np.ndarray, " row"]:
+        """Standard deviation of what has these derivatives by the unknowns, or of each unknown.
+
+        Infinite where the data do not fix it: where more of it is loose than is not, for what rounding leaves
+        of a loose direction is no more; or, beside a loose direction, where what is fixed of it is told from
+        the other unknowns so badly that rounding turns the two into each other (two modes a share d of their
+        width apart have directions of d, d^2 and d^3).
+        """
+        slope = np.eye(len(self.root)) if slope is None else slope
+        fixed, loose = np.split(slope @ self.root, [self.fixed.shape[1]], axis=1)
+        known = np.linalg.norm(fixed, axis=1)
+        if not self.loose:
+            return known
+        alone = np.linalg.norm(slope * (np.linalg.norm(self.root, axis=1) / np.sqrt(self.inflation)), axis=1)
+        sure = (np.linalg.norm(loose, axis=1) <= known) & (np.cbrt(LOOSE) * known <= alone)
+        return np.where(sure, known, np.inf)
 
 
 def estimate_covariance(
@@ -92,21 +129,21 @@ def estimate_covariance(
     """
     s = 2j * np.pi * measured.frequency_hz
     each = _Entries(model, structure, s, assumed)
-    A = each.information()
-    root, inverse = inverse_root(A, ties(model, structure))
-    inflation = np.maximum(np.diag(A) * np.diag(inverse), 1.0)
+    F = each.factor()
+    W, loose = inverse_root(F, ties(model, structure))
+    inflation = np.maximum(np.linalg.norm(F, axis=0) * np.linalg.norm(W, axis=1), 1.0) ** 2
+    W, free = np.split(W, [W.shape[1] - loose], axis=1)
     residual = np.moveaxis(measured.H - model_response(model, measured.frequency_hz), 0, 1)
-    degrees, robust = _quality(measured, residual, noise, unknowns=len(A))
-    matrix = 0.5 * inverse
+    degrees, robust = _quality(measured, residual, noise, unknowns=len(W))
+    root = np.sqrt(0.5) * W
     common = None if robust else common_noise(measured, 0.5 * degrees)
     if common is not None:
         flat = (np.moveaxis(v, 1, 2).reshape(-1, len(s)) for v in (assumed, noise))
-        matrix = inverse @ common_scores(each.slopes(), len(A), common, *flat) @ inverse
+        root = W @ root_of(common_scores(each.slopes(), W, common, *flat))
     if robust:
-        size, direction = np.linalg.eigh(root.T @ _scores_spread(each, residual, inverse) @ root)
-        wide = root @ direction * np.sqrt(np.maximum(size, 0.5))
-        matrix = wide @ wide.T
-    return ModelCovariance(model, structure, matrix, inflation, degrees, robust)
+        root = W @ root_of(_scores_spread(each, residual, W), least=0.5)
+    root = np.hstack([canonical_root(root), np.sqrt(0.5) * free])
+    return ModelCovariance(model, structure, root, inflation, degrees, robust, loose)
 
 
 class _Entries:
@@ -131,7 +168,7 @@ class _Entries:
         """Some lines, and the functions of all entries on them."""
         for first in range(0, len(self.s), CHUNK):
             lines = slice(first, first + CHUNK)
-            yield lines, shared_functions(self.model, self.s[lines])
+            yield lines, shared_functions(self.model, self.structure, self.s[lines])
 
     def weighted(
         self, entry: tuple[int, int], lines: slice, shared: np.ndarray
@@ -140,32 +177,25 @@ class _Entries:
         size = np.sqrt(self.variance[entry[0], lines, entry[1]])
         return self.factors[entry].functions(shared, self.s[lines]) / size
 
-    def information(self) -> Float[np.ndarray, "unknown unknown"]:
-        """Of all unknowns."""
-        A = np.zeros((self.unknowns, self.unknowns))
-        grams = {entry: np.zeros(2 * factors.by.shape[1:]) for entry, factors in self.factors.items()}
+    def factor(self) -> Float[np.ndarray, "row unknown"]:
+        """Of the derivatives of all entries by all unknowns."""
+        return factor_of(self._blocks())
+
+    def _blocks(self) -> Iterator[Float[np.ndarray, "row unknown"]]:
+        """Those of one output at a time."""
+        functions: dict[tuple[int, int], np.ndarray] = {}
         for lines, shared in self.some_lines():
-            for entry, gram in grams.items():
-                f = self.weighted(entry, lines, shared).view(float)
-                gram += f @ f.T
-        for entry, gram in grams.items():
-            place, by = self.factors[entry].place, self.factors[entry].by
-            A[np.ix_(place, place)] += by @ gram @ by.T
-        return A
-
-
-def inverse_root(A: np.ndarray, held: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """R and R R^T = A^-1, among the unknowns that leave what is ``held`` as it is.
-
-    What rounding cannot tell from nothing is taken for the least it could be, so that an undetermined unknown
-    has a large deviation rather than none.
-    """
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(A), NO_INFORMATION))
-    free = scipy.linalg.null_space(held * scale) if len(held) else np.eye(len(A))
-    size, direction = np.linalg.eigh(free.T @ (A * scale[:, None] * scale) @ free)
-    least = len(A) * np.finfo(float).eps * size[-1]
-    root = scale[:, None] * (free @ direction) / np.sqrt(np.maximum(size, least))
-    return root, root @ root.T
+            for entry in self.factors:
+                f = self.weighted(entry, lines, shared).view(float).T
+                before = functions.get(entry)
+                functions[entry] = np.linalg.qr(f if before is None else np.vstack([before, f]), mode="r")
+        for o in range(len(self.model.direct)):
+            rows = [np.zeros((0, self.unknowns))]
+            for (output, i), R in functions.items():
+                if output == o:
+                    rows.append(np.zeros((len(R), self.unknowns)))
+                    rows[-1][:, self.factors[o, i].place] = R @ self.factors[o, i].by.T
+            yield np.vstack(rows)
 
 
 def _quality(
@@ -204,15 +234,16 @@ def line_degrees(measured: FrequencyResponse) -> float:
 
 
 def _scores_spread(
-    each: _Entries, residual: np.ndarray, inverse: np.ndarray
-) -> Float[np.ndarray, "unknown unknown"]:
-    """Covariance of the scores, heteroscedastic and correlated over lines.
+    each: _Entries, residual: np.ndarray, W: Float[np.ndarray, "unknown direction"]
+) -> Float[np.ndarray, "direction direction"]:
+    """Covariance of the scores in the directions W, heteroscedastic and correlated over lines.
 
     White (1980) with MacKinnon and White's (1985) correction of each residual for its leverage, and Newey
     and West's (1987) weights over as many lines as the residual stays correlated.
     """
     scores = np.zeros((each.unknowns, residual.shape[1]))
-    hats = {k: e.by.T @ inverse[np.ix_(e.place, e.place)] @ e.by for k, e in each.factors.items()}
+    # |T f|^2 is the leverage of f.
+    hats = {k: np.linalg.qr(W[e.place].T @ e.by, mode="r") for k, e in each.factors.items()}
     for lines, shared in each.some_lines():
         for (o, i), entry in each.factors.items():
             f = each.weighted((o, i), lines, shared)
@@ -222,7 +253,7 @@ def _scores_spread(
             scores[entry.place, lines] += entry.by @ (re * np.real(left) + im * np.imag(left))
     # The weights 1 - |lag| / width are a window of so many lines, convolved with itself.
     width = _correlated_lags(residual / np.sqrt(each.variance)) + 1
-    sums = np.cumsum(np.pad(scores, ((0, 0), (width, width - 1))), axis=1)
+    sums = np.cumsum(np.pad(W.T @ scores, ((0, 0), (width, width - 1))), axis=1)
     windows = sums[:, width:] - sums[:, :-width]
     return windows @ windows.T / width
 
@@ -230,17 +261,17 @@ def _scores_spread(
 def _without_leverage(
     re: Float[np.ndarray, "function line"],
     im: Float[np.ndarray, "function line"],
-    hat: Float[np.ndarray, "function function"],
+    hat: Float[np.ndarray, "row function"],
     r: Complex[np.ndarray, " line"],
 ) -> Complex[np.ndarray, " line"]:
-    """(I - h)^-1 r on each line, h the 2 x 2 block of the hat matrix for real and imaginary part.
+    """(I - h)^-1 r on each line, h the 2 x 2 block of the hat matrix, |hat f|^2, for real and imaginary part.
 
     Of h, whose eigenvalues are m + d and m - d, a function is its mean at these and half of its difference
     times (h - m I) / d, which turns r into (a + j b) conj(r) / d, a half the difference of the diagonal.
     """
-    by_im = hat @ im
-    first, second = np.sum(re * (hat @ re), axis=0), np.sum(im * by_im, axis=0)
-    middle, apart = 0.5 * (first + second), 0.5 * (first - second) + 1j * np.sum(re * by_im, axis=0)
+    by_re, by_im = hat @ re, hat @ im
+    first, second = np.sum(by_re**2, axis=0), np.sum(by_im**2, axis=0)
+    middle, apart = 0.5 * (first + second), 0.5 * (first - second) + 1j * np.sum(by_re * by_im, axis=0)
     size = np.abs(apart)
     more, less = (1.0 / (1.0 - np.clip(middle + d, 0.0, MOST_LEVERAGE)) for d in (size, -size))
     turned = apart / np.maximum(size, np.finfo(float).tiny) * r.conj()
@@ -271,11 +302,11 @@ def as_exact(model: MeasurementModel) -> ModelCovariance:
 def draw_errors(
     covariance: ModelCovariance, count: int, rng: np.random.Generator
 ) -> Float[np.ndarray, "unknown draw"]:
-    """Errors of the unknowns, jointly: normal, or Student's multivariate t for an uncertain variance."""
-    scale = np.sqrt(np.diag(covariance.matrix))
-    size, direction = np.linalg.eigh(covariance.matrix / scale[:, None] / scale)
-    root = scale[:, None] * direction * np.sqrt(np.maximum(size, 0.0))
-    normal = root @ rng.standard_normal((len(root), count))
+    """Errors of the unknowns, jointly: normal, or Student's multivariate t for an uncertain variance.
+
+    Along directions that the data do not fix nothing is drawn.
+    """
+    normal = covariance.fixed @ rng.standard_normal((covariance.fixed.shape[1], count))
     if np.isinf(covariance.degrees):
         return normal
     return normal * np.sqrt(covariance.degrees / rng.chisquare(covariance.degrees, count))

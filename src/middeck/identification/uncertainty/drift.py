@@ -206,7 +206,8 @@ def _compare(before: ModelCovariance, after: ModelCovariance, pairs: list[tuple[
     first, groups = _quantities(before, [a for a, _ in pairs], entries, real, outputs)
     second, _ = _quantities(after, [b for _, b in pairs], entries, real, outputs)
     change = second.value - first.value
-    spreads = [side.by @ of.matrix @ side.by.T for side, of in ((first, before), (second, after))]
+    by = (side.by @ of.root for side, of in ((first, before), (second, after)))
+    spreads = [each @ each.T for each in by]
     degrees = (before.degrees, after.degrees)
     p = np.array([_probability(change, spreads, degrees, group) for group in groups])
     everything = np.concatenate([np.zeros(0, int), *groups])

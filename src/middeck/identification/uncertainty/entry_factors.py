@@ -1,8 +1,10 @@
 """Derivatives of the entries of a response as real combinations of few functions that all entries share.
 
 As for a fit's columns (`fit.factors`): with u = 1/(q - lambda) and l = 1/(q - conj lambda) any term of a pair
-is z u + conj(z) l = Re z (u + l) + Im z j(u - l), and its derivative by the pole the same of squares. An
-entry's own is only its derivative by its delay.
+is z u + conj(z) l = Re z (u + l) + Im z j(u - l), and its derivative by the pole the same of squares. A term
+of real constants is phi psi u l, whose derivatives are of u l (u + l) and (u l)^2: as a difference of u and l
+they would be rounding where a pair comes near the real axis. An entry's own is only its derivative by its
+delay.
 """
 
 from __future__ import annotations
@@ -16,9 +18,9 @@ from middeck.identification.measurement_model import MeasurementModel
 from middeck.identification.uncertainty.unknowns import (
     Places,
     Structure,
+    constants_of,
     part_of,
     places_of,
-    unit_of,
 )
 from middeck.values import record
 
@@ -41,7 +43,7 @@ def entry_slopes(
 ) -> EntrySlopes:
     """H_oi and its derivatives at ``s``, which need not lie on the imaginary axis."""
     entry = entry_factors(model, structure, places_of(model, structure), output, input)
-    shared = shared_functions(model, s)
+    shared = shared_functions(model, structure, s)
     late = np.exp(-s * entry.delay_s)
     H = combined(entry.response[None], shared)[0] * late
     return EntrySlopes(H, entry.place, combined(entry.by, entry.functions(shared, s)) * late)
@@ -75,13 +77,24 @@ def combined(
 
 
 def shared_functions(
-    model: MeasurementModel, s: Complex[np.ndarray, " line"]
+    model: MeasurementModel, structure: Structure, s: Complex[np.ndarray, " line"]
 ) -> Complex[np.ndarray, "function line"]:
-    """u + l and j(u - l) of each mode, the same of squares, 1/s^2, 1/s and 1, at any ``s``; l = 0 if real."""
+    """Four functions of each mode, kind by kind, then 1/s^2, 1/s and 1, at any ``s``.
+
+    u + l and j(u - l) and the same of squares; u l, its square and u l (u + l) of a pair with real constants;
+    u and u^2 of a real pole. What a mode does not have is zero.
+    """
     T = 0.0 if model.sample_hz is None else 1.0 / model.sample_hz
     q, pole = (np.exp(s * T), np.exp(model.poles * T)) if T else (s, model.poles)
-    u, low = 1.0 / (q - pole[:, None]), model.is_pair[:, None] / (q - pole[:, None].conj())
-    of_poles = [u + low, 1j * (u - low), u**2 + low**2, 1j * (u**2 - low**2)]
+    pair = model.is_pair[:, None]
+    u, low = 1.0 / (q - pole[:, None]), pair / (q - pole[:, None].conj())
+    both, none = u + low, np.zeros_like(u)
+    if structure.real_constants:
+        of_poles = [np.where(pair, u * low, u), none, np.where(pair, u * low * both, u**2), (u * low) ** 2]
+    else:
+        # j(u - l), without a difference of what is nearly equal.
+        apart = np.where(pair, -2.0 * np.imag(pole)[:, None] * u * low, 1j * u)
+        of_poles = [both, apart, u**2 + low**2, apart * both]
     return np.concatenate([*of_poles, [1.0 / s**2, 1.0 / s, np.ones(len(s))]])
 
 
@@ -92,25 +105,29 @@ def entry_factors(
     modes = len(model.poles)
     rows: list[tuple[Int[np.ndarray, " unknown"], Float[np.ndarray, "unknown function"]]] = []
 
-    def put(place: np.ndarray, squares: bool, z: Complex[np.ndarray, " mode"]) -> None:
+    def put(place: np.ndarray, kind: int, z: np.ndarray) -> None:
+        """Re z of the functions of one kind, and Im z of those of the next."""
         C = np.zeros((modes, 4 * modes + 4))
-        m = np.arange(modes) + 2 * modes * squares
+        m = np.arange(modes) + kind * modes
         C[np.arange(modes), m], C[np.arange(modes), modes + m] = np.real(z), np.imag(z)
         rows.append((place, C))
 
     T = 0.0 if model.sample_hz is None else 1.0 / model.sample_hz
-    c, b = model.shapes[output], model.participation[:, input]
-    # By the pole; what follows the conjugate comes with it.
-    z = c * b * (T * np.exp(model.poles * T) if T else 1.0)
-    unit = 1.0 / unit_of(model.poles, model.is_pair, structure)
-    put(at.sigma, True, np.real(model.poles) * z)
-    put(at.omega, True, 1j * np.imag(model.poles) * z)
-    if structure.real_constants:  # phi is held: c goes with 1 / omega_d
-        put(at.omega, False, -c * b)
-    put(at.b[:, input, 0], False, c)
-    put(at.b[:, input, 1], False, 1j * c)
-    put(at.c[output, :, 0], False, unit * b)
-    put(at.c[output, :, 1], False, 1j * unit * b)
+    sigma, omega = -np.real(model.poles), np.imag(model.poles)
+    c, b = constants_of(model, structure)[output], model.participation[:, input]
+    if structure.real_constants:
+        c, b = np.real(c), np.real(b)
+        put(at.sigma, 2, -sigma * c * b)
+        put(at.omega, 2, -2j * omega**2 * c * b)
+    else:
+        # By the pole; what follows the conjugate comes with it.
+        z = c * b * (T * np.exp(model.poles * T) if T else 1.0)
+        put(at.sigma, 2, -sigma * z)
+        put(at.omega, 2, 1j * omega * z)
+    put(at.b[:, input, 0], 0, c)
+    put(at.b[:, input, 1], 0, 1j * c)
+    put(at.c[output, :, 0], 0, b)
+    put(at.c[output, :, 1], 0, 1j * b)
     last = 4 * modes + np.array([0, 1, 0, 2, 3, 3])
     constant = [x[output, input] for x in (at.rigid, at.integral, at.lower, at.direct)]
     rows.append(

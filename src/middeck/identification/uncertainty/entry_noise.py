@@ -65,14 +65,14 @@ def _normalised(raw: np.ndarray) -> Complex[np.ndarray, "line a a"]:
 
 def common_scores(
     entries: Iterable[EntrySlopes],
-    unknowns: int,
+    W: Float[np.ndarray, "unknown direction"],
     correlation: Complex[np.ndarray, "line a b"],
     assumed: Float[np.ndarray, "a line"],
     noise: Float[np.ndarray, "a line"],
-) -> Float[np.ndarray, "unknown unknown"]:
-    """B above; what was assumed beyond the measured noise is independent from entry to entry."""
+) -> Float[np.ndarray, "direction direction"]:
+    """W^T B W of the B above; what was assumed beyond the measured noise is independent between entries."""
     each = list(entries)
-    spread = np.zeros((unknowns, unknowns))
+    spread = np.zeros((W.shape[1], W.shape[1]))
     for first in range(0, assumed.shape[1], CHUNK):
         some = slice(first, first + CHUNK)
         size = np.sqrt(noise[:, some]).T
@@ -81,9 +81,9 @@ def common_scores(
         joint[:, own, own] = assumed[:, some].T
         power, direction = np.linalg.eigh(joint)
         root = direction * np.sqrt(np.maximum(power, 0.0))[:, None, :] / assumed[:, some].T[:, :, None]
-        scores = np.zeros((unknowns, *root.shape[::2]), dtype=complex)
+        scores = np.zeros((len(W), *root.shape[::2]), dtype=complex)
         for a, entry in enumerate(each):
             scores[entry.place] += entry.by[:, some, None].conj() * root[:, a, :]
-        flat = np.ascontiguousarray(scores.reshape(unknowns, -1)).view(float)
+        flat = W.T @ np.ascontiguousarray(scores.reshape(len(W), -1)).view(float)
         spread += 0.5 * (flat @ flat.T)
     return spread

@@ -27,6 +27,9 @@ class Uncertainty:
         Of the natural frequency [Hz] and the damping ratio of each mode.
     delay_s:
         Of the delay of each output [s]; zero where no delay was fitted.
+
+    Infinite where the data do not determine the number: the deviation would be larger than the frequency or
+    the damping ratio itself, or a delay's than a period of the slowest mode.
     """
 
     natural_hz: Float[np.ndarray, " mode"]
@@ -59,8 +62,10 @@ class Parameters:
 
     @property
     def deviation(self) -> Float[np.ndarray, " parameter"]:
-        """Standard deviation of each."""
-        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+        """Standard deviation of each; infinite where the data do not determine a frequency or a damping."""
+        found = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+        of_pole = np.array([name.startswith(("natural_hz", "damping")) for name in self.names], dtype=bool)
+        return _determined(found, np.where(of_pole, np.abs(self.values), np.inf))
 
     def interval(
         self, level: float = 0.95
@@ -109,11 +114,16 @@ def check_level(level: float) -> None:
 
 def uncertainty_of(covariance: ModelCovariance) -> Uncertainty:
     """Standard deviations of frequencies, damping and delays."""
-    frequency, damping = pole_slopes(covariance)
-    at = places_of(covariance.model, covariance.structure)
-    delay = np.where(at.delay >= 0, np.diag(covariance.matrix)[at.delay], 0.0)
+    model = covariance.model
+    f, zeta = natural_hz(model), damping_ratio(model)
+    frequency, damping = (covariance.deviation(by) for by in pole_slopes(covariance))
+    at = places_of(model, covariance.structure)
+    delay = np.where(at.delay >= 0, covariance.deviation()[at.delay], 0.0)
+    frequency = _determined(frequency, f)
     return Uncertainty(
-        _deviation(frequency, covariance.matrix), _deviation(damping, covariance.matrix), np.sqrt(delay)
+        frequency,
+        np.where(np.isinf(frequency), np.inf, _determined(damping, np.abs(zeta))),
+        _determined(delay, 1.0 / f.min(initial=np.inf) if len(f) else np.inf),
     )
 
 
@@ -160,6 +170,7 @@ def parameters_of(covariance: ModelCovariance) -> Parameters:
     J = np.concatenate(
         [frequency[modes], damping[modes], by, np.eye(at.size)[[place for _, _, place in terms]]]
     )
+    root = J @ covariance.root
     return Parameters(
         (
             *(f"natural_hz[{m}]" for m in modes),
@@ -175,7 +186,7 @@ def parameters_of(covariance: ModelCovariance) -> Parameters:
                 [value for _, value, _ in terms],
             ]
         ),
-        J @ covariance.matrix @ J.T,
+        root @ root.T,
         covariance.degrees,
     )
 
@@ -251,6 +262,7 @@ def zero_deviation(
 ) -> tuple[Float[np.ndarray, " zero"], Float[np.ndarray, " zero"]]:
     """Standard deviations of |z| / 2 pi [Hz] and of -Re z / |z| of the zeros [rad/s] of one entry of H.
 
+    Infinite where the data do not determine the zero: one would be larger than |z| / 2 pi, or than one.
     By the implicit function theorem dz = -(dH / dx) / (dH / ds) at the zero; right for simple zeros that lie
     farther from each other, and from the real axis, than their deviations.
 
@@ -266,12 +278,16 @@ def zero_deviation(
     step = 1e-4 * np.abs(z).clip(min=np.finfo(float).tiny)
     entry = entry_slopes(model, covariance.structure, z, o, i)
     ahead, behind = (entry_slopes(model, covariance.structure, z + sign * step, o, i).H for sign in (1, -1))
-    by = np.zeros((len(z), len(covariance.matrix)), dtype=complex)
+    by = np.zeros((len(z), len(covariance.root)), dtype=complex)
     by[:, entry.place] = (-entry.by / ((ahead - behind) / (2.0 * step))).T
     size = np.abs(z)[:, None]
     along = np.real(z.conj()[:, None] * by) / size
-    ratio = -np.real(by) / size + np.real(z)[:, None] * along / size**2
-    return _deviation(along / (2.0 * np.pi), covariance.matrix), _deviation(ratio, covariance.matrix)
+    # The ratio of a real zero is one whatever moves.
+    ratio = np.where(
+        np.imag(z)[:, None] == 0.0, 0.0, -np.real(by) / size + np.real(z)[:, None] * along / size**2
+    )
+    frequency = _determined(covariance.deviation(along / (2.0 * np.pi)), np.abs(z) / (2.0 * np.pi))
+    return frequency, np.where(np.isinf(frequency), np.inf, _determined(covariance.deviation(ratio), 1.0))
 
 
 def _without_delay(model: MeasurementModel) -> MeasurementModel:
@@ -287,5 +303,18 @@ def _named(ports: tuple[Port, ...], name: str) -> int:
     return names.index(name)
 
 
-def _deviation(slope: Float[np.ndarray, "row unknown"], covariance: np.ndarray) -> Float[np.ndarray, " row"]:
-    return np.sqrt(np.maximum(np.einsum("mi,ij,mj->m", slope, covariance, slope), 0.0))
+def stated(deviation: Float[np.ndarray, " number"]) -> list[float | None]:
+    """Deviations as a document has them: None where the data do not determine the number.
+
+    >>> stated(np.array([0.5, np.inf]))
+    [0.5, None]
+    """
+    return [float(value) if np.isfinite(value) else None for value in deviation]
+
+
+def _determined(deviation: np.ndarray, largest: np.ndarray | float) -> np.ndarray:
+    """Deviations, infinite where they are larger than what they are deviations of: the data do not fix it.
+
+    A comparison of sizes, which rounding moves where the two are equal only.
+    """
+    return np.where(deviation <= largest, deviation, np.inf)

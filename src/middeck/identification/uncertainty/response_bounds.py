@@ -97,7 +97,7 @@ def simultaneous_bounds(
     draws = draw_errors(covariance, DRAWS, rng)
     worst = np.zeros(DRAWS)
     for _, _, entry in _entries(covariance, frequency_hz):
-        S = _spread(entry, covariance.matrix)
+        S = _spread(entry, covariance.root)
         e = np.stack(
             [np.real(entry.by).T @ draws[entry.place], np.imag(entry.by).T @ draws[entry.place]], axis=1
         )
@@ -118,7 +118,7 @@ def _bounds(
     H, axes = np.zeros(shape, dtype=complex), np.zeros((*shape, 2), dtype=complex)
     low, high, phase = np.zeros((3, *shape))
     for o, i, entry in _entries(covariance, frequency_hz):
-        S = _spread(entry, covariance.matrix)
+        S = _spread(entry, covariance.root)
         size, direction = np.linalg.eigh(S)
         deviation = np.sqrt(np.maximum(size, 0.0))
         H[:, o, i] = entry.H
@@ -154,10 +154,10 @@ def _entries(covariance: ModelCovariance, frequency_hz: np.ndarray) -> Iterator[
             yield o, i, entry_slopes(covariance.model, covariance.structure, 2j * np.pi * f, o, i)
 
 
-def _spread(entry: EntrySlopes, matrix: np.ndarray) -> Float[np.ndarray, "line 2 2"]:
+def _spread(entry: EntrySlopes, root: np.ndarray) -> Float[np.ndarray, "line 2 2"]:
     """Covariance of the real and the imaginary part on each line."""
-    C = matrix[np.ix_(entry.place, entry.place)]
-    J = np.stack([np.real(entry.by), np.imag(entry.by)])
-    S = np.einsum("aul,bul->lab", J, C @ J)
+    of = root[entry.place].T
+    J = np.stack([of @ np.real(entry.by), of @ np.imag(entry.by)])
+    S = np.einsum("adl,bdl->lab", J, J)
     floor = FLAT**2 * np.trace(S, axis1=1, axis2=2) + np.finfo(float).tiny
     return S + floor[:, None, None] * np.eye(2)

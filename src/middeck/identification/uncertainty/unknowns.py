@@ -117,7 +117,7 @@ def unknowns_of(model: MeasurementModel, structure: Structure) -> Float[np.ndarr
     at = places_of(model, structure)
     x = np.zeros(at.size)
     omega = np.imag(model.poles)
-    phi = _constants(model, structure)
+    phi = constants_of(model, structure)
     _put(x, at.sigma, np.log(-np.real(model.poles)))
     _put(x, at.omega, np.log(np.where(model.is_pair, omega, 1.0)))
     _put(x, at.b, _parts(model.participation))
@@ -147,7 +147,7 @@ def _take(x: np.ndarray, place: np.ndarray, otherwise: np.ndarray) -> np.ndarray
     return np.where(place >= 0, x[np.maximum(place, 0)], otherwise)
 
 
-def _constants(model: MeasurementModel, structure: Structure) -> Complex[np.ndarray, "output mode"]:
+def constants_of(model: MeasurementModel, structure: Structure) -> Complex[np.ndarray, "output mode"]:
     """c as the fit has it: phi = 2 j omega_d c of a pair with real constants."""
     return model.shapes * unit_of(model.poles, model.is_pair, structure)
 
@@ -165,7 +165,7 @@ def model_at(
     omega = np.where(pair, np.exp(_take(x, at.omega, np.zeros(len(pair)))), np.imag(model.poles))
     poles = -np.exp(x[at.sigma]) + 1j * omega
     b = _complex(x, at.b, model.participation)
-    c = _complex(x, at.c, _constants(model, structure)) / unit_of(poles, pair, structure)
+    c = _complex(x, at.c, constants_of(model, structure)) / unit_of(poles, pair, structure)
     return dataclasses.replace(
         model,
         poles=poles,
