@@ -18,6 +18,7 @@ from middeck.control.partition import partition_modes
 from middeck.control.sampled_compensator import SampledCompensator
 from middeck.errors import ConfigError
 from middeck.systems.delayed_plant import DelayedPlant, approximate_delays, delay_inputs
+from middeck.systems.integrators import part_integrators
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant, name_states
 from middeck.systems.ports import port_indices
@@ -170,8 +171,26 @@ def evaluate_halves(loop: FeedbackLoop) -> Halves:
 
 
 def transfer_of(dynamics: ModalSystem | StateSpace) -> Resolvent:
-    """A plant's transfer function over s, mode by mode where there are modes."""
-    return _sum_modes(dynamics) if isinstance(dynamics, ModalSystem) else resolve(dynamics)
+    """A plant's transfer function over s, mode by mode where there are modes; integrators by themselves."""
+    if isinstance(dynamics, ModalSystem):
+        return _sum_modes(dynamics)
+    parted = part_integrators(dynamics)
+    return (
+        _with_integrals(parted.residues, resolve(parted.moving))
+        if len(parted.residues)
+        else resolve(dynamics)
+    )
+
+
+def _with_integrals(residues: np.ndarray, moving: Resolvent) -> Resolvent:
+    def evaluate(points: np.ndarray) -> np.ndarray:
+        s = np.asarray(points)[:, None, None]
+        total = np.zeros((len(points), *residues.shape[1:]), dtype=complex)
+        for residue in residues[::-1]:
+            total = (total + residue) / s
+        return total + moving(points)
+
+    return evaluate
 
 
 def resolve(system: StateSpace | SampledStateSpace) -> Resolvent:
