@@ -121,6 +121,8 @@ def realise_residues(residues: Float[np.ndarray, "chain output input"]) -> State
     empty = StateSpace(
         np.zeros((0, 0)), np.zeros((0, inputs)), np.zeros((outputs, 0)), np.zeros((outputs, inputs))
     )
+    if not K:
+        return empty
     row = np.abs(residues).max(axis=(0, 2), initial=0.0)
     scaled = residues / np.where(row > 0.0, row, 1.0)[None, :, None]
     column = np.abs(scaled).max(axis=(0, 1), initial=0.0)
@@ -129,12 +131,11 @@ def realise_residues(residues: Float[np.ndarray, "chain output input"]) -> State
     scaled = scaled * pace ** np.arange(K)[:, None, None]
     blocks = [*scaled, *(np.zeros((outputs, inputs)) for _ in range(K + 1))]
     hankel, later = (
-        np.vstack([np.hstack(blocks[i + shift : i + shift + K]) for i in range(K)]) if K else empty.D
-        for shift in (0, 1)
+        np.vstack([np.hstack(blocks[i + shift : i + shift + K]) for i in range(K)]) for shift in (0, 1)
     )
     left, value, right = np.linalg.svd(hankel)
     rank = int(np.sum(value > RANK * value.max(initial=0.0)))
-    if not K or not rank:
+    if not rank:
         return empty
     root = np.sqrt(value[:rank])
     left, right = left[:, :rank] / root, right[:rank].T / root
@@ -177,7 +178,7 @@ def _strictly_upper(A: np.ndarray, sizes: list[int]) -> np.ndarray:
 
 def _pace(residues: np.ndarray) -> float:
     """A time unit in which the first and the last residue are of like size."""
-    size = np.abs(residues).reshape(len(residues), -1).max(axis=1, initial=0.0)
+    size = np.abs(residues).max(axis=(1, 2), initial=0.0)
     there = np.flatnonzero(size > 0.0)
     if len(there) < 2:
         return 1.0

@@ -21,21 +21,21 @@ GROWTH_LIMIT = 1e-8
 """Largest real part [rad/s] that still counts as stable: above rounding at an undamped pole, far below any
 growth that an experiment could show (a factor e in three years)."""
 ROUNDINGS = 100.0
-"""Eigenvalues that a change of A by so many roundings makes coincide are one that rounding has split."""
-CROWDED = 1e-4
-"""Only eigenvalues that are nearer to each other and to the axis (or circle), beside A, are looked at."""
+"""Eigenvalues at rest that a change of A by so many roundings makes coincide are one that it has split."""
+CROWDED = 2e-6
+"""How far from rest, beside A, rounding may throw a double one: the root of that many, and tenfold."""
 
 
 def growth_rates(system: StateSpace | SampledStateSpace) -> Complex[np.ndarray, " state"]:
     """Poles in rad/s; those of a sampled system are mapped by log(p)/T (a pole at zero to -inf).
 
-    Those beside the axis that rounding has split are their mean.
+    Those at rest (z = 1) that rounding has split are their mean.
 
     >>> growth_rates(StateSpace([[-2.0]], [[1.0]], [[1.0]], [[0.0]])).real
     array([-2.])
     """
     sampled = isinstance(system, SampledStateSpace)
-    p = _joined(system.A, poles(system), circle=sampled)
+    p = _joined(system.A, poles(system), sampled=sampled)
     if not sampled:
         return p
     size = np.abs(p)
@@ -46,30 +46,24 @@ def growth_rates(system: StateSpace | SampledStateSpace) -> Complex[np.ndarray, 
     return rates
 
 
-def _joined(A: np.ndarray, values: np.ndarray, *, circle: bool) -> Complex[np.ndarray, " state"]:
+def _joined(A: np.ndarray, values: np.ndarray, *, sampled: bool) -> Complex[np.ndarray, " state"]:
     """The eigenvalues, with those that rounding has parted replaced by their mean."""
     if not len(A):
         return values
     balanced = np.asarray(sla.matrix_balance(A, permute=False)[0])
     size = float(np.linalg.norm(balanced))
-    away = np.abs(np.abs(values) - 1.0) if circle else np.abs(np.real(values))
-    beside = np.flatnonzero(away < CROWDED * size)
-    apart = np.where(np.eye(len(beside), dtype=bool), np.inf, 0.0)
-    near = np.abs(values[beside, None] - values[beside]) + apart
-    if not np.any(near < CROWDED * size):
+    rest = 1.0 if sampled else 0.0
+    if np.sum(np.abs(values - rest) < CROWDED * size) < 2:
         return values
     found, left, right = cast("tuple[np.ndarray, ...]", sla.eig(balanced, left=True, right=True))
     found = found.astype(complex)
     aligned = np.abs(np.sum(np.conj(left) * right, axis=0))
     known = ROUNDINGS * np.finfo(float).eps * size / np.maximum(aligned, np.finfo(float).eps)
-    known = np.minimum(known, CROWDED * size)
+    known = np.where(np.abs(found - rest) < CROWDED * size, known, 0.0)
     together = np.abs(found[:, None] - found) <= 2.0 * np.minimum(known[:, None], known)
     count, label = cast("tuple[int, np.ndarray]", connected_components(together, directed=False))
-    for group in (np.flatnonzero(label == k) for k in range(count)):
-        mean = np.mean(found[group])
-        # A group and its mirror image have conjugate means.
-        own = len(group) > 1 and np.all(np.isin(np.conj(found[group]), found[group]))
-        found[group] = mean.real if own else mean
+    for k in np.flatnonzero(np.bincount(label, minlength=count) > 1):
+        found[label == k] = np.mean(found[label == k])
     return found
 
 
