@@ -22,6 +22,8 @@ from middeck.values import record
 REST = 1e-11
 """Singular values below this share of A (in balanced states) count as zero: rounding of a plant that was
 turned by a matrix of condition 1e4. Slower poles than that share of the fastest are not told from rest."""
+NOTHING = 1e-12
+"""A residue below this share of the rows and columns that make it is rounding of a few products."""
 RANK = 1e-10
 """The same of residues, row by row and column by column scaled: what is left out changes no entry by more."""
 
@@ -71,13 +73,16 @@ def part_integrators(system: StateSpace) -> PartedSystem:
     mix = np.asarray(sla.solve_sylvester(chain, -A[n:, n:], -A[:n, n:])) if n < len(A) else A[:n, n:]
     moving = StateSpace(A[n:, n:], B[n:], C[:, n:] + C[:, :n] @ mix, system.D)
     into = B[:n] - mix @ B[n:]
-    residues = [C[:, :n] @ into]
-    power = chain
-    for _ in sizes[1:]:
-        residues.append(C[:, :n] @ power @ into)
-        power = power @ chain
+    seen, residues = C[:, :n], np.zeros((len(sizes), outputs, inputs))
+    # What rounding may leave of a residue that is nothing: beside the rows and columns whose product it is.
+    floor = np.outer(np.linalg.norm(seen, axis=1), np.linalg.norm(into, axis=0))
+    pace = float(np.linalg.norm(balanced.A, 2))
+    for k in range(len(sizes)):
+        value = seen @ into
+        residues[k] = np.where(np.abs(value) > NOTHING * floor, value, 0.0)
+        seen, floor = seen @ chain, floor * pace
     still, _ = np.linalg.qr(unit[:, None] * turn[:, :n])
-    return PartedSystem(np.array(residues), still, _leading(turn[:, n:]), moving)
+    return PartedSystem(residues, still, _leading(turn[:, n:]), moving)
 
 
 def _leading(turn: np.ndarray) -> Int[np.ndarray, " moving"]:
