@@ -5,7 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from middeck.control.analysis import measure_disk_margin, measure_margins, trace_return_ratio
+from middeck.control.analysis import (
+    decide_stability,
+    measure_disk_margin,
+    measure_margins,
+    trace_return_ratio,
+)
 from middeck.control.analysis.loop import At
 from middeck.control.analysis.scaling import scaled_norms
 from middeck.control.compensator import Compensator
@@ -320,3 +325,37 @@ def test_scaling_is_the_structured_singular_value_for_three_channels() -> None:
         assert bound == pytest.approx(value.max(), rel=1e-5)
         assert bound >= value.max() * (1.0 - 1e-9)
         assert bound <= np.linalg.norm(one, 2) * (1.0 + 1e-12)
+
+
+@pytest.mark.parametrize(
+    ("system", "k", "limit"),
+    [
+        # Unit modal mass and an accelerometer: L = 1.5 at every frequency.
+        (StateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[1.0]]), 1.5, 0.0),
+        # L = 1.5 (s + 1)/(s + 0.1) and 1.5 (s + 0.1)/(s + 1): never below one, and below one up to a point.
+        (StateSpace([[-0.1]], [[1.0]], [[0.9]], [[1.0]]), 1.5, 0.0),
+        (StateSpace([[-1.0]], [[1.0]], [[-0.9]], [[1.0]]), 1.5, 0.0),
+        (StateSpace([[-1.0]], [[1.0]], [[-0.9]], [[1.0]]), 0.9, np.inf),
+    ],
+)
+def test_a_loop_that_keeps_its_gain_at_infinite_frequency_bears_no_delay(system, k, limit) -> None:
+    """A delay makes it neutral: a chain of roots at log(gain)/delay (Hale and Verduyn Lunel 1993)."""
+    plant = Plant(system, (FORCE,), (WAY,))
+    law = Compensator(gain_system(np.array([[-k]])), (WAY,), (FORCE,))
+    for at in ("inputs", "outputs"):
+        loop = measure_margins(plant, law, at=at).loops[0]
+        assert loop.delay_limit_s == limit
+    assert decide_stability(plant, law).stable
+    # And so it is: however short the delay, by the root of the equation with it.
+    for tau in (1e-3, 1e-6):
+        assert decide_stability(delay_inputs(plant, tau), law).stable is (limit > 0.0)
+
+
+def test_two_loops_whose_direct_terms_turn_against_each_other() -> None:
+    """Alike both return 0.6 of a wave; a quarter turn later in one, more than all of it."""
+    through = np.array([[0.9, 0.9], [-0.9, -0.9]]) + 0.3 * np.eye(2)
+    ports = (Port("a", "N"), Port("b", "N")), (Port("c", "m"), Port("d", "m"))
+    law = Compensator(gain_system(np.eye(2)), ports[1], ports[0])
+    late = delay_inputs(Plant(gain_system(through), *ports), 0.1)
+    assert decide_stability(late, law).stable
+    assert [one.delay_limit_s for one in measure_margins(late, law).loops] == [0.0, 0.0]

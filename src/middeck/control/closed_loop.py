@@ -12,8 +12,8 @@ from middeck.errors import ConfigError
 from middeck.systems.plant import Plant, name_states
 from middeck.systems.ports import Port, port_indices
 from middeck.systems.response import FrequencyResponse
-from middeck.systems.stability import none_grows
-from middeck.systems.statespace import StateSpace, poles
+from middeck.systems.stability import growth_rates, none_grows
+from middeck.systems.statespace import StateSpace
 from middeck.values import record
 
 
@@ -62,7 +62,7 @@ def close_loop(plant: Plant, compensator: Compensator) -> ClosedLoop:
     joined = _join(
         system.A, system.B[:, w], system.B[:, u], system.C[z], system.C[y], _direct(system.D, w, u, z, y), law
     )
-    values = poles(joined)
+    values = growth_rates(joined)
     return ClosedLoop(
         joined,
         tuple(active.inputs[i] for i in w),

@@ -13,8 +13,9 @@ from middeck.errors import ConfigError
 from middeck.systems.delay import pade
 from middeck.systems.delayed_sampling import is_sum, split_delays
 from middeck.systems.inert_modes import inert_modes, silence_inert
-from middeck.systems.late_rigid import approximate_late_rigid
-from middeck.systems.modal import ModalSystem, modal_to_statespace, select_modes
+from middeck.systems.integrators import part_integrators
+from middeck.systems.late_integrators import approximate_late_integrators
+from middeck.systems.modal import ModalSystem, modal_to_statespace, output_rows, select_modes
 from middeck.systems.plant import Plant, name_states
 from middeck.systems.response import FrequencyResponse, evaluate_plant
 from middeck.systems.statespace import StateSpace, add, gain_system, series
@@ -77,11 +78,11 @@ def approximate_delays(delayed: DelayedPlant, order: int) -> Plant:
 
     A delay common to all paths is put on the side with fewer channels; what an input or an output is late
     beyond that needs states of its own. Delays that are no sum of one for the input and one for the output
-    (`is_sum`) give each channel of the smaller side the plant's states once more, but for rigid modes of a
-    plant in modal form: those are kept once, with the integrators that such delays add to them
-    (`middeck.systems.late_rigid`), and come last. States: those of the inputs' delays (named "delay"), the
-    plant's, those of the outputs' delays. Modes of the plant that no port moves or sees stand apart by exact
-    zeros (`silence_inert`).
+    (`is_sum`) give each channel of the smaller side the plant's states once more, but for integrators (rigid
+    modes, in modal form or mixed with others): those are kept once, with the integrators that such delays add
+    to them (`middeck.systems.late_integrators`), and come last. States: those of the inputs' delays (named
+    "delay"), the plant's, those of the outputs' delays. Modes of the plant that no port moves or sees stand
+    apart by exact zeros (`silence_inert`).
 
     Raises
     ------
@@ -89,30 +90,62 @@ def approximate_delays(delayed: DelayedPlant, order: int) -> Plant:
         For an order below one.
     """
     plant = delayed.plant
-    if isinstance(plant.dynamics, ModalSystem):
-        system, names = _approximate_modes(silence_inert(plant.dynamics), delayed.delay_s, order)
-    else:
-        system, names = _approximated(plant.dynamics, name_states(plant), delayed.delay_s, order)
+    modal = silence_inert(plant.dynamics) if isinstance(plant.dynamics, ModalSystem) else None
+    if not is_sum(delayed.delay_s, SAME_DELAY_S):
+        parts = _part_states(plant.system, name_states(plant)) if modal is None else _part_modes(modal)
+        if len(parts.residues):
+            system, names = _approximate_parts(parts, delayed.delay_s, order)
+            return dataclasses.replace(plant, dynamics=system, state_names=names)
+    whole = plant.system if modal is None else modal_to_statespace(modal)
+    system, names = _approximated(whole, name_states(plant), delayed.delay_s, order)
     return dataclasses.replace(plant, dynamics=system, state_names=names)
 
 
 Named = tuple[StateSpace, tuple[str, ...]]
 
 
-def _approximate_modes(modal: ModalSystem, delay_s: np.ndarray, order: int) -> Named:
-    """Copies of the modes that oscillate, as each channel is late; those at rest once."""
-    rigid = (modal.omega == 0.0) & ~inert_modes(modal)
-    if is_sum(delay_s, SAME_DELAY_S) or not rigid.any():
-        return _approximated(modal_to_statespace(modal), _doubled(modal.names), delay_s, order)
-    moving, still = (select_modes(modal, which) for which in (~rigid, rigid))
+def _approximate_parts(parts: _Parts, delay_s: np.ndarray, order: int) -> Named:
+    """Copies of what moves, as each channel is late; integrators once, and last."""
     banks = [_bank(delay_s, i, order) for i in range(delay_s.shape[1])]
-    integrals, count = approximate_late_rigid(still, delay_s, banks)
-    names = (*(", ".join(still.names),) * count, *("delay",) * (len(integrals.A) - count))
-    if not len(moving.omega):
+    integrals, count = approximate_late_integrators(parts.residues, parts.direct, banks)
+    names = (*(parts.still,) * count, *("delay",) * (len(integrals.A) - count))
+    if not len(parts.moving.A):
         return integrals, names
-    moving = dataclasses.replace(moving, direct=None)
-    copies, others = _approximated(modal_to_statespace(moving), _doubled(moving.names), delay_s, order)
+    copies, others = _approximated(parts.moving, parts.names, delay_s, order)
     return add(copies, integrals), (*others, *names)
+
+
+@record
+class _Parts:
+    """Integrators as residues, with a name for them all; what moves, without direct term; that term."""
+
+    residues: Float[np.ndarray, "chain output input"]
+    still: str
+    moving: StateSpace
+    names: tuple[str, ...]
+    direct: Float[np.ndarray, "output input"]
+
+
+def _part_modes(modal: ModalSystem) -> _Parts:
+    rigid = (modal.omega == 0.0) & ~inert_modes(modal)
+    moving, still = (select_modes(modal, which) for which in (~rigid, rigid))
+    rows = output_rows(still)
+    residues = np.array([rows.rate @ still.psi, rows.position @ still.psi])[: 2 * bool(rigid.any())]
+    rest = modal_to_statespace(dataclasses.replace(moving, direct=None))
+    return _Parts(residues, ", ".join(still.names), rest, _doubled(moving.names), rows.direct)
+
+
+def _part_states(system: StateSpace, names: tuple[str, ...]) -> _Parts:
+    none = np.zeros_like(system.D)
+    parted = part_integrators(system)
+    if not len(parted.residues):
+        rest = StateSpace(system.A, system.B, system.C, none)
+        return _Parts(parted.residues, "", rest, names, system.D)
+    share = np.sum(parted.states**2, axis=1)
+    # A tenth: traces of rounding name nothing.
+    still = ", ".join(dict.fromkeys(names[i] for i in np.flatnonzero(share > 0.1)))
+    rest = StateSpace(parted.moving.A, parted.moving.B, parted.moving.C, none)
+    return _Parts(parted.residues, still, rest, tuple(names[i] for i in parted.leading), system.D)
 
 
 def _bank(delay_s: np.ndarray, i: int, order: int) -> StateSpace:

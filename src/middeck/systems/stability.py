@@ -1,28 +1,42 @@
 """Stability, by eigenvalues and nothing else.
 
 Past an instability a frequency integral stays finite and looks good; so no norm ever answers this question.
+Of a multiple eigenvalue with too few eigenvectors (the double one of a free body) rounding makes several, to
+both sides of the axis, by the root of rounding. Their mean is known to rounding, and stands for them all
+(Kato 1976, section II.2; Bavely and Stewart 1979, SIAM J. Numer. Anal. 16).
 """
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
+import scipy.linalg as sla
 from jaxtyping import Complex
+from scipy.sparse.csgraph import connected_components
 
 from middeck.systems.statespace import SampledStateSpace, StateSpace, poles
 
 GROWTH_LIMIT = 1e-8
 """Largest real part [rad/s] that still counts as stable: above rounding at an undamped pole, far below any
 growth that an experiment could show (a factor e in three years)."""
+ROUNDINGS = 100.0
+"""Eigenvalues at rest that a change of A by so many roundings makes coincide are one that it has split."""
+CROWDED = 2e-6
+"""How far from rest, beside A, rounding may throw a double one: the root of that many, and tenfold."""
 
 
 def growth_rates(system: StateSpace | SampledStateSpace) -> Complex[np.ndarray, " state"]:
     """Poles in rad/s; those of a sampled system are mapped by log(p)/T (a pole at zero to -inf).
 
+    Those at rest (z = 1) that rounding has split are their mean.
+
     >>> growth_rates(StateSpace([[-2.0]], [[1.0]], [[1.0]], [[0.0]])).real
     array([-2.])
     """
-    p = poles(system)
-    if isinstance(system, StateSpace):
+    sampled = isinstance(system, SampledStateSpace)
+    p = _joined(system.A, poles(system), sampled=sampled)
+    if not sampled:
         return p
     size = np.abs(p)
     rate = np.full(len(p), -np.inf)
@@ -30,6 +44,27 @@ def growth_rates(system: StateSpace | SampledStateSpace) -> Complex[np.ndarray, 
     rates = np.empty(len(p), dtype=complex)
     rates.real, rates.imag = rate / system.period_s, np.angle(p) / system.period_s
     return rates
+
+
+def _joined(A: np.ndarray, values: np.ndarray, *, sampled: bool) -> Complex[np.ndarray, " state"]:
+    """The eigenvalues, with those that rounding has parted replaced by their mean."""
+    if not len(A):
+        return values
+    balanced = np.asarray(sla.matrix_balance(A, permute=False)[0])
+    size = float(np.linalg.norm(balanced))
+    rest = 1.0 if sampled else 0.0
+    if np.sum(np.abs(values - rest) < CROWDED * size) < 2:
+        return values
+    found, left, right = cast("tuple[np.ndarray, ...]", sla.eig(balanced, left=True, right=True))
+    found = found.astype(complex)
+    aligned = np.abs(np.sum(np.conj(left) * right, axis=0))
+    known = ROUNDINGS * np.finfo(float).eps * size / np.maximum(aligned, np.finfo(float).eps)
+    known = np.where(np.abs(found - rest) < CROWDED * size, known, 0.0)
+    together = np.abs(found[:, None] - found) <= 2.0 * np.minimum(known[:, None], known)
+    count, label = cast("tuple[int, np.ndarray]", connected_components(together, directed=False))
+    for k in np.flatnonzero(np.bincount(label, minlength=count) > 1):
+        found[label == k] = np.mean(found[label == k])
+    return found
 
 
 def is_stable(system: StateSpace | SampledStateSpace) -> bool:

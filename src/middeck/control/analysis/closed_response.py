@@ -1,16 +1,29 @@
-"""The closed loop as a response with exact delays: what disturbances and sensor noise do to z and to u."""
+"""The closed loop as a response with exact delays: what disturbances and sensor noise do to z and to u.
+
+Behind an integrator the path that is open and the one that is closed are both without bound at rest, and
+cancel. So integrators, of plant and law, are states here and only the rest is a response: of each path
+
+    R_k exp(-s tau) / s^k  =  R_k (1 - s tau + ...) / s^k  +  R_k (exp(-s tau) - 1 + s tau - ...) / s^k
+
+the first part is integrated, the second has no pole.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from jaxtyping import Complex
+from jaxtyping import Complex, Float
 
-from middeck.control.analysis.loop import evaluate_halves, form_loop, select_dynamics, transfer_of
+from middeck.control.analysis.loop import part_transfer, select_dynamics
 from middeck.control.compensator import Compensator
 from middeck.control.partition import partition_modes
 from middeck.systems.delayed_plant import DelayedPlant
+from middeck.systems.integrators import realise_residues
+
+TERMS = 20
+"""Of the power series of an exponential, up to a delay of one radian."""
 
 
 def closed_response(
@@ -18,27 +31,72 @@ def closed_response(
 ) -> Callable[[np.ndarray], Complex[np.ndarray, "line zu wv"]]:
     """From the inputs ``disturbed`` and noise v on the measurements to the group z and commands u.
 
-    Over omega [rad/s]; z first, then u, and ``disturbed`` first, then v. With M = (1 - K G_yu)^-1 K commands
-    are M (G_yw w + v), and z = G_zw w + G_zu u.
+    Over omega [rad/s]; z first, then u, and ``disturbed`` first, then v.
     """
     active = partition_modes(plant.plant).active
     w, z = active.input_indices(disturbed), active.output_indices(active.z)
-    u = active.input_indices([p.name for p in compensator.outputs])
+    u_ports = active.input_indices([p.name for p in compensator.outputs])
     y = active.output_indices([p.name for p in compensator.inputs])
-    rows, columns = [*z, *y], [*w, *u]
-    transfer = transfer_of(select_dynamics(active, columns, rows))
+    rows, columns = [*z, *y], [*w, *u_ports]
+    residues, moving = part_transfer(select_dynamics(active, columns, rows))
     late = plant.delay_s[np.ix_(rows, columns)]
-    halves = evaluate_halves(form_loop(plant, compensator))
-    nz, nw = len(z), len(w)
+    body = realise_residues(_late_residues(residues, late))
+    of_law, law = part_transfer(compensator.system)
+    memory = realise_residues(of_law)
+    nz, nw, ny, n = len(z), len(w), len(y), len(body.A)
 
     def response(omega: np.ndarray) -> np.ndarray:
         s = 1j * omega
-        G = transfer(s) * np.exp(-s[:, None, None] * late)
-        K = halves(s)[1]
-        M = np.linalg.solve(np.eye(len(u)) - K @ G[:, nz:, nw:], K)
-        commands = np.concatenate([M @ G[:, nz:, :nw], M], axis=2)
-        seen = G[:, :nz, nw:] @ commands
-        seen[:, :, :nw] += G[:, :nz, :nw]
-        return np.concatenate([seen, commands], axis=1)
+        H = moving(s) * np.exp(-s[:, None, None] * late) + _beyond(residues, late, s)
+        Hyw, Hyu = H[:, nz:, :nw], H[:, nz:, nw:]
+        K = law(s)
+        # u from the integrators' states, w, and noise on y; then the same of y and z.
+        from_body = np.broadcast_to(body.C[nz:], (len(s), ny, n))
+        from_memory = np.zeros((len(s), ny, len(memory.A)))
+        noise = np.broadcast_to(np.eye(ny), (len(s), ny, ny))
+        known = np.concatenate([from_body, from_memory, Hyw, noise], axis=2)
+        drive = K @ known
+        drive[:, :, n : n + len(memory.A)] += memory.C
+        u = np.linalg.solve(np.eye(len(u_ports)) - K @ Hyu, drive)
+        read = known + Hyu @ u
+        states = n + len(memory.A)
+        moved = np.concatenate([body.B[:, nw:] @ u, memory.B @ read], axis=1)
+        moved[:, :n, states : states + nw] += body.B[:, :nw]
+        A = moved[:, :, :states]
+        A[:, :n, :n] += body.A
+        A[:, n:, n:] += memory.A
+        x = np.linalg.solve(s[:, None, None] * np.eye(states) - A, moved[:, :, states:])
+        seen = H[:, :nz, nw:] @ u
+        seen[:, :, :n] += body.C[:nz]
+        seen[:, :, states : states + nw] += H[:, :nz, :nw]
+        whole = np.concatenate([seen, u], axis=1)
+        return whole[:, :, states:] + whole[:, :, :states] @ x
 
     return response
+
+
+def _late_residues(
+    residues: Float[np.ndarray, "chain output input"], late: Float[np.ndarray, "output input"]
+) -> Float[np.ndarray, "chain output input"]:
+    """What is left at the origin of R_k / s^k behind the delays."""
+    total = np.zeros_like(residues)
+    for k in range(len(residues)):
+        for j in range(k + 1):
+            total[k - j] += residues[k] * (-late) ** j / math.factorial(j)
+    return total
+
+
+def _beyond(residues: np.ndarray, late: np.ndarray, s: np.ndarray) -> np.ndarray:
+    """The sum of R_k s^-k (exp(-s tau) - its first k terms), which has no pole."""
+    total = np.zeros((len(s), *late.shape), dtype=complex)
+    turn = -s[:, None, None] * late
+    short = np.abs(turn) < 1.0
+    for k, residue in enumerate(residues, start=1):
+        # (-tau)^k times the function that begins with 1 / k!.
+        series = np.zeros_like(turn)
+        for j in range(TERMS, -1, -1):
+            series = series * np.where(short, turn, 0.0) + 1.0 / math.factorial(j + k)
+        first = sum(turn**j / math.factorial(j) for j in range(k))
+        direct = (np.exp(turn) - first) / np.where(short, 1.0, turn) ** k
+        total += residue * (-late) ** k * np.where(short, series, direct)
+    return total

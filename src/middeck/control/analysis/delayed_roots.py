@@ -12,7 +12,9 @@ LIGHT = 0.1
 """Damping ratio below which a pole needs a good approximation at its own frequency."""
 NEWTON_STEPS = 12
 UNMOVED = 1e-9
-"""A mode that the loop moves by less, relative to itself, rests as it is: evaluation cannot tell."""
+"""A mode that the loop moves by less, relative to itself, is found from its own pole, to first order."""
+CIRCLE = np.exp(2j * np.pi * np.arange(16) / 16.0)
+"""A mean over these directions keeps the constant term, to the 16th power of the share of way gone."""
 ON_ROOT = 1e-2
 """|f| at a root beside |f| a thousandth of the way to the next pole: within 1e-5 of that way. Beside a mode
 that the loop hardly moves |f| is rounding so near: there a tenth of the way, where Newton's method rests."""
@@ -72,11 +74,12 @@ def _newton(
 ) -> tuple[Complex[np.ndarray, " root"], np.ndarray]:
     """Newton's method on f(s) times all (s - p), which has no poles; and where it ended at a root.
 
-    A mode that the loop does not move is a root of this product, though not of f: it stays as it is.
+    A mode that the loop does not move is a root of this product, though not of f (`_beside_pole`).
     """
     size = np.maximum(np.abs(start), 1e-3 * reach)
     unmoved = np.abs(start[:, None] - open_poles).min(axis=1, initial=np.inf) <= UNMOVED * size
     s, real = start.copy(), np.imag(start) == 0.0
+    s[unmoved] = _beside_pole(halves, s[unmoved], open_poles)
     on_root = rests = np.zeros(len(s), dtype=bool)
     with np.errstate(all="ignore"):
         for _ in range(NEWTON_STEPS):
@@ -94,6 +97,28 @@ def _newton(
         rests &= _vanishes(*(_determinant(halves, x) for x in (s, s - h, s + h)))
     ended = np.where(np.imag(s) < 0.0, np.conj(s), s)
     return ended, unmoved | on_root | rests
+
+
+def _beside_pole(halves: Halves, near: np.ndarray, open_poles: np.ndarray) -> Complex[np.ndarray, " root"]:
+    """The root of f = r / (s - p) + c beside each pole p that is ``near``: p - r / c.
+
+    Better than any eigenvalue of the whole, whose rounding may outweigh the mode's own damping. What was
+    given where other poles lie too near for that, and where the root beside is another's: a copy of the mode
+    that no port sees stays on the pole.
+    """
+    if not len(near):
+        return near
+    away = np.abs(near[:, None] - open_poles)
+    pole = open_poles[np.argmin(away, axis=1)]
+    others = np.abs(pole[:, None] - open_poles)
+    others[np.arange(len(near)), np.argmin(away, axis=1)] = np.inf
+    h = 0.1 * np.minimum(others.min(axis=1), np.abs(pole))
+    with np.errstate(all="ignore"):
+        there = _determinant(halves, (pole[:, None] + h[:, None] * CIRCLE).ravel()).reshape(-1, len(CIRCLE))
+        moved = -h * np.mean(there * CIRCLE, axis=1) / np.mean(there, axis=1)
+    clear = np.isfinite(moved) & (np.abs(moved) < 2.0 * UNMOVED * np.abs(pole))
+    clear &= 100.0 * np.abs(moved) < h
+    return np.where(clear, pole + np.where(clear, moved, 0.0), near)
 
 
 def _vanishes(middle: np.ndarray, left: np.ndarray, right: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 import scipy.linalg
-from jaxtyping import Complex
+from jaxtyping import Complex, Float
 
 from middeck.control.classical import close_static
 from middeck.control.compensator import Compensator
@@ -18,7 +18,8 @@ from middeck.control.partition import partition_modes
 from middeck.control.sampled_compensator import SampledCompensator
 from middeck.errors import ConfigError
 from middeck.systems.delayed_plant import DelayedPlant, approximate_delays, delay_inputs
-from middeck.systems.modal import ModalSystem
+from middeck.systems.integrators import part_integrators
+from middeck.systems.modal import ModalSystem, output_rows, select_modes
 from middeck.systems.plant import Plant, name_states
 from middeck.systems.ports import port_indices
 from middeck.systems.resolvent import Resolvent, balance_states, by_schur_form
@@ -170,8 +171,37 @@ def evaluate_halves(loop: FeedbackLoop) -> Halves:
 
 
 def transfer_of(dynamics: ModalSystem | StateSpace) -> Resolvent:
-    """A plant's transfer function over s, mode by mode where there are modes."""
-    return _sum_modes(dynamics) if isinstance(dynamics, ModalSystem) else resolve(dynamics)
+    """A plant's transfer function over s, mode by mode where there are modes; integrators by themselves."""
+    if isinstance(dynamics, ModalSystem):
+        return _sum_modes(dynamics)
+    residues, moving = part_transfer(dynamics)
+    return _with_integrals(residues, moving) if len(residues) else moving
+
+
+def part_transfer(
+    dynamics: ModalSystem | StateSpace,
+) -> tuple[Float[np.ndarray, "chain output input"], Resolvent]:
+    """Residues R_1, R_2, ... at the origin, of R_k / s^k, and the rest as a function of s."""
+    if not isinstance(dynamics, ModalSystem):
+        parted = part_integrators(dynamics)
+        return parted.residues, resolve(parted.moving)
+    rigid = dynamics.omega == 0.0
+    rows = output_rows(still := select_modes(dynamics, rigid))
+    moving = dataclasses.replace(select_modes(dynamics, ~rigid), direct=rows.direct)
+    if not rigid.any():
+        return np.zeros((0, *rows.direct.shape)), _sum_modes(moving)
+    return np.array([rows.rate @ still.psi, rows.position @ still.psi]), _sum_modes(moving)
+
+
+def _with_integrals(residues: np.ndarray, moving: Resolvent) -> Resolvent:
+    def evaluate(points: np.ndarray) -> np.ndarray:
+        s = np.asarray(points)[:, None, None]
+        total = np.zeros((len(points), *residues.shape[1:]), dtype=complex)
+        for residue in residues[::-1]:
+            total = (total + residue) / s
+        return total + moving(points)
+
+    return evaluate
 
 
 def resolve(system: StateSpace | SampledStateSpace) -> Resolvent:

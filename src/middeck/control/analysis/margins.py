@@ -19,6 +19,7 @@ from middeck.control.analysis.disk import DiskMargin, disk_from_peak
 from middeck.control.analysis.ends import Ends, find_ends
 from middeck.control.analysis.lines import WIDEST, add_ends, place_lines, refine_lines
 from middeck.control.analysis.loop import AnyLaw, AnyPlant, At, broken_at, form_loop, period_of
+from middeck.control.analysis.neutral import bears_no_delay
 from middeck.control.analysis.return_ratio import broken_ratio
 from middeck.control.analysis.stability import LoopStability, decide_loop
 from middeck.errors import ConfigError
@@ -50,7 +51,8 @@ class LoopMargins:
     phase_hz:
         Those frequencies, ascending.
     delay_s:
-        At each of them, the least further delay that does, also by more than half a turn. Of a sampled loop
+        At each of them, the least further delay that does, also by more than half a turn; before them zero,
+        where the gain stays at one or above at infinite frequency: any delay then does. Of a sampled loop
         (`measure_sampled_margins`) the first of all delays alone; None where its plant is not known, since
         what was sampled does not say how a mode beyond half the rate turns.
     sensitivity, complementary:
@@ -164,12 +166,16 @@ def measure_margins(plant: AnyPlant, law: AnyLaw, *, at: At = "inputs") -> Margi
     crossings = axis_crossings(ratio, *curve), circle_crossings(ratio, *curve)
     omega, L = add_ends(loop, ratio, curve)
     ends = find_ends(loop, at)
-    loops = (
+    loops = [
         _describe(name, i, (_channel(ratio, i), omega, L[:, i]), crossings, ends, stability.stable)
         for i, name in enumerate(broken_at(loop, at))
-    )
+    ]
+    loops = [
+        dataclasses.replace(one, delay_s=np.append(0.0, one.delay_s)) if none and stability.stable else one
+        for one, none in zip(loops, bears_no_delay(loop, at), strict=True)
+    ]
     if period_of(loop) is not None:
-        loops = (dataclasses.replace(one, delay_s=None) for one in loops)
+        loops = [dataclasses.replace(one, delay_s=None) for one in loops]
     return Margins(stability, tuple(loops))
 
 

@@ -24,6 +24,7 @@ from middeck.control.delay_order import pade_order
 from middeck.errors import NumericalError
 from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.inert_modes import observed_modes, reached_modes
+from middeck.systems.integrators import rest_once
 from middeck.systems.modal import ModalSystem, modal_to_statespace, select_modes
 from middeck.systems.stability import GROWTH_LIMIT, growth_rates, none_grows
 from middeck.systems.statespace import SampledStateSpace, poles
@@ -96,7 +97,8 @@ def decide_stability(plant: AnyPlant, law: AnyLaw) -> LoopStability:
 def decide_loop(loop: FeedbackLoop) -> LoopStability:
     """The same of a loop that is formed."""
     if not is_late(loop):
-        return _outcome(loop_poles(loop))
+        loop, unmoved = _split_unmoved(loop)
+        return _outcome(np.concatenate([loop_poles(loop), unmoved]))
     if direct_gain(loop) >= 1.0:
         # A neutral equation: a chain of roots on or right of the axis (Hale and Verduyn Lunel 1993).
         return LoopStability(False, complex(np.inf, np.inf), np.inf, -np.inf, 0.0, -1)
@@ -120,17 +122,23 @@ def decide_loop(loop: FeedbackLoop) -> LoopStability:
 
 
 def _split_unmoved(loop: FeedbackLoop) -> tuple[FeedbackLoop, Complex[np.ndarray, " pole"]]:
-    """The loop without modes that u does not reach or y does not see; and their poles, which nothing moves.
+    """The loop without what u does not reach or y does not see; and those poles, which nothing moves.
 
     They are in no return ratio: its roots cannot be counted with them, least of all where several coincide.
     """
     plant = loop.plant
-    if not isinstance(plant, DelayedPlant) or not isinstance(modal := plant.plant.dynamics, ModalSystem):
+    if not isinstance(plant, DelayedPlant):
         return loop, np.zeros(0, dtype=complex)
-    moved = reached_modes(modal) & observed_modes(modal)
-    inside = dataclasses.replace(plant.plant, dynamics=select_modes(modal, moved), state_names=())
-    alone = modal_to_statespace(select_modes(modal, ~moved))
-    return dataclasses.replace(loop, plant=dataclasses.replace(plant, plant=inside)), poles(alone)
+    modal = plant.plant.dynamics
+    alone = np.zeros(0, dtype=complex)
+    if isinstance(modal, ModalSystem):
+        moved = reached_modes(modal) & observed_modes(modal)
+        alone = poles(modal_to_statespace(select_modes(modal, ~moved)))
+        modal = select_modes(modal, moved)
+    dynamics, resting = rest_once(modal)
+    inside = dataclasses.replace(plant.plant, dynamics=dynamics, state_names=())
+    loop = dataclasses.replace(loop, plant=dataclasses.replace(plant, plant=inside))
+    return loop, np.concatenate([alone, np.zeros(resting)])
 
 
 def _orders(loop: FeedbackLoop, open_poles: np.ndarray) -> list[int]:

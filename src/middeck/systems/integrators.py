@@ -1,0 +1,191 @@
+"""The integrators of a system: parted from what moves, whatever the coordinates, and as few as they can be.
+
+A pole at the origin of multiplicity k is spread by rounding over a circle of radius eps^(1/k) |A|, on both
+sides of the axis: nothing may be decided by such eigenvalues. Its invariant subspace is well determined, and
+is found here by orthogonal transformations with rank decisions on singular values (Golub and Wilkinson 1976,
+SIAM Review 18, "Ill-conditioned eigensystems and the computation of the Jordan canonical form").
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import scipy.linalg as sla
+from jaxtyping import Float, Int
+
+from middeck.systems.modal import ModalSystem, modal_to_statespace, output_rows, select_modes
+from middeck.systems.resolvent import balance_states
+from middeck.systems.statespace import StateSpace, add
+from middeck.values import record
+
+REST = 1e-11
+"""Singular values below this share of A (in balanced states) count as zero: rounding of a plant that was
+turned by a matrix of condition 1e4. Slower poles than that share of the fastest are not told from rest."""
+NOTHING = 1e-12
+"""A residue below this share of the rows and columns that make it is rounding of a few products."""
+RANK = 1e-10
+"""The same of residues, row by row and column by column scaled: what is left out changes no entry by more."""
+
+
+@record
+class PartedSystem:
+    """C (s I - A)^-1 B + D as the sum of R_k / s^k, k = 1, 2, ..., and of what moves.
+
+    Parameters
+    ----------
+    residues:
+        R_1, R_2, ...: with as many as the longest chain of integrators.
+    states:
+        An orthonormal basis of the states that integrate.
+    leading:
+        For each state of ``moving``, the state of the system that has most of it.
+    moving:
+        The rest of the system, its direct term included; no pole at the origin.
+    """
+
+    residues: Float[np.ndarray, "chain output input"]
+    states: Float[np.ndarray, "state still"]
+    leading: Int[np.ndarray, " moving"]
+    moving: StateSpace
+
+
+def part_integrators(system: StateSpace) -> PartedSystem:
+    """The system's integrators apart from its other poles.
+
+    >>> body = StateSpace([[0.0, 1.0], [0.0, 0.0]], [[0.0], [2.0]], [[1.0, 0.0]], [[0.0]])
+    >>> part_integrators(body).residues.ravel().tolist()                           # 0 / s + 2 / s^2
+    [0.0, 2.0]
+    """
+    outputs, inputs = system.D.shape
+    if not len(system.A):
+        return PartedSystem(np.zeros((0, outputs, inputs)), np.zeros((0, 0)), np.zeros(0, dtype=int), system)
+    _, (unit, _) = sla.matrix_balance(system.A, separate=True, permute=False)
+    balanced = balance_states(system)
+    turn, sizes = _chains(balanced.A)
+    n = sum(sizes)
+    if not n:
+        every = np.arange(len(system.A))
+        return PartedSystem(np.zeros((0, outputs, inputs)), np.zeros((len(every), 0)), every, system)
+    A, B, C = turn.T @ balanced.A @ turn, turn.T @ balanced.B, balanced.C @ turn
+    chain = _strictly_upper(A[:n, :n], sizes)
+    # (1, 0; mix, 1) takes the coupling between both parts out.
+    mix = np.asarray(sla.solve_sylvester(chain, -A[n:, n:], -A[:n, n:])) if n < len(A) else A[:n, n:]
+    moving = StateSpace(A[n:, n:], B[n:], C[:, n:] + C[:, :n] @ mix, system.D)
+    into = B[:n] - mix @ B[n:]
+    seen, residues = C[:, :n], np.zeros((len(sizes), outputs, inputs))
+    # What rounding may leave of a residue that is nothing: beside the rows and columns whose product it is.
+    floor = np.outer(np.linalg.norm(seen, axis=1), np.linalg.norm(into, axis=0))
+    pace = float(np.linalg.norm(balanced.A, 2))
+    for k in range(len(sizes)):
+        value = seen @ into
+        residues[k] = np.where(np.abs(value) > NOTHING * floor, value, 0.0)
+        seen, floor = seen @ chain, floor * pace
+    still, _ = np.linalg.qr(unit[:, None] * turn[:, :n])
+    return PartedSystem(residues, still, _leading(turn[:, n:]), moving)
+
+
+def _leading(turn: np.ndarray) -> Int[np.ndarray, " moving"]:
+    return np.argmax(np.abs(turn), axis=0) if turn.size else np.zeros(0, dtype=int)
+
+
+def rest_once(dynamics: ModalSystem | StateSpace) -> tuple[ModalSystem | StateSpace, int]:
+    """The dynamics with no more integrators than its responses have; and how many poles at rest that drops.
+
+    Of several rigid modes one force moves one combination. As it was where nothing is dropped; a state space
+    that integrates comes back with its integrators first, their eigenvalues zero to the last bit.
+    """
+    if isinstance(dynamics, ModalSystem):
+        rigid = dynamics.omega == 0.0
+        rows = output_rows(still := select_modes(dynamics, rigid))
+        chain = realise_residues(np.array([rows.rate @ still.psi, rows.position @ still.psi]))
+        dropped = 2 * int(rigid.sum()) - len(chain.A)
+        if not dropped:
+            return dynamics, 0
+        moving = modal_to_statespace(select_modes(dynamics, ~rigid))
+        through = np.zeros_like(moving.D)
+        if dynamics.phi_acceleration is not None:
+            through = dynamics.phi_acceleration[:, rigid] @ still.psi
+        return add(dataclasses.replace(chain, D=through), moving), dropped
+    parted = part_integrators(dynamics)
+    chain = realise_residues(parted.residues)
+    count = parted.states.shape[1]
+    return (add(chain, parted.moving), count - len(chain.A)) if count else (dynamics, 0)
+
+
+def realise_residues(residues: Float[np.ndarray, "chain output input"]) -> StateSpace:
+    """Sum of R_k / s^k with the fewest states, all eigenvalues zero to the last bit.
+
+    From the singular values of the Hankel matrix of residues (Ho and Kalman 1966); parts below `RANK` are
+    left out, which changes no residue by more than that share of its row's and column's largest.
+
+    >>> len(realise_residues(np.array([[[0.0, 0.0]], [[1.0, 2.0]]])).A)     # one body that two forces push
+    2
+    """
+    K, outputs, inputs = residues.shape
+    empty = StateSpace(
+        np.zeros((0, 0)), np.zeros((0, inputs)), np.zeros((outputs, 0)), np.zeros((outputs, inputs))
+    )
+    if not K:
+        return empty
+    row = np.abs(residues).max(axis=(0, 2), initial=0.0)
+    scaled = residues / np.where(row > 0.0, row, 1.0)[None, :, None]
+    column = np.abs(scaled).max(axis=(0, 1), initial=0.0)
+    scaled = scaled / np.where(column > 0.0, column, 1.0)[None, None, :]
+    pace = _pace(scaled)
+    scaled = scaled * pace ** np.arange(K)[:, None, None]
+    blocks = [*scaled, *(np.zeros((outputs, inputs)) for _ in range(K + 1))]
+    hankel, later = (
+        np.vstack([np.hstack(blocks[i + shift : i + shift + K]) for i in range(K)]) for shift in (0, 1)
+    )
+    left, value, right = np.linalg.svd(hankel)
+    rank = int(np.sum(value > RANK * value.max(initial=0.0)))
+    if not rank:
+        return empty
+    root = np.sqrt(value[:rank])
+    left, right = left[:, :rank] / root, right[:rank].T / root
+    A = left.T @ later @ right
+    turn, sizes = _chains(A, RANK)
+    if sum(sizes) < rank:
+        # What rounding does not let vanish: the nearest that does.
+        sizes = [*sizes, rank - sum(sizes)]
+    B, C = (root**2)[:, None] * right[:inputs].T, left[:outputs] * root**2
+    A = _strictly_upper(turn.T @ A @ turn, sizes) / pace
+    C = (C @ turn) * np.where(row > 0.0, row, 1.0)[:, None]
+    return StateSpace(A, (turn.T @ B) * np.where(column > 0.0, column, 1.0), C, empty.D)
+
+
+def _chains(A: np.ndarray, share: float = REST) -> tuple[np.ndarray, list[int]]:
+    """An orthogonal matrix that puts the integrators first, and how many come off at a time.
+
+    What A sends to nothing, then what it sends there, and so on: its first columns are strictly upper.
+    """
+    turn, sizes, left = np.eye(len(A)), [], A
+    floor = share * (np.linalg.norm(A, 2) if len(A) else 0.0)
+    while len(left):
+        _, value, right = np.linalg.svd(left)
+        count = int(np.sum(value <= floor))
+        if not count:
+            break
+        own = np.vstack([right[len(left) - count :], right[: len(left) - count]]).T
+        done = sum(sizes)
+        turn[:, done:] = turn[:, done:] @ own
+        left = (own.T @ left @ own)[count:, count:]
+        sizes.append(count)
+    return turn, sizes
+
+
+def _strictly_upper(A: np.ndarray, sizes: list[int]) -> np.ndarray:
+    """A with exact zeros on and below its diagonal blocks."""
+    label = np.repeat(np.arange(len(sizes)), sizes)
+    return np.where(label[:, None] < label[None], A, 0.0)
+
+
+def _pace(residues: np.ndarray) -> float:
+    """A time unit in which the first and the last residue are of like size."""
+    size = np.abs(residues).max(axis=(1, 2), initial=0.0)
+    there = np.flatnonzero(size > 0.0)
+    if len(there) < 2:
+        return 1.0
+    first, last = there[0], there[-1]
+    return float(np.exp2(np.round(np.log2(size[first] / size[last]) / (last - first))))

@@ -1,0 +1,50 @@
+"""Integrators behind delays that are no sums: each kept once, with what the delays add to it.
+
+With R_k / s^k from inputs to outputs and P(s) = 1 + p_1 s + p_2 s^2 + ... for the delay of each path, of size
+p_1 = -tau, each path is
+
+    sum over k of  R_k (s^-k + p_1 s^(1-k) + ... + p_(k-1) / s)  +  R_k s^-k (P - 1 - ... - p_(k-1) s^(k-1)).
+
+Of P = D + C (s - A)^-1 B the last is R_k C A^-k in front of the same states: no pole at the origin. The rest
+has as many integrators as its residues ask for. Where outputs see one force on a free body at different
+times, one output less another is that force integrated once: a state of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.systems.integrators import realise_residues
+from middeck.systems.statespace import StateSpace, add
+
+
+def approximate_late_integrators(
+    residues: Float[np.ndarray, "chain output input"],
+    direct: Float[np.ndarray, "output input"],
+    banks: Sequence[StateSpace],
+) -> tuple[StateSpace, int]:
+    """The sum of R_k / s^k and ``direct``, each path with its P; and how many states, the first, integrate.
+
+    ``banks`` hold, input by input, P to each output.
+    """
+    late = np.array(residues)
+    behind: list[StateSpace] = []
+    for i, bank in enumerate(banks):
+        C = direct[:, [i]] * bank.C
+        seen = bank.C
+        for k in range(len(residues)):
+            seen = np.linalg.solve(bank.A.T, seen.T).T  # C A^-(k + 1)
+            C = C + residues[k][:, [i]] * seen
+            # The coefficient of s^(k + 1) in P is -C A^-(k + 2) B; of s^0 it is one.
+            further = -np.linalg.solve(bank.A.T, seen.T).T @ bank.B
+            count = len(residues) - k - 1
+            late[:count, :, i] += further.T * residues[k + 1 :, :, i]
+        drive = np.arange(len(banks))[None] == i
+        behind.append(StateSpace(bank.A, bank.B * drive, C, direct[:, [i]] * bank.D * drive))
+    whole = integrals = realise_residues(late)
+    for each in behind:
+        whole = add(whole, each)
+    return whole, len(integrals.A)
