@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import functools
+from collections.abc import Callable
 from typing import Literal
 
 import numpy as np
@@ -51,6 +52,7 @@ def fit_record(
     integrators: int = 0,
     relative_degree: Literal[0, 1, 2] | None = None,
     weighting: Weighting | None = None,
+    tell: Callable[[str], None] = lambda _: None,
 ) -> FitResult:
     """Fit common poles, residues and delays to the samples of a record that need not be periodic.
 
@@ -76,6 +78,8 @@ def fit_record(
         "flat": the error of the simulation is least. "output": by the noise of sensors, "motion": by forces
         that shake the article as the inputs do. By default the likelier of the last two, or of a sampled
         model those that simulate samples held out best.
+    tell:
+        Called with what is done next, some words, as often as that changes.
 
     Raises
     ------
@@ -105,7 +109,9 @@ def fit_record(
     options = options_of(lines, states, choices)
     _check_length(record, options.states + at_zero(choices))
     if sampled:
-        run, reason = choose_record(record, options, band_hz, states=states, weighting=weighting)
+        run, reason = choose_record(
+            record, options, band_hz, states=states, weighting=weighting, tell=tell
+        )
     else:
         local = functools.partial(_local_fit, record, lines, states, choices)
         data, run, reason = fit_continuous(record, data, options, local, states=states, weighting=weighting)

@@ -39,9 +39,10 @@ def record_covariance(run: RecordRun, data: Data, model: MeasurementModel) -> Mo
     alone, information = np.zeros(size), np.zeros((size, size))
     for o in range(run.layout.outputs):
         J, own = each.of(o)
-        alone += np.sum(as_real(J / np.sqrt(run.variance[o])) ** 2, axis=1)
-        rows = own.removed(J)
-        information += rows @ rows.T
+        at = np.flatnonzero(J.any(axis=(1, 2)))  # poles, inputs and what is this output's own
+        alone[at] += np.sum(as_real(J[at] / np.sqrt(run.variance[o])) ** 2, axis=1)
+        rows = own.removed(J[at])
+        information[np.ix_(at, at)] += rows @ rows.T
     held = ties(model, structure)
     inverse = inverse_root(information, held)[1]
     inflation = np.maximum(alone * np.diag(inverse), 1.0)
@@ -76,11 +77,13 @@ def _scores_spread(
     spread = np.zeros_like(inverse)
     for o in range(run.layout.outputs):
         J, own = each.of(o)
-        rows = own.removed(J)
-        followed = own.leverage() + np.sum(rows * (inverse @ rows), axis=0).reshape(columns, -1)
+        at = np.flatnonzero(J.any(axis=(1, 2)))
+        rows = own.removed(J[at])
+        within = inverse[np.ix_(at, at)]
+        followed = own.leverage() + np.sum(rows * (within @ rows), axis=0).reshape(columns, -1)
         left = 1.0 - np.minimum(followed.reshape(columns, lines, 2).mean(axis=2), MOST_LEVERAGE)
         v = likelier_variance(residual[o, None], left.T[None], data.s, poles, data.transient.period_s)[0]
-        spread += (rows * np.repeat(0.5 * (v / run.variance[o]).T, 2)) @ rows.T
+        spread[np.ix_(at, at)] += (rows * np.repeat(0.5 * (v / run.variance[o]).T, 2)) @ rows.T
     return spread
 
 
