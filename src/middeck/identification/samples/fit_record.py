@@ -35,13 +35,18 @@ from middeck.systems.response import FrequencyResponse
 
 # A model worth using explains nine tenths of the output.
 LEFT = 0.1
+# Above this share of the sampling rate a held input is weakened by more than 2.5 % (sin(x)/x, x = pi/8): a
+# continuous model would take that for dynamics.
+HELD_ABOVE = 1.0 / 8.0
+# Inputs driven to this share of half the rate are driven all the way.
+NYQUIST = 0.95
 
 
 def fit_record(
     record: Record,
     *,
     states: int | None = None,
-    sampled: bool = False,
+    sampled: bool | None = None,
     band_hz: tuple[float, float] | None = None,
     constants: Constants | None = None,
     delay: bool | Delay | None = None,
@@ -68,8 +73,9 @@ def fit_record(
         Order of the model without its delays. By default that of the shortest description: of the record,
         or for a continuous model of a long one, of an estimated response.
     sampled:
-        A sampled model, right for held inputs; otherwise a continuous one, whose inputs are band-limited
-        between samples.
+        A sampled model, right for held inputs; or a continuous one, whose inputs are band-limited between
+        samples. By default sampled where the inputs drive all frequencies up to half the rate, as no
+        band-limited ones do, and neither the band nor an option asks for a continuous model.
     band_hz:
         Lines to fit: by default those of the band that the inputs drive, and all of a sampled model.
     constants, delay, direct, residuals, full_rank, rigid, integrators, relative_degree:
@@ -92,6 +98,10 @@ def fit_record(
         be longer than the record), if an output leads its input, or if no start could be refined.
     """
     check_record(record)
+    chosen = sampled is None
+    if sampled is None:
+        only_continuous = residuals or rigid or integrators or constants == "real" or delay
+        sampled = not (only_continuous or relative_degree == 2) and is_held(record, band_hz)
     choices = Choices(
         record.sample_hz if sampled else None,
         constants, delay, direct, residuals, full_rank, rigid, relative_degree, integrators,
@@ -112,10 +122,23 @@ def fit_record(
         run, reason = choose_record(
             record, options, band_hz, states=states, weighting=weighting, tell=tell
         )
+        reason = f"sampled, as the inputs drive all up to half the rate; {reason}" if chosen else reason
     else:
         local = functools.partial(_local_fit, record, lines, states, choices)
         data, run, reason = fit_continuous(record, data, options, local, states=states, weighting=weighting)
     return _result(record, data, run, reason)
+
+
+def is_held(record: Record, band_hz: tuple[float, float] | None) -> bool:
+    """Whether inputs are as strong near half the rate as elsewhere, and the lines to fit reach far.
+
+    What is sampled behind a filter is weak there: such inputs were given sample by sample, and held.
+    """
+    rate = record.sample_hz
+    if band_hz is not None and band_hz[1] <= HELD_ABOVE * rate:
+        return False
+    inputs = record.u.reshape(len(record.u), -1, record.u.shape[3])
+    return driven_band(inputs, rate)[1] >= NYQUIST * 0.5 * rate
 
 
 def _check_length(record: Record, states: int) -> None:
