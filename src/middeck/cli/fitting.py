@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import warnings as python_warnings
 from collections.abc import Callable, Sequence
 from typing import Literal, TypedDict
 
 from middeck.cli.blame import reading
 from middeck.cli.settings import FitSettings
 from middeck.errors import ConfigError
-from middeck.files.records import Columns, load_records, split_periods
+from middeck.files.records import Columns, check_finite, join_records, read_record, split_periods
 from middeck.identification.faults import detect_faults
 from middeck.identification.fit.choices import Constants, Delay
 from middeck.identification.fit.fit_response import FitResult, fit_response
@@ -20,6 +21,7 @@ from middeck.identification.spectra import (
     spectra_response,
 )
 from middeck.systems.excitation import cut_periods, recognise_excitation
+from middeck.systems.fault import Fault
 from middeck.systems.record import Record
 from middeck.systems.response import FrequencyResponse
 from middeck.values import record
@@ -77,9 +79,12 @@ def response_of(found: Identified) -> FrequencyResponse:
 
 def _fit_response(taken: Record, settings: FitSettings, seen: tuple[str, ...]) -> Identified:
     method = None if settings.method == "samples" else settings.method
-    measured = estimate_response(
-        taken, band_hz=settings.band_hz, method=method, reference=tuple(settings.reference) or None
-    )
+    with python_warnings.catch_warnings(record=True) as said:
+        python_warnings.simplefilter("always")
+        measured = estimate_response(
+            taken, band_hz=settings.band_hz, method=method, reference=tuple(settings.reference) or None
+        )
+    seen = (*seen, *(str(one.message) for one in said))
     reaches = measured.frequency_hz[-1] > HELD_ABOVE * taken.sample_hz
     sampled = _is_sampled(settings, reaches=bool(reaches))
     sample_hz = taken.sample_hz if sampled else None
@@ -96,7 +101,11 @@ def _fit_response(taken: Record, settings: FitSettings, seen: tuple[str, ...]) -
 def _faults(taken: Record) -> list[str]:
     """What `detect_faults` finds that a fit would suffer from."""
     faults = (f for f in detect_faults(taken) if f.severity != "note")
-    return [str(f).replace("\n  try:", ";") for f in faults]
+    return [_in_a_line(f) for f in faults]
+
+
+def _in_a_line(fault: Fault) -> str:
+    return str(fault).replace("\n  try:", ";")
 
 
 def _fit_record(
@@ -204,17 +213,20 @@ def load_periods(
 
     As many periods as is said; otherwise as the file says; otherwise as the input shows.
     """
-    taken = load_records(files, told)
+    readings = [read_record(path, told) for path in files]
+    whole = [check_finite(one.record, str(path)) for one, path in zip(readings, files, strict=True)]
+    taken = join_records(whole, list(files))
     with reading(*files):
+        mended = tuple(_in_a_line(f) for one in readings for f in one.faults if f.severity != "note")
         if periods is not None:
-            return split_periods(taken, periods), ()
+            return split_periods(taken, periods), mended
         if taken.periodic:
-            return taken, ()
+            return taken, mended
         found = recognise_excitation(taken)
         if found.period is None or found.periods < FEWEST_PERIODS:
-            return taken, (f"not cut into periods: {found.what}",)
+            return taken, (*mended, f"not cut into periods: {found.what}")
         if found.steady_from:
             dying = f"what it began with is still dying out in the first {found.steady_from} of its periods"
-            return taken, (f"not cut into periods: {found.what}, but {dying}; --periods cuts it",)
+            return taken, (*mended, f"not cut into periods: {found.what}, but {dying}; --periods cuts it")
         cut = cut_periods(taken, found)
         return cut, (f"cut into {cut.u.shape[1]} steady periods of {cut.u.shape[2]} samples: {found.what}",)
