@@ -12,6 +12,7 @@ import scipy.signal
 from jaxtyping import Float
 
 from middeck.identification.faults.found import Found
+from middeck.systems.excitation.repetition import find_repetition
 from middeck.systems.fault import Fault, Side
 from middeck.systems.ports import Port
 from middeck.systems.record import Record
@@ -34,6 +35,9 @@ SURE, SHARE = 7.0, 0.01
 # Residuals whose largest, a hundredth but no fewer than so many, tell the tail of noise; chance is beyond it in
 # one of e^BEYOND, and a residual below LEAP times the median is none in any case.
 FEWEST_LARGE, BEYOND, LEAP = 20, 12.0, 12.0
+# Samples by which an output may lead without a loop: differences and filters that look ahead, and what an input
+# does between samples.
+LEADS = 2
 # Deviations of a correlation from which it is an answer: the largest of 1e4 of noise is 4.
 HEARD = 7.0
 # A delay is told from so many samples, and this share of the record.
@@ -172,17 +176,20 @@ def _residuals(record: Record, u: np.ndarray, y: np.ndarray) -> list[Place]:
     U, Y = (x - x.mean(axis=1, keepdims=True) for x in (u, y))
     U, Y = (x / np.maximum(x.std(axis=1, keepdims=True), 1e-300) for x in (U, Y))
     lags = max(4, PAST // len(U))
-    later = max(2, lags // 2)
-    until, after = _past(U, lags + 1, later - 1), _past(U[:, ::-1], later, lags)[:, ::-1]
+    later = max(2, lags // 2) + LEADS
+    span = lags, U.shape[1] - lags - later
+    until, after = _beside(U, range(-lags, LEADS + 1), *span), _beside(U, range(LEADS + 1, later + 1), *span)
+    repeated = record.periodic or find_repetition(record.u.reshape(len(record.u), -1, len(u))) is not None
     found: list[Place] = []
     for o, port in enumerate(record.outputs):
         x = Y[o, lags : Y.shape[1] - later]
-        own = np.vstack([_past(Y[o : o + 1], lags, later), until])
-        at = _alone(_left(x, own))
-        if at is None:
+        own = np.vstack([_beside(Y[o : o + 1], range(-lags, 0), *span), until])
+        left = _left(x, own)
+        at = _alone(left)
+        if at is None and not repeated and float(left.std()) > FORETOLD:
             share = _told_later(x, own, after)
             found += [] if share is None else [(_fed_back(share), "output", port)]
-        else:
+        elif at is not None:
             found.append((_joined(record, at + lags), "output", port))
     return found
 
@@ -227,10 +234,11 @@ def _fed_back(share: float) -> Found:
     return Found("feedback", "serious", (), what, hint)
 
 
-def _past(x: Float[np.ndarray, "channel sample"], lags: int, spare: int) -> Float[np.ndarray, "row sample"]:
-    """The ``lags`` samples before each, from the first that has so many on; ``spare`` at the end are left out."""
-    count = x.shape[1] - spare
-    return np.vstack([x[:, lags - k : count - k] for k in range(1, lags + 1)])
+def _beside(
+    x: Float[np.ndarray, "channel sample"], shifts: range, first: int, count: int
+) -> Float[np.ndarray, "row sample"]:
+    """The samples so many after (or before) each of ``count`` from ``first`` on."""
+    return np.vstack([x[:, first + k : first + k + count] for k in shifts])
 
 
 def _left(x: Signal, rows: Float[np.ndarray, "row sample"]) -> Signal:
