@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import warnings as python_warnings
+from collections.abc import Callable, Sequence
 from typing import Literal, TypedDict
 
 from middeck.cli.blame import reading
 from middeck.cli.settings import FitSettings
 from middeck.errors import ConfigError
-from middeck.files.records import Columns, load_records, split_periods
+from middeck.files.records import Columns, check_finite, join_records, read_record, split_periods
 from middeck.identification.faults import detect_faults
 from middeck.identification.fit.choices import Constants, Delay
 from middeck.identification.fit.fit_response import FitResult, fit_response
-from middeck.identification.samples.fit_record import fit_record
+from middeck.identification.samples.fit_record import HELD_ABOVE, fit_record
 from middeck.identification.spectra import (
     doubts_of_window,
     estimate_response,
@@ -20,13 +21,11 @@ from middeck.identification.spectra import (
     spectra_response,
 )
 from middeck.systems.excitation import cut_periods, recognise_excitation
+from middeck.systems.fault import Fault
 from middeck.systems.record import Record
 from middeck.systems.response import FrequencyResponse
 from middeck.values import record
 
-# Above this share of the sampling rate a held input is weakened by more than 2.5 % (sin(x)/x, x = pi/8): a
-# continuous model would take that for dynamics.
-HELD_ABOVE = 1.0 / 8.0
 # Two periods tell noise from response.
 FEWEST_PERIODS = 2
 
@@ -49,16 +48,27 @@ class Identified:
         return float(self.measured.frequency_hz[0]), float(self.measured.frequency_hz[-1])
 
 
-def identify(files: Sequence[str], settings: FitSettings, told: Columns | None = None) -> Identified:
-    """Fit the records together: the response of their periods, or the samples of one that has none."""
+def identify(
+    files: Sequence[str],
+    settings: FitSettings,
+    told: Columns | None = None,
+    tell: Callable[[str], None] = lambda _: None,
+) -> Identified:
+    """Fit the records together: the response of their periods, or the samples of one that has none.
+
+    ``tell`` is called with what is done next.
+    """
+    tell("reading")
     taken, seen = load_periods(files, settings.periods, told)
     with reading(*files):
+        tell("looking for faults")
         seen = (*seen, *_faults(taken))
         if settings.method == "samples" or not (taken.periodic or settings.method or settings.reference):
-            return _fit_record(taken, settings, seen)
+            return _fit_record(taken, settings, seen, tell)
         if taken.periodic and settings.method is None and len(taken.u) < len(taken.inputs):
             few = f"{len(taken.u)} experiments cannot tell {len(taken.inputs)} inputs apart line by line"
-            return _fit_record(taken, settings, (*seen, f"{few}: the samples are fitted"))
+            return _fit_record(taken, settings, (*seen, f"{few}: the samples are fitted"), tell)
+        tell("estimating and fitting the response")
         return _fit_response(taken, settings, seen)
 
 
@@ -69,9 +79,12 @@ def response_of(found: Identified) -> FrequencyResponse:
 
 def _fit_response(taken: Record, settings: FitSettings, seen: tuple[str, ...]) -> Identified:
     method = None if settings.method == "samples" else settings.method
-    measured = estimate_response(
-        taken, band_hz=settings.band_hz, method=method, reference=tuple(settings.reference) or None
-    )
+    with python_warnings.catch_warnings(record=True) as said:
+        python_warnings.simplefilter("always")
+        measured = estimate_response(
+            taken, band_hz=settings.band_hz, method=method, reference=tuple(settings.reference) or None
+        )
+    seen = (*seen, *(str(one.message) for one in said))
     reaches = measured.frequency_hz[-1] > HELD_ABOVE * taken.sample_hz
     sampled = _is_sampled(settings, reaches=bool(reaches))
     sample_hz = taken.sample_hz if sampled else None
@@ -88,26 +101,36 @@ def _fit_response(taken: Record, settings: FitSettings, seen: tuple[str, ...]) -
 def _faults(taken: Record) -> list[str]:
     """What `detect_faults` finds that a fit would suffer from."""
     faults = (f for f in detect_faults(taken) if f.severity != "note")
-    return [str(f).replace("\n  try:", ";") for f in faults]
+    return [_in_a_line(f) for f in faults]
 
 
-def _fit_record(taken: Record, settings: FitSettings, seen: tuple[str, ...]) -> Identified:
-    band_hz = settings.band_hz or recognise_excitation(taken).band_hz
-    last_hz = band_hz[1]
-    reaches = last_hz > HELD_ABOVE * taken.sample_hz
-    sampled = _is_sampled(settings, reaches=reaches)
+def _in_a_line(fault: Fault) -> str:
+    return str(fault).replace("\n  try:", ";")
+
+
+def _fit_record(
+    taken: Record, settings: FitSettings, seen: tuple[str, ...], tell: Callable[[str], None]
+) -> Identified:
     if settings.cost != "weighted":
         raise ConfigError(
             "the samples of a record that is not periodic are fitted by their likelihood, no other cost",
             hint="--method 'local rational' fits an estimated response instead",
         )
+    _refuse_unlike(settings)
     fit = fit_record(
-        taken, states=settings.states, sampled=sampled, band_hz=settings.band_hz, **_kind(settings)
+        taken,
+        states=settings.states,
+        sampled=settings.sampled,
+        band_hz=settings.band_hz,
+        tell=tell,
+        **_kind(settings),
     )
-    warnings = _chosen(settings, last_hz, taken.sample_hz) if reaches else []
-    return Identified(
-        taken, None, fit, (*seen, *warnings, *fit.warnings), settings.band_hz if sampled else band_hz
-    )
+    sampled = fit.model.sample_hz is not None
+    band_hz = settings.band_hz or recognise_excitation(taken).band_hz
+    reaches = not sampled and band_hz[1] > HELD_ABOVE * taken.sample_hz
+    warnings = _chosen(settings, band_hz[1], taken.sample_hz, of_samples=True) if reaches else []
+    shown_hz = settings.band_hz if sampled else band_hz
+    return Identified(taken, None, fit, (*seen, *warnings, *fit.warnings), shown_hz)
 
 
 class _Kind(TypedDict):
@@ -148,24 +171,33 @@ def _only_continuous(settings: FitSettings) -> str:
 
 def _is_sampled(settings: FitSettings, *, reaches: bool) -> bool:
     """As is said; otherwise if the band reaches far and nothing is asked that only a continuous model has."""
+    _refuse_unlike(settings)
+    asked = _only_continuous(settings)
+    return reaches and not asked if settings.sampled is None else settings.sampled
+
+
+def _refuse_unlike(settings: FitSettings) -> None:
+    """Raise `ConfigError` for a sampled model with what only a continuous one has."""
     asked = _only_continuous(settings)
     if settings.sampled and asked:
         raise ConfigError(
             f"a sampled model has no {asked}",
             hint="--continuous in place of --sampled, or leave out what only a continuous model has",
         )
-    return reaches and not asked if settings.sampled is None else settings.sampled
 
 
-def _chosen(settings: FitSettings, last_hz: float, sample_hz: float) -> list[str]:
+def _chosen(
+    settings: FitSettings, last_hz: float, sample_hz: float, *, of_samples: bool = False
+) -> list[str]:
     """What is to be known of the kind of model that nobody asked for, where the lines reach far."""
     if settings.sampled is not None:
         return []
     reach = f"the lines reach {last_hz:g} Hz, past 1/8 of {sample_hz:g} Hz"
     asked = _only_continuous(settings)
-    if asked:
+    if asked or of_samples:
+        why = f" for {asked}" if asked else ""
         return [
-            f"a continuous model was chosen for {asked}, though {reach}: it takes what a held input loses "
+            f"a continuous model was chosen{why}, though {reach}: it takes what a held input loses "
             "for dynamics; end --band earlier, or say --continuous if inputs were band-limited, not held"
         ]
     return [
@@ -181,17 +213,20 @@ def load_periods(
 
     As many periods as is said; otherwise as the file says; otherwise as the input shows.
     """
-    taken = load_records(files, told)
+    readings = [read_record(path, told) for path in files]
+    whole = [check_finite(one.record, str(path)) for one, path in zip(readings, files, strict=True)]
+    taken = join_records(whole, list(files))
     with reading(*files):
+        mended = tuple(_in_a_line(f) for one in readings for f in one.faults if f.severity != "note")
         if periods is not None:
-            return split_periods(taken, periods), ()
+            return split_periods(taken, periods), mended
         if taken.periodic:
-            return taken, ()
+            return taken, mended
         found = recognise_excitation(taken)
         if found.period is None or found.periods < FEWEST_PERIODS:
-            return taken, (f"not cut into periods: {found.what}",)
+            return taken, (*mended, f"not cut into periods: {found.what}")
         if found.steady_from:
             dying = f"what it began with is still dying out in the first {found.steady_from} of its periods"
-            return taken, (f"not cut into periods: {found.what}, but {dying}; --periods cuts it",)
+            return taken, (*mended, f"not cut into periods: {found.what}, but {dying}; --periods cuts it")
         cut = cut_periods(taken, found)
         return cut, (f"cut into {cut.u.shape[1]} steady periods of {cut.u.shape[2]} samples: {found.what}",)

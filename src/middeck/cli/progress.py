@@ -25,6 +25,24 @@ def follow(shares: Mapping[str, float]) -> Generator[tuple[Begin, End]]:
         yield lambda name: None, lambda name, seconds: click.echo(f"{name}  {seconds:.1f} s", err=True)
 
 
+@contextmanager
+def status(verb: str) -> Generator[Callable[[str], None]]:
+    """A function to call with what is done next: a line with the seconds so far on a terminal, else nothing.
+
+    For work whose stages are not known beforehand.
+    """
+    if not is_terminal(sys.stderr):
+        yield lambda what: None
+        return
+    from rich.console import Console
+    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    columns = (SpinnerColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
+    with Progress(*columns, console=Console(stderr=True), transient=True) as line:
+        task = line.add_task(verb)
+        yield lambda what: line.update(task, description=f"{verb}: {what}")
+
+
 def remaining_s(shares: Mapping[str, float], times: Mapping[str, float], now_s: float) -> float | None:
     """What is left, ``now_s`` into the stage after those in ``times``, if all run at the pace so far.
 

@@ -10,6 +10,8 @@ from middeck.values import record
 
 # Share of the largest singular value below which another of a matrix is rounding.
 RANK = 1e-10
+# Share of half the sampling rate below which a pole may be a mode.
+BELOW_NYQUIST = 0.98
 
 
 @record
@@ -176,3 +178,17 @@ def natural_hz(model: MeasurementModel) -> Float[np.ndarray, " mode"]:
 def damping_ratio(model: MeasurementModel) -> Float[np.ndarray, " mode"]:
     """-Re pole / |pole| of each mode."""
     return -np.real(model.poles) / np.abs(model.poles)
+
+
+def is_mode(model: MeasurementModel, sample_hz: float) -> Bool[np.ndarray, " mode"]:
+    """Whether each pole may be a mode of what was sampled at this rate: clearly below half of it.
+
+    A pole near z = -1, on the negative real axis or over within a sample is none: it stands for a delay, a
+    filter or what is beyond half the rate.
+
+    >>> port, one = (Port("x", "1"),), np.ones((1, 2))
+    >>> poles = np.log([0.9 * np.exp(0.5j), -0.3 + 0j])
+    >>> is_mode(MeasurementModel(poles, one, one.T, [[0.0]], [[0.0]], [0.0], port, port, 1.0), 1.0).tolist()
+    [True, False]
+    """
+    return natural_hz(model) < BELOW_NYQUIST * 0.5 * sample_hz

@@ -110,21 +110,24 @@ def verb(
     rigid, integrators, residuals, full_rank, relative_degree and periods.
     """
     from middeck.cli.fitting import identify
+    from middeck.cli.progress import status
     from middeck.cli.settings import FitSettings, settle
     from middeck.files.models import write_model
 
     names = None if reference is None else options.separate_names((reference,))
     settings = settle(FitSettings, given | {"reference": names}, overrides)
     told = told_columns(inputs, outputs, sample_hz, variable)
-    found = identify(records, settings, told)
-    document = {
-        **describe(found),
-        "held_out_nrmse": _validate(found, validate, settings.periods, told),
-        "records": records,
-    }
-    if model_file is not None:
-        write_model(model_file, found.fit.model, found.fit.covariance)
-    _draw(found, figure_file, stabilisation_file)
+    with status("identify") as tell:
+        found = identify(records, settings, told, tell)
+        tell("zeros of the paths, held-out records, figures")
+        document = {
+            **describe(found),
+            "held_out_nrmse": _validate(found, validate, settings.periods, told),
+            "records": records,
+        }
+        if model_file is not None:
+            write_model(model_file, found.fit.model, found.fit.covariance)
+        _draw(found, figure_file, stabilisation_file)
     show(as_json, document, *_tables(document))
 
 
@@ -161,11 +164,13 @@ def _validate(
 ) -> dict[str, float] | None:
     """Error of the simulated outputs on held-out records; None without any.
 
-    In the steady state of a periodic record; of another, from the state that its first quarter tells.
+    In the steady state of a periodic record; of another, from the state that its first quarter tells. Offsets
+    and ramps are taken out as the fit takes them out: no model has them.
     """
     from middeck.cli.blame import reading
     from middeck.cli.fitting import load_periods
     from middeck.identification.samples.simulation import record_nrmse
+    from middeck.identification.samples.spectra import as_fitted
     from middeck.identification.simulation import nrmse
 
     if not files:
@@ -173,6 +178,7 @@ def _validate(
     held_out, _ = load_periods(files, periods, told)
     model = found.fit.model
     with reading(*files):
+        held_out = as_fitted(held_out, model)
         error = (
             nrmse(model, held_out) if held_out.periodic else record_nrmse(model, held_out, state_share=0.25)
         )
@@ -181,11 +187,12 @@ def _validate(
 
 def describe(found: Identified) -> dict[str, Any]:
     """The JSON document."""
-    from middeck.identification.measurement_model import damping_ratio, natural_hz
+    from middeck.identification.measurement_model import damping_ratio, is_mode, natural_hz
     from middeck.identification.uncertainty.parameters import stated
 
     fit, model, measured = found.fit, found.fit.model, found.measured
     names = [p.name for p in model.outputs]
+    modes = is_mode(model, found.record.sample_hz)
     _, periods, samples, _ = found.record.u.shape
     return {
         "schema": "middeck.identify/1",
@@ -198,11 +205,12 @@ def describe(found: Identified) -> dict[str, Any]:
         "band_hz": found.band_hz,
         "lines": None if measured is None else len(measured.frequency_hz),
         "samples": periods * samples,
-        "frequency_hz": natural_hz(model),
-        "frequency_std_hz": stated(fit.uncertainty.natural_hz),
-        "damping": damping_ratio(model),
-        "damping_std": stated(fit.uncertainty.damping),
-        "pole": model.poles,
+        "frequency_hz": natural_hz(model)[modes],
+        "frequency_std_hz": stated(fit.uncertainty.natural_hz[modes]),
+        "damping": damping_ratio(model)[modes],
+        "damping_std": stated(fit.uncertainty.damping[modes]),
+        "pole": model.poles[modes],
+        "pole_of_no_mode": model.poles[~modes],
         "zeros": _zeros(model),
         "delay_s": dict(zip(names, model.delay_s, strict=True)),
         "delay_std_s": dict(zip(names, stated(fit.uncertainty.delay_s), strict=True)),
@@ -252,8 +260,22 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         f"{document['states']} states, {kind}, fitted to {fitted} in {low:g}-{high:g} Hz",
         f"order: {document['order_reason']}",
         Table("poles", ["Hz", "+-", "damping", "+-"], poles),
+        *_no_modes(document),
         Table("outputs", heads, outputs),
         Table("zeros of the paths", ["output", "input", "Hz", ""], _zero_rows(document)),
+    ]
+
+
+def _no_modes(document: dict[str, Any]) -> list[str]:
+    """What is said of poles that the sampling rate does not let be modes."""
+    import numpy as np
+
+    found = np.exp(np.asarray(document["pole_of_no_mode"]) / document["sample_hz"])
+    if not len(found):
+        return []
+    where = ", ".join(f"{z:.3g}" if z.imag else f"{z.real:.3g}" for z in found)
+    return [
+        f"no modes: {len(found)} poles at z = {where} stand for a delay, filters or what is beyond half the rate"
     ]
 
 
@@ -279,9 +301,12 @@ def _zero_rows(document: dict[str, Any]) -> list[list[str]]:
     rows: list[list[str]] = []
     for path in document["zeros"]:
         hz = np.abs(path["zero"]) / (2.0 * np.pi)
+        # Those of a sampled model beyond half the rate are of sampling, not of the article.
+        shown = hz < (0.5 * document["sample_hz"] if document["sampled"] else np.inf)
         words = [
             f"[{f:.4g}]" if wrong else f"{f:.4g}"
-            for f, wrong in zip(hz, path["non_minimum_phase"], strict=True)
+            for f, wrong, seen in zip(hz, path["non_minimum_phase"], shown, strict=True)
+            if seen
         ]
         note = "[ ] non-minimum phase" if any(path["non_minimum_phase"]) else path["reason"]
         rows.append([path["output"], path["input"], ", ".join(words), note])

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Columns",
     "Reading",
+    "check_finite",
     "join_records",
     "load_campaign",
     "load_record",

@@ -18,6 +18,7 @@ from middeck.errors import DataError
 from middeck.files.atomic import replacing
 from middeck.files.channels import KEYS, build_channel
 from middeck.files.records.columns import Side
+from middeck.files.records.ending import cut_short
 from middeck.files.records.raw import SAME_RATE, Head, Raw
 from middeck.files.records.stamps import JITTER, is_even, last_digit, mean_step, open_share, rate_of
 from middeck.systems.fault import Fault
@@ -37,7 +38,7 @@ class Opening:
     """What stands before the numbers.
 
     ``names`` of the columns (empty if there is no such line), whether the first of them is the time,
-    ``periods`` and ``channels`` as told in comments, and the separator.
+    ``periods``, ``samples`` and ``channels`` as told in comments, and the separator.
     """
 
     line: int
@@ -45,6 +46,13 @@ class Opening:
     timed: bool
     periods: int | None
     separator: str
+    samples: int | None = None
+
+    def check_samples(self, count: int, file: Path) -> None:
+        """Raise `DataError` where the file has fewer or more lines than it says."""
+        if self.samples not in (None, count):
+            what = f"{'truncated' if count < self.samples else 'too long'}: {count} of {self.samples} samples"
+            raise DataError(what, where=str(file), hint=AGAIN)
 
 
 def read_csv(file: Path, variable: str) -> Raw:
@@ -53,10 +61,12 @@ def read_csv(file: Path, variable: str) -> Raw:
         opening = read_opening(text, file)
     tables = [table for _, table in _tables(file, opening, LINES)]
     table = np.concatenate(tables) if tables else np.empty((0, len(opening.heads) + opening.timed))
-    rate, faults, share = None, (), SAME_RATE
+    opening.check_samples(len(table), file)
+    rate, faults, share = None, cut_short(file, opening.heads, opening.separator), SAME_RATE
     if opening.timed:
         digit = _last_digit(file, opening)
-        rate, table, faults = _on_one_grid(table, file, opening.heads, digit)
+        rate, table, gaps = _on_one_grid(table, file, opening.heads, digit)
+        faults = (*faults, *gaps)
         share = max(share, open_share(rate, len(table), digit))
         table = table[:, 1:]
     periods = opening.periods or 1
@@ -76,6 +86,7 @@ def write_csv(path: Path, stream: RecordStream) -> None:
         )  # fmt: skip
     sides = (("u", stream.inputs), ("y", stream.outputs))
     with replacing(path) as temporary, open(temporary, "w", encoding="utf-8", newline="") as text:
+        text.write(f"# samples = {stream.samples}\n")
         if stream.period:
             text.write(f"# periods = {stream.samples // stream.period}\n")
         for side, ports in sides:
@@ -128,8 +139,8 @@ def read_opening(text: TextIO, file: Path) -> Opening:
 
 
 def _comment(line: str, where: str) -> dict[str, Any]:
-    """What a comment tells: ``# periods = 3`` or ``# channel "u:torque" = { node = "12" }``."""
-    found = re.match(r"#\s*(?:(periods)\s*=|(channel)\s+\")", line)
+    """What a comment tells: ``# periods = 3``, ``# samples = 8192`` or ``# channel "u:torque" = { node = "12" }``."""
+    found = re.match(r"#\s*(?:(periods|samples)\s*=|(channel)\s+\")", line)
     if found is None:
         return {}
     body = line[found.start(1) :] if found.group(1) else line[found.end(2) :]
@@ -143,18 +154,23 @@ def _opening(line: str, number: int, told: dict[str, Any], file: Path) -> Openin
     where = f"{file}:{number}"
     separator = next((s for s in ("\t", ";") if s in line), ",")
     cells = [c.strip() for c in next(csv.reader([line], delimiter=separator))]
-    periods = told.pop("periods", None)
-    if periods is not None and not (isinstance(periods, int) and periods > 0):
-        raise DataError(f"periods is {periods!r}", where=where, hint="a whole number above zero")
+    periods, samples = (_whole(told, key, where) for key in ("periods", "samples"))
     if all(map(_is_number, cells)):
-        return Opening(number - 1, tuple(Head("", None, "") for _ in cells), False, periods, separator)
+        return Opening(number - 1, tuple(Head("", None, "") for _ in cells), False, periods, separator, samples)
     heads = [_head(cell, k, told, where) for k, cell in enumerate(cells)]
     timed = heads[0].name.lower() in ("time", "t")
     if timed and heads[0].unit not in ("s", None):
         raise DataError(f"the first column is {cells[0]!r}, not time [s]", where=where, hint=ADVICE)
     if any(h.side for h in heads) and not timed:
         raise DataError(f"the first column is {cells[0]!r}, not time [s]", where=where, hint=ADVICE)
-    return Opening(number, tuple(heads[timed:]), timed, periods, separator)
+    return Opening(number, tuple(heads[timed:]), timed, periods, separator, samples)
+
+
+def _whole(told: dict[str, Any], key: str, where: str) -> int | None:
+    number = told.pop(key, None)
+    if number is not None and not (isinstance(number, int) and number > 0):
+        raise DataError(f"{key} is {number!r}", where=where, hint="a whole number above zero")
+    return number
 
 
 def _is_number(cell: str) -> bool:
@@ -296,6 +312,7 @@ def head_csv(file: Path) -> tuple[Raw, tuple[int, int, int]]:
         first = table[0, 0] if count == 0 else first
         sums += _sums(table[:, 0], count, first)
         count, last = count + len(table), table[-1, 0]
+    opening.check_samples(count, file)
     if opening.timed:
         step = mean_step(float(sums[0]), float(sums[1]), count) if count > 1 else 0.0
         if not (last > first and step > 0.0):

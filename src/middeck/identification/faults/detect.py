@@ -9,6 +9,7 @@ from middeck.identification.faults.found import Found, placed
 from middeck.identification.faults.levels import find_coarse_steps, find_drift, find_held, find_offset
 from middeck.identification.faults.pairs import find_pair_faults
 from middeck.identification.faults.periods import find_transient, find_unsteady_input
+from middeck.identification.faults.relation import find_relation_faults
 from middeck.identification.faults.runs import Runs, Signal, levels_of
 from middeck.identification.faults.samples import (
     find_clipping,
@@ -24,6 +25,8 @@ from middeck.systems.ports import Port
 from middeck.systems.record import Record
 from middeck.systems.response import FrequencyResponse
 
+# With these in a channel, what outputs leave of their inputs is no noise.
+LOCAL = ("clipping", "dropout", "spike", "held", "duplicate")
 SEVERITIES = ("unusable", "serious", "note")
 
 
@@ -68,6 +71,7 @@ def detect_faults(record: Record, reference: FrequencyResponse | None = None) ->
     whole = not any(f.kind in ("gap", "dead") for f in found)
     if whole:
         found += find_pair_faults(record)
+        found += [] if struck or any(f.kind in LOCAL for f in found) else find_relation_faults(record)
     if whole and reference is not None:
         found += compare_with_reference(record, reference)
     return tuple(sorted(found, key=lambda f: SEVERITIES.index(f.severity)))

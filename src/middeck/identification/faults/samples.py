@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import scipy.linalg
 import scipy.ndimage
@@ -40,6 +42,8 @@ PREDICTED_FROM, LARGE, FEWEST_LARGE, BEYOND = 16, 0.01, 20, 7.0
 ANSWERS = 2
 # Inputs with so much of their energy in spikes are impacts.
 IMPACTS = 0.1
+# Share of a sample at an edge that the next one inward has of it, from which on the two are one decay.
+DECAYS = 0.2
 
 
 def find_gaps(x: Signal) -> list[Found]:
@@ -175,14 +179,17 @@ def _tail(x: Signal, runs: Runs) -> tuple[Signal, float]:
     """
     rest = np.ones(len(x), dtype=bool)
     for a, b in runs:
-        rest[a : b + PREDICTED_FROM] = False
+        rest[max(a - PREDICTED_FROM, 0) if a < PREDICTED_FROM else a : b + PREDICTED_FROM] = False
     level = np.where(rest, x, np.interp(np.arange(len(x)), np.flatnonzero(rest), x[rest]))
     before = min(PREDICTED_FROM, len(x) // 4)
     past = np.fft.irfft(np.abs(np.fft.rfft(level - level.mean(), 2 * len(x))) ** 2)[: before + 1]
     # A share of white noise, as small as the rounding of a good converter, keeps the equations determined.
     column = past[:-1] + np.eye(1, before)[0] * 1e-9 * past[0]
     weights = scipy.linalg.solve_toeplitz(column, past[1:]) if past[0] > 0.0 else np.zeros(before)
-    left = np.abs(scipy.signal.lfilter(np.concatenate([[1.0], -weights]), [1.0], x - level.mean()))
+    ahead = np.concatenate([[1.0], -weights])
+    left = np.abs(scipy.signal.lfilter(ahead, [1.0], x - level.mean()))
+    # The first samples have none before them: they are foretold from those after, by the same weights.
+    left[:before] = np.abs(scipy.signal.lfilter(ahead, [1.0], x[::-1] - level.mean()))[::-1][:before]
     clean = np.sort(left[rest])
     large = clean[-max(FEWEST_LARGE, int(LARGE * len(clean))) :]
     least = max(float(large[0]), np.finfo(float).tiny)
@@ -197,17 +204,40 @@ def _answers(run: tuple[int, int], driven: Runs) -> bool:
 def _outside_runs(x: Signal, step: float) -> Runs:
     if len(x) < 2 * BESIDE + 5:
         return []
+    highest, lowest = _beside(x, scipy.ndimage.maximum_filter1d), -_beside(-x, scipy.ndimage.maximum_filter1d)
+    beyond = np.maximum(x - highest, lowest - x)
+    found = (beyond > LEAP * (highest - lowest) + 5.0 * step) & (beyond > ROUNDING * np.abs(x).max())
+    return [run for run in runs_of(found) if not _decays(x, run)]
+
+
+def _beside(x: Signal, largest: Callable[..., np.ndarray]) -> Signal:
+    """The largest of the samples beside each: from 2 to BESIDE on either side, at an edge as many from inside."""
     size = BESIDE - 1
     # The window of BESIDE - 1 samples that ends two before a sample, and the one that begins two after it.
     shift = 2 + size // 2
-    highest = np.roll(scipy.ndimage.maximum_filter1d(x, size), shift)
-    highest = np.maximum(highest, np.roll(scipy.ndimage.maximum_filter1d(x, size), -shift))
-    lowest = np.roll(scipy.ndimage.minimum_filter1d(x, size), shift)
-    lowest = np.minimum(lowest, np.roll(scipy.ndimage.minimum_filter1d(x, size), -shift))
-    beyond = np.maximum(x - highest, lowest - x)
-    found = (beyond > LEAP * (highest - lowest) + 5.0 * step) & (beyond > ROUNDING * np.abs(x).max())
-    found[: BESIDE + 2] = found[-BESIDE - 2 :] = False
-    return runs_of(found)
+    inner = largest(x, size)
+    around = np.maximum(np.roll(inner, shift), np.roll(inner, -shift))
+    for k in range(BESIDE + 1):
+        around[k] = _most_beside(x[: 2 * BESIDE + 3], k)
+        around[-1 - k] = _most_beside(x[: -2 * BESIDE - 4 : -1], k)
+    return around
+
+
+def _most_beside(window: Signal, k: int) -> float:
+    return float(window[np.abs(np.arange(len(window)) - k) > 1].max())
+
+
+def _decays(x: Signal, run: tuple[int, int]) -> bool:
+    """Whether a run at an edge goes over into what follows, as free motion does, rather than ending."""
+    a, b = run
+    if a <= BESIDE:
+        inward = x[a : a + 2 * BESIDE + 3]
+    elif b >= len(x) - BESIDE:
+        inward = x[b - 1 : b - 2 * BESIDE - 4 : -1]
+    else:
+        return False
+    off = np.abs(inward - np.median(inward[b - a + 1 :]))
+    return bool(off[b - a] > DECAYS * off[b - a - 1])
 
 
 def is_impact(x: Signal) -> bool:

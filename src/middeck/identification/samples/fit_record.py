@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import functools
+from collections.abc import Callable
 from typing import Literal
 
 import numpy as np
@@ -34,13 +35,18 @@ from middeck.systems.response import FrequencyResponse
 
 # A model worth using explains nine tenths of the output.
 LEFT = 0.1
+# Above this share of the sampling rate a held input is weakened by more than 2.5 % (sin(x)/x, x = pi/8): a
+# continuous model would take that for dynamics.
+HELD_ABOVE = 1.0 / 8.0
+# Inputs driven to this share of half the rate are driven all the way.
+NYQUIST = 0.95
 
 
 def fit_record(
     record: Record,
     *,
     states: int | None = None,
-    sampled: bool = False,
+    sampled: bool | None = None,
     band_hz: tuple[float, float] | None = None,
     constants: Constants | None = None,
     delay: bool | Delay | None = None,
@@ -51,6 +57,7 @@ def fit_record(
     integrators: int = 0,
     relative_degree: Literal[0, 1, 2] | None = None,
     weighting: Weighting | None = None,
+    tell: Callable[[str], None] = lambda _: None,
 ) -> FitResult:
     """Fit common poles, residues and delays to the samples of a record that need not be periodic.
 
@@ -66,8 +73,9 @@ def fit_record(
         Order of the model without its delays. By default that of the shortest description: of the record,
         or for a continuous model of a long one, of an estimated response.
     sampled:
-        A sampled model, right for held inputs; otherwise a continuous one, whose inputs are band-limited
-        between samples.
+        A sampled model, right for held inputs; or a continuous one, whose inputs are band-limited between
+        samples. By default sampled where the inputs drive all frequencies up to half the rate, as no
+        band-limited ones do, and neither the band nor an option asks for a continuous model.
     band_hz:
         Lines to fit: by default those of the band that the inputs drive, and all of a sampled model.
     constants, delay, direct, residuals, full_rank, rigid, integrators, relative_degree:
@@ -76,6 +84,8 @@ def fit_record(
         "flat": the error of the simulation is least. "output": by the noise of sensors, "motion": by forces
         that shake the article as the inputs do. By default the likelier of the last two, or of a sampled
         model those that simulate samples held out best.
+    tell:
+        Called with what is done next, some words, as often as that changes.
 
     Raises
     ------
@@ -88,6 +98,10 @@ def fit_record(
         be longer than the record), if an output leads its input, or if no start could be refined.
     """
     check_record(record)
+    chosen = sampled is None
+    if sampled is None:
+        only_continuous = residuals or rigid or integrators or constants == "real" or delay
+        sampled = not (only_continuous or relative_degree == 2) and is_held(record, band_hz)
     choices = Choices(
         record.sample_hz if sampled else None,
         constants, delay, direct, residuals, full_rank, rigid, relative_degree, integrators,
@@ -105,11 +119,26 @@ def fit_record(
     options = options_of(lines, states, choices)
     _check_length(record, options.states + at_zero(choices))
     if sampled:
-        run, reason = choose_record(record, options, band_hz, states=states, weighting=weighting)
+        run, reason = choose_record(
+            record, options, band_hz, states=states, weighting=weighting, tell=tell
+        )
+        reason = f"sampled, as the inputs drive all up to half the rate; {reason}" if chosen else reason
     else:
         local = functools.partial(_local_fit, record, lines, states, choices)
         data, run, reason = fit_continuous(record, data, options, local, states=states, weighting=weighting)
     return _result(record, data, run, reason)
+
+
+def is_held(record: Record, band_hz: tuple[float, float] | None) -> bool:
+    """Whether inputs are as strong near half the rate as elsewhere, and the lines to fit reach far.
+
+    What is sampled behind a filter is weak there: such inputs were given sample by sample, and held.
+    """
+    rate = record.sample_hz
+    if band_hz is not None and band_hz[1] <= HELD_ABOVE * rate:
+        return False
+    inputs = record.u.reshape(len(record.u), -1, record.u.shape[3])
+    return driven_band(inputs, rate)[1] >= NYQUIST * 0.5 * rate
 
 
 def _check_length(record: Record, states: int) -> None:

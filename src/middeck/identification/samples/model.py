@@ -46,8 +46,11 @@ def record_covariance(run: RecordRun, data: Data, model: MeasurementModel) -> Mo
     blocks: list[np.ndarray] = []
     for o in range(run.layout.outputs):
         J, own = each.of(o)
-        alone += np.sum(as_real(J / np.sqrt(run.variance[o])) ** 2, axis=1)
-        blocks.append(np.linalg.qr(own.removed(J).T, mode="r"))
+        at = np.flatnonzero(J.any(axis=(1, 2)))  # poles, inputs and what is this output's own
+        alone[at] += np.sum(as_real(J[at] / np.sqrt(run.variance[o])) ** 2, axis=1)
+        R = np.linalg.qr(own.removed(J[at]).T, mode="r")
+        blocks.append(np.zeros((len(R), size)))
+        blocks[-1][:, at] = R
     held = ties(model, structure)
     W, loose = inverse_root(factor_of(blocks), held)
     inflation = np.maximum(alone * np.sum(W**2, axis=1), 1.0)
@@ -86,11 +89,13 @@ def _scores_spread(
     spread = np.zeros((W.shape[1], W.shape[1]))
     for o in range(run.layout.outputs):
         J, own = each.of(o)
-        rows = W.T @ own.removed(J)
+        at = np.flatnonzero(J.any(axis=(1, 2)))
+        Q, R = np.linalg.qr(W[at].T)  # of W^T J over all directions, no more than these few are nonzero
+        rows = R @ own.removed(J[at])
         followed = own.leverage() + np.sum(rows**2, axis=0).reshape(columns, -1)
         left = 1.0 - np.minimum(followed.reshape(columns, lines, 2).mean(axis=2), MOST_LEVERAGE)
         v = likelier_variance(residual[o, None], left.T[None], data.s, poles, data.transient.period_s)[0]
-        spread += (rows * np.repeat(0.5 * (v / run.variance[o]).T, 2)) @ rows.T
+        spread += Q @ ((rows * np.repeat(0.5 * (v / run.variance[o]).T, 2)) @ rows.T) @ Q.T
     return spread
 
 

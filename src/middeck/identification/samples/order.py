@@ -5,23 +5,28 @@ its unknowns. The weights at that order are those whose model simulates samples 
 what a model of a real article leaves is more than noise, and the likeliest weights need not be those that
 simulate best. Both rules were chosen among others by their error on simulated records, with and without model
 error (docs/explanation/one-long-record.md).
+
+A large record is scouted first (`scout`): the order is searched on some of its lines and its principal
+outputs, and that model is refined, and grown as long as its description gets shorter, on all of them.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from middeck.errors import FitError
 from middeck.identification.fit.data import Data
+from middeck.identification.fit.layout import Layout
 from middeck.identification.fit.order import description_length, is_settled, sizes
 from middeck.identification.fit.start import Options, Start
 from middeck.identification.samples.growth import exchanges, grown
 from middeck.identification.samples.held_out import error_held_out
 from middeck.identification.samples.race import further, leader
-from middeck.identification.samples.search import RecordRun, Weighting
+from middeck.identification.samples.scout import is_large, scouted, with_outputs
+from middeck.identification.samples.search import RecordRun, Weighting, refine_record
 from middeck.identification.samples.spectra import record_data
-from middeck.identification.samples.starts import record_starts
+from middeck.identification.samples.starts import Pasts, pasts_of, record_starts
 from middeck.systems.record import Record
 
 # Rounds of noise and search of each model, and steps of each.
@@ -45,29 +50,93 @@ def choose_record(
     *,
     states: int | None,
     weighting: Weighting | None,
+    tell: Callable[[str], None],
 ) -> tuple[RecordRun, str]:
     """The best order (of those asked for) and weighting, with the reason."""
     data = record_data(record, band_hz, whole=True)
     kinds = NOISES if weighting is None else (weighting,)
-    if states is None:
-        found, reason = _shortest(record, data, options, kinds)
-    else:
-        options = dataclasses.replace(options, states=states)
-        found, reason = _grown_to(record, data, options, kinds, []), f"{states} states were asked for"
+    find = _from_scout if is_large(data) else _searched
+    found, reason = find(record, data, options, kinds, states, tell)
     if not found:
         raise FitError("no start could be refined", hint="a longer record, or fewer states")
-    options = dataclasses.replace(options, states=found[0].states)
     if weighting is not None:
-        return _exchanged(data, options, found[0]), reason
-    found += _grown_to(record, data, options, ("flat",), found)
-    found = [_exchanged(data, options, run) for run in found]
+        return found[0], reason
+    tell(f"{found[0].states} states, samples held out")
     judged = [(error_held_out(record, band_hz, run), record_length(data, run), run) for run in found]
     error, _, best = min(judged, key=lambda t: t[:2])
     return best, f"{reason}; {WEIGHED[best.weighting]}: samples held out are simulated within {error:.2%}"
 
 
+def _searched(
+    record: Record,
+    data: Data,
+    options: Options,
+    kinds: tuple[Weighting, ...],
+    states: int | None,
+    tell: Callable[[str], None],
+) -> tuple[list[RecordRun], str]:
+    """A model with each weighting, of the order asked for or that of the shortest description."""
+    pasts = pasts_of(record)
+    if states is None:
+        found, reason = _shortest(record, pasts, data, options, kinds, tell)
+    else:
+        options = dataclasses.replace(options, states=states)
+        found, reason = _grown_to(pasts, data, options, kinds, []), f"{states} states were asked for"
+    if not found:
+        return [], ""
+    options = dataclasses.replace(options, states=found[0].states)
+    if kinds == NOISES:
+        tell(f"{options.states} states, all lines weighed alike")
+        found += _grown_to(pasts, data, options, ("flat",), found)
+    return [_exchanged(data, options, run) for run in found], reason
+
+
+def _from_scout(
+    record: Record,
+    data: Data,
+    options: Options,
+    kinds: tuple[Weighting, ...],
+    states: int | None,
+    tell: Callable[[str], None],
+) -> tuple[list[RecordRun], str]:
+    """The models of a scout, refined with each weighting on all there is."""
+    small, thin = scouted(record, data)
+    first, reason = _searched(small, thin, options, kinds[:1], states, tell)
+    run = None if not first else _refined(data, with_outputs(first[0].layout, len(data.H)), first[0])
+    if run is None:
+        return [], ""
+    if states is None:
+        tell(f"{run.states} states, on all lines")
+        run = _grown_while_shorter(record, data, options, run)
+        if run.states > first[0].states:
+            reason = f"{run.states} states have the shortest description; on the lines of a first search {reason}"
+    others = [w for w in (*NOISES, "flat") if w != run.weighting] if kinds == NOISES else []
+    more = (refine_record(data, run.layout, run.refined.theta, w, rounds=ROUNDS, steps=STEPS) for w in others)
+    return [run, *(other for other in more if other is not None)], reason
+
+
+def _refined(data: Data, layout: Layout, run: RecordRun) -> RecordRun | None:
+    return refine_record(data, layout, run.refined.theta, run.weighting, rounds=ROUNDS, steps=STEPS)
+
+
+def _grown_while_shorter(record: Record, data: Data, options: Options, run: RecordRun) -> RecordRun:
+    """With pairs more where most is left, as long as the description of the record gets shorter."""
+    while enough_samples(record, run.states + 2):
+        start = grown(data, dataclasses.replace(options, states=run.states + 2), run)
+        more = start and refine_record(data, start.layout, start.theta, run.weighting, rounds=2, steps=STEPS)
+        if more is None or record_length(data, more) >= record_length(data, run):
+            break
+        run = more
+    return run
+
+
 def _shortest(
-    record: Record, data: Data, options: Options, kinds: tuple[Weighting, ...]
+    record: Record,
+    pasts: Pasts,
+    data: Data,
+    options: Options,
+    kinds: tuple[Weighting, ...],
+    tell: Callable[[str], None],
 ) -> tuple[list[RecordRun], str]:
     """The models of the order that has the shortest description, and why."""
     tried: list[tuple[int, float, list[RecordRun]]] = []
@@ -75,7 +144,8 @@ def _shortest(
     for states in sizes():
         if not enough_samples(record, states):
             break
-        runs = _models(record, data, dataclasses.replace(options, states=states), kinds, runs)
+        tell(f"{states} states")
+        runs = _models(pasts, data, dataclasses.replace(options, states=states), kinds, runs)
         if runs:
             tried.append((states, min(record_length(data, run) for run in runs), runs))
         if tried and is_settled([length for _, length, _ in tried]):
@@ -86,15 +156,15 @@ def _shortest(
 
 
 def _grown_to(
-    record: Record, data: Data, options: Options, kinds: tuple[Weighting, ...], others: list[RecordRun]
+    pasts: Pasts, data: Data, options: Options, kinds: tuple[Weighting, ...], others: list[RecordRun]
 ) -> list[RecordRun]:
     """Models of ``options.states`` states with each weighting, grown from orders just below."""
     runs: list[RecordRun] = []
     for less in range(BELOW, 0, -2):
         if options.states > less:
             below = dataclasses.replace(options, states=options.states - less)
-            runs = _models(record, data, below, kinds, runs)
-    return _models(record, data, options, kinds, [*runs, *others])
+            runs = _models(pasts, data, below, kinds, runs)
+    return _models(pasts, data, options, kinds, [*runs, *others])
 
 
 def _exchanged(data: Data, options: Options, run: RecordRun) -> RecordRun:
@@ -108,10 +178,10 @@ def _exchanged(data: Data, options: Options, run: RecordRun) -> RecordRun:
 
 
 def _models(
-    record: Record, data: Data, options: Options, kinds: tuple[Weighting, ...], known: list[RecordRun]
+    pasts: Pasts, data: Data, options: Options, kinds: tuple[Weighting, ...], known: list[RecordRun]
 ) -> list[RecordRun]:
     """The likeliest model with each weighting, from subspaces, from the order before and from each other."""
-    starts = list(record_starts(record, data, options))
+    starts = list(record_starts(pasts, data, options))
     same = [run for run in known if run.states == options.states]
     found: list[RecordRun] = []
     for weighting in kinds:

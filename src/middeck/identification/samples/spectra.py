@@ -9,6 +9,7 @@ import scipy.signal
 
 from middeck.errors import FitError
 from middeck.identification.fit.data import Data, Transient
+from middeck.identification.measurement_model import MeasurementModel
 from middeck.systems.record import Record
 
 # Without a band, lines count up to where the inputs are this far (in power) below their strongest.
@@ -100,3 +101,17 @@ def cut_samples(record: Record, first: int, last: int) -> Record:
     experiments, periods, samples, _ = record.u.shape
     u, y = (x.reshape(experiments, 1, periods * samples, -1)[:, :, first:last] for x in (record.u, record.y))
     return dataclasses.replace(record, u=u, y=y, periodic=False)
+
+
+def as_fitted(record: Record, model: MeasurementModel) -> Record:
+    """A record without what a fit of ``model`` takes out of one: offsets of each channel, and ramps.
+
+    Of periods, the mean over all of them.
+    """
+    if record.periodic:
+        u, y = (x - x.mean(axis=(1, 2), keepdims=True) for x in (record.u, record.y))
+        return dataclasses.replace(record, u=u, y=y)
+    if model.sample_hz is not None:
+        return without_drift(record)
+    at_zero = model.rigid is not None or model.integral is not None or bool(np.any(model.lower))
+    return without_trend(record, inputs=not at_zero)

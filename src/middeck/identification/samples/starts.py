@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
+import functools
+from collections.abc import Callable, Iterator
 from typing import get_args
 
 import numpy as np
@@ -34,13 +35,22 @@ COLUMNS_PER_ROW = 3
 DENSE = 2.5
 
 
-def record_starts(record: Record, data: Data, options: Options) -> Iterator[Start]:
-    """Sampled models of ``options.states`` states from several horizons and weightings of the past."""
-    outputs = record.y.shape[3]
+# The triangle of a record at a number of block rows; None where it is too short for them.
+Pasts = Callable[[int], PastFuture | None]
+
+
+def pasts_of(record: Record) -> Pasts:
+    """The triangles of a record, each made once."""
     u, y = _in_deviations(record.u), _in_deviations(record.y)
+    return functools.cache(lambda rows: compress_past(list(u), list(y), rows))
+
+
+def record_starts(pasts: Pasts, data: Data, options: Options) -> Iterator[Start]:
+    """Sampled models of ``options.states`` states from several horizons and weightings of the past."""
+    outputs = len(data.H)
     least = -(-options.states // outputs) + 1
     for rows in sorted({int(np.ceil(factor * least)) for factor in ROWS} | {max(LONG, least)}):
-        past = compress_past(list(u), list(y), rows)
+        past = pasts(rows)
         if past is None:
             continue
         for weighting in get_args(Weighting):

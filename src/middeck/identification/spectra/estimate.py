@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import warnings
 from typing import Literal, get_args
 
 import numpy as np
@@ -23,8 +24,14 @@ from middeck.identification.spectra.loop import (
 from middeck.identification.spectra.periods import excited_lines, period_moments, scatter_of_periods
 from middeck.identification.spectra.ratios import spectra_response
 from middeck.identification.spectra.scatter import ResponseScatter, trusted
+from middeck.identification.spectra.start_up import steadied
+from middeck.systems.excitation.recognition import recognise_excitation
+from middeck.systems.excitation.repetition import blocks_of
 from middeck.systems.record import Record, RecordStream, stream_record
 from middeck.systems.response import FrequencyResponse
+
+# A run is read as periods if it has so many, and its inputs differ between them by no more than this share.
+FEWEST_PERIODS, REPEATED = 2, 0.01
 
 Method = Literal["periods", "local polynomial", "local rational", "h1", "h2", "hv"]
 
@@ -159,6 +166,10 @@ def _scatter(
     segment: int | None,
 ) -> ResponseScatter:
     periodic = record.period is not None if isinstance(record, RecordStream) else record.periodic
+    if isinstance(record, Record) and method in (None, "periods"):
+        record = record if periodic or method else as_periods(record)
+        if record.periodic:
+            return _scatter_of_run(record, band_hz)
     method = method or ("periods" if periodic else "local rational")
     if method == "periods":
         if not periodic:
@@ -179,6 +190,25 @@ def _scatter(
     found = scatter_of_periods(_stream(record), band_hz)
     excited = np.isin(spectra.frequency_hz, found.frequency_hz)
     return dataclasses.replace(found, H=spectra_response(spectra, method, excited=excited).H)
+
+
+def as_periods(record: Record) -> Record:
+    """A run as all periods that its inputs show, its beginning included; itself where they do not repeat."""
+    found = recognise_excitation(record)
+    if found.period is None or found.periods < FEWEST_PERIODS or not (found.scatter or 0.0) < REPEATED:
+        return record
+    u, y = (
+        blocks_of(x.reshape(len(x), -1, x.shape[3]), found.period, 1) for x in (record.u, record.y)
+    )
+    return dataclasses.replace(record, u=u, y=y, periodic=True)
+
+
+def _scatter_of_run(record: Record, band_hz: tuple[float, float] | None) -> ResponseScatter:
+    """From whole periods, what they begin with cut off or taken out; says so."""
+    started = steadied(record)
+    if started.what:
+        warnings.warn(started.what, UserWarning, stacklevel=5)
+    return scatter_of_periods(_stream(started.record), band_hz, started)
 
 
 def _stream(record: Record | RecordStream) -> RecordStream:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy.ndimage
 from jaxtyping import Complex, Float, Int
 
 from middeck.identification.checks import Swing, check_swing, widen
 from middeck.identification.spectra.lines import FAINTEST, in_band, refuse_silence, solve_lines
 from middeck.identification.spectra.scatter import ResponseScatter, variance_of
+from middeck.identification.spectra.start_up import StartUp
 from middeck.systems.record import RecordStream
 from middeck.values import record as frozen
 
@@ -17,6 +19,8 @@ CLEAR_OF_NOISE = 100.0
 NEAREST = 8
 # Lines sorted by power fall by 10 dB at once from the last designed one to what an actuator distorts.
 CLIFF = 10.0
+# Degrees of freedom of the noise where free motion was taken out of the periods.
+POOLED_DOF = 12.0
 
 
 @frozen
@@ -65,8 +69,13 @@ def period_moments(stream: RecordStream, *, keep: np.ndarray | None = None) -> P
     return PeriodMoments(frequency[keep], stream.samples // stream.period, len(stream.inputs), mean, scatter)
 
 
-def scatter_of_periods(stream: RecordStream, band_hz: tuple[float, float] | None) -> ResponseScatter:
-    """H = Y U^H (U U^H)^-1 of the period averages, with its noise and total variance."""
+def scatter_of_periods(
+    stream: RecordStream, band_hz: tuple[float, float] | None, started: StartUp | None = None
+) -> ResponseScatter:
+    """H = Y U^H (U U^H)^-1 of the period averages, with its noise and total variance.
+
+    ``started``: what was taken out of the outputs before, and is not exactly known.
+    """
     assert stream.period is not None
     frequency = np.fft.rfftfreq(stream.period, 1.0 / stream.sample_hz)
     moments = period_moments(stream)
@@ -77,17 +86,36 @@ def scatter_of_periods(stream: RecordStream, band_hz: tuple[float, float] | None
     H, inverse_power = solve_lines(U, Y, frequency[keep])
     noise = _noise(moments, H, keep)
     total, dof = _total(moments, H, keep)
+    noise_dof = float(U.shape[1] * (moments.periods - 1))
+    if started is not None and started.what:
+        added = started.covariance(keep)
+        if noise is not None:
+            noise, noise_dof = _pooled(noise, noise_dof)
+        noise, total = (None if x is None else x + added for x in (noise, total))
     return ResponseScatter(
         frequency[keep],
         H,
         None if noise is None else variance_of(noise, inverse_power),
         None if total is None else variance_of(total, inverse_power),
-        None if noise is None else np.full(len(H), float(U.shape[1] * (moments.periods - 1))),
+        None if noise is None else np.full(len(H), noise_dof),
         None if total is None else np.full(len(H), float(dof)),
         noise,
         total,
         inverse_power,
     )
+
+
+def _pooled(covariance: np.ndarray, dof: float) -> tuple[np.ndarray, float]:
+    """Averaged over neighbouring lines until it has some degrees of freedom.
+
+    A motion that was fitted to few periods has followed some of their noise.
+    """
+    half = int(np.ceil(0.5 * (POOLED_DOF / dof - 1.0)))
+    if half < 1:
+        return covariance, dof
+    width = 2 * half + 1
+    smooth = scipy.ndimage.uniform_filter1d(covariance, width, axis=0, mode="nearest")
+    return smooth, dof * width
 
 
 def _noise(moments: PeriodMoments, H: np.ndarray, keep: np.ndarray) -> np.ndarray | None:

@@ -1,0 +1,58 @@
+"""Whether a text of numbers ends where its writer ended it.
+
+A file that was cut ends within a line, or with a line, which nothing tells. A line that lacks values is refused
+as it is read; one whose last number lost digits reads like any other, and may be another number altogether
+(1.5e-0 of 1.5e-03). Writers end each line, and print alike many digits in each.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from middeck.files.records.raw import Head
+from middeck.systems.fault import Fault
+
+# Bytes at the end of a file that are looked at.
+TAIL = 1 << 18
+NUMBER = re.compile(r"[+-]?\d*\.?(\d*)(?:[eEdD][+-]?(\d+))?")
+
+
+def cut_short(file: Path, heads: Sequence[Head], separator: str) -> tuple[Fault, ...]:
+    """A fault where the last line has no end: serious if its last number is short of digits, else a note."""
+    with open(file, "rb") as content:
+        size = content.seek(0, os.SEEK_END)
+        content.seek(max(0, size - TAIL))
+        tail = content.read()
+    if not tail or tail.endswith((b"\n", b"\r")):
+        return ()
+    lines = [line for line in tail.decode("utf-8", "replace").splitlines() if line.strip()][1:]
+    cells = [line.split(separator)[-1].strip() for line in lines if not line.startswith("#")]
+    if len(cells) < 2:
+        return ()
+    short = is_short(cells[-1], cells[:-1])
+    what = f"the last line has no end; its last value is {cells[-1]}"
+    what += ", with fewer digits than all before it: the file was cut there" if short else ""
+    hint = "copy or record it again; a file that is whole ends its last line"
+    last = heads[-1]
+    severity = "serious" if short else "note"
+    return (Fault("truncated", severity, last.side or "output", last.name, 0, (), what, hint),)
+
+
+def is_short(cell: str, others: Sequence[str]) -> bool:
+    """Whether a number has fewer decimals, or digits in its exponent, than all others of its column.
+
+    >>> is_short("0.12", ["0.125", "-3.500"]), is_short("1.5e-0", ["2.5e-03"]), is_short("0.1", ["0.25", "2"])
+    (True, True, False)
+    """
+    mine, *each = (_digits(text) for text in (cell, *others))
+    exponents = [e for _, e in each]
+    lost = mine[1] < min(exponents) or 0 < mine[1] < min((e for e in exponents if e), default=2)
+    return lost or mine[0] < min(d for d, _ in each)
+
+
+def _digits(text: str) -> tuple[int, int]:
+    found = NUMBER.fullmatch(text)
+    return (0, 0) if found is None else (len(found.group(1)), len(found.group(2) or ""))

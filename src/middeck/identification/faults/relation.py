@@ -1,0 +1,271 @@
+"""Faults seen where outputs answer inputs: samples lost in between, feedback, delays of half a record.
+
+Both sides are whitened first, each by what its own past foretells of it: the answer of a lightly damped mode
+then lasts for few samples, and the correlation of the two is noise but where one answers the other.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg
+import scipy.signal
+from jaxtyping import Float
+
+from middeck.identification.faults.found import Found
+from middeck.systems.excitation.repetition import find_repetition
+from middeck.systems.fault import Fault, Side
+from middeck.systems.ports import Port
+from middeck.systems.record import Record
+
+Signal = Float[np.ndarray, " sample"]
+# Samples before from which the next is foretold, and the share of white noise that keeps that determined.
+PAST, FLOOR = 24, 1e-9
+# A signal whose past foretells all but this share of it is no noise: nothing is told from it.
+FORETOLD = 1e-3
+# Parts of a record that are compared, by how many samples they may be apart, and over how many an answer is.
+PARTS, APART, ANSWER = 9, 40, 48
+FEWEST_SAMPLES = 1024
+# Correlation of the answers of two parts from which they are one answer, and by how much it must be better
+# than without a shift.
+ALIKE, BETTER = 0.45, 0.2
+# Share of the parts that must be alike.
+MOST_ALIKE = 0.6
+# What a regression must gain: deviations of its chi-square law, and its share of what is not foretold.
+SURE, SHARE = 7.0, 0.01
+# Residuals whose largest, a hundredth but no fewer than so many, tell the tail of noise; chance is beyond it in
+# one of e^BEYOND, and a residual below LEAP times the median is none in any case.
+FEWEST_LARGE, BEYOND, LEAP = 20, 12.0, 12.0
+# Samples by which an output may lead without a loop: differences and filters that look ahead, and what an input
+# does between samples.
+LEADS = 2
+# Deviations of a correlation from which it is an answer: the largest of 1e4 of noise is 4.
+HEARD = 7.0
+# A delay is told from so many samples, and this share of the record.
+LONG, LONG_SHARE = 32, 0.02
+
+
+def find_relation_faults(record: Record) -> list[Fault]:
+    """Shifts within the record, feedback and long delays, of each experiment."""
+    found: list[Fault] = []
+    for e in range(len(record.u)):
+        u, y = (x[e].reshape(-1, x.shape[3]).T for x in (record.u, record.y))
+        if u.shape[1] < FEWEST_SAMPLES:
+            continue
+        U, Y = np.array([whitened(x) for x in u]), np.array([whitened(x) for x in y])
+        own = _shifts(record, U, Y)
+        own = own or _residuals(record, u, y)
+        found += [_at(f, side, port, e) for f, side, port in own]
+        found += [_at(f, side, port, e) for f, side, port in _long_delays(record, U, Y)]
+    return found
+
+
+Place = tuple[Found, Side, Port]
+
+
+def _at(found: Found, side: Side, port: Port, experiment: int) -> Fault:
+    return Fault(
+        found.kind, found.severity, side, port.name, experiment, found.samples, found.what, found.hint
+    )
+
+
+def whitened(x: Signal) -> Signal:
+    """What the past of a signal does not foretell of it, in units of its deviation; zero if next to nothing."""
+    x = x - x.mean()
+    past = np.fft.irfft(np.abs(np.fft.rfft(x, 2 * len(x))) ** 2)[: PAST + 1]
+    column = past[:-1] + np.eye(1, PAST)[0] * FLOOR * past[0]
+    weights = scipy.linalg.solve_toeplitz(column, past[1:])
+    left = scipy.signal.lfilter(np.concatenate([[1.0], -weights]), [1.0], x)
+    left[:PAST] = 0.0
+    size = float(left.std())
+    return left / size if size > FORETOLD * float(x.std()) else np.zeros_like(x)
+
+
+def _correlation(u: Signal, y: Signal, first: int, last: int) -> Float[np.ndarray, " lag"]:
+    """Sum of u[n - lag] y[n] over the deviation that it has without relation, for lags first to last."""
+    size = 2 * len(u)
+    cross = np.fft.irfft(np.conj(np.fft.rfft(u, size)) * np.fft.rfft(y, size), size)
+    return cross[np.arange(first, last + 1)] / np.sqrt(max(float(u @ u), 1e-300) * float(y @ y) / len(u) + 1e-300)
+
+
+# Samples that were lost, or repeated.
+
+
+def _shifts(record: Record, U: np.ndarray, Y: np.ndarray) -> list[Place]:
+    """Where the answers of an output move against the inputs, whichever of the two lost samples."""
+    found: list[Place] = []
+    for o, y in enumerate(Y):
+        # All inputs together tell most; where one alone lost samples, only it shows that.
+        tried = (_shift(u, y) for u in ([U] if len(U) == 1 else [U, *(one[None] for one in U)]))
+        step = next((s for s in tried if s is not None), None)
+        found += [] if step is None else [(_lost(record, *step), "output", record.outputs[o])]
+    return found
+
+
+def _lost(record: Record, near: int, shift: int) -> Found:
+    when = f"near sample {near} ({near / record.sample_hz:.6g} s)"
+    how = "lost there, or were repeated in the inputs" if shift < 0 else "repeated there, or were lost in the inputs"
+    what = f"answers {abs(shift)} samples {'earlier' if shift < 0 else 'later'} from {when} on: samples were {how}"
+    hint = "cut the record there and fit the longer part, or shift what follows; check buffers and clocks"
+    width = 1
+    return Found("shift", "serious", ((max(near - width, 0), near + width),), what, hint)
+
+
+def _shift(U: Float[np.ndarray, "input sample"], y: Signal) -> tuple[int, int] | None:
+    """Sample near which, and samples by which, the answer moves within the record; None if it does not."""
+    if not (U.any() and y.any()):
+        return None
+    length = len(y) // PARTS
+    parts = [slice(k * length // 2, k * length // 2 + length) for k in range(2 * PARTS - 1)]
+    answers = np.array([[_correlation(u[p], y[p], -APART, ANSWER) for u in U] for p in parts])
+    lags = _lags(answers)
+    step = None if lags is None else _best_step(lags)
+    return None if step is None else (_where(U, y, parts, *step), step[1])
+
+
+def _lags(answers: Float[np.ndarray, "part input lag"]) -> Float[np.ndarray, " part"] | None:
+    """By how many samples the answer of each part comes after the one that is like most; NaN where none is."""
+    size = np.sqrt(np.sum(answers**2, axis=(1, 2)))
+    spectra = np.fft.rfft(answers, 2 * answers.shape[2], axis=2)
+    cross = np.fft.irfft(np.einsum("ail,bil->abl", spectra, spectra.conj()), axis=2)
+    cross /= (size[:, None] * size + 1e-300)[:, :, None]
+    near = np.concatenate([cross[:, :, -APART:], cross[:, :, : APART + 1]], axis=2)
+    peak, lag = near.max(axis=2), near.argmax(axis=2) - APART
+    alike = peak > ALIKE
+    moved = alike & (peak > near[:, :, APART] + BETTER)
+    reference = int(np.argmax(np.sum(alike, axis=1)))
+    if alike[reference].mean() < MOST_ALIKE:
+        return None
+    return np.where(alike[:, reference], np.where(moved[:, reference], lag[:, reference], 0), np.nan)
+
+
+def _best_step(lags: Float[np.ndarray, " part"]) -> tuple[int, int] | None:
+    """The first part after the largest step between two plateaus of three parts or more, and the step."""
+    seen = np.flatnonzero(np.isfinite(lags))
+    for k in range(2, len(seen) - 1):
+        before, after = lags[seen[max(k - 3, 0) : k]], lags[seen[k : k + 3]]
+        if np.ptp(before) <= 1.0 and np.ptp(after) <= 1.0 and abs(after.mean() - before.mean()) > 0.75:
+            later = lags[seen[k:]]
+            return int(seen[k]), round(float(np.median(later[:3]) - np.median(before)))
+    return None
+
+
+def _where(U: np.ndarray, y: Signal, parts: list[slice], part: int, shift: int) -> int:
+    """The sample from which the answer is better explained as shifted."""
+    low, high = parts[max(part - 3, 0)].start, parts[min(part + 2, len(parts) - 1)].stop
+    until = parts[max(part - 2, 0)].stop
+    told = np.zeros_like(y)
+    for u in U:
+        g = _correlation(u[:until], y[:until], 0, ANSWER)
+        told += np.convolve(u, np.where(np.abs(g) > 4.0, g, 0.0) / np.sqrt(until))[: len(u)]
+    moved = np.roll(told, shift)
+    # Before the step the shift explains less: the sum rises up to there, and falls from there on.
+    gain = np.cumsum((y - moved)[low:high] ** 2 - (y - told)[low:high] ** 2)
+    return low + int(np.argmax(gain)) + 1
+
+
+# Samples lost in all channels at once, and feedback.
+
+
+def _residuals(record: Record, u: np.ndarray, y: np.ndarray) -> list[Place]:
+    """What later inputs tell of the noise of outputs, and where a record does not go on as it was.
+
+    Each output is explained by its own past and by the inputs until then. What is left is noise. No later input
+    knows of it but through a loop (Sims 1972); a loop that acts within the sample is a direct term as well, and
+    cannot be told. And noise has no sample that stands alone, unless others were lost before it.
+    """
+    U, Y = (x - x.mean(axis=1, keepdims=True) for x in (u, y))
+    U, Y = (x / np.maximum(x.std(axis=1, keepdims=True), 1e-300) for x in (U, Y))
+    lags = max(4, PAST // len(U))
+    later = max(2, lags // 2) + LEADS
+    span = lags, U.shape[1] - lags - later
+    until, after = _beside(U, range(-lags, LEADS + 1), *span), _beside(U, range(LEADS + 1, later + 1), *span)
+    repeated = record.periodic or find_repetition(record.u.reshape(len(record.u), -1, len(u))) is not None
+    found: list[Place] = []
+    for o, port in enumerate(record.outputs):
+        x = Y[o, lags : Y.shape[1] - later]
+        own = np.vstack([_beside(Y[o : o + 1], range(-lags, 0), *span), until])
+        left = _left(x, own)
+        at = _alone(left)
+        if at is None and not repeated and float(left.std()) > FORETOLD:
+            share = _told_later(x, own, after)
+            found += [] if share is None else [(_fed_back(share), "output", port)]
+        elif at is not None:
+            found.append((_joined(record, at + lags), "output", port))
+    return found
+
+
+def _alone(left: Signal) -> int | None:
+    """The sample of the largest residual, if noise has none such."""
+    size = np.abs(left)
+    at = int(np.argmax(size))
+    rest = np.sort(np.delete(size, slice(max(at - 2, 0), at + PAST)))
+    large = rest[-max(FEWEST_LARGE, len(rest) // 100) :]
+    slope = float(np.mean(np.log(large / max(float(large[0]), 1e-300))))
+    limit = float(large[0]) * np.exp(slope * (np.log(len(large)) + BEYOND))
+    return at if size[at] > max(limit, LEAP * float(rest[len(rest) // 2])) else None
+
+
+def _joined(record: Record, at: int) -> Found:
+    what = (
+        f"does not go on at sample {at} ({at / record.sample_hz:.6g} s) as it was: samples of all channels were "
+        "lost there, or two runs joined"
+    )
+    hint = "cut the record there: each part is a record of its own, with a state to begin with"
+    return Found("joint", "serious", ((at, at + 1),), what, hint)
+
+
+def _told_later(x: Signal, own: np.ndarray, after: np.ndarray) -> float | None:
+    """The share of what is left of ``x`` that later inputs tell; None where that may be chance."""
+    before, then = (float(np.sum(_left(x, rows) ** 2)) for rows in (own, np.vstack([own, after])))
+    added, free = len(after), len(x) - len(own) - len(after)
+    gain, share = (before - then) / max(then, 1e-300) * free, 1.0 - then / max(before, 1e-300)
+    return share if gain > added + SURE * np.sqrt(2.0 * added) and share > SHARE else None
+
+
+def _fed_back(share: float) -> Found:
+    what = (
+        f"its noise comes back in the inputs: they tell, later, {share:.0%} of what its past leaves. There is "
+        "feedback in the record, or the inputs were recorded late"
+    )
+    hint = (
+        "fit from a signal outside the loop (--reference CHANNEL), or with the controller known: from the inputs "
+        "directly one finds something between the plant and 1/K"
+    )
+    return Found("feedback", "serious", (), what, hint)
+
+
+def _beside(
+    x: Float[np.ndarray, "channel sample"], shifts: range, first: int, count: int
+) -> Float[np.ndarray, "row sample"]:
+    """The samples so many after (or before) each of ``count`` from ``first`` on."""
+    return np.vstack([x[:, first + k : first + k + count] for k in shifts])
+
+
+def _left(x: Signal, rows: Float[np.ndarray, "row sample"]) -> Signal:
+    gram = rows @ rows.T
+    gram += 1e-10 * np.trace(gram) / len(gram) * np.eye(len(gram))
+    return x - np.linalg.solve(gram, rows @ x) @ rows
+
+
+# Delays.
+
+
+def _long_delays(record: Record, U: np.ndarray, Y: np.ndarray) -> list[Place]:
+    """Outputs that answer no input before many samples have passed."""
+    found: list[Place] = []
+    count = U.shape[1]
+    for o, port in enumerate(record.outputs):
+        heard = [k for u in U if u.any() for k in _heard(u, Y[o], count // 2)]
+        if not heard:
+            continue
+        first = min(heard)
+        if first >= max(LONG, LONG_SHARE * count):
+            what = f"answers {first} samples ({first / record.sample_hz:.4g} s) after the inputs, and not before"
+            hint = "shift the output by that before a fit; check triggers, and that it is this test's record"
+            found.append((Found("delay", "serious", (), what, hint), "output", port))
+    return found
+
+
+def _heard(u: Signal, y: Signal, most: int) -> list[int]:
+    r = _correlation(u, y, 0, most)
+    return [int(np.argmax(np.abs(r) > HEARD))] if np.any(np.abs(r) > HEARD) else []

@@ -1,0 +1,224 @@
+r"""The transient that a repeated signal begins with: told from noise, cut off or taken out.
+
+What repeats is the same in every period. An output less itself a period later is therefore free motion,
+
+    y[n] - y[n + N] = sum_m c_m (1 - exp(p_m N T)) exp(p_m n T) + noise,
+
+whatever the response is. Its poles are found one after the other, each where most is left and at the decay
+that explains most of that, and refined together (variable projection, Golub and Pereyra 1973), as long as the
+description gets shorter (Rissanen 1978): a steady record asks for none. The motion found is then known in all
+periods. Where it dies out early the first periods are cut off; otherwise it is subtracted, and what is not
+known of it goes into the variance of the average.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from jaxtyping import Complex, Float
+
+from middeck.identification.fit.refine import Refined, Step, search
+from middeck.systems.record import Record
+from middeck.values import record as frozen
+
+# Motions at most, and decays tried for each, as multiples of one over the length.
+MOST_MOTIONS = 24
+DECAYS = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
+# What each unknown costs beyond half of ln n. The largest of n lines of noise stands ln n above their mean, of
+# differences over a period twice that, and noise that is coloured has peaks of its own.
+DEAR = 6.0
+# Lines to either side of a motion's own that its noise is seen on.
+AROUND = 10
+# A period is steady where no line of the motion left in it has more than this share of the power of noise.
+LEFT = 0.1
+# Share of the periods, and how many, that must remain for the others to be cut off.
+ENOUGH, FEWEST = 0.5, 4
+# A pole leaves a basis undetermined below this share of its largest singular value.
+SAME = 1e-9
+STEPS = 30
+
+
+@frozen
+class StartUp:
+    """What was done about the beginning of a record.
+
+    Parameters
+    ----------
+    record:
+        The steady periods, or all of them without the free motion.
+    what:
+        What was found and done; empty for a steady record.
+    unknown:
+        Covariance, per unit of that of the periods' differences, that the motion taken out adds to each line
+        of an average of periods.
+    spread:
+        Covariance of the differences' samples, of all outputs.
+    """
+
+    record: Record
+    what: str
+    unknown: Float[np.ndarray, " line"]
+    spread: Float[np.ndarray, "output output"]
+
+    def covariance(self, keep: np.ndarray) -> Float[np.ndarray, "line output output"]:
+        """What is added to that of the averaged outputs on the lines ``keep``."""
+        return self.unknown[keep][:, None, None] * self.spread
+
+
+def steadied(taken: Record) -> StartUp:
+    """``taken`` as the steady record that it would have been; itself where it is steady."""
+    experiments, periods, samples, outputs = taken.y.shape
+    steady = StartUp(taken, "", np.zeros(samples // 2 + 1), np.zeros((outputs, outputs)))
+    if periods < 2:
+        return steady
+    z = (taken.y[:, :-1] - taken.y[:, 1:]).reshape(experiments, -1, outputs)
+    z = z - z.mean(axis=1, keepdims=True)
+    size = np.sqrt(np.mean(z**2, axis=(0, 1)))
+    if not size.all():
+        return steady
+    target = np.moveaxis(z / size, 1, 0).reshape(z.shape[1], -1)
+    poles, left = _motions(target)
+    if not len(poles):
+        return steady
+    motion, unknown = _continued(poles, target, periods, samples)
+    y = np.moveaxis(motion.reshape(periods, samples, experiments, outputs), 2, 0) * size
+    own = left.reshape(-1, outputs) * size
+    spread = own.T @ own / len(own)
+    first = _steady_from(y, np.diag(spread), samples)
+    share = float(np.sqrt(np.max(np.sum(y[:, 0] ** 2, (0, 1)) / np.sum(taken.y[:, -1] ** 2, (0, 1)))))
+    found = f"the periods begin with a transient, {share:.2g} of the output's rms in the first"
+    if periods - first >= max(FEWEST, ENOUGH * periods):
+        cut = dataclasses.replace(taken, u=taken.u[:, first:], y=taken.y[:, first:])
+        return dataclasses.replace(
+            steady, record=cut, what=f"{found}: the first {first} of {periods} are left out"
+        )
+    what = f"{found}: {len(poles)} free motions are taken out of all {periods}, and what is not known of them"
+    what += " is part of the variance; record more periods, or wait before recording"
+    return StartUp(dataclasses.replace(taken, y=taken.y - y), what, unknown, spread)
+
+
+def _steady_from(
+    motion: Float[np.ndarray, "experiment period sample output"], variance: np.ndarray, samples: int
+) -> int:
+    """First period from which no line of the motion counts against the noise of one period."""
+    power = np.max(np.abs(np.fft.rfft(motion, axis=2)) ** 2, axis=2) / (0.5 * samples * variance)
+    counts = np.flatnonzero((power > LEFT).any(axis=(0, 2)))
+    return int(counts[-1]) + 1 if len(counts) else 0
+
+
+def _motions(target: Float[np.ndarray, "sample column"]) -> tuple[Complex[np.ndarray, " pole"], np.ndarray]:
+    """Poles [1/sample] of the free motion in ``target``, and what it leaves."""
+    theta, left = np.zeros(0), target
+    cost = (2.0 + 2.0 * target.shape[1]) * (0.5 * np.log(target.size) + DEAR)
+    while len(theta) < 2 * MOST_MOTIONS and 4 * len(theta) < len(target):
+        new = _strongest(left)
+        half = len(theta) // 2
+        more = _refined(np.concatenate([theta[:half], [new[0]], theta[half:], [new[1]]]), target)
+        if more is None:
+            break
+        rest = _rest(more, target)
+        if not _gain(left, rest, np.exp(new[0]), new[1]) > cost:
+            break
+        theta, left = more, rest
+    return _poles(theta), left
+
+
+def _gain(before: np.ndarray, after: np.ndarray, sigma: float, omega: float) -> float:
+    """Log likelihood that a motion brings, by the noise that is left on the lines around it.
+
+    Forces that shake the article move it at its own frequencies too, but no single decay explains that.
+    """
+    count = len(after)
+    half = AROUND + int(2.0 * sigma * count / np.pi)
+    k = round(omega * count / (2.0 * np.pi))
+    lines = np.fft.rfft(after, axis=0)[max(k - half, 0) : k + half + 1]
+    level = np.mean(np.abs(lines) ** 2, axis=0) / count + np.finfo(float).tiny
+    return float(np.sum((np.sum(before**2, axis=0) - np.sum(after**2, axis=0)) / (2.0 * level)))
+
+
+def _poles(theta: np.ndarray) -> Complex[np.ndarray, " pole"]:
+    half = len(theta) // 2
+    return -np.exp(theta[:half]) + 1j * theta[half:]
+
+
+def _strongest(left: Float[np.ndarray, "sample column"]) -> tuple[float, float]:
+    """Log decay and angular frequency of the motion that explains most, on a grid."""
+    count = len(left)
+    best = (-1.0, 0.0, 0.0)
+    for decay in DECAYS:
+        sigma = decay / count
+        window = np.exp(-sigma * np.arange(count))
+        power = np.sum(np.abs(np.fft.rfft(left * window[:, None], 2 * count, axis=0)) ** 2, axis=1)
+        k = int(np.argmax(power))
+        explained = float(power[k]) / float(np.sum(window**2))
+        if explained > best[0]:
+            best = (explained, float(np.log(sigma)), np.pi * k / count)
+    return best[1], best[2]
+
+
+def _basis(
+    poles: Complex[np.ndarray, " pole"], count: int, power: int = 0
+) -> Float[np.ndarray, "sample column"]:
+    """n^power exp(p n) as real columns, real parts first."""
+    n = np.arange(count)[:, None]
+    motion = np.exp(poles * n) * (n / count) ** power
+    return np.concatenate([motion.real, -motion.imag], axis=1)
+
+
+def _refined(theta: np.ndarray, target: np.ndarray) -> np.ndarray | None:
+    """The poles at which least is left, counted in units of that."""
+    for _ in range(2):
+        unit = float(np.sqrt(np.mean(_rest(theta, target) ** 2))) + np.finfo(float).tiny
+        found: Refined | None = search(lambda x, unit=unit: _step(x, target / unit), theta, STEPS)
+        if found is None:
+            return None
+        theta = found.theta
+    return theta
+
+
+def _rest(theta: np.ndarray, target: np.ndarray) -> np.ndarray:
+    basis = _basis(_poles(theta), len(target))
+    return target - basis @ np.linalg.lstsq(basis, target, rcond=SAME)[0]
+
+
+def _step(theta: np.ndarray, target: np.ndarray) -> Step | None:
+    """Half of what is left, and its slopes by decays and frequencies (Kaufman 1975)."""
+    poles, half = _poles(theta), len(theta) // 2
+    if np.real(poles).min() < -np.pi:
+        return None
+    basis = _basis(poles, len(target))
+    Q, R = np.linalg.qr(basis)
+    size = np.abs(np.diag(R))
+    if not np.isfinite(basis).all() or size.min() <= SAME * size.max():
+        return None
+    on = Q.T @ target
+    left, a = target - Q @ on, np.linalg.solve(R, on)
+    n = np.arange(len(target))[:, None]
+    motion = np.exp(poles * n) * n
+    rows = np.empty((2 * half, target.size))
+    for m in range(half):
+        # Of a Re(e) - b Im(e), e = exp(p n): slopes by p turn it by n.
+        real, imag = motion[:, m : m + 1].real, motion[:, m : m + 1].imag
+        by_p = real * a[m] - imag * a[half + m]
+        by_turn = -imag * a[m] - real * a[half + m]
+        for row, slope in ((m, poles[m].real * by_p), (half + m, by_turn)):
+            rows[row] = (slope - Q @ (Q.T @ slope)).ravel()
+    return Step(0.5 * float(np.sum(left**2)), -rows @ left.ravel(), rows @ rows.T, a)
+
+
+def _continued(
+    poles: Complex[np.ndarray, " pole"], target: np.ndarray, periods: int, samples: int
+) -> tuple[Float[np.ndarray, "sample column"], Float[np.ndarray, " line"]]:
+    """The motion itself over all periods, and the variance of its average's lines for differences of one.
+
+    A pole that is not known exactly adds n exp(p n).
+    """
+    count = periods * samples
+    one, wide = _basis(poles, count), np.hstack([_basis(poles, count), _basis(poles, count, 1)])
+    amplitudes = np.linalg.lstsq(one[:-samples] - one[samples:], target, rcond=SAME)[0]
+    _, size, right = np.linalg.svd(wide[:-samples] - wide[samples:], full_matrices=False)
+    known = size > SAME * size[0]
+    lines = np.fft.rfft(wide.reshape(periods, samples, -1).mean(axis=0), axis=0)
+    unknown = np.sum(np.abs(lines @ (right[known] / size[known, None]).T) ** 2, axis=1)
+    return one @ amplitudes, unknown
