@@ -15,6 +15,8 @@ from middeck.identification.uncertainty.unknowns import places_of, unknowns_of
 # A residue that is fewer than so many of its deviations may be noise: the search puts the pole where noise
 # looks most like a mode, which a test at a given frequency (Wald 1943) does not know of.
 DOUBTFUL = 4.0
+# Half the distance at which a mode is split, in its decay rates.
+SPLIT = 0.125
 
 
 def mode_significance(covariance: ModelCovariance) -> Float[np.ndarray, " mode"]:
@@ -37,6 +39,22 @@ def mode_significance(covariance: ModelCovariance) -> Float[np.ndarray, " mode"]
             np.sqrt(np.mean(np.square(direction[:, clear].T @ z) / size[clear])) if clear.any() else 0.0
         )
     return np.where(np.isfinite(found), found, 0.0)
+
+
+def with_split(layout: Layout, theta: Float[np.ndarray, " unknown"], m: int) -> Start:
+    """The same model with two modes in the place of pair ``m``, an eighth of its half-power width apart."""
+    point = unpack(layout, theta)
+    at = np.insert(np.arange(len(layout.pair)), m, m)
+    more = dataclasses.replace(
+        layout,
+        pair=np.asarray(layout.pair)[at],
+        fixed_imag=layout.fixed_imag[at],
+        pivot=np.asarray(layout.pivot)[at],
+    )
+    poles = point.poles[at]
+    poles[m : m + 2] += 1j * np.array([1.0, -1.0]) * SPLIT * point.poles[m].real
+    terms = (at[:, None] * layout.copies + np.arange(layout.copies)).ravel()
+    return Start(more, pack(more, Point(poles, point.b[terms], point.delay_s, point.psi)))
 
 
 def without_modes(

@@ -78,7 +78,7 @@ def doubts_of_standing(covariance: ModelCovariance, standing: Sequence[Standing]
 def doubts_of_lines(lines: Sequence[SteadyLine]) -> list[str]:
     """What was taken for hum."""
     return [
-        f"a sine at {line.hz:.6g} Hz ({line.name}) goes on through the record, which no input makes: it is no "
-        "mode and was fitted beside them"
+        f"a sine at {line.hz:.6g} Hz ({line.name}) goes on through the record, which no input makes: it is "
+        "no mode and was fitted beside them"
         for line in lines
     ]

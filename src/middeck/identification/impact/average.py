@@ -27,8 +27,8 @@ from middeck.values import record as frozen
 END = 1e-3
 # Lines are of use down to this share of the force's largest power (20 dB).
 USEFUL = 0.01
-# Samples of the force window's slope beside the pulse.
-SLOPE = 8
+# Samples of the force window's slope after the pulse: the ringing of filters.
+SLOPE = 32
 # Parts of a record, of which the quietest tells the level at rest.
 PARTS = 16
 # Coherence below which a line is told of.

@@ -1,27 +1,28 @@
 """Blows of a hammer in a record, and which of them are no use.
 
-A hammer pushes: what counts is force of the sign of the largest one. Pulses that follow each other much sooner
-than blows do are one blow that hit twice.
+A hammer pushes: what counts is force of the sign of the largest one. Pulses that follow each other much
+sooner than blows do are one blow that hit twice.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import itertools
 
 import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError, DataError
 from middeck.identification.checks import check_record
-from middeck.identification.faults.runs import equal_runs, levels_of, runs_of
-from middeck.identification.faults.samples import find_clipping
+from middeck.identification.faults.runs import levels_of, runs_of
+from middeck.identification.faults.samples import DROP, find_clipping
 from middeck.systems.record import Record
 from middeck.values import record as frozen
 
 # A pulse rises above this share of the largest force, and above so many deviations of the force's noise.
 LEAST, CLEAR = 0.02, 10.0
-# What follows a pulse within so many samples may be the ringing of the filters. A second maximum of so much of
-# the pulse is a hit: beyond the ringing, and (an ideal filter rings by 13 %) within it.
+# What follows a pulse within so many samples may be the ringing of the filters. A second maximum of so much
+# of the pulse is a hit: beyond the ringing, and within it.
 RINGING, DOUBLE, DOUBLE_WITHIN = 8, 0.05, 0.1
 # A maximum is one if the force falls to this share of it on the way to the pulse.
 VALLEY = 0.7
@@ -29,8 +30,8 @@ VALLEY = 0.7
 CLOSE = 0.25
 # A blow of less than this share of the median one is weak; one with less time than this of the median is cut.
 WEAK, SHORT = 0.1, 0.5
-# Samples of a block before its pulse.
-BEFORE = 8
+# Samples of a block before its pulse, for the ringing of filters that are symmetric in time.
+BEFORE = 32
 # Response just before a blow, as a share of the rms just after it, that is too much of the blow before.
 STILL_RINGING = 0.3
 
@@ -116,7 +117,7 @@ def _pulses(force: Float[np.ndarray, " sample"], largest: float) -> list[tuple[i
 
 
 def _least_apart(pulses: list[list[tuple[int, int]]], samples: int) -> float:
-    gaps = [b[0] - a[0] for own in pulses for a, b in zip(own[:-1], own[1:], strict=True)]
+    gaps = [b[0] - a[0] for own in pulses for a, b in itertools.pairwise(own)]
     ends = [samples - own[-1][0] for own in pulses if own]
     return CLOSE * max([*gaps, *ends])
 
@@ -198,10 +199,12 @@ def _overloads(blows: list[Blow], record: Record, u: np.ndarray, y: np.ndarray) 
 
 def _clipped(x: Float[np.ndarray, " sample"], low: float, high: float) -> list[tuple[int, int]]:
     """Runs of samples at a limit of the channel, over all its experiments."""
-    levels = levels_of(x)
-    least = 3 if levels.step > 0.0 else 2
-    at = [(a, b) for a, b in equal_runs(x, least) if x[a] in (low, high)]
-    return at + [run for fault in find_clipping(x, levels) for run in fault.samples]
+    levels, size = levels_of(x), np.abs(x - np.median(x))
+    # Samples that agree to the last digit at a limit, but for one where the channel rests.
+    runs = runs_of(((x == low) | (x == high)) & (size > 0.5 * size.max()))
+    beside = [abs(x[k] - x[a]) for a, b in runs for k in (a - 1, b) if 0 <= k < len(x)]
+    several = sum(b - a for a, b in runs) > 1 and float(np.mean(beside)) > DROP * levels.step
+    return (runs if several else []) + [run for fault in find_clipping(x, levels) for run in fault.samples]
 
 
 def _ringing(blows: list[Blow], y: np.ndarray) -> list[Blow]:

@@ -8,6 +8,7 @@ from typing import Any, Literal
 import numpy as np
 
 from middeck.errors import ConfigError
+from middeck.identification.fit.choices import usual_constants
 from middeck.identification.fit.fit_response import FitResult, fit_response
 from middeck.identification.impact.average import ImpactTest
 from middeck.identification.measurement_model import MeasurementModel, damping_ratio, double_pole, natural_hz
@@ -21,16 +22,16 @@ LEAST = 1e-9
 
 
 def fit_impact(
-    test: ImpactTest, *, of: Literal["response", "samples"] = "response", **options: Any
+    test: ImpactTest, *, of: Literal["samples", "response"] = "samples", **options: Any
 ) -> FitResult:
     """The model of an impact test, the damping of its exponential window taken out.
 
     Parameters
     ----------
     of:
-        "response": the averaged response (`fit_response`). "samples": the good blows without an exponential
-        window, each with a transient of the model's own poles (`fit_record`), so that neither the ends of
-        blocks nor what rings from the blow before count; it takes longer.
+        "samples": the good blows without an exponential window, each with a transient of the model's own
+        poles (`fit_record`), so that neither the ends of blocks nor what rings from the blow before count.
+        "response": the averaged response (`fit_response`), which is faster.
     options:
         Those of that fit, but for the band.
 
@@ -45,6 +46,10 @@ def fit_impact(
     if of == "samples":
         first, last = (float(f) for f in test.response.frequency_hz[[0, -1]])
         return fit_record(test.blocks, band_hz=(first, last), **options)
+    if np.isfinite(test.window_s) and not {"direct", "relative_degree"} & set(options):
+        # No terms for modes outside the band but a constant: a window makes others of 1/s^2.
+        constants = options.get("constants") or usual_constants(test.response.outputs, None)
+        options["direct"] = constants == "complex"
     return without_window(fit_response(test.response, **options), test.window_s)
 
 
@@ -74,8 +79,8 @@ def without_window(fit: FitResult, window_s: float) -> FitResult:
     uncertainty = uncertainty_of(covariance)
     f, zeta = natural_hz(bare), damping_ratio(bare)
     warnings = [
-        f"mode at {f[m]:.4g} Hz: without the window's damping nothing certain is left of it ({zeta[m]:.2%} +- "
-        f"{uncertainty.damping[m]:.2%}); a longer block, or a weaker window"
+        f"mode at {f[m]:.4g} Hz: without the window's damping nothing certain is left of it ({zeta[m]:.2%} "
+        f"+- {uncertainty.damping[m]:.2%}); a longer block, or a weaker window"
         for m in np.flatnonzero(lost | (uncertainty.damping > 0.5 * zeta))
     ]
     return dataclasses.replace(

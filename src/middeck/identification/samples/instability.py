@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 from jaxtyping import Float
 
@@ -29,8 +31,8 @@ def refuse_growth(record: Record) -> None:
         if grows.any():
             o = int(np.argmax(grows))
             raise FitError(
-                f"it grows {np.sqrt(ratio[o]):.3g} times while the inputs do not: the article is unstable, and "
-                "only stable models are fitted",
+                f"it grows {np.sqrt(ratio[o]):.3g} times while the inputs do not: the article is unstable, "
+                "and only stable models are fitted",
                 where=f"output {record.outputs[o].name}",
                 hint="close a loop that holds it and fit with --reference, or cut the record before it grows",
             )
@@ -40,4 +42,4 @@ def _powers(x: Float[np.ndarray, "sample channel"]) -> Float[np.ndarray, "part c
     """Mean square about the mean in each part."""
     edges = np.linspace(0, len(x), PARTS + 1).astype(int)
     level = x - x.mean(axis=0)
-    return np.array([np.mean(level[a:b] ** 2, axis=0) for a, b in zip(edges[:-1], edges[1:], strict=True)])
+    return np.array([np.mean(level[a:b] ** 2, axis=0) for a, b in itertools.pairwise(edges)])

@@ -14,7 +14,7 @@ from jaxtyping import Bool, Complex, Float
 from middeck.identification.fit.data import Data
 from middeck.identification.fit.design import residual_of
 from middeck.identification.fit.layout import unpack
-from middeck.identification.fit.significance import mode_significance, without_modes
+from middeck.identification.fit.significance import mode_significance, with_split, without_modes
 from middeck.identification.fit.start import Start
 from middeck.identification.fit.steady_line import SteadyLine, name_line
 from middeck.identification.samples.model import record_covariance, record_model
@@ -56,7 +56,7 @@ def tidied(record: Record, data: Data, run: RecordRun, *, sampled: bool) -> Tidi
     how it simulates.
     """
     state = _without_sines(record, Tidied(data, run, ()))
-    return _with_hidden_lines(state if sampled else _without_noise(record, state))
+    return _with_hidden_lines(state if sampled else _with_pairs(_without_noise(record, state)))
 
 
 def covariance_of(record: Record, state: Tidied) -> ModelCovariance:
@@ -129,6 +129,16 @@ def _without(state: Tidied, dropped: Bool[np.ndarray, " mode"]) -> Tidied | None
         return fewer
     poles = unpack(run.layout, run.refined.theta).poles[dropped]
     return _better(state, with_free_motion(state.data, poles), start, state.lines)
+
+
+def _with_pairs(state: Tidied) -> Tidied:
+    """Modes that two describe better, too close for a subspace to have parted them."""
+    m = 0
+    while m < state.run.layout.pairs:
+        run = state.run
+        found = _better(state, state.data, with_split(run.layout, run.refined.theta, m), state.lines)
+        state, m = (state, m + 1) if found is None else (found, m + 2)
+    return state
 
 
 def _least(significance: Float[np.ndarray, " mode"], among: Bool[np.ndarray, " mode"]) -> int:
