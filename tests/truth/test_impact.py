@@ -75,7 +75,7 @@ def test_the_average_is_the_response_of_shifted_poles(ratio):
 @pytest.mark.parametrize("of", ["samples", "response"])
 def test_damping_is_that_of_the_article_not_of_the_window(of):
     test = average_blows(struck(PLANT, SINGLE + DOUBLE, 3000, RATE, noise=3e-4), window_s=0.8)
-    fit = fit_impact(test, of=of)
+    fit = fit_impact(test, of=of, states=4)
     order = np.argsort(natural_hz(fit.model))
     assert len(order) == 2
     f, zeta = natural_hz(fit.model)[order], damping_ratio(fit.model)[order]

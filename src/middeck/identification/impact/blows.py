@@ -200,11 +200,14 @@ def _overloads(blows: list[Blow], record: Record, u: np.ndarray, y: np.ndarray) 
 def _clipped(x: Float[np.ndarray, " sample"], low: float, high: float) -> list[tuple[int, int]]:
     """Runs of samples at a limit of the channel, over all its experiments."""
     levels, size = levels_of(x), np.abs(x - np.median(x))
-    # Samples that agree to the last digit at a limit, but for one where the channel rests.
-    runs = runs_of(((x == low) | (x == high)) & (size > 0.5 * size.max()))
-    beside = [abs(x[k] - x[a]) for a, b in runs for k in (a - 1, b) if 0 <= k < len(x)]
-    several = sum(b - a for a, b in runs) > 1 and float(np.mean(beside)) > DROP * levels.step
-    return (runs if several else []) + [run for fault in find_clipping(x, levels) for run in fault.samples]
+    found = [run for fault in find_clipping(x, levels) for run in fault.samples]
+    for limit in (low, high):
+        # Samples that agree to the last digit at a limit, but for one where the channel rests.
+        runs = runs_of((x == limit) & (size > 0.5 * size.max()))
+        beside = [abs(x[k] - limit) for a, b in runs for k in (a - 1, b) if 0 <= k < len(x)]
+        if sum(b - a for a, b in runs) > 1 and float(np.mean(beside)) > DROP * levels.step:
+            found += runs
+    return found
 
 
 def _ringing(blows: list[Blow], y: np.ndarray) -> list[Blow]:
