@@ -21,6 +21,8 @@ Standing = Literal["sound", "doubtful", "unresolved", "outside"]
 # Two poles closer than so many deviations of their distance: the response is no linear function of either
 # within its deviation.
 APART = 6.0
+# Deviations of its residue above which a mode is known whatever is beside it.
+ALONE = 30.0
 
 
 def standing_of(
@@ -28,8 +30,10 @@ def standing_of(
 ) -> tuple[Standing, ...]:
     """Of each mode; ``holds`` says whether what the fit leaves is noise."""
     model, lines = covariance.model, measured.frequency_hz
-    f, clear = natural_hz(model), mode_significance(covariance) >= DOUBTFUL
-    close = _unresolved(covariance)
+    significance = mode_significance(covariance)
+    f, clear = natural_hz(model), significance >= DOUBTFUL
+    # A mode that stands out for itself is none the worse for a doubtful one beside it.
+    close = _unresolved(covariance) & (significance < ALONE)
     found: list[Standing] = []
     for m, hz in enumerate(f):
         if model.is_pair[m] and not lines[0] <= hz <= lines[-1]:

@@ -32,6 +32,8 @@ WORTH_A_TRY = 8.0
 NOTHING = 2.0
 # A pole that loses less than this share of its motion over the record may be a sine.
 STEADY = 0.5
+# Decay rates of a mode within which its halves are one.
+NEAR = 3.0
 # Rounds of noise and search, and steps of each.
 ROUNDS, STEPS = 3, 20
 # A line of the residual that stands so many times above those beside it (median) may be a sine: of n lines
@@ -137,8 +139,13 @@ def _with_pairs(state: Tidied) -> Tidied:
     while m < state.run.layout.pairs:
         run = state.run
         found = _better(state, state.data, with_split(run.layout, run.refined.theta, m), state.lines)
-        state, m = (state, m + 1) if found is None else (found, m + 2)
+        state, m = (found, m + 2) if found and _is_pair(found, _pairs(run)[m], m) else (state, m + 1)
     return state
+
+
+def _is_pair(state: Tidied, before: complex, m: int) -> bool:
+    """Whether both halves of a mode are where it was, and not elsewhere for some other reason."""
+    return bool(np.all(np.abs(_pairs(state.run)[m : m + 2] - before) < NEAR * abs(before.real)))
 
 
 def _least(significance: Float[np.ndarray, " mode"], among: Bool[np.ndarray, " mode"]) -> int:
