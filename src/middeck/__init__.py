@@ -98,6 +98,8 @@ if TYPE_CHECKING:
     from middeck.identification.faults.detect import detect_faults
     from middeck.identification.fit.fit_response import fit_response
     from middeck.identification.fit.stabilisation import stabilisation
+    from middeck.identification.impact.average import average_blows
+    from middeck.identification.impact.damping import fit_impact
     from middeck.identification.measurement_model import MeasurementModel, model_response
     from middeck.identification.plants.delays import merge_delays
     from middeck.identification.plants.measured_plant import delayed_plant, measured_plant, sampled_plant
@@ -222,6 +224,7 @@ _ROOM = {
     "approximate_delays": "systems.delayed_plant",
     "as_compensator": "files.exchange.named",
     "as_plant": "files.exchange.named",
+    "average_blows": "identification.impact.average",
     "budget_pointing": "control.pointing",
     "build_budget": "structure.gravity.budget",
     "build_hardware_rig": "realtime.hardware_rig",
@@ -288,6 +291,7 @@ _ROOM = {
     "find_sampled_shifts": "control.sampled.margins",
     "find_worst_case": "control.analysis.worst_case",
     "first_order_section": "control.shaping.sections",
+    "fit_impact": "identification.impact.damping",
     "fit_record": "identification.samples.fit_record",
     "fit_response": "identification.fit.fit_response",
     "fit_spectrum": "control.lqg.spectra",
@@ -440,6 +444,7 @@ __all__ = [
     "approximate_delays",
     "as_compensator",
     "as_plant",
+    "average_blows",
     "budget_pointing",
     "build_budget",
     "build_hardware_rig",
@@ -506,6 +511,7 @@ __all__ = [
     "find_sampled_shifts",
     "find_worst_case",
     "first_order_section",
+    "fit_impact",
     "fit_record",
     "fit_response",
     "fit_spectrum",

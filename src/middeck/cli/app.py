@@ -23,6 +23,7 @@ VERBS = (
     "excite",
     "record",
     "identify",
+    "impact",
     "drift",
     "design",
     "qualify",

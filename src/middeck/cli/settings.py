@@ -50,6 +50,13 @@ class RecordSettings(Form):
     periods: Annotated[int, whole(1, 1_000_000)] | None = None
 
 
+class ImpactSettings(Form):
+    """How an impact test is fitted; the keys are options of ``middeck impact``."""
+
+    states: Annotated[int, whole(1, 1000)] | None = None
+    band_hz: Band | None = None
+
+
 class LoopSettings(Form):
     """How a loop is designed and judged; the units are those of the ports, N m and rad in an article.
 

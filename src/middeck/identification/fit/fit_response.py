@@ -25,6 +25,9 @@ from middeck.identification.fit.lacking_delay import name_lacking_delay
 from middeck.identification.fit.likelihood import likelihood_polish
 from middeck.identification.fit.polish import Polished, logarithmic_polish, settle
 from middeck.identification.fit.race import count_unknowns, model_error, race, spread_to_follow
+from middeck.identification.fit.standing import Standing, doubts_of_standing, standing_of
+from middeck.identification.fit.steady_line import SteadyLine
+from middeck.identification.fit.tidy import tidied
 from middeck.identification.fit.weights import Spread, excess_share, spread_of
 from middeck.identification.measurement_model import MeasurementModel, model_response
 from middeck.identification.uncertainty.covariance import ModelCovariance, estimate_covariance
@@ -63,6 +66,10 @@ class FitResult:
         Why the model has the order it has.
     warnings:
         What the user should know; empty if nothing.
+    standing:
+        Of each mode, whether its numbers may be believed (`Standing`); "sound" where nothing is said.
+    lines:
+        Sines in the outputs that no input makes, such as hum: they were fitted, and are none of the modes.
     """
 
     model: MeasurementModel
@@ -74,6 +81,8 @@ class FitResult:
     history: Float[np.ndarray, " step"]
     order_reason: str
     warnings: tuple[str, ...]
+    standing: tuple[Standing, ...] = ()
+    lines: tuple[SteadyLine, ...] = ()
 
 
 def fit_response(
@@ -185,6 +194,8 @@ def fit_chosen(
         best, reason = race(data, spread, options), f"{states} states were asked for"
     followed = spread_to_follow(best, spread)
     best = settle(data, best, followed)
+    if states is None:
+        best = tidied(measured, data, best, followed)
     if cost == "logarithmic":
         best, followed = logarithmic_polish(data, best, spread), spread
     if cost == "likelihood" and measured.covariance is not None:
@@ -225,6 +236,8 @@ def _result(
     doubts = doubts_of_model(measured, error, model_error(best, spread), residual)
     warnings += name_lacking_delay(doubts, measured, covariance, error)
     warnings += doubts_of_deviations(measured, covariance)
+    standing = standing_of(measured, covariance, holds=not doubts)
+    warnings += doubts_of_standing(covariance, standing)
     return FitResult(
         model,
         2.0 * best.refined.step.cost / r.size,
@@ -235,4 +248,5 @@ def _result(
         np.array(best.refined.history),
         reason,
         tuple(warnings),
+        standing,
     )

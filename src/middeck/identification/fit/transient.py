@@ -15,7 +15,8 @@ through a stable plant as a ramp, a constant and free motion, and is thereby tak
 
 What is no free motion is short: with a delay, the first samples answer to the input before the record; and a
 band-limited input is not its samples' trigonometric polynomial near the ends. Such samples, the first n and
-the last m, add n + m terms exp(-s T j): they are thereby left out of the fit.
+the last m, add n + m terms exp(-s T j): they are thereby left out of the fit. Steady sines that no input
+makes, such as hum, are given as their spectra.
 """
 
 from __future__ import annotations
@@ -41,7 +42,9 @@ def transient_columns(
     poles[1 : 2 * pairs : 2] = 1j * (up[:pairs] - low[:pairs])
     poles[2 * pairs :] = up[pairs:]
     double = layout.with_lower or bool(layout.rigid_pivot)
-    return np.concatenate([poles, _basis(_drift(transient, s, 2 if double else 1), _edges(transient, s))])
+    others = [_drift(transient, s, 2 if double else 1), _edges(transient, s)]
+    steady = [] if transient.steady is None else [transient.steady]
+    return np.concatenate([poles, _basis(*others, *steady)])
 
 
 def transient_slopes(

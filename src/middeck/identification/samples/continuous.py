@@ -87,9 +87,16 @@ def _order(layout: Layout) -> int:
 def _finished(
     record: Record, data: Data, best: RecordRun, weighting: Weighting | None
 ) -> tuple[Data, RecordRun]:
-    """Refined to the end, as many samples free as the delay found asks for."""
-    data = dataclasses.replace(data, transient=_edges(record, [Start(best.layout, best.refined.theta)]))
-    return data, _settled(data, best, weighting)
+    """Refined to the end, as many samples free as the delay found asks for.
+
+    Where the model has no value on those (a pole that decays within them stands for the same samples), it is
+    refined on those that it was found on.
+    """
+    edged = dataclasses.replace(data, transient=_edges(record, [Start(best.layout, best.refined.theta)]))
+    again = refine_record(edged, best.layout, best.refined.theta, best.weighting, rounds=1, steps=FIRST_STEPS)
+    if again is None:
+        return data, _settled(data, best, weighting)
+    return edged, _settled(edged, again, weighting)
 
 
 def _attempt(local: Callable[[], FitResult]) -> tuple[FitResult | None, FitError | DataError | None]:

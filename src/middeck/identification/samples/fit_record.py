@@ -20,13 +20,17 @@ from middeck.identification.fit.data import Data
 from middeck.identification.fit.design import residual_of
 from middeck.identification.fit.doubts import causal_delay, doubts_of_deviations
 from middeck.identification.fit.fit_response import FitResult, fit_chosen
-from middeck.identification.measurement_model import model_response
+from middeck.identification.fit.standing import doubts_of_lines, doubts_of_standing, standing_of
+from middeck.identification.measurement_model import MeasurementModel, model_response, natural_hz
 from middeck.identification.samples.continuous import fit_continuous
+from middeck.identification.samples.instability import refuse_growth
 from middeck.identification.samples.model import record_covariance, record_model
 from middeck.identification.samples.noise import negative_log_likelihood, noise_variance
 from middeck.identification.samples.order import choose_record
 from middeck.identification.samples.search import RecordRun, Weighting
 from middeck.identification.samples.spectra import record_data, without_drift, without_trend
+from middeck.identification.samples.steadiness import growth_score
+from middeck.identification.samples.tidy import Tidied, tidied
 from middeck.identification.spectra import estimate_response
 from middeck.identification.uncertainty.parameters import uncertainty_of
 from middeck.systems.excitation.driven import driven_band
@@ -40,6 +44,11 @@ LEFT = 0.1
 HELD_ABOVE = 1.0 / 8.0
 # Inputs driven to this share of half the rate are driven all the way.
 NYQUIST = 0.95
+# Score of a residual that grows with the response above which it is no noise: noise passes it once in 700.
+GROWS = 3.0
+# A decay rate times the record's length that is no more than the search allows at least, and lines between a
+# mode and a sine that may be its own motion.
+HARDLY, BESIDE = 0.15, 2.0
 
 
 def fit_record(
@@ -98,6 +107,7 @@ def fit_record(
         be longer than the record), if an output leads its input, or if no start could be refined.
     """
     check_record(record)
+    refuse_growth(record)
     chosen = sampled is None
     if sampled is None:
         only_continuous = residuals or rigid or integrators or constants == "real" or delay
@@ -126,7 +136,9 @@ def fit_record(
     else:
         local = functools.partial(_local_fit, record, lines, states, choices)
         data, run, reason = fit_continuous(record, data, options, local, states=states, weighting=weighting)
-    return _result(record, data, run, reason)
+    fitted = Tidied(data, run, ()) if states is not None else tidied(record, data, run, sampled=sampled)
+    score = np.maximum(growth_score(data, run), growth_score(fitted.data, fitted.run))
+    return _result(record, fitted, reason, score)
 
 
 def is_held(record: Record, band_hz: tuple[float, float] | None) -> bool:
@@ -173,7 +185,8 @@ def _local_fit(record: Record, lines: FrequencyResponse, states: int | None, cho
     return fit(estimate_response(record, band_hz=band_hz, method="local rational"))
 
 
-def _result(record: Record, data: Data, run: RecordRun, reason: str) -> FitResult:
+def _result(record: Record, fit: Tidied, reason: str, score: np.ndarray) -> FitResult:
+    data, run = fit.data, fit.run
     found = run.refined
     r = residual_of(run.layout, data, found.theta, found.step.linear)
     _refuse_noise(data, run)
@@ -188,6 +201,10 @@ def _result(record: Record, data: Data, run: RecordRun, reason: str) -> FitResul
     error = np.sqrt(np.sum(np.abs(r) ** 2, axis=(1, 2)) / np.sum(np.abs(data.H) ** 2, axis=(1, 2)))
     warnings += _doubts(run, record, error)
     warnings += doubts_of_deviations(lines, covariance, of_samples=True)
+    wrong = [*_growing(record, score), *_undamped(lines, model, fit)]
+    warnings += [*wrong, *doubts_of_lines(fit.lines)]
+    standing = standing_of(lines, covariance, holds=not wrong)
+    warnings += doubts_of_standing(covariance, standing)
     return FitResult(
         model,
         float(np.mean(np.abs(r) ** 2 / run.variance)),
@@ -198,7 +215,34 @@ def _result(record: Record, data: Data, run: RecordRun, reason: str) -> FitResul
         np.array(found.history),
         reason,
         tuple(warnings),
+        standing,
+        fit.lines,
     )
+
+
+def _growing(record: Record, score: np.ndarray) -> list[str]:
+    """Outputs of which more is left while they move more: what is left is no noise."""
+    return [
+        f"output {port.name}: what the fit leaves grows with the response ({z:.0f} standard deviations of "
+        "noise), so that it is no noise: blows that scatter, a sensor that clips, an article that is not "
+        "linear or a wrong model; no stated deviation holds"
+        for port, z in zip(record.outputs, score, strict=True)
+        if z >= GROWS
+    ]
+
+
+def _undamped(lines: FrequencyResponse, model: MeasurementModel, fit: Tidied) -> list[str]:
+    """Modes that do not decay within the record, or that have a sine beside them."""
+    f = natural_hz(model)
+    apart = lines.frequency_hz[1] - lines.frequency_hz[0] if len(f) and len(lines.frequency_hz) > 1 else 0.0
+    sines = np.array([line.hz for line in fit.lines])
+    within = model.is_pair & (f >= lines.frequency_hz[0]) & (f <= lines.frequency_hz[-1])
+    return [
+        f"mode at {f[m]:.4g} Hz: it does not decay within the record, or a sine goes on beside it: it is "
+        "undamped, or unstable, which is not fitted; no stated deviation holds"
+        for m in np.flatnonzero(within)
+        if -np.real(model.poles[m]) < HARDLY * apart or np.any(np.abs(sines - f[m]) < BESIDE * apart)
+    ]
 
 
 def _doubts(run: RecordRun, record: Record, error: np.ndarray) -> list[str]:

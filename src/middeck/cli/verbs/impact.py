@@ -1,0 +1,176 @@
+"""``middeck impact``: a hammer test, its blows judged, its response and its modes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from middeck.cli import options
+from middeck.cli.columns import columns, told_columns
+from middeck.cli.screen import Table, show
+
+if TYPE_CHECKING:
+    from middeck.identification.fit.fit_response import FitResult
+    from middeck.identification.impact import ImpactTest
+
+EPILOG = """\
+\b
+Examples:
+  middeck impact blows.csv
+  middeck impact blows.csv --of response --window 0.4 \\
+    --response frf.uff -o model.json
+"""
+
+
+@click.command("impact", epilog=EPILOG)
+@click.argument("records", nargs=-1, required=True, metavar="RECORD...")
+@columns
+@options.states
+@options.band
+@click.option("--ratio", type=click.Choice(["h1", "h2"]), default="h1", help="Of the average.  [default: h1]")
+@click.option(
+    "--window",
+    "window_s",
+    type=click.FloatRange(min=0.0, min_open=True),
+    metavar="SECONDS",
+    help="Time constant of the exponential window; inf for none.  [default: a thousandth is left at the end]",
+)
+@click.option(
+    "--apart",
+    "blow_s",
+    type=click.FloatRange(min=0.0, min_open=True),
+    metavar="SECONDS",
+    help="Least time between two blows; what follows sooner is a double hit.  [default: a quarter of the "
+    "longest]",
+)
+@click.option(
+    "--of",
+    "fitted",
+    type=click.Choice(["samples", "response"]),
+    default="samples",
+    help="What is fitted: the blows, or their average, whose window's damping is taken out again.  "
+    "[default: samples]",
+)
+@click.option(
+    "--response", "response_file", metavar="FILE.uff", callback=options.in_a_folder, help="Write the average."
+)
+@click.option(
+    "-o",
+    "--output",
+    "model_file",
+    metavar="MODEL.json",
+    callback=options.in_a_folder,
+    help="Write the model.",
+)
+@options.common
+def verb(
+    records: tuple[str, ...],
+    inputs: str | None,
+    outputs: str | None,
+    sample_hz: float | None,
+    variable: str,
+    states: int | None,
+    band_hz: tuple[float, float] | None,
+    ratio: Any,
+    window_s: float | None,
+    blow_s: float | None,
+    fitted: Any,
+    response_file: str | None,
+    model_file: str | None,
+    overrides: tuple[str, ...],
+    as_json: bool,
+) -> None:
+    """Find the blows of a hammer test, average and fit them.
+
+    RECORDs hold one force and the responses to it, of one blow or several each. Double hits, overloads, weak
+    blows, blows cut short and those struck while the article still rings are listed with their reason and
+    left out. --set takes states and band_hz.
+    """
+    from middeck.cli.blame import reading
+    from middeck.cli.settings import ImpactSettings, settle
+    from middeck.files.models import write_model
+    from middeck.files.records import load_records, write_response
+    from middeck.identification.impact import average_blows, fit_impact
+
+    chosen = settle(ImpactSettings, {"states": states, "band_hz": band_hz}, overrides)
+    taken = load_records(records, told_columns(inputs, outputs, sample_hz, variable))
+    with reading(*records):
+        test = average_blows(taken, ratio=ratio, window_s=window_s, band_hz=chosen.band_hz, blow_s=blow_s)
+        fit = fit_impact(test, of=fitted, states=chosen.states)
+    if response_file is not None:
+        write_response(response_file, test.response)
+    if model_file is not None:
+        write_model(model_file, fit.model, fit.covariance)
+    document = describe(test, fit) | {"records": records, "fitted": fitted}
+    show(as_json, document, *_blocks(document))
+
+
+def describe(test: ImpactTest, fit: FitResult) -> dict[str, Any]:
+    """The JSON document."""
+    import numpy as np
+
+    from middeck.identification.measurement_model import damping_ratio, natural_hz
+
+    rate = test.blocks.sample_hz
+    names = [p.name for p in fit.model.outputs]
+    return {
+        "schema": "middeck.impact/1",
+        "blows": [
+            {
+                "experiment": b.experiment,
+                "struck_s": b.struck / rate,
+                "block_s": (b.last - b.first) / rate,
+                "peak": b.peak,
+                "rejected": b.rejected,
+            }
+            for b in test.blows
+        ],
+        "window_s": test.window_s if np.isfinite(test.window_s) else None,
+        "band_hz": (test.response.frequency_hz[0], test.response.frequency_hz[-1]),
+        "coherence": dict(zip(names, np.mean(test.coherence, axis=0), strict=True)),
+        "states": fit.model.states,
+        "order_reason": fit.order_reason,
+        "frequency_hz": natural_hz(fit.model),
+        "frequency_std_hz": fit.uncertainty.natural_hz,
+        "damping": damping_ratio(fit.model),
+        "damping_std": fit.uncertainty.damping,
+        "standing": fit.standing,
+        "delay_s": dict(zip(names, fit.model.delay_s, strict=True)),
+        "delay_std_s": dict(zip(names, fit.uncertainty.delay_s, strict=True)),
+        "error": dict(zip(names, fit.error, strict=True)),
+        "warnings": (*test.warnings, *fit.warnings),
+    }
+
+
+def _blocks(document: dict[str, Any]) -> list[str | Table]:
+    blows = [
+        [
+            str(b["experiment"]),
+            f"{b['struck_s']:.4g}",
+            f"{b['block_s']:.3g}",
+            f"{b['peak']:.4g}",
+            b["rejected"],
+        ]
+        for b in document["blows"]
+    ]
+    keys = ("frequency_hz", "frequency_std_hz", "damping", "damping_std", "standing")
+    modes = [
+        [f"{f:.5f}", f"{df:.1e}", f"{z:.5f}", f"{dz:.1e}", standing]
+        for f, df, z, dz, standing in sorted(zip(*(document[k] for k in keys), strict=True))
+    ]
+    outputs = [
+        [name, f"{document['coherence'][name]:.4f}", f"{1e3 * document['delay_s'][name]:.4f}",
+         f"{1e3 * document['delay_std_s'][name]:.1e}", f"{document['error'][name]:.2%}"]
+        for name in document["coherence"]
+    ]  # fmt: skip
+    low, high = document["band_hz"]
+    window = document["window_s"]
+    return [
+        Table("blows", ["experiment", "s", "block s", "peak", "rejected"], blows),
+        f"band {low:.4g}-{high:.4g} Hz; exponential window of the average: "
+        + ("none" if window is None else f"time constant {window:.4g} s"),
+        f"order: {document['order_reason']}",
+        Table("modes", ["Hz", "+-", "damping", "+-", ""], modes),
+        Table("outputs", ["output", "coherence", "delay ms", "+-", "error of fit"], outputs),
+    ]

@@ -1,0 +1,88 @@
+"""Whether the numbers of each mode of a fit may be believed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+
+from middeck.identification.fit.significance import DOUBTFUL, mode_significance
+from middeck.identification.fit.steady_line import SteadyLine
+from middeck.identification.measurement_model import natural_hz
+from middeck.identification.uncertainty.covariance import ModelCovariance
+from middeck.identification.uncertainty.parameters import distinct_poles, uncertainty_of
+from middeck.systems.response import FrequencyResponse
+
+# "sound": its deviations hold. "doubtful": it may be noise, or what the fit leaves is no noise. "unresolved":
+# one of two modes too close for their deviations to hold. "outside": not in the band, so that it stands for
+# whatever is there.
+Standing = Literal["sound", "doubtful", "unresolved", "outside"]
+# Two poles closer than so many deviations of their distance: the response is no linear function of either
+# within its deviation.
+APART = 6.0
+# Deviations of its residue above which a mode is known whatever is beside it.
+ALONE = 30.0
+
+
+def standing_of(
+    measured: FrequencyResponse, covariance: ModelCovariance, *, holds: bool
+) -> tuple[Standing, ...]:
+    """Of each mode; ``holds`` says whether what the fit leaves is noise."""
+    model, lines = covariance.model, measured.frequency_hz
+    significance = mode_significance(covariance)
+    f, clear = natural_hz(model), significance >= DOUBTFUL
+    # A mode that stands out for itself is none the worse for a doubtful one beside it.
+    close = _unresolved(covariance) & (significance < ALONE)
+    found: list[Standing] = []
+    for m, hz in enumerate(f):
+        if model.is_pair[m] and not lines[0] <= hz <= lines[-1]:
+            found.append("outside")
+        elif close[m]:
+            found.append("unresolved")
+        else:
+            found.append("sound" if holds and clear[m] else "doubtful")
+    return tuple(found)
+
+
+def _unresolved(covariance: ModelCovariance) -> np.ndarray:
+    """Modes whose pole is not clear of another pair's, by the deviations of both."""
+    model, of = covariance.model, uncertainty_of(covariance)
+    size = 2.0 * np.pi * np.hypot(of.natural_hz, of.damping * natural_hz(model))
+    found = np.zeros(len(model.poles), dtype=bool)
+    for m in distinct_poles(model):
+        for n in distinct_poles(model):
+            if m < n and model.is_pair[m] and model.is_pair[n]:
+                near = abs(model.poles[m] - model.poles[n]) < APART * np.hypot(size[m], size[n])
+                found[[m, n]] |= near
+    return found
+
+
+def doubts_of_standing(covariance: ModelCovariance, standing: Sequence[Standing]) -> list[str]:
+    """What is said of modes that are doubtful by themselves, or two that are not told apart."""
+    model, significance = covariance.model, mode_significance(covariance)
+    f = natural_hz(model)
+    order = sorted(distinct_poles(model), key=lambda m: f[m])
+    found = [
+        f"mode at {f[m]:.4g} Hz: doubtful, its residue is {significance[m]:.1f} of its deviations, as noise "
+        "may be; the inputs hardly move it"
+        for m in order
+        if standing[m] == "doubtful" and significance[m] < DOUBTFUL
+    ]
+    close = ", ".join(f"{f[m]:.6g}" for m in order if standing[m] == "unresolved")
+    if close:
+        found.append(
+            f"modes at {close} Hz: not resolved, their distance is no more than {APART:g} of its deviations: "
+            "the deviations are those of a linear law that does not hold there; a longer record, or another "
+            "output or input"
+        )
+    return found
+
+
+def doubts_of_lines(lines: Sequence[SteadyLine]) -> list[str]:
+    """What was taken for hum."""
+    return [
+        f"a sine at {line.hz:.6g} Hz ({line.name}) goes on through the record, which no input makes: it is "
+        "no mode and was fitted beside them"
+        for line in lines
+    ]

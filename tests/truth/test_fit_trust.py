@@ -1,0 +1,155 @@
+"""What a fit says of its modes: hum, noise, blows that scatter, clipping, growth; against exact truth."""
+
+import dataclasses
+import os
+
+import numpy as np
+import pytest
+from struck_plant import FORCE, TIP, response, shaken, struck
+
+from middeck.errors import FitError
+from middeck.identification.fit.fit_response import fit_response
+from middeck.identification.fit.significance import mode_significance, with_split, without_modes
+from middeck.identification.fit.steady_line import name_line
+from middeck.identification.measurement_model import damping_ratio, natural_hz
+from middeck.identification.samples.fit_record import fit_record
+from middeck.systems.record import Record
+from middeck.systems.response import FrequencyResponse
+
+LONG = os.environ.get("MIDDECK_LONG") == "1"
+HZ, ZETA, DELAY = np.array([6.3, 27.0]), np.array([0.012, 0.008]), 0.007
+PLANT = (HZ, ZETA, [300.0, -2500.0], DELAY)
+RATE, COUNT = 100.0, 768
+
+
+def is_right(fit, plant=PLANT, most=4.0):
+    hz, zeta, _, delay_s = plant
+    order = np.argsort(natural_hz(fit.model))
+    if len(order) != len(hz):
+        return False
+    f, z = natural_hz(fit.model)[order], damping_ratio(fit.model)[order]
+    of = fit.uncertainty
+    errors = [
+        *np.abs(f - hz) / of.natural_hz[order],
+        *np.abs(z - zeta) / of.damping[order],
+        abs(fit.model.delay_s[0] - delay_s) / of.delay_s[0],
+    ]
+    return max(errors) < most
+
+
+def with_hum(record, hz, size, growth=0.0):
+    time = np.arange(record.y.shape[2]) / record.sample_hz
+    sine = size * record.y.std() * np.exp(growth * time) * np.sin(2.0 * np.pi * hz * time + 0.3)
+    return dataclasses.replace(record, y=record.y + sine[None, None, :, None])
+
+
+@pytest.mark.parametrize(("hz", "size", "name"), [(24.973, 0.3, "steady line"), (6.9, 0.03, "steady line")])
+def test_a_sine_that_no_input_makes_is_no_mode(hz, size, name):
+    record = shaken(PLANT, COUNT, RATE, (1.0, 40.0), noise=1e-3)
+    fit = fit_record(with_hum(record, hz, size))
+    assert is_right(fit)
+    assert [line.name for line in fit.lines] == [name]
+    assert abs(fit.lines[0].hz - hz) < 4.0 * fit.lines[0].deviation_hz
+    assert sum("which no input makes" in w for w in fit.warnings) == 1
+
+
+def test_mains_are_named_in_either_grid():
+    assert name_line(49.98, 0.01) == "mains 50 Hz"
+    assert name_line(179.9, 0.01) == "harmonic 3 of mains 60 Hz"
+    assert name_line(55.0, 0.01) == "steady line"
+
+
+def test_a_clean_record_has_neither_lines_nor_warnings():
+    fit = fit_record(shaken(PLANT, COUNT, RATE, (1.0, 40.0), noise=1e-2))
+    assert is_right(fit)
+    assert (fit.standing, fit.lines, fit.warnings) == (("sound", "sound"), (), ())
+
+
+BLOWS = [(0.7, 0.02, 50.0), (2.9, 0.03, 40.0), (4.8, 0.02, 60.0), (7.2, 0.025, 45.0)]
+
+
+def test_blows_that_scatter_fit_no_linear_model_and_it_says_so():
+    scatter = [[1.1, 0.88], [0.93, 1.09], [1.04, 0.9], [0.9, 1.12]]
+    fit = fit_record(struck(PLANT, BLOWS, 1024, RATE, noise=1e-4, scatter=scatter), states=4)
+    assert any("it is no noise" in w for w in fit.warnings)
+    assert "sound" not in fit.standing
+    steady = fit_record(struck(PLANT, BLOWS, 1024, RATE, noise=1e-4), states=4)
+    assert is_right(steady)
+    assert steady.warnings == ()
+
+
+def test_a_clipped_output_leaves_no_deviation_that_holds():
+    record = shaken(PLANT, COUNT, RATE, (1.0, 40.0), noise=1e-4)
+    limit = np.quantile(np.abs(record.y), 0.97)
+    fit = fit_record(dataclasses.replace(record, y=np.clip(record.y, -limit, limit)), states=4)
+    assert any("it is no noise" in w for w in fit.warnings)
+    assert set(fit.standing) <= {"doubtful", "unresolved", "outside"}
+
+
+def test_a_record_that_grows_is_refused():
+    rng = np.random.default_rng(3)
+    u, n = rng.standard_normal(800), np.arange(800)
+    pole = np.exp((0.7 + 2j * np.pi * 5.0) / RATE)
+    y = np.imag(np.convolve(u, pole**n)[:800])
+    record = Record(RATE, u[None, None, :, None], y[None, None, :, None], (FORCE,), (TIP,), periodic=False)
+    with pytest.raises(FitError, match="unstable"):
+        fit_record(record)
+
+
+def test_a_mode_that_noise_may_have_made_is_doubtful():
+    rng = np.random.default_rng(0)
+    f = np.linspace(1.0, 40.0, 400)
+    H = response(*PLANT, 2j * np.pi * f)
+    sigma = 0.02 * np.sqrt(np.mean(np.abs(H) ** 2))
+    H = H + sigma * (rng.standard_normal(400) + 1j * rng.standard_normal(400)) / np.sqrt(2.0)
+    measured = FrequencyResponse(f, H[:, None, None], (FORCE,), (TIP,), np.full((400, 1, 1), sigma**2))
+    asked = fit_response(measured, states=6)
+    found = dict(zip(np.round(natural_hz(asked.model), 1), asked.standing, strict=True))
+    assert [standing for hz, standing in found.items() if hz in HZ] == ["sound", "sound"]
+    assert "sound" not in [standing for hz, standing in found.items() if hz not in HZ]
+    assert np.sort(mode_significance(asked.covariance))[0] < 4.0
+    chosen = fit_response(measured)
+    assert is_right(chosen)
+    assert chosen.standing == ("sound", "sound")
+
+
+def test_two_modes_that_the_record_does_not_part_are_unresolved():
+    near = (np.array([12.0, 12.02]), np.array([0.01, 0.01]), [500.0, 400.0], 0.0)
+    rng = np.random.default_rng(1)
+    f = np.linspace(5.0, 20.0, 400)
+    H = response(*near, 2j * np.pi * f)
+    sigma = 0.01 * np.sqrt(np.mean(np.abs(H) ** 2))
+    H = H + sigma * (rng.standard_normal(400) + 1j * rng.standard_normal(400)) / np.sqrt(2.0)
+    measured = FrequencyResponse(f, H[:, None, None], (FORCE,), (TIP,), np.full((400, 1, 1), sigma**2))
+    fit = fit_response(measured, states=4)
+    assert "sound" not in fit.standing or not any(s == "unresolved" for s in fit.standing)
+    assert any(
+        "not resolved" in w or "doubtful" in w or "outside" in w or "not known" in w for w in fit.warnings
+    )
+
+
+def test_a_close_pair_is_told_apart_without_a_third_mode():
+    near = (np.array([12.0, 12.03]), np.array([0.004, 0.005]), [500.0, 400.0], 0.003)
+    fit = fit_record(shaken(near, 1024, RATE, (1.0, 40.0), noise=1e-4))
+    assert is_right(fit, near)
+
+
+def test_splitting_and_dropping_modes_are_each_other_s_inverse():
+    fit_layout = _layout_of_two()
+    layout, theta = fit_layout
+    start = with_split(layout, theta, 0)
+    assert start.layout.pairs == 3
+    again = without_modes(start.layout, start.theta, np.array([False, True, False]))
+    # Half the distance from the middle: an eighth of the decay rate.
+    moved = again.theta - theta
+    assert np.abs(np.exp(theta[2] + moved[2]) - np.exp(theta[2]) - 0.125 * np.exp(theta[0]) * -1.0) < 1e-9
+    assert np.count_nonzero(np.abs(moved) > 1e-12) == 1
+
+
+def _layout_of_two():
+    from middeck.identification.fit.layout import Layout, Point, pack
+
+    layout = Layout(np.ones(2, bool), np.zeros(2), np.zeros(2, int), 1, 1, True, True, False, False, 0.0)
+    w = 2.0 * np.pi * HZ
+    poles = -ZETA * w + 1j * w
+    return layout, pack(layout, Point(poles, np.ones((2, 1)), np.full((1, 1), DELAY)))

@@ -1,0 +1,126 @@
+"""Impact tests against exact simulation: blows found and judged, windows, and their damping taken out."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from struck_plant import FORCE, TIP, response, struck
+
+from middeck.errors import ConfigError, DataError
+from middeck.identification.fit.fit_response import fit_response
+from middeck.identification.impact import average_blows, fit_impact, locate_blows, without_window
+from middeck.identification.measurement_model import damping_ratio, natural_hz
+from middeck.identification.uncertainty.unknowns import model_at, unknowns_of
+from middeck.systems.response import FrequencyResponse
+
+HZ, ZETA, DELAY = np.array([6.0, 17.0]), np.array([0.02, 0.01]), 0.011
+PLANT = (HZ, ZETA, [300.0, -800.0], DELAY)
+RATE = 100.0
+SINGLE = [(1.0, 0.02, 50.0), (8.2, 0.03, 70.0), (15.1, 0.02, 40.0), (22.9, 0.025, 60.0)]
+DOUBLE = [(8.2 + 0.11, 0.03, 14.0)]
+WEAK = [(30.0, 0.02, 4.0)]
+
+
+def test_blows_are_found_and_double_and_weak_ones_named():
+    found = locate_blows(struck(PLANT, SINGLE + DOUBLE + WEAK, 3800, RATE, noise=1e-3))
+    assert len(found) == 5
+    # The largest sample lies within half a sample of the largest force.
+    assert max(abs(b.struck - t * RATE) for b, (t, *_) in zip(found, SINGLE + WEAK, strict=True)) <= 0.51
+    assert [b.rejected.split(":")[0] for b in found] == ["", "double hit", "", "", "weak"]
+    assert "110 ms after" in found[1].rejected
+
+
+def test_a_hit_again_within_the_ringing_of_filters_is_found_and_the_ringing_is_none():
+    # Five samples later, a fifth as large.
+    found = locate_blows(struck(PLANT, [*SINGLE, (15.15, 0.02, 8.0)], 3000, RATE, noise=0.0))
+    assert [bool(b.rejected) for b in found] == [False, False, True, False]
+
+
+def test_an_overload_and_a_blow_while_it_rings_are_rejected():
+    record = struck(PLANT, SINGLE, 3000, RATE, noise=0.0)
+    y = np.minimum(record.y, 0.8 * record.y.max())
+    found = locate_blows(dataclasses.replace(record, y=y))
+    assert "overload: tip clips" in found[1].rejected
+    slow = (np.array([2.0]), np.array([0.004]), [30.0], 0.0)
+    found = locate_blows(struck(slow, SINGLE, 3000, RATE, noise=0.0))
+    assert not found[0].rejected
+    assert all("rings" in b.rejected for b in found[1:])
+
+
+def test_without_good_blows_it_says_which_were_bad():
+    with pytest.raises(DataError, match="double hit"):
+        average_blows(struck(PLANT, SINGLE[1:2] + DOUBLE, 1500, RATE, noise=0.0))
+    two = struck(PLANT, SINGLE, 3000, RATE, noise=0.0)
+    with pytest.raises(ConfigError, match="one input"):
+        average_blows(
+            dataclasses.replace(
+                two, u=np.repeat(two.u, 2, axis=3), inputs=(FORCE, dataclasses.replace(FORCE, name="b"))
+            )
+        )
+
+
+@pytest.mark.parametrize("ratio", ["h1", "h2"])
+def test_the_average_is_the_response_of_shifted_poles(ratio):
+    tau = 0.7
+    # Apart so far that of the blow before exp(-0.75 17) = 3e-6 is left.
+    rested = [(2.5 * t, width, size) for t, width, size in SINGLE]
+    test = average_blows(struck(PLANT, rested, 7500, RATE, noise=0.0), window_s=tau, ratio=ratio)
+    s = 2j * np.pi * test.response.frequency_hz + 1.0 / tau
+    expected = response(*PLANT, s)
+    # The ringing of the filters beyond the force window.
+    assert np.abs(test.response.H[:, 0, 0] - expected).max() < 1e-4 * np.abs(expected).max()
+    assert test.coherence.min() > 0.999
+
+
+@pytest.mark.parametrize("of", ["samples", "response"])
+def test_damping_is_that_of_the_article_not_of_the_window(of):
+    test = average_blows(struck(PLANT, SINGLE + DOUBLE, 3000, RATE, noise=3e-4), window_s=0.8)
+    fit = fit_impact(test, of=of, states=4)
+    order = np.argsort(natural_hz(fit.model))
+    assert len(order) == 2
+    f, zeta = natural_hz(fit.model)[order], damping_ratio(fit.model)[order]
+    assert np.all(np.abs(f - HZ) < 4.0 * fit.uncertainty.natural_hz[order])
+    assert np.all(np.abs(zeta - ZETA) < 4.0 * fit.uncertainty.damping[order])
+    assert abs(fit.model.delay_s[0] - DELAY) < 4.0 * fit.uncertainty.delay_s[0]
+    # The window alone damps the first mode by 3.3 %, more than its own.
+    assert fit.uncertainty.damping.max() < 2e-3
+    assert test.warnings == ("1 of 4 blows were rejected",)
+
+
+def test_taking_a_window_out_is_exact_with_its_covariance():
+    tau, f = 0.5, np.linspace(1.0, 30.0, 300)
+    H = response(*PLANT, 2j * np.pi * f + 1.0 / tau)[:, None, None]
+    variance = np.full(H.shape, 1e-8 * np.mean(np.abs(H) ** 2))
+    fit = fit_response(FrequencyResponse(f, H, (FORCE,), (TIP,), variance), states=4)
+    bare = without_window(fit, tau)
+    w = 2.0 * np.pi * HZ
+    poles = -ZETA * w + 1j * w * np.sqrt(1.0 - ZETA**2)
+    # The search ends a twentieth of a deviation from its least.
+    np.testing.assert_allclose(np.sort_complex(bare.model.poles), np.sort_complex(poles), rtol=1e-6)
+    np.testing.assert_allclose(bare.model.delay_s, DELAY, rtol=1e-5)
+
+    structure = fit.covariance.structure
+    x = unknowns_of(fit.model, structure)
+
+    def moved(step):
+        return unknowns_of(
+            without_window(dataclasses.replace(fit, model=model_at(fit.model, structure, step)), tau).model,
+            structure,
+        )
+
+    steps = 1e-6 * np.maximum(np.abs(x), 1e-3)
+    J = np.array([(moved(x + d) - moved(x - d)) / (2.0 * d.max()) for d in np.diag(steps)]).T
+    expected = J @ fit.covariance.matrix @ J.T
+    size = np.sqrt(np.diag(expected))
+    np.testing.assert_allclose(
+        bare.covariance.matrix / size / size[:, None], expected / size / size[:, None], atol=1e-5
+    )
+
+
+def test_a_window_leaves_no_poles_at_zero_as_they_are():
+    f = np.linspace(1.0, 30.0, 100)
+    H = response(*PLANT, 2j * np.pi * f)[:, None, None]
+    fit = fit_response(FrequencyResponse(f, H, (FORCE,), (TIP,), None), states=4, residuals=True)
+    with pytest.raises(ConfigError, match="poles at zero"):
+        without_window(fit, 1.0)
+    assert without_window(fit, np.inf) is fit
