@@ -84,6 +84,8 @@ def _text_kind(text: str) -> str:
         return PAGE
     if text.startswith("{"):
         return _json_kind(text)
+    if re.match(r"\[\s*[-\d{]", text):
+        return JSON
     names = [m[1] for m in re.finditer(r"^\s*\[{1,2}\s*\"?([A-Za-z_]\w*)", text, re.MULTILINE)]
     keys = [m[1] for m in re.finditer(r"^[ \t]*([A-Za-z_]\w*)[ \t]*=", text, re.MULTILINE)]
     scores = {kind: len(own & set(names)) for kind, own in KEYS.items()}
@@ -115,4 +117,4 @@ def stray(path: str | Path, wanted: str, passing: Collection[str]) -> str:
 def is_json(path: str | Path) -> bool:
     """Whether the file begins as a JSON document does."""
     with open(path, "rb") as stream:
-        return stream.read(HEAD).removeprefix(b"\xef\xbb\xbf").lstrip().startswith(b"{")
+        return stream.read(HEAD).removeprefix(b"\xef\xbb\xbf").lstrip().startswith((b"{", b"["))
