@@ -31,6 +31,7 @@ COLOUR = {
 }
 # Told apart in grey as well, wherever curves cross: full for 1-g, dashed for 0-g.
 DASHES: dict[str, Any] = {"orbit": (0, (5, 1.5)), "lab": "-", "rig": "-"}
+FITTED: Any = (0, (4, 1.5))
 LABEL = {"orbit": "0-g", "lab": "1-g", "rig": "measured (simulated rig)"}
 WIDTH_IN = 7.2
 
