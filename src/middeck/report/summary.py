@@ -87,7 +87,9 @@ def came_out(figures: Numbers, claims: list[ClaimRow]) -> list[Line]:
 def does_not_hold(figures: Numbers, claims: list[ClaimRow]) -> list[Line]:
     """Claims that fail, loops that a moved pair of modes makes unstable, and what warns."""
     lines = [
-        Line(f"{row.claim}: {row.number}, asked {row.asked}.", row.section) for row in claims if not row.holds
+        Line(f"{row.claim.partition(' [')[0]}: {row.number}, asked {row.asked}.", row.section)
+        for row in claims
+        if not row.holds
     ]
     loops = {f"The loop {who}": ("figure-9b", figures["figure_9b"][key])
              for key, who in LOOPS.items() if "figure_9b" in figures}  # fmt: skip

@@ -66,14 +66,12 @@ def _instability_claims(sweeps: dict[str, SubModelSweep], lowest: float) -> list
             first is not None,
             None if first is None else first.log10_authority,
             "any",
-            "log10 authority",
         ),
         row(
             f"one complex pair goes unstable first in 1-g{real}; pairs",
             whole.unstable_pairs == 1 and whole.unstable_real == 0,
             None if first is None else whole.unstable_pairs,
             "= 1",
-            "pairs",
         ),
         row(
             f"a suspension mode leads it with over half of all structural states' shares{leader}; share",
