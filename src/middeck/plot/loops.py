@@ -20,14 +20,16 @@ GAPS = {
     "payload": (0, (6, 3)),
     "both": (0, (1, 2)),
 }
-"""Of the dashes of a prediction: its own pattern in its loop's colour, darkened, over the measured curve."""
-DARKER = 0.45
+"""Of the dashes of a prediction: its own pattern in its loop's hue, over the measured curve."""
+DARKER, LIGHTER, LIGHT = 0.4, 0.3, 0.35
 
 
-def darkened(colour: str) -> tuple[float, float, float]:
-    """The same hue, dark enough to stand on a line of that colour."""
+def contrasting(colour: str) -> tuple[float, float, float]:
+    """The same hue, dark enough or light enough to stand on a line of that colour."""
     red, green, blue = to_rgb(colour)
-    return DARKER * red, DARKER * green, DARKER * blue
+    if 0.3 * red + 0.6 * green + 0.1 * blue > LIGHT:
+        return DARKER * red, DARKER * green, DARKER * blue
+    return 1.0 - LIGHTER * (1.0 - red), 1.0 - LIGHTER * (1.0 - green), 1.0 - LIGHTER * (1.0 - blue)
 
 
 def begin_loops(open_loop: FrequencyResponse, title: str, *, output: int = 0) -> tuple[Figure, Axes]:
@@ -59,7 +61,7 @@ def draw_predicted(
     axes: Axes, loop: MeasuredLoop, who: str, *, output: int = 0, decibels: bool = True
 ) -> None:
     """The loop as the fit foretells it."""
-    colour = darkened(COLOUR[loop.name])
+    colour = contrasting(COLOUR[loop.name])
     dashed: dict[str, Any] = {"color": colour, "linestyle": GAPS[loop.name], "linewidth": 1.0}
     label = f"{who}, predicted{_decibels(loop.predicted_db) if decibels else ''}"
     draw_magnitude(axes, loop.predicted.frequency_hz, loop.predicted.H[:, output, 0], **dashed, label=label)
