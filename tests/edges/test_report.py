@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
+import html
+import itertools
 import json
 import os
 import pickle
@@ -19,6 +22,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from matplotlib.colors import to_hex, to_rgb
 
 from middeck.files.studies import load_study
 from middeck.files.study_form import RigForm
@@ -26,8 +30,13 @@ from middeck.plot.curves import keep_extremes, wrapped_phase_deg
 from middeck.plot.figure_3 import figure_3
 from middeck.plot.figure_7 import figure_7a, figure_7b
 from middeck.plot.picture import headline
+from middeck.plot.ports import port_words
 from middeck.plot.svg import svg_text
 from middeck.report.build import StudyWriter
+from middeck.report.drawings import DRAWINGS
+from middeck.report.page import claim_rows
+from middeck.report.sentences import half_plane, held
+from middeck.report.summary import came_out, does_not_hold, warned
 from middeck.report.words import fixed
 from middeck.study.stages import run_stages
 
@@ -417,3 +426,156 @@ def test_wrapped_phase_breaks_exactly_where_it_wraps():
     phase = wrapped_phase_deg(np.exp(-2j * np.pi * f * 0.5))
     turns = 15 - 0.5  # half a turn at 1 Hz: the first wrap, then one a turn
     assert np.sum(np.isnan(phase)) == np.floor(turns + 0.5)
+
+
+# ---- the first screen, and what the page may not contradict ------------------------------------------------
+
+WIDTHS = """<script>addEventListener("load", () => {
+const wide = [...document.querySelectorAll("body *")].filter(e => !e.closest("svg") && e.clientWidth > 0
+  && getComputedStyle(e).display !== "inline" && e.scrollWidth > e.clientWidth + 1)
+  .map(e => `${e.tagName} ${e.getAttribute("aria-label") || ""}`);
+const end = document.querySelector("#summary").getBoundingClientRect().bottom;
+const across = document.documentElement.scrollWidth - document.documentElement.clientWidth;
+document.title = JSON.stringify({wide, end, across}); });</script>"""
+
+
+def measured_in(chromium: str, written: Path, tmp_path: Path, width: int) -> dict[str, Any]:
+    """What a real browser makes of the page in a window of that width and 900 pixels."""
+    text = (written / "report.html").read_text(encoding="utf-8")
+    text = text.replace("default-src 'none';", "default-src 'none'; script-src 'unsafe-inline';")
+    (tmp_path / "page.html").write_text(text.replace("</body>", f"{WIDTHS}</body>"), encoding="utf-8")
+    flags = (*BROWSER_FLAGS, f"--user-data-dir={tmp_path}", f"--window-size={width},900", "--hide-scrollbars")
+    run = subprocess.run(
+        [chromium, *flags, "--virtual-time-budget=3000", "--dump-dom", (tmp_path / "page.html").as_uri()],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=True,
+    )
+    return json.loads(html.unescape(re.search(r"<title>(.*?)</title>", run.stdout, re.DOTALL)[1]))
+
+
+@pytest.mark.parametrize("width", [1400, 1000, 500])
+def test_nothing_is_cut_off(chromium, written, tmp_path, width):
+    """500 pixels are the least that this browser opens; drawings alone may be scrolled there."""
+    found = measured_in(chromium, written, tmp_path, width)
+    assert found["across"] <= 0
+    drawings = [name for name in found["wide"] if name.startswith("DIV") and "igure" in name]
+    drawings += [name for name in found["wide"] if "steering mirror" in name]
+    assert sorted(set(found["wide"])) == (sorted(set(drawings)) if width < 640 else [])
+    if width >= 1000:
+        assert found["end"] < 900.0  # the summary is on the first screen
+
+
+def test_the_first_lines_say_that_the_rig_is_simulated(written):
+    text = (written / "report.html").read_text(encoding="utf-8")
+    first = text[text.index("<h1>") :][:1200]
+    assert "simulated rig" in first
+    assert "What was asked" in first
+
+
+def test_the_summary_lists_all_that_does_not_hold(numbers):
+    claims = claim_rows(numbers)
+    lines = [line.text for line in does_not_hold(numbers, claims)]
+    for row in claims:
+        said = [x for x in lines if x.startswith(row.claim.partition(" [")[0] + ": ")]
+        assert len(said) == (not row.holds)
+        assert all(row.number in x and row.asked in x for x in said)
+    loops = {"CL1": "low", "CL2": "high", "CL3": "robust"}
+    for who, key in loops.items():
+        unstable = not all(on["stable"] for on in numbers["figure_9b"][key]["rig"])
+        assert any(x.startswith(f"The loop {who} ") and "unstable" in x for x in lines) is unstable
+    both = not all(on["stable"] for on in numbers["figure_12"]["both"]["rig"])
+    assert any(x.startswith("The loop of Figure 12") for x in lines) is both
+    assert came_out(numbers, claims)[0].text.startswith(
+        f"{sum(row.holds for row in claims)} of {len(claims)}"
+    )
+
+
+def every_warning(numbers: Any) -> set[str]:
+    if isinstance(numbers, dict):
+        own = set(numbers.get("warnings", ()))
+        return own.union(*(every_warning(v) for v in numbers.values()))
+    return set().union(*map(every_warning, numbers)) if isinstance(numbers, list) else set()
+
+
+def test_every_warning_reaches_the_page(written, numbers):
+    text = html.unescape((written / "report.html").read_text(encoding="utf-8"))
+    warnings = every_warning(numbers)
+    assert warnings
+    assert all(w in text for w in warnings)
+    told = copy.deepcopy(numbers)
+    told["figure_4"]["lab"]["warnings"] = ["the cable is short"]
+    told["figure_9b"]["drifted"]["warnings"] = ["the fit is poor"]
+    assert {"the cable is short", "the fit is poor"} <= {w.text for w in warned(told)}
+
+
+def test_each_row_of_claims_is_in_one_unit(numbers):
+    """The unit of its words, its number and its limit; decibels are changes, negative is less."""
+    for claim in (c for figure in numbers.values() for c in figure.get("claims", ())):
+        assert set(claim) == {"claim", "holds", "number", "asked", "unit"}
+        tail = re.search(r"\[([^\]]*)\]$", claim["claim"])
+        assert claim["unit"] == tail[1] if tail else claim["unit"] not in ("dB", "Hz", "s", "ms", "%", "deg")
+        limit = re.fullmatch(r"([<>≤≥=]) (-?[\d.]+)", claim["asked"])
+        if limit is not None and isinstance(claim["number"], float | int):
+            verdict = {"<": "__lt__", ">": "__gt__", "≤": "__le__", "≥": "__ge__", "=": "__eq__"}[limit[1]]
+            meets = getattr(float(claim["number"]), verdict)(float(limit[2]))
+            assert meets or not claim["holds"], claim
+
+
+def test_a_sentence_names_every_zero_that_its_table_puts_right(page, numbers):
+    for key in ("figure_10a", "figure_10b"):
+        zeros = numbers[key]["zeros"]
+        sentence = page.texts[f"{key.replace('_', '-')}-caption"]
+        (rows,) = [
+            r[1:] for c, r in page.tables.items() if c == f"Zeros of the {port_words(numbers[key]['output'])}"
+        ]
+        assert [row[3] for row in rows] == [half_plane(z) for z in zeros]
+        for row in rows:
+            if row[3] != "left":
+                assert f"{number(row[0]):.2f} Hz" in sentence
+        inside = [r for r in rows if r[3] != "left" and number(r[0]) <= numbers[key]["fit_band_hz"][1]]
+        assert ("no zero in the right half-plane" in sentence) is (not inside)
+
+
+def test_a_zero_whose_side_is_not_known_is_said_to_lie_on_either():
+    zero = {"damping": -0.006, "damping_deviation": 0.014, "nonminimum_phase": True}
+    assert (
+        half_plane(zero)
+        == half_plane(zero | {"damping": 0.006, "nonminimum_phase": False})
+        == "left or right"
+    )
+    assert half_plane(zero | {"damping_deviation": 0.001}) == "right"
+
+
+def test_a_sentence_says_which_shifts_a_loop_survives(page, numbers):
+    loops = {"figure-9b": [numbers["figure_9b"][k] for k in ("low", "high", "robust")]}
+    loops |= {"figure-11": [numbers["figure_11"]["payload"]], "figure-12a": [numbers["figure_12"]["both"]]}
+    for section, of in loops.items():
+        for loop in of:
+            assert held(loop) in page.texts[f"{section}-caption"]
+    rig = [{"percent": p, "stable": p != -1.0} for p in (0.0, -1.0, 1.0)]
+    assert held({"rig": rig}) == "stable with the pair at +1 % but unstable with the pair at −1 %"
+
+
+def lightness(colour: Any) -> float:
+    """L* of CIE 1976, 0 to 100: what is left of a colour in grey."""
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in to_rgb(colour)]
+    y = float(np.dot([0.2126, 0.7152, 0.0722], linear))
+    return 116.0 * np.cbrt(y) - 16.0 if y > 0.008856 else 903.3 * y
+
+
+def looks(line: Any) -> tuple[Any, ...]:
+    filled = to_hex(line.get_markerfacecolor()) != "#ffffff"
+    return line._unscaled_dash_pattern, line.get_marker(), filled, round(line.get_linewidth() / 0.8)
+
+
+@pytest.mark.parametrize("key", [d.key for stage in DRAWINGS.values() for d in stage])
+def test_curves_are_told_apart_without_colour(outcomes, key):
+    """By dashes, markers, width, or in grey by 20 of 100."""
+    (outcome, drawing) = next((o, d) for o in outcomes.values() for d in DRAWINGS[type(o)] if d.key == key)
+    for axes in drawing.draw(outcome).axes:
+        named = [line for line in axes.lines if not str(line.get_label()).startswith("_")]
+        for a, b in itertools.combinations(named, 2):
+            apart = abs(lightness(a.get_color()) - lightness(b.get_color()))
+            assert looks(a) != looks(b) or apart > 20.0, (a.get_label(), b.get_label(), apart)

@@ -174,9 +174,11 @@ def test_heavy_nothing_is_said_of_what_is_not_measured(of) -> None:
     assert "from 0.3 to 4 Hz" in heavy.sentence["figure-6a"]
     assert "above 5 Hz" in heavy.sentence["figure-6a"]
     assert heavy.claim("figure_6", "phase gap") == {
-        "claim": "phase gap above 5 Hz equals the delay within 0.2 ms; largest gap [s]",
+        "claim": "phase gap above 5 Hz equals the delay within 0.2 ms; largest gap [ms]",
         "holds": False,
         "number": None,
+        "asked": "< 0.2",
+        "unit": "ms",
     }
 
 

@@ -67,6 +67,13 @@ class Verbs(click.Group):
         return super().resolve_command(ctx, args)
 
 
+def verb_options(verb: str) -> tuple[str, ...]:
+    """Every option of a verb, as it is typed."""
+    command: click.Command = import_module(f"middeck.cli.verbs.{verb}").verb
+    found = [p for p in command.params if isinstance(p, click.Option)]
+    return tuple(name for p in found for name in (*p.opts, *p.secondary_opts))
+
+
 app = click.version_option(__version__, prog_name="middeck")(
     Verbs(
         "middeck",

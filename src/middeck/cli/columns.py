@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from middeck.cli.options import joined
+
 if TYPE_CHECKING:
     from middeck.files.records import Columns
 
@@ -18,11 +20,15 @@ def columns(command: F) -> F:
     for option in (
         click.option("--variable", default="", metavar="NAME", help="The matrix in a MAT or HDF5 file."),
         click.option("--sample-hz", type=float, metavar="HZ", help="Rate, where the file has none."),
-        click.option("--outputs", metavar="COLUMNS", help='Output columns: "angle [rad]", "3=angle [rad]".'),
-        click.option("--inputs", metavar="COLUMNS", help='Input columns: "torque [N m]", "2=torque [N m]".'),
+        _named("--outputs", 'Output columns: "angle [rad]", "3=angle [rad]"; may be repeated.'),
+        _named("--inputs", 'Input columns: "torque [N m]", "2=torque [N m]"; may be repeated.'),
     ):
         command = option(command)
     return command
+
+
+def _named(option: str, help: str) -> Callable[[F], F]:
+    return click.option(option, multiple=True, callback=joined(), metavar="COLUMNS", help=help)
 
 
 def told_columns(

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import click
-
-from middeck.cli.options import in_a_folder
+from middeck.cli.options import FIGURES, written
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-figure = click.option(
-    "--figure", "figure_file", metavar="FILE.svg", callback=in_a_folder, help="Also draw it, as SVG."
-)
+figure = written("--figure", "figure_file", endings=FIGURES, help="Also draw it, as SVG.")
 
 
 def write_figure(drawn: Figure, file: str, *, key: str, title: str, description: str) -> None:

@@ -51,9 +51,24 @@ def execute(arguments: Sequence[str], interrupted: Callable[[], bool]) -> int:
             traceback.print_exc()
         if interrupted():  # whatever the interruption was turned into on its way up
             return _say("interrupted", INTERRUPTED)
-        return _explain(error)
+        return _explain(_translated(error, arguments))
     except KeyboardInterrupt:
         return _say("interrupted", INTERRUPTED)
+
+
+def _translated(error: Exception, arguments: Sequence[str]) -> Exception:
+    """The error with its hint in options; what is wrong with a document names keys, not Python."""
+    from middeck.errors import MiddeckError
+
+    if not isinstance(error, MiddeckError) or not error.hint or "faults" in error.data:
+        return error
+    import middeck
+    from middeck.cli.advice import on_command_line
+    from middeck.cli.app import VERBS, verb_options
+
+    typed = next((a for a in arguments if a in VERBS), "")
+    error.hint = on_command_line(error.hint, typed, {v: verb_options(v) for v in VERBS}, middeck.__all__)
+    return error
 
 
 def _explain(error: Exception) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -12,6 +12,30 @@ import click
 from middeck.errors import ConfigError
 
 F = TypeVar("F", bound=Callable[..., Any])
+
+# What each result can be written as; the writer is chosen by the ending.
+FIGURES = (".svg",)
+SYSTEMS = (".json", ".mat")
+COMMANDS = (".csv", ".npz")
+RECORDS = (".npz", ".csv", ".h5", ".hdf5", ".mat", ".uff", ".unv", ".uf", ".58")
+STREAMS = (".h5", ".hdf5", ".csv")
+
+
+class Verb(click.Command):
+    """A command whose options are given once, unless they take several values."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """As click does, which takes the last of an option that is repeated and says nothing."""
+        seen: list[click.Parameter] = self.make_parser(ctx).parse_args(list(args))[2]
+        for param in dict.fromkeys(seen):
+            if isinstance(param, click.Option) and _is_single(param) and seen.count(param) > 1:
+                raise click.UsageError(f"{'/'.join(param.opts)} takes one value and is given twice", ctx)
+        return super().parse_args(ctx, args)
+
+
+def _is_single(option: click.Option) -> bool:
+    """Whether a second one would contradict the first."""
+    return not option.multiple and (not option.is_flag or bool(option.secondary_opts))
 
 
 class Numbers(click.ParamType[tuple[float, ...]]):
@@ -91,12 +115,51 @@ states = click.option(
 )
 
 
-def in_a_folder(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
-    """``value``, the path of a file to write; refused before any work if its folder is not there."""
-    if value is not None and not Path(value).parent.is_dir():
-        folder = Path(value).parent
-        raise ConfigError("no such folder", where=f"{param.opts[0]} {value}", hint=f"mkdir -p {folder}")
+def written(*flags: str, endings: Sequence[str], help: str, metavar: str = "") -> Callable[[F], F]:
+    """An option for a file to write; see `require_writable`."""
+
+    def check(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
+        if value is not None:
+            require_writable(value, endings, param.opts[0])
+        return value
+
+    named = metavar or f"FILE{'|'.join(endings)}"
+    return click.option(*flags, metavar=named, callback=check, help=help)
+
+
+def require_writable(path: str, endings: Sequence[str], option: str) -> None:
+    """Refuse, before any work, a file whose folder is not there or whose ending no writer has."""
+    file = Path(path)
+    where, known = f"{option} {path}", ", ".join(endings)
+    if file.is_dir():
+        raise ConfigError("is a folder, not a file", where=where, hint=f"a file in it that ends in {known}")
+    if file.suffix.lower() not in endings:
+        what = f"no writer for {file.suffix!r} files" if file.suffix else "no ending says what to write"
+        raise ConfigError(what, where=where, hint=f"a file that ends in {known}")
+    if not file.parent.is_dir():
+        raise ConfigError("no such folder", where=where, hint=f"mkdir -p {file.parent}")
+
+
+def require_folder(ctx: click.Context, param: click.Parameter, value: Path) -> Path:
+    """``value``, the folder of results; refused where a file is there or its name is that of a file."""
+    where, hint = f"{param.opts[0]} {value}", f"a folder, such as {value.with_suffix('')}"
+    if value.exists() and not value.is_dir():
+        raise ConfigError("is a file, not a folder", where=where, hint="another name")
+    if value.suffix.lower() in (".html", ".htm", ".pdf", *FIGURES, *SYSTEMS, *RECORDS):
+        raise ConfigError(f"a study fills a folder, not a {value.suffix} file", where=where, hint=hint)
     return value
+
+
+def joined(separator: str = ",") -> Callable[[click.Context, click.Parameter, tuple[str, ...]], str | None]:
+    """A callback for an option of names that may be repeated: all of them as one text, None without any."""
+    return lambda ctx, param, value: separator.join(value) if value else None
+
+
+def chained(
+    ctx: click.Context, param: click.Parameter, value: tuple[tuple[float, ...], ...]
+) -> tuple[float, ...] | None:
+    """The same for numbers."""
+    return tuple(number for group in value for number in group) or None
 
 
 def separate_names(values: tuple[str, ...]) -> tuple[str, ...]:

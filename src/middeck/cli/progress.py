@@ -13,6 +13,7 @@ from middeck.cli.screen import is_terminal
 
 Begin = Callable[[str], None]
 End = Callable[[str, float], None]
+FEW_S, LONG_S = 10.0, 120.0
 
 
 @contextmanager
@@ -46,14 +47,34 @@ def status(verb: str) -> Generator[Callable[[str], None]]:
 def remaining_s(shares: Mapping[str, float], times: Mapping[str, float], now_s: float) -> float | None:
     """What is left, ``now_s`` into the stage after those in ``times``, if all run at the pace so far.
 
+    A stage that takes longer than its share leaves those after it their own.
+
     >>> remaining_s({"a": 0.25, "b": 0.75}, {"a": 2.0}, 1.0)
     5.0
+    >>> remaining_s({"a": 0.25, "b": 0.25, "c": 0.5}, {"a": 2.0}, 60.0)
+    4.0
     """
     done = sum(shares[name] for name in times)
     if not done:
         return None
     pace = sum(times.values()) / done
-    return max(0.0, pace * (sum(shares.values()) - done) - now_s)
+    current, *later = [share for name, share in shares.items() if name not in times] or [0.0]
+    return max(0.0, pace * current - now_s) + pace * sum(later)
+
+
+def left_words(left_s: float | None) -> str:
+    """The estimate as people say it; nothing where there is none, or where the last stage has used it up.
+
+    >>> [left_words(s) for s in (None, 0.0, 3.0, 41.0, 190.0)]
+    ['', '', 'a few seconds left', 'about 40 s left', 'about 3 min left']
+    """
+    if not left_s:
+        return ""
+    if left_s < FEW_S:
+        return "a few seconds left"
+    return (
+        f"about {10 * round(left_s / 10)} s left" if left_s < LONG_S else f"about {left_s / 60:.0f} min left"
+    )
 
 
 @contextmanager
@@ -69,9 +90,8 @@ def _bar(shares: Mapping[str, float]) -> Generator[tuple[Begin, End]]:
         """The estimate of `remaining_s`, counting down between stages."""
 
         def render(self, task: Task) -> Text:
-            """In whole seconds."""
-            left = remaining_s(shares, times, time.monotonic() - since[0])
-            return Text("" if left is None else f"about {left:.0f} s left")
+            """In words."""
+            return Text(left_words(remaining_s(shares, times, time.monotonic() - since[0])))
 
     columns = (
         BarColumn(),

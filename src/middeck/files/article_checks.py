@@ -287,18 +287,22 @@ def _bodies(data: Table) -> Iterator[Finding]:
             whole = set(t) <= set(keys_of(FORMS[table]))  # else the mass may be there, misspelt
             if t.get(f"{prefix}mass_kg", 0.0) == 0.0 and whole:
                 yield Finding((table, i, key), "an inertia without mass", hint=f"give {prefix}mass_kg")
-            yield from _triangle((table, i, key), t[key], bool(t.get("rotors_excluded", False)))
+            spins = "rotors_excluded" in keys_of(FORMS[table])
+            if not (spins and t.get("rotors_excluded")):
+                yield from _triangle((table, i, key), t[key], spins)
 
 
-def _triangle(path: Path, inertia: Any, rotors_excluded: bool) -> Iterator[Finding]:
-    """The sum of two principal inertias is at least the third; not so where spin inertias are taken out."""
+def _triangle(path: Path, inertia: Any, spins: bool) -> Iterator[Finding]:
+    """The sum of two principal inertias is at least the third; not so without what ``spins`` in it."""
     try:
         a, b, c = np.linalg.eigvalsh(np.array(inertia_matrix(inertia)))
     except ValueError:  # the form has refused it
         return
-    if a + b < c * (1.0 - ROUNDING) and not rotors_excluded:
+    if a + b < c * (1.0 - ROUNDING):
         message = f"no body has this inertia: {a:g} + {b:g} < {c:g} kg m^2 (triangle inequality)"
-        yield Finding(path, message, show(inertia), "rotors_excluded = true if it leaves spinning rotors out")
+        advice = f"{c:g} or more for the sum of the smaller two; a flat plate has just that"
+        rotors = "; or rotors_excluded = true if it leaves spinning rotors out" if spins else ""
+        yield Finding(path, message, show(inertia), advice + rotors)
 
 
 def _axes(data: Table) -> Iterator[Finding]:

@@ -20,9 +20,22 @@ from middeck.files.environment_checks import environment_findings
 from middeck.files.environment_form import EnvironmentForm, build_environment, joint_findings
 from middeck.files.faults import Fault, Finding, form_findings, nearest, raise_fault, raise_faults
 from middeck.files.form import Form
+from middeck.files.looks import (
+    ARTICLE,
+    CHANNELS,
+    EMPTY,
+    ENVIRONMENT,
+    NOT_UTF8,
+    STUDY,
+    TEXT,
+    TOML,
+    looks_like,
+    stray,
+)
 from middeck.files.overrides import Target, apply_overrides
 from middeck.files.toml_lines import Path as KeyPath
 from middeck.files.toml_lines import key_lines, line_of
+from middeck.files.toml_trouble import explain
 from middeck.structure.article import Structure
 from middeck.structure.environment import Environment
 from middeck.values import record
@@ -31,6 +44,7 @@ F = TypeVar("F", bound=Form)
 Kind = Literal["article", "environment", "study"]
 # What ``--environment orbit`` means far from any environments/: it is the same everywhere.
 ORBIT = Path(__file__).with_name("orbit.toml")
+DOCUMENTS = (ARTICLE, ENVIRONMENT, STUDY)
 FOLDERS: dict[Kind, str] = {"article": "articles", "environment": "environments", "study": "studies"}
 
 
@@ -53,36 +67,50 @@ class Checked(Generic[F]):
     place: Callable[[Finding], Fault]
 
 
-def read_source(path: str | Path) -> Source:
-    """Parse a TOML file; raises `ConfigError` if it is missing, empty, not UTF-8 or not TOML."""
+def read_source(path: str | Path, kind: Kind | None = None) -> Source:
+    """Parse a TOML file.
+
+    Raises `ConfigError` if it is missing, empty, not UTF-8, not TOML, or looks like another than ``kind``.
+    """
     file = str(path)
     try:
         raw = Path(path).read_bytes()
+    except IsADirectoryError:
+        raise_fault(Fault(file, 0, "", "is a folder, not a file", hint=f"one of the files in {file}"))
     except OSError as error:
         raise_fault(Fault(file, 0, "", f"cannot be read: {error.strerror}", hint="check the path"))
+    wanted = CHANNELS if kind is None else _a(kind)
+    strange = stray(path, wanted, (EMPTY, TOML, TEXT, NOT_UTF8, *([] if kind else DOCUMENTS)))
+    if strange:
+        raise_fault(Fault(file, 0, "", strange, hint=f"{wanted} in this place"))
     try:
         text = raw.decode("utf-8-sig").replace("\r\n", "\n")
     except UnicodeDecodeError as error:
         line = raw[: error.start].count(b"\n") + 1
         raise_fault(Fault(file, line, "", "not UTF-8 text", hint="save the file as UTF-8"))
     if not text.strip():
-        raise_fault(Fault(file, 1, "", "the file is empty", hint="compare articles/mace-dm.toml"))
+        raise_fault(Fault(file, 1, "", "the file is empty", hint=f"{wanted} in this place"))
     try:
         return Source(file, tomllib.loads(text), key_lines(text))
     except tomllib.TOMLDecodeError as error:
         found = re.search(r"line (\d+)", str(error))
         line = int(found.group(1)) if found else text.rstrip().count("\n") + 1
-        advice = "mend the syntax on or just before this line; at the end of the file it may be cut off"
-        raise_fault(Fault(file, line, "", f"not valid TOML: {error}", hint=advice))
+        line, what, cure = explain(text, line, str(error))
+        raise_fault(Fault(file, line, "", f"not valid TOML: {what}", hint=cure))
 
 
-def read_sources(paths: Sequence[str | Path]) -> list[Source]:
+def _a(kind: Kind) -> str:
+    """With its article."""
+    return f"an {kind}" if kind[0] in "ae" else f"a {kind}"
+
+
+def read_sources(paths: Sequence[str | Path], kinds: Sequence[Kind]) -> list[Source]:
     """`read_source` of each path; the errors of all are raised together."""
     sources: list[Source] = []
     faults: list[Fault] = []
-    for path in paths:
+    for path, kind in zip(paths, kinds, strict=True):
         try:
-            sources.append(read_source(path))
+            sources.append(read_source(path, kind))
         except ConfigError as error:
             faults += error.data["faults"]
     raise_faults(list(dict.fromkeys(faults)))
@@ -129,14 +157,14 @@ def check(
 
 def load_structure(path: str | Path, overrides: Sequence[str] = ()) -> Structure:
     """The article in file ``path``; raises `ConfigError` with all its faults."""
-    source = read_source(path)
+    source = read_source(path, "article")
     article = _check_all([(source, ArticleForm, article_findings)], overrides)[0]
     return _structure(article)
 
 
 def load_environment(path: str | Path, overrides: Sequence[str] = ()) -> Environment:
     """The environment in file ``path``, or "orbit"; raises `ConfigError` with all its faults."""
-    source = read_source(_environment_file(path))
+    source = read_source(_environment_file(path), "environment")
     checked = _check_all([(source, EnvironmentForm, environment_findings)], overrides)[0]
     return _environment(checked)
 
@@ -168,7 +196,14 @@ def load_offset_keys(
 
 def _check_case(article: str | Path, environment: str | Path, overrides: Sequence[str]) -> list[Checked[Any]]:
     """The article, then the environment."""
-    body, surroundings = read_sources([article, _environment_file(environment)])
+    around = _environment_file(environment)
+    if (looks_like(article), looks_like(around)) == (ENVIRONMENT, ARTICLE):
+        raise_fault(
+            Fault(
+                f"{article}, {around}", 0, "", "environment and article are swapped", hint="the article first"
+            )
+        )
+    body, surroundings = read_sources([article, around], ["article", "environment"])
     return _check_all(
         [(body, ArticleForm, article_findings), (surroundings, EnvironmentForm, environment_findings)],
         overrides,
@@ -228,6 +263,8 @@ def find_document(name: str, kind: Kind, beside: str | Path | None = None) -> Pa
     given = Path(name)
     if given.is_file():
         return given
+    if given.is_dir():
+        raise ConfigError(f"{name} is a folder, not {_a(kind)}", hint=f"the path of {_a(kind)} file")
     roots = [Path()] if beside is None else [Path(), Path(beside).resolve().parent.parent]
     folders = [root / FOLDERS[kind] for root in roots]
     for folder in folders:
@@ -236,6 +273,25 @@ def find_document(name: str, kind: Kind, beside: str | Path | None = None) -> Pa
     if (kind, name) == ("environment", "orbit"):
         return ORBIT
     known = sorted(p.stem for folder in folders for p in folder.glob("*.toml"))
-    article = "an" if kind[0] in "ae" else "a"
-    advice = nearest(name, known) or f"give the path of {article} {kind} file"
+    if kind == "environment" and not known:
+        sought = " or ".join(dict.fromkeys(str(folder) for folder in folders))
+        raise ConfigError(f"no environment {name!r}: there is none in {sought}", hint=LABORATORY)
+    advice = nearest(name, known) or f"give the path of {_a(kind)} file"
     raise ConfigError(f"no {kind} {name!r}", hint=advice)
+
+
+# Where there is no environment to copy from. An article's attach points are the names that it holds.
+LABORATORY = """\
+orbit, or the path of a file such as
+    schema = 1
+    name = "lab"
+    [constants]
+    gravity_m_s2 = 9.80665
+    gravity_direction = [0.0, -1.0, 0.0]
+    [suspension]
+    cable_length_m = 4.0
+    bounce_hz = 0.25
+    [suspension.held]          # the article's attach points
+    n1 = "yz"
+    n3 = "xyz"
+    n5 = "yz\""""

@@ -85,9 +85,10 @@ def nearest(word: str, known: Iterable[str]) -> str:
     "did you mean 'mass_kg'?"
     """
     choices = list(dict.fromkeys(known))
-    close = difflib.get_close_matches(word, choices, 1, 0.6)
+    small = {choice.lower(): choice for choice in reversed(choices)}
+    close = difflib.get_close_matches(word.lower(), small, 1, 0.6)
     if close:
-        return f"did you mean {close[0]!r}?"
+        return f"did you mean {small[close[0]]!r}?"
     return f"one of {', '.join(choices)}" if choices else ""
 
 
@@ -128,9 +129,20 @@ def _finding(item: Any, form: type[Form]) -> Finding:
         "tuple_type": "must be an array",
         "string_pattern_mismatch": "must begin with a letter and hold letters, digits, '_' and '-' only",
     }
+    if kind in ("too_long", "too_short"):
+        return _wrong_length(path, item)
     if kind == "literal_error":
         messages[kind] = f"must be {item['ctx']['expected']}".replace("'", '"')
     return Finding(path, messages.get(kind, str(item["msg"])), show(item["input"]))
+
+
+def _wrong_length(path: Path, item: Any) -> Finding:
+    """An array of too many or too few; with decimal commas it has twice as many."""
+    limits, value = item["ctx"], item["input"]
+    wanted = limits.get("max_length", limits.get("min_length"))
+    commas = len(value) == 2 * wanted and all(isinstance(x, int) for x in value[1::2])
+    advice = "decimal points: 0,25 is two numbers" if commas else ""
+    return Finding(path, f"has {len(value)} items; must be {wanted}", show(value), advice)
 
 
 def _unknown_key(path: Path, key: str, value: Any, form: type[Form]) -> Finding:

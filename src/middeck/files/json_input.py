@@ -9,6 +9,7 @@ from typing import Any, cast
 import numpy as np
 
 from middeck.errors import DataError
+from middeck.files.looks import EMPTY, JSON, NOT_UTF8, SCHEMAS, TEXT, is_json, stray
 
 
 def read_json(path: str | Path, schema: str, hint: str) -> dict[str, Any]:
@@ -17,8 +18,12 @@ def read_json(path: str | Path, schema: str, hint: str) -> dict[str, Any]:
     Raises `DataError`, naming the file, if it is missing, empty, truncated, not UTF-8 or of another schema.
     """
     where = str(path)
+    wanted = SCHEMAS[schema.removeprefix("middeck.").partition("/")[0]]
+    strange = stray(path, wanted, (EMPTY, JSON, TEXT, NOT_UTF8))
+    if strange and not is_json(path):
+        raise DataError(strange, where=where, hint=hint)
     try:
-        text = Path(path).read_text(encoding="utf-8")
+        text = Path(path).read_text(encoding="utf-8-sig")
     except OSError as error:
         raise DataError(f"cannot be read: {error.strerror}", where=where, hint="check the path") from None
     except UnicodeDecodeError:
@@ -32,7 +37,8 @@ def read_json(path: str | Path, schema: str, hint: str) -> dict[str, Any]:
         raise DataError(what, where=f"{path}:{error.lineno}", hint="write it again") from None
     found = cast("dict[str, Any]", data).get("schema") if isinstance(data, dict) else None
     if found != schema:
-        raise DataError(f"schema is {found!r}, this reader knows {schema!r}", where=where, hint=hint)
+        what = f"schema is {found!r}, this reader knows {schema!r}"
+        raise DataError(f"{strange}: {what}" if strange else what, where=where, hint=hint)
     return cast("dict[str, Any]", data)
 
 

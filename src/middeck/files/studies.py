@@ -12,6 +12,7 @@ from middeck.files.article_checks import article_findings
 from middeck.files.article_form import ArticleForm
 from middeck.files.documents import (
     Checked,
+    Kind,
     Source,
     check,
     join_findings,
@@ -97,7 +98,7 @@ def load_study(path: str | Path, overrides: Sequence[str] = ()) -> Study:
 
     Raises `ConfigError` with every fault of the study, its articles and its environments together.
     """
-    source = read_source(path)
+    source = read_source(path, "study")
     # The file names must be known, overridden or not, before the other documents can be overridden.
     (data,), (changed,) = apply_overrides(
         [Target(source.file, source.data, StudyForm)], [o for o in overrides if _is_reference(o)]
@@ -105,7 +106,8 @@ def load_study(path: str | Path, overrides: Sequence[str] = ()) -> Study:
     base = Path(path).parent
     _raise_missing(source, data, changed, base)
     names, files = _references(data, "article"), _references(data, "environment")
-    sources = read_sources([base / p for _, p in (*names, *files)])
+    kinds: list[Kind] = ["article"] * len(names) + ["environment"] * len(files)
+    sources = read_sources([base / p for _, p in (*names, *files)], kinds)
     articles = {name: s for (name, _), s in zip(names, sources, strict=False)}
     environments = {name: s for (name, _), s in zip(files, sources[len(names) :], strict=True)}
     study, structures, surroundings = _check(source, articles, environments, overrides)

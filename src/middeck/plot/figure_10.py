@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from middeck.plot.curves import decibels, draw_bode
 from middeck.plot.ports import port_words
-from middeck.plot.style import COLOUR, frequency_axis, new_figure, phase_axis, styled
+from middeck.plot.style import COLOUR, FITTED, frequency_axis, new_figure, phase_axis, styled
 from middeck.study.measured_sensors import MeasuredSensors
 from middeck.study.two_sensor_control import TwoSensorControl
 
@@ -34,7 +34,16 @@ def _draw(sensors: MeasuredSensors, output: int) -> Figure:
     fitted = (f >= sensors.fit_band_hz[0]) & (f <= sensors.fit_band_hz[1])
     fit = sensors.fitted.H[fitted, output, 0]
     draw_bode(magnitude, phase, f, data, color=COLOUR["rig"], linewidth=1.8, label="data (simulated rig)")
-    draw_bode(magnitude, phase, f[fitted], fit, color=COLOUR["prediction"], linewidth=1.1, label="fit")
+    draw_bode(
+        magnitude,
+        phase,
+        f[fitted],
+        fit,
+        color=COLOUR["prediction"],
+        linewidth=1.1,
+        linestyle=FITTED,
+        label="fit",
+    )
     low, high = f[[0, -1]]
     _mark_zeros(magnitude, sensors, output, float(decibels(data).min()))
     magnitude.set_ylabel("magnitude [dB re 1 rad per N m]")

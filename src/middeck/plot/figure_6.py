@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from middeck.plot.curves import draw_bode, wrapped_phase_deg
 from middeck.plot.ports import port_words
-from middeck.plot.style import COLOUR, LABEL, frequency_axis, new_figure, phase_axis, styled
+from middeck.plot.style import COLOUR, DASHES, LABEL, frequency_axis, new_figure, phase_axis, styled
 from middeck.study.gravity_responses import GravityResponses
 
 
@@ -29,9 +31,8 @@ def _figure(responses: GravityResponses, output: int) -> Figure:
     sides = {"rig": responses.rig, "orbit": responses.orbit, "lab": responses.lab}
     for side, response in sides.items():
         H, width = response.H[:, output, 0], 2.4 if side == "rig" else 1.1
-        draw_bode(
-            magnitude, phase, response.frequency_hz, H, color=COLOUR[side], label=LABEL[side], linewidth=width
-        )
+        style: dict[str, Any] = {"color": COLOUR[side], "linewidth": width, "linestyle": DASHES[side]}
+        draw_bode(magnitude, phase, response.frequency_hz, H, label=LABEL[side], **style)
     _draw_delay(phase, responses, output)
     magnitude.set_ylabel("magnitude [dB re 1 rad/s per N m]")
     rate, torque = responses.rig.outputs[output].name, responses.rig.inputs[0].name
@@ -58,7 +59,7 @@ def _draw_delay(phase: Axes, responses: GravityResponses, output: int) -> None:
         label=text,
         color=COLOUR["prediction"],
         linewidth=1.2,
-        linestyle=(0, (2.5, 1.5)),
+        linestyle=(0, (1.0, 1.5)),
     )
     handles, labels = phase.get_legend_handles_labels()
     phase.figure.legend(handles[-1:], labels[-1:], loc="outside lower center")

@@ -67,7 +67,8 @@ def draw_performance(axes: Axes, control: ZeroGControl, curves: tuple[Curve, ...
         row = sweep.plants.index(curve.environment)
         level = np.where(sweep.stable[row], sweep.db[row], np.nan)
         axes.plot(
-            control.log10_authority, level, curve.line, marker=curve.marker, markersize=3.2,
+            control.log10_authority, level, curve.line, marker=curve.marker, markersize=4.0,
+            markerfacecolor=COLOUR["orbit"] if curve.environment == "orbit" else "white",
             color=COLOUR[curve.environment], label=curve.label,
         )  # fmt: skip
     if any(curve.which == "all" for curve in curves):

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from middeck.plot.curves import decibels, draw_bode
 from middeck.plot.ports import path_words
-from middeck.plot.style import COLOUR, frequency_axis, new_figure, phase_axis, styled
+from middeck.plot.style import COLOUR, FITTED, frequency_axis, new_figure, phase_axis, styled
 from middeck.study.measured_control import MeasuredControl
 
 
@@ -21,7 +21,9 @@ def figure_9a(control: MeasuredControl) -> Figure:
         axes.axvspan(*control.fit_band_hz, color=COLOUR["shade"], linewidth=0.0, zorder=0)
     f, data, fit = control.open_loop.frequency_hz, control.open_loop.H[:, 0, 0], control.fitted.H[:, 0, 0]
     draw_bode(magnitude, phase, f, data, color=COLOUR["rig"], linewidth=1.8, label="data (simulated rig)")
-    draw_bode(magnitude, phase, f, fit, color=COLOUR["prediction"], linewidth=1.1, label="fit")
+    draw_bode(
+        magnitude, phase, f, fit, color=COLOUR["prediction"], linewidth=1.1, linestyle=FITTED, label="fit"
+    )
     _name_what_is_outside(magnitude, control)
     magnitude.set_ylabel("magnitude [dB re 1 rad per N m]")
     magnitude.set_title(path_words(control.open_loop))

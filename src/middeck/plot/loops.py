@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from matplotlib.axes import Axes
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 from middeck.plot.curves import draw_magnitude
@@ -13,13 +14,22 @@ from middeck.study.measured_loop import MeasuredLoop
 from middeck.systems.response import FrequencyResponse
 
 GAPS = {
-    "low": (0, (2, 4)),
-    "high": (0, (5, 4)),
-    "robust": (2, (3, 4)),
-    "payload": (0, (5, 4)),
-    "both": (0, (2, 4)),
+    "low": (0, (1, 2)),
+    "high": (0, (6, 3)),
+    "robust": (0, (6, 2, 1, 2)),
+    "payload": (0, (6, 3)),
+    "both": (0, (1, 2)),
 }
-"""Of the dashes: wide, so that the measured curve under them keeps its colour."""
+"""Of the dashes of a prediction: its own pattern in its loop's hue, over the measured curve."""
+DARKER, LIGHTER, LIGHT = 0.4, 0.3, 0.35
+
+
+def contrasting(colour: str) -> tuple[float, float, float]:
+    """The same hue, dark enough or light enough to stand on a line of that colour."""
+    red, green, blue = to_rgb(colour)
+    if 0.3 * red + 0.6 * green + 0.1 * blue > LIGHT:
+        return DARKER * red, DARKER * green, DARKER * blue
+    return 1.0 - LIGHTER * (1.0 - red), 1.0 - LIGHTER * (1.0 - green), 1.0 - LIGHTER * (1.0 - blue)
 
 
 def begin_loops(open_loop: FrequencyResponse, title: str, *, output: int = 0) -> tuple[Figure, Axes]:
@@ -39,7 +49,7 @@ def draw_measured(
     axes: Axes, loop: MeasuredLoop, who: str, *, output: int = 0, decibels: bool = True
 ) -> None:
     """The loop as the rig gave it, or a word that it gave none."""
-    full: dict[str, Any] = {"color": COLOUR[loop.name], "linewidth": 1.8}
+    full: dict[str, Any] = {"color": COLOUR[loop.name], "linewidth": 2.4}
     if loop.measured is None:
         axes.plot([], [], **full, label=f"{who}: unstable on the rig")
         return
@@ -51,7 +61,8 @@ def draw_predicted(
     axes: Axes, loop: MeasuredLoop, who: str, *, output: int = 0, decibels: bool = True
 ) -> None:
     """The loop as the fit foretells it."""
-    dashed: dict[str, Any] = {"color": COLOUR["prediction"], "linestyle": GAPS[loop.name], "linewidth": 0.9}
+    colour = contrasting(COLOUR[loop.name])
+    dashed: dict[str, Any] = {"color": colour, "linestyle": GAPS[loop.name], "linewidth": 1.0}
     label = f"{who}, predicted{_decibels(loop.predicted_db) if decibels else ''}"
     draw_magnitude(axes, loop.predicted.frequency_hz, loop.predicted.H[:, output, 0], **dashed, label=label)
 

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from middeck.plot.curves import decibels, draw_magnitude
-from middeck.plot.style import COLOUR, frequency_axis, new_figure, styled
+from middeck.plot.style import COLOUR, FITTED, frequency_axis, new_figure, styled
 from middeck.study.mirror import PUBLISHED_NRMSE, MirrorFit
 
 BINS = 110  # nine small panels
@@ -46,6 +46,8 @@ def _draw_entry(axes: Axes, fit: MirrorFit, row: int, column: int) -> None:
     f = fit.measured.frequency_hz
     data, model = fit.measured.H[:, row, column], fit.fitted.H[:, row, column]
     draw_magnitude(axes, f, data, BINS, color=COLOUR["rig"], linewidth=1.8, label="data")
-    draw_magnitude(axes, f, model, BINS, color=COLOUR["prediction"], linewidth=0.9, label="fit")
+    draw_magnitude(
+        axes, f, model, BINS, color=COLOUR["prediction"], linewidth=0.9, linestyle=FITTED, label="fit"
+    )
     left = {"color": COLOUR["ghost"], "label": "data less fit"}
     draw_magnitude(axes, f, data - model, BINS, linewidth=0.5, zorder=1.5, **left)

@@ -20,15 +20,18 @@ COLOUR = {
     "lab": "#D55E00",
     "rig": "#808080",
     "prediction": "#009E73",
-    "low": "#CC79A7",
-    "high": "#7B2D5B",
+    "low": "#B0508A",
+    "high": "#4B1438",
     "robust": "#E69F00",
-    "payload": "#7B2D5B",
+    "payload": "#4B1438",
     "both": "#E69F00",
     "ghost": "#B5B5B5",
     "ink": "#4D4D4D",
     "shade": "#E9EEF3",
 }
+# Told apart in grey as well, wherever curves cross: full for 1-g, dashed for 0-g.
+DASHES: dict[str, Any] = {"orbit": (0, (5, 1.5)), "lab": "-", "rig": "-"}
+FITTED: Any = (0, (4, 1.5))
 LABEL = {"orbit": "0-g", "lab": "1-g", "rig": "measured (simulated rig)"}
 WIDTH_IN = 7.2
 

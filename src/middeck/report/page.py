@@ -9,8 +9,9 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from middeck.report.drawings import DRAWINGS
+from middeck.report.summary import ClaimRow, came_out, does_not_hold, warned, with_unit
 from middeck.report.tables import TABLES
-from middeck.report.words import Numbers, Table, percent, significant
+from middeck.report.words import Numbers, Table, percent
 
 CLAIMS = {
     "figure_6": "figure-6a",
@@ -30,15 +31,7 @@ class Section(NamedTuple):
     sentence: str
     svg: Markup
     tables: list[Table]
-
-
-class ClaimRow(NamedTuple):
-    """One row of the summary: where it is shown, what is claimed, whether it holds, the number."""
-
-    section: str
-    claim: str
-    holds: bool
-    number: str
+    warnings: list[str]
 
 
 def render_page(title: str, numbers: Numbers, drawings: Mapping[str, str]) -> str:
@@ -52,11 +45,14 @@ def render_page(title: str, numbers: Numbers, drawings: Mapping[str, str]) -> st
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
+    claims = claim_rows(figures)
     inputs = dict(numbers["inputs"])
     overrides, seed = inputs.pop("overrides"), inputs.pop("seed")
     return environment.get_template("report.html.j2").render(
         title=title,
-        claims=claim_rows(figures),
+        claims=claims,
+        came_out=came_out(figures, claims),
+        lacking=does_not_hold(figures, claims),
         sections=_sections(figures, drawings),
         versions=numbers["versions"],
         inputs=inputs,
@@ -68,7 +64,13 @@ def render_page(title: str, numbers: Numbers, drawings: Mapping[str, str]) -> st
 def claim_rows(figures: Numbers) -> list[ClaimRow]:
     """Every claim that a figure of ``figures`` judges, the mirror's outputs last."""
     rows = [
-        ClaimRow(section, row["claim"], row["holds"], significant(row["number"]))
+        ClaimRow(
+            section,
+            row["claim"],
+            row["holds"],
+            with_unit(row["number"], row["unit"]),
+            with_unit(row["asked"], row["unit"]),
+        )
         for figure, section in CLAIMS.items()
         if figure in figures
         for row in figures[figure]["claims"]
@@ -87,12 +89,14 @@ def _mirror_claims(figures: Numbers) -> list[ClaimRow]:
             f"mirror, output {k + 1}: held-out NRMSE no worse than the published {percent(theirs)}",
             ours <= theirs,
             percent(ours),
+            f"≤ {percent(theirs)}",
         )
         for k, (ours, theirs) in enumerate(pairs)
     ]
 
 
 def _sections(figures: Numbers, drawings: Mapping[str, str]) -> list[Section]:
+    told = warned(figures)
     return [
         Section(
             d.key,
@@ -100,6 +104,7 @@ def _sections(figures: Numbers, drawings: Mapping[str, str]) -> list[Section]:
             d.sentence(figures),
             Markup(drawings[d.key]),  # our own SVG, whose texts are escaped already
             TABLES[d.key](figures) if d.key in TABLES else [],
+            [text for section, text in told if section == d.key],
         )
         for stage in DRAWINGS.values()
         for d in stage

@@ -8,6 +8,8 @@ from middeck.plot.ports import port_words
 from middeck.report.words import Numbers, fixed, percent
 
 COUPLED = 0.1  # cross-orthogonality from which on two modes are said to mix
+TOLD = 3.0  # deviations from the axis, from which on the side of a zero is told
+LOOPS = {"low": "CL1", "high": "CL2", "robust": "CL3"}
 PAIRED = 0.9  # and above which a flexible mode has kept its pair
 
 
@@ -191,7 +193,8 @@ def figure_9b(figures: Numbers) -> str:
         f"Controllers designed on the fit change the {angle} rms angle by {_change(numbers['low'])} at low"
         f" authority (CL1), by {_change(numbers['high'])} at high (CL2), and by {_change(numbers['robust'])}"
         f" where the design is for two records at once (CL3), the second with {pair} at"
-        f" {_signed(numbers['drifted']['shift_percent'])} %."
+        f" {signed(numbers['drifted']['shift_percent'])} %. With that pair moved,"
+        f" {'; '.join(f'{who} is {held(numbers[key])}' for key, who in LOOPS.items())}."
     )
 
 
@@ -222,19 +225,39 @@ def figure_10b(figures: Numbers) -> str:
 def _figure_10(numbers: Numbers) -> str:
     low, high = numbers["fit_band_hz"]
     name = port_words(numbers["output"])
-    wrong = [z for z in numbers["zeros"] if z["nonminimum_phase"] and low <= z["frequency_hz"] <= high]
-    listed = " and ".join(
-        f"{'a pair' if z['pair'] else 'a real one'} at {fixed(z['frequency_hz'], 2)} Hz" for z in wrong
-    )
-    zeros = (
-        f"it takes non-minimum-phase zeros: {listed}" if wrong else "it takes no zero in the right half-plane"
-    )
+    inside = [z for z in numbers["zeros"] if low <= z["frequency_hz"] <= high]
+    beyond = [z for z in numbers["zeros"] if z not in inside]
+    zeros = f"in that band it takes {_on_the_right(inside) or 'no zero in the right half-plane'}"
+    more = _on_the_right(beyond)
+    zeros += f", and outside it, where nothing is fitted, {more}" if more else ""
     return (
         f"Fitted together with the other sensors by {numbers['states']} states and a delay of"
         f" {fixed(1e3 * numbers['delay_s'], 2)} ms, the {name} angle follows its measured response from"
         f" {low:g} to {high:g} Hz within {percent(numbers['relative_error'])} (relative complex error);"
         f" {zeros}."
     )
+
+
+def half_plane(zero: Numbers) -> str:
+    """On which side of the axis a zero lies; of one that its deviation may put on either, both."""
+    if abs(zero["damping"]) < TOLD * zero["damping_deviation"]:
+        return "left or right"
+    return "right" if zero["nonminimum_phase"] else "left"
+
+
+def _on_the_right(zeros: list[Numbers]) -> str:
+    """Those of the right half-plane, and those that may lie there."""
+    said: list[str] = []
+    for side, words in (
+        ("right", "non-minimum-phase zeros"),
+        ("left or right", "zeros of either half-plane"),
+    ):
+        there = [z for z in zeros if half_plane(z) == side]
+        listed = " and ".join(
+            f"{'a pair' if z['pair'] else 'a real one'} at {fixed(z['frequency_hz'], 2)} Hz" for z in there
+        )
+        said += [f"{words}: {listed}"] if there else []
+    return ", and ".join(said)
 
 
 def figure_11(figures: Numbers) -> str:
@@ -244,7 +267,7 @@ def figure_11(figures: Numbers) -> str:
     return (
         f"With encoder and bus fed back, a design on {bare['states']} states {_goes(bare)}; with a lead about"
         f" the pair near 9 Hz it {_goes(lead)}. The loop shown has the lead: it changes the payload's rms"
-        f" angle by {_change(numbers['payload'])}."
+        f" angle by {_change(numbers['payload'])}, and is {held(numbers['payload'])}."
     )
 
 
@@ -253,7 +276,8 @@ def figure_12a(figures: Numbers) -> str:
     numbers = figures["figure_12"]
     above, deeper = numbers["payload_db_above_10_hz"]["both"], numbers["payload_deeper_db_7_to_9_hz"]
     return (
-        f"A penalty on payload and bus changes the payload's rms angle by {_change(numbers['both'])}; above"
+        f"A penalty on payload and bus changes the payload's rms angle by {_change(numbers['both'])}, and the"
+        f" loop is {held(numbers['both'])}; above"
         f" 10 Hz it is {_apart(above)} in open loop, and at 7-9 Hz (shaded) {_apart(deeper)} under the"
         " payload penalty alone."
     )
@@ -277,7 +301,7 @@ def _goes(reach: Numbers) -> str:
         return f"{reached} at the highest authority asked for"
     return (
         f"{reached} before {fixed(reach['stopped_hz'], 2)} Hz goes unstable (with that pair at"
-        f" {_signed(reach['stopped_percent'])} %)"
+        f" {signed(reach['stopped_percent'])} %)"
     )
 
 
@@ -287,7 +311,21 @@ def _apart(db: float | None) -> str:
     return f"{fixed(abs(db), 1)} dB {'below' if db < 0.0 else 'above'} that"
 
 
-def _signed(value: float) -> str:
+def held(loop: Numbers) -> str:
+    """On which shifts of the pair a loop stays stable on the rig, and on which it does not."""
+    parts: list[str] = []
+    for stable, word in ((True, "stable"), (False, "unstable")):
+        moved = [on["percent"] for on in loop["rig"] if on["stable"] is stable and on["percent"]]
+        parts += [f"{word} with the pair at {' and '.join(map(signed, moved))} %"] if moved else []
+    return " but ".join(parts) or "not tried with the pair moved"
+
+
+def signed(value: float) -> str:
+    """With its sign.
+
+    >>> signed(2.0)
+    '+2'
+    """
     return f"{value:+g}".replace("-", "\N{MINUS SIGN}")
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from operator import itemgetter
 
 from middeck.plot.ports import port_words
+from middeck.report.sentences import half_plane
 from middeck.report.words import UNDETERMINED, Numbers, Table, deviation, fixed, percent, significant, yes_no
 
 SUB_MODELS = {"all": "full", "rigid": "rigid", "flexible": "flexible"}
@@ -290,7 +291,7 @@ def bus_tables(figures: Numbers) -> list[Table]:
 def _path_tables(numbers: Numbers) -> list[Table]:
     zeros = [
         [fixed(z["frequency_hz"], 4), deviation(z["frequency_deviation_hz"]),
-         percent(z["damping"], 2) if z["pair"] else "real", "right" if z["nonminimum_phase"] else "left"]
+         percent(z["damping"], 2) if z["pair"] else "real", half_plane(z)]
         for z in numbers["zeros"]
     ]  # fmt: skip
     name = port_words(numbers["output"])

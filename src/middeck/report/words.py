@@ -34,11 +34,11 @@ def fixed(value: float | None, digits: int) -> str:
 def significant(value: float | str | None, digits: int = 4) -> str:
     """``value`` to so many digits; texts stay as they are.
 
-    >>> significant(123456.0), significant(4.1047e-6), significant("+2"), significant(35.7)
-    ('123500', '4.105e−6', '+2', '35.7')
+    >>> significant(123456.0), significant(4.1047e-6), significant("-2, +2"), significant(35.7)
+    ('123500', '4.105e−6', '−2, +2', '35.7')
     """
     if isinstance(value, str):
-        return value or "none"
+        return value.replace("-", "−") or "none"
     if value is None:
         return "–"
     if value == 0.0:

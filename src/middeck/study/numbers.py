@@ -228,6 +228,7 @@ def figure_9b(control: MeasuredControl) -> Numbers:
             "natural_hz": natural_hz(drifted.model),
             "damping": damping_ratio(drifted.model),
             "relative_error": drifted.error[0],
+            "warnings": drifted.warnings,
         },
         **{loop.name: _loop(loop) for loop in control.loops},
         "one_model": control.one_model,

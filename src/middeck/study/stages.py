@@ -22,12 +22,12 @@ from middeck.study.zero_g_control import ZeroGControl, study_zero_g_control
 Outcome = ModeComparison | GravityResponses | ZeroGControl | MeasuredControl | TwoSensorControl | MirrorFit
 # Share of the whole time, measured; only for the estimate of the remaining time.
 STAGES = {
-    "figures 4 and 5": 0.08,
-    "figure 6": 0.06,
-    "figure 7": 0.43,
-    "figure 9": 0.09,
-    "figures 10 to 12": 0.11,
-    "mirror": 0.23,
+    "figures 4 and 5": 0.02,
+    "figure 6": 0.01,
+    "figure 7": 0.08,
+    "figure 9": 0.39,
+    "figures 10 to 12": 0.46,
+    "mirror": 0.04,
 }
 
 PAPER_MODES = 26  # Figures 4 and 5 show at least these, however few the controllers are designed on

@@ -20,7 +20,7 @@ Examples:
 """
 
 
-@click.command("budget", epilog=EPILOG)
+@click.command("budget", cls=options.Verb, epilog=EPILOG)
 @options.article
 @options.environment
 @options.count

@@ -25,7 +25,7 @@ Examples:
 COUNT = 40
 
 
-@click.command("check", epilog=EPILOG)
+@click.command("check", cls=options.Verb, epilog=EPILOG)
 @options.article
 @click.argument("environment", required=False, metavar="[ENVIRONMENT]")
 @click.option("--require", is_flag=True, help="End with exit code 1 if anything was found.")

@@ -20,7 +20,7 @@ Examples:
 """
 
 
-@click.command("compare", epilog=EPILOG)
+@click.command("compare", cls=options.Verb, epilog=EPILOG)
 @options.article
 @options.environment
 @options.count

@@ -36,7 +36,7 @@ inertia about the centre of mass (rx, ry, rz). The suspension modes have most of
 it where the article hangs, the rigid-body modes all of it where it is free."""
 
 
-@click.command("correlate", epilog=EPILOG)
+@click.command("correlate", cls=options.Verb, epilog=EPILOG)
 @options.article
 @click.argument("test", metavar="MODES.json")
 @options.environment

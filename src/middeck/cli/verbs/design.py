@@ -26,7 +26,7 @@ Examples:
 """
 
 
-@click.command("design", epilog=EPILOG)
+@click.command("design", cls=options.Verb, epilog=EPILOG)
 @click.argument("sources", nargs=-1, required=True, metavar="ARTICLE|MODEL.json|RECORD...")
 @options.environment
 @options.count
@@ -49,12 +49,12 @@ Examples:
 @click.option(
     "--fit-band", "fit_band_hz", type=options.Frequencies(2), metavar="LO,HI", help="Band to fit a RECORD in."
 )
-@click.option(
+@options.written(
     "-o",
     "--output",
     "law_file",
-    metavar="LAW.json",
-    callback=options.in_a_folder,
+    endings=options.SYSTEMS,
+    metavar="LAW.json|mat",
     help="Write the compensator.",
 )
 @options.common
@@ -83,7 +83,7 @@ def verb(
     from middeck.cli.lqg import design_loop
     from middeck.cli.plants import Wanted
     from middeck.cli.settings import LoopSettings, settle
-    from middeck.files.compensators import write_compensator
+    from middeck.cli.systems import write_law
 
     from_article = len(sources) == 1 and not sources[0].endswith((".json", ".npz", ".csv"))
     settings = settle(
@@ -107,7 +107,7 @@ def verb(
         designed = design_loop(plant, settings, settings.band_hz or band_hz)
     document = describe(designed, plant, settings, warnings)
     if law_file is not None:
-        write_compensator(law_file, designed.compensator)
+        write_law(law_file, designed.compensator)
     show(as_json, document, *_tables(document))
 
 

@@ -32,7 +32,7 @@ EXACT = (
 )
 
 
-@click.command("drift", epilog=EPILOG)
+@click.command("drift", cls=options.Verb, epilog=EPILOG)
 @click.argument("before", metavar="BEFORE")
 @click.argument("after", metavar="AFTER")
 @options.periods

@@ -24,7 +24,7 @@ Examples:
 """
 
 
-@click.command("excite", epilog=EPILOG)
+@click.command("excite", cls=options.Verb, epilog=EPILOG)
 @click.argument("kind", type=click.Choice(["multisine", "sweep", "noise", "burst", "mls", "binary"]))
 @click.option("--band", "band_hz", type=options.Frequencies(2), metavar="LO,HI", help="Band [Hz].")
 @click.option("--period", "period_s", type=float, help="Length of a period [s].")
@@ -42,16 +42,21 @@ Examples:
 @click.option("--seed", type=int, help="Of all that is random.  [default: 0]")
 @click.option("--model", "model_file", metavar="MODEL.json", help="What is thought to be there: identify -o.")
 @click.option(
-    "--noise", "noise_rms", type=options.Numbers(), help="Rms of each output's noise, with --model."
+    "--noise",
+    "noise_rms",
+    type=options.Numbers(),
+    multiple=True,
+    callback=options.chained,
+    help="Rms of each output's noise, with --model.",
 )
 @click.option("--name", "names", multiple=True, metavar="NAME", help="Of each input: repeat it, or A,B.")
 @click.option("--unit", default="N m", show_default=True, help="Unit of the inputs.")
-@click.option(
+@options.written(
     "-o",
     "--output",
     "command_file",
+    endings=options.COMMANDS,
     metavar="COMMAND.csv|npz",
-    callback=options.in_a_folder,
     help="Write the samples.",
 )
 @options.common

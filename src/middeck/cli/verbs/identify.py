@@ -28,7 +28,7 @@ Examples:
 METHODS = ("samples", "periods", "local rational", "local polynomial", "h1", "h2", "hv")
 
 
-@click.command("identify", epilog=EPILOG)
+@click.command("identify", cls=options.Verb, epilog=EPILOG)
 @click.argument("records", nargs=-1, required=True, metavar="RECORD...")
 @columns
 @options.periods
@@ -45,7 +45,13 @@ METHODS = ("samples", "periods", "local rational", "local polynomial", "h1", "h2
     type=click.Choice(METHODS),
     help="What is fitted: the samples, or a response estimated so.  [default: steady periods, else samples]",
 )
-@click.option("--reference", metavar="CHANNEL,...", help="Channels from outside a closed loop.")
+@click.option(
+    "--reference",
+    multiple=True,
+    callback=options.joined(),
+    metavar="CHANNEL,...",
+    help="Channels from outside a closed loop.",
+)
 @click.option(
     "--cost",
     type=click.Choice(["weighted", "logarithmic"]),
@@ -69,20 +75,14 @@ METHODS = ("samples", "periods", "local rational", "local polynomial", "h1", "h2
     "--relative-degree", type=click.IntRange(0, 2), help="Of complex constants: how fast the response falls."
 )
 @click.option("--validate", multiple=True, metavar="RECORD", help="Held-out record; may be repeated.")
-@click.option(
-    "-o",
-    "--output",
-    "model_file",
-    metavar="MODEL.json",
-    callback=options.in_a_folder,
-    help="Write the model.",
+@options.written(
+    "-o", "--output", "model_file", endings=options.SYSTEMS, metavar="MODEL.json|mat", help="Write the model."
 )
 @figures.figure
-@click.option(
+@options.written(
     "--stabilisation",
     "stabilisation_file",
-    metavar="FILE.svg",
-    callback=options.in_a_folder,
+    endings=options.FIGURES,
     help="Draw poles of rising orders, as SVG.",
 )
 @options.common
@@ -112,7 +112,7 @@ def verb(
     from middeck.cli.fitting import identify
     from middeck.cli.progress import status
     from middeck.cli.settings import FitSettings, settle
-    from middeck.files.models import write_model
+    from middeck.cli.systems import write_fit
 
     names = None if reference is None else options.separate_names((reference,))
     settings = settle(FitSettings, given | {"reference": names}, overrides)
@@ -126,7 +126,7 @@ def verb(
             "records": records,
         }
         if model_file is not None:
-            write_model(model_file, found.fit.model, found.fit.covariance)
+            write_fit(model_file, found.fit.model, found.fit.covariance)
         _draw(found, figure_file, stabilisation_file)
     show(as_json, document, *_tables(document))
 

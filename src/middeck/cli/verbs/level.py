@@ -22,7 +22,7 @@ Examples:
 """
 
 
-@click.command("level", epilog=EPILOG)
+@click.command("level", cls=options.Verb, epilog=EPILOG)
 @options.article
 @options.environment
 @click.option(
@@ -35,6 +35,8 @@ Examples:
 )
 @click.option(
     "--about",
+    multiple=True,
+    callback=options.joined(""),
     metavar="AXES",
     help="Tilts that must vanish, of x, y, z.  [default: about both level axes]",
 )
@@ -65,9 +67,10 @@ def verb(
 
     files = find_case(article, environment)
     structure, surroundings = load_case(*files, overrides)
+    axes = None if about is None else about.replace(",", "")
     free = [split_offset(text) for text in options.separate_names(offsets)]
     with reading(*files):
-        found = level(structure, surroundings, free=free, about=about, node=node, limit=limit)
+        found = level(structure, surroundings, free=free, about=axes, node=node, limit=limit)
     document = describe(found, load_offset_keys(*files, overrides))
     show(as_json, document, *_blocks(document))
 

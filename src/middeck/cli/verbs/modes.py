@@ -23,7 +23,7 @@ Examples:
 HELD_BY = {"free": "motor", "sprung": "spring", "locked": "lock", "driven": "servo"}
 
 
-@click.command("modes", epilog=EPILOG)
+@click.command("modes", cls=options.Verb, epilog=EPILOG)
 @options.article
 @options.environment
 @options.count

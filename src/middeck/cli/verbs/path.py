@@ -23,12 +23,14 @@ Examples:
 RULES = ("kept", "retuned")  # as in structure/gravity/places.py, which --help must not import
 
 
-@click.command("path", epilog=EPILOG)
+@click.command("path", cls=options.Verb, epilog=EPILOG)
 @options.article
 @options.environment
 @options.count
 @click.option(
     "--through",
+    multiple=True,
+    callback=options.joined(),
     metavar="PLACES",
     help="earth, mars, moon, orbit or m/s^2, with commas.  [default: the environment's own gravity,orbit]",
 )

@@ -26,8 +26,8 @@ AT_LEAST = ("gain_db", "phase_deg", "delay_ms", "disk", "damping")
 AT_MOST = ("db", "control_rms")
 
 
-@click.command("qualify", epilog=EPILOG)
-@click.argument("law_file", metavar="LAW.json")
+@click.command("qualify", cls=options.Verb, epilog=EPILOG)
+@click.argument("law_file", metavar="LAW.json|mat")
 @click.argument("plants", nargs=-1, required=True, metavar="PLANT...")
 @click.option(
     "--environment",
@@ -110,11 +110,11 @@ def _qualify(
     import numpy as np
 
     from middeck.cli.qualifying import Shift, allowed_shifts, gather_plants, shifted_plants
+    from middeck.cli.systems import load_law
     from middeck.control.lqg import LQGWeights
     from middeck.control.qualification import qualify_compensator
-    from middeck.files.compensators import load_compensator
 
-    law = load_compensator(law_file)
+    law = load_law(law_file)
     plants = gather_plants(
         sources, environments, law, count=count, overrides=overrides, delay_s=1e-3 * given["delay_ms"]
     )

@@ -28,7 +28,7 @@ Examples:
 """
 
 
-@click.command("record", epilog=EPILOG)
+@click.command("record", cls=options.Verb, epilog=EPILOG)
 @click.argument("files", nargs=-1, required=True, metavar="RECORD...")
 @columns
 @options.periods
@@ -37,8 +37,8 @@ Examples:
     metavar="MODEL.json|RESPONSE.uff",
     help="What is expected: judges signs, gains, swapped channels and delays.",
 )
-@click.option(
-    "-o", "--output", "target", metavar="RECORD", callback=options.in_a_folder, help="Write the record too."
+@options.written(
+    "-o", "--output", "target", endings=options.RECORDS, metavar="RECORD", help="Write the record too."
 )
 @click.option("--ascii", is_flag=True, help="Write universal files as text (58), not binary (58b).")
 @click.option("--stream", is_flag=True, help="Only write, block by block: for records longer than memory.")
@@ -71,6 +71,8 @@ def verb(
     chosen = settle(RecordSettings, given, overrides)
     told = told_columns(inputs, outputs, chosen.sample_hz, chosen.variable)
     if stream:
+        if target is not None:
+            options.require_writable(target, options.STREAMS, "--stream -o")
         _pass_through(files, told, target)
         show(as_json, {"schema": "middeck.record/1", "records": files, "written": target}, f"wrote {target}")
         return

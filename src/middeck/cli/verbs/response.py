@@ -23,7 +23,7 @@ Examples:
 """
 
 
-@click.command("response", epilog=EPILOG)
+@click.command("response", cls=options.Verb, epilog=EPILOG)
 @options.article
 @options.environment
 @click.option(
@@ -33,7 +33,14 @@ Examples:
     "--output", "outputs", multiple=True, required=True, metavar="PORT", help="Sensor, or its _rate; same."
 )
 @click.option(
-    "--at", "frequency_hz", type=options.Frequencies(), required=True, metavar="HZ,HZ", help="Frequencies."
+    "--at",
+    "frequency_hz",
+    type=options.Frequencies(),
+    required=True,
+    multiple=True,
+    callback=options.chained,
+    metavar="HZ,HZ",
+    help="Frequencies.",
 )
 @options.count
 @click.option("--static", is_flag=True, help="Add what the other modes leave at rest.")

@@ -26,7 +26,7 @@ Examples:
 TOP = 20  # rows of each mode that was asked for
 
 
-@click.command("sensitivity", epilog=EPILOG)
+@click.command("sensitivity", cls=options.Verb, epilog=EPILOG)
 @options.article
 @options.environment
 @click.option(

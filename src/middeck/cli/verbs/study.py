@@ -21,10 +21,16 @@ Examples:
 """
 
 
-@click.command("study", epilog=EPILOG)
+@click.command("study", cls=options.Verb, epilog=EPILOG)
 @click.argument("study_file", metavar="STUDY")
 @click.option(
-    "-o", "--output", "out", type=click.Path(path_type=Path), required=True, help="Folder of the results."
+    "-o",
+    "--output",
+    "out",
+    type=click.Path(path_type=Path),
+    required=True,
+    callback=options.require_folder,
+    help="Folder of the results.",
 )
 @options.common
 def verb(study_file: str, out: Path, overrides: tuple[str, ...], as_json: bool) -> None:

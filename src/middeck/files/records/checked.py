@@ -15,7 +15,7 @@ def check_channels(sample_hz: float, inputs: Sequence[Port], outputs: Sequence[P
     """Refuse records without channels on a side, with two of one name, or without a rate."""
     for side, ports in (("input", inputs), ("output", outputs)):
         if not ports:
-            hint = "name at least one input and one output: --inputs, --outputs"
+            hint = 'name both: name_columns(["torque [N m]"], ["angle [rad]"])'
             raise DataError(f"no {side} channels", where=where, hint=hint)
         names = [p.name for p in ports]
         twice = sorted({n for n in names if names.count(n) > 1})

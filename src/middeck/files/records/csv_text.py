@@ -287,8 +287,8 @@ def _with_gaps(
         raise DataError(
             f"uneven time steps: sample {worst} is {late[worst - 1]:.3g} s off steps of {usual:.6g} s",
             where=f"{file}, channel time",
-            hint=f"stamps are printed to {digit:g} s: print more digits, or leave the column out and give "
-            "--sample-hz" if coarse else "resample all channels to one rate",
+            hint=f"stamps are printed to {digit:g} s: print more digits, or leave the column out and state "
+            "name_columns(sample_hz=RATE)" if coarse else "resample all channels to one rate",
         )  # fmt: skip
     whole = np.full((index[-1] + 1, table.shape[1]), np.nan)
     whole[index] = table

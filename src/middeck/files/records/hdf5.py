@@ -39,7 +39,7 @@ def pick(arrays: Mapping[str, Any], variable: str, file: Path) -> str:
     if variable or len(arrays) != 1:
         what = f"no variable {variable!r}" if variable else f"{len(arrays)} variables"
         held = ", ".join(f"{name} {_shape(x.shape)}" for name, x in arrays.items()) or "nothing"
-        raise DataError(what, where=str(file), hint=f"it holds {held}; choose with --variable NAME")
+        raise DataError(what, where=str(file), hint=f'it holds {held}; choose with variable="NAME"')
     return next(iter(arrays))
 
 

@@ -72,11 +72,11 @@ def sampling_rate(raw: Raw, columns: Columns | None, where: str) -> float:
     stated, given = raw.sample_hz, None if columns is None else columns.sample_hz
     if stated is None:
         if given is None:
-            raise DataError("no sampling rate", where=where, hint="state it: --sample-hz RATE")
+            raise DataError("no sampling rate", where=where, hint="state it: name_columns(sample_hz=RATE)")
         return given
     if given is not None and abs(given - stated) > raw.rate_share * stated:
         what = f"sampled at {stated:.9g} Hz; {given:.9g} Hz were stated"
-        raise DataError(what, where=where, hint="leave --sample-hz out: the file says it")
+        raise DataError(what, where=where, hint="leave the rate out: the file says it")
     return stated if given is None else given
 
 
@@ -96,7 +96,7 @@ def choose(heads: tuple[Head, ...], columns: Columns | None, where: str) -> Chos
         held = ", ".join(heads[k].name or f"column {k + 1}" for k, _ in sides[""])
         raise DataError(
             f"nothing says which channels are inputs and which outputs: {held}", where=where,
-            hint='name them: --inputs "torque [N m]" --outputs "angle [rad]"',
+            hint='name them: name_columns(["torque [N m]"], ["angle [rad]"])',
         )  # fmt: skip
     u, y = (tuple(k for k, _ in sides[side]) for side in ("input", "output"))
     inputs, outputs = (tuple(port for _, port in sides[side]) for side in ("input", "output"))
@@ -126,6 +126,6 @@ def _port(head: Head, column: NamedColumn, where: str) -> Port:
     if unit is None and not column.side and head.side:
         raise DataError(
             "the file does not say its unit", where=f"{where}, channel {head.name}",
-            hint=f'state it: --outputs "{head.name} [m/s^2]", or in a file of channels beside it',
+            hint=f'state it: name_columns([], ["{head.name} [m/s^2]"]), or in a file of channels beside it',
         )  # fmt: skip
     return Port(column.name, unit or "", column.channel or head.channel)

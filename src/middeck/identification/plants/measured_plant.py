@@ -95,7 +95,7 @@ def _check_continuous(model: MeasurementModel) -> None:
     if model.sample_hz is not None:
         raise ConfigError(
             "a sampled model has no continuous plant",
-            hint="fit without sample_hz (identify --continuous), or take sampled_statespace",
+            hint="fit it without sample_hz, or take sampled_statespace",
         )
 
 

@@ -127,7 +127,8 @@ def _led(
 def _no_start() -> FitError:
     return FitError(
         "no start could be refined on the record",
-        hint="fewer states, a longer record, or --band of what is driven; take out a delay of many samples",
+        hint="fewer states, a longer record, or band_hz=(low, high) of what is driven; take out a delay of "
+        "many samples",
     )
 
 

@@ -175,7 +175,7 @@ def _scatter(
         if not periodic:
             raise DataError(
                 "the record is not periodic: it has no whole periods to average",
-                hint="say how many periods it has (--periods), or use the local models",
+                hint="say how many periods it has, split_periods(record, periods), or use the local models",
             )
         return scatter_of_periods(_stream(record), band_hz)
     if method not in get_args(Method):

@@ -26,6 +26,7 @@ from middeck.structure.correlation.pass_probability import (
 )
 from middeck.structure.correlation.profiles import RECALLED, Criterion, Profile, Quantity
 from middeck.structure.correlation.reduction import ReducedMass, Reduction, reduce_mass
+from middeck.structure.correlation.units import doubt_units
 from middeck.structure.modes import Modes
 from middeck.structure.naming import HALF
 from middeck.values import record
@@ -138,8 +139,9 @@ def correlate_modes(
         raise ConfigError(f"{runs} runs of a correct model", where="runs", hint="1 or more, e.g. 1000")
     rows = sensor_rows(modes, measured.node, measured.direction)
     effective = measure_effective_mass(modes)
-    index = _candidates(modes, measured)
-    model, reduced = _model(modes, measured, rows, effective, index, profile, reduction)
+    units = doubt_units(modes, measured, np.asarray(rows @ modes.shapes))
+    index = _candidates(modes, measured, units)
+    model, reduced = _model(modes, measured, rows, effective, index, profile, reduction, units)
     found = evaluate_shapes(model, measured.frequency_hz, measured.shape)
     correct = run_correct_model(model, profile, found, measured, spread, rng, runs)
     pairs = np.stack([index[found.pairs[:, 0]], found.pairs[:, 1]], axis=1)
@@ -160,11 +162,11 @@ def correlate_modes(
         unpaired,
         unmeasured,
         correct.overall,
-        _warnings(modes, measured, profile, findings, unpaired, unmeasured),
+        (*units, *_warnings(modes, measured, profile, findings, unpaired, unmeasured)),
     )
 
 
-def _candidates(modes: Modes, measured: MeasuredModes) -> np.ndarray:
+def _candidates(modes: Modes, measured: MeasuredModes, units: tuple[str, ...]) -> np.ndarray:
     """Modes that are not rigid and within the pairing window of any measured frequency."""
     low, high = measured.frequency_hz.min() / WINDOW, measured.frequency_hz.max() * WINDOW
     hz = modes.frequency_hz
@@ -176,7 +178,12 @@ def _candidates(modes: Modes, measured: MeasuredModes) -> np.ndarray:
         raise ConfigError(
             f"no mode of the model between {low:.4g} and {high:.4g} Hz",
             where="measured modes",
-            hint=f"are the frequencies in Hz? the model's lowest are {', '.join(flexible) or 'none'} Hz",
+            hint="; ".join(
+                (
+                    *units,
+                    f"are the frequencies in Hz? the model's lowest are {', '.join(flexible) or 'none'} Hz",
+                )
+            ),
         )
     return np.array(inside, dtype=int)
 
@@ -189,6 +196,7 @@ def _model(
     index: np.ndarray,
     profile: Profile,
     reduction: Reduction,
+    units: tuple[str, ...],
 ) -> tuple[Candidates, ReducedMass]:
     """The candidates at the channels, and the mass reduced on those that the test pairs with.
 
@@ -203,7 +211,8 @@ def _model(
     pairs = evaluate_shapes(first, measured.frequency_hz, measured.shape).pairs
     if not len(pairs):
         raise ConfigError(
-            "no measured mode resembles any of the model's", hint="check nodes, directions and frequencies"
+            "no measured mode resembles any of the model's",
+            hint="; ".join((*units, "check nodes, directions and frequencies")),
         )
     reduced = reduce_mass(modes, rows, reduction, [int(i) for i in index[pairs[:, 0]]])
     return Candidates(hz, shape, reduced.mass, significant, flexible), reduced

@@ -7,6 +7,7 @@ from middeck.study.reach import Reach
 from middeck.study.two_sensor_control import TwoSensorControl
 
 PAIR_HZ = (8.0, 10.0)
+AT_PAIR = "{:g} to {:g}".format(*PAIR_HZ)
 SUSPENSION_HZ = 1.0  # below, the modes of the suspension, which ten states do not hold
 SPILLS_HZ = 15.0  # the modes from 17 Hz on, which twelve states do not hold
 
@@ -21,11 +22,15 @@ def figure_11_claims(control: TwoSensorControl) -> list[Claim]:
             f"{bare.states} states without lead are stopped near 9 Hz; at [Hz]",
             _at_pair(bare),
             bare.stopped_hz,
+            AT_PAIR,
+            "Hz",
         ),
         row(
             "and that before 18 dB; at the last stable level [dB]",
             bare.predicted_db is not None and bare.predicted_db > -18.0,
             bare.predicted_db,
+            "> -18",
+            "dB",
         ),
         at_most(
             f"with the lead the same design reaches 20 dB with the pair moved by {moves} %; least [dB]",
@@ -49,11 +54,13 @@ def _order(reach: Reach) -> Claim:
     hz = reach.stopped_hz
     if reach.states <= 10:
         text, good = "lets go of the suspension at any authority, below 1 Hz", _at_once(reach)
+        asked = f"< {SUSPENSION_HZ:g}"
     elif reach.states <= 12:
         text, good = "spills over into a mode that it does not hold", hz is not None and hz > SPILLS_HZ
+        asked = f"> {SPILLS_HZ:g}"
     else:
-        text, good = "does neither: the pair near 9 Hz stops it", _at_pair(reach)
-    return row(f"a design on {reach.states} states {text}; at [Hz]", good, hz)
+        text, good, asked = "does neither: the pair near 9 Hz stops it", _at_pair(reach), AT_PAIR
+    return row(f"a design on {reach.states} states {text}; at [Hz]", good, hz, asked, "Hz")
 
 
 def _at_once(reach: Reach) -> bool:

@@ -28,11 +28,15 @@ def figure_12_claims(control: TwoSensorControl) -> list[Claim]:
             f"the payload {beyond} is raised over the open loop [dB]",
             above is not None and above > 0.0,
             above,
+            "> 0",
+            "dB",
         ),
         row(
             "and more than with no bus penalty and all else, authority and no lead, the same [dB]",
             more is not None and more > 0.0,
             more,
+            "> 0",
+            "dB",
         ),
         at_most(
             f"the payload at {band} falls by a further order of magnitude below the payload penalty's [dB]",

@@ -61,9 +61,11 @@ def _high_claims(high: MeasuredLoop) -> list[Claim]:
             -SUPPRESSED_DB,
         ),
         row(
-            "CL2 lowers every mode of the fit; least [dB]",
+            f"CL2 lowers every mode of the fit; least{_listed([] if least is None else [least])} [dB]",
             least is not None and least.db < 0.0,
-            None if least is None else f"{least.db:+.1f} at {least.frequency_hz:.2f} Hz",
+            None if least is None else least.db,
+            "< 0",
+            "dB",
         ),
         at_most("CL2 reduces the payload's rms angle by over 20 dB, measured [dB]", high.measured_db, -20.0),
     ]
@@ -77,11 +79,15 @@ def _drift_claims(control: MeasuredControl, low: MeasuredLoop, high: MeasuredLoo
             f"{pair} breaks CL2; shifts that do [%]",
             high.stable and len(broken) == len(high.survives),
             ", ".join(f"{p:+g}" for p in broken),
+            ", ".join(f"{p:+g}" for p, _ in high.survives),
+            "%",
         ),
         row(
             f"{pair} leaves CL1 stable; shifts survived",
             low.stable and all(ok for _, ok in low.survives),
             float(sum(ok for _, ok in low.survives)),
+            f"= {len(low.survives)}",
+            "shifts",
         ),
     ]
 
@@ -100,30 +106,36 @@ def _robust_claims(control: MeasuredControl, robust: MeasuredLoop) -> list[Claim
             both,
             lambda loop: loop.gain_margin_db,
             GAIN_DB,
+            "dB",
         ),
         _margin(
             f"and a phase margin of at least {PHASE_DEG:g} degrees; least [deg]",
             both,
             lambda loop: loop.phase_margin_deg,
             PHASE_DEG,
+            "deg",
         ),
         row(
             "LQG for the first record alone, at CL3's authority, is not; unstable at [%]",
             bool(broken),
             ", ".join(f"{p:+g}" for p in broken),
+            "any",
+            "%",
         ),
     ]
 
 
 def _margin(
-    claim: str, loops: list[RigLoop], margin: Callable[[RigLoop], float | None], least: float
+    claim: str, loops: list[RigLoop], margin: Callable[[RigLoop], float | None], least: float, unit: str
 ) -> Claim:
     """Of stable loops; one that no change brings to the axis has all of them."""
-    stable = all(loop.stable for loop in loops)
+    stable, asked = all(loop.stable for loop in loops), f"\u2265 {least:g}"
     if not stable:
-        return row(claim, False, None)
+        return row(claim, False, None, asked, unit)
     smallest = min((m for m in map(margin, loops) if m is not None), default=None)
-    return row(claim, smallest is None or smallest >= least, "any" if smallest is None else smallest)
+    return row(
+        claim, smallest is None or smallest >= least, "any" if smallest is None else smallest, asked, unit
+    )
 
 
 def _listed(modes: list[ModeReduction]) -> str:

@@ -11,21 +11,26 @@ RMS_DB, LINE_DB = 1.0, 3.0  # how closely a measured loop is to be predicted, in
 
 
 class Claim(TypedDict):
-    """One row."""
+    """One row: ``number`` and ``asked`` are in one ``unit`` and have one sign.
+
+    A number of decibels is a change: negative is less.
+    """
 
     claim: str
     holds: bool
     number: float | str | None
+    asked: str
+    unit: str
 
 
-def row(claim: str, holds: bool, number: float | str | None) -> Claim:
-    """A claim with its verdict and its number."""
-    return {"claim": claim, "holds": bool(holds), "number": number}
+def row(claim: str, holds: bool, number: float | str | None, asked: str, unit: str = "") -> Claim:
+    """A claim with its verdict, its number and what that is asked to be."""
+    return {"claim": claim, "holds": bool(holds), "number": number, "asked": asked, "unit": unit}
 
 
-def at_most(claim: str, number: float | None, most: float) -> Claim:
+def at_most(claim: str, number: float | None, most: float, unit: str = "dB") -> Claim:
     """It holds where there is a number that is no larger than ``most``."""
-    return row(claim, number is not None and number <= most, number)
+    return row(claim, number is not None and number <= most, number, f"\u2264 {most:g}", unit)
 
 
 def largest(values: Iterable[float | None]) -> float | None:

@@ -1,0 +1,46 @@
+"""Laws and models to and from files, JSON or MAT by their endings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from middeck.control.compensator import Compensator
+from middeck.control.sampled_compensator import SampledCompensator
+from middeck.errors import DataError
+from middeck.files.compensators import Stored, load_compensator, write_compensator
+from middeck.files.exchange.mat import load_mat, write_mat, write_mat_model
+from middeck.files.models import write_model
+from middeck.identification.measurement_model import MeasurementModel
+from middeck.identification.uncertainty.covariance import ModelCovariance
+
+
+def is_mat(path: str | Path) -> bool:
+    """Whether a file is MATLAB's by its name."""
+    return Path(path).suffix.lower() == ".mat"
+
+
+def write_law(path: str, law: Compensator | SampledCompensator) -> None:
+    """Write u = K y."""
+    (write_mat if is_mat(path) else write_compensator)(path, law)
+
+
+def load_law(path: str) -> Stored:
+    """The compensator in a file; raises `DataError` for anything else."""
+    if not is_mat(path):
+        return load_compensator(path)
+    found = load_mat(path)
+    if isinstance(found, Stored):
+        return found
+    raise DataError(
+        "a system, and nothing says that it is a compensator, nor its sign",
+        where=path,
+        hint="s.Kind = 'compensator' and s.Feedback = 'positive' (u = K y) or 'negative' (u = -K y)",
+    )
+
+
+def write_fit(path: str, model: MeasurementModel, covariance: ModelCovariance | None) -> None:
+    """Write a fitted model; its covariance has a place in JSON only."""
+    if is_mat(path):
+        write_mat_model(path, model)
+    else:
+        write_model(path, model, covariance)

@@ -1,0 +1,157 @@
+"""Slips of units in a survey, seen against the model: a factor that all frequencies or channels share.
+
+Modes are matched by their shapes alone, translations and rotations each of any scale, so that neither a slip
+in frequency nor one between metres and radians hides the match.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from middeck.structure.correlation.assurance import modal_assurance
+from middeck.structure.correlation.measured_modes import STRAIGHT, MeasuredModes, sort_rms
+from middeck.structure.modes import Modes
+from middeck.structure.plants.damping import estimate_damping
+
+ALIKE = 0.8  # assurance from which on two shapes are taken for one mode
+FEWEST = 3  # modes that must agree on a factor
+AGREE = 0.25  # on a logarithmic scale: how far factors may lie from each other and from that of a unit
+MOVES = 0.3  # of a mode's rms: what a channel must move to tell its own scale
+
+FREQUENCY = {
+    2.0 * np.pi: "rad/s in place of Hz",
+    0.5 / np.pi: "Hz divided by 2 pi",
+    60.0: "cycles a minute in place of Hz",
+    1e3: "mHz in place of Hz",
+    1e-3: "kHz in place of Hz",
+}
+SCALES = {
+    180.0 / np.pi: "degrees beside metres",
+    np.pi / 180.0: "radians over 57.3",
+    1e3: "mm beside m, or mrad beside rad",
+    1e-3: "m beside mm, or rad beside mrad",
+    25.4e-3: "m beside inches",
+    1.0 / 25.4e-3: "inches beside m",
+}
+PERCENT, LOSS = 100.0, 0.2
+
+
+def doubt_units(
+    modes: Modes, measured: MeasuredModes, shapes: Float[np.ndarray, "channel mode"]
+) -> tuple[str, ...]:
+    """What looks like another unit in ``measured``; ``shapes`` are those of the model at its channels."""
+    straight = np.array([d in STRAIGHT for d in measured.direction])
+    movable = np.array([kind != "rigid" for kind in modes.kind]) & (modes.frequency_hz > 0.0)
+    index = np.flatnonzero(movable)
+    if not len(index):
+        return ()
+    phi = shapes[:, index]
+    levels = _decibels(phi, measured)
+    alike = _matches(phi, np.asarray(measured.shape), straight)
+    near = _nearest(modes.frequency_hz[index], measured.frequency_hz)
+    ours, theirs = (alike if len(alike) >= FEWEST else near).T
+    said = [levels] if levels else []
+    said += _frequency(measured.frequency_hz[alike[:, 1]] / modes.frequency_hz[index[alike[:, 0]]])
+    said += _damping(modes, measured, index[ours], theirs)
+    sorts = _sorts(phi, np.asarray(measured.shape), straight, alike)
+    # One channel of a thousandfold scale makes any two shapes alike: then frequencies tell the pairs.
+    channels = sorts or _channels(phi, measured, alike) or _channels(phi, measured, near)
+    return tuple(said + ([] if levels else channels))
+
+
+def _matches(phi: np.ndarray, shape: np.ndarray, straight: np.ndarray) -> Int[np.ndarray, "pair 2"]:
+    """(mode of the model, measured mode) whose shapes are alike in every sort of channel."""
+    score = np.ones((phi.shape[1], shape.shape[1]))
+    for sort in (straight, ~straight):
+        if np.any(sort):
+            score = np.minimum(score, modal_assurance(phi[sort], shape[sort]))
+    best = score.argmax(axis=0)
+    keep = np.flatnonzero(score[best, np.arange(len(best))] > ALIKE)
+    return np.stack([best[keep], keep], axis=1)
+
+
+def _nearest(ours_hz: np.ndarray, theirs_hz: np.ndarray) -> Int[np.ndarray, "pair 2"]:
+    """By frequency, where no shape is alike."""
+    best = np.abs(np.log(ours_hz[:, None] / theirs_hz)).argmin(axis=0)
+    near = np.abs(np.log(ours_hz[best] / theirs_hz)) < AGREE
+    return np.stack([best[near], np.flatnonzero(near)], axis=1)
+
+
+def _factor(ratios: np.ndarray) -> float | None:
+    """What most of the ratios share; None where they share nothing."""
+    known = np.log(ratios[np.isfinite(ratios) & (ratios > 0.0)])
+    if not len(known):
+        return None
+    middle = float(np.median(known))
+    return float(np.exp(middle)) if np.mean(np.abs(known - middle) < AGREE) > 0.5 else None
+
+
+def _unit(factor: float | None, units: dict[float, str]) -> str:
+    return next((u for f, u in units.items() if factor and abs(np.log(factor / f)) < AGREE), "")
+
+
+def _frequency(ratio: np.ndarray) -> list[str]:
+    factor = _factor(ratio) if len(ratio) >= FEWEST else None
+    unit = _unit(factor, FREQUENCY)
+    modes = f"the frequencies of {len(ratio)} modes are"
+    return [f"{modes} {factor:.4g} times the model's of the same shapes: {unit}?"] if unit else []
+
+
+def _damping(modes: Modes, measured: MeasuredModes, ours: np.ndarray, theirs: np.ndarray) -> list[str]:
+    if len(ours) < FEWEST:
+        return []
+    zeta = estimate_damping(modes, count=int(ours.max()) + 1).zeta[ours]
+    ratio = np.median(measured.damping[theirs]) / max(float(np.median(zeta)), 1e-12)
+    high = float(np.median(measured.damping)) > LOSS
+    unit = high and abs(np.log(max(ratio, 1e-12) / PERCENT)) < np.log(4.0)
+    return [f"the damping is {ratio:.3g} times the model's: per cent in place of a ratio?"] if unit else []
+
+
+def _sorts(phi: np.ndarray, shape: np.ndarray, straight: np.ndarray, pairs: np.ndarray) -> list[str]:
+    """Rotations of another scale than translations, alike in all modes."""
+    if len(pairs) < FEWEST - 1 or np.all(straight) or not np.any(straight):
+        return []
+    a, b = phi[:, pairs[:, 0]], shape[:, pairs[:, 1]]
+    gains = [np.abs(np.sum(a[s] * b[s], axis=0)) / np.sum(a[s] ** 2, axis=0) for s in (~straight, straight)]
+    factor = _factor(gains[0] / gains[1])
+    unit = _unit(factor, SCALES)
+    return (
+        [f"rotations are {factor:.3g} times too large beside translations, by the model: {unit}?"]
+        if unit
+        else []
+    )
+
+
+def _channels(phi: np.ndarray, measured: MeasuredModes, pairs: np.ndarray) -> list[str]:
+    """Channels whose scale differs from that of most others by a unit's factor, alike in all modes."""
+    if len(pairs) < FEWEST:
+        return []
+    a, b = phi[:, pairs[:, 0]], np.asarray(measured.shape)[:, pairs[:, 1]]
+    moves = np.abs(a) > MOVES * sort_rms(measured.direction, a)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        gain = np.where(moves, np.abs(b) / np.abs(a), np.nan)
+        gain = gain / np.array([np.nanmedian(g) if np.isfinite(g).any() else np.nan for g in gain.T])
+    found: dict[str, list[str]] = {}
+    for channel, row in zip(measured.channels, gain, strict=True):
+        known = row[np.isfinite(row)]
+        unit = _unit(_factor(known), SCALES) if len(known) >= FEWEST - 1 else ""
+        if unit:
+            found.setdefault(unit, []).append(channel)
+    return [
+        f"{len(names)} channels ({', '.join(names[:4])}{', ...' if len(names) > 4 else ''}) have another"
+        f" scale than the rest, against the model: {unit}?"
+        for unit, names in found.items()
+    ]
+
+
+def _decibels(phi: np.ndarray, measured: MeasuredModes) -> str:
+    """Whether levels in place of shapes explain the test: powers of ten of them are the model's sizes."""
+    level = np.real(measured.shape)
+    if not measured.is_real or np.abs(level).max() > 400.0:
+        return ""
+    size = 10.0 ** (level / 20.0)
+    as_level = np.median(modal_assurance(np.abs(phi), size).max(axis=0))
+    as_shape = np.median(modal_assurance(phi, measured.shape).max(axis=0))
+    alike = as_level > 0.95 and as_shape < ALIKE and np.ptp(level) > 10.0
+    return "the shapes look like levels in dB; amplitudes with their signs are needed" if alike else ""
