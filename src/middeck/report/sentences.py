@@ -239,8 +239,9 @@ def _figure_10(numbers: Numbers) -> str:
 
 
 def half_plane(zero: Numbers) -> str:
-    """On which side of the axis a zero lies; of one that its deviation may put on either, both."""
-    if abs(zero["damping"]) < TOLD * zero["damping_deviation"]:
+    """On which side of the axis a zero lies; of one that its deviation may put on either, or none is known, both."""
+    deviation = zero["damping_deviation"]
+    if deviation is None or abs(zero["damping"]) < TOLD * deviation:
         return "left or right"
     return "right" if zero["nonminimum_phase"] else "left"
 
