@@ -26,6 +26,7 @@ def build_damping(form: ArticleForm) -> Damping:
         _loss_factors(form),
         tuple(_damper(device) for device in d.device),
         tuple((int(key) if key.isdigit() else key, ratio) for key, ratio in d.mode.items()),
+        d.rule == "rank",
     )
 
 

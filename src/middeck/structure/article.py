@@ -285,7 +285,11 @@ class Damping:
     Parameters
     ----------
     flexible, suspension, rigid:
-        The base by kind of mode.
+        The base: of strain, of everything else that holds a mode (devices, weight), and of a mode at zero. A
+        mode has the mean of the first two, weighted with its energy (`Modes.strain_share`).
+    by_rank:
+        Instead of that, the 1993 paper's rule: the n lowest modes have ``suspension`` and all others
+        ``flexible``, n the number of rigid-body modes in orbit.
     table:
         The base of every mode that oscillates, instead of ``flexible`` and ``suspension``.
     loss_factor:
@@ -303,6 +307,7 @@ class Damping:
     loss_factor: tuple[tuple[str, float], ...] = ()
     dampers: tuple[Damper, ...] = ()
     by_mode: tuple[tuple[str | int, float], ...] = ()
+    by_rank: bool = False
 
     def __post_init__(self) -> None:
         if self.table is not None and (self.flexible or self.suspension):

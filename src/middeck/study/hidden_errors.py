@@ -11,6 +11,7 @@ from middeck.errors import ConfigError
 from middeck.structure.article import Body, Damping, Joint, Member, Node, Structure
 from middeck.structure.environment import Environment
 from middeck.structure.modes import Modes
+from middeck.structure.plants.damping import estimate_damping
 from middeck.values import record
 
 DAMPING_SPREAD = 0.3  # of the logarithm of each mode's ratio
@@ -137,13 +138,13 @@ def hide_in_suspension(environment: Environment, hidden: HiddenErrors) -> Enviro
 
 
 def spread_damping(damping: Damping, modes: Modes, drawn: np.ndarray, count: int) -> Damping:
-    """Each mode's own ratio, by kind, times its factor; numbered, since names may repeat."""
+    """Each mode's own ratio times its factor; numbered, since names may repeat."""
     if count > len(drawn):
         raise ConfigError(f"damping drawn for {len(drawn)} modes of {count}", where="HiddenErrors")
     if damping.table is not None or damping.dampers or damping.loss_factor or damping.by_mode:
         raise ConfigError(
             "hidden damping is for ratios by kind of mode", where="damping", hint="leave the others out"
         )
-    ratio = {"rigid": damping.rigid, "suspension": damping.suspension, "flexible": damping.flexible}
-    each = tuple((i, float(ratio[modes.kind[i]] * np.exp(DAMPING_SPREAD * drawn[i]))) for i in range(count))
+    zeta = estimate_damping(modes, damping, count=count).zeta * np.exp(DAMPING_SPREAD * drawn[:count])
+    each = tuple((i, float(ratio)) for i, ratio in enumerate(zeta))
     return dataclasses.replace(damping, by_mode=each)

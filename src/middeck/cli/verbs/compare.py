@@ -59,6 +59,7 @@ def describe(comparison: ModeComparison) -> dict[str, Any]:
         "warnings": (
             *(f"in orbit: {w}" for w in orbit.warnings),
             *(f"in {place}: {w}" for w in lab.warnings),
+            *comparison.warnings,
         ),
     }
 
