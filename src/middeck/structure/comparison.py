@@ -92,7 +92,7 @@ def _check_mesh(orbit: Modes, lab: Modes) -> None:
 
 
 def _disputed(orbit: Modes, lab: Modes, pairs: np.ndarray, shares: np.ndarray) -> Iterator[str]:
-    """Pairs beside which another mode has at least half as much of the shape, and another frequency.
+    """Pairs with a mode of another kind, or beside which another mode has half as much of the shape.
 
     Modes whose frequencies differ by less than `ALIKE` count as one: which of them is the partner makes no
     difference to the ratio.
@@ -103,14 +103,20 @@ def _disputed(orbit: Modes, lab: Modes, pairs: np.ndarray, shares: np.ndarray) -
         own = float(shares[i, near].sum())
         others = np.where(near, 0.0, shares[i])
         rival = int(np.argmax(others))
-        if others[rival] < RIVAL * own:
-            continue
         a, b = f_1[j] / f_0[i], f_1[rival] / f_0[i]
-        yield (
-            f"orbit mode {i} {orbit.name[i]!r} at {f_0[i]:.4g} Hz has no one partner: {own:.0%} of it is at "
-            f"{f_1[j]:.4g} Hz and {others[rival]:.0%} at {f_1[rival]:.4g} Hz, so that its ratio is "
-            f"{a:.4g} or {b:.4g}; read the two as a pair of modes, or {CURE}"
-        )
+        called = f"orbit mode {i} {orbit.name[i]!r} at {f_0[i]:.4g} Hz"
+        if others[rival] >= RIVAL * own:
+            yield (
+                f"{called} has no one partner: {own:.0%} of it is at {f_1[j]:.4g} Hz and {others[rival]:.0%} "
+                f"at {f_1[rival]:.4g} Hz, so that its ratio is {a:.4g} or {b:.4g}; read the two as a pair of "
+                f"modes, or {CURE}"
+            )
+        elif lab.kind[j] != "flexible":
+            yield (
+                f"{called} is nearest to a mode at {f_1[j]:.4g} Hz that moves {lab.rigid_share[j]:.0%} as a "
+                f"rigid body, where the article has changed its shape: its ratio {a:.4g} is of unlike modes; "
+                f"{CURE}, or follow it with middeck path"
+            )
 
 
 def _mac(modes: Modes, phi_0: np.ndarray, phi_1: np.ndarray) -> np.ndarray:
