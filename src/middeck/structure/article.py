@@ -52,11 +52,16 @@ class Section:
 
 @record
 class Body:
-    """Rigid mass on a frame: mass [kg], centre of mass [m] and inertia about it [kg m^2], frame axes."""
+    """Rigid mass on a frame: mass [kg], centre of mass [m] and inertia about it [kg m^2], frame axes.
+
+    Of a body's three principal inertias no one is larger than the sum of the others. ``rotors_excluded`` says
+    that these need not be: the inertia of rotors about their own spin axes is left out of them.
+    """
 
     mass: float
     cg: Inexact[np.ndarray, "3"]
     inertia: Inexact[np.ndarray, "3 3"]
+    rotors_excluded: bool = False
 
 
 @record

@@ -69,10 +69,9 @@ def mesh_warnings(modes: Modes, count: int) -> tuple[str, ...]:
     cure = "more elements a member (mesh.elements_per_strut, or elements of a strut)"
     if np.isinf(error[worst]):
         return (f"{few}, and from {f:.4g} Hz (mode {worst}) on it lacks modes; {cure}",)
+    mode = f"mode {worst} {modes.name[worst]!r} at {f:.4g} Hz by {error[worst]:.1g}"
     more = max(int(np.ceil((error[worst] / LIMIT) ** ORDER)), 2)
-    return (
-        f"{few}: mode {worst} {modes.name[worst]!r} at {f:.4g} Hz by {error[worst]:.1g}; {cure}, {more} times as many",
-    )
+    return (f"{few}: {mode}; {cure}, {more} times as many",)
 
 
 def _end_moves(modes: Modes, count: int) -> Float[np.ndarray, "element 2 2 3 mode"]:
