@@ -22,6 +22,7 @@ MASS = (1e-6, 1e6)  # kg: twice the largest station
 SLENDERNESS = (0.3, 1e4)  # length over radius of gyration: a disc, a cable
 STOUT = 3.0  # the same of the median member: a tube as long as it is wide
 DENSE, SLOW = 2500.0, 500.0  # kg/m^3, m/s: what is as dense as this is stiffer than lead (1200 m/s)
+ROOM = 3.0  # sides of a body over the clear distance that its node leaves between members
 STEEL = 7850.0  # kg/m^3
 OVERHANG = 2.0  # an offset from a frame's origin over the distance between the nodes farthest apart
 ROUNDING = 1e-6  # of the first frequency: what a comparison with a test never sees
@@ -90,30 +91,37 @@ def _equivalent_box(mass: float, moments: np.ndarray) -> np.ndarray:
 
 
 def _densities(structure: Structure) -> Iterator[str]:
-    """No body is denser than osmium in the box of its inertia; a point is no larger than its distances."""
-    positions = np.array([n.position for n in structure.nodes])
+    """Bodies in the box of their inertia; points by their node's size, and by how near the next node is."""
     for part in (*structure.nodes, *structure.joints):
         body = part.body
         if not body.mass > 0.0:
             continue
         if np.any(body.inertia):
             sides = _equivalent_box(body.mass, np.linalg.eigvalsh(body.inertia))
-            volume = float(np.prod(np.maximum(sides, THICK * sides.max())))
-            if body.mass > volume * BODY_DENSITY[1]:
+            density = body.mass / float(np.prod(np.maximum(sides, THICK * sides.max())))
+            if _outside(density, BODY_DENSITY):
                 box = " x ".join(f"{side:.3g}" for side in sides)
                 yield (
                     f"{part.name!r} carries {body.mass:.4g} kg with the inertia of a box of {box} m, "
-                    f"{body.mass / volume:.3g} kg/m^3: is its mass in kg, its inertia in kg m^2?"
+                    f"{density:.3g} kg/m^3: is its mass in kg, its inertia in kg m^2?"
                 )
-        elif isinstance(part, Node) and len(positions) > 1:
-            apart = np.linalg.norm(positions - part.position - body.cg, axis=1)
-            apart[[n.name == part.name for n in structure.nodes]] = np.inf
-            half = 0.5 * (body.mass / STEEL) ** (1.0 / 3.0)
-            if half > apart.min():
-                yield (
-                    f"{part.name!r} carries {body.mass:.4g} kg: a solid steel cube of it would reach past "
-                    f"the next node, {apart.min():.3g} m away; is its mass in kg?"
-                )
+        elif isinstance(part, Node):
+            yield from _point(part, structure)
+
+
+def _point(node: Node, structure: Structure) -> Iterator[str]:
+    """A mass without inertia: it is somewhere within its node, or out to where its centre stands."""
+    mass, cg = node.body.mass, node.body.cg
+    room = max(ROOM * node.size, 2.0 * float(np.linalg.norm(cg)))
+    others = [np.linalg.norm(n.position - node.position - cg) for n in structure.nodes if n is not node]
+    nearest = float(min(others, default=np.inf))
+    if node.size > 0.0 and mass > BODY_DENSITY[1] * room**3:
+        yield f"{node.name!r} carries {mass:.4g} kg on a node of {node.size:.3g} m: is its mass in kg?"
+    elif 0.5 * (mass / STEEL) ** (1.0 / 3.0) > nearest:
+        yield (
+            f"{node.name!r} carries {mass:.4g} kg: a solid steel cube of it would reach past the next node, "
+            f"{nearest:.3g} m away; is its mass in kg?"
+        )
 
 
 def _offsets(structure: Structure) -> Iterator[str]:
