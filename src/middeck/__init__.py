@@ -149,7 +149,6 @@ if TYPE_CHECKING:
     from middeck.structure.gravity.budget import build_budget
     from middeck.structure.gravity.path import follow_gravity
     from middeck.structure.gravity.places import find_place, tilt_place
-    from middeck.structure.mesh_error import estimate_mesh_error, mesh_warnings
     from middeck.structure.modes import solve_modes
     from middeck.structure.plants.damping import estimate_damping
     from middeck.structure.plants.modal_plant import build_plant
@@ -270,7 +269,6 @@ _ROOM = {
     "emulate": "control.sampled.emulation",
     "estimate_attitude": "structure.suspension.attitude",
     "estimate_damping": "structure.plants.damping",
-    "estimate_mesh_error": "structure.mesh_error",
     "estimate_distortion": "identification.spectra.distortion",
     "estimate_response": "identification.spectra.estimate",
     "estimate_rest_band": "structure.suspension.device_friction",
@@ -329,7 +327,6 @@ _ROOM = {
     "measure_sampled_margins": "control.sampled.margins",
     "measured_plant": "identification.plants.measured_plant",
     "merge_delays": "identification.plants.delays",
-    "mesh_warnings": "structure.mesh_error",
     "minimal_model": "identification.plants.reduction",
     "modal_parameters": "identification.plants.modal_parameters",
     "model_response": "identification.measurement_model",
@@ -491,7 +488,6 @@ __all__ = [
     "estimate_attitude",
     "estimate_damping",
     "estimate_distortion",
-    "estimate_mesh_error",
     "estimate_response",
     "estimate_rest_band",
     "estimate_spectra",
@@ -549,7 +545,6 @@ __all__ = [
     "measure_sampled_margins",
     "measured_plant",
     "merge_delays",
-    "mesh_warnings",
     "minimal_model",
     "modal_parameters",
     "model_response",

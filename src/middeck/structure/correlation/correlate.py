@@ -26,8 +26,8 @@ from middeck.structure.correlation.pass_probability import (
 )
 from middeck.structure.correlation.profiles import RECALLED, Criterion, Profile, Quantity
 from middeck.structure.correlation.reduction import ReducedMass, Reduction, reduce_mass
+from middeck.structure.kinds import HALF
 from middeck.structure.modes import Modes
-from middeck.structure.naming import HALF
 from middeck.values import record
 
 RUNS = 1000
