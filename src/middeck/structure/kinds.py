@@ -126,8 +126,8 @@ def _null_space(equilibrium: Equilibrium, M: sp.csr_array) -> np.ndarray:
     """Modes of the strain alone that are at zero."""
     model, active = equilibrium.model, dynamic_coordinates(equilibrium.model)
     inner = inner_forces(model, equilibrium.config, equilibrium.loads)
-    K = split_tangent(model, equilibrium.config, equilibrium.loads, inner).material
-    K, mass = restrict(K, active), restrict(M, active)
+    strain = split_tangent(model, equilibrium.config, equilibrium.loads, inner).material
+    K, mass = restrict(strain, active), restrict(M, active)
     pairs = solve_all(K, mass) if order(K) <= SMALL else solve_lowest(K, mass, count_zero(K, mass) or 1)
     out = np.zeros((len(active), 0))
     if pairs is not None:

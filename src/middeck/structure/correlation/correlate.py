@@ -26,7 +26,6 @@ from middeck.structure.correlation.pass_probability import (
 )
 from middeck.structure.correlation.profiles import RECALLED, Criterion, Profile, Quantity
 from middeck.structure.correlation.reduction import ReducedMass, Reduction, reduce_mass
-from middeck.structure.kinds import HALF
 from middeck.structure.modes import Modes
 from middeck.values import record
 
@@ -197,7 +196,7 @@ def _model(
     channels = len(measured.node)
     shape = np.asarray(rows @ modes.shapes[:, index])
     significant = np.any(effective.fraction[index] > profile.significant_fraction, axis=1)
-    flexible = modes.strain_share[index] > HALF
+    flexible = np.array([modes.kind[i] == "flexible" for i in index])
     hz = modes.frequency_hz[index]
     first = Candidates(hz, shape, np.eye(channels), significant, flexible)
     pairs = evaluate_shapes(first, measured.frequency_hz, measured.shape).pairs
