@@ -37,6 +37,11 @@ def body(
     return Body(mass, np.array(cg), np.diag(inertia))
 
 
+def spin(mass: float, inertia: Sequence[float]) -> Body:
+    """What no body is but a model may use: inertia about some axes alone."""
+    return Body(mass, np.zeros(3), np.diag(inertia), rotors_excluded=True)
+
+
 def node(name: str, position: Sequence[float], body: Body = NONE, size: float = 0.0) -> Node:
     return Node(name, np.array(position, dtype=float), size, body)
 

@@ -26,7 +26,7 @@ from middeck.structure.gravity.budget import (
 )
 from middeck.structure.gravity.tracking import solve_spectrum
 from middeck.structure.modes import Modes, solve_modes
-from structure_builders import GRAVITY, body, lab, member, node, rigid_bar, structure
+from structure_builders import GRAVITY, body, lab, member, node, rigid_bar, spin, structure
 
 G = 9.80665
 TUBE = Section(1e6, 80.0, 100.0, 100.0, 0.5, 1e-4, 1e-4)
@@ -184,7 +184,7 @@ def test_hinged_beam_in_tension_is_all_stiffness(weight: float):
     """Hinged at the base, guided at its loaded foot: omega^2 gains N (n pi / L)^2 / rho A, whatever EI."""
     L, mass = 2.0, weight / G
     string = Section(1e7, 80.0, 100.0, 100.0, 0.01, 0.0, 0.0)
-    nodes = [node("top", (0, 0, 0)), node("foot", (0, -L, 0), body(mass, inertia=(0.0, 0.1, 0.0)))]
+    nodes = [node("top", (0, 0, 0)), node("foot", (0, -L, 0), spin(mass, (0.0, 0.1, 0.0)))]
     far = 1e3  # springs so long that they do not turn
     ties = {"top": [(far, 0, 0), (0, far, 0), (0, 0, far)], "foot": [(far, -L, 0), (0, -L, far)]}
     attach = [AttachPoint(n, n, np.zeros(3)) for n in ties]

@@ -92,7 +92,7 @@ def test_damper_beside_a_spring_between_two_bodies():
 
 def test_damper_at_a_sprung_joint():
     payload = Joint(
-        "p", "a", np.zeros(3), X, 0.3, body(2.0, inertia=(0.3, 0.1, 0.1)), JointState.SPRUNG, 7.0, 0.3
+        "p", "a", np.zeros(3), X, 0.3, body(2.0, inertia=(0.3, 0.2, 0.2)), JointState.SPRUNG, 7.0, 0.3
     )
     modes = orbit_modes(structure([node("a", (0, 0, 0), body(1.0, inertia=(0.2, 0.1, 0.1)))], (), [payload]))
     found = estimate_damping(modes, Damping(dampers=(Damper(DamperPlace.JOINT, "p", 0.05),)))
@@ -223,7 +223,7 @@ def test_equal_frequencies_are_coupled_without_limit():
 
 
 def test_a_damper_on_a_rigid_mode_is_warned_about():
-    payload = Joint("p", "a", np.zeros(3), X, 0.3, body(2.0, inertia=(0.3, 0.1, 0.1)))
+    payload = Joint("p", "a", np.zeros(3), X, 0.3, body(2.0, inertia=(0.3, 0.2, 0.2)))
     modes = orbit_modes(structure([node("a", (0, 0, 0), body(1.0, inertia=(0.2, 0.1, 0.1)))], (), [payload]))
     found = estimate_damping(modes, Damping(dampers=(Damper(DamperPlace.JOINT, "p", 0.05),)))
     assert not found.zeta.any()
@@ -297,7 +297,7 @@ def test_what_cannot_be_is_refused(damping: Damping, message: str):
 
 
 def test_a_damper_at_a_fixed_axis_is_refused():
-    payload = Joint("p", "a", np.zeros(3), X, 0.3, body(2.0, inertia=(0.3, 0.1, 0.1)), JointState.LOCKED)
+    payload = Joint("p", "a", np.zeros(3), X, 0.3, body(2.0, inertia=(0.3, 0.2, 0.2)), JointState.LOCKED)
     modes = orbit_modes(structure([node("a", (0, 0, 0), body(1.0, inertia=(0.2, 0.1, 0.1)))], (), [payload]))
     with pytest.raises(ConfigError, match="'p', which is locked"):
         estimate_damping(modes, Damping(dampers=(Damper(DamperPlace.JOINT, "p", 0.05),)))

@@ -125,7 +125,7 @@ def test_rigid_gain_is_the_inverse_inertia():
 
 def test_rigid_gain_of_a_motor_between_free_bodies():
     """Two free bodies on a common principal axis: 1/I1 + 1/I2 at the joint angle."""
-    payload = Joint("p", "a", np.zeros(3), X, 0.3, body(2.0, inertia=(0.3, 0.1, 0.1)))
+    payload = Joint("p", "a", np.zeros(3), X, 0.3, body(2.0, inertia=(0.3, 0.2, 0.2)))
     base = node("a", (0, 0, 0), body(1.0, inertia=(0.2, 0.1, 0.1)))
     ports = [Actuator("motor", "p", None)], [Sensor("motor", "p", None), Sensor("base", "a", X, "a")]
     modes = solve_modes(

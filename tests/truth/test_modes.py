@@ -113,7 +113,7 @@ def test_stiff_article_keeps_its_soft_suspension():
 
 def two_discs(state: JointState, stiffness: float = 0.0, gap: float = 0.0):
     """Two coaxial discs, inertias 0.2 and 0.3 kg m^2 about z, hinged on their common axis."""
-    hinge = Joint("h", "a", np.zeros(3), Z, 0.0, body(2.0, (0, gap, 0), (0.1, 0.1, 0.3)), state, stiffness)
+    hinge = Joint("h", "a", np.zeros(3), Z, 0.0, body(2.0, (0, gap, 0), (0.2, 0.2, 0.3)), state, stiffness)
     return structure([node("a", (0.3, 0.2, 0.1), body(1.0, inertia=(0.1, 0.1, 0.2)))], joints=[hinge])
 
 
@@ -174,7 +174,7 @@ def test_single_free_body_has_six_rigid_modes():
 
 def test_free_flywheel_of_no_mass_keeps_its_inertia():
     wheel = Joint(
-        "w", "a", np.zeros(3), np.eye(3)[0], 0.0, body(0.0, inertia=(0.1, 0.0, 0.0)), JointState.FREE
+        "w", "a", np.zeros(3), np.eye(3)[0], 0.0, body(0.0, inertia=(0.1, 0.05, 0.05)), JointState.FREE
     )
     parts = structure([node("a", (0, 0, 0), body(2.0, inertia=(0.1, 0.2, 0.3)))], joints=[wheel])
     assert modes_of(parts).kind == ("rigid",) * 7

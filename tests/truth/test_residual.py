@@ -22,7 +22,7 @@ from middeck.structure.modes import Modes, solve_modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.plants.residual import compare_static_gain
 from middeck.systems.modal import modal_response, output_rows
-from structure_builders import GRAVITY, body, member, node, structure
+from structure_builders import GRAVITY, body, member, node, spin, structure
 
 TUBE = Section(1e6, 80.0, 100.0, 100.0, 0.5, 1e-4, 1e-4)
 BARE = Section(1e6, 80.0, 100.0, 100.0, 0.5, 0.0, 0.0)  # no rotary inertia: Bernoulli's closed forms
@@ -146,7 +146,7 @@ def free_beam_gain(elements: int) -> np.ndarray:
     """Residual turns of both ends per unit moment at one, all flexible modes left out; L / EI = 0.02."""
     nodes = [node("a", (0, 0, 0)), node("b", (2.0, 0, 0))]
     # A bare line has no inertia about itself: give it some, it does not take part.
-    nodes[0] = node("a", (0, 0, 0), body(0.0, inertia=(1e-3, 0.0, 0.0)))
+    nodes[0] = node("a", (0, 0, 0), spin(0.0, (1e-3, 0.0, 0.0)))
     ports = [Actuator("m", "b", Z)], [Sensor("b", "b", Z, "b"), Sensor("a", "a", Z, "a")]
     beam = structure(nodes, [member("a", "b", BARE, elements)], (), (), (), *ports)
     modes = solve_modes(solve_equilibrium(beam, Environment.orbit()))

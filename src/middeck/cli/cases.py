@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
 from middeck.cli.blame import reading
 from middeck.files.documents import find_document, load_case
 from middeck.structure.article import Structure
+from middeck.structure.checks.environment_doubts import doubt_environment
+from middeck.structure.checks.summary import summarise
 from middeck.structure.environment import Environment
 from middeck.structure.equilibrium import solve_equilibrium
+from middeck.structure.mesh_error import mesh_warnings
 from middeck.structure.modes import Modes, solve_modes
 
 # From this many coordinates on, all modes take longer than anybody waits for the few that are shown.
 LARGE = 2000
+COUNT = 26  # modes that are looked at where a verb wants all
 SPARE = 12  # the comparison of two environments looks beyond what it shows
 
 
@@ -30,9 +35,29 @@ def solve_case(article: str, environment: str, overrides: Sequence[str], count: 
 
 
 def solve_in(structure: Structure, environment: Environment, *files: Path, count: int | None = None) -> Modes:
-    """The same for what has been read from ``files``, which errors then name."""
+    """The same for what has been read from ``files``, which errors then name.
+
+    Beside what `solve_modes` says, the warnings of the modes tell what in the files can hardly be meant, and
+    which of the ``count`` lowest frequencies the mesh is too coarse for.
+    """
     with reading(*files):
         rest = solve_equilibrium(structure, environment)
-        if count is None or rest.model.tree.size <= LARGE:
-            return solve_modes(rest)
-        return solve_modes(rest, count + SPARE)
+        few = count is not None and rest.model.tree.size > LARGE
+        modes = solve_modes(rest, count + SPARE if few and count is not None else None)
+    said = (*case_doubts(structure, environment), *mesh_warnings(modes, count or COUNT))
+    return dataclasses.replace(modes, warnings=(*said, *modes.warnings))
+
+
+def case_doubts(structure: Structure, environment: Environment) -> tuple[str, ...]:
+    """What can hardly be meant in either of the two files."""
+    return (*summarise(structure).warnings, *doubt_environment(structure, environment))
+
+
+def both_sides(orbit: Modes, lab: Modes) -> tuple[str, ...]:
+    """Warnings of a comparison: what both sides say once, the rest with its side."""
+    place = lab.equilibrium.environment.title
+    return (
+        *(w for w in orbit.warnings if w in lab.warnings),
+        *(f"in orbit: {w}" for w in orbit.warnings if w not in lab.warnings),
+        *(f"in {place}: {w}" for w in lab.warnings if w not in orbit.warnings),
+    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 
 import numpy as np
@@ -32,11 +33,18 @@ class Wanted:
 
 def article_plant(modes: Modes, count: int, wanted: Wanted) -> tuple[Plant, Band]:
     """The lowest ``count`` modes between the ports wanted, and the band that they lie in."""
+    tell_warnings(modes)
     structure = modes.equilibrium.model.structure
     u = chosen(wanted.control, [a.name for a in structure.actuators], "--control")
     y = chosen(wanted.measure, [s.name for s in structure.sensors], "--measure")
     plant = build_plant(modes, inputs=u, outputs=y, count=count, w=u, u=u, z=y, y=y)
     return plant, _band_around(modes.frequency_hz[:count])
+
+
+def tell_warnings(modes: Modes) -> None:
+    """For a verb whose result is not the modes."""
+    for text in modes.warnings:
+        warnings.warn(text, UserWarning, stacklevel=2)
 
 
 @record
@@ -68,10 +76,10 @@ def model_plant(
         merged = merge_delays(covariance)
         path, said = _path(merged.model, u, y), merged.sentences
     between = f"from {', '.join(u)} to {', '.join(y)}"
-    warnings = [f"left out of the plant, as it is on no path {between}: {name}" for name in path.dropped]
-    warnings += [*said, *_dear_delays(path.model, pade_order)]
+    said_of_path = [f"left out of the plant, as it is on no path {between}: {name}" for name in path.dropped]
+    said_of_path += [*said, *_dear_delays(path.model, pade_order)]
     plant = measured_plant(path.model, pade_order=pade_order, w=u, u=u, z=y, y=y)
-    return FittedPlant(plant, _band_around(natural_hz(path.model)), tuple(warnings))
+    return FittedPlant(plant, _band_around(natural_hz(path.model)), tuple(said_of_path))
 
 
 def _path(model: MeasurementModel, u: Sequence[str], y: Sequence[str]) -> Selection:

@@ -11,6 +11,7 @@ import numpy as np
 
 from middeck.cli.blame import reading
 from middeck.cli.cases import solve_case
+from middeck.cli.plants import tell_warnings
 from middeck.control.analysis.shifts import find_allowed_shifts
 from middeck.control.compensator import Compensator
 from middeck.control.sampled_compensator import SampledCompensator
@@ -69,6 +70,7 @@ def _new_name(source: str, found: Mapping[str, object], end: str = "") -> str:
 
 def _article(source: str, environment: str, law: Law, count: int, overrides: Sequence[str]) -> Plant:
     modes = solve_case(source, environment, overrides)
+    tell_warnings(modes)
     structure = modes.equilibrium.model.structure
     u, y = (tuple(port.name for port in side) for side in (law.outputs, law.inputs))
     with reading(source):

@@ -127,13 +127,15 @@ def _section(form: SectionForm, materials: dict[str, MaterialForm]) -> Section:
     )
 
 
-def _body(mass: float, cg: tuple[float, ...], inertia: object) -> Body:
-    return Body(mass, np.array(cg), np.zeros((3, 3)) if inertia is None else np.array(inertia))
+def _body(mass: float, cg: tuple[float, ...], inertia: object, rotors_excluded: bool = False) -> Body:
+    about_cg = np.zeros((3, 3)) if inertia is None else np.array(inertia)
+    return Body(mass, np.array(cg), about_cg, rotors_excluded)
 
 
 def _node(form: NodeForm) -> Node:
     position = np.array([form.x_m, form.y_m, form.z_m])
-    return Node(form.name, position, form.size_m, _body(form.mass_kg, form.cg_m, form.inertia_kg_m2))
+    body = _body(form.mass_kg, form.cg_m, form.inertia_kg_m2, form.rotors_excluded)
+    return Node(form.name, position, form.size_m, body)
 
 
 def _member(strut: StrutForm, form: ArticleForm, positions: dict[str, np.ndarray]) -> Member:
@@ -158,8 +160,8 @@ def default_up(along: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
 
 
 def _gimbal(form: GimbalForm) -> tuple[Joint, Joint]:
-    stage = _body(form.stage_mass_kg, form.stage_cg_m, form.stage_inertia_kg_m2)
-    payload = _body(form.payload_mass_kg, form.payload_cg_m, form.payload_inertia_kg_m2)
+    stage = _body(form.stage_mass_kg, form.stage_cg_m, form.stage_inertia_kg_m2, form.rotors_excluded)
+    payload = _body(form.payload_mass_kg, form.payload_cg_m, form.payload_inertia_kg_m2, form.rotors_excluded)
     rest_x = form.rest_x_deg if form.state_x == "sprung" else form.command_x_deg
     rest_z = form.rest_z_deg if form.state_z == "sprung" else form.command_z_deg
     outer = _axis(form.state_x, form.angle_x_deg, form.stiffness_x_nm_per_rad, rest_x)
@@ -179,7 +181,7 @@ def _gimbal(form: GimbalForm) -> tuple[Joint, Joint]:
 
 def _revolute(form: RevoluteForm) -> Joint:
     axis = np.array(form.axis) / np.linalg.norm(form.axis)
-    body = _body(form.mass_kg, form.cg_m, form.inertia_kg_m2)
+    body = _body(form.mass_kg, form.cg_m, form.inertia_kg_m2, form.rotors_excluded)
     target = form.rest_deg if form.state == "sprung" else form.command_deg
     nominal = _axis(form.state, form.angle_deg, form.stiffness_nm_per_rad, target)
     return Joint(

@@ -106,6 +106,7 @@ class GimbalForm(Form):
     travel_x_deg: Interval | None = None
     travel_z_deg: Interval | None = None
     torque_limit_nm: Positive | None = None
+    rotors_excluded: bool = False
 
 
 class RevoluteForm(Form):
@@ -125,6 +126,7 @@ class RevoluteForm(Form):
     command_deg: Finite | None = None
     travel_deg: Interval | None = None
     torque_limit_nm: Positive | None = None
+    rotors_excluded: bool = False
 
 
 class ProofMassForm(Form):
@@ -212,12 +214,15 @@ class DampingTableForm(Form):
 class DampingForm(Form):
     """Modal damping ratios: a base, plus what materials and devices add; a mode may have its own.
 
+    ``rule`` says which modes have ``suspension``: "shares" weighs both ratios with where each mode keeps its
+    energy, "rank" gives it to the n lowest modes, n the number of rigid-body modes in orbit.
     Where a table is given, ``flexible`` and ``suspension`` are not; where loss factors are, ``flexible`` is
     zero unless it is written.
     """
 
     flexible: Ratio = 0.01
     suspension: Ratio = 0.03
+    rule: Literal["shares", "rank"] = "shares"
     rigid: Ratio = 0.0
     table: DampingTableForm | None = None
     material: dict[str, NotNegative] = Field(default_factory=dict)

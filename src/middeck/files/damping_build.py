@@ -11,7 +11,7 @@ from middeck.structure.article import Damper, DamperPlace, Damping, DampingTable
 def build_damping(form: ArticleForm) -> Damping:
     """Ratios, table, loss factors by member, dampers, and modes of their own.
 
-    A default by kind gives way to what is more definite: both to a table, the flexible one to loss factors.
+    A default gives way to what is more definite: both to a table, the flexible one to loss factors.
     """
     d = form.damping
     given = d.model_fields_set
@@ -26,6 +26,7 @@ def build_damping(form: ArticleForm) -> Damping:
         _loss_factors(form),
         tuple(_damper(device) for device in d.device),
         tuple((int(key) if key.isdigit() else key, ratio) for key, ratio in d.mode.items()),
+        d.rule == "rank",
     )
 
 

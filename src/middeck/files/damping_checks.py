@@ -28,8 +28,8 @@ def _table(damping: Table) -> Iterator[Finding]:
     table = damping.get("table")
     if not isinstance(table, dict):
         return
-    for key in (k for k in ("flexible", "suspension") if k in damping):
-        message = "a ratio by kind beside a table that holds for every kind"
+    for key in (k for k in ("flexible", "suspension", "rule") if k in damping):
+        message = "a ratio or rule beside a table that holds for every mode"
         yield Finding(("damping", key), message, show(damping[key]), "leave out one of the two")
     f, ratio = (cast("Table", table).get(key) for key in ("frequency_hz", "ratio"))
     if not isinstance(f, list) or not isinstance(ratio, list):

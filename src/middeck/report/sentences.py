@@ -239,7 +239,7 @@ def _figure_10(numbers: Numbers) -> str:
 
 
 def half_plane(zero: Numbers) -> str:
-    """On which side of the axis a zero lies; of one that its deviation may put on either, or none is known, both."""
+    """On which side of the axis a zero lies; both for one that its deviation may put on either."""
     deviation = zero["damping_deviation"]
     if deviation is None or abs(zero["damping"]) < TOLD * deviation:
         return "left or right"

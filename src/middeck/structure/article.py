@@ -52,11 +52,16 @@ class Section:
 
 @record
 class Body:
-    """Rigid mass on a frame: mass [kg], centre of mass [m] and inertia about it [kg m^2], frame axes."""
+    """Rigid mass on a frame: mass [kg], centre of mass [m] and inertia about it [kg m^2], frame axes.
+
+    Of a body's three principal inertias no one is larger than the sum of the others. ``rotors_excluded`` says
+    that these need not be: the inertia of rotors about their own spin axes is left out of them.
+    """
 
     mass: float
     cg: Inexact[np.ndarray, "3"]
     inertia: Inexact[np.ndarray, "3 3"]
+    rotors_excluded: bool = False
 
 
 @record
@@ -285,7 +290,11 @@ class Damping:
     Parameters
     ----------
     flexible, suspension, rigid:
-        The base by kind of mode.
+        The base: of strain, of everything else that holds a mode (devices, weight), and of a mode at zero. A
+        mode has the mean of the first two, weighted with its energy (`Modes.strain_share`).
+    by_rank:
+        Instead of that, the 1993 paper's rule: the n lowest modes have ``suspension`` and all others
+        ``flexible``, n the number of rigid-body modes in orbit.
     table:
         The base of every mode that oscillates, instead of ``flexible`` and ``suspension``.
     loss_factor:
@@ -303,6 +312,7 @@ class Damping:
     loss_factor: tuple[tuple[str, float], ...] = ()
     dampers: tuple[Damper, ...] = ()
     by_mode: tuple[tuple[str | int, float], ...] = ()
+    by_rank: bool = False
 
     def __post_init__(self) -> None:
         if self.table is not None and (self.flexible or self.suspension):

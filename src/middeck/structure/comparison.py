@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 import scipy.linalg as sla
 from jaxtyping import Float, Int
-from scipy.optimize import linear_sum_assignment
 
 from middeck.errors import ConfigError
+from middeck.structure.gravity.pairs import pair_modes, shares_of
+from middeck.structure.kind_warnings import CURE
 from middeck.structure.modes import Modes
 from middeck.values import record
+
+# Frequencies that differ by less than this part of themselves are one frequency to a ratio.
+ALIKE = 0.01
+# A mode that has this part of what the partner has of a shape could be the partner.
+RIVAL = 0.5
 
 
 @record
@@ -23,11 +31,15 @@ class ModeComparison:
     mac:
         Modal assurance criterion over the translations and rotations of the nodes and the joint angles.
     pairs:
-        (orbit, lab) indices of flexible modes, one to one, with the largest sum of cross-orthogonality.
+        (orbit, lab) indices of the flexible modes in orbit, one to one, with the largest sum of
+        cross-orthogonality over all modes: as in `build_budget`. One whose partner is not among the lowest
+        ``count`` has no pair.
     ratio:
         Frequency lab over orbit of each pair.
     subspace_angle:
         Principal angles [rad], ascending, between the rigid-body modes and the suspension modes.
+    warnings:
+        Pairs that another mode could dispute, with the ratio that it would give.
     """
 
     orbit: Modes
@@ -38,6 +50,7 @@ class ModeComparison:
     pairs: Int[np.ndarray, "pair 2"]
     ratio: Float[np.ndarray, " pair"]
     subspace_angle: Float[np.ndarray, " angle"]
+    warnings: tuple[str, ...]
 
 
 def compare_modes(orbit: Modes, lab: Modes, count: int = 26) -> ModeComparison:
@@ -51,7 +64,9 @@ def compare_modes(orbit: Modes, lab: Modes, count: int = 26) -> ModeComparison:
     count = min(count, len(orbit.omega), len(lab.omega))
     phi_0, phi_1 = orbit.shapes[:, :count], lab.shapes[:, :count]
     cross = np.abs(phi_0.T @ (orbit.mass @ phi_1))
-    pairs = _pair(orbit.kind[:count], lab.kind[:count], cross)
+    paired = pair_modes(orbit, lab, count)
+    found = [(i, int(j)) for i, j in enumerate(paired.end.found) if orbit.kind[i] == "flexible" and j < count]
+    pairs = np.array(found, dtype=int).reshape(-1, 2)
     return ModeComparison(
         orbit,
         lab,
@@ -61,6 +76,7 @@ def compare_modes(orbit: Modes, lab: Modes, count: int = 26) -> ModeComparison:
         pairs,
         lab.omega[pairs[:, 1]] / orbit.omega[pairs[:, 0]],
         _subspace_angles(orbit, lab),
+        tuple(_disputed(orbit, lab, pairs, shares_of(paired.start, lab))),
     )
 
 
@@ -75,11 +91,32 @@ def _check_mesh(orbit: Modes, lab: Modes) -> None:
         )
 
 
-def _pair(kind_0: tuple[str, ...], kind_1: tuple[str, ...], cross: np.ndarray) -> np.ndarray:
-    rows = np.array([i for i, k in enumerate(kind_0) if k == "flexible"], dtype=int)
-    columns = np.array([i for i, k in enumerate(kind_1) if k == "flexible"], dtype=int)
-    i, j = linear_sum_assignment(cross[np.ix_(rows, columns)], maximize=True)
-    return np.stack([rows[i], columns[j]], axis=1)
+def _disputed(orbit: Modes, lab: Modes, pairs: np.ndarray, shares: np.ndarray) -> Iterator[str]:
+    """Pairs with a mode of another kind, or beside which another mode has half as much of the shape.
+
+    Modes whose frequencies differ by less than `ALIKE` count as one: which of them is the partner makes no
+    difference to the ratio.
+    """
+    f_0, f_1 = orbit.frequency_hz, lab.frequency_hz
+    for i, j in pairs.tolist():
+        near = np.abs(f_1 - f_1[j]) <= ALIKE * f_1[j]
+        own = float(shares[i, near].sum())
+        others = np.where(near, 0.0, shares[i])
+        rival = int(np.argmax(others))
+        a, b = f_1[j] / f_0[i], f_1[rival] / f_0[i]
+        called = f"orbit mode {i} {orbit.name[i]!r} at {f_0[i]:.4g} Hz"
+        if others[rival] >= RIVAL * own:
+            yield (
+                f"{called} has no one partner: {own:.0%} of it is at {f_1[j]:.4g} Hz and {others[rival]:.0%} "
+                f"at {f_1[rival]:.4g} Hz, so that its ratio is {a:.4g} or {b:.4g}; read the two as a pair of "
+                f"modes, or {CURE}"
+            )
+        elif lab.kind[j] != "flexible":
+            yield (
+                f"{called} is nearest to a mode at {f_1[j]:.4g} Hz that moves {lab.rigid_share[j]:.0%} as a "
+                f"rigid body, where the article has changed its shape: its ratio {a:.4g} is of unlike modes; "
+                f"{CURE}, or follow it with middeck path"
+            )
 
 
 def _mac(modes: Modes, phi_0: np.ndarray, phi_1: np.ndarray) -> np.ndarray:

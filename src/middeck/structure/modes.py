@@ -7,21 +7,21 @@ import scipy.sparse as sp
 from jaxtyping import Float
 
 from middeck.errors import ConfigError, EquilibriumError, NumericalError, UnstableEquilibriumError
-from middeck.structure.article import JointState
-from middeck.structure.assembly import assemble, mass_matrix, no_loads
+from middeck.structure.assembly import assemble, mass_matrix
 from middeck.structure.checks.trouble import beyond_travel, buckling_member, loose_motions, where_lost
-from middeck.structure.eigen import Eigenpairs, count_zero, solve_all, solve_lowest
+from middeck.structure.eigen import Eigenpairs, solve_all, solve_lowest
 from middeck.structure.equilibrium import Equilibrium, rest_warnings
 from middeck.structure.factorisation import order
+from middeck.structure.kind_warnings import kind_warnings
+from middeck.structure.kinds import SMALL, find_kinds
 from middeck.structure.mesh import Model
 from middeck.structure.naming import name_modes
 from middeck.structure.rigid import rigid_basis
 from middeck.structure.rounding import rounding
 from middeck.structure.statics import dynamic_coordinates, restrict
+from middeck.structure.strain import strain_share
 from middeck.values import record
 
-# Below this many coordinates all modes cost less than a few.
-SMALL = 600
 # Two entries of a shape are equally large when they differ by less: a sign rule must not hang on rounding.
 EQUAL_SIZE = 1e-6
 
@@ -39,16 +39,19 @@ class Modes:
         move have zero rows. The entry of largest size in kinetic energy is positive.
     kind, name:
         "rigid", "suspension" or "flexible", and what the mode is.
+    rigid_share:
+        Part of the kinetic energy that is in rigid-body motions of the free article, turns of free joints
+        included: what makes the kind, see `structure.kinds`.
     strain_share:
-        Part of the potential energy that is elastic strain of members, springs and joints;
-        zero for a rigid-body mode, which has no potential energy.
+        Part of the restoring energy that is elastic strain of members, springs and joints: the rest is in
+        devices, weight and preload. Zero for a rigid-body mode, which has no potential energy.
     residual:
         Of each mode, |K phi - omega^2 M phi| over the size of its terms; grows towards the top of the list.
     rigid_residual:
         Largest |omega^2| of a rigid mode before it was set to zero, over the lowest omega^2 that was kept
         (over 1 rad^2/s^2 where none was).
     warnings:
-        Nodes that turned far on the way to rest; modes whose strain energy disagrees with their kind.
+        Nodes that turned far on the way to rest; what nothing holds; modes of undecided kind.
     """
 
     equilibrium: Equilibrium
@@ -57,6 +60,7 @@ class Modes:
     mass: sp.csr_array
     kind: tuple[str, ...]
     name: tuple[str, ...]
+    rigid_share: Float[np.ndarray, " mode"]
     strain_share: Float[np.ndarray, " mode"]
     residual: Float[np.ndarray, " mode"]
     rigid_residual: float
@@ -72,8 +76,8 @@ def solve_modes(equilibrium: Equilibrium, count: int | None = None) -> Modes:
     """All modes of finite frequency about ``equilibrium``, or the ``count`` lowest of a large model.
 
     Raises `EquilibriumError` when the equilibrium was not reached and `UnstableEquilibriumError` when a mode
-    grows. In an environment that holds the article, the n lowest modes are of kind "suspension", n being the
-    number of rigid-body modes in orbit.
+    grows. In an environment that holds the article, a mode is of kind "suspension" where half or more of its
+    motion is a rigid-body motion of the free article; ``warnings`` tell where that is undecided.
     """
     if count is not None and (count != int(count) or count < 1):
         raise ConfigError(f"{count} modes", where="count", hint="a whole number from 1, or None for all")
@@ -83,14 +87,22 @@ def solve_modes(equilibrium: Equilibrium, count: int | None = None) -> Modes:
     rigid_residual = float(np.abs(lam[:rigid]).max(initial=0.0) / (lam[rigid] if rigid < len(lam) else 1.0))
     lam[:rigid] = 0.0
     shapes[:, :rigid], rigid_names = rigid_basis(equilibrium, M, shapes[:, :rigid])
+    lam, shapes, rigid_share, kind = find_kinds(equilibrium, M, lam, shapes, rigid)
     shapes = shapes * _signs(M, shapes)
-    kind = _kinds(equilibrium, M, rigid, len(lam))
-    names, share, warnings = name_modes(equilibrium, M, K, shapes, kind, rigid_names)
+    names = name_modes(equilibrium, M, shapes, kind, rigid_names)
+    share = strain_share(equilibrium, lam, shapes)
     _check_stable(equilibrium, lam, shapes, names)
     active = dynamic_coordinates(equilibrium.model)
     residual = _residual(K[active], M[active], shapes, lam)
-    warnings = rest_warnings(equilibrium) + loose_motions(equilibrium, rigid_names) + warnings
-    return Modes(equilibrium, np.sqrt(lam), shapes, M, kind, names, share, residual, rigid_residual, warnings)
+    omega = np.sqrt(lam)
+    warnings = (
+        *rest_warnings(equilibrium),
+        *loose_motions(equilibrium, rigid_names),
+        *kind_warnings(equilibrium, M, omega, kind, names, rigid_share, share),
+    )
+    return Modes(
+        equilibrium, omega, shapes, M, kind, names, rigid_share, share, residual, rigid_residual, warnings
+    )
 
 
 def _not_at_rest(equilibrium: Equilibrium) -> EquilibriumError:
@@ -147,31 +159,6 @@ def _massless(model: Model, shifted: sp.csr_array) -> NumericalError:
         where=f"frame {model.frames[frame]!r}",
         hint="give the frame a mass and an inertia, or lock its axis",
     )
-
-
-def _kinds(equilibrium: Equilibrium, M: sp.csr_array, rigid: int, count: int) -> tuple[str, ...]:
-    """By rank: rigid ones, then as many held ones as orbit has more rigid ones, then flexible ones."""
-    free = not np.any(equilibrium.environment.gravity) and not len(equilibrium.loads.attach_point)
-    held = 0 if free else _rigid_in_orbit(equilibrium, M) - rigid
-    kinds = ("rigid",) * rigid + ("suspension",) * held
-    return (kinds + ("flexible",) * (count - len(kinds)))[:count]
-
-
-def _rigid_in_orbit(equilibrium: Equilibrium, M: sp.csr_array) -> int:
-    """Number of rigid-body modes of the same structure, free and undeformed: any mass counts them alike.
-
-    What members join to one piece has six, and one for each free joint; springs can add mechanisms or take
-    joints away, and then the modes of no stiffness are counted.
-    """
-    model, active = equilibrium.model, dynamic_coordinates(equilibrium.model)
-    structure = model.structure
-    stiff = all(
-        min(m.section.EA, m.section.GJ, m.section.EI_y, m.section.EI_z) > 0.0 for m in structure.members
-    )
-    if stiff and not structure.springs:
-        return 6 + sum(joint.state is JointState.FREE for joint in structure.joints)
-    K = assemble(model, model.rest, no_loads()).tangent
-    return count_zero(restrict(K, active), restrict(M, active))
 
 
 def _signs(M: sp.csr_array, shapes: np.ndarray) -> np.ndarray:

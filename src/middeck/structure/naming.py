@@ -13,27 +13,21 @@ from middeck.structure.rigid import AXES, rigid_motions
 from middeck.structure.strain import PARTS, strain_energy
 
 ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth", "tenth")
-# A mode of kind "suspension" should strain little and a flexible one much; between, kind is a convention.
-HALF = 0.5
 
 
 def name_modes(
     equilibrium: Equilibrium,
     M: sp.csr_array,
-    K: sp.csr_array,
     shapes: Float[np.ndarray, "coordinate mode"],
     kind: tuple[str, ...],
     rigid_names: tuple[str, ...],
-) -> tuple[tuple[str, ...], Float[np.ndarray, " mode"], tuple[str, ...]]:
-    """Names, strain-energy shares, and warnings where strain energy disagrees with the kind.
+) -> tuple[str, ...]:
+    """Names of modes, the rigid ones first.
 
     A suspension mode has the name of the rigid motion that takes the largest part of its mass, a flexible one
     that of the part where most of its strain energy is.
     """
     strain = strain_energy(equilibrium, shapes)
-    total = 0.5 * np.einsum("im,im->m", shapes, K @ shapes)
-    share = np.clip(strain.sum(axis=1) / np.where(total > 0.0, total, np.inf), 0.0, 1.0)
-    share[[k == "rigid" for k in kind]] = 0.0  # of rounding there are no shares
     held = [m for m, k in enumerate(kind) if k == "suspension"]
     hung = dict(zip(held, _hung_names(equilibrium, M, shapes[:, held]), strict=True))
     names: list[str] = list(rigid_names)
@@ -42,15 +36,7 @@ def name_modes(
         base = hung.get(m, PARTS[int(np.argmax(strain[m]))])
         count[base] += 1
         names.append(_numbered(base, count[base]) if m in hung else f"{_ordinal(count[base])} {base}")
-    return tuple(names), share, _disagreements(kind, names, share)
-
-
-def _disagreements(kind: tuple[str, ...], names: list[str], share: np.ndarray) -> tuple[str, ...]:
-    return tuple(
-        f"mode {m} {names[m]!r} is called {k} by rank; its strain share is {share[m]:.0%}"
-        for m, k in enumerate(kind)
-        if k != "rigid" and (k == "suspension") == (share[m] > HALF)
-    )
+    return tuple(names)
 
 
 def _numbered(base: str, count: int) -> str:

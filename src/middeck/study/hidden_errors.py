@@ -11,6 +11,7 @@ from middeck.errors import ConfigError
 from middeck.structure.article import Body, Damping, Joint, Member, Node, Structure
 from middeck.structure.environment import Environment
 from middeck.structure.modes import Modes
+from middeck.structure.plants.damping import estimate_damping
 from middeck.values import record
 
 DAMPING_SPREAD = 0.3  # of the logarithm of each mode's ratio
@@ -108,13 +109,13 @@ def _member(member: Member, hidden: HiddenErrors) -> Member:
 def _node(node: Node, hidden: HiddenErrors) -> Node:
     mass = dict(hidden.mass).get(node.name, 1.0) * node.body.mass
     inertia = _scaled(node.body.inertia, dict(hidden.inertia).get(node.name, (1.0, 1.0, 1.0)))
-    return dataclasses.replace(node, body=Body(mass, node.body.cg, inertia))
+    return dataclasses.replace(node, body=Body(mass, node.body.cg, inertia, rotors_excluded=True))
 
 
 def _joint(joint: Joint, hidden: HiddenErrors) -> Joint:
     cg = dict(hidden.payload_cg).get(joint.name, 1.0) * joint.body.cg
     inertia = _scaled(joint.body.inertia, dict(hidden.payload_inertia).get(joint.name, (1.0, 1.0, 1.0)))
-    return dataclasses.replace(joint, body=Body(joint.body.mass, cg, inertia))
+    return dataclasses.replace(joint, body=Body(joint.body.mass, cg, inertia, rotors_excluded=True))
 
 
 def _scaled(inertia: np.ndarray, factors: tuple[float, float, float]) -> np.ndarray:
@@ -137,13 +138,13 @@ def hide_in_suspension(environment: Environment, hidden: HiddenErrors) -> Enviro
 
 
 def spread_damping(damping: Damping, modes: Modes, drawn: np.ndarray, count: int) -> Damping:
-    """Each mode's own ratio, by kind, times its factor; numbered, since names may repeat."""
+    """Each mode's own ratio times its factor; numbered, since names may repeat."""
     if count > len(drawn):
         raise ConfigError(f"damping drawn for {len(drawn)} modes of {count}", where="HiddenErrors")
     if damping.table is not None or damping.dampers or damping.loss_factor or damping.by_mode:
         raise ConfigError(
             "hidden damping is for ratios by kind of mode", where="damping", hint="leave the others out"
         )
-    ratio = {"rigid": damping.rigid, "suspension": damping.suspension, "flexible": damping.flexible}
-    each = tuple((i, float(ratio[modes.kind[i]] * np.exp(DAMPING_SPREAD * drawn[i]))) for i in range(count))
+    zeta = estimate_damping(modes, damping, count=count).zeta * np.exp(DAMPING_SPREAD * drawn[:count])
+    each = tuple((i, float(ratio)) for i, ratio in enumerate(zeta))
     return dataclasses.replace(damping, by_mode=each)

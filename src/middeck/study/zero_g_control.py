@@ -21,6 +21,7 @@ from middeck.control.performance import Performance, measure_metric
 from middeck.errors import ConfigError, NumericalError
 from middeck.files.study_form import ControlForm
 from middeck.structure.modes import Modes
+from middeck.structure.plants.damping import damped_kinds
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.plants.port_rows import RATE
 from middeck.systems.modal import ModalSystem, select_modes
@@ -109,7 +110,7 @@ def study_zero_g_control(modes: Mapping[str, Modes], control: ControlForm) -> Ze
     _require_flexible(modes, control)
     pd = PDLoops(control.pd_loops, np.array(control.pd_kp_nm_per_rad), np.array(control.pd_kd_nms_per_rad))
     whole = {env: control_plant(m, control) for env, m in modes.items()}
-    kinds = {env: m.kind[: control.modes_kept] for env, m in modes.items()}
+    kinds = {env: damped_kinds(m)[: control.modes_kept] for env, m in modes.items()}
     plants = {
         which: {env: close_inner_loop(sub_model(p, kinds[env], which), pd) for env, p in whole.items()}
         for which in SUB_MODELS
@@ -127,9 +128,8 @@ def study_zero_g_control(modes: Mapping[str, Modes], control: ControlForm) -> Ze
 
 def _require_flexible(modes: Mapping[str, Modes], control: ControlForm) -> None:
     """The flexible sub-model needs a mode on both sides, and below it no rigid mode may be cut off."""
-    needed = max(
-        m.kind.index("flexible") + 1 if "flexible" in m.kind else len(m.kind) for m in modes.values()
-    )
+    kinds = [damped_kinds(m) for m in modes.values()]
+    needed = max(k.index("flexible") + 1 if "flexible" in k else len(k) for k in kinds)
     if control.modes_kept < needed:
         raise ConfigError(
             f"{control.modes_kept} modes hold no flexible one in orbit and in the laboratory",

@@ -74,6 +74,7 @@ def verb(
 
 def describe(found: GravityBudget) -> dict[str, Any]:
     """The JSON document; ``omega2`` has an axis off/on for each of the effects, in their order."""
+    from middeck.cli.cases import both_sides
     from middeck.structure.gravity.budget import EFFECTS, ORDERS
 
     lab = found.lab
@@ -94,10 +95,7 @@ def describe(found: GravityBudget) -> dict[str, Any]:
         "omega2": found.corner,
         "match": found.match,
         "doubtful": found.doubtful,
-        "warnings": (
-            *(f"in orbit: {w}" for w in found.orbit.warnings),
-            *(f"in {lab.equilibrium.environment.title}: {w}" for w in lab.warnings),
-        ),
+        "warnings": both_sides(found.orbit, lab),
     }
 
 

@@ -23,6 +23,7 @@ Examples:
 """
 # Of the lowest modes: what is loose or unstable is among them.
 COUNT = 40
+SHOWN = 26  # whose mesh is judged: those that `modes` prints
 
 
 @click.command("check", cls=options.Verb, epilog=EPILOG)
@@ -85,20 +86,24 @@ def _in_environment(
 
     from middeck.cli.attitude import attitude_numbers
     from middeck.errors import NumericalError
+    from middeck.structure.checks.environment_doubts import doubt_environment
     from middeck.structure.checks.hanging import doubt_attitude, doubt_devices
     from middeck.structure.equilibrium import solve_equilibrium
+    from middeck.structure.mesh_error import mesh_warnings
     from middeck.structure.modes import solve_modes
     from middeck.structure.suspension.attitude import estimate_attitude
 
     numbers = None
-    found = [_doubt(d.what, d.where, d.hint) for d in doubt_devices(structure, environment)]
+    found = [_doubt(text) for text in doubt_environment(structure, environment)]
+    found += [_doubt(d.what, d.where, d.hint) for d in doubt_devices(structure, environment)]
     try:
         rest = solve_equilibrium(structure, environment)
         if rest.converged and np.any(environment.gravity):
             attitude = estimate_attitude(rest)
             numbers = attitude_numbers(attitude)
             found += [_doubt(d.what, d.where, d.hint) for d in doubt_attitude(attitude, environment)]
-        found += [_doubt(text) for text in solve_modes(rest, COUNT).warnings]
+        modes = solve_modes(rest, COUNT)
+        found += [_doubt(text) for text in (*mesh_warnings(modes, SHOWN), *modes.warnings)]
     except NumericalError as error:
         found.append(_fault(error))
     return numbers, found

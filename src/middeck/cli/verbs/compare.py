@@ -46,20 +46,17 @@ def verb(article: str, environment: str, count: int, overrides: tuple[str, ...],
 
 def describe(comparison: ModeComparison) -> dict[str, Any]:
     """The JSON document; keys as in figures 4 and 5 of numbers.json."""
+    from middeck.cli.cases import both_sides
     from middeck.study.numbers import figure_4, figure_5
 
     orbit, lab = comparison.orbit, comparison.lab
-    place = lab.equilibrium.environment.title
     return {
         "schema": "middeck.compare/1",
         "article": orbit.equilibrium.model.structure.title,
-        "environment": place,
+        "environment": lab.equilibrium.environment.title,
         **figure_4(comparison),
         **figure_5(comparison),
-        "warnings": (
-            *(f"in orbit: {w}" for w in orbit.warnings),
-            *(f"in {place}: {w}" for w in lab.warnings),
-        ),
+        "warnings": (*both_sides(orbit, lab), *comparison.warnings),
     }
 
 

@@ -61,7 +61,7 @@ def verb(
     takes them. The file is left as it is. An article that cannot be levelled so ends with exit code 5.
     """
     from middeck.cli.blame import reading
-    from middeck.cli.cases import find_case
+    from middeck.cli.cases import case_doubts, find_case
     from middeck.files.documents import load_case, load_offset_keys
     from middeck.structure.suspension.levelling import level
 
@@ -71,7 +71,10 @@ def verb(
     free = [split_offset(text) for text in options.separate_names(offsets)]
     with reading(*files):
         found = level(structure, surroundings, free=free, about=axes, node=node, limit=limit)
-    document = describe(found, load_offset_keys(*files, overrides))
+    document = {
+        **describe(found, load_offset_keys(*files, overrides)),
+        "warnings": case_doubts(structure, surroundings),
+    }
     show(as_json, document, *_blocks(document))
 
 

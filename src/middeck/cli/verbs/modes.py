@@ -48,7 +48,8 @@ def verb(article: str, environment: str, count: int, overrides: tuple[str, ...],
         show(False, {"warnings": summary.warnings}, *summary_lines(summary_numbers(summary)))
     modes = solve_in(structure, surroundings, *files, count=count)
     document = describe(modes, count, summary)
-    shown = document if as_json else {**document, "warnings": modes.warnings}
+    later = [w for w in document["warnings"] if w not in summary.warnings]
+    shown = document if as_json else {**document, "warnings": later}
     show(as_json, shown, *_tables(document))
 
 
@@ -57,8 +58,10 @@ def describe(modes: Modes, count: int, summary: Summary) -> dict[str, Any]:
     import numpy as np
 
     from middeck.cli.summary import summary_numbers
+    from middeck.structure.mesh_error import estimate_mesh_error
     from middeck.study.numbers import mode_numbers, rest_numbers
 
+    zeta, said = _damping(modes, count)
     rest = modes.equilibrium
     suspension, environment, joints = rest.suspension, rest.environment, rest.model.structure.joints
     return {
@@ -67,7 +70,10 @@ def describe(modes: Modes, count: int, summary: Summary) -> dict[str, Any]:
         "environment": environment.title,
         **summary_numbers(summary),
         **mode_numbers(modes, count),
-        "warnings": (*summary.warnings, *modes.warnings),
+        "warnings": (*modes.warnings, *said),
+        "rigid_share": modes.rigid_share[:count],
+        "damping": zeta,
+        "mesh_error": [e if np.isfinite(e) else None for e in estimate_mesh_error(modes, count).tolist()],
         "mode_residual": modes.residual[:count],
         "equilibrium_residual": rest.residual,
         "gravity_m_s2": float(np.linalg.norm(environment.gravity)),
@@ -82,16 +88,30 @@ def describe(modes: Modes, count: int, summary: Summary) -> dict[str, Any]:
     }
 
 
+def _damping(modes: Modes, count: int) -> tuple[list[float | None], tuple[str, ...]]:
+    """Ratios of the lowest modes, and what is said of them; none where the article's damping refuses one."""
+    from middeck.errors import ConfigError
+    from middeck.structure.plants.damping import estimate_damping
+
+    try:
+        found = estimate_damping(modes, count=count)
+    except ConfigError as error:
+        return [None] * min(count, len(modes.omega)), (f"no damping ratios: {error.what}; {error.hint}",)
+    return found.zeta.tolist(), found.warnings
+
+
 def _tables(document: dict[str, Any]) -> list[str | Table]:
-    columns = (document[k] for k in ("frequency_hz", "kind", "name", "strain_share"))
+    keys = ("frequency_hz", "damping", "kind", "name", "rigid_share", "strain_share")
     rows = [
-        [str(i), f"{f:.5f}", k, n, f"{s:.1%}"] for i, (f, k, n, s) in enumerate(zip(*columns, strict=True))
+        [str(i), f"{f:.5f}", "" if z is None else f"{100.0 * z:.3f}", k, n, f"{r:.1%}", f"{s:.1%}"]
+        for i, (f, z, k, n, r, s) in enumerate(zip(*(document[k] for k in keys), strict=True))
     ]
     blocks: list[str | Table] = [
         f"article      {document['article']}",
         f"environment  {document['environment']}",
         f"residual     {document['equilibrium_residual']:.1e} of the {_scale(document)}",
-        Table("modes", ["", "frequency Hz", "kind", "name", "strain"], rows),
+        Table("modes", ["", "frequency Hz", "damping %", "kind", "name", "rigid", "strain"], rows),
+        "\nrigid: part of the motion that the free article makes without strain; strain: part of the energy",
     ]
     if document["reactions_n"]:
         keys = ("reactions_n", "tension_n", "stiffness_n_per_m")

@@ -69,7 +69,7 @@ def verb(
     released in orbit.
     """
     from middeck.cli.blame import reading
-    from middeck.cli.cases import find_case
+    from middeck.cli.cases import case_doubts, find_case
     from middeck.files.documents import load_case
     from middeck.structure.gravity.path import follow_gravity
     from middeck.structure.gravity.places import DeviceRule
@@ -79,7 +79,7 @@ def verb(
     places = _places(surroundings, through, tilt)
     with reading(*files):
         found = follow_gravity(structure, surroundings, places, devices=DeviceRule(devices), count=count)
-    document = describe(found)
+    document = {**describe(found), "warnings": (*case_doubts(structure, surroundings), *found.warnings)}
     if figure_file is not None:
         from middeck.plot.gravity_path import gravity_path_figure
 

@@ -78,6 +78,18 @@ def _bodies(structure: Structure) -> Iterator[str]:
     for part in (*structure.nodes, *structure.joints):
         if not _possible(part.body):
             yield f"{part.name!r} carries a body whose mass or inertia is negative or not a number"
+        elif not part.body.rotors_excluded:
+            yield from _triangle(part.name, part.body.inertia)
+
+
+def _triangle(name: str, inertia: np.ndarray) -> Iterator[str]:
+    """Flat bodies meet the inequality with equality."""
+    a, b, c = np.linalg.eigvalsh(inertia).tolist()
+    if a + b < c * (1.0 - UNIT_ERROR):
+        yield (
+            f"{name!r} carries a body whose inertia none has: {a:g} + {b:g} < {c:g} kg m^2 (triangle "
+            "inequality); rotors_excluded says that it leaves spinning rotors out"
+        )
 
 
 def _offsets(structure: Structure) -> Iterator[str]:

@@ -28,7 +28,6 @@ from middeck.structure.correlation.profiles import RECALLED, Criterion, Profile,
 from middeck.structure.correlation.reduction import ReducedMass, Reduction, reduce_mass
 from middeck.structure.correlation.units import doubt_units
 from middeck.structure.modes import Modes
-from middeck.structure.naming import HALF
 from middeck.values import record
 
 RUNS = 1000
@@ -205,7 +204,7 @@ def _model(
     channels = len(measured.node)
     shape = np.asarray(rows @ modes.shapes[:, index])
     significant = np.any(effective.fraction[index] > profile.significant_fraction, axis=1)
-    flexible = modes.strain_share[index] > HALF
+    flexible = np.array([modes.kind[i] == "flexible" for i in index])
     hz = modes.frequency_hz[index]
     first = Candidates(hz, shape, np.eye(channels), significant, flexible)
     pairs = evaluate_shapes(first, measured.frequency_hz, measured.shape).pairs

@@ -40,9 +40,9 @@ def _local_mass(beams: BeamProperties, span: Array) -> Array:
         N = np.zeros((n, 6, 12), dtype)  # displacement and rotation fields at the point
         for axis in (0, 3):
             N[:, axis, axis], N[:, axis, axis + 6] = 1.0 - xi, xi
-        v, slope = _transverse_shapes(xi, span, beams.shear_y)
+        v, slope = transverse_shapes(xi, span, beams.shear_y)
         N[:, 1][:, [1, 5, 7, 11]], N[:, 5][:, [1, 5, 7, 11]] = v, slope
-        v, slope = _transverse_shapes(xi, span, beams.shear_z)
+        v, slope = transverse_shapes(xi, span, beams.shear_z)
         sign = np.array([1.0, -1.0, 1.0, -1.0])  # w' = -theta_y
         N[:, 2][:, [2, 4, 8, 10]], N[:, 4][:, [2, 4, 8, 10]] = v * sign, -slope * sign
         density = np.stack(
@@ -52,7 +52,7 @@ def _local_mass(beams: BeamProperties, span: Array) -> Array:
     return mass
 
 
-def _transverse_shapes(xi: float, L: Array, shear: Array) -> tuple[Array, Array]:
+def transverse_shapes(xi: float, L: Array, shear: Array) -> tuple[Array, Array]:
     """Deflection v and section rotation for (v1, theta1, v2, theta2); cubic for shear = 0 (Friedman 1993)."""
     f, xi2, xi3 = 1.0 / (1.0 + shear), xi**2, xi**3
     v = [

@@ -25,11 +25,11 @@ from middeck.structure.environment import Environment
 from middeck.structure.equilibrium import Equilibrium, solve_equilibrium
 from middeck.structure.gravity.continuation import rest_near
 from middeck.structure.gravity.tracking import HALF_SHAPE, SPARE, Spectrum, solve_spectrum, spectrum_of, track
+from middeck.structure.kinds import find_kinds
 from middeck.structure.mesh import Model
 from middeck.structure.modes import Modes, solve_modes
-from middeck.structure.naming import HALF, name_modes
+from middeck.structure.naming import name_modes
 from middeck.structure.plants.modal_plant import build_plant
-from middeck.structure.rigid import rigid_motions
 from middeck.systems.plant import Plant
 from middeck.values import record
 
@@ -451,9 +451,5 @@ def _name(rest: Equilibrium, spectrum: Spectrum, mode: int) -> str:
     By the part of its mass that moves rigidly; of a potential energy that vanishes there are no shares.
     """
     M, shape = spectrum.mass, spectrum.shapes[:, mode]
-    motions, _ = rigid_motions(rest, M)
-    moved = motions.T @ (M @ shape)
-    rigid = moved @ np.linalg.lstsq(motions.T @ (M @ motions), moved, rcond=None)[0]
-    kind = "suspension" if rigid > HALF else "flexible"
-    K = assemble(rest.model, rest.config, rest.loads).tangent
-    return name_modes(rest, M, K, shape[:, None], (kind,), ())[0][0]
+    kind = find_kinds(rest, M, spectrum.lam[[mode]], shape[:, None], 0).kind
+    return name_modes(rest, M, shape[:, None], kind, ())[0]

@@ -22,15 +22,8 @@ from jaxtyping import Float, Int
 from middeck.errors import ConfigError
 from middeck.structure.assembly import Inner, inner_forces, mass_matrix, split_tangent
 from middeck.structure.equilibrium import Equilibrium
-from middeck.structure.gravity.tracking import (
-    HALF_SHAPE,
-    Spectrum,
-    align_repeated,
-    solve_spectrum,
-    spectrum_of,
-    track,
-)
-from middeck.structure.gravity.undeformed import carry_along, turn_shapes
+from middeck.structure.gravity.pairs import pair_modes
+from middeck.structure.gravity.tracking import HALF_SHAPE, solve_spectrum, track
 from middeck.structure.modes import Modes
 from middeck.values import record
 
@@ -132,21 +125,15 @@ def build_budget(orbit: Modes, lab: Modes, count: int = 26) -> GravityBudget:
     True
     """
     _check(orbit, lab)
-    start_at, turn = carry_along(orbit.equilibrium, lab.equilibrium)
     model = lab.equilibrium.model
-    turned = turn_shapes(orbit.shapes, model.tree.roots, turn)
-    free = Spectrum(orbit.omega**2, turned, mass_matrix(model, start_at.config))
-    hung = spectrum_of(lab)
     count = min(count, len(orbit.omega), len(lab.omega))
-    start = align_repeated(free, hung.shapes)
-    start = Spectrum(start.lam[:count], start.shapes[:, :count], start.mass)
+    start_at, start, end = pair_modes(orbit, lab, count)
     corner, match = np.zeros((count, 2, 2, 2)), np.ones((count, 2, 2, 2))
     corner[:, 0, 0, 0] = start.lam
     for on in CORNERS[1:-1]:
         K, M = corner_matrices(start_at, lab.equilibrium, on)
         found = track(start, solve_spectrum(model, K, M, count))
         corner[:, *on], match[:, *on] = found.spectrum.lam, found.match
-    end = track(start, hung)
     corner[:, 1, 1, 1], match[:, 1, 1, 1] = end.spectrum.lam, end.match
     rows = np.argsort(end.found, kind="stable")
     first = np.array([orbit.kind.index("rigid") if k == "rigid" else i for i, k in enumerate(orbit.kind)])

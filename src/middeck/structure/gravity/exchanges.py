@@ -16,7 +16,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from middeck.structure.gravity.events import EventKind, GravityEvent, Station
-from middeck.structure.gravity.tracking import REPEATED, Spectrum, track
+from middeck.structure.gravity.tracking import Spectrum, track
+from middeck.structure.repeated import REPEATED
 
 # Shapes are compared where the gap of omega^2 is this many times its least: of two modes that exchange their
 # shapes, 60 of 90 degrees are turned between both sides (tan 2 theta = coupling / detuning).

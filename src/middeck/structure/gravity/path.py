@@ -65,6 +65,8 @@ class GravityPath:
     events:
         Crossings, veerings (see `exchanged`) and, last, what ended the path before its last place, if
         anything did.
+    warnings:
+        Of the modes at the first station, whose names and kinds these are; none where there are no modes.
     """
 
     structure: Structure
@@ -79,6 +81,7 @@ class GravityPath:
     omega2: Float[np.ndarray, "station branch"]
     match: Float[np.ndarray, "station branch"]
     events: tuple[GravityEvent, ...]
+    warnings: tuple[str, ...] = ()
 
     @property
     def complete(self) -> bool:
@@ -195,6 +198,7 @@ def follow_gravity(
         np.array([x.spectrum.lam for x in stations]),
         np.array([x.match for x in stations]),
         tuple(events),
+        modes.warnings,
     )
 
 

@@ -12,13 +12,13 @@ from scipy.optimize import linear_sum_assignment
 from middeck.errors import NumericalError
 from middeck.structure.eigen import solve_all, solve_lowest
 from middeck.structure.factorisation import order
+from middeck.structure.kinds import SMALL
 from middeck.structure.mesh import Model
-from middeck.structure.modes import SMALL, Modes
+from middeck.structure.modes import Modes
+from middeck.structure.repeated import repeated
 from middeck.structure.rounding import rounding
 from middeck.structure.statics import dynamic_coordinates
 
-# Modes whose omega^2 differ by less, relative to the larger, have one frequency: any basis of theirs will do.
-REPEATED = 1e-6
 # A shape of which another holds more than half (this, squared) cannot be a second one's as well.
 HALF_SHAPE = float(np.sqrt(0.5))
 # Modes sought beyond those followed, so that one that comes down from above is found.
@@ -83,7 +83,7 @@ def align_repeated(spectrum: Spectrum, reference: Float[np.ndarray, "coordinate 
     """
     lam, shapes = spectrum.lam.copy(), spectrum.shapes.copy()
     overlap = reference.T @ (spectrum.mass @ shapes)
-    for cluster in _clusters(lam):
+    for cluster in repeated(lam):
         nearest = np.argsort(-np.sum(overlap[:, cluster] ** 2, axis=1), kind="stable")[: len(cluster)]
         U, _, Vt = np.linalg.svd(overlap[np.ix_(np.sort(nearest), cluster)].T)
         turn = np.hstack([U[:, : len(Vt)] @ Vt, U[:, len(Vt) :]])
@@ -92,16 +92,8 @@ def align_repeated(spectrum: Spectrum, reference: Float[np.ndarray, "coordinate 
     return Spectrum(lam, shapes, spectrum.mass)
 
 
-def _clusters(lam: np.ndarray) -> list[np.ndarray]:
-    """Indices of the modes of each repeated frequency."""
-    ascending = np.argsort(lam, kind="stable")
-    size = np.abs(lam[ascending])
-    apart = np.diff(lam[ascending]) > REPEATED * np.maximum(size[1:], size[:-1])
-    return [c for c in np.split(ascending, np.flatnonzero(apart) + 1) if len(c) > 1]
-
-
 def track(reference: Spectrum, spectrum: Spectrum) -> Tracked:
-    """Each mode of ``reference`` in ``spectrum``, one to one, with the largest sum of squared overlaps.
+    """Each mode of ``reference`` in ``spectrum``, one to one, with the largest sum of overlaps.
 
     The overlap is |Phi_0' M_0 Phi_1| with both shapes normalised in M_0; its square is the part of the one
     shape that is the other. In a mass of its own, a shape with next to none in M_1 would overlap with all.
@@ -110,6 +102,6 @@ def track(reference: Spectrum, spectrum: Spectrum) -> Tracked:
     weighted = reference.mass @ turned.shapes
     size = np.sqrt(np.einsum("im,im->m", turned.shapes, weighted))
     cross = np.abs(reference.shapes.T @ weighted) / size
-    _, index = linear_sum_assignment(cross**2, maximize=True)
+    _, index = linear_sum_assignment(cross, maximize=True)
     theirs = Spectrum(turned.lam[index], turned.shapes[:, index], turned.mass)
     return Tracked(theirs, np.array(index, dtype=int), cross[np.arange(len(index)), index])

@@ -1,7 +1,11 @@
 """The damping ratio of every mode, from where its energy goes.
 
-Three sources add up: a base (by kind of mode, or from a measured table), the loss in the material, and
-viscous devices. A mode that is given its own ratio has that and nothing else.
+Three sources add up: a base (of flexibility and suspension, or from a measured table), the loss in the
+material, and viscous devices. A mode that is given its own ratio has that and nothing else.
+
+- Base: with a loss factor of 2 zeta_f in all that strains and of 2 zeta_s in all else that holds the article,
+  a mode whose strain is the part s of its energy has zeta = s zeta_f + (1 - s) zeta_s (the modal strain
+  energy method, see below). Or by rank, where the article says so.
 
 - Material: a loss factor eta makes the stiffness of a member k (1 + j eta). To first order the mode loses
   the fraction sum_i eta_i U_i / U of its energy U = omega^2 / 2, and zeta = sum_i eta_i U_i / (2 U)
@@ -18,12 +22,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-from jaxtyping import Float, Inexact
+from jaxtyping import Bool, Float, Inexact
 
 from middeck.errors import ConfigError
 from middeck.structure.article import Damper, DamperPlace, Damping, DampingTable, JointState
 from middeck.structure.elements.frames import PosePoints, frame_poses, points_in_world, pose_jacobian
 from middeck.structure.equilibrium import Equilibrium
+from middeck.structure.kinds import is_held, kinds_by_rank
 from middeck.structure.modes import Modes
 from middeck.structure.strain import member_energy
 from middeck.values import record
@@ -44,7 +49,7 @@ class ModalDamping:
     zeta:
         Ratio of each mode.
     base, material, device:
-        Parts by kind or table, by loss factors, by dampers; a mode with its own ratio has it as its base.
+        Parts by energy, rank or table, by loss factors, by dampers; a mode's own ratio is its base.
     coupling:
         Largest amplitude of one mode in another that dampers cause and that is left out.
     warnings:
@@ -91,12 +96,38 @@ def estimate_damping(
 
 
 def _base(modes: Modes, damping: Damping, count: int) -> np.ndarray:
-    ratio = {"rigid": damping.rigid, "suspension": damping.suspension, "flexible": damping.flexible}
-    base = np.array([ratio[kind] for kind in modes.kind[:count]])
+    swings = modes.omega[:count] > 0.0
+    base = base_ratios(damping, flexible_share(modes, damping)[:count], swings)
     if damping.table is not None:
-        swings = modes.omega[:count] > 0.0
         base[swings] = _interpolate(damping.table, modes.frequency_hz[:count][swings])
     return base
+
+
+def base_ratios(
+    damping: Damping, share: Inexact[np.ndarray, " mode"], swings: Bool[np.ndarray, " mode"]
+) -> Inexact[np.ndarray, " mode"]:
+    """The base of each mode from its `flexible_share`, and that of modes at zero; analytic."""
+    return np.where(swings, share * damping.flexible + (1.0 - share) * damping.suspension, damping.rigid)
+
+
+def flexible_share(modes: Modes, damping: Damping) -> Float[np.ndarray, " mode"]:
+    """Weight of the flexible ratio in the base of each mode; that of the suspension's is the rest."""
+    if damping.by_rank:
+        kinds = kinds_by_rank(modes.equilibrium, modes.mass, modes.kind)
+        return np.array([float(kind == "flexible") for kind in kinds])
+    return modes.strain_share if goes_by_energy(modes, damping) else np.ones(len(modes.omega))
+
+
+def goes_by_energy(modes: Modes, damping: Damping) -> bool:
+    """Whether energy weighs the base; in orbit, what does not strain is the article's own preload."""
+    return not damping.by_rank and is_held(modes.equilibrium)
+
+
+def damped_kinds(modes: Modes) -> tuple[str, ...]:
+    """Kinds by rank where the article's damping goes by rank, else those of ``modes``."""
+    if modes.equilibrium.model.structure.damping.by_rank:
+        return kinds_by_rank(modes.equilibrium, modes.mass, modes.kind)
+    return modes.kind
 
 
 def _interpolate(table: DampingTable, frequency_hz: np.ndarray) -> np.ndarray:

@@ -7,15 +7,23 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from middeck.structure.article import Damping
+from middeck.structure.article import DampingTable
 from middeck.structure.equilibrium import Equilibrium
 from middeck.structure.modes import Modes
-from middeck.structure.plants.damping import damper_matrix, estimate_damping, material_ratios
+from middeck.structure.plants.damping import (
+    base_ratios,
+    damper_matrix,
+    estimate_damping,
+    flexible_share,
+    goes_by_energy,
+    material_ratios,
+)
 from middeck.structure.plants.port_rows import input_rows, output_rows
 from middeck.structure.sensitivity.parameters import Parameter
 from middeck.structure.sensitivity.patches import STEP, derivative
 from middeck.structure.sensitivity.rest import move_rest
 from middeck.structure.sensitivity.shapes import ModeSensitivity, differentiate_shapes, perturbed_rest
+from middeck.structure.strain import strain_share
 from middeck.values import record
 
 
@@ -119,7 +127,12 @@ def _ratios(
     added = material_ratios(at, perturbed, moved, shapes).astype(complex)
     own = np.diag(damper_matrix(at, perturbed, shapes))
     added += np.divide(own, 2.0 * moved, out=np.zeros(count, complex), where=swings)
-    slope = _base_slopes(modes, perturbed, d_omega, count) + derivative(added)
+    share = flexible_share(modes, damping)[:count]
+    if goes_by_energy(modes, damping):
+        share = strain_share(at, moved**2, shapes)
+    slope = derivative(base_ratios(perturbed, share, swings).astype(complex)) + derivative(added)
+    if damping.table is not None:
+        slope[swings] += _along_table(modes, damping.table, d_omega, count)
     for key, ratio in perturbed.by_mode:
         index = modes.name.index(key) if isinstance(key, str) and key in modes.name else key
         if isinstance(index, int) and index < count:
@@ -127,15 +140,10 @@ def _ratios(
     return zeta, slope
 
 
-def _base_slopes(modes: Modes, perturbed: Damping, d_omega: np.ndarray, count: int) -> np.ndarray:
-    """By kind of mode, or along a table: linear in the logarithm of frequency, level beyond its ends."""
-    by_kind = {"rigid": perturbed.rigid, "suspension": perturbed.suspension, "flexible": perturbed.flexible}
-    slope = derivative(np.array([by_kind[kind] for kind in modes.kind[:count]], dtype=complex))
-    table = modes.equilibrium.model.structure.damping.table
-    if table is not None:
-        swings = modes.omega[:count] > 0.0
-        hz = modes.frequency_hz[:count][swings]
-        rises = np.diff(table.zeta) / np.diff(np.log(table.frequency_hz))
-        rise = np.concatenate([[0.0], rises, [0.0]])[np.searchsorted(table.frequency_hz, hz)]
-        slope[swings] = rise * d_omega[swings] / modes.omega[:count][swings]
-    return slope
+def _along_table(modes: Modes, table: DampingTable, d_omega: np.ndarray, count: int) -> np.ndarray:
+    """Of the modes that swing: linear in the logarithm of frequency, level beyond the table's ends."""
+    swings = modes.omega[:count] > 0.0
+    hz = modes.frequency_hz[:count][swings]
+    rises = np.diff(table.zeta) / np.diff(np.log(table.frequency_hz))
+    rise = np.concatenate([[0.0], rises, [0.0]])[np.searchsorted(table.frequency_hz, hz)]
+    return rise * d_omega[swings] / modes.omega[:count][swings]

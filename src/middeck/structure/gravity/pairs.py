@@ -1,0 +1,50 @@
+"""Which mode in a laboratory is which in orbit: one pairing, for whoever compares the two."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from middeck.structure.assembly import mass_matrix
+from middeck.structure.equilibrium import Equilibrium
+from middeck.structure.gravity.tracking import Spectrum, Tracked, align_repeated, spectrum_of, track
+from middeck.structure.gravity.undeformed import carry_along, turn_shapes
+from middeck.structure.modes import Modes
+
+
+class Paired(NamedTuple):
+    """The lowest modes in orbit, and where each of them is in the laboratory.
+
+    ``carried`` is the rest state in orbit moved to where the laboratory has the article, ``start`` its modes,
+    those of one frequency (rigid-body modes above all) in the basis nearest to the laboratory's. ``end`` has
+    one mode of the laboratory for each of them.
+    """
+
+    carried: Equilibrium
+    start: Spectrum
+    end: Tracked
+
+
+def pair_modes(orbit: Modes, lab: Modes, count: int) -> Paired:
+    """The ``count`` lowest of ``orbit`` with all of ``lab``, one to one, by the largest cross-orthogonality.
+
+    All modes of the laboratory are looked at: whether one is called suspension is no reason to pass it over.
+    The article is turned to its heading at rest first, which no mode of its own can tell.
+    """
+    carried, turn = carry_along(orbit.equilibrium, lab.equilibrium)
+    model = carried.model
+    free = Spectrum(
+        orbit.omega**2, turn_shapes(orbit.shapes, model.tree.roots, turn), mass_matrix(model, carried.config)
+    )
+    hung = spectrum_of(lab)
+    start = align_repeated(free, hung.shapes)
+    start = Spectrum(start.lam[:count], start.shapes[:, :count], start.mass)
+    return Paired(carried, start, track(start, hung))
+
+
+def shares_of(start: Spectrum, lab: Modes) -> np.ndarray:
+    """Part of each mode of the laboratory that is each mode of ``start``: rows orbit, columns lab."""
+    weighted = start.mass @ lab.shapes
+    size = np.einsum("im,im->m", lab.shapes, weighted)
+    return (start.shapes.T @ weighted) ** 2 / size

@@ -1,0 +1,78 @@
+"""The estimated error of the mesh against closed forms and finer meshes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from random_articles import draw_article, write_tables
+
+from middeck.files.documents import load_case, load_structure
+from middeck.structure.article import Section, Structure
+from middeck.structure.environment import Environment
+from middeck.structure.equilibrium import solve_equilibrium
+from middeck.structure.mesh_error import LIMIT, estimate_mesh_error, mesh_warnings
+from middeck.structure.modes import Modes, solve_modes
+from structure_builders import straight_beam
+
+FREE = np.array([4.730040745, 7.853204624, 10.99560784, 14.13716549])  # of free-free beams, k L
+
+
+def modes_in(parts: Structure, environment: Environment | None = None, count: int | None = None) -> Modes:
+    return solve_modes(solve_equilibrium(parts, environment or Environment.orbit()), count)
+
+
+@pytest.mark.parametrize("elements", [4, 8])
+def test_error_of_a_free_beam_in_bending_torsion_and_along(elements: int):
+    """Bending against the characteristic roots, bars against n pi: errors of the orders h^4 and h^2."""
+    EA, GJ, EI, rho_A, L = 1e6, 80.0, 100.0, 0.5, 2.0
+    modes = modes_in(straight_beam(Section(EA, GJ, EI, EI, rho_A, 1e-7, 1e-7), L, elements))
+    error = estimate_mesh_error(modes)
+    bending = np.repeat(FREE**2, 2) * np.sqrt(EI / (rho_A * L**4))
+    found = [m for m, name in enumerate(modes.name) if "bending" in name][:4]
+    assert error[found] == pytest.approx(modes.omega[found] / bending[:4] - 1.0, rel=0.25)
+    for kind, speed in (("first axial", np.sqrt(EA / rho_A)), ("first torsion", np.sqrt(GJ / 2e-7))):
+        m = modes.name.index(kind)
+        if np.isfinite(error[m]):
+            assert error[m] == pytest.approx(modes.omega[m] * L / (np.pi * speed) - 1.0, rel=0.1)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_error_is_that_against_a_finer_mesh(seed: int, tmp_path: Path):
+    """Within a factor of two; where shapes change their order between two meshes, nobody can say."""
+    rng = np.random.default_rng(seed)
+    file = str(write_tables(draw_article(rng), tmp_path / "a.toml"))
+    coarse, fine = (
+        modes_in(load_structure(file, [f"mesh.elements_per_strut={n}"]))
+        for n in (1 + seed % 3, 8 * (1 + seed % 3))
+    )
+    error = estimate_mesh_error(coarse, 20)
+    swings = np.flatnonzero((coarse.omega[: len(error)] > 0.0) & np.isfinite(error))
+    true, said = coarse.omega[swings] / fine.omega[swings] - 1.0, error[swings]
+    clear = np.maximum(said, true) < 0.01
+    small = np.maximum(said, true) < 0.5 * LIMIT
+    near = (said > 0.5 * true) & (said < 2.0 * true)
+    assert np.all((near | small)[clear])
+
+
+def test_the_two_articles_are_meshed_finely_enough_and_one_element_a_strut_is_not():
+    for article in ("dm", "simple"):
+        case = load_case(f"articles/mace-{article}.toml", "environments/orbit.toml")
+        assert mesh_warnings(modes_in(*case), 26) == ()
+    coarse = modes_in(load_structure("articles/mace-simple.toml", ["mesh.elements_per_strut=1"]))
+    fine = modes_in(*case)
+    true = coarse.omega[10:26] / fine.omega[10:26] - 1.0
+    assert true.max() == pytest.approx(estimate_mesh_error(coarse, 26).max(), rel=0.2)
+    (said,) = mesh_warnings(coarse, 26)
+    assert "elements" in said
+    assert "Hz by 0.0008" in said
+
+
+def test_a_mesh_that_lacks_modes_says_from_where_on(tmp_path: Path):
+    """One element has two modes of bending in each plane; of more it knows nothing."""
+    modes = modes_in(straight_beam(Section(1e6, 80.0, 100.0, 100.0, 0.5, 1e-4, 1e-4), 2.0, 1))
+    error = estimate_mesh_error(modes)
+    assert np.isinf(error[-1])
+    (said,) = mesh_warnings(modes, 12)
+    assert "lacks modes" in said
