@@ -148,6 +148,9 @@ def _wrong_length(path: Path, item: Any) -> Finding:
 def _unknown_key(path: Path, key: str, value: Any, form: type[Form]) -> Finding:
     table = form_at(form, path[:-1])
     known = [f.alias or name for name, f in table.model_fields.items()] if table else []
+    same = next((k for k in known if k.lower() == key.lower()), "")
+    if same:
+        return Finding(path, "unknown key", show(value), f"did you mean {same!r}?", same)
     for expected in known:
         if _is_other_unit(key, expected):
             unit = unit_of(expected) or "a pure number"

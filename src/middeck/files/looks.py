@@ -116,5 +116,7 @@ def stray(path: str | Path, wanted: str, passing: Collection[str]) -> str:
 
 def is_json(path: str | Path) -> bool:
     """Whether the file begins as a JSON document does."""
+    if Path(path).is_dir():
+        return False
     with open(path, "rb") as stream:
         return stream.read(HEAD).removeprefix(b"\xef\xbb\xbf").lstrip().startswith((b"{", b"["))

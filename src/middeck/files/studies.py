@@ -106,7 +106,7 @@ def load_study(path: str | Path, overrides: Sequence[str] = ()) -> Study:
     base = Path(path).parent
     _raise_missing(source, data, changed, base)
     names, files = _references(data, "article"), _references(data, "environment")
-    kinds: list[Kind] = ["article"] * len(names) + ["environment"] * len(files)
+    kinds: list[Kind] = [*("article" for _ in names), *("environment" for _ in files)]
     sources = read_sources([base / p for _, p in (*names, *files)], kinds)
     articles = {name: s for (name, _), s in zip(names, sources, strict=False)}
     environments = {name: s for (name, _), s in zip(files, sources[len(names) :], strict=True)}

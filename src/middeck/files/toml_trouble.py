@@ -43,6 +43,7 @@ TROUBLES = (
             "{key} = {q}{t}{q}"),
     Trouble(KEY + r"=\s*(?P<t>[A-Za-z_][\w ./-]*?)(?P<q>[\"'])?\s*(?:#.*)?$", "a text without quotes",
             '{key} = "{t}"'),
+    Trouble(KEY + r"=\s*\[[^\]#]*\d,0\d", "decimal commas in an array", "decimal points: [0.06, 0.1]"),
     Trouble(KEY + r"=\s*\[[^\]#]*$", "an array that is not closed", "] at its end"),
     Trouble(r"^\s*(?P<b>\[{1,2})(?P<name>[\w.\s-]+)(?:\]?|\]{1,2}.+)\s*(?:#.*)?$",
             "the head of a table that is not closed", "[{name}], or [[{name}]] for one of several"),

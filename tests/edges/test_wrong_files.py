@@ -1,0 +1,334 @@
+"""A file of every kind handed to every place, TOML that is not, and hints that name what is there."""
+
+from __future__ import annotations
+
+import ast
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import middeck
+from cli_runner import ROOT, as_process
+from cli_runner import middeck as run
+from middeck.cli.advice import on_command_line
+from middeck.cli.app import VERBS, verb_options
+from middeck.errors import ConfigError, MiddeckError
+from middeck.files.article_form import ArticleForm
+from middeck.files.documents import load_environment, load_structure, read_source
+from middeck.files.environment_form import EnvironmentForm
+from middeck.files.form import Form
+from middeck.files.looks import KEYS, looks_like
+from middeck.files.measured_modes import load_measured_modes
+from middeck.files.models import load_model
+from middeck.files.records import load_record, write_record
+from middeck.files.shapes import bare, is_form
+from middeck.files.studies import load_study
+from middeck.files.study_form import StudyForm
+from middeck.systems.ports import Port
+from middeck.systems.record import Record
+
+ARTICLE = ROOT / "articles/mace-dm.toml"
+LAB = ROOT / "environments/lab.toml"
+STUDY = ROOT / "studies/mace-1993.toml"
+SURVEY = ROOT / "data/virtual-survey/mace-simple-lab.json"
+Capture = pytest.CaptureFixture[str]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One file of each kind."""
+    path = tmp_path_factory.mktemp("kinds")
+    for name, source in (("article", ARTICLE), ("environment", LAB), ("study", STUDY), ("survey", SURVEY)):
+        (path / f"{name}{source.suffix}").write_bytes(source.read_bytes())
+    text = ARTICLE.read_text(encoding="utf-8")
+    (path / "bom.toml").write_text("\ufeff" + text, encoding="utf-8")
+    (path / "crlf.toml").write_bytes(text.replace("\n", "\r\n").encode())
+    (path / "latin.toml").write_bytes(b'schema = 1\nname = "caf\xe9"\n')
+    (path / "wide.toml").write_text(text, encoding="utf-16")
+    (path / "empty.toml").write_text("")
+    (path / "blank.json").write_text(" \n")
+    (path / "model.json").write_text(json.dumps({"schema": "middeck.model/1"}))
+    (path / "law.json").write_text(json.dumps({"schema": "middeck.compensator/1"}))
+    (path / "modes.json").write_text(json.dumps({"schema": "middeck.modes/1"}))
+    (path / "cut.json").write_text('{"schema": "middeck.model/1", "poles')
+    (path / "noise.toml").write_bytes(bytes(range(256)) * 8)
+    (path / "drawing.svg").write_text("<svg/>")
+    (path / "table.csv").write_text("a,b\n1,2\n")
+    y = np.random.default_rng(1).standard_normal((1, 1, 32, 1))
+    write_record(path / "record.npz", Record(8.0, y, y, (Port("u", "N"),), (Port("y", "m"),), False))
+    (path / "folder.toml").mkdir()
+    return path
+
+
+LOOKS = {
+    "article.toml": "an article",
+    "bom.toml": "an article",
+    "crlf.toml": "an article",
+    "environment.toml": "an environment",
+    "study.toml": "a study",
+    "survey.json": "the measured modes of a survey",
+    "model.json": "a fitted model",
+    "cut.json": "a fitted model",
+    "law.json": "a compensator",
+    "modes.json": "what middeck modes --json prints",
+    "empty.toml": "an empty file",
+    "blank.json": "an empty file",
+    "latin.toml": "text that is not UTF-8",
+    "wide.toml": "text that is not UTF-8",
+    "noise.toml": "a binary file",
+    "drawing.svg": "a drawing or a web page",
+    "table.csv": "a table of numbers",
+    "record.npz": "an archive of arrays (NPZ)",
+    "folder.toml": "a folder",
+}
+
+
+@pytest.mark.parametrize("name", LOOKS)
+def test_a_file_looks_like_what_it_is(folder: Path, name: str) -> None:
+    assert looks_like(folder / name) == LOOKS[name]
+
+
+def test_the_keys_by_which_documents_are_known_are_theirs_alone() -> None:
+    forms: dict[str, type[Form]] = {
+        "an article": ArticleForm,
+        "an environment": EnvironmentForm,
+        "a study": StudyForm,
+    }
+    for kind, form in forms.items():
+        others = [f for k, f in forms.items() if k != kind]
+        assert KEYS[kind] <= set(form.model_fields)
+        assert not any(KEYS[kind] & set(other.model_fields) for other in others)
+
+
+READERS = {
+    "article": (load_structure, ("article.toml", "bom.toml", "crlf.toml")),
+    "environment": (load_environment, ("environment.toml",)),
+    "study": (load_study, ("study.toml",)),
+    "survey": (load_measured_modes, ("survey.json",)),
+    "model": (load_model, ()),
+    "record": (load_record, ("record.npz",)),
+}
+
+
+@pytest.mark.parametrize("name", LOOKS)
+@pytest.mark.parametrize("reader", READERS)
+def test_every_reader_refuses_what_is_not_its_own_in_a_few_words(
+    folder: Path, reader: str, name: str
+) -> None:
+    read, own = READERS[reader]
+    if name in own:
+        read(STUDY if reader == "study" else folder / name)
+        return
+    with pytest.raises(MiddeckError) as caught:
+        read(folder / name)
+    text = str(caught.value)
+    assert len(text.splitlines()) <= 3, text
+    assert str(folder) in text
+    foreign = LOOKS[name] in ("an article", "an environment", "a study", "the measured modes of a survey")
+    if foreign and reader != "study":
+        assert f"looks like {LOOKS[name]}" in text
+
+
+def test_article_and_environment_swapped_is_one_message(capfd: Capture) -> None:
+    for verb in ("modes", "compare", "budget", "path", "response", "level", "sensitivity"):
+        more = {
+            "response": ("--input", "a", "--output", "b", "--at", "1"),
+            "level": ("--free", "n1.z"),
+            "sensitivity": ("--parameter", "*"),
+        }.get(verb, ())
+        ended = run(capfd, verb, LAB, "--environment", ARTICLE, *more)
+        assert ended.code == 2
+        assert "environment and article are swapped" in ended.err
+        assert len(ended.err.splitlines()) == 2
+    assert "are swapped" in run(capfd, "check", LAB, ARTICLE).err
+
+
+def test_outside_the_repository_the_laboratory_is_missing_and_said_how_to_write(tmp_path: Path) -> None:
+    (tmp_path / "own.toml").write_bytes(ARTICLE.read_bytes())
+    ended = as_process("modes", "own.toml", cwd=tmp_path)
+    assert ended.code == 2
+    assert "no environment 'lab': there is none in environments" in ended.err
+    assert "try: orbit" in ended.err
+    written = ended.err[ended.err.index("schema = 1") :]
+    (tmp_path / "lab.toml").write_text(written)
+    assert load_environment(tmp_path / "lab.toml").hung
+    assert as_process("modes", "own.toml", "--environment", "lab.toml", cwd=tmp_path).code == 0
+
+
+# ---- TOML that is not --------------------------------------------------------------------------------------
+
+SYNTAX = {
+    "bounce_hz = 0,25": (3, "a decimal comma", "bounce_hz = 0.25"),
+    "mass_kg = 3 kg": (3, "a unit after the number", "mass_kg = 3:"),
+    "angle = 5°": (3, "a unit after the number", "angle = 5:"),
+    "name = n1": (3, "a text without quotes", 'name = "n1"'),
+    'name = "n1': (3, "a quote that is not closed", 'name = "n1"'),
+    'name = n1"': (3, "a text without quotes", 'name = "n1"'),
+    "name = “n1”": (3, "typographic quotes", "straight quotes"),
+    "x = .5": (3, "before its point", "x = 0.5"),
+    "x = -.5": (3, "before its point", "x = -0.5"),
+    "x = 5.": (3, "after its point", "x = 5.0"),
+    "x = 007": (3, "begins with 0", "leading zeros"),
+    "x =": (3, "a key without a value", "leave the line out"),
+    "x = True": (3, "'True'", "true or false"),
+    "x = 3;": (3, "a semicolon", "leave it out"),
+    "x: 3": (3, "a colon", "x = 3"),
+    "[node": (3, "head of a table", "[node]"),
+    "[[node]": (3, "head of a table", "[[node]]"),
+    "// a note": (3, "a comment that TOML does not know", "#"),
+    "just words": (3, "neither a table nor", "key = value"),
+    "x = [1.0, 2.0": (3, "an array that is not closed", "]"),
+    'x = "C:\\data"': (3, "a backslash", "forward slashes"),
+    "schema = 2": (3, "'schema' is there twice", "leave one"),
+    "[a]\nb = 1\n[a]": (5, "table [a] is there twice, first on line 3", "[[a]]"),
+}
+
+
+@pytest.mark.parametrize("text", SYNTAX)
+def test_a_line_that_is_not_toml_is_said_with_its_cure(tmp_path: Path, text: str) -> None:
+    line, what, cure = SYNTAX[text]
+    path = tmp_path / "a.toml"
+    path.write_text(f"schema = 1\n# a comment\n{text}\n", encoding="utf-8")
+    with pytest.raises(ConfigError) as caught:
+        read_source(path)
+    (fault,) = caught.value.data["faults"]
+    assert fault.line == line
+    assert what in fault.message
+    assert text.splitlines()[-1].strip() in fault.message or "twice" in fault.message
+    assert cure in fault.hint
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ("[0.06, 0.045, 0.08]", "[0,06, 0,045, 0,08]", "decimal commas in an array"),
+        ("cg_m = [0.0, -0.03, 0.0]", "cg_m = [0,1, -1,3, 0,2]", "decimal points"),
+        ("mass_kg = 3.0", "Mass_kg = 3.0", "'mass_kg'?"),
+        ("mass_kg = 3.0", "MASS_KG = 3.0", "'mass_kg'?"),
+        ("mass_kg = 3.0", "mass_lb = 3.0", "in kg"),
+    ],
+)
+def test_numbers_and_words_that_are_toml_but_not_meant(tmp_path: Path, old: str, new: str, says: str) -> None:
+    text = ARTICLE.read_text(encoding="utf-8")
+    if old not in text:
+        pytest.fail(f"{old} is not in the article")
+    path = tmp_path / "a.toml"
+    path.write_text(text.replace(old, new, 1), encoding="utf-8")
+    with pytest.raises(ConfigError, match=re.escape(says)):
+        load_structure(path)
+
+
+# ---- hints -------------------------------------------------------------------------------------------------
+
+
+def text_of(node: ast.expr) -> str:
+    """A hint as far as its source tells; what is put in is one word."""
+    match node:
+        case ast.Constant():
+            return str(node.value)
+        case ast.JoinedStr():
+            return "".join(text_of(v) for v in node.values)
+        case ast.BinOp():
+            return text_of(node.left) + text_of(node.right)
+        case _:
+            return "VALUE"
+
+
+def hints() -> list[tuple[str, str]]:
+    found = []
+    for file in sorted((ROOT / "src/middeck").rglob("*.py")):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call):
+                found += [
+                    (file.relative_to(ROOT / "src/middeck").as_posix(), text_of(k.value))
+                    for k in node.keywords
+                    if k.arg == "hint"
+                ]
+    return found
+
+
+OPTIONS = {verb: verb_options(verb) for verb in VERBS}
+PYTHON = r"\b\w+\([^)]*\)|(?<![\w.-])[a-z_]+=[\w\[\"']|\b[A-Z][a-z]+[A-Z]\w*"
+
+
+def test_hints_are_found() -> None:
+    assert len(hints()) > 500
+
+
+def test_no_hint_of_the_library_names_an_option() -> None:
+    """Who calls a function has no command line; ``--set`` is the name of what an override is."""
+    assert not [
+        h for h in hints() if not h[0].startswith("cli/") and re.search(r"(?<!\w)--(?!set)[a-z]", h[1])
+    ]
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_no_hint_of_a_verb_names_python_or_an_option_that_it_lacks(verb: str) -> None:
+    every = {o for own in OPTIONS.values() for o in own}
+    for place, hint in hints():
+        said = on_command_line(hint, verb, OPTIONS, middeck.__all__)
+        assert not re.search(PYTHON, said.replace("VALUE", "")), (place, said)
+        for option in re.findall(r"(?<![\w-])--[a-z][\w-]*", said):
+            assert option in every
+            there = option in OPTIONS[verb] or any(option in OPTIONS[v] for v in VERBS if v in said)
+            assert there, (place, said)
+
+
+def test_a_hint_of_the_command_line_itself_names_its_options() -> None:
+    """In cli/verbs, those of the verb itself."""
+    for place, hint in hints():
+        if place.startswith("cli/verbs/"):
+            verb = Path(place).stem
+            assert on_command_line(hint, verb, OPTIONS, ()) == hint
+
+
+def keys(form: type[Form]) -> set[str]:
+    found: set[str] = set()
+    for name, field in form.model_fields.items():
+        found.add(field.alias or name)
+        inner = bare(field.annotation)
+        for part in (inner, *getattr(inner, "__args__", ())):
+            if is_form(bare(part)):
+                found |= keys(bare(part))
+    return found
+
+
+def test_a_key_that_a_hint_advises_is_taken(tmp_path: Path) -> None:
+    """An inertia that no body has: of a node with the key that its form has, of a payload without."""
+    text = ARTICLE.read_text(encoding="utf-8")
+    for table, key in (("node", "inertia_kg_m2"), ("gimbal", "payload_inertia_kg_m2")):
+        start = text.index(f"[[{table}]]")
+        place = text.index(f"\n{key} = ", start) + 1
+        end = text.index("\n", place)
+        path = tmp_path / f"{table}.toml"
+        path.write_text(text[:place] + f"{key} = [0.1, 0.1, 0.9]" + text[end:], encoding="utf-8")
+        with pytest.raises(ConfigError) as caught:
+            load_structure(path)
+        (fault,) = caught.value.data["faults"]
+        assert "triangle" in fault.message
+        assert ("rotors_excluded" in fault.hint) is (table == "node")
+
+
+def test_correlate_speaks_of_its_option(tmp_path: Path, capfd: Capture) -> None:
+    survey = json.loads(SURVEY.read_text())
+    (tmp_path / "s.json").write_text(
+        json.dumps({k: v for k, v in survey.items() if not k.endswith("std") and "std" not in k})
+    )
+    ended = run(capfd, "correlate", ROOT / "articles/mace-simple.toml", tmp_path / "s.json")
+    assert ended.code == 2
+    assert "--noise 0.001,0.02" in ended.err
+    assert "MeasurementNoise" not in ended.err
+
+
+def test_records_speak_of_options_where_there_are_any(tmp_path: Path, capfd: Capture) -> None:
+    path = tmp_path / "r.csv"
+    path.write_text("\n".join(["a,b", *(f"{k},{k * k}" for k in range(40))]))
+    assert "--inputs" in run(capfd, "identify", path).err
+    ended = run(capfd, "drift", path, path)
+    assert "--inputs" not in ended.err
+    assert "[[channel]]" in ended.err
+    with pytest.raises(MiddeckError, match="name_columns"):
+        load_record(path)
