@@ -148,9 +148,15 @@ def test_rates_are_derivatives_of_angles():
     assert [p.unit for p in plant.outputs] == ["rad", "rad/s", "rad", "rad/s"]
 
 
-def test_damping_goes_by_kind():
-    lab = build_plant(lab_modes(), inputs=PORTS, outputs=PORTS, count=12)
+def test_damping_goes_by_rank_or_by_energy():
+    """By energy a pendulum that bends its carrier a little has less than the suspension's ratio."""
+    modes = lab_modes()
+    ranked = Damping(0.01, 0.03, by_rank=True)
+    lab = build_plant(modes, inputs=PORTS, outputs=PORTS, count=12, damping=ranked)
     assert lab.dynamics.zeta == pytest.approx([0.03] * 7 + [0.01] * 5)
+    strain = modes.strain_share[:12]
+    weighed = build_plant(modes, inputs=PORTS, outputs=PORTS, count=12)
+    assert weighed.dynamics.zeta == pytest.approx(0.01 * strain + 0.03 * (1.0 - strain))
     given = Damping(flexible=0.02, suspension=0.1, rigid=0.0)
     orbit = build_plant(orbit_modes(), inputs=PORTS, outputs=PORTS, count=9, damping=given)
     assert orbit.dynamics.zeta == pytest.approx([0.0] * 7 + [0.02] * 2)
