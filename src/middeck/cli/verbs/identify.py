@@ -200,6 +200,8 @@ def describe(found: Identified) -> dict[str, Any]:
         "frequency_std_hz": fit.uncertainty.natural_hz,
         "damping": damping_ratio(model),
         "damping_std": fit.uncertainty.damping,
+        "standing": fit.standing,
+        "steady_lines": fit.lines,
         "pole": model.poles,
         "zeros": _zeros(model),
         "delay_s": dict(zip(names, model.delay_s, strict=True)),
@@ -231,10 +233,10 @@ def _zeros(model: MeasurementModel) -> list[dict[str, Any]]:
 
 
 def _tables(document: dict[str, Any]) -> list[str | Table]:
-    keys = ("frequency_hz", "frequency_std_hz", "damping", "damping_std")
+    keys = ("frequency_hz", "frequency_std_hz", "damping", "damping_std", "standing")
     poles = [
-        [f"{f:.5f}", _known(df, f), f"{z:.5f}", _known(dz, z)]
-        for f, df, z, dz in sorted(zip(*(document[k] for k in keys), strict=True))
+        [f"{f:.5f}", _known(df, f), f"{z:.5f}", _known(dz, z), "" if standing == "sound" else standing]
+        for f, df, z, dz, standing in sorted(zip(*(document[k] for k in keys), strict=True))
     ]
     held_out = document["held_out_nrmse"] or {}
     outputs = [
@@ -249,7 +251,7 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
     return [
         f"{document['states']} states, {kind}, fitted to {fitted} in {low:g}-{high:g} Hz",
         f"order: {document['order_reason']}",
-        Table("poles", ["Hz", "+-", "damping", "+-"], poles),
+        Table("poles", ["Hz", "+-", "damping", "+-", ""], poles),
         Table("outputs", heads, outputs),
         Table("zeros of the paths", ["output", "input", "Hz", ""], _zero_rows(document)),
     ]
