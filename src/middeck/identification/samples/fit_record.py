@@ -208,8 +208,8 @@ def _folded(record: Record) -> list[str]:
     """Inputs whose blows reach beyond half the sampling rate."""
     return [
         f"input {port.name}: at half the sampling rate its blows still have {share:.1%} of their largest "
-        "line: sampled without a filter, or too slowly, so that what is folded back is no response; no stated "
-        "deviation holds, that of a delay least; sample faster, or strike with a softer tip"
+        "line: sampled without a filter, or too slowly, so that what is folded back is no response; no "
+        "stated deviation holds, that of a delay least; sample faster, or strike with a softer tip"
         for port, share in zip(record.inputs, folded_share(record), strict=True)
         if share > FOLDED
     ]
