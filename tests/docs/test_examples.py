@@ -94,6 +94,17 @@ def from_a_record_to_a_plant(names: Names) -> None:
     assert len(names["members"]) == 20
 
 
+def impact_test(names: Names) -> None:
+    w = 2.0 * np.pi * np.array([12.0, 31.0])
+    expected = w * (-np.array([0.01, 0.006]) + 1j)
+    for fit in (names["fit"], names["averaged"]):
+        found = fit.model.poles[np.argsort(fit.model.poles.imag)]
+        assert np.abs(np.real(found - expected) / np.real(expected)).max() < 1e-3
+        assert np.abs(np.abs(found) / w - 1.0).max() < 1e-5
+        assert fit.model.delay_s[0] == pytest.approx(0.008, abs=1e-6)
+    assert ["double" in b.rejected for b in names["test"].blows] == [False, True, False, False]
+
+
 def correlate_with_a_test(names: Names) -> None:
     """Frequencies fail and shapes agree; the table of chances; a file that comes back."""
     verdicts = {f.criterion.quantity.value: f.passed for f in names["found"].findings}
@@ -253,6 +264,7 @@ PROMISES: dict[str, Callable[[Names], None]] = {
     "docs/how-to/your-own-article.md": your_own_article,
     "docs/how-to/your-own-record.md": your_own_record,
     "docs/how-to/from-a-record-to-a-plant.md": from_a_record_to_a_plant,
+    "docs/how-to/impact-test.md": impact_test,
     "docs/how-to/override-a-value.md": override_a_value,
     "docs/how-to/level-an-article.md": level_an_article,
     "docs/how-to/correlate-with-a-test.md": correlate_with_a_test,

@@ -18,6 +18,7 @@ FIGURES = (".svg",)
 SYSTEMS = (".json", ".mat")
 COMMANDS = (".csv", ".npz")
 RECORDS = (".npz", ".csv", ".h5", ".hdf5", ".mat", ".uff", ".unv", ".uf", ".58")
+RESPONSES = (".uff", ".unv", ".uf", ".58")
 STREAMS = (".h5", ".hdf5", ".csv")
 
 

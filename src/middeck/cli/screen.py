@@ -94,3 +94,8 @@ def _show_rich(blocks: Sequence[str | Table]) -> None:
         for row in block.rows:
             drawn.add_row(*row)
         console.print(drawn)
+
+
+def deviation_words(deviation: float | None, unit: float = 1.0) -> str:
+    """A deviation in ``unit``; the data do not determine a number that has none."""
+    return "not determined" if deviation is None else f"{deviation / unit:.1e}"

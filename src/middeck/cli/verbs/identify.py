@@ -9,7 +9,7 @@ import click
 
 from middeck.cli import figures, options
 from middeck.cli.columns import columns, told_columns
-from middeck.cli.screen import Table, show
+from middeck.cli.screen import Table, deviation_words, show
 
 if TYPE_CHECKING:
     from middeck.cli.fitting import Identified
@@ -209,6 +209,8 @@ def describe(found: Identified) -> dict[str, Any]:
         "frequency_std_hz": stated(fit.uncertainty.natural_hz[modes]),
         "damping": damping_ratio(model)[modes],
         "damping_std": stated(fit.uncertainty.damping[modes]),
+        "standing": [standing for standing, mode in zip(fit.standing, modes, strict=True) if mode],
+        "steady_lines": fit.lines,
         "pole": model.poles[modes],
         "pole_of_no_mode": model.poles[~modes],
         "zeros": _zeros(model),
@@ -241,10 +243,15 @@ def _zeros(model: MeasurementModel) -> list[dict[str, Any]]:
 
 
 def _tables(document: dict[str, Any]) -> list[str | Table]:
-    keys = ("frequency_hz", "frequency_std_hz", "damping", "damping_std")
+    keys = ("frequency_hz", "frequency_std_hz", "damping", "damping_std", "standing")
+    rows = sorted(zip(*(document[k] for k in keys), strict=True), key=itemgetter(0, 2))
     poles = [
-        [f"{f:.5f}", _known(df), f"{z:.5f}", _known(dz)]
-        for f, df, z, dz in sorted(zip(*(document[k] for k in keys), strict=True), key=itemgetter(0, 2))
+        [f"{f:.5f}", deviation_words(df), f"{z:.5f}", deviation_words(dz), standing.replace("sound", "")]
+        for f, df, z, dz, standing in rows
+    ]
+        for f, df, z, dz, standing in sorted(
+            zip(*(document[k] for k in keys), strict=True), key=itemgetter(0, 2)
+        )
     ]
     held_out = document["held_out_nrmse"] or {}
     outputs = [
@@ -259,7 +266,7 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
     return [
         f"{document['states']} states, {kind}, fitted to {fitted} in {low:g}-{high:g} Hz",
         f"order: {document['order_reason']}",
-        Table("poles", ["Hz", "+-", "damping", "+-"], poles),
+        Table("poles", ["Hz", "+-", "damping", "+-", ""], poles),
         *_no_modes(document),
         Table("outputs", heads, outputs),
         Table("zeros of the paths", ["output", "input", "Hz", ""], _zero_rows(document)),
@@ -274,14 +281,8 @@ def _no_modes(document: dict[str, Any]) -> list[str]:
     if not len(found):
         return []
     where = ", ".join(f"{z:.3g}" if z.imag else f"{z.real:.3g}" for z in found)
-    return [
-        f"no modes: {len(found)} poles at z = {where} stand for a delay, filters or what is beyond half the rate"
-    ]
-
-
-def _known(deviation: float | None, unit: float = 1.0) -> str:
-    """A deviation, if there is one: the data do not determine a number that has none."""
-    return "not determined" if deviation is None else f"{deviation / unit:.1e}"
+    stands = "stand for a delay, filters or what is beyond half the rate"
+    return [f"no modes: {len(found)} poles at z = {where} {stands}"]
 
 
 def _delay(document: dict[str, Any], output: str) -> list[str]:
@@ -290,7 +291,7 @@ def _delay(document: dict[str, Any], output: str) -> list[str]:
         return ["-", "-"]
     return [
         f"{document['delay_s'][output] * 1e3:.4f}",
-        _known(document["delay_std_s"][output], 1e-3),
+        deviation_words(document["delay_std_s"][output], 1e-3),
     ]
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from middeck.cli import options
 from middeck.cli.columns import columns, told_columns
-from middeck.cli.screen import Table, show
+from middeck.cli.screen import Table, deviation_words, show
 
 if TYPE_CHECKING:
     from middeck.identification.fit.fit_response import FitResult
@@ -23,7 +24,7 @@ Examples:
 """
 
 
-@click.command("impact", epilog=EPILOG)
+@click.command("impact", cls=options.Verb, epilog=EPILOG)
 @click.argument("records", nargs=-1, required=True, metavar="RECORD...")
 @columns
 @options.states
@@ -52,16 +53,11 @@ Examples:
     help="What is fitted: the blows, or their average, whose window's damping is taken out again.  "
     "[default: samples]",
 )
-@click.option(
-    "--response", "response_file", metavar="FILE.uff", callback=options.in_a_folder, help="Write the average."
+@options.written(
+    "--response", "response_file", endings=options.RESPONSES, metavar="FILE.uff", help="Write the average."
 )
-@click.option(
-    "-o",
-    "--output",
-    "model_file",
-    metavar="MODEL.json",
-    callback=options.in_a_folder,
-    help="Write the model.",
+@options.written(
+    "-o", "--output", "model_file", endings=options.SYSTEMS, metavar="MODEL.json|mat", help="Write the model."
 )
 @options.common
 def verb(
@@ -89,7 +85,7 @@ def verb(
     """
     from middeck.cli.blame import reading
     from middeck.cli.settings import ImpactSettings, settle
-    from middeck.files.models import write_model
+    from middeck.cli.systems import write_fit
     from middeck.files.records import load_records, write_response
     from middeck.identification.impact import average_blows, fit_impact
 
@@ -101,7 +97,7 @@ def verb(
     if response_file is not None:
         write_response(response_file, test.response)
     if model_file is not None:
-        write_model(model_file, fit.model, fit.covariance)
+        write_fit(model_file, fit.model, fit.covariance)
     document = describe(test, fit) | {"records": records, "fitted": fitted}
     show(as_json, document, *_blocks(document))
 
@@ -111,6 +107,7 @@ def describe(test: ImpactTest, fit: FitResult) -> dict[str, Any]:
     import numpy as np
 
     from middeck.identification.measurement_model import damping_ratio, natural_hz
+    from middeck.identification.uncertainty.parameters import stated
 
     rate = test.blocks.sample_hz
     names = [p.name for p in fit.model.outputs]
@@ -132,12 +129,12 @@ def describe(test: ImpactTest, fit: FitResult) -> dict[str, Any]:
         "states": fit.model.states,
         "order_reason": fit.order_reason,
         "frequency_hz": natural_hz(fit.model),
-        "frequency_std_hz": fit.uncertainty.natural_hz,
+        "frequency_std_hz": stated(fit.uncertainty.natural_hz),
         "damping": damping_ratio(fit.model),
-        "damping_std": fit.uncertainty.damping,
+        "damping_std": stated(fit.uncertainty.damping),
         "standing": fit.standing,
         "delay_s": dict(zip(names, fit.model.delay_s, strict=True)),
-        "delay_std_s": dict(zip(names, fit.uncertainty.delay_s, strict=True)),
+        "delay_std_s": dict(zip(names, stated(fit.uncertainty.delay_s), strict=True)),
         "error": dict(zip(names, fit.error, strict=True)),
         "warnings": (*test.warnings, *fit.warnings),
     }
@@ -156,12 +153,14 @@ def _blocks(document: dict[str, Any]) -> list[str | Table]:
     ]
     keys = ("frequency_hz", "frequency_std_hz", "damping", "damping_std", "standing")
     modes = [
-        [f"{f:.5f}", f"{df:.1e}", f"{z:.5f}", f"{dz:.1e}", standing]
-        for f, df, z, dz, standing in sorted(zip(*(document[k] for k in keys), strict=True))
+        [f"{f:.5f}", deviation_words(df), f"{z:.5f}", deviation_words(dz), standing]
+        for f, df, z, dz, standing in sorted(
+            zip(*(document[k] for k in keys), strict=True), key=itemgetter(0, 2)
+        )
     ]
     outputs = [
         [name, f"{document['coherence'][name]:.4f}", f"{1e3 * document['delay_s'][name]:.4f}",
-         f"{1e3 * document['delay_std_s'][name]:.1e}", f"{document['error'][name]:.2%}"]
+         deviation_words(document["delay_std_s"][name], 1e-3), f"{document['error'][name]:.2%}"]
         for name in document["coherence"]
     ]  # fmt: skip
     low, high = document["band_hz"]

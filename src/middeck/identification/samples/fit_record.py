@@ -22,6 +22,7 @@ from middeck.identification.fit.doubts import causal_delay, doubts_of_deviations
 from middeck.identification.fit.fit_response import FitResult, fit_chosen
 from middeck.identification.fit.standing import doubts_of_lines, doubts_of_standing, standing_of
 from middeck.identification.measurement_model import MeasurementModel, model_response, natural_hz
+from middeck.identification.samples.aliasing import FOLDED, folded_share
 from middeck.identification.samples.continuous import fit_continuous
 from middeck.identification.samples.instability import refuse_growth
 from middeck.identification.samples.model import record_covariance, record_model
@@ -202,6 +203,7 @@ def _result(record: Record, fit: Tidied, reason: str, score: np.ndarray) -> FitR
     warnings += _doubts(run, record, error)
     warnings += doubts_of_deviations(lines, covariance, of_samples=True)
     wrong = [*_growing(record, score), *_undamped(lines, model, fit)]
+    wrong += [] if model.sample_hz is not None else _folded(record)
     warnings += [*wrong, *doubts_of_lines(fit.lines)]
     standing = standing_of(lines, covariance, holds=not wrong)
     warnings += doubts_of_standing(covariance, standing)
@@ -228,6 +230,17 @@ def _growing(record: Record, score: np.ndarray) -> list[str]:
         "linear or a wrong model; no stated deviation holds"
         for port, z in zip(record.outputs, score, strict=True)
         if z >= GROWS
+    ]
+
+
+def _folded(record: Record) -> list[str]:
+    """Inputs whose blows reach beyond half the sampling rate."""
+    return [
+        f"input {port.name}: at half the sampling rate its blows still have {share:.1%} of their largest "
+        "line: sampled without a filter, or too slowly, so that what is folded back is no response; no "
+        "stated deviation holds, that of a delay least; sample faster, or strike with a softer tip"
+        for port, share in zip(record.inputs, folded_share(record), strict=True)
+        if share > FOLDED
     ]
 
 

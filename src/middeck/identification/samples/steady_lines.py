@@ -50,7 +50,7 @@ def _sines(
     time = np.linspace(-1.0, 1.0, count, endpoint=False)
     turning = np.exp(1j * omega * transient.period_s * np.arange(count))
     lines = np.round(np.imag(s) / step).astype(int)
-    parts = [x * time**k for k in range(POWERS) for x in (turning.real, turning.imag)]
+    parts = [x * time**k for k in range(POWERS) for x in (np.real(turning), np.imag(turning))]
     return _even(np.fft.rfft(parts, axis=1)[:, lines])
 
 

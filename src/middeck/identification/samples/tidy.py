@@ -78,11 +78,11 @@ def _without_sines(record: Record, state: Tidied) -> Tidied:
         steady = [
             m
             for m in np.argsort(decay)
-            if decay[m] < STEADY and within[m] and not _among(poles[m], tried, length_s)
+            if decay[m] < STEADY and within[m] and not _among(float(np.imag(poles[m])), tried, length_s)
         ]
         if not steady or len(state.lines) >= MOST_LINES or len(state.run.layout.pair) < 2:
             return state
-        tried.append(float(poles[steady[0]].imag))
+        tried.append(float(np.imag(poles[steady[0]])))
         state = _as_line(record, state, int(steady[0])) or state
 
 
@@ -199,9 +199,9 @@ def _pairs(run: RecordRun) -> Complex[np.ndarray, " pair"]:
     return unpack(run.layout, run.refined.theta).poles[: run.layout.pairs]
 
 
-def _among(pole: complex, tried: list[float], length_s: float) -> bool:
-    """Whether a sine of this frequency, up to a quarter of a line, was tried."""
-    return any(abs(pole.imag - omega) < 0.5 * np.pi / length_s for omega in tried)
+def _among(frequency: float, tried: list[float], length_s: float) -> bool:
+    """Whether a sine of this frequency [rad/s], up to a quarter of a line, was tried."""
+    return any(abs(frequency - omega) < 0.5 * np.pi / length_s for omega in tried)
 
 
 def _length_s(data: Data) -> float:
