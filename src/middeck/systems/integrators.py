@@ -23,7 +23,7 @@ REST = 1e-11
 """Singular values below this share of A (in balanced states) count as zero: rounding of a plant that was
 turned by a matrix of condition 1e4. Slower poles than that share of the fastest are not told from rest."""
 NOTHING = 1e-12
-"""A residue below this share of the rows and columns that make it is rounding of a few products."""
+"""A residue below this share of its output's row and its input's column is rounding of a few products."""
 RANK = 1e-10
 """The same of residues, row by row and column by column scaled: what is left out changes no entry by more."""
 
@@ -74,8 +74,8 @@ def part_integrators(system: StateSpace) -> PartedSystem:
     moving = StateSpace(A[n:, n:], B[n:], C[:, n:] + C[:, :n] @ mix, system.D)
     into = B[:n] - mix @ B[n:]
     seen, residues = C[:, :n], np.zeros((len(sizes), outputs, inputs))
-    # What rounding may leave of a residue that is nothing: beside the rows and columns whose product it is.
-    floor = np.outer(np.linalg.norm(seen, axis=1), np.linalg.norm(into, axis=0))
+    # What rounding may leave of nothing, beside all that the output reads and the input drives.
+    floor = np.outer(np.linalg.norm(C, axis=1), np.linalg.norm(np.vstack([into, B]), axis=0))
     pace = float(np.linalg.norm(balanced.A, 2))
     for k in range(len(sizes)):
         value = seen @ into

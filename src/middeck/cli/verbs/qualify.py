@@ -208,7 +208,10 @@ def _warnings(law: Law, rows: list[dict[str, Any]]) -> list[str]:
             "the compensator passes sensor noise on directly: white noise has no rms without a rate (--rate)"
         )
     elif any(row["stable"] and row["db"] is None for row in rows):
-        said.append("no dB where the plant does not decay without control: its own rms is infinite")
+        said.append(
+            "no dB where the plant does not decay without control: its own rms is infinite; "
+            "compare the rms itself"
+        )
     return said
 
 
@@ -226,6 +229,7 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
             *(_number(row[key], form[key], row["stable"]) for key in ("gain_db", "phase_deg", "delay_ms")),
             _number(row["disk"], form["disk"]),
             _number(row["db"], form["db"]),
+            _number(row["rms"], ".3g"),
             _number(row["control_rms"], ".3g"),
         ]
         for row in rows
@@ -242,7 +246,7 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         f"compensator  {law['order']} states, {kind}{made}",
         f"from         {', '.join(law['reads'])} to {', '.join(law['drives'])}",
         f"stable       {document['stable']} of {len(rows)}",
-        Table("least margins of the loops, and rms", [*headers, "rms dB", "control rms"], cells),
+        Table("least margins of the loops, and rms", [*headers, "rms dB", "rms", "control rms"], cells),
         *_limits(document["allowed_shift"]),
         *(["", *met, *failed] if document["requirements"] else []),
     ]

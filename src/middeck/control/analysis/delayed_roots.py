@@ -19,6 +19,8 @@ ON_ROOT = 1e-2
 """|f| at a root beside |f| a thousandth of the way to the next pole: within 1e-5 of that way. Beside a mode
 that the loop hardly moves |f| is rounding so near: there a tenth of the way, where Newton's method rests."""
 ONE_ROOT, TWO_STARTS = 1e-8, 1e-6
+RESTS = 1e-7
+"""From an open pole, how near to a root that is known already: a mode that hardly moves, in dense states."""
 NEAREST_AXIS = 12
 """Roots followed to the exact delay beside those that are counted."""
 
@@ -51,7 +53,8 @@ def _once(roots: np.ndarray, start: np.ndarray, own: np.ndarray) -> Complex[np.n
     kept: list[int] = []
     for i in range(len(roots)):
         size = np.abs(roots[i])
-        same = [k for k in kept if np.abs(roots[k] - roots[i]) <= ONE_ROOT * size]
+        close = ONE_ROOT if own[i] else RESTS
+        same = [k for k in kept if np.abs(roots[k] - roots[i]) <= close * size]
         apart = [np.abs(start[k] - start[i]) > TWO_STARTS * size for k in same]
         if not same or (own[i] and not any(apart)):
             kept.append(i)

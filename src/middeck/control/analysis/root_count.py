@@ -25,17 +25,22 @@ from middeck.systems.statespace import gain_system
 STEP = 0.7
 """Largest change of phase [rad] that is believed from line to line."""
 ROUNDS, DOUBLINGS = 60, 40
+WALLS = 4
+"""Lines tried, where roots found and counted disagree right of the first."""
 
 
-def clear_wall(real: np.ndarray, reach: float) -> float:
-    """A line Re s left of the axis with nothing beside it: the middle of the widest gap within ``reach``.
+def clear_walls(real: np.ndarray, reach: float) -> list[float]:
+    """Lines Re s left of the axis with nothing beside them: amid the widest gaps within ``reach``.
 
-    Whatever grows, and what is nearer to the axis than the line, is to its right: found and counted.
+    Whatever grows, and what is nearer to the axis than a line, is to its right: found and counted. The widest
+    first, then those nearer to the axis, with less to be found.
     """
     inside = np.sort(real[(real > -reach) & (real < 0.0)])
     edges = np.concatenate([[-reach], inside, [0.0]])
-    k = int(np.argmax(np.diff(edges)))
-    return float(0.5 * (edges[k] + edges[k + 1]))
+    width, middle = np.diff(edges), 0.5 * (edges[1:] + edges[:-1])
+    first = int(np.argmax(width))
+    nearer = first + 1 + np.argsort(-width[first + 1 :], kind="stable")[: WALLS - 1]
+    return [float(middle[k]) for k in (first, *np.sort(nearer))]
 
 
 def count_more(loop: FeedbackLoop, halves: Halves, order: int, roots: np.ndarray, wall: float) -> int | None:

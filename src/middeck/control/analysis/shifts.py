@@ -12,6 +12,7 @@ from middeck.control.partition import partition_modes
 from middeck.errors import ConfigError
 from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.modal import ModalSystem
+from middeck.systems.mode_blocks import part_modes
 from middeck.systems.mode_shift import shift_modes
 from middeck.systems.plant import Plant, name_states
 from middeck.systems.stability import GROWTH_LIMIT
@@ -61,7 +62,8 @@ def find_allowed_shifts(
     Parameters
     ----------
     modes:
-        All that oscillate and that a port reaches or sees, if None.
+        All that oscillate and that a port reaches or sees, if None. Those of a state space without
+        ``state_names`` are named by number and frequency (`part_modes`).
     finish:
         Makes of the shifted plant the one that is controlled: closes an inner loop, or samples it for a
         sampled law (`find_sampled_shifts`).
@@ -70,9 +72,12 @@ def find_allowed_shifts(
     ------
     ConfigError
         For modes that do not exist or do not oscillate (`shift_modes`), or a step that is not positive.
+    NumericalError
+        Where modes without names nearly coincide (`part_modes`).
     """
     if not 0.0 < step <= most < 1.0:
         raise ConfigError(f"steps of {step:g} up to {most:g}: 0 < step <= most < 1")
+    plant = _named(plant)
     names = _oscillating(plant) if modes is None else tuple(modes)
 
     def loop_at(mode: str, shift: float) -> AnyPlant:
@@ -83,6 +88,15 @@ def find_allowed_shifts(
         _allowed(mode, lambda x, mode=mode: loop_at(mode, x), compensator, most, step, resolution)
         for mode in names
     )
+
+
+def _named(plant: LateOrNot) -> LateOrNot:
+    """The plant itself where its modes have names, else in blocks of its own modes."""
+    inside = plant.plant if isinstance(plant, DelayedPlant) else plant
+    if isinstance(inside.dynamics, ModalSystem) or inside.state_names:
+        return plant
+    named = part_modes(inside)
+    return DelayedPlant(named, plant.delay_s) if isinstance(plant, DelayedPlant) else named
 
 
 def _shifted(plant: LateOrNot, mode: str, shift: float) -> LateOrNot:

@@ -19,7 +19,7 @@ from middeck.control.analysis.loop import (
     is_late,
     period_of,
 )
-from middeck.control.analysis.root_count import clear_wall, count_more, direct_gain
+from middeck.control.analysis.root_count import clear_walls, count_more, direct_gain
 from middeck.control.delay_order import pade_order
 from middeck.errors import NumericalError
 from middeck.systems.delayed_plant import DelayedPlant
@@ -76,7 +76,7 @@ def decide_stability(plant: AnyPlant, law: AnyLaw) -> LoopStability:
     ConfigError
         For halves that do not fit (`form_loop`).
     NumericalError
-        Where roots and count disagree at the highest order.
+        Where roots and count disagree at the highest order, right of every line that was tried.
 
     Examples
     --------
@@ -105,15 +105,16 @@ def decide_loop(loop: FeedbackLoop) -> LoopStability:
     loop, unmoved = _split_unmoved(loop)
     halves, open_poles, reach = evaluate_halves(loop), find_open_poles(loop), _reach(loop)
     found, counted = 0, None
-    for order in _orders(loop, open_poles):
+    for order in (orders := _orders(loop, open_poles)):
         near = loop_poles(loop, order)
         roots, others = follow_roots(halves, near, open_poles, reach)
-        wall = clear_wall(np.real(np.concatenate([near, roots, open_poles])), reach)
-        more = count_more(loop, halves, order, np.concatenate([near, roots]), wall)
-        found = int(np.sum(np.real(roots) > wall))
-        counted = None if more is None else int(np.sum(np.real(near) > wall)) + more
-        if found == counted:
-            return _outcome(np.concatenate([roots, others[np.real(others) < wall], unmoved]))
+        walls = clear_walls(np.real(np.concatenate([near, roots, open_poles])), reach)
+        for wall in walls if order == orders[-1] else walls[:1]:
+            more = count_more(loop, halves, order, np.concatenate([near, roots]), wall)
+            found = int(np.sum(np.real(roots) > wall))
+            counted = None if more is None else int(np.sum(np.real(near) > wall)) + more
+            if found == counted:
+                return _outcome(np.concatenate([roots, others[np.real(others) < wall], unmoved]))
     raise NumericalError(
         f"stability with delays cannot be decided: {found} roots found near and right of the axis, "
         f"{'an unclear number' if counted is None else counted} counted",

@@ -32,6 +32,9 @@ class ComparedDesign:
         Of the unseen plants.
     worst_db, median_db, median_control_rms:
         Over the stable ones among them; ``inf`` where there is none.
+    nominal_rms, worst_rms, median_rms:
+        The same as ``..._db``, in the unit of the weighted outputs: of a plant that drifts without control,
+        as a free body does, the decibels are minus infinity, and these tell designs apart.
     """
 
     name: str
@@ -43,6 +46,9 @@ class ComparedDesign:
     worst_db: float
     median_db: float
     median_control_rms: float
+    nominal_rms: float
+    worst_rms: float
+    median_rms: float
 
 
 def compare_designs(
@@ -82,6 +88,9 @@ def _row(name: str, order: int, whole: PlantOutcomes) -> ComparedDesign:
         worst_db(unseen),
         _median(unseen.db, unseen.stable),
         _median(unseen.control_rms, unseen.stable),
+        float(whole.rms[0]),
+        float(unseen.rms[unseen.stable].max()) if unseen.stable.any() else np.inf,
+        _median(unseen.rms, unseen.stable),
     )
 
 
@@ -90,20 +99,24 @@ def _median(values: np.ndarray, stable: np.ndarray) -> float:
 
 
 def comparison_table(rows: Sequence[ComparedDesign]) -> str:
-    """The rows as text, a line each."""
+    """The rows as text, a line each; ``-`` for decibels over a plant that has no rms without control."""
     head = (
-        "design", "setting", "order", "nominal dB", "control rms", "stable share", "worst dB", "median dB",
+        "design", "setting", "order", "nominal dB", "nominal rms", "control rms", "stable share", "worst dB",
+        "worst rms", "median dB", "median rms",
     )  # fmt: skip
     lines = [
         (
             row.name,
             row.setting,
             str(row.order),
-            f"{row.nominal_db:.2f}",
+            _decibels(row.nominal_db),
+            f"{row.nominal_rms:.3g}",
             f"{row.nominal_control_rms:.3g}",
             f"{row.stable_share:.1%}",
-            f"{row.worst_db:.2f}",
-            f"{row.median_db:.2f}",
+            _decibels(row.worst_db),
+            f"{row.worst_rms:.3g}",
+            _decibels(row.median_db),
+            f"{row.median_rms:.3g}",
         )
         for row in rows
     ]
@@ -112,3 +125,7 @@ def comparison_table(rows: Sequence[ComparedDesign]) -> str:
         "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip()
         for line in (head, *lines)
     )
+
+
+def _decibels(value: float) -> str:
+    return "-" if value == -np.inf else f"{value:.2f}"

@@ -1,0 +1,171 @@
+"""Free bodies in any coordinates, late by unlike times: verdicts, designs, rms and shifts in agreement."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+
+import numpy as np
+import pytest
+
+from middeck.control.analysis import decide_stability, find_allowed_shifts, measure_delayed_rms
+from middeck.control.closed_loop import close_loop
+from middeck.control.compensator import Compensator
+from middeck.control.lqg import LQGWeights, design_lqg
+from middeck.control.performance import Performance, measure_rms
+from middeck.systems.delayed_plant import DelayedPlant, approximate_delays, delay_inputs
+from middeck.systems.integrators import part_integrators, realise_residues
+from middeck.systems.modal import ModalSystem
+from middeck.systems.plant import Plant
+from middeck.systems.ports import Port
+from middeck.systems.sampling import sample_plant
+from middeck.systems.stability import growth_rates, is_stable
+from middeck.systems.statespace import SampledStateSpace, StateSpace
+
+LONG = os.environ.get("MIDDECK_LONG") == "1"
+FORCE, WAY, SEEN = Port("force", "N"), Port("way", "m"), Port("seen", "m")
+
+
+def free_body(rng: np.random.Generator) -> DelayedPlant:
+    """One to three rigid modes, none to two that bend, pairs of a force and a sensor, paths late unlike."""
+    rigid, bending, ports = int(rng.integers(1, 4)), int(rng.integers(0, 3)), int(rng.integers(1, 3 + LONG))
+    # As many rigid modes as forces at most: a body that nothing holds is no design.
+    rigid = min(rigid, ports)
+    omega = np.append(np.zeros(rigid), 10.0 ** rng.uniform(0.0, 1.3, bending))
+    zeta = np.append(np.zeros(rigid), 10.0 ** rng.uniform(-2.5, -1.0, bending))
+    psi = rng.standard_normal((rigid + bending, ports))
+    names = tuple(f"mode {k}" for k in range(rigid + bending))
+    modal = ModalSystem(omega, zeta, psi, psi.T, np.zeros_like(psi.T), names)
+    forces, ways = (tuple(Port(f"{name}{i}", "1") for i in range(ports)) for name in "fw")
+    u, y = (tuple(p.name for p in side) for side in (forces, ways))
+    late = rng.uniform(0.0, 10.0 ** rng.uniform(-2.5, -0.5), (ports, ports))
+    return DelayedPlant(Plant(modal, forces, ways, u, u, y, y), late)
+
+
+def mixed(delayed: DelayedPlant, rng: np.random.Generator) -> DelayedPlant:
+    """The same in states of which none is a mode's own."""
+    system = delayed.plant.system
+    turn = rng.standard_normal(system.A.shape) * 10.0 ** rng.uniform(-1.0, 1.0, len(system.A))
+    A, B = np.linalg.solve(turn, system.A @ turn), np.linalg.solve(turn, system.B)
+    plant = dataclasses.replace(delayed.plant, dynamics=StateSpace(A, B, system.C @ turn, system.D))
+    return DelayedPlant(plant, delayed.delay_s)
+
+
+def weigh(delayed: DelayedPlant) -> LQGWeights:
+    ports = len(delayed.plant.u)
+    return LQGWeights(np.ones(ports), np.ones(ports), delayed.plant.u, np.eye(ports), np.full(ports, 1e-2))
+
+
+@pytest.mark.parametrize("seed", range(200 if LONG else 3))
+def test_a_free_body_in_mixed_states_is_the_body(seed: int) -> None:
+    """Its design, its verdict and its rms from zero: those of the modal form."""
+    rng = np.random.default_rng([11, seed])
+    modal = free_body(rng)
+    turned = mixed(modal, rng)
+    first, second = (design_lqg(approximate_delays(one, 3), weigh(modal), 1.0) for one in (modal, turned))
+    # Riccati equations of some tens of states, one of them in coordinates of condition 1e3.
+    assert second.cost == pytest.approx(first.cost, rel=1e-5)
+    for factor in (1.0, 4.0):
+        law = dataclasses.replace(first, system=dataclasses.replace(first.system, C=factor * first.system.C))
+        found, same = decide_stability(modal, law), decide_stability(turned, law)
+        assert (found.stable, found.growing) == (same.stable, same.growing)
+        assert found.pole == pytest.approx(same.pole, rel=1e-5, abs=1e-9)
+        # Delays in a fine approximation, by eigenvalues: an account that counts no roots.
+        values = close_loop(approximate_delays(modal, 12), law).poles
+        assert found.growing == int(np.sum(values.real > 1e-8))
+    ports = len(modal.plant.u)
+    wide = Performance(np.ones(ports), np.eye(ports), (0.0, 3.0))
+    rms = measure_delayed_rms(modal, first, wide)
+    assert measure_delayed_rms(turned, first, wide) == pytest.approx(rms, rel=1e-6)
+    # The closed form begins at a poorly conditioned zero: a hundred-millionth of the band is left out.
+    fine = close_loop(approximate_delays(modal, 12), first)
+    above = dataclasses.replace(wide, band_hz=(1e-8, 3.0))
+    assert rms == pytest.approx(measure_rms(fine, above), rel=1e-5)
+
+
+@pytest.mark.parametrize("chain", [1, 2, 3])
+@pytest.mark.parametrize("tau", [0.0, 1e-3, 0.1])
+def test_rms_from_zero_of_integrators_of_any_order(chain: int, tau: float) -> None:
+    """A band from zero, beside one from a millionth of a hertz: what lies below is nothing."""
+    A, B = np.diag(np.ones(chain - 1), 1), np.eye(chain)[:, [-1]]
+    C = np.eye(1, chain)
+    system = StateSpace(A, B, np.vstack([C, C]), np.zeros((2, 1)))
+    plant = Plant(system, (FORCE,), (WAY, SEEN), ("force",), ("force",), ("way",), ("seen",))
+    law = design_lqg(plant, LQGWeights([1.0], [1.0], ("force",), np.eye(1), [1e-2]), 1.0)
+    rms = [
+        measure_delayed_rms(delay_inputs(plant, tau), law, Performance(np.ones(1), np.eye(1), (low, 10.0)))
+        for low in (0.0, 1e-6)
+    ]
+    assert rms[0] == pytest.approx(rms[1], rel=1e-4)
+    assert rms[0] >= rms[1]
+
+
+@pytest.mark.parametrize("seed", range(300 if LONG else 20))
+def test_a_body_that_drifts_is_stable_in_whatever_coordinates(seed: int) -> None:
+    """Rounding parts a double pole to both sides of the axis by 1e-8; that is no verdict."""
+    rng = np.random.default_rng([5, seed])
+    body = mixed(free_body(rng), rng).plant.system
+    # What only exists: no port, no law.
+    assert is_stable(body)
+    assert is_stable(sample_plant(body, 0.01))
+    still = growth_rates(body)
+    assert np.sum(np.abs(still) < 1e-6) % 2 == 0
+
+
+def test_a_pole_that_grows_slowly_still_grows() -> None:
+    """Beside a double pole at rest, and a thousand times above what rounding makes of it."""
+    A = np.zeros((4, 4))
+    A[0, 1], A[2, 2], A[3, 3] = 1.0, 1e-4, -1.0
+    turn = np.linalg.qr(np.random.default_rng(2).standard_normal((4, 4)))[0]
+    system = StateSpace(turn.T @ A @ turn, np.zeros((4, 1)), np.zeros((1, 4)), np.zeros((1, 1)))
+    assert not is_stable(system)
+    E = np.eye(4) + 0.01 * A + 0.5e-4 * A @ A
+    E[2, 2] = np.exp(1e-6)
+    assert not is_stable(SampledStateSpace(turn.T @ E @ turn, system.B, system.C, system.D, 0.01))
+
+
+def test_an_integrator_pair_that_no_sensor_sees_drifts_and_no_more() -> None:
+    """Mixed with others, its part in the measurement is rounding: of either sign, and no spring."""
+    for seed in range(12):
+        rng = np.random.default_rng([9, seed])
+        modes = ModalSystem([0.0, 3.0], [0.0, 0.02], [[1.0], [1.0]], [[0.0, 1.0]], [[0.0, 0.0]], ("x", "b"))
+        plant = Plant(modes, (FORCE,), (SEEN,), ("force",), ("force",), ("seen",), ("seen",))
+        law = Compensator(StateSpace([[-2.0]], [[1.0]], [[1.0]], [[0.0]]), (SEEN,), (FORCE,))
+        for tau in (0.0, 0.05):
+            found = decide_stability(mixed(delay_inputs(plant, tau), rng), law)
+            assert found.stable
+            assert found.margin == pytest.approx(0.0, abs=1e-9)
+
+
+def test_allowed_shifts_of_a_plant_whose_states_have_no_names() -> None:
+    modes = ModalSystem([0.0, 3.0, 8.0], [0.0, 0.01, 0.01], [[1.0], [1.0], [1.0]], [[1.0, 1.0, -1.0]],
+                        np.zeros((1, 3)), ("body", "first", "second"))  # fmt: skip
+    plant = delay_inputs(Plant(modes, (FORCE,), (SEEN,), ("force",), ("force",), ("seen",), ("seen",)), 0.01)
+    law = design_lqg(approximate_delays(plant, 3), weigh(plant), 30.0)
+    named = find_allowed_shifts(plant, law, most=0.04, step=0.02)
+    found = find_allowed_shifts(mixed(plant, np.random.default_rng(1)), law, most=0.04, step=0.02)
+    assert [one.mode for one in found] == ["mode 1, 0.4775 Hz", "mode 2, 1.273 Hz"]
+    for one, other in zip(named, found, strict=True):
+        assert (other.down, other.up) == pytest.approx((one.down, one.up), abs=1e-5)
+
+
+def test_integrators_are_realised_as_few_as_they_are() -> None:
+    """Residues of chains of one to three integrators come back, all eigenvalues zero to the last bit."""
+    rng = np.random.default_rng(4)
+    for order in (1, 2, 3):
+        turn = rng.standard_normal((order + 2, order + 2))
+        A = np.zeros_like(turn)
+        A[:order, :order] = np.diag(np.ones(order - 1), 1)
+        A[order:, order:] = [[-0.1, 2.0], [-2.0, -0.1]]
+        B, C = rng.standard_normal((order + 2, 2)), rng.standard_normal((2, order + 2))
+        system = StateSpace(
+            np.linalg.solve(turn, A @ turn), np.linalg.solve(turn, B), C @ turn, np.zeros((2, 2))
+        )
+        parted = part_integrators(system)
+        exact = [
+            C[:, :order] @ np.linalg.matrix_power(A[:order, :order], k) @ B[:order] for k in range(order)
+        ]
+        assert parted.residues == pytest.approx(np.array(exact), rel=1e-9, abs=1e-10)
+        chain = realise_residues(parted.residues)
+        assert len(chain.A) == order
+        assert not np.any(np.linalg.eigvals(chain.A))
