@@ -182,6 +182,33 @@ def test_a_fault_is_found_and_no_other(
     assert len(missed) <= {clip_before_noise: 5, hold_last: 2}.get(spoil, 0), missed
 
 
+@pytest.mark.parametrize("colour", ["white noise", "slow noise", "a sine"])
+@pytest.mark.parametrize("size", [30.0, 950.0])
+def test_spikes_are_found_at_the_very_edges(colour: str, size: float) -> None:
+    rng = np.random.default_rng(7)
+    u = rng.standard_normal(2048)
+    x = u if colour == "white noise" else np.sin(0.1 * np.arange(2048) + 1.0)
+    x = scipy.signal.lfilter(*scipy.signal.butter(3, 0.02), u) if colour == "slow noise" else x
+    x = x + 1e-3 * x.std() * rng.standard_normal(2048)
+    ports = (Port("torque", "N m"),), (Port("angle", "rad"),)
+    for k in (*range(16), 1000, *range(2032, 2048)):
+        y = x.copy()
+        y[k] += size * x.std()
+        found = detect_faults(Record(HZ, u[None, None, :, None], y[None, None, :, None], *ports, False))
+        assert [(f.channel, f.kind, f.samples) for f in found] == [("angle", "spike", ((k, k + 1),))], k
+
+
+@pytest.mark.parametrize("decay", [0.3, 0.5, 0.9])
+def test_a_release_at_the_first_sample_is_no_spike(decay: float) -> None:
+    rng = np.random.default_rng(1)
+    u = rng.standard_normal(2048)
+    y = scipy.signal.lfilter([1.0], [1.0, -decay], u)
+    y += 100.0 * decay ** np.arange(2048) + 1e-2 * rng.standard_normal(2048)
+    ports = (Port("torque", "N m"),), (Port("rate", "rad/s"),)
+    found = detect_faults(Record(HZ, u[None, None, :, None], y[None, None, :, None], *ports, False))
+    assert [f for f in found if f.kind == "spike"] == []
+
+
 def test_the_samples_of_a_fault_are_named() -> None:
     clean = gimbal_record.multisine(1, outputs=2, samples=4096)
     y = clean.y.copy()

@@ -156,7 +156,9 @@ def _opening(line: str, number: int, told: dict[str, Any], file: Path) -> Openin
     cells = [c.strip() for c in next(csv.reader([line], delimiter=separator))]
     periods, samples = (_whole(told, key, where) for key in ("periods", "samples"))
     if all(map(_is_number, cells)):
-        return Opening(number - 1, tuple(Head("", None, "") for _ in cells), False, periods, separator, samples)
+        return Opening(
+            number - 1, tuple(Head("", None, "") for _ in cells), False, periods, separator, samples
+        )
     heads = [_head(cell, k, told, where) for k, cell in enumerate(cells)]
     timed = heads[0].name.lower() in ("time", "t")
     if timed and heads[0].unit not in ("s", None):

@@ -31,7 +31,7 @@ ALIKE, BETTER = 0.45, 0.2
 # Share of the parts that must be alike.
 MOST_ALIKE = 0.6
 # What a regression must gain: deviations of its chi-square law, and its share of what is not foretold.
-SURE, SHARE = 7.0, 0.01
+SURE, SHARE = 7.0, 0.02
 # Residuals whose largest, a hundredth but no fewer than so many, tell the tail of noise; chance is beyond it in
 # one of e^BEYOND, and a residual below LEAP times the median is none in any case.
 FEWEST_LARGE, BEYOND, LEAP = 20, 12.0, 12.0
@@ -84,7 +84,9 @@ def _correlation(u: Signal, y: Signal, first: int, last: int) -> Float[np.ndarra
     """Sum of u[n - lag] y[n] over the deviation that it has without relation, for lags first to last."""
     size = 2 * len(u)
     cross = np.fft.irfft(np.conj(np.fft.rfft(u, size)) * np.fft.rfft(y, size), size)
-    return cross[np.arange(first, last + 1)] / np.sqrt(max(float(u @ u), 1e-300) * float(y @ y) / len(u) + 1e-300)
+    return cross[np.arange(first, last + 1)] / np.sqrt(
+        max(float(u @ u), 1e-300) * float(y @ y) / len(u) + 1e-300
+    )
 
 
 # Samples that were lost, or repeated.
@@ -103,7 +105,11 @@ def _shifts(record: Record, U: np.ndarray, Y: np.ndarray) -> list[Place]:
 
 def _lost(record: Record, near: int, shift: int) -> Found:
     when = f"near sample {near} ({near / record.sample_hz:.6g} s)"
-    how = "lost there, or were repeated in the inputs" if shift < 0 else "repeated there, or were lost in the inputs"
+    how = (
+        "lost there, or were repeated in the inputs"
+        if shift < 0
+        else "repeated there, or were lost in the inputs"
+    )
     what = f"answers {abs(shift)} samples {'earlier' if shift < 0 else 'later'} from {when} on: samples were {how}"
     hint = "cut the record there and fit the longer part, or shift what follows; check buffers and clocks"
     width = 1
@@ -195,14 +201,16 @@ def _residuals(record: Record, u: np.ndarray, y: np.ndarray) -> list[Place]:
 
 
 def _alone(left: Signal) -> int | None:
-    """The sample of the largest residual, if noise has none such."""
+    """The first of the largest residuals, if noise has none such: it spoils as many after as are foretold by it."""
     size = np.abs(left)
     at = int(np.argmax(size))
     rest = np.sort(np.delete(size, slice(max(at - 2, 0), at + PAST)))
     large = rest[-max(FEWEST_LARGE, len(rest) // 100) :]
     slope = float(np.mean(np.log(large / max(float(large[0]), 1e-300))))
     limit = float(large[0]) * np.exp(slope * (np.log(len(large)) + BEYOND))
-    return at if size[at] > max(limit, LEAP * float(rest[len(rest) // 2])) else None
+    limit = max(limit, LEAP * float(rest[len(rest) // 2]))
+    first = max(at - PAST, 0)
+    return first + int(np.argmax(size[first : at + 1] > limit)) if size[at] > limit else None
 
 
 def _joined(record: Record, at: int) -> Found:
@@ -260,7 +268,9 @@ def _long_delays(record: Record, U: np.ndarray, Y: np.ndarray) -> list[Place]:
             continue
         first = min(heard)
         if first >= max(LONG, LONG_SHARE * count):
-            what = f"answers {first} samples ({first / record.sample_hz:.4g} s) after the inputs, and not before"
+            what = (
+                f"answers {first} samples ({first / record.sample_hz:.4g} s) after the inputs, and not before"
+            )
             hint = "shift the output by that before a fit; check triggers, and that it is this test's record"
             found.append((Found("delay", "serious", (), what, hint), "output", port))
     return found

@@ -130,9 +130,7 @@ def fit_record(
     options = options_of(lines, states, choices)
     _check_length(record, options.states + at_zero(choices))
     if sampled:
-        run, reason = choose_record(
-            record, options, band_hz, states=states, weighting=weighting, tell=tell
-        )
+        run, reason = choose_record(record, options, band_hz, states=states, weighting=weighting, tell=tell)
         reason = f"sampled, as the inputs drive all up to half the rate; {reason}" if chosen else reason
     else:
         local = functools.partial(_local_fit, record, lines, states, choices)

@@ -109,7 +109,9 @@ def _from_scout(
         tell(f"{run.states} states, on all lines")
         run = _grown_while_shorter(record, data, options, run)
         if run.states > first[0].states:
-            reason = f"{run.states} states have the shortest description; on the lines of a first search {reason}"
+            reason = (
+                f"{run.states} states have the shortest description; on the lines of a first search {reason}"
+            )
     others = [w for w in (*NOISES, "flat") if w != run.weighting] if kinds == NOISES else []
     more = (refine_record(data, run.layout, run.refined.theta, w, rounds=ROUNDS, steps=STEPS) for w in others)
     return [run, *(other for other in more if other is not None)], reason

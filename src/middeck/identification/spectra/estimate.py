@@ -197,9 +197,7 @@ def as_periods(record: Record) -> Record:
     found = recognise_excitation(record)
     if found.period is None or found.periods < FEWEST_PERIODS or not (found.scatter or 0.0) < REPEATED:
         return record
-    u, y = (
-        blocks_of(x.reshape(len(x), -1, x.shape[3]), found.period, 1) for x in (record.u, record.y)
-    )
+    u, y = (blocks_of(x.reshape(len(x), -1, x.shape[3]), found.period, 1) for x in (record.u, record.y))
     return dataclasses.replace(record, u=u, y=y, periodic=True)
 
 

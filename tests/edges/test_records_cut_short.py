@@ -1,0 +1,79 @@
+"""Text files that were cut: refused, or told as faults; whole ones are not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from cli_runner import middeck
+from middeck.errors import DataError
+from middeck.files.records import load_record, read_record, write_record
+from middeck.systems.ports import Port
+from middeck.systems.record import Record
+
+HEADER = "time [s],u:torque [N m],y:angle [rad]"
+FORMATS = {"fixed": "%.6f", "all digits": "%.17g", "exponents": "%.6e"}
+
+
+def a_record() -> Record:
+    u, v = np.random.default_rng(3).standard_normal((2, 1, 1, 300, 1))
+    y = lfilter([0.0, 1.0], [1.0, -1.6, 0.95], u, axis=2) + 1e-2 * v
+    return Record(100.0, u, y * 1e-3, (Port("torque", "N m"),), (Port("angle", "rad"),), periodic=False)
+
+
+def written(path: Path, style: str) -> bytes:
+    record = a_record()
+    table = np.column_stack([np.arange(300) / 100.0, record.u[0, 0], record.y[0, 0]])
+    np.savetxt(path, table, delimiter=",", header=HEADER, comments="", fmt=FORMATS[style])
+    return path.read_bytes()
+
+
+@pytest.mark.parametrize("style", FORMATS)
+def test_a_number_cut_short_is_refused_or_a_fault(style: str, tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    whole = written(path, style)
+    assert read_record(path).faults == ()
+    end = whole.index(b"\n", len(whole) // 2)
+    line = whole.rindex(b"\n", 0, end) + 1
+    last = whole.rindex(b",", 0, end) + 1
+    # All but the last digits of 17: without those the number is the same to 1e-14.
+    for at in range(line + 1, end - (4 if style == "all digits" else 0)):
+        path.write_bytes(whole[:at])
+        try:
+            faults = read_record(path).faults
+        except DataError as error:
+            assert "truncated" in str(error) or at >= last, at
+            continue
+        assert [(f.kind, f.severity, f.channel) for f in faults] == [("truncated", "serious", "angle")], at
+
+
+def test_a_cut_file_does_not_pass(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "run.csv"
+    whole = written(path, "fixed")
+    assert middeck(capfd, "record", path, "--require").code == 0
+    path.write_bytes(whole[: whole.index(b"\n", len(whole) // 2) - 3])
+    ended = middeck(capfd, "record", path, "--require")
+    assert ended.code == 1
+    assert "the file was cut there" in ended.out
+    assert any(
+        "was cut there" in line for line in middeck(capfd, "identify", path, "--states", 2).err.split("\n")
+    )
+
+
+def test_a_line_without_its_end_is_only_noted(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    path.write_bytes(written(path, "fixed").rstrip(b"\n"))
+    assert [(f.kind, f.severity) for f in read_record(path).faults] == [("truncated", "note")]
+
+
+def test_a_file_of_ours_says_how_many_samples_it_has(tmp_path: Path) -> None:
+    path = tmp_path / "ours.csv"
+    write_record(path, a_record())
+    assert load_record(path) == a_record()
+    whole = path.read_bytes()
+    path.write_bytes(whole[: whole.index(b"\n", len(whole) // 2) + 1])
+    with pytest.raises(DataError, match=r"truncated: \d+ of 300 samples"):
+        load_record(path)

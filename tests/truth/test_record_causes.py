@@ -1,0 +1,136 @@
+"""Samples lost or repeated, runs joined, feedback and long delays are named, with place and size."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from scipy.signal import butter, lfilter
+from test_closed_loop_records import cut
+
+from middeck.identification.faults import detect_faults
+from middeck.systems.fault import Fault
+from middeck.systems.ports import Port
+from middeck.systems.record import Record
+
+Campaign = Callable[[int], range]
+Spoil = Callable[[np.ndarray, np.ndarray, int, int], tuple[np.ndarray, np.ndarray]]
+EXTRA = 600
+
+
+def of(u: np.ndarray, y: np.ndarray) -> list[Fault]:
+    inputs, outputs = (
+        tuple(Port(f"{letter}{k}", "V") for k in range(x.shape[1])) for letter, x in (("u", u), ("y", y))
+    )
+    return [*detect_faults(Record(100.0, u[None, None], y[None, None], inputs, outputs, periodic=False))]
+
+
+def a_run(seed: int) -> tuple[np.ndarray, np.ndarray, np.random.Generator, int]:
+    """Light modes z = exp(p) under noise of several colours or a binary sequence; more samples than are kept."""
+    rng = np.random.default_rng(seed)
+    n, inputs, outputs = int(rng.choice([2048, 4096])), int(rng.integers(1, 3)), int(rng.integers(1, 4))
+    u = rng.standard_normal((n + EXTRA, inputs))
+    colour = rng.integers(4)
+    u = lfilter(*butter(3, 0.5), u, axis=0) if colour == 1 else u
+    u = lfilter(*butter(2, 0.2), u, axis=0) if colour == 2 else u
+    u = np.repeat(np.sign(u[: len(u) // 3]), 3, axis=0) if colour == 3 else u
+    y = np.zeros((len(u), outputs))
+    for _ in range(int(rng.integers(1, 5))):
+        omega, zeta = 2.0 * np.pi * rng.uniform(0.02, 0.35), np.exp(rng.uniform(np.log(0.003), np.log(0.03)))
+        motion = lfilter([0.0, 1.0], [1.0, -np.exp(omega * (1j - zeta))], u @ rng.standard_normal(inputs))
+        shape = rng.standard_normal(outputs) + 1j * rng.standard_normal(outputs)
+        y += np.real(motion[:, None] * shape) * omega
+    y += rng.choice([1e-3, 1e-2, 5e-2]) * y.std(axis=0) * rng.standard_normal(y.shape)
+    return u[400:], y[400:], rng, n
+
+
+def without(x: np.ndarray, k: int, m: int) -> np.ndarray:
+    return np.concatenate([x[:k], x[k + m :]])
+
+
+def twice(x: np.ndarray, k: int, m: int) -> np.ndarray:
+    return np.concatenate([x[:k], x[k - m :]])
+
+
+def one_output(change: Callable[[np.ndarray, int, int], np.ndarray]) -> Spoil:
+    def spoil(u: np.ndarray, y: np.ndarray, k: int, m: int) -> tuple[np.ndarray, np.ndarray]:
+        first = change(y[:, :1], k, m)
+        count = min(len(first), len(y))
+        return u[:count], np.hstack([first[:count], y[:count, 1:]])
+
+    return spoil
+
+
+def the_inputs(u: np.ndarray, y: np.ndarray, k: int, m: int) -> tuple[np.ndarray, np.ndarray]:
+    u = without(u, k, m)
+    return u, y[: len(u)]
+
+
+@pytest.mark.parametrize(
+    ("spoil", "sign", "channels"),
+    [(one_output(without), -1, "one"), (one_output(twice), 1, "one"), (the_inputs, 1, "all")],
+    ids=["lost in an output", "repeated in an output", "lost in the inputs"],
+)
+def test_lost_and_repeated_samples_are_placed(
+    spoil: Spoil, sign: int, channels: str, campaign: Campaign
+) -> None:
+    missed, wrong = [], []
+    for seed in campaign(60):
+        u, y, rng, n = a_run(seed)
+        k, m = int(rng.integers(n // 5, 4 * n // 5)), int(rng.integers(2, 30))
+        u, y = spoil(u, y, k, m)
+        found = [f for f in of(u[:n], y[:n]) if f.kind == "shift"]
+        missed += [] if found else [seed]
+        for f in found:
+            right = f"answers {m} samples {'earlier' if sign < 0 else 'later'}" in f.what
+            wrong += [] if right and abs(f.samples[0][0] - k) < 60 else [seed]
+            assert "cut the record there" in f.hint
+        if channels == "one":
+            assert {f.channel for f in found} <= {"y0"}
+    # One mode alone is much like itself after a cycle or a few.
+    assert len({*missed, *wrong}) <= len(campaign(60)) // 20, (missed, wrong)
+
+
+def test_runs_that_were_joined_are_placed(campaign: Campaign) -> None:
+    missed = []
+    for seed in campaign(60):
+        u, y, rng, n = a_run(seed)
+        k, m = int(rng.integers(n // 6, 5 * n // 6)), int(rng.integers(3, 30))
+        found = of(without(u, k, m)[:n], without(y, k, m)[:n])
+        places = [f.samples[0][0] for f in found if f.kind == "joint"]
+        assert all(-1 <= place - k <= 12 for place in places), seed
+        missed += [] if places else [seed]
+    # What comes after may happen to go on nearly as it was.
+    assert len(missed) <= len(campaign(60)) // 5, missed
+
+
+def test_a_long_delay_is_measured(campaign: Campaign) -> None:
+    for seed in campaign(60):
+        u, y, rng, n = a_run(seed)
+        late = int(rng.integers(100, 190))
+        found = [
+            f
+            for f in of(
+                u[:n], np.concatenate([rng.standard_normal((late, y.shape[1])) * 1e-3 * y.std(axis=0), y])[:n]
+            )
+            if f.kind == "delay"
+        ]
+        assert {f.channel for f in found} == {f"y{k}" for k in range(y.shape[1])}, seed
+        # Light modes in colour rise over some samples before they are heard.
+        assert all(abs(int(f.what.split()[1]) - late) <= 12 for f in found), seed
+
+
+@pytest.mark.parametrize("noise", [0.05, 0.3, 1.0])
+def test_feedback_is_named_and_the_reference_is_free_of_it(noise: float, campaign: Campaign) -> None:
+    for seed in campaign(20):
+        r, u, y = (x[0, 0] for x in cut(seed, noise=noise))
+        assert "feedback" in {f.kind for f in of(u, y)}
+        assert of(r, y) == []
+
+
+def test_nothing_of_it_is_found_in_sound_runs(campaign: Campaign) -> None:
+    seeds = campaign(200)
+    runs = (a_run(1000 + seed) for seed in seeds)
+    alarms = [str(f) for u, y, _, n in runs for f in of(u[:n], y[:n])]
+    assert len(alarms) <= len(seeds) // 100, alarms
