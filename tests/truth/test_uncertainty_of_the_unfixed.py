@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from middeck.identification.fit.doubts import doubts_of_deviations
 from middeck.identification.measurement_model import (
     MeasurementModel,
     damping_ratio,
@@ -10,8 +11,10 @@ from middeck.identification.measurement_model import (
     natural_hz,
 )
 from middeck.identification.uncertainty.covariance import estimate_covariance
-from middeck.identification.uncertainty.parameters import uncertainty_of
+from middeck.identification.uncertainty.parameters import stated, uncertainty_of
 from middeck.identification.uncertainty.unknowns import Structure
+from middeck.report.tables import encoder_tables, fit_tables
+from middeck.report.words import UNDETERMINED
 from middeck.systems.ports import Port
 from middeck.systems.response import FrequencyResponse
 
@@ -33,11 +36,14 @@ def model_of(hz, zeta, constants, *, real):
     )  # fmt: skip
 
 
-def found_of(model, structure, noise):
+def measured_of(model, noise):
     H = model_response(model, F)
-    variance = np.full(H.shape, noise**2)
-    measured = FrequencyResponse(F, H, *PORTS, variance)
-    by_output = np.moveaxis(variance, 0, 1)
+    return FrequencyResponse(F, H, *PORTS, np.full(H.shape, noise**2))
+
+
+def found_of(model, structure, noise):
+    measured = measured_of(model, noise)
+    by_output = np.moveaxis(measured.variance, 0, 1)
     return estimate_covariance(model, structure, measured, assumed=by_output, noise=by_output)
 
 
@@ -151,3 +157,27 @@ def test_modes_that_are_one_leave_the_others_known():
     alone = model_of((5.0, 5.0 * (1.0 + 1e-4), 9.0), (0.01, 0.01, 0.02), (1.0, -0.7, 0.5), real=False)
     of_f, _ = truth_of(alone, False, 1e-6)
     assert known.natural_hz[2] == pytest.approx(of_f[2], rel=1e-2)
+
+
+def test_what_is_not_determined_is_said_in_words():
+    """In the warnings of a fit, by the command line and in the tables of the report."""
+    model = model_of((3.0, 7.0, 128.4), (0.01, 0.02, 0.005), (1.0, 1e-20, 1e-20), real=False)
+    covariance = found_of(model, COMPLEX, 1e-3)
+    said = doubts_of_deviations(measured_of(model, 1e-3), covariance)
+    assert "mode at 7 Hz: its frequency is not determined by the data" in said
+    assert any("the data do not determine that at 128.4 Hz" in sentence for sentence in said)
+    assert not any("mode at 3 Hz" in sentence and "determined" in sentence for sentence in said)
+    known = uncertainty_of(covariance)
+    numbers = {
+        "natural_hz": natural_hz(model).tolist(), "natural_hz_deviation": stated(known.natural_hz),
+        "damping": damping_ratio(model).tolist(), "damping_deviation": stated(known.damping),
+        "delay_s": 0.004, "delay_deviation_s": None, "states": 6, "plant_states": 6,
+        "fit_band_hz": [1.0, 12.0], "relative_error": 0.01, "mode_below_fit": None,
+        "output": "way", "mirrored_error": None,
+        "zeros": [{"frequency_hz": 2.0, "frequency_deviation_hz": None, "damping": 0.1, "pair": True,
+                   "nonminimum_phase": False}],
+    }  # fmt: skip
+    for tables in (fit_tables({"figure_9a": numbers}), encoder_tables({"figure_10a": numbers})):
+        cells = [cell for table in tables for row in table.rows for cell in row]
+        # Frequency and damping of two modes, and the delay; the zero.
+        assert sum(UNDETERMINED in cell for cell in cells) in (5, 6)

@@ -171,8 +171,9 @@ def _verdict(document: dict[str, Any]) -> list[str]:
 
 
 def _change(pair: tuple[float, float], deviation: float) -> tuple[str, str]:
-    """A difference and its deviation."""
-    return f"{pair[1] - pair[0]:+.2g}", f"{deviation:.1e}"
+    """A difference and its deviation; one that is larger than what has changed says nothing of it."""
+    known = deviation <= max(abs(value) for value in pair)
+    return f"{pair[1] - pair[0]:+.2g}", f"{deviation:.1e}" if known else "not determined"
 
 
 def _probability(p: float) -> str:

@@ -249,10 +249,6 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         [f"{f:.5f}", deviation_words(df), f"{z:.5f}", deviation_words(dz), standing.replace("sound", "")]
         for f, df, z, dz, standing in rows
     ]
-        for f, df, z, dz, standing in sorted(
-            zip(*(document[k] for k in keys), strict=True), key=itemgetter(0, 2)
-        )
-    ]
     held_out = document["held_out_nrmse"] or {}
     outputs = [
         [port.name, port.unit, *_delay(document, port.name), f"{document['error'][port.name]:.2%}"]

@@ -22,6 +22,7 @@ from middeck.identification.uncertainty.orthogonal import (
     factor_of,
     inverse_root,
     root_of,
+    triangle,
 )
 from middeck.identification.uncertainty.unknowns import Structure, places_of, ties
 from middeck.systems.record import Record
@@ -48,13 +49,13 @@ def record_covariance(run: RecordRun, data: Data, model: MeasurementModel) -> Mo
         J, own = each.of(o)
         at = np.flatnonzero(J.any(axis=(1, 2)))  # poles, inputs and what is this output's own
         alone[at] += np.sum(as_real(J[at] / np.sqrt(run.variance[o])) ** 2, axis=1)
-        R = np.linalg.qr(own.removed(J[at]).T, mode="r")
+        R = triangle(own.removed(J[at]).T)
         blocks.append(np.zeros((len(R), size)))
         blocks[-1][:, at] = R
     held = ties(model, structure)
-    W, loose = inverse_root(factor_of(blocks), held)
-    inflation = np.maximum(alone * np.sum(W**2, axis=1), 1.0)
-    W, free = np.split(W, [W.shape[1] - loose], axis=1)
+    inverse, loose = inverse_root(factor_of(blocks), held)
+    inflation = np.maximum(alone * np.sum(inverse**2, axis=1), 1.0)
+    W, free = np.split(inverse, [inverse.shape[1] - loose], axis=1)
     root = np.hstack([canonical_root(W @ root_of(_scores_spread(each, W))), np.sqrt(0.5) * free])
     unknowns = size - len(held) + data.H.shape[0] * data.H.shape[2] * len(each.terms.B)
     degrees = float(2 * data.H.size - unknowns)

@@ -32,6 +32,7 @@ from middeck.identification.uncertainty.orthogonal import (
     factor_of,
     inverse_root,
     root_of,
+    triangle,
 )
 from middeck.identification.uncertainty.unknowns import Structure, places_of, ties
 from middeck.systems.response import FrequencyResponse
@@ -130,9 +131,9 @@ def estimate_covariance(
     s = 2j * np.pi * measured.frequency_hz
     each = _Entries(model, structure, s, assumed)
     F = each.factor()
-    W, loose = inverse_root(F, ties(model, structure))
-    inflation = np.maximum(np.linalg.norm(F, axis=0) * np.linalg.norm(W, axis=1), 1.0) ** 2
-    W, free = np.split(W, [W.shape[1] - loose], axis=1)
+    inverse, loose = inverse_root(F, ties(model, structure))
+    inflation = np.maximum(np.linalg.norm(F, axis=0) * np.linalg.norm(inverse, axis=1), 1.0) ** 2
+    W, free = np.split(inverse, [inverse.shape[1] - loose], axis=1)
     residual = np.moveaxis(measured.H - model_response(model, measured.frequency_hz), 0, 1)
     degrees, robust = _quality(measured, residual, noise, unknowns=len(W))
     root = np.sqrt(0.5) * W
@@ -188,7 +189,7 @@ class _Entries:
             for entry in self.factors:
                 f = self.weighted(entry, lines, shared).view(float).T
                 before = functions.get(entry)
-                functions[entry] = np.linalg.qr(f if before is None else np.vstack([before, f]), mode="r")
+                functions[entry] = triangle(f if before is None else np.vstack([before, f]))
         for o in range(len(self.model.direct)):
             rows = [np.zeros((0, self.unknowns))]
             for (output, i), R in functions.items():
@@ -243,7 +244,7 @@ def _scores_spread(
     """
     scores = np.zeros((each.unknowns, residual.shape[1]))
     # |T f|^2 is the leverage of f.
-    hats = {k: np.linalg.qr(W[e.place].T @ e.by, mode="r") for k, e in each.factors.items()}
+    hats = {k: triangle(W[e.place].T @ e.by) for k, e in each.factors.items()}
     for lines, shared in each.some_lines():
         for (o, i), entry in each.factors.items():
             f = each.weighted((o, i), lines, shared)

@@ -8,6 +8,7 @@ deviation is 1e8 times what each of its unknowns would have alone, while F is go
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -22,10 +23,16 @@ LOOSE = 1e-13
 
 def factor_of(blocks: Iterable[Float[np.ndarray, "row unknown"]]) -> Float[np.ndarray, "row unknown"]:
     """F with F^T F the sum of B^T B over all blocks B, some rows at a time."""
-    F: np.ndarray | None = None
+    found = np.zeros((0, 0))
     for rows in blocks:
-        F = np.linalg.qr(rows if F is None else np.vstack([F, rows]), mode="r")
-    return np.zeros((0, 0)) if F is None else F
+        found = triangle(np.vstack([found, rows]) if len(found) else rows)
+    return found
+
+
+def triangle(rows: Float[np.ndarray, "row unknown"]) -> Float[np.ndarray, "few unknown"]:
+    """R of rows = Q R: no more rows than columns."""
+    R: Any = np.linalg.qr(rows, mode="r")
+    return R
 
 
 def inverse_root(
@@ -49,7 +56,7 @@ def inverse_root(
 
 def canonical_root(W: Float[np.ndarray, "unknown direction"]) -> Float[np.ndarray, "unknown direction"]:
     """The one lower triangle with the same W W^T: what is drawn from it hangs on no last digit."""
-    R = np.linalg.qr(W.T, mode="r")
+    R = triangle(W.T)
     return (R * np.where(np.diag(R) < 0.0, -1.0, 1.0)[:, None]).T
 
 
