@@ -136,15 +136,11 @@ def _doubts_of_delays(measured: FrequencyResponse, covariance: ModelCovariance) 
     unknown = np.isinf(uncertainty_of(covariance).delay_s)
     for o in np.flatnonzero(at.delay >= 0):
         name, inflation = covariance.model.outputs[o].name, covariance.inflation[at.delay[o]]
-        if unknown[o]:
+        if unknown[o] or inflation > CONFOUNDED:
+            loose = f"its deviation is {np.sqrt(inflation):.0f} times what it would be if they were known"
             found.append(
-                f"output {name}: the delay is not determined by the data; fit real constants, or no delay"
-            )
-        elif inflation > CONFOUNDED:
-            found.append(
-                f"output {name}: the delay is confounded with the residues, only their sum is certain: its "
-                f"deviation is {np.sqrt(inflation):.0f} times what it would be if they were known; fit real "
-                "constants, or no delay"
+                f"output {name}: the delay is confounded with the residues, only their sum is certain: "
+                f"{f'it {UNDETERMINED}' if unknown[o] else loose}; fit real constants, or no delay"
             )
         elif standing:
             found.append(
