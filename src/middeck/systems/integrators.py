@@ -149,10 +149,13 @@ def realise_residues(residues: Float[np.ndarray, "chain output input"]) -> State
     if sum(sizes) < rank:
         # What rounding does not let vanish: the nearest that does.
         sizes = [*sizes, rank - sum(sizes)]
-    B, C = (root**2)[:, None] * right[:inputs].T, left[:outputs] * root**2
-    A = _strictly_upper(turn.T @ A @ turn, sizes) / pace
-    C = (C @ turn) * np.where(row > 0.0, row, 1.0)[:, None]
-    return StateSpace(A, (turn.T @ B) * np.where(column > 0.0, column, 1.0), C, empty.D)
+    into, seen = turn.T @ ((root**2)[:, None] * right[:inputs].T), (left[:outputs] * root**2) @ turn
+    return StateSpace(
+        _strictly_upper(turn.T @ A @ turn, sizes) / pace,
+        into * np.where(column > 0.0, column, 1.0),
+        seen * np.where(row > 0.0, row, 1.0)[:, None],
+        empty.D,
+    )
 
 
 def _chains(A: np.ndarray, share: float = REST) -> tuple[np.ndarray, list[int]]:

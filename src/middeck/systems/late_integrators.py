@@ -33,17 +33,17 @@ def approximate_late_integrators(
     late = np.array(residues)
     behind: list[StateSpace] = []
     for i, bank in enumerate(banks):
-        C = direct[:, [i]] * bank.C
+        rest = direct[:, [i]] * bank.C
         seen = bank.C
         for k in range(len(residues)):
             seen = np.linalg.solve(bank.A.T, seen.T).T  # C A^-(k + 1)
-            C = C + residues[k][:, [i]] * seen
+            rest = rest + residues[k][:, [i]] * seen
             # The coefficient of s^(k + 1) in P is -C A^-(k + 2) B; of s^0 it is one.
             further = -np.linalg.solve(bank.A.T, seen.T).T @ bank.B
             count = len(residues) - k - 1
             late[:count, :, i] += further.T * residues[k + 1 :, :, i]
         drive = np.arange(len(banks))[None] == i
-        behind.append(StateSpace(bank.A, bank.B * drive, C, direct[:, [i]] * bank.D * drive))
+        behind.append(StateSpace(bank.A, bank.B * drive, rest, direct[:, [i]] * bank.D * drive))
     whole = integrals = realise_residues(late)
     for each in behind:
         whole = add(whole, each)

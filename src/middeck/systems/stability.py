@@ -59,7 +59,9 @@ def _joined(A: np.ndarray, values: np.ndarray, *, sampled: bool) -> Complex[np.n
     found = found.astype(complex)
     aligned = np.abs(np.sum(np.conj(left) * right, axis=0))
     known = ROUNDINGS * np.finfo(float).eps * size / np.maximum(aligned, np.finfo(float).eps)
-    known = np.where(np.abs(found - rest) < CROWDED * size, known, 0.0)
+    # Only where rest itself lies within what is known: no mode however slow beside |A|.
+    at_rest = np.abs(found - rest) < np.minimum(CROWDED * size, 2.0 * known)
+    known = np.where(at_rest, known, 0.0)
     together = np.abs(found[:, None] - found) <= 2.0 * np.minimum(known[:, None], known)
     count, label = cast("tuple[int, np.ndarray]", connected_components(together, directed=False))
     for k in np.flatnonzero(np.bincount(label, minlength=count) > 1):

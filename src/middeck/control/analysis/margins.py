@@ -171,12 +171,16 @@ def measure_margins(plant: AnyPlant, law: AnyLaw, *, at: At = "inputs") -> Margi
         for i, name in enumerate(broken_at(loop, at))
     ]
     loops = [
-        dataclasses.replace(one, delay_s=np.append(0.0, one.delay_s)) if none and stability.stable else one
+        dataclasses.replace(one, delay_s=_with_none(one.delay_s)) if none and stability.stable else one
         for one, none in zip(loops, bears_no_delay(loop, at), strict=True)
     ]
     if period_of(loop) is not None:
         loops = [dataclasses.replace(one, delay_s=None) for one in loops]
     return Margins(stability, tuple(loops))
+
+
+def _with_none(delay_s: np.ndarray | None) -> np.ndarray:
+    return np.zeros(1) if delay_s is None else np.append(0.0, delay_s)
 
 
 def _channel(ratio: Ratio, i: int) -> Ratio:
