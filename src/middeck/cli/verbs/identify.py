@@ -273,7 +273,8 @@ def _no_modes(document: dict[str, Any]) -> list[str]:
         return []
     where = ", ".join(f"{z:.3g}" if z.imag else f"{z.real:.3g}" for z in found)
     return [
-        f"no modes: {len(found)} poles at z = {where} stand for a delay, filters or what is beyond half the rate"
+        f"no modes: {len(found)} poles at z = {where} stand for a delay, a filter or what is beyond half the "
+        "rate"
     ]
 
 
