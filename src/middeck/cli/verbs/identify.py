@@ -177,9 +177,10 @@ def _validate(
     held_out, _ = load_periods(files, periods, told)
     model = found.fit.model
     with reading(*files):
-        held_out = as_fitted(held_out, model)
         error = (
-            nrmse(model, held_out) if held_out.periodic else record_nrmse(model, held_out, state_share=0.25)
+            nrmse(model, held_out)
+            if held_out.periodic
+            else record_nrmse(model, as_fitted(held_out, model), state_share=0.25)
         )
     return {p.name: float(e) for p, e in zip(model.outputs, error, strict=True)}
 
