@@ -27,7 +27,7 @@ def of(u: np.ndarray, y: np.ndarray) -> list[Fault]:
 
 
 def a_run(seed: int) -> tuple[np.ndarray, np.ndarray, np.random.Generator, int]:
-    """Light modes z = exp(p) under noise of several colours or a binary sequence; more samples than are kept."""
+    """Light modes z = exp(p) under noise of several colours, or a binary sequence; more than is kept."""
     rng = np.random.default_rng(seed)
     n, inputs, outputs = int(rng.choice([2048, 4096])), int(rng.integers(1, 3)), int(rng.integers(1, 4))
     u = rng.standard_normal((n + EXTRA, inputs))

@@ -83,7 +83,7 @@ def test_a_run_that_is_not_said_to_be_periodic_is_estimated_alike():
 
 
 def test_periods_are_cut_off_where_enough_remain():
-    record, response = a_record(3, periods=20, samples=1024, noise=3e-2, start=True)
+    record, _ = a_record(3, periods=20, samples=1024, noise=3e-2, start=True)
     found = steadied(record)
     assert "are left out" in found.what
     assert 4 <= found.record.y.shape[1] < 20
@@ -95,5 +95,5 @@ def test_each_experiment_has_a_start_of_its_own():
     with pytest.warns(UserWarning, match="begin with a transient"):
         found = estimate_response(record)
     error = np.abs(found.H[:, :, 0] - response(found.frequency_hz))
-    # Three experiments of one input: a variance of two degrees of freedom has long tails, but its middle holds.
+    # Three experiments of one input: a variance of two degrees of freedom has long tails; its middle holds.
     assert np.median(error / np.sqrt(found.variance[:, :, 0])) < 1.2

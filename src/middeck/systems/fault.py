@@ -20,7 +20,7 @@ class Fault:
     ----------
     kind:
         In one word: gap, dead, clipping, dropout, spike, offset, drift, quantisation, transient, repeat,
-        sign, delay, duplicate, held, gain, swap.
+        sign, delay, duplicate, held, gain, swap, shift, joint, feedback, truncated.
     severity:
         ``unusable``: no estimate can be had from the channel; ``serious``: estimates are wrong or much worse;
         ``note``: worth knowing.

@@ -178,9 +178,10 @@ def _validate(
     held_out, _ = load_periods(files, periods, told)
     model = found.fit.model
     with reading(*files):
-        held_out = as_fitted(held_out, model)
         error = (
-            nrmse(model, held_out) if held_out.periodic else record_nrmse(model, held_out, state_share=0.25)
+            nrmse(model, held_out)
+            if held_out.periodic
+            else record_nrmse(model, as_fitted(held_out, model), state_share=0.25)
         )
     return {p.name: float(e) for p, e in zip(model.outputs, error, strict=True)}
 
@@ -277,7 +278,7 @@ def _no_modes(document: dict[str, Any]) -> list[str]:
     if not len(found):
         return []
     where = ", ".join(f"{z:.3g}" if z.imag else f"{z.real:.3g}" for z in found)
-    stands = "stand for a delay, filters or what is beyond half the rate"
+    stands = "stand for a delay, a filter or what is beyond half the rate"
     return [f"no modes: {len(found)} poles at z = {where} {stands}"]
 
 

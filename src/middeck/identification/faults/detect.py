@@ -44,8 +44,9 @@ def detect_faults(record: Record, reference: FrequencyResponse | None = None) ->
     Found in each channel and experiment: gaps, dead channels, clipping, dropouts, spikes, offset, drift,
     coarse steps, channels held at a slower rate; in periodic records transients and inputs that do not
     repeat; between channels duplicates, and where node and direction are known (`Channel`) signs and delays
-    of collocated channels. docs/explanation/records-and-faults.md says how, with rates of detection and false
-    alarm.
+    of collocated channels; between inputs and outputs samples lost or repeated on one side, runs that were
+    joined, feedback and long delays. docs/explanation/records-and-faults.md says how, with rates of detection
+    and false alarm.
 
     Examples
     --------

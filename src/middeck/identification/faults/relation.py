@@ -32,11 +32,11 @@ ALIKE, BETTER = 0.45, 0.2
 MOST_ALIKE = 0.6
 # What a regression must gain: deviations of its chi-square law, and its share of what is not foretold.
 SURE, SHARE = 7.0, 0.02
-# Residuals whose largest, a hundredth but no fewer than so many, tell the tail of noise; chance is beyond it in
-# one of e^BEYOND, and a residual below LEAP times the median is none in any case.
+# Residuals whose largest, a hundredth but no fewer than so many, tell the tail of noise; chance is beyond it
+# in one of e^BEYOND, and a residual below LEAP times the median is none in any case.
 FEWEST_LARGE, BEYOND, LEAP = 20, 12.0, 12.0
-# Samples by which an output may lead without a loop: differences and filters that look ahead, and what an input
-# does between samples.
+# Samples by which an output may lead without a loop: differences and filters that look ahead, and what an
+# input does between samples.
 LEADS = 2
 # Deviations of a correlation from which it is an answer: the largest of 1e4 of noise is 4.
 HEARD = 7.0
@@ -69,7 +69,7 @@ def _at(found: Found, side: Side, port: Port, experiment: int) -> Fault:
 
 
 def whitened(x: Signal) -> Signal:
-    """What the past of a signal does not foretell of it, in units of its deviation; zero if next to nothing."""
+    """What the past of a signal does not foretell of it, in its deviations; zero if next to nothing."""
     x = x - x.mean()
     past = np.fft.irfft(np.abs(np.fft.rfft(x, 2 * len(x))) ** 2)[: PAST + 1]
     column = past[:-1] + np.eye(1, PAST)[0] * FLOOR * past[0]
@@ -104,16 +104,13 @@ def _shifts(record: Record, U: np.ndarray, Y: np.ndarray) -> list[Place]:
 
 
 def _lost(record: Record, near: int, shift: int) -> Found:
-    when = f"near sample {near} ({near / record.sample_hz:.6g} s)"
-    how = (
-        "lost there, or were repeated in the inputs"
-        if shift < 0
-        else "repeated there, or were lost in the inputs"
+    here, there, way = ("lost", "repeated", "earlier") if shift < 0 else ("repeated", "lost", "later")
+    what = (
+        f"answers {abs(shift)} samples {way} from near sample {near} ({near / record.sample_hz:.6g} s) on: "
+        f"samples were {here} there, or {there} in the inputs"
     )
-    what = f"answers {abs(shift)} samples {'earlier' if shift < 0 else 'later'} from {when} on: samples were {how}"
     hint = "cut the record there and fit the longer part, or shift what follows; check buffers and clocks"
-    width = 1
-    return Found("shift", "serious", ((max(near - width, 0), near + width),), what, hint)
+    return Found("shift", "serious", ((max(near - 1, 0), near + 1),), what, hint)
 
 
 def _shift(U: Float[np.ndarray, "input sample"], y: Signal) -> tuple[int, int] | None:
@@ -129,7 +126,7 @@ def _shift(U: Float[np.ndarray, "input sample"], y: Signal) -> tuple[int, int] |
 
 
 def _lags(answers: Float[np.ndarray, "part input lag"]) -> Float[np.ndarray, " part"] | None:
-    """By how many samples the answer of each part comes after the one that is like most; NaN where none is."""
+    """By how many samples each part's answer comes after that which most are like; NaN where it is not."""
     size = np.sqrt(np.sum(answers**2, axis=(1, 2)))
     spectra = np.fft.rfft(answers, 2 * answers.shape[2], axis=2)
     cross = np.fft.irfft(np.einsum("ail,bil->abl", spectra, spectra.conj()), axis=2)
@@ -175,9 +172,10 @@ def _where(U: np.ndarray, y: Signal, parts: list[slice], part: int, shift: int) 
 def _residuals(record: Record, u: np.ndarray, y: np.ndarray) -> list[Place]:
     """What later inputs tell of the noise of outputs, and where a record does not go on as it was.
 
-    Each output is explained by its own past and by the inputs until then. What is left is noise. No later input
-    knows of it but through a loop (Sims 1972); a loop that acts within the sample is a direct term as well, and
-    cannot be told. And noise has no sample that stands alone, unless others were lost before it.
+    Each output is explained by its own past and by the inputs until then. What is left is noise. No later
+    input knows of it but through a loop (Sims 1972); a loop that acts within some samples and forgets is a
+    direct term as well, and cannot be told. And noise has no sample that stands alone, unless others were
+    lost before it.
     """
     U, Y = (x - x.mean(axis=1, keepdims=True) for x in (u, y))
     U, Y = (x / np.maximum(x.std(axis=1, keepdims=True), 1e-300) for x in (U, Y))
@@ -201,7 +199,7 @@ def _residuals(record: Record, u: np.ndarray, y: np.ndarray) -> list[Place]:
 
 
 def _alone(left: Signal) -> int | None:
-    """The first of the largest residuals, if noise has none such: it spoils as many after as are foretold by it."""
+    """The first of the residuals that no noise has: those after are foretold from it, and wrong too."""
     size = np.abs(left)
     at = int(np.argmax(size))
     rest = np.sort(np.delete(size, slice(max(at - 2, 0), at + PAST)))
@@ -215,8 +213,8 @@ def _alone(left: Signal) -> int | None:
 
 def _joined(record: Record, at: int) -> Found:
     what = (
-        f"does not go on at sample {at} ({at / record.sample_hz:.6g} s) as it was: samples of all channels were "
-        "lost there, or two runs joined"
+        f"does not go on at sample {at} ({at / record.sample_hz:.6g} s) as it was: samples of all channels "
+        "were lost there, or two runs joined"
     )
     hint = "cut the record there: each part is a record of its own, with a state to begin with"
     return Found("joint", "serious", ((at, at + 1),), what, hint)
@@ -232,12 +230,12 @@ def _told_later(x: Signal, own: np.ndarray, after: np.ndarray) -> float | None:
 
 def _fed_back(share: float) -> Found:
     what = (
-        f"its noise comes back in the inputs: they tell, later, {share:.0%} of what its past leaves. There is "
-        "feedback in the record, or the inputs were recorded late"
+        f"its noise comes back in the inputs: they tell, later, {share:.0%} of what its past leaves. There "
+        "is feedback in the record, or the inputs were recorded late"
     )
     hint = (
-        "fit from a signal outside the loop (--reference CHANNEL), or with the controller known: from the inputs "
-        "directly one finds something between the plant and 1/K"
+        "fit from a signal outside the loop (--reference CHANNEL), or with the controller known: from the "
+        "inputs directly one finds something between the plant and 1/K"
     )
     return Found("feedback", "serious", (), what, hint)
 

@@ -211,7 +211,7 @@ def _outside_runs(x: Signal, step: float) -> Runs:
 
 
 def _beside(x: Signal, largest: Callable[..., np.ndarray]) -> Signal:
-    """The largest of the samples beside each: from 2 to BESIDE on either side, at an edge as many from inside."""
+    """The largest of the samples beside each: 2 to BESIDE away, at an edge as many from inside."""
     size = BESIDE - 1
     # The window of BESIDE - 1 samples that ends two before a sample, and the one that begins two after it.
     shift = 2 + size // 2

@@ -15,11 +15,13 @@ from jaxtyping import Float
 
 from middeck.errors import DataError, FitError
 from middeck.identification.fit.data import Data, Transient
+from middeck.identification.fit.design import residual_of
 from middeck.identification.fit.fit_response import FitResult
 from middeck.identification.fit.layout import Layout, Point, unpack
 from middeck.identification.fit.order import is_settled, sizes
 from middeck.identification.fit.start import Options, Start, start_from_point
 from middeck.identification.measurement_model import MeasurementModel, path_delay, rank_of
+from middeck.identification.samples.held_out import error_held_out
 from middeck.identification.samples.order import enough_samples, record_length, shortest_reason
 from middeck.identification.samples.race import further, leader
 from middeck.identification.samples.search import RecordRun, Weighting, refine_record
@@ -36,6 +38,8 @@ ROUNDS, STEPS = 4, 60
 MOST_FREE = 512
 # A fit of local models that leaves more of the response may have missed a mode.
 POOR = 0.1
+# Share of the error on samples held out at which other weights are taken.
+CLEARLY = 0.8
 # Steps after which the other kind of noise is compared.
 FIRST_STEPS = 3
 
@@ -94,9 +98,10 @@ def _finished(
     """
     edged = dataclasses.replace(data, transient=_edges(record, [Start(best.layout, best.refined.theta)]))
     again = refine_record(edged, best.layout, best.refined.theta, best.weighting, rounds=1, steps=FIRST_STEPS)
-    if again is None:
-        return data, _settled(data, best, weighting)
-    return edged, _settled(edged, again, weighting)
+    if again is not None:
+        data, best = edged, again
+    best = _settled(data, best, weighting)
+    return data, best if weighting is not None else _held_out(record, data, best)
 
 
 def _attempt(local: Callable[[], FitResult]) -> tuple[FitResult | None, FitError | DataError | None]:
@@ -142,6 +147,26 @@ def _settled(data: Data, best: RecordRun, weighting: Weighting | None) -> Record
     if other is None or other.likelihood >= best.likelihood:
         return best
     return further(data, other, rounds=ROUNDS, steps=STEPS)
+
+
+def _held_out(record: Record, data: Data, best: RecordRun) -> RecordRun:
+    """The model, or one of all lines weighed alike if that simulates samples held out clearly better.
+
+    Only where much is left: it is more than noise then, and weights that follow it may pass over strong lines.
+    """
+    left = residual_of(best.layout, data, best.refined.theta, best.refined.step.linear)
+    share = np.sum(np.abs(left) ** 2, axis=(1, 2)) / np.sum(np.abs(data.H) ** 2, axis=(1, 2))
+    if np.max(share) <= POOR**2:
+        return best
+    flat = refine_record(data, best.layout, best.refined.theta, "flat", rounds=ROUNDS, steps=STEPS)
+    if flat is None:
+        return best
+    lines = np.imag(data.s) / (2.0 * np.pi)
+    of_best, of_flat = (
+        error_held_out(record, (float(lines[0]), float(lines[-1])), run, data.transient)
+        for run in (best, flat)
+    )
+    return flat if of_flat < CLEARLY * of_best else best
 
 
 def _choose_order(record: Record, data: Data, options: Options, past: PastOfRecord) -> tuple[Options, str]:

@@ -6,9 +6,12 @@ only the initial state is fitted there, to half of the part, so that poles too s
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 
 from middeck.errors import DataError, NumericalError
+from middeck.identification.fit.data import Transient
 from middeck.identification.samples.model import record_model
 from middeck.identification.samples.search import RecordRun, refine_record
 from middeck.identification.samples.simulation import record_nrmse
@@ -21,16 +24,23 @@ STEPS = 15
 STATE_SHARE = 0.5
 
 
-def error_held_out(record: Record, band_hz: tuple[float, float] | None, run: RecordRun) -> float:
+def error_held_out(
+    record: Record,
+    band_hz: tuple[float, float] | None,
+    run: RecordRun,
+    transient: Transient | None = None,
+) -> float:
     """rms over both parts of the error of the simulation, over that of the outputs, outputs alike.
 
-    Infinite where the model cannot be refined or simulated.
+    ``transient`` has the free samples of a continuous model. Infinite where the model cannot be refined or
+    simulated.
     """
     count = record.u.shape[1] * record.u.shape[2]
     third = count // 3
     errors: list[float] = []
     for seen, unseen in (((0, count - third), (count - third, count)), ((third, count), (0, third))):
         data = record_data(cut_samples(record, *seen), band_hz, whole=True)
+        data = dataclasses.replace(data, transient=transient or data.transient)
         part = refine_record(data, run.layout, run.refined.theta, run.weighting, rounds=1, steps=STEPS)
         if part is None:
             return np.inf

@@ -9,6 +9,7 @@ of their power: the poles of an article are in all of them.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 
 import numpy as np
 from jaxtyping import Float
@@ -69,4 +70,4 @@ def _strongest(data: Data, count: int) -> np.ndarray:
     level = np.mean(np.abs(data.H) ** 2, axis=(1, 2), keepdims=True)
     power = np.sum(np.abs(data.H) ** 2 / level, axis=(0, 2))
     edges = np.linspace(0, lines, count + 1).astype(int)
-    return np.array([a + int(np.argmax(power[a:b])) for a, b in zip(edges[:-1], edges[1:], strict=True)])
+    return np.array([a + int(np.argmax(power[a:b])) for a, b in itertools.pairwise(edges)])

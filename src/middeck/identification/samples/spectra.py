@@ -104,13 +104,7 @@ def cut_samples(record: Record, first: int, last: int) -> Record:
 
 
 def as_fitted(record: Record, model: MeasurementModel) -> Record:
-    """A record without what a fit of ``model`` takes out of one: offsets of each channel, and ramps.
-
-    Of periods, the mean over all of them.
-    """
-    if record.periodic:
-        u, y = (x - x.mean(axis=(1, 2), keepdims=True) for x in (record.u, record.y))
-        return dataclasses.replace(record, u=u, y=y)
+    """A run of samples without what a fit of ``model`` takes out of one: offsets, and ramps."""
     if model.sample_hz is not None:
         return without_drift(record)
     at_zero = model.rigid is not None or model.integral is not None or bool(np.any(model.lower))

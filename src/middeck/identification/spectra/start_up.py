@@ -25,8 +25,8 @@ from middeck.values import record as frozen
 # Motions at most, and decays tried for each, as multiples of one over the length.
 MOST_MOTIONS = 24
 DECAYS = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
-# What each unknown costs beyond half of ln n. The largest of n lines of noise stands ln n above their mean, of
-# differences over a period twice that, and noise that is coloured has peaks of its own.
+# What each unknown costs beyond half of ln n. The largest of n lines of noise stands ln n above their mean,
+# of differences over a period twice that, and noise that is coloured has peaks of its own.
 DEAR = 6.0
 # Lines to either side of a motion's own that its noise is seen on.
 AROUND = 10
