@@ -47,11 +47,11 @@ def gather_plants(
     delay_s: float,
 ) -> dict[str, DelayedPlant]:
     """Each article in each environment, and each model; all ``delay_s`` later than they are."""
-    if overrides and all(s.endswith(".json") for s in sources):
+    if overrides and all(s.lower().endswith(".json") for s in sources):
         raise ConfigError("--set is for articles and environments", hint="name an article, or leave it out")
     found: dict[str, DelayedPlant] = {}
     for source in sources:
-        if source.endswith(".json"):
+        if source.lower().endswith(".json"):
             found[_new_name(source, found)] = later(_model(source, law), delay_s)
             continue
         for environment in environments:

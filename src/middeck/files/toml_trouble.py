@@ -67,8 +67,8 @@ def explain(text: str, line: int, error: str) -> tuple[int, str, str]:
         content = lines[number - 1] if number <= len(lines) else ""
         found = _trouble(content) if content.strip() and not content.lstrip().startswith("#") else None
         if found is not None:
-            return number, f"{found[0]} in {_shown(content)!r}", found[1]
-    shown = f" in {_shown(lines[line - 1])!r}" if 0 < line <= len(lines) and lines[line - 1].strip() else ""
+            return number, f"{found[0]} in '{_shown(content)}'", found[1]
+    shown = f" in '{_shown(lines[line - 1])}'" if 0 < line <= len(lines) and lines[line - 1].strip() else ""
     return (
         line,
         f"{error}{shown}",

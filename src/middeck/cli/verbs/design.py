@@ -85,7 +85,8 @@ def verb(
     from middeck.cli.settings import LoopSettings, settle
     from middeck.cli.systems import write_law
 
-    from_article = len(sources) == 1 and not sources[0].endswith((".json", ".npz", ".csv"))
+    measured = (".json", ".npy", *options.RECORDS)
+    from_article = len(sources) == 1 and Path(sources[0]).suffix.lower() not in measured
     settings = settle(
         LoopSettings,
         {
@@ -137,7 +138,7 @@ def _fitted_plant(sources: tuple[str, ...], settings: LoopSettings, wanted: Want
     from middeck.cli.settings import FitSettings, settle
     from middeck.files.models import load_fitted
 
-    if len(sources) == 1 and Path(sources[0]).suffix == ".json":
+    if len(sources) == 1 and Path(sources[0]).suffix.lower() == ".json":
         model, covariance = load_fitted(sources[0])
     else:
         keys = {

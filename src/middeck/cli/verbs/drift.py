@@ -90,7 +90,7 @@ def compare(before: str, after: str, settings: FitSettings, level: float) -> dic
     from middeck.identification.uncertainty.covariance import as_exact
     from middeck.identification.uncertainty.drift import compare_fits
 
-    if before.endswith(".json"):
+    if before.lower().endswith(".json"):
         model, covariance = load_fitted(before)
         second = identify([after], alike(settings, model, covariance))
         with reading(before, after):

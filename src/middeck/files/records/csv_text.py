@@ -147,7 +147,9 @@ def _comment(line: str, where: str) -> dict[str, Any]:
     try:
         return tomllib.loads(body)
     except tomllib.TOMLDecodeError as error:
-        raise DataError(f"{line!r}: {error}", where=where, hint="as write_record writes it") from None
+        raise DataError(
+            f"{line!r}: {error}", where=where, hint='as in # channel "u:torque" = { node = "12" }'
+        ) from None
 
 
 def _opening(line: str, number: int, told: dict[str, Any], file: Path) -> Opening:

@@ -59,7 +59,11 @@ def stream_uff(file: Path, columns: Columns | None) -> RecordStream:
 
     runs = read_runs(file)
     if len({(r.samples, r.sample_hz, r.periods, r.heads) for r in runs}) > 1:
-        raise DataError("experiments of unlike lengths", where=str(file), hint="load_campaign takes them")
+        raise DataError(
+            "experiments of unlike lengths",
+            where=str(file),
+            hint="cut them to one length; load_campaign takes them",
+        )
     first = runs[0]
     raw = Raw(first.sample_hz, first.heads, (), first.periods is not None)
     chosen = choose(first.heads, columns, str(file))

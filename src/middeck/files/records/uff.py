@@ -55,7 +55,7 @@ def read_uff(file: Path, variable: str) -> Raw:
     if len(lengths) > 1 or len({(r.sample_hz, r.periods, r.heads) for r in runs}) > 1:
         raise DataError(
             f"{len(runs)} experiments of unlike channels, rates or lengths ({lengths} samples)",
-            where=str(file), hint="load_campaign takes experiments of unlike lengths",
+            where=str(file), hint="cut them to one length; load_campaign takes experiments of unlike lengths",
         )  # fmt: skip
     raws = [raw_run(file, run) for run in runs]
     x = tuple(np.concatenate(channels) for channels in zip(*(r.x for r in raws), strict=True))
@@ -273,7 +273,9 @@ def read_response(file: Path) -> FrequencyResponse:
     sets = [d for d in scan(file) if d.kind == RESPONSE]
     if not sets:
         what = "no frequency responses (data set 58, function type 4)"
-        raise DataError(what, where=str(file), hint="load_record reads time functions")
+        raise DataError(
+            what, where=str(file), hint="a file of frequency responses; load_record reads time functions"
+        )
     found = {_ends(d): d for d in sets}
     outputs, inputs = (list(dict.fromkeys(ends[k] for ends in found)) for k in range(2))
     lines: np.ndarray | None = None
