@@ -13,7 +13,7 @@ import numpy as np
 import scipy.linalg as sla
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from middeck.errors import NumericalError
 from middeck.structure.factorisation import Factor, factorise, order, positive_factor
@@ -23,6 +23,8 @@ from middeck.structure.factorisation import Factor, factorise, order, positive_f
 ROUNDING = 1e-14
 # Shifts tried, each ten times the one before, until K + sigma M is positive definite.
 SHIFTS = 20
+# A shift serves modes whose omega^2 is between its thousandth and its thousandfold to thirteen digits.
+RUNG = 1e6
 # Modes sought beyond those asked for: among them the Sturm count looks for the widest gap.
 SPARE = 8
 SEED = 1993
@@ -30,6 +32,9 @@ SEED = 1993
 ROUNDS = 60
 # Relative residual of a shape; its frequency is as good as the square of it.
 LANCZOS = 1e-10
+
+
+Soft = Bool[np.ndarray, " n"] | None
 
 
 class Eigenpairs(NamedTuple):
@@ -40,10 +45,33 @@ class Eigenpairs(NamedTuple):
     noise: Float[np.ndarray, " mode"]
 
 
-def solve_all(K: sp.csr_array, M: sp.csr_array) -> Eigenpairs | None:
-    """Every mode of finite frequency; None where a massless motion has no stiffness either."""
+def solve_all(K: sp.csr_array, M: sp.csr_array, soft: Soft = None) -> Eigenpairs | None:
+    """Every mode of finite frequency; None where a massless motion has no stiffness either.
+
+    ``soft`` marks the coordinates in which the low modes move, all of them by default: in carried ones, strains
+    of stiff parts are many powers of ten above. One shift is then good for the low modes, others for the higher.
+    """
+    sigma, last = _least_shift(K, M, 1e-9, soft), _least_shift(K, M, 1e-9, None)
+    found = _solve_shifted(K, M, sigma)
+    while found is not None and sigma < last:
+        before, sigma = sigma, min(sigma * RUNG, last)
+        higher = _solve_shifted(K, M, sigma)
+        found = higher and _join(found, higher, np.sqrt(before * sigma))
+    return found
+
+
+def _join(low: Eigenpairs, high: Eigenpairs, at: float) -> Eigenpairs:
+    """The modes of the one below ``at``, by their number, and those of the other above."""
+    first = min(int(np.sum(low.lam < at)), len(low.lam), len(high.lam))
+    return Eigenpairs(
+        np.concatenate([low.lam[:first], high.lam[first:]]),
+        np.hstack([low.shapes[:, :first], high.shapes[:, first:]]),
+        np.concatenate([low.noise[:first], high.noise[first:]]),
+    )
+
+
+def _solve_shifted(K: sp.csr_array, M: sp.csr_array, sigma: float) -> Eigenpairs | None:
     dense, mass = K.toarray(), M.toarray()
-    sigma = _least_shift(K, M, 1e-9)
     for _ in range(SHIFTS):
         try:
             mu, phi = sla.eigh(mass, dense + sigma * mass)
@@ -55,7 +83,7 @@ def solve_all(K: sp.csr_array, M: sp.csr_array) -> Eigenpairs | None:
     return None
 
 
-def solve_lowest(K: sp.csr_array, M: sp.csr_array, count: int) -> Eigenpairs | None:
+def solve_lowest(K: sp.csr_array, M: sp.csr_array, count: int, soft: Soft = None) -> Eigenpairs | None:
     """The ``count`` lowest modes by shifted and inverted Lanczos iteration, none left out.
 
     A Sturm count (a second factorisation, between two modes) proves that none is missing: Lanczos iteration
@@ -63,7 +91,7 @@ def solve_lowest(K: sp.csr_array, M: sp.csr_array, count: int) -> Eigenpairs | N
     found, again and again: each round finds one more of every repeated mode. Raises `NumericalError` where
     the count is still not reached.
     """
-    sigma = _least_shift(K, M, 1e-12)
+    sigma = _least_shift(K, M, 1e-12, soft)
     for _ in range(SHIFTS):
         factor = positive_factor(sp.csr_array(K + sigma * M))
         if factor is not None:
@@ -87,9 +115,9 @@ def solve_lowest(K: sp.csr_array, M: sp.csr_array, count: int) -> Eigenpairs | N
     )
 
 
-def count_zero(K: sp.csr_array, M: sp.csr_array) -> int:
+def count_zero(K: sp.csr_array, M: sp.csr_array, soft: Soft = None) -> int:
     """Number of modes whose omega^2 is zero but for rounding, by a Sturm count just above zero."""
-    shift = 1e-12 * _largest_ratio(K, M) or 1.0
+    shift = 1e-12 * _largest_ratio(K, M, soft) or 1.0
     factor = factorise(sp.csr_array(K - shift * M))
     if factor is None or factor.negative < 0:
         raise NumericalError(
@@ -99,12 +127,13 @@ def count_zero(K: sp.csr_array, M: sp.csr_array) -> int:
     return factor.negative
 
 
-def _largest_ratio(K: sp.csr_array, M: sp.csr_array) -> float:
-    return float(np.abs(K.diagonal()).max() / np.abs(M.diagonal()).max())
+def _largest_ratio(K: sp.csr_array, M: sp.csr_array, soft: Soft) -> float:
+    here = slice(None) if soft is None else soft
+    return float(np.abs(K.diagonal()[here]).max() / np.abs(M.diagonal()[here]).max())
 
 
-def _least_shift(K: sp.csr_array, M: sp.csr_array, part: float) -> float:
-    return part * _largest_ratio(K, M) + 1.0
+def _least_shift(K: sp.csr_array, M: sp.csr_array, part: float, soft: Soft) -> float:
+    return part * _largest_ratio(K, M, soft) + 1.0
 
 
 def _lanczos(

@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from jaxtyping import Float, Inexact
 
 from middeck.errors import EquilibriumError
 from middeck.structure.article import JointState, Structure
-from middeck.structure.assembly import Loads
+from middeck.structure.assembly import Loads, assemble_carried
 from middeck.structure.checks.environments import check_environment
 from middeck.structure.checks.travel import check_travel
 from middeck.structure.elements.frames import Configuration, frame_poses
 from middeck.structure.elements.rotations import rotation_log
 from middeck.structure.environment import Environment
 from middeck.structure.mesh import Model, mesh_structure
-from middeck.structure.statics import TOLERANCE, settle
+from middeck.structure.statics import (
+    TOLERANCE,
+    article_size,
+    imbalance_scale,
+    imbalance_weight,
+    settle,
+    static_coordinates,
+)
 from middeck.structure.suspension.tuning import TunedSuspension, environment_loads, tune_suspension
 from middeck.values import record
 
@@ -30,7 +39,8 @@ class Equilibrium:
     config:
         Positions, rotations and angles at rest.
     residual:
-        Largest unbalanced force [N] or moment [N m] over the weight, or what `load_scale` puts in its place.
+        Largest unbalanced force over the weight, or moment over the weight times half the article's size (a
+        metre at most); over the weight on the ground where there is none. See `imbalance_scale`.
     history:
         (load factor, residual, damping) of every iteration.
     holding_torque:
@@ -38,6 +48,9 @@ class Equilibrium:
         carried body.
     tension:
         Pull [N] of each of ``devices``.
+    enough:
+        Residual that counts as rest: more than `TOLERANCE` where rounding of a stiff support leaves more, and
+        Newton's own step shows that nothing is out of place by it.
     """
 
     model: Model
@@ -49,6 +62,7 @@ class Equilibrium:
     history: tuple[tuple[float, float, float], ...]
     holding_torque: Inexact[np.ndarray, " joint"]
     tension: Inexact[np.ndarray, " device"]
+    enough: float = TOLERANCE
 
     @property
     def devices(self) -> tuple[str, ...]:
@@ -58,7 +72,7 @@ class Equilibrium:
     @property
     def converged(self) -> bool:
         """Whether the residual is at rounding level; `solve_modes` refuses otherwise."""
-        return self.residual < TOLERANCE
+        return self.residual < self.enough
 
 
 def solve_equilibrium(structure: Structure, environment: Environment) -> Equilibrium:
@@ -75,7 +89,7 @@ def solve_equilibrium(structure: Structure, environment: Environment) -> Equilib
     loads = environment_loads(model, environment, tuned)
     settled = settle(model, loads)
     _check_pull(tuned, settled.assembly.tension)
-    if settled.residual < TOLERANCE:
+    if settled.residual < settled.enough:
         check_travel(structure, settled.config.angle)
     # At rest dE/d(angle) is the moment that the motor has to balance.
     holding = settled.assembly.gradient[6 * model.tree.roots :] + _spring_torque(model, settled.config)
@@ -89,6 +103,7 @@ def solve_equilibrium(structure: Structure, environment: Environment) -> Equilib
         settled.history,
         holding,
         settled.assembly.tension,
+        settled.enough,
     )
 
 
@@ -132,6 +147,40 @@ def _check_pull(suspension: TunedSuspension, tension: np.ndarray) -> None:
             hint="a cable cannot push: move the attach points, take a device away or lower its stiffness",
             tension_n=pull,
         )
+
+
+class Imbalance(NamedTuple):
+    """What is left at rest: largest force over the weight, largest moment over weight times ``length``.
+
+    ``weight`` [N] is that on the ground where there is none; ``length`` [m] is half the article's size, or a
+    metre if that is less; ``frame`` is where the larger of the two is.
+    """
+
+    force: float
+    moment: float
+    weight: float
+    length: float
+    frame: str
+
+
+def rest_imbalance(equilibrium: Equilibrium) -> Imbalance:
+    """How well forces and moments balance in ``equilibrium``; its ``residual`` is the larger of both."""
+    model, loads = equilibrium.model, equilibrium.loads
+    scale = imbalance_scale(model, loads)
+    weight = imbalance_weight(model, loads)
+    gradient = assemble_carried(model, equilibrium.config, loads).gradient
+    left = np.where(static_coordinates(model), np.abs(gradient) / scale, 0.0)
+    roots = model.tree.roots
+    turns = np.concatenate([np.tile(np.repeat([False, True], 3), roots), ~model.tree.slides])
+    worst = int(np.argmax(left)) if len(left) else 0
+    frame = worst // 6 if worst < 6 * roots else worst - 5 * roots
+    return Imbalance(
+        float(left[~turns].max(initial=0.0)),
+        float(left[turns].max(initial=0.0)),
+        weight,
+        min(article_size(model), 1.0),
+        model.frames[frame],
+    )
 
 
 def node_rotations(equilibrium: Equilibrium) -> dict[str, Float[np.ndarray, "3"]]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import scipy.sparse as sp
 from jaxtyping import Float
 
 from middeck.structure.equilibrium import Equilibrium
@@ -14,7 +13,6 @@ CURE = "keep the two apart by a softer suspension (bounce_hz, cable_length) or a
 
 def kind_warnings(
     equilibrium: Equilibrium,
-    M: sp.csr_array,
     omega: Float[np.ndarray, " mode"],
     kind: tuple[str, ...],
     name: tuple[str, ...],
@@ -23,7 +21,7 @@ def kind_warnings(
 ) -> tuple[str, ...]:
     """One sentence for each such mode: its frequency, what hangs on it, and what to do."""
     damping = equilibrium.model.structure.damping
-    ranked = kinds_by_rank(equilibrium, M, kind) if damping.by_rank else kind
+    ranked = kinds_by_rank(equilibrium, kind) if damping.by_rank else kind
     doubted = set(undecided(rigid_share).tolist()) | {m for m in range(len(kind)) if ranked[m] != kind[m]}
     shares = [
         (f"its strain share is {s:.0%}", f"{r:.0%}") for s, r in zip(strain_share, rigid_share, strict=True)

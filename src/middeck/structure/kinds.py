@@ -15,8 +15,15 @@ import scipy.sparse as sp
 from jaxtyping import Float
 
 from middeck.structure.article import JointState
-from middeck.structure.assembly import assemble, inner_forces, no_loads, split_tangent
+from middeck.structure.assembly import (
+    assemble_carried,
+    carried_mass,
+    geometric_tangent,
+    no_loads,
+    transport,
+)
 from middeck.structure.eigen import count_zero, solve_all, solve_lowest
+from middeck.structure.elements.since_drawn import uncarried
 from middeck.structure.equilibrium import Equilibrium
 from middeck.structure.factorisation import order
 from middeck.structure.mesh import Model
@@ -74,13 +81,13 @@ def find_kinds(
     return Kinds(lam, shapes, share, first + kinds)
 
 
-def kinds_by_rank(equilibrium: Equilibrium, M: sp.csr_array, kind: tuple[str, ...]) -> tuple[str, ...]:
+def kinds_by_rank(equilibrium: Equilibrium, kind: tuple[str, ...]) -> tuple[str, ...]:
     """The 1993 paper's convention: the n lowest modes, n the number of rigid-body modes in orbit.
 
     ``kind`` tells the modes at zero, which count among them.
     """
     rigid = kind.count("rigid")
-    held = _rigid_in_orbit(equilibrium, M) - rigid if is_held(equilibrium) else 0
+    held = _rigid_in_orbit(equilibrium) - rigid if is_held(equilibrium) else 0
     kinds = ("rigid",) * rigid + ("suspension",) * held
     return (kinds + ("flexible",) * (len(kind) - len(kinds)))[: len(kind)]
 
@@ -114,7 +121,7 @@ def strainless_motions(equilibrium: Equilibrium, M: sp.csr_array) -> Float[np.nd
         free = [j.state is JointState.FREE or j.stiffness == 0.0 for j in moving]
         motions = motions[:, np.concatenate([np.ones(6, dtype=bool), np.array(free, dtype=bool)])]
     else:
-        motions = _null_space(equilibrium, M)
+        motions = _null_space(equilibrium)
     size = np.sqrt(np.einsum("im,im->m", motions, M @ motions))
     motions = motions[:, size > 0.0] / size[size > 0.0]
     own, turn = np.linalg.eigh(motions.T @ (M @ motions))
@@ -122,19 +129,22 @@ def strainless_motions(equilibrium: Equilibrium, M: sp.csr_array) -> Float[np.nd
     return motions @ (turn[:, new] / np.sqrt(own[new]))
 
 
-def _null_space(equilibrium: Equilibrium, M: sp.csr_array) -> np.ndarray:
+def _null_space(equilibrium: Equilibrium) -> np.ndarray:
     """Modes of the strain alone that are at zero."""
-    model, active = equilibrium.model, dynamic_coordinates(equilibrium.model)
-    inner = inner_forces(model, equilibrium.config, equilibrium.loads)
-    strain = split_tangent(model, equilibrium.config, equilibrium.loads, inner).material
-    K, mass = restrict(strain, active), restrict(M, active)
-    pairs = solve_all(K, mass) if order(K) <= SMALL else solve_lowest(K, mass, count_zero(K, mass) or 1)
-    out = np.zeros((len(active), 0))
-    if pairs is not None:
-        still = np.abs(pairs.lam) < pairs.noise
-        out = np.zeros((len(active), int(still.sum())))
-        out[active] = pairs.shapes[:, still]
-    return out
+    model, config, active = equilibrium.model, equilibrium.config, dynamic_coordinates(equilibrium.model)
+    strain = assemble_carried(model, config, no_loads()).tangent - geometric_tangent(
+        model, config, no_loads()
+    )
+    K, M = restrict(strain, active), restrict(carried_mass(model, config, equilibrium.loads), active)
+    soft = uncarried(config.since_drawn, len(active))[active]
+    small = order(K) <= SMALL
+    pairs = solve_all(K, M, soft) if small else solve_lowest(K, M, count_zero(K, M, soft) or 1, soft)
+    if pairs is None:
+        return np.zeros((len(active), 0))
+    still = np.abs(pairs.lam) < pairs.noise
+    shapes = np.zeros((len(active), int(still.sum())))
+    shapes[active] = pairs.shapes[:, still]
+    return transport(config, model.tree) @ shapes
 
 
 def _in_one_piece(model: Model) -> bool:
@@ -145,8 +155,8 @@ def _in_one_piece(model: Model) -> bool:
     )
 
 
-def _rigid_in_orbit(equilibrium: Equilibrium, M: sp.csr_array) -> int:
-    """Number of rigid-body modes of the same structure, free and undeformed: any mass counts them alike.
+def _rigid_in_orbit(equilibrium: Equilibrium) -> int:
+    """Number of rigid-body modes of the same structure, free and undeformed.
 
     What members join to one piece has six, and one for each free joint; springs can add mechanisms or take
     joints away, and then the modes of no stiffness are counted.
@@ -154,5 +164,7 @@ def _rigid_in_orbit(equilibrium: Equilibrium, M: sp.csr_array) -> int:
     model, active = equilibrium.model, dynamic_coordinates(equilibrium.model)
     if _in_one_piece(model):
         return 6 + sum(joint.state is JointState.FREE for joint in model.structure.joints)
-    K = assemble(model, model.rest, no_loads()).tangent
-    return count_zero(restrict(K, active), restrict(M, active))
+    K = assemble_carried(model, model.rest, no_loads()).tangent
+    M = carried_mass(model, model.rest)
+    soft = uncarried(model.rest.since_drawn, len(active))[active]
+    return count_zero(restrict(K, active), restrict(M, active), soft)

@@ -8,9 +8,11 @@ import numpy as np
 from jaxtyping import Inexact, Int
 
 from middeck.structure.article import Body, Structure, held_angle
+from middeck.structure.carriers import choose_carriers
 from middeck.structure.checks.articles import check_structure
 from middeck.structure.elements.beam import BeamProperties, beam_properties
-from middeck.structure.elements.frames import Configuration, FrameTree, PosePoints
+from middeck.structure.elements.frames import Configuration, FrameTree, PosePoints, joint_chain
+from middeck.structure.elements.since_drawn import as_drawn
 from middeck.structure.member_mesh import cut_members, member_geometry
 from middeck.values import record
 
@@ -58,7 +60,22 @@ def mesh_structure(structure: Structure) -> Model:
     Raises `ConfigError` for a structure that names what it does not have, or whose geometry is impossible.
     """
     check_structure(structure)
-    return lay_out(structure)
+    model = lay_out(structure)
+    drawn = as_drawn(model.rest.x, _carriers(model))
+    return dataclasses.replace(model, rest=dataclasses.replace(model.rest, since_drawn=drawn))
+
+
+def _carriers(model: Model) -> Int[np.ndarray, " root"]:
+    roots = model.tree.roots
+    at = [joint_chain(model.tree, int(frame))[0] for frame in model.points.frame[model.spring_ends].ravel()]
+    return choose_carriers(
+        roots,
+        model.beams,
+        model.points.frame[model.element_ends],
+        np.array(at, dtype=int).reshape(-1, 2),
+        np.array([spring.stiffness for spring in model.structure.springs]) + 0.0,
+        model.structure.mass,
+    )
 
 
 def lay_out(structure: Structure) -> Model:

@@ -7,9 +7,10 @@ import scipy.sparse as sp
 from jaxtyping import Float
 
 from middeck.errors import ConfigError, EquilibriumError, NumericalError, UnstableEquilibriumError
-from middeck.structure.assembly import assemble, mass_matrix
+from middeck.structure.assembly import assemble, assemble_carried, carried_mass, mass_matrix, transport
 from middeck.structure.checks.trouble import beyond_travel, buckling_member, loose_motions, where_lost
 from middeck.structure.eigen import Eigenpairs, solve_all, solve_lowest
+from middeck.structure.elements.since_drawn import uncarried
 from middeck.structure.equilibrium import Equilibrium, rest_warnings
 from middeck.structure.factorisation import order
 from middeck.structure.kind_warnings import kind_warnings
@@ -17,7 +18,7 @@ from middeck.structure.kinds import SMALL, find_kinds
 from middeck.structure.mesh import Model
 from middeck.structure.naming import name_modes
 from middeck.structure.rigid import rigid_basis
-from middeck.structure.rounding import rounding
+from middeck.structure.rounding import rounding, separate_rigid
 from middeck.structure.statics import dynamic_coordinates, restrict
 from middeck.structure.strain import strain_share
 from middeck.values import record
@@ -98,7 +99,7 @@ def solve_modes(equilibrium: Equilibrium, count: int | None = None) -> Modes:
     warnings = (
         *rest_warnings(equilibrium),
         *loose_motions(equilibrium, rigid_names),
-        *kind_warnings(equilibrium, M, omega, kind, names, rigid_share, share),
+        *kind_warnings(equilibrium, omega, kind, names, rigid_share, share),
     )
     return Modes(
         equilibrium, omega, shapes, M, kind, names, rigid_share, share, residual, rigid_residual, warnings
@@ -110,7 +111,7 @@ def _not_at_rest(equilibrium: Equilibrium) -> EquilibriumError:
     fell = any(damping > 0.0 for _, _, damping in equilibrium.history)
     return EquilibriumError(
         f"no linearisation about a state that is not at rest (residual {equilibrium.residual:.1e}): the way "
-        f"there was lost at {factor:.0%} of the load, {left:.3g} N are left at frame {frame!r}, and "
+        f"there was lost at {factor:.0%} of the load, {left} are left at frame {frame!r}, and "
         f"nodes have moved by up to {moved:.3g} m",
         where=f"frame {frame!r}",
         hint="look at the residual history; check the supports, and the stiffness of what joins that frame"
@@ -128,22 +129,29 @@ def _solve(
 ) -> tuple[sp.csr_array, sp.csr_array, np.ndarray, np.ndarray, int]:
     """Tangent, mass, omega^2, shapes, and how many of them, which come first, are rigid."""
     model, active = equilibrium.model, dynamic_coordinates(equilibrium.model)
-    at = assemble(model, equilibrium.config, equilibrium.loads)
-    M = mass_matrix(model, equilibrium.config, equilibrium.loads)
-    pairs = _eigenpairs(model, restrict(at.tangent, active), restrict(M, active), count)
-    rigid = np.abs(pairs.lam) < rounding(model, pairs, at.gradient)
+    config, loads = equilibrium.config, equilibrium.loads
+    at, M = assemble_carried(model, config, loads), carried_mass(model, config, loads)
+    soft = uncarried(config.since_drawn, len(active))[active]
+    pairs = _eigenpairs(model, restrict(at.tangent, active), restrict(M, active), count, soft)
+    pairs, T = separate_rigid(model, config, loads, pairs), transport(config, model.tree)
+    rigid = np.abs(pairs.lam) < rounding(model, pairs, at.gradient, T)
     rank = np.argsort(~rigid, kind="stable")
     shapes = np.zeros((len(active), len(rigid)))
     shapes[active] = pairs.shapes[:, rank]
+    if not np.all(soft):
+        shapes = T @ shapes
+        at, M = assemble(model, config, loads), mass_matrix(model, config, loads)
     return at.tangent, M, pairs.lam[rank], shapes, int(np.sum(rigid))
 
 
-def _eigenpairs(model: Model, K: sp.csr_array, M: sp.csr_array, count: int | None) -> Eigenpairs:
+def _eigenpairs(
+    model: Model, K: sp.csr_array, M: sp.csr_array, count: int | None, soft: np.ndarray
+) -> Eigenpairs:
     if count is None or order(K) <= max(SMALL, 4 * count):
-        pairs = solve_all(K, M)
+        pairs = solve_all(K, M, soft)
         pairs = pairs and Eigenpairs(pairs.lam[:count], pairs.shapes[:, :count], pairs.noise[:count])
     else:
-        pairs = solve_lowest(K, M, count)
+        pairs = solve_lowest(K, M, count, soft)
     if pairs is None:
         raise _massless(model, K + M)
     return pairs

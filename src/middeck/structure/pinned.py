@@ -7,15 +7,18 @@ import scipy.sparse as sp
 from jaxtyping import Float, Inexact, Int
 
 from middeck.errors import EquilibriumError
-from middeck.structure.assembly import Loads, assemble, mass_matrix, no_loads
-from middeck.structure.elements.frames import Configuration, frame_poses, move, points_in_world
+from middeck.structure.assembly import Loads, assemble_carried, carried_mass, no_loads, pose_shift
+from middeck.structure.elements.frames import Configuration, frame_poses, move_carried, points_in_world
+from middeck.structure.elements.since_drawn import uncarried
 from middeck.structure.factorisation import factorise
 from middeck.structure.mesh import Model
 from middeck.structure.statics import (
     LOAD_FACTORS,
     MAX_ITERATIONS,
     TOLERANCE,
-    load_scale,
+    article_size,
+    imbalance,
+    imbalance_scale,
     scale_loads,
     spread,
     static_coordinates,
@@ -26,9 +29,9 @@ from middeck.values import record
 # 25 km in one step and is found out, so strong that rounding alone does not drive it.
 HOLD_IN_G = 1e-5
 RUNAWAY_M = 10.0
-# Give of a support in one step, over that of the stiffest part; the next steps take it back. Without it,
-# supports that hold one rigid motion twice would leave their forces undetermined.
-SUPPORT_GIVES = 1e-4
+# Of the largest compliance of the supports: a motion less compliant is rigid and held twice, so that statics
+# leaves the share of each support open. They share it alike.
+HELD_TWICE = 1e-13
 
 
 @record
@@ -110,20 +113,22 @@ def _settle_pinned(
     model: Model, loads: Loads, supports: Supports, config: Configuration, force: np.ndarray
 ) -> tuple[Configuration, np.ndarray]:
     active = static_coordinates(model)
-    scale = load_scale(model, loads)
+    scale = imbalance_scale(model, loads)
     hold = HOLD_IN_G * float(np.linalg.norm(loads.gravity))
-    mass = hold * mass_matrix(model, config)[active][:, active]
+    mass = hold * carried_mass(model, config)[active][:, active]
+    soft = uncarried(config.since_drawn, len(active))[active]
     for _ in range(MAX_ITERATIONS):
         load = np.zeros((len(model.points.frame), 6))
         np.add.at(load, (supports.pose, supports.axis), -force)  # a support force is minus an energy gradient
-        at = assemble(model, config, loads, load)
-        gradient = at.gradient[active]
-        slip = support_coordinates(model, config, supports.pose, supports.axis) - supports.start
-        if np.abs(gradient).max() < TOLERANCE * scale and np.abs(slip).max() < TOLERANCE:
+        at = assemble_carried(model, config, loads, load)
+        slip = pose_shift(model, config, supports.pose)[np.arange(len(force)), supports.axis]
+        if imbalance(at, active, scale) < TOLERANCE and np.abs(slip).max(initial=0.0) < TOLERANCE:
             return config, force
         G = at.jacobian[6 * supports.pose + supports.axis][:, active]
-        q, change = _constrained_step(at.tangent[active][:, active] + mass, G, gradient, slip)
-        config, force = move(model.tree, config, spread(q, active)), force - change
+        K = at.tangent[active][:, active] + mass
+        spring = max(float(np.abs(K.diagonal()[soft]).max()), scale[0] / article_size(model))
+        q, change = _constrained_step(K, G, at.gradient[active], slip, spring)
+        config, force = move_carried(model.tree, config, spread(q, active)), force - change
     raise EquilibriumError(
         f"pinned at its attach points, the article does not settle in {MAX_ITERATIONS} iterations",
         where="suspension.held",
@@ -132,15 +137,22 @@ def _settle_pinned(
 
 
 def _constrained_step(
-    K: sp.csr_array, G: sp.csr_array, gradient: np.ndarray, slip: np.ndarray
+    K: sp.csr_array, G: sp.csr_array, gradient: np.ndarray, slip: np.ndarray, spring: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Newton step (q, multipliers m) with supports that give: K q + G'm = -gradient, G q - c m = -slip.
+    """Newton step (q, multipliers m): K q + G'm = -gradient, G q = -slip.
 
-    The multipliers are eliminated, m = (G q + slip)/c.
+    A ``spring`` at every support makes the matrix regular and changes nothing, for it adds the same to both
+    sides; the multipliers then follow from the compliance of the supports, S m = G q(m = 0) + slip.
     """
-    stiff = float(np.abs(K.diagonal()).max()) / SUPPORT_GIVES
-    factor = factorise(sp.csr_array(K + stiff * (G.T @ G)))
-    q = np.full(len(gradient), np.inf) if factor is None else -factor.solve(gradient + stiff * (G.T @ slip))
+    factor = factorise(sp.csr_array(K + spring * (G.T @ G)))
+    q = np.full(len(gradient), np.inf)
+    m = np.zeros(len(slip))
+    if factor is not None:
+        across = factor.solve(G.T.toarray())
+        q = -factor.solve(gradient + spring * (G.T @ slip))
+        S = G @ across
+        m = np.linalg.pinv(0.5 * (S + S.T), rcond=HELD_TWICE, hermitian=True) @ (G @ q + slip)
+        q = q - across @ m
     if not np.abs(q).max() < RUNAWAY_M:
         raise EquilibriumError(
             "pinned at its attach points, the article is still a mechanism that its weight drives",
@@ -148,4 +160,4 @@ def _constrained_step(
             hint="hold enough directions: y and z at each of three points and x at one stop a straight bus; "
             "if they are held, the article is far too soft or heavy: check the units of its lengths and E",
         )
-    return q, stiff * (G @ q + slip)
+    return q, m

@@ -10,19 +10,34 @@ from jaxtyping import Bool, Float
 
 from middeck.errors import NumericalError
 from middeck.structure.article import JointState
-from middeck.structure.assembly import Assembly, Loads, assemble, mass_matrix
+from middeck.structure.assembly import Assembly, Loads, assemble_carried, carried_mass, predict_forces
 from middeck.structure.elements.devices import SpringLaw
-from middeck.structure.elements.frames import Configuration, move_whole, split_rigid
-from middeck.structure.factorisation import positive_factor
+from middeck.structure.elements.frames import (
+    Configuration,
+    FrameTree,
+    move_carried,
+    placed,
+    rigid_columns,
+)
+from middeck.structure.elements.rotations import cross, turn_of
+from middeck.structure.elements.since_drawn import SinceDrawn
+from middeck.structure.factorisation import factorise, positive_factor
 from middeck.structure.mesh import Model
 
-# Largest residual that counts as rest, over `load_scale`.
+# Largest imbalance that counts as rest, over `imbalance_scale`.
 TOLERANCE = 1e-9
+# And where Newton's undamped step moves nothing by more than `UNMOVED` of the article's size, or radians, and no
+# part of it makes the imbalance less: rounding is what is left, in a support of 1e12 N/m 1e-7 of a weight.
+ROUNDED = 1e-6
+UNMOVED = 1e-12
 # Enough on the way to full load.
 ROUGH = 1e-4
 LOAD_FACTORS = (0.25, 0.5, 0.75)
 MAX_ITERATIONS = 200
 MAX_HALVINGS = 30
+MIXED_ITERATIONS = 100
+# Iterations after which a descent creeps.
+SOON = 30
 STANDARD_GRAVITY = 9.80665
 # Least damping [1/s^2]: a thousandth of a slow pendulum's omega^2 neither holds nor hurries anything.
 LEAST_DAMPING = 1e-3
@@ -35,11 +50,15 @@ LONGEST_STEP = 0.5
 
 
 class Settled(NamedTuple):
-    """Where Newton ended, and (load factor, residual, damping) of every iteration on the way."""
+    """Where Newton ended, and (load factor, residual, damping) of every iteration on the way.
+
+    The residual counts as rest below ``enough``.
+    """
 
     config: Configuration
     assembly: Assembly
     residual: float
+    enough: float
     history: tuple[tuple[float, float, float], ...]
 
 
@@ -66,21 +85,64 @@ def settle(model: Model, loads: Loads) -> Settled:
     success and the last step is a pure Newton step. Convergence is on the true residual alone; on the way
     there a rough one will do.
     """
-    mass = mass_matrix(model, model.rest)
+    mass = carried_mass(model, model.rest)
+    soon = _by_steps(model, loads, mass, (), SOON)
+    if soon.residual < soon.enough:
+        return soon
+    mixed = _with_forces(model, loads, mass)
+    if mixed is not None:
+        return mixed
     at_once = _by_steps(model, loads, mass, ())
-    return at_once if at_once.residual < TOLERANCE else _by_steps(model, loads, mass, LOAD_FACTORS)
+    return at_once if at_once.residual < at_once.enough else _by_steps(model, loads, mass, LOAD_FACTORS)
 
 
-def _by_steps(model: Model, loads: Loads, mass: sp.csr_array, factors: tuple[float, ...]) -> Settled:
-    scale = load_scale(model, loads)
+def _by_steps(
+    model: Model, loads: Loads, mass: sp.csr_array, factors: tuple[float, ...], most: int | None = None
+) -> Settled:
+    scale = imbalance_scale(model, loads)
     config = model.rest
     history: list[tuple[float, float, float]] = []
     for factor in factors:
-        config, _, steps = _descend(model, config, scale_loads(loads, factor), mass, ROUGH * scale)
-        history += [(factor, residual / scale, damping) for residual, damping in steps]
-    config, at, steps = _descend(model, config, loads, mass, TOLERANCE * scale)
-    history += [(1.0, residual / scale, damping) for residual, damping in steps]
-    return Settled(config, at, history[-1][1], tuple(history))
+        config, _, steps, _ = _descend(model, config, scale_loads(loads, factor), mass, scale, ROUGH)
+        history += [(factor, residual, damping) for residual, damping in steps]
+    config, at, steps, enough = _descend(model, config, loads, mass, scale, TOLERANCE, most)
+    history += [(1.0, residual, damping) for residual, damping in steps]
+    return Settled(config, at, history[-1][1], enough, tuple(history))
+
+
+def _with_forces(model: Model, loads: Loads, mass: sp.csr_array) -> Settled | None:
+    """Newton's method with the forces inside as unknowns of their own; None where it does not settle.
+
+    What is stiff resists the second order of a step: a strut of 1e12 N/m in which a turn of 0.1 leaves 1e-3 m
+    pulls with 1e9 N, and whoever descends must creep. As an unknown the force is what the step's first order
+    makes it, and only that makes geometric stiffness (Magisano, Leonetti and Garcea 2017, Comput. Methods
+    Appl. Mech. Eng. 313). Nothing descends here, so that the state has to be stable to count.
+    """
+    active, scale = static_coordinates(model), imbalance_scale(model, loads)
+    config, inner = model.rest, None
+    least = LEAST_DAMPING * restrict(mass, active)
+    history: list[tuple[float, float, float]] = []
+    for _ in range(MIXED_ITERATIONS):
+        at = assemble_carried(model, config, loads)
+        residual = imbalance(at, active, scale)
+        history.append((1.0, residual, 0.0))
+        if not np.isfinite(residual):
+            return None
+        bent = at if inner is None else assemble_carried(model, config, loads, None, inner)
+        K = restrict(bent.tangent, active)
+        factor = positive_factor(K) or factorise(sp.csr_array(K + least))
+        if factor is None:
+            return None
+        q = spread(-factor.solve(at.gradient[active]), active)
+        size = float(np.abs(q).max(initial=0.0))
+        enough = ROUNDED if size < UNMOVED * article_size(model) else TOLERANCE
+        if residual < enough:
+            stable = positive_factor(sp.csr_array(restrict(at.tangent, active) + least)) is not None
+            return Settled(config, at, residual, enough, tuple(history)) if stable else None
+        q = q * min(1.0, LONGEST_STEP / size)
+        inner = predict_forces(model, config, loads, q)
+        config = move_carried(model.tree, config, q)
+    return None
 
 
 def scale_loads(loads: Loads, factor: float) -> Loads:
@@ -89,65 +151,140 @@ def scale_loads(loads: Loads, factor: float) -> Loads:
     return Loads(loads.gravity * factor, loads.anchor, loads.attach_point, law, loads.mass)
 
 
-def load_scale(model: Model, loads: Loads) -> float:
-    """What a residual is compared with [N].
+def imbalance_scale(model: Model, loads: Loads) -> Float[np.ndarray, " coordinate"]:
+    """What is left at each coordinate is compared with: the weight, of a moment times a length.
 
-    The weight (in orbit that on the ground), the largest preload, or, where that is more, the force that the
-    rounding of positions makes in the stiffest part: a stiffness of 1e7 N/m at 1 m rounds to 1e-9 N.
+    The weight is that on the ground where there is none. The length is half the article's size, or a metre if
+    that is less: strict for large articles and for small ones.
     """
-    weight = model.structure.mass * max(float(np.linalg.norm(loads.gravity)), STANDARD_GRAVITY)
-    preload = float(np.abs(loads.law.preload).max(initial=0.0))
-    beams = model.beams
-    stiffness = (
-        beams.EA / beams.length,
-        12.0 * np.maximum(beams.EI_y, beams.EI_z) / beams.length**3,
-        loads.law.stiffness,
-        np.array([spring.stiffness for spring in model.structure.springs]),
-    )
-    stiffest = max(float(k.max(initial=0.0)) for k in stiffness)
-    farthest = max(float(np.abs(x).max(initial=0.0)) for x in (model.rest.x, loads.anchor))
-    rounding = 4.0 * np.finfo(float).eps * stiffest * farthest
-    return max(weight, preload, rounding / TOLERANCE)
+    weight = imbalance_weight(model, loads)
+    moment = weight * min(article_size(model), 1.0)
+    joints = np.where(model.tree.slides, weight, moment)
+    return np.concatenate([np.tile(np.repeat([weight, moment], 3), model.tree.roots), joints])
+
+
+def imbalance_weight(model: Model, loads: Loads) -> float:
+    """The article's weight [N], on the ground where there is none."""
+    gravity = float(np.linalg.norm(loads.gravity)) or STANDARD_GRAVITY
+    return max(model.structure.mass * gravity, float(np.finfo(float).tiny))
+
+
+def article_size(model: Model) -> float:
+    """Half the extent of the article as drawn [m], at least its radius of gyration; a metre for a point."""
+    x = model.rest.x
+    inertia = np.trace(model.body_inertia, axis1=1, axis2=2).sum()
+    gyration = np.sqrt(0.5 * inertia / model.structure.mass) if model.structure.mass > 0.0 else 0.0
+    arms = np.linalg.norm(model.points.offset, axis=1).max(initial=0.0)
+    size = max(0.5 * float(np.linalg.norm(np.ptp(x, axis=0))), float(arms), float(gyration))
+    return size or 1.0
 
 
 def _descend(
-    model: Model, config: Configuration, loads: Loads, mass: sp.csr_array, enough: float
-) -> tuple[Configuration, Assembly, list[tuple[float, float]]]:
-    """Where the descent ends, and (residual [N], damping) of every iteration; ``mass`` need not be exact."""
+    model: Model,
+    config: Configuration,
+    loads: Loads,
+    mass: sp.csr_array,
+    scale: np.ndarray,
+    enough: float,
+    most: int | None = None,
+) -> tuple[Configuration, Assembly, list[tuple[float, float]], float]:
+    """Where the descent ends, (residual, damping) of every iteration, and the residual that counts as rest.
+
+    ``mass`` need not be exact.
+    """
     active = static_coordinates(model)
-    at = assemble(model, config, loads)
+    at = assemble_carried(model, config, loads)
     damping = 0.0
     history: list[tuple[float, float]] = []
-    for _ in range(MAX_ITERATIONS):
-        residual = unbalanced(at, active)
+    for _ in range(MAX_ITERATIONS if most is None else min(most, MAX_ITERATIONS)):
+        residual = imbalance(at, active, scale)
         history.append((residual, damping))
         if residual < enough:
             break
         q, damping = _damped_step(model, config, at, mass, damping)
-        better = _shorten(model, config, loads, at, q, mass)
+        better = _shorten(_Descent(model, loads, mass, scale, active), config, at, q)
         if better is None:
+            step = np.abs(q * scale).max() / scale.min()
+            if damping == 0.0 and step < UNMOVED * article_size(model):
+                enough = max(enough, ROUNDED)
             break
         config, at = better
-    return config, at, history
+    return config, at, history, enough
 
 
-def unbalanced(at: Assembly, active: np.ndarray) -> float:
-    """Largest force [N] or moment [N m] that is left at the coordinates that move in statics."""
-    return float(np.abs(at.gradient[active]).max(initial=0.0))
+def imbalance(at: Assembly, active: np.ndarray, scale: np.ndarray) -> float:
+    """Largest force or moment left at the coordinates that move in statics, over its ``scale``."""
+    return float(np.abs(at.gradient[active] / scale[active]).max(initial=0.0))
+
+
+class _Descent(NamedTuple):
+    """What stays the same on the way down."""
+
+    model: Model
+    loads: Loads
+    mass: sp.csr_array
+    scale: np.ndarray
+    active: np.ndarray
+
+    def at(self, config: Configuration) -> Assembly:
+        return assemble_carried(self.model, config, self.loads)
+
+    def lower(self, new: Assembly, at: Assembly) -> bool:
+        """Whether the energy or the imbalance is."""
+        return new.energy < at.energy or imbalance(new, self.active, self.scale) < imbalance(
+            at, self.active, self.scale
+        )
 
 
 def _shorten(
-    model: Model, config: Configuration, loads: Loads, at: Assembly, q: np.ndarray, mass: sp.csr_array
+    way: _Descent, config: Configuration, at: Assembly, q: np.ndarray
 ) -> tuple[Configuration, Assembly] | None:
     """The first of q, q/2, q/4 ... that lowers the energy or the residual; None at rounding level."""
-    active = static_coordinates(model)
     for _ in range(MAX_HALVINGS):
-        trial = move_whole(model.tree, config, q, mass)
-        new = assemble(model, trial, loads)
-        if new.energy < at.energy or unbalanced(new, active) < unbalanced(at, active):
+        trial = move_whole(way.model.tree, config, q, way.mass)
+        new = way.at(trial)
+        if way.lower(new, at):
             return trial, new
         q = 0.5 * q
     return None
+
+
+def move_whole(
+    tree: FrameTree, config: Configuration, q: Float[np.ndarray, " coordinate"], mass: sp.csr_array
+) -> Configuration:
+    """Like `move_carried` to first order, but the rigid motion in ``q`` (by mass) strains nothing.
+
+    Straight displacements stretch what turns: by 1e-3 of its length for a turn of 0.05, far more than a stiff
+    member bears, so that a descent with them would have to creep.
+    """
+    rigid, rest = split_rigid(tree, config, q, mass)
+    # The rotation is about the world origin: its second-order part must not carry a far structure along.
+    centre = config.x.mean(axis=0)
+    turn = turn_of(rigid[3:])
+    R = np.eye(3) + turn
+    shift = rigid[:3] + cross(rigid[3:], centre)
+    step = rest[: 6 * tree.roots].reshape(-1, 2, 3) @ R.T
+    since = config.since_drawn
+    if since is None:
+        turned = Configuration(centre + shift + (config.x - centre) @ R.T, R @ config.R, config.angle)
+    else:
+        own = since.carrier < 0
+        moved = since.shift + np.where(own[:, None], shift + (config.x - centre) @ turn.T, 0.0)
+        turns = since.turn + np.where(own[:, None, None], turn + turn @ since.turn, 0.0)
+        turned = placed(SinceDrawn(since.drawn, since.carrier, moved, turns), config.angle)
+    return move_carried(tree, turned, np.concatenate([step.ravel(), rest[6 * tree.roots :]]))
+
+
+def split_rigid(
+    tree: FrameTree, config: Configuration, q: Float[np.ndarray, " coordinate"], mass: sp.csr_array
+) -> tuple[Float[np.ndarray, "6"], Float[np.ndarray, " coordinate"]]:
+    """Translation and rotation about the world origin nearest to ``q`` by mass, and what is left; carried."""
+    T = rigid_columns(tree, config, np.zeros(3))
+    if config.since_drawn is not None:
+        T[: 6 * tree.roots].reshape(tree.roots, 36)[config.since_drawn.carrier >= 0] = 0.0
+    weighted = mass @ T
+    rigid, *_ = np.linalg.lstsq(T.T @ weighted, weighted.T @ q, rcond=None)
+    return rigid, q - T @ rigid
 
 
 def _damped_step(

@@ -58,6 +58,7 @@ def describe(modes: Modes, count: int, summary: Summary) -> dict[str, Any]:
     import numpy as np
 
     from middeck.cli.summary import summary_numbers
+    from middeck.structure.equilibrium import rest_imbalance
     from middeck.structure.mesh_error import estimate_mesh_error
     from middeck.study.numbers import mode_numbers, rest_numbers
 
@@ -76,6 +77,7 @@ def describe(modes: Modes, count: int, summary: Summary) -> dict[str, Any]:
         "mesh_error": [e if np.isfinite(e) else None for e in estimate_mesh_error(modes, count).tolist()],
         "mode_residual": modes.residual[:count],
         "equilibrium_residual": rest.residual,
+        "imbalance": rest_imbalance(rest)._asdict(),
         "gravity_m_s2": float(np.linalg.norm(environment.gravity)),
         **rest_numbers(rest),
         "holding_force_n": {
@@ -109,7 +111,7 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
     blocks: list[str | Table] = [
         f"article      {document['article']}",
         f"environment  {document['environment']}",
-        f"residual     {document['equilibrium_residual']:.1e} of the {_scale(document)}",
+        f"residual     {_imbalance(document)}",
         Table("modes", ["", "frequency Hz", "damping %", "kind", "name", "rigid", "strain"], rows),
         "\nrigid: part of the motion that the free article makes without strain; strain: part of the energy",
     ]
@@ -133,6 +135,11 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
     ]
 
 
-def _scale(document: dict[str, Any]) -> str:
-    """What the residual is over: `statics.load_scale`, but for rounding and preloads beyond the weight."""
-    return "weight at rest" if document["gravity_m_s2"] else "weight on the ground (there is none here)"
+def _imbalance(document: dict[str, Any]) -> str:
+    """Forces over the weight, moments over weight times a length."""
+    left = document["imbalance"]
+    weight = "weight at rest" if document["gravity_m_s2"] else "weight on the ground (there is none here)"
+    return (
+        f"forces {left['force']:.1e} of the {weight}, moments {left['moment']:.1e} of it times "
+        f"{left['length']:.3g} m"
+    )

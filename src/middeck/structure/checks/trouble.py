@@ -8,9 +8,9 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.structure.article import JointState, Structure
-from middeck.structure.assembly import assemble, inner_forces, split_tangent
+from middeck.structure.assembly import assemble_carried, inner_forces, split_tangent
 from middeck.structure.equilibrium import Equilibrium
-from middeck.structure.statics import ROUGH, static_coordinates
+from middeck.structure.statics import ROUGH, imbalance_scale, static_coordinates
 from middeck.structure.strain import member_energy
 
 HALF = 0.5
@@ -19,12 +19,12 @@ HALF = 0.5
 class Lost(NamedTuple):
     """Part of the load at which the way to rest was lost, and what there is where it ended.
 
-    ``frame`` has the largest unbalanced force [N] (or moment [N m]); a node has moved by ``moved`` [m].
+    ``frame`` is the least balanced: ``left`` says by how much, a node has moved by ``moved`` [m].
     """
 
     factor: float
     frame: str
-    unbalanced: float
+    left: str
     moved: float
 
 
@@ -33,13 +33,15 @@ def where_lost(equilibrium: Equilibrium) -> Lost:
     model = equilibrium.model
     last = {factor: residual for factor, residual, _ in equilibrium.history}
     factor = next((f for f, residual in last.items() if residual >= ROUGH), 1.0)
-    gradient = assemble(model, equilibrium.config, equilibrium.loads).gradient
+    gradient = assemble_carried(model, equilibrium.config, equilibrium.loads).gradient
     left = np.where(static_coordinates(model), np.abs(gradient), 0.0)
-    worst = int(np.argmax(left))
-    roots = model.tree.roots
-    frame = worst // 6 if worst < 6 * roots else worst - 5 * roots
+    worst = int(np.argmax(left / imbalance_scale(model, equilibrium.loads)))
+    roots, joint = model.tree.roots, worst - 6 * model.tree.roots
+    turns = worst % 6 > 2 if joint < 0 else not model.tree.slides[joint]
+    frame = worst // 6 if joint < 0 else roots + joint
     moved = np.linalg.norm(equilibrium.config.x - model.rest.x, axis=1).max()
-    return Lost(factor, model.frames[frame], float(left[worst]), float(moved))
+    size = f"{left[worst]:.3g} {'N m' if turns else 'N'}"
+    return Lost(factor, model.frames[frame], size, float(moved))
 
 
 def beyond_travel(equilibrium: Equilibrium) -> tuple[str, ...]:

@@ -21,6 +21,7 @@ from middeck.structure.elements.beam_kinematics import (
     Y2,
     Z1,
     Z2,
+    EndStrain,
     add_cosine_hessian,
     bowing,
     chord,
@@ -94,12 +95,14 @@ def beam_state(
     x: Inexact[np.ndarray, "element 2 3"],
     T: Inexact[np.ndarray, "element 2 3 3"],
     force: Inexact[np.ndarray, "element 6"] | None = None,
+    known: EndStrain | None = None,
 ) -> BeamState:
     """Energy, forces and tangent of every element at the given end poses.
 
-    ``force`` takes the place of the elements' own, for a tangent with the forces of another state.
+    ``force`` takes the place of the elements' own, for a tangent with the forces of another state; ``known``
+    has digits of the strain that the poses have not.
     """
-    strain = deform(beams.length, bowing(beams.shear_y, beams.shear_z), x, T)
+    strain = deform(beams.length, bowing(beams.shear_y, beams.shear_z), x, T, known)
     k = beam_stiffness(beams)
     own = (k @ strain.value[:, :, None])[:, :, 0]
     energy = 0.5 * np.einsum("ei,ei->e", own, strain.value)
@@ -110,10 +113,13 @@ def beam_state(
 
 
 def beam_deformations(
-    beams: BeamProperties, x: Inexact[np.ndarray, "element 2 3"], T: Inexact[np.ndarray, "element 2 3 3"]
+    beams: BeamProperties,
+    x: Inexact[np.ndarray, "element 2 3"],
+    T: Inexact[np.ndarray, "element 2 3 3"],
+    known: EndStrain | None = None,
 ) -> tuple[Inexact[np.ndarray, "element 6"], Inexact[np.ndarray, "element 6 12"]]:
     """(stretch, y1, z1, y2, z2, twist) and their derivative in the twelve pose coordinates."""
-    strain = deform(beams.length, bowing(beams.shear_y, beams.shear_z), x, T)
+    strain = deform(beams.length, bowing(beams.shear_y, beams.shear_z), x, T, known)
     return strain.value, strain.slope
 
 

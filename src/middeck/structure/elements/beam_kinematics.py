@@ -53,6 +53,32 @@ class _Dots(NamedTuple):
     slope: Array
 
 
+class EndStrain(NamedTuple):
+    """What sets the end poses of elements apart from undeformed ones, in the axes of the first end's triad.
+
+    ``shift`` is the chord less the undeformed one, ``turn`` the second triad less the identity.
+    """
+
+    shift: Array  # (element, 3)
+    turn: Array  # (element, 3, 3)
+
+
+def end_strain(
+    length: Array, triad: Array, shift: Inexact[np.ndarray, "element 2 3"], turn: Array
+) -> EndStrain:
+    """From undeformed triads, and the ends' shift and turn since then, seen from anywhere.
+
+    With T1 = (1 + E1) T and the chord L e + d the first is T'(E1' L e + (1 + E1)'d), the second T1'(E2 - E1) T.
+    """
+    E, d = turn[:, 0], shift[:, 1] - shift[:, 0]
+    drawn = length[:, None] * triad[:, :, 0]
+    moved = (_transpose(E) @ (drawn + d)[:, :, None])[:, :, 0] + d
+    first = triad + E @ triad
+    return EndStrain(
+        (_transpose(triad) @ moved[:, :, None])[:, :, 0], _transpose(first) @ ((turn[:, 1] - E) @ triad)
+    )
+
+
 class Deformation(NamedTuple):
     """Deformations (stretch, y1, z1, y2, z2, twist) of each element and what their derivatives need.
 
@@ -71,11 +97,16 @@ def deform(
     bow: Inexact[np.ndarray, "element 4 4"],
     x: Inexact[np.ndarray, "element 2 3"],
     T: Inexact[np.ndarray, "element 2 3 3"],
+    strain: EndStrain | None = None,
 ) -> Deformation:
-    """Deformations of elements of undeformed ``length`` and mean squared slope ``bow`` (see `bowing`)."""
+    """Deformations of elements of undeformed ``length`` and mean squared slope ``bow`` (see `bowing`).
+
+    Where the ``strain`` of the ends is known they have all its digits.
+    """
     s = _invariants(x, T)
+    stretch = s.value[:, LENGTH] - length if strain is None else _refine(s, length, strain)
     m, dm, ddm = _bending_and_twist(s.value, np.result_type(s.value, length, bow))
-    m[:, STRETCH] = s.value[:, LENGTH] - length
+    m[:, STRETCH] = stretch
     dm[:, STRETCH, LENGTH] = 1.0
     theta, dtheta, ddtheta = m[:, BENDING], dm[:, BENDING], ddm[:, BENDING]
     curve = length[:, None, None] * bow
@@ -84,6 +115,16 @@ def deform(
     dm[:, STRETCH] += (pull[:, None] @ dtheta)[:, 0]
     ddm[:, STRETCH] += _transpose(dtheta) @ curve @ dtheta + np.einsum("ek,ekij->eij", pull, ddtheta)
     return Deformation(m, dm @ s.slope, s, dm, ddm)
+
+
+def _refine(s: _Invariants, length: Array, strain: EndStrain) -> Array:
+    """The stretch of the chord; small invariants of ``s`` take the digits that ``strain`` has of them."""
+    w, M, span = strain.shift, strain.turn, s.value[:, LENGTH]
+    s.value[:, [2, 3]] = w[:, 1:] / _tall(span)
+    across = w[:, 1:] + _tall(length) * M[:, 0, 1:] + (_transpose(M) @ w[:, :, None])[:, 1:, 0]
+    s.value[:, [5, 6]] = across / _tall(span)
+    s.value[:, TWIST] = arctan2(M[:, 2, 1] - M[:, 1, 2], s.cosine.value)
+    return (2.0 * length * w[:, 0] + _dot(w, w)) / (span + length)
 
 
 def bowing(

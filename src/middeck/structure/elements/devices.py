@@ -41,8 +41,11 @@ def spring_state(
     law: SpringLaw,
     span: Inexact[np.ndarray, "spring 3"],
     tension: Inexact[np.ndarray, " spring"] | None = None,
+    moved: tuple[Inexact[np.ndarray, "spring 3"], Inexact[np.ndarray, "spring 3"]] | None = None,
 ) -> SpringState:
     """State of springs whose end minus start is ``span``; ``tension`` takes the place of their own.
+
+    ``moved``, the span as drawn and by how much it has changed since, has digits that ``span`` has not.
 
     With c = preload - k length the force is (k + c/l) span: a spring of no free length has c = 0 and is
     linear everywhere, at l = 0 too. Raises `EquilibriumError` for any other spring whose ends coincide: its
@@ -57,9 +60,9 @@ def spring_state(
         )
     length_or_one = np.where(length == 0.0, 1.0, length)
     n = span / length_or_one[:, None]
-    own = c + k * length
+    stretch = length - law.length if moved is None else _stretch(law, length, *moved)
+    own = law.preload + k * stretch
     pull = own if tension is None else tension
-    stretch = length - law.length
     energy = law.preload * stretch + 0.5 * k * stretch**2
     along = n[:, :, None] * n[:, None, :]
     # T/l, and its limit k for a linear spring of no length.
@@ -67,3 +70,49 @@ def spring_state(
     material = k[:, None, None] * along
     geometric = per_length[:, None, None] * (np.eye(3) - along)
     return SpringState(pull, energy, per_length[:, None] * span, material, geometric)
+
+
+def _stretch(law: SpringLaw, length: np.ndarray, drawn: np.ndarray, change: np.ndarray) -> np.ndarray:
+    """Length less the law's: what was there as drawn, and l - l0 = (2 s0 + d) . d / (l + l0) since."""
+    before = np.sqrt(np.einsum("si,si->s", drawn, drawn))
+    both = np.where(length + before == 0.0, 1.0, length + before)
+    return before - law.length + np.einsum("si,si->s", 2.0 * drawn + change, change) / both
+
+
+def spring_squares(
+    law: SpringLaw,
+    drawn: Inexact[np.ndarray, "spring 3"],
+    change: Inexact[np.ndarray, "spring 3"],
+    apart: Inexact[np.ndarray, "spring 3 mode"],
+    *,
+    along_only: bool = False,
+) -> Inexact[np.ndarray, "mode mode"]:
+    """The Hessian seen by motions ``apart`` of end against start, as a sum of squares.
+
+    Of the part along the springs alone, or with what their tension over their length holds across them.
+    """
+    span = drawn + change
+    state = spring_state(law, span, None, (drawn, change))
+    length = np.sqrt(np.einsum("si,si->s", span, span))
+    n = span / np.where(length == 0.0, 1.0, length)[:, None]
+    along = np.einsum("si,sim->sm", n, apart)
+    out = along.T @ (law.stiffness[:, None] * along)
+    if along_only:
+        return out
+    across = apart - n[:, :, None] * along[:, None, :]
+    held = np.where(length == 0.0, law.stiffness, state.tension / np.where(length == 0.0, 1.0, length))
+    return out + np.einsum("sim,s,sin->mn", across, held, across)
+
+
+def predicted_tension(
+    law: SpringLaw,
+    drawn: Inexact[np.ndarray, "spring 3"],
+    change: Inexact[np.ndarray, "spring 3"],
+    apart: Inexact[np.ndarray, "spring 3"],
+) -> Inexact[np.ndarray, " spring"]:
+    """The tension after end and start have moved ``apart`` further, to first order."""
+    span = drawn + change
+    state = spring_state(law, span, None, (drawn, change))
+    length = np.sqrt(np.einsum("si,si->s", span, span))
+    along = np.einsum("si,si->s", span, apart) / np.where(length == 0.0, 1.0, length)
+    return state.tension + law.stiffness * along

@@ -20,6 +20,7 @@ import scipy.sparse as sp
 from jaxtyping import Bool, Inexact, Int
 
 from middeck.structure.elements.rotations import cross, rotation_exp, skew, symmetric_double_cross
+from middeck.structure.elements.since_drawn import SinceDrawn, carried_step, move_since_drawn, whole_motion
 from middeck.values import record
 
 
@@ -44,11 +45,16 @@ class FrameTree:
 
 @record
 class Configuration:
-    """Where the frames are: root positions and rotation matrices, joint angles [rad] or travels [m]."""
+    """Where the frames are: root positions and rotation matrices, joint angles [rad] or travels [m].
+
+    ``since_drawn`` says where the roots are with the digits that ``x`` and ``R`` cannot hold; None where
+    nobody has followed them from the drawn state.
+    """
 
     x: Inexact[np.ndarray, "root 3"]
     R: Inexact[np.ndarray, "root 3 3"]
     angle: Inexact[np.ndarray, " joint"]
+    since_drawn: SinceDrawn | None = None
 
 
 @record
@@ -71,11 +77,29 @@ class PosePoints:
 def move(tree: FrameTree, config: Configuration, q: Inexact[np.ndarray, " coordinate"]) -> Configuration:
     """The configuration after the increment ``q``."""
     step = q[: 6 * tree.roots].reshape(-1, 6)
-    return Configuration(
-        config.x + step[:, :3],
-        rotation_exp(step[:, 3:]) @ config.R,
-        config.angle + q[6 * tree.roots :],
-    )
+    angle = config.angle + q[6 * tree.roots :]
+    if config.since_drawn is not None:
+        moved = move_since_drawn(
+            config.since_drawn, config.R, carried_step(config.since_drawn, config.x, step)
+        )
+        return placed(moved, angle)
+    return Configuration(config.x + step[:, :3], rotation_exp(step[:, 3:]) @ config.R, angle)
+
+
+def move_carried(
+    tree: FrameTree, config: Configuration, q: Inexact[np.ndarray, " coordinate"]
+) -> Configuration:
+    """Like `move`, ``q`` being in carried coordinates; of what is followed from the drawn state only."""
+    if config.since_drawn is None:
+        return move(tree, config, q)
+    step = q[: 6 * tree.roots].reshape(-1, 6)
+    return placed(move_since_drawn(config.since_drawn, config.R, step), config.angle + q[6 * tree.roots :])
+
+
+def placed(since_drawn: SinceDrawn, angle: Inexact[np.ndarray, " joint"]) -> Configuration:
+    """The configuration whose roots have moved so since the drawn state."""
+    shift, turn = whole_motion(since_drawn)
+    return Configuration(since_drawn.drawn + shift, np.eye(3) + turn, angle, since_drawn)
 
 
 def rigid_columns(
@@ -87,34 +111,6 @@ def rigid_columns(
     step[:, :3, :3] = step[:, 3:, 3:] = np.eye(3)
     step[:, :3, 3:] = -skew(config.x - centre)
     return columns
-
-
-def split_rigid(
-    tree: FrameTree, config: Configuration, q: Inexact[np.ndarray, " coordinate"], mass: sp.csr_array
-) -> tuple[Inexact[np.ndarray, "6"], Inexact[np.ndarray, " coordinate"]]:
-    """Translation and rotation about the world origin that are nearest to ``q`` by mass, and what is left."""
-    T = rigid_columns(tree, config, np.zeros(3))
-    weighted = mass @ T
-    rigid, *_ = np.linalg.lstsq(T.T @ weighted, weighted.T @ q, rcond=None)
-    return rigid, q - T @ rigid
-
-
-def move_whole(
-    tree: FrameTree, config: Configuration, q: Inexact[np.ndarray, " coordinate"], mass: sp.csr_array
-) -> Configuration:
-    """Like `move` to first order, but the rigid motion in ``q`` (by mass) turns the whole without strain.
-
-    Straight displacements stretch what turns: by 1e-3 of its length for a turn of 0.05, far more than a stiff
-    member bears, so that a descent with `move` would have to creep.
-    """
-    rigid, rest = split_rigid(tree, config, q, mass)
-    R = rotation_exp(rigid[3:])
-    # The rotation is about the world origin: its second-order part must not carry a far structure along.
-    centre = config.x.mean(axis=0)
-    shift = rigid[:3] + cross(rigid[3:], centre)
-    turned = Configuration(centre + shift + (config.x - centre) @ R.T, R @ config.R, config.angle)
-    step = rest[: 6 * tree.roots].reshape(-1, 2, 3) @ R.T
-    return move(tree, turned, np.concatenate([step.ravel(), rest[6 * tree.roots :]]))
 
 
 def frame_poses(tree: FrameTree, config: Configuration) -> Poses:

@@ -40,11 +40,20 @@ def rotation_exp(theta: Inexact[np.ndarray, "*batch 3"]) -> Inexact[np.ndarray, 
     >>> np.round(rotation_exp(np.array([0.0, 0.0, np.pi / 2])) @ [1.0, 0.0, 0.0], 12).tolist()
     [0.0, 1.0, 0.0]
     """
+    return np.eye(3) + turn_of(theta)
+
+
+def turn_of(theta: Inexact[np.ndarray, "*batch 3"]) -> Inexact[np.ndarray, "*batch 3 3"]:
+    """Rotation matrices less the identity: of a small rotation with all its digits.
+
+    >>> float(turn_of(np.array([0.0, 0.0, 1e-30]))[1, 0])
+    1e-30
+    """
     theta = np.asarray(theta)
     angle = np.sqrt(np.sum(theta * theta, axis=-1))[..., None, None]
     S = skew(theta)
     # np.sinc(x) = sin(pi x)/(pi x): exact at zero angle, no branch.
-    return np.eye(3) + np.sinc(angle / np.pi) * S + 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2 * (S @ S)
+    return np.sinc(angle / np.pi) * S + 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2 * (S @ S)
 
 
 def rotation_log(R: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "3"]:

@@ -18,13 +18,13 @@ from scipy.optimize import brentq
 
 from middeck.errors import ConfigError, EquilibriumError, UnstableEquilibriumError
 from middeck.structure.article import Damping, Joint, JointState, Structure
-from middeck.structure.assembly import Loads, assemble, mass_matrix
+from middeck.structure.assembly import Loads
 from middeck.structure.elements.devices import SpringLaw
 from middeck.structure.elements.frames import Configuration
 from middeck.structure.environment import Environment
 from middeck.structure.equilibrium import Equilibrium, solve_equilibrium
 from middeck.structure.gravity.continuation import rest_near
-from middeck.structure.gravity.tracking import HALF_SHAPE, SPARE, Spectrum, solve_spectrum, spectrum_of, track
+from middeck.structure.gravity.tracking import HALF_SHAPE, SPARE, Spectrum, spectrum_at, spectrum_of, track
 from middeck.structure.kinds import find_kinds
 from middeck.structure.mesh import Model
 from middeck.structure.modes import Modes, solve_modes
@@ -278,8 +278,7 @@ def _growth(rest: Equilibrium, spectrum: Spectrum) -> str:
 
 
 def _spectrum_at(model: Model, config: Configuration, loads: Loads, count: int) -> Spectrum:
-    at = assemble(model, config, loads)
-    return solve_spectrum(model, at.tangent, mass_matrix(model, config, loads), count, at.gradient)
+    return spectrum_at(model, config, loads, count)
 
 
 def _attempt(solve: Callable[[np.ndarray], _Member], here: np.ndarray) -> _Member | str:

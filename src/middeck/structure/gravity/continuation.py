@@ -6,11 +6,19 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float
 
-from middeck.structure.assembly import Assembly, Loads, assemble, mass_matrix
-from middeck.structure.elements.frames import Configuration, move_whole
+from middeck.structure.assembly import Assembly, Loads, assemble_carried, carried_mass
+from middeck.structure.elements.frames import Configuration
 from middeck.structure.factorisation import factorise
 from middeck.structure.mesh import Model
-from middeck.structure.statics import TOLERANCE, load_scale, spread, static_coordinates, unbalanced
+from middeck.structure.statics import (
+    STANDARD_GRAVITY,
+    TOLERANCE,
+    imbalance,
+    imbalance_scale,
+    move_whole,
+    spread,
+    static_coordinates,
+)
 
 MAX_ITERATIONS = 12
 # Each correction must be at most this part of the one before (Deuflhard 2004, section 2.1): Newton that does
@@ -29,22 +37,26 @@ def rest_near(model: Model, config: Configuration, loads: Loads) -> tuple[Config
     Nothing here descends: where the branch loses stability it is followed all the same.
     """
     active = static_coordinates(model)
-    mass = mass_matrix(model, config)
-    enough = TOLERANCE * load_scale(model, loads)
-    at = assemble(model, config, loads)
+    mass = carried_mass(model, config)
+    # Of the weight on the ground, if that is more: the gravity of a path may be as small as it likes.
+    lightness = max(1.0, STANDARD_GRAVITY / (float(np.linalg.norm(loads.gravity)) or STANDARD_GRAVITY))
+    scale = lightness * imbalance_scale(model, loads)
+    at = assemble_carried(model, config, loads)
     size = np.inf
     for _ in range(MAX_ITERATIONS):
-        rested = unbalanced(at, active) < enough
+        rested = imbalance(at, active, scale) < TOLERANCE
         q = _correction(at, mass, active)
         length = np.inf if q is None else float(np.abs(q).max())
         if q is None or (length > CONTRACTION * size and not rested):
             break
         moved = move_whole(model.tree, config, q, mass)
-        new = assemble(model, moved, loads)
+        new = assemble_carried(model, moved, loads)
         if rested:  # one more step, to rounding, if it does any good
-            return (moved, new) if unbalanced(new, active) < unbalanced(at, active) else (config, at)
+            return (
+                (moved, new) if imbalance(new, active, scale) < imbalance(at, active, scale) else (config, at)
+            )
         config, at, size = moved, new, length
-    return (config, at) if unbalanced(at, active) < enough else None
+    return (config, at) if imbalance(at, active, scale) < TOLERANCE else None
 
 
 def _correction(

@@ -18,7 +18,7 @@ from jaxtyping import Bool, Float
 
 from middeck.errors import ConfigError, EquilibriumError, UnstableEquilibriumError
 from middeck.structure.article import Structure
-from middeck.structure.assembly import Assembly, Loads, assemble, mass_matrix
+from middeck.structure.assembly import Assembly, Loads, assemble
 from middeck.structure.elements.frames import Configuration
 from middeck.structure.environment import Environment
 from middeck.structure.equilibrium import Equilibrium, solve_equilibrium
@@ -26,7 +26,7 @@ from middeck.structure.gravity.continuation import rest_near
 from middeck.structure.gravity.events import EventKind, GravityEvent, Station
 from middeck.structure.gravity.exchanges import Advance, Course, reorder, resolve_exchanges
 from middeck.structure.gravity.places import DeviceRule, Place, gravity_between, loads_in
-from middeck.structure.gravity.tracking import HALF_SHAPE, solve_spectrum, spectrum_of, track
+from middeck.structure.gravity.tracking import HALF_SHAPE, spectrum_at, spectrum_of, track
 from middeck.structure.modes import Modes, solve_modes
 from middeck.structure.statics import TOLERANCE, settle
 from middeck.values import record
@@ -286,8 +286,7 @@ def _station(
     leg: _Leg, before: Station, s: float, loads: Loads, config: Configuration, at: Assembly
 ) -> Station:
     model = leg.full.model
-    M = mass_matrix(model, config, loads)
-    spectrum = solve_spectrum(model, at.tangent, M, len(before.match), at.gradient)
+    spectrum = spectrum_at(model, config, loads, len(before.match))
     found = track(before.spectrum, spectrum)
     least = float(spectrum.lam.min(initial=0.0))
     return Station(s, loads.gravity, config, found.spectrum, found.match, at.tension, least)

@@ -10,13 +10,16 @@ from jaxtyping import Float, Int
 from scipy.optimize import linear_sum_assignment
 
 from middeck.errors import NumericalError
-from middeck.structure.eigen import solve_all, solve_lowest
+from middeck.structure.assembly import Loads, assemble_carried, carried_mass, mass_matrix, transport
+from middeck.structure.eigen import Eigenpairs, solve_all, solve_lowest
+from middeck.structure.elements.frames import Configuration
+from middeck.structure.elements.since_drawn import uncarried
 from middeck.structure.factorisation import order
 from middeck.structure.kinds import SMALL
 from middeck.structure.mesh import Model
 from middeck.structure.modes import Modes
 from middeck.structure.repeated import repeated
-from middeck.structure.rounding import rounding
+from middeck.structure.rounding import rounding, separate_rigid
 from middeck.structure.statics import dynamic_coordinates
 
 # A shape of which another holds more than half (this, squared) cannot be a second one's as well.
@@ -59,19 +62,43 @@ def solve_spectrum(
     ``gradient`` [N or N m] make, is exactly zero. Raises `NumericalError` where a massless motion
     is held by nothing.
     """
+    pairs = _pairs(model, K, M, count, None)
+    noise = pairs.noise if gradient is None else rounding(model, pairs, gradient)
+    return _spectrum(model, pairs, noise, M, None)
+
+
+def spectrum_at(model: Model, config: Configuration, loads: Loads, count: int) -> Spectrum:
+    """`solve_spectrum` at a rest state, where stiff parts leave the soft modes their digits."""
+    at, mass = assemble_carried(model, config, loads), carried_mass(model, config, loads)
+    soft = uncarried(config.since_drawn, model.tree.size)[dynamic_coordinates(model)]
+    pairs = separate_rigid(
+        model, config, loads, _pairs(model, at.tangent, mass, count, None if np.all(soft) else soft)
+    )
+    T = transport(config, model.tree)
+    M = mass if np.all(soft) else mass_matrix(model, config, loads)
+    return _spectrum(model, pairs, rounding(model, pairs, at.gradient, T), M, T)
+
+
+def _pairs(model: Model, K: sp.csr_array, M: sp.csr_array, count: int, soft: np.ndarray | None) -> Eigenpairs:
     active = dynamic_coordinates(model)
     stiffness, mass = K[active][:, active], M[active][:, active]
     small = order(stiffness) <= max(SMALL, 4 * (count + SPARE))
-    pairs = solve_all(stiffness, mass) if small else solve_lowest(stiffness, mass, count + SPARE)
+    pairs = solve_all(stiffness, mass, soft) if small else solve_lowest(stiffness, mass, count + SPARE, soft)
     if pairs is None:
         raise NumericalError(
             "a motion that has no mass is held by no stiffness",
             where=f"structure {model.structure.title!r}",
             hint="solve_modes of the same state names the frame; give it a mass and an inertia",
         )
-    noise = pairs.noise if gradient is None else rounding(model, pairs, gradient)
-    shapes = np.zeros((len(active), len(pairs.lam)))
-    shapes[active] = pairs.shapes
+    return pairs
+
+
+def _spectrum(
+    model: Model, pairs: Eigenpairs, noise: np.ndarray, M: sp.csr_array, T: sp.csr_array | None
+) -> Spectrum:
+    shapes = np.zeros((model.tree.size, len(pairs.lam)))
+    shapes[dynamic_coordinates(model)] = pairs.shapes
+    shapes = shapes if T is None else T @ shapes
     return Spectrum(np.where(np.abs(pairs.lam) < noise, 0.0, pairs.lam), shapes, M)
 
 

@@ -113,7 +113,7 @@ def base_ratios(
 def flexible_share(modes: Modes, damping: Damping) -> Float[np.ndarray, " mode"]:
     """Weight of the flexible ratio in the base of each mode; that of the suspension's is the rest."""
     if damping.by_rank:
-        kinds = kinds_by_rank(modes.equilibrium, modes.mass, modes.kind)
+        kinds = kinds_by_rank(modes.equilibrium, modes.kind)
         return np.array([float(kind == "flexible") for kind in kinds])
     return modes.strain_share if goes_by_energy(modes, damping) else np.ones(len(modes.omega))
 
@@ -126,7 +126,7 @@ def goes_by_energy(modes: Modes, damping: Damping) -> bool:
 def damped_kinds(modes: Modes) -> tuple[str, ...]:
     """Kinds by rank where the article's damping goes by rank, else those of ``modes``."""
     if modes.equilibrium.model.structure.damping.by_rank:
-        return kinds_by_rank(modes.equilibrium, modes.mass, modes.kind)
+        return kinds_by_rank(modes.equilibrium, modes.kind)
     return modes.kind
 
 

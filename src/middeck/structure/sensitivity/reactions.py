@@ -5,7 +5,7 @@ derivatives of q and f solve
 
     K dq - G'df = -dg,    G dq = -ds,
 
-with the same matrices, and the same give of the supports, as the last Newton step of `pinned`.
+with the same matrices as the last Newton step of `pinned`.
 """
 
 from __future__ import annotations
@@ -22,7 +22,6 @@ from middeck.structure.factorisation import factorise
 from middeck.structure.mesh import Model
 from middeck.structure.pinned import (
     HOLD_IN_G,
-    SUPPORT_GIVES,
     Supports,
     find_supports,
     support_coordinates,
@@ -40,6 +39,8 @@ from middeck.structure.sensitivity.patches import (
 from middeck.structure.statics import static_coordinates
 from middeck.structure.suspension.tuning import pinned_loads, pinned_points
 
+# Give of a support in one step, over that of the stiffest part; the next steps take it back.
+SUPPORT_GIVES = 1e-4
 # What the iteration may leave, over the terms that balance in it.
 SOLVED = 1e-11
 MAX_ITERATIONS = 30

@@ -1,0 +1,114 @@
+"""Which nodes are carried by a neighbour: those that stiff members join to one piece beside all around it.
+
+Members are joined in the order of their stiffness, the stiffest first. A piece whose softest joint is still
+`CONTRAST` times as stiff as whatever holds it next moves as one but for strains that coordinates in W could
+not hold: its nodes are carried by its first one, and that one stands for the piece from then on. Pieces within
+pieces are found on the way. Only digits hang on the choice, no result.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Float, Int
+from scipy.sparse.csgraph import minimum_spanning_tree
+
+from middeck.structure.elements.beam import BeamProperties
+
+# Of a pair; of n nodes n^2/4 times as much, for a long piece is softer than its members. Without a carrier
+# rounding of 1e-16 times this stays in what holds the piece.
+CONTRAST = 1e6
+# What holds a whole article is no part of it: a suspension of some tenths of a hertz, 1 rad^2/s^2 of its mass.
+HELD_AT = 1.0
+
+
+def choose_carriers(
+    roots: int,
+    beams: BeamProperties,
+    ends: Int[np.ndarray, "element 2"],
+    springs: Int[np.ndarray, "spring 2"],
+    spring_stiffness: Float[np.ndarray, " spring"],
+    mass: float,
+) -> Int[np.ndarray, " root"]:
+    """The root that carries each root, -1 where none does; ``ends`` and ``springs`` are roots."""
+    carrier = np.full(roots, -1)
+    stiffness = np.concatenate([_stiffness(beams), spring_stiffness])
+    pairs = np.concatenate([ends, springs])
+    least = max(HELD_AT * mass, float(np.finfo(float).tiny))
+    if not np.any(stiffness > CONTRAST * least):
+        return carrier
+    piece = _Pieces(roots, carrier)
+    for a, b, k in _spanning_tree(roots, pairs, stiffness):
+        piece.join(int(a), int(b), float(k))
+    piece.close(least)
+    return carrier
+
+
+def _stiffness(beams: BeamProperties) -> Float[np.ndarray, " element"]:
+    """Of one end across or along, the other one clamped [N/m]."""
+    L = np.real(beams.length)
+    bent = np.maximum(
+        np.real(beams.EI_y) / (1.0 + np.real(beams.shear_z)),
+        np.real(beams.EI_z) / (1.0 + np.real(beams.shear_y)),
+    )
+    return np.maximum(np.real(beams.EA) / L, 12.0 * bent / L**3)
+
+
+def _spanning_tree(roots: int, pairs: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
+    """Rows (root, root, stiffness) of the tree of the stiffest connections, the stiffest first."""
+    own = (pairs[:, 0] != pairs[:, 1]) & (stiffness > 0.0)
+    low, high, k = pairs[own].min(axis=1), pairs[own].max(axis=1), stiffness[own]
+    rank = np.lexsort((-k, high, low))
+    low, high, k = low[rank], high[rank], k[rank]
+    first = np.ones(len(k), dtype=bool)
+    first[1:] = (np.diff(low) != 0) | (np.diff(high) != 0)  # of parallel members the stiffest
+    low, high, k = low[first], high[first], k[first]
+    weight = np.empty(len(k))
+    weight[np.argsort(-k, kind="stable")] = np.arange(1.0, len(k) + 1.0)
+    tree = sp.coo_array(
+        minimum_spanning_tree(sp.coo_array((weight, (low, high)), shape=(roots, roots)).tocsr())
+    )
+    order = np.argsort(tree.data)
+    value = np.sort(k)[::-1][tree.data[order].astype(int) - 1]
+    return np.column_stack([tree.row[order], tree.col[order], value])
+
+
+class _Pieces:
+    """Nodes joined so far: of each piece its first node, its size, and its softest joint."""
+
+    def __init__(self, roots: int, carrier: np.ndarray) -> None:
+        self.carrier = carrier
+        self.part_of = list(range(roots))
+        self.nodes = [[i] for i in range(roots)]
+        self.softest = [np.inf] * roots
+
+    def join(self, a: int, b: int, stiffness: float) -> None:
+        """Two pieces become one, each of which is first closed if it is so much stiffer than what joins them."""
+        a, b = sorted(self._close(self._find(i), stiffness) for i in (a, b))
+        if len(self.nodes[a]) < len(self.nodes[b]):
+            a, b = b, a
+        self.part_of[b] = a
+        self.nodes[a] += self.nodes[b]
+        self.nodes[b] = []
+        self.softest[a] = stiffness
+
+    def close(self, stiffness: float) -> None:
+        """What is left is held by this alone."""
+        for i in range(len(self.part_of)):
+            if self.part_of[i] == i:
+                self._close(i, stiffness)
+
+    def _find(self, i: int) -> int:
+        while self.part_of[i] != i:
+            self.part_of[i] = self.part_of[self.part_of[i]]
+            i = self.part_of[i]
+        return i
+
+    def _close(self, piece: int, held_by: float) -> int:
+        nodes = self.nodes[piece]
+        if len(nodes) > 1 and self.softest[piece] >= 0.25 * CONTRAST * len(nodes) ** 2 * held_by:
+            first = min(nodes)
+            self.carrier[[i for i in nodes if i != first]] = first
+            self.nodes[piece] = [first]
+            self.softest[piece] = np.inf
+        return piece

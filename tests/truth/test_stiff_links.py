@@ -1,0 +1,182 @@
+"""Rest states and modes beside links of 1 to 1e22 N/m, against relative coordinates by hand (`stiff_links`)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from conftest import LONG
+from middeck.structure.article import AttachPoint, Section
+from middeck.structure.elements.rotations import rotation_exp
+from middeck.structure.environment import AnchoredSpring, Environment
+from middeck.structure.equilibrium import node_rotations, rest_imbalance, solve_equilibrium
+from middeck.structure.mesh import mesh_structure
+from middeck.structure.modes import solve_modes
+from stiff_links import article_of, draw, solve
+from structure_builders import GRAVITY, body, lab, member, node, structure
+
+CASES = 10_000 if LONG else 12
+G = 9.80665
+
+
+@pytest.mark.parametrize("share", range(10 if LONG else 1))
+def test_dumbbells_with_links_of_any_stiffness(share: int):
+    """Near the origin, up to 1 km away, and turned as well: to 1e-4, of which members' bending takes 1e-6."""
+    refused: list[int] = []
+    for seed in range(share * CASES // 10, (share + 1) * CASES // 10) if LONG else range(CASES):
+        rng = np.random.default_rng(seed)
+        case = draw(rng)
+        truth = solve(case)
+        assert truth is not None
+        place = int(rng.integers(3))
+        origin = np.zeros(3) if place == 0 else 10.0 ** rng.uniform(0, 3) * rng.uniform(-1, 1, 3)
+        R = rotation_exp(rng.standard_normal(3)) if place == 2 else np.eye(3)
+        rest = solve_equilibrium(*article_of(case, origin, R))
+        if not rest.converged:
+            refused.append(seed)
+            continue
+        shift = (rest.config.x - rest.model.rest.x)[:3] @ R
+        turn = np.array(list(node_rotations(rest).values())) @ R
+        assert np.abs(shift - truth.shift).max() < 1e-4 * np.abs(truth.shift).max()
+        assert np.abs(turn - truth.turn).max() < 1e-4 * max(np.abs(truth.turn).max(), 1e-3)
+        modes = solve_modes(rest)
+        assert modes.omega[:6] == pytest.approx(truth.omega[:6], rel=1e-4)
+        assert modes.kind[:6] == ("suspension",) * 6
+    assert len(refused) <= 0.01 * CASES
+
+
+def test_a_translation_of_everything_changes_nothing():
+    """Beyond the rounding of coordinates: 1e-13 m at 1 km, over a link of 1 mm and more."""
+    for seed in (3, 5, 8):
+        case = draw(np.random.default_rng(seed))
+        length = float(np.linalg.norm(case.at[2] - case.at[1]))
+        here = solve_equilibrium(*article_of(case))
+        far = solve_equilibrium(*article_of(case, np.array([1e3, -700.0, 500.0])))
+        allowed = max(1e-9, 4e-13 / length)
+        moved = [(r.config.x - r.model.rest.x) for r in (here, far)]
+        assert moved[1] == pytest.approx(moved[0], abs=allowed * np.abs(moved[0]).max())
+        omega = [solve_modes(r).omega[:8] for r in (here, far)]
+        assert omega[1][:6] == pytest.approx(omega[0][:6], rel=allowed)
+        assert omega[1] == pytest.approx(omega[0], rel=1e-6)  # kHz beside GHz: 3e-8 of rounding
+
+
+def test_a_weight_on_a_soft_spring_sinks_anywhere():
+    """20 g on 0.5 N/m: m g/k, as near as 1 km from the origin."""
+    for x in (0.0, 100.0, 1000.0):
+        parts = structure(
+            [node("n", (x, 0, 0), body(0.02, inertia=(1e-5,) * 3))], attach=[AttachPoint("p", "n", np.zeros(3))]
+        )
+        spring = AnchoredSpring("s", "p", np.array([x, 1.0, 0.0]), 0.5, 1.0)
+        rest = solve_equilibrium(parts, lab(spring))
+        assert rest.converged
+        assert (rest.config.x - rest.model.rest.x)[0] == pytest.approx([0.0, -0.02 * G / 0.5, 0.0], abs=1e-9)
+
+
+def test_what_a_thread_holds_is_not_rigid():
+    """Three zero-length springs on a steel link: omega^2 goes with their stiffness, to 1e-9 N/m and below."""
+    steel = Section(1e8, 8e3, 1e4, 1e4, 0.5, 0.0, 0.0)
+    nodes = [node(n, x, body(1.0, inertia=(1e-2,) * 3)) for n, x in (("a", (0, 0, 0)), ("b", (0.01, 0, 0)))]
+    offsets = ((0.3, 0.0, 0.0), (0.0, 0.4, 0.1), (-0.2, -0.1, 0.3))
+    attach = [AttachPoint(f"p{i}", "a", np.array(o)) for i, o in enumerate(offsets)]
+    parts = structure(nodes, [member("a", "b", steel, 1)], attach=attach)
+
+    def omega(k: float) -> np.ndarray:
+        ties = tuple(AnchoredSpring(p.name, p.name, p.offset, k, 0.0) for p in attach)
+        modes = solve_modes(solve_equilibrium(parts, Environment("threads", np.zeros(3), None, ties)))
+        assert modes.kind[:6] == ("suspension",) * 6
+        return modes.omega[:6] / np.sqrt(k)
+
+    for k in (1e-6, 1e-9, 1e-11):
+        assert omega(k) == pytest.approx(omega(1.0), rel=1e-4)
+    free = solve_modes(solve_equilibrium(parts, Environment.orbit()))
+    assert free.kind[:7] == ("rigid",) * 6 + ("flexible",)
+
+
+def test_a_ring_of_short_stiff_members_is_carried_as_one():
+    """Twelve members of 1e13 N/m in a closed loop beside a soft bus: the bus tilts as with one rigid hub."""
+    turns = 2.0 * np.pi * np.arange(12) / 12
+    ring = [
+        node(f"r{i}", (1.0 + 0.01 * np.cos(t), 0.01 * np.sin(t), 0.0), body(0.05, inertia=(1e-6,) * 3))
+        for i, t in enumerate(turns)
+    ]
+    steel, bus = Section(1e8, 8e4, 1e5, 1e5, 0.0, 0.0, 0.0), Section(1e7, 8e3, 1e4, 1e4, 0.0, 0.0, 0.0)
+    nodes = [node("a", (0, 0, 0), body(2.0, inertia=(0.02,) * 3)), *ring]
+    links = [member(f"r{i}", f"r{(i + 1) % 12}", steel, 1, up=(0, 0, 1)) for i in range(12)]
+    links.append(member("a", "r6", bus, 1, up=(0, 0, 1)))
+    points = {"p": ("a", (0, 0.1, 0.1)), "q": ("r6", (0.0, 0.1, 0)), "s": ("a", (0.1, 0.1, -0.1))}
+    places = {n.name: n.position for n in nodes}
+
+    def hung(nodes, links, shift):
+        attach = [AttachPoint(n, f, np.array(o)) for n, (f, o) in points.items()]
+        ties = tuple(
+            AnchoredSpring(n, n, places[f] + np.array(o) + [0, 3, 0] + shift, 10.0, 2.0)
+            for n, (f, o) in points.items()
+        )
+        return structure(nodes, links, attach=attach), lab(*ties)
+
+    rest = solve_equilibrium(*hung(nodes, links, np.zeros(3)))
+    since = mesh_structure(rest.model.structure).rest.since_drawn
+    assert since is not None
+    assert np.sum(since.carrier >= 0) == 11
+    whole = [n for n in nodes if n.name in ("a", "r6")]
+    centre = np.array([0.01, 0.0, 0.0])
+    about = [n.position - places["r6"] - centre for n in ring]
+    inertia = sum(0.05 * (r @ r * np.eye(3) - np.outer(r, r)) for r in about) + 12e-6 * np.eye(3)
+    whole[1] = node("r6", places["r6"], body(0.6, centre, np.diag(inertia)))
+    solid = solve_equilibrium(*hung(whole, links[-1:], np.zeros(3)))
+    ours, theirs = (node_rotations(r)["a"] for r in (rest, solid))
+    assert ours == pytest.approx(theirs, abs=1e-6 * np.linalg.norm(theirs))  # the ring gives by 1e-7
+    assert solve_modes(rest).omega[:7] == pytest.approx(solve_modes(solid).omega[:7], rel=1e-5)
+
+
+@pytest.mark.parametrize("k", [1e6, 1e9, 1e12])
+def test_supports_of_any_stiffness_settle(k: float):
+    """A double pendulum's body on two struts turns to where they pull in one plane with its weight."""
+    attach = [AttachPoint(n, "a", np.array(o)) for n, o in (("p", (0.03, 0.1, 0.02)), ("q", (-0.1, 0.1, 0.05)))]
+    parts = structure([node("a", (0, 0, 0), body(2.0, inertia=(0.1,) * 3))], attach=attach)
+    ties = (
+        AnchoredSpring("s", "p", np.array([0.03, 0.6, 0.02]), k, 0.5),
+        AnchoredSpring("t", "q", np.array([-0.1, 0.6, 0.05]), k, 0.45),
+    )
+    rest = solve_equilibrium(parts, lab(*ties))
+    assert rest.converged
+    assert len(rest.history) < 60
+    # Two inextensible strings of 0.5 and 0.45 m; they give by m g/2k.
+    assert rest.config.x[0] == pytest.approx([-0.0350876, 0.0134454, 0.0350202], abs=2e-7 + 40.0 / k)
+    left = rest_imbalance(rest)
+    assert max(left.force, left.moment) == pytest.approx(rest.residual, rel=1e-12)
+    assert left.weight == pytest.approx(2.0 * G)
+
+
+@pytest.mark.parametrize("load", [1.0, 3.0, 10.0])
+def test_a_cantilever_bends_like_the_elastica(load: float):
+    """P L^2/EI of 1 to 10 on a support of 1e9 N/m: 30 to 81 % deflection (Mattiasson 1981), in tens of steps."""
+    deflection = {1.0: (0.05643324, 0.30172077), 3.0: (0.25442, 0.60325), 10.0: (0.55500, 0.81061)}
+    EI = 10.0
+    section = Section(1e6, 8.0, EI, EI, 1e-6, 0.0, 0.0)
+    arms = ((0, 0, 0), (0.1, 0, 0), (0, 0.1, 0), (0, 0, 0.1))
+    attach = [AttachPoint(f"p{i}", "a", np.array(o, dtype=float)) for i, o in enumerate(arms)]
+    nodes = [node("a", (0, 0, 0)), node("b", (1, 0, 0), body(load * EI / G))]
+    parts = structure(nodes, [member("a", "b", section, 10, up=(0, 0, 1))], attach=attach)
+    rest = solve_equilibrium(parts, lab(*(AnchoredSpring(p.name, p.name, p.offset, 1e9, 0.0) for p in attach)))
+    assert rest.converged
+    assert len(rest.history) <= 60
+    along, down = -(rest.config.x - rest.model.rest.x)[1, :2]
+    # Ten cubic elements on chords, and the stretch P/EA.
+    assert (along, down) == pytest.approx(deflection[load], rel=2e-3)
+
+
+@pytest.mark.parametrize("depth", [0.5, 0.1])
+def test_a_cable_drawn_as_a_v_settles(depth: float):
+    """In tens of steps, and symmetric; the lowest point rises above the V's."""
+    cable = Section(1e5, 1e-3, 1e-3, 1e-3, 0.05, 0.0, 0.0)
+    nodes = [node(n, x) for n, x in (("a", (0, 0, 0)), ("c", (1, -depth, 0)), ("b", (2, 0, 0)))]
+    attach = [AttachPoint(n, n, np.zeros(3)) for n in "ab"]
+    links = [member("a", "c", cable, 8, up=(0, 0, 1)), member("c", "b", cable, 8, up=(0, 0, 1))]
+    ties = [AnchoredSpring(n, n, np.array(x, dtype=float), 1e9, 0.0) for n, x in (("a", (0, 0, 0)), ("b", (2, 0, 0)))]
+    rest = solve_equilibrium(structure(nodes, links, attach=attach), lab(*ties, gravity=GRAVITY))
+    assert rest.converged
+    assert len(rest.history) <= 60
+    shift = (rest.config.x - rest.model.rest.x)[1]
+    assert abs(shift[0]) < 1e-8
+    assert 0.0 < shift[1] < 0.12 * depth / 0.5 + 0.02
