@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from middeck.errors import ConfigError
-from middeck.systems.delay import pade
+from middeck.systems.delay import evaluate_pade, pade
+from middeck.systems.resolvent import by_solving
 from middeck.systems.response import statespace_response
 
 
@@ -82,3 +83,14 @@ def test_no_delay_has_no_states():
 def test_refuses_what_is_no_delay(delay_s, order):
     with pytest.raises(ConfigError):
         pade(delay_s, order)
+
+
+@pytest.mark.parametrize("order", [1, 2, 7, 33, 128])
+def test_the_continued_fraction_is_the_state_space(order):
+    rng = np.random.default_rng(order)
+    tau = 0.03
+    s = (rng.uniform(-0.2, 0.1, 40) + 1j * 10.0 ** rng.uniform(-2.0, 2.5, 40)) / tau
+    # The state space is solved for: a condition of the order squared.
+    solved = by_solving(pade(tau, order))(s)[:, 0, 0]
+    np.testing.assert_allclose(evaluate_pade(tau, order, s), solved, atol=1e-11)
+    np.testing.assert_array_equal(evaluate_pade(0.0, order, s), np.ones(40))

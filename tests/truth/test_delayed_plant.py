@@ -6,11 +6,19 @@ import numpy as np
 import pytest
 
 from middeck.errors import ConfigError
-from middeck.systems.delayed_plant import DelayedPlant, approximate_delays, delay_inputs, evaluate_delayed
+from middeck.systems.delayed_plant import (
+    DelayedPlant,
+    approximate_delays,
+    delay_inputs,
+    evaluate_approximation,
+    evaluate_delayed,
+)
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant, name_states
 from middeck.systems.ports import Port
+from middeck.systems.resolvent import by_solving
 from middeck.systems.response import evaluate_plant
+from middeck.systems.statespace import gain_system
 
 HZ = np.array([0.3, 1.0, 3.0, 9.0])
 MODES = ModalSystem(
@@ -65,3 +73,19 @@ def test_one_delay_for_all_goes_to_the_smaller_side() -> None:
 def test_impossible_delays_are_refused(delay_s: float) -> None:
     with pytest.raises(ConfigError, match="one is negative"):
         delay_inputs(PLANT, delay_s)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (3, 2), (2, 3), (3, 3)])
+@pytest.mark.parametrize("sums", [True, False])
+def test_what_stands_for_a_delay_is_evaluated_as_it_is_built(shape: tuple[int, int], sums: bool) -> None:
+    """Of a plant of ones the approximation is nothing but its delays; one of them is on time."""
+    rng = np.random.default_rng(5)
+    rows, columns = shape
+    late = rng.uniform(0.0, 0.1, (rows, 1)) + rng.uniform(0.0, 0.1, (1, columns))
+    late = late if sums else rng.uniform(0.0, 0.1, shape)
+    late[0, 0] = 0.0 if not sums else late[0, 0]
+    inputs = tuple(Port(f"u{i}", "N") for i in range(columns))
+    ones = Plant(gain_system(np.ones(shape)), inputs, tuple(Port(f"y{i}", "m") for i in range(rows)))
+    s = rng.uniform(-1.0, 1.0, 12) + 1j * rng.uniform(0.1, 200.0, 12)
+    built = by_solving(approximate_delays(DelayedPlant(ones, late), 9).system)(s)
+    np.testing.assert_allclose(evaluate_approximation(late, 9, s), built, atol=1e-11)

@@ -359,3 +359,17 @@ def test_two_loops_whose_direct_terms_turn_against_each_other() -> None:
     late = delay_inputs(Plant(gain_system(through), *ports), 0.1)
     assert decide_stability(late, law).stable
     assert [one.delay_limit_s for one in measure_margins(late, law).loops] == [0.0, 0.0]
+
+
+def test_lines_that_cannot_hold_the_largest_value_are_bounded_and_no_more() -> None:
+    """Of many lines at once the largest is that of each alone, and no bound is below what it bounds."""
+    rng = np.random.default_rng(12)
+    unit = 10.0 ** rng.uniform(-4.0, 4.0, 4)
+    size = 10.0 ** rng.uniform(-1.0, 1.0, (8, 1, 1))
+    M = size * (rng.standard_normal((8, 4, 4)) + 1j * rng.standard_normal((8, 4, 4)))
+    M = unit[:, None] * M / unit
+    together, alone = scaled_norms(M), np.array([scaled_norms(one[None])[0] for one in M])
+    assert together.max() == pytest.approx(alone.max(), rel=1e-8)
+    assert np.argmax(together) == np.argmax(alone)
+    assert np.all(together >= alone * (1.0 - 1e-6))
+    assert np.all(together[together > 0.9 * together.max()] <= 1.3 * alone[together > 0.9 * together.max()])

@@ -1,21 +1,25 @@
 """The least further delay that loses a sampled loop, modes beyond half the rate included."""
 
+import os
+
 import numpy as np
 import pytest
 import sampled_cases as cases
 import scipy.linalg
+from scipy.optimize import brentq
 
-from middeck.control.analysis import measure_margins
+from middeck.control.analysis import decide_stability, measure_margins
 from middeck.control.analysis.margins_table import margins_table
 from middeck.control.sampled import design_sampled_lqg, measure_sampled_margins, sample_controlled
 from middeck.control.sampled_compensator import SampledCompensator
 from middeck.errors import ConfigError
-from middeck.systems.delayed_plant import delay_inputs
+from middeck.systems.delayed_plant import DelayedPlant, delay_inputs
 from middeck.systems.modal import ModalSystem, modal_to_statespace
 from middeck.systems.plant import Plant
 from middeck.systems.ports import Port
 from middeck.systems.statespace import SampledStateSpace, StateSpace
 
+LONG = os.environ.get("MIDDECK_LONG") == "1"
 U, Y = (Port("u", "N"),), (Port("y", "m"),)
 PERIOD = 0.01
 
@@ -119,3 +123,54 @@ def test_a_loop_whose_plant_is_not_known_has_no_delay_margin():
 
 def test_without_gain_there_is_no_limit():
     assert limit_of(plant_of(mode(71.2, 2.0)), law(0.1, waits=True)) == np.inf
+
+
+@pytest.mark.parametrize("crossover", [1.0, 0.02, 1e-4])
+def test_a_slow_loop_late_by_thousands_of_periods_has_a_closed_form(crossover):
+    """Of u[k] = -c y[k], y' = u late by n + theta periods: z - 1 = -c T ((1 - theta) + theta / z) z^-n."""
+    period = 0.02
+    integrator = plant_of(StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]))
+    found = limit_of(integrator, law(-crossover, waits=False, period=period)) / period
+    whole, theta = divmod(found, 1.0)
+    hold = lambda a: abs((1.0 - theta) + theta * np.exp(-1j * a)) * crossover * period  # noqa: E731
+    angle = brentq(lambda a: 2.0 * np.sin(a / 2.0) - hold(a), 1e-9, 1.0, xtol=1e-18, rtol=1e-14)
+    lag = np.angle(np.exp(1j * angle) - 1.0) - np.angle(-((1.0 - theta) + theta * np.exp(-1j * angle)))
+    assert np.mod(lag + whole * angle + 1e-6, 2.0 * np.pi) - 1e-6 == pytest.approx(0.0, abs=1e-8)
+
+
+def drawn(seed):
+    """One or two channels, modes up to twice half the rate, paths late by up to two periods."""
+    rng = np.random.default_rng([31, seed])
+    n, modes = int(rng.integers(1, 3)), int(rng.integers(1, 4))
+    omega = np.pi / PERIOD * 10.0 ** rng.uniform(-1.5, 0.3, modes)
+    zeta = 10.0 ** rng.uniform(-2.0, -0.3, modes)
+    shape = rng.standard_normal((2, n, modes))
+    names = tuple(f"mode {k}" for k in range(modes))
+    modal = ModalSystem(omega, zeta, omega[:, None] * shape[0].T, shape[1], 0.0 * shape[1], names)
+    u, y = (tuple(Port(f"{side}{i}", "") for i in range(n)) for side in "uy")
+    gain = 10.0 ** rng.uniform(-1.0, 0.7) * zeta.mean() * omega.mean() * rng.standard_normal((n, n))
+    now = SampledStateSpace(np.zeros((0, 0)), np.zeros((0, n)), np.zeros((n, 0)), gain, PERIOD)
+    plant = Plant(modal, u, y, u=tuple(p.name for p in u), y=tuple(p.name for p in y))
+    return DelayedPlant(plant, rng.uniform(0.0, 2.0 * PERIOD, (n, n))), SampledCompensator(now, y, u, "gain")
+
+
+@pytest.mark.parametrize("seed", range(400 if LONG else 8))
+def test_roots_counted_by_unit_gain_are_the_eigenvalues(seed):
+    """Up to the limit no delay is unstable, beyond it one is; past inputs are states."""
+    plant, one = drawn(seed)
+
+    def margin(port, more_s):
+        return decide_stability(sample_controlled(later(plant, port, more_s), one), one.system).margin
+
+    for loop in measure_sampled_margins(plant, one, at="both").loops:
+        limit = loop.delay_limit_s
+        if limit == 0.0:
+            assert margin(loop.channel, 0.0) < 0.0
+            continue
+        end = min(limit, 20.0 * PERIOD)
+        assert all(margin(loop.channel, t) > 0.0 for t in np.linspace(0.0, end, 20)[:-1])
+        if limit < 40.0 * PERIOD:
+            assert margin(loop.channel, limit) == pytest.approx(0.0, abs=1e-6 / PERIOD)
+            assert (
+                margin(loop.channel, limit * (1.0 - 1e-4)) > 0.0 > margin(loop.channel, limit * (1.0 + 1e-4))
+            )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from jaxtyping import Complex
 
 from middeck.errors import ConfigError
 from middeck.systems.statespace import StateSpace, gain_system
@@ -51,3 +52,26 @@ def pade(delay_s: float, order: int) -> StateSpace:
     scale = 2.0 / delay_s
     share = np.sqrt(2.0 * scale)
     return StateSpace(scale * M, share * M[:, :1], share * M[:1], np.array([[1.0 + 2.0 * M[0, 0]]]))
+
+
+def evaluate_pade(
+    delay_s: float, order: int, s: Complex[np.ndarray, " point"]
+) -> Complex[np.ndarray, " point"]:
+    """The response of `pade` at complex frequencies ``s`` [rad/s], by its continued fraction.
+
+    Of ``order`` divisions a point, where the state space asks for a Schur form first.
+
+    >>> lag = evaluate_pade(0.01, 3, np.array([100.0j]))[0]
+    >>> bool(abs(lag - np.exp(-1j)) < 1e-5)
+    True
+    """
+    if delay_s == 0.0:
+        return np.ones(len(s), dtype=complex)
+    x = 0.5 * delay_s * s
+    square = x**2
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # tanh x = x / (1 + x^2 / (3 + x^2 / (5 + ...))), from the last term forwards.
+        below = np.full(len(s), 2.0 * order - 1.0, dtype=complex)
+        for odd in range(2 * order - 3, 0, -2):
+            below = odd + square / below
+        return (below - x) / (below + x)

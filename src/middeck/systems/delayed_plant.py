@@ -7,10 +7,10 @@ from collections.abc import Sequence
 
 import numpy as np
 import scipy.linalg
-from jaxtyping import Float
+from jaxtyping import Complex, Float
 
 from middeck.errors import ConfigError
-from middeck.systems.delay import pade
+from middeck.systems.delay import evaluate_pade, pade
 from middeck.systems.delayed_sampling import is_sum, split_delays
 from middeck.systems.inert_modes import inert_modes, silence_inert
 from middeck.systems.integrators import part_integrators
@@ -99,6 +99,30 @@ def approximate_delays(delayed: DelayedPlant, order: int) -> Plant:
     whole = plant.system if modal is None else modal_to_statespace(modal)
     system, names = _approximated(whole, name_states(plant), delayed.delay_s, order)
     return dataclasses.replace(plant, dynamics=system, state_names=names)
+
+
+def evaluate_approximation(
+    delay_s: Float[np.ndarray, "output input"], order: int, s: Complex[np.ndarray, " point"]
+) -> Complex[np.ndarray, "point output input"]:
+    """What stands for exp(-s tau) of each path in `approximate_delays`, at complex frequencies ``s`` [rad/s].
+
+    >>> turn = evaluate_approximation(np.array([[0.0, 0.1], [0.2, 0.1]]), 8, np.array([1.0j]))[0]
+    >>> bool(np.allclose(turn, np.exp(-1.0j * np.array([[0.0, 0.1], [0.2, 0.1]])), atol=1e-12))
+    True
+    """
+    if is_sum(delay_s, SAME_DELAY_S):
+        return _evaluate_sum(delay_s, order, s)
+    by_input = delay_s.shape[1] <= delay_s.shape[0]
+    alone = [delay_s[:, [k]] if by_input else delay_s[[k]] for k in range(min(delay_s.shape))]
+    return np.concatenate([_evaluate_sum(each, order, s) for each in alone], axis=2 if by_input else 1)
+
+
+def _evaluate_sum(delay_s: np.ndarray, order: int, s: np.ndarray) -> np.ndarray:
+    before, after = (
+        np.stack([evaluate_pade(_if_late(tau), order, s) for tau in side], axis=-1)
+        for side in _put_delays(delay_s)
+    )
+    return after[:, :, None] * before[:, None, :]
 
 
 Named = tuple[StateSpace, tuple[str, ...]]
@@ -193,20 +217,29 @@ def join_channels(parts: Sequence[Named], *, by_input: bool) -> Named:
 
 def _late_channels(system: StateSpace, names: tuple[str, ...], delay_s: np.ndarray, order: int) -> Named:
     """Delays that are sums: inputs' delays in front, outputs' delays behind, the common one on one side."""
+    before, after = (_late(side, order) for side in _put_delays(delay_s))
+    late = series(series(before, system), after)
+    return late, (*("delay",) * len(before.A), *names, *("delay",) * len(after.A))
+
+
+def _put_delays(delay_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Delays of inputs and of outputs, of which those of the paths are the sums."""
     split = split_delays(delay_s)
     of_input, of_output = split.input_s, split.output_s
     if len(of_input) < len(of_output):
         common = of_output.min()
         of_input, of_output = of_input + common, of_output - common
-    before, after = (_late(side, order) for side in (of_input, of_output))
-    late = series(series(before, system), after)
-    return late, (*("delay",) * len(before.A), *names, *("delay",) * len(after.A))
+    return of_input, of_output
 
 
 def _late(delay_s: Float[np.ndarray, " channel"], order: int) -> StateSpace:
     """A Pade approximation for each channel, none for those that are on time."""
-    each = [pade(tau if tau > SAME_DELAY_S else 0.0, order) for tau in delay_s]
+    each = [pade(_if_late(tau), order) for tau in delay_s]
     return StateSpace(*(_block([getattr(s, name) for s in each]) for name in "ABCD"))
+
+
+def _if_late(tau: float) -> float:
+    return tau if tau > SAME_DELAY_S else 0.0
 
 
 def _block(blocks: Sequence[np.ndarray]) -> np.ndarray:

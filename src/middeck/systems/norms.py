@@ -28,6 +28,7 @@ AGREEMENT = 1e-11
 REMAINS = 1e-3
 """Relative size of what a pole sum leaves of its equation, up to which sending it through once more says how
 wrong it was: the next order is a thousandth of that."""
+GAUSS = np.polynomial.legendre.leggauss(16)
 PANELS_AT_ONCE = 64
 """Panels evaluated together: a thousand lines, some megabytes for a hundred states."""
 
@@ -160,7 +161,7 @@ def _panel_integrals(
     high: Float[np.ndarray, " panel"],
 ) -> Float[np.ndarray, "panel output"]:
     """The integral of |G|^2 over each panel by a Gauss rule of 16 points."""
-    nodes, weights = np.polynomial.legendre.leggauss(16)
+    nodes, weights = GAUSS
     omega = low[:, None] + 0.5 * (nodes + 1.0) * (high - low)[:, None]
     parts: list[np.ndarray] = []
     for some in np.array_split(omega, -(-len(omega) // PANELS_AT_ONCE)):

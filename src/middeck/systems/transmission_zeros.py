@@ -8,6 +8,8 @@ invertible D, hence finite zeros only.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import scipy.linalg
 from jaxtyping import Complex
@@ -54,21 +56,27 @@ def balance(system: StateSpace) -> StateSpace:
 
     After Osborne (1960), with the inputs and outputs free to be scaled on their own: the zeros stay.
     """
-    a, b, c, d = (np.array(getattr(system, name)) for name in "ABCD")
+    n = len(system.A)
+    pencil = np.block([[system.A, system.B], [system.C, system.D]])
+    own = np.diag(system.A).copy()
+    np.fill_diagonal(pencil[:n, :n], 0.0)
     for _ in range(BALANCING_SWEEPS):
-        for k in range(len(a)):
-            others = np.arange(len(a)) != k
-            into = np.hypot(np.linalg.norm(a[k, others]), np.linalg.norm(b[k]))
-            out = np.hypot(np.linalg.norm(a[others, k]), np.linalg.norm(c[:, k]))
-            if into and out:
-                f = _power_of_two(np.sqrt(out / into))
-                a[k], b[k] = a[k] * f, b[k] * f
-                a[:, k], c[:, k] = a[:, k] / f, c[:, k] / f
-        column = _sizes(np.vstack([b, d]), axis=0)
-        b, d = b / column, d / column
-        row = _sizes(np.hstack([c, d]), axis=1)[:, None]
-        c, d = c / row, d / row
-    return StateSpace(a, b, c, d)
+        moved = False
+        for k in range(n):
+            into, out = float(pencil[k] @ pencil[k]), float(pencil[:, k] @ pencil[:, k])
+            f = 2.0 ** round(0.25 * (math.log2(out) - math.log2(into))) if into and out else 1.0
+            if f != 1.0:
+                pencil[k] *= f
+                pencil[:, k] /= f
+                moved = True
+        column = _sizes(pencil[:, n:], axis=0)
+        pencil[:, n:] /= column
+        row = _sizes(pencil[n:], axis=1)[:, None]
+        pencil[n:] /= row
+        if not moved and np.all(column == 1.0) and np.all(row == 1.0):
+            break
+    np.fill_diagonal(pencil[:n, :n], own)
+    return StateSpace(pencil[:n, :n], pencil[:n, n:], pencil[n:, :n], pencil[n:, n:])
 
 
 def _sizes(matrix: np.ndarray, axis: int) -> np.ndarray:

@@ -39,6 +39,7 @@ UNDAMPED = 1e-8
 BESIDE, OFF_MIDDLE = 1e-4, 0.47
 """Lines keep off a pole on the axis: two loops that cancel there leave rounding only. So they are never put
 half-way between others."""
+SAME = 0.05
 MOST_DELAY_LINES = 20_000
 SHORT_OF_NYQUIST = 1e-9
 """At half the sampling rate itself everything is real: an end of the curve, not a line of it."""
@@ -107,12 +108,20 @@ def _on_pole(features: np.ndarray, omega: np.ndarray) -> np.ndarray:
 
 def _clusters(features: np.ndarray) -> np.ndarray:
     """Lines around each resonance and antiresonance; never on one that is not damped at all."""
-    centre, width = np.abs(np.imag(features)), np.abs(np.real(features))
+    centre, width = _apart(np.abs(np.imag(features)), np.abs(np.real(features)))
     undamped = width < UNDAMPED * centre
     width = np.where(undamped, BESIDE * centre, width)
     offset = width[:, None] * HALF_WIDTHS
     offset[undamped, 0] = width[undamped]
     return np.concatenate([(centre[:, None] + offset).ravel(), (centre[:, None] - offset).ravel()])
+
+
+def _apart(centre: np.ndarray, width: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """One of those that differ by a twentieth of their width or less: of many channels most coincide."""
+    size = np.maximum(width, UNDAMPED * centre) + np.finfo(float).tiny
+    grain = np.exp(SAME * np.round(np.log(size) / SAME))
+    _, first = np.unique(np.stack([np.round(centre / (SAME * grain)), grain]), axis=1, return_index=True)
+    return centre[first], width[first]
 
 
 def add_ends(loop: FeedbackLoop, ratio: Response, curve: Curve) -> Curve:

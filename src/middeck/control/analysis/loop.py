@@ -227,14 +227,20 @@ def _sum_poles(system: StateSpace, values: np.ndarray, vectors: np.ndarray) -> R
 
 
 def _sum_modes(modal: ModalSystem) -> Resolvent:
+    shapes = [modal.phi, modal.phi_rate, modal.phi_acceleration]
+    read = [(power, shape) for power, shape in enumerate(shapes) if shape is not None and shape.any()]
+    residues = [
+        (shape.T[:, :, None] * modal.psi[:, None, :]).reshape(len(modal.omega), -1) for _, shape in read
+    ]
+    direct = np.zeros((len(modal.phi), modal.psi.shape[1])) if modal.direct is None else modal.direct
+
     def evaluate(points: np.ndarray) -> np.ndarray:
         s = points[:, None]
         q = 1.0 / (s**2 + 2.0 * modal.zeta * modal.omega * s + modal.omega**2)
-        c = modal.phi[None] + s[:, :, None] * modal.phi_rate[None]
-        if modal.phi_acceleration is not None:
-            c = c + s[:, :, None] ** 2 * modal.phi_acceleration[None]
-        through = np.asarray((c * q[:, None, :]) @ modal.psi)
-        return through if modal.direct is None else through + modal.direct
+        through = np.zeros((len(points), direct.size), dtype=complex)
+        for (power, _), residue in zip(read, residues, strict=True):
+            through += (s**power * q) @ residue
+        return through.reshape(len(points), *direct.shape) + direct
 
     return evaluate
 

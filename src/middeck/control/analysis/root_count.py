@@ -8,7 +8,6 @@ integrators and rigid modes the plant has.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable
 
 import numpy as np
@@ -16,11 +15,9 @@ from jaxtyping import Float
 
 from middeck.control.analysis.delayed_roots import find_open_poles
 from middeck.control.analysis.lines import HALF_WIDTHS, MOST_DELAY_LINES, PER_DECADE
-from middeck.control.analysis.loop import FeedbackLoop, Halves, resolve
+from middeck.control.analysis.loop import FeedbackLoop, Halves
 from middeck.errors import NumericalError
-from middeck.systems.delayed_plant import DelayedPlant, approximate_delays
-from middeck.systems.resolvent import Resolvent
-from middeck.systems.statespace import gain_system
+from middeck.systems.delayed_plant import DelayedPlant, evaluate_approximation
 
 STEP = 0.7
 """Largest change of phase [rad] that is believed from line to line."""
@@ -70,26 +67,19 @@ def _phase(
 ) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]:
     """f / f_n of size one, and its phase where both loops are small."""
     assert isinstance(loop.plant, DelayedPlant)
-    late, smoothed = loop.plant.delay_s, _smoothed_delays(loop.plant, order)
+    late = loop.plant.delay_s
 
     def evaluate(s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         G, K = halves(s)
         identity = np.eye(K.shape[1])
         exact = identity - K @ G
-        near = identity - K @ (G * np.exp(s[:, None, None] * late) * smoothed(s))
+        smoothed = evaluate_approximation(late, order, s)
+        near = identity - K @ (G * np.exp(s[:, None, None] * late) * smoothed)
         ratio = np.linalg.slogdet(exact)[0] * np.conj(np.linalg.slogdet(near)[0])
         away = [np.angle(np.linalg.eigvals(M[-1])).sum() for M in (exact, near)]
         return ratio, np.full(len(s), away[0] - away[1])
 
     return evaluate
-
-
-def _smoothed_delays(plant: DelayedPlant, order: int) -> Resolvent:
-    """What stands for exp(-s tau) of each path in `approximate_delays`: that of a plant of ones."""
-    ones = dataclasses.replace(
-        plant.plant, dynamics=gain_system(np.ones(plant.delay_s.shape)), state_names=()
-    )
-    return resolve(approximate_delays(DelayedPlant(ones, plant.delay_s), order).system)
 
 
 def _wall_lines(

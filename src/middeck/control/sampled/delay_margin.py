@@ -1,58 +1,120 @@
 """How much later a path may be before a sampled loop is lost.
 
-A further delay of n whole periods multiplies L(exp(j w T)) by exp(-j w n T). One of a part of a period does
-not: each mode turns at its own frequency, also beyond half the rate, where its image may turn the other way.
-So the plant is sampled anew at every delay.
+A further delay of n whole periods multiplies L(exp(j w T)) by exp(-j w n T): only frequencies of unit gain
+can become roots on the circle, and each does whenever its phase has been turned to the critical point. So the
+roots that grow are known for all n at once from those at n = 0 and from the frequencies of unit gain (Walton
+and Marshall 1987, IEE Proceedings D 134, "Direct method for TDS stability analysis", for sampled loops).
+
+A delay of a part of a period does not turn L: each mode turns at its own frequency, also beyond half the
+rate, where its image may turn the other way. So the plant is sampled anew at every part.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import pairwise
+from typing import Any
 
 import numpy as np
+import scipy.optimize as opt
+from jaxtyping import Bool, Float
 
 from middeck.systems.statespace import StateSpace, poles
+from middeck.values import record
 
 TURN = 0.5
 """Of the fastest light mode from one delay tried to the next [rad]: a loop of the mode alone that is unstable
 over less of its turn, 2 arccos(1/L), lacks 3 % of gain."""
 LOOKED = 20
-"""Periods that are looked through where no frequency of unit gain says how far to look."""
+"""Periods that are looked through beyond the first turn of the slowest frequency of falling unit gain."""
+AT_ONCE = 2**16
+PRECISION = 1e-10
 
 
-def find_delay_limit(
-    stable_at: Callable[[float], bool], system: StateSpace, period_s: float, guess_s: float
-) -> float:
-    """The least further delay [s] at which ``stable_at`` says no; ``inf`` where none is found.
+@record
+class UnitGain:
+    """A loop late by a part of a period, as whole periods of further delay will find it.
 
-    Looked for up to the first whole number of periods after ``guess_s`` that is unstable.
+    Parameters
+    ----------
+    growing:
+        How many of its roots grow as it is.
+    angle:
+        w T of each frequency of unit gain, ascending.
+    lag:
+        What turns L to the critical point there, from 0 to 2 pi.
+    falling:
+        Whether the gain falls through one there; else it rises.
+    open_end:
+        Whether the gain is above one at half the rate: a real or complex root then grows with each period.
     """
-    end = _far_enough(stable_at, period_s, guess_s)
-    tried = np.linspace(0.0, end, int(np.ceil(end / _step(system, period_s))) + 1)
-    for low, high in pairwise(float(t) for t in tried):
-        if not stable_at(high):
-            return _narrow(stable_at, low, high)
-    return np.inf
+
+    growing: int
+    angle: Float[np.ndarray, " crossing"]
+    lag: Float[np.ndarray, " crossing"]
+    falling: Bool[np.ndarray, " crossing"]
+    open_end: bool
 
 
-def _far_enough(stable_at: Callable[[float], bool], period_s: float, guess_s: float) -> float:
-    """By Nyquist's criterion the loop is unstable at some whole number of periods if unit gain is passed."""
-    first = int(np.ceil(guess_s / period_s)) if np.isfinite(guess_s) else 0
-    late = (n for n in range(first, first + LOOKED) if not stable_at(n * period_s))
-    return period_s * next(late, first + LOOKED)
+def find_delay_limit(gain_at: Callable[[float], UnitGain], system: StateSpace, period_s: float) -> float:
+    """The least further delay [s] at which the loop is unstable; ``inf`` where none is found.
+
+    ``gain_at`` is asked for parts of a period from 0 to 1.
+    """
+    parts = np.arange(count := _steps(system, period_s)) / count
+    first = [_first_unstable(gain_at(float(part))) for part in parts]
+    k = int(np.argmin(first + parts))
+    if not np.isfinite(first[k]):
+        return np.inf
+    whole, high = int(first[k]), float(parts[k])
+    if k == 0:  # on this side of a whole number of periods the state of the one before is what is known
+        if whole == 0:
+            return 0.0
+        whole, high = whole - 1, 1.0
+    low = high - 1.0 / count
+    tolerance = max(PRECISION * (whole + high), 1e-14)
+
+    def clearance(part: float) -> float:
+        return _clearance(gain_at(part), whole)
+
+    # On the very edge the two ends may be told apart by rounding alone: then the unstable one is the answer.
+    if clearance(low) <= 0.0 or clearance(high) >= 0.0:
+        return period_s * (whole + high)
+    solve: Any = opt.brentq
+    return period_s * (whole + float(solve(clearance, low, high, xtol=tolerance)))
 
 
-def _step(system: StateSpace, period_s: float) -> float:
+def _steps(system: StateSpace, period_s: float) -> int:
+    """Parts of a period that are tried."""
     rates = np.asarray(poles(system))
     turning = np.abs(np.imag(rates))
     light = turning[turning > np.abs(np.real(rates))]
-    return min(period_s, TURN / float(light.max(initial=TURN / period_s)))
+    return max(1, int(np.ceil(float(light.max(initial=0.0)) * period_s / TURN)))
 
 
-def _narrow(stable_at: Callable[[float], bool], low: float, high: float) -> float:
-    """The upper end, halved to a part in 1e9."""
-    while high - low > 1e-9 * high:
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if stable_at(middle) else (low, middle)
-    return high
+def _first_unstable(gain: UnitGain) -> float:
+    """The least whole number of periods at which roots grow."""
+    falling = gain.angle[gain.falling]
+    turn = 2.0 * np.pi / float(falling.min()) if len(falling) else 0.0
+    end = int(turn) + LOOKED
+    for start in range(0, end, AT_ONCE):
+        whole = np.arange(start, min(start + AT_ONCE, end))
+        unstable = np.flatnonzero(_growing(gain, whole) > 0)
+        if len(unstable):
+            return float(whole[unstable[0]])
+    return np.inf
+
+
+def _growing(gain: UnitGain, whole: np.ndarray) -> np.ndarray:
+    """Roots that grow: a pair more each time that L is turned through the critical point where its gain
+    falls through one, a pair less where it rises."""
+    passed = np.ceil((whole[:, None] * gain.angle - gain.lag) / (2.0 * np.pi))
+    pairs = passed @ np.where(gain.falling, 1.0, -1.0)
+    return gain.growing + 2.0 * pairs + whole * float(gain.open_end)
+
+
+def _clearance(gain: UnitGain, whole: int) -> float:
+    """Periods to the nearest root on the circle; negative where roots grow."""
+    turned = (whole * gain.angle - gain.lag) / (2.0 * np.pi)
+    away = np.abs(turned - np.round(turned)) * 2.0 * np.pi / gain.angle
+    sign = -1.0 if _growing(gain, np.array([whole]))[0] > 0 else 1.0
+    return sign * float(away.min(initial=1.0))

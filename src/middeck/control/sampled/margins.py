@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Sequence
 from typing import TypeVar
 
@@ -12,17 +13,19 @@ from jaxtyping import Float
 from middeck.control.analysis import (
     AllowedShift,
     DiskMargin,
-    LoopMargins,
     Margins,
-    decide_stability,
     find_allowed_shifts,
     measure_disk_margin,
     measure_margins,
 )
-from middeck.control.analysis.loop import At
+from middeck.control.analysis.crossings import circle_crossings
+from middeck.control.analysis.lines import place_lines, refine_lines
+from middeck.control.analysis.loop import At, form_loop
+from middeck.control.analysis.return_ratio import broken_ratio
+from middeck.control.analysis.stability import decide_loop
 from middeck.control.kinds import require_sampled
 from middeck.control.partition import partition_modes
-from middeck.control.sampled.delay_margin import find_delay_limit
+from middeck.control.sampled.delay_margin import UnitGain, find_delay_limit
 from middeck.control.sampled_compensator import SampledCompensator
 from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.delayed_sampling import sample_delayed
@@ -75,10 +78,10 @@ def measure_sampled_margins(
         for loop, name in zip(found.loops, _by_channel(u, y, at), strict=True)
     ]
     if delays:
-        masks = _by_channel(list(np.eye(len(u))[:, None, :]), list(np.eye(len(y))[:, :, None]), at)
+        limits = _delay_limits(plant, compensator, at) if found.stable else [0.0] * len(loops)
         loops = [
-            dataclasses.replace(loop, delay_s=_delay_limits(plant, compensator, loop, mask))
-            for loop, mask in zip(loops, masks, strict=True)
+            dataclasses.replace(loop, delay_s=np.array([limit] if 0.0 < limit < np.inf else []))
+            for loop, limit in zip(loops, limits, strict=True)
         ]
     return dataclasses.replace(found, loops=tuple(loops))
 
@@ -87,25 +90,50 @@ def _by_channel(inputs: Sequence[T], outputs: Sequence[T], at: At) -> list[T]:
     return [*(inputs if at != "outputs" else ()), *(outputs if at != "inputs" else ())]
 
 
-def _delay_limits(
-    plant: Plant | DelayedPlant,
+def _delay_limits(plant: Plant | DelayedPlant, compensator: SampledCompensator, at: At) -> list[float]:
+    """Of each channel alone; ``inf`` where there is none."""
+    system, late = _controlled_path(plant, compensator)
+    columns, rows = np.eye(late.shape[1])[:, None, :], np.eye(late.shape[0])[:, :, None]
+    limits: list[float] = []
+    ends: tuple[At, ...] = ("inputs", "outputs") if at == "both" else (at,)
+    for end in ends:
+        loop = form_loop(sample_delayed(system, compensator.period_s, late), compensator.system)
+        lines = place_lines(loop, end, broken_ratio(loop, end))
+        for i, later in enumerate(columns if end == "inputs" else rows):
+            gain_at = functools.partial(_unit_gain, system, late, later, compensator, (end, i), lines)
+            limits.append(find_delay_limit(gain_at, system, compensator.period_s))
+    return limits
+
+
+def _unit_gain(
+    system: StateSpace,
+    late: np.ndarray,
+    later: np.ndarray,
     compensator: SampledCompensator,
-    loop: LoopMargins,
-    later: Float[np.ndarray, "y u"],
-) -> Float[np.ndarray, " delay"]:
-    """The first alone, if there is one; ``later`` is one where the channel is."""
-    if loop.broken:
-        return np.zeros(0)
-    (system, late), period = _controlled_path(plant, compensator), compensator.period_s
+    where: tuple[At, int],
+    lines: np.ndarray,
+    part: float,
+) -> UnitGain:
+    """The loop with one channel ``part`` of a period later; ``later`` is one where the channel is."""
+    period = compensator.period_s
+    loop = form_loop(sample_delayed(system, period, late + part * period * later), compensator.system)
+    end, i = where
+    ratio = broken_ratio(loop, end)
 
-    def stable_at(more_s: float) -> bool:
-        return decide_stability(
-            sample_delayed(system, period, late + more_s * later), compensator.system
-        ).stable
+    def alone(s: np.ndarray) -> np.ndarray:
+        return ratio(s)[:, [i]]
 
-    lag = np.mod(loop.phase_rad, 2.0 * np.pi) / (2.0 * np.pi * loop.phase_hz)
-    first = find_delay_limit(stable_at, system, period, float(lag.min(initial=np.inf)))
-    return np.array([first]) if np.isfinite(first) else np.zeros(0)
+    omega, L = refine_lines(alone, lines)
+    found = circle_crossings(alone, omega, L)
+    order = np.argsort(found.omega, kind="stable")
+    above = np.abs(L[:, 0]) > 1.0
+    return UnitGain(
+        decide_loop(loop).growing,
+        found.omega[order] * period,
+        np.mod(np.angle(found.L[order]) + np.pi, 2.0 * np.pi),
+        (np.arange(len(order)) % 2 == 0) == bool(above[0]),
+        bool(above[-1]),
+    )
 
 
 def measure_sampled_disk(
