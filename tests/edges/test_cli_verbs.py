@@ -100,7 +100,8 @@ def test_modes_as_text_begins_with_the_mass(capfd: Capture, lab: Any) -> None:
     lines = text(capfd, "modes", SIMPLE).splitlines()
     mass = lab.equilibrium.model.structure.mass
     assert lines[0] == f"mass         {mass:.3f} kg"
-    assert any(re.fullmatch(r" *3 +0\.2496\d +suspension +bounce +0\.0%", line) for line in lines)
+    bounce = r" *3 +0\.2496\d +3\.000 +suspension +bounce +100\.0% +0\.0%"
+    assert any(re.fullmatch(bounce, line) for line in lines)
     x, y, z = np.degrees(node_rotations(lab.equilibrium)["n1"])
     assert f"n1 {x:.5f} {y:.5f} {z:.5f}" in [" ".join(line.split()) for line in lines]
     article = next(i for i, line in enumerate(lines) if line.startswith("article "))  # as long as its title
@@ -255,3 +256,17 @@ def test_design_for_an_article(capfd: Capture) -> None:
     rms = high["rms_closed"]["pri_in_z"] / high["rms_open"]["pri_in_z"]
     assert high["db"]["pri_in_z"] == pytest.approx(20.0 * np.log10(rms), rel=1e-12)  # rounding
     assert "loop         stable" in text(capfd, *ask)
+
+
+@pytest.mark.parametrize("verb", ["modes", "compare", "budget", "path"])
+def test_units_are_doubted_by_every_verb_on_modes(capfd: Capture, verb: str) -> None:
+    found = document(capfd, verb, DM, "--count", 10, "--set", "material.lexan.rho=1.6")
+    assert sum("1.6 kg/m^3" in text for text in found["warnings"]) == 1
+
+
+def test_damping_and_shares_are_in_the_document(capfd: Capture) -> None:
+    found = document(capfd, "modes", DM, "--count", 10, "--set", "damping.rule=shares")
+    mean = [0.01 * s + 0.03 * (1.0 - s) for s in found["strain_share"]]
+    assert found["damping"] == pytest.approx(mean)
+    assert found["rigid_share"][0] == pytest.approx(1.0, abs=1e-3)
+    assert max(found["mesh_error"]) < 1e-4

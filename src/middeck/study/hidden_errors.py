@@ -108,14 +108,21 @@ def _member(member: Member, hidden: HiddenErrors) -> Member:
 
 def _node(node: Node, hidden: HiddenErrors) -> Node:
     mass = dict(hidden.mass).get(node.name, 1.0) * node.body.mass
-    inertia = _scaled(node.body.inertia, dict(hidden.inertia).get(node.name, (1.0, 1.0, 1.0)))
-    return dataclasses.replace(node, body=Body(mass, node.body.cg, inertia, rotors_excluded=True))
+    body = _scaled_body(node.body, dict(hidden.inertia).get(node.name))
+    return dataclasses.replace(node, body=dataclasses.replace(body, mass=mass))
 
 
 def _joint(joint: Joint, hidden: HiddenErrors) -> Joint:
     cg = dict(hidden.payload_cg).get(joint.name, 1.0) * joint.body.cg
-    inertia = _scaled(joint.body.inertia, dict(hidden.payload_inertia).get(joint.name, (1.0, 1.0, 1.0)))
-    return dataclasses.replace(joint, body=Body(joint.body.mass, cg, inertia, rotors_excluded=True))
+    body = _scaled_body(joint.body, dict(hidden.payload_inertia).get(joint.name))
+    return dataclasses.replace(joint, body=dataclasses.replace(body, cg=cg))
+
+
+def _scaled_body(body: Body, factors: tuple[float, float, float] | None) -> Body:
+    """Errors of a model's inertias are each their own: what they make of them need be no body's."""
+    if factors is None:
+        return body
+    return dataclasses.replace(body, inertia=_scaled(body.inertia, factors), rotors_excluded=True)
 
 
 def _scaled(inertia: np.ndarray, factors: tuple[float, float, float]) -> np.ndarray:

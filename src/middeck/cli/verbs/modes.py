@@ -113,7 +113,8 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         f"environment  {document['environment']}",
         f"residual     {_imbalance(document)}",
         Table("modes", ["", "frequency Hz", "damping %", "kind", "name", "rigid", "strain"], rows),
-        "\nrigid: part of the motion that the free article makes without strain; strain: part of the energy",
+        "\nrigid: part of the motion that strains nothing when the article is free;"
+        "\nstrain: part of the energy",
     ]
     if document["reactions_n"]:
         keys = ("reactions_n", "tension_n", "stiffness_n_per_m")
