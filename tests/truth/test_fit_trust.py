@@ -10,8 +10,10 @@ from struck_plant import FORCE, TIP, response, shaken, struck
 from middeck.errors import FitError
 from middeck.identification.fit.fit_response import fit_response
 from middeck.identification.fit.significance import mode_significance, with_split, without_modes
+from middeck.identification.fit.standing import checked_covariance
 from middeck.identification.fit.steady_line import name_line
 from middeck.identification.measurement_model import damping_ratio, natural_hz
+from middeck.identification.samples import continuous
 from middeck.identification.samples.fit_record import fit_record
 from middeck.systems.record import Record
 from middeck.systems.response import FrequencyResponse
@@ -153,3 +155,20 @@ def _layout_of_two():
     w = 2.0 * np.pi * HZ
     poles = -ZETA * w + 1j * w
     return layout, pack(layout, Point(poles, np.ones((2, 1)), np.full((1, 1), DELAY)))
+
+
+def test_no_deviation_is_less_than_rounding_and_none_is_not_a_number():
+    f = np.linspace(1.0, 40.0, 200)
+    H = response(*PLANT, 2j * np.pi * f)[:, None, None]
+    fit = fit_response(FrequencyResponse(f, H, (FORCE,), (TIP,), np.zeros(H.shape)), states=4)
+    assert np.all(fit.uncertainty.natural_hz >= 0.9e-12 * natural_hz(fit.model))
+    broken = dataclasses.replace(fit.covariance, matrix=np.full(fit.covariance.matrix.shape, np.nan))
+    with pytest.raises(FitError, match="not finite"):
+        checked_covariance(broken)
+
+
+def test_a_model_without_value_on_other_free_samples_stays_on_its_own(monkeypatch):
+    # A pole that decays within the samples freed for the delay stands for the same as they do.
+    monkeypatch.setattr(continuous, "refine_record", lambda *_, **__: None)
+    fit = fit_record(shaken(PLANT, 512, RATE, (1.0, 40.0), noise=1e-3), states=4)
+    assert is_right(fit)

@@ -25,7 +25,12 @@ from middeck.identification.fit.lacking_delay import name_lacking_delay
 from middeck.identification.fit.likelihood import likelihood_polish
 from middeck.identification.fit.polish import Polished, logarithmic_polish, settle
 from middeck.identification.fit.race import count_unknowns, model_error, race, spread_to_follow
-from middeck.identification.fit.standing import Standing, doubts_of_standing, standing_of
+from middeck.identification.fit.standing import (
+    Standing,
+    checked_covariance,
+    doubts_of_standing,
+    standing_of,
+)
 from middeck.identification.fit.steady_line import SteadyLine
 from middeck.identification.fit.tidy import tidied
 from middeck.identification.fit.weights import Spread, excess_share, spread_of
@@ -219,6 +224,7 @@ def _result(
         assumed=followed.at(best.share),
         noise=spread.variance,
     )
+    covariance = checked_covariance(covariance)
     uncertainty = uncertainty_of(covariance)
     delay_s, warnings = causal_delay(measured, found.delay_s, uncertainty)
     model = dataclasses.replace(found, delay_s=delay_s)

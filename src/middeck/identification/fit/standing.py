@@ -2,27 +2,51 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
 
+from middeck.errors import FitError
 from middeck.identification.fit.significance import DOUBTFUL, mode_significance
 from middeck.identification.fit.steady_line import SteadyLine
 from middeck.identification.measurement_model import natural_hz
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.parameters import distinct_poles, uncertainty_of
+from middeck.identification.uncertainty.unknowns import places_of
 from middeck.systems.response import FrequencyResponse
 
 # "sound": its deviations hold. "doubtful": it may be noise, or what the fit leaves is no noise. "unresolved":
 # one of two modes too close for their deviations to hold. "outside": not in the band, so that it stands for
 # whatever is there.
 Standing = Literal["sound", "doubtful", "unresolved", "outside"]
+# No decay rate or frequency is known better than to this share of it.
+ROUNDING = 1e-12
 # Two poles closer than so many deviations of their distance: the response is no linear function of either
 # within its deviation.
 APART = 6.0
 # Deviations of its residue above which a mode is known whatever is beside it.
 ALONE = 30.0
+
+
+def checked_covariance(covariance: ModelCovariance) -> ModelCovariance:
+    """``covariance`` with what rounding leaves open of decay rates, frequencies and delays.
+
+    Raises `FitError` where it is not finite: then no number of the fit has a deviation.
+    """
+    model, at = covariance.model, places_of(covariance.model, covariance.structure)
+    if not np.isfinite(covariance.matrix).all():
+        raise FitError(
+            "the deviations are not finite: the data do not determine the model",
+            hint="fewer states, a longer record, or a record that neither clips nor grows",
+        )
+    least = np.zeros(at.size)
+    own = np.concatenate([at.sigma, at.omega[at.omega >= 0]])
+    least[own] = ROUNDING
+    delays = np.concatenate([at.delay, at.path.ravel()])
+    least[delays[delays >= 0]] = ROUNDING / float(np.max(np.abs(model.poles), initial=1.0))
+    return dataclasses.replace(covariance, matrix=covariance.matrix + np.diag(least**2))
 
 
 def standing_of(

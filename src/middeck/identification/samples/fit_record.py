@@ -20,7 +20,12 @@ from middeck.identification.fit.data import Data
 from middeck.identification.fit.design import residual_of
 from middeck.identification.fit.doubts import causal_delay, doubts_of_deviations
 from middeck.identification.fit.fit_response import FitResult, fit_chosen
-from middeck.identification.fit.standing import doubts_of_lines, doubts_of_standing, standing_of
+from middeck.identification.fit.standing import (
+    checked_covariance,
+    doubts_of_lines,
+    doubts_of_standing,
+    standing_of,
+)
 from middeck.identification.measurement_model import MeasurementModel, model_response, natural_hz
 from middeck.identification.samples.aliasing import FOLDED, folded_share
 from middeck.identification.samples.continuous import fit_continuous
@@ -190,7 +195,7 @@ def _result(record: Record, fit: Tidied, reason: str, score: np.ndarray) -> FitR
     r = residual_of(run.layout, data, found.theta, found.step.linear)
     _refuse_noise(data, run)
     fitted = record_model(run.layout, found, record)
-    covariance = record_covariance(run, data, fitted)
+    covariance = checked_covariance(record_covariance(run, data, fitted))
     uncertainty = uncertainty_of(covariance)
     lines = _lines(record, data, model_response(fitted, np.imag(data.s) / (2.0 * np.pi)))
     if not np.isfinite(lines.H).all():
