@@ -1,11 +1,11 @@
 """Dumbbells with a link of any stiffness, and their rest state and modes from relative coordinates by hand.
 
-The truth is its own formulation, in which nothing cancels: the position and rotation of the first body, and for
-each further one what its member does to it as the body before sees it, a cantilever of linear flexibility. The
-potential of weight and springs is formed of rigid motions, its gradient by complex step and its Hessian by
-central differences of that (good to 1e-8); the strain energy is exact. Members bend by less than a milliradian,
-so that linear flexibility is right to 1e-6. The pencil is solved by Cholesky factors, which leave a graded
-matrix its small eigenvalues (Demmel and Veselic 1992).
+The truth is its own formulation, in which nothing cancels: position and rotation of the first body, and for
+each further one what its member does to it as the body before sees it, a cantilever of linear flexibility.
+The potential of weight and springs is formed of rigid motions, its gradient by complex step and its Hessian
+by central differences of that (good to 1e-8); the strain energy is exact. Members bend by less than a
+milliradian, so that linear flexibility is right to 1e-6. The pencil is solved by Cholesky factors, which
+leave a graded matrix its small eigenvalues (Demmel and Veselic 1992).
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def draw(rng: np.random.Generator) -> Case:
     mass[2] = min(mass[2], BEND * 2.0 * EI / (G * length**2))
     inertia = mass[:, None] * rng.uniform(0.002, 0.004, (3, 3))
     tied = np.array([0, 0, 1, 1])
-    offset = rng.uniform(-0.2, 0.2, (4, 3)) + [0, 0.2, 0]
+    offset = rng.uniform(-0.2, 0.2, (4, 3)) + np.array([0, 0.2, 0])
     stiffness = mass.sum() / 4.0 * (2.0 * np.pi * rng.uniform(0.4, 0.8)) ** 2 * rng.uniform(0.7, 1.4, 4)
     anchor = at[tied] + offset + [0, 3.0, 0] + rng.uniform(-0.1, 0.1, (4, 3))
     free = 3.0 - mass.sum() * G / 4.0 / stiffness * rng.uniform(0.9, 1.1, 4)
@@ -75,10 +75,11 @@ def article_of(
         Member(f"{s}-{e}", s, e, section, 1, R @ up)
         for s, e, section, up in zip("ab", "bc", case.section, _ups(case), strict=True)
     ]
-    points = [AttachPoint(f"p{i}", "abc"[b], R @ o) for i, (b, o) in enumerate(zip(case.tied, case.offset))]
+    feet = enumerate(zip(case.tied, case.offset, strict=True))
+    points = [AttachPoint(f"p{i}", "abc"[b], R @ o) for i, (b, o) in feet]
     springs = [
         AnchoredSpring(f"s{i}", f"p{i}", R @ x + origin, k, free)
-        for i, (x, k, free) in enumerate(zip(case.anchor, case.stiffness, case.free))
+        for i, (x, k, free) in enumerate(zip(case.anchor, case.stiffness, case.free, strict=True))
     ]
     return structure(nodes, members, attach=points), lab(*springs, gravity=R @ GRAVITY)
 

@@ -201,7 +201,7 @@ def strain_energies(
 def predict_forces(
     model: Model, config: Configuration, loads: Loads, q: Inexact[np.ndarray, " coordinate"]
 ) -> Inner:
-    """Forces after a step ``q`` in carried coordinates as the tangent has them: strains to first order in it."""
+    """Forces after a step ``q`` in carried coordinates as the tangent has them, by its first order."""
     at = _poses_at(model, config)
     motion, ends = (m[..., 0] for m in _motions(model, config, at, q[:, None]))
     forces = [np.zeros((0, 6))]
@@ -220,7 +220,7 @@ def predict_forces(
 def _motions(
     model: Model, config: Configuration, at: _At, shapes: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Motions (pose, 6, mode), and (element, 12, mode) of the ends of elements as common carriers see them."""
+    """Motions (pose, 6, mode), and (element, 12, mode) of ends of elements as common carriers see them."""
     count = shapes.shape[1]
     J = pose_jacobian(model.tree, model.points, at.poses)
     motion = (J @ (transport(config, model.tree) @ shapes)).reshape(len(at.world), 6, count)
@@ -258,7 +258,7 @@ def _inside_state(model: Model, at: _At, inside: _Inside, force: np.ndarray | No
 def _inside_motion(
     model: Model, at: _At, inside: _Inside, state: BeamState
 ) -> tuple[sp.csr_array, sp.csr_array]:
-    """How their ends move as their common carrier sees them, and what their forces make of its second order."""
+    """How ends move as their common carrier sees them, and what forces make of its second order."""
     world, size = at.world[model.element_ends[inside.rows].ravel()], model.tree.size
     return (
         chain_jacobian(inside.chain, at.poses.p, world, size),
@@ -536,7 +536,7 @@ def _device_span(model: Model, at: _At, loads: Loads) -> tuple[np.ndarray, np.nd
 
 
 def _drawn(model: Model, at: _At, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where poses were drawn, and how far they have moved since; of a joint's frame, where it is, and not at all."""
+    """Where poses were drawn, and their shift since; on a joint's frame, where they are, and none."""
     frame, offset = model.points.frame[pose], model.points.offset[pose]
     if at.since is None:
         return at.world[pose], np.zeros_like(at.world[pose])

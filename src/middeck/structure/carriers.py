@@ -2,8 +2,8 @@
 
 Members are joined in the order of their stiffness, the stiffest first. A piece whose softest joint is still
 `CONTRAST` times as stiff as whatever holds it next moves as one but for strains that coordinates in W could
-not hold: its nodes are carried by its first one, and that one stands for the piece from then on. Pieces within
-pieces are found on the way. Only digits hang on the choice, no result.
+not hold: its nodes are carried by its first one, and that one stands for the piece from then on. Pieces
+within pieces are found on the way. Only digits hang on the choice, no result.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from middeck.structure.elements.beam import BeamProperties
 # Of a pair; of n nodes n^2/4 times as much, for a long piece is softer than its members. Without a carrier
 # rounding of 1e-16 times this stays in what holds the piece.
 CONTRAST = 1e6
-# What holds a whole article is no part of it: a suspension of some tenths of a hertz, 1 rad^2/s^2 of its mass.
+# What holds a whole article is no part of it: a suspension of tenths of a hertz, 1 rad^2/s^2 of its mass.
 HELD_AT = 1.0
 
 
@@ -83,7 +83,7 @@ class _Pieces:
         self.softest = [np.inf] * roots
 
     def join(self, a: int, b: int, stiffness: float) -> None:
-        """Two pieces become one, each of which is first closed if it is so much stiffer than what joins them."""
+        """Two pieces become one, each closed first if it is so much stiffer than what joins them."""
         a, b = sorted(self._close(self._find(i), stiffness) for i in (a, b))
         if len(self.nodes[a]) < len(self.nodes[b]):
             a, b = b, a

@@ -48,8 +48,8 @@ class Eigenpairs(NamedTuple):
 def solve_all(K: sp.csr_array, M: sp.csr_array, soft: Soft = None) -> Eigenpairs | None:
     """Every mode of finite frequency; None where a massless motion has no stiffness either.
 
-    ``soft`` marks the coordinates in which the low modes move, all of them by default: in carried ones, strains
-    of stiff parts are many powers of ten above. One shift is then good for the low modes, others for the higher.
+    ``soft`` marks the coordinates in which the low modes move, all of them by default: in carried ones,
+    strains of stiff parts are many powers of ten above, and a ladder of shifts serves all.
     """
     sigma, last = _least_shift(K, M, 1e-9, soft), _least_shift(K, M, 1e-9, None)
     found = _solve_shifted(K, M, sigma)

@@ -26,8 +26,8 @@ from middeck.structure.mesh import Model
 
 # Largest imbalance that counts as rest, over `imbalance_scale`.
 TOLERANCE = 1e-9
-# And where Newton's undamped step moves nothing by more than `UNMOVED` of the article's size, or radians, and no
-# part of it makes the imbalance less: rounding is what is left, in a support of 1e12 N/m 1e-7 of a weight.
+# And where Newton's undamped step moves nothing by more than `UNMOVED` of the article's size, or radians:
+# rounding is what is left, in a support of 1e12 N/m 1e-7 of a weight.
 ROUNDED = 1e-6
 UNMOVED = 1e-12
 # Enough on the way to full load.

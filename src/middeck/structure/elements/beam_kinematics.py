@@ -68,7 +68,7 @@ def end_strain(
 ) -> EndStrain:
     """From undeformed triads, and the ends' shift and turn since then, seen from anywhere.
 
-    With T1 = (1 + E1) T and the chord L e + d the first is T'(E1' L e + (1 + E1)'d), the second T1'(E2 - E1) T.
+    With T1 = (1 + E1) T and the chord L e + d they are T'(E1' L e + (1 + E1)'d) and T1'(E2 - E1) T.
     """
     E, d = turn[:, 0], shift[:, 1] - shift[:, 0]
     drawn = length[:, None] * triad[:, :, 0]

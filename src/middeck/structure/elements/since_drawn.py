@@ -58,7 +58,7 @@ def whole_motion(at: SinceDrawn) -> tuple[np.ndarray, np.ndarray]:
 def seen_from(
     at: SinceDrawn, root: np.ndarray, offset: np.ndarray, outer: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Shift and turn of points ``offset`` on roots, each as seen from ``outer``: the root, a carrier, or -1."""
+    """Shift and turn of points ``offset`` on roots, each as seen from ``outer``: itself, a carrier, or -1."""
     shift = np.zeros_like(offset)
     turn = np.zeros((len(root), 3, 3))
     root, offset = root.copy(), offset.copy()
@@ -202,7 +202,7 @@ def chain_stiffness(
 
 
 def uncarried(at: SinceDrawn | None, size: int) -> Bool[np.ndarray, " coordinate"]:
-    """The coordinates in which nothing rounds at the stiffness of a carried part: all but those of its roots."""
+    """The coordinates of roots that nothing carries, and of joints."""
     out = np.ones(size, dtype=bool)
     if at is not None:
         out[: 6 * len(at.carrier)] = np.repeat(at.carrier < 0, 6)
