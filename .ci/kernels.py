@@ -4,7 +4,7 @@
     python .ci/kernels.py -o out/kernels
 
 OpenBLAS picks its kernels by processor, and their last digits differ; ``OPENBLAS_CORETYPE`` picks another
-on the same machine. NumPy and SciPy carry a copy each, which name the kernel that they run (``OPENBLAS_VERBOSE=2``).
+on the same machine. NumPy and SciPy carry a copy each, which name their kernel (``OPENBLAS_VERBOSE=2``).
 """
 
 from __future__ import annotations
