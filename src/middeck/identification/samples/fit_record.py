@@ -50,8 +50,9 @@ LEFT = 0.1
 HELD_ABOVE = 1.0 / 8.0
 # Inputs driven to this share of half the rate are driven all the way.
 NYQUIST = 0.95
-# Score of a residual that grows with the response above which it is no noise: noise passes it once in 700.
-GROWS = 3.0
+# Score of a residual that grows with the response above which it is no noise: noise passes it once in 4000,
+# if its power were normal over blocks.
+GROWS = 3.5
 # A decay rate times the record's length that is no more than the search allows at least, and lines between a
 # mode and a sine that may be its own motion.
 HARDLY, BESIDE = 0.15, 2.0
