@@ -74,7 +74,7 @@ def whitened(x: Signal) -> Signal:
     past = np.fft.irfft(np.abs(np.fft.rfft(x, 2 * len(x))) ** 2)[: PAST + 1]
     column = past[:-1] + np.eye(1, PAST)[0] * FLOOR * past[0]
     weights = scipy.linalg.solve_toeplitz(column, past[1:])
-    left = scipy.signal.lfilter(np.concatenate([[1.0], -weights]), [1.0], x)
+    left = np.asarray(scipy.signal.lfilter(np.concatenate([[1.0], -weights]), [1.0], x))
     left[:PAST] = 0.0
     size = float(left.std())
     return left / size if size > FORETOLD * float(x.std()) else np.zeros_like(x)
@@ -99,7 +99,8 @@ def _shifts(record: Record, U: np.ndarray, Y: np.ndarray) -> list[Place]:
         # All inputs together tell most; where one alone lost samples, only it shows that.
         tried = (_shift(u, y) for u in ([U] if len(U) == 1 else [U, *(one[None] for one in U)]))
         step = next((s for s in tried if s is not None), None)
-        found += [] if step is None else [(_lost(record, *step), "output", record.outputs[o])]
+        if step is not None:
+            found.append((_lost(record, *step), "output", record.outputs[o]))
     return found
 
 
@@ -177,8 +178,8 @@ def _residuals(record: Record, u: np.ndarray, y: np.ndarray) -> list[Place]:
     direct term as well, and cannot be told. And noise has no sample that stands alone, unless others were
     lost before it.
     """
-    U, Y = (x - x.mean(axis=1, keepdims=True) for x in (u, y))
-    U, Y = (x / np.maximum(x.std(axis=1, keepdims=True), 1e-300) for x in (U, Y))
+    u, y = (x - x.mean(axis=1, keepdims=True) for x in (u, y))
+    U, Y = (x / np.maximum(x.std(axis=1, keepdims=True), 1e-300) for x in (u, y))
     lags = max(4, PAST // len(U))
     later = max(2, lags // 2) + LEADS
     span = lags, U.shape[1] - lags - later
@@ -192,7 +193,8 @@ def _residuals(record: Record, u: np.ndarray, y: np.ndarray) -> list[Place]:
         at = _alone(left)
         if at is None and not repeated and float(left.std()) > FORETOLD:
             share = _told_later(x, own, after)
-            found += [] if share is None else [(_fed_back(share), "output", port)]
+            if share is not None:
+                found.append((_fed_back(share), "output", port))
         elif at is not None:
             found.append((_joined(record, at + lags), "output", port))
     return found

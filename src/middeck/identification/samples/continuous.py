@@ -152,7 +152,7 @@ def _settled(data: Data, best: RecordRun, weighting: Weighting | None) -> Record
 def _held_out(record: Record, data: Data, best: RecordRun) -> RecordRun:
     """The model, or one of all lines weighed alike if that simulates samples held out clearly better.
 
-    Only where much is left: it is more than noise then, and weights that follow it may pass over strong lines.
+    Only where much is left: that is more than noise, and weights that follow it may pass over strong lines.
     """
     left = residual_of(best.layout, data, best.refined.theta, best.refined.step.linear)
     share = np.sum(np.abs(left) ** 2, axis=(1, 2)) / np.sum(np.abs(data.H) ** 2, axis=(1, 2))
