@@ -141,6 +141,6 @@ def _imbalance(document: dict[str, Any]) -> str:
     left = document["imbalance"]
     weight = "weight at rest" if document["gravity_m_s2"] else "weight on the ground (there is none here)"
     return (
-        f"forces {left['force']:.1e} of the {weight}, moments {left['moment']:.1e} of it times "
-        f"{left['length']:.3g} m"
+        f"forces {left['force']:.1e} of the {weight},\n"
+        f"{'':13}moments {left['moment']:.1e} of it times {left['length']:.3g} m"
     )
