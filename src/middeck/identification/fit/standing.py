@@ -13,6 +13,7 @@ from middeck.identification.fit.significance import DOUBTFUL, mode_significance
 from middeck.identification.fit.steady_line import SteadyLine
 from middeck.identification.measurement_model import natural_hz
 from middeck.identification.uncertainty.covariance import ModelCovariance
+from middeck.identification.uncertainty.orthogonal import canonical_root
 from middeck.identification.uncertainty.parameters import distinct_poles, uncertainty_of
 from middeck.identification.uncertainty.unknowns import places_of
 from middeck.systems.response import FrequencyResponse
@@ -36,7 +37,7 @@ def checked_covariance(covariance: ModelCovariance) -> ModelCovariance:
     Raises `FitError` where it is not finite: then no number of the fit has a deviation.
     """
     model, at = covariance.model, places_of(covariance.model, covariance.structure)
-    if not np.isfinite(covariance.matrix).all():
+    if not np.isfinite(covariance.root).all():
         raise FitError(
             "the deviations are not finite: the data do not determine the model",
             hint="fewer states, a longer record, or a record that neither clips nor grows",
@@ -46,7 +47,10 @@ def checked_covariance(covariance: ModelCovariance) -> ModelCovariance:
     least[own] = ROUNDING
     delays = np.concatenate([at.delay, at.path.ravel()])
     least[delays[delays >= 0]] = ROUNDING / float(np.max(np.abs(model.poles), initial=1.0))
-    return dataclasses.replace(covariance, matrix=covariance.matrix + np.diag(least**2))
+    fixed, loose = np.split(covariance.root, [covariance.fixed.shape[1]], axis=1)
+    return dataclasses.replace(
+        covariance, root=np.hstack([canonical_root(np.hstack([fixed, np.diag(least)])), loose])
+    )
 
 
 def standing_of(
