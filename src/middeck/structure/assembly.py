@@ -477,7 +477,7 @@ def _chunks(count: int) -> Iterable[slice]:
     return (slice(start, start + CHUNK) for start in range(0, count, CHUNK))
 
 
-def _element_poses(model: Model, at: _At, rows: slice) -> tuple[np.ndarray, np.ndarray]:
+def _element_poses(model: Model, at: _At, rows: slice | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     ends = model.element_ends[rows]
     R = at.poses.R[model.points.frame[ends]]
     return at.world[ends], R @ model.element_triad[rows, None]

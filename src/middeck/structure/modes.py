@@ -130,9 +130,9 @@ def _solve(
     """Tangent, mass, omega^2, shapes, and how many of them, which come first, are rigid."""
     model, active = equilibrium.model, dynamic_coordinates(equilibrium.model)
     config, loads = equilibrium.config, equilibrium.loads
-    at, M = assemble_carried(model, config, loads), carried_mass(model, config, loads)
+    at, mass = assemble_carried(model, config, loads), carried_mass(model, config, loads)
     soft = uncarried(config.since_drawn, len(active))[active]
-    pairs = _eigenpairs(model, restrict(at.tangent, active), restrict(M, active), count, soft)
+    pairs = _eigenpairs(model, restrict(at.tangent, active), restrict(mass, active), count, soft)
     pairs, T = separate_rigid(model, config, loads, pairs), transport(config, model.tree)
     rigid = np.abs(pairs.lam) < rounding(model, pairs, at.gradient, T)
     rank = np.argsort(~rigid, kind="stable")
@@ -140,8 +140,8 @@ def _solve(
     shapes[active] = pairs.shapes[:, rank]
     if not np.all(soft):
         shapes = T @ shapes
-        at, M = assemble(model, config, loads), mass_matrix(model, config, loads)
-    return at.tangent, M, pairs.lam[rank], shapes, int(np.sum(rigid))
+        at, mass = assemble(model, config, loads), mass_matrix(model, config, loads)
+    return at.tangent, mass, pairs.lam[rank], shapes, int(np.sum(rigid))
 
 
 def _eigenpairs(

@@ -42,7 +42,12 @@ Pasts = Callable[[int], PastFuture | None]
 def pasts_of(record: Record) -> Pasts:
     """The triangles of a record, each made once."""
     u, y = _in_deviations(record.u), _in_deviations(record.y)
-    return functools.cache(lambda rows: compress_past(list(u), list(y), rows))
+
+    @functools.cache
+    def compressed(rows: int) -> PastFuture | None:
+        return compress_past(list(u), list(y), rows)
+
+    return compressed
 
 
 def record_starts(pasts: Pasts, data: Data, options: Options) -> Iterator[Start]:

@@ -127,13 +127,17 @@ def _motions(target: Float[np.ndarray, "sample column"]) -> tuple[Complex[np.nda
 def _gain(before: np.ndarray, after: np.ndarray, sigma: float, omega: float) -> float:
     """Log likelihood that a motion brings, by the noise that is left on the lines around it.
 
-    Forces that shake the article move it at its own frequencies too, but no single decay explains that.
+    Forces that shake the article move it at its own frequencies too, but no single decay explains that. The
+    bias of a gyro walks: noise may grow towards rest as 1/f^2, and what is left on faster lines counts for so
+    much more.
     """
     count = len(after)
     half = AROUND + int(2.0 * sigma * count / np.pi)
     k = round(omega * count / (2.0 * np.pi))
-    lines = np.fft.rfft(after, axis=0)[max(k - half, 0) : k + half + 1]
-    level = np.mean(np.abs(lines) ** 2, axis=0) / count + np.finfo(float).tiny
+    near = np.arange(max(k - half, 0), min(k + half, count // 2) + 1)
+    power = np.abs(np.fft.rfft(after, axis=0)[near]) ** 2
+    level = np.mean(power * (np.maximum(near / max(k, 1), 1.0) ** 2)[:, None], axis=0) / count
+    level += np.finfo(float).tiny
     return float(np.sum((np.sum(before**2, axis=0) - np.sum(after**2, axis=0)) / (2.0 * level)))
 
 
