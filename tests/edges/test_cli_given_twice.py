@@ -114,6 +114,8 @@ WRITES = {
     ("identify", "--figure"): options.FIGURES,
     ("identify", "--stabilisation"): options.FIGURES,
     ("identify", "--output"): options.SYSTEMS,
+    ("impact", "--response"): options.RESPONSES,
+    ("impact", "--output"): options.SYSTEMS,
     ("design", "--output"): options.SYSTEMS,
     ("excite", "--output"): options.COMMANDS,
     ("record", "--output"): options.RECORDS,
