@@ -58,7 +58,7 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-@pytest.mark.parametrize("verb", [v for v in VERBS if v not in ("study", "design", "qualify")])
+@pytest.mark.parametrize("verb", [v for v in VERBS if v not in ("study", "impact", "design", "qualify")])
 def test_every_example_of_a_verb_runs(project: Path, capfd: Capture, verb: str) -> None:
     for arguments in examples(middeck(capfd, verb, "--help").out):
         ended = middeck(capfd, *arguments)
@@ -74,6 +74,14 @@ def test_the_examples_that_need_a_file_run_after_those_that_write_it(project: Pa
         for arguments in examples(middeck(capfd, verb, "--help").out):
             assert middeck(capfd, *arguments).code == 0, arguments
     assert (project / "law.json").exists()
+
+
+def test_the_examples_of_impact_run_on_a_hammer_test(project: Path, capfd: Capture) -> None:
+    page = (ROOT / "docs/how-to/impact-test.md").read_text()
+    exec(page.split("```python\n")[1].split("```")[0], {})  # writes blows.csv here
+    for arguments in examples(middeck(capfd, "impact", "--help").out):
+        assert middeck(capfd, *arguments).code == 0, arguments
+    assert (project / "model.json").exists()
 
 
 def test_the_version(capfd: Capture) -> None:
