@@ -187,10 +187,13 @@ def test_no_nan_leaves_a_fit(measured, options):
         result = fit_response(measured, **options)
     except FitError:
         return
-    numbers = np.array(numbers_of(result))
-    # Known variances have infinitely many degrees of freedom: the one number that may be infinite.
+    numbers, deviations = np.array(numbers_of(result)), np.array(numbers_of(result.uncertainty))
     assert not np.isnan(numbers).any()
-    assert np.sum(np.isinf(numbers)) == np.isinf(result.covariance.degrees)
+    # Known variances have infinitely many degrees of freedom; a deviation is infinite where the data do not
+    # determine the number, and then it is said.
+    unknown = np.sum(np.isinf(deviations))
+    assert np.sum(np.isinf(numbers)) == unknown + np.isinf(result.covariance.degrees)
+    assert not unknown or any("not determined" in w for w in result.warnings)
     assert np.all(result.uncertainty.natural_hz >= 0.0)
 
 

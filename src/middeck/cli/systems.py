@@ -8,7 +8,8 @@ from middeck.control.compensator import Compensator
 from middeck.control.sampled_compensator import SampledCompensator
 from middeck.errors import DataError
 from middeck.files.compensators import Stored, load_compensator, write_compensator
-from middeck.files.exchange.mat import load_mat, write_mat, write_mat_model
+from middeck.files.exchange.mat import load_mat, write_mat
+from middeck.files.mat_models import write_mat_model
 from middeck.files.models import write_model
 from middeck.identification.measurement_model import MeasurementModel
 from middeck.identification.uncertainty.covariance import ModelCovariance

@@ -29,9 +29,6 @@ from middeck.files.exchange.named import (
     negated,
 )
 from middeck.files.json_output import json_text
-from middeck.identification.measurement_model import MeasurementModel, path_delay
-from middeck.identification.plants.modal_states import rational_statespace
-from middeck.systems.delayed_sampling import split_delays
 from middeck.systems.plant import Plant
 from middeck.systems.ports import Port
 from middeck.systems.sampled_plant import SampledPlant
@@ -53,23 +50,11 @@ def write_mat(path: str | Path, value: Exchangeable, *, negative_feedback: bool 
     Raises `ConfigError` for what cannot be exchanged.
     """
     named = named_system(value, negative_feedback=negative_feedback)
-    _write(path, named, _of_its_kind(value, negative_feedback))
+    write_variables(path, named, _of_its_kind(value, negative_feedback))
 
 
-def write_mat_model(path: str | Path, model: MeasurementModel) -> None:
-    """Write a fitted model as a MAT file of `write_mat`, its delays [s] as ``ss`` has them.
-
-    InputDelay and OutputDelay, and IODelay [output, input] for what a path is late beyond their sum. Terms in
-    1/s^2 of modes below the band are states. `load_mat` refuses such delays: the model itself is in the JSON
-    file of `write_model`.
-    """
-    named = NamedSystem(rational_statespace(model), model.inputs, model.outputs)
-    split = split_delays(path_delay(model))
-    late = {"InputDelay": split.input_s, "OutputDelay": split.output_s, "IODelay": split.rest_s}
-    _write(path, named, {"Kind": "system"} | {name: x for name, x in late.items() if np.any(x)})
-
-
-def _write(path: str | Path, named: NamedSystem, kind: Mapping[str, Any]) -> None:
+def write_variables(path: str | Path, named: NamedSystem, kind: Mapping[str, Any]) -> None:
+    """A system's matrices and names, and what belongs to its kind, whole or not at all."""
     import scipy.io
 
     contents: dict[str, Any] = {name: getattr(named.system, name) for name in "ABCD"}
