@@ -16,9 +16,9 @@ from middeck.systems.delayed_sampling import split_delays
 def write_mat_model(path: str | Path, model: MeasurementModel) -> None:
     """Write a fitted model as a MAT file of `write_mat`, its delays [s] as ``ss`` has them.
 
-    InputDelay and OutputDelay, and IODelay [output, input] for what a path is delayed beyond their sum. Terms in
-    1/s^2 of modes below the band are states. `load_mat` refuses such delays: the model itself is in the JSON
-    file of `write_model`.
+    InputDelay and OutputDelay, and IODelay [output, input] for what a path is delayed beyond their sum. Terms
+    in 1/s^2 of modes below the band are states. `load_mat` refuses such delays: the model itself is in the
+    JSON file of `write_model`.
     """
     named = NamedSystem(rational_statespace(model), model.inputs, model.outputs)
     split = split_delays(path_delay(model))

@@ -79,8 +79,8 @@ def without_window(fit: FitResult, window_s: float) -> FitResult:
     uncertainty = uncertainty_of(covariance)
     f, zeta = natural_hz(bare), damping_ratio(bare)
     warnings = [
-        f"mode at {f[m]:.4g} Hz: without the window's damping nothing certain is left of it ({zeta[m]:.2%}, of "
-        f"which {1.0 / (window_s * abs(moved[m])):.2%} was taken out); a longer block, or a weaker window"
+        f"mode at {f[m]:.4g} Hz: without the window's damping ({1.0 / (window_s * abs(moved[m])):.2%}) "
+        f"nothing certain is left of it ({zeta[m]:.2%}); a longer block, or a weaker window"
         for m in np.flatnonzero(lost | (uncertainty.damping > 0.5 * zeta))
     ]
     return dataclasses.replace(
