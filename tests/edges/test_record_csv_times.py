@@ -57,7 +57,7 @@ def test_jitter_beyond_the_printed_digits_is_refused(tmp_path: Path) -> None:
 
 
 def test_stamps_coarser_than_the_samples_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match="sample-hz"):
+    with pytest.raises(DataError, match="print more digits"):
         load_record(write(tmp_path / "run.csv", [f"{t:.2f}" for t in np.arange(SAMPLES) / 256.0]))
 
 
