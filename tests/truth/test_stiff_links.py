@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from stiff_links import article_of, draw, solve
 
 from conftest import LONG
+from middeck.files.documents import load_structure
 from middeck.structure.article import AttachPoint, Section
 from middeck.structure.elements.rotations import rotation_exp
 from middeck.structure.environment import AnchoredSpring, Environment
@@ -94,6 +97,55 @@ def test_what_a_thread_holds_is_not_rigid():
         assert omega(k) == pytest.approx(omega(1.0), rel=1e-4)
     free = solve_modes(solve_equilibrium(parts, Environment.orbit()))
     assert free.kind[:7] == ("rigid",) * 6 + ("flexible",)
+
+
+@pytest.mark.parametrize("x", [0.0, 1000.0])
+@pytest.mark.parametrize("times", [0.3, 1.0, 1e3, 1e6])
+def test_a_closed_ring_of_short_stiff_members_turns_as_one_body(times: float, x: float):
+    """Twelve members, of 1e13 N/m and more, in a closed loop at the end of a bus: it turns as with a rigid hub."""
+    turns = 2.0 * np.pi * np.arange(12) / 12
+    ring = [
+        node(f"r{i}", (x + 1.0 + 0.01 * np.cos(t), 0.01 * np.sin(t), 0.0), body(0.05, inertia=(1e-6,) * 3))
+        for i, t in enumerate(turns)
+    ]
+    steel, bus = (
+        Section(times * 1e8, times * 8e4, times * 1e5, times * 1e5, 0.0, 0.0, 0.0),
+        Section(1e7, 8e3, 1e4, 1e4, 0.0, 0.0, 0.0),
+    )
+    nodes = [node("a", (x, 0, 0), body(2.0, inertia=(0.02,) * 3)), *ring]
+    links = [member(f"r{i}", f"r{(i + 1) % 12}", steel, 1, up=(0, 0, 1)) for i in range(12)]
+    links.append(member("a", "r6", bus, 1, up=(0, 0, 1)))
+    points = {"p": ("a", (0, 0.1, 0.1)), "q": ("r6", (0.0, 0.1, 0)), "s": ("a", (0.1, 0.1, -0.1))}
+    places = {n.name: n.position for n in nodes}
+
+    def hung(nodes, links):
+        attach = [AttachPoint(n, f, np.array(o)) for n, (f, o) in points.items()]
+        ties = tuple(
+            AnchoredSpring(n, n, places[f] + np.array(o) + [0, 3, 0], 10.0, 2.0)
+            for n, (f, o) in points.items()
+        )
+        return structure(nodes, links, attach=attach), lab(*ties)
+
+    rest = solve_equilibrium(*hung(nodes, links))
+    whole = [n for n in nodes if n.name in ("a", "r6")]
+    centre = np.array([0.01, 0.0, 0.0])
+    about = [n.position - places["r6"] - centre for n in ring]
+    inertia = sum(0.05 * (r @ r * np.eye(3) - np.outer(r, r)) for r in about) + 12e-6 * np.eye(3)
+    whole[1] = node("r6", places["r6"], body(0.6, centre, np.diag(inertia)))
+    solid = solve_equilibrium(*hung(whole, links[-1:]))
+    ours, theirs = (node_rotations(r)["a"] for r in (rest, solid))
+    assert ours == pytest.approx(theirs, abs=1e-6 * np.linalg.norm(theirs))  # the ring gives by 1e-7
+    assert solve_modes(rest).omega[:7] == pytest.approx(solve_modes(solid).omega[:7], rel=1e-5)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_free_article_has_its_rigid_modes_whatever_its_masses(seed: int):
+    """The rounding of 1e-21 that is left of zero lies near the least that a thread would make."""
+    rng = np.random.default_rng(seed)
+    masses = tuple(f"node.{i}.mass={10.0 ** rng.uniform(-1.0, 2.0):.4g}" for i in range(3))
+    article = load_structure(Path(__file__).parents[2] / "articles/mace-simple.toml", masses)
+    modes = solve_modes(solve_equilibrium(article, Environment.orbit()))
+    assert modes.kind[:11] == ("rigid",) * 10 + ("flexible",)
 
 
 @pytest.mark.parametrize("k", [1e6, 1e12])

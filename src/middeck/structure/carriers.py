@@ -3,7 +3,8 @@
 Members are joined in the order of their stiffness, the stiffest first. A piece whose softest joint is still
 `CONTRAST` times as stiff as whatever holds it next moves as one but for strains that coordinates in W could
 not hold: its nodes are carried by its first one, and that one stands for the piece from then on. Pieces
-within pieces are found on the way. Only digits hang on the choice, no result.
+within pieces are found on the way. A joint so stiff that the rounding of W alone is a force to be seen beside
+the weight (`ROUNDS_AT`) needs no more than `LITTLE`. Only digits hang on the choice, no result.
 """
 
 from __future__ import annotations
@@ -18,6 +19,9 @@ from middeck.structure.elements.beam import BeamProperties
 # Of a pair; of n nodes n^2/4 times as much, for a long piece is softer than its members. Without a carrier
 # rounding of 1e-16 times this stays in what holds the piece.
 CONTRAST = 1e6
+# Stiffness over that of what holds the article: rounding of 1e-16 of a sag is then 1e-7 of the weight.
+ROUNDS_AT = 1e9
+LITTLE = 10.0
 # What holds a whole article is no part of it: a suspension of tenths of a hertz, 1 rad^2/s^2 of its mass.
 HELD_AT = 1.0
 
@@ -37,7 +41,7 @@ def choose_carriers(
     least = max(HELD_AT * mass, float(np.finfo(float).tiny))
     if not np.any(stiffness > CONTRAST * least):
         return carrier
-    piece = _Pieces(roots, carrier)
+    piece = _Pieces(roots, carrier, ROUNDS_AT * least)
     for a, b, k in _spanning_tree(roots, pairs, stiffness):
         piece.join(int(a), int(b), float(k))
     piece.close(least)
@@ -76,8 +80,9 @@ def _spanning_tree(roots: int, pairs: np.ndarray, stiffness: np.ndarray) -> np.n
 class _Pieces:
     """Nodes joined so far: of each piece its first node, its size, and its softest joint."""
 
-    def __init__(self, roots: int, carrier: np.ndarray) -> None:
+    def __init__(self, roots: int, carrier: np.ndarray, rounds_at: float) -> None:
         self.carrier = carrier
+        self.rounds_at = rounds_at
         self.part_of = list(range(roots))
         self.nodes = [[i] for i in range(roots)]
         self.softest = [np.inf] * roots
@@ -105,8 +110,9 @@ class _Pieces:
         return i
 
     def _close(self, piece: int, held_by: float) -> int:
-        nodes = self.nodes[piece]
-        if len(nodes) > 1 and self.softest[piece] >= 0.25 * CONTRAST * len(nodes) ** 2 * held_by:
+        nodes, softest = self.nodes[piece], self.softest[piece]
+        contrast = CONTRAST if softest < self.rounds_at else LITTLE
+        if len(nodes) > 1 and softest >= 0.25 * contrast * len(nodes) ** 2 * held_by:
             first = min(nodes)
             self.carrier[[i for i in nodes if i != first]] = first
             self.nodes[piece] = [first]

@@ -36,10 +36,13 @@ def separate_rigid(model: Model, config: Configuration, loads: Loads, pairs: Eig
     shapes = shapes @ turn
     cancels = np.einsum("im,im->m", np.abs(shapes), abs(G) @ np.abs(shapes))
     cancels += np.einsum("im,ij,jm->m", turn, strained, turn)
+    # A shape has noise / omega^2 of the next mode in it, whose energy goes with the square of that.
+    noise = float(pairs.noise[:few].max())
+    mixed = noise**2 / pairs.lam[few] if few < len(pairs.lam) else 0.0
     return Eigenpairs(
         np.concatenate([lam, pairs.lam[few:]]),
         np.hstack([lowest @ turn, pairs.shapes[:, few:]]),
-        np.concatenate([ROUNDING * (cancels + pairs.noise[:few].max()), pairs.noise[few:]]),
+        np.concatenate([ROUNDING * (cancels + noise) + mixed, pairs.noise[few:]]),
     )
 
 
