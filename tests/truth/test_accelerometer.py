@@ -81,7 +81,7 @@ def pendulum(k: float, r: float) -> tuple[Structure, Environment]:
     """Weight at ``ARM`` below the pivot, accelerometers along x and y at ``r`` below it."""
     springs = [("up", RISE * Y, 500.0, RISE - REST), ("x", X, k, 1.0), ("z", Z, k, 1.0)]
     anchors = tuple(AnchoredSpring(n, "pivot", p, stiff, free) for n, p, stiff, free in springs)
-    bob = node("bob", (0, 0, 0), body(M, (0.0, -ARM, 0.0), (0.4, 0.1, INERTIA)))
+    bob = node("bob", (0, 0, 0), body(M, (0.0, -ARM, 0.0), (0.3, 0.1, INERTIA)))
     sensors = [accelerometer("across", "bob", X, (0, -r, 0)), accelerometer("along", "bob", Y, (0, -r, 0))]
     sensors.append(Sensor("angle", "bob", Z, "bob"))
     attach = [AttachPoint("pivot", "bob", np.zeros(3))]

@@ -162,7 +162,7 @@ def test_no_deviation_is_less_than_rounding_and_none_is_not_a_number():
     H = response(*PLANT, 2j * np.pi * f)[:, None, None]
     fit = fit_response(FrequencyResponse(f, H, (FORCE,), (TIP,), np.zeros(H.shape)), states=4)
     assert np.all(fit.uncertainty.natural_hz >= 0.9e-12 * natural_hz(fit.model))
-    broken = dataclasses.replace(fit.covariance, matrix=np.full(fit.covariance.matrix.shape, np.nan))
+    broken = dataclasses.replace(fit.covariance, root=np.full(fit.covariance.root.shape, np.nan))
     with pytest.raises(FitError, match="not finite"):
         checked_covariance(broken)
 

@@ -60,8 +60,7 @@ def standing_of(
     model, lines = covariance.model, measured.frequency_hz
     significance = mode_significance(covariance)
     f, clear = natural_hz(model), significance >= DOUBTFUL
-    # A mode that stands out for itself is none the worse for a doubtful one beside it.
-    close = _unresolved(covariance) & (significance < ALONE)
+    close = _unresolved(covariance, significance)
     found: list[Standing] = []
     for m, hz in enumerate(f):
         if model.is_pair[m] and not lines[0] <= hz <= lines[-1]:
@@ -73,16 +72,22 @@ def standing_of(
     return tuple(found)
 
 
-def _unresolved(covariance: ModelCovariance) -> np.ndarray:
-    """Modes whose pole is not clear of another pair's, by the deviations of both."""
+def _unresolved(covariance: ModelCovariance, significance: np.ndarray) -> np.ndarray:
+    """Modes whose pole is not clear of another pair's, by the deviations of both.
+
+    One that stands out for itself is none the worse for a doubtful one beside it.
+    """
     model, of = covariance.model, uncertainty_of(covariance)
     size = 2.0 * np.pi * np.hypot(of.natural_hz, of.damping * natural_hz(model))
     found = np.zeros(len(model.poles), dtype=bool)
     for m in distinct_poles(model):
         for n in distinct_poles(model):
             if m < n and model.is_pair[m] and model.is_pair[n]:
-                near = abs(model.poles[m] - model.poles[n]) < APART * np.hypot(size[m], size[n])
-                found[[m, n]] |= near
+                both = np.hypot(size[m], size[n])  # infinite where one is not determined, which is said of it
+                near = abs(model.poles[m] - model.poles[n]) < APART * both < np.inf
+                for one, other in ((m, n), (n, m)):
+                    alone = significance[one] >= ALONE and significance[other] < DOUBTFUL
+                    found[one] |= near and not alone
     return found
 
 

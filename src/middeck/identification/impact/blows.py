@@ -85,7 +85,7 @@ def locate_blows(record: Record, *, blow_s: float | None = None) -> tuple[Blow, 
     if len(record.inputs) != 1 or record.periodic:
         raise ConfigError(
             "an impact test has one input, the force of the hammer, and no periods",
-            hint="--inputs names the force alone; one record for each place that was struck",
+            hint="name the force alone as input; one record for each place that was struck",
         )
     u, y = (x.reshape(len(x), -1, x.shape[3]) for x in (record.u, record.y))
     force = u[:, :, 0] - np.median(u[:, :, 0], axis=1, keepdims=True)
