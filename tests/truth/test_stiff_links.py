@@ -102,7 +102,7 @@ def test_what_a_thread_holds_is_not_rigid():
 @pytest.mark.parametrize("x", [0.0, 1000.0])
 @pytest.mark.parametrize("times", [0.3, 1.0, 1e3, 1e6])
 def test_a_closed_ring_of_short_stiff_members_turns_as_one_body(times: float, x: float):
-    """Twelve members, of 1e13 N/m and more, in a closed loop at the end of a bus: it turns as with a rigid hub."""
+    """Twelve members, of 3e12 N/m and more, in a loop at the end of a bus: it turns as with a rigid hub."""
     turns = 2.0 * np.pi * np.arange(12) / 12
     ring = [
         node(f"r{i}", (x + 1.0 + 0.01 * np.cos(t), 0.01 * np.sin(t), 0.0), body(0.05, inertia=(1e-6,) * 3))

@@ -22,7 +22,9 @@ def kind_warnings(
     """One sentence for each such mode: its frequency, what hangs on it, and what to do."""
     damping = equilibrium.model.structure.damping
     ranked = kinds_by_rank(equilibrium, kind) if damping.by_rank else kind
-    doubted = set(undecided(rigid_share).tolist()) | {m for m in range(len(kind)) if ranked[m] != kind[m]}
+    doubted = set(undecided(rigid_share, strain_share).tolist()) | {
+        m for m in range(len(kind)) if ranked[m] != kind[m]
+    }
     shares = [
         (f"its strain share is {s:.0%}", f"{r:.0%}") for s, r in zip(strain_share, rigid_share, strict=True)
     ]

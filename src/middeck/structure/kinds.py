@@ -3,7 +3,8 @@
 The rigid-body motions of the free article (turns of its free joints included) span a space of dimension n.
 The part of a mode's kinetic energy that lies in it is its *rigid share*, 1 for a body that swings as a whole
 and 0 for one that only bends; over all modes the rigid shares add up to n. It depends neither on a basis of
-that space nor on frequencies. Where elasticity keeps the energy is another question, and damping's.
+that space nor on frequencies. A suspension mode moves so, and something else than strain holds it: the first
+bending of a cantilever moves like a rigid body by 61 %, but its energy is strain.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ from middeck.structure.mesh import Model
 from middeck.structure.repeated import repeated
 from middeck.structure.rigid import rigid_motions
 from middeck.structure.statics import dynamic_coordinates, restrict
+from middeck.structure.strain import strain_share
 
 HALF = 0.5
 # A rigid share between these is neither: in one of its two neighbours the mode has at least half as much of
@@ -44,11 +46,12 @@ SMALL = 600
 
 
 class Kinds(NamedTuple):
-    """omega^2 and shapes, those of one frequency turned apart; their rigid shares and kinds."""
+    """omega^2 and shapes, those of one frequency turned apart; their rigid and strain shares, and kinds."""
 
     lam: Float[np.ndarray, " mode"]
     shapes: Float[np.ndarray, "coordinate mode"]
     rigid_share: Float[np.ndarray, " mode"]
+    strain_share: Float[np.ndarray, " mode"]
     kind: tuple[str, ...]
 
 
@@ -64,7 +67,7 @@ def find_kinds(
     shapes: Float[np.ndarray, "coordinate mode"],
     rigid: int,
 ) -> Kinds:
-    """Kinds of modes of which the first ``rigid`` are at zero: "suspension" where half or more moves rigidly.
+    """Kinds of modes, the first ``rigid`` at zero: "suspension" where most moves rigidly, held by no strain.
 
     Of modes of one frequency any basis will do. Where a suspension mode and a flexible one meet, theirs is
     the one in which they are apart, so that nothing hangs on rounding.
@@ -72,13 +75,17 @@ def find_kinds(
     first = ("rigid",) * rigid
     if not is_held(equilibrium):
         share = np.where(np.arange(len(lam)) < rigid, 1.0, 0.0)
-        return Kinds(lam, shapes, share, first + ("flexible",) * (len(lam) - rigid))
+        strained = strain_share(equilibrium, lam, shapes)
+        return Kinds(lam, shapes, share, strained, first + ("flexible",) * (len(lam) - rigid))
     seen = strainless_motions(equilibrium, M).T @ (M @ shapes)
     lam, shapes, seen = _apart(lam, shapes, seen, rigid)
     share = np.clip(np.sum(seen**2, axis=0), 0.0, 1.0)
     share[:rigid] = 1.0
-    kinds = tuple("suspension" if part >= HALF else "flexible" for part in share[rigid:])
-    return Kinds(lam, shapes, share, first + kinds)
+    strained = strain_share(equilibrium, lam, shapes)
+    held = (share >= HALF) & (strained < HALF)
+    return Kinds(
+        lam, shapes, share, strained, first + tuple(np.where(held, "suspension", "flexible")[rigid:].tolist())
+    )
 
 
 def kinds_by_rank(equilibrium: Equilibrium, kind: tuple[str, ...]) -> tuple[str, ...]:
@@ -92,9 +99,13 @@ def kinds_by_rank(equilibrium: Equilibrium, kind: tuple[str, ...]) -> tuple[str,
     return (kinds + ("flexible",) * (len(kind) - len(kinds)))[: len(kind)]
 
 
-def undecided(rigid_share: Float[np.ndarray, " mode"]) -> np.ndarray:
+def undecided(
+    rigid_share: Float[np.ndarray, " mode"], strain_share: Float[np.ndarray, " mode"]
+) -> np.ndarray:
     """Numbers of the modes that are neither suspension nor flexible."""
-    return np.flatnonzero((rigid_share > UNDECIDED[0]) & (rigid_share < UNDECIDED[1]))
+    flexible = (rigid_share <= UNDECIDED[0]) | (strain_share >= UNDECIDED[1])
+    held = (rigid_share >= UNDECIDED[1]) & (strain_share <= UNDECIDED[0])
+    return np.flatnonzero(~flexible & ~held)
 
 
 def _apart(

@@ -20,7 +20,6 @@ from middeck.structure.naming import name_modes
 from middeck.structure.rigid import rigid_basis
 from middeck.structure.rounding import rounding, separate_rigid
 from middeck.structure.statics import dynamic_coordinates, restrict
-from middeck.structure.strain import strain_share
 from middeck.values import record
 
 # Two entries of a shape are equally large when they differ by less: a sign rule must not hang on rounding.
@@ -88,10 +87,9 @@ def solve_modes(equilibrium: Equilibrium, count: int | None = None) -> Modes:
     rigid_residual = float(np.abs(lam[:rigid]).max(initial=0.0) / (lam[rigid] if rigid < len(lam) else 1.0))
     lam[:rigid] = 0.0
     shapes[:, :rigid], rigid_names = rigid_basis(equilibrium, M, shapes[:, :rigid])
-    lam, shapes, rigid_share, kind = find_kinds(equilibrium, M, lam, shapes, rigid)
+    lam, shapes, rigid_share, share, kind = find_kinds(equilibrium, M, lam, shapes, rigid)
     shapes = shapes * _signs(M, shapes)
     names = name_modes(equilibrium, M, shapes, kind, rigid_names)
-    share = strain_share(equilibrium, lam, shapes)
     _check_stable(equilibrium, lam, shapes, names)
     active = dynamic_coordinates(equilibrium.model)
     residual = _residual(K[active], M[active], shapes, lam)

@@ -34,7 +34,7 @@ def refuse_growth(record: Record) -> None:
                 f"it grows {np.sqrt(ratio[o]):.3g} times while the inputs do not: the article is unstable, "
                 "and only stable models are fitted",
                 where=f"output {record.outputs[o].name}",
-                hint="close a loop that holds it and fit from its reference, or cut the record before it grows",
+                hint="close a loop that holds it and fit from its reference, or cut the record before that",
             )
 
 
