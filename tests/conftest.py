@@ -39,6 +39,7 @@ def campaign():
     return seeds
 
 
+@pytest.hookimpl(tryfirst=True)  # before the workers put the group into the names
 def pytest_collection_modifyitems(items):
     """Files stay whole on a worker; those that need the paper's study share one, which then runs it once."""
     shared = {item.path for item in items if "paper_outcomes" in getattr(item, "fixturenames", ())}

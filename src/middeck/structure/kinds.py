@@ -152,7 +152,7 @@ def _null_space(equilibrium: Equilibrium) -> np.ndarray:
     pairs = solve_all(K, M, soft) if small else solve_lowest(K, M, count_zero(K, M, soft) or 1, soft)
     if pairs is None:
         return np.zeros((len(active), 0))
-    still = np.abs(pairs.lam) < pairs.noise
+    still = np.abs(pairs.lam) <= pairs.noise
     shapes = np.zeros((len(active), int(still.sum())))
     shapes[active] = pairs.shapes[:, still]
     return transport(config, model.tree) @ shapes

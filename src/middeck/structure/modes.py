@@ -132,7 +132,7 @@ def _solve(
     soft = uncarried(config.since_drawn, len(active))[active]
     pairs = _eigenpairs(model, restrict(at.tangent, active), restrict(mass, active), count, soft)
     pairs, T = separate_rigid(model, config, loads, pairs), transport(config, model.tree)
-    rigid = np.abs(pairs.lam) < rounding(model, pairs, at.gradient, T)
+    rigid = np.abs(pairs.lam) <= rounding(model, pairs, at.gradient, T)
     rank = np.argsort(~rigid, kind="stable")
     shapes = np.zeros((len(active), len(rigid)))
     shapes[active] = pairs.shapes[:, rank]

@@ -14,6 +14,7 @@ import numpy as np
 import scipy.linalg as sla
 from jaxtyping import Float, Int
 
+from middeck.systems.balancing import balance
 from middeck.systems.modal import ModalSystem, modal_to_statespace, output_rows, select_modes
 from middeck.systems.resolvent import balance_states
 from middeck.systems.statespace import StateSpace, add
@@ -60,7 +61,7 @@ def part_integrators(system: StateSpace) -> PartedSystem:
     outputs, inputs = system.D.shape
     if not len(system.A):
         return PartedSystem(np.zeros((0, outputs, inputs)), np.zeros((0, 0)), np.zeros(0, dtype=int), system)
-    _, (unit, _) = sla.matrix_balance(system.A, separate=True, permute=False)
+    _, unit = balance(system.A)
     balanced = balance_states(system)
     turn, sizes = _chains(balanced.A)
     n = sum(sizes)

@@ -15,6 +15,7 @@ import numpy as np
 import scipy.linalg as sla
 from jaxtyping import Complex, Float
 
+from middeck.systems.balancing import balance
 from middeck.systems.refined_poles import PoleForm, refine_poles
 from middeck.systems.second_order import sum_second_order
 from middeck.systems.statespace import SampledStateSpace, StateSpace
@@ -50,7 +51,7 @@ def evaluate_transfer(
 
 def balance_states(system: System) -> StateSpace:
     """The same transfer function in states of comparable size (powers of two: nothing is rounded)."""
-    A, (unit, _) = sla.matrix_balance(system.A, separate=True, permute=False)
+    A, unit = balance(system.A)
     return StateSpace(A, system.B / unit[:, None], system.C * unit, system.D)
 
 

@@ -9,13 +9,12 @@ lightly damped mode would turn by another angle in each block. So the result is 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import Any, cast
 
 import numpy as np
-import scipy.linalg as sla
 from jaxtyping import Float
 
 from middeck.errors import ConfigError, NumericalError
+from middeck.systems.balancing import balance
 from middeck.systems.statespace import SampledStateSpace
 from middeck.values import record
 
@@ -170,7 +169,7 @@ def _write_out(system: SampledStateSpace, samples: int) -> _Blocks | None:
         return None
     # A block of L costs its step and L^2 m p in all: least per sample at this L.
     best = min(LONGEST, np.sqrt((STEP_COST + n * n) / (m * p)), samples / 8)
-    balanced, (scale, _) = cast("Any", sla.matrix_balance(system.A, permute=False, separate=True))
+    balanced, scale = balance(system.A)
     A, B, C = balanced, system.B / scale[:, None], system.C * scale
     length, after, rest = 1, A, np.zeros_like(A)
     while 2 * length <= best:

@@ -15,6 +15,7 @@ import scipy.linalg as sla
 from jaxtyping import Complex
 from scipy.sparse.csgraph import connected_components
 
+from middeck.systems.balancing import balance
 from middeck.systems.statespace import SampledStateSpace, StateSpace, poles
 
 GROWTH_LIMIT = 1e-8
@@ -50,7 +51,7 @@ def _joined(A: np.ndarray, values: np.ndarray, *, sampled: bool) -> Complex[np.n
     """The eigenvalues, with those that rounding has parted replaced by their mean."""
     if not len(A):
         return values
-    balanced = np.asarray(sla.matrix_balance(A, permute=False)[0])
+    balanced, _ = balance(A)
     size = float(np.linalg.norm(balanced))
     rest = 1.0 if sampled else 0.0
     if np.sum(np.abs(values - rest) < CROWDED * size) < 2:

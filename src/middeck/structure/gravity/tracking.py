@@ -99,7 +99,7 @@ def _spectrum(
     shapes = np.zeros((model.tree.size, len(pairs.lam)))
     shapes[dynamic_coordinates(model)] = pairs.shapes
     shapes = shapes if T is None else T @ shapes
-    return Spectrum(np.where(np.abs(pairs.lam) < noise, 0.0, pairs.lam), shapes, M)
+    return Spectrum(np.where(np.abs(pairs.lam) <= noise, 0.0, pairs.lam), shapes, M)
 
 
 def align_repeated(spectrum: Spectrum, reference: Float[np.ndarray, "coordinate mode"]) -> Spectrum:

@@ -81,4 +81,4 @@ def _free_motions(
     lam, turn = sla.eigh(0.5 * (stiffness + stiffness.T), T.T @ (M @ T))
     motions = T @ turn
     noise = ROUNDING * np.abs(turn).T @ size @ np.abs(turn)
-    return motions[:, np.abs(lam) < np.diag(noise) + unbalanced * np.abs(motions).max(axis=0) ** 2]
+    return motions[:, np.abs(lam) <= np.diag(noise) + unbalanced * np.abs(motions).max(axis=0) ** 2]
