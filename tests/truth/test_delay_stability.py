@@ -102,6 +102,7 @@ def test_modes_that_coincide_and_that_the_loop_does_not_move() -> None:
     assert found.margin == 0.0
 
 
+@pytest.mark.kernels
 def test_an_article_whose_law_estimates_modes_that_it_hardly_moves() -> None:
     """Closed roots and open poles then lie within roundings of each other, and yet are counted."""
     hung, orbit = (

@@ -94,6 +94,7 @@ def a_run_from_rest(noise, periods=6):
     return Record(256.0, u[None, None], y[None, None], *_ports(1, 1), False)
 
 
+@pytest.mark.kernels
 # At a noise of 0.1 the first period's transient has the power of the noise to a hundredth, which is just what
 # is asked of it: rounding would decide.
 @pytest.mark.parametrize(("noise", "first"), [(0.5, (0,)), (0.05, (1,)), (0.01, (2,))])

@@ -9,6 +9,8 @@ from middeck.identification.fit.layout import Layout, Point, pack
 from middeck.identification.fit.own_transients import as_real
 from middeck.identification.fit.refine import by_normal_equations, weighted
 
+pytestmark = pytest.mark.kernels
+
 MODES, LINES, PATHS = 8, 400, 2
 
 

@@ -21,6 +21,8 @@ from middeck.systems.ports import Port
 from middeck.systems.response import evaluate_plant, statespace_response
 from middeck.systems.statespace import gain_system
 
+pytestmark = pytest.mark.kernels
+
 WAY, RATE = Port("way", "m"), Port("rate", "m/s")
 
 

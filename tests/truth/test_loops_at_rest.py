@@ -22,6 +22,8 @@ from middeck.systems.sampling import sample_plant
 from middeck.systems.stability import growth_rates, is_stable
 from middeck.systems.statespace import SampledStateSpace, StateSpace
 
+pytestmark = pytest.mark.kernels
+
 LONG = os.environ.get("MIDDECK_LONG") == "1"
 FORCE, WAY, SEEN = Port("force", "N"), Port("way", "m"), Port("seen", "m")
 

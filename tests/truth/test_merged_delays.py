@@ -17,6 +17,8 @@ from middeck.identification.uncertainty.unknowns import Structure, places_of, un
 from middeck.systems.ports import Port
 from middeck.systems.response import FrequencyResponse
 
+pytestmark = pytest.mark.kernels
+
 LINES = 0.9 + 0.02 * np.arange(60)
 PORTS = (Port("torque", "N m"),), tuple(Port(f"angle_{o}", "rad") for o in range(3))
 SHAPES = np.array([[1.0, 0.8], [0.7, -0.9], [0.5, 0.6]])

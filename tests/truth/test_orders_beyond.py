@@ -79,6 +79,7 @@ def test_a_delay_in_a_narrow_band_is_not_half_a_period_off(low, high, hz, zeta, 
     assert not fitted.warnings
 
 
+@pytest.mark.kernels
 def test_a_delay_that_poles_outside_a_narrow_band_share_is_not_stated_as_known():
     """Both modes lie outside 4-7 Hz, with 1/s: far poles that stand for them move the delay by ms."""
     fitted = fit_response(late(4.0, 7.0, free=2.0), integrators=1)

@@ -19,6 +19,8 @@ from middeck.systems.plant import Plant
 from middeck.systems.ports import Port
 from middeck.systems.statespace import SampledStateSpace, StateSpace
 
+pytestmark = pytest.mark.kernels
+
 LONG = os.environ.get("MIDDECK_LONG") == "1"
 U, Y = (Port("u", "N"),), (Port("y", "m"),)
 PERIOD = 0.01

@@ -11,6 +11,8 @@ from middeck.identification.spectra.start_up import steadied
 from middeck.systems.ports import Port
 from middeck.systems.record import Record
 
+pytestmark = pytest.mark.kernels
+
 HZ = 100.0
 
 

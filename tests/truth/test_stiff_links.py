@@ -17,6 +17,8 @@ from middeck.structure.equilibrium import node_rotations, rest_imbalance, solve_
 from middeck.structure.modes import solve_modes
 from structure_builders import GRAVITY, body, lab, member, node, structure
 
+pytestmark = pytest.mark.kernels
+
 CASES = 10_000 if LONG else 8
 G = 9.80665
 

@@ -18,6 +18,8 @@ from middeck.report.words import UNDETERMINED
 from middeck.systems.ports import Port
 from middeck.systems.response import FrequencyResponse
 
+pytestmark = pytest.mark.kernels
+
 PORTS = (Port("force", "N"),), (Port("way", "m"),)
 F = np.linspace(1.0, 12.0, 60)
 COMPLEX, REAL = Structure(False, False, False, True), Structure(True, True, False, False)
@@ -174,8 +176,8 @@ def test_what_is_not_determined_is_said_in_words():
         "delay_s": 0.004, "delay_deviation_s": None, "states": 6, "plant_states": 6,
         "fit_band_hz": [1.0, 12.0], "relative_error": 0.01, "mode_below_fit": None,
         "output": "way", "mirrored_error": None,
-        "zeros": [{"frequency_hz": 2.0, "frequency_deviation_hz": None, "damping": 0.1, "damping_deviation": None, "pair": True,
-                   "nonminimum_phase": False}],
+        "zeros": [{"frequency_hz": 2.0, "frequency_deviation_hz": None, "damping": 0.1,
+                   "damping_deviation": None, "pair": True, "nonminimum_phase": False}],
     }  # fmt: skip
     for tables in (fit_tables({"figure_9a": numbers}), encoder_tables({"figure_10a": numbers})):
         cells = [cell for table in tables for row in table.rows for cell in row]

@@ -82,7 +82,7 @@ def find_kinds(
     share = np.clip(np.sum(seen**2, axis=0), 0.0, 1.0)
     share[:rigid] = 1.0
     strained = strain_share(equilibrium, lam, shapes)
-    held = (share >= HALF) & (strained < HALF)
+    held = (share >= HALF) & ((strained < HALF) | (lam <= 0.0))  # nothing restores what falls over
     return Kinds(
         lam, shapes, share, strained, first + tuple(np.where(held, "suspension", "flexible")[rigid:].tolist())
     )
