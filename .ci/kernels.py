@@ -62,7 +62,7 @@ def distinct_kernels() -> list[str]:
 
 def run(kernel: str, out: Path) -> bool:
     """Marked tests, then the study into ``out``; whether both succeeded."""
-    tests = [sys.executable, "-m", "pytest", "-m", "kernels", "-n", "2", "--dist", "loadfile", "tests"]
+    tests = [sys.executable, "-m", "pytest", "-m", "kernels", "-n", "2", "--dist", "loadgroup", "tests"]
     middeck = str(Path(sys.executable).with_name("middeck"))
     study = [middeck, "study", "studies/mace-1993.toml", "-o", str(out)]
     print(f"--- {kernel}", flush=True)
