@@ -141,13 +141,16 @@ def test_what_does_not_come_out_is_said(outcomes):
     assert "further order of magnitude" in failed[1]
 
 
-def test_the_order_is_chosen_by_the_data_and_reaches_as_far_as_one_set_by_hand(outcomes, paper_study):
+def test_the_order_that_is_set_reaches_as_far_as_a_smaller_one(outcomes, paper_study):
+    """Left to the data it would hang on the processor's rounding, see docs/explanation/paper-experiments.md."""
     both = outcomes["figures 10 to 12"]
-    assert paper_study.sito.states is None
+    assert paper_study.sito.states == 28
     assert both.with_lead.states > 16
     fit = both.sensors.fit
-    inside = natural_hz(fit.model) < both.sensors.fit_band_hz[1]
-    assert np.all(fit.uncertainty.damping[inside] < 0.5 * damping_ratio(fit.model)[inside])
+    zeta = damping_ratio(fit.model)
+    resonant = (natural_hz(fit.model) < both.sensors.fit_band_hz[1]) & (zeta < 0.1)
+    assert np.sum(resonant) >= 8
+    assert np.all(fit.uncertainty.damping[resonant] < 0.5 * zeta[resonant])
     # A quarter of a decade further than sixteen states with the modes of the paper's programme.
     assert both.without_lead.log10_authority >= both.smaller[2].log10_authority
 
