@@ -142,7 +142,7 @@ def test_what_does_not_come_out_is_said(outcomes):
 
 
 def test_the_order_that_is_set_reaches_as_far_as_a_smaller_one(outcomes, paper_study):
-    """Left to the data it would hang on the processor's rounding, see docs/explanation/paper-experiments.md."""
+    """Left to the data it would hang on rounding, see docs/explanation/paper-experiments.md."""
     both = outcomes["figures 10 to 12"]
     assert paper_study.sito.states == 28
     assert both.with_lead.states > 16
