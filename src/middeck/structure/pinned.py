@@ -116,7 +116,6 @@ def _settle_pinned(
     scale = imbalance_scale(model, loads)
     hold = HOLD_IN_G * float(np.linalg.norm(loads.gravity))
     mass = hold * carried_mass(model, config)[active][:, active]
-    soft = uncarried(config.since_drawn, len(active))[active]
     for _ in range(MAX_ITERATIONS):
         load = np.zeros((len(model.points.frame), 6))
         np.add.at(load, (supports.pose, supports.axis), -force)  # a support force is minus an energy gradient
@@ -126,6 +125,7 @@ def _settle_pinned(
             return config, force
         G = at.jacobian[6 * supports.pose + supports.axis][:, active]
         K = at.tangent[active][:, active] + mass
+        soft = uncarried(config.since_drawn, len(active))[active]
         spring = max(float(np.abs(K.diagonal()[soft]).max()), scale[0] / article_size(model))
         q, change = _constrained_step(K, G, at.gradient[active], slip, spring)
         config, force = move_carried(model.tree, config, spread(q, active)), force - change

@@ -112,7 +112,7 @@ def _from_scout(
             reason = (
                 f"{run.states} states have the shortest description; on the lines of a first search {reason}"
             )
-    tried: tuple[Weighting, ...] = (*NOISES, "flat") if kinds == NOISES else ()
+    tried: list[Weighting] = ["output", "motion", "flat"] if kinds == NOISES else []
     others = [w for w in tried if w != run.weighting]
     more = (refine_record(data, run.layout, run.refined.theta, w, rounds=ROUNDS, steps=STEPS) for w in others)
     return [run, *(other for other in more if other is not None)], reason
