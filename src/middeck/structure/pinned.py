@@ -124,7 +124,7 @@ def _settle_pinned(
         if imbalance(at, active, scale) < TOLERANCE and np.abs(slip).max(initial=0.0) < TOLERANCE:
             return config, force
         G = at.jacobian[6 * supports.pose + supports.axis][:, active]
-        K = at.tangent[active][:, active] + mass
+        K = sp.csr_array(at.tangent[active][:, active] + mass)
         soft = uncarried(config.since_drawn, len(active))[active]
         spring = max(float(np.abs(K.diagonal()[soft]).max()), scale[0] / article_size(model))
         q, change = _constrained_step(K, G, at.gradient[active], slip, spring)

@@ -113,7 +113,7 @@ def _from_scout(
                 f"{run.states} states have the shortest description; on the lines of a first search {reason}"
             )
     tried: list[Weighting] = ["output", "motion", "flat"] if kinds == NOISES else []
-    others = [w for w in tried if w != run.weighting]
+    others: list[Weighting] = [w for w in tried if w != run.weighting]
     more = (refine_record(data, run.layout, run.refined.theta, w, rounds=ROUNDS, steps=STEPS) for w in others)
     return [run, *(other for other in more if other is not None)], reason
 
