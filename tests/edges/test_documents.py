@@ -537,7 +537,7 @@ def study_copy(tmp_path: Path, *changes: tuple[str, str]) -> Path:
             "'simple'?",
         ),
         ("states = 10", "states = 11", "siso.states", "must be even", ""),
-        ("# states = 26", "states = 27", "sito.states", "must be even", ""),
+        ("states = 28\n", "states = 27\n", "sito.states", "must be even", ""),
         (
             'sensors = ["pri_rel_z", "bus_z"]',
             'sensors = ["pri_in_z", "bus_z"]',
