@@ -19,12 +19,13 @@ from jaxtyping import Complex, Float
 from scipy.linalg import lapack
 
 from middeck.errors import ConfigError
-from middeck.systems.resolvent import Resolvent, balance_states, by_schur_form, by_solving
+from middeck.systems.refined_poles import refine_poles
+from middeck.systems.resolvent import Resolvent, balance_states, by_schur_form
 from middeck.systems.stability import GROWTH_LIMIT
 from middeck.systems.statespace import StateSpace, poles
 
 AGREEMENT = 1e-11
-"""Estimated relative error of an rms up to which the sum over poles is used; otherwise quadrature."""
+"""Estimated relative error of an rms up to which the sum over poles is used as LAPACK gives them."""
 REMAINS = 1e-3
 """Relative size of what a pole sum leaves of its equation, up to which sending it through once more says how
 wrong it was: the next order is a thousandth of that."""
@@ -49,7 +50,9 @@ def band_rms(
     """
     w1, w2 = _check_band(band_hz)
     noisy = _balanced(system, _square_root(intensity))
-    values, V = np.linalg.eig(noisy.A) if len(noisy.A) else (np.zeros(0), np.zeros((0, 0)))
+    if not len(noisy.A):
+        return np.sqrt(np.sum(noisy.D**2, axis=1) * (w2 - w1) / np.pi)
+    values, V = np.linalg.eig(noisy.A)
     on_axis = (
         (np.abs(np.real(values)) <= GROWTH_LIMIT)
         & (np.abs(np.imag(values)) >= w1)
@@ -58,11 +61,17 @@ def band_rms(
     growing = (np.real(values) > GROWTH_LIMIT) & ~_at_origin(values, noisy.A, w1)
     if np.any(growing) or np.any(on_axis):
         return np.full(len(system.C), np.inf)
-    modal = _as_pole_sum(noisy, values.astype(complex), V, (w1, w2))
+    modal = _as_pole_sum(noisy, values.astype(complex), V, (w1, w2)) or _refined_pole_sum(noisy)
     if modal is None:
         return np.sqrt(_quadrature(_on_axis(by_schur_form(noisy)), values, (w1, w2)) / np.pi)
     # A negative square is rounding about zero.
     return np.sqrt(np.maximum(_pair_integral(*modal, noisy.D, w1, w2), 0.0) / np.pi)
+
+
+def _refined_pole_sum(system: StateSpace) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """Poles, C V and V^-1 B after a step of Newton's method, or None where the eigenvectors are too dependent."""
+    form = refine_poles(system.A, system.B, system.C)
+    return form and (form.values, form.C, form.B)
 
 
 def _at_origin(values: np.ndarray, A: np.ndarray, w1: float) -> np.ndarray:
@@ -78,11 +87,11 @@ def band_rms_by_quadrature(
 ) -> Float[np.ndarray, " output"]:
     """The same by adaptive quadrature of |G|^2, cut at the resonances: slow, independent, for checks.
 
-    The integrand is evaluated by solving with (jw I - A) in balanced coordinates; no eigenvalue enters but
-    to place the first cuts. It is an integral and does not know whether the system is stable.
+    The integrand is evaluated in the Schur form of A in balanced coordinates, which is backward stable; no
+    eigenvector enters. It is an integral and does not know whether the system is stable.
     """
     band = _check_band(band_hz)
-    response = _on_axis(by_solving(_balanced(system, _square_root(intensity))))
+    response = _on_axis(by_schur_form(_balanced(system, _square_root(intensity))))
     return np.sqrt(_quadrature(response, poles(system), band) / np.pi)
 
 

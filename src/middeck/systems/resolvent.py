@@ -96,17 +96,22 @@ def _residues(form: PoleForm) -> Complex[np.ndarray, "pole port"]:
 
 
 def by_schur_form(system: System) -> Resolvent:
-    """Back substitution in complex Schur form, many lines at once: n^2 a line, and stable."""
+    """Back substitution in complex Schur form, many lines at once: n^2 a line, and stable.
+
+    From the side of the fewer ports: the transposed system, its states in reverse, is upper triangular too.
+    """
     T, Q = cast("tuple[np.ndarray, np.ndarray]", sla.schur(system.A, output="complex"))
     B, C = Q.conj().T @ system.B, system.C @ Q
-    outputs, inputs = system.D.shape
+    turned = B.shape[1] > len(C)
+    if turned:
+        T, B, C = np.ascontiguousarray(T[::-1, ::-1].T), C[:, ::-1].T, B[::-1].T
 
     def evaluate(points: np.ndarray) -> np.ndarray:
-        H = np.empty((len(points), outputs, inputs), dtype=complex)
+        H = np.empty((len(points), len(C), B.shape[1]), dtype=complex)
         for some in _chunks(len(points), B.size):
-            states = C @ _substitute(T, B, points[some])
-            H[some] = np.moveaxis(states.reshape(outputs, inputs, -1), 2, 0)
-        return H + system.D
+            ports = C @ _substitute(T, B, points[some])
+            H[some] = np.moveaxis(ports.reshape(len(C), B.shape[1], -1), 2, 0)
+        return (H.transpose(0, 2, 1) if turned else H) + system.D
 
     return evaluate
 
