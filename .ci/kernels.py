@@ -14,6 +14,7 @@ import os
 import re
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
@@ -61,12 +62,19 @@ def distinct_kernels() -> list[str]:
 
 
 def run(kernel: str, out: Path) -> bool:
-    """Marked tests, then the study into ``out``; whether both succeeded."""
-    tests = [sys.executable, "-m", "pytest", "-m", "kernels", "-n", "2", "--dist", "loadgroup", "tests"]
+    """Marked tests, then the study into ``out``, one process each; prints what they say, whether both succeeded."""
+    tests = [sys.executable, "-m", "pytest", "-m", "kernels", "-q", "tests"]
     middeck = str(Path(sys.executable).with_name("middeck"))
     study = [middeck, "study", "studies/mace-1993.toml", "-o", str(out)]
-    print(f"--- {kernel}", flush=True)
-    return all(subprocess.run(c, env=environment(kernel), cwd=ROOT).returncode == 0 for c in (tests, study))
+    for command in (tests, study):
+        done = subprocess.run(
+            command, env=environment(kernel), cwd=ROOT, text=True,
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        )  # fmt: skip
+        print(f"--- {kernel}: {Path(command[0]).name} {command[1]}\n{done.stdout}", flush=True)
+        if done.returncode != 0:
+            return False
+    return True
 
 
 def main() -> int:
@@ -75,7 +83,9 @@ def main() -> int:
     parser.add_argument("-o", "--out", type=Path, default=ROOT / "out/kernels")
     out = parser.parse_args().out
     kernels = distinct_kernels()
-    failed = [kernel for kernel in kernels if not run(kernel, out / kernel)]
+    with ThreadPoolExecutor(os.cpu_count()) as side_by_side:
+        succeeded = list(side_by_side.map(lambda kernel: run(kernel, out / kernel), kernels))
+    failed = [kernel for kernel, good in zip(kernels, succeeded, strict=True) if not good]
     if failed:
         print(f"failed under {', '.join(failed)}")
         return 1
