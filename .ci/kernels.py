@@ -62,7 +62,7 @@ def distinct_kernels() -> list[str]:
 
 
 def run(kernel: str, out: Path) -> bool:
-    """Marked tests, then the study into ``out``, one process each; prints what they say, whether both succeeded."""
+    """Marked tests, then the study into ``out``, and what they print; whether both succeeded."""
     tests = [sys.executable, "-m", "pytest", "-m", "kernels", "-q", "tests"]
     middeck = str(Path(sys.executable).with_name("middeck"))
     study = [middeck, "study", "studies/mace-1993.toml", "-o", str(out)]

@@ -69,7 +69,7 @@ def band_rms(
 
 
 def _refined_pole_sum(system: StateSpace) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """Poles, C V and V^-1 B after a step of Newton's method, or None where the eigenvectors are too dependent."""
+    """The same after a step of Newton's method, or None where the eigenvectors are too dependent."""
     form = refine_poles(system.A, system.B, system.C)
     return form and (form.values, form.C, form.B)
 
