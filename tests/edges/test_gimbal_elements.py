@@ -8,7 +8,6 @@ import pytest
 
 from middeck.errors import ConfigError
 from middeck.files.studies import load_study
-from middeck.study.gimbal_elements import build_gimbal_elements
 from middeck.systems.deadband import Deadband
 from middeck.systems.friction import Friction
 
@@ -30,14 +29,14 @@ SMOOTH = ("gimbal_friction_nm = 0", "gimbal_viscous_nms_per_rad = 0")
 
 
 def test_the_study_as_it_stands_has_friction_and_no_play():
-    (friction,) = build_gimbal_elements(load_study(ROOT / "studies/mace-1993.toml").rig)
+    (friction,) = load_study(ROOT / "studies/mace-1993.toml").rig.gimbal_elements
     assert isinstance(friction, Friction)
     assert (friction.slip_torque, friction.viscous) == (0.002, 0.001)
 
 
 @pytest.mark.parametrize("more", [(), ("gimbal_presliding_deg = 0.05",)])
 def test_without_friction_there_is_none(tmp_path, more):
-    assert build_gimbal_elements(study_with(tmp_path, *SMOOTH, *more).rig) == ()
+    assert study_with(tmp_path, *SMOOTH, *more).rig.gimbal_elements == ()
 
 
 def test_friction_that_could_not_act_is_refused(tmp_path):
@@ -55,12 +54,12 @@ def test_keys_become_elements_in_radians(tmp_path):
         "gimbal_deadband_deg = 0.1",
         "gimbal_flank_nm_per_rad = 30.0",
     ).rig
-    friction, gap = build_gimbal_elements(rig, preload_nm=-0.5)
+    friction, gap = rig.gimbal_elements
     assert isinstance(friction, Friction)
     assert (friction.slip_torque, friction.viscous) == (0.002, 0.001)
     assert friction.slip_angle == pytest.approx(0.05 * np.pi / 180.0, rel=1e-15)
     assert isinstance(gap, Deadband)
-    assert (gap.stiffness, gap.preload) == (30.0, -0.5)
+    assert (gap.stiffness, gap.preload) == (30.0, 0.0)
     assert gap.gap == pytest.approx(0.1 * np.pi / 180.0, rel=1e-15)
 
 

@@ -7,9 +7,9 @@ from middeck.identification.fit.choices import Choices, options_of
 from middeck.identification.fit.data import Data
 from middeck.identification.fit.race import recommend_states
 from middeck.identification.fit.weights import spread_of
-from middeck.study.bench import build_bench, take_open_loop
-from middeck.study.rig_experiment import in_band
-from middeck.study.rig_hardware import build_rig_article
+from middeck.laboratory.article_rig import build_rig_article
+from middeck.laboratory.bench import build_bench, take_open_loop
+from middeck.laboratory.linear_test import in_band
 from middeck.study.stages import STAGES
 
 
@@ -21,7 +21,7 @@ def test_a_search_does_not_end_while_a_mode_is_lacking():
     streams = dict(zip(STAGES, np.random.SeedSequence(4).spawn(len(STAGES)), strict=True))
     rng = np.random.default_rng(streams["figures 10 to 12"])
     phases = np.random.default_rng(int(rng.integers(2**63)))
-    bench = build_bench(article, study.rig, siso, (siso.sensor, *sito.sensors), phases)
+    bench = build_bench(article, study.rig, study.loop_test, (siso.sensor, *sito.sensors), phases)
     measured = in_band(take_open_loop(bench, rng), sito.fit_band_hz)
     spread = spread_of(measured, relative=True)
     data = Data(

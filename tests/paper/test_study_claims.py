@@ -7,6 +7,8 @@ from middeck.files.studies import load_study
 from middeck.identification.measurement_model import damping_ratio, model_response, natural_hz, path_delay
 from middeck.identification.plants.plant_model import model_of_plant
 from middeck.identification.plants.zeros import path_zeros
+from middeck.laboratory.article import rig_article_plant
+from middeck.laboratory.article_rig import build_article_rig, build_rig_article
 from middeck.realtime.linear_view import linearise_rig
 from middeck.study.claims import (
     figure_6_claims,
@@ -17,8 +19,6 @@ from middeck.study.claims import (
     figure_12_claims,
 )
 from middeck.study.gravity import find_modes
-from middeck.study.rig_article import rig_article_plant
-from middeck.study.rig_hardware import build_article_rig, build_rig_article
 from middeck.study.zero_g_control import study_zero_g_control
 from middeck.systems.modal import output_rows
 from middeck.systems.response import evaluate_plant, statespace_response

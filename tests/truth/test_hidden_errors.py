@@ -10,10 +10,10 @@ import pytest
 
 from middeck.files.documents import load_environment, load_structure
 from middeck.files.studies import load_study
+from middeck.laboratory.article import RigArticle, holding_torque, solve_rig_article
+from middeck.laboratory.article_rig import build_article_rig, rig_delay
+from middeck.laboratory.hidden_errors import HiddenErrors, hide_in_structure
 from middeck.realtime.linear_view import linearise_rig
-from middeck.study.hidden_errors import HiddenErrors, hide_in_structure
-from middeck.study.rig_article import RigArticle, holding_torque, solve_rig_article
-from middeck.study.rig_hardware import build_article_rig, rig_delay
 from middeck.systems.response import statespace_response
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -108,19 +108,19 @@ def test_a_payload_further_out_is_heavier_to_hold(lab):
 
 
 def test_delay_and_gains_turn_and_scale_the_response(dm, lab):
-    form = load_study(ROOT / "studies" / "mace-1993.toml").rig
+    settings = load_study(ROOT / "studies" / "mace-1993.toml").rig
     hz = np.array([0.5, 5.0, 30.0])
     article = on_rig(dm, lab)
 
     def response(**changes):
         wrong = RigArticle(article.equilibrium, article.modes, hidden(**changes))
-        rig = build_article_rig(wrong, form, **PORTS)
+        rig = build_article_rig(wrong, settings, **PORTS)
         return statespace_response(linearise_rig(rig).sampled, 2.0 * np.pi * hz)[:, :, 0]
 
     plain, late = response(), response(delay_s=8e-4)
     # A part of a tick, exactly; only what a held command folds from beyond 250 Hz is not of the response.
     np.testing.assert_allclose(late / plain, np.exp(-2j * np.pi * hz * 8e-4)[:, None] * [1.0, 1.0], atol=2e-3)
     drifted = RigArticle(article.equilibrium, article.modes, hidden(delay_s=8e-4))
-    assert rig_delay(drifted, form) == pytest.approx(form.delay_s + 8e-4, rel=1e-12)
+    assert rig_delay(drifted, settings) == pytest.approx(settings.delay_s + 8e-4, rel=1e-12)
     gained = response(gain=(("pri_in_z", 1.02), ("pri_rel_z", 0.98)))
     np.testing.assert_allclose(gained / plain, np.tile([1.02, 0.98], (3, 1)), rtol=1e-9)

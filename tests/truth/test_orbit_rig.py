@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -9,11 +10,11 @@ import pytest
 
 from middeck.files.documents import load_environment, load_structure
 from middeck.files.studies import load_study
+from middeck.laboratory.article_rig import build_article_rig, build_rig_article
 from middeck.realtime.hardware_runs import run_hardware_closed_loop, run_hardware_open_loop
 from middeck.realtime.linear_view import linearise_rig
 from middeck.realtime.rig import close_sampled_loop
 from middeck.structure.environment import Environment
-from middeck.study.rig_hardware import build_article_rig, build_rig_article
 from middeck.systems.excitation import random_multisine
 from middeck.systems.response import statespace_response
 from middeck.systems.sampling import tustin
@@ -29,16 +30,18 @@ PERIOD_S, RATE = 16.0, 500.0
 
 
 @pytest.fixture(scope="module")
-def form():
-    return load_study(ROOT / "studies" / "mace-1993.toml").rig.model_copy(update={"hidden_seed": 5})
+def settings():
+    return dataclasses.replace(load_study(ROOT / "studies/mace-1993.toml").rig, hidden_seed=5)
 
 
 @pytest.fixture(scope="module")
-def rigs(form):
+def rigs(settings):
     dm = load_structure(ROOT / "articles" / "mace-dm.toml")
     places = {"orbit": Environment.orbit(), "lab": load_environment(ROOT / "environments" / "lab.toml")}
     return {
-        name: build_article_rig(build_rig_article(dm, place, form), form, inputs=LOOPS, outputs=OUTPUTS)
+        name: build_article_rig(
+            build_rig_article(dm, place, settings), settings, inputs=LOOPS, outputs=OUTPUTS
+        )
         for name, place in places.items()
     }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,14 @@ import pytest
 from middeck.errors import ConfigError
 from middeck.files.documents import load_environment, load_structure
 from middeck.files.studies import load_study
+from middeck.laboratory.article import (
+    TUBE_SHEAR,
+    holding_torque,
+    rig_article_plant,
+    solve_rig_article,
+)
+from middeck.laboratory.article_rig import build_article_rig, build_rig_article
+from middeck.laboratory.hidden_errors import HiddenErrors, draw_hidden_errors
 from middeck.realtime.drift import Drift, nearest_modes
 from middeck.realtime.hardware_runs import run_hardware_open_loop
 from middeck.realtime.linear_view import linearise_rig
@@ -17,14 +26,6 @@ from middeck.realtime.sensors import Encoder, Gyro
 from middeck.structure.environment import Environment
 from middeck.structure.equilibrium import solve_equilibrium
 from middeck.structure.modes import solve_modes
-from middeck.study.hidden_errors import HiddenErrors, draw_hidden_errors
-from middeck.study.rig_article import (
-    TUBE_SHEAR,
-    holding_torque,
-    rig_article_plant,
-    solve_rig_article,
-)
-from middeck.study.rig_hardware import build_article_rig, build_rig_article
 from middeck.systems.stability import growth_rates
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -42,7 +43,7 @@ def lab():
 
 
 @pytest.fixture(scope="module")
-def form():
+def settings():
     return load_study(ROOT / "studies" / "mace-1993.toml").rig
 
 
@@ -135,28 +136,30 @@ def test_each_mode_has_its_own_hidden_damping(dm, lab):
     np.testing.assert_allclose(plant.dynamics.zeta, expected, rtol=1e-12)
 
 
-def test_in_orbit_an_umbilical_ties_it_weakly(dm, lab, form):
-    tied = solve_rig_article(dm, Environment.orbit(), mesh_factor=1, umbilical_hz=form.umbilical_hz).modes
+def test_in_orbit_an_umbilical_ties_it_weakly(dm, lab, settings):
+    tied = solve_rig_article(dm, Environment.orbit(), mesh_factor=1, umbilical_hz=settings.umbilical_hz).modes
     free = solve_rig_article(dm, Environment.orbit(), mesh_factor=1).modes
     assert np.sum(free.omega == 0.0) == 8
     # Tied at one point: three translations have a frequency, of the sheet's size; rotations about it do not.
     assert np.sum(tied.omega == 0.0) == 5
-    assert tied.frequency_hz[5] == pytest.approx(form.umbilical_hz, rel=1e-3)
+    assert tied.frequency_hz[5] == pytest.approx(settings.umbilical_hz, rel=1e-3)
     # Beside the centre of mass the tie moves less than the whole mass; half of it at the least.
-    assert np.all(tied.frequency_hz[5:8] > 0.999 * form.umbilical_hz)
-    assert np.all(tied.frequency_hz[5:8] < 1.5 * form.umbilical_hz)
+    assert np.all(tied.frequency_hz[5:8] > 0.999 * settings.umbilical_hz)
+    assert np.all(tied.frequency_hz[5:8] < 1.5 * settings.umbilical_hz)
     np.testing.assert_allclose(flexible(tied), flexible(free), rtol=1e-3)
     hung = [solve_rig_article(dm, lab, mesh_factor=1, umbilical_hz=hz).modes.omega for hz in (0.0, 0.02)]
     assert np.array_equal(*hung)
 
 
-def test_the_motor_holds_the_payload_and_has_that_much_less(lab, form):
+def test_the_motor_holds_the_payload_and_has_that_much_less(lab, settings):
     simple = load_structure(ROOT / "articles" / "mace-simple.toml")
-    article = build_rig_article(simple, lab, form.model_copy(update={"mesh_factor": 1}))
+    article = build_rig_article(simple, lab, dataclasses.replace(settings, mesh_factor=1))
     # 5 kg, 0.08 m below the axes, turned by 45 degrees; the article itself rolls by a little.
     weight = 5.0 * 9.80665 * 0.08 * np.sin(np.pi / 4.0)
     assert abs(holding_torque(article, "pri_x")) == pytest.approx(weight, rel=0.05)
-    rig = build_article_rig(article, form, inputs=("pri_rel_x", "bus_x"), outputs=("pri_in_x", "pri_rel_x"))
+    rig = build_article_rig(
+        article, settings, inputs=("pri_rel_x", "bus_x"), outputs=("pri_in_x", "pri_rel_x")
+    )
     gimbal, wheel = rig.motors
     assert gimbal.holding == holding_torque(article, "pri_x")
     assert gimbal.torque_limit == 5.0
@@ -169,14 +172,14 @@ def test_the_motor_holds_the_payload_and_has_that_much_less(lab, form):
     assert isinstance(encoder, Encoder)
     assert encoder.step == pytest.approx(2.0 * np.pi / 262144)
     with pytest.raises(ConfigError, match="no actuator"):
-        build_article_rig(article, form, inputs=("fin",), outputs=("pri_in_x",))
+        build_article_rig(article, settings, inputs=("fin",), outputs=("pri_in_x",))
     with pytest.raises(ConfigError, match="no joint"):
         holding_torque(article, "fin")
 
 
-def test_a_study_rig_runs_drifted_and_rubbing(dm, lab, form):
-    rubs = form.model_copy(update={"mesh_factor": 1, "gimbal_presliding_deg": 0.05, "rest_s": 1.0})
-    article = build_rig_article(dm, lab, rubs.model_copy(update={"hidden_seed": 0}))
+def test_a_study_rig_runs_drifted_and_rubbing(dm, lab, settings):
+    rubs = dataclasses.replace(settings, mesh_factor=1, rest_s=1.0)
+    article = build_rig_article(dm, lab, dataclasses.replace(rubs, hidden_seed=0))
     pair = nearest_modes(rig_article_plant(article, **PORTS), 9.0)
     poles = []
     for age in (0.0, 10.0):

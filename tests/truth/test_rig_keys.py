@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import dataclasses
+import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from middeck.files.documents import load_environment, load_structure
+from middeck.files.rig_build import build_rig_settings
 from middeck.files.studies import load_study
 from middeck.files.study_form import RigForm
+from middeck.laboratory.article import rig_article_plant
+from middeck.laboratory.article_rig import build_article_rig, build_rig_article
+from middeck.laboratory.linear_test import rig_plant, run_rig_experiment
 from middeck.realtime.linear_view import linearise_rig
 from middeck.structure.environment import Environment
-from middeck.study.rig_article import rig_article_plant
-from middeck.study.rig_experiment import rig_plant, run_rig_experiment
-from middeck.study.rig_hardware import build_article_rig, build_rig_article
 from middeck.systems.deadband import Deadband
 from middeck.systems.friction import Friction
 from middeck.systems.joint_simulation import add_viscous
@@ -36,7 +39,7 @@ def lab():
 
 @pytest.fixture(scope="module")
 def form():
-    rig = load_study(ROOT / "studies" / "mace-1993.toml").rig
+    rig = RigForm.model_validate(tomllib.loads((ROOT / "studies/mace-1993.toml").read_text())["rig"])
     gear = {"gimbal_deadband_deg": 0.1, "gimbal_flank_nm_per_rad": 30.0, "mesh_factor": 1}
     slews = {"gimbal_slew_nm_per_s": 100.0, "wheel_slew_nm_per_s": 50.0}
     return rig.model_copy(update=gear | slews)
@@ -44,9 +47,10 @@ def form():
 
 def facts(dm, lab, form):
     """What can be said of a rig, by name, each from the rig itself or from its response."""
-    on_ground = build_rig_article(dm, lab, form)
-    in_orbit = build_rig_article(dm, Environment.orbit(), form)
-    rig = build_article_rig(on_ground, form, **PORTS)
+    settings = build_rig_settings(form)
+    on_ground = build_rig_article(dm, lab, settings)
+    in_orbit = build_rig_article(dm, Environment.orbit(), settings)
+    rig = build_article_rig(on_ground, settings, **PORTS)
     (gimbal, wheel), (gyro, encoder) = rig.motors, rig.sensors
     friction, gap = rig.joints[0].elements
     assert isinstance(friction, Friction)
@@ -82,7 +86,7 @@ def facts(dm, lab, form):
         "anti-alias": gyro.anti_alias_hz,
         "gyro step": gyro.resolution,
         "gyro range": gyro.range,
-        "modes": len(rig_article_plant(on_ground, **PORTS, to_hz=form.modes_hz).dynamics.omega),
+        "modes": len(rig_article_plant(on_ground, **PORTS, to_hz=settings.modes_hz).dynamics.omega),
         "elements": member.elements,
         "shear": member.section.GA_y,
         "lightest tie": float(in_orbit.modes.frequency_hz[5]),
@@ -169,13 +173,14 @@ def test_the_rig_of_the_study_is_richer_than_what_anyone_designs_with(dm, lab):
 
 
 def test_identification_noise_is_a_part_of_the_rms_of_each_output(dm, lab, form):
-    article = build_rig_article(dm, lab, form)
+    settings = build_rig_settings(form)
+    article = build_rig_article(dm, lab, settings)
     plant = rig_plant(article.modes, "pri_rel_z", ("pri_in_z", "bus_z"))
-    siso = load_study(ROOT / "studies" / "mace-1993.toml").siso.model_copy(update={"period_s": 16.0})
+    test = dataclasses.replace(load_study(ROOT / "studies/mace-1993.toml").loop_test, period_s=16.0)
     share = []
     for part in (0.01, 0.02):
         taken = run_rig_experiment(
-            plant, form.model_copy(update={"identification_noise": part}), siso, np.random.default_rng(0)
+            plant, dataclasses.replace(settings, noise_share=part), test, np.random.default_rng(0)
         )
         y = taken.record.y[0]
         noise = np.std(np.diff(y, axis=0), axis=(0, 1)) / np.sqrt(2.0)

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from middeck.control.compensator import Compensator
+from middeck.laboratory.bench import Bench
+from middeck.laboratory.loop import RigView, fastest_pole, judge_loop, view_rig
 from middeck.realtime.drift import Drift, age_plant, nearest_modes
 from middeck.realtime.hardware_rig import build_hardware_rig
 from middeck.realtime.motors import Motor
 from middeck.realtime.sensors import Sampler
-from middeck.study.bench import Bench
-from middeck.study.rig_loop import RigView, fastest_pole, judge_loop, view_rig
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
 from middeck.systems.ports import Port

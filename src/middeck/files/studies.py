@@ -25,12 +25,12 @@ from middeck.files.environment_checks import environment_findings
 from middeck.files.environment_form import EnvironmentForm, build_environment
 from middeck.files.faults import Fault, Finding, raise_faults, show
 from middeck.files.overrides import Target, apply_overrides
+from middeck.files.rig_build import build_loop_test, build_rig_settings
 from middeck.files.study_checks import fixed_axes, signal_findings
 from middeck.files.study_form import (
     ControlForm,
     Figure6Form,
     MirrorForm,
-    RigForm,
     SisoForm,
     SitoForm,
     StudyForm,
@@ -38,6 +38,7 @@ from middeck.files.study_form import (
     study_findings,
 )
 from middeck.files.toml_lines import Path as KeyPath
+from middeck.laboratory.settings import LoopTest, RigSettings
 from middeck.structure.article import Structure
 from middeck.structure.environment import Environment
 from middeck.values import record
@@ -61,8 +62,10 @@ class Study:
     ----------
     cases:
         Every article in every environment; see `case`.
-    control, rig, figure_6, siso, sito, mirror:
+    control, figure_6, siso, sito, mirror:
         The tables of the study file: attributes are its keys, units in their endings.
+    rig, loop_test:
+        The simulated rig, and the experiments on it with the motor of ``siso``.
     train_file, test_file:
         Paths of the mirror's records.
     inputs:
@@ -75,7 +78,8 @@ class Study:
     seed: int
     cases: tuple[Case, ...]
     control: ControlForm
-    rig: RigForm
+    rig: RigSettings
+    loop_test: LoopTest
     figure_6: Figure6Form
     siso: SisoForm
     sito: SitoForm
@@ -121,8 +125,8 @@ def load_study(path: str | Path, overrides: Sequence[str] = ()) -> Study:
     )
     inputs = tuple((Path(os.path.relpath(f, base)).as_posix(), sha256_of(f)) for f in files)
     return Study(
-        form.title, form.seed, cases, form.control, form.rig, form.figure_6, form.siso, form.sito,
-        form.mirror, records[0], records[1], inputs, tuple(overrides),
+        form.title, form.seed, cases, form.control, build_rig_settings(form.rig), build_loop_test(form.siso),
+        form.figure_6, form.siso, form.sito, form.mirror, records[0], records[1], inputs, tuple(overrides),
     )  # fmt: skip
 
 

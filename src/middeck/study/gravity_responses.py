@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from middeck.files.study_form import Figure6Form, RigForm, SisoForm
+from middeck.files.study_form import Figure6Form
 from middeck.identification.spectra import estimate_response
+from middeck.laboratory.linear_test import rig_plant, run_rig_experiment
+from middeck.laboratory.settings import LoopTest, RigSettings
 from middeck.structure.modes import Modes
 from middeck.structure.plants.modal_plant import build_plant
-from middeck.study.rig_experiment import rig_plant, run_rig_experiment
 from middeck.systems.plant import Plant
 from middeck.systems.response import FrequencyResponse, evaluate_plant
 from middeck.values import record
@@ -48,8 +49,8 @@ def study_gravity_responses(
     orbit: Modes,
     lab: Modes,
     figure: Figure6Form,
-    rig: RigForm,
-    siso: SisoForm,
+    rig: RigSettings,
+    test: LoopTest,
     rng: np.random.Generator,
 ) -> GravityResponses:
     """Model both environments without PD, measure the rig in the laboratory, compare."""
@@ -60,15 +61,15 @@ def study_gravity_responses(
         )
         for environment, modes in (("orbit", orbit), ("lab", lab))
     }
-    test = run_rig_experiment(rig_plant(lab, figure.input, figure.outputs), rig, siso, rng)
-    measured = estimate_response(test.record, band_hz=figure.band_hz)
+    experiment = run_rig_experiment(rig_plant(lab, figure.input, figure.outputs), rig, test, rng)
+    measured = estimate_response(experiment.record, band_hz=figure.band_hz)
     return GravityResponses(
         evaluate_plant(plants["orbit"], frequency_hz),
         evaluate_plant(plants["lab"], frequency_hz),
         measured,
         rig.delay_s,
         _phase_gap(plants["lab"], measured),
-        _magnitude_error(plants["orbit"], plants["lab"], measured, (figure.band_hz, siso.band_hz)),
+        _magnitude_error(plants["orbit"], plants["lab"], measured, (figure.band_hz, test.band_hz)),
     )
 
 

@@ -12,18 +12,18 @@ import numpy as np
 
 from middeck.control.lqg import LQGWeights, design_filter, design_lqg
 from middeck.control.robust import design_multimodel
-from middeck.files.study_form import RigForm, SisoForm
+from middeck.files.study_form import SisoForm
 from middeck.identification.fit.fit_response import FitResult, fit_response
 from middeck.identification.measurement_model import model_response, natural_hz
 from middeck.identification.plants.measured_plant import measured_plant
-from middeck.study.bench import Bench, build_bench, take_open_loop
+from middeck.laboratory.article import RigArticle, rig_article_plant
+from middeck.laboratory.bench import Bench, build_bench, take_open_loop
+from middeck.laboratory.loop import RigLoop, judge_loops, view_rig
+from middeck.laboratory.settings import LoopTest, RigSettings
 from middeck.study.measured_loop import DesignCase, MeasuredLoop, measure_loop
-from middeck.study.rig_article import RigArticle, rig_article_plant
-from middeck.study.rig_experiment import in_band
-from middeck.study.rig_loop import RigLoop, judge_loops, view_rig
 from middeck.systems.modal import ModalSystem, output_rows
 from middeck.systems.plant import Plant
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.response import FrequencyResponse, in_band
 from middeck.values import record
 
 HELD = 0.02  # relative distance within which a fitted pole is a mode's
@@ -63,10 +63,10 @@ class MeasuredControl:
 
 
 def study_measured_control(
-    article: RigArticle, rig: RigForm, siso: SisoForm, rng: np.random.Generator
+    article: RigArticle, rig: RigSettings, test: LoopTest, siso: SisoForm, rng: np.random.Generator
 ) -> MeasuredControl:
     """Excite, fit, design at two authorities and for two records, predict, then measure each loop."""
-    bench_at = partial(build_bench, article, rig, siso, (siso.sensor,))
+    bench_at = partial(build_bench, article, rig, test, (siso.sensor,))
     seed = int(rng.integers(2**63))  # one excitation for all
     shift = siso.pair_shift_percent
     views = {

@@ -11,8 +11,8 @@ from middeck.control.closed_loop import close_loop, leave_open, predict_closed_l
 from middeck.control.compensator import Compensator, evaluate_compensator
 from middeck.control.performance import Performance, measure_rms
 from middeck.identification.measurement_model import MeasurementModel, damping_ratio, natural_hz
-from middeck.study.bench import take_closed_loop
-from middeck.study.rig_loop import RigLoop, RigView, judge_loops
+from middeck.laboratory.bench import take_closed_loop
+from middeck.laboratory.loop import RigLoop, RigView, judge_loops
 from middeck.systems.plant import Plant
 from middeck.systems.response import FrequencyResponse
 from middeck.values import record

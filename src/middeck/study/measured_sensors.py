@@ -16,9 +16,8 @@ from middeck.identification.plants.measured_plant import measured_plant
 from middeck.identification.plants.zeros import Zeros, path_zeros
 from middeck.identification.uncertainty.parameters import zero_deviation
 from middeck.study.left_zeros import refit_left
-from middeck.study.rig_experiment import in_band
 from middeck.systems.plant import Plant
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.response import FrequencyResponse, in_band
 from middeck.values import record
 
 

@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from middeck.control.compensator import Compensator
+from middeck.laboratory.loop import RigView, fastest_pole, judge_loops
 from middeck.study.measured_loop import DesignCase, predicted_db
-from middeck.study.rig_loop import RigView, fastest_pole, judge_loops
 from middeck.systems.stability import GROWTH_LIMIT
 from middeck.values import record
 

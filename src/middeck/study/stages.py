@@ -9,13 +9,13 @@ import numpy as np
 
 from middeck.files.records import load_record
 from middeck.files.studies import Study
+from middeck.laboratory.article import RigArticle
+from middeck.laboratory.article_rig import build_rig_article
 from middeck.structure.comparison import ModeComparison
 from middeck.study.gravity import find_modes, study_gravity
 from middeck.study.gravity_responses import GravityResponses, study_gravity_responses
 from middeck.study.measured_control import MeasuredControl, study_measured_control
 from middeck.study.mirror import MirrorFit, study_mirror
-from middeck.study.rig_article import RigArticle
-from middeck.study.rig_hardware import build_rig_article
 from middeck.study.two_sensor_control import TwoSensorControl, study_two_sensor_control
 from middeck.study.zero_g_control import ZeroGControl, study_zero_g_control
 
@@ -52,7 +52,9 @@ def run_stages(study: Study) -> Iterator[tuple[str, Callable[[], Outcome]]]:
 
     def responses() -> GravityResponses:
         in_orbit, in_lab = (find_modes(*study.case(figure_6.article, e)) for e in ("orbit", "lab"))
-        return study_gravity_responses(in_orbit, in_lab, figure_6, study.rig, siso, rng["figure 6"])
+        return study_gravity_responses(
+            in_orbit, in_lab, figure_6, study.rig, study.loop_test, rng["figure 6"]
+        )
 
     def zero_g_control() -> ZeroGControl:
         return study_zero_g_control({"orbit": found[0].orbit, "lab": found[0].lab}, control)
@@ -62,10 +64,12 @@ def run_stages(study: Study) -> Iterator[tuple[str, Callable[[], Outcome]]]:
         return build_rig_article(*study.case(siso.article, siso.environment), study.rig)
 
     def measured_control() -> MeasuredControl:
-        return study_measured_control(article(), study.rig, siso, rng["figure 9"])
+        return study_measured_control(article(), study.rig, study.loop_test, siso, rng["figure 9"])
 
     def two_sensor_control() -> TwoSensorControl:
-        return study_two_sensor_control(article(), study.rig, siso, study.sito, rng["figures 10 to 12"])
+        return study_two_sensor_control(
+            article(), study.rig, study.loop_test, siso, study.sito, rng["figures 10 to 12"]
+        )
 
     def mirror() -> MirrorFit:
         return study_mirror(load_record(study.train_file), load_record(study.test_file), study.mirror.states)

@@ -14,17 +14,18 @@ import numpy as np
 from middeck.control.compensator import Compensator
 from middeck.control.lqg import LQGWeights, design_filter, design_lqg
 from middeck.control.shaping import second_order_section, shape_compensator
-from middeck.files.study_form import RigForm, SisoForm, SitoForm
+from middeck.files.study_form import SisoForm, SitoForm
 from middeck.identification.fit.fit_response import FitResult
 from middeck.identification.measurement_model import model_response
 from middeck.identification.plants.measured_plant import measured_plant
-from middeck.study.bench import build_bench, take_closed_loop, take_open_loop
+from middeck.laboratory.article import RigArticle
+from middeck.laboratory.article_rig import rig_delay
+from middeck.laboratory.bench import build_bench, take_closed_loop, take_open_loop
+from middeck.laboratory.loop import RigView, view_rig
+from middeck.laboratory.settings import LoopTest, RigSettings
 from middeck.study.measured_loop import DesignCase, MeasuredLoop, decibel, measure_loop, measured_rms_of
 from middeck.study.measured_sensors import MeasuredSensors, fit_sensors, study_measured_sensors
 from middeck.study.reach import Design, Reach, find_level, find_reach
-from middeck.study.rig_article import RigArticle
-from middeck.study.rig_hardware import rig_delay
-from middeck.study.rig_loop import RigView, view_rig
 from middeck.systems.response import FrequencyResponse
 from middeck.values import record
 
@@ -74,10 +75,15 @@ class TwoSensorControl:
 
 
 def study_two_sensor_control(
-    article: RigArticle, rig: RigForm, siso: SisoForm, sito: SitoForm, rng: np.random.Generator
+    article: RigArticle,
+    rig: RigSettings,
+    test: LoopTest,
+    siso: SisoForm,
+    sito: SitoForm,
+    rng: np.random.Generator,
 ) -> TwoSensorControl:
     """Excite once, fit the three paths together, search each design's reach, then measure the two loops."""
-    bench_at = partial(build_bench, article, rig, siso, (siso.sensor, *sito.sensors))
+    bench_at = partial(build_bench, article, rig, test, (siso.sensor, *sito.sensors))
     seed, shift = int(rng.integers(2**63)), sito.pair_shift_percent
     views = {
         p: view_rig(bench_at(np.random.default_rng(seed), shift_percent=p)) for p in (0.0, -shift, shift)

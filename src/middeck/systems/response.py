@@ -69,3 +69,11 @@ def evaluate_plant(plant: Plant, frequency_hz: Float[np.ndarray, " line"]) -> Fr
         else statespace_response(dynamics, omega)
     )
     return FrequencyResponse(np.asarray(frequency_hz, dtype=float), H, plant.inputs, plant.outputs)
+
+
+def in_band(response: FrequencyResponse, band_hz: tuple[float, float]) -> FrequencyResponse:
+    """The lines of ``response`` within a band."""
+    f = response.frequency_hz
+    keep = (f >= band_hz[0]) & (f <= band_hz[1])
+    variance = None if response.variance is None else response.variance[keep]
+    return FrequencyResponse(f[keep], response.H[keep], response.inputs, response.outputs, variance)

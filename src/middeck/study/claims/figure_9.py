@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from middeck.laboratory.loop import RigLoop
 from middeck.study.claims.row import Claim, at_most, largest, prediction_claims, row
 from middeck.study.measured_control import MeasuredControl
 from middeck.study.measured_loop import STATIC_HZ, MeasuredLoop, ModeReduction
-from middeck.study.rig_loop import RigLoop
 
 SUPPRESSED_DB = 3.0  # a mode that is lower by this is suppressed, one that is within it is left alone
 LOW_HZ = 5.0  # pendulum and first bending are below, the modes near 7 and 9 Hz above

@@ -12,12 +12,17 @@ from collections.abc import Sequence
 import numpy as np
 
 from middeck.errors import ConfigError
+from middeck.laboratory.hidden_errors import (
+    HiddenErrors,
+    hide_in_structure,
+    hide_in_suspension,
+    spread_damping,
+)
 from middeck.structure.article import Member, Section, Structure
 from middeck.structure.environment import AnchoredSpring, Environment
 from middeck.structure.equilibrium import Equilibrium, solve_equilibrium
 from middeck.structure.modes import Modes, solve_modes
 from middeck.structure.plants.modal_plant import build_plant
-from middeck.study.hidden_errors import HiddenErrors, hide_in_structure, hide_in_suspension, spread_damping
 from middeck.systems.plant import Plant
 from middeck.values import record
 

@@ -11,15 +11,15 @@ from jaxtyping import Float
 
 from middeck.control.compensator import Compensator
 from middeck.control.sampled import emulate
-from middeck.files.study_form import RigForm, SisoForm
 from middeck.identification.spectra import estimate_response
+from middeck.laboratory.article import RigArticle, rig_article_plant
+from middeck.laboratory.article_rig import build_article_rig
+from middeck.laboratory.settings import LoopTest, RigSettings
 from middeck.realtime.drift import Drift, nearest_modes
 from middeck.realtime.hardware_rig import HardwareRig
 from middeck.realtime.hardware_runs import run_hardware_closed_loop, run_hardware_open_loop
 from middeck.realtime.law import place_law
 from middeck.realtime.rig import Run
-from middeck.study.rig_article import RigArticle, rig_article_plant
-from middeck.study.rig_hardware import build_article_rig
 from middeck.systems.excitation import Limits, design_multisine, random_multisine
 from middeck.systems.response import FrequencyResponse
 from middeck.systems.statespace import SampledStateSpace
@@ -53,8 +53,8 @@ class Taken:
 
 def build_bench(
     article: RigArticle,
-    form: RigForm,
-    siso: SisoForm,
+    settings: RigSettings,
+    test: LoopTest,
     sensors: tuple[str, ...],
     rng: np.random.Generator,
     *,
@@ -63,21 +63,21 @@ def build_bench(
     """The article with one motor and ``sensors``, excited by random-phase multisines over the band.
 
     In open loop all lines are alike; in closed loop power falls with frequency, as the angles of integrated
-    gyros are noisiest where the loop holds best. Its pair of modes near ``siso.pair_shift_hz`` has drifted by
+    gyros are noisiest where the loop holds best. Its pair of modes near ``test.pair_shift_hz`` has drifted by
     ``shift_percent``.
     """
-    equal = random_multisine(siso.band_hz, siso.period_s, form.sample_hz, siso.excitation_nm, rng)
-    limits = Limits(rms=siso.closed_excitation_nm)
+    equal = random_multisine(test.band_hz, test.period_s, settings.sample_hz, test.open_nm, rng)
+    limits = Limits(rms=test.closed_nm)
     falling = design_multisine(
-        siso.band_hz, siso.period_s, form.sample_hz, limits, rng, amplitude=lambda f: f**-0.5
+        test.band_hz, test.period_s, settings.sample_hz, limits, rng, amplitude=lambda f: f**-0.5
     )
-    inputs = (siso.actuator,)
+    inputs = (test.actuator,)
     drifts: tuple[Drift, ...] = ()
     if shift_percent:
-        pair = nearest_modes(rig_article_plant(article, inputs=inputs, outputs=sensors), siso.pair_shift_hz)
+        pair = nearest_modes(rig_article_plant(article, inputs=inputs, outputs=sensors), test.pair_shift_hz)
         drifts = (Drift(pair, shift_percent, 1.0),)
-    rig = build_article_rig(article, form, inputs=inputs, outputs=sensors, drifts=drifts, age_s=1.0)
-    return Bench(rig, equal[:, None], falling.u[0], siso.periods, form.rest_s, siso.band_hz)
+    rig = build_article_rig(article, settings, inputs=inputs, outputs=sensors, drifts=drifts, age_s=1.0)
+    return Bench(rig, equal[:, None], falling.u[0], test.periods, settings.rest_s, test.band_hz)
 
 
 def take_open_loop(bench: Bench, rng: np.random.Generator) -> FrequencyResponse:

@@ -5,14 +5,13 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from middeck.files.study_form import RigForm, SisoForm
+from middeck.laboratory.settings import LoopTest, RigSettings
 from middeck.realtime.rig import LinearRig, build_linear_rig, run_open_loop
 from middeck.structure.modes import Modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.systems.excitation import random_multisine
 from middeck.systems.plant import Plant
 from middeck.systems.record import Record
-from middeck.systems.response import FrequencyResponse
 from middeck.values import record
 
 RIG_MODES_HZ = 60.0  # the linear rig carries every mode up to here
@@ -35,21 +34,15 @@ def rig_plant(modes: Modes, actuator: str, sensors: tuple[str, ...]) -> Plant:
     return build_plant(modes, inputs=u, outputs=sensors, count=count, w=w, u=u, z=sensors, y=sensors)
 
 
-def run_rig_experiment(plant: Plant, rig: RigForm, siso: SisoForm, rng: np.random.Generator) -> RigExperiment:
+def run_rig_experiment(
+    plant: Plant, settings: RigSettings, test: LoopTest, rng: np.random.Generator
+) -> RigExperiment:
     """Random-phase multisine over the band; noise as a fraction of each output's own rms."""
-    excitation = random_multisine(siso.band_hz, siso.period_s, rig.sample_hz, EXCITATION_NM, rng)
+    excitation = random_multisine(test.band_hz, test.period_s, settings.sample_hz, EXCITATION_NM, rng)
     silent = np.zeros(len(plant.outputs))
-    quiet = build_linear_rig(plant, sample_hz=rig.sample_hz, delay_s=rig.delay_s, noise_rms=silent)
+    quiet = build_linear_rig(plant, sample_hz=settings.sample_hz, delay_s=settings.delay_s, noise_rms=silent)
     clean = run_open_loop(quiet, excitation[:, None], periods=1, rng=rng)
-    noise = rig.identification_noise * np.sqrt(np.mean(clean.y[0, 0] ** 2, axis=0))
-    real = build_linear_rig(plant, sample_hz=rig.sample_hz, delay_s=rig.delay_s, noise_rms=noise)
-    taken = run_open_loop(real, excitation[:, None], periods=siso.periods, rng=rng)
+    noise = settings.noise_share * np.sqrt(np.mean(clean.y[0, 0] ** 2, axis=0))
+    real = build_linear_rig(plant, sample_hz=settings.sample_hz, delay_s=settings.delay_s, noise_rms=noise)
+    taken = run_open_loop(real, excitation[:, None], periods=test.periods, rng=rng)
     return RigExperiment(real, excitation, taken)
-
-
-def in_band(response: FrequencyResponse, band_hz: tuple[float, float]) -> FrequencyResponse:
-    """The lines of ``response`` within a band."""
-    f = response.frequency_hz
-    keep = (f >= band_hz[0]) & (f <= band_hz[1])
-    variance = None if response.variance is None else response.variance[keep]
-    return FrequencyResponse(f[keep], response.H[keep], response.inputs, response.outputs, variance)

@@ -13,9 +13,9 @@ from jaxtyping import Complex, Float
 
 from middeck.control.analysis import measure_margins
 from middeck.control.compensator import Compensator
+from middeck.laboratory.bench import Bench, law_on
 from middeck.realtime.linear_view import linearise_rig
 from middeck.realtime.rig import close_sampled_loop
-from middeck.study.bench import Bench, law_on
 from middeck.systems.response import statespace_response
 from middeck.systems.stability import GROWTH_LIMIT, growth_rates
 from middeck.systems.statespace import SampledStateSpace

@@ -1,0 +1,1 @@
+"""The simulated laboratory: an article with hidden errors, its rig, its bench and its experiments."""

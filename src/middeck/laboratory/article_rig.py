@@ -1,0 +1,104 @@
+"""The hardware rig of an article: its motors, sensors and bearings as the settings have them."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+from middeck.errors import ConfigError
+from middeck.laboratory.article import RigArticle, rig_article_plant, solve_rig_article
+from middeck.laboratory.hidden_errors import draw_hidden_errors
+from middeck.laboratory.settings import RigSettings
+from middeck.realtime.drift import Drift, age_plant
+from middeck.realtime.hardware_rig import HardwareRig, build_hardware_rig
+from middeck.realtime.motors import Motor
+from middeck.realtime.sensors import Sensor
+from middeck.structure.article import Actuator, JointState, Structure
+from middeck.structure.environment import Environment
+from middeck.structure.equilibrium import Equilibrium
+from middeck.systems.joint_simulation import JointElements
+
+
+def build_rig_article(structure: Structure, environment: Environment, settings: RigSettings) -> RigArticle:
+    """The truth of a rig in one environment: finer, in shear, and wrong by ``hidden_seed``."""
+    seed = settings.hidden_seed
+    hidden = None if seed is None else draw_hidden_errors(structure, seed)
+    return solve_rig_article(
+        structure, environment, hidden, mesh_factor=settings.mesh_factor, shear=settings.shear,
+        umbilical_hz=settings.umbilical_hz,
+    )  # fmt: skip
+
+
+def build_article_rig(
+    article: RigArticle,
+    settings: RigSettings,
+    *,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    drifts: Sequence[Drift] = (),
+    age_s: float = 0.0,
+    drifting: bool = False,
+    steps: int = 1,
+) -> HardwareRig:
+    """The rig of ``article`` between torque commands at ``inputs`` and samples of the angles ``outputs``.
+
+    Every free gimbal axis has the settings' friction and play, commanded or not. A torque on a node is
+    a wheel's, at a joint a gimbal's motor's, which also holds the payload; a joint angle is an encoder's, an
+    inertial one an integrated gyro's. ``drifts`` have gone on for ``age_s`` when it is switched on; then they
+    halt or, ``drifting``, go on. Raises `ConfigError` as `build_hardware_rig`, for an unknown port, and where
+    a motor cannot hold its payload.
+    """
+    equilibrium = article.equilibrium
+    structure = equilibrium.model.structure
+    elements = settings.gimbal_elements
+    rubs = [a.name for a in _gimbal_motors(structure)] if elements else []
+    plant = rig_article_plant(
+        article, inputs=_once(*inputs, *rubs), outputs=_once(*outputs, *rubs), to_hz=settings.modes_hz
+    )
+    hidden = article.hidden
+    gains = {} if hidden is None else dict(hidden.gain)
+    return build_hardware_rig(
+        plant if drifting else age_plant(plant, drifts, age_s),
+        motors={name: _motor(equilibrium, name, settings) for name in inputs},
+        sensors={name: _sensor(structure, name, settings, gains.get(name, 1.0)) for name in outputs},
+        sample_hz=settings.sample_hz,
+        delay_s=rig_delay(article, settings),
+        joints=[JointElements(name, name, elements) for name in rubs],
+        steps=steps,
+        drifts=drifts if drifting else (),
+        age_s=age_s,
+    )
+
+
+def rig_delay(article: RigArticle, settings: RigSettings) -> float:
+    """Total delay of the rig [s]: what the settings say, and what is wrong with that."""
+    return settings.delay_s + (0.0 if article.hidden is None else article.hidden.delay_s)
+
+
+def _once(*names: str) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(names))
+
+
+def _gimbal_motors(structure: Structure) -> list[Actuator]:
+    """Motors of free axes whose angle is also a sensor of the same name."""
+    free = {j.name for j in structure.joints if j.state is JointState.FREE and not j.slides}
+    angles = {s.name for s in structure.sensors if s.axis is None}
+    return [a for a in structure.actuators if a.axis is None and a.frame in free and a.name in angles]
+
+
+def _motor(equilibrium: Equilibrium, name: str, settings: RigSettings) -> Motor:
+    structure = equilibrium.model.structure
+    known = {a.name: a for a in structure.actuators}
+    if name not in known:
+        raise ConfigError(f"no actuator {name!r}", hint=f"one of {', '.join(known)}")
+    if known[name].axis is not None:
+        return settings.wheel
+    at = [j.name for j in structure.joints].index(known[name].frame)
+    return dataclasses.replace(settings.gimbal, holding=float(equilibrium.holding_torque[at]))
+
+
+def _sensor(structure: Structure, name: str, settings: RigSettings, gain: float) -> Sensor:
+    known = {s.name: s for s in structure.sensors}
+    if name not in known:
+        raise ConfigError(f"no sensor {name!r}", hint=f"one of {', '.join(known)}")
+    return dataclasses.replace(settings.encoder if known[name].axis is None else settings.gyro, gain=gain)

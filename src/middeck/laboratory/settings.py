@@ -1,0 +1,76 @@
+"""What a simulated rig and its experiments are made of, before they have an article."""
+
+from __future__ import annotations
+
+from middeck.realtime.motors import Motor
+from middeck.realtime.sensors import Encoder, Gyro
+from middeck.systems.joint_element import JointElement
+from middeck.values import record
+
+
+@record
+class RigSettings:
+    """A simulated rig, whatever article it carries.
+
+    Parameters
+    ----------
+    sample_hz, delay_s:
+        Sampling rate; delay from torque command to sampled angle, half a sample of hold included.
+    wheel, gimbal:
+        Motors that act on nodes and at joints, the gimbal's without the torque that holds its payload.
+    gimbal_elements:
+        Friction and play at every free gimbal axis, commanded or not.
+    encoder, gyro:
+        What reads a joint angle, and an inertial one.
+    noise_share:
+        White noise at the outputs of the linear rig, as a share of the rms of each.
+    rest_s:
+        Rest before a run, in which the gyros' biases are measured.
+    modes_hz, mesh_factor, shear:
+        The article on the rig: its modes up to here, elements per element of the model, and the shear
+        coefficient of its struts (None: rigid in shear).
+    umbilical_hz:
+        Frequency that a weak cable gives the article in orbit; zero for none.
+    hidden_seed:
+        Of the article's hidden errors; None for none.
+    """
+
+    sample_hz: float
+    delay_s: float
+    wheel: Motor
+    gimbal: Motor
+    gimbal_elements: tuple[JointElement, ...]
+    encoder: Encoder
+    gyro: Gyro
+    noise_share: float
+    rest_s: float
+    modes_hz: float
+    mesh_factor: int
+    shear: float | None
+    umbilical_hz: float
+    hidden_seed: int | None
+
+
+@record
+class LoopTest:
+    """Experiments with one motor, in open and in closed loop.
+
+    Parameters
+    ----------
+    actuator:
+        The motor that is driven and that a law commands.
+    band_hz, period_s, periods:
+        Band and period of the multisines, and how many periods are recorded.
+    open_nm, closed_nm:
+        Rms of the torque command in open and in closed loop.
+    pair_shift_hz:
+        Frequency near which a pair of modes drifts.
+    """
+
+    actuator: str
+    band_hz: tuple[float, float]
+    period_s: float
+    periods: int
+    open_nm: float
+    closed_nm: float
+    pair_shift_hz: float
