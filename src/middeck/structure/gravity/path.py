@@ -369,7 +369,9 @@ def _bisect(good: Station, bad: Station, advance: Advance, hung: int) -> _Stop:
 def _ending(stop: _Stop, devices: tuple[str, ...], names: tuple[str, ...]) -> GravityEvent:
     good, bad = stop
     last = (good if bad is None else bad).spectrum.lam
-    softest = int(np.argmin(last))
+    # Where a branch turns back its mode has not got to zero yet; what nothing holds has been there all along.
+    held = np.where((last == 0.0) & (bad is None), np.inf, last)
+    softest = int(np.argmin(held))
     branch, name = (softest,), (names[softest],)
     if bad is None:
         kind = EventKind.NO_REST
