@@ -32,7 +32,7 @@ HOLD_IN_G = 1e-5
 RUNAWAY_M = 10.0
 # Newton's method at full load is on the branch of the load steps where its first step is short [m or rad] and
 # each further one at most this part of the one before (Deuflhard 2004, section 2.1).
-CONTRACTION, LONGEST_STEP = 0.25, 0.1
+CONTRACTION, LONGEST_STEP = 0.25, 0.5
 # Of the largest compliance of the supports: a motion less compliant is rigid and held twice, so that statics
 # leaves the share of each support open. They share it alike.
 HELD_TWICE = 1e-13
