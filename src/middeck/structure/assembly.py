@@ -298,10 +298,11 @@ def _assembled(
     gradient = total.gradient if point_load is None else total.gradient + point_load
     J = model.pose_map.jacobian(at.poses)
     blocks = {name: total.material[name] + part for name, part in total.geometric.items()}
-    K = model.pattern.matrix(J.data, {**blocks, "attach": total.device, **_turning(model, at, gradient)})
+    blocks |= {"attach": total.device, **_turning(model, at, gradient)}
     joint_energy, joint_gradient, hinges = _sprung_joints(model, config)
     g = J.T @ gradient.ravel() + joint_gradient
-    return Assembly(total.energy + joint_energy, g, _stiffened(K, hinges), J, total.tension)
+    K = model.pattern.matrix(J.data, blocks, hinges)
+    return Assembly(total.energy + joint_energy, g, K, J, total.tension)
 
 
 def _turning(model: Model, at: _At, gradient: np.ndarray) -> dict[str, np.ndarray]:
@@ -323,7 +324,7 @@ def split_tangent(model: Model, geometry: Configuration, loads: Loads, inner: In
     total = _gather(model, at, loads, inner)
     values = model.pose_map.jacobian_values(at.poses)
     return TangentParts(
-        _stiffened(model.pattern.matrix(values, total.material), _sprung_joints(model, geometry)[2]),
+        model.pattern.matrix(values, total.material, _sprung_joints(model, geometry)[2]),
         model.pattern.matrix(values, {**total.geometric, **_turning(model, at, total.gradient)}),
         model.pattern.matrix(values, {"attach": total.device}),
     )
@@ -567,7 +568,3 @@ def _sprung_joints(model: Model, config: Configuration) -> tuple[float, np.ndarr
     k = np.array([j.stiffness if j.state is JointState.SPRUNG else 0.0 for j in joints]) + 0.0
     turn = config.angle - np.array([j.target for j in joints])
     return 0.5 * np.sum(k * turn**2), np.concatenate([none, k * turn]), np.concatenate([none, k])
-
-
-def _stiffened(K: sp.csr_array, diagonal: np.ndarray) -> sp.csr_array:
-    return sp.csr_array(K + sp.diags_array(diagonal)) if np.any(diagonal) else K

@@ -36,13 +36,20 @@ class Pattern(NamedTuple):
     indptr: np.ndarray
     indices: np.ndarray
     mirror: np.ndarray  # place of the entry across the diagonal
+    diagonal: np.ndarray
     groups: Mapping[str, tuple[_Products, ...]]
 
-    def matrix(self, jacobian: np.ndarray, blocks: Mapping[str, np.ndarray]) -> sp.csr_array:
-        """The sum over element matrices by group, ``jacobian`` being the values of the points' Jacobian."""
+    def matrix(
+        self, jacobian: np.ndarray, blocks: Mapping[str, np.ndarray], diagonal: np.ndarray | float = 0.0
+    ) -> sp.csr_array:
+        """The sum over element matrices by group, ``jacobian`` being the values of the points' Jacobian.
+
+        ``diagonal`` is a further stiffness of each coordinate.
+        """
         size, count = len(self.indptr) - 1, len(self.indices)
-        dtype = np.result_type(jacobian, *blocks.values())
+        dtype = np.result_type(jacobian, diagonal, *blocks.values())
         data = np.zeros(count, dtype)
+        data[self.diagonal] = diagonal
         for name, block in blocks.items():
             flat = block.ravel()
             for part in self.groups[name]:
@@ -92,7 +99,8 @@ def lay_out_pattern(points: PoseMap, ends: Mapping[str, Int[np.ndarray, "element
             done.append(_Products(entry, left if len(left) else None, right if len(left) else None, places))
         groups[name] = tuple(p for p in done if len(p.slot))
     mirror = np.lexsort((rows, indices))
-    return Pattern(indptr.astype(np.int32), indices.astype(np.int32), mirror, groups)
+    diagonal = np.flatnonzero(rows == indices)
+    return Pattern(indptr.astype(np.int32), indices.astype(np.int32), mirror, diagonal, groups)
 
 
 def _plain(points: PoseMap, poses: np.ndarray, some: np.ndarray) -> tuple[np.ndarray, ...]:
