@@ -187,7 +187,7 @@ def strain_energies(
     start, end = model.spring_ends.T
     stretched = _own_span(model, at)
     tied = _device_span(model, at, loads)
-    out += spring_squares(_own_law(model), *stretched, motion[end, :3] - motion[start, :3], along_only=True)
+    out += spring_squares(own_law(model), *stretched, motion[end, :3] - motion[start, :3], along_only=True)
     out += spring_squares(loads.law, *tied, motion[loads.attach_point, :3])
     hinges = _sprung_joints(model, config)[2]
     return out + shapes.T @ (hinges[:, None] * shapes)
@@ -207,7 +207,7 @@ def predict_forces(
         strain = value + (slope @ ends[rows][:, :, None])[:, :, 0]
         forces.append((beam_stiffness(beams) @ strain[:, :, None])[:, :, 0])
     start, end = model.spring_ends.T
-    own = predicted_tension(_own_law(model), *_own_span(model, at), motion[end, :3] - motion[start, :3])
+    own = predicted_tension(own_law(model), *_own_span(model, at), motion[end, :3] - motion[start, :3])
     device = predicted_tension(loads.law, *_device_span(model, at, loads), motion[loads.attach_point, :3])
     return Inner(np.concatenate(forces), own, device)
 
@@ -447,7 +447,7 @@ def _own_springs(model: Model, at: _At, gradient: np.ndarray, tension: np.ndarra
     """The structure's own springs; adds to ``gradient``."""
     start, end = model.spring_ends.T
     drawn, change = _own_span(model, at)
-    state = spring_state(_own_law(model), drawn + change, tension, (drawn, change))
+    state = spring_state(own_law(model), drawn + change, tension, (drawn, change))
     np.add.at(gradient[:, :3], end, state.gradient)
     np.add.at(gradient[:, :3], start, -state.gradient)
     return state
@@ -511,7 +511,8 @@ def pose_shift(model: Model, config: Configuration, pose: np.ndarray) -> Inexact
     return change + (drawn - points_in_world(here, frame_poses(model.tree, model.rest)))
 
 
-def _own_law(model: Model) -> SpringLaw:
+def own_law(model: Model) -> SpringLaw:
+    """Of the structure's own springs."""
     own = model.structure.springs
     return SpringLaw(
         np.zeros(len(own)), np.array([s.stiffness for s in own]), np.array([s.free_length for s in own])

@@ -260,6 +260,8 @@ def _settled(full: Equilibrium, loads: Loads) -> Equilibrium:
         residual=found.residual,
         history=found.history,
         tension=found.assembly.tension,
+        enough=found.enough,
+        stable=found.stable,
     )
 
 
