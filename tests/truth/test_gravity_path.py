@@ -260,11 +260,10 @@ def told(path: GravityPath, station: int) -> list[tuple[float, str, tuple[int, .
     )
 
 
-def agree(structure: Structure, environment: Environment, paths: list[list[Place]], count: int) -> list:
-    """What the paths have to tell, after each was found to tell what the first does."""
-    first = None
-    for places in paths:
-        path = follow_gravity(structure, environment, places, count=count)
+def agree(structure: Structure, environment: Environment, ways: list[list[Place]], count: int):
+    """What the paths have to tell, after each was found to tell what the first does; and the paths."""
+    first, paths = None, [follow_gravity(structure, environment, places, count=count) for places in ways]
+    for places, path in zip(ways, paths, strict=True):
         assert path.complete
         on_earth = path.reached[[p.size for p in places].index(G)]
         found = told(path, on_earth)
@@ -272,7 +271,7 @@ def agree(structure: Structure, environment: Environment, paths: list[list[Place
         assert [x[1:] for x in found] == [x[1:] for x in first]
         assert [x[0] for x in found] == pytest.approx([x[0] for x in first], rel=1e-3)
     assert first
-    return first
+    return first, paths
 
 
 def cuts(*sizes: float, end: Place) -> list[list[Place]]:
@@ -292,9 +291,8 @@ def test_a_veering_is_one_however_the_path_is_cut(j: float):
     """Gaps of 2 sqrt(j/I) of omega^2, some far below the steps of the path; the last place is within one."""
     near = 5.0 * 0.22 / 0.2  # m g d / I = k / j
     paths = cuts(8.0, near + 0.1, near, near * 0.9999, end=at(1.0))
-    (event,) = agree(*swinging_pair(j), paths, count=8)
+    (event,), (path, *_) = agree(*swinging_pair(j), paths, count=8)
     assert event[1] == "veering"
-    path = follow_gravity(*swinging_pair(j), paths[0], count=8)
     two = np.array([branch(path, n) for n in ("payload pendulum swing", "first joint")]).T
     # Branches turn through it, whatever the step was: they keep their order.
     assert len(set(np.sign(np.diff(two, axis=1)).ravel())) == 1
@@ -307,15 +305,15 @@ def test_a_crossing_is_one_however_the_path_is_cut():
     wheel = hinge("wheel", Y, (0, 0, 0), (1.0, 0.3, 1.0), 1.7)
     swing = hinge("swing", X, (0, -0.1, 0), (0.2, 0.1, 0.2))
     paths = cuts(8.0, 1.7 / 0.3 * 0.22 / 0.2, 6.1, end=at(4.0))
-    assert [e[1] for e in agree(*on_a_base(wheel, swing), paths, count=8)] == ["crossing"]
+    assert [e[1] for e in agree(*on_a_base(wheel, swing), paths, count=8)[0]] == ["crossing"]
 
 
 def test_a_veering_too_narrow_to_be_told_is_a_crossing_however_the_path_is_cut():
     """A gap of 2 sqrt(j/I) = 8.5e-4 of omega^2, of which 1e-3 is told: branches keep their shapes."""
     paths = cuts(8.0, 5.5, 5.5 * 0.9999, end=at(1.0))
-    assert [e[1] for e in agree(*swinging_pair(4e-8), paths, count=8)] == ["crossing"]
-    for places in paths[:2]:
-        path = follow_gravity(*swinging_pair(4e-8), places, count=8)
+    events, followed = agree(*swinging_pair(4e-8), paths, count=8)
+    assert [e[1] for e in events] == ["crossing"]
+    for path in followed[:2]:
         swing = path.omega2[[0, -1], path.name.index("payload pendulum swing")]
         # The wheel's inertia is 2e-7 of it all.
         assert swing == pytest.approx(0.2 * np.array([G, 1.0]) / 0.22, rel=1e-6)
@@ -327,7 +325,7 @@ def test_simple_article_to_orbit_and_back():
     parts, environment = load_case(
         "articles/mace-simple.toml", "environments/lab.toml", ["mesh.elements_per_strut=1"]
     )
-    events = agree(parts, environment, cuts(6.0, 3.71, 1.62, 0.3, end=ORBIT)[:3], count=14)
+    events, _ = agree(parts, environment, cuts(6.0, 3.71, 1.62, 0.3, end=ORBIT)[:3], count=14)
     assert [e[1] for e in events] == ["crossing", *["veering"] * 4]
 
 

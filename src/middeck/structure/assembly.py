@@ -36,8 +36,6 @@ from middeck.structure.elements.frames import (
     Poses,
     frame_poses,
     points_in_world,
-    pose_jacobian,
-    pose_stiffness,
 )
 from middeck.structure.elements.since_drawn import (
     SinceDrawn,
@@ -159,13 +157,10 @@ def geometric_tangent(model: Model, config: Configuration, loads: Loads) -> sp.c
     at, since = _poses_at(model, config), config.since_drawn
     inside = _inside(model, since)
     total = _gather(model, at, loads, None, inside.rows)
-    J = pose_jacobian(model.tree, model.points, at.poses)
-    bare = sp.csr_array(
-        J.T @ _block_matrix(len(at.world), total.geometric) @ J
-        + pose_stiffness(model.tree, model.points, at.poses, total.gradient)
-    )
+    J = model.pose_map.jacobian(at.poses)
+    bare = model.pattern.matrix(J.data, {**total.geometric, **_turning(model, at, total.gradient)})
     if since is None or not since.carries:
-        return _symmetric(bare)
+        return bare
     gradient = J.T @ total.gradient.ravel() + _sprung_joints(model, config)[1]
     T, turning = transport(config, model.tree), _carried_turning(model, at, since, gradient)
     state = _inside_state(model, at, inside)
@@ -192,7 +187,7 @@ def strain_energies(
     start, end = model.spring_ends.T
     stretched = _own_span(model, at)
     tied = _device_span(model, at, loads)
-    out += spring_squares(_own_law(model), *stretched, motion[end, :3] - motion[start, :3], along_only=True)
+    out += spring_squares(own_law(model), *stretched, motion[end, :3] - motion[start, :3], along_only=True)
     out += spring_squares(loads.law, *tied, motion[loads.attach_point, :3])
     hinges = _sprung_joints(model, config)[2]
     return out + shapes.T @ (hinges[:, None] * shapes)
@@ -212,7 +207,7 @@ def predict_forces(
         strain = value + (slope @ ends[rows][:, :, None])[:, :, 0]
         forces.append((beam_stiffness(beams) @ strain[:, :, None])[:, :, 0])
     start, end = model.spring_ends.T
-    own = predicted_tension(_own_law(model), *_own_span(model, at), motion[end, :3] - motion[start, :3])
+    own = predicted_tension(own_law(model), *_own_span(model, at), motion[end, :3] - motion[start, :3])
     device = predicted_tension(loads.law, *_device_span(model, at, loads), motion[loads.attach_point, :3])
     return Inner(np.concatenate(forces), own, device)
 
@@ -222,7 +217,7 @@ def _motions(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Motions (pose, 6, mode), and (element, 12, mode) of ends of elements as common carriers see them."""
     count = shapes.shape[1]
-    J = pose_jacobian(model.tree, model.points, at.poses)
+    J = model.pose_map.jacobian(at.poses)
     motion = (J @ (transport(config, model.tree) @ shapes)).reshape(len(at.world), 6, count)
     ends = motion[model.element_ends].reshape(len(model.element_ends), 12, count)
     inside = _inside(model, config.since_drawn)
@@ -276,8 +271,7 @@ def _carried_turning(model: Model, at: _At, since: SinceDrawn, gradient: np.ndar
 
 def _sandwich(A: sp.csr_array, matrices: np.ndarray) -> sp.csr_array:
     """A'HA with the matrices of elements, 12 rows of A each."""
-    ends = np.arange(2 * len(matrices)).reshape(-1, 2)
-    return sp.csr_array(A.T @ _block_matrix(2 * len(matrices), [_Blocks(ends, matrices)]) @ A)
+    return sp.csr_array(A.T @ _block_matrix(matrices) @ A)
 
 
 def transport(config: Configuration, tree: FrameTree) -> sp.csr_array:
@@ -302,14 +296,17 @@ def _assembled(
     model: Model, config: Configuration, at: _At, total: _Total, point_load: np.ndarray | None
 ) -> Assembly:
     gradient = total.gradient if point_load is None else total.gradient + point_load
-    J = pose_jacobian(model.tree, model.points, at.poses)
-    blocks = (*total.material, *total.geometric, *total.device)
-    elastic = J.T @ _block_matrix(len(at.world), blocks) @ J
-    turning = pose_stiffness(model.tree, model.points, at.poses, gradient)
+    J = model.pose_map.jacobian(at.poses)
+    blocks = {name: total.material[name] + part for name, part in total.geometric.items()}
+    blocks |= {"attach": total.device, **_turning(model, at, gradient)}
     joint_energy, joint_gradient, hinges = _sprung_joints(model, config)
     g = J.T @ gradient.ravel() + joint_gradient
-    K = _symmetric(_stiffened(sp.csr_array(elastic + turning), hinges))
+    K = model.pattern.matrix(J.data, blocks, hinges)
     return Assembly(total.energy + joint_energy, g, K, J, total.tension)
+
+
+def _turning(model: Model, at: _At, gradient: np.ndarray) -> dict[str, np.ndarray]:
+    return {"turning": model.pose_map.second_order(at.poses, gradient)}
 
 
 def energy_gradient(
@@ -318,25 +315,18 @@ def energy_gradient(
     """The gradient of `assemble` alone."""
     at = _poses_at(model, config)
     gradient = _gather(model, at, loads, None).gradient + point_load
-    J = pose_jacobian(model.tree, model.points, at.poses)
-    return J.T @ gradient.ravel() + _sprung_joints(model, config)[1]
+    return model.pose_map.jacobian(at.poses).T @ gradient.ravel() + _sprung_joints(model, config)[1]
 
 
 def split_tangent(model: Model, geometry: Configuration, loads: Loads, inner: Inner) -> TangentParts:
     """The tangent at ``geometry`` under the forces ``inner``, which may be those of another configuration."""
     at = _poses_at(model, geometry)
     total = _gather(model, at, loads, inner)
-    J = pose_jacobian(model.tree, model.points, at.poses)
-
-    def assembled(blocks: Iterable[_Blocks]) -> sp.csr_array:
-        return sp.csr_array(J.T @ _block_matrix(len(at.world), blocks) @ J)
-
-    turning = pose_stiffness(model.tree, model.points, at.poses, total.gradient)
-    hinges = _sprung_joints(model, geometry)[2]
+    values = model.pose_map.jacobian_values(at.poses)
     return TangentParts(
-        _symmetric(_stiffened(assembled(total.material), hinges)),
-        _symmetric(sp.csr_array(assembled(total.geometric) + turning)),
-        _symmetric(assembled(total.device)),
+        model.pattern.matrix(values, total.material, _sprung_joints(model, geometry)[2]),
+        model.pattern.matrix(values, {**total.geometric, **_turning(model, at, total.gradient)}),
+        model.pattern.matrix(values, {"attach": total.device}),
     )
 
 
@@ -354,22 +344,21 @@ def inner_forces(model: Model, config: Configuration, loads: Loads) -> Inner:
 def mass_matrix(model: Model, config: Configuration, loads: Loads | None = None) -> sp.csr_array:
     """Consistent mass of beams, bodies and, with ``loads``, devices in the coordinates of the frame tree."""
     at = _poses_at(model, config)
-    blocks: list[_Blocks] = []
+    elements = [np.zeros((0, 12, 12))]
     for rows in _chunks(len(model.element_ends)):
         x, T, _ = _element_ends(model, at, rows)
-        blocks.append(_Blocks(model.element_ends[rows], beam_mass(select_beams(model.beams, rows), x, T)))
+        elements.append(beam_mass(select_beams(model.beams, rows), x, T))
     R = at.poses.R[model.points.frame[model.body_point]]
     body = np.zeros((len(model.body_point), 6, 6), dtype=np.result_type(R, model.body_inertia))
     body[:, :3, :3] = model.body_mass[:, None, None] * np.eye(3)
     body[:, 3:, 3:] = R @ model.body_inertia @ np.swapaxes(R, 1, 2)
-    blocks.append(_Blocks(model.body_point[:, None], body))
+    blocks = {"element": np.concatenate(elements), "body": body}
     if loads is not None and np.any(loads.mass):
         span = at.world[loads.attach_point] - loads.anchor
         along = span / np.sqrt(np.einsum("di,di->d", span, span))[:, None]
         moving = loads.mass[:, None, None] * along[:, :, None] * along[:, None, :]
-        blocks.append(_Blocks(loads.attach_point[:, None], _translations(moving)))
-    J = pose_jacobian(model.tree, model.points, at.poses)
-    return _symmetric(sp.csr_array(J.T @ _block_matrix(len(at.world), blocks) @ J))
+        blocks["attach"] = _at_attach_points(model, loads, moving)
+    return model.pattern.matrix(model.pose_map.jacobian_values(at.poses), blocks)
 
 
 def element_poses(model: Model, config: Configuration) -> tuple[np.ndarray, np.ndarray]:
@@ -386,23 +375,16 @@ class _At(NamedTuple):
     motion: tuple[np.ndarray, np.ndarray]
 
 
-class _Blocks(NamedTuple):
-    """Matrices of elements, and the poses that each of them joins."""
-
-    ends: np.ndarray
-    matrices: np.ndarray
-
-
 class _Total(NamedTuple):
-    """Sums over all elements, at the poses."""
+    """Sums over all elements, at the poses, and matrices by groups of elements; devices by attach points."""
 
     energy: float
     gradient: np.ndarray
     inner: Inner
     tension: np.ndarray
-    material: list[_Blocks]
-    geometric: list[_Blocks]
-    device: list[_Blocks]
+    material: dict[str, np.ndarray]
+    geometric: dict[str, np.ndarray]
+    device: np.ndarray
 
 
 def _poses_at(model: Model, config: Configuration) -> _At:
@@ -422,8 +404,8 @@ def _gather(
         at.world, at.poses.R, loads.gravity, model.body_mass, model.beams.EA, loads.law.stiffness
     )
     gradient = np.zeros((len(at.world), 6), dtype=np.result_type(dtype, model.beams.length, loads.anchor))
-    material: list[_Blocks] = []
-    geometric: list[_Blocks] = []
+    material = [np.zeros((0, 12, 12))]
+    geometric = [np.zeros((0, 12, 12))]
     energy = 0.0
     forces: list[np.ndarray] = [np.zeros((0, 6))]
     for rows in _chunks(len(model.element_ends)):
@@ -439,38 +421,51 @@ def _gather(
         energy += np.sum(strain.energy + weight.energy)
         energy -= (beams.rho_A * beams.length) @ (at.world[ends[:, 0]] - x[:, 0]) @ loads.gravity
         forces.append(strain.force)
-        material.append(_Blocks(ends, strain.material))
-        geometric.append(_Blocks(ends, strain.geometric + weight.hessian))
+        material.append(strain.material)
+        geometric.append(strain.geometric + weight.hessian)
     energy -= model.body_mass @ (at.world[model.body_point] @ loads.gravity)
     gradient[model.body_point, :3] -= model.body_mass[:, None] * loads.gravity
-    own = _own_springs(model, at, gradient, None if inner is None else inner.spring, material, geometric)
+    own = _own_springs(model, at, gradient, None if inner is None else inner.spring)
     drawn, change = _device_span(model, at, loads)
     device = spring_state(loads.law, drawn + change, None if inner is None else inner.device, (drawn, change))
     np.add.at(gradient[:, :3], loads.attach_point, device.gradient)
-    held = _Blocks(loads.attach_point[:, None], _translations(device.material + device.geometric))
+    held = _at_attach_points(model, loads, device.material + device.geometric)
     energy += np.sum(own.energy) + np.sum(device.energy)
     inside = Inner(np.concatenate(forces), own.tension, device.tension)
-    return _Total(energy, gradient, inside, device.tension, material, geometric, [held])
+    return _Total(
+        energy,
+        gradient,
+        inside,
+        device.tension,
+        {"element": np.concatenate(material), "spring": _between(own.material)},
+        {"element": np.concatenate(geometric), "spring": _between(own.geometric)},
+        held,
+    )
 
 
-def _own_springs(
-    model: Model,
-    at: _At,
-    gradient: np.ndarray,
-    tension: np.ndarray | None,
-    material: list[_Blocks],
-    geometric: list[_Blocks],
-) -> SpringState:
-    """The structure's own springs; adds to ``gradient`` and to both lists."""
+def _own_springs(model: Model, at: _At, gradient: np.ndarray, tension: np.ndarray | None) -> SpringState:
+    """The structure's own springs; adds to ``gradient``."""
     start, end = model.spring_ends.T
     drawn, change = _own_span(model, at)
-    state = spring_state(_own_law(model), drawn + change, tension, (drawn, change))
+    state = spring_state(own_law(model), drawn + change, tension, (drawn, change))
     np.add.at(gradient[:, :3], end, state.gradient)
     np.add.at(gradient[:, :3], start, -state.gradient)
-    for blocks, hessian in ((material, state.material), (geometric, state.geometric)):
-        h = _translations(hessian)
-        blocks.append(_Blocks(model.spring_ends, np.block([[h, -h], [-h, h]])))
     return state
+
+
+def _between(hessian: np.ndarray) -> np.ndarray:
+    """Of the difference of two translations, on both poses."""
+    h = _translations(hessian)
+    return np.block([[h, -h], [-h, h]])
+
+
+def _at_attach_points(model: Model, loads: Loads, hessian: np.ndarray) -> np.ndarray:
+    """Matrices of devices on translations, summed at their attach points."""
+    place = np.zeros(len(model.points.frame), dtype=int)
+    place[model.attach_point] = np.arange(len(model.attach_point))
+    out = np.zeros((len(model.attach_point), 6, 6), dtype=hessian.dtype)
+    np.add.at(out[:, :3, :3], place[loads.attach_point], hessian)
+    return out
 
 
 def _chunks(count: int) -> Iterable[slice]:
@@ -516,7 +511,8 @@ def pose_shift(model: Model, config: Configuration, pose: np.ndarray) -> Inexact
     return change + (drawn - points_in_world(here, frame_poses(model.tree, model.rest)))
 
 
-def _own_law(model: Model) -> SpringLaw:
+def own_law(model: Model) -> SpringLaw:
+    """Of the structure's own springs."""
     own = model.structure.springs
     return SpringLaw(
         np.zeros(len(own)), np.array([s.stiffness for s in own]), np.array([s.free_length for s in own])
@@ -553,20 +549,13 @@ def _translations(hessian: np.ndarray) -> np.ndarray:
     return out
 
 
-def _block_matrix(poses: int, blocks: Iterable[_Blocks]) -> sp.csr_array:
-    """Sum of element matrices over the poses."""
-    rows: list[np.ndarray] = [np.zeros(0, np.int32)]
-    columns: list[np.ndarray] = [np.zeros(0, np.int32)]
-    values: list[np.ndarray] = [np.zeros(0)]
-    for ends, matrices in blocks:
-        index = (6 * ends[:, :, None] + np.arange(6)).reshape(len(ends), 6 * ends.shape[1]).astype(np.int32)
-        at = np.flatnonzero(matrices)
-        element, row, column = np.unravel_index(at, matrices.shape)
-        rows.append(index[element, row])
-        columns.append(index[element, column])
-        values.append(matrices.ravel()[at])
-    entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
-    return sp.csr_array(sp.coo_array(entries, shape=(6 * poses, 6 * poses)))
+def _block_matrix(matrices: np.ndarray) -> sp.csr_array:
+    """One after the other along the diagonal."""
+    index = np.arange(matrices.shape[0] * matrices.shape[1]).reshape(len(matrices), -1)
+    at = np.flatnonzero(matrices)
+    element, row, column = np.unravel_index(at, matrices.shape)
+    entries = (matrices.ravel()[at], (index[element, row], index[element, column]))
+    return sp.csr_array(sp.coo_array(entries, shape=(index.size, index.size)))
 
 
 def _symmetric(K: sp.csr_array) -> sp.csr_array:
@@ -580,7 +569,3 @@ def _sprung_joints(model: Model, config: Configuration) -> tuple[float, np.ndarr
     k = np.array([j.stiffness if j.state is JointState.SPRUNG else 0.0 for j in joints]) + 0.0
     turn = config.angle - np.array([j.target for j in joints])
     return 0.5 * np.sum(k * turn**2), np.concatenate([none, k * turn]), np.concatenate([none, k])
-
-
-def _stiffened(K: sp.csr_array, diagonal: np.ndarray) -> sp.csr_array:
-    return sp.csr_array(K + sp.diags_array(diagonal)) if np.any(diagonal) else K

@@ -51,6 +51,9 @@ class Equilibrium:
     enough:
         Residual that counts as rest: more than `TOLERANCE` where rounding of a stiff support leaves more, and
         Newton's own step shows that nothing is out of place by it.
+    stable:
+        Whether nothing grows there with the free joints held: false of a column that stands upright beyond
+        its critical load, which the least push would bend. See `rest_warnings`.
     """
 
     model: Model
@@ -63,6 +66,7 @@ class Equilibrium:
     holding_torque: Inexact[np.ndarray, " joint"]
     tension: Inexact[np.ndarray, " device"]
     enough: float = TOLERANCE
+    stable: bool = True
 
     @property
     def devices(self) -> tuple[str, ...]:
@@ -104,6 +108,7 @@ def solve_equilibrium(structure: Structure, environment: Environment) -> Equilib
         holding,
         settled.assembly.tension,
         settled.enough,
+        settled.stable,
     )
 
 
@@ -191,9 +196,13 @@ def node_rotations(equilibrium: Equilibrium) -> dict[str, Float[np.ndarray, "3"]
 
 
 def rest_warnings(equilibrium: Equilibrium) -> tuple[str, ...]:
-    """A node that turned by more than `FAR_TURN`: the article hangs, but hardly as it was meant to."""
+    """A rest state that is not stable; a node that turned by more than `FAR_TURN`, hardly as was meant."""
+    found: list[str] = []
+    if equilibrium.converged and not equilibrium.stable:
+        found.append("the rest state is not stable: the least push would buckle or topple the article")
     turned = {name: float(np.linalg.norm(v)) for name, v in node_rotations(equilibrium).items()}
     name = max(turned, key=lambda n: turned[n])
-    if turned[name] <= FAR_TURN:
-        return ()
-    return (f"the article turned by {np.degrees(turned[name]):.0f} deg on the way to rest (node {name!r})",)
+    if turned[name] > FAR_TURN:
+        degrees = np.degrees(turned[name])
+        found.append(f"the article turned by {degrees:.0f} deg on the way to rest (node {name!r})")
+    return tuple(found)

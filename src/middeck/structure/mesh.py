@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 
 import numpy as np
 from jaxtyping import Inexact, Int
@@ -11,9 +12,12 @@ from middeck.structure.article import Body, Structure, held_angle
 from middeck.structure.carriers import choose_carriers
 from middeck.structure.checks.articles import check_structure
 from middeck.structure.elements.beam import BeamProperties, beam_properties
-from middeck.structure.elements.frames import Configuration, FrameTree, PosePoints, joint_chain
+from middeck.structure.elements.frames import Configuration, FrameTree, PosePoints
+from middeck.structure.elements.pose_map import PoseMap, map_points
 from middeck.structure.elements.since_drawn import as_drawn
+from middeck.structure.elements.trees import joint_chain
 from middeck.structure.member_mesh import cut_members, member_geometry
+from middeck.structure.pattern import Pattern, lay_out_pattern
 from middeck.values import record
 
 
@@ -52,6 +56,22 @@ class Model:
     attach_names: tuple[str, ...]
     attach_point: Int[np.ndarray, " attach"]
     spring_ends: Int[np.ndarray, "spring 2"]
+
+    @functools.cached_property
+    def pose_map(self) -> PoseMap:
+        """How coordinates move ``points``."""
+        return map_points(self.tree, self.points)
+
+    @functools.cached_property
+    def pattern(self) -> Pattern:
+        """Where elements, own springs, bodies and what is tied to attach points go in matrices."""
+        ends = {
+            "element": self.element_ends,
+            "spring": self.spring_ends,
+            "body": self.body_point[:, None],
+            "attach": self.attach_point[:, None],
+        }
+        return lay_out_pattern(self.pose_map, ends)
 
 
 def mesh_structure(structure: Structure) -> Model:

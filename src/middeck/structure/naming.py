@@ -59,6 +59,7 @@ def _hung_names(equilibrium: Equilibrium, M: sp.csr_array, shapes: np.ndarray) -
     """Label of each mode's largest effective mass, each motion's relative to its own."""
     motions, names = rigid_motions(equilibrium, M)
     own = np.einsum("im,im->m", motions, M @ motions)
+    own = np.where(own > 0.0, own, np.inf)  # a straight line of masses has no inertia about itself
     effective = (motions.T @ (M @ shapes)) ** 2 / own[:, None]
     labels = [_hung_label(name, equilibrium.environment.gravity) for name in names]
     return [labels[i] for i in np.argmax(effective, axis=0)]

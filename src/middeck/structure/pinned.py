@@ -19,6 +19,7 @@ from middeck.structure.statics import (
     article_size,
     imbalance,
     imbalance_scale,
+    restrict,
     scale_loads,
     spread,
     static_coordinates,
@@ -29,6 +30,9 @@ from middeck.values import record
 # 25 km in one step and is found out, so strong that rounding alone does not drive it.
 HOLD_IN_G = 1e-5
 RUNAWAY_M = 10.0
+# Newton's method at full load is on the branch of the load steps where its first step is short [m or rad] and
+# each further one at most this part of the one before (Deuflhard 2004, section 2.1).
+CONTRACTION, LONGEST_STEP = 0.25, 0.5
 # Of the largest compliance of the supports: a motion less compliant is rigid and held twice, so that statics
 # leaves the share of each support open. They share it alike.
 HELD_TWICE = 1e-13
@@ -80,10 +84,16 @@ def solve_pinned(
 def settle_pinned(model: Model, loads: Loads, pinned: PinnedPoints) -> PinnedState:
     """The state behind `solve_pinned`, which says what it raises."""
     supports = find_supports(model, pinned)
-    config, force = model.rest, np.zeros(len(supports.axis))
-    for factor in (*LOAD_FACTORS, 1.0):
-        config, force = _settle_pinned(model, scale_loads(loads, factor), supports, config, force)
-    return PinnedState(config, supports, force)
+    mass = carried_mass(model, model.rest)
+    start, none = model.rest, np.zeros(len(supports.axis))
+    found = _settle_pinned(model, loads, supports, mass, start, none, contract=True)
+    if found is None:
+        found = start, none
+        for factor in (*LOAD_FACTORS, 1.0):
+            found = _settle_pinned(model, scale_loads(loads, factor), supports, mass, *found)
+            if found is None:
+                raise _unsettled()
+    return PinnedState(found[0], supports, found[1])
 
 
 def support_forces(
@@ -110,12 +120,23 @@ def support_coordinates(
 
 
 def _settle_pinned(
-    model: Model, loads: Loads, supports: Supports, config: Configuration, force: np.ndarray
-) -> tuple[Configuration, np.ndarray]:
+    model: Model,
+    loads: Loads,
+    supports: Supports,
+    mass: sp.csr_array,
+    config: Configuration,
+    force: np.ndarray,
+    *,
+    contract: bool = False,
+) -> tuple[Configuration, np.ndarray] | None:
+    """Newton's method from ``config`` and ``force``; None where it does not settle.
+
+    Or where its steps do not ``contract``: it is then on its way to some other branch.
+    """
     active = static_coordinates(model)
     scale = imbalance_scale(model, loads)
-    hold = HOLD_IN_G * float(np.linalg.norm(loads.gravity))
-    mass = hold * carried_mass(model, config)[active][:, active]
+    hold = HOLD_IN_G * float(np.linalg.norm(loads.gravity)) * restrict(mass, active)
+    size = np.inf
     for _ in range(MAX_ITERATIONS):
         load = np.zeros((len(model.points.frame), 6))
         np.add.at(load, (supports.pose, supports.axis), -force)  # a support force is minus an energy gradient
@@ -124,16 +145,17 @@ def _settle_pinned(
         if imbalance(at, active, scale) < TOLERANCE and np.abs(slip).max(initial=0.0) < TOLERANCE:
             return config, force
         G = at.jacobian[6 * supports.pose + supports.axis][:, active]
-        K = sp.csr_array(at.tangent[active][:, active] + mass)
+        K = sp.csr_array(restrict(at.tangent, active) + hold)
         soft = uncarried(config.since_drawn, len(active))[active]
         spring = max(float(np.abs(K.diagonal()[soft]).max()), scale[0] / article_size(model))
         q, change = _constrained_step(K, G, at.gradient[active], slip, spring)
+        before, size = size, float(np.abs(q).max())
+        if not (size < RUNAWAY_M or contract):
+            raise _mechanism()
+        if contract and not size <= min(CONTRACTION * before, LONGEST_STEP):
+            return None
         config, force = move_carried(model.tree, config, spread(q, active)), force - change
-    raise EquilibriumError(
-        f"pinned at its attach points, the article does not settle in {MAX_ITERATIONS} iterations",
-        where="suspension.held",
-        hint="hold more directions, or look for members too soft to carry the weight",
-    )
+    return None
 
 
 def _constrained_step(
@@ -153,11 +175,21 @@ def _constrained_step(
         S = G @ across
         m = np.linalg.pinv(0.5 * (S + S.T), rcond=HELD_TWICE, hermitian=True) @ (G @ q + slip)
         q = q - across @ m
-    if not np.abs(q).max() < RUNAWAY_M:
-        raise EquilibriumError(
-            "pinned at its attach points, the article is still a mechanism that its weight drives",
-            where="suspension.held",
-            hint="hold enough directions: y and z at each of three points and x at one stop a straight bus; "
-            "if they are held, the article is far too soft or heavy: check the units of its lengths and E",
-        )
     return q, m
+
+
+def _mechanism() -> EquilibriumError:
+    return EquilibriumError(
+        "pinned at its attach points, the article is still a mechanism that its weight drives",
+        where="suspension.held",
+        hint="hold enough directions: y and z at each of three points and x at one stop a straight bus; "
+        "if they are held, the article is far too soft or heavy: check the units of its lengths and E",
+    )
+
+
+def _unsettled() -> EquilibriumError:
+    return EquilibriumError(
+        f"pinned at its attach points, the article does not settle in {MAX_ITERATIONS} iterations",
+        where="suspension.held",
+        hint="hold more directions, or look for members too soft to carry the weight",
+    )

@@ -10,7 +10,16 @@ from jaxtyping import Bool, Float
 
 from middeck.errors import NumericalError
 from middeck.structure.article import JointState
-from middeck.structure.assembly import Assembly, Loads, assemble_carried, carried_mass, predict_forces
+from middeck.structure.assembly import (
+    Assembly,
+    Inner,
+    Loads,
+    assemble_carried,
+    carried_mass,
+    inner_forces,
+    own_law,
+    predict_forces,
+)
 from middeck.structure.elements.devices import SpringLaw
 from middeck.structure.elements.frames import (
     Configuration,
@@ -38,10 +47,16 @@ MAX_HALVINGS = 30
 MIXED_ITERATIONS = 100
 # Iterations after which a descent creeps.
 SOON = 30
+# Halvings of a step after which, twice, it does.
+SHORT = 3
 STANDARD_GRAVITY = 9.80665
 # Least damping [1/s^2]: a thousandth of a slow pendulum's omega^2 neither holds nor hurries anything.
 LEAST_DAMPING = 1e-3
 DAMPING_STEP = 4.0
+# Of the least damping that holds what grows: taken, and to what it is found.
+AHEAD, NEAR = 1.5, 1.3
+# Of the article's size: what is out of line by less, at a rest state that is not stable, is left there.
+IN_LINE = 1e-9
 # Beyond any omega^2 of a structure: what is still indefinite has no mass.
 MOST_DAMPING = 1e20
 # Largest turn [rad] and largest change [m or rad] of a coordinate beside the rigid motion in one step: what
@@ -60,6 +75,7 @@ class Settled(NamedTuple):
     residual: float
     enough: float
     history: tuple[tuple[float, float, float], ...]
+    stable: bool
 
 
 def static_coordinates(model: Model) -> Bool[np.ndarray, " coordinate"]:
@@ -107,7 +123,10 @@ def _by_steps(
         history += [(factor, residual, damping) for residual, damping in steps]
     config, at, steps, enough = _descend(model, config, loads, mass, scale, TOLERANCE, most)
     history += [(1.0, residual, damping) for residual, damping in steps]
-    return Settled(config, at, history[-1][1], enough, tuple(history))
+    active = static_coordinates(model)
+    held = restrict(at.tangent, active) + LEAST_DAMPING * restrict(mass, active)
+    stable = positive_factor(sp.csr_array(held)) is not None
+    return Settled(config, at, history[-1][1], enough, tuple(history), stable)
 
 
 def _with_forces(model: Model, loads: Loads, mass: sp.csr_array) -> Settled | None:
@@ -116,33 +135,87 @@ def _with_forces(model: Model, loads: Loads, mass: sp.csr_array) -> Settled | No
     What is stiff resists the second order of a step: a strut of 1e12 N/m in which a turn of 0.1 leaves 1e-3 m
     pulls with 1e9 N, and whoever descends must creep. As an unknown the force is what the step's first order
     makes it, and only that makes geometric stiffness (Magisano, Leonetti and Garcea 2017, Comput. Methods
-    Appl. Mech. Eng. 313). Nothing descends here, so that the state has to be stable to count.
+    Appl. Mech. Eng. 313). Where something grows the step is damped, so that it leaves a rest state that is
+    not stable; of what stands upright to rounding that state is the answer, marked as such.
     """
     active, scale = static_coordinates(model), imbalance_scale(model, loads)
-    config, inner = model.rest, None
+    config, inner, damping, size_of = model.rest, None, 0.0, article_size(model)
     least = LEAST_DAMPING * restrict(mass, active)
     history: list[tuple[float, float, float]] = []
     for _ in range(MIXED_ITERATIONS):
         at = assemble_carried(model, config, loads)
         residual = imbalance(at, active, scale)
-        history.append((1.0, residual, 0.0))
+        history.append((1.0, residual, damping))
         if not np.isfinite(residual):
             return None
+        inner = None if inner is None else _with_linear_springs(model, config, loads, inner)
         bent = at if inner is None else assemble_carried(model, config, loads, None, inner)
-        K = restrict(bent.tangent, active)
-        factor = positive_factor(K) or factorise(sp.csr_array(K + least))
-        if factor is None:
+        step = _unfolding_step(restrict(bent.tangent, active), least, at.gradient[active], damping, size_of)
+        if step is None:
             return None
-        q = spread(-factor.solve(at.gradient[active]), active)
+        q, damping, upright = step
         size = float(np.abs(q).max(initial=0.0))
-        enough = ROUNDED if size < UNMOVED * article_size(model) else TOLERANCE
-        if residual < enough:
+        enough = ROUNDED if size < UNMOVED * size_of and (upright or damping == 0.0) else TOLERANCE
+        if residual < enough and (upright or damping == 0.0):
             stable = positive_factor(sp.csr_array(restrict(at.tangent, active) + least)) is not None
-            return Settled(config, at, residual, enough, tuple(history)) if stable else None
-        q = q * min(1.0, LONGEST_STEP / size)
+            return Settled(config, at, residual, enough, tuple(history), stable)
+        q = spread(q * min(1.0, LONGEST_STEP / size), active)
         inner = predict_forces(model, config, loads, q)
         config = move_carried(model.tree, config, q)
     return None
+
+
+class _Step(NamedTuple):
+    """A step, its damping, and whether it leads to a rest state that is not stable."""
+
+    q: np.ndarray
+    damping: float
+    upright: bool = False
+
+
+def _unfolding_step(
+    K: sp.csr_array, least: sp.csr_array, gradient: np.ndarray, damping: float, size: float
+) -> _Step | None:
+    """Newton's step or, where something grows, one with little more damping than makes K positive definite.
+
+    Damping of `AHEAD` times the rate squared at which something grows lets it grow by 1 + 1/(`AHEAD` - 1)
+    in a step: a column a millionth out of line is well bent after ten. What is in line to rounding stays.
+    """
+    factor = positive_factor(K) or positive_factor(sp.csr_array(K + least))
+    if factor is not None:
+        return _Step(-factor.solve(gradient), 0.0)
+    newton = factorise(K)
+    if newton is not None:
+        q = -newton.solve(gradient)
+        if np.abs(q).max() < IN_LINE * size:
+            return _Step(q, damping, upright=True)
+    low, high = LEAST_DAMPING, max(damping / AHEAD, 2.0 * LEAST_DAMPING)
+    while positive_factor(_damped(K, least, high)) is None:
+        low, high = high, DAMPING_STEP * high
+        if high > MOST_DAMPING:
+            return None
+    while high > NEAR * low:
+        middle = np.sqrt(low * high)
+        if positive_factor(_damped(K, least, middle)) is None:
+            low = middle
+        else:
+            high = middle
+    factor = positive_factor(_damped(K, least, AHEAD * high))
+    return factor and _Step(-factor.solve(gradient), AHEAD * high)
+
+
+def _damped(K: sp.csr_array, least: sp.csr_array, damping: float) -> sp.csr_array:
+    return sp.csr_array(K + damping / LEAST_DAMPING * least)
+
+
+def _with_linear_springs(model: Model, config: Configuration, loads: Loads, inner: Inner) -> Inner:
+    """Springs without free length keep their own forces, as stiff across as along wherever they point."""
+    own = inner_forces(model, config, loads)
+    linear = [law.preload == law.stiffness * law.length for law in (own_law(model), loads.law)]
+    return inner._replace(
+        spring=np.where(linear[0], own.spring, inner.spring),
+        device=np.where(linear[1], own.device, inner.device),
+    )
 
 
 def scale_loads(loads: Loads, factor: float) -> Loads:
@@ -190,11 +263,11 @@ def _descend(
 ) -> tuple[Configuration, Assembly, list[tuple[float, float]], float]:
     """Where the descent ends, (residual, damping) of every iteration, and the residual that counts as rest.
 
-    ``mass`` need not be exact.
+    ``mass`` need not be exact. A descent of at ``most`` so many iterations ends where it begins to creep.
     """
     active = static_coordinates(model)
     at = assemble_carried(model, config, loads)
-    damping = 0.0
+    damping, crept = 0.0, 0
     history: list[tuple[float, float]] = []
     for _ in range(MAX_ITERATIONS if most is None else min(most, MAX_ITERATIONS)):
         residual = imbalance(at, active, scale)
@@ -208,7 +281,10 @@ def _descend(
             if damping == 0.0 and step < UNMOVED * article_size(model):
                 enough = max(enough, ROUNDED)
             break
-        config, at = better
+        config, at, halvings = better
+        crept += halvings >= SHORT
+        if most is not None and crept > 1:
+            break
     return config, at, history, enough
 
 
@@ -238,13 +314,16 @@ class _Descent(NamedTuple):
 
 def _shorten(
     way: _Descent, config: Configuration, at: Assembly, q: np.ndarray
-) -> tuple[Configuration, Assembly] | None:
-    """The first of q, q/2, q/4 ... that lowers the energy or the residual; None at rounding level."""
-    for _ in range(MAX_HALVINGS):
+) -> tuple[Configuration, Assembly, int] | None:
+    """The first of q, q/2, q/4 ... that lowers the energy or the residual, and the halvings.
+
+    None at rounding level.
+    """
+    for halvings in range(MAX_HALVINGS):
         trial = move_whole(way.model.tree, config, q, way.mass)
         new = way.at(trial)
         if way.lower(new, at):
-            return trial, new
+            return trial, new, halvings
         q = 0.5 * q
     return None
 

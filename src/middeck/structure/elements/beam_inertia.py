@@ -10,6 +10,11 @@ from middeck.structure.elements.beam_kinematics import chord
 from middeck.structure.elements.rotations import cross
 
 Array = np.ndarray
+# Points and weights on (0, 1), exact for products of cubics.
+GAUSS, WEIGHT = (
+    (np.polynomial.legendre.leggauss(4)[0] + 1.0) / 2.0,
+    np.polynomial.legendre.leggauss(4)[1] / 2.0,
+)
 
 
 def beam_mass(
@@ -31,28 +36,27 @@ def beam_mass(
 
 
 def _local_mass(beams: BeamProperties, span: Array) -> Array:
-    """Gauss quadrature of shape functions; four points are exact for products of cubics."""
-    points, weights = np.polynomial.legendre.leggauss(4)
-    n = len(span)
+    """Gauss quadrature of shape functions."""
+    n, count = len(span), len(GAUSS)
     dtype = np.result_type(span, beams.length, beams.rho_A, beams.rho_I_y, beams.rho_I_z, beams.shear_y)
-    mass = np.zeros((n, 12, 12), dtype)
-    for xi, w in zip(0.5 * (points + 1.0), 0.5 * weights, strict=True):
-        N = np.zeros((n, 6, 12), dtype)  # displacement and rotation fields at the point
-        for axis in (0, 3):
-            N[:, axis, axis], N[:, axis, axis + 6] = 1.0 - xi, xi
-        v, slope = transverse_shapes(xi, span, beams.shear_y)
-        N[:, 1][:, [1, 5, 7, 11]], N[:, 5][:, [1, 5, 7, 11]] = v, slope
-        v, slope = transverse_shapes(xi, span, beams.shear_z)
-        sign = np.array([1.0, -1.0, 1.0, -1.0])  # w' = -theta_y
-        N[:, 2][:, [2, 4, 8, 10]], N[:, 4][:, [2, 4, 8, 10]] = v * sign, -slope * sign
-        density = np.stack(
-            [beams.rho_A] * 3 + [beams.rho_I_y + beams.rho_I_z, beams.rho_I_y, beams.rho_I_z], axis=1
-        )
-        mass += (w * beams.length)[:, None, None] * (np.swapaxes(N * density[:, :, None], 1, 2) @ N)
-    return mass
+    N = np.zeros((n, count, 6, 12), dtype)  # displacement and rotation fields at the points
+    for axis in (0, 3):
+        N[:, :, axis, axis], N[:, :, axis, axis + 6] = 1.0 - GAUSS, GAUSS
+    L = span[:, None]
+    v, slope = transverse_shapes(GAUSS, L, beams.shear_y[:, None])
+    N[:, :, 1, [1, 5, 7, 11]], N[:, :, 5, [1, 5, 7, 11]] = np.moveaxis(v, 1, 2), np.moveaxis(slope, 1, 2)
+    v, slope = transverse_shapes(GAUSS, L, beams.shear_z[:, None])
+    sign = np.array([1.0, -1.0, 1.0, -1.0])  # w' = -theta_y
+    N[:, :, 2, [2, 4, 8, 10]] = np.moveaxis(v, 1, 2) * sign
+    N[:, :, 4, [2, 4, 8, 10]] = np.moveaxis(slope, 1, 2) * -sign
+    density = np.stack(
+        [beams.rho_A] * 3 + [beams.rho_I_y + beams.rho_I_z, beams.rho_I_y, beams.rho_I_z], axis=1
+    )
+    weighted = N * (beams.length[:, None, None] * WEIGHT[:, None] * density[:, None])[:, :, :, None]
+    return np.swapaxes(weighted.reshape(n, -1, 12), 1, 2) @ N.reshape(n, -1, 12)
 
 
-def transverse_shapes(xi: float, L: Array, shear: Array) -> tuple[Array, Array]:
+def transverse_shapes(xi: float | Array, L: Array, shear: Array) -> tuple[Array, Array]:
     """Deflection v and section rotation for (v1, theta1, v2, theta2); cubic for shear = 0 (Friedman 1993)."""
     f, xi2, xi3 = 1.0 / (1.0 + shear), xi**2, xi**3
     v = [

@@ -17,30 +17,13 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
-from jaxtyping import Bool, Inexact, Int
+from jaxtyping import Inexact
 
-from middeck.structure.elements.rotations import cross, rotation_exp, skew, symmetric_double_cross
+from middeck.structure.elements.pose_map import map_points
+from middeck.structure.elements.rotations import rotation_exp, skew
 from middeck.structure.elements.since_drawn import SinceDrawn, carried_step, move_since_drawn, whole_motion
+from middeck.structure.elements.trees import FrameTree, PosePoints, Poses
 from middeck.values import record
-
-
-@record
-class FrameTree:
-    """Topology: ``roots`` root frames first, then one frame per joint, parents before children.
-
-    ``slides`` marks the joints that shift along their axis instead of turning about it.
-    """
-
-    roots: int
-    parent: Int[np.ndarray, " joint"]
-    offset: Inexact[np.ndarray, "joint 3"]
-    axis: Inexact[np.ndarray, "joint 3"]
-    slides: Bool[np.ndarray, " joint"]
-
-    @property
-    def size(self) -> int:
-        """Number of coordinates: six per root, one per joint."""
-        return 6 * self.roots + len(self.parent)
 
 
 @record
@@ -55,23 +38,6 @@ class Configuration:
     R: Inexact[np.ndarray, "root 3 3"]
     angle: Inexact[np.ndarray, " joint"]
     since_drawn: SinceDrawn | None = None
-
-
-@record
-class Poses:
-    """World origin and rotation of every frame, and the world axis of every joint."""
-
-    p: Inexact[np.ndarray, "frame 3"]
-    R: Inexact[np.ndarray, "frame 3 3"]
-    axis: Inexact[np.ndarray, "joint 3"]
-
-
-@record
-class PosePoints:
-    """Points on frames: frame index and offset in frame axes [m]."""
-
-    frame: Int[np.ndarray, " pose"]
-    offset: Inexact[np.ndarray, "pose 3"]
 
 
 def move(tree: FrameTree, config: Configuration, q: Inexact[np.ndarray, " coordinate"]) -> Configuration:
@@ -120,12 +86,14 @@ def frame_poses(tree: FrameTree, config: Configuration) -> Poses:
     p, R = np.zeros((tree.roots + joints, 3), dtype), np.zeros((tree.roots + joints, 3, 3), dtype)
     p[: tree.roots], R[: tree.roots] = config.x, config.R
     axes = np.zeros((joints, 3), dtype)
-    for j, parent in enumerate(tree.parent):
-        axes[j] = R[parent] @ tree.axis[j]
-        shift = config.angle[j] * axes[j] if tree.slides[j] else 0.0
-        p[tree.roots + j] = p[parent] + R[parent] @ tree.offset[j] + shift
-        turn = np.eye(3) if tree.slides[j] else rotation_exp(tree.axis[j] * config.angle[j])
-        R[tree.roots + j] = R[parent] @ turn
+    turns = np.where(tree.slides[:, None], 0.0, tree.axis * config.angle[:, None])
+    own = rotation_exp(turns) if joints else R[:0]
+    for level in tree.levels:
+        parent, frame = tree.parent[level], tree.roots + level
+        axes[level] = (R[parent] @ tree.axis[level, :, None])[:, :, 0]
+        p[frame] = p[parent] + (R[parent] @ tree.offset[level, :, None])[:, :, 0]
+        p[frame] += np.where(tree.slides[level], config.angle[level], 0.0)[:, None] * axes[level]
+        R[frame] = R[parent] @ own[level]
     return Poses(p, R, axes)
 
 
@@ -134,78 +102,6 @@ def points_in_world(points: PosePoints, poses: Poses) -> Inexact[np.ndarray, "po
     return poses.p[points.frame] + (poses.R[points.frame] @ points.offset[:, :, None])[:, :, 0]
 
 
-def joint_chain(tree: FrameTree, frame: int) -> tuple[int, list[int]]:
-    """Root of a frame and the joints from the root out to it."""
-    joints: list[int] = []
-    while frame >= tree.roots:
-        joints.insert(0, frame - tree.roots)
-        frame = int(tree.parent[frame - tree.roots])
-    return frame, joints
-
-
 def pose_jacobian(tree: FrameTree, points: PosePoints, poses: Poses) -> sp.csr_array:
     """Sparse A (6 rows a pose, one column a coordinate): first-order change of every pose."""
-    world = points_in_world(points, poses)
-    root = points.frame.copy()
-    jointed = np.flatnonzero(points.frame >= tree.roots)
-    chains = [joint_chain(tree, int(points.frame[a])) for a in jointed]
-    root[jointed] = [chain[0] for chain in chains]
-    blocks = np.zeros((len(root), 6, 6), dtype=world.dtype)
-    blocks[:] = np.eye(6)
-    blocks[:, :3, 3:] = -skew(world - poses.p[root])
-    at, row, column = np.nonzero(blocks)
-    rows, columns, values = [6 * at + row], [6 * root[at] + column], [blocks[at, row, column]]
-    for a, (_, joints) in zip(jointed, chains, strict=True):
-        for j in joints:
-            rows.append(6 * a + np.arange(6))
-            columns.append(np.full(6, 6 * tree.roots + j))
-            values.append(np.concatenate(_joint_twist(tree, poses, j, world[a])))
-    index = (np.concatenate(rows), np.concatenate(columns))
-    shape = (6 * len(root), tree.size)
-    return sp.csr_array(sp.coo_array((np.concatenate(values), index), shape=shape))
-
-
-def _joint_twist(tree: FrameTree, poses: Poses, j: int, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Velocity of the point ``x`` and angular velocity for a unit rate of joint ``j``."""
-    w = poses.axis[j]
-    return (w, np.zeros_like(w)) if tree.slides[j] else (cross(w, x - poses.p[tree.roots + j]), w)
-
-
-def pose_stiffness(
-    tree: FrameTree, points: PosePoints, poses: Poses, load: Inexact[np.ndarray, "pose 6"]
-) -> sp.csr_array:
-    """Second-order part of the poses weighted by ``load``, the energy gradient (F, M) at each pose."""
-    world = points_in_world(points, poses)
-    offset = np.flatnonzero(np.any(points.offset != 0.0, axis=1) & (points.frame < tree.roots))
-    root = points.frame[offset]
-    turn = 6 * root[:, None] + np.arange(3, 6)
-    values = [symmetric_double_cross(load[offset, :3], world[offset] - poses.p[root]).ravel()]
-    rows = [np.repeat(turn, 3, axis=1).ravel()]
-    columns = [np.tile(turn, (1, 3)).ravel()]
-    for a in np.flatnonzero(points.frame >= tree.roots):
-        index, block = _jointed_stiffness(tree, poses, int(points.frame[a]), world[a], load[a])
-        values.append(block.ravel())
-        rows.append(np.repeat(index, len(index)))
-        columns.append(np.tile(index, len(index)))
-    index = (np.concatenate(rows), np.concatenate(columns))
-    return sp.csr_array(sp.coo_array((np.concatenate(values), index), shape=(tree.size, tree.size)))
-
-
-def _jointed_stiffness(
-    tree: FrameTree, poses: Poses, frame: int, x: np.ndarray, load: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    F, M = load[:3], load[3:]
-    root, joints = joint_chain(tree, frame)
-    index = np.concatenate([6 * root + np.arange(3, 6), 6 * tree.roots + np.array(joints, dtype=int)])
-    block = np.zeros((len(index), len(index)), dtype=np.result_type(x, load))
-    block[:3, :3] = symmetric_double_cross(F, x - poses.p[root])
-    turns = [np.zeros(3) if tree.slides[j] else poses.axis[j] for j in joints]
-    for b, j in enumerate(joints):
-        shift, turn = _joint_twist(tree, poses, j, x)
-        # d2E for any outer rotation o: o . (shift x F + (turn x M)/2); for itself only F . (turn x shift).
-        pull = cross(shift, F) + 0.5 * cross(turn, M)
-        block[:3, 3 + b] = block[3 + b, :3] = pull
-        for c in range(b):
-            block[3 + c, 3 + b] = block[3 + b, 3 + c] = turns[c] @ pull
-        block[3 + b, 3 + b] = F @ cross(turn, shift)
-    return index, block
+    return map_points(tree, points).jacobian(poses)

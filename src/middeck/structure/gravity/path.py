@@ -14,11 +14,12 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
+import scipy.sparse as sp
 from jaxtyping import Bool, Float
 
 from middeck.errors import ConfigError, EquilibriumError, UnstableEquilibriumError
 from middeck.structure.article import Structure
-from middeck.structure.assembly import Assembly, Loads, assemble
+from middeck.structure.assembly import Assembly, Loads, assemble_carried, carried_mass
 from middeck.structure.elements.frames import Configuration
 from middeck.structure.environment import Environment
 from middeck.structure.equilibrium import Equilibrium, solve_equilibrium
@@ -118,6 +119,7 @@ class _Leg(NamedTuple):
 
     full: Equilibrium
     free: Equilibrium
+    mass: sp.csr_array
     loads_at: Callable[[np.ndarray], Loads]
     a: Place
     b: Place
@@ -173,7 +175,8 @@ def follow_gravity(
             structure, environment, devices, places, (), (), (), np.zeros(0), np.zeros((0, 3)), nothing,
             nothing, (start,),
         )  # fmt: skip
-    legs = [_Leg(full, free, loads_at, a, b, k) for k, (a, b) in enumerate(itertools.pairwise(places))]
+    mass = carried_mass(full.model, full.model.rest)
+    legs = [_Leg(full, free, mass, loads_at, a, b, k) for k, (a, b) in enumerate(itertools.pairwise(places))]
     stations, stop, arrived = [_first_station(modes)], None, 1
     for leg in legs:
         more, stop = _follow_leg(leg, stations[-1])
@@ -257,6 +260,8 @@ def _settled(full: Equilibrium, loads: Loads) -> Equilibrium:
         residual=found.residual,
         history=found.history,
         tension=found.assembly.tension,
+        enough=found.enough,
+        stable=found.stable,
     )
 
 
@@ -278,7 +283,7 @@ def _advance(leg: _Leg, before: Station, s: float) -> Station | None:
         loads = leg.loads(s)
     except EquilibriumError:  # a device that is tuned anew would have to push
         return None
-    found = rest_near(leg.full.model, before.config, loads)
+    found = rest_near(leg.full.model, before.config, loads, leg.mass)
     return None if found is None else _station(leg, before, s, loads, *found)
 
 
@@ -286,7 +291,7 @@ def _station(
     leg: _Leg, before: Station, s: float, loads: Loads, config: Configuration, at: Assembly
 ) -> Station:
     model = leg.full.model
-    spectrum = spectrum_at(model, config, loads, len(before.match))
+    spectrum = spectrum_at(model, config, loads, len(before.match), at)
     found = track(before.spectrum, spectrum)
     least = float(spectrum.lam.min(initial=0.0))
     return Station(s, loads.gravity, config, found.spectrum, found.match, at.tension, least)
@@ -321,7 +326,7 @@ def _take_hold(leg: _Leg, start: Station, s: float) -> Station | None:
 def _release(leg: _Leg, before: Station) -> Station:
     """In orbit, without devices."""
     loads, config = leg.free.loads, leg.free.config
-    return _station(leg, before, leg.k + 1.0, loads, config, assemble(leg.full.model, config, loads))
+    return _station(leg, before, leg.k + 1.0, loads, config, assemble_carried(leg.full.model, config, loads))
 
 
 def _follow_ramp(
@@ -366,7 +371,9 @@ def _bisect(good: Station, bad: Station, advance: Advance, hung: int) -> _Stop:
 def _ending(stop: _Stop, devices: tuple[str, ...], names: tuple[str, ...]) -> GravityEvent:
     good, bad = stop
     last = (good if bad is None else bad).spectrum.lam
-    softest = int(np.argmin(last))
+    # Where a branch turns back its mode has not got to zero yet; what nothing holds has been there all along.
+    held = np.where((last == 0.0) & (bad is None), np.inf, last)
+    softest = int(np.argmin(held))
     branch, name = (softest,), (names[softest],)
     if bad is None:
         kind = EventKind.NO_REST

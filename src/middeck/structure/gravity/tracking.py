@@ -10,7 +10,7 @@ from jaxtyping import Float, Int
 from scipy.optimize import linear_sum_assignment
 
 from middeck.errors import NumericalError
-from middeck.structure.assembly import Loads, assemble_carried, carried_mass, mass_matrix, transport
+from middeck.structure.assembly import Assembly, Loads, assemble_carried, carried_mass, mass_matrix, transport
 from middeck.structure.eigen import Eigenpairs, solve_all, solve_lowest
 from middeck.structure.elements.frames import Configuration
 from middeck.structure.elements.since_drawn import uncarried
@@ -67,9 +67,15 @@ def solve_spectrum(
     return _spectrum(model, pairs, noise, M, None)
 
 
-def spectrum_at(model: Model, config: Configuration, loads: Loads, count: int) -> Spectrum:
-    """`solve_spectrum` at a rest state, where stiff parts leave the soft modes their digits."""
-    at, mass = assemble_carried(model, config, loads), carried_mass(model, config, loads)
+def spectrum_at(
+    model: Model, config: Configuration, loads: Loads, count: int, at: Assembly | None = None
+) -> Spectrum:
+    """`solve_spectrum` at a rest state, where stiff parts leave the soft modes their digits.
+
+    ``at`` is what `assemble_carried` gives there, if it is known.
+    """
+    at = assemble_carried(model, config, loads) if at is None else at
+    mass = carried_mass(model, config, loads)
     soft = uncarried(config.since_drawn, model.tree.size)[dynamic_coordinates(model)]
     pairs = separate_rigid(
         model, config, loads, _pairs(model, at.tangent, mass, count, None if np.all(soft) else soft)

@@ -13,7 +13,8 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.structure.assembly import Loads, assemble, mass_matrix
-from middeck.structure.elements.frames import Configuration, joint_chain, move
+from middeck.structure.elements.frames import Configuration, move
+from middeck.structure.elements.trees import joint_chain
 from middeck.structure.equilibrium import Equilibrium
 from middeck.structure.mesh import Model, lay_out
 from middeck.structure.sensitivity.patches import STEP, derivative

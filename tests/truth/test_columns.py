@@ -1,0 +1,118 @@
+"""Columns beyond their critical load, and beams bent far, against the elastica."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+from scipy.special import ellipe, ellipk
+
+from middeck.errors import UnstableEquilibriumError
+from middeck.structure.article import AttachPoint, Section
+from middeck.structure.environment import AnchoredSpring
+from middeck.structure.equilibrium import Equilibrium, rest_warnings, solve_equilibrium
+from middeck.structure.modes import solve_modes
+from structure_builders import body, lab, member, node, structure
+
+G, EI = 9.80665, 10.0
+EULER, GREENHILL = np.pi**2 / 4.0, 7.837347438943  # P L^2/EI and q L^3/EI of a column clamped at its foot
+CROSS = ((0.1, 0, 0), (-0.1, 0, 0), (0, 0, 0.1), (0, 0, -0.1), (0, 0.1, 0))
+TENS = 40
+
+
+def clamped(
+    tip: tuple[float, float, float], weight: float, tilt: float = 0.0, own: bool = False, k: float = 1e9
+) -> Equilibrium:
+    """A beam of length 1 from the origin, ``weight`` in EI at its tip or along it, gravity out of plumb."""
+    section = Section(1e6, 8.0, 1.2 * EI, EI, weight * EI / G if own else 1e-6, 0.0, 0.0)
+    attach = [AttachPoint(f"p{i}", "a", np.array(o, dtype=float)) for i, o in enumerate(CROSS)]
+    springs = (AnchoredSpring(p.name, p.name, p.offset, k, 0.0) for p in attach)
+    nodes = [node("a", (0, 0, 0)), node("b", tip, body(0.0 if own else weight * EI / G))]
+    parts = structure(
+        nodes, [member("a", "b", section, 10, up=(1, 0, 0) if tip[1] else (0, 1, 0))], attach=attach
+    )
+    return solve_equilibrium(parts, lab(*springs, gravity=G * np.array([np.sin(tilt), -np.cos(tilt), 0.0])))
+
+
+def moved(rest: Equilibrium) -> np.ndarray:
+    return (rest.config.x - rest.model.rest.x)[1, :2]
+
+
+def elastica(load: float, tilt: float) -> tuple[float, float]:
+    """(sideways, drop) of a column's tip, EI psi'' = -P sin(psi + tilt), psi'(1) = 0: by shooting."""
+
+    def bend(curvature: float) -> np.ndarray:
+        def slope(_: float, y: np.ndarray) -> list[float]:
+            return [y[1], -load * np.sin(y[0] + tilt), np.sin(y[0]), 1.0 - np.cos(y[0])]
+
+        return solve_ivp(slope, (0.0, 1.0), [0.0, curvature, 0.0, 0.0], rtol=1e-10, atol=1e-12).y[:, -1]
+
+    # Of the branch that bends downhill, without a turn of its curvature before the tip.
+    trial = np.linspace(1e-6, 2.0 * np.sqrt(load), 80)
+    left = [bend(c)[1] for c in trial]
+    first = max(i for i in range(len(trial) - 1) if left[i] < 0.0 < left[i + 1]) if left[0] < 0.0 else -1
+    root = brentq(lambda c: bend(c)[1], trial[first] if first >= 0 else 0.0, trial[first + 1], xtol=1e-13)
+    return bend(root)[2], bend(root)[3]
+
+
+def upright(ratio: float) -> tuple[float, float]:
+    """The same without tilt, by elliptic integrals (Love 1927, section 263)."""
+    K = 0.5 * np.pi * np.sqrt(ratio)
+    m = brentq(lambda m: ellipk(m) - K, 1e-12, 1.0 - 1e-12, xtol=1e-15)
+    return 2.0 * np.sqrt(m) / K, 2.0 - 2.0 * ellipe(m) / K
+
+
+@pytest.mark.parametrize(("ratio", "tilt"), [(1.001, 1e-6), (1.01, 1e-5), (1.1, 1e-7), (2.0, 1e-6)])
+def test_a_column_beyond_its_critical_load_settles_on_the_bent_branch(ratio: float, tilt: float):
+    rest = clamped((0, 1, 0), ratio * EULER, tilt)
+    assert rest.converged
+    assert rest.stable
+    assert len(rest.history) <= TENS
+    side, drop = upright(ratio)
+    # The compression of 2.5e-5 and the mesh's 1e-6 of the load shift the bend by their part of ratio - 1;
+    # so does the tilt.
+    rel = 2e-3 + 2.0 * (2e-5 + tilt / side) / (ratio - 1.0)
+    assert np.abs(moved(rest)) == pytest.approx((side, drop), rel=rel)
+
+
+@pytest.mark.parametrize("ratio", [0.99, 1.0, 1.05])
+def test_a_column_out_of_plumb(ratio: float):
+    rest = clamped((0, 1, 0), ratio * EULER, 1e-2)
+    assert len(rest.history) <= TENS
+    # Compressed by 2.5e-5, the mesh of ten elements.
+    assert np.abs(moved(rest)) == pytest.approx(elastica(ratio * EULER, 1e-2), rel=2e-3)
+
+
+@pytest.mark.parametrize("ratio", [1.001, 1.1, 2.0])
+def test_a_mast_beyond_its_critical_weight_settles_bent(ratio: float):
+    """Moments balance about the foot of what stands there; the branch leaves with the root of ratio - 1."""
+    rest = clamped((0, 1, 0), ratio * GREENHILL, 1e-6, own=True)
+    assert rest.stable
+    assert len(rest.history) <= TENS
+    side, _ = np.abs(moved(rest))
+    assert side > 0.9 * np.sqrt(ratio - 1.0) if ratio < 1.01 else side > 0.5
+
+
+@pytest.mark.parametrize(("own", "load"), [(False, EULER), (True, GREENHILL)])
+def test_a_straight_column_beyond_its_critical_load_is_told(own: bool, load: float):
+    """Nothing pushes it: it stays upright, and is not called stable."""
+    rest = clamped((0, 1, 0), 1.1 * load, own=own)
+    assert not rest.stable
+    assert abs(moved(rest)[0]) < 1e-9
+    assert any("not stable" in text for text in rest_warnings(rest))
+    with pytest.raises(UnstableEquilibriumError, match="buckles"):
+        solve_modes(rest)
+    below = clamped((0, 1, 0), 0.9 * load, own=own)
+    assert below.stable
+    assert rest_warnings(below) == ()
+
+
+@pytest.mark.parametrize("k", [1e4, 1e8, 1e10, 1e12])
+def test_a_beam_bent_to_sixty_percent_on_a_support_of_any_stiffness(k: float):
+    """P L^2/EI = 3 (Mattiasson 1981, IJNME 17); the support gives way by less than 0.3 % from 1e8 N/m on."""
+    rest = clamped((1, 0, 0), 3.0, k=k)
+    assert rest.converged
+    assert len(rest.history) <= TENS
+    if k > 1e4:
+        assert -moved(rest) == pytest.approx((0.25442, 0.60325), rel=2e-3)
