@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -101,8 +102,8 @@ def multisine(of: SampledStateSpace, seed: int, *, held: bool | None = True) -> 
 
 
 def noise_run(of: SampledStateSpace, seed: int) -> Record:
-    """A minute of held noise in the lower half of the band, from rest."""
-    rng, n = np.random.default_rng(seed), round(60.0 / of.period_s)
+    """Half a minute of held noise in the lower half of the band, from rest."""
+    rng, n = np.random.default_rng(seed), round(30.0 / of.period_s)
     u = np.convolve(rng.standard_normal(n + 8), np.hanning(9), "valid")
     x, y = np.zeros(len(of.A)), np.zeros(n)
     for k in range(n):
@@ -155,27 +156,26 @@ def strength(plant: SampledStateSpace) -> float:
     return gain / 3.0
 
 
-@pytest.mark.parametrize(
-    ("seed", "rate_hz", "delay_s"), [(0, 60.0, 0.0), (1, 100.0, 0.011), (2, 60.0, 0.011), (3, 250.0, 0.004)]
-)
 def test_margins_of_a_model_of_held_data_are_those_of_exact_discretisation(
-    seed: int, rate_hz: float, delay_s: float
+    campaign: Callable[[int], range],
 ) -> None:
-    of = article(seed, delay_s)
-    exact = as_sampled(of, 1.0 / rate_hz)
-    fit = fitted(multisine(exact, seed), of)
-    assert fit.model.hold_s == 1.0 / rate_hz
-    # Four deviations; a delay of zero is known only to be no lead.
-    assert abs(fit.model.delay_s[0] - delay_s) < max(4.0 * fit.uncertainty.delay_s[0], 1e-6)
-    for other in (rate_hz, 1.5 * rate_hz):  # judged at the rate of the data, and at another
-        truth = as_sampled(of, 1.0 / other)
-        law = lead(strength(truth), 1.0 / other)
-        plant = delayed_plant(fit.model, u=("torque",), y=("angle",))
-        found = measure_sampled_margins(plant, law)
-        assert found.stable
-        (loop,) = found.loops
-        above = min(g for g in loop.gain if g > 1.0)
-        assert above == pytest.approx(upper_gain(truth, law), rel=1e-3)  # noise of 1e-4 in the data
+    for seed in campaign(40):
+        rng = np.random.default_rng(seed)
+        rate_hz = float(rng.choice([50.0, 60.0, 100.0, 250.0]))
+        of = article(seed, float(rng.choice([0.0, 0.0005, 0.004, 0.011, rng.uniform(0.0, 0.03)])))
+        fit = fitted(multisine(as_sampled(of, 1.0 / rate_hz), seed), of)
+        assert fit.model.hold_s == 1.0 / rate_hz
+        # Four deviations; a delay of zero is known only to be no lead.
+        assert abs(fit.model.delay_s[0] - of.delay_s) < max(4.0 * fit.uncertainty.delay_s[0], 1e-6)
+        for other in (rate_hz, 1.5 * rate_hz):  # judged at the rate of the data, and at another
+            truth = as_sampled(of, 1.0 / other)
+            law = lead(strength(truth), 1.0 / other)
+            plant = delayed_plant(fit.model, u=("torque",), y=("angle",))
+            found = measure_sampled_margins(plant, law)
+            assert found.stable
+            (loop,) = found.loops
+            above = min(g for g in loop.gain if g > 1.0)
+            assert above == pytest.approx(upper_gain(truth, law), rel=5e-4)  # noise of 1e-4 in the data
 
 
 def test_without_the_word_half_a_period_is_in_the_delay() -> None:
@@ -188,19 +188,19 @@ def test_without_the_word_half_a_period_is_in_the_delay() -> None:
     assert alike.model == dataclasses.replace(fit.model, hold_s=0.0)
 
 
-@pytest.mark.parametrize("rate_hz", [60.0, 200.0])
-def test_samples_of_a_held_run_give_the_article_behind_the_hold(rate_hz: float) -> None:
-    of = article(2, 0.011)
-    exact = as_sampled(of, 1.0 / rate_hz)
-    taken = noise_run(exact, 5)
-    fit = fit_record(taken, states=2 * len(of.natural_hz), sampled=False, band_hz=(0.4, rate_hz / 8.0))
-    assert fit.model.hold_s == 1.0 / rate_hz
-    assert abs(fit.model.delay_s[0] - 0.011) < 4.0 * fit.uncertainty.delay_s[0]
-    hz = np.abs(fit.model.poles) / (2.0 * np.pi)
-    order = np.argsort(hz)
-    assert np.all(np.abs(hz[order] - of.natural_hz) < 4.0 * fit.uncertainty.natural_hz[order])
-    # Simulated with the hold that was taken out: what is left is the noise, twice that at most.
-    assert record_nrmse(fit.model, taken)[0] < 2.0 * NOISE
+def test_samples_of_a_held_run_give_the_article_behind_the_hold(campaign: Callable[[int], range]) -> None:
+    for seed in campaign(20):
+        rate_hz = 60.0 + 20.0 * (seed % 5)
+        of = article(seed, 0.011)
+        taken = noise_run(as_sampled(of, 1.0 / rate_hz), seed)
+        fit = fit_record(taken, states=2 * len(of.natural_hz), sampled=False, band_hz=(0.4, rate_hz / 8.0))
+        assert fit.model.hold_s == 1.0 / rate_hz
+        assert abs(fit.model.delay_s[0] - 0.011) < 4.0 * fit.uncertainty.delay_s[0]
+        hz = np.abs(fit.model.poles) / (2.0 * np.pi)
+        order = np.argsort(hz)
+        assert np.all(np.abs(hz[order] - of.natural_hz) < 4.0 * fit.uncertainty.natural_hz[order])
+        # Simulated with the hold that was taken out: what is left is the noise, twice that at most.
+        assert record_nrmse(fit.model, taken)[0] < 2.0 * NOISE
 
 
 def test_what_the_computer_sees_is_hold_and_fold() -> None:
@@ -257,7 +257,7 @@ def test_qualify_has_the_hold_once_or_says_what_it_assumes(
         "real",
     ]
     gains: dict[str, float] = {}
-    for word in ("", "--held", "--not-held"):
+    for word in ("", "--held"):
         file = tmp_path / f"model{word}.json"
         assert middeck(capfd, "identify", record_file, *kind, *([word] if word else []), "-o", file).code == 0
         shown = json.loads(middeck(capfd, "qualify", law_file, file, "--json").out)
@@ -269,7 +269,6 @@ def test_qualify_has_the_hold_once_or_says_what_it_assumes(
             assumed = float(said[0].split("gain ")[1].split(" dB")[0])
     decibels = 20.0 * np.log10(upper_gain(truth, law))
     assert gains["--held"] == pytest.approx(decibels, abs=0.01)
-    assert gains[""] == gains["--not-held"]
     assert abs(gains[""] - decibels) > 0.1
     # Without the half period the model still lacks what the hold takes from its magnitude.
     assert assumed == pytest.approx(decibels, abs=0.1)
