@@ -142,7 +142,7 @@ def test_three_models_hold_the_whole_grid_at_little_loss(three_models):
 def test_smaller_orders_lose_little(three_models, order, loss):
     small = design_multimodel(
         reference_plant(), WEIGHTS, AUTHORITY, uncertainty=TOGETHER, structure=Structure(order),
-        tolerance=1e-6,
+        tolerance=1e-4,
     )  # fmt: skip
     assert len(small.system.A) == small.order == order
     assert outcomes(small).db[0] <= outcomes(three_models).db[0] + loss
@@ -186,14 +186,20 @@ def test_order_one_is_as_good_as_all_laws_of_one_state():
     weights = dataclasses.replace(WEIGHTS, sensor=np.array([1e-2]))
     law = design_multimodel(plant, weights, 10.0, uncertainty=(), structure=Structure(1))
     model = build_model(plant, weights, 10.0)
-    # u = -g / (s + a) y: both numbers of all laws of one state, on a fine grid.
-    costs = [
-        evaluate_cost(model, Law([[-a]], [[1.0]], [[g]])).cost
-        for a in np.geomspace(0.01, 100.0, 41)
-        for g in np.concatenate([-np.geomspace(0.01, 100.0, 41), np.geomspace(0.01, 100.0, 41)])
-    ]
-    assert law.cost <= min(costs)
-    assert law.cost == pytest.approx(min(costs), rel=0.02)  # steps of a quarter around a flat minimum
+
+    # u = -g / (s + a) y: both numbers of all laws of one state, on a grid, and on a fine one about the best.
+    def best(decays, gains):
+        costs = {
+            (a, g): evaluate_cost(model, Law([[-a]], [[1.0]], [[g]])).cost for a in decays for g in gains
+        }
+        return min(costs, key=costs.__getitem__), min(costs.values())
+
+    wide = np.geomspace(0.01, 100.0, 14)  # a factor of two from one to the next
+    (a, g), coarse = best(wide, np.concatenate([-wide, wide]))
+    near = np.geomspace(0.45, 2.2, 9)
+    _, fine = best(a * near, g * near)
+    assert law.cost <= min(coarse, fine)
+    assert law.cost == pytest.approx(fine, rel=0.02)  # steps of a fifth around a flat minimum
 
 
 def test_decentralised_law_of_two_separate_plants_is_two_lqg_laws():

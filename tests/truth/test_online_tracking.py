@@ -89,11 +89,11 @@ def test_exact_data_of_the_exact_model_leave_nothing():
 
 @pytest.mark.long
 @pytest.mark.parametrize("mode", [3, 4])
-@pytest.mark.parametrize("factor", [0.99, 1.01])
-def test_a_step_of_one_per_cent_is_followed_within_twenty_seconds(campaign, mode, factor):
-    """8.90 and 9.35 Hz, 1 % noise: within a tenth of the step after 20 s, the others undisturbed."""
+def test_a_step_of_one_per_cent_is_followed_within_twenty_seconds(campaign, mode):
+    """8.90 and 9.35 Hz, 1 % noise, up or down: within a tenth after 20 s, the others undisturbed."""
     close = []
     for seed in campaign(20):
+        factor = (0.99, 1.01)[(seed + mode) % 2]
         taken, noise = moving_gimbal.record(seed, 26.0, hz=stepping(26.0, 6.0, mode, factor))
         state = start_tracking(moving_gimbal.model(), noise_rms=noise, known=WELL_KNOWN, **AT_ONE_RATE)
         found = track_modes(state, taken)
@@ -228,8 +228,16 @@ def lost_between(seconds, *, hz=None, seed=7):
     return dataclasses.replace(taken, y=y), noise
 
 
-@pytest.mark.parametrize(("mode", "factor"), [(0, 1.1), (1, 0.9), (2, 0.9), (3, 0.9)])
-def test_modes_lost_in_a_dropout_are_found_again_though_one_jumped_by_a_tenth(mode, factor):
+JUMPS = [(3, 0.9), (0, 1.1), (1, 0.9), (2, 0.9)]
+
+
+@pytest.mark.long
+def test_modes_lost_in_a_dropout_are_found_again_though_one_jumped_by_a_tenth(campaign):
+    for mode, factor in JUMPS[: len(campaign(40))]:  # two, or all
+        found_again(mode, factor)
+
+
+def found_again(mode, factor):
     hz = stepping(24.0, 7.0, mode, factor)
     taken, noise = lost_between(24.0, hz=hz)
     state = start_tracking(moving_gimbal.model(), noise_rms=noise, known=WELL_KNOWN, **AT_ONE_RATE)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import warnings as python_warnings
 from collections.abc import Callable, Sequence
 from typing import Literal, TypedDict
@@ -22,6 +23,7 @@ from middeck.identification.spectra import (
 )
 from middeck.systems.excitation import cut_periods, recognise_excitation
 from middeck.systems.fault import Fault
+from middeck.systems.hold import release_hold
 from middeck.systems.record import Record
 from middeck.systems.response import FrequencyResponse
 from middeck.values import record
@@ -60,6 +62,7 @@ def identify(
     """
     tell("reading")
     taken, seen = load_periods(files, settings.periods, told)
+    taken = taken if settings.held is None else dataclasses.replace(taken, held=settings.held)
     with reading(*files):
         tell("looking for faults")
         seen = (*seen, *_faults(taken))
@@ -74,7 +77,14 @@ def identify(
 
 def response_of(found: Identified) -> FrequencyResponse:
     """What was fitted, or for the samples of a record what can be estimated of it."""
-    return estimate_response(found.record) if found.measured is None else found.measured
+    if found.measured is not None:
+        return found.measured
+    return _as_fitted(estimate_response(found.record), found.fit)
+
+
+def _as_fitted(measured: FrequencyResponse, fit: FitResult) -> FrequencyResponse:
+    """Without the hold that the model is without."""
+    return release_hold(measured) if fit.model.hold_s else measured
 
 
 def _fit_response(taken: Record, settings: FitSettings, seen: tuple[str, ...]) -> Identified:
@@ -91,11 +101,11 @@ def _fit_response(taken: Record, settings: FitSettings, seen: tuple[str, ...]) -
     fit = fit_response(
         measured, states=settings.states, sample_hz=sample_hz, cost=settings.cost, **_kind(settings)
     )
-    warnings = _chosen(settings, float(measured.frequency_hz[-1]), taken.sample_hz) if reaches else []
+    warnings = _chosen(settings, float(measured.frequency_hz[-1]), taken) if reaches else []
     if method in ("h1", "h2", "hv") and not taken.periodic:
         spectra = estimate_spectra(taken)
         warnings += doubts_of_window(spectra_response(spectra, method), spectra)
-    return Identified(taken, measured, fit, (*seen, *warnings, *fit.warnings))
+    return Identified(taken, _as_fitted(measured, fit), fit, (*seen, *warnings, *fit.warnings))
 
 
 def _faults(taken: Record) -> list[str]:
@@ -128,7 +138,7 @@ def _fit_record(
     sampled = fit.model.sample_hz is not None
     band_hz = settings.band_hz or recognise_excitation(taken).band_hz
     reaches = not sampled and band_hz[1] > HELD_ABOVE * taken.sample_hz
-    warnings = _chosen(settings, band_hz[1], taken.sample_hz, of_samples=True) if reaches else []
+    warnings = _chosen(settings, band_hz[1], taken, of_samples=True) if reaches else []
     shown_hz = settings.band_hz if sampled else band_hz
     return Identified(taken, None, fit, (*seen, *warnings, *fit.warnings), shown_hz)
 
@@ -186,19 +196,19 @@ def _refuse_unlike(settings: FitSettings) -> None:
         )
 
 
-def _chosen(
-    settings: FitSettings, last_hz: float, sample_hz: float, *, of_samples: bool = False
-) -> list[str]:
+def _chosen(settings: FitSettings, last_hz: float, taken: Record, *, of_samples: bool = False) -> list[str]:
     """What is to be known of the kind of model that nobody asked for, where the lines reach far."""
     if settings.sampled is not None:
         return []
-    reach = f"the lines reach {last_hz:g} Hz, past 1/8 of {sample_hz:g} Hz"
+    reach = f"the lines reach {last_hz:g} Hz, past 1/8 of {taken.sample_hz:g} Hz"
     asked = _only_continuous(settings)
     if asked or of_samples:
+        if taken.held is not None:
+            return []
         why = f" for {asked}" if asked else ""
         return [
             f"a continuous model was chosen{why}, though {reach}: it takes what a held input loses "
-            "for dynamics; end --band earlier, or say --continuous if inputs were band-limited, not held"
+            "for dynamics; say --held if they were, or --continuous if they were band-limited"
         ]
     return [
         f"a sampled model was chosen, as {reach}: it has no delay, and poles stand in for one; if there is "

@@ -22,6 +22,8 @@ def alike(settings: FitSettings, model: MeasurementModel, covariance: ModelCovar
         "rigid": rigid,
         "integrators": integrators,
     }
+    if model.hold_s is not None:
+        kind["held"] = model.hold_s > 0.0
     if covariance is not None and model.sample_hz is None:
         kind |= _choices(model, covariance.structure)
     default = FitSettings()

@@ -14,9 +14,12 @@ from middeck.cli.cases import solve_case
 from middeck.cli.plants import tell_warnings
 from middeck.control.analysis.shifts import find_allowed_shifts
 from middeck.control.compensator import Compensator
+from middeck.control.lqg import LQGWeights
+from middeck.control.qualification import qualify_compensator, sampled_forms
 from middeck.control.sampled_compensator import SampledCompensator
 from middeck.errors import ConfigError
 from middeck.files.models import load_model
+from middeck.identification.measurement_model import MeasurementModel
 from middeck.identification.plants.measured_plant import delayed_plant
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.systems.delayed_plant import DelayedPlant
@@ -27,6 +30,14 @@ from middeck.values import record
 Law = Compensator | SampledCompensator
 # As far as a shift to instability is looked for.
 MOST = 0.2
+
+
+@record
+class Gathered:
+    """Plants by name, and those of models that do not say whether the inputs of their data were held."""
+
+    plants: dict[str, DelayedPlant]
+    hold_unknown: tuple[str, ...]
 
 
 @record
@@ -45,21 +56,24 @@ def gather_plants(
     count: int,
     overrides: Sequence[str],
     delay_s: float,
-) -> dict[str, DelayedPlant]:
+) -> Gathered:
     """Each article in each environment, and each model; all ``delay_s`` later than they are."""
     if overrides and all(s.lower().endswith(".json") for s in sources):
         raise ConfigError("--set is for articles and environments", hint="name an article, or leave it out")
     found: dict[str, DelayedPlant] = {}
+    unknown: list[str] = []
     for source in sources:
         if source.lower().endswith(".json"):
-            found[_new_name(source, found)] = later(_model(source, law), delay_s)
+            name, model = _new_name(source, found), load_model(source)
+            found[name] = later(_model(source, model, law), delay_s)
+            unknown += [name] if model.hold_s is None else []
             continue
         for environment in environments:
             name = f" in {Path(environment).stem}"
             found[_new_name(source, found, name)] = later(
                 _article(source, environment, law, count, overrides), delay_s
             )
-    return found
+    return Gathered(found, tuple(unknown))
 
 
 def _new_name(source: str, found: Mapping[str, object], end: str = "") -> str:
@@ -91,8 +105,7 @@ def _require_ports(wanted: Sequence[str], there: Sequence[str], verb: str, lacks
         )
 
 
-def _model(source: str, law: Law) -> DelayedPlant:
-    model = load_model(source)
+def _model(source: str, model: MeasurementModel, law: Law) -> DelayedPlant:
     u, y = (tuple(port.name for port in side) for side in (law.outputs, law.inputs))
     with reading(source):
         _require_ports(u, [p.name for p in model.inputs], "drives", "the model has no such input")
@@ -105,6 +118,42 @@ def later(plant: Plant | DelayedPlant, delay_s: float) -> DelayedPlant:
     if isinstance(plant, DelayedPlant):
         return dataclasses.replace(plant, delay_s=plant.delay_s + delay_s)
     return DelayedPlant(plant, np.full((len(plant.outputs), len(plant.inputs)), delay_s))
+
+
+def say_hold(
+    gathered: Gathered, law: Law, weights: LQGWeights, rates_hz: Sequence[float], delay_s: float
+) -> list[str]:
+    """Of each model that may have a hold in its delays, what a rate would then count twice.
+
+    ``delay_s`` is what was added to the delays of the models.
+    """
+    said: list[str] = []
+    for name in gathered.hold_unknown:
+        for form in sampled_forms(law, rates_hz):
+            with reading(name):
+                said.append(_held_or_not(name, gathered.plants[name], form, weights, delay_s))
+    return said
+
+
+def _held_or_not(
+    name: str, plant: DelayedPlant, law: SampledCompensator, weights: LQGWeights, delay_s: float
+) -> str:
+    rate, half_s = f"{1.0 / law.period_s:g} Hz", 0.5 * law.period_s
+    assumed = (
+        f"{name}, {rate}: the model does not say whether a computer held the inputs of its data; taken as "
+        "not held (middeck identify --held or --not-held)"
+    )
+    if np.min(plant.delay_s) - delay_s < half_s:
+        return f"{assumed}; at this rate they were not, as a delay is less than half a period"
+    (row,) = qualify_compensator(law, {name: later(plant, -half_s)}, weights)
+    if not row.stable:
+        return f"{assumed}; held at this rate, half a period would count twice, and the row would be unstable"
+    gain = min((loop.gain_db for loop in row.loops), default=np.inf)
+    phase = min((np.degrees(loop.phase_limit_rad) for loop in row.loops), default=np.inf)
+    return (
+        f"{assumed}; held at this rate, half a period counts twice, and without that the row would be "
+        f"stable, gain {gain:.2f} dB, phase {phase:.1f} deg, {row.db:.2f} dB"
+    )
 
 
 def shifted_plants(plants: Mapping[str, DelayedPlant], shifts: Sequence[Shift]) -> dict[str, DelayedPlant]:

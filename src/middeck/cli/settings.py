@@ -40,6 +40,7 @@ class FitSettings(Form):
     rigid: Annotated[int, whole(0, 6)] = 0
     integrators: Annotated[int, whole(0, 6)] = 0
     relative_degree: Literal[0, 1, 2] | None = None
+    held: bool | None = None
 
 
 class RecordSettings(Form):

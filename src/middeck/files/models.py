@@ -38,7 +38,8 @@ def write_model(path: str | Path, model: MeasurementModel, covariance: ModelCova
     given = (*COMPLEX, *REAL, *(name for name in OPTIONAL if getattr(model, name) is not None))
     arrays = {name: getattr(model, name) for name in given}
     ports = {"inputs": model.inputs, "outputs": model.outputs}
-    document = {"schema": MODEL_SCHEMA, "sample_hz": model.sample_hz, **ports, **arrays}
+    known = {} if model.hold_s is None else {"hold_s": model.hold_s}
+    document = {"schema": MODEL_SCHEMA, "sample_hz": model.sample_hz, **known, **ports, **arrays}
     if covariance is not None:
         if covariance.model != model:
             raise ConfigError("the covariance is that of another model", hint="fit.model and fit.covariance")
@@ -79,9 +80,9 @@ def _model(data: dict[str, Any], path: str) -> MeasurementModel:
             raise DataError(f"re has shape {re.shape}, im {im.shape}", where=f"{path}, {name}")
         arrays[name] = re + 1j * im
     inputs, outputs = (read_ports(data[side], f"{path}, {side}", AGAIN) for side in ("inputs", "outputs"))
-    rate = _rate(data["sample_hz"], path)
+    rate, hold_s = _rate(data["sample_hz"], path), _hold(data.get("hold_s"), path)
     try:
-        model = MeasurementModel(**arrays, inputs=inputs, outputs=outputs, sample_hz=rate)
+        model = MeasurementModel(**arrays, inputs=inputs, outputs=outputs, sample_hz=rate, hold_s=hold_s)
     except ValueError as error:
         raise DataError(str(error), where=path, hint=AGAIN) from None
     if model.direct.shape != (len(model.outputs), len(model.inputs)):
@@ -140,6 +141,15 @@ def _truth(value: Any, where: str) -> bool:
 
 def _array(value: Any, where: str) -> np.ndarray:
     return json_numbers(value, where, ragged=AGAIN, infinite=AGAIN)
+
+
+def _hold(value: Any, path: str) -> float | None:
+    if value is None:
+        return None
+    period = _array(value, f"{path}, hold_s")
+    if period.shape != () or period < 0.0:
+        raise DataError(f"hold_s is {value}; must be >= 0 s, or null", where=path)
+    return float(period)
 
 
 def _rate(value: Any, where: str) -> float | None:

@@ -46,6 +46,10 @@ class MeasurementModel:
         R = Phi Psi of free rigid-body modes, two states at zero for each of its rank; None without.
     integral:
         Q of integrators, one state at zero for each of its rank; None without.
+    hold_s:
+        Of a continuous model, the period over which the inputs of its data were held: that hold is taken out,
+        and the model is of what is behind it. Zero where they were not held. None where that is not known: if
+        they were, half a period is in the delays.
     """
 
     poles: Complex[np.ndarray, " mode"]
@@ -60,6 +64,7 @@ class MeasurementModel:
     path_delay_s: Float[np.ndarray, "output input"] | None = None
     rigid: Float[np.ndarray, "output input"] | None = None
     integral: Float[np.ndarray, "output input"] | None = None
+    hold_s: float | None = None
 
     @property
     def is_pair(self) -> np.ndarray:
@@ -162,6 +167,11 @@ def _terms(model: MeasurementModel, s: np.ndarray) -> _Terms:
 def double_pole(model: MeasurementModel) -> Float[np.ndarray, "output input"]:
     """R + L, all that goes with 1/s^2."""
     return model.lower if model.rigid is None else model.lower + model.rigid
+
+
+def single_pole(model: MeasurementModel) -> Float[np.ndarray, "output input"]:
+    """Q, all that goes with 1/s."""
+    return np.zeros(model.direct.shape) if model.integral is None else model.integral
 
 
 def path_delay(model: MeasurementModel) -> Float[np.ndarray, "output input"]:

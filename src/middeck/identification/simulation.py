@@ -7,6 +7,7 @@ from jaxtyping import Float
 
 from middeck.errors import DataError
 from middeck.identification.checks import check_record
+from middeck.identification.held_response import held_response
 from middeck.identification.measurement_model import MeasurementModel, model_response
 from middeck.systems.record import Record
 
@@ -15,6 +16,8 @@ def simulate_periodic(
     model: MeasurementModel, record: Record
 ) -> Float[np.ndarray, "experiment period sample output"]:
     """The model's steady output for the inputs of ``record``, exact on every line of the period.
+
+    A continuous model whose data had held inputs (``hold_s``) has them held here too.
 
     Raises
     ------
@@ -31,7 +34,10 @@ def simulate_periodic(
     samples = record.u.shape[2]
     frequency = np.fft.rfftfreq(samples, 1.0 / record.sample_hz)
     U = np.fft.rfft(record.u, axis=2)
-    Y = np.einsum("koi,epki->epko", model_response(model, frequency), U)
+    H = model_response(model, frequency)
+    if model.hold_s:
+        H[1:] = held_response(model, frequency[1:], record.sample_hz)
+    Y = np.einsum("koi,epki->epko", H, U)
     return np.fft.irfft(Y, n=samples, axis=2)
 
 

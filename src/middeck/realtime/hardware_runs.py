@@ -108,7 +108,7 @@ def run_hardware_closed_loop(
     gyro = np.array([isinstance(s, Gyro) for s in rig.sensors], dtype=bool)
     y = remove_ramps(measured, gyro)
     repeated = np.broadcast_to(u, (periods, *u.shape))
-    record = Record(rig.sample_hz, repeated[None], y[None], rig.inputs, rig.outputs, True)
+    record = Record(rig.sample_hz, repeated[None], y[None], rig.inputs, rig.outputs, True, held=True)
     return Run(record, control, "", torque, taken.counter.total())
 
 
@@ -187,7 +187,7 @@ class _Taken:
         measured = self.joined()[0]
         given = np.resize(u, (1, 1, len(measured), u.shape[1]))
         rig = self.rig
-        return Record(rig.sample_hz, given, measured[None, None], rig.inputs, rig.outputs, False)
+        return Record(rig.sample_hz, given, measured[None, None], rig.inputs, rig.outputs, False, held=True)
 
 
 def _stopped(rig: HardwareRig, u: np.ndarray, taken: _Taken, output: int) -> Run:

@@ -101,7 +101,7 @@ def run_nonlinear_open_loop(
     y, taken = clean + noise, np.broadcast_to(u, (periods, *u.shape))
     if not steady:
         y, taken = y.reshape(1, -1, y.shape[2]), taken.reshape(1, -1, u.shape[1])
-    return Record(rig.sample_hz, taken[None], y[None], rig.inputs, rig.outputs, steady)
+    return Record(rig.sample_hz, taken[None], y[None], rig.inputs, rig.outputs, steady, held=True)
 
 
 def _is_steady(periods: Float[np.ndarray, "period sample output"]) -> bool:

@@ -110,7 +110,7 @@ def run_open_loop(
     clean, _ = simulate(rig.sampled, excitation, start)
     noise = rng.standard_normal((periods, *clean.shape)) * rig.noise_rms
     u = np.broadcast_to(excitation, (periods, *np.shape(excitation)))
-    return Record(rig.sample_hz, u[None], (clean + noise)[None], rig.inputs, rig.outputs, True)
+    return Record(rig.sample_hz, u[None], (clean + noise)[None], rig.inputs, rig.outputs, True, held=True)
 
 
 def close_sampled_loop(plant: SampledStateSpace, law: SampledStateSpace) -> SampledStateSpace:
@@ -162,7 +162,9 @@ def run_closed_loop(
         rows += [row] if period >= settle else []
     samples = np.array(rows)
     u = np.broadcast_to(excitation, (periods, *np.shape(excitation)))
-    taken = Record(rig.sample_hz, u[None], samples[None, ..., :outputs], rig.inputs, rig.outputs, True)
+    taken = Record(
+        rig.sample_hz, u[None], samples[None, ..., :outputs], rig.inputs, rig.outputs, True, held=True
+    )
     return Run(taken, samples[..., outputs:], "")
 
 

@@ -26,6 +26,9 @@ class Record:
         Input and output samples. Several experiments share the test article, not the signals. With
         ``periodic`` true, the samples of an experiment are whole steady periods of one repeated input;
         otherwise there is one period, the record itself.
+    held:
+        Whether each input was held from its sample to the next, as a computer commands it; False: measured
+        behind the same filters as the outputs; None where that is not known.
     """
 
     sample_hz: float
@@ -34,6 +37,7 @@ class Record:
     inputs: tuple[Port, ...]
     outputs: tuple[Port, ...]
     periodic: bool
+    held: bool | None = None
 
 
 @record
@@ -79,6 +83,8 @@ class RecordStream:
     pieces:
         ``pieces(experiment, size)`` reads u[sample, input] and y[sample, output] from the start, at most
         ``size`` samples at a time.
+    held:
+        As of a `Record`.
     """
 
     sample_hz: float
@@ -88,6 +94,7 @@ class RecordStream:
     experiments: int
     period: int | None
     pieces: Callable[[int, int], Iterator[tuple[np.ndarray, np.ndarray]]]
+    held: bool | None = None
 
     def blocks(self, size: int, experiment: int = 0) -> Iterator[tuple[Samples, Samples]]:
         """u[sample, input] and y[sample, output] of ``size`` samples each; the last may be shorter.
@@ -107,23 +114,30 @@ class RecordStream:
             )  # fmt: skip
 
 
-def stream_record(held: Record) -> RecordStream:
+def stream_record(whole: Record) -> RecordStream:
     """A record in memory as a stream.
 
     >>> ports = (Port("u", "V"),), (Port("y", "m"),)
-    >>> held = Record(2.0, np.zeros((1, 1, 5, 1)), np.ones((1, 1, 5, 1)), *ports, periodic=False)
-    >>> [y[:, 0].tolist() for u, y in stream_record(held).blocks(3)]
+    >>> whole = Record(2.0, np.zeros((1, 1, 5, 1)), np.ones((1, 1, 5, 1)), *ports, periodic=False)
+    >>> [y[:, 0].tolist() for u, y in stream_record(whole).blocks(3)]
     [[1.0, 1.0, 1.0], [1.0, 1.0]]
     """
-    experiments, periods, samples, _ = held.u.shape
+    experiments, periods, samples, _ = whole.u.shape
 
     def pieces(experiment: int, size: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        u, y = (x[experiment].reshape(periods * samples, -1) for x in (held.u, held.y))
+        u, y = (x[experiment].reshape(periods * samples, -1) for x in (whole.u, whole.y))
         return ((u[k : k + size], y[k : k + size]) for k in range(0, len(u), size))
 
-    period = samples if held.periodic else None
+    period = samples if whole.periodic else None
     return RecordStream(
-        held.sample_hz, held.inputs, held.outputs, periods * samples, experiments, period, pieces
+        whole.sample_hz,
+        whole.inputs,
+        whole.outputs,
+        periods * samples,
+        experiments,
+        period,
+        pieces,
+        whole.held,
     )
 
 

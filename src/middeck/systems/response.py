@@ -37,6 +37,8 @@ class FrequencyResponse:
     ``variance`` is that of the estimate H (noise of both real and imaginary part together), per line and
     entry; of a smoothed estimate, that of each line's own data, so that a sum over lines counts each sample
     once; None for a computed response. ``covariance`` says also how its entries err together, where known.
+    ``hold_s`` is the period over which the inputs were held, whose hold is in H; zero where there is none in
+    it, None where that is not known (`release_hold`).
     """
 
     frequency_hz: Float[np.ndarray, " line"]
@@ -45,6 +47,7 @@ class FrequencyResponse:
     outputs: tuple[Port, ...]
     variance: Float[np.ndarray, "line output input"] | None = None
     covariance: ResponseCovariance | None = None
+    hold_s: float | None = None
 
 
 def statespace_response(

@@ -11,6 +11,7 @@ from middeck.cli.screen import Table, show
 
 if TYPE_CHECKING:
     from middeck.cli.settings import FitSettings
+    from middeck.identification.measurement_model import MeasurementModel
     from middeck.identification.uncertainty.drift import Drift
     from middeck.identification.uncertainty.response_drift import ResponseDrift
     from middeck.systems.response import FrequencyResponse
@@ -95,7 +96,8 @@ def compare(before: str, after: str, settings: FitSettings, level: float) -> dic
         second = identify([after], alike(settings, model, covariance))
         with reading(before, after):
             found = compare_fits(covariance or as_exact(model), second.fit.covariance, level=level)
-        warnings = second.warnings if covariance is not None else (*second.warnings, f"{before}: {EXACT}")
+        warnings = [*second.warnings, *_unlike_holds(model, second.fit.model)]
+        warnings += [] if covariance is not None else [f"{before}: {EXACT}"]
         return describe(before, after, found, None, warnings)
     first = identify([before], settings)
     same = {"sampled": first.fit.model.sample_hz is not None, "states": first.fit.model.states}
@@ -104,7 +106,19 @@ def compare(before: str, after: str, settings: FitSettings, level: float) -> dic
         found = compare_fits(first.fit.covariance, second.fit.covariance, level=level)
         lines = _compare_lines(first.measured, second.measured, level)
     warnings = [f"{file}: {w}" for file, of in ((before, first), (after, second)) for w in of.warnings]
+    warnings += _unlike_holds(first.fit.model, second.fit.model)
     return describe(before, after, found, lines, warnings)
+
+
+def _unlike_holds(before: MeasurementModel, after: MeasurementModel) -> list[str]:
+    """A hold taken out of one model may be in the delays of another."""
+    known = {before.hold_s, after.hold_s} - {None}
+    if None not in (before.hold_s, after.hold_s) or not any(known):
+        return []
+    return [
+        "a hold is taken out of one model, and of the other it is not known: their delays may differ by half "
+        "a period; middeck identify --held or --not-held for both"
+    ]
 
 
 def _compare_lines(

@@ -41,6 +41,12 @@ METHODS = ("samples", "periods", "local rational", "local polynomial", "h1", "h2
     "given that only a continuous model has]",
 )
 @click.option(
+    "--held/--not-held",
+    default=None,
+    help="Whether a computer held the inputs from sample to sample: a continuous model is then of what is "
+    "behind the hold.  [default: as the record says]",
+)
+@click.option(
     "--method",
     type=click.Choice(METHODS),
     help="What is fitted: the samples, or a response estimated so.  [default: steady periods, else samples]",
@@ -106,8 +112,8 @@ def verb(
     RECORDs are .npz, .h5, .mat, .csv, .npy or universal files; several are experiments of one test. Whole
     steady periods are used where the record has them (the input shows it, or --periods says so) and the
     response is fitted line by line; otherwise the samples are fitted, with a transient that shares the poles.
-    --set takes the names of the options: states, band_hz, sampled, method, reference, cost, constants, delay,
-    rigid, integrators, residuals, full_rank, relative_degree and periods.
+    --set takes the names of the options: states, band_hz, sampled, held, method, reference, cost, constants,
+    delay, rigid, integrators, residuals, full_rank, relative_degree and periods.
     """
     from middeck.cli.fitting import identify
     from middeck.cli.progress import status
@@ -203,6 +209,7 @@ def describe(found: Identified) -> dict[str, Any]:
         "order_reason": fit.order_reason,
         "sample_hz": found.record.sample_hz,
         "sampled": model.sample_hz is not None,
+        "hold_s": model.hold_s,
         "band_hz": found.band_hz,
         "lines": None if measured is None else len(measured.frequency_hz),
         "samples": periods * samples,
@@ -263,11 +270,16 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
     return [
         f"{document['states']} states, {kind}, fitted to {fitted} in {low:g}-{high:g} Hz",
         f"order: {document['order_reason']}",
+        *_hold(document["hold_s"]),
         Table("poles", ["Hz", "+-", "damping", "+-", ""], poles),
         *_no_modes(document),
         Table("outputs", heads, outputs),
         Table("zeros of the paths", ["output", "input", "Hz", ""], _zero_rows(document)),
     ]
+
+
+def _hold(hold_s: float | None) -> list[str]:
+    return [f"hold: that of {hold_s * 1e3:g} ms is taken out, and no part of the delays"] if hold_s else []
 
 
 def _no_modes(document: dict[str, Any]) -> list[str]:

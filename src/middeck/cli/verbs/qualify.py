@@ -88,12 +88,13 @@ def verb(
     Each PLANT is an article, in each environment, or a fitted model.json; as it is and with modes moved,
     continuous and at each rate: stability by eigenvalues, margins at the plant's inputs, and the rms of the
     outputs that are read, over all frequencies under disturbance and noise, beside that without control (dB,
-    less is better). The delays of a model are exact. --set takes the keys of articles and environments.
+    less is better). The delays of a model are exact; at a rate a hold comes on top, so that a model says
+    whether its data had one. --set takes the keys of articles and environments.
     """
     requirements = read_requirements(required, AT_LEAST, AT_MOST)
-    law, found, allowed = _qualify(law_file, plants, environments or ("lab",), count, overrides, given)
+    law, found, allowed, said = _qualify(law_file, plants, environments or ("lab",), count, overrides, given)
     rows = [_row(q) for q in found]
-    document = describe(law_file, law, rows, requirements) | {"allowed_shift": allowed}
+    document = describe(law_file, law, rows, requirements, said) | {"allowed_shift": allowed}
     show(as_json, document, *_tables(document))
     if not document["passed"]:
         click.get_current_context().exit(1)
@@ -106,26 +107,26 @@ def _qualify(
     count: int,
     overrides: tuple[str, ...],
     given: dict[str, Any],
-) -> tuple[Law, tuple[Qualified, ...], list[dict[str, Any]] | None]:
+) -> tuple[Law, tuple[Qualified, ...], list[dict[str, Any]] | None, list[str]]:
     import numpy as np
 
-    from middeck.cli.qualifying import Shift, allowed_shifts, gather_plants, shifted_plants
+    from middeck.cli.qualifying import Shift, allowed_shifts, gather_plants, say_hold, shifted_plants
     from middeck.cli.systems import load_law
     from middeck.control.lqg import LQGWeights
     from middeck.control.qualification import qualify_compensator
 
     law = load_law(law_file)
-    plants = gather_plants(
-        sources, environments, law, count=count, overrides=overrides, delay_s=1e-3 * given["delay_ms"]
-    )
-    allowed = allowed_shifts(plants, law) if given["limits"] else None
-    plants = shifted_plants(plants, [Shift(*shift) for shift in given["shifts"]])
+    delay_s = 1e-3 * given["delay_ms"]
+    gathered = gather_plants(sources, environments, law, count=count, overrides=overrides, delay_s=delay_s)
+    allowed = allowed_shifts(gathered.plants, law) if given["limits"] else None
+    plants = shifted_plants(gathered.plants, [Shift(*shift) for shift in given["shifts"]])
     u, y = (tuple(port.name for port in side) for side in (law.outputs, law.inputs))
     intensity = given["disturbance"] ** 2 * np.eye(len(u))
     noise = np.full(len(y), given["angle_noise"] ** 2)
     weights = LQGWeights(np.ones(len(y)), np.ones(len(u)), u, intensity, noise)
     rates = tuple(rate for rates in given["rates_hz"] for rate in rates)
-    return law, qualify_compensator(law, plants, weights, rates_hz=rates), allowed
+    found = qualify_compensator(law, plants, weights, rates_hz=rates)
+    return law, found, allowed, say_hold(gathered, law, weights, rates, delay_s)
 
 
 def _row(found: Qualified) -> dict[str, Any]:
@@ -160,7 +161,11 @@ def _row(found: Qualified) -> dict[str, Any]:
 
 
 def describe(
-    law_file: str, law: Law, rows: list[dict[str, Any]], requirements: tuple[Requirement, ...]
+    law_file: str,
+    law: Law,
+    rows: list[dict[str, Any]],
+    requirements: tuple[Requirement, ...],
+    said: list[str],
 ) -> dict[str, Any]:
     """The JSON document; what is infinite or unknown is null."""
     import math
@@ -191,7 +196,7 @@ def describe(
         "stable": sum(row["stable"] for row in rows),
         "requirements": judged,
         "passed": not any(r["failed"] for r in judged),
-        "warnings": _warnings(law, rows),
+        "warnings": [*_warnings(law, rows), *said],
     }
 
 

@@ -15,7 +15,8 @@ from middeck.control.robust.batch import continuous_covariances, row_rms, settle
 from middeck.control.robust.closed_cost import Law, closed_matrices
 from middeck.control.robust.design_model import DesignModel, build_model
 from middeck.control.robust.exact_delay import exact_growth
-from middeck.control.robust.noise_rms import measure_noise_rms
+from middeck.control.robust.exact_family import family_law, measure_in_family
+from middeck.control.robust.noise_rms import NoiseOutcome, measure_noise_rms
 from middeck.control.robust.sampled_loops import sampled_outcomes
 from middeck.control.uncertainty import Uncertainty, finished_plants
 from middeck.errors import ConfigError
@@ -70,12 +71,13 @@ def verify_robustness(
 ) -> Verification:
     """Close the loop on the plants at ``positions`` of the box (`draw_positions` draws unseen ones).
 
-    Of many plants at once, so delays are approximated, of an order at which every mode's phase is right to
-    1e-9 (`pade_order`); the poles furthest right are then carried to roots with exp(-s tau) itself. The rms
-    is that of the approximation. Where the order would be beyond 40, or the leading pole lies beyond what the
-    approximation knows, or approximation and roots disagree, the plant is taken by itself, all of it exact
-    (`measure_noise_rms`). At each rate of ``rates_hz`` the compensator is sampled by Tustin's rule and its
-    output held over a period, which comes on top of the plant's delay.
+    Of decaying modes with delays the roots that grow are counted and the rms is integrated, both with
+    exp(-s tau) itself (`exact_family`). Other delays are approximated, of an order at which every mode's
+    phase is right to 1e-9 (`pade_order`); the poles furthest right are then carried to roots with the exact
+    delay, and the rms is that of the approximation. Where the order would be beyond 40, or the leading pole
+    lies beyond what the approximation knows, or approximation and roots disagree, the plant is taken by
+    itself, all of it exact (`measure_noise_rms`). At each rate of ``rates_hz`` the compensator is sampled by
+    Tustin's rule and its output held over a period, which comes on top of the plant's delay.
 
     Raises `ConfigError` for a compensator of other ports than the plant's groups y and u, `NumericalError`
     where the stability of a plant taken by itself cannot be decided.
@@ -99,6 +101,7 @@ def outcomes_on(
         raise ConfigError("the compensator has a direct term: sensor noise would make its rms infinite")
     reference = np.zeros(0)
     if plants:
+        build_model(_inside(plants[0]), weights, 1.0)  # it refuses weights that do not fit
         alone = [_uncontrolled(p, weights) for p in plants]
         reference = _rms_of(alone, idle_compensator(_inside(plants[0])), weights)[1]
     continuous = _outcomes("continuous", *_rms_of(plants, compensator, weights), reference)
@@ -133,12 +136,12 @@ def _inside(plant: Plant | DelayedPlant) -> Plant:
 
 
 def _uncontrolled(plant: Plant | DelayedPlant, weights: LQGWeights) -> Plant | DelayedPlant:
-    """Without the delays of paths that do not lead from w to z: alone they only cost accuracy."""
+    """Without the delays of paths that do not lead from w to z, nor what an output is late as a whole."""
     if not isinstance(plant, DelayedPlant):
         return plant
     late, inside = np.zeros_like(plant.delay_s), plant.plant
     kept = np.ix_(inside.output_indices(inside.z), inside.input_indices(weights.disturbed))
-    late[kept] = plant.delay_s[kept]
+    late[kept] = plant.delay_s[kept] - plant.delay_s[kept].min(axis=1, keepdims=True, initial=np.inf)
     return DelayedPlant(inside, late) if np.any(late) else inside
 
 
@@ -150,6 +153,22 @@ def _rms_of(
     plants: Sequence[Plant | DelayedPlant], compensator: Compensator, weights: LQGWeights
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Stability, rms of the weighted outputs, and of the weighted inputs, continuous."""
+    found: list[NoiseOutcome | None] = [None] * len(plants)
+    known = family_law(compensator, weights)
+    if known is not None:
+        found = [measure_in_family(p, known) if isinstance(p, DelayedPlant) else None for p in plants]
+    left = [i for i, outcome in enumerate(found) if outcome is None]
+    for i, outcome in zip(left, _approximated([plants[i] for i in left], compensator, weights), strict=True):
+        found[i] = outcome
+    rows = [(f.stable, f.rms, f.control_rms) for f in found if f is not None]
+    stable, rms, control = (np.array(x) for x in zip(*rows, strict=True)) if rows else (np.zeros(0),) * 3
+    return stable.astype(bool), rms, control
+
+
+def _approximated(
+    plants: Sequence[Plant | DelayedPlant], compensator: Compensator, weights: LQGWeights
+) -> list[NoiseOutcome]:
+    """All at once with approximated delays, but for those that need their own."""
     system = compensator.system
     law = Law(system.A, system.B, system.C)
     orders = [pade_order(phase_of_modes(p, system)) if isinstance(p, DelayedPlant) else 1 for p in plants]
@@ -157,14 +176,14 @@ def _rms_of(
     models = [build_model(_smoothed(p, order), weights, 1.0) for p in plants]
     values, rms, control = _rms(models, [law] * len(models))
     stable = settled(exact_growth(plants, law, values))
+    found = [NoiseOutcome(bool(a), float(b), float(c)) for a, b, c in zip(stable, rms, control, strict=True)]
     for i, plant in enumerate(plants):
         if not isinstance(plant, DelayedPlant):
             continue
         agreed = stable[i] == np.isfinite(rms[i]) and is_within(order, plant, values[i])
         if orders[i] > order or not agreed:
-            alone = measure_noise_rms(plant, compensator, weights)
-            stable[i], rms[i], control[i] = alone.stable, alone.rms, alone.control_rms
-    return stable, rms, control
+            found[i] = measure_noise_rms(plant, compensator, weights)
+    return found
 
 
 def _outcomes(

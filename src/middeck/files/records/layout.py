@@ -36,12 +36,18 @@ def is_own(names: Sequence[str]) -> bool:
 
 
 def describe(
-    sample_hz: float, periodic: bool, inputs: Sequence[Port], outputs: Sequence[Port]
+    sample_hz: float,
+    periodic: bool,
+    inputs: Sequence[Port],
+    outputs: Sequence[Port],
+    held: bool | None,
 ) -> dict[str, Any]:
-    """Everything but ``u`` and ``y``; what no channel knows is left out."""
+    """Everything but ``u`` and ``y``; what is not known is left out."""
     contents: dict[str, Any] = {
         "schema": np.int64(SCHEMA), "sample_hz": np.float64(sample_hz), "periodic": np.bool_(periodic)
     }  # fmt: skip
+    if held is not None:
+        contents["held"] = np.bool_(held)
     for side, ports in (("input", inputs), ("output", outputs)):
         contents[f"{side}_names"] = np.array([p.name for p in ports])
         contents[f"{side}_units"] = np.array([p.unit for p in ports])
@@ -56,9 +62,8 @@ def describe(
 
 def contents_of(record: Record) -> dict[str, Any]:
     """All arrays of ``record``."""
-    return describe(record.sample_hz, record.periodic, record.inputs, record.outputs) | {
-        "u": record.u, "y": record.y
-    }  # fmt: skip
+    told = describe(record.sample_hz, record.periodic, record.inputs, record.outputs, record.held)
+    return told | {"u": record.u, "y": record.y}
 
 
 def check_contents(arrays: Mapping[str, Any], where: str) -> None:
@@ -105,12 +110,18 @@ def read_rate(value: Any, where: str) -> float:
     return float(rate.ravel()[0])
 
 
-def read_flag(value: Any, where: str) -> bool:
-    """Whether the record is periodic."""
+def read_flag(arrays: Mapping[str, Any], key: str, where: str) -> bool:
+    """Whether the record is ``key``."""
+    value = arrays[key]
     flag = np.asarray(value)
     if flag.size != 1 or flag.dtype.kind not in "biu":
-        raise DataError(f"periodic is {value!r}", where=where, hint="true or false")
+        raise DataError(f"{key} is {value!r}", where=where, hint="true or false")
     return bool(flag.ravel()[0])
+
+
+def read_held(arrays: Mapping[str, Any], where: str) -> bool | None:
+    """Whether inputs were held; None where the file does not say it."""
+    return read_flag(arrays, "held", where) if "held" in arrays else None
 
 
 def read_heads(arrays: Mapping[str, Any], side: Side, channels: int, where: str) -> tuple[Head, ...]:
@@ -151,4 +162,6 @@ def build_raw(arrays: Mapping[str, Any], where: str) -> Raw:
     u = np.broadcast_to(u, (*y.shape[:3], u.shape[3]))
     x = tuple(np.moveaxis(u, 3, 0)) + tuple(np.moveaxis(y, 3, 0))
     rate = read_rate(arrays["sample_hz"], where)
-    return Raw(rate, heads[0] + heads[1], x, read_flag(arrays["periodic"], where))
+    return Raw(
+        rate, heads[0] + heads[1], x, read_flag(arrays, "periodic", where), held=read_held(arrays, where)
+    )

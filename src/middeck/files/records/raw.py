@@ -40,6 +40,7 @@ class Raw:
     periodic: bool = False
     faults: tuple[Fault, ...] = ()
     rate_share: float = SAME_RATE
+    held: bool | None = None
 
 
 @record
@@ -64,7 +65,7 @@ def build_record(raw: Raw, columns: Columns | None, where: str) -> Record:
         np.stack([raw.x[k] for k in side], axis=-1) if side else np.empty((*shape, 0))
         for side in (chosen.u, chosen.y)
     )
-    return Record(rate, u, y, chosen.inputs, chosen.outputs, raw.periodic)
+    return Record(rate, u, y, chosen.inputs, chosen.outputs, raw.periodic, raw.held)
 
 
 def sampling_rate(raw: Raw, columns: Columns | None, where: str) -> float:

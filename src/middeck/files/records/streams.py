@@ -65,7 +65,7 @@ def stream_uff(file: Path, columns: Columns | None) -> RecordStream:
             hint="cut them to one length; load_campaign takes them",
         )
     first = runs[0]
-    raw = Raw(first.sample_hz, first.heads, (), first.periods is not None)
+    raw = Raw(first.sample_hz, first.heads, (), first.periods is not None, held=first.held)
     chosen = choose(first.heads, columns, str(file))
 
     def pieces(experiment: int, size: int) -> Pieces:
@@ -102,4 +102,5 @@ def _stream(
             raise DataError(what, where=str(file), hint=f"counted from 0, there are {experiments}")
         return pieces(experiment, size)
 
-    return RecordStream(rate, chosen.inputs, chosen.outputs, periods * samples, experiments, period, placed)
+    count = periods * samples
+    return RecordStream(rate, chosen.inputs, chosen.outputs, count, experiments, period, placed, raw.held)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -32,6 +33,12 @@ def join_records(records: Sequence[Record], names: Sequence[str]) -> Record:
                 first.u.shape[1:3] == other.u.shape[1:3],
             ),
             ("periodic", first.periodic, other.periodic, first.periodic == other.periodic),
+            (
+                "held inputs",
+                first.held,
+                other.held,
+                None in (first.held, other.held) or first.held == other.held,
+            ),
         ]
         for what, a, b, same in pairs:
             if not same:
@@ -41,7 +48,8 @@ def join_records(records: Sequence[Record], names: Sequence[str]) -> Record:
                     hint="resample or cut the files alike, or use them one at a time",
                 )
     u, y = np.concatenate([r.u for r in records]), np.concatenate([r.y for r in records])
-    return Record(first.sample_hz, u, y, first.inputs, first.outputs, first.periodic)
+    held = first.held if all(r.held == first.held for r in records) else None
+    return dataclasses.replace(first, u=u, y=y, held=held)
 
 
 def _words(value: object) -> str:
@@ -67,7 +75,7 @@ def split_periods(record: Record, periods: int) -> Record:
         )
     u, y = (x.reshape(len(x), periods, samples // periods, -1) for x in (record.u, record.y))
     _check_repeats(u, record.inputs)
-    return Record(record.sample_hz, u, y, record.inputs, record.outputs, periodic=True)
+    return dataclasses.replace(record, u=u, y=y, periodic=True)
 
 
 def _check_repeats(u: Float[np.ndarray, "experiment period sample input"], inputs: Sequence[Port]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -45,6 +46,7 @@ class Run:
     samples: int
     sample_hz: float
     periods: int | None
+    held: bool | None = None
     faults: tuple[Fault, ...] = ()
 
 
@@ -52,14 +54,14 @@ def read_uff(file: Path, variable: str) -> Raw:
     """The time functions as one record; raises `DataError` if its experiments differ in length."""
     runs = read_runs(file)
     lengths = sorted({r.samples for r in runs})
-    if len(lengths) > 1 or len({(r.sample_hz, r.periods, r.heads) for r in runs}) > 1:
+    if len(lengths) > 1 or len({(r.sample_hz, r.periods, r.held, r.heads) for r in runs}) > 1:
         raise DataError(
             f"{len(runs)} experiments of unlike channels, rates or lengths ({lengths} samples)",
             where=str(file), hint="cut them to one length; load_campaign takes experiments of unlike lengths",
         )  # fmt: skip
     raws = [raw_run(file, run) for run in runs]
     x = tuple(np.concatenate(channels) for channels in zip(*(r.x for r in raws), strict=True))
-    return Raw(raws[0].sample_hz, raws[0].heads, x, raws[0].periodic, sum((r.faults for r in raws), ()))
+    return dataclasses.replace(raws[0], x=x, faults=sum((r.faults for r in raws), ()))
 
 
 def raw_run(file: Path, run: Run) -> Raw:
@@ -67,7 +69,7 @@ def raw_run(file: Path, run: Run) -> Raw:
     columns = [np.concatenate(list(pieces_channel(file, run, k, WHOLE))) for k in range(len(run.sets))]
     periods = run.periods or 1
     x = tuple(c.reshape(1, periods, -1) for c in columns)
-    return Raw(run.sample_hz, run.heads, x, run.periods is not None, run.faults)
+    return Raw(run.sample_hz, run.heads, x, run.periods is not None, run.faults, held=run.held)
 
 
 def pieces_channel(file: Path, run: Run, channel: int, size: int) -> Iterator[np.ndarray]:
@@ -193,7 +195,8 @@ def _run(heads: tuple[Head, ...], sets: tuple[Dataset, ...], file: Path) -> Run:
         what = f"{samples} samples are in all channels"
         raise DataError(what, where=str(file), hint="the channels were not recorded together")
     faults = _cut_faults(heads, sets, whole, samples)
-    return Run(heads, sets, whole, samples, rates[0], None if periods is None else int(periods), faults)
+    count, held = None if periods is None else int(periods), _told(sets[0], "held")
+    return Run(heads, sets, whole, samples, rates[0], count, None if held is None else bool(held), faults)
 
 
 def _cut_faults(
@@ -235,6 +238,7 @@ def write_uff(path: Path, held: Record, *, binary: bool = True) -> None:
     """Write ``held`` as data sets 58b, or 58 in ASCII with 13 digits; one for each channel and experiment."""
     experiments, periods, _, _ = held.u.shape
     told = f"hz={held.sample_hz!r}" + (f" periods={periods}" if held.periodic else "")
+    told += "" if held.held is None else f" held={int(held.held)}"
     with replacing(path) as temporary, open(temporary, "wb") as stream:
         for e in range(experiments):
             for side, ports, x in (("input", held.inputs, held.u), ("output", held.outputs, held.y)):

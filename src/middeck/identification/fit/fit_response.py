@@ -34,9 +34,11 @@ from middeck.identification.fit.standing import (
 from middeck.identification.fit.steady_line import SteadyLine
 from middeck.identification.fit.tidy import tidied
 from middeck.identification.fit.weights import Spread, excess_share, spread_of
+from middeck.identification.held_response import folded_response
 from middeck.identification.measurement_model import MeasurementModel, model_response
 from middeck.identification.uncertainty.covariance import ModelCovariance, estimate_covariance
 from middeck.identification.uncertainty.parameters import Uncertainty, uncertainty_of
+from middeck.systems.hold import release_hold
 from middeck.systems.response import FrequencyResponse
 from middeck.values import record
 
@@ -114,7 +116,9 @@ def fit_response(
     Parameters
     ----------
     measured:
-        Response with its variance (`estimate_response`).
+        Response with its variance (`estimate_response`). Of inputs that were held (``hold_s``), a continuous
+        model is of what is behind the hold, which is divided out; what is folded back from beyond half the
+        rate is taken off by a first fit.
     states:
         Order of the model without its delays: two for each pair of poles and each rigid mode, one for each
         integrator; with ``full_rank`` the poles, each counted once. By default the order of the shortest
@@ -170,7 +174,29 @@ def fit_response(
     choices = Choices(
         sample_hz, constants, delay, direct, residuals, full_rank, rigid, relative_degree, integrators
     )
-    return fit_chosen(measured, states, choices, cost)
+    if measured.hold_s and sample_hz is None:
+        return _fit_behind_hold(measured, measured.hold_s, states, choices, cost)
+    fit = fit_chosen(measured, states, choices, cost)
+    return fit if sample_hz is not None else marked(fit, measured.hold_s)
+
+
+def _fit_behind_hold(
+    measured: FrequencyResponse, hold_s: float, states: int | None, choices: Choices, cost: Cost
+) -> FitResult:
+    """The fit without the hold of its inputs: that divided out, and what sampling folds back taken off.
+
+    The first fit tells what is folded back: some thousandths of the response at an eighth of the rate.
+    """
+    first = fit_chosen(release_hold(measured), states, choices, cost).model
+    folded = folded_response(first, measured.frequency_hz, 1.0 / hold_s)
+    alone = dataclasses.replace(measured, H=measured.H - folded)
+    return marked(fit_chosen(release_hold(alone), states, choices, cost), hold_s)
+
+
+def marked(fit: FitResult, hold_s: float | None) -> FitResult:
+    """The fit, its model saying which hold was taken out."""
+    model = dataclasses.replace(fit.model, hold_s=hold_s)
+    return dataclasses.replace(fit, model=model, covariance=dataclasses.replace(fit.covariance, model=model))
 
 
 def fit_chosen(

@@ -58,6 +58,9 @@ def delayed_plant(
 ) -> DelayedPlant:
     """The plant of a continuous model with its delays as they are: for evaluation, margins and sampling.
 
+    Where ``model.hold_s`` is None and its data had held inputs, half a period of that hold is in the delays:
+    sampled, it would count twice.
+
     Raises
     ------
     ConfigError
@@ -81,7 +84,7 @@ def sampled_plant(
     """What a computer of the period ``period_s`` sees of a continuous model: exact, delays included.
 
     Inputs are held from one instant to the next, outputs are sampled at the instants, so that the hold's own
-    half period comes on top of the model's delays.
+    half period comes on top of the model's delays: they must not have it already (``model.hold_s``).
 
     Raises
     ------

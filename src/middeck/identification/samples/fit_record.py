@@ -12,6 +12,7 @@ from collections.abc import Callable
 from typing import Literal
 
 import numpy as np
+from jaxtyping import Float
 
 from middeck.errors import FitError
 from middeck.identification.checks import check_record
@@ -19,13 +20,14 @@ from middeck.identification.fit.choices import Choices, Constants, Delay, at_zer
 from middeck.identification.fit.data import Data
 from middeck.identification.fit.design import residual_of
 from middeck.identification.fit.doubts import causal_delay, doubts_of_deviations
-from middeck.identification.fit.fit_response import FitResult, fit_chosen
+from middeck.identification.fit.fit_response import FitResult, fit_chosen, marked
 from middeck.identification.fit.standing import (
     checked_covariance,
     doubts_of_lines,
     doubts_of_standing,
     standing_of,
 )
+from middeck.identification.held_response import folded_response
 from middeck.identification.measurement_model import MeasurementModel, model_response, natural_hz
 from middeck.identification.samples.aliasing import FOLDED, folded_share
 from middeck.identification.samples.continuous import fit_continuous
@@ -40,6 +42,7 @@ from middeck.identification.samples.tidy import Tidied, tidied
 from middeck.identification.spectra import estimate_response
 from middeck.identification.uncertainty.parameters import uncertainty_of
 from middeck.systems.excitation.driven import driven_band
+from middeck.systems.hold import release_inputs
 from middeck.systems.record import Record
 from middeck.systems.response import FrequencyResponse
 
@@ -84,7 +87,9 @@ def fit_record(
     Parameters
     ----------
     record:
-        One or several experiments; periods are taken as one run of samples.
+        One or several experiments; periods are taken as one run of samples. Where it says that its inputs
+        were ``held``, a continuous model is of what is behind the hold: that is divided out, and what is
+        folded back from beyond half the rate is taken off by a first fit.
     states:
         Order of the model without its delays. By default that of the shortest description: of the record,
         or for a continuous model of a long one, of an estimated response.
@@ -131,19 +136,53 @@ def fit_record(
     if band_hz is None and not sampled:
         inputs = record.u.reshape(len(record.u), -1, record.u.shape[3])
         band_hz = driven_band(inputs, record.sample_hz)
+    fit = functools.partial(
+        _fit, band_hz=band_hz, states=states, choices=choices, weighting=weighting, tell=tell
+    )
+    if sampled:
+        found = fit(record)
+        why = "sampled, as the inputs drive all up to half the rate; " if chosen else ""
+        return dataclasses.replace(found, order_reason=why + found.order_reason)
+    if not record.held:
+        return marked(fit(record), None if record.held is None else 0.0)
+    behind = release_inputs(record)
+    behind = dataclasses.replace(behind, y=record.y - _folded_outputs(fit(behind).model, record))
+    return marked(fit(behind), 1.0 / record.sample_hz)
+
+
+def _fit(
+    record: Record,
+    *,
+    band_hz: tuple[float, float] | None,
+    states: int | None,
+    choices: Choices,
+    weighting: Weighting | None,
+    tell: Callable[[str], None],
+) -> FitResult:
+    """The fit of a record without drift, whose inputs are taken as they are."""
+    sampled = choices.sample_hz is not None
     data = record_data(record, band_hz, whole=sampled)
     lines = _lines(record, data, np.zeros((len(data.s), len(record.outputs), len(record.inputs)), complex))
     options = options_of(lines, states, choices)
     _check_length(record, options.states + at_zero(choices))
     if sampled:
         run, reason = choose_record(record, options, band_hz, states=states, weighting=weighting, tell=tell)
-        reason = f"sampled, as the inputs drive all up to half the rate; {reason}" if chosen else reason
     else:
         local = functools.partial(_local_fit, record, lines, states, choices)
         data, run, reason = fit_continuous(record, data, options, local, states=states, weighting=weighting)
     fitted = Tidied(data, run, ()) if states is not None else tidied(record, data, run, sampled=sampled)
     score = np.maximum(growth_score(data, run), growth_score(fitted.data, fitted.run))
     return _result(record, fitted, reason, score)
+
+
+def _folded_outputs(model: MeasurementModel, record: Record) -> Float[np.ndarray, "*outputs"]:
+    """What is folded back in the outputs: held inputs reach beyond half the rate."""
+    run = record.u.reshape(len(record.u), -1, record.u.shape[3])
+    f = np.fft.rfftfreq(run.shape[1], 1.0 / record.sample_hz)
+    H = np.zeros((len(f), *model.direct.shape), dtype=complex)
+    H[1:] = folded_response(model, f[1:], record.sample_hz)
+    y = np.fft.irfft(np.einsum("koi,eki->eko", H, np.fft.rfft(run, axis=1)), n=run.shape[1], axis=1)
+    return y.reshape(record.y.shape)
 
 
 def is_held(record: Record, band_hz: tuple[float, float] | None) -> bool:

@@ -11,11 +11,19 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Complex, Float
+from jaxtyping import Float
 
 from middeck.errors import ConfigError, DataError, NumericalError
 from middeck.identification.checks import check_record
-from middeck.identification.measurement_model import RANK, MeasurementModel, model_response, path_delay
+from middeck.identification.held_response import held_response
+from middeck.identification.measurement_model import (
+    RANK,
+    MeasurementModel,
+    double_pole,
+    model_response,
+    path_delay,
+    single_pole,
+)
 from middeck.systems.record import Record
 
 Between = Literal["hold", "band-limited"]
@@ -28,7 +36,7 @@ def simulate_record(
     record: Record,
     *,
     state_share: float = 1.0,
-    between: Between = "band-limited",
+    between: Between | None = None,
 ) -> Float[np.ndarray, "experiment period sample output"]:
     """Outputs of the model for the record's inputs, the initial state fitted to the record's outputs.
 
@@ -41,7 +49,8 @@ def simulate_record(
         by their rms. The rest is then a simulation that has never seen the outputs.
     between:
         What the inputs of a continuous model do between samples: "hold" (a converter before the plant) or
-        "band-limited" (both sides measured behind the same filters; Pintelon and Schoukens 2012, ch. 13).
+        "band-limited" (both sides measured behind the same filters; Pintelon and Schoukens 2012, ch. 13). By
+        default what they did in the data of the model, its ``hold_s``; band-limited where that is not known.
 
     Raises
     ------
@@ -72,7 +81,7 @@ def simulate_record(
     count = periods * samples
     u = record.u.reshape(experiments, count, -1)
     y = record.y.reshape(experiments, count, -1)
-    forced = _forced(model, u, record.sample_hz, between)
+    forced = _forced(model, u, record.sample_hz, between or ("hold" if model.hold_s else "band-limited"))
     free = free_motion(model, count, record.sample_hz)
     if not (np.isfinite(forced).all() and np.isfinite(free).all()):
         raise NumericalError("the model's response to the record is not finite", hint="a stable model")
@@ -91,7 +100,7 @@ def simulate_record(
 
 
 def record_nrmse(
-    model: MeasurementModel, record: Record, *, state_share: float = 1.0, between: Between = "band-limited"
+    model: MeasurementModel, record: Record, *, state_share: float = 1.0, between: Between | None = None
 ) -> Float[np.ndarray, " output"]:
     """rms(y - y_model) / rms(y) of each output over the whole record; see `simulate_record`."""
     y = simulate_record(model, record, state_share=state_share, between=between)
@@ -123,27 +132,19 @@ def _forced(
 ) -> Float[np.ndarray, "experiment sample output"]:
     """Motion that repeats with the record; poles at zero add their answer to a constant input."""
     held = between == "hold" and model.sample_hz is None
-    double, delay = _double(model), path_delay(model)
+    double, delay = double_pole(model), path_delay(model)
     # Held inputs are zero before the record, as far back as a delay reaches; repeated ones need no such.
     before = int(np.ceil(float(delay.max()) * rate_hz)) + 1 if held else 0
     u = np.pad(u, ((0, 0), (before, 0), (0, 0)))
     count = u.shape[1]
     frequency = np.fft.rfftfreq(count, 1.0 / rate_hz)
     H = np.zeros((len(frequency), *model.direct.shape), dtype=complex)
-    H[1:] = _held_response(model, frequency[1:], rate_hz) if held else model_response(model, frequency[1:])
+    H[1:] = held_response(model, frequency[1:], rate_hz) if held else model_response(model, frequency[1:])
     H[0] = _static(model)
     y = np.fft.irfft(np.einsum("koi,eki->eko", H, np.fft.rfft(u, axis=1)), n=count, axis=1)
     late = np.arange(count)[:, None, None] / rate_hz - delay
-    y += np.einsum("koi,ei->eko", double * 0.5 * late**2 + _single(model) * late, u.mean(axis=1))
+    y += np.einsum("koi,ei->eko", double * 0.5 * late**2 + single_pole(model) * late, u.mean(axis=1))
     return y[:, before:]
-
-
-def _double(model: MeasurementModel) -> Float[np.ndarray, "output input"]:
-    return model.lower if model.rigid is None else model.lower + model.rigid
-
-
-def _single(model: MeasurementModel) -> Float[np.ndarray, "output input"]:
-    return np.zeros(model.direct.shape) if model.integral is None else model.integral
 
 
 def _static(model: MeasurementModel) -> Float[np.ndarray, "output input"]:
@@ -152,39 +153,6 @@ def _static(model: MeasurementModel) -> Float[np.ndarray, "output input"]:
     room = -model.poles if T is None else 1.0 - np.exp(model.poles * T)
     each = np.where(model.is_pair, 2.0, 1.0)
     return np.real((model.shapes * (each / room)) @ model.participation) + model.direct
-
-
-def _held_response(
-    model: MeasurementModel, frequency_hz: np.ndarray, rate_hz: float
-) -> Complex[np.ndarray, "line output input"]:
-    """From held input samples to output samples, delays exact: tau = d T + f with 0 <= f < T.
-
-    A mode at k T - f has gone a step from its last sample: x = exp(p (T - f)) x[k-1] + gamma(T - f) u[k-1]
-    with gamma(t) = (exp(p t) - 1) / p.
-    """
-    T = 1.0 / rate_hz
-    z = np.exp(2j * np.pi * frequency_hz * T)
-    tau = path_delay(model)
-    # A delay within rounding of whole samples is whole.
-    whole = np.floor(tau / T + 1e-9)
-    beyond = np.maximum(tau - whole * T, 0.0)
-    p, pairs = model.poles, model.is_pair
-    p = np.concatenate([p, p[pairs].conj()])
-    c = np.concatenate([model.shapes, model.shapes[:, pairs].conj()], axis=1)
-    b = np.concatenate([model.participation, model.participation[pairs].conj()])
-    step = T - beyond[:, :, None]
-    decay, gain = np.exp(p * step), np.expm1(p * step) / p
-    residue = c[:, None, :] * b.T[None]
-    full = np.expm1(p * T) / p
-    sum_of_terms = np.einsum("oim,km->koi", residue * decay * full, 1.0 / (z[:, None] - np.exp(p * T)))
-    sum_of_terms += np.sum(residue * gain, axis=2)
-    # A double pole: position and rate a step later, and half the square of the step.
-    d, double = step[:, :, 0], _double(model)
-    w = (z - 1.0)[:, None, None]
-    sum_of_terms += double * (T**2 * (z[:, None, None] + 1.0) / (2.0 * w**2) + d * T / w + 0.5 * d**2)
-    sum_of_terms += _single(model) * (T / w + d)
-    sum_of_terms += model.direct * np.where(beyond > 0.0, 1.0, z[:, None, None])
-    return sum_of_terms * z[:, None, None] ** -(1.0 + whole)
 
 
 def free_motion(
@@ -199,11 +167,11 @@ def free_motion(
     exponent = model.poles[:, None, None] * late
     motion = np.exp(np.minimum(np.real(exponent), LARGEST) + 1j * np.imag(exponent)) * c.T[:, None, :]
     parts = [np.real(motion), -np.imag(motion[pairs])]
-    double = _double(model)
+    double = double_pole(model)
     if np.any(double):
         shape = _columns(double)
         parts += [np.broadcast_to(shape, (len(shape), count, len(double))), shape * late]
-    if np.any(single := _single(model)):
+    if np.any(single := single_pole(model)):
         shape = _columns(single)
         parts.append(np.broadcast_to(shape, (len(shape), count, len(double))))
     return np.concatenate(parts)

@@ -82,7 +82,8 @@ def estimate_response(
     variance (noise and nonlinear distortion) where it is known, otherwise the noise variance (over periods),
     otherwise None; ``covariance`` belongs to it. Of local models, whose neighbouring lines share data and err
     together, it is that of a line's own data, larger than the error of the response drawn: that,
-    and its degrees of freedom, are in `response_scatter`.
+    and its degrees of freedom, are in `response_scatter`. The hold of the record's inputs is in it
+    (``hold_s``).
 
     Raises
     ------
@@ -113,8 +114,9 @@ def estimate_response(
         segment=segment,
     )
     variance, covariance = trusted(found)
+    hold_s = None if record.held is None else 1.0 / record.sample_hz if record.held else 0.0
     return FrequencyResponse(
-        found.frequency_hz, found.H, *plant_ports(record, reference), variance, covariance
+        found.frequency_hz, found.H, *plant_ports(record, reference), variance, covariance, hold_s
     )
 
 

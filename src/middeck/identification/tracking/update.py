@@ -91,6 +91,7 @@ class _Work:
         self.brief, self.brief_weight = state.recovery.products.copy(), state.recovery.weight
         self.loudness = state.recovery.loudness.copy()
         self.blocks, self.seen = state.recovery.blocks.copy(), state.recovery.seen
+        self.poles: np.ndarray | None = None  # of the present parameters, where they are known
         self._places(followed)
         self.forget = np.exp(-followed.T / SUMMED_S)
 
@@ -131,7 +132,7 @@ class _Work:
     def correct(self, y: np.ndarray) -> None:
         followed, n = self.followed, self.states
         logs = self.x[self.logs].reshape(2, self.modes)
-        poles, _ = poles_at(logs[0], logs[1])
+        poles = poles_at(logs[0], logs[1])[0] if self.poles is None else self.poles
         z = (self.x[:n] + 1j * self.x[n : 2 * n])[self.at]
         unit = followed.shapes
         if followed.real_constants:
@@ -152,8 +153,9 @@ class _Work:
         if followed.direct.any():
             foreseen = foreseen + np.sum(followed.direct * self.past[self.now[followed.group]], axis=1)
         PH = self.cov @ H.T
-        L = np.linalg.cholesky(H @ PH + self.R)
-        whiten = np.linalg.inv(L)
+        spread = H @ PH + self.R
+        # Of one output by a root: what LAPACK is called with takes longer than all it does.
+        whiten = 1.0 / np.sqrt(spread) if self.outputs == 1 else np.linalg.inv(np.linalg.cholesky(spread))
         news = whiten @ (y - foreseen)
         news = np.minimum(np.maximum(news, -CLIPPED), CLIPPED)
         W = PH @ whiten.T
@@ -188,6 +190,7 @@ class _Work:
         n, F = self.states, self.F
         logs = self.x[self.logs].reshape(2, self.modes)
         poles, by_log = poles_at(logs[0], logs[1])
+        self.poles = poles
         z = (self.x[:n] + 1j * self.x[n : 2 * n]).reshape(self.groups, self.modes)
         whole = self.followed.whole
         new, old = self.past[whole] @ self.bT, self.past[whole + 1] @ self.bT
@@ -271,7 +274,7 @@ class _Work:
         variance = kept.variance[0] + (samples - kept.taken[0]) * self.Q[first:]
         variance[: self.modes] += opened**2
         moving = np.tile(motion_deviation(self.followed, self.loudness) ** 2, 2 * self.groups)
-        self.x = np.concatenate([np.zeros(2 * n), kept.mean[0]])
+        self.x, self.poles = np.concatenate([np.zeros(2 * n), kept.mean[0]]), None
         self.cov = np.diag(np.concatenate([moving, variance]))
         self.sums[:], self.chance[:], self.brief[:], self.brief_weight = 0.0, 0.0, 0.0, 0.0
         self.blocks, self.seen = no_blocks()

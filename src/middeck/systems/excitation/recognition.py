@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 from jaxtyping import Float
 
@@ -175,7 +177,7 @@ def cut_periods(measured: Record, found: Recognised | None = None) -> Record:
         blocks_of(x.reshape(len(x), -1, x.shape[3]), found.period, 1)[:, found.steady_from :]
         for x in (measured.u, measured.y)
     )
-    return Record(measured.sample_hz, u, y, measured.inputs, measured.outputs, periodic=True)
+    return dataclasses.replace(measured, u=u, y=y, periodic=True)
 
 
 def _steady_from(u: np.ndarray, y: np.ndarray) -> int:

@@ -1,0 +1,130 @@
+"""Verdicts by phase with a bound, and the rms by quadrature, against the path that takes one plant."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from middeck.control.analysis import decide_stability
+from middeck.control.compensator import Compensator
+from middeck.control.lqg import LQGWeights, design_lqg
+from middeck.control.robust import outcomes_on, without_delays
+from middeck.control.robust.exact_family import family_law, measure_in_family
+from middeck.control.robust.noise_rms import measure_noise_rms
+from middeck.errors import NumericalError
+from middeck.systems.delayed_plant import DelayedPlant
+from middeck.systems.modal import ModalSystem
+from middeck.systems.plant import Plant
+from middeck.systems.ports import Port
+from middeck.systems.stability import GROWTH_LIMIT
+
+NEAR = (1e-5, 1e-4, 1e-2, 0.5)
+
+
+def ports(letter: str, count: int, unit: str) -> tuple[Port, ...]:
+    return tuple(Port(f"{letter}{k}", unit) for k in range(count))
+
+
+def plant_of(rng: np.random.Generator) -> DelayedPlant:
+    """One to three inputs and outputs, light and heavier modes over a decade, delays of paths or common."""
+    modes, nu, ny = (int(rng.integers(*limits)) for limits in ((2, 7), (1, 4), (1, 4)))
+    omega, zeta = np.sort(rng.uniform(0.5, 6.0, modes)), 10.0 ** rng.uniform(-3.0, -1.0, modes)
+    psi, phi = rng.standard_normal((modes, nu + 1)), rng.standard_normal((ny + 1, modes))
+    rate = rng.standard_normal((ny + 1, modes)) if rng.random() < 0.4 else np.zeros((ny + 1, modes))
+    modal = ModalSystem(omega, zeta, psi, phi, rate, tuple(f"mode {k}" for k in range(modes)))
+    into, out = ports("i", nu + 1, "N"), ports("o", ny + 1, "m")
+    names_u, names_y = (tuple(p.name for p in side[1:]) for side in (into, out))
+    plant = Plant(modal, into, out, ("i0",), names_u, ("o0",), names_y)
+    late = rng.uniform(0.0, 3.0, (ny + 1, nu + 1)) / omega[0]
+    return DelayedPlant(plant, late if rng.random() < 0.5 else np.full(late.shape, late[0, 0]))
+
+
+def weights_of(plant: DelayedPlant) -> LQGWeights:
+    inside = plant.plant
+    return LQGWeights(np.ones(1), np.ones(len(inside.u)), ("i0",), np.eye(1), np.full(len(inside.y), 1e-4))
+
+
+def scaled(law: Compensator, gain: float) -> Compensator:
+    return dataclasses.replace(law, system=dataclasses.replace(law.system, C=gain * law.system.C))
+
+
+def verdict(plant: DelayedPlant, law: Compensator, weights: LQGWeights) -> bool | None:
+    known = family_law(law, weights)
+    assert known is not None
+    found = measure_in_family(plant, known)
+    return None if found is None else found.stable
+
+
+def critical_gain(plant: DelayedPlant, law: Compensator, weights: LQGWeights) -> float:
+    """Where the verdict changes, as near as it is decided; one if it never does."""
+    gains = np.geomspace(1e-3, 1e2, 11)
+    stable = [verdict(plant, scaled(law, g), weights) for g in gains]
+    change = next((k for k in range(10) if {stable[k], stable[k + 1]} == {True, False}), None)
+    if change is None:
+        return 1.0
+    low, high = gains[change : change + 2]
+    for _ in range(24):
+        middle = float(np.sqrt(low * high))
+        found = verdict(plant, scaled(law, middle), weights)
+        if found is None:
+            break
+        low, high = (middle, high) if found == stable[change] else (low, middle)
+    return float(np.sqrt(low * high))
+
+
+def test_verdicts_are_those_of_the_single_path_also_near_the_critical_gain(
+    campaign: Callable[[int], range],
+) -> None:
+    decided = 0
+    for seed in campaign(40):
+        rng = np.random.default_rng(seed)
+        plant = plant_of(rng)
+        weights = weights_of(plant)
+        law = design_lqg(without_delays(plant), weights, 10.0 ** rng.uniform(-1.0, 2.0))
+        critical = critical_gain(plant, law, weights)
+        for gain in [critical * (1.0 + sign * e) for sign in (-1.0, 1.0) for e in NEAR]:
+            found = verdict(plant, scaled(law, gain), weights)
+            try:
+                alone = decide_stability(plant, scaled(law, gain))
+            except NumericalError:  # an unclear count: no reference
+                continue
+            if found is not None:
+                decided += 1
+                assert found == (alone.stable and alone.margin > GROWTH_LIMIT)
+    assert decided > 4 * len(campaign(40))  # of eight; nearest to the critical gain it may pass
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_rms_is_that_of_the_integral_over_all_frequencies(seed: int) -> None:
+    plant = plant_of(np.random.default_rng(seed))
+    weights = weights_of(plant)
+    law = scaled(design_lqg(without_delays(plant), weights, 1e-3), 0.1)
+    known = family_law(law, weights)
+    assert known is not None
+    found, alone = measure_in_family(plant, known), measure_noise_rms(plant, law, weights)
+    assert found is not None
+    assert found.stable
+    # TOLERANCE of the integral on each panel.
+    assert found.rms == pytest.approx(alone.rms, rel=2e-6)
+    assert found.control_rms == pytest.approx(alone.control_rms, rel=2e-6)
+
+
+def test_others_are_left_to_the_single_path() -> None:
+    plant = plant_of(np.random.default_rng(1))
+    weights = weights_of(plant)
+    law = design_lqg(without_delays(plant), weights, 1.0)
+    known = family_law(law, weights)
+    assert known is not None
+    modal = plant.plant.dynamics
+    assert isinstance(modal, ModalSystem)
+    free = dataclasses.replace(modal, omega=np.concatenate([[0.0], modal.omega[1:]]))
+    resting = dataclasses.replace(plant, plant=dataclasses.replace(plant.plant, dynamics=free))
+    assert measure_in_family(resting, known) is None
+    through = dataclasses.replace(law.system, D=np.ones_like(law.system.D))
+    assert family_law(dataclasses.replace(law, system=through), weights) is None
+    # An output late as a whole has the rms that it has on time.
+    idle = outcomes_on([plant, without_delays(plant)], scaled(law, 0.0), weights)[0]
+    assert idle.db == pytest.approx(0.0, abs=1e-5)
