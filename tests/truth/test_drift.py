@@ -27,7 +27,7 @@ def assert_no_more_than(level, alarms, runs):
 def test_false_alarms_of_fitted_modes(campaign):
     fits = [two_modes.fits(60, 3)[k] for k in range(60)]
     drifts = [compare_fits(a.covariance, b.covariance) for a, b in zip(fits[::2], fits[1::2], strict=True)]
-    many = [gimbal_fits.fit(s).covariance for s in campaign(200)]
+    many = [gimbal_fits.fit(s).covariance for s in campaign(80)]
     drifts += [compare_fits(a, b) for a, b in zip(many[::2], many[1::2], strict=True)]
     assert_no_more_than(0.05, sum(d.drifted for d in drifts), len(drifts))
     # The overall test is exact: its probability is uniform when nothing has changed.
@@ -43,7 +43,7 @@ def test_false_alarms_of_a_model_file_against_a_record(campaign, tmp_path):
     """The file carries what the model's own record left uncertain; taken as exact, the model alarms often."""
     file = tmp_path / "model.json"
     pairs = [(two_modes.fits(60, 3)[k], two_modes.fits(60, 3)[k + 1]) for k in range(0, 60, 2)]
-    many = [gimbal_fits.fit(s) for s in campaign(200)]
+    many = [gimbal_fits.fit(s) for s in campaign(80)]
     drifts, exact = [], 0
     for a, b in [*pairs, *zip(many[::2], many[1::2], strict=True)]:
         write_model(file, a.model, a.covariance)
@@ -85,7 +85,7 @@ def test_a_mode_that_moved_by_a_third_of_a_per_cent_is_always_found(campaign):
 
 
 def test_what_did_not_move_is_not_said_to(campaign):
-    fits = [gimbal_fits.fit(s) for s in campaign(200)[:2]]
+    fits = [gimbal_fits.fit(s) for s in campaign(80)[:2]]
     found = compare_fits(*(f.covariance for f in fits))
     assert not found.drifted
     assert found.sentence == "none of 5 modes moved at the level 0.05"

@@ -1,6 +1,7 @@
 """Modes followed on streaming data against a truth that moves, propagated exactly."""
 
 import dataclasses
+import os
 
 import gimbal_model
 import gimbal_record
@@ -27,6 +28,7 @@ from middeck.realtime.rig import build_linear_rig
 from middeck.systems.record import Record
 from middeck.systems.simulation import simulate
 
+LONG = os.environ.get("MIDDECK_LONG") == "1"
 RATE, MODES = moving_gimbal.RATE, gimbal_record.MODES_HZ
 WELL_KNOWN = Uncertainty(1e-4 * MODES, np.full(5, 1e-4), np.zeros(1))
 AT_ONE_RATE = {"sample_hz": RATE, "input_rms": 0.0}
@@ -88,8 +90,9 @@ def test_exact_data_of_the_exact_model_leave_nothing():
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("mode", [3, 4])
-@pytest.mark.parametrize("factor", [0.99, 1.01])
+@pytest.mark.parametrize(
+    ("mode", "factor"), [(3, 0.99), (4, 1.01), *([(3, 1.01), (4, 0.99)] if LONG else [])]
+)
 def test_a_step_of_one_per_cent_is_followed_within_twenty_seconds(campaign, mode, factor):
     """8.90 and 9.35 Hz, 1 % noise: within a tenth of the step after 20 s, the others undisturbed."""
     close = []
@@ -228,7 +231,7 @@ def lost_between(seconds, *, hz=None, seed=7):
     return dataclasses.replace(taken, y=y), noise
 
 
-@pytest.mark.parametrize(("mode", "factor"), [(0, 1.1), (1, 0.9), (2, 0.9), (3, 0.9)])
+@pytest.mark.parametrize(("mode", "factor"), [(0, 1.1), (3, 0.9), *([(1, 0.9), (2, 0.9)] if LONG else [])])
 def test_modes_lost_in_a_dropout_are_found_again_though_one_jumped_by_a_tenth(mode, factor):
     hz = stepping(24.0, 7.0, mode, factor)
     taken, noise = lost_between(24.0, hz=hz)
