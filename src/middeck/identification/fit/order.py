@@ -10,6 +10,8 @@ from middeck.values import record
 
 # Sizes after the best that must be worse before the search ends: a mode may need two steps to pay.
 PATIENCE = 3
+# Sizes after one that must not meet lines kept out better: several modes may be found only together.
+FURTHER = 5
 MOST_STATES = 60
 
 
@@ -88,13 +90,13 @@ def is_settled(length: Sequence[float]) -> bool:
 def has_met(tried: Sequence[Tried]) -> bool:
     """Whether lines kept out ask for no more states, where the description would never end.
 
-    >>> rows = [(2, 0.5), (4, 0.1), (6, 0.09), (8, 0.11), (10, 0.1)]
+    >>> rows = [(2, 0.5), (4, 0.1), (6, 0.09), (8, 0.11), (10, 0.1), (12, 0.2), (14, 0.1)]
     >>> has_met([Tried(n, -n, error, 1.0) for n, error in rows]), has_met([Tried(2, 0.0, 0.5, 1.0)])
     (True, False)
     """
     if any(t.excess <= EXPLAINED for t in tried):
         return False
-    return len(tried) - 1 - tried.index(_first_to_meet(tried)) >= PATIENCE
+    return len(tried) - 1 - tried.index(_first_to_meet(tried)) >= FURTHER
 
 
 def choose(tried: Sequence[Tried]) -> OrderChoice:
@@ -137,11 +139,11 @@ def _by_lines_kept_out(tried: Sequence[Tried]) -> OrderChoice:
 
 
 def _first_to_meet(tried: Sequence[Tried]) -> Tried:
-    """The smallest order that none of the `PATIENCE` next ones betters by more than `EQUAL`."""
+    """The smallest order that none of the `FURTHER` next ones betters by more than `EQUAL`."""
     return next(
         t
         for k, t in enumerate(tried)
-        if all(t.held_out <= (1.0 + EQUAL) * o.held_out for o in tried[k + 1 : k + 1 + PATIENCE])
+        if all(t.held_out <= (1.0 + EQUAL) * o.held_out for o in tried[k + 1 : k + 1 + FURTHER])
     )
 
 
