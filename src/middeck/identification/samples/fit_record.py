@@ -25,6 +25,7 @@ from middeck.identification.fit.standing import (
     doubts_of_lines,
     doubts_of_standing,
     standing_of,
+    standing_of_delays,
 )
 from middeck.identification.measurement_model import MeasurementModel, model_response, natural_hz
 from middeck.identification.samples.aliasing import FOLDED, folded_share
@@ -223,6 +224,7 @@ def _result(record: Record, fit: Tidied, reason: str, score: np.ndarray) -> FitR
         tuple(warnings),
         standing,
         fit.lines,
+        standing_of_delays(lines, covariance, holds=not wrong),
     )
 
 
