@@ -54,14 +54,25 @@ def _lock_arrays(self: Any) -> None:
             continue
         array = _as_locked(value, spec)
         if spec is not None:
-            _check_shape(f"{type(self).__name__}.{name}", array.shape, spec.dim_str, sizes)
-        object.__setattr__(self, name, array)
+            _check_shape(f"{type(self).__name__}.{name}", array.shape, _names(spec.dim_str), sizes)
+        if array is not value:
+            object.__setattr__(self, name, array)
 
 
 def _as_locked(value: Any, spec: Any) -> np.ndarray:
-    array = np.array(value, dtype=_kind(value, () if spec is None else spec.dtypes))
+    dtype = _kind(value, () if spec is None else spec.dtypes)
+    # One that is locked and no view of what is not, as those of other records are, needs no copy.
+    locked = type(value) is np.ndarray and not value.flags.writeable and value.base is None
+    if locked and dtype in (None, value.dtype):
+        return value
+    array = np.array(value, dtype=dtype)
     array.setflags(write=False)
     return array
+
+
+@functools.cache
+def _names(dims: str) -> tuple[str, ...]:
+    return tuple(dims.split())
 
 
 def _kind(value: Any, dtypes: tuple[str, ...]) -> Any:
@@ -72,8 +83,7 @@ def _kind(value: Any, dtypes: tuple[str, ...]) -> Any:
     return complex if imaginary else float if real else None
 
 
-def _check_shape(where: str, shape: tuple[int, ...], dims: str, sizes: dict[str, int]) -> None:
-    names = dims.split()
+def _check_shape(where: str, shape: tuple[int, ...], names: tuple[str, ...], sizes: dict[str, int]) -> None:
     fits = len(names) == len(shape)
     for dim, size in zip(names, shape, strict=False):
         fixed = int(dim) if dim.isdigit() else sizes.setdefault(dim, size)
@@ -82,7 +92,9 @@ def _check_shape(where: str, shape: tuple[int, ...], dims: str, sizes: dict[str,
         known = (
             ", ".join(f"{d} = {sizes[d]}" for d in names if d in sizes) if len(names) == len(shape) else ""
         )
-        raise ValueError(f"{where}: shape {shape} does not fit {dims!r}" + (f" ({known})" if known else ""))
+        raise ValueError(
+            f"{where}: shape {shape} does not fit {' '.join(names)!r}" + (f" ({known})" if known else "")
+        )
 
 
 @functools.cache

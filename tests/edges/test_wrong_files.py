@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import json
 import re
 from pathlib import Path
@@ -237,6 +238,7 @@ def text_of(node: ast.expr) -> str:
             return "VALUE"
 
 
+@functools.cache
 def hints() -> list[tuple[str, str]]:
     found = []
     for file in sorted((ROOT / "src/middeck").rglob("*.py")):

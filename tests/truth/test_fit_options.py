@@ -1,6 +1,7 @@
 """What a fit may be told about the article: exact data of such an article give it back, noise its bound."""
 
 import dataclasses
+import os
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from middeck.systems.response import FrequencyResponse, ResponseCovariance
 INPUTS = (Port("torque", "N m"), Port("wheel", "N m"))
 OUTPUTS = (Port("payload", "rad"), Port("bus", "rad"))
 F = np.arange(0.2, 20.0, 0.05)
+LONG = os.environ.get("MIDDECK_LONG") == "1"
 HZ, ZETA = np.array([1.2, 3.1, 8.9]), 0.01
 PHI = np.array([[1.0, 0.8, -0.5], [-0.3, 0.6, 0.9]])
 PSI = np.array([[1.0, 0.7, 0.6], [0.4, -0.5, 0.9]])
@@ -127,7 +129,7 @@ def test_a_relative_degree_makes_the_delay_of_complex_modes_certain(full_rank):
 
 def test_likelihood_reaches_the_bound_where_outputs_share_their_noise():
     """Noise of both outputs all but the same, inputs not orthogonal: what they differ by says most."""
-    truth, rng, draws = a_model(delay_s=np.array([0.01, 0.01])), np.random.default_rng(8), 6
+    truth, rng, draws = a_model(delay_s=np.array([0.01, 0.01])), np.random.default_rng(8), 6 if LONG else 3
     H = model_response(truth, F)
     size = 1e-3 * np.sqrt(np.mean(np.abs(H) ** 2))
     C = size**2 * np.array([[1.0, 0.99j], [-0.99j, 1.0]])
@@ -143,9 +145,9 @@ def test_likelihood_reaches_the_bound_where_outputs_share_their_noise():
         for cost, errors in found.items():
             model = fit_response(measured, states=6, delay="common", cost=cost).model
             errors.append((np.sort(natural_hz(model)) - HZ) / deviation)
-    # 18 numbers of variance one: their mean square is known to 33 %; four of those. Without their
-    # correlation the fit does worse by far.
-    assert np.mean(np.square(found["likelihood"])) < 2.3
+    # 18 numbers of variance one: their mean square is known to 33 %, of 9 to 47 %; four of those. Without
+    # their correlation the fit does worse by far.
+    assert np.mean(np.square(found["likelihood"])) < 1.0 + 4.0 * np.sqrt(2.0 / (3 * draws))
     assert np.mean(np.square(found["weighted"])) > 4.0
 
 

@@ -75,9 +75,44 @@ def test_blows_that_scatter_fit_no_linear_model_and_it_says_so():
     fit = fit_record(struck(PLANT, BLOWS, 1024, RATE, noise=1e-4, scatter=scatter), states=4)
     assert any("it is no noise" in w for w in fit.warnings)
     assert "sound" not in fit.standing
+    assert fit.delay_standing == ("doubtful",)
     steady = fit_record(struck(PLANT, BLOWS, 1024, RATE, noise=1e-4), states=4)
     assert is_right(steady)
     assert steady.warnings == ()
+    assert steady.delay_standing == ("sound",)
+
+
+def a_response(seed, kind):
+    """Two modes in 2-22 Hz, late by 2-20 ms, and what ``kind`` adds that a model of them lacks."""
+    rng, f = np.random.default_rng(seed), np.linspace(2.0, 22.0, 300)
+    s, hz = 2j * np.pi * f, np.cumsum([rng.uniform(3.0, 8.0), rng.uniform(3.0, 10.0)])
+    phi, delay_s = rng.uniform(0.5, 1.0, 2) * rng.choice([-1, 1], 2) * hz**2, rng.uniform(2e-3, 2e-2)
+    H = response(hz, rng.uniform(0.005, 0.02, 2), phi, delay_s, s)
+    size = 10.0 ** rng.uniform(-3.5, -1.7) * np.sqrt(np.mean(np.abs(H) ** 2))
+    draw = (rng.standard_normal((2, 300)) + 1j * rng.standard_normal((2, 300))) / np.sqrt(2.0)
+    if kind in ("above", "below"):
+        far = rng.uniform(24.0, 60.0) if kind == "above" else rng.uniform(0.5, 1.5)
+        H = H + response([far], [0.01], [rng.choice([-1, 1]) * rng.uniform(0.3, 1.0) * far**2], delay_s, s)
+    if kind == "distorted":
+        H = H * (1.0 + 10.0 ** rng.uniform(-2.0, -1.0) * draw[1])
+    H, variance = (H + size * draw[0])[:, None, None], np.full((300, 1, 1), size**2)
+    return FrequencyResponse(f, H, (FORCE,), (TIP,), variance), delay_s
+
+
+@pytest.mark.parametrize("kind", ["clean", "above", "below", "distorted"])
+def test_no_delay_is_off_in_silence(kind, campaign):
+    """A model of two modes and a delay, of data that ask for more; clean ones are believed."""
+    doubted = []
+    for seed in campaign(200):
+        measured, delay_s = a_response(seed, kind)
+        try:
+            fit = fit_response(measured, states=4)
+        except FitError:
+            assert kind != "clean"
+            continue
+        doubted.append(fit.delay_standing == ("doubtful",))
+        assert doubted[-1] or abs(fit.model.delay_s[0] - delay_s) < 4.0 * fit.uncertainty.delay_s[0]
+    assert kind != "clean" or np.sum(doubted) <= 0.02 * len(doubted)
 
 
 def test_a_clipped_output_leaves_no_deviation_that_holds():

@@ -1,3 +1,5 @@
+import os
+
 import gimbal_record
 import numpy as np
 import pytest
@@ -17,6 +19,8 @@ from middeck.identification.fit.data import Data
 from middeck.identification.fit.layout import Layout, Point, pack, unpack
 from middeck.identification.fit.refine import logarithmic, weighted
 from middeck.systems.response import FrequencyResponse, evaluate_plant, statespace_response
+
+LONG = os.environ.get("MIDDECK_LONG") == "1"
 
 
 def a_layout(*, real_constants=False, period_s=0.0, with_delay=True, with_lower=False, imag=0.0):
@@ -99,16 +103,17 @@ def test_exact_data_give_the_exact_model():
         np.testing.assert_allclose(residue, expected, atol=1e-5)
 
 
-def test_twenty_seeds_reach_the_bound_and_no_wrong_minimum():
+def test_seeds_reach_the_bound_and_no_wrong_minimum():
     truth = gimbal_record.response(gimbal_record.SCORED_HZ)
     errors, delays = [], []
-    for seed in range(20):
+    for seed in range(20 if LONG else 5):
         model = fit_response(estimate_response(gimbal_record.multisine(seed)), states=10).model
         errors.append(gimbal_record.complex_error(model_response(model, gimbal_record.SCORED_HZ), truth))
         delays.append(model.delay_s[0])
         np.testing.assert_allclose(np.sort(natural_hz(model)), gimbal_record.MODES_HZ, rtol=1e-3)
-    # The bound of this case is 1.18e-4 (benchmark cases); 1.1 times its median, 1.6 times at worst.
-    assert np.median(errors) < 1.1 * 1.18e-4
+    # The bound of this case is 1.18e-4 (benchmark cases); 1.1 times its median, 1.6 times at worst. A seed
+    # scatters by a fifth, the median of five by a tenth.
+    assert np.median(errors) < (1.1 if LONG else 1.3) * 1.18e-4
     assert max(errors) < 1.6 * 1.18e-4
     assert np.abs(np.array(delays) - 0.010).max() < 0.05e-3
 
@@ -125,7 +130,7 @@ def test_two_inputs_and_three_outputs():
 
 def test_stated_deviations_are_those_of_the_fits():
     rng = np.random.default_rng(11)
-    f, deviation, draws = np.arange(0.5, 4.0, 0.02), 2e-3, 100
+    f, deviation, draws = np.arange(0.5, 4.0, 0.02), 2e-3, 100 if LONG else 25
     s = 2j * np.pi * f
     w = 2.0 * np.pi * np.array([1.2, 1.7])[:, None]
     H = np.exp(-0.01 * s) * np.sum(np.array([[1.0], [0.8]]) / (s**2 + 0.02 * w * s + w**2), axis=0)
@@ -145,8 +150,8 @@ def test_stated_deviations_are_those_of_the_fits():
     ):
         spread = np.std([value(r, k) for r, k in zip(fits, order, strict=True)], axis=0, ddof=1)
         bound = np.mean([stated(r, k) for r, k in zip(fits, order, strict=True)], axis=0)
-        # 100 draws give a standard deviation to 7 %: four of those.
-        np.testing.assert_allclose(spread, bound, rtol=0.28)
+        # 100 draws give a standard deviation to 7 %, 25 to 14 %: four of those.
+        np.testing.assert_allclose(spread, bound, rtol=4.0 / np.sqrt(2.0 * (draws - 1)))
 
 
 def test_the_papers_plant_has_thirteen_states():

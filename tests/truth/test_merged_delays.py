@@ -137,7 +137,7 @@ def test_the_merged_fit_is_the_fit_of_one_delay_and_the_level_is_kept(campaign):
         found = merge_delays(fit.covariance, level=1e-9)
         p.append(found.p)
         kept_apart += len(set(merge_delays(fit.covariance, level=0.05).model.delay_s)) > 1
-        if k < 5:
+        if k < 2:
             common = fit_response(measured, states=4, delay="common")
             deviation = common.covariance.deviation()
             x, merged = (unknowns_of(m, common.covariance.structure) for m in (common.model, found.model))

@@ -27,17 +27,34 @@ def data_of(measured):
     return Data(2j * np.pi * measured.frequency_hz, np.moveaxis(measured.H, 0, 1), weight), spread
 
 
-def tried(*rows):
-    return [Tried(states, length, held_out) for states, length, held_out in rows]
+def tried(*rows, excess=0.0):
+    return [Tried(states, length, held_out, excess) for states, length, held_out in rows]
 
 
 def test_the_shortest_description_is_chosen_where_there_is_one():
-    found = choose(tried((2, 50.0, 0.5), (4, 10.0, 0.1), (6, 14.0, 0.05), (8, 20.0, 0.2)))
+    found = choose(tried((2, 50.0, 0.5), (4, 10.0, 0.1), (6, 18.0, 0.05), (8, 20.0, 0.2)))
     assert found.states == 4
     # The lines kept out are said to disagree, and do not decide.
     assert "4 states have the shortest" in found.reason
-    assert "4 below the next" in found.reason
+    assert "8 below the next" in found.reason
     assert "ask for 6" in found.reason
+
+
+@pytest.mark.parametrize("more", [-5.0, 5.0])
+def test_the_smallest_of_orders_that_no_length_tells_apart_is_chosen(more):
+    found = choose(tried((2, 50.0, 0.5), (4, 10.0, 0.1), (6, 10.0 + more, 0.1), (8, 30.0, 0.1)))
+    assert found.states == 4
+    assert "6 do as well" in found.reason
+
+
+@pytest.mark.parametrize("chance", [0.9, 1.0, 1.1])
+def test_lengths_of_what_is_no_noise_do_not_decide(chance):
+    """Each order tells more, one of them at random; lines kept out ask for no more than six states."""
+    rows = (2, 90.0, 0.5), (4, 60.0, 0.2), (6, 50.0, 0.1), (8, 40.0, 0.1 * chance)
+    found = choose(tried(*rows, (10, 20.0 * chance, 0.11), (12, 19.0, 0.1 / chance), excess=0.5))
+    assert found.states == 6
+    assert "8, 10, 12 do as well" in found.reason
+    assert choose(tried(*rows, (10, 20.0, 0.01), excess=0.5)).states == 10
 
 
 def test_without_an_end_the_lines_kept_out_decide():

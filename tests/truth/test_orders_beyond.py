@@ -1,5 +1,6 @@
 """Orders that could be chosen wrongly: a narrow band, single lines that distortion moves, few lines."""
 
+import os
 import re
 
 import numpy as np
@@ -14,6 +15,7 @@ from middeck.systems.ports import Port
 from middeck.systems.record import Record
 from middeck.systems.response import FrequencyResponse
 
+LONG = os.environ.get("MIDDECK_LONG") == "1"
 PORTS = (Port("force", "N"),), (Port("way", "m"),)
 
 
@@ -64,7 +66,7 @@ def late(low, high, *, free=0.0, delay_s=0.0113, seed=1, lines=200, noise=5e-3):
     return FrequencyResponse(f, H + size * (re + 1j * im), *PORTS, np.full(H.shape, size**2))
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, 2] if LONG else [1])
 @pytest.mark.parametrize("free", [0.0, 2.0])
 @pytest.mark.parametrize(("low", "high", "hz", "zeta"), [(2.8, 3.4, 3.1, 0.008), (8.0, 9.5, 8.7, 0.015)])
 def test_a_delay_in_a_narrow_band_is_not_half_a_period_off(low, high, hz, zeta, free, seed):
@@ -117,18 +119,19 @@ def distorted(seed, cubic, samples=2048, rate_hz=256.0):
     return Record(rate_hz, u, y, *PORTS, periodic=True)
 
 
-@pytest.mark.parametrize(("cubic", "constants", "most"), [(0.03, "real", 16), (0.1, "complex", 40)])
+@pytest.mark.kernels
+@pytest.mark.parametrize(("cubic", "constants", "most"), [(0.03, "real", 8), (0.1, "complex", 20)])
 def test_an_order_does_not_grow_with_lines_that_distortion_moves(cubic, constants, most):
     """Six states are in the article; distortion, 3 and 8 % of each line, is not to be fitted line by line.
 
-    Complex constants follow single lines as no noise would: there the order takes up to 34 states over seeds,
-    and says of which dampings nothing is known.
+    Complex constants follow single lines as no noise would; there a search that rounding sends another way
+    may find a model that is better by a third, of ten or of eighteen states.
     """
     fitted = fit_response(estimate_response(distorted(1, cubic)), constants=constants)
-    assert 6 <= fitted.model.states <= most
-    assert fitted.model.states <= 16 or any(re.search("not (known|determined)", w) for w in fitted.warnings)
+    assert fitted.model.states <= most
+    assert "states are the fewest" in fitted.order_reason
     held_out = float(fitted.order_reason.split("met to ")[-1].split("%")[0]) / 100.0
-    # What is said of lines kept out is what the fit leaves, and a quarter more than the best order does.
+    # What is said of lines kept out is what the fit leaves, and what rounding makes of the search on some.
     assert fitted.error[0] < held_out < 2.0 * fitted.error[0]
 
 

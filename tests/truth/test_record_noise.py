@@ -38,7 +38,7 @@ def test_stated_deviations_are_those_of_repeated_records(campaign):
 
 @pytest.mark.parametrize("noise", [{"noise": 0.3}, {"motion": 0.2}])
 def test_the_order_is_that_of_the_truth_for_either_noise(noise):
-    fitted = fit_record(shaken(3, 300, **noise), sampled=True)
+    fitted = fit_record(shaken(3, 200, **noise), sampled=True)
     assert fitted.model.states == 4
     assert "shortest description" in fitted.order_reason
     assert "held out" in fitted.order_reason

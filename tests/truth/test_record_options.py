@@ -127,7 +127,7 @@ def test_stated_deviations_are_those_of_repeated_records(kind, campaign):
     }[kind]
     truth = {kind: FREE[kind]} if kind in FREE else {"paths": PATHS} if kind == "path" else {}
     z = []
-    for seed in campaign(60):
+    for seed in campaign(40):
         fitted = fit_record(moving(seed, **truth), weighting="output", **options)
         if kind == "full":
             fitted = _poles_once(fitted)
@@ -149,7 +149,9 @@ def _poles_once(fitted):
 
 
 @pytest.mark.parametrize(
-    ("options", "within"), [({"states": 4}, 1e-6), ({"states": 4, "sampled": True}, 1e-2)], ids=str
+    ("options", "within"),
+    [({"states": 4}, 1e-6), ({"states": 4, "sampled": True, "weighting": "output"}, 1e-2)],
+    ids=str,
 )
 def test_an_offset_and_a_ramp_of_any_channel_change_nothing(options, within):
     """A ramp of fifty times the response is in the span of the transient: what is left is rounding.
@@ -181,8 +183,9 @@ def test_a_drifting_free_body_keeps_its_poles():
     options = {"states": 6, "rigid": 1, "delay": False}
     still = fit_record(record, **options)
     moved = fit_record(dataclasses.replace(record, y=record.y + drift), **options)
+    # A search ends within a twentieth of a deviation of the least cost (`refine.SMALLEST_GAIN`).
     np.testing.assert_allclose(
-        natural_hz(moved.model), natural_hz(still.model), atol=1e-2 * still.uncertainty.natural_hz.min()
+        natural_hz(moved.model), natural_hz(still.model), atol=0.05 * still.uncertainty.natural_hz.min()
     )
 
 

@@ -224,6 +224,7 @@ def describe(found: Identified) -> dict[str, Any]:
         "zeros": _zeros(model),
         "delay_s": dict(zip(names, model.delay_s, strict=True)),
         "delay_std_s": dict(zip(names, stated(fit.uncertainty.delay_s), strict=True)),
+        "delay_standing": dict(zip(names, fit.delay_standing, strict=True)),
         "deviations_robust": fit.covariance.robust,
         "error": dict(zip(names, fit.error, strict=True)),
         "cost": fit.cost,
@@ -266,7 +267,15 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
     kind = "sampled" if document["sampled"] else "continuous"
     low, high = document["band_hz"]
     fitted = f"{document['lines']} lines" if document["lines"] else f"{document['samples']} samples"
-    heads = ["output", "unit", "delay ms", "+-", "error of fit", *(["held-out NRMSE"] if held_out else [])]
+    heads = [
+        "output",
+        "unit",
+        "delay ms",
+        "+-",
+        "",
+        "error of fit",
+        *(["held-out NRMSE"] if held_out else []),
+    ]
     return [
         f"{document['states']} states, {kind}, fitted to {fitted} in {low:g}-{high:g} Hz",
         f"order: {document['order_reason']}",
@@ -295,12 +304,13 @@ def _no_modes(document: dict[str, Any]) -> list[str]:
 
 
 def _delay(document: dict[str, Any], output: str) -> list[str]:
-    """In ms, with its deviation; dashes for a sampled model, whose poles stand in for a delay."""
+    """In ms, with deviation and standing; dashes for a sampled model, whose poles stand in for a delay."""
     if document["sampled"]:
-        return ["-", "-"]
+        return ["-", "-", ""]
     return [
         f"{document['delay_s'][output] * 1e3:.4f}",
         deviation_words(document["delay_std_s"][output], 1e-3),
+        document["delay_standing"][output].replace("sound", ""),
     ]
 
 

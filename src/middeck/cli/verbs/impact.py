@@ -135,6 +135,7 @@ def describe(test: ImpactTest, fit: FitResult) -> dict[str, Any]:
         "standing": fit.standing,
         "delay_s": dict(zip(names, fit.model.delay_s, strict=True)),
         "delay_std_s": dict(zip(names, stated(fit.uncertainty.delay_s), strict=True)),
+        "delay_standing": dict(zip(names, fit.delay_standing, strict=True)),
         "error": dict(zip(names, fit.error, strict=True)),
         "warnings": (*test.warnings, *fit.warnings),
     }
@@ -160,7 +161,8 @@ def _blocks(document: dict[str, Any]) -> list[str | Table]:
     ]
     outputs = [
         [name, f"{document['coherence'][name]:.4f}", f"{1e3 * document['delay_s'][name]:.4f}",
-         deviation_words(document["delay_std_s"][name], 1e-3), f"{document['error'][name]:.2%}"]
+         deviation_words(document["delay_std_s"][name], 1e-3), document["delay_standing"][name],
+         f"{document['error'][name]:.2%}"]
         for name in document["coherence"]
     ]  # fmt: skip
     low, high = document["band_hz"]
@@ -171,5 +173,5 @@ def _blocks(document: dict[str, Any]) -> list[str | Table]:
         + ("none" if window is None else f"time constant {window:.4g} s"),
         f"order: {document['order_reason']}",
         Table("modes", ["Hz", "+-", "damping", "+-", ""], modes),
-        Table("outputs", ["output", "coherence", "delay ms", "+-", "error of fit"], outputs),
+        Table("outputs", ["output", "coherence", "delay ms", "+-", "", "error of fit"], outputs),
     ]

@@ -130,20 +130,25 @@ def _doubts_of_variance(measured: FrequencyResponse, covariance: ModelCovariance
 
 
 def _doubts_of_delays(measured: FrequencyResponse, covariance: ModelCovariance) -> list[str]:
+    return list(confounded_delays(measured, covariance).values())
+
+
+def confounded_delays(measured: FrequencyResponse, covariance: ModelCovariance) -> dict[int, str]:
+    """Outputs whose delay is not known as its deviation says, and why."""
     at = places_of(covariance.model, covariance.structure)
-    found: list[str] = []
+    found: dict[int, str] = {}
     standing = _stands_for_phase(measured, covariance.model)
     unknown = np.isinf(uncertainty_of(covariance).delay_s)
     for o in np.flatnonzero(at.delay >= 0):
         name, inflation = covariance.model.outputs[o].name, covariance.inflation[at.delay[o]]
         if unknown[o] or inflation > CONFOUNDED:
             loose = f"its deviation is {np.sqrt(inflation):.0f} times what it would be if they were known"
-            found.append(
+            found[int(o)] = (
                 f"output {name}: the delay is confounded with the residues, only their sum is certain: "
                 f"{f'it {UNDETERMINED}' if unknown[o] else loose}; fit real constants, or no delay"
             )
         elif standing:
-            found.append(
+            found[int(o)] = (
                 f"output {name}: the delay of {covariance.model.delay_s[o] * 1e3:.4g} ms is not known as its "
                 "deviation says: the band is narrow, and poles outside it that are no modes stand for phase, "
                 "too; take a wider band"

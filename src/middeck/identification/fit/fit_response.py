@@ -23,6 +23,7 @@ from middeck.identification.fit.doubts import (
 from middeck.identification.fit.fitted_model import model_of, structure_of
 from middeck.identification.fit.lacking_delay import name_lacking_delay
 from middeck.identification.fit.likelihood import likelihood_polish
+from middeck.identification.fit.order import EXPLAINED
 from middeck.identification.fit.polish import Polished, logarithmic_polish, settle
 from middeck.identification.fit.race import count_unknowns, model_error, race, spread_to_follow
 from middeck.identification.fit.standing import (
@@ -30,6 +31,7 @@ from middeck.identification.fit.standing import (
     checked_covariance,
     doubts_of_standing,
     standing_of,
+    standing_of_delays,
 )
 from middeck.identification.fit.steady_line import SteadyLine
 from middeck.identification.fit.tidy import tidied
@@ -75,6 +77,8 @@ class FitResult:
         What the user should know; empty if nothing.
     standing:
         Of each mode, whether its numbers may be believed (`Standing`); "sound" where nothing is said.
+    delay_standing:
+        Of the delay of each output, the same; "sound" where none was fitted.
     lines:
         Sines in the outputs that no input makes, such as hum: they were fitted, and are none of the modes.
     """
@@ -90,6 +94,7 @@ class FitResult:
     warnings: tuple[str, ...]
     standing: tuple[Standing, ...] = ()
     lines: tuple[SteadyLine, ...] = ()
+    delay_standing: tuple[Standing, ...] = ()
 
 
 def fit_response(
@@ -265,10 +270,14 @@ def _result(
     if not best.refined.converged:
         warnings.append(f"the search had not settled after {len(best.refined.history)} steps")
     warnings += doubts_of_record(measured)
-    doubts = doubts_of_model(measured, error, model_error(best, spread), residual)
+    excess = model_error(best, spread)
+    doubts = doubts_of_model(measured, error, excess, residual)
     warnings += name_lacking_delay(doubts, measured, covariance, error)
     warnings += doubts_of_deviations(measured, covariance)
     standing = standing_of(measured, covariance, holds=not doubts)
+    # What all lines lack alike looks like a delay before it is most of what is left.
+    noise = not doubts and (excess <= EXPLAINED or measured.variance is None)
+    of_delays = standing_of_delays(measured, covariance, holds=noise)
     warnings += doubts_of_standing(covariance, standing)
     return FitResult(
         model,
@@ -281,4 +290,5 @@ def _result(
         reason,
         tuple(warnings),
         standing,
+        delay_standing=of_delays,
     )

@@ -102,8 +102,10 @@ def _most_told(
     of_each = (F / np.linalg.norm(F, axis=1)[:, None]).reshape(count, each, -1)
     taken = _products(of_each, own)
     told = _products(of_each, y) - taken @ np.einsum("ial,iol->ao", own, y)
-    gram = np.stack([np.kron(np.eye(inputs), f @ f.T) for f in of_each]) - taken @ np.swapaxes(taken, 1, 2)
-    gram += NOTHING_NEW * np.eye(inputs * each)
+    gram = NOTHING_NEW * np.eye(inputs * each) - taken @ np.swapaxes(taken, 1, 2)
+    alone = of_each @ np.swapaxes(of_each, 1, 2)
+    for i in range(0, inputs * each, each):
+        gram[:, i : i + each, i : i + each] += alone
     any_rank = np.linalg.solve(gram, told).reshape(count, inputs, each, -1)
     residue = any_rank[:, :, 0] + (1j * any_rank[:, :, 1] if each > 1 else 0.0)
     b = np.linalg.svd(residue)[0][:, :, 0].astype(complex)

@@ -10,11 +10,20 @@ from middeck.values import record
 
 # Sizes after the best that must be worse before the search ends: a mode may need two steps to pay.
 PATIENCE = 3
+# Sizes after one that must not meet lines kept out better: several modes may be found only together.
+FURTHER = 5
 MOST_STATES = 60
 
 
-# Held-out errors within this share of each other are equal.
-EQUAL = 0.1
+# Held-out errors within this share of each other are equal: searches that rounding sends other ways end a
+# tenth apart.
+EQUAL = 0.2
+# Lengths that differ by less say little of which order is right (2 ln of a Bayes factor, Kass and Raftery
+# 1995).
+ALIKE = 6.0
+# Lengths tell an order where noise is all that some order leaves. Where more than this share of the variance
+# is none (distortion, modes without end), each order shortens the description, and by how much is chance.
+EXPLAINED = 0.1
 # An order that meets lines kept out of the fit so many times worse than a smaller one fits single lines:
 # distortion that differs from line to line asks for ever more poles, each narrower than lines are apart.
 WORSE = 1.25
@@ -22,11 +31,15 @@ WORSE = 1.25
 
 @record
 class Tried:
-    """An order, its description length and its relative error on lines that it was not fitted to."""
+    """An order, its description length and its relative error on lines that it was not fitted to.
+
+    ``excess`` is the share of the variance that it leaves beyond the measured one.
+    """
 
     states: int
     length: float
     held_out: float
+    excess: float = 0.0
 
 
 @record
@@ -74,33 +87,70 @@ def is_settled(length: Sequence[float]) -> bool:
     return len(length) - 1 - int(np.argmin(length)) >= PATIENCE
 
 
+def has_met(tried: Sequence[Tried]) -> bool:
+    """Whether lines kept out ask for no more states, where the description would never end.
+
+    >>> rows = [(2, 0.5), (4, 0.1), (6, 0.09), (8, 0.11), (10, 0.1), (12, 0.2), (14, 0.1)]
+    >>> has_met([Tried(n, -n, error, 1.0) for n, error in rows]), has_met([Tried(2, 0.0, 0.5, 1.0)])
+    (True, False)
+    """
+    if any(t.excess <= EXPLAINED for t in tried):
+        return False
+    return len(tried) - 1 - tried.index(_first_to_meet(tried)) >= FURTHER
+
+
 def choose(tried: Sequence[Tried]) -> OrderChoice:
     """One order, with its reason and what lines kept out of the fit say of it.
 
-    That of the shortest description, of orders that do not meet the lines kept out clearly worse than smaller
-    ones. Where even the largest order tried shortens it, no order is the true one
-    (a real structure has no end of modes): then the smallest that meets the lines kept out of the fit as well
-    as any, up to a tenth.
+    Where some order leaves noise alone: the shortest description's, or the smallest of those that are as
+    short, of orders that do not meet the lines kept out clearly worse than smaller ones. Elsewhere, and where
+    even the largest order tried shortens it, no order is the true one (a real structure has no end of modes):
+    then the smallest that meets the lines kept out of the fit as well as each of the next few larger ones.
     """
     trusted = [
         t for k, t in enumerate(tried) if t.held_out <= WORSE * min(o.held_out for o in tried[: k + 1])
     ]
     shortest = min(trusted, key=lambda t: t.length)
-    closest = min(tried, key=lambda t: t.held_out)
-    enough = next(t for t in tried if t.held_out <= (1.0 + EQUAL) * closest.held_out)
-    span = f"of {len(tried)} orders from {tried[0].states} to {tried[-1].states}"
-    if shortest is tried[-1] and len(tried) > PATIENCE:
-        reason = (
-            f"{enough.states} states are the fewest that meet lines kept out of the fit as well as any, up to"
-            f" a tenth ({enough.held_out:.2%}; {closest.held_out:.2%} at best {span}); still more tell more"
-        )
-        return OrderChoice(enough.states, reason, tuple(tried))
-    rivals = [t.length - shortest.length for t in trusted if t is not shortest]
+    endless = shortest is tried[-1] and len(tried) > PATIENCE
+    if endless or all(t.excess > EXPLAINED for t in tried):
+        return _by_lines_kept_out(tried)
+    alike = [t for t in trusted if t.length < shortest.length + ALIKE]
+    found, *others = alike
+    rivals = [t.length - found.length for t in trusted if t not in alike]
     margin = f", {min(rivals):.0f} below the next" if rivals else ""
-    opinion = f"lines kept out of the fit are met to {shortest.held_out:.2%}"
-    if enough.states > shortest.states:
+    opinion = f"lines kept out of the fit are met to {found.held_out:.2%}"
+    enough = _first_to_meet(tried)
+    if enough.states > found.states:
         opinion += f" and ask for {enough.states} ({enough.held_out:.2%})"
     if min(t.length for t in tried) < shortest.length:
         opinion += ", more states clearly worse"
-    reason = f"{shortest.states} states have the shortest description {span}{margin}; {opinion}"
-    return OrderChoice(shortest.states, reason, tuple(tried))
+    reason = f"{found.states} states have the shortest description {_span(tried)}{margin}{_as_well(others)}"
+    return OrderChoice(found.states, f"{reason}; {opinion}", tuple(tried))
+
+
+def _by_lines_kept_out(tried: Sequence[Tried]) -> OrderChoice:
+    found = _first_to_meet(tried)
+    others = [t for t in tried if t.states > found.states and t.held_out <= (1.0 + EQUAL) * found.held_out]
+    reason = (
+        f"{found.states} states are the fewest {_span(tried)} that meet lines kept out of the fit as well as "
+        f"the next larger ones, up to a fifth (they are met to {found.held_out:.2%}){_as_well(others)}"
+    )
+    return OrderChoice(found.states, reason, tuple(tried))
+
+
+def _first_to_meet(tried: Sequence[Tried]) -> Tried:
+    """The smallest order that none of the `FURTHER` next ones betters by more than `EQUAL`."""
+    return next(
+        t
+        for k, t in enumerate(tried)
+        if all(t.held_out <= (1.0 + EQUAL) * o.held_out for o in tried[k + 1 : k + 1 + FURTHER])
+    )
+
+
+def _span(tried: Sequence[Tried]) -> str:
+    return f"of {len(tried)} orders from {tried[0].states} to {tried[-1].states}"
+
+
+def _as_well(others: Sequence[Tried]) -> str:
+    """Larger orders that the data do not tell from the one taken."""
+    return f"; {', '.join(str(t.states) for t in others)} do as well" if others else ""

@@ -11,7 +11,16 @@ from middeck.errors import DataError, FitError
 from middeck.identification.fit.data import Data
 from middeck.identification.fit.design import residual_of
 from middeck.identification.fit.exchange import exchanges, grown, shrunk
-from middeck.identification.fit.order import OrderChoice, Tried, choose, description_length, is_settled, sizes
+from middeck.identification.fit.order import (
+    EXPLAINED,
+    OrderChoice,
+    Tried,
+    choose,
+    description_length,
+    has_met,
+    is_settled,
+    sizes,
+)
 from middeck.identification.fit.polish import Polished, polish
 from middeck.identification.fit.refine import weighted
 from middeck.identification.fit.start import Options, Start, few_starts, starts
@@ -115,7 +124,7 @@ def _some_lines(data: Data, spread: Spread, options: Options) -> tuple[Data, Spr
 def recommend_states(
     measured: FrequencyResponse, data: Data, spread: Spread, options: Options
 ) -> OrderChoice:
-    """The order of the shortest description, each from the best of a few starts and of the order before.
+    """The order that `choose` takes, each from the best of a few starts and of the order before.
 
     As long as a mode is lacking (`LACKING`) an order has all starts, and the search does not end: what a few
     sizes do not find is no sign that there is nothing more.
@@ -129,7 +138,9 @@ def recommend_states(
         sized = dataclasses.replace(options, states=states, with_lower=False, with_direct=False)
         unknowns = count_unknowns(measured, sized)
         length = description_length(run.likelihood, unknowns, 2 * part.H.size)
-        runs[states] = Tried(states, length, _held_out(data, spread, part, some, run)), run
+        # Without a measured variance nothing tells noise from what the model lacks.
+        excess = 0.0 if measured.variance is None else model_error(run, some)
+        runs[states] = Tried(states, length, _held_out(data, spread, part, some, run), excess), run
         return runs[states][0]
 
     best: Polished | None = None
@@ -143,13 +154,16 @@ def recommend_states(
         if best is None or _states(best) != states:
             continue
         best = _as_long_as_it_tells(part, some, best)
-        lacking = judge(best).held_out > most
-        if not lacking and is_settled([t.length for t, _ in runs.values()]):
+        judge(best)
+        known = [t for t, _ in runs.values()]
+        lacking = min(t.held_out for t in known) > most
+        if not lacking and (is_settled([t.length for t in known]) or has_met(known)):
             break
     if not runs:
         raise _no_order(measured, part, options)
     shortest, best = min(runs.values(), key=lambda of: of[0].length)
-    while shortest.states != max(runs) and shortest.states - 2 not in runs:
+    explained = any(t.excess <= EXPLAINED for t, _ in runs.values())
+    while explained and shortest.states != max(runs) and shortest.states - 2 not in runs:
         start = shrunk(part, dataclasses.replace(options, states=shortest.states - 2), best, some)
         best = (
             None if start is None else polish(part, start, some, steps=FEW_STEPS, rounds=1, share=best.share)

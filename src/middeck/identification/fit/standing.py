@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from middeck.errors import FitError
+from middeck.identification.fit.doubts import confounded_delays
 from middeck.identification.fit.significance import DOUBTFUL, mode_significance
 from middeck.identification.fit.steady_line import SteadyLine
 from middeck.identification.measurement_model import natural_hz
@@ -70,6 +71,22 @@ def standing_of(
         else:
             found.append("sound" if holds and clear[m] else "doubtful")
     return tuple(found)
+
+
+def standing_of_delays(
+    measured: FrequencyResponse, covariance: ModelCovariance, *, holds: bool
+) -> tuple[Standing, ...]:
+    """Of the delay of each output: doubtful where it is confounded or leads, or what is left is no noise.
+
+    "sound" where none was fitted.
+    """
+    model, confounded = covariance.model, confounded_delays(measured, covariance)
+    if not covariance.structure.with_delay:
+        return ("sound",) * len(model.outputs)
+    return tuple(
+        "sound" if holds and o not in confounded and tau >= 0.0 else "doubtful"
+        for o, tau in enumerate(model.delay_s)
+    )
 
 
 def _unresolved(covariance: ModelCovariance, significance: np.ndarray) -> np.ndarray:

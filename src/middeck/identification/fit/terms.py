@@ -116,16 +116,18 @@ def slopes(
     each_input = _along(np.eye(layout.inputs), drive)
     used = modes + pairs + len(free)
     G = np.zeros((used + len(free_psi), len(s), along.shape[2]), dtype=complex)
-    for term in range(len(c)):
-        m = term // layout.copies
-        upper, lower = _by_pole(layout, parts, c[term], m)
-        by_pole, by_conjugate = upper * along[term], lower * conjugate[term]
-        G[m] += point.poles[m].real * (by_pole + by_conjugate)
-        if m < pairs:
-            G[modes + m] += 1j * point.poles[m].imag * (by_pole - by_conjugate)
+    upper, lower = _by_pole(layout, parts, c)
+    by_pole, by_conjugate = upper[:, :, None] * along, lower[:, :, None] * conjugate
+    if layout.copies > 1:
+        by_pole, by_conjugate = (
+            np.sum(x.reshape(modes, layout.copies, *x.shape[1:]), axis=1) for x in (by_pole, by_conjugate)
+        )
+    G[:modes] = point.poles.real[:, None, None] * (by_pole + by_conjugate)
+    turned = 1j * point.poles.imag[:pairs, None, None]
+    G[modes : modes + pairs] = turned * (by_pole - by_conjugate)[:pairs]
     for k, (m, i, part) in enumerate(free):
-        upper, lower = _by_b(layout, parts, c[m], m)
-        by_entry = 1j * (upper - lower) if part else upper + lower
+        first, second = _by_b(layout, parts, c[m], m)
+        by_entry = 1j * (first - second) if part else first + second
         G[modes + pairs + k] = by_entry[:, None] * each_input[i]
     for k, (r, i) in enumerate(free_psi):
         G[used + k] = (x[layout.mode_columns + r] / s ** layout.powers[r])[:, None] * each_input[i]
@@ -141,15 +143,22 @@ def linear_of_terms(layout: Layout, x: np.ndarray) -> Complex[np.ndarray, " term
     return np.concatenate([x[0 : 2 * pairs : 2] + 1j * x[1 : 2 * pairs : 2], real])
 
 
-def _by_pole(layout: Layout, parts: Fractions, c: complex, m: int) -> tuple[np.ndarray, np.ndarray]:
-    """Factors of b and conj b in the derivatives of the term by its pole and by the conjugate pole."""
-    up, low, slope = parts.upper[m], parts.lower[m], parts.slope[m]
-    if not layout.pair[m]:
-        return (c * slope * up**2)[:, None], np.zeros((len(up), 1))
+def _by_pole(
+    layout: Layout, parts: Fractions, c: Complex[np.ndarray, " term"]
+) -> tuple[Complex[np.ndarray, "term line"], Complex[np.ndarray, "term line"]]:
+    """Factors of b and conj b in the derivatives of each term by its pole and by the conjugate pole."""
+    up, low, slope = parts.upper, parts.lower, parts.slope
+    if layout.copies > 1:
+        up, low, slope = (np.repeat(x, layout.copies, axis=0) for x in (up, low, slope))
+    factor, pairs = (c * slope)[:, None], layout.pairs * layout.copies
+    upper, lower = factor * up, np.zeros_like(low)
     if layout.real_constants:
-        term = c * slope * up * low
-        return (term * up)[:, None], (term * low)[:, None]
-    return (c * slope * up**2)[:, None], (np.conj(c * slope) * low**2)[:, None]
+        upper[:pairs] *= low[:pairs]
+        lower[:pairs] = upper[:pairs] * low[:pairs]
+    else:
+        lower[:pairs] = factor[:pairs].conj() * low[:pairs] ** 2
+    upper *= up
+    return upper, lower
 
 
 def _by_b(layout: Layout, parts: Fractions, c: complex, m: int) -> tuple[np.ndarray, np.ndarray]:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import TypeVar
+
 import numpy as np
 from jaxtyping import Bool, Float
 
@@ -19,30 +22,46 @@ WORTH_A_TRY = 8.0
 # Of no more than this, all are tried without at once.
 NOTHING = 2.0
 STEPS = 10
+State = TypeVar("State")
 
 
 def tidied(measured: FrequencyResponse, data: Data, best: Polished, spread: Spread) -> Polished:
     """``best`` without modes whose residue may be noise, as long as that shortens the description."""
+    return shed(
+        best,
+        lambda run: _significance(measured, run, spread),
+        lambda run, dropped: _without(data, run, spread, dropped),
+    )
+
+
+def shed(
+    state: State,
+    significance: Callable[[State], Float[np.ndarray, " mode"]],
+    without: Callable[[State, Bool[np.ndarray, " mode"]], State | None],
+) -> State:
+    """A fit without modes that it can do without: all that seem nothing at once, then one by one.
+
+    ``significance`` has the deviations of each mode's residue; ``without`` the fit without some modes, or
+    None where that is no better.
+    """
     kept: set[int] = set()
     at_once = True
-    while len(best.layout.pair) > 1:
-        significance = _significance(measured, best, spread)
-        weak = significance < (NOTHING if at_once else WORTH_A_TRY)
+    while len(size := significance(state)) > 1:
+        weak = size < (NOTHING if at_once else WORTH_A_TRY)
         weak[list(kept)] = False
-        if at_once and np.sum(weak) < 2:
+        if at_once and (np.sum(weak) < 2 or weak.all()):
             at_once = False
             continue
         if not weak.any():
-            return best
-        least = int(np.argmin(np.where(weak, significance, np.inf)))
-        dropped = weak if at_once and not weak.all() else np.arange(len(weak)) == least
-        fewer = _without(data, best, spread, dropped)
+            return state
+        least = int(np.argmin(np.where(weak, size, np.inf)))
+        fewer = without(state, weak if at_once else np.arange(len(weak)) == least)
         if fewer is not None:
-            best, kept = fewer, set()
+            state, kept = fewer, set()
         elif not at_once:
             kept.add(least)
         at_once = False
-    return best
+    return state
 
 
 def _significance(measured: FrequencyResponse, best: Polished, spread: Spread) -> Float[np.ndarray, " mode"]:

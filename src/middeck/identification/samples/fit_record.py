@@ -26,6 +26,7 @@ from middeck.identification.fit.standing import (
     doubts_of_lines,
     doubts_of_standing,
     standing_of,
+    standing_of_delays,
 )
 from middeck.identification.held_response import folded_response
 from middeck.identification.measurement_model import MeasurementModel, model_response, natural_hz
@@ -262,6 +263,7 @@ def _result(record: Record, fit: Tidied, reason: str, score: np.ndarray) -> FitR
         tuple(warnings),
         standing,
         fit.lines,
+        standing_of_delays(lines, covariance, holds=not wrong),
     )
 
 

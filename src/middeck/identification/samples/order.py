@@ -141,14 +141,18 @@ def _shortest(
     kinds: tuple[Weighting, ...],
     tell: Callable[[str], None],
 ) -> tuple[list[RecordRun], str]:
-    """The models of the order that has the shortest description, and why."""
+    """The models of the order that has the shortest description, and why.
+
+    Once an order has not shortened it, the next ones have few starts beside the order before, grown.
+    """
     tried: list[tuple[int, float, list[RecordRun]]] = []
     runs: list[RecordRun] = []
     for states in sizes():
         if not enough_samples(record, states):
             break
         tell(f"{states} states")
-        runs = _models(pasts, data, dataclasses.replace(options, states=states), kinds, runs)
+        few = bool(tried) and tried[-1] is not min(tried, key=lambda t: t[1])
+        runs = _models(pasts, data, dataclasses.replace(options, states=states), kinds, runs, few=few)
         if runs:
             tried.append((states, min(record_length(data, run) for run in runs), runs))
         if tried and is_settled([length for _, length, _ in tried]):
@@ -181,10 +185,16 @@ def _exchanged(data: Data, options: Options, run: RecordRun) -> RecordRun:
 
 
 def _models(
-    pasts: Pasts, data: Data, options: Options, kinds: tuple[Weighting, ...], known: list[RecordRun]
+    pasts: Pasts,
+    data: Data,
+    options: Options,
+    kinds: tuple[Weighting, ...],
+    known: list[RecordRun],
+    *,
+    few: bool = False,
 ) -> list[RecordRun]:
     """The likeliest model with each weighting, from subspaces, from the order before and from each other."""
-    starts = list(record_starts(pasts, data, options))
+    starts = list(record_starts(pasts, data, options, few=few))
     same = [run for run in known if run.states == options.states]
     found: list[RecordRun] = []
     for weighting in kinds:

@@ -54,37 +54,52 @@ def refine_record(
     data: Data, layout: Layout, theta: np.ndarray, weighting: Weighting, *, rounds: int, steps: int
 ) -> RecordRun | None:
     """Search and estimate the noise in turn; None for no finite model, or one of several slow real poles."""
-    bounds = _bounds(layout, data)
-    theta = np.clip(theta, *bounds)
+    theta = np.clip(theta, *_bounds(layout, data))
     first = weighted(layout, data, theta)
     if first is None:
         return None
     found = Refined(theta, first, (first.cost,), False)
+    r = residual_of(layout, data, theta, first.linear)
+    v = _variance_of(r, data, layout, theta, weighting)
+    return _refined(data, RecordRun(layout, found, weighting, v, np.inf), rounds, steps)
+
+
+def further(data: Data, run: RecordRun, *, rounds: int, steps: int) -> RecordRun:
+    """A run refined further on the data that it was refined on; itself where that fails."""
+    return _refined(data, run, rounds, steps) or run
+
+
+def _refined(data: Data, run: RecordRun, rounds: int, steps: int) -> RecordRun | None:
+    layout, found, weighting, v = run.layout, run.refined, run.weighting, run.variance
+    bounds, likelihood = _bounds(layout, data), run.likelihood
     for _ in range(rounds):
-        v = variance_of(data, layout, found, weighting)
         again = dataclasses.replace(data, weight=1.0 / np.sqrt(v))
         evaluate = _bounded(lambda x, again=again: weighted(layout, again, x), *bounds)
         better = search(evaluate, found.theta, steps)
         if better is None or not np.isfinite(better.step.cost):
             return None
         found = dataclasses.replace(better, theta=np.clip(better.theta, *bounds))
+        r = residual_of(layout, data, found.theta, found.step.linear)
+        v = _variance_of(r, data, layout, found.theta, weighting)
+        likelihood = negative_log_likelihood(r, v)
     if layout.period_s > 0.0 and _slow_reals(layout, data, found.theta) > 1:
         return None
-    v = variance_of(data, layout, found, weighting)
-    r = residual_of(layout, data, found.theta, found.step.linear)
-    return RecordRun(layout, found, weighting, v, negative_log_likelihood(r, v))
+    return RecordRun(layout, found, weighting, v, likelihood)
 
 
-def variance_of(
-    data: Data, layout: Layout, found: Refined, weighting: Weighting
+def _variance_of(
+    r: Complex[np.ndarray, "output line column"],
+    data: Data,
+    layout: Layout,
+    theta: np.ndarray,
+    weighting: Weighting,
 ) -> Float[np.ndarray, "output line column"]:
     """Variance of each output on each line from what a model leaves."""
-    r = residual_of(layout, data, found.theta, found.step.linear)
     if weighting == "flat":
         v = np.mean(np.abs(r) ** 2, axis=(1, 2), keepdims=True) + np.finfo(float).tiny
         return np.broadcast_to(v, r.shape)
     assert data.transient is not None
-    return noise_variance(r, weighting, data.s, all_poles(layout, found.theta), data.transient.period_s)
+    return noise_variance(r, weighting, data.s, all_poles(layout, theta), data.transient.period_s)
 
 
 def all_poles(layout: Layout, theta: np.ndarray) -> Complex[np.ndarray, " pole"]:

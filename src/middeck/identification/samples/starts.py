@@ -50,11 +50,12 @@ def pasts_of(record: Record) -> Pasts:
     return compressed
 
 
-def record_starts(pasts: Pasts, data: Data, options: Options) -> Iterator[Start]:
-    """Sampled models of ``options.states`` states from several horizons and weightings of the past."""
+def record_starts(pasts: Pasts, data: Data, options: Options, *, few: bool = False) -> Iterator[Start]:
+    """Sampled models of ``options.states`` states from several horizons, or the longest, and weightings."""
     outputs = len(data.H)
     least = -(-options.states // outputs) + 1
-    for rows in sorted({int(np.ceil(factor * least)) for factor in ROWS} | {max(LONG, least)}):
+    horizons = sorted({int(np.ceil(factor * least)) for factor in ROWS} | {max(LONG, least)})
+    for rows in horizons[-1:] if few else horizons:
         past = pasts(rows)
         if past is None:
             continue

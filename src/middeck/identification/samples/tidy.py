@@ -7,6 +7,8 @@ not decay within the record and that no input moves is given up for a sine (`ste
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 import scipy.ndimage
 from jaxtyping import Bool, Complex, Float
@@ -17,6 +19,7 @@ from middeck.identification.fit.layout import unpack
 from middeck.identification.fit.significance import mode_significance, with_split, without_modes
 from middeck.identification.fit.start import Start
 from middeck.identification.fit.steady_line import SteadyLine, name_line
+from middeck.identification.fit.tidy import shed
 from middeck.identification.samples.model import record_covariance, record_model
 from middeck.identification.samples.order import record_length
 from middeck.identification.samples.search import RecordRun, refine_record
@@ -26,10 +29,6 @@ from middeck.identification.uncertainty.parameters import uncertainty_of
 from middeck.systems.record import Record
 from middeck.values import record as frozen
 
-# A mode of fewer deviations is worth a try without it; which of the two is better, lengths tell.
-WORTH_A_TRY = 8.0
-# Of no more than this, all are tried without at once.
-NOTHING = 2.0
 # A pole that loses less than this share of its motion over the record may be a sine.
 STEADY = 0.5
 # Decay rates of a mode within which its halves are one.
@@ -58,7 +57,9 @@ def tidied(record: Record, data: Data, run: RecordRun, *, sampled: bool) -> Tidi
     how it simulates.
     """
     state = _without_sines(record, Tidied(data, run, ()))
-    return _with_hidden_lines(state if sampled else _with_pairs(_without_noise(record, state)))
+    if not sampled:
+        state = _with_pairs(shed(state, functools.partial(_significance, record), _without))
+    return _with_hidden_lines(state)
 
 
 def covariance_of(record: Record, state: Tidied) -> ModelCovariance:
@@ -99,29 +100,6 @@ def _as_line(record: Record, state: Tidied, m: int) -> Tidied | None:
     )
 
 
-def _without_noise(record: Record, state: Tidied) -> Tidied:
-    """Modes that are no more than noise are given up: all that seem nothing at once, then one by one."""
-    kept: set[int] = set()
-    at_once = True
-    while len(state.run.layout.pair) > 1:
-        significance = _significance(record, state)
-        weak = significance < (NOTHING if at_once else WORTH_A_TRY)
-        weak[list(kept)] = False
-        if at_once and np.sum(weak) < 2:
-            at_once = False
-            continue
-        if not weak.any():
-            return state
-        dropped = weak & ~weak.all() if at_once else np.arange(len(weak)) == _least(significance, weak)
-        fewer = _without(state, dropped)
-        if fewer is not None:
-            state, kept = fewer, set()
-        elif not at_once:
-            kept.add(_least(significance, weak))
-        at_once = False
-    return state
-
-
 def _without(state: Tidied, dropped: Bool[np.ndarray, " mode"]) -> Tidied | None:
     """Without some modes, or with their free motion alone, which no input is to move."""
     run = state.run
@@ -146,10 +124,6 @@ def _with_pairs(state: Tidied) -> Tidied:
 def _is_pair(state: Tidied, before: complex, m: int) -> bool:
     """Whether both halves of a mode are where it was, and not elsewhere for some other reason."""
     return bool(np.all(np.abs(_pairs(state.run)[m : m + 2] - before) < NEAR * abs(before.real)))
-
-
-def _least(significance: Float[np.ndarray, " mode"], among: Bool[np.ndarray, " mode"]) -> int:
-    return int(np.argmin(np.where(among, significance, np.inf)))
 
 
 def _significance(record: Record, state: Tidied) -> Float[np.ndarray, " mode"]:
