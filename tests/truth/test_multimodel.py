@@ -142,7 +142,7 @@ def test_three_models_hold_the_whole_grid_at_little_loss(three_models):
 def test_smaller_orders_lose_little(three_models, order, loss):
     small = design_multimodel(
         reference_plant(), WEIGHTS, AUTHORITY, uncertainty=TOGETHER, structure=Structure(order),
-        tolerance=1e-4,
+        tolerance=1e-6,
     )  # fmt: skip
     assert len(small.system.A) == small.order == order
     assert outcomes(small).db[0] <= outcomes(three_models).db[0] + loss
