@@ -18,6 +18,7 @@ from middeck.systems.excitation import (
     random_multisine,
     repeat_periods,
 )
+from middeck.systems.excitation.crest import compact_phases, schroeder_phases
 from middeck.systems.excitation.signal import line_power, slew_of
 
 WHERE = (BAND, PERIOD_S, RATE)
@@ -112,6 +113,17 @@ def test_compact_phases_for_several_inputs_keep_every_experiment_low():
     three = design_multisine(*WHERE, UNIT, draw(), inputs=3, phases="compact")
     assert two.crest_factor.max() < 1.45
     assert three.crest_factor.max() < 1.7
+
+
+@pytest.mark.kernels
+def test_compact_phases_do_not_hang_on_last_digits():
+    """As another processor rounds the start and each value of the norm."""
+    lines, rng = np.arange(4, 64), np.random.default_rng(5)
+    amplitude = np.ones(len(lines))
+    start, turns = schroeder_phases(amplitude) + rng.random(len(lines)), np.zeros(1)
+    found = compact_phases(lines, amplitude, 512, start, turns)
+    moved = start + 1e-12 * rng.standard_normal(len(lines))
+    np.testing.assert_array_equal(compact_phases(lines, amplitude, 512, moved, turns), found)
 
 
 def test_sweeps_have_the_crest_of_a_sine_and_the_frequencies_asked_for():

@@ -68,7 +68,8 @@ def design_multisine(
         Amplitude of a line of so many Hz, up to a factor; equal by default.
     phases:
         "random", uniform; "schroeder" (Schroeder 1970; sums to a sweep); "compact", of the least peak that is
-        found from there, each realisation and input from its own random share of a turn.
+        found from there, each realisation and input from its own random share of a turn; the same on all
+        processors.
 
     Raises
     ------
