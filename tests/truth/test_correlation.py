@@ -275,4 +275,5 @@ def test_effective_masses_of_a_cantilever():
     # 1e-8; rotary inertia, which Blevins leaves out, is 5e-7 of rho A L^2.
     assert found[:, 2] == pytest.approx(mass, rel=1e-4)
     assert found[:, 4] == pytest.approx(inertia, rel=1e-4)
-    assert effective.completeness[:3] == pytest.approx(1.0, abs=1e-9)
+    # The stiff springs of the clamp, 1e8 times the beam, leave up to 5e-9 by rounding, by the processor.
+    assert effective.completeness[:3] == pytest.approx(1.0, abs=2e-8)

@@ -36,7 +36,7 @@ def choose_carriers(
 ) -> Int[np.ndarray, " root"]:
     """The root that carries each root, -1 where none does; ``ends`` and ``springs`` are roots."""
     carrier = np.full(roots, -1)
-    stiffness = np.concatenate([_stiffness(beams), spring_stiffness])
+    stiffness = np.concatenate([member_stiffness(beams), spring_stiffness])
     pairs = np.concatenate([ends, springs])
     least = max(HELD_AT * mass, float(np.finfo(float).tiny))
     if not np.any(stiffness > CONTRAST * least):
@@ -48,7 +48,7 @@ def choose_carriers(
     return carrier
 
 
-def _stiffness(beams: BeamProperties) -> Float[np.ndarray, " element"]:
+def member_stiffness(beams: BeamProperties) -> Float[np.ndarray, " element"]:
     """Of one end across or along, the other one clamped [N/m]."""
     L = np.real(beams.length)
     bent = np.maximum(

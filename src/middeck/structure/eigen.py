@@ -27,6 +27,8 @@ SHIFTS = 20
 RUNG = 1e6
 # Modes sought beyond those asked for: among them the Sturm count looks for the widest gap.
 SPARE = 8
+# Part of omega^2 that is no gap: a Sturm count in it would be rounding.
+ONE_FREQUENCY = 1e-9
 SEED = 1993
 # Most rounds of search for what is missing: repeated modes of so many equal parts.
 ROUNDS = 60
@@ -188,8 +190,13 @@ def _refine(K: sp.csr_array, M: sp.csr_array, lam: np.ndarray, phi: np.ndarray, 
 
 
 def _missing(K: sp.csr_array, M: sp.csr_array, lam: np.ndarray, count: int) -> int:
-    """Modes below the widest gap at or after number ``count`` that are not in the list; -1 if undecided."""
+    """Modes below the widest gap at or after number ``count`` that are not in the list; -1 if undecided.
+
+    A list that ends within one frequency has no gap to count at: `SPARE` more are wanted.
+    """
     gap = np.diff(lam[count - 1 :])
     last = count - 1 + int(np.argmax(gap))
+    if len(lam) < order(K) - SPARE and gap.max() <= ONE_FREQUENCY * abs(lam[last + 1]):
+        return SPARE
     factor = factorise(sp.csr_array(K - 0.5 * (lam[last] + lam[last + 1]) * M))
     return -1 if factor is None or factor.negative < 0 else factor.negative - (last + 1)

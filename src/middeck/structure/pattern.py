@@ -59,15 +59,16 @@ class Pattern(NamedTuple):
                 data += _sums(part.slot, value, count)
         # Symmetric by construction; the mean removes the rounding.
         K = sp.csr_array((0.5 * (data + data[self.mirror]), self.indices, self.indptr), shape=(size, size))
-        if np.any(K.data == 0.0):
-            K = K.copy()
-            K.eliminate_zeros()
-        return K
+        if not np.any(K.data == 0.0):
+            return K
+        own = K.copy()
+        own.eliminate_zeros()
+        return own
 
 
 def _sums(slot: np.ndarray, value: np.ndarray, count: int) -> np.ndarray:
     if np.iscomplexobj(value):
-        return _sums(slot, value.real, count) + 1j * _sums(slot, value.imag, count)
+        return _sums(slot, np.real(value), count) + 1j * _sums(slot, np.imag(value), count)
     return np.bincount(slot, weights=value, minlength=count)
 
 
@@ -83,7 +84,7 @@ def lay_out_pattern(points: PoseMap, ends: Mapping[str, Int[np.ndarray, "element
             _plain(points, poses, plain),
             _bent(points, poses, others),
         ]
-    found["turning"] = [_direct(points.special.index)]
+    found["turning"] = [_direct(points.special.moves)]
     size = points.tree.size
     keys = [row * size + column for parts in found.values() for *_, row, column in parts]
     pattern, slot = np.unique(np.concatenate([*keys, np.arange(size) * (size + 1)]), return_inverse=True)

@@ -18,6 +18,7 @@ from jaxtyping import Float
 
 from middeck.errors import ConfigError, NumericalError
 from middeck.structure.assembly import assemble
+from middeck.structure.checks.stiff_members import check_beside_modes
 from middeck.structure.modes import Modes
 from middeck.structure.statics import dynamic_coordinates
 from middeck.values import record
@@ -119,6 +120,7 @@ def _static(modes: Modes, rows: sp.csr_array, channels: int, improved: bool) -> 
     Where the channels are coordinates this is Guyan's [I; -K_oo^-1 K_os]; constraints allow any reading.
     """
     rest = modes.equilibrium
+    check_beside_modes(modes, "a reduced mass")
     active = dynamic_coordinates(rest.model)
     K = sp.csr_array(assemble(rest.model, rest.config, rest.loads).tangent[active][:, active])
     M, L = modes.mass[active][:, active], sp.csr_array(rows.T[active].T)

@@ -22,7 +22,7 @@ OFF_DIAGONAL = np.array([1, 2, 3, 5, 6, 7])
 class Special(NamedTuple):
     """Points that do not simply move as a root's origin: those with an offset, and those on joints.
 
-    ``joint`` has their joints from the root out, -1 where there are no more; ``index`` the coordinates of the
+    ``joint`` has their joints from the root out, -1 where there are no more; ``moves`` the coordinates of the
     root's turn and of these joints.
     """
 
@@ -31,7 +31,7 @@ class Special(NamedTuple):
     offset: Inexact[np.ndarray, "special 3"]
     root: Int[np.ndarray, " special"]
     joint: Int[np.ndarray, "special chain"]
-    index: Int[np.ndarray, "special turn"]
+    moves: Int[np.ndarray, "special turn"]
 
 
 class PoseMap(NamedTuple):
@@ -62,13 +62,13 @@ class PoseMap(NamedTuple):
         return values
 
     def second_order(self, poses: Poses, load: Inexact[np.ndarray, "point 6"]) -> np.ndarray:
-        """Blocks on `Special.index`: second-order part of the poses, weighted by ``load``.
+        """Blocks on `Special.moves`: second-order part of the poses, weighted by ``load``.
 
         That is the energy gradient (F, M) at each point; see the formulas of `frames`.
         """
         at = self.special
         F, M = load[at.point, :3], load[at.point, 3:]
-        width = at.index.shape[1]
+        width = at.moves.shape[1]
         block = np.zeros((len(at.point), width, width), dtype=np.result_type(poses.p, load))
         block[:, :3, :3] = symmetric_double_cross(F, self._arms(poses))
         if width == 3:

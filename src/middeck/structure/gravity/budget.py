@@ -21,6 +21,7 @@ from jaxtyping import Float, Int
 
 from middeck.errors import ConfigError
 from middeck.structure.assembly import Inner, inner_forces, mass_matrix, split_tangent
+from middeck.structure.checks.stiff_members import check_beside_modes
 from middeck.structure.equilibrium import Equilibrium
 from middeck.structure.gravity.pairs import pair_modes
 from middeck.structure.gravity.tracking import HALF_SHAPE, solve_spectrum, track
@@ -112,7 +113,8 @@ def build_budget(orbit: Modes, lab: Modes, count: int = 26) -> GravityBudget:
     """The budget of the ``count`` lowest modes in orbit, wherever they are in the laboratory.
 
     Each corner is an eigenproblem of its own; its modes are those with the largest cross-orthogonality with
-    orbit. Raises `ConfigError` for two different structures, or where ``orbit`` is not free of gravity.
+    orbit. Raises `ConfigError` for two different structures, or where ``orbit`` is not free of gravity, and
+    `NumericalError` beside a member so stiff that rounding is all there is.
 
     Both are modes, from `solve_modes`, not rest states:
 
@@ -125,6 +127,7 @@ def build_budget(orbit: Modes, lab: Modes, count: int = 26) -> GravityBudget:
     True
     """
     _check(orbit, lab)
+    check_beside_modes(lab, "shares of gravity")
     model = lab.equilibrium.model
     count = min(count, len(orbit.omega), len(lab.omega))
     start_at, start, end = pair_modes(orbit, lab, count)

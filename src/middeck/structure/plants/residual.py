@@ -19,6 +19,7 @@ from jaxtyping import Float
 
 from middeck.errors import ConfigError, NumericalError
 from middeck.structure.assembly import assemble
+from middeck.structure.checks.stiff_members import check_beside_modes
 from middeck.structure.factorisation import Factor, factorise, positive_factor
 from middeck.structure.modes import Modes
 from middeck.structure.plants.port_rows import input_rows, output_rows
@@ -197,6 +198,7 @@ def _low_frequency(modes: Modes) -> float:
 def _matrices(modes: Modes) -> tuple[sp.csr_array, sp.csr_array, np.ndarray]:
     """Stiffness and mass of the coordinates that move, and which they are."""
     equilibrium = modes.equilibrium
+    check_beside_modes(modes, "the static residual")
     active = dynamic_coordinates(equilibrium.model)
     K = assemble(equilibrium.model, equilibrium.config, equilibrium.loads).tangent
     return sp.csr_array(K[active][:, active]), sp.csr_array(modes.mass[active][:, active]), active

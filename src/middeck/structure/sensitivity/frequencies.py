@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.structure.assembly import mass_matrix
+from middeck.structure.checks.stiff_members import check_beside_modes
 from middeck.structure.equilibrium import Equilibrium
 from middeck.structure.modes import Modes
 from middeck.structure.sensitivity.element_derivatives import element_gradients
@@ -73,8 +74,9 @@ def differentiate_frequencies(
     """Of the lowest ``count`` modes (all by default) in every parameter.
 
     Exact to rounding: no differences are taken. Raises `NumericalError` where the rest state itself has no
-    derivative.
+    derivative, or beside a member so stiff that rounding is all there is.
     """
+    check_beside_modes(modes, "derivatives of frequencies")
     count = len(modes.omega) if count is None else min(count, len(modes.omega))
     groups = group_modes(modes, count)
     pairs = _pairs(modes, groups)

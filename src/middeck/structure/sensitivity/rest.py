@@ -15,6 +15,7 @@ from jaxtyping import Float
 
 from middeck.structure.article import JointState, Structure
 from middeck.structure.assembly import Assembly, Loads, assemble, device_tension
+from middeck.structure.checks.stiff_members import check_beside_devices
 from middeck.structure.equilibrium import Equilibrium
 from middeck.structure.sensitivity.parameters import Parameter
 from middeck.structure.sensitivity.patches import (
@@ -106,6 +107,7 @@ def _spring_torque(perturbed: Structure, rest: Equilibrium, turn: np.ndarray) ->
 
 def move_rest(rest: Equilibrium, parameters: Sequence[Parameter]) -> Moved:
     """The derivative of the rest state, with the patches that it came from."""
+    check_beside_devices(rest, "derivatives of the rest state")
     patches = make_patches(rest.model, rest.environment, parameters)
     drawn = columns([drawn_motion(rest.model, p) for p in patches], rest.model.tree.size)
     forces = differentiate_support(rest, patches, drawn)

@@ -12,13 +12,13 @@ from jaxtyping import Float
 
 from middeck.errors import ConfigError, EquilibriumError
 from middeck.structure.article import Damping
-from middeck.structure.assembly import assemble, mass_matrix
+from middeck.structure.assembly import assemble_carried, mass_matrix, transport
 from middeck.structure.elements.frames import frame_poses, points_in_world, pose_jacobian, rigid_columns
 from middeck.structure.equilibrium import Equilibrium
 from middeck.structure.factorisation import positive_factor
 from middeck.structure.modes import Modes
 from middeck.structure.plants.damping import estimate_damping
-from middeck.structure.statics import static_coordinates
+from middeck.structure.statics import restrict, static_coordinates
 from middeck.systems.friction import Friction
 from middeck.systems.joint_element import check_amplitudes
 from middeck.values import record
@@ -56,7 +56,10 @@ def estimate_rest_band(equilibrium: Equilibrium) -> RestBand:
     active = static_coordinates(model)
     rows = device_rows(equilibrium)
     friction = np.array([0.0 if f is None else f.slip_torque for f in _frictions(equilibrium)])
-    factor = positive_factor(assemble(model, config, loads).tangent[active][:, active])
+    # Beside stiff members only carried coordinates keep the digits of what is soft.
+    T = transport(config, model.tree)
+    carried = rows @ T
+    factor = positive_factor(restrict(assemble_carried(model, config, loads).tangent, active))
     if factor is None:
         raise EquilibriumError(
             "some motion has no stiffness: friction would let the article rest anywhere along it",
@@ -64,12 +67,12 @@ def estimate_rest_band(equilibrium: Equilibrium) -> RestBand:
             hint="look for modes at zero frequency",
         )
     moved = np.zeros((model.tree.size, len(rows)))
-    moved[active] = factor.solve(rows[:, active].T) * friction
+    moved[active] = factor.solve(carried[:, active].T) * friction
     M = mass_matrix(model, config)
-    T = rigid_columns(model.tree, config, config.x.mean(axis=0))
-    rigid = np.linalg.solve(T.T @ (M @ T), T.T @ (M @ moved))
+    whole = rigid_columns(model.tree, config, config.x.mean(axis=0))
+    rigid = np.linalg.solve(whole.T @ (M @ whole), whole.T @ (M @ (T @ moved)))
     band = np.abs(rigid).sum(axis=1)
-    return RestBand(equilibrium.devices, np.abs(rows @ moved).sum(axis=1), band[:3], band[3:])
+    return RestBand(equilibrium.devices, np.abs(carried @ moved).sum(axis=1), band[:3], band[3:])
 
 
 def device_rows(equilibrium: Equilibrium) -> Float[np.ndarray, "device coordinate"]:
