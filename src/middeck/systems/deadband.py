@@ -11,7 +11,6 @@ from typing import cast
 
 import numpy as np
 from jaxtyping import Complex, Float
-from scipy.optimize import brentq
 
 from middeck.errors import ConfigError
 from middeck.systems.joint_element import Equivalent, check_amplitudes
@@ -105,6 +104,8 @@ class Deadband:
             beta = np.arccos(np.clip(cosine, -1.0, 1.0))
             upper, lower = np.sin(beta) - beta * cosine
             return float(self.stiffness * amplitude / np.pi * (upper - lower)) - load
+
+        from scipy.optimize import brentq  # only here: who reads a study file need not load SciPy
 
         furthest = abs(self.rest)
         # At rest the mean torque is the preload or more (the flank is convex); a swing that keeps contact

@@ -100,17 +100,17 @@ def by_schur_form(system: System) -> Resolvent:
 
     From the side of the fewer ports: the transposed system, its states in reverse, is upper triangular too.
     """
-    T, Q = cast("tuple[np.ndarray, np.ndarray]", sla.schur(system.A, output="complex"))
-    B, C = Q.conj().T @ system.B, system.C @ Q
-    turned = B.shape[1] > len(C)
+    form, Q = cast("tuple[np.ndarray, np.ndarray]", sla.schur(system.A, output="complex"))
+    into, out = Q.conj().T @ system.B, system.C @ Q
+    turned = into.shape[1] > len(out)
     if turned:
-        T, B, C = np.ascontiguousarray(T[::-1, ::-1].T), C[:, ::-1].T, B[::-1].T
+        form, into, out = np.ascontiguousarray(form[::-1, ::-1].T), out[:, ::-1].T, into[::-1].T
 
     def evaluate(points: np.ndarray) -> np.ndarray:
-        H = np.empty((len(points), len(C), B.shape[1]), dtype=complex)
-        for some in _chunks(len(points), B.size):
-            ports = C @ _substitute(T, B, points[some])
-            H[some] = np.moveaxis(ports.reshape(len(C), B.shape[1], -1), 2, 0)
+        H = np.empty((len(points), len(out), into.shape[1]), dtype=complex)
+        for some in _chunks(len(points), into.size):
+            ports = out @ _substitute(form, into, points[some])
+            H[some] = np.moveaxis(ports.reshape(len(out), into.shape[1], -1), 2, 0)
         return (H.transpose(0, 2, 1) if turned else H) + system.D
 
     return evaluate
