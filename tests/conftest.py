@@ -14,7 +14,6 @@ import pytest  # noqa: E402
 from hypothesis import settings  # noqa: E402
 
 from middeck.files.studies import load_study  # noqa: E402
-from middeck.study.stages import run_stages  # noqa: E402
 
 LONG = os.environ.get("MIDDECK_LONG") == "1"
 SEED = 1993
@@ -55,8 +54,10 @@ def paper_study():
 
 @pytest.fixture(scope="session")
 def paper_outcomes(paper_study):
-    """Its stages but the mirror, which has its own tests and takes long; once a session."""
-    return {name: run() for name, run in run_stages(paper_study) if name != "mirror"}
+    """Its chapters but the mirror, which has its own tests and takes long; once a session."""
+    from middeck.study.mission import run_chapters  # with matplotlib, which few tests need
+
+    return {name: run() for name, run in run_chapters(paper_study) if name != "mirror"}
 
 
 @pytest.fixture(scope="session")
