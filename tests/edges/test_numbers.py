@@ -8,8 +8,7 @@ import jsonschema
 import pytest
 
 from middeck.files.json_output import json_text
-from middeck.study.mission import CHAPTERS
-from middeck.study.numbers import study_numbers
+from middeck.study.mission import CHAPTERS, study_numbers
 
 REFERENCE = Path(__file__).parents[1] / "reference" / "numbers.schema.json"
 SHIPPED = json.loads(files("middeck.study").joinpath("numbers.schema.json").read_text())

@@ -565,7 +565,7 @@ def looks(line: Any) -> tuple[Any, ...]:
     return line._unscaled_dash_pattern, line.get_marker(), filled, round(line.get_linewidth() / 0.8)
 
 
-DRAWN = {section.key: (chapter.name, section.draw) for chapter in CHAPTERS for section in chapter.sections}
+DRAWN = {d.key: (chapter.name, d.draw) for chapter in CHAPTERS for d in chapter.drawings}
 
 
 @pytest.mark.parametrize("key", DRAWN)

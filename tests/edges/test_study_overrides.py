@@ -280,8 +280,7 @@ PROGRAM = """
 import sys
 from middeck.files.json_output import json_text
 from middeck.files.studies import load_study
-from middeck.study.mission import run_chapters
-from middeck.study.numbers import study_numbers
+from middeck.study.mission import run_chapters, study_numbers
 study = load_study(sys.argv[1], sys.argv[2:])
 outcomes = {name: compute() for name, compute in run_chapters(study) if name != "mirror"}
 sys.stdout.write(json_text(study_numbers(study, outcomes)))

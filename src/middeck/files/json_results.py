@@ -43,3 +43,15 @@ def response_numbers(response: FrequencyResponse, *, output: int = 0, input: int
     """One entry of a response on its own lines."""
     H = response.H[:, output, input]
     return {"frequency_hz": response.frequency_hz, "re": np.real(H), "im": np.imag(H)}
+
+
+def fitted_numbers(
+    measured: FrequencyResponse, fitted: FrequencyResponse, *, output: int = 0, input: int = 0
+) -> dict[str, Any]:
+    """One entry of a measured response beside the fit to it."""
+    return {
+        "input": measured.inputs[input].name,
+        "output": measured.outputs[output].name,
+        "data": response_numbers(measured, output=output, input=input),
+        "fit": response_numbers(fitted, output=output, input=input),
+    }

@@ -12,8 +12,7 @@ from middeck.plot.svg import svg_text
 from middeck.report.page import render_page
 from middeck.study import picture
 from middeck.study.chapter import Chapter
-from middeck.study.mission import CHAPTERS
-from middeck.study.numbers import study_numbers
+from middeck.study.mission import CHAPTERS, study_numbers
 from middeck.study.words import Numbers
 
 
@@ -57,14 +56,14 @@ def draw_chapter(chapter: Chapter[Any], outcome: Any) -> dict[str, str]:
     """Key to SVG text of every drawing of one chapter."""
     figures = cast("Numbers", plain(chapter.tabulate(outcome)))
     return {
-        s.key: svg_text(s.draw(outcome), key=s.key, title=s.heading(figures), description=s.sentence(figures))
-        for s in chapter.sections
+        d.key: svg_text(d.draw(outcome), key=d.key, title=d.heading(figures), description=d.sentence(figures))
+        for d in chapter.drawings
     }
 
 
 def _remove_earlier(out: Path) -> None:
     """First the page and the numbers: they speak for all the rest."""
-    keys = [picture.KEY, *(section.key for chapter in CHAPTERS for section in chapter.sections)]
+    keys = [picture.KEY, *(drawing.key for chapter in CHAPTERS for drawing in chapter.drawings)]
     for name in ("report.html", "numbers.json", *(f"figures/{key}.svg" for key in keys)):
         (out / name).unlink(missing_ok=True)
 

@@ -12,7 +12,7 @@ from middeck.report.summary import came_out, chapters_of, claim_rows, does_not_h
 from middeck.study.words import Numbers, Table
 
 
-class Shown(NamedTuple):
+class Section(NamedTuple):
     """One section with its sentence and tables."""
 
     key: str
@@ -51,18 +51,18 @@ def render_page(title: str, numbers: Numbers, drawings: Mapping[str, str]) -> st
     )
 
 
-def _sections(figures: Numbers, drawings: Mapping[str, str]) -> list[Shown]:
+def _sections(figures: Numbers, drawings: Mapping[str, str]) -> list[Section]:
     told = warned(figures)
     return [
-        Shown(
-            s.key,
-            s.heading(figures),
-            s.sentence(figures),
-            Markup(drawings[s.key]),  # our own SVG, whose texts are escaped already
-            s.tables(figures),
-            [line.text for line in told if line.section == s.key],
-            s.note,
+        Section(
+            d.key,
+            d.heading(figures),
+            d.sentence(figures),
+            Markup(drawings[d.key]),  # our own SVG, whose texts are escaped already
+            d.tables(figures),
+            [line.text for line in told if line.section == d.key],
+            d.note,
         )
         for chapter in chapters_of(figures)
-        for s in chapter.sections
+        for d in chapter.drawings
     ]

@@ -22,32 +22,31 @@ class ClaimRow(NamedTuple):
 
 def chapters_of(figures: Numbers) -> list[Chapter[Any]]:
     """The chapters whose numbers are in ``figures``."""
-    return [chapter for chapter in CHAPTERS if chapter.numbers.keys() <= figures.keys()]
+    return [chapter for chapter in CHAPTERS if all(e.key in figures for e in chapter.entries)]
 
 
 def claim_rows(figures: Numbers) -> list[ClaimRow]:
     """Every claim that a chapter judges."""
     return [
         ClaimRow(
-            section.key,
+            entry.claims_at,
             row["claim"],
             row["holds"],
             with_unit(row["number"], row["unit"]),
             with_unit(row["asked"], row["unit"]),
         )
         for chapter in chapters_of(figures)
-        for section in chapter.sections
-        for row in section.claims(figures)
+        for entry in chapter.entries
+        for row in entry.claims(figures[entry.key])
     ]
 
 
 def warned(figures: Numbers) -> list[Line]:
     """Every warning that stands anywhere in ``figures``; one that several entries share, once."""
-    sections = {s.warnings_of: s.key for chapter in CHAPTERS for s in chapter.sections}
     found: dict[str, str] = {}
-    for entry, numbers in figures.items():
-        for text in _warnings(numbers):
-            found.setdefault(text, sections[entry])
+    for entry in (e for chapter in chapters_of(figures) for e in chapter.entries):
+        for text in _warnings(figures[entry.key]):
+            found.setdefault(text, entry.warnings_at)
     return [Line(text, section) for text, section in found.items()]
 
 

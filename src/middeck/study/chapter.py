@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
@@ -19,28 +19,32 @@ T = TypeVar("T")
 
 
 def nothing(figures: Numbers) -> list[Any]:
-    """No tables, no claims, no lines."""
+    """No tables, no lines."""
     return []
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Section(Generic[T]):
-    """One drawing and what stands around it on the page; ``figures`` are those of numbers.json.
+def claims_within(entry: Numbers) -> list[Claim]:
+    """The claims that an entry of numbers.json holds itself."""
+    return entry.get("claims", [])
 
-    Parameters
-    ----------
-    key:
-        In names of files and in links.
-    title:
-        A text, or a function of ``figures`` where it names what was measured.
-    draw, sentence:
-        The drawing of an outcome, and the one sentence that it is there to show.
-    tables, claims:
-        What is listed under it, and the claims that it shows, from ``figures``.
-    warnings_of:
-        The entry of ``figures`` whose warnings are shown here.
-    note:
-        Path in the package of HTML for the end.
+
+@dataclass(frozen=True, eq=False)
+class Entry(Generic[T]):
+    """One entry of ``figures`` in numbers.json, and the drawings where its claims and warnings stand."""
+
+    key: str
+    numbers: Callable[[T], Numbers]
+    claims_at: str
+    warnings_at: str
+    claims: Callable[[Numbers], list[Claim]] = claims_within
+
+
+@dataclass(frozen=True, eq=False)
+class Drawing(Generic[T]):
+    """One drawing, the one sentence that it is there to show, and what stands under it on the page.
+
+    ``key`` is its name in files and links. Title, sentence and tables are made of the ``figures`` of
+    numbers.json; ``note`` is the path in the package of HTML for the end.
     """
 
     key: str
@@ -48,12 +52,10 @@ class Section(Generic[T]):
     draw: Callable[[T], Figure]
     sentence: Callable[[Numbers], str]
     tables: Callable[[Numbers], list[Table]] = nothing
-    claims: Callable[[Numbers], list[Claim]] = nothing
-    warnings_of: str = ""
     note: str = ""
 
     def heading(self, figures: Numbers) -> str:
-        """The title in words."""
+        """The title, which for some figures names what was measured."""
         return self.title if isinstance(self.title, str) else self.title(figures)
 
 
@@ -70,11 +72,6 @@ class Chapter(Generic[T]):
     needs, compute:
         ``compute(study, rng, *values)`` with a value of the study from each of ``needs``; values that
         several chapters need are computed once.
-    numbers:
-        The entries of numbers.json, each with its function of the outcome. One has a list ``claims`` where
-        it judges some.
-    sections:
-        The drawings, in the order of the page.
     result, shortfalls:
         Of the summary: the line of what came out, and those of what does not hold beside claims and warnings.
     """
@@ -84,8 +81,8 @@ class Chapter(Generic[T]):
     stream: int
     needs: tuple[Callable[[Study], Any], ...] = ()
     compute: Callable[..., T]
-    numbers: Mapping[str, Callable[[T], Numbers]]
-    sections: tuple[Section[T], ...]
+    entries: tuple[Entry[T], ...]
+    drawings: tuple[Drawing[T], ...]
     result: Callable[[Numbers], Line] | None = None
     shortfalls: Callable[[Numbers], list[Line]] = nothing
 
@@ -95,4 +92,4 @@ class Chapter(Generic[T]):
 
     def tabulate(self, outcome: T) -> Numbers:
         """The entries of numbers.json for an outcome."""
-        return {entry: of(outcome) for entry, of in self.numbers.items()}
+        return {entry.key: entry.numbers(outcome) for entry in self.entries}

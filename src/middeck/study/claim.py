@@ -8,10 +8,8 @@ not hold.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import TypedDict
-
-from middeck.study.words import Numbers
 
 
 class Claim(TypedDict):
@@ -37,13 +35,18 @@ def at_most(claim: str, number: float | None, most: float, unit: str = "dB") -> 
     return row(claim, number is not None and number <= most, number, f"\u2264 {most:g}", unit)
 
 
+def below(claim: str, number: float | None, limit: float, unit: str = "dB") -> Claim:
+    """It holds where there is a number that is smaller than ``limit``."""
+    return row(claim, number is not None and number < limit, number, f"< {limit:g}", unit)
+
+
+def above(claim: str, number: float | None, limit: float, unit: str = "dB") -> Claim:
+    """It holds where there is a number that is larger than ``limit``."""
+    return row(claim, number is not None and number > limit, number, f"> {limit:g}", unit)
+
+
 def largest(values: Iterable[float | None]) -> float | None:
     """The largest of some numbers; None where one is missing or there are none."""
     given = list(values)
     known = [value for value in given if value is not None]
     return max(known) if known and len(known) == len(given) else None
-
-
-def claims_of(entry: str) -> Callable[[Numbers], list[Claim]]:
-    """The claims that an entry of numbers.json judges."""
-    return lambda figures: figures[entry]["claims"]

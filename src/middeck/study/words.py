@@ -66,6 +66,11 @@ def deviation(value: float | None, unit: float = 1.0, sign: str = "") -> str:
     return UNDETERMINED if value is None else sign + significant(value / unit, 2)
 
 
+def cells(numbers: Numbers, digits: dict[str, int]) -> list[str]:
+    """The numbers of these names, each with so many decimals."""
+    return [fixed(numbers[name], count) for name, count in digits.items()]
+
+
 def percent(share: float, digits: int = 2) -> str:
     """A share in percent.
 

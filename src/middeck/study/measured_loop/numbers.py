@@ -1,10 +1,30 @@
-"""A measured loop in the form of numbers.json."""
+"""A fit and a measured loop in the form of numbers.json."""
 
 from __future__ import annotations
 
 from middeck.files.json_results import response_numbers
+from middeck.identification.fit.fit_response import FitResult
+from middeck.identification.measurement_model import damping_ratio, natural_hz, path_delay
+from middeck.identification.uncertainty.parameters import stated
 from middeck.study.measured_loop.computation import MeasuredLoop
 from middeck.study.words import Numbers
+from middeck.systems.plant import Plant
+
+
+def fit_numbers(fit: FitResult, plant: Plant, band_hz: tuple[float, float], output: int = 0) -> Numbers:
+    """Poles, delay and error of the path to one output, and the sizes of the fit and of its design plant."""
+    return {
+        "natural_hz": natural_hz(fit.model),
+        "natural_hz_deviation": stated(fit.uncertainty.natural_hz),
+        "damping": damping_ratio(fit.model),
+        "damping_deviation": stated(fit.uncertainty.damping),
+        "delay_s": path_delay(fit.model)[output, 0],
+        "delay_deviation_s": stated(fit.uncertainty.delay_s)[output],
+        "fit_band_hz": band_hz,
+        "relative_error": fit.error[output],
+        "states": fit.model.states,
+        "plant_states": len(plant.system.A),
+    }
 
 
 def loop_numbers(loop: MeasuredLoop) -> Numbers:

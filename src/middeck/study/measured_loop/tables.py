@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from operator import itemgetter
 
-from middeck.study.words import UNDETERMINED, Numbers, Table, deviation, fixed, percent
+from middeck.study.words import UNDETERMINED, Numbers, Table, cells, deviation, fixed, percent
 
 
 def poles_table(caption: str, numbers: Numbers) -> Table:
@@ -20,19 +20,9 @@ def poles_table(caption: str, numbers: Numbers) -> Table:
 
 def loops_table(caption: str, loops: Numbers) -> Table:
     """The performance of each loop by its name, predicted and measured."""
-    rows = [
-        [
-            name,
-            fixed(loop["log10_authority"], 2),
-            fixed(loop["predicted_db"], 3),
-            fixed(loop["measured_db"], 3),
-            fixed(loop["rms_error_db"], 3),
-            fixed(loop["worst_error_db"], 2),
-            fixed(loop["worst_hz"], 2),
-            fixed(loop["control_rms_nm"], 3),
-        ]
-        for name, loop in loops.items()
-    ]
+    digits = {"log10_authority": 2, "predicted_db": 3, "measured_db": 3, "rms_error_db": 3,
+              "worst_error_db": 2, "worst_hz": 2, "control_rms_nm": 3}  # fmt: skip
+    rows = [[name, *cells(loop, digits)] for name, loop in loops.items()]
     head = ("loop", "log10 authority", "predicted [dB]", "measured [dB]", "error of rms [dB]",
             "largest error of a line [dB]", "at [Hz]", "torque of the law, rms [N m]")  # fmt: skip
     return Table(caption, head, rows)
@@ -43,24 +33,22 @@ def modes_table(loops: Numbers, which: str = "CL1, CL2, CL3") -> Table:
     frequencies = next((loop["modes"] for loop in loops.values() if loop["modes"]), [])
     rows = [["static", *(fixed(loop["static_db"], 1) for loop in loops.values())]]
     for k, mode in enumerate(frequencies):
-        cells = (fixed(loop["modes"][k]["db"] if loop["modes"] else None, 1) for loop in loops.values())
-        rows.append([f"{mode['frequency_hz']:.2f} Hz", *cells])
+        peaks = (fixed(loop["modes"][k]["db"] if loop["modes"] else None, 1) for loop in loops.values())
+        rows.append([f"{mode['frequency_hz']:.2f} Hz", *peaks])
     head = ("payload at", *(f"{name} [dB]" for name in loops))
     return Table(f"Measured peaks over the open loop's, {which}", head, rows)
 
 
 def rig_table(loops: Numbers, pair_hz: float | None) -> Table:
     """Stability and margins of each loop on the rig, with the pair of modes near ``pair_hz`` shifted."""
+    digits = {"improvement_db": 2, "gain_margin_db": 1, "gain_margin_hz": 2, "phase_margin_deg": 1,
+              "phase_margin_hz": 2}  # fmt: skip
     rows = [
         [
             name,
             fixed(on["percent"], 0),
             "stable" if on["stable"] else f"unstable at {fixed(on['growth_hz'], 2)} Hz",
-            fixed(on["improvement_db"], 2),
-            fixed(on["gain_margin_db"], 1),
-            fixed(on["gain_margin_hz"], 2),
-            fixed(on["phase_margin_deg"], 1),
-            fixed(on["phase_margin_hz"], 2),
+            *cells(on, digits),
         ]
         for name, loop in loops.items()
         for on in loop["rig"]

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any
 
-from middeck.files.studies import Study
 from middeck.structure.comparison import ModeComparison
-from middeck.study.chapter import Chapter, Section
+from middeck.study.chapter import Chapter, Drawing, Entry
 from middeck.study.chapters.gravity_modes import numbers, sentences, tables
 from middeck.study.chapters.gravity_modes.figure_3 import figure_3
 from middeck.study.chapters.gravity_modes.figure_4 import figure_4
 from middeck.study.chapters.gravity_modes.figure_5 import figure_5
 from middeck.study.shared import compare_environments
 
+TITLE_3 = "Figure 3: the article in 0-g and hung in 1-g"
+TITLE_4 = "Figure 4: eigenfrequencies and eigenratios"
+TITLE_5 = "Figure 5: cross-orthogonality of 0-g and 1-g modes"
 
-def compute(study: Study, rng: np.random.Generator, comparison: ModeComparison) -> ModeComparison:
+
+def compute(study: Any, rng: Any, comparison: ModeComparison) -> ModeComparison:
     """The comparison itself, which Figure 7 needs too."""
     return comparison
 
@@ -25,31 +28,14 @@ GRAVITY_MODES = Chapter(
     stream=0,
     needs=(compare_environments,),
     compute=compute,
-    numbers={"figure_4": numbers.figure_4, "figure_5": numbers.figure_5},
-    sections=(
-        Section(
-            key="figure-3",
-            title="Figure 3: the article in 0-g and hung in 1-g",
-            draw=figure_3,
-            sentence=sentences.figure_3,
-            tables=tables.rest_tables,
-        ),
-        Section(
-            key="figure-4",
-            title="Figure 4: eigenfrequencies and eigenratios",
-            draw=figure_4,
-            sentence=sentences.figure_4,
-            tables=tables.mode_tables,
-            warnings_of="figure_4",
-        ),
-        Section(
-            key="figure-5",
-            title="Figure 5: cross-orthogonality of 0-g and 1-g modes",
-            draw=figure_5,
-            sentence=sentences.figure_5,
-            tables=tables.orthogonality_tables,
-            warnings_of="figure_5",
-        ),
+    entries=(
+        Entry("figure_4", numbers.figure_4, claims_at="figure-4", warnings_at="figure-4"),
+        Entry("figure_5", numbers.figure_5, claims_at="figure-5", warnings_at="figure-5"),
+    ),
+    drawings=(
+        Drawing("figure-3", TITLE_3, figure_3, sentences.figure_3, tables.rest_tables),
+        Drawing("figure-4", TITLE_4, figure_4, sentences.figure_4, tables.mode_tables),
+        Drawing("figure-5", TITLE_5, figure_5, sentences.figure_5, tables.orthogonality_tables),
     ),
     result=sentences.result,
 )

@@ -40,15 +40,9 @@ def mode_tables(figures: Numbers) -> list[Table]:
 
 def orthogonality_tables(figures: Numbers) -> list[Table]:
     """The pairs, and the rigid subspace."""
-    numbers, five = figures["figure_4"], figures["figure_5"]
+    numbers, matrix, mac = figures["figure_4"], figures["figure_5"]["matrix"], figures["figure_5"]["mac"]
     rows = [
-        [
-            str(j),
-            numbers["lab"]["name"][j],
-            str(i),
-            fixed(five["matrix"][i][j], 4),
-            fixed(five["mac"][i][j], 4),
-        ]
+        [str(j), numbers["lab"]["name"][j], str(i), fixed(matrix[i][j], 4), fixed(mac[i][j], 4)]
         for i, j in numbers["pairs"]
     ]
     angles = [[str(k + 1), fixed(a, 3)] for k, a in enumerate(numbers["subspace_angle_deg"])]

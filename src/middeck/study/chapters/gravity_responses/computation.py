@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from middeck.files.study_form import Figure6Form
+from middeck.files.studies import Study
 from middeck.identification.spectra import estimate_response
 from middeck.laboratory.linear_test import rig_plant, run_rig_experiment
-from middeck.laboratory.settings import LoopTest, RigSettings
-from middeck.structure.modes import Modes
 from middeck.structure.plants.modal_plant import build_plant
+from middeck.study.shared import find_modes
 from middeck.systems.plant import Plant
 from middeck.systems.response import FrequencyResponse, evaluate_plant
 from middeck.values import record
@@ -45,15 +44,10 @@ class GravityResponses:
     magnitude_error: MagnitudeError | None
 
 
-def study_gravity_responses(
-    orbit: Modes,
-    lab: Modes,
-    figure: Figure6Form,
-    rig: RigSettings,
-    test: LoopTest,
-    rng: np.random.Generator,
-) -> GravityResponses:
+def compute(study: Study, rng: np.random.Generator) -> GravityResponses:
     """Model both environments without PD, measure the rig in the laboratory, compare."""
+    figure, test = study.figure_6, study.loop_test
+    orbit, lab = (find_modes(*study.case(figure.article, environment)) for environment in ("orbit", "lab"))
     frequency_hz = np.geomspace(*figure.band_hz, LINES)
     plants = {
         environment: build_plant(
@@ -61,13 +55,13 @@ def study_gravity_responses(
         )
         for environment, modes in (("orbit", orbit), ("lab", lab))
     }
-    experiment = run_rig_experiment(rig_plant(lab, figure.input, figure.outputs), rig, test, rng)
+    experiment = run_rig_experiment(rig_plant(lab, figure.input, figure.outputs), study.rig, test, rng)
     measured = estimate_response(experiment.record, band_hz=figure.band_hz)
     return GravityResponses(
         evaluate_plant(plants["orbit"], frequency_hz),
         evaluate_plant(plants["lab"], frequency_hz),
         measured,
-        rig.delay_s,
+        study.rig.delay_s,
         _phase_gap(plants["lab"], measured),
         _magnitude_error(plants["orbit"], plants["lab"], measured, (figure.band_hz, test.band_hz)),
     )

@@ -8,26 +8,16 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from middeck.plot.curves import draw_bode, wrapped_phase_deg
+from middeck.plot.curves import bode_figure, draw_bode, wrapped_phase_deg
 from middeck.plot.ports import port_words
-from middeck.plot.style import COLOUR, DASHES, LABEL, frequency_axis, new_figure, phase_axis, styled
+from middeck.plot.style import COLOUR, DASHES, LABEL, styled
 from middeck.study.chapters.gravity_responses.computation import GravityResponses
 
 
-def figure_6a(responses: GravityResponses) -> Figure:
-    """The first rate, the payload's."""
-    return _figure(responses, 0)
-
-
-def figure_6b(responses: GravityResponses) -> Figure:
-    """The second rate, the bus's at the torque wheels."""
-    return _figure(responses, 1)
-
-
 @styled
-def _figure(responses: GravityResponses, output: int) -> Figure:
-    figure = new_figure(4.6)
-    magnitude, phase = figure.subplots(2, 1, sharex=True, height_ratios=[1.35, 1.0])
+def figure_6(responses: GravityResponses, output: int) -> Figure:
+    """The first rate, the payload's, or the second, the bus's at the torque wheels."""
+    figure, magnitude, phase = bode_figure(4.6, responses.orbit.frequency_hz)
     sides = {"rig": responses.rig, "orbit": responses.orbit, "lab": responses.lab}
     for side, response in sides.items():
         H, width = response.H[:, output, 0], 2.4 if side == "rig" else 1.1
@@ -38,11 +28,6 @@ def _figure(responses: GravityResponses, output: int) -> Figure:
     rate, torque = responses.rig.outputs[output].name, responses.rig.inputs[0].name
     magnitude.set_title(f"{port_words(rate)} per {port_words(torque)} torque")
     magnitude.legend(loc="best")
-    low, high = responses.orbit.frequency_hz[[0, -1]]
-    frequency_axis(magnitude, low, high, label=False)
-    frequency_axis(phase, low, high)
-    phase.tick_params(labelbottom=True)
-    phase_axis(phase)
     return figure
 
 

@@ -6,32 +6,15 @@ from middeck.plot.ports import port_words
 from middeck.study.words import Numbers, fixed
 
 
-def title_6a(figures: Numbers) -> str:
-    """Heading of the payload's figure."""
-    return f"Figure 6a: {_title_6(figures, 0)}"
-
-
-def title_6b(figures: Numbers) -> str:
-    """Heading of the bus's figure."""
-    return f"Figure 6b: {_title_6(figures, 1)}"
-
-
-def _title_6(figures: Numbers, output: int) -> str:
+def title(figures: Numbers, output: int) -> str:
+    """From torque to rate."""
     numbers = figures["figure_6"]
-    return f"{port_words(numbers['input'])} torque to {port_words(numbers['outputs'][output])}"
+    torque, rate = numbers["input"], numbers["outputs"][output]
+    return f"Figure 6{'ab'[output]}: {port_words(torque)} torque to {port_words(rate)}"
 
 
-def figure_6a(figures: Numbers) -> str:
-    """The payload."""
-    return _figure_6(figures, 0)
-
-
-def figure_6b(figures: Numbers) -> str:
-    """The bus."""
-    return _figure_6(figures, 1)
-
-
-def _figure_6(figures: Numbers, output: int) -> str:
+def sentence(figures: Numbers, output: int) -> str:
+    """How closely each model follows the rig."""
     numbers = figures["figure_6"]
     name, band = port_words(numbers["outputs"][output]), numbers["magnitude_error_band_hz"]
     if band is None:

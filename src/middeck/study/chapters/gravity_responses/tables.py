@@ -9,11 +9,8 @@ from middeck.study.words import Numbers, Table, fixed
 def response_tables(figures: Numbers) -> list[Table]:
     """Magnitude errors and the delay that explains the phase."""
     numbers = figures["figure_6"]
-    error, gap, band = (
-        numbers["magnitude_error_db"],
-        numbers["phase_gap_s"],
-        numbers["magnitude_error_band_hz"],
-    )
+    error, gap = numbers["magnitude_error_db"], numbers["phase_gap_s"]
+    band = numbers["magnitude_error_band_hz"]
     rows = [
         [
             port_words(name),

@@ -12,6 +12,7 @@ import numpy as np
 
 from middeck.control.lqg import LQGWeights, design_filter, design_lqg
 from middeck.control.robust import design_multimodel
+from middeck.files.studies import Study
 from middeck.files.study_form import SisoForm
 from middeck.identification.fit.fit_response import FitResult, fit_response
 from middeck.identification.measurement_model import model_response, natural_hz
@@ -19,7 +20,6 @@ from middeck.identification.plants.measured_plant import measured_plant
 from middeck.laboratory.article import RigArticle, rig_article_plant
 from middeck.laboratory.bench import Bench, build_bench, take_open_loop
 from middeck.laboratory.loop import RigLoop, judge_loops, view_rig
-from middeck.laboratory.settings import LoopTest, RigSettings
 from middeck.study.measured_loop.computation import DesignCase, MeasuredLoop, measure_loop
 from middeck.systems.modal import ModalSystem, output_rows
 from middeck.systems.plant import Plant
@@ -54,7 +54,6 @@ class MeasuredControl:
     drifted_fit: FitResult
     fitted: FrequencyResponse
     plant: Plant
-    pade_order: int
     pair_shift_hz: float
     drifted_percent: float
     below_fit: OutsideMode | None
@@ -62,11 +61,10 @@ class MeasuredControl:
     one_model: tuple[RigLoop, ...]
 
 
-def study_measured_control(
-    article: RigArticle, rig: RigSettings, test: LoopTest, siso: SisoForm, rng: np.random.Generator
-) -> MeasuredControl:
+def compute(study: Study, rng: np.random.Generator, article: RigArticle) -> MeasuredControl:
     """Excite, fit, design at two authorities and for two records, predict, then measure each loop."""
-    bench_at = partial(build_bench, article, rig, test, (siso.sensor,))
+    siso = study.siso
+    bench_at = partial(build_bench, article, study.rig, study.loop_test, (siso.sensor,))
     seed = int(rng.integers(2**63))  # one excitation for all
     shift = siso.pair_shift_percent
     views = {
@@ -94,7 +92,6 @@ def study_measured_control(
         drifted_fit,
         case.fitted,
         case.plant,
-        siso.pade_order,
         siso.pair_shift_hz,
         later,
         _below_fit(article, siso, fit),

@@ -6,20 +6,19 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from middeck.plot.curves import decibels, draw_bode
+from middeck.plot.curves import bode_figure, decibels, draw_bode
 from middeck.plot.ports import path_words
-from middeck.plot.style import COLOUR, FITTED, frequency_axis, new_figure, phase_axis, styled
+from middeck.plot.style import COLOUR, FITTED, styled
 from middeck.study.chapters.measured_control.computation import MeasuredControl
 
 
 @styled
 def figure_9a(control: MeasuredControl) -> Figure:
     """Magnitude and phase; the band of the fit is shaded, what lies below it is named."""
-    figure = new_figure(4.6)
-    magnitude, phase = figure.subplots(2, 1, sharex=True, height_ratios=[1.35, 1.0])
+    f, data, fit = control.open_loop.frequency_hz, control.open_loop.H[:, 0, 0], control.fitted.H[:, 0, 0]
+    figure, magnitude, phase = bode_figure(4.6, f)
     for axes in (magnitude, phase):
         axes.axvspan(*control.fit_band_hz, color=COLOUR["shade"], linewidth=0.0, zorder=0)
-    f, data, fit = control.open_loop.frequency_hz, control.open_loop.H[:, 0, 0], control.fitted.H[:, 0, 0]
     draw_bode(magnitude, phase, f, data, color=COLOUR["rig"], linewidth=1.8, label="data (simulated rig)")
     draw_bode(
         magnitude, phase, f, fit, color=COLOUR["prediction"], linewidth=1.1, linestyle=FITTED, label="fit"
@@ -28,11 +27,6 @@ def figure_9a(control: MeasuredControl) -> Figure:
     magnitude.set_ylabel("magnitude [dB re 1 rad per N m]")
     magnitude.set_title(path_words(control.open_loop))
     magnitude.legend(loc="lower left")
-    low, high = control.open_loop.frequency_hz[[0, -1]]
-    frequency_axis(magnitude, low, high, label=False)
-    frequency_axis(phase, low, high)
-    phase.tick_params(labelbottom=True)
-    phase_axis(phase)
     return figure
 
 

@@ -2,38 +2,22 @@
 
 from __future__ import annotations
 
-import numpy as np
+from middeck.study.chapter import Chapter, Drawing, Entry
+from middeck.study.chapters.mirror import claims, computation, drawing, numbers, sentences, tables
 
-from middeck.files.records import load_record
-from middeck.files.studies import Study
-from middeck.study.chapter import Chapter, Section
-from middeck.study.chapters.mirror import drawing, numbers, sentences, tables
-from middeck.study.chapters.mirror.claims import mirror_claims
-from middeck.study.chapters.mirror.computation import MirrorFit, study_mirror
-
-
-def compute(study: Study, rng: np.random.Generator) -> MirrorFit:
-    """On the two records that the study names."""
-    return study_mirror(load_record(study.train_file), load_record(study.test_file), study.mirror.states)
-
+TITLE = "A real steering mirror, measured and fitted"
+SOURCE = "study/chapters/mirror/source.html"
 
 MIRROR = Chapter(
     name="mirror",
     share=0.04,
     stream=5,
-    compute=compute,
-    numbers={"mirror": numbers.mirror},
-    sections=(
-        Section(
-            key="mirror",
-            title="A real steering mirror, measured and fitted",
-            draw=drawing.mirror,
-            sentence=sentences.mirror,
-            tables=tables.mirror_tables,
-            claims=mirror_claims,
-            warnings_of="mirror",
-            note="study/chapters/mirror/source.html",
+    compute=computation.compute,
+    entries=(
+        Entry(
+            "mirror", numbers.mirror, claims_at="mirror", warnings_at="mirror", claims=claims.mirror_claims
         ),
     ),
+    drawings=(Drawing("mirror", TITLE, drawing.mirror, sentences.mirror, tables.mirror_tables, SOURCE),),
     result=sentences.result,
 )

@@ -6,9 +6,9 @@ from middeck.study.claim import Claim, row
 from middeck.study.words import Numbers, percent
 
 
-def mirror_claims(figures: Numbers) -> list[Claim]:
+def mirror_claims(numbers: Numbers) -> list[Claim]:
     """One for each output."""
-    pairs = zip(figures["mirror"]["held_out_nrmse"], figures["mirror"]["published_nrmse"], strict=True)
+    pairs = zip(numbers["held_out_nrmse"], numbers["published_nrmse"], strict=True)
     return [
         row(
             f"mirror, output {k + 1}: held-out NRMSE no worse than the published {percent(theirs)}",

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
+from middeck.files.records import load_record
+from middeck.files.studies import Study
 from middeck.identification.fit.fit_response import FitResult, fit_response
 from middeck.identification.measurement_model import model_response
 from middeck.identification.simulation import nrmse
 from middeck.identification.spectra import estimate_response
-from middeck.systems.record import Record
 from middeck.systems.response import FrequencyResponse
 from middeck.values import record
 
@@ -27,10 +28,11 @@ class MirrorFit:
     held_out_nrmse: Float[np.ndarray, " output"]
 
 
-def study_mirror(train: Record, test: Record, states: int) -> MirrorFit:
-    """Fit ``states`` states to ``train``; NRMSE of the simulated outputs of ``test``."""
+def compute(study: Study, rng: np.random.Generator) -> MirrorFit:
+    """Fit one record; NRMSE of the simulated outputs of the other. Nothing is drawn from ``rng``."""
+    train, test = load_record(study.train_file), load_record(study.test_file)
     measured = estimate_response(train, band_hz=BAND_HZ)
-    fit = fit_response(measured, states=states, sample_hz=train.sample_hz)
+    fit = fit_response(measured, states=study.mirror.states, sample_hz=train.sample_hz)
     H = model_response(fit.model, measured.frequency_hz)
     fitted = FrequencyResponse(measured.frequency_hz, H, measured.inputs, measured.outputs)
     return MirrorFit(measured, fit, fitted, nrmse(fit.model, test))

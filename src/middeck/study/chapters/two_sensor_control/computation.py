@@ -14,17 +14,15 @@ import numpy as np
 from middeck.control.compensator import Compensator
 from middeck.control.lqg import LQGWeights, design_filter, design_lqg
 from middeck.control.shaping import second_order_section, shape_compensator
-from middeck.files.study_form import SisoForm, SitoForm
+from middeck.files.studies import Study
 from middeck.identification.fit.fit_response import FitResult
-from middeck.identification.measurement_model import model_response
-from middeck.identification.plants.measured_plant import measured_plant
 from middeck.laboratory.article import RigArticle
 from middeck.laboratory.article_rig import rig_delay
 from middeck.laboratory.bench import build_bench, take_closed_loop, take_open_loop
 from middeck.laboratory.loop import RigView, view_rig
-from middeck.laboratory.settings import LoopTest, RigSettings
 from middeck.study.chapters.two_sensor_control.measured_sensors import (
     MeasuredSensors,
+    design_case,
     fit_sensors,
     study_measured_sensors,
 )
@@ -84,41 +82,35 @@ class TwoSensorControl:
     deeper_at_mode_db: float | None
 
 
-def study_two_sensor_control(
-    article: RigArticle,
-    rig: RigSettings,
-    test: LoopTest,
-    siso: SisoForm,
-    sito: SitoForm,
-    rng: np.random.Generator,
-) -> TwoSensorControl:
+def compute(study: Study, rng: np.random.Generator, article: RigArticle) -> TwoSensorControl:
     """Excite once, fit the three paths together, search each design's reach, then measure the two loops."""
-    bench_at = partial(build_bench, article, rig, test, (siso.sensor, *sito.sensors))
+    sito = study.sito
+    bench_at = partial(build_bench, article, study.rig, study.loop_test, (study.siso.sensor, *sito.sensors))
     seed, shift = int(rng.integers(2**63)), sito.pair_shift_percent
     views = {
         p: view_rig(bench_at(np.random.default_rng(seed), shift_percent=p)) for p in (0.0, -shift, shift)
     }
     measured = take_open_loop(views[0.0].bench, rng)
-    sensors = study_measured_sensors(measured, rig_delay(article, rig), siso, sito)
+    sensors = study_measured_sensors(study, measured, rig_delay(article, study.rig))
     smaller = tuple(
-        _reach(fit_sensors(measured, states, band), measured, siso, sito, views, lead=False)
+        _reach(study, fit_sensors(measured, states, band), measured, views, lead=False)
         for states, band in zip(sito.smaller_states, sito.smaller_bands_hz, strict=True)
     )
-    payload, both = (_case(sensors.fit, measured, siso, sito, bus=bus) for bus in (False, True))
-    design = _designs(payload, siso, sito, lead=True)
+    payload, both = (design_case(study, sensors.fit, measured, bus=bus) for bus in (False, True))
+    design = _designs(study, payload, lead=True)
     level = find_level(design, payload, sito.payload.predicted_db)
     first = measure_loop("payload", level, design(10.0**level), payload, views, rng)
-    design = _designs(both, siso, sito, lead=False)
+    design = _designs(study, both, lead=False)
     level = find_level(design, both, sito.both.predicted_db)
     second = measure_loop("both", level, design(10.0**level), both, views, rng)
-    without_bus = _designs(payload, siso, sito, lead=False)(10.0**level)
+    without_bus = _designs(study, payload, lead=False)(10.0**level)
     mode_hz = _highest_hz(measured, 2, FLEXIBLE_HZ)
     at_mode = mode_hz * (1.0 - HALF_POWER), mode_hz * (1.0 + HALF_POWER)
     return TwoSensorControl(
         sensors,
         smaller,
-        _reach(sensors.fit, measured, siso, sito, views, lead=False),
-        _reach(sensors.fit, measured, siso, sito, views, lead=True),
+        _reach(study, sensors.fit, measured, views, lead=False),
+        _reach(study, sensors.fit, measured, views, lead=True),
         first,
         second,
         tuple(_over(loop.measured, measured, 2, FLEXIBLE_HZ) for loop in (first, second)),
@@ -130,20 +122,9 @@ def study_two_sensor_control(
     )
 
 
-def _case(
-    fit: FitResult, measured: FrequencyResponse, siso: SisoForm, sito: SitoForm, *, bus: bool = False
-) -> DesignCase:
-    """The plant of a fit, with the payload for its performance, or payload and bus."""
-    torque = (siso.actuator,)
-    z = (siso.sensor, sito.sensors[1]) if bus else (siso.sensor,)
-    plant = measured_plant(fit.model, pade_order=sito.pade_order, w=torque, u=torque, z=z, y=sito.sensors)
-    H = model_response(fit.model, measured.frequency_hz)
-    fitted = FrequencyResponse(measured.frequency_hz, H, measured.inputs, measured.outputs)
-    return DesignCase(fit.model, plant, fitted, measured, siso.band_hz, siso.excitation_nm)
-
-
-def _designs(case: DesignCase, siso: SisoForm, sito: SitoForm, *, lead: bool) -> Design:
+def _designs(study: Study, case: DesignCase, *, lead: bool) -> Design:
     """LQG by authority, with the lead about the pair behind it or without."""
+    siso, sito = study.siso, study.sito
     both = np.array([siso.angle_weight, sito.bus_weight])
     weights = LQGWeights(
         both[: len(case.plant.z)],
@@ -165,17 +146,11 @@ def _designs(case: DesignCase, siso: SisoForm, sito: SitoForm, *, lead: bool) ->
 
 
 def _reach(
-    fit: FitResult,
-    measured: FrequencyResponse,
-    siso: SisoForm,
-    sito: SitoForm,
-    views: Mapping[float, RigView],
-    *,
-    lead: bool,
+    study: Study, fit: FitResult, measured: FrequencyResponse, views: Mapping[float, RigView], *, lead: bool
 ) -> Reach:
-    case = _case(fit, measured, siso, sito)
+    case = design_case(study, fit, measured)
     what = f"{fit.model.states} states" + (" and the lead" if lead else "")
-    return find_reach(what, _designs(case, siso, sito, lead=lead), case, views)
+    return find_reach(what, _designs(study, case, lead=lead), case, views)
 
 
 def _highest_hz(response: FrequencyResponse, output: int, band_hz: tuple[float, float]) -> float:

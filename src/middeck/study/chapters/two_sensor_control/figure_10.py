@@ -6,9 +6,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from middeck.plot.curves import decibels, draw_bode
+from middeck.plot.curves import bode_figure, decibels, draw_bode
 from middeck.plot.ports import port_words
-from middeck.plot.style import COLOUR, FITTED, frequency_axis, new_figure, phase_axis, styled
+from middeck.plot.style import COLOUR, FITTED, styled
 from middeck.study.chapters.two_sensor_control.computation import TwoSensorControl
 from middeck.study.chapters.two_sensor_control.measured_sensors import MeasuredSensors
 
@@ -16,44 +16,21 @@ BELOW_DB = 9.0  # room under the curves for the zeros' marks
 
 
 @styled
-def figure_10a(control: TwoSensorControl) -> Figure:
-    """The encoder."""
-    return _draw(control.sensors, 1)
-
-
-@styled
-def figure_10b(control: TwoSensorControl) -> Figure:
-    """The bus."""
-    return _draw(control.sensors, 2)
-
-
-def _draw(sensors: MeasuredSensors, output: int) -> Figure:
-    figure = new_figure(4.9)
-    magnitude, phase = figure.subplots(2, 1, sharex=True, height_ratios=[1.35, 1.0])
+def figure_10(control: TwoSensorControl, output: int) -> Figure:
+    """The path to one sensor."""
+    sensors = control.sensors
     f, data = sensors.measured.frequency_hz, sensors.measured.H[:, output, 0]
     fitted = (f >= sensors.fit_band_hz[0]) & (f <= sensors.fit_band_hz[1])
     fit = sensors.fitted.H[fitted, output, 0]
+    figure, magnitude, phase = bode_figure(4.9, f)
     draw_bode(magnitude, phase, f, data, color=COLOUR["rig"], linewidth=1.8, label="data (simulated rig)")
-    draw_bode(
-        magnitude,
-        phase,
-        f[fitted],
-        fit,
-        color=COLOUR["prediction"],
-        linewidth=1.1,
-        linestyle=FITTED,
-        label="fit",
-    )
-    low, high = f[[0, -1]]
+    look = {"color": COLOUR["prediction"], "linestyle": FITTED, "label": "fit"}
+    draw_bode(magnitude, phase, f[fitted], fit, linewidth=1.1, **look)
     _mark_zeros(magnitude, sensors, output, float(decibels(data).min()))
     magnitude.set_ylabel("magnitude [dB re 1 rad per N m]")
     torque, angle = sensors.measured.inputs[0].name, sensors.measured.outputs[output].name
     magnitude.set_title(f"{port_words(torque)} torque to {port_words(angle)} angle")
     figure.legend(*magnitude.get_legend_handles_labels(), loc="outside upper right", ncols=4)
-    frequency_axis(magnitude, low, high, label=False)
-    frequency_axis(phase, low, high)
-    phase.tick_params(labelbottom=True)
-    phase_axis(phase)
     return figure
 
 

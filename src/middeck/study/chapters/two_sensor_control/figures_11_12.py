@@ -26,18 +26,8 @@ def figure_11(control: TwoSensorControl) -> Figure:
 
 
 @styled
-def figure_12a(control: TwoSensorControl) -> Figure:
-    """The payload."""
-    return _draw(control, 0)
-
-
-@styled
-def figure_12b(control: TwoSensorControl) -> Figure:
-    """The bus; shaded where its penalty is meant to act."""
-    return _draw(control, 2)
-
-
-def _draw(control: TwoSensorControl, output: int) -> Figure:
+def figure_12(control: TwoSensorControl, output: int) -> Figure:
+    """The payload or the bus; shaded where the bus's penalty is meant to act."""
     measured = control.sensors.measured
     torque, angle = measured.inputs[0].name, measured.outputs[output].name
     title = f"{port_words(torque)} torque to {port_words(angle)} angle"

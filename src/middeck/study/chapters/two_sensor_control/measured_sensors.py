@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 from jaxtyping import Float
 
-from middeck.files.study_form import SisoForm, SitoForm
+from middeck.files.studies import Study
 from middeck.identification.fit.doubts import FAR, HALF
 from middeck.identification.fit.fit_response import FitResult, fit_response
 from middeck.identification.measurement_model import damping_ratio, model_response, natural_hz
@@ -16,6 +16,7 @@ from middeck.identification.plants.measured_plant import measured_plant
 from middeck.identification.plants.zeros import Zeros, path_zeros
 from middeck.identification.uncertainty.parameters import zero_deviation
 from middeck.study.chapters.two_sensor_control.left_zeros import refit_left
+from middeck.study.measured_loop.computation import DesignCase
 from middeck.systems.plant import Plant
 from middeck.systems.response import FrequencyResponse, in_band
 from middeck.values import record
@@ -63,26 +64,26 @@ class MeasuredSensors:
     delay_s: float
 
 
-def study_measured_sensors(
-    measured: FrequencyResponse, delay_s: float, siso: SisoForm, sito: SitoForm
-) -> MeasuredSensors:
+def study_measured_sensors(study: Study, measured: FrequencyResponse, delay_s: float) -> MeasuredSensors:
     """Fit the three measured paths together and find the zeros of each; ``delay_s`` is for a claim alone."""
-    banded = in_band(measured, sito.fit_band_hz)
-    fit = fit_sensors(measured, sito.states, sito.fit_band_hz)
-    H = model_response(fit.model, measured.frequency_hz)
+    band_hz = study.sito.fit_band_hz
+    fit = fit_sensors(measured, study.sito.states, band_hz)
+    case, banded = design_case(study, fit, measured), in_band(measured, band_hz)
+    zeros = tuple(_sensor_zeros(fit, banded, o) for o in range(len(measured.outputs)))
+    return MeasuredSensors(band_hz, measured, fit, case.fitted, zeros, case.plant, delay_s)
+
+
+def design_case(
+    study: Study, fit: FitResult, measured: FrequencyResponse, *, bus: bool = False
+) -> DesignCase:
+    """The plant of a fit, with the payload for its performance, or payload and bus."""
+    siso, sito = study.siso, study.sito
     torque = (siso.actuator,)
-    plant = measured_plant(
-        fit.model, pade_order=sito.pade_order, w=torque, u=torque, z=(siso.sensor,), y=sito.sensors
-    )
-    return MeasuredSensors(
-        sito.fit_band_hz,
-        measured,
-        fit,
-        FrequencyResponse(measured.frequency_hz, H, measured.inputs, measured.outputs),
-        tuple(_sensor_zeros(fit, banded, o) for o in range(len(measured.outputs))),
-        plant,
-        delay_s,
-    )
+    z = (siso.sensor, sito.sensors[1]) if bus else (siso.sensor,)
+    plant = measured_plant(fit.model, pade_order=sito.pade_order, w=torque, u=torque, z=z, y=sito.sensors)
+    H = model_response(fit.model, measured.frequency_hz)
+    fitted = FrequencyResponse(measured.frequency_hz, H, measured.inputs, measured.outputs)
+    return DesignCase(fit.model, plant, fitted, measured, siso.band_hz, siso.excitation_nm)
 
 
 def fit_sensors(measured: FrequencyResponse, states: int | None, band_hz: tuple[float, float]) -> FitResult:

@@ -2,52 +2,33 @@
 
 from __future__ import annotations
 
-from middeck.files.json_results import response_numbers
-from middeck.identification.measurement_model import damping_ratio, natural_hz, path_delay
+from middeck.files.json_results import fitted_numbers, response_numbers
 from middeck.identification.plants.zeros import name_zeros
 from middeck.identification.uncertainty.parameters import stated
-from middeck.study.chapters.two_sensor_control.claims import (
-    figure_10_claims,
-    figure_11_claims,
-    figure_12_claims,
-)
+from middeck.study.chapters.two_sensor_control import claims
 from middeck.study.chapters.two_sensor_control.computation import TwoSensorControl
 from middeck.study.chapters.two_sensor_control.measured_sensors import MeasuredSensors, SensorZeros
-from middeck.study.measured_loop.numbers import loop_numbers
+from middeck.study.measured_loop.numbers import fit_numbers, loop_numbers
 from middeck.study.words import Numbers
 
 
 def figure_10a(control: TwoSensorControl) -> Numbers:
-    """The encoder."""
+    """The encoder's path of the common fit: its response, its zeros and its delay, and the poles of all."""
     return _path(control.sensors, 1)
 
 
 def figure_10b(control: TwoSensorControl) -> Numbers:
-    """The bus."""
-    return {**_path(control.sensors, 2), "claims": figure_10_claims(control.sensors)}
+    """The bus's path, and what is claimed of the three."""
+    return {**_path(control.sensors, 2), "claims": claims.figure_10_claims(control.sensors)}
 
 
 def _path(sensors: MeasuredSensors, output: int) -> Numbers:
-    """One path of the common fit: its response, its zeros and its delay, and the poles of all."""
-    fit, model = sensors.fit, sensors.fit.model
     return {
-        "input": sensors.measured.inputs[0].name,
-        "output": sensors.measured.outputs[output].name,
-        "data": response_numbers(sensors.measured, output=output),
-        "fit": response_numbers(sensors.fitted, output=output),
+        **fitted_numbers(sensors.measured, sensors.fitted, output=output),
         "zeros": _zeros(sensors.sensors[output]),
         "mirrored_error": sensors.sensors[output].mirrored_error,
-        "natural_hz": natural_hz(model),
-        "natural_hz_deviation": stated(fit.uncertainty.natural_hz),
-        "damping": damping_ratio(model),
-        "damping_deviation": stated(fit.uncertainty.damping),
-        "delay_s": path_delay(model)[output, 0],
-        "delay_deviation_s": stated(fit.uncertainty.delay_s)[output],
-        "fit_band_hz": sensors.fit_band_hz,
-        "relative_error": fit.error[output],
-        "states": model.states,
-        "plant_states": len(sensors.plant.system.A),
-        "warnings": fit.warnings,
+        **fit_numbers(sensors.fit, sensors.plant, sensors.fit_band_hz, output),
+        "warnings": sensors.fit.warnings,
     }
 
 
@@ -74,19 +55,18 @@ def figure_11(control: TwoSensorControl) -> Numbers:
         "open_loop": response_numbers(control.sensors.measured),
         "reach": designs,
         "payload": loop_numbers(control.payload),
-        "claims": figure_11_claims(control),
+        "claims": claims.figure_11_claims(control),
     }
 
 
 def figure_12(control: TwoSensorControl) -> Numbers:
     """Payload and bus held together: both closed-loop responses, and what the bus costs and gains."""
     sensors = control.sensors
+    measured = control.both.measured
     bus = {
         "open_loop": response_numbers(sensors.measured, output=2),
         "predicted": response_numbers(control.both.predicted, output=2),
-        "measured": None
-        if control.both.measured is None
-        else response_numbers(control.both.measured, output=2),
+        "measured": None if measured is None else response_numbers(measured, output=2),
     }
     return {
         "open_loop": response_numbers(sensors.measured),
@@ -98,5 +78,5 @@ def figure_12(control: TwoSensorControl) -> Numbers:
         "payload_deeper_db_7_to_9_hz": control.deeper_db,
         "payload_deeper_db_at_mode": control.deeper_at_mode_db,
         "mode_hz": control.mode_hz,
-        "claims": figure_12_claims(control),
+        "claims": claims.figure_12_claims(control),
     }

@@ -9,31 +9,15 @@ from middeck.study.words import Line, Numbers, fixed, percent, signed
 TOLD = 3.0  # deviations from the axis, from which on the side of a zero is told
 
 
-def title_10a(figures: Numbers) -> str:
-    """Heading of the encoder's figure."""
-    return f"Figure 10a: {_title_10(figures['figure_10a'])}"
+def title_10(figures: Numbers, entry: str) -> str:
+    """From torque to angle."""
+    torque, angle = (port_words(figures[entry][port]) for port in ("input", "output"))
+    return f"{entry.replace('_', ' ').capitalize()}: {torque} torque to {angle} angle"
 
 
-def title_10b(figures: Numbers) -> str:
-    """Heading of the bus's figure."""
-    return f"Figure 10b: {_title_10(figures['figure_10b'])}"
-
-
-def _title_10(numbers: Numbers) -> str:
-    return f"{port_words(numbers['input'])} torque to {port_words(numbers['output'])} angle"
-
-
-def figure_10a(figures: Numbers) -> str:
-    """The encoder."""
-    return _figure_10(figures["figure_10a"])
-
-
-def figure_10b(figures: Numbers) -> str:
-    """The bus."""
-    return _figure_10(figures["figure_10b"])
-
-
-def _figure_10(numbers: Numbers) -> str:
+def figure_10(figures: Numbers, entry: str) -> str:
+    """The fit of one path and its zeros in the right half-plane."""
+    numbers = figures[entry]
     low, high = numbers["fit_band_hz"]
     name = port_words(numbers["output"])
     inside = [z for z in numbers["zeros"] if low <= z["frequency_hz"] <= high]

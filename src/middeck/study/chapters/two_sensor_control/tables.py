@@ -5,7 +5,7 @@ from __future__ import annotations
 from middeck.plot.ports import port_words
 from middeck.study.chapters.two_sensor_control.sentences import half_plane
 from middeck.study.measured_loop.tables import loops_table, modes_table, poles_table, rig_table
-from middeck.study.words import Numbers, Table, deviation, fixed, percent
+from middeck.study.words import Numbers, Table, cells, deviation, fixed, percent
 
 
 def encoder_tables(figures: Numbers) -> list[Table]:
@@ -43,17 +43,8 @@ def _path_tables(numbers: Numbers) -> list[Table]:
 def reach_tables(figures: Numbers) -> list[Table]:
     """How far each design goes, then the loop that was measured."""
     numbers = figures["figure_11"]
-    rows = [
-        [
-            reach["what"],
-            fixed(reach["log10_authority"], 2),
-            fixed(reach["predicted_db"], 2),
-            fixed(reach["least_db"], 2),
-            fixed(reach["stopped_hz"], 2),
-            "–" if reach["stopped_percent"] is None else fixed(reach["stopped_percent"], 0),
-        ]
-        for reach in numbers["reach"]
-    ]
+    digits = {"log10_authority": 2, "predicted_db": 2, "least_db": 2, "stopped_hz": 2, "stopped_percent": 0}
+    rows = [[reach["what"], *cells(reach, digits)] for reach in numbers["reach"]]
     head = ("design on", "last stable log10 authority", "predicted [dB]", "least on the rig [dB]",
             "then unstable at [Hz]", "with the pair at [%]")  # fmt: skip
     loops = {"payload": numbers["payload"]}

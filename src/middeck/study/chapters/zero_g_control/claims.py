@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from middeck.study.chapters.zero_g_control.computation import SubModelSweep, ZeroGControl
-from middeck.study.claim import Claim, at_most, row
+from middeck.study.claim import Claim, at_most, below, row
 
 LEADS = 0.5  # share of all structural states from which on one mode leads an instability
 
@@ -39,7 +39,7 @@ def _level_claims(whole: SubModelSweep) -> list[Claim]:
             f"= {sweep.stable[orbit].size}",
             "levels",
         ),
-        row("1-g is better than 0-g at low authority [dB]", low is not None and low < 0.0, low, "< 0", "dB"),
+        below("1-g is better than 0-g at low authority [dB]", low, 0.0),
     ]
 
 

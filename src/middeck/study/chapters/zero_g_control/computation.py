@@ -19,7 +19,9 @@ from middeck.control.closed_loop import ClosedLoop, close_loop, leave_open
 from middeck.control.lqg import LQGWeights, design_filter, design_lqg
 from middeck.control.performance import Performance, measure_metric
 from middeck.errors import ConfigError, NumericalError
+from middeck.files.studies import Study
 from middeck.files.study_form import ControlForm
+from middeck.structure.comparison import ModeComparison
 from middeck.structure.modes import Modes
 from middeck.structure.plants.damping import damped_kinds
 from middeck.structure.plants.modal_plant import build_plant
@@ -103,6 +105,11 @@ def sub_model(plant: Plant, kinds: tuple[str, ...], which: str) -> Plant:
     keep = {"all": np.ones(len(flexible), dtype=bool), "flexible": flexible, "rigid": ~flexible}[which]
     assert isinstance(plant.dynamics, ModalSystem)
     return dataclasses.replace(plant, dynamics=select_modes(plant.dynamics, keep), state_names=())
+
+
+def compute(study: Study, rng: np.random.Generator, comparison: ModeComparison) -> ZeroGControl:
+    """On the modes that Figures 4 and 5 compare; nothing is drawn from ``rng``."""
+    return study_zero_g_control({"orbit": comparison.orbit, "lab": comparison.lab}, study.control)
 
 
 def study_zero_g_control(modes: Mapping[str, Modes], control: ControlForm) -> ZeroGControl:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from middeck.study.words import Numbers, Table, fixed, significant
+from middeck.study.words import Numbers, Table, cells, fixed, significant
 
 SUB_MODELS = {"all": "full", "rigid": "rigid", "flexible": "flexible"}
 
@@ -10,14 +10,11 @@ SUB_MODELS = {"all": "full", "rigid": "rigid", "flexible": "flexible"}
 def authority_tables(figures: Numbers) -> list[Table]:
     """Disturbance, reference, first instabilities and all decibels."""
     numbers = figures["figure_7"]
-    metric = numbers["metric_3sigma_deg_pd"]
+    intensity, metric = numbers["disturbance_psd_two_sided"], numbers["metric_3sigma_deg_pd"]
     references = [[f"1-g under PD alone, {name} [dB]", fixed(numbers[which]["reference_db_lab_pd"], 3)]
                   for which, name in SUB_MODELS.items()]  # fmt: skip
     rows = [
-        [
-            "disturbance intensity S_w, two-sided [(N m)²/Hz]",
-            significant(numbers["disturbance_psd_two_sided"], 6),
-        ],
+        ["disturbance intensity S_w, two-sided [(N m)²/Hz]", significant(intensity, 6)],
         ["3σ of the metric, 0-g, PD alone [deg]", fixed(metric["orbit"], 4)],
         ["3σ of the metric, 1-g, PD alone [deg]", fixed(metric["lab"], 4)],
         *references,
@@ -46,9 +43,7 @@ def _onset(first: Numbers | None) -> list[str]:
         fixed(first["log10_authority"], 3),
         fixed(first["frequency_hz"], 4) if first["unstable_pairs"] else "divergence",
         first["mode_name"],
-        fixed(first["mode_frequency_hz"], 4),
-        fixed(first["participation"], 3),
-        fixed(first["compensator_share"], 3),
+        *cells(first, {"mode_frequency_hz": 4, "participation": 3, "compensator_share": 3}),
     ]
 
 
