@@ -3,25 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from middeck.report.summary import came_out, chapters_of, claim_rows, does_not_hold, warned
-from middeck.study.words import Numbers, Table
-
-
-class Section(NamedTuple):
-    """One section with its sentence and tables."""
-
-    key: str
-    title: str
-    sentence: str
-    svg: Markup
-    tables: list[Table]
-    warnings: list[str]
-    note: str
+from middeck.study.words import Numbers
 
 
 def render_page(title: str, numbers: Numbers, drawings: Mapping[str, str]) -> str:
@@ -43,26 +30,12 @@ def render_page(title: str, numbers: Numbers, drawings: Mapping[str, str]) -> st
         claims=claims,
         came_out=came_out(figures, claims),
         lacking=does_not_hold(figures, claims),
-        sections=_sections(figures, drawings),
+        figures=figures,
+        sections=[drawing for chapter in chapters_of(figures) for drawing in chapter.drawings],
+        svg={key: Markup(svg) for key, svg in drawings.items()},  # our own, whose texts are escaped already
+        warnings=warned(figures),
         versions=numbers["versions"],
         inputs=inputs,
         overrides=overrides,
         seed=seed,
     )
-
-
-def _sections(figures: Numbers, drawings: Mapping[str, str]) -> list[Section]:
-    told = warned(figures)
-    return [
-        Section(
-            d.key,
-            d.heading(figures),
-            d.sentence(figures),
-            Markup(drawings[d.key]),  # our own SVG, whose texts are escaped already
-            d.tables(figures),
-            [line.text for line in told if line.section == d.key],
-            d.note,
-        )
-        for chapter in chapters_of(figures)
-        for d in chapter.drawings
-    ]

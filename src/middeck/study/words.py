@@ -80,11 +80,6 @@ def percent(share: float, digits: int = 2) -> str:
     return f"{fixed(100.0 * share, digits)} %"
 
 
-def yes_no(value: bool) -> str:
-    """``yes`` or ``no``."""
-    return "yes" if value else "no"
-
-
 def signed(value: float) -> str:
     """With its sign.
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from middeck.study.chapter import Chapter, Drawing, Entry
 from middeck.study.chapters.measured_control import computation, numbers, sentences, tables
-from middeck.study.chapters.measured_control.figure_9a import figure_9a
-from middeck.study.chapters.measured_control.figure_9b import figure_9b
+from middeck.study.chapters.measured_control.figure_9 import figure_9a, figure_9b
 from middeck.study.shared import rig_article
 
 TITLE_A = "Figure 9a: measured response and fit"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from middeck.study.words import Numbers, Table, percent, yes_no
+from middeck.study.words import Numbers, Table, percent
 
 
 def mirror_tables(figures: Numbers) -> list[Table]:
@@ -11,7 +11,7 @@ def mirror_tables(figures: Numbers) -> list[Table]:
     outputs = list(dict.fromkeys(entry["output"] for entry in numbers["entries"]))
     columns = (numbers[k] for k in ("held_out_nrmse", "published_nrmse", "relative_error"))
     rows = [
-        [name, percent(ours), percent(theirs), yes_no(ours <= theirs), percent(error)]
+        [name, percent(ours), percent(theirs), "yes" if ours <= theirs else "no", percent(error)]
         for name, ours, theirs, error in zip(outputs, *columns, strict=True)
     ]
     head = ("output", "held-out NRMSE", "published", "no worse", "relative error of the fit")

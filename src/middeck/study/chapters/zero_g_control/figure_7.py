@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -37,18 +38,9 @@ FIGURE_7B = (
 )
 
 
-def figure_7a(control: ZeroGControl) -> Figure:
-    """The full model and the one without flexible modes."""
-    return _figure(control, FIGURE_7A, "0-g controllers on the full and the rigid model")
-
-
-def figure_7b(control: ZeroGControl) -> Figure:
-    """The flexible modes alone."""
-    return _figure(control, FIGURE_7B, "0-g controllers on the flexible modes alone")
-
-
 @styled
-def _figure(control: ZeroGControl, curves: tuple[Curve, ...], title: str) -> Figure:
+def figure_7(control: ZeroGControl, curves: tuple[Curve, ...], title: str) -> Figure:
+    """Some sub-models over authority, and below them where their 1-g loops are unstable."""
     figure = new_figure(4.4)
     lab = [curve for curve in curves if curve.environment == "lab"]
     performance, strip = figure.subplots(2, 1, sharex=True, height_ratios=[9.0, 0.55 + 0.45 * len(lab)])
@@ -57,6 +49,10 @@ def _figure(control: ZeroGControl, curves: tuple[Curve, ...], title: str) -> Fig
     performance.set_title(title)
     strip.set_xlabel("log10 of control authority")
     return figure
+
+
+figure_7a = partial(figure_7, curves=FIGURE_7A, title="0-g controllers on the full and the rigid model")
+figure_7b = partial(figure_7, curves=FIGURE_7B, title="0-g controllers on the flexible modes alone")
 
 
 def draw_performance(axes: Axes, control: ZeroGControl, curves: tuple[Curve, ...] = FIGURE_7A) -> None:

@@ -1,4 +1,4 @@
-"""Figure 9a: gimbal torque to payload angle as measured, and the pole-zero-delay fit to it."""
+"""Figures 9a and 9b: gimbal torque to payload angle, measured and fitted; open, and closed by three laws."""
 
 from __future__ import annotations
 
@@ -10,6 +10,13 @@ from middeck.plot.curves import bode_figure, decibels, draw_bode
 from middeck.plot.ports import path_words
 from middeck.plot.style import COLOUR, FITTED, styled
 from middeck.study.chapters.measured_control.computation import MeasuredControl
+from middeck.study.measured_loop.drawing import Look, begin_loops, draw_measured, draw_predicted, end_loops
+
+LOOKS = {
+    "low": Look("CL1, low authority", COLOUR["low"], (0, (1, 2))),
+    "high": Look("CL2, high authority", COLOUR["high"], (0, (6, 3))),
+    "robust": Look("CL3, for two records", COLOUR["robust"], (0, (6, 2, 1, 2))),
+}
 
 
 @styled
@@ -53,3 +60,15 @@ def _name_what_is_outside(axes: Axes, control: MeasuredControl) -> None:
         fontsize=8.0,
         arrowprops={"arrowstyle": "-", "linewidth": 0.7, "color": COLOUR["ink"]},
     )
+
+
+@styled
+def figure_9b(control: MeasuredControl) -> Figure:
+    """The open loop and the three closed ones."""
+    title = f"{path_words(control.open_loop)}; dB: rms angle in the band over the open loop's"
+    figure, axes = begin_loops(control.open_loop, title)
+    for loop in control.loops:
+        draw_measured(axes, loop, LOOKS[loop.name])
+    for loop in control.loops:
+        draw_predicted(axes, loop, LOOKS[loop.name])
+    return end_loops(figure, axes)
