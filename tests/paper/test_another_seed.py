@@ -9,8 +9,8 @@ from middeck.identification.fit.race import recommend_states
 from middeck.identification.fit.weights import spread_of
 from middeck.laboratory.article_rig import build_rig_article
 from middeck.laboratory.bench import build_bench, take_open_loop
-from middeck.laboratory.linear_test import in_band
 from middeck.study.chapters.two_sensor_control.chapter import TWO_SENSOR_CONTROL
+from middeck.systems.response import in_band
 
 
 def test_a_search_does_not_end_while_a_mode_is_lacking():
