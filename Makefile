@@ -16,10 +16,10 @@ picture: study  ## the picture of the README
 	cp out/mace-1993/figures/mace-1993.svg docs/images/
 
 test: check  ## lint, types, import contract, tests, docs examples
-	$(BIN)/python -m pytest -rs -n 2 --dist loadgroup
+	$(BIN)/python -m pytest -rs -n 2 --dist loadfile
 
 test-all: check  ## the same with every long campaign whole; writes tests/results.json
-	MIDDECK_LONG=1 $(BIN)/python -m pytest -rs -n 2 --dist loadgroup
+	MIDDECK_LONG=1 $(BIN)/python -m pytest -rs -n 2 --dist loadfile
 
 kernels: $(VENV)/dev.stamp  ## marked tests and the study as other processors compute them, and what differs
 	$(BIN)/python .ci/kernels.py -o out/kernels

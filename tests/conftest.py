@@ -14,7 +14,6 @@ import pytest  # noqa: E402
 from hypothesis import settings  # noqa: E402
 
 from middeck.files.studies import load_study  # noqa: E402
-from middeck.study.stages import run_stages  # noqa: E402
 
 LONG = os.environ.get("MIDDECK_LONG") == "1"
 SEED = 1993
@@ -39,12 +38,30 @@ def campaign():
     return seeds
 
 
-@pytest.hookimpl(tryfirst=True)  # before the workers put the group into the names
+# They take the paper's study, and stay on one worker so that it runs once.
+PAPER = {"tests/edges/test_numbers.py", "tests/edges/test_report.py", "tests/paper/test_study_claims.py"}
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """Files stay whole on a worker, and what their fixtures of a module share is computed once."""
+    from xdist.scheduler import LoadScopeScheduling
+
+    class ByFile(LoadScopeScheduling):
+        def _split_scope(self, nodeid):
+            file = nodeid.partition("::")[0]
+            return "paper" if file in PAPER else file
+
+    return ByFile(config, log)
+
+
 def pytest_collection_modifyitems(items):
-    """Files stay whole on a worker; those that need the paper's study share one, which then runs it once."""
-    shared = {item.path for item in items if "paper_outcomes" in getattr(item, "fixturenames", ())}
-    for item in items:
-        item.add_marker(pytest.mark.xdist_group("paper" if item.path in shared else str(item.path)))
+    """Refuse another file that would run the paper's study once more."""
+    takers = {
+        i.nodeid.partition("::")[0] for i in items if "paper_outcomes" in getattr(i, "fixturenames", ())
+    }
+    if takers - PAPER:
+        raise pytest.UsageError(f"add {', '.join(takers - PAPER)} to PAPER in tests/conftest.py")
 
 
 @pytest.fixture(scope="session")
@@ -55,8 +72,10 @@ def paper_study():
 
 @pytest.fixture(scope="session")
 def paper_outcomes(paper_study):
-    """Its stages but the mirror, which has its own tests and takes long; once a session."""
-    return {name: run() for name, run in run_stages(paper_study) if name != "mirror"}
+    """Its chapters but the mirror, which has its own tests and takes long; once a session."""
+    from middeck.study.mission import run_chapters  # with matplotlib, which few tests need
+
+    return {name: run() for name, run in run_chapters(paper_study) if name != "mirror"}
 
 
 @pytest.fixture(scope="session")

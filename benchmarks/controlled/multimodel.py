@@ -50,8 +50,13 @@ from middeck.control.robust import (
     worst_db,
 )
 from middeck.files.studies import load_study
-from middeck.study.gravity import find_modes
-from middeck.study.zero_g_control import _disturbance_psd, _performance, control_plant, design_weights
+from middeck.study.chapters.zero_g_control.computation import (
+    _disturbance_psd,
+    _performance,
+    control_plant,
+    design_weights,
+)
+from middeck.study.shared import find_modes
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests" / "truth"))

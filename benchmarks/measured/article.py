@@ -20,7 +20,7 @@ from middeck.files.studies import load_study
 from middeck.identification import estimate_response, fit_response, model_response
 from middeck.structure.equilibrium import solve_equilibrium
 from middeck.structure.modes import solve_modes
-from middeck.study.zero_g_control import control_plant
+from middeck.study.chapters.zero_g_control.computation import control_plant
 from middeck.systems.plant import subsystem
 from middeck.systems.ports import Port
 from middeck.systems.record import Record

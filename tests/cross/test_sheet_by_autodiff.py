@@ -18,12 +18,12 @@ import pytest
 
 from conftest import LONG
 from middeck.files.studies import Study, load_study
-from middeck.structure.comparison import ModeComparison
+from middeck.structure.comparison import ModeComparison, compare_modes
 from middeck.structure.equilibrium import node_rotations, solve_equilibrium
 from middeck.structure.modes import solve_modes
 from middeck.structure.plants.modal_plant import build_plant
-from middeck.study.gravity import study_gravity
-from middeck.study.zero_g_control import SUB_MODELS, ZeroGControl, study_zero_g_control
+from middeck.study.chapters.zero_g_control.computation import SUB_MODELS, ZeroGControl, study_zero_g_control
+from middeck.study.shared import find_modes
 from middeck.systems.response import evaluate_plant
 
 HERE = Path(__file__).parent
@@ -59,8 +59,8 @@ class Case:
         self.control: ZeroGControl = study_zero_g_control(sides, self.study.control)
 
     def _compare(self, article: str) -> ModeComparison:
-        structure, orbit = self.study.case(article, "orbit")
-        return study_gravity(structure, orbit, self.study.case(article, "lab")[1], 26)
+        orbit, lab = (find_modes(*self.study.case(article, side)) for side in ("orbit", "lab"))
+        return compare_modes(orbit, lab, 26)
 
 
 @pytest.fixture(scope="module", params=[n for n in CASES if LONG or n in QUICK])

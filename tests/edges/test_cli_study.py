@@ -15,8 +15,9 @@ import pytest
 
 from cli_runner import ROOT, middeck, script
 from middeck.cli.progress import follow
-from middeck.study.stages import STAGES
+from middeck.study.mission import CHAPTERS
 
+NAMES = [chapter.name for chapter in CHAPTERS]
 STUDY = ROOT / "studies/mace-1993.toml"
 Capture = pytest.CaptureFixture[str]
 
@@ -123,26 +124,26 @@ class FakeWriter:
 
 @pytest.fixture
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Stages that cost nothing; the real ones run in the campaign of `make test-all` and in `make study`."""
+    """Chapters that cost nothing; real ones run in the campaign of `make test-all` and in `make study`."""
 
-    def stages(study: object) -> object:
-        return iter([(name, lambda name=name: f"outcome of {name}") for name in STAGES])
+    def chapters(study: object) -> object:
+        return iter([(name, lambda name=name: f"outcome of {name}") for name in NAMES])
 
-    monkeypatch.setattr("middeck.study.stages.run_stages", stages)
+    monkeypatch.setattr("middeck.study.mission.run_chapters", chapters)
     monkeypatch.setattr("middeck.report.build.StudyWriter", FakeWriter)
 
 
 @pytest.mark.usefixtures("quick")
-def test_every_stage_reaches_the_writer_and_its_time_is_printed(tmp_path: Path, capfd: Capture) -> None:
+def test_every_chapter_reaches_the_writer_and_its_time_is_printed(tmp_path: Path, capfd: Capture) -> None:
     ended = middeck(capfd, "study", STUDY, "-o", tmp_path / "out", "--json")
     assert ended.code == 0
     found = json.loads(ended.out)
     assert found["schema"] == "middeck.study/1"
-    assert list(found["time_s"]) == list(STAGES)
+    assert list(found["time_s"]) == NAMES
     assert found["files"] == [(tmp_path / "out/seen.json").as_posix()]
-    assert json.loads((tmp_path / "out/seen.json").read_text()) == list(STAGES)
+    assert json.loads((tmp_path / "out/seen.json").read_text()) == NAMES
     lines = ended.err.splitlines()
-    assert [line.rpartition("  ")[0] for line in lines] == list(STAGES)
+    assert [line.rpartition("  ")[0] for line in lines] == NAMES
     assert all(line.endswith(" s") for line in lines)
 
 

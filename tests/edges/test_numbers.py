@@ -8,8 +8,7 @@ import jsonschema
 import pytest
 
 from middeck.files.json_output import json_text
-from middeck.study.numbers import study_numbers
-from middeck.study.stages import STAGES
+from middeck.study.mission import CHAPTERS, study_numbers
 
 REFERENCE = Path(__file__).parents[1] / "reference" / "numbers.schema.json"
 SHIPPED = json.loads(files("middeck.study").joinpath("numbers.schema.json").read_text())
@@ -17,7 +16,7 @@ SHIPPED = json.loads(files("middeck.study").joinpath("numbers.schema.json").read
 
 @pytest.fixture(scope="module")
 def numbers(paper_study, paper_outcomes):
-    assert list(paper_outcomes) == [name for name in STAGES if name != "mirror"]
+    assert list(paper_outcomes) == [c.name for c in CHAPTERS if c.name != "mirror"]
     return json.loads(json_text(study_numbers(paper_study, paper_outcomes)))
 
 

@@ -27,21 +27,20 @@ from matplotlib.colors import to_hex, to_rgb
 from middeck.files.studies import load_study
 from middeck.files.study_form import RigForm
 from middeck.plot.curves import keep_extremes, wrapped_phase_deg
-from middeck.plot.figure_3 import figure_3
-from middeck.plot.figure_7 import figure_7a, figure_7b
-from middeck.plot.picture import headline
 from middeck.plot.ports import port_words
 from middeck.plot.svg import svg_text
 from middeck.report.build import StudyWriter
-from middeck.report.drawings import DRAWINGS
-from middeck.report.page import claim_rows
-from middeck.report.sentences import half_plane, held
-from middeck.report.summary import came_out, does_not_hold, warned
-from middeck.report.words import fixed
-from middeck.study.stages import run_stages
+from middeck.report.summary import came_out, claim_rows, does_not_hold, warned
+from middeck.study.chapters.gravity_modes.figure_3 import figure_3
+from middeck.study.chapters.two_sensor_control.sentences import half_plane
+from middeck.study.chapters.zero_g_control.figure_7 import figure_7a, figure_7b
+from middeck.study.measured_loop.sentences import held
+from middeck.study.mission import CHAPTERS, run_chapters
+from middeck.study.picture import headline
+from middeck.study.words import fixed
 
 ROOT = Path(__file__).parents[2]
-REDUCED = ("mirror.states=6",)  # every stage is run for real, none for long
+REDUCED = ("mirror.states=6",)  # every chapter is run for real, none for long
 FIGURES = ("3", "4", "5", "6a", "6b", "7a", "7b", "9a", "9b", "10a", "10b", "11", "12a", "12b")
 PRINT_WIDTH_MM, PRINT_HEIGHT_MM = 178.0, 265.0  # A4 less the margins of the print style
 BROWSER_FLAGS = (
@@ -64,8 +63,8 @@ def study():
 
 @pytest.fixture(scope="session")
 def outcomes(study, paper_outcomes):
-    """Stages that the reduction does not touch are those of the whole study: each has its own stream."""
-    return {**paper_outcomes, "mirror": dict(run_stages(study))["mirror"]()}
+    """Chapters that the reduction does not touch are those of the whole study: each has its own stream."""
+    return {**paper_outcomes, "mirror": dict(run_chapters(study))["mirror"]()}
 
 
 @pytest.fixture(scope="session")
@@ -566,11 +565,14 @@ def looks(line: Any) -> tuple[Any, ...]:
     return line._unscaled_dash_pattern, line.get_marker(), filled, round(line.get_linewidth() / 0.8)
 
 
-@pytest.mark.parametrize("key", [d.key for stage in DRAWINGS.values() for d in stage])
+DRAWN = {d.key: (chapter.name, d.draw) for chapter in CHAPTERS for d in chapter.drawings}
+
+
+@pytest.mark.parametrize("key", DRAWN)
 def test_curves_are_told_apart_without_colour(outcomes, key):
     """By dashes, markers, width, or in grey by 20 of 100."""
-    (outcome, drawing) = next((o, d) for o in outcomes.values() for d in DRAWINGS[type(o)] if d.key == key)
-    for axes in drawing.draw(outcome).axes:
+    name, draw = DRAWN[key]
+    for axes in draw(outcomes[name]).axes:
         named = [line for line in axes.lines if not str(line.get_label()).startswith("_")]
         for a, b in itertools.combinations(named, 2):
             apart = abs(lightness(a.get_color()) - lightness(b.get_color()))

@@ -20,10 +20,10 @@ from middeck.errors import ConfigError
 from middeck.files.json_output import json_text
 from middeck.files.studies import load_study
 from middeck.report.build import StudyWriter
-from middeck.study.claims import figure_7_claims
-from middeck.study.numbers import figure_numbers
-from middeck.study.stages import run_stages
-from middeck.study.zero_g_control import ZeroGControl
+from middeck.study.chapters.zero_g_control.chapter import ZERO_G_CONTROL
+from middeck.study.chapters.zero_g_control.claims import figure_7_claims
+from middeck.study.chapters.zero_g_control.computation import ZeroGControl
+from middeck.study.mission import run_chapters
 
 ROOT = Path(__file__).parents[2]
 STUDY = ROOT / "studies/mace-1993.toml"
@@ -83,12 +83,12 @@ RESULTS: dict[str, Result] = {}
 
 @pytest.fixture(scope="module")
 def result(case: str, tmp_path_factory: pytest.TempPathFactory) -> Result:
-    """All stages but the mirror, on which none of these values acts."""
+    """All chapters but the mirror, on which none of these values acts."""
     if case not in RESULTS:
         study = load_study(STUDY, (*SHORT, *(CASES | LONG_CASES)[case]))
         out = tmp_path_factory.mktemp("case")
         writer = StudyWriter(out, study)
-        for name, compute in run_stages(study):
+        for name, compute in run_chapters(study):
             if name != "mirror":
                 writer.add(name, compute())
         writer.finish()
@@ -186,9 +186,7 @@ def test_heavy_nothing_is_said_of_what_is_not_measured(of) -> None:
 def late() -> ZeroGControl:
     """Figure 7 at three levels, the first of which is unstable in 1-g already."""
     study = load_study(STUDY, ("control.log10_authority_first=3", "control.levels=3"))
-    stages = dict(run_stages(study))
-    stages["figures 4 and 5"]()
-    outcome = stages["figure 7"]()
+    outcome = dict(run_chapters(study))["figure 7"]()
     assert isinstance(outcome, ZeroGControl)
     return outcome
 
@@ -199,7 +197,7 @@ def test_an_unstable_first_level_has_no_decibels_and_ends_no_study(late: ZeroGCo
     assert (low["holds"], low["number"]) == (False, None)
     repeats = rows["the rigid sub-model repeats it with the same mode within 0.25 decade"]
     assert (repeats["holds"], repeats["number"]) == (False, None)
-    json_text(figure_numbers(late))  # raises for what is not finite
+    json_text(ZERO_G_CONTROL.tabulate(late))  # raises for what is not finite
 
 
 def leaves(table: dict[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:
@@ -271,10 +269,9 @@ def test_what_no_stage_can_use_is_refused_with_its_key(override: str) -> None:
 
 @pytest.mark.parametrize("kept", [8, 10])
 def test_too_few_modes_are_refused_with_the_number_that_is_needed(kept: int) -> None:
-    stages = dict(run_stages(load_study(STUDY, (f"control.modes_kept={kept}",))))
-    stages["figures 4 and 5"]()
+    chapters = dict(run_chapters(load_study(STUDY, (f"control.modes_kept={kept}",))))
     with pytest.raises(ConfigError, match="no flexible one") as caught:
-        stages["figure 7"]()
+        chapters["figure 7"]()
     assert caught.value.where == "control.modes_kept"
     assert "at least 11" in caught.value.hint
 
@@ -283,10 +280,9 @@ PROGRAM = """
 import sys
 from middeck.files.json_output import json_text
 from middeck.files.studies import load_study
-from middeck.study.numbers import study_numbers
-from middeck.study.stages import run_stages
+from middeck.study.mission import run_chapters, study_numbers
 study = load_study(sys.argv[2], sys.argv[3:])
-outcomes = {name: compute() for name, compute in run_stages(study) if name not in sys.argv[1].split(",")}
+outcomes = {name: compute() for name, compute in run_chapters(study) if name not in sys.argv[1].split(",")}
 sys.stdout.write(json_text(study_numbers(study, outcomes)))
 """
 

@@ -9,7 +9,7 @@ from middeck.identification.fit.race import recommend_states
 from middeck.identification.fit.weights import spread_of
 from middeck.laboratory.article_rig import build_rig_article
 from middeck.laboratory.bench import build_bench, take_open_loop
-from middeck.study.stages import STAGES
+from middeck.study.chapters.two_sensor_control.chapter import TWO_SENSOR_CONTROL
 from middeck.systems.response import in_band
 
 
@@ -18,8 +18,7 @@ def test_a_search_does_not_end_while_a_mode_is_lacking():
     study = load_study("studies/mace-1993.toml")
     siso, sito = study.siso, study.sito
     article = build_rig_article(*study.case(siso.article, siso.environment), study.rig)
-    streams = dict(zip(STAGES, np.random.SeedSequence(4).spawn(len(STAGES)), strict=True))
-    rng = np.random.default_rng(streams["figures 10 to 12"])
+    rng = TWO_SENSOR_CONTROL.rng(4)
     phases = np.random.default_rng(int(rng.integers(2**63)))
     bench = build_bench(article, study.rig, study.loop_test, (siso.sensor, *sito.sensors), phases)
     measured = in_band(take_open_loop(bench, rng), sito.fit_band_hz)

@@ -26,8 +26,8 @@ from middeck.control.shaping import notch, second_order_section, shape_compensat
 from middeck.control.uncertainty import without_delays
 from middeck.errors import ConfigError
 from middeck.files.studies import load_study
-from middeck.study.gravity import find_modes
-from middeck.study.zero_g_control import control_plant, design_weights
+from middeck.study.chapters.zero_g_control.computation import control_plant, design_weights
+from middeck.study.shared import find_modes
 from middeck.systems.delayed_plant import delay_inputs
 from middeck.systems.modal import ModalSystem
 from middeck.systems.peak_gain import peak_gain

@@ -13,8 +13,9 @@ from middeck.identification.measurement_model import (
 from middeck.identification.uncertainty.covariance import estimate_covariance
 from middeck.identification.uncertainty.parameters import stated, uncertainty_of
 from middeck.identification.uncertainty.unknowns import Structure
-from middeck.report.tables import encoder_tables, fit_tables
-from middeck.report.words import UNDETERMINED
+from middeck.study.chapters.measured_control.tables import fit_tables
+from middeck.study.chapters.two_sensor_control.tables import encoder_tables
+from middeck.study.words import UNDETERMINED
 from middeck.systems.ports import Port
 from middeck.systems.response import FrequencyResponse
 

@@ -7,6 +7,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Complex, Float, Int
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from middeck.plot.style import frequency_axis, new_figure, phase_axis
 
 BINS = 280  # logarithmic, over the plotted band: at the figures' size about one printed point each
 
@@ -69,6 +72,18 @@ def draw_magnitude(
     level = decibels(H)
     kept = keep_extremes(frequency_hz, level, bins)
     axes.plot(frequency_hz[kept], level[kept], **style)
+
+
+def bode_figure(height_in: float, frequency_hz: Float[np.ndarray, " line"]) -> tuple[Figure, Axes, Axes]:
+    """An empty figure for magnitude over phase [deg], from the first to the last frequency."""
+    low, high = frequency_hz[[0, -1]]
+    figure = new_figure(height_in)
+    magnitude, phase = figure.subplots(2, 1, sharex=True, height_ratios=[1.35, 1.0])
+    frequency_axis(magnitude, low, high, label=False)
+    frequency_axis(phase, low, high)
+    phase.tick_params(labelbottom=True)
+    phase_axis(phase)
+    return figure, magnitude, phase
 
 
 def draw_bode(

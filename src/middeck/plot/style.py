@@ -23,8 +23,6 @@ COLOUR = {
     "low": "#B0508A",
     "high": "#4B1438",
     "robust": "#E69F00",
-    "payload": "#4B1438",
-    "both": "#E69F00",
     "ghost": "#B5B5B5",
     "ink": "#4D4D4D",
     "shade": "#E9EEF3",

@@ -3,68 +3,67 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 from middeck.files.atomic import replacing
 from middeck.files.json_output import plain, write_json
 from middeck.files.studies import Study
-from middeck.plot.picture import picture
 from middeck.plot.svg import svg_text
-from middeck.report.drawings import DRAWINGS, draw_stage
 from middeck.report.page import render_page
-from middeck.report.words import Numbers
-from middeck.structure.comparison import ModeComparison
-from middeck.study.numbers import figure_numbers, study_numbers
-from middeck.study.stages import Outcome
-from middeck.study.zero_g_control import ZeroGControl
-
-PICTURE = "mace-1993"  # figures/mace-1993.svg: the picture of the front page
+from middeck.study import picture
+from middeck.study.chapter import Chapter
+from middeck.study.mission import CHAPTERS, study_numbers
+from middeck.study.words import Numbers
 
 
 class StudyWriter:
     """Results of ``study`` in the folder ``out``: figures/*.svg, numbers.json, report.html.
 
-    It collects what the stages hand over; nothing of it depends on a clock, so that equal results give equal
-    bytes. What an earlier run left in ``out`` is removed at the start, so that a run cut short never leaves
-    its figures beside another run's numbers; files of other names stay.
+    It collects what the chapters hand over; nothing of it depends on a clock, so that equal results give
+    equal bytes. What an earlier run left in ``out`` is removed at the start, so that a run cut short never
+    leaves its figures beside another run's numbers; files of other names stay.
     """
 
     def __init__(self, out: Path, study: Study) -> None:
         self._out = out
         self._study = study
-        self._outcomes: dict[str, Outcome] = {}
+        self._outcomes: dict[str, Any] = {}
         self._drawings: dict[str, str] = {}
         _remove_earlier(out)
 
-    def add(self, name: str, outcome: Outcome) -> None:
-        """Draw the figures of one stage and write each to ``figures``."""
+    def add(self, name: str, outcome: Any) -> None:
+        """Draw the figures of the chapter of this name and write each to ``figures``."""
         self._outcomes[name] = outcome
-        drawings = draw_stage(outcome, cast("Numbers", plain(figure_numbers(outcome))))
+        (chapter,) = (c for c in CHAPTERS if c.name == name)
+        drawings = draw_chapter(chapter, outcome)
         self._drawings |= drawings
         for key, svg in drawings.items():
             write_text(self._out / "figures" / f"{key}.svg", svg)
 
     def finish(self) -> None:
-        """Write numbers.json, the page, and the picture where its two stages have run."""
+        """Write numbers.json, the page, and the picture where its two chapters have run."""
         numbers = cast("Numbers", plain(study_numbers(self._study, self._outcomes)))
         write_json(self._out / "numbers.json", numbers)
-        write_text(self._out / "report.html", render_page(self._study.title, numbers, self._drawings))
-        self._write_picture()
+        title = self._study.title
+        write_text(self._out / "report.html", render_page(title, numbers, self._drawings))
+        figure = picture.draw_picture(self._outcomes)
+        if figure is not None:
+            svg = svg_text(figure, key=picture.KEY, title=title, description=picture.WORDS)
+            write_text(self._out / "figures" / f"{picture.KEY}.svg", svg)
 
-    def _write_picture(self) -> None:
-        found = {type(outcome): outcome for outcome in self._outcomes.values()}
-        modes, control = found.get(ModeComparison), found.get(ZeroGControl)
-        if isinstance(modes, ModeComparison) and isinstance(control, ZeroGControl):
-            words = (
-                "Performance of 0-g controllers in 0-g and 1-g, suspension modes, ratios of flexible modes."
-            )
-            svg = svg_text(picture(modes, control), key=PICTURE, title=self._study.title, description=words)
-            write_text(self._out / "figures" / f"{PICTURE}.svg", svg)
+
+def draw_chapter(chapter: Chapter[Any], outcome: Any) -> dict[str, str]:
+    """Key to SVG text of every drawing of one chapter."""
+    figures = cast("Numbers", plain(chapter.tabulate(outcome)))
+    return {
+        d.key: svg_text(d.draw(outcome), key=d.key, title=d.heading(figures), description=d.sentence(figures))
+        for d in chapter.drawings
+    }
 
 
 def _remove_earlier(out: Path) -> None:
     """First the page and the numbers: they speak for all the rest."""
-    keys = [PICTURE, *(d.key for stage in DRAWINGS.values() for d in stage)]
+    keys = [picture.KEY, *(drawing.key for chapter in CHAPTERS for drawing in chapter.drawings)]
     for name in ("report.html", "numbers.json", *(f"figures/{key}.svg" for key in keys)):
         (out / name).unlink(missing_ok=True)
 

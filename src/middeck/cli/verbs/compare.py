@@ -47,7 +47,7 @@ def verb(article: str, environment: str, count: int, overrides: tuple[str, ...],
 def describe(comparison: ModeComparison) -> dict[str, Any]:
     """The JSON document; keys as in figures 4 and 5 of numbers.json."""
     from middeck.cli.cases import both_sides
-    from middeck.study.numbers import figure_4, figure_5
+    from middeck.study.chapters.gravity_modes.numbers import figure_4, figure_5
 
     orbit, lab = comparison.orbit, comparison.lab
     return {

@@ -58,9 +58,9 @@ def describe(modes: Modes, count: int, summary: Summary) -> dict[str, Any]:
     import numpy as np
 
     from middeck.cli.summary import summary_numbers
+    from middeck.files.json_results import mode_numbers, rest_numbers
     from middeck.structure.equilibrium import rest_imbalance
     from middeck.structure.mesh_error import estimate_mesh_error
-    from middeck.study.numbers import mode_numbers, rest_numbers
 
     zeta, said = _damping(modes, count)
     rest = modes.equilibrium

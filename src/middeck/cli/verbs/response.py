@@ -88,7 +88,7 @@ def verb(
 
 def describe(response: FrequencyResponse) -> dict[str, Any]:
     """Every pair of ports in ``responses``; the numbers of a single pair stand beside it as well."""
-    from middeck.study.numbers import response_numbers
+    from middeck.files.json_results import response_numbers
 
     pairs = [
         {

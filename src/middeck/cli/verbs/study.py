@@ -55,11 +55,11 @@ def _run(study: Study, out: Path) -> dict[str, float]:
 
     from middeck.cli.progress import follow
     from middeck.report.build import StudyWriter
-    from middeck.study.stages import STAGES, run_stages
+    from middeck.study.mission import CHAPTERS, run_chapters
 
     writer, times = StudyWriter(out, study), {}
-    with follow(STAGES) as (begin, end):
-        for name, compute in run_stages(study):
+    with follow({chapter.name: chapter.share for chapter in CHAPTERS}) as (begin, end):
+        for name, compute in run_chapters(study):
             start = time.monotonic()
             begin(name)
             writer.add(name, compute())

@@ -1,0 +1,57 @@
+"""Modes, rest states and responses in the form of JSON that studies and verbs share."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from middeck.structure.equilibrium import Equilibrium, node_rotations
+from middeck.structure.modes import Modes
+from middeck.systems.response import FrequencyResponse
+
+
+def mode_numbers(modes: Modes, count: int) -> dict[str, Any]:
+    """The lowest ``count`` modes and how far they are to be trusted."""
+    return {
+        "frequency_hz": modes.frequency_hz[:count],
+        "kind": modes.kind[:count],
+        "name": modes.name[:count],
+        "strain_share": modes.strain_share[:count],
+        "rigid_residual": modes.rigid_residual,
+        "residual": float(modes.residual[:count].max()),
+        "warnings": modes.warnings,
+    }
+
+
+def rest_numbers(equilibrium: Equilibrium) -> dict[str, Any]:
+    """The rest state: reactions, holding torques and node rotations, each by name."""
+    suspension, joints = equilibrium.suspension, equilibrium.model.structure.joints
+    rotation = node_rotations(equilibrium)
+    return {
+        "reactions_n": dict(zip(suspension.name, suspension.reaction, strict=True)),
+        "holding_torque_nm": {
+            j.name: torque
+            for j, torque in zip(joints, equilibrium.holding_torque, strict=True)
+            if not j.slides
+        },
+        "node_rotation_deg": {name: np.degrees(v) for name, v in rotation.items()},
+    }
+
+
+def response_numbers(response: FrequencyResponse, *, output: int = 0, input: int = 0) -> dict[str, Any]:
+    """One entry of a response on its own lines."""
+    H = response.H[:, output, input]
+    return {"frequency_hz": response.frequency_hz, "re": np.real(H), "im": np.imag(H)}
+
+
+def fitted_numbers(
+    measured: FrequencyResponse, fitted: FrequencyResponse, *, output: int = 0, input: int = 0
+) -> dict[str, Any]:
+    """One entry of a measured response beside the fit to it."""
+    return {
+        "input": measured.inputs[input].name,
+        "output": measured.outputs[output].name,
+        "data": response_numbers(measured, output=output, input=input),
+        "fit": response_numbers(fitted, output=output, input=input),
+    }

@@ -1,0 +1,95 @@
+"""A chapter of the study: one question, from its computation to its place on the page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
+
+import numpy as np
+
+from middeck.files.studies import Study
+from middeck.study.claim import Claim
+from middeck.study.words import Line, Numbers, Table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+T = TypeVar("T")
+
+
+def nothing(figures: Numbers) -> list[Any]:
+    """No tables, no lines."""
+    return []
+
+
+def claims_within(entry: Numbers) -> list[Claim]:
+    """The claims that an entry of numbers.json holds itself."""
+    return entry.get("claims", [])
+
+
+@dataclass(frozen=True, eq=False)
+class Entry(Generic[T]):
+    """One entry of ``figures`` in numbers.json, and the drawings where its claims and warnings stand."""
+
+    key: str
+    numbers: Callable[[T], Numbers]
+    claims_at: str
+    warnings_at: str
+    claims: Callable[[Numbers], list[Claim]] = claims_within
+
+
+@dataclass(frozen=True, eq=False)
+class Drawing(Generic[T]):
+    """One drawing, the one sentence that it is there to show, and what stands under it on the page.
+
+    ``key`` is its name in files and links. Title, sentence and tables are made of the ``figures`` of
+    numbers.json; ``note`` is the path in the package of HTML for the end.
+    """
+
+    key: str
+    title: str | Callable[[Numbers], str]
+    draw: Callable[[T], Figure]
+    sentence: Callable[[Numbers], str]
+    tables: Callable[[Numbers], list[Table]] = nothing
+    note: str = ""
+
+    def heading(self, figures: Numbers) -> str:
+        """The title, which for some figures names what was measured."""
+        return self.title if isinstance(self.title, str) else self.title(figures)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Chapter(Generic[T]):
+    """One stage of the study, and all that is told of its outcome.
+
+    Parameters
+    ----------
+    name, share:
+        As progress is told, and the part of the whole time, measured, for the estimate of what remains.
+    stream:
+        Which stream of the study's seed it draws from; its own, so that it depends on no other chapter.
+    needs, compute:
+        ``compute(study, rng, *values)`` with a value of the study from each of ``needs``; values that
+        several chapters need are computed once.
+    result, shortfalls:
+        Of the summary: the line of what came out, and those of what does not hold beside claims and warnings.
+    """
+
+    name: str
+    share: float
+    stream: int
+    needs: tuple[Callable[[Study], Any], ...] = ()
+    compute: Callable[..., T]
+    entries: tuple[Entry[T], ...]
+    drawings: tuple[Drawing[T], ...]
+    result: Callable[[Numbers], Line] | None = None
+    shortfalls: Callable[[Numbers], list[Line]] = nothing
+
+    def rng(self, seed: int) -> np.random.Generator:
+        """The chapter's own stream of ``seed``."""
+        return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(self.stream,)))
+
+    def tabulate(self, outcome: T) -> Numbers:
+        """The entries of numbers.json for an outcome."""
+        return {entry.key: entry.numbers(outcome) for entry in self.entries}

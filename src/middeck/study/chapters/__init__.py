@@ -1,0 +1,1 @@
+"""One folder a chapter, tied together by the record in its ``chapter.py``; `mission` lists them."""

@@ -1,0 +1,41 @@
+"""Figures 3, 4 and 5: what gravity and suspension do to shape and modes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from middeck.structure.comparison import ModeComparison
+from middeck.study.chapter import Chapter, Drawing, Entry
+from middeck.study.chapters.gravity_modes import numbers, sentences, tables
+from middeck.study.chapters.gravity_modes.figure_3 import figure_3
+from middeck.study.chapters.gravity_modes.figure_4 import figure_4
+from middeck.study.chapters.gravity_modes.figure_5 import figure_5
+from middeck.study.shared import compare_environments
+
+TITLE_3 = "Figure 3: the article in 0-g and hung in 1-g"
+TITLE_4 = "Figure 4: eigenfrequencies and eigenratios"
+TITLE_5 = "Figure 5: cross-orthogonality of 0-g and 1-g modes"
+
+
+def compute(study: Any, rng: Any, comparison: ModeComparison) -> ModeComparison:
+    """The comparison itself, which Figure 7 needs too."""
+    return comparison
+
+
+GRAVITY_MODES = Chapter(
+    name="figures 4 and 5",
+    share=0.02,
+    stream=0,
+    needs=(compare_environments,),
+    compute=compute,
+    entries=(
+        Entry("figure_4", numbers.figure_4, claims_at="figure-4", warnings_at="figure-4"),
+        Entry("figure_5", numbers.figure_5, claims_at="figure-5", warnings_at="figure-5"),
+    ),
+    drawings=(
+        Drawing("figure-3", TITLE_3, figure_3, sentences.figure_3, tables.rest_tables),
+        Drawing("figure-4", TITLE_4, figure_4, sentences.figure_4, tables.mode_tables),
+        Drawing("figure-5", TITLE_5, figure_5, sentences.figure_5, tables.orthogonality_tables),
+    ),
+    result=sentences.result,
+)

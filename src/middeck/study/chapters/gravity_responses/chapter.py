@@ -1,0 +1,32 @@
+"""Figure 6: one torque to payload and bus rates, as modelled in 0-g and 1-g and as measured on the rig."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from middeck.study.chapter import Chapter, Drawing, Entry
+from middeck.study.chapters.gravity_responses import computation, numbers, sentences, tables
+from middeck.study.chapters.gravity_responses.figure_6 import figure_6
+
+GRAVITY_RESPONSES = Chapter(
+    name="figure 6",
+    share=0.01,
+    stream=1,
+    compute=computation.compute,
+    entries=(Entry("figure_6", numbers.figure_6, claims_at="figure-6a", warnings_at="figure-6b"),),
+    drawings=(
+        Drawing(
+            "figure-6a",
+            partial(sentences.title, output=0),
+            partial(figure_6, output=0),
+            partial(sentences.sentence, output=0),
+        ),
+        Drawing(
+            "figure-6b",
+            partial(sentences.title, output=1),
+            partial(figure_6, output=1),
+            partial(sentences.sentence, output=1),
+            tables.response_tables,
+        ),
+    ),
+)

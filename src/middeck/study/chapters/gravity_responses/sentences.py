@@ -1,0 +1,34 @@
+"""Headings of Figure 6, and what it shows."""
+
+from __future__ import annotations
+
+from middeck.plot.ports import port_words
+from middeck.study.words import Numbers, fixed
+
+
+def title(figures: Numbers, output: int) -> str:
+    """From torque to rate."""
+    numbers = figures["figure_6"]
+    torque, rate = numbers["input"], numbers["outputs"][output]
+    return f"Figure 6{'ab'[output]}: {port_words(torque)} torque to {port_words(rate)}"
+
+
+def sentence(figures: Numbers, output: int) -> str:
+    """How closely each model follows the rig."""
+    numbers = figures["figure_6"]
+    name, band = port_words(numbers["outputs"][output]), numbers["magnitude_error_band_hz"]
+    if band is None:
+        follows = f"Nothing of the {name} is measured in 0.3 to 30 Hz, where models are compared"
+    else:
+        errors = {env: fixed(e[output], 2) for env, e in numbers["magnitude_error_db"].items()}
+        follows = (
+            f"In the {name} the 1-g model follows the simulated rig's magnitude within {errors['lab']} dB rms"
+            f" from {band[0]:g} to {band[1]:g} Hz, the 0-g model within {errors['orbit']} dB"
+        )
+    if numbers["phase_gap_s"] is None:
+        return f"{follows}; nothing is measured above 5 Hz, where the phase would show the rig's delay."
+    return (
+        f"{follows}, and what is left in phase above 5 Hz is a delay of"
+        f" {fixed(1e3 * numbers['phase_gap_s'][output], 2)} ms, the rig's own being"
+        f" {fixed(1e3 * numbers['delay_s'], 2)} ms."
+    )

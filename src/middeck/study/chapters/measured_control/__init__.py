@@ -1,0 +1,1 @@
+"""Controllers designed on a measured response (Figure 9)."""

@@ -1,0 +1,29 @@
+"""Figures 9a and 9b: a fit to a measured response, and loops designed on it."""
+
+from __future__ import annotations
+
+from middeck.study.chapter import Chapter, Drawing, Entry
+from middeck.study.chapters.measured_control import computation, numbers, sentences, tables
+from middeck.study.chapters.measured_control.figure_9 import figure_9a, figure_9b
+from middeck.study.shared import rig_article
+
+TITLE_A = "Figure 9a: measured response and fit"
+TITLE_B = "Figure 9b: open and closed loops"
+
+MEASURED_CONTROL = Chapter(
+    name="figure 9",
+    share=0.39,
+    stream=3,
+    needs=(rig_article,),
+    compute=computation.compute,
+    entries=(
+        Entry("figure_9a", numbers.figure_9a, claims_at="figure-9a", warnings_at="figure-9a"),
+        Entry("figure_9b", numbers.figure_9b, claims_at="figure-9b", warnings_at="figure-9b"),
+    ),
+    drawings=(
+        Drawing("figure-9a", TITLE_A, figure_9a, sentences.figure_9a, tables.fit_tables),
+        Drawing("figure-9b", TITLE_B, figure_9b, sentences.figure_9b, tables.loop_tables),
+    ),
+    result=sentences.result,
+    shortfalls=sentences.shortfalls,
+)

@@ -1,0 +1,145 @@
+"""Figures 9a and 9b: fit a measured response, design on the fit, predict the loop, measure it on the rig.
+
+CL1 and CL2 are LQG at two authorities. When the pair of modes near 9 Hz has moved, the article is measured
+again, and CL3 is designed for both fits at once (MacMartin, Hall and Bernstein 1991).
+"""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from middeck.control.lqg import LQGWeights, design_filter, design_lqg
+from middeck.control.robust import design_multimodel
+from middeck.files.studies import Study
+from middeck.files.study_form import SisoForm
+from middeck.identification.fit.fit_response import FitResult, fit_response
+from middeck.identification.measurement_model import model_response, natural_hz
+from middeck.identification.plants.measured_plant import measured_plant
+from middeck.laboratory.article import RigArticle, rig_article_plant
+from middeck.laboratory.bench import Bench, build_bench, take_open_loop
+from middeck.laboratory.loop import RigLoop, judge_loops, view_rig
+from middeck.study.measured_loop.computation import DesignCase, MeasuredLoop, measure_loop
+from middeck.systems.modal import ModalSystem, output_rows
+from middeck.systems.plant import Plant
+from middeck.systems.response import FrequencyResponse, in_band
+from middeck.values import record
+
+HELD = 0.02  # relative distance within which a fitted pole is a mode's
+
+
+@record
+class OutsideMode:
+    """A mode of the article that the fit leaves out."""
+
+    name: str
+    kind: str
+    frequency_hz: float
+
+
+@record
+class MeasuredControl:
+    """The measured open loop, the fit to it in its band, the design plant, and a loop at each authority.
+
+    ``loops`` are "low", "high" (CL1, CL2) and "robust" (CL3, for the fit ``drifted_fit`` of the article with
+    its pair moved by ``drifted_percent`` too). ``one_model`` is LQG on the first fit alone at CL3's
+    authority, on the rig as it was and shifted. ``below_fit`` is the mode that stands out most among those
+    measured below the band of the fit; None where there is none or a fitted pole holds it.
+    """
+
+    fit_band_hz: tuple[float, float]
+    open_loop: FrequencyResponse
+    fit: FitResult
+    drifted_fit: FitResult
+    fitted: FrequencyResponse
+    plant: Plant
+    pair_shift_hz: float
+    drifted_percent: float
+    below_fit: OutsideMode | None
+    loops: tuple[MeasuredLoop, ...]
+    one_model: tuple[RigLoop, ...]
+
+
+def compute(study: Study, rng: np.random.Generator, article: RigArticle) -> MeasuredControl:
+    """Excite, fit, design at two authorities and for two records, predict, then measure each loop."""
+    siso = study.siso
+    bench_at = partial(build_bench, article, study.rig, study.loop_test, (siso.sensor,))
+    seed = int(rng.integers(2**63))  # one excitation for all
+    shift = siso.pair_shift_percent
+    views = {
+        p: view_rig(bench_at(np.random.default_rng(seed), shift_percent=p)) for p in (0.0, -shift, shift)
+    }
+    measured, fit = _identify(views[0.0].bench, siso, rng)
+    later = shift if siso.drifted == "up" else -shift
+    _, drifted_fit = _identify(views[later].bench, siso, rng)
+    case = _design_case(fit, measured, siso)
+    weights = _weights(siso)
+    kalman = design_filter(case.plant, weights)
+    design = partial(design_lqg, case.plant, weights, kalman=kalman)
+    low, high, robust = (level.log10_authority for level in (siso.low, siso.high, siso.robust))
+    also = _design_case(drifted_fit, measured, siso).plant
+    laws = (
+        ("low", low, design(10.0**low)),
+        ("high", high, design(10.0**high)),
+        ("robust", robust, design_multimodel(case.plant, weights, 10.0**robust, uncertainty=(also,))),
+    )
+    loops = tuple(measure_loop(name, level, law, case, views, rng) for name, level, law in laws)
+    return MeasuredControl(
+        siso.fit_band_hz,
+        measured,
+        fit,
+        drifted_fit,
+        case.fitted,
+        case.plant,
+        siso.pair_shift_hz,
+        later,
+        _below_fit(article, siso, fit),
+        loops,
+        judge_loops(views, design(10.0**robust)),
+    )
+
+
+def _identify(bench: Bench, siso: SisoForm, rng: np.random.Generator) -> tuple[FrequencyResponse, FitResult]:
+    measured = take_open_loop(bench, rng)
+    return measured, fit_response(in_band(measured, siso.fit_band_hz), states=siso.states, cost="logarithmic")
+
+
+def _design_case(fit: FitResult, measured: FrequencyResponse, siso: SisoForm) -> DesignCase:
+    ports = {"w": (siso.actuator,), "u": (siso.actuator,), "z": (siso.sensor,), "y": (siso.sensor,)}
+    plant = measured_plant(fit.model, pade_order=siso.pade_order, **ports)
+    H = model_response(fit.model, measured.frequency_hz)
+    fitted = FrequencyResponse(measured.frequency_hz, H, measured.inputs, measured.outputs)
+    return DesignCase(fit.model, plant, fitted, measured, siso.band_hz, siso.excitation_nm)
+
+
+def _weights(siso: SisoForm) -> LQGWeights:
+    """Disturbance and control enter at the same motor."""
+    return LQGWeights(
+        np.array([siso.angle_weight]),
+        np.array([siso.input_weight]),
+        (siso.actuator,),
+        np.array([[siso.disturbance_nm_per_rthz**2]]),
+        np.array([siso.angle_noise_rad_per_rthz**2]),
+    )
+
+
+def _below_fit(article: RigArticle, siso: SisoForm, fit: FitResult) -> OutsideMode | None:
+    """By the height of the resonances, |phi psi| / (2 zeta omega^2); held is what a fitted pole meets.
+
+    A pole meets a mode within 2 %, the shift of frequency that the study takes to break a loop.
+    """
+    plant = rig_article_plant(article, inputs=(siso.actuator,), outputs=(siso.sensor,))
+    modal = plant.dynamics
+    assert isinstance(modal, ModalSystem)
+    f = modal.omega / (2.0 * np.pi)
+    below = (f >= siso.band_hz[0]) & (f < siso.fit_band_hz[0]) & (modal.zeta > 0.0)
+    if not below.any():
+        return None
+    at = np.flatnonzero(below)
+    residue = output_rows(modal).position[0, at] * modal.psi[at, 0]
+    height = np.abs(residue) / (2.0 * modal.zeta[at] * modal.omega[at] ** 2)
+    mode = int(at[np.argmax(height)])
+    if not height.any() or np.any(np.abs(natural_hz(fit.model) / f[mode] - 1.0) < HELD):
+        return None
+    return OutsideMode(modal.names[mode], article.modes.kind[mode], float(f[mode]))

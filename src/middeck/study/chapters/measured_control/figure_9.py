@@ -1,0 +1,74 @@
+"""Figures 9a and 9b: gimbal torque to payload angle, measured and fitted; open, and closed by three laws."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from middeck.plot.curves import bode_figure, decibels, draw_bode
+from middeck.plot.ports import path_words
+from middeck.plot.style import COLOUR, FITTED, styled
+from middeck.study.chapters.measured_control.computation import MeasuredControl
+from middeck.study.measured_loop.drawing import Look, begin_loops, draw_measured, draw_predicted, end_loops
+
+LOOKS = {
+    "low": Look("CL1, low authority", COLOUR["low"], (0, (1, 2))),
+    "high": Look("CL2, high authority", COLOUR["high"], (0, (6, 3))),
+    "robust": Look("CL3, for two records", COLOUR["robust"], (0, (6, 2, 1, 2))),
+}
+
+
+@styled
+def figure_9a(control: MeasuredControl) -> Figure:
+    """Magnitude and phase; the band of the fit is shaded, what lies below it is named."""
+    f, data, fit = control.open_loop.frequency_hz, control.open_loop.H[:, 0, 0], control.fitted.H[:, 0, 0]
+    figure, magnitude, phase = bode_figure(4.6, f)
+    for axes in (magnitude, phase):
+        axes.axvspan(*control.fit_band_hz, color=COLOUR["shade"], linewidth=0.0, zorder=0)
+    draw_bode(magnitude, phase, f, data, color=COLOUR["rig"], linewidth=1.8, label="data (simulated rig)")
+    draw_bode(
+        magnitude, phase, f, fit, color=COLOUR["prediction"], linewidth=1.1, linestyle=FITTED, label="fit"
+    )
+    _name_what_is_outside(magnitude, control)
+    magnitude.set_ylabel("magnitude [dB re 1 rad per N m]")
+    magnitude.set_title(path_words(control.open_loop))
+    magnitude.legend(loc="lower left")
+    return figure
+
+
+def _name_what_is_outside(axes: Axes, control: MeasuredControl) -> None:
+    """The band of the fit, and the mode below it that so few states do not hold."""
+    f = control.open_loop.frequency_hz
+    low, high = control.fit_band_hz
+    top = axes.get_ylim()[1]
+    axes.set_ylim(top=top + 8.0)
+    axes.annotate(f"fitted: {low:g} to {high:g} Hz", (np.sqrt(low * high), top + 7.0), ha="center", va="top",
+                  fontsize=8.0)  # fmt: skip
+    mode = control.below_fit
+    if mode is None:
+        return
+    at = int(np.argmin(np.abs(f - mode.frequency_hz)))
+    near = slice(max(at - 2, 0), at + 3)  # the peak, wherever on the lines it falls
+    axes.annotate(
+        f"{mode.kind} mode at {mode.frequency_hz:.2f} Hz:\noutside the fit",
+        (mode.frequency_hz, float(decibels(control.open_loop.H[near, 0, 0]).max())),
+        (0, -48),
+        textcoords="offset points",
+        ha="center",
+        va="top",
+        fontsize=8.0,
+        arrowprops={"arrowstyle": "-", "linewidth": 0.7, "color": COLOUR["ink"]},
+    )
+
+
+@styled
+def figure_9b(control: MeasuredControl) -> Figure:
+    """The open loop and the three closed ones."""
+    title = f"{path_words(control.open_loop)}; dB: rms angle in the band over the open loop's"
+    figure, axes = begin_loops(control.open_loop, title)
+    for loop in control.loops:
+        draw_measured(axes, loop, LOOKS[loop.name])
+    for loop in control.loops:
+        draw_predicted(axes, loop, LOOKS[loop.name])
+    return end_loops(figure, axes)

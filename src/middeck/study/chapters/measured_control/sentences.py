@@ -1,0 +1,54 @@
+"""What Figures 9a and 9b show."""
+
+from __future__ import annotations
+
+from middeck.plot.ports import port_words
+from middeck.study.measured_loop.sentences import changed, decibels, held, lost
+from middeck.study.words import Line, Numbers, fixed, percent, signed
+
+LOOPS = {"low": "CL1", "high": "CL2", "robust": "CL3"}
+
+
+def figure_9a(figures: Numbers) -> str:
+    """The fit."""
+    numbers = figures["figure_9a"]
+    low, high = numbers["fit_band_hz"]
+    below = numbers["mode_below_fit"]
+    outside = (
+        ""
+        if below is None
+        else f"; the {below['kind']} mode at {fixed(below['frequency_hz'], 2)} Hz, below that band, lies"
+        " outside the fit"
+    )
+    return (
+        f"A fit of {numbers['states']} states and a delay of {fixed(1e3 * numbers['delay_s'], 2)} ms follows"
+        f" the measured response from {low:g} to {high:g} Hz within {percent(numbers['relative_error'])}"
+        f" (relative complex error){outside}."
+    )
+
+
+def figure_9b(figures: Numbers) -> str:
+    """Prediction and measurement."""
+    numbers = figures["figure_9b"]
+    angle = port_words(figures["figure_9a"]["output"])
+    pair = f"the pair of modes near {numbers['pair_shift_hz']:g} Hz"
+    return (
+        f"Controllers designed on the fit change the {angle} rms angle by {changed(numbers['low'])} at low"
+        f" authority (CL1), by {changed(numbers['high'])} at high (CL2), and by {changed(numbers['robust'])}"
+        f" where the design is for two records at once (CL3), the second with {pair} at"
+        f" {signed(numbers['drifted']['shift_percent'])} %. With that pair moved,"
+        f" {'; '.join(f'{who} is {held(numbers[key])}' for key, who in LOOPS.items())}."
+    )
+
+
+def result(figures: Numbers) -> Line:
+    """The measured change of each loop."""
+    nine = figures["figure_9b"]
+    loops = ", ".join(f"{who} {decibels(nine[key])}" for key, who in LOOPS.items())
+    return Line(f"Designed on a measured response, payload angle on the simulated rig: {loops}.", "figure-9b")
+
+
+def shortfalls(figures: Numbers) -> list[Line]:
+    """Loops that a moved pair of modes makes unstable."""
+    loops = figures["figure_9b"]
+    return [line for key, who in LOOPS.items() for line in lost(f"The loop {who}", loops[key], "figure-9b")]

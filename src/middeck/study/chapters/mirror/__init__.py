@@ -1,0 +1,1 @@
+"""A real steering mirror through the same programs."""

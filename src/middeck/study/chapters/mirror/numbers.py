@@ -1,0 +1,27 @@
+"""The mirror in numbers.json."""
+
+from __future__ import annotations
+
+from middeck.files.json_results import fitted_numbers
+from middeck.identification.measurement_model import damping_ratio, natural_hz
+from middeck.study.chapters.mirror.computation import PUBLISHED_NRMSE, MirrorFit
+from middeck.study.words import Numbers
+
+
+def mirror(fit: MirrorFit) -> Numbers:
+    """A real mirror: all entries of the measured and the fitted response, and the held-out error."""
+    entries = [
+        fitted_numbers(fit.measured, fit.fitted, output=output, input=input)
+        for output in range(len(fit.measured.outputs))
+        for input in range(len(fit.measured.inputs))
+    ]
+    return {
+        "states": fit.fit.model.states,
+        "held_out_nrmse": fit.held_out_nrmse,
+        "published_nrmse": PUBLISHED_NRMSE,
+        "relative_error": fit.fit.error,
+        "natural_hz": natural_hz(fit.fit.model),
+        "damping": damping_ratio(fit.fit.model),
+        "entries": entries,
+        "warnings": fit.fit.warnings,
+    }

@@ -1,0 +1,52 @@
+"""Figures 10, 11 and 12: three paths fitted together, and loops closed on two of them."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from middeck.study.chapter import Chapter, Drawing, Entry
+from middeck.study.chapters.two_sensor_control import computation, numbers, sentences, tables
+from middeck.study.chapters.two_sensor_control.figure_10 import figure_10
+from middeck.study.chapters.two_sensor_control.figures_11_12 import figure_11, figure_12
+from middeck.study.shared import rig_article
+
+TITLE_11 = "Figure 11: payload held by encoder and bus"
+TITLE_12A = "Figure 12a: payload under both penalties"
+TITLE_12B = "Figure 12b: bus under both penalties"
+
+TWO_SENSOR_CONTROL = Chapter(
+    name="figures 10 to 12",
+    share=0.46,
+    stream=4,
+    needs=(rig_article,),
+    compute=computation.compute,
+    entries=(
+        Entry("figure_10a", numbers.figure_10a, claims_at="figure-10a", warnings_at="figure-10a"),
+        Entry("figure_10b", numbers.figure_10b, claims_at="figure-10b", warnings_at="figure-10b"),
+        Entry("figure_11", numbers.figure_11, claims_at="figure-11", warnings_at="figure-11"),
+        Entry("figure_12", numbers.figure_12, claims_at="figure-12a", warnings_at="figure-12b"),
+    ),
+    drawings=(
+        Drawing(
+            "figure-10a",
+            partial(sentences.title_10, entry="figure_10a"),
+            partial(figure_10, output=1),
+            partial(sentences.figure_10, entry="figure_10a"),
+            tables.encoder_tables,
+        ),
+        Drawing(
+            "figure-10b",
+            partial(sentences.title_10, entry="figure_10b"),
+            partial(figure_10, output=2),
+            partial(sentences.figure_10, entry="figure_10b"),
+            tables.bus_tables,
+        ),
+        Drawing("figure-11", TITLE_11, figure_11, sentences.figure_11, tables.reach_tables),
+        Drawing("figure-12a", TITLE_12A, partial(figure_12, output=0), sentences.figure_12a),
+        Drawing(
+            "figure-12b", TITLE_12B, partial(figure_12, output=2), sentences.figure_12b, tables.both_tables
+        ),
+    ),
+    result=sentences.result,
+    shortfalls=sentences.shortfalls,
+)

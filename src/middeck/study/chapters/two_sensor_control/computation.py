@@ -1,0 +1,172 @@
+"""Figures 11 and 12: the payload held by encoder and bus alone, then payload and bus together.
+
+The loop is designed on the common fit of Figures 10a and 10b. Without shaping it is stopped by the pair of
+modes near 9 Hz, which the filter inverts; a lead about the pair gives it the phase to go on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+
+import numpy as np
+
+from middeck.control.compensator import Compensator
+from middeck.control.lqg import LQGWeights, design_filter, design_lqg
+from middeck.control.shaping import second_order_section, shape_compensator
+from middeck.files.studies import Study
+from middeck.identification.fit.fit_response import FitResult
+from middeck.laboratory.article import RigArticle
+from middeck.laboratory.article_rig import rig_delay
+from middeck.laboratory.bench import build_bench, take_closed_loop, take_open_loop
+from middeck.laboratory.loop import RigView, view_rig
+from middeck.study.chapters.two_sensor_control.measured_sensors import (
+    MeasuredSensors,
+    design_case,
+    fit_sensors,
+    study_measured_sensors,
+)
+from middeck.study.chapters.two_sensor_control.reach import Design, Reach, find_level, find_reach
+from middeck.study.measured_loop.computation import (
+    DesignCase,
+    MeasuredLoop,
+    decibel,
+    measure_loop,
+    measured_rms_of,
+)
+from middeck.systems.response import FrequencyResponse
+from middeck.values import record
+
+FLEXIBLE_HZ = (7.0, 9.0)  # the modes that the bus penalty is for
+ABOVE_HZ = (10.0, np.inf)
+HALF_POWER = 0.01  # the flexible modes' damping: so far to either side a peak is down by 3 dB
+
+
+@record
+class TwoSensorControl:
+    """The three paths and their fit, how far each design reaches, and the loops of Figures 11 and 12.
+
+    Parameters
+    ----------
+    sensors:
+        Figures 10a and 10b.
+    smaller:
+        Reach of designs on fits of fewer states.
+    without_lead, with_lead:
+        Reach of the payload's design on the fit.
+    payload, both:
+        The loop of Figure 11 (payload penalty, with the lead) and that of Figure 12 (payload and bus).
+    bus_db:
+        Of both loops, the measured bus in 7-9 Hz over that of the open loop.
+    above_db:
+        The payload above 10 Hz, likewise.
+    above_without_bus_db:
+        The same of the loop that differs from Figure 12's in nothing but the penalty on the bus.
+    deeper_db:
+        The payload in 7-9 Hz under both penalties over that under the payload's alone.
+    mode_hz, deeper_at_mode_db:
+        Where the bus is highest there in open loop, and the same between that mode's half-power points.
+    """
+
+    sensors: MeasuredSensors
+    smaller: tuple[Reach, ...]
+    without_lead: Reach
+    with_lead: Reach
+    payload: MeasuredLoop
+    both: MeasuredLoop
+    bus_db: tuple[float | None, ...]
+    above_db: tuple[float | None, ...]
+    above_without_bus_db: float | None
+    deeper_db: float | None
+    mode_hz: float
+    deeper_at_mode_db: float | None
+
+
+def compute(study: Study, rng: np.random.Generator, article: RigArticle) -> TwoSensorControl:
+    """Excite once, fit the three paths together, search each design's reach, then measure the two loops."""
+    sito = study.sito
+    bench_at = partial(build_bench, article, study.rig, study.loop_test, (study.siso.sensor, *sito.sensors))
+    seed, shift = int(rng.integers(2**63)), sito.pair_shift_percent
+    views = {
+        p: view_rig(bench_at(np.random.default_rng(seed), shift_percent=p)) for p in (0.0, -shift, shift)
+    }
+    measured = take_open_loop(views[0.0].bench, rng)
+    sensors = study_measured_sensors(study, measured, rig_delay(article, study.rig))
+    smaller = tuple(
+        _reach(study, fit_sensors(measured, states, band), measured, views, lead=False)
+        for states, band in zip(sito.smaller_states, sito.smaller_bands_hz, strict=True)
+    )
+    payload, both = (design_case(study, sensors.fit, measured, bus=bus) for bus in (False, True))
+    design = _designs(study, payload, lead=True)
+    level = find_level(design, payload, sito.payload.predicted_db)
+    first = measure_loop("payload", level, design(10.0**level), payload, views, rng)
+    design = _designs(study, both, lead=False)
+    level = find_level(design, both, sito.both.predicted_db)
+    second = measure_loop("both", level, design(10.0**level), both, views, rng)
+    without_bus = _designs(study, payload, lead=False)(10.0**level)
+    mode_hz = _highest_hz(measured, 2, FLEXIBLE_HZ)
+    at_mode = mode_hz * (1.0 - HALF_POWER), mode_hz * (1.0 + HALF_POWER)
+    return TwoSensorControl(
+        sensors,
+        smaller,
+        _reach(study, sensors.fit, measured, views, lead=False),
+        _reach(study, sensors.fit, measured, views, lead=True),
+        first,
+        second,
+        tuple(_over(loop.measured, measured, 2, FLEXIBLE_HZ) for loop in (first, second)),
+        tuple(_over(loop.measured, measured, 0, ABOVE_HZ) for loop in (first, second)),
+        _over(take_closed_loop(views[0.0].bench, without_bus, rng).response, measured, 0, ABOVE_HZ),
+        _over(second.measured, first.measured, 0, FLEXIBLE_HZ),
+        mode_hz,
+        _over(second.measured, first.measured, 0, at_mode),
+    )
+
+
+def _designs(study: Study, case: DesignCase, *, lead: bool) -> Design:
+    """LQG by authority, with the lead about the pair behind it or without."""
+    siso, sito = study.siso, study.sito
+    both = np.array([siso.angle_weight, sito.bus_weight])
+    weights = LQGWeights(
+        both[: len(case.plant.z)],
+        np.array([siso.input_weight]),
+        (siso.actuator,),
+        np.array([[siso.disturbance_nm_per_rthz**2]]),
+        np.array(sito.angle_noise_rad_per_rthz) ** 2,
+    )
+    kalman = design_filter(case.plant, weights)
+    section = second_order_section(
+        sito.lead_zeros_hz, sito.lead_damping, sito.lead_poles_hz, sito.lead_damping
+    )
+
+    def design(authority: float) -> Compensator:
+        law = design_lqg(case.plant, weights, authority, kalman=kalman)
+        return shape_compensator(law, section) if lead else law
+
+    return design
+
+
+def _reach(
+    study: Study, fit: FitResult, measured: FrequencyResponse, views: Mapping[float, RigView], *, lead: bool
+) -> Reach:
+    case = design_case(study, fit, measured)
+    what = f"{fit.model.states} states" + (" and the lead" if lead else "")
+    return find_reach(what, _designs(study, case, lead=lead), case, views)
+
+
+def _highest_hz(response: FrequencyResponse, output: int, band_hz: tuple[float, float]) -> float:
+    f = response.frequency_hz
+    inside = np.flatnonzero((f >= band_hz[0]) & (f <= band_hz[1]))
+    return float(f[inside[np.argmax(np.abs(response.H[inside, output, 0]))]])
+
+
+def _over(
+    response: FrequencyResponse | None,
+    reference: FrequencyResponse | None,
+    output: int,
+    band_hz: tuple[float, float],
+) -> float | None:
+    """An output's rms in a band over the reference's [dB]; None where one was not measured."""
+    if response is None or reference is None:
+        return None
+    rms = (measured_rms_of(r, 1.0, output=output, band_hz=band_hz) for r in (response, reference))
+    return decibel(*rms)

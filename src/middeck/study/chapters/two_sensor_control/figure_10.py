@@ -1,0 +1,64 @@
+"""Figures 10a and 10b: gimbal torque to encoder and bus angle, measured and fitted, with the zeros."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from middeck.plot.curves import bode_figure, decibels, draw_bode
+from middeck.plot.ports import port_words
+from middeck.plot.style import COLOUR, FITTED, styled
+from middeck.study.chapters.two_sensor_control.computation import TwoSensorControl
+from middeck.study.chapters.two_sensor_control.measured_sensors import MeasuredSensors
+
+BELOW_DB = 9.0  # room under the curves for the zeros' marks
+
+
+@styled
+def figure_10(control: TwoSensorControl, output: int) -> Figure:
+    """The path to one sensor."""
+    sensors = control.sensors
+    f, data = sensors.measured.frequency_hz, sensors.measured.H[:, output, 0]
+    fitted = (f >= sensors.fit_band_hz[0]) & (f <= sensors.fit_band_hz[1])
+    fit = sensors.fitted.H[fitted, output, 0]
+    figure, magnitude, phase = bode_figure(4.9, f)
+    draw_bode(magnitude, phase, f, data, color=COLOUR["rig"], linewidth=1.8, label="data (simulated rig)")
+    look = {"color": COLOUR["prediction"], "linestyle": FITTED, "label": "fit"}
+    draw_bode(magnitude, phase, f[fitted], fit, linewidth=1.1, **look)
+    _mark_zeros(magnitude, sensors, output, float(decibels(data).min()))
+    magnitude.set_ylabel("magnitude [dB re 1 rad per N m]")
+    torque, angle = sensors.measured.inputs[0].name, sensors.measured.outputs[output].name
+    magnitude.set_title(f"{port_words(torque)} torque to {port_words(angle)} angle")
+    figure.legend(*magnitude.get_legend_handles_labels(), loc="outside upper right", ncols=4)
+    return figure
+
+
+def _mark_zeros(axes: Axes, sensors: MeasuredSensors, output: int, floor_db: float) -> None:
+    """A row of marks under the curves: rings as in a pole-zero plot, diamonds for the wrong half-plane."""
+    zeros, band_hz = sensors.sensors[output].zeros, sensors.fit_band_hz
+    inside = (zeros.frequency_hz >= band_hz[0]) & (zeros.frequency_hz <= band_hz[1])
+    wrong = zeros.is_nonminimum_phase
+    level = floor_db - BELOW_DB
+    for chosen, marker, colour, label in (
+        (inside & ~wrong, "o", COLOUR["ink"], "zeros of the fit"),
+        (inside & wrong, "D", COLOUR["lab"], "zeros, non-minimum phase"),
+    ):
+        if chosen.any():
+            f = zeros.frequency_hz[chosen]
+            face, order = ("none", 3.0) if marker == "o" else (colour, 2.5)
+            axes.plot(f, np.full(len(f), level), linestyle="none", marker=marker, label=label,
+                      markerfacecolor=face, markeredgecolor=colour, zorder=order)  # fmt: skip
+    for k in np.flatnonzero(inside & wrong):
+        kind = "pair" if zeros.is_pair[k] else "real"
+        axes.annotate(
+            f"{zeros.frequency_hz[k]:.2f} Hz, {kind}",
+            (float(zeros.frequency_hz[k]), level),
+            (0, -5),
+            textcoords="offset points",
+            ha="right" if zeros.frequency_hz[k] > 0.5 * band_hz[1] else "center",
+            va="top",
+            fontsize=8.0,
+            color=COLOUR["lab"],
+        )
+    axes.set_ylim(bottom=level - 1.3 * BELOW_DB)

@@ -1,0 +1,75 @@
+"""How much authority a design bears on the rig before a mode goes unstable."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from middeck.control.compensator import Compensator
+from middeck.laboratory.loop import RigView, fastest_pole, judge_loops
+from middeck.study.measured_loop.computation import DesignCase, predicted_db
+from middeck.systems.stability import GROWTH_LIMIT
+from middeck.values import record
+
+LEVELS = np.arange(0.0, 4.51, 0.25)  # log10 authority
+
+Design = Callable[[float], Compensator]
+
+
+@record
+class Reach:
+    """How far a design goes on the rig, with the pair of modes where it was and moved to either side.
+
+    Parameters
+    ----------
+    what, states:
+        The design, and the states of the fit it was made on.
+    log10_authority, predicted_db:
+        Of the last level that is stable on all of them; None where the lowest is not.
+    least_db:
+        The least improvement among them at that level, by the rig's own linear loop.
+    stopped_hz, stopped_percent:
+        What grows fastest at the next level, and with which shift; None where no level is stopped.
+    """
+
+    what: str
+    states: int
+    log10_authority: float | None
+    predicted_db: float | None
+    least_db: float | None
+    stopped_hz: float | None
+    stopped_percent: float | None
+
+
+def find_reach(what: str, design: Design, case: DesignCase, views: Mapping[float, RigView]) -> Reach:
+    """Raise the authority level by level until a loop of the ``views`` is unstable."""
+    states = case.model.states
+    last: tuple[float, Compensator] | None = None
+    for level in LEVELS:
+        compensator = design(10.0 ** float(level))
+        poles = {percent: fastest_pole(view, compensator) for percent, view in views.items()}
+        worst = max(poles, key=lambda percent: poles[percent].real)
+        if poles[worst].real > GROWTH_LIMIT:
+            return Reach(
+                what, states, *_held(last, case, views), abs(poles[worst].imag) / (2.0 * np.pi), worst
+            )
+        last = float(level), compensator
+    return Reach(what, states, *_held(last, case, views), None, None)
+
+
+def find_level(design: Design, case: DesignCase, improvement_db: float) -> float:
+    """The lowest level that predicts so much improvement, or where none does the one that predicts most."""
+    found = {float(level): predicted_db(case, design(10.0 ** float(level))) or 0.0 for level in LEVELS}
+    enough = (level for level, db in found.items() if db <= -improvement_db)
+    return next(enough, min(found, key=lambda level: found[level]))
+
+
+def _held(
+    last: tuple[float, Compensator] | None, case: DesignCase, views: Mapping[float, RigView]
+) -> tuple[float | None, float | None, float | None]:
+    if last is None:
+        return None, None, None
+    level, compensator = last
+    improvements = (loop.improvement_db for loop in judge_loops(views, compensator))
+    return level, predicted_db(case, compensator), max(db for db in improvements if db is not None)

@@ -1,0 +1,25 @@
+"""Figure 7: controllers designed on the 0-g model, impinged on the 0-g and the 1-g model."""
+
+from __future__ import annotations
+
+from middeck.study.chapter import Chapter, Drawing, Entry
+from middeck.study.chapters.zero_g_control import computation, numbers, sentences, tables
+from middeck.study.chapters.zero_g_control.figure_7 import figure_7a, figure_7b
+from middeck.study.shared import compare_environments
+
+TITLE_A = "Figure 7a: performance against authority"
+TITLE_B = "Figure 7b: the flexible modes alone"
+
+ZERO_G_CONTROL = Chapter(
+    name="figure 7",
+    share=0.08,
+    stream=2,
+    needs=(compare_environments,),
+    compute=computation.compute,
+    entries=(Entry("figure_7", numbers.figure_7, claims_at="figure-7a", warnings_at="figure-7b"),),
+    drawings=(
+        Drawing("figure-7a", TITLE_A, figure_7a, sentences.figure_7a),
+        Drawing("figure-7b", TITLE_B, figure_7b, sentences.figure_7b, tables.authority_tables),
+    ),
+    result=sentences.result,
+)

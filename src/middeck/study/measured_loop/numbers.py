@@ -1,0 +1,48 @@
+"""A fit and a measured loop in the form of numbers.json."""
+
+from __future__ import annotations
+
+from middeck.files.json_results import response_numbers
+from middeck.identification.fit.fit_response import FitResult
+from middeck.identification.measurement_model import damping_ratio, natural_hz, path_delay
+from middeck.identification.uncertainty.parameters import stated
+from middeck.study.measured_loop.computation import MeasuredLoop
+from middeck.study.words import Numbers
+from middeck.systems.plant import Plant
+
+
+def fit_numbers(fit: FitResult, plant: Plant, band_hz: tuple[float, float], output: int = 0) -> Numbers:
+    """Poles, delay and error of the path to one output, and the sizes of the fit and of its design plant."""
+    return {
+        "natural_hz": natural_hz(fit.model),
+        "natural_hz_deviation": stated(fit.uncertainty.natural_hz),
+        "damping": damping_ratio(fit.model),
+        "damping_deviation": stated(fit.uncertainty.damping),
+        "delay_s": path_delay(fit.model)[output, 0],
+        "delay_deviation_s": stated(fit.uncertainty.delay_s)[output],
+        "fit_band_hz": band_hz,
+        "relative_error": fit.error[output],
+        "states": fit.model.states,
+        "plant_states": len(plant.system.A),
+    }
+
+
+def loop_numbers(loop: MeasuredLoop) -> Numbers:
+    """The loop as predicted, as measured, and by the rig's own eigenvalues."""
+    return {
+        "predicted": response_numbers(loop.predicted),
+        "measured": None if loop.measured is None else response_numbers(loop.measured),
+        "log10_authority": loop.log10_authority,
+        "predicted_db": loop.predicted_db,
+        "measured_db": loop.measured_db,
+        "rms_error_db": loop.rms_error_db,
+        "worst_error_db": loop.worst_error_db,
+        "worst_hz": loop.worst_hz,
+        "control_rms_nm": loop.control_rms_nm,
+        "stable": loop.stable,
+        "cause": loop.cause,
+        "static_db": loop.static_db,
+        "modes": loop.modes,
+        "survives_shift_percent": {f"{percent:+g}": ok for percent, ok in loop.survives},
+        "rig": loop.on_rig,
+    }

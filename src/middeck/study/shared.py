@@ -1,0 +1,31 @@
+"""Values of a study that several chapters stand on."""
+
+from __future__ import annotations
+
+from middeck.files.studies import Study
+from middeck.laboratory.article import RigArticle
+from middeck.laboratory.article_rig import build_rig_article
+from middeck.structure.article import Structure
+from middeck.structure.comparison import ModeComparison, compare_modes
+from middeck.structure.environment import Environment
+from middeck.structure.equilibrium import solve_equilibrium
+from middeck.structure.modes import Modes, solve_modes
+
+PAPER_MODES = 26  # Figures 4 and 5 show at least these, however few the controllers are designed on
+
+
+def find_modes(structure: Structure, environment: Environment) -> Modes:
+    """Rest state and modes of ``structure`` in ``environment``."""
+    return solve_modes(solve_equilibrium(structure, environment))
+
+
+def compare_environments(study: Study) -> ModeComparison:
+    """Modes of the controlled article in orbit beside those in the laboratory (Figures 4, 5 and 7)."""
+    article = study.control.article
+    orbit, lab = (find_modes(*study.case(article, environment)) for environment in ("orbit", "lab"))
+    return compare_modes(orbit, lab, max(PAPER_MODES, study.control.modes_kept))
+
+
+def rig_article(study: Study) -> RigArticle:
+    """The simulated article that Figures 9 to 12 are measured on."""
+    return build_rig_article(*study.case(study.siso.article, study.siso.environment), study.rig)
