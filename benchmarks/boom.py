@@ -20,8 +20,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from middeck.structure.article import AttachPoint, Body, Damping, Member, Node, Section, Structure
-from middeck.structure.environment import AnchoredSpring, Environment
+from middeck.structure.model.article import AttachPoint, Body, Damping, Member, Node, Section, Structure
+from middeck.structure.model.environment import AnchoredSpring, Environment
 
 GRAVITY = 9.80665
 CELL = 0.5

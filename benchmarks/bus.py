@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from middeck.structure.article import Structure
-from middeck.structure.environment import Environment
+from middeck.structure.model.article import Structure
+from middeck.structure.model.environment import Environment
 
 TESTS = Path(__file__).resolve().parents[1] / "tests"
 sys.path[:0] = [str(TESTS), str(TESTS / "cross")]

@@ -62,8 +62,8 @@ def model_of(case: str, size: str):
 
 def solve_one(case: str, size: str, target: Path) -> None:
     """In a process of its own: times, peak memory and frequencies."""
-    from middeck.structure.equilibrium import solve_equilibrium
-    from middeck.structure.modes import solve_modes
+    from middeck.structure.modes.solve import solve_modes
+    from middeck.structure.rest.equilibrium import solve_equilibrium
 
     structure, environment, _ = model_of(case, size)
     clock = [time.process_time()]
@@ -84,8 +84,8 @@ def solve_one(case: str, size: str, target: Path) -> None:
 def differentiate_one(case: str, target: Path) -> None:
     """Sensitivities of 40 frequencies to 50 parameters spread over all there are; one eigensolution."""
     from middeck.files.documents import load_case
-    from middeck.structure.equilibrium import solve_equilibrium
-    from middeck.structure.modes import solve_modes
+    from middeck.structure.modes.solve import solve_modes
+    from middeck.structure.rest.equilibrium import solve_equilibrium
     from middeck.structure.sensitivity.frequencies import differentiate_frequencies
     from middeck.structure.sensitivity.parameters import list_parameters
 

@@ -6,7 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from middeck.structure.article import (
+from middeck.structure.assembly.energy import Loads, assemble, mass_matrix, no_loads
+from middeck.structure.assembly.mesh import Model
+from middeck.structure.elements.frames import Configuration, move
+from middeck.structure.model.article import (
     Actuator,
     AttachPoint,
     Body,
@@ -19,10 +22,7 @@ from middeck.structure.article import (
     Spring,
     Structure,
 )
-from middeck.structure.assembly import Loads, assemble, mass_matrix, no_loads
-from middeck.structure.elements.frames import Configuration, move
-from middeck.structure.environment import AnchoredSpring, Environment
-from middeck.structure.mesh import Model
+from middeck.structure.model.environment import AnchoredSpring, Environment
 
 GRAVITY = np.array([0.0, -9.80665, 0.0])
 NONE = Body(0.0, np.zeros(3), np.zeros((3, 3)))

@@ -18,8 +18,8 @@ from measured.rows import row
 from middeck.control.classical import PDLoops, close_inner_loop
 from middeck.files.studies import load_study
 from middeck.identification import estimate_response, fit_response, model_response
-from middeck.structure.equilibrium import solve_equilibrium
-from middeck.structure.modes import solve_modes
+from middeck.structure.modes.solve import solve_modes
+from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.study.chapters.zero_g_control.computation import control_plant
 from middeck.systems.plant import subsystem
 from middeck.systems.ports import Port

@@ -223,12 +223,12 @@ from .realtime.sensors import (
     Encoder as Encoder,
     Gyro as Gyro,
 )
-from .structure.article import (
+from .structure.model.article import (
     Damping as Damping,
     Structure as Structure,
 )
-from .structure.checks.summary import summarise as summarise
-from .structure.comparison import compare_modes as compare_modes
+from .structure.summary.summary import summarise as summarise
+from .structure.gravity.comparison import compare_modes as compare_modes
 from .structure.correlation.correlate import correlate_modes as correlate_modes
 from .structure.correlation.effective_mass import measure_effective_mass as measure_effective_mass
 from .structure.correlation.measured_modes import (
@@ -238,14 +238,14 @@ from .structure.correlation.measured_modes import (
 )
 from .structure.correlation.profiles import find_profile as find_profile
 from .structure.correlation.reduction import Reduction as Reduction
-from .structure.environment import (
+from .structure.model.environment import (
     AnchoredSpring as AnchoredSpring,
     Device as Device,
     DeviceKind as DeviceKind,
     Environment as Environment,
     Suspension as Suspension,
 )
-from .structure.equilibrium import (
+from .structure.rest.equilibrium import (
     Equilibrium as Equilibrium,
     solve_equilibrium as solve_equilibrium,
 )
@@ -257,7 +257,7 @@ from .structure.gravity.places import (
     find_place as find_place,
     tilt_place as tilt_place,
 )
-from .structure.modes import (
+from .structure.modes.solve import (
     Modes as Modes,
     solve_modes as solve_modes,
 )

@@ -15,8 +15,8 @@ import pytest
 import scipy.linalg as sla
 
 from middeck.files.documents import load_case
-from middeck.structure.equilibrium import solve_equilibrium
-from middeck.structure.modes import solve_modes
+from middeck.structure.modes.solve import solve_modes
+from middeck.structure.rest.equilibrium import solve_equilibrium
 
 ROOT = Path(__file__).parents[2]
 SHEET = tomllib.loads((ROOT / "tests/reference/mace-article.toml").read_text())

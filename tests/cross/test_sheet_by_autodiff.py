@@ -18,10 +18,10 @@ import pytest
 
 from conftest import LONG
 from middeck.files.studies import Study, load_study
-from middeck.structure.comparison import ModeComparison, compare_modes
-from middeck.structure.equilibrium import node_rotations, solve_equilibrium
-from middeck.structure.modes import solve_modes
+from middeck.structure.gravity.comparison import ModeComparison, compare_modes
+from middeck.structure.modes.solve import solve_modes
 from middeck.structure.plants.modal_plant import build_plant
+from middeck.structure.rest.equilibrium import node_rotations, solve_equilibrium
 from middeck.study.chapters.zero_g_control.computation import SUB_MODELS, ZeroGControl, study_zero_g_control
 from middeck.study.shared import find_modes
 from middeck.systems.response import evaluate_plant

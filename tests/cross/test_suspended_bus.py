@@ -16,10 +16,10 @@ import numpy as np
 import pytest
 
 import structure_builders as build
-from middeck.structure.article import AttachPoint, Body, Joint, JointState, Section, Structure
-from middeck.structure.environment import AnchoredSpring, Environment
-from middeck.structure.equilibrium import solve_equilibrium
-from middeck.structure.modes import solve_modes
+from middeck.structure.model.article import AttachPoint, Body, Joint, JointState, Section, Structure
+from middeck.structure.model.environment import AnchoredSpring, Environment
+from middeck.structure.modes.solve import solve_modes
+from middeck.structure.rest.equilibrium import solve_equilibrium
 
 HERE = Path(__file__).parent / "suspended_bus"
 THEIRS: dict[str, Any] = json.loads((HERE / "results.json").read_text())

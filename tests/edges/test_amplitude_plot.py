@@ -5,8 +5,8 @@ import pytest
 
 import middeck as md
 from middeck.plot.amplitude import amplitude
-from middeck.structure.article import Joint
 from middeck.structure.gimbals.amplitude import sweep_amplitude
+from middeck.structure.model.article import Joint
 from middeck.systems.deadband import Deadband
 from structure_builders import body, node, structure
 

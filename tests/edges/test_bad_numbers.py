@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from middeck.errors import ConfigError
-from middeck.structure.article import AttachPoint, Joint, JointState, Spring
-from middeck.structure.environment import AnchoredSpring, Device, Environment
-from middeck.structure.equilibrium import solve_equilibrium
+from middeck.structure.model.article import AttachPoint, Joint, JointState, Spring
+from middeck.structure.model.environment import AnchoredSpring, Device, Environment
+from middeck.structure.rest.equilibrium import solve_equilibrium
 from structure_builders import GRAVITY, TUBE, body, member, node, structure
 
 Z = np.array([0.0, 0.0, 1.0])

@@ -12,7 +12,7 @@ import pytest
 
 import middeck as md
 from cli_runner import ROOT, middeck
-from middeck.structure.equilibrium import node_rotations
+from middeck.structure.rest.equilibrium import node_rotations
 from middeck.systems.ports import Port
 from middeck.systems.record import Record
 

@@ -25,7 +25,7 @@ from middeck.structure.correlation.profiles import (
     find_profile,
 )
 from middeck.structure.correlation.reduction import Reduction
-from middeck.structure.modes import Modes
+from middeck.structure.modes.solve import Modes
 
 ARTICLE, LAB = ROOT / "articles/mace-simple.toml", ROOT / "environments/lab.toml"
 SURVEY = ROOT / "data/virtual-survey/mace-simple-lab.json"

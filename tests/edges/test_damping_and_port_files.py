@@ -9,11 +9,18 @@ import pytest
 
 from middeck.errors import ConfigError
 from middeck.files.documents import load_structure
-from middeck.structure.article import ActuatorKind, Damper, DamperPlace, DampingTable, SensorKind, Structure
-from middeck.structure.environment import Environment
-from middeck.structure.equilibrium import solve_equilibrium
-from middeck.structure.modes import solve_modes
+from middeck.structure.model.article import (
+    ActuatorKind,
+    Damper,
+    DamperPlace,
+    DampingTable,
+    SensorKind,
+    Structure,
+)
+from middeck.structure.model.environment import Environment
+from middeck.structure.modes.solve import solve_modes
 from middeck.structure.plants.damping import estimate_damping
+from middeck.structure.rest.equilibrium import solve_equilibrium
 
 BEAM = """\
 schema = 1

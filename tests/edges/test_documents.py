@@ -31,8 +31,8 @@ from middeck.files.faults import Fault
 from middeck.files.studies import load_study, study_rules
 from middeck.files.study_form import StudyForm
 from middeck.files.toml_lines import key_lines
-from middeck.structure.article import JointState
-from middeck.structure.environment import Environment
+from middeck.structure.model.article import JointState
+from middeck.structure.model.environment import Environment
 
 ROOT = Path(__file__).parents[2]
 DM = ROOT / "articles/mace-dm.toml"

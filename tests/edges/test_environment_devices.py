@@ -9,8 +9,8 @@ import pytest
 
 from middeck.errors import ConfigError
 from middeck.files.documents import load_case, load_environment
-from middeck.structure.environment import DeviceKind
-from middeck.structure.equilibrium import solve_equilibrium
+from middeck.structure.model.environment import DeviceKind
+from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.systems.friction import Friction
 
 ROOT = Path(__file__).parents[2]

@@ -16,8 +16,8 @@ from middeck.errors import ConfigError
 from middeck.files.documents import load_case
 from middeck.files.overrides import apply_overrides, parse_override
 from middeck.files.studies import load_study
-from middeck.structure.article import JointState, Structure
-from middeck.structure.environment import Environment
+from middeck.structure.model.article import JointState, Structure
+from middeck.structure.model.environment import Environment
 
 ROOT = Path(__file__).parents[2]
 NUMBERS = [(p, v) for p, v in SHEET_LEAVES if isinstance(v, int | float)]

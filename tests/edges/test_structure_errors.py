@@ -9,11 +9,20 @@ import pytest
 
 from middeck.errors import ConfigError, EquilibriumError, NumericalError, UnstableEquilibriumError
 from middeck.files.documents import load_case
-from middeck.structure.article import Actuator, AttachPoint, Body, Joint, Section, Sensor, Spring, Structure
-from middeck.structure.environment import AnchoredSpring, Environment, Suspension
-from middeck.structure.equilibrium import node_rotations, solve_equilibrium
-from middeck.structure.mesh import mesh_structure
-from middeck.structure.modes import solve_modes
+from middeck.structure.assembly.mesh import mesh_structure
+from middeck.structure.model.article import (
+    Actuator,
+    AttachPoint,
+    Body,
+    Joint,
+    Section,
+    Sensor,
+    Spring,
+    Structure,
+)
+from middeck.structure.model.environment import AnchoredSpring, Environment, Suspension
+from middeck.structure.modes.solve import solve_modes
+from middeck.structure.rest.equilibrium import node_rotations, solve_equilibrium
 from structure_builders import GRAVITY, body, lab, member, node, rigid_bar, springs_above, structure
 
 TUBE = Section(1e6, 80.0, 100.0, 100.0, 0.5, 1e-4, 1e-4)

@@ -20,8 +20,8 @@ from middeck.structure.correlation.measured_modes import (
     sensor_rows,
 )
 from middeck.structure.correlation.units import doubt_units
-from middeck.structure.equilibrium import solve_equilibrium
-from middeck.structure.modes import Modes, solve_modes
+from middeck.structure.modes.solve import Modes, solve_modes
+from middeck.structure.rest.equilibrium import solve_equilibrium
 
 SEEDS = range(1993, 1999)
 

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 from middeck.files.documents import load_case
-from middeck.structure.comparison import compare_modes
 from middeck.structure.elements.frames import frame_poses
-from middeck.structure.equilibrium import Equilibrium, node_rotations, solve_equilibrium
-from middeck.structure.modes import Modes, solve_modes
+from middeck.structure.gravity.comparison import compare_modes
+from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.modal_plant import build_plant
+from middeck.structure.rest.equilibrium import Equilibrium, node_rotations, solve_equilibrium
 
 ROOT = Path(__file__).parents[2]
 LOOPS = ("bus_x", "bus_y", "bus_z", "pri_rel_x", "pri_rel_z", "sec_rel_x", "sec_rel_z")

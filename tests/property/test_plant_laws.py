@@ -9,12 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_structure_laws import random_tree, unit
 
-from middeck.structure.article import Actuator, ActuatorKind, Damping, Sensor, SensorKind, Structure
-from middeck.structure.environment import Environment
-from middeck.structure.equilibrium import solve_equilibrium
-from middeck.structure.modes import Modes, solve_modes
+from middeck.structure.model.article import Actuator, ActuatorKind, Damping, Sensor, SensorKind, Structure
+from middeck.structure.model.environment import Environment
+from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.damping import estimate_damping
 from middeck.structure.plants.modal_plant import build_plant
+from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.systems.modal import modal_response
 
 trees = st.tuples(st.integers(0, 10**6), st.integers(2, 4), st.integers(0, 3))

@@ -9,15 +9,15 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from middeck.structure.article import AttachPoint, Body, Joint, JointState, Section, Spring, Structure
-from middeck.structure.assembly import assemble
-from middeck.structure.comparison import compare_modes
+from middeck.structure.assembly.energy import assemble
 from middeck.structure.elements.frames import move
 from middeck.structure.elements.rotations import rotation_exp
-from middeck.structure.environment import AnchoredSpring, Environment, Suspension
-from middeck.structure.equilibrium import solve_equilibrium
-from middeck.structure.modes import solve_modes
-from middeck.structure.statics import static_coordinates
+from middeck.structure.gravity.comparison import compare_modes
+from middeck.structure.model.article import AttachPoint, Body, Joint, JointState, Section, Spring, Structure
+from middeck.structure.model.environment import AnchoredSpring, Environment, Suspension
+from middeck.structure.modes.solve import solve_modes
+from middeck.structure.rest.equilibrium import solve_equilibrium
+from middeck.structure.rest.statics import static_coordinates
 from structure_builders import GRAVITY, body, member, node, structure
 
 TUBE = Section(1e6, 80.0, 90.0, 110.0, 0.5, 1e-4, 2e-4)

@@ -15,9 +15,9 @@ from typing import NamedTuple
 import numpy as np
 import scipy.linalg as sla
 
-from middeck.structure.article import AttachPoint, Body, Member, Section, Structure
 from middeck.structure.elements.rotations import rotation_exp, rotation_log
-from middeck.structure.environment import AnchoredSpring, Environment
+from middeck.structure.model.article import AttachPoint, Body, Member, Section, Structure
+from middeck.structure.model.environment import AnchoredSpring, Environment
 from structure_builders import GRAVITY, lab, node, structure
 
 G = 9.80665

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from middeck.errors import ConfigError
-from middeck.structure.article import (
+from middeck.structure.elements.frames import frame_poses, move
+from middeck.structure.elements.rotations import rotation_exp
+from middeck.structure.model.article import (
     Actuator,
     ActuatorKind,
     AttachPoint,
@@ -19,14 +21,12 @@ from middeck.structure.article import (
     SensorKind,
     Structure,
 )
-from middeck.structure.elements.frames import frame_poses, move
-from middeck.structure.elements.rotations import rotation_exp
-from middeck.structure.environment import AnchoredSpring, Environment, Suspension
-from middeck.structure.equilibrium import solve_equilibrium
-from middeck.structure.modes import Modes, solve_modes
+from middeck.structure.model.environment import AnchoredSpring, Environment, Suspension
+from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.plants.port_rows import accelerometer_offset
 from middeck.structure.plants.port_rows import output_rows as coordinate_rows
+from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.systems.modal import modal_response, output_rows
 from structure_builders import GRAVITY, body, lab, member, node, structure
 

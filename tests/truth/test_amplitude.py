@@ -7,10 +7,10 @@ import pytest
 
 import middeck as md
 from middeck.errors import ConfigError
-from middeck.structure.article import Joint, JointState
 from middeck.structure.gimbals.amplitude import sweep_amplitude
 from middeck.structure.gimbals.branches import JointSystem, solve_undamped
 from middeck.structure.gimbals.damped import follow_damped, pair_undamped
+from middeck.structure.model.article import Joint, JointState
 from middeck.systems.deadband import Deadband
 from middeck.systems.friction import Friction
 from middeck.systems.joint_simulation import (

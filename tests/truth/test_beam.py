@@ -11,12 +11,12 @@ import scipy.linalg as sla
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, fsolve
 
-from middeck.structure.article import Section
-from middeck.structure.assembly import mass_matrix, no_loads
+from middeck.structure.assembly.energy import mass_matrix, no_loads
+from middeck.structure.assembly.mesh import Model, mesh_structure
 from middeck.structure.elements.beam import beam_properties, beam_state, beam_weight
 from middeck.structure.elements.frames import frame_poses, points_in_world
 from middeck.structure.elements.rotations import rotation_exp, skew
-from middeck.structure.mesh import Model, mesh_structure
+from middeck.structure.model.article import Section
 from structure_builders import TUBE, clamped_matrices, member, newton, node, straight_beam, structure
 
 L = 2.0

@@ -11,11 +11,8 @@ import scipy.linalg as sla
 
 from middeck.errors import ConfigError
 from middeck.files.documents import load_case
-from middeck.structure.article import AttachPoint, Joint, Section, Spring
-from middeck.structure.assembly import assemble, mass_matrix
+from middeck.structure.assembly.energy import assemble, mass_matrix
 from middeck.structure.elements.rotations import rotation_exp
-from middeck.structure.environment import AnchoredSpring, Device, DeviceKind, Environment, Suspension
-from middeck.structure.equilibrium import solve_equilibrium
 from middeck.structure.gravity.budget import (
     CORNERS,
     EFFECTS,
@@ -25,7 +22,10 @@ from middeck.structure.gravity.budget import (
     corner_matrices,
 )
 from middeck.structure.gravity.tracking import solve_spectrum
-from middeck.structure.modes import Modes, solve_modes
+from middeck.structure.model.article import AttachPoint, Joint, Section, Spring
+from middeck.structure.model.environment import AnchoredSpring, Device, DeviceKind, Environment, Suspension
+from middeck.structure.modes.solve import Modes, solve_modes
+from middeck.structure.rest.equilibrium import solve_equilibrium
 from structure_builders import GRAVITY, body, lab, member, node, rigid_bar, spin, structure
 
 G = 9.80665

@@ -9,10 +9,10 @@ from scipy.optimize import brentq
 from scipy.special import ellipe, ellipk
 
 from middeck.errors import UnstableEquilibriumError
-from middeck.structure.article import AttachPoint, Section
-from middeck.structure.environment import AnchoredSpring
-from middeck.structure.equilibrium import Equilibrium, rest_warnings, solve_equilibrium
-from middeck.structure.modes import solve_modes
+from middeck.structure.model.article import AttachPoint, Section
+from middeck.structure.model.environment import AnchoredSpring
+from middeck.structure.modes.solve import solve_modes
+from middeck.structure.rest.equilibrium import Equilibrium, rest_warnings, solve_equilibrium
 from structure_builders import body, lab, member, node, structure
 
 G, EI = 9.80665, 10.0

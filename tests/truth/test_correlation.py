@@ -10,8 +10,7 @@ import scipy.linalg as sla
 
 import middeck as md
 from cli_runner import ROOT
-from middeck.structure.article import AttachPoint, Joint, Section
-from middeck.structure.assembly import assemble
+from middeck.structure.assembly.energy import assemble
 from middeck.structure.correlation.assurance import (
     coordinate_assurance,
     modal_assurance,
@@ -22,9 +21,10 @@ from middeck.structure.correlation.effective_mass import measure_effective_mass
 from middeck.structure.correlation.measured_modes import every_channel, sensor_rows
 from middeck.structure.correlation.reduction import Reduction, reduce_mass
 from middeck.structure.elements.rotations import rotation_exp
-from middeck.structure.environment import AnchoredSpring, Environment
-from middeck.structure.equilibrium import solve_equilibrium
-from middeck.structure.modes import Modes, solve_modes
+from middeck.structure.model.article import AttachPoint, Joint, Section
+from middeck.structure.model.environment import AnchoredSpring, Environment
+from middeck.structure.modes.solve import Modes, solve_modes
+from middeck.structure.rest.equilibrium import solve_equilibrium
 from structure_builders import body, member, node, straight_beam, structure
 
 ROUNDING = 1e-12

@@ -27,9 +27,9 @@ from middeck.structure.correlation.profiles import (
     find_profile,
 )
 from middeck.structure.correlation.reduction import Reduction
-from middeck.structure.environment import Environment
-from middeck.structure.equilibrium import solve_equilibrium
-from middeck.structure.modes import Modes, solve_modes
+from middeck.structure.model.environment import Environment
+from middeck.structure.modes.solve import Modes, solve_modes
+from middeck.structure.rest.equilibrium import solve_equilibrium
 from structure_builders import straight_beam
 
 ARTICLE, LAB = ROOT / "articles/mace-simple.toml", ROOT / "environments/lab.toml"

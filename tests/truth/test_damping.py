@@ -9,7 +9,8 @@ import pytest
 import scipy.linalg as sla
 
 from middeck.errors import ConfigError
-from middeck.structure.article import (
+from middeck.structure.assembly.energy import assemble
+from middeck.structure.model.article import (
     AttachPoint,
     Damper,
     DamperPlace,
@@ -21,13 +22,12 @@ from middeck.structure.article import (
     Spring,
     Structure,
 )
-from middeck.structure.assembly import assemble
-from middeck.structure.environment import AnchoredSpring, Environment, Suspension
-from middeck.structure.equilibrium import Equilibrium, solve_equilibrium
-from middeck.structure.modes import Modes, solve_modes
+from middeck.structure.model.environment import AnchoredSpring, Environment, Suspension
+from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.damping import COUPLING_LIMIT, estimate_damping
 from middeck.structure.plants.modal_plant import build_plant
-from middeck.structure.statics import dynamic_coordinates
+from middeck.structure.rest.equilibrium import Equilibrium, solve_equilibrium
+from middeck.structure.rest.statics import dynamic_coordinates
 from structure_builders import GRAVITY, body, member, node, structure
 
 TUBE = Section(1e6, 80.0, 100.0, 100.0, 0.5, 1e-4, 1e-4)

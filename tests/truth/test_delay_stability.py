@@ -18,10 +18,10 @@ from middeck.control.compensator import Compensator
 from middeck.control.lqg import LQGWeights, design_lqg
 from middeck.errors import NumericalError
 from middeck.files.documents import load_environment, load_structure
-from middeck.structure.environment import Environment
-from middeck.structure.equilibrium import solve_equilibrium
-from middeck.structure.modes import solve_modes
+from middeck.structure.model.environment import Environment
+from middeck.structure.modes.solve import solve_modes
 from middeck.structure.plants.modal_plant import build_plant
+from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.systems.delayed_plant import DelayedPlant, approximate_delays, delay_inputs
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant

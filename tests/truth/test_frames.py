@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 import scipy.linalg as sla
 
-from middeck.structure.article import AttachPoint, Body, Joint, JointState, Section, Spring
-from middeck.structure.assembly import Loads, assemble, mass_matrix, no_loads
+from middeck.structure.assembly.energy import Loads, assemble, mass_matrix, no_loads
+from middeck.structure.assembly.mesh import Model, lay_out, mesh_structure
 from middeck.structure.elements.devices import SpringLaw
 from middeck.structure.elements.frames import frame_poses, move, points_in_world, pose_jacobian
 from middeck.structure.elements.rotations import rotation_exp, rotation_log
-from middeck.structure.mesh import Model, lay_out, mesh_structure
+from middeck.structure.model.article import AttachPoint, Body, Joint, JointState, Section, Spring
 from structure_builders import (
     GRAVITY,
     body,

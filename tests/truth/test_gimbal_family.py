@@ -10,7 +10,8 @@ import pytest
 from middeck.errors import ConfigError, UnstableEquilibriumError
 from middeck.files.documents import load_case
 from middeck.plot.gimbal_family import gimbal_family
-from middeck.structure.article import (
+from middeck.structure.gimbals.family import GimbalFamily, sweep_gimbals
+from middeck.structure.model.article import (
     Actuator,
     AttachPoint,
     Body,
@@ -19,11 +20,10 @@ from middeck.structure.article import (
     Sensor,
     Structure,
 )
-from middeck.structure.environment import AnchoredSpring, Environment
-from middeck.structure.equilibrium import solve_equilibrium
-from middeck.structure.gimbals.family import GimbalFamily, sweep_gimbals
-from middeck.structure.modes import solve_modes
+from middeck.structure.model.environment import AnchoredSpring, Environment
+from middeck.structure.modes.solve import solve_modes
 from middeck.structure.plants.modal_plant import build_plant
+from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.systems.modal import modal_response
 from structure_builders import GRAVITY, body, node, structure
 

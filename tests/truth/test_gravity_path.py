@@ -11,13 +11,13 @@ from scipy.special import jv
 
 from middeck.errors import ConfigError
 from middeck.files.documents import load_case
-from middeck.structure.article import AttachPoint, Joint, JointState, Section, Structure
-from middeck.structure.environment import AnchoredSpring, Device, DeviceKind, Environment, Suspension
-from middeck.structure.equilibrium import solve_equilibrium
 from middeck.structure.gravity.events import EventKind
 from middeck.structure.gravity.path import GravityPath, follow_gravity
 from middeck.structure.gravity.places import DeviceRule, Place, find_place, gravity_between, tilt_place
-from middeck.structure.modes import solve_modes
+from middeck.structure.model.article import AttachPoint, Joint, JointState, Section, Structure
+from middeck.structure.model.environment import AnchoredSpring, Device, DeviceKind, Environment, Suspension
+from middeck.structure.modes.solve import solve_modes
+from middeck.structure.rest.equilibrium import solve_equilibrium
 from structure_builders import GRAVITY, body, lab, member, node, rigid_bar, structure
 
 G = 9.80665

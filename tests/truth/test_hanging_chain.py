@@ -12,10 +12,10 @@ import pytest
 from scipy.special import jn_zeros
 
 from middeck.errors import UnstableEquilibriumError
-from middeck.structure.article import AttachPoint, Section
-from middeck.structure.environment import AnchoredSpring
-from middeck.structure.equilibrium import solve_equilibrium
-from middeck.structure.modes import Modes, solve_modes
+from middeck.structure.model.article import AttachPoint, Section
+from middeck.structure.model.environment import AnchoredSpring
+from middeck.structure.modes.solve import Modes, solve_modes
+from middeck.structure.rest.equilibrium import solve_equilibrium
 from structure_builders import lab, member, node, structure
 
 G, LENGTH, RHO, EA = 9.80665, 2.0, 0.5, 1e6

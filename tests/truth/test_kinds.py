@@ -12,15 +12,15 @@ from random_articles import draw_bus, environment_of, write_tables
 
 from middeck.errors import MiddeckError
 from middeck.files.documents import load_case
-from middeck.structure.assembly import inner_forces, split_tangent
-from middeck.structure.comparison import ModeComparison, compare_modes
-from middeck.structure.environment import Environment
-from middeck.structure.equilibrium import node_rotations, solve_equilibrium
+from middeck.structure.assembly.energy import inner_forces, split_tangent
 from middeck.structure.gravity.budget import build_budget
-from middeck.structure.kinds import find_kinds, kinds_by_rank
-from middeck.structure.modes import Modes, solve_modes
+from middeck.structure.gravity.comparison import ModeComparison, compare_modes
+from middeck.structure.model.environment import Environment
+from middeck.structure.modes.kinds import find_kinds, kinds_by_rank
+from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.damping import estimate_damping
-from middeck.structure.statics import dynamic_coordinates
+from middeck.structure.rest.equilibrium import node_rotations, solve_equilibrium
+from middeck.structure.rest.statics import dynamic_coordinates
 
 LAB = "environments/lab.toml"
 FLEXIBLE, SUSPENSION = 0.01, 0.03

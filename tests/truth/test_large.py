@@ -9,12 +9,12 @@ import pytest
 import scipy.sparse as sp
 
 from middeck.errors import ConfigError
-from middeck.structure.article import AttachPoint, Section
-from middeck.structure.eigen import count_zero, solve_all, solve_lowest
-from middeck.structure.environment import Environment
-from middeck.structure.equilibrium import solve_equilibrium
-from middeck.structure.factorisation import factorise, positive_factor
-from middeck.structure.modes import solve_modes
+from middeck.structure.assembly.factorisation import factorise, positive_factor
+from middeck.structure.model.article import AttachPoint, Section
+from middeck.structure.model.environment import Environment
+from middeck.structure.modes.eigen import count_zero, solve_all, solve_lowest
+from middeck.structure.modes.solve import solve_modes
+from middeck.structure.rest.equilibrium import solve_equilibrium
 from structure_builders import body, lab, member, node, springs_above, structure
 
 TUBE = Section(2e6, 300.0, 400.0, 400.0, 0.5, 1e-4, 1e-4)

@@ -10,11 +10,11 @@ import pytest
 
 from middeck.errors import ConfigError, EquilibriumError
 from middeck.files.documents import load_case
-from middeck.structure.article import AttachPoint
 from middeck.structure.elements.frames import Configuration
 from middeck.structure.elements.rotations import rotation_exp
-from middeck.structure.environment import Device, Environment, Suspension
-from middeck.structure.equilibrium import solve_equilibrium
+from middeck.structure.model.article import AttachPoint
+from middeck.structure.model.environment import Device, Environment, Suspension
+from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.structure.suspension.attitude import estimate_attitude, fit_rotation, split_rotation
 from middeck.structure.suspension.levelling import LEVEL, level
 from structure_builders import GRAVITY, TUBE, body, member, node, structure

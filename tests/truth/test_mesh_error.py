@@ -9,11 +9,11 @@ import pytest
 from random_articles import draw_article, write_tables
 
 from middeck.files.documents import load_case, load_structure
-from middeck.structure.article import Section, Structure
-from middeck.structure.environment import Environment
-from middeck.structure.equilibrium import solve_equilibrium
-from middeck.structure.mesh_error import LIMIT, estimate_mesh_error, mesh_warnings
-from middeck.structure.modes import Modes, solve_modes
+from middeck.structure.model.article import Section, Structure
+from middeck.structure.model.environment import Environment
+from middeck.structure.modes.mesh_error import LIMIT, estimate_mesh_error, mesh_warnings
+from middeck.structure.modes.solve import Modes, solve_modes
+from middeck.structure.rest.equilibrium import solve_equilibrium
 from structure_builders import straight_beam
 
 FREE = np.array([4.730040745, 7.853204624, 10.99560784, 14.13716549])  # of free-free beams, k L

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import scipy.linalg as sla
 
-from middeck.structure.article import AttachPoint, Joint, JointState, Section, Spring
-from middeck.structure.environment import AnchoredSpring, Environment, Suspension
-from middeck.structure.equilibrium import solve_equilibrium
-from middeck.structure.modes import Modes, solve_modes
+from middeck.structure.model.article import AttachPoint, Joint, JointState, Section, Spring
+from middeck.structure.model.environment import AnchoredSpring, Environment, Suspension
+from middeck.structure.modes.solve import Modes, solve_modes
+from middeck.structure.rest.equilibrium import solve_equilibrium
 from structure_builders import (
     GRAVITY,
     body,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from middeck.errors import ConfigError, NumericalError
-from middeck.structure.article import (
+from middeck.structure.model.article import (
     Actuator,
     ActuatorKind,
     AttachPoint,
@@ -16,11 +16,11 @@ from middeck.structure.article import (
     Sensor,
     SensorKind,
 )
-from middeck.structure.environment import AnchoredSpring, Environment, Suspension
-from middeck.structure.equilibrium import solve_equilibrium
-from middeck.structure.modes import Modes, solve_modes
+from middeck.structure.model.environment import AnchoredSpring, Environment, Suspension
+from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.plants.residual import compare_static_gain
+from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.systems.modal import modal_response, output_rows
 from structure_builders import GRAVITY, body, member, node, spin, structure
 

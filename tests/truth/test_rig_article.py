@@ -23,9 +23,9 @@ from middeck.realtime.drift import Drift, nearest_modes
 from middeck.realtime.hardware_runs import run_hardware_open_loop
 from middeck.realtime.linear_view import linearise_rig
 from middeck.realtime.sensors import Encoder, Gyro
-from middeck.structure.environment import Environment
-from middeck.structure.equilibrium import solve_equilibrium
-from middeck.structure.modes import solve_modes
+from middeck.structure.model.environment import Environment
+from middeck.structure.modes.solve import solve_modes
+from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.systems.stability import growth_rates
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -17,7 +17,7 @@ from middeck.laboratory.article import rig_article_plant
 from middeck.laboratory.article_rig import build_article_rig, build_rig_article
 from middeck.laboratory.linear_test import rig_plant, run_rig_experiment
 from middeck.realtime.linear_view import linearise_rig
-from middeck.structure.environment import Environment
+from middeck.structure.model.environment import Environment
 from middeck.systems.deadband import Deadband
 from middeck.systems.friction import Friction
 from middeck.systems.joint_simulation import add_viscous

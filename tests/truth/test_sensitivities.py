@@ -12,7 +12,7 @@ import pytest
 import middeck as md
 import structure_builders as build
 from middeck.errors import ConfigError, NumericalError
-from middeck.structure.article import (
+from middeck.structure.model.article import (
     Damper,
     DamperPlace,
     Damping,
@@ -21,10 +21,10 @@ from middeck.structure.article import (
     JointState,
     Structure,
 )
-from middeck.structure.environment import AnchoredSpring, Device, DeviceKind, Environment, Suspension
-from middeck.structure.equilibrium import solve_equilibrium
-from middeck.structure.modes import Modes, solve_modes
+from middeck.structure.model.environment import AnchoredSpring, Device, DeviceKind, Environment, Suspension
+from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.modal_plant import build_plant
+from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.structure.sensitivity.frequencies import differentiate_frequencies
 from middeck.structure.sensitivity.parameters import Parameter, find_parameters, set_parameter
 from middeck.structure.sensitivity.plants import differentiate_plant

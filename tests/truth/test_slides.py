@@ -9,7 +9,11 @@ import pytest
 
 from middeck.errors import ConfigError, EquilibriumError
 from middeck.files.documents import load_structure
-from middeck.structure.article import (
+from middeck.structure.assembly.energy import Loads, assemble, mass_matrix, no_loads
+from middeck.structure.assembly.mesh import Model, mesh_structure
+from middeck.structure.elements.devices import SpringLaw
+from middeck.structure.elements.frames import Configuration, frame_poses, move, points_in_world, pose_jacobian
+from middeck.structure.model.article import (
     Actuator,
     AttachPoint,
     Damper,
@@ -21,15 +25,11 @@ from middeck.structure.article import (
     Sensor,
     Structure,
 )
-from middeck.structure.assembly import Loads, assemble, mass_matrix, no_loads
-from middeck.structure.elements.devices import SpringLaw
-from middeck.structure.elements.frames import Configuration, frame_poses, move, points_in_world, pose_jacobian
-from middeck.structure.environment import AnchoredSpring
-from middeck.structure.equilibrium import solve_equilibrium
-from middeck.structure.mesh import Model, mesh_structure
-from middeck.structure.modes import solve_modes
+from middeck.structure.model.environment import AnchoredSpring
+from middeck.structure.modes.solve import solve_modes
 from middeck.structure.plants.damping import estimate_damping
 from middeck.structure.plants.modal_plant import build_plant
+from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.systems.modal import modal_response
 from structure_builders import (
     GRAVITY,

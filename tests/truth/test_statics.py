@@ -7,13 +7,13 @@ import dataclasses
 import numpy as np
 import pytest
 
-from middeck.structure.article import AttachPoint, Joint, JointState, Section
-from middeck.structure.assembly import assemble
+from middeck.structure.assembly.energy import assemble
+from middeck.structure.assembly.mesh import mesh_structure
 from middeck.structure.elements.frames import frame_poses, points_in_world
-from middeck.structure.environment import AnchoredSpring, Environment, Suspension
-from middeck.structure.equilibrium import node_rotations, solve_equilibrium
-from middeck.structure.mesh import mesh_structure
-from middeck.structure.pinned import PinnedPoints, solve_pinned
+from middeck.structure.model.article import AttachPoint, Joint, JointState, Section
+from middeck.structure.model.environment import AnchoredSpring, Environment, Suspension
+from middeck.structure.rest.equilibrium import node_rotations, solve_equilibrium
+from middeck.structure.rest.pinned import PinnedPoints, solve_pinned
 from structure_builders import (
     GRAVITY,
     body,

@@ -10,11 +10,11 @@ from stiff_links import article_of, draw, solve
 
 from conftest import LONG
 from middeck.files.documents import load_structure
-from middeck.structure.article import AttachPoint, Section
 from middeck.structure.elements.rotations import rotation_exp
-from middeck.structure.environment import AnchoredSpring, Environment
-from middeck.structure.equilibrium import node_rotations, rest_imbalance, solve_equilibrium
-from middeck.structure.modes import solve_modes
+from middeck.structure.model.article import AttachPoint, Section
+from middeck.structure.model.environment import AnchoredSpring, Environment
+from middeck.structure.modes.solve import solve_modes
+from middeck.structure.rest.equilibrium import node_rotations, rest_imbalance, solve_equilibrium
 from structure_builders import GRAVITY, body, lab, member, node, structure
 
 pytestmark = pytest.mark.kernels

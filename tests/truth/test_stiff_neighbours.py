@@ -11,11 +11,11 @@ from stiff_links import BEND, Case, G, article_of, draw, solve
 
 from conftest import LONG
 from middeck.errors import NumericalError
-from middeck.structure.article import Section
-from middeck.structure.environment import Device, Environment
-from middeck.structure.equilibrium import Equilibrium, solve_equilibrium
 from middeck.structure.gravity.budget import GravityBudget, build_budget
-from middeck.structure.modes import solve_modes
+from middeck.structure.model.article import Section
+from middeck.structure.model.environment import Device, Environment
+from middeck.structure.modes.solve import solve_modes
+from middeck.structure.rest.equilibrium import Equilibrium, solve_equilibrium
 from middeck.structure.sensitivity.frequencies import differentiate_frequencies
 from middeck.structure.sensitivity.parameters import find_parameters
 from middeck.structure.sensitivity.rest import differentiate_rest

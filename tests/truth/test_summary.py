@@ -10,15 +10,15 @@ import pytest
 
 from middeck.errors import ConfigError
 from middeck.files.documents import load_structure
-from middeck.structure.article import Body, Joint, Section, Structure
-from middeck.structure.assembly import assemble, mass_matrix, no_loads
-from middeck.structure.checks.summary import summarise
-from middeck.structure.eigen import solve_lowest
+from middeck.structure.assembly.energy import assemble, mass_matrix, no_loads
+from middeck.structure.assembly.mesh import mesh_structure
 from middeck.structure.elements.frames import rigid_columns
-from middeck.structure.environment import Environment
-from middeck.structure.equilibrium import solve_equilibrium
-from middeck.structure.mesh import mesh_structure
-from middeck.structure.modes import solve_modes
+from middeck.structure.model.article import Body, Joint, Section, Structure
+from middeck.structure.model.environment import Environment
+from middeck.structure.modes.eigen import solve_lowest
+from middeck.structure.modes.solve import solve_modes
+from middeck.structure.rest.equilibrium import solve_equilibrium
+from middeck.structure.summary.summary import summarise
 from structure_builders import body, member, node, straight_beam, structure
 
 TUBE = Section(2e4, 30.0, 50.0, 80.0, 0.5, 2e-4, 3e-4)

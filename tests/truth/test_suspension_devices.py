@@ -10,14 +10,14 @@ import pytest
 
 from middeck.errors import ConfigError, EquilibriumError
 from middeck.files.documents import load_case
-from middeck.structure.article import AttachPoint, Damping
-from middeck.structure.assembly import assemble
-from middeck.structure.environment import AnchoredSpring, Device, DeviceKind, Environment, Suspension
-from middeck.structure.equilibrium import solve_equilibrium
-from middeck.structure.mesh import mesh_structure
-from middeck.structure.modes import solve_modes
+from middeck.structure.assembly.energy import assemble
+from middeck.structure.assembly.mesh import mesh_structure
+from middeck.structure.model.article import AttachPoint, Damping
+from middeck.structure.model.environment import AnchoredSpring, Device, DeviceKind, Environment, Suspension
+from middeck.structure.modes.solve import solve_modes
+from middeck.structure.rest.equilibrium import solve_equilibrium
+from middeck.structure.rest.tuning import environment_loads, tune_suspension
 from middeck.structure.suspension.device_friction import estimate_rest_band, sweep_device_amplitude
-from middeck.structure.suspension.tuning import environment_loads, tune_suspension
 from middeck.systems.friction import Friction
 from structure_builders import GRAVITY, TUBE, body, lab, member, node, rigid_bar, structure
 

@@ -13,10 +13,10 @@ from random_articles import draw_article, write_tables
 
 from middeck.errors import ConfigError
 from middeck.files.documents import load_case, load_structure
-from middeck.structure.checks.articles import check_structure
-from middeck.structure.checks.environment_doubts import doubt_environment
-from middeck.structure.checks.summary import summarise
-from middeck.structure.environment import AnchoredSpring, Device
+from middeck.structure.model.article_checks import check_structure
+from middeck.structure.model.environment import AnchoredSpring, Device
+from middeck.structure.summary.environment_doubts import doubt_environment
+from middeck.structure.summary.summary import summarise
 from structure_builders import body, node, structure
 
 MASSES = (("node", "mass_kg"), ("revolute", "mass_kg"), ("gimbal", "payload_mass_kg"))

@@ -8,13 +8,13 @@ from pathlib import Path
 
 from middeck.cli.blame import reading
 from middeck.files.documents import find_document, load_case
-from middeck.structure.article import Structure
-from middeck.structure.checks.environment_doubts import doubt_environment
-from middeck.structure.checks.summary import summarise
-from middeck.structure.environment import Environment
-from middeck.structure.equilibrium import solve_equilibrium
-from middeck.structure.mesh_error import mesh_warnings
-from middeck.structure.modes import Modes, solve_modes
+from middeck.structure.model.article import Structure
+from middeck.structure.model.environment import Environment
+from middeck.structure.modes.mesh_error import mesh_warnings
+from middeck.structure.modes.solve import Modes, solve_modes
+from middeck.structure.rest.equilibrium import solve_equilibrium
+from middeck.structure.summary.environment_doubts import doubt_environment
+from middeck.structure.summary.summary import summarise
 
 # From this many coordinates on, all modes take longer than anybody waits for the few that are shown.
 LARGE = 2000

@@ -14,7 +14,7 @@ from middeck.identification.plants.delays import merge_delays
 from middeck.identification.plants.measured_plant import measured_plant
 from middeck.identification.plants.selection import Selection, select_channels
 from middeck.identification.uncertainty.covariance import ModelCovariance
-from middeck.structure.modes import Modes
+from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.systems.delayed_plant import SAME_DELAY_S
 from middeck.systems.plant import Plant

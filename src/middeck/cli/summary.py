@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from middeck.structure.checks.summary import Summary
+from middeck.structure.summary.summary import Summary
 
 # What is left where the terms of a sum cancel is printed as the zero that it stands for.
 ROUNDING = 1e-12

@@ -19,7 +19,7 @@ from middeck.files.article_form import (
     StrutForm,
 )
 from middeck.files.damping_build import build_damping
-from middeck.structure.article import (
+from middeck.structure.model.article import (
     Actuator,
     ActuatorKind,
     AttachPoint,

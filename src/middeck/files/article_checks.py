@@ -18,7 +18,7 @@ from middeck.files.faults import Finding, nearest, show
 from middeck.files.form import inertia_matrix
 from middeck.files.shapes import keys_of
 from middeck.files.toml_lines import Path
-from middeck.structure.checks.connectivity import separate_parts, some_names
+from middeck.structure.model.connectivity import separate_parts, some_names
 
 Table = dict[str, Any]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from middeck.files.article_form import ArticleForm, DamperForm, DampingForm
-from middeck.structure.article import Damper, DamperPlace, Damping, DampingTable
+from middeck.structure.model.article import Damper, DamperPlace, Damping, DampingTable
 
 
 def build_damping(form: ArticleForm) -> Damping:

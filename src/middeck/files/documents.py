@@ -36,8 +36,8 @@ from middeck.files.overrides import Target, apply_overrides
 from middeck.files.toml_lines import Path as KeyPath
 from middeck.files.toml_lines import key_lines, line_of
 from middeck.files.toml_trouble import explain
-from middeck.structure.article import Structure
-from middeck.structure.environment import Environment
+from middeck.structure.model.article import Structure
+from middeck.structure.model.environment import Environment
 from middeck.values import record
 
 F = TypeVar("F", bound=Form)

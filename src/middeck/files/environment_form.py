@@ -10,7 +10,7 @@ from pydantic_core import PydanticCustomError
 
 from middeck.files.faults import Finding, nearest
 from middeck.files.form import Form, Name, NotNegative, Positive, Vector
-from middeck.structure.environment import AnchoredSpring, Device, DeviceKind, Environment, Suspension
+from middeck.structure.model.environment import AnchoredSpring, Device, DeviceKind, Environment, Suspension
 from middeck.systems.friction import Friction
 
 

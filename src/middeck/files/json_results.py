@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from middeck.structure.equilibrium import Equilibrium, node_rotations
-from middeck.structure.modes import Modes
+from middeck.structure.modes.solve import Modes
+from middeck.structure.rest.equilibrium import Equilibrium, node_rotations
 from middeck.systems.response import FrequencyResponse
 
 

@@ -39,8 +39,8 @@ from middeck.files.study_form import (
 )
 from middeck.files.toml_lines import Path as KeyPath
 from middeck.laboratory.settings import LoopTest, RigSettings
-from middeck.structure.article import Structure
-from middeck.structure.environment import Environment
+from middeck.structure.model.article import Structure
+from middeck.structure.model.environment import Environment
 from middeck.values import record
 
 

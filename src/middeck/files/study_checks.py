@@ -10,7 +10,7 @@ from middeck.files.article_checks import tables
 from middeck.files.faults import Finding, nearest, show
 from middeck.files.study_form import StudyForm
 from middeck.files.toml_lines import Path
-from middeck.structure.article import JointState, Structure
+from middeck.structure.model.article import JointState, Structure
 
 Table = dict[str, Any]
 # Decimals are not exact in binary.

@@ -18,11 +18,11 @@ from middeck.laboratory.hidden_errors import (
     hide_in_suspension,
     spread_damping,
 )
-from middeck.structure.article import Member, Section, Structure
-from middeck.structure.environment import AnchoredSpring, Environment
-from middeck.structure.equilibrium import Equilibrium, solve_equilibrium
-from middeck.structure.modes import Modes, solve_modes
+from middeck.structure.model.article import Member, Section, Structure
+from middeck.structure.model.environment import AnchoredSpring, Environment
+from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.modal_plant import build_plant
+from middeck.structure.rest.equilibrium import Equilibrium, solve_equilibrium
 from middeck.systems.plant import Plant
 from middeck.values import record
 

@@ -13,9 +13,9 @@ from middeck.realtime.drift import Drift, age_plant
 from middeck.realtime.hardware_rig import HardwareRig, build_hardware_rig
 from middeck.realtime.motors import Motor
 from middeck.realtime.sensors import Sensor
-from middeck.structure.article import Actuator, JointState, Structure
-from middeck.structure.environment import Environment
-from middeck.structure.equilibrium import Equilibrium
+from middeck.structure.model.article import Actuator, JointState, Structure
+from middeck.structure.model.environment import Environment
+from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.systems.joint_simulation import JointElements
 
 

@@ -8,9 +8,9 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
-from middeck.structure.article import Body, Damping, Joint, Member, Node, Structure
-from middeck.structure.environment import Environment
-from middeck.structure.modes import Modes
+from middeck.structure.model.article import Body, Damping, Joint, Member, Node, Structure
+from middeck.structure.model.environment import Environment
+from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
 from middeck.values import record
 

@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from middeck.laboratory.settings import LoopTest, RigSettings
 from middeck.realtime.rig import LinearRig, build_linear_rig, run_open_loop
-from middeck.structure.modes import Modes
+from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.systems.excitation import random_multisine
 from middeck.systems.plant import Plant

@@ -5,11 +5,11 @@ from __future__ import annotations
 from middeck.files.studies import Study
 from middeck.laboratory.article import RigArticle
 from middeck.laboratory.article_rig import build_rig_article
-from middeck.structure.article import Structure
-from middeck.structure.comparison import ModeComparison, compare_modes
-from middeck.structure.environment import Environment
-from middeck.structure.equilibrium import solve_equilibrium
-from middeck.structure.modes import Modes, solve_modes
+from middeck.structure.gravity.comparison import ModeComparison, compare_modes
+from middeck.structure.model.article import Structure
+from middeck.structure.model.environment import Environment
+from middeck.structure.modes.solve import Modes, solve_modes
+from middeck.structure.rest.equilibrium import solve_equilibrium
 
 PAPER_MODES = 26  # Figures 4 and 5 show at least these, however few the controllers are designed on
 

@@ -45,8 +45,8 @@ def verb(
     from middeck.cli.cases import find_case, solve_in
     from middeck.errors import ConfigError
     from middeck.files.documents import load_case
-    from middeck.structure.environment import Environment
     from middeck.structure.gravity.budget import build_budget
+    from middeck.structure.model.environment import Environment
 
     files = find_case(article, environment)
     structure, surroundings = load_case(*files, overrides)

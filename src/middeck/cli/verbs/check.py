@@ -12,8 +12,8 @@ from middeck.cli.screen import show
 
 if TYPE_CHECKING:
     from middeck.errors import NumericalError
-    from middeck.structure.article import Structure
-    from middeck.structure.environment import Environment
+    from middeck.structure.model.article import Structure
+    from middeck.structure.model.environment import Environment
 
 EPILOG = """\
 \b
@@ -46,7 +46,7 @@ def verb(
     from middeck.cli.cases import find_case
     from middeck.cli.summary import measure_lines, summary_lines, summary_numbers
     from middeck.files.documents import find_document, load_case, load_structure
-    from middeck.structure.checks.summary import summarise
+    from middeck.structure.summary.summary import summarise
 
     if environment is None:
         files: tuple[Path, ...] = (find_document(article, "article"),)
@@ -86,12 +86,12 @@ def _in_environment(
 
     from middeck.cli.attitude import attitude_numbers
     from middeck.errors import NumericalError
-    from middeck.structure.checks.environment_doubts import doubt_environment
-    from middeck.structure.checks.hanging import doubt_attitude, doubt_devices
-    from middeck.structure.equilibrium import solve_equilibrium
-    from middeck.structure.mesh_error import mesh_warnings
-    from middeck.structure.modes import solve_modes
+    from middeck.structure.modes.mesh_error import mesh_warnings
+    from middeck.structure.modes.solve import solve_modes
+    from middeck.structure.rest.equilibrium import solve_equilibrium
+    from middeck.structure.summary.environment_doubts import doubt_environment
     from middeck.structure.suspension.attitude import estimate_attitude
+    from middeck.structure.suspension.hanging import doubt_attitude, doubt_devices
 
     numbers = None
     found = [_doubt(text) for text in doubt_environment(structure, environment)]

@@ -10,7 +10,7 @@ from middeck.cli import options
 from middeck.cli.screen import Table, show
 
 if TYPE_CHECKING:
-    from middeck.structure.comparison import ModeComparison
+    from middeck.structure.gravity.comparison import ModeComparison
 
 EPILOG = """\
 \b
@@ -33,8 +33,8 @@ def verb(article: str, environment: str, count: int, overrides: tuple[str, ...],
     """
     from middeck.cli.cases import find_case, solve_in
     from middeck.files.documents import load_case
-    from middeck.structure.comparison import compare_modes
-    from middeck.structure.environment import Environment
+    from middeck.structure.gravity.comparison import compare_modes
+    from middeck.structure.model.environment import Environment
 
     files = find_case(article, environment)
     structure, surroundings = load_case(*files, overrides)

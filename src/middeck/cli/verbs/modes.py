@@ -10,8 +10,8 @@ from middeck.cli import options
 from middeck.cli.screen import Table, show
 
 if TYPE_CHECKING:
-    from middeck.structure.checks.summary import Summary
-    from middeck.structure.modes import Modes
+    from middeck.structure.modes.solve import Modes
+    from middeck.structure.summary.summary import Summary
 
 EPILOG = """\
 \b
@@ -38,7 +38,7 @@ def verb(article: str, environment: str, count: int, overrides: tuple[str, ...],
     from middeck.cli.cases import find_case, solve_in
     from middeck.cli.summary import summary_lines, summary_numbers
     from middeck.files.documents import load_case
-    from middeck.structure.checks.summary import summarise
+    from middeck.structure.summary.summary import summarise
 
     files = find_case(article, environment)
     structure, surroundings = load_case(*files, overrides)
@@ -59,8 +59,8 @@ def describe(modes: Modes, count: int, summary: Summary) -> dict[str, Any]:
 
     from middeck.cli.summary import summary_numbers
     from middeck.files.json_results import mode_numbers, rest_numbers
-    from middeck.structure.equilibrium import rest_imbalance
-    from middeck.structure.mesh_error import estimate_mesh_error
+    from middeck.structure.modes.mesh_error import estimate_mesh_error
+    from middeck.structure.rest.equilibrium import rest_imbalance
 
     zeta, said = _damping(modes, count)
     rest = modes.equilibrium

@@ -10,9 +10,9 @@ from middeck.cli import figures, options
 from middeck.cli.screen import Table, show
 
 if TYPE_CHECKING:
-    from middeck.structure.environment import Environment
     from middeck.structure.gravity.path import GravityPath
     from middeck.structure.gravity.places import Place
+    from middeck.structure.model.environment import Environment
 
 EPILOG = """\
 \b

@@ -11,7 +11,7 @@ from middeck.cli import options
 from middeck.cli.screen import Table, show
 
 if TYPE_CHECKING:
-    from middeck.structure.modes import Modes
+    from middeck.structure.modes.solve import Modes
     from middeck.structure.sensitivity.frequencies import FrequencySensitivities
     from middeck.structure.sensitivity.rest import RestSensitivities
 

@@ -27,7 +27,7 @@ from middeck.structure.correlation.pass_probability import (
 from middeck.structure.correlation.profiles import RECALLED, Criterion, Profile, Quantity
 from middeck.structure.correlation.reduction import ReducedMass, Reduction, reduce_mass
 from middeck.structure.correlation.units import doubt_units
-from middeck.structure.modes import Modes
+from middeck.structure.modes.solve import Modes
 from middeck.values import record
 
 RUNS = 1000

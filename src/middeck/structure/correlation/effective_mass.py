@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from middeck.structure.modes import Modes
-from middeck.structure.rigid import rigid_motions
+from middeck.structure.modes.rigid import rigid_motions
+from middeck.structure.modes.solve import Modes
 from middeck.values import record
 
 

@@ -17,10 +17,10 @@ import scipy.sparse.linalg as spla
 from jaxtyping import Float
 
 from middeck.errors import ConfigError, NumericalError
-from middeck.structure.assembly import assemble
-from middeck.structure.checks.stiff_members import check_beside_modes
-from middeck.structure.modes import Modes
-from middeck.structure.statics import dynamic_coordinates
+from middeck.structure.assembly.energy import assemble
+from middeck.structure.modes.solve import Modes
+from middeck.structure.modes.stiff_members import check_beside_modes
+from middeck.structure.rest.statics import dynamic_coordinates
 from middeck.values import record
 
 # Shapes or channels whose condition is beyond this are the same to all measurement.

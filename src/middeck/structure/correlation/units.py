@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 
 from middeck.structure.correlation.assurance import modal_assurance
 from middeck.structure.correlation.measured_modes import STRAIGHT, MeasuredModes, sort_rms
-from middeck.structure.modes import Modes
+from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
 
 ALIKE = 0.8  # assurance from which on two shapes are taken for one mode

@@ -11,7 +11,6 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Inexact
 
-from middeck.structure.article import Section
 from middeck.structure.elements.beam_kinematics import (
     ONE,
     PHI,
@@ -29,6 +28,7 @@ from middeck.structure.elements.beam_kinematics import (
     geometric_stiffness,
 )
 from middeck.structure.elements.rotations import cross, symmetric_double_cross
+from middeck.structure.model.article import Section
 from middeck.values import record
 
 Array = np.ndarray

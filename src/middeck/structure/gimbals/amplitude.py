@@ -13,7 +13,6 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from middeck.errors import ConfigError
-from middeck.structure.article import Damping
 from middeck.structure.gimbals.branches import (
     JointSystem,
     build_joint_system,
@@ -22,7 +21,8 @@ from middeck.structure.gimbals.branches import (
 )
 from middeck.structure.gimbals.damped import SPARE, follow_damped, pair_undamped
 from middeck.structure.gravity.tracking import HALF_SHAPE
-from middeck.structure.modes import Modes
+from middeck.structure.model.article import Damping
+from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
 from middeck.systems.joint_element import JointElement, check_amplitudes, sum_equivalents
 from middeck.values import record

@@ -16,8 +16,8 @@ import numpy as np
 from jaxtyping import Complex, Float, Int
 
 from middeck.errors import ConfigError
-from middeck.structure.article import JointState
-from middeck.structure.modes import Modes
+from middeck.structure.model.article import JointState
+from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.residual import residual_flexibility
 from middeck.values import record
 

@@ -17,19 +17,19 @@ from jaxtyping import Float
 from scipy.optimize import brentq
 
 from middeck.errors import ConfigError, EquilibriumError, UnstableEquilibriumError
-from middeck.structure.article import Damping, Joint, JointState, Structure
-from middeck.structure.assembly import Loads
+from middeck.structure.assembly.energy import Loads
+from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.devices import SpringLaw
 from middeck.structure.elements.frames import Configuration
-from middeck.structure.environment import Environment
-from middeck.structure.equilibrium import Equilibrium, solve_equilibrium
 from middeck.structure.gravity.continuation import rest_near
 from middeck.structure.gravity.tracking import HALF_SHAPE, SPARE, Spectrum, spectrum_at, spectrum_of, track
-from middeck.structure.kinds import find_kinds
-from middeck.structure.mesh import Model
-from middeck.structure.modes import Modes, solve_modes
-from middeck.structure.naming import name_modes
+from middeck.structure.model.article import Damping, Joint, JointState, Structure
+from middeck.structure.model.environment import Environment
+from middeck.structure.modes.kinds import find_kinds
+from middeck.structure.modes.naming import name_modes
+from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.modal_plant import build_plant
+from middeck.structure.rest.equilibrium import Equilibrium, solve_equilibrium
 from middeck.systems.plant import Plant
 from middeck.values import record
 

@@ -20,12 +20,12 @@ import scipy.sparse as sp
 from jaxtyping import Float, Int
 
 from middeck.errors import ConfigError
-from middeck.structure.assembly import Inner, inner_forces, mass_matrix, split_tangent
-from middeck.structure.checks.stiff_members import check_beside_modes
-from middeck.structure.equilibrium import Equilibrium
+from middeck.structure.assembly.energy import Inner, inner_forces, mass_matrix, split_tangent
 from middeck.structure.gravity.pairs import pair_modes
 from middeck.structure.gravity.tracking import HALF_SHAPE, solve_spectrum, track
-from middeck.structure.modes import Modes
+from middeck.structure.modes.solve import Modes
+from middeck.structure.modes.stiff_members import check_beside_modes
+from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.values import record
 
 EFFECTS = ("suspension", "stiffness", "deformation")

@@ -8,11 +8,11 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float
 
-from middeck.structure.assembly import Assembly, Loads, assemble_carried, carried_mass
+from middeck.structure.assembly.energy import Assembly, Loads, assemble_carried, carried_mass
+from middeck.structure.assembly.factorisation import Factor, factorise
+from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.frames import Configuration
-from middeck.structure.factorisation import Factor, factorise
-from middeck.structure.mesh import Model
-from middeck.structure.statics import (
+from middeck.structure.rest.statics import (
     STANDARD_GRAVITY,
     TOLERANCE,
     imbalance,

@@ -6,11 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from middeck.structure.assembly import mass_matrix
-from middeck.structure.equilibrium import Equilibrium
+from middeck.structure.assembly.energy import mass_matrix
 from middeck.structure.gravity.tracking import Spectrum, Tracked, align_repeated, spectrum_of, track
 from middeck.structure.gravity.undeformed import carry_along, turn_shapes
-from middeck.structure.modes import Modes
+from middeck.structure.modes.solve import Modes
+from middeck.structure.rest.equilibrium import Equilibrium
 
 
 class Paired(NamedTuple):

@@ -18,18 +18,18 @@ import scipy.sparse as sp
 from jaxtyping import Bool, Float
 
 from middeck.errors import ConfigError, EquilibriumError, UnstableEquilibriumError
-from middeck.structure.article import Structure
-from middeck.structure.assembly import Assembly, Loads, assemble_carried, carried_mass
+from middeck.structure.assembly.energy import Assembly, Loads, assemble_carried, carried_mass
 from middeck.structure.elements.frames import Configuration
-from middeck.structure.environment import Environment
-from middeck.structure.equilibrium import Equilibrium, solve_equilibrium
 from middeck.structure.gravity.continuation import rest_near
 from middeck.structure.gravity.events import EventKind, GravityEvent, Station
 from middeck.structure.gravity.exchanges import Advance, Course, reorder, resolve_exchanges
 from middeck.structure.gravity.places import DeviceRule, Place, gravity_between, loads_in
 from middeck.structure.gravity.tracking import HALF_SHAPE, spectrum_at, spectrum_of, track
-from middeck.structure.modes import Modes, solve_modes
-from middeck.structure.statics import TOLERANCE, settle
+from middeck.structure.model.article import Structure
+from middeck.structure.model.environment import Environment
+from middeck.structure.modes.solve import Modes, solve_modes
+from middeck.structure.rest.equilibrium import Equilibrium, solve_equilibrium
+from middeck.structure.rest.statics import TOLERANCE, settle
 from middeck.values import record
 
 # Parts of the way between two places.

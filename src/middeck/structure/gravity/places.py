@@ -10,11 +10,11 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
-from middeck.structure.assembly import Loads
+from middeck.structure.assembly.energy import Loads
 from middeck.structure.elements.rotations import rotation_exp
-from middeck.structure.equilibrium import Equilibrium
-from middeck.structure.statics import scale_loads
-from middeck.structure.suspension.tuning import environment_loads, tune_suspension
+from middeck.structure.rest.equilibrium import Equilibrium
+from middeck.structure.rest.statics import scale_loads
+from middeck.structure.rest.tuning import environment_loads, tune_suspension
 from middeck.values import record
 
 # [m/s^2]. Earth: standard acceleration of gravity, exact (CODATA). Moon, Mars: surface gravity of NASA's

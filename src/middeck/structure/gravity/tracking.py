@@ -10,17 +10,24 @@ from jaxtyping import Float, Int
 from scipy.optimize import linear_sum_assignment
 
 from middeck.errors import NumericalError
-from middeck.structure.assembly import Assembly, Loads, assemble_carried, carried_mass, mass_matrix, transport
-from middeck.structure.eigen import Eigenpairs, solve_all, solve_lowest
+from middeck.structure.assembly.energy import (
+    Assembly,
+    Loads,
+    assemble_carried,
+    carried_mass,
+    mass_matrix,
+    transport,
+)
+from middeck.structure.assembly.factorisation import order
+from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.frames import Configuration
 from middeck.structure.elements.since_drawn import uncarried
-from middeck.structure.factorisation import order
-from middeck.structure.kinds import SMALL
-from middeck.structure.mesh import Model
-from middeck.structure.modes import Modes
-from middeck.structure.repeated import repeated
-from middeck.structure.rounding import rounding, separate_rigid
-from middeck.structure.statics import dynamic_coordinates
+from middeck.structure.modes.eigen import Eigenpairs, solve_all, solve_lowest
+from middeck.structure.modes.kinds import SMALL
+from middeck.structure.modes.repeated import repeated
+from middeck.structure.modes.rounding import rounding, separate_rigid
+from middeck.structure.modes.solve import Modes
+from middeck.structure.rest.statics import dynamic_coordinates
 
 # A shape of which another holds more than half (this, squared) cannot be a second one's as well.
 HALF_SHAPE = float(np.sqrt(0.5))

@@ -11,10 +11,10 @@ import dataclasses
 import numpy as np
 from jaxtyping import Float
 
-from middeck.structure.assembly import mass_matrix
+from middeck.structure.assembly.energy import mass_matrix
 from middeck.structure.elements.frames import Configuration, frame_poses, points_in_world, rigid_columns
 from middeck.structure.elements.rotations import rotation_exp, rotation_log
-from middeck.structure.equilibrium import Equilibrium
+from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.structure.suspension.attitude import split_rotation
 
 FIT_ITERATIONS = 50

@@ -25,12 +25,12 @@ import numpy as np
 from jaxtyping import Bool, Float, Inexact
 
 from middeck.errors import ConfigError
-from middeck.structure.article import Damper, DamperPlace, Damping, DampingTable, JointState
 from middeck.structure.elements.frames import PosePoints, frame_poses, points_in_world, pose_jacobian
-from middeck.structure.equilibrium import Equilibrium
-from middeck.structure.kinds import is_held, kinds_by_rank
-from middeck.structure.modes import Modes
-from middeck.structure.strain import member_energy
+from middeck.structure.model.article import Damper, DamperPlace, Damping, DampingTable, JointState
+from middeck.structure.modes.kinds import is_held, kinds_by_rank
+from middeck.structure.modes.solve import Modes
+from middeck.structure.modes.strain import member_energy
+from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.values import record
 
 COUPLING_LIMIT = 0.1

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from middeck.errors import ConfigError
-from middeck.structure.article import Damping
-from middeck.structure.modes import Modes
+from middeck.structure.model.article import Damping
+from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
 from middeck.structure.plants.port_rows import input_rows, output_rows
 from middeck.structure.plants.residual import residual_flexibility

@@ -18,9 +18,9 @@ import numpy as np
 from jaxtyping import Inexact
 
 from middeck.errors import ConfigError
-from middeck.structure.article import Actuator, ActuatorKind, JointState, Sensor, SensorKind
 from middeck.structure.elements.frames import PosePoints, frame_poses, pose_jacobian
-from middeck.structure.equilibrium import Equilibrium
+from middeck.structure.model.article import Actuator, ActuatorKind, JointState, Sensor, SensorKind
+from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.systems.ports import Port
 from middeck.values import record
 

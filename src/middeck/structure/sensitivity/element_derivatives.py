@@ -12,12 +12,12 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from middeck.structure.assembly import CHUNK
+from middeck.structure.assembly.energy import CHUNK
+from middeck.structure.assembly.mesh import select_beams
 from middeck.structure.elements.beam import BeamProperties, beam_state, beam_weight
 from middeck.structure.elements.beam_inertia import beam_mass
 from middeck.structure.elements.rotations import rotation_exp, skew, symmetric_double_cross
-from middeck.structure.equilibrium import Equilibrium
-from middeck.structure.mesh import select_beams
+from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.structure.sensitivity.patches import STEP, derivative
 
 DIRECTIONS = 9  # the first root's turn, the second one's shift and turn

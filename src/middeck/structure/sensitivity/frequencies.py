@@ -16,10 +16,10 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from middeck.structure.assembly import mass_matrix
-from middeck.structure.checks.stiff_members import check_beside_modes
-from middeck.structure.equilibrium import Equilibrium
-from middeck.structure.modes import Modes
+from middeck.structure.assembly.energy import mass_matrix
+from middeck.structure.modes.solve import Modes
+from middeck.structure.modes.stiff_members import check_beside_modes
+from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.structure.sensitivity.element_derivatives import element_gradients
 from middeck.structure.sensitivity.parameters import Parameter
 from middeck.structure.sensitivity.patches import derivative

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from middeck.errors import ConfigError
-from middeck.structure.article import (
+from middeck.structure.model.article import (
     Actuator,
     ActuatorKind,
     DamperPlace,
@@ -28,7 +28,7 @@ from middeck.structure.article import (
     SensorKind,
     Structure,
 )
-from middeck.structure.environment import Environment
+from middeck.structure.model.environment import Environment
 from middeck.values import record
 
 AXES = "xyz"
@@ -82,7 +82,7 @@ class Parameter:
 def list_parameters(structure: Structure, environment: Environment) -> tuple[Parameter, ...]:
     """All parameters but the infinite ones: the shear stiffness of a Bernoulli beam has no derivative.
 
-    >>> from middeck.structure.article import Body, Damping, Node, Structure
+    >>> from middeck.structure.model.article import Body, Damping, Node, Structure
     >>> ball = Node("ball", np.zeros(3), 0.0, Body(2.0, np.zeros(3), np.eye(3)))
     >>> one = Structure("one", (ball,), (), (), (), (), (), (), Damping())
     >>> [p.name for p in list_parameters(one, Environment.orbit()) if p.value == 2.0]

@@ -16,11 +16,11 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from middeck.structure.article import Body, Node, Structure
-from middeck.structure.assembly import Loads
+from middeck.structure.assembly.energy import Loads
+from middeck.structure.assembly.mesh import Model, lay_out
 from middeck.structure.elements.frames import Configuration, move
-from middeck.structure.environment import Environment
-from middeck.structure.mesh import Model, lay_out
+from middeck.structure.model.article import Body, Node, Structure
+from middeck.structure.model.environment import Environment
 from middeck.structure.sensitivity.parameters import Parameter, set_parameter
 from middeck.structure.sensitivity.raft import Raft, merge_configurations, merge_loads, merge_models
 

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from middeck.structure.article import DampingTable
-from middeck.structure.equilibrium import Equilibrium
-from middeck.structure.modes import Modes
+from middeck.structure.model.article import DampingTable
+from middeck.structure.modes.solve import Modes
+from middeck.structure.modes.strain import strain_share
 from middeck.structure.plants.damping import (
     base_ratios,
     damper_matrix,
@@ -19,11 +19,11 @@ from middeck.structure.plants.damping import (
     material_ratios,
 )
 from middeck.structure.plants.port_rows import input_rows, output_rows
+from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.structure.sensitivity.parameters import Parameter
 from middeck.structure.sensitivity.patches import STEP, derivative
 from middeck.structure.sensitivity.rest import move_rest
 from middeck.structure.sensitivity.shapes import ModeSensitivity, differentiate_shapes, perturbed_rest
-from middeck.structure.strain import strain_share
 from middeck.values import record
 
 

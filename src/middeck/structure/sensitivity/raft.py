@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from middeck.structure.assembly import Loads
+from middeck.structure.assembly.energy import Loads
+from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.beam import BeamProperties
 from middeck.structure.elements.devices import SpringLaw
 from middeck.structure.elements.frames import Configuration, FrameTree, PosePoints
-from middeck.structure.mesh import Model
 
 
 class Raft(NamedTuple):

@@ -16,17 +16,19 @@ import numpy as np
 import scipy.sparse as sp
 
 from middeck.errors import NumericalError
-from middeck.structure.assembly import assemble, energy_gradient, mass_matrix
-from middeck.structure.equilibrium import Equilibrium
-from middeck.structure.factorisation import factorise
-from middeck.structure.mesh import Model
-from middeck.structure.pinned import (
+from middeck.structure.assembly.energy import assemble, energy_gradient, mass_matrix
+from middeck.structure.assembly.factorisation import factorise
+from middeck.structure.assembly.mesh import Model
+from middeck.structure.rest.equilibrium import Equilibrium
+from middeck.structure.rest.pinned import (
     HOLD_IN_G,
     Supports,
     find_supports,
     support_coordinates,
     support_forces,
 )
+from middeck.structure.rest.statics import static_coordinates
+from middeck.structure.rest.tuning import pinned_loads, pinned_points
 from middeck.structure.sensitivity.patches import (
     STEP,
     Patch,
@@ -36,8 +38,6 @@ from middeck.structure.sensitivity.patches import (
     restrict,
     spread_gradients,
 )
-from middeck.structure.statics import static_coordinates
-from middeck.structure.suspension.tuning import pinned_loads, pinned_points
 
 # Give of a support in one step, over that of the stiffest part; the next steps take it back.
 SUPPORT_GIVES = 1e-4

@@ -13,10 +13,11 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from middeck.structure.article import JointState, Structure
-from middeck.structure.assembly import Assembly, Loads, assemble, device_tension
-from middeck.structure.checks.stiff_members import check_beside_devices
-from middeck.structure.equilibrium import Equilibrium
+from middeck.structure.assembly.energy import Assembly, Loads, assemble, device_tension
+from middeck.structure.model.article import JointState, Structure
+from middeck.structure.modes.stiff_members import check_beside_devices
+from middeck.structure.rest.equilibrium import Equilibrium
+from middeck.structure.rest.tuning import TunedSuspension, environment_loads, tune_suspension
 from middeck.structure.sensitivity.parameters import Parameter
 from middeck.structure.sensitivity.patches import (
     STEP,
@@ -33,7 +34,6 @@ from middeck.structure.sensitivity.patches import (
 )
 from middeck.structure.sensitivity.reactions import differentiate_support
 from middeck.structure.sensitivity.static_solver import StaticSolver
-from middeck.structure.suspension.tuning import TunedSuspension, environment_loads, tune_suspension
 from middeck.values import record
 
 

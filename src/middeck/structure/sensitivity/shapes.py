@@ -24,15 +24,15 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from jaxtyping import Float
 
-from middeck.structure.assembly import assemble, mass_matrix
-from middeck.structure.equilibrium import Equilibrium
-from middeck.structure.modes import Modes
+from middeck.structure.assembly.energy import assemble, mass_matrix
+from middeck.structure.modes.solve import Modes
+from middeck.structure.rest.equilibrium import Equilibrium
+from middeck.structure.rest.statics import dynamic_coordinates
+from middeck.structure.rest.tuning import environment_loads
 from middeck.structure.sensitivity.frequencies import group_modes
 from middeck.structure.sensitivity.parameters import Parameter
 from middeck.structure.sensitivity.patches import derivative, follow, perturb_whole
 from middeck.structure.sensitivity.rest import Moved, move_rest
-from middeck.structure.statics import dynamic_coordinates
-from middeck.structure.suspension.tuning import environment_loads
 from middeck.values import record
 
 

@@ -9,12 +9,12 @@ import scipy.linalg as sla
 import scipy.sparse as sp
 
 from middeck.errors import NumericalError
-from middeck.structure.assembly import Assembly, mass_matrix
-from middeck.structure.eigen import ROUNDING
+from middeck.structure.assembly.energy import Assembly, mass_matrix
+from middeck.structure.assembly.factorisation import Factor, factorise
 from middeck.structure.elements.frames import rigid_columns
-from middeck.structure.equilibrium import Equilibrium
-from middeck.structure.factorisation import Factor, factorise
-from middeck.structure.statics import static_coordinates
+from middeck.structure.modes.eigen import ROUNDING
+from middeck.structure.rest.equilibrium import Equilibrium
+from middeck.structure.rest.statics import static_coordinates
 
 # What a solution may leave of its load, over the terms that balance in it.
 SOLVED = 1e-9

@@ -12,11 +12,11 @@ import dataclasses
 import numpy as np
 from jaxtyping import Float
 
-from middeck.structure.assembly import Loads, assemble, mass_matrix
+from middeck.structure.assembly.energy import Loads, assemble, mass_matrix
+from middeck.structure.assembly.mesh import Model, lay_out
 from middeck.structure.elements.frames import Configuration, move
 from middeck.structure.elements.trees import joint_chain
-from middeck.structure.equilibrium import Equilibrium
-from middeck.structure.mesh import Model, lay_out
+from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.structure.sensitivity.patches import STEP, derivative
 from middeck.structure.sensitivity.raft import merge_configurations, merge_loads, merge_models
 

@@ -11,14 +11,14 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError, EquilibriumError
-from middeck.structure.article import Damping
-from middeck.structure.assembly import assemble_carried, mass_matrix, transport
+from middeck.structure.assembly.energy import assemble_carried, mass_matrix, transport
+from middeck.structure.assembly.factorisation import positive_factor
 from middeck.structure.elements.frames import frame_poses, points_in_world, pose_jacobian, rigid_columns
-from middeck.structure.equilibrium import Equilibrium
-from middeck.structure.factorisation import positive_factor
-from middeck.structure.modes import Modes
+from middeck.structure.model.article import Damping
+from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
-from middeck.structure.statics import restrict, static_coordinates
+from middeck.structure.rest.equilibrium import Equilibrium
+from middeck.structure.rest.statics import restrict, static_coordinates
 from middeck.systems.friction import Friction
 from middeck.systems.joint_element import check_amplitudes
 from middeck.values import record

@@ -10,10 +10,10 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError, EquilibriumError
-from middeck.structure.article import Structure
 from middeck.structure.elements.frames import move
-from middeck.structure.environment import Environment
-from middeck.structure.equilibrium import Equilibrium, solve_equilibrium
+from middeck.structure.model.article import Structure
+from middeck.structure.model.environment import Environment
+from middeck.structure.rest.equilibrium import Equilibrium, solve_equilibrium
 from middeck.structure.sensitivity.parameters import AXES, list_parameters
 from middeck.structure.sensitivity.rest import differentiate_rest
 from middeck.structure.suspension.attitude import Attitude, estimate_attitude

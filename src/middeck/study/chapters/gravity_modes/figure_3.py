@@ -12,11 +12,11 @@ from matplotlib.patches import Polygon
 from scipy.spatial import ConvexHull
 
 from middeck.plot.style import COLOUR, new_figure, styled
-from middeck.structure.article import Body
-from middeck.structure.comparison import ModeComparison
+from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.frames import PosePoints, frame_poses, points_in_world
-from middeck.structure.equilibrium import Equilibrium
-from middeck.structure.mesh import Model
+from middeck.structure.gravity.comparison import ModeComparison
+from middeck.structure.model.article import Body
+from middeck.structure.rest.equilibrium import Equilibrium
 
 SHOWN_M = 0.06  # about what the largest displacement is exaggerated to
 LABELS_ABOVE_M = 0.12  # room for the names of the nodes

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from middeck.plot.style import COLOUR, new_figure, styled
-from middeck.structure.comparison import ModeComparison
+from middeck.structure.gravity.comparison import ModeComparison
 
 
 @styled

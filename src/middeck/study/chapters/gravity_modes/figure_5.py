@@ -8,7 +8,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from middeck.plot.style import COLOUR, new_figure, styled
-from middeck.structure.comparison import ModeComparison
+from middeck.structure.gravity.comparison import ModeComparison
 
 FLOOR = 1e-3  # below this a coupling is drawn white
 

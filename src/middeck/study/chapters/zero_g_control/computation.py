@@ -21,8 +21,8 @@ from middeck.control.performance import Performance, measure_metric
 from middeck.errors import ConfigError, NumericalError
 from middeck.files.studies import Study
 from middeck.files.study_form import ControlForm
-from middeck.structure.comparison import ModeComparison
-from middeck.structure.modes import Modes
+from middeck.structure.gravity.comparison import ModeComparison
+from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import damped_kinds
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.plants.port_rows import RATE

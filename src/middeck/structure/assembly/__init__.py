@@ -1,0 +1,1 @@
+"""Articles meshed: coordinates, potential energy with its derivatives, mass, factorisation."""

@@ -1,0 +1,571 @@
+"""Total potential energy of a model in an environment: value, gradient, tangent; and the mass matrix.
+
+All of it is analytic in the configuration, the model and the loads: complex ones give derivatives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Inexact, Int
+
+from middeck.structure.assembly.mesh import Model, select_beams
+from middeck.structure.elements.beam import (
+    BeamState,
+    beam_deformations,
+    beam_state,
+    beam_stiffness,
+    beam_weight,
+)
+from middeck.structure.elements.beam_inertia import beam_mass
+from middeck.structure.elements.beam_kinematics import EndStrain, end_strain
+from middeck.structure.elements.devices import (
+    SpringLaw,
+    SpringState,
+    predicted_tension,
+    spring_squares,
+    spring_state,
+)
+from middeck.structure.elements.frames import (
+    Configuration,
+    FrameTree,
+    PosePoints,
+    Poses,
+    frame_poses,
+    points_in_world,
+)
+from middeck.structure.elements.since_drawn import (
+    SinceDrawn,
+    chain_jacobian,
+    chain_stiffness,
+    chain_within,
+    common_carrier,
+    seen_from,
+    whole_motion,
+)
+from middeck.structure.model.article import JointState
+from middeck.values import record
+
+# Elements whose derivatives are formed together: their arrays, 10 kB each, should stay in the cache.
+CHUNK = 1024
+
+
+@record
+class Loads:
+    """What the environment does: gravity [m/s^2], and springs from anchors (in W) to attach points.
+
+    ``mass`` [kg] of each device moves with its attach point along the device only.
+    """
+
+    gravity: Inexact[np.ndarray, "3"]
+    anchor: Inexact[np.ndarray, "device 3"]
+    attach_point: Int[np.ndarray, " device"]
+    law: SpringLaw
+    mass: Inexact[np.ndarray, " device"]
+
+
+@record
+class Assembly:
+    """The potential at one configuration.
+
+    ``gradient`` and ``tangent`` are in the coordinates of the frame tree; ``jacobian`` takes them to poses.
+    """
+
+    energy: float
+    gradient: Inexact[np.ndarray, " coordinate"]
+    tangent: sp.csr_array
+    jacobian: sp.csr_array
+    tension: Inexact[np.ndarray, " device"]
+
+
+class Inner(NamedTuple):
+    """Forces inside a state: on the six deformations of each beam, and the pull of each own spring."""
+
+    beam: np.ndarray
+    spring: np.ndarray
+    device: np.ndarray
+
+
+class TangentParts(NamedTuple):
+    """The tangent as a sum, in the coordinates of the frame tree.
+
+    ``material``: elastic strain of members, springs and joints at zero force. ``geometric``: all that is
+    linear in the forces of members, springs, weight and (dead) device pulls. ``device``: the rest of what
+    devices do, their stiffness along and their pull over length across them.
+    """
+
+    material: sp.csr_array
+    geometric: sp.csr_array
+    device: sp.csr_array
+
+
+def no_loads() -> Loads:
+    """Orbit: no gravity, no devices."""
+    none = np.zeros(0)
+    return Loads(np.zeros(3), np.zeros((0, 3)), none.astype(int), SpringLaw(none, none, none), none)
+
+
+def assemble(
+    model: Model,
+    config: Configuration,
+    loads: Loads,
+    point_load: Inexact[np.ndarray, "pose 6"] | None = None,
+) -> Assembly:
+    """Energy and two derivatives at ``config``; ``point_load`` is a further energy gradient at the poses."""
+    at = _poses_at(model, config)
+    return _assembled(model, config, at, _gather(model, at, loads, None), point_load)
+
+
+def assemble_carried(
+    model: Model,
+    config: Configuration,
+    loads: Loads,
+    point_load: Inexact[np.ndarray, "pose 6"] | None = None,
+    inner: Inner | None = None,
+) -> Assembly:
+    """`assemble` in carried coordinates (see `since_drawn`), in which stiff members leave soft motions alone.
+
+    ``inner`` takes the place of the forces inside.
+
+    A member inside a carried part does not know how the part moves: only what its ends do as their common
+    carrier sees them enters its rows, and nothing has to cancel there.
+    """
+    since = config.since_drawn
+    if since is None or not since.carries:
+        at = _poses_at(model, config)
+        return _assembled(model, config, at, _gather(model, at, loads, inner), point_load)
+    at = _poses_at(model, config)
+    inside = _inside(model, since)
+    outside = _assembled(model, config, at, _gather(model, at, loads, inner, inside.rows), point_load)
+    T, turning = transport(config, model.tree), _carried_turning(model, at, since, outside.gradient)
+    state = _inside_state(model, at, inside, None if inner is None else inner.beam[inside.rows])
+    A, bent = _inside_motion(model, at, inside, state)
+    return Assembly(
+        outside.energy + float(np.sum(state.energy)),
+        T.T @ outside.gradient + A.T @ state.gradient.ravel(),
+        _symmetric(sp.csr_array(T.T @ outside.tangent @ T + turning + _sandwich(A, state.hessian) + bent)),
+        sp.csr_array(outside.jacobian @ T),
+        outside.tension,
+    )
+
+
+def geometric_tangent(model: Model, config: Configuration, loads: Loads) -> sp.csr_array:
+    """Of the tangent in carried coordinates what forces make: no strain of any part, and no device."""
+    at, since = _poses_at(model, config), config.since_drawn
+    inside = _inside(model, since)
+    total = _gather(model, at, loads, None, inside.rows)
+    J = model.pose_map.jacobian(at.poses)
+    bare = model.pattern.matrix(J.data, {**total.geometric, **_turning(model, at, total.gradient)})
+    if since is None or not since.carries:
+        return bare
+    gradient = J.T @ total.gradient.ravel() + _sprung_joints(model, config)[1]
+    T, turning = transport(config, model.tree), _carried_turning(model, at, since, gradient)
+    state = _inside_state(model, at, inside)
+    A, bent = _inside_motion(model, at, inside, state)
+    return _symmetric(sp.csr_array(T.T @ bare @ T + turning + _sandwich(A, state.geometric) + bent))
+
+
+def strain_energies(
+    model: Model, config: Configuration, loads: Loads, shapes: Inexact[np.ndarray, "coordinate mode"]
+) -> Inexact[np.ndarray, "mode mode"]:
+    """What is left of the tangent, seen by ``shapes`` in carried coordinates: a sum of squares of strains.
+
+    Nothing cancels but within a strain, so that it rounds by the square of the rounding of the shapes.
+    """
+    at = _poses_at(model, config)
+    motion, ends = _motions(model, config, at, shapes)
+    out = np.zeros((shapes.shape[1], shapes.shape[1]))
+    for rows in _chunks(len(model.element_ends)):
+        x, T, known = _element_ends(model, at, rows)
+        beams = select_beams(model.beams, rows)
+        _, slope = beam_deformations(beams, x, T, known)
+        strain = slope @ ends[rows]
+        out += np.einsum("eim,ein->mn", strain, beam_stiffness(beams) @ strain)
+    start, end = model.spring_ends.T
+    stretched = _own_span(model, at)
+    tied = _device_span(model, at, loads)
+    out += spring_squares(own_law(model), *stretched, motion[end, :3] - motion[start, :3], along_only=True)
+    out += spring_squares(loads.law, *tied, motion[loads.attach_point, :3])
+    hinges = _sprung_joints(model, config)[2]
+    return out + shapes.T @ (hinges[:, None] * shapes)
+
+
+def predict_forces(
+    model: Model, config: Configuration, loads: Loads, q: Inexact[np.ndarray, " coordinate"]
+) -> Inner:
+    """Forces after a step ``q`` in carried coordinates as the tangent has them, by its first order."""
+    at = _poses_at(model, config)
+    motion, ends = (m[..., 0] for m in _motions(model, config, at, q[:, None]))
+    forces = [np.zeros((0, 6))]
+    for rows in _chunks(len(model.element_ends)):
+        x, T, known = _element_ends(model, at, rows)
+        beams = select_beams(model.beams, rows)
+        value, slope = beam_deformations(beams, x, T, known)
+        strain = value + (slope @ ends[rows][:, :, None])[:, :, 0]
+        forces.append((beam_stiffness(beams) @ strain[:, :, None])[:, :, 0])
+    start, end = model.spring_ends.T
+    own = predicted_tension(own_law(model), *_own_span(model, at), motion[end, :3] - motion[start, :3])
+    device = predicted_tension(loads.law, *_device_span(model, at, loads), motion[loads.attach_point, :3])
+    return Inner(np.concatenate(forces), own, device)
+
+
+def _motions(
+    model: Model, config: Configuration, at: _At, shapes: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Motions (pose, 6, mode), and (element, 12, mode) of ends of elements as common carriers see them."""
+    count = shapes.shape[1]
+    J = model.pose_map.jacobian(at.poses)
+    motion = (J @ (transport(config, model.tree) @ shapes)).reshape(len(at.world), 6, count)
+    ends = motion[model.element_ends].reshape(len(model.element_ends), 12, count)
+    inside = _inside(model, config.since_drawn)
+    if len(inside.rows):
+        world = at.world[model.element_ends[inside.rows].ravel()]
+        A = chain_jacobian(inside.chain, at.poses.p, world, model.tree.size)
+        ends[inside.rows] = (A @ shapes).reshape(len(inside.rows), 12, count)
+    return motion, ends
+
+
+class _Inside(NamedTuple):
+    """Elements inside carried parts, and the chains of both ends of each within their common carrier."""
+
+    rows: np.ndarray
+    chain: list[np.ndarray]
+
+
+def _inside(model: Model, since: SinceDrawn | None) -> _Inside:
+    if since is None or not since.carries:
+        return _Inside(np.zeros(0, dtype=int), [])
+    outer = common_carrier(since, model.points.frame[model.element_ends])
+    rows = np.flatnonzero(outer >= 0)
+    ends = model.element_ends[rows].ravel()
+    return _Inside(rows, chain_within(since, model.points.frame[ends], np.repeat(outer[rows], 2)))
+
+
+def _inside_state(model: Model, at: _At, inside: _Inside, force: np.ndarray | None = None) -> BeamState:
+    """Of elements inside carried parts, without their weight."""
+    x, T, known = _element_ends(model, at, inside.rows)
+    return beam_state(select_beams(model.beams, inside.rows), x, T, force, known)
+
+
+def _inside_motion(
+    model: Model, at: _At, inside: _Inside, state: BeamState
+) -> tuple[sp.csr_array, sp.csr_array]:
+    """How ends move as their common carrier sees them, and what forces make of its second order."""
+    world, size = at.world[model.element_ends[inside.rows].ravel()], model.tree.size
+    return (
+        chain_jacobian(inside.chain, at.poses.p, world, size),
+        chain_stiffness(inside.chain, at.poses.p, world, state.gradient.reshape(-1, 6), size),
+    )
+
+
+def _carried_turning(model: Model, at: _At, since: SinceDrawn, gradient: np.ndarray) -> sp.csr_array:
+    """Second-order motion of the roots in W by carried coordinates, weighted by the ``gradient`` in W."""
+    roots = np.arange(model.tree.roots)
+    over = chain_within(since, roots, np.full(len(roots), -1))
+    load = gradient[: 6 * len(roots)].reshape(-1, 6)
+    return chain_stiffness(over, at.poses.p, at.poses.p[roots], load, model.tree.size)
+
+
+def _sandwich(A: sp.csr_array, matrices: np.ndarray) -> sp.csr_array:
+    """A'HA with the matrices of elements, 12 rows of A each."""
+    return sp.csr_array(A.T @ _block_matrix(matrices) @ A)
+
+
+def transport(config: Configuration, tree: FrameTree) -> sp.csr_array:
+    """Motions of the coordinates in W per carried coordinate; the identity where nothing is carried."""
+    since, roots = config.since_drawn, np.arange(tree.roots)
+    if since is None or not since.carries:
+        return sp.csr_array(sp.eye_array(tree.size))
+    over = chain_within(since, roots, np.full(len(roots), -1))
+    return chain_jacobian(over, config.x, config.x, tree.size, len(tree.parent))
+
+
+def carried_mass(model: Model, config: Configuration, loads: Loads | None = None) -> sp.csr_array:
+    """`mass_matrix` in carried coordinates."""
+    M, since = mass_matrix(model, config, loads), config.since_drawn
+    if since is None or not since.carries:
+        return M
+    T = transport(config, model.tree)
+    return _symmetric(sp.csr_array(T.T @ M @ T))
+
+
+def _assembled(
+    model: Model, config: Configuration, at: _At, total: _Total, point_load: np.ndarray | None
+) -> Assembly:
+    gradient = total.gradient if point_load is None else total.gradient + point_load
+    J = model.pose_map.jacobian(at.poses)
+    blocks = {name: total.material[name] + part for name, part in total.geometric.items()}
+    blocks |= {"attach": total.device, **_turning(model, at, gradient)}
+    joint_energy, joint_gradient, hinges = _sprung_joints(model, config)
+    g = J.T @ gradient.ravel() + joint_gradient
+    K = model.pattern.matrix(J.data, blocks, hinges)
+    return Assembly(total.energy + joint_energy, g, K, J, total.tension)
+
+
+def _turning(model: Model, at: _At, gradient: np.ndarray) -> dict[str, np.ndarray]:
+    return {"turning": model.pose_map.second_order(at.poses, gradient)}
+
+
+def energy_gradient(
+    model: Model, config: Configuration, loads: Loads, point_load: Inexact[np.ndarray, "pose 6"]
+) -> Inexact[np.ndarray, " coordinate"]:
+    """The gradient of `assemble` alone."""
+    at = _poses_at(model, config)
+    gradient = _gather(model, at, loads, None).gradient + point_load
+    return model.pose_map.jacobian(at.poses).T @ gradient.ravel() + _sprung_joints(model, config)[1]
+
+
+def split_tangent(model: Model, geometry: Configuration, loads: Loads, inner: Inner) -> TangentParts:
+    """The tangent at ``geometry`` under the forces ``inner``, which may be those of another configuration."""
+    at = _poses_at(model, geometry)
+    total = _gather(model, at, loads, inner)
+    values = model.pose_map.jacobian_values(at.poses)
+    return TangentParts(
+        model.pattern.matrix(values, total.material, _sprung_joints(model, geometry)[2]),
+        model.pattern.matrix(values, {**total.geometric, **_turning(model, at, total.gradient)}),
+        model.pattern.matrix(values, {"attach": total.device}),
+    )
+
+
+def device_tension(model: Model, config: Configuration, loads: Loads) -> Inexact[np.ndarray, " device"]:
+    """The pull of each device at ``config``."""
+    drawn, change = _device_span(model, _poses_at(model, config), loads)
+    return spring_state(loads.law, drawn + change, None, (drawn, change)).tension
+
+
+def inner_forces(model: Model, config: Configuration, loads: Loads) -> Inner:
+    """The forces at ``config``."""
+    return _gather(model, _poses_at(model, config), loads, None).inner
+
+
+def mass_matrix(model: Model, config: Configuration, loads: Loads | None = None) -> sp.csr_array:
+    """Consistent mass of beams, bodies and, with ``loads``, devices in the coordinates of the frame tree."""
+    at = _poses_at(model, config)
+    elements = [np.zeros((0, 12, 12))]
+    for rows in _chunks(len(model.element_ends)):
+        x, T, _ = _element_ends(model, at, rows)
+        elements.append(beam_mass(select_beams(model.beams, rows), x, T))
+    R = at.poses.R[model.points.frame[model.body_point]]
+    body = np.zeros((len(model.body_point), 6, 6), dtype=np.result_type(R, model.body_inertia))
+    body[:, :3, :3] = model.body_mass[:, None, None] * np.eye(3)
+    body[:, 3:, 3:] = R @ model.body_inertia @ np.swapaxes(R, 1, 2)
+    blocks = {"element": np.concatenate(elements), "body": body}
+    if loads is not None and np.any(loads.mass):
+        span = at.world[loads.attach_point] - loads.anchor
+        along = span / np.sqrt(np.einsum("di,di->d", span, span))[:, None]
+        moving = loads.mass[:, None, None] * along[:, :, None] * along[:, None, :]
+        blocks["attach"] = _at_attach_points(model, loads, moving)
+    return model.pattern.matrix(model.pose_map.jacobian_values(at.poses), blocks)
+
+
+def element_poses(model: Model, config: Configuration) -> tuple[np.ndarray, np.ndarray]:
+    """End positions (element, 2, 3) and triads (element, 2, 3, 3) of all beam elements."""
+    return _element_poses(model, _poses_at(model, config), slice(None))
+
+
+class _At(NamedTuple):
+    """Poses; where known, the motion of the roots since drawn, and their shift and turn as seen from W."""
+
+    poses: Poses
+    world: np.ndarray
+    since: SinceDrawn | None
+    motion: tuple[np.ndarray, np.ndarray]
+
+
+class _Total(NamedTuple):
+    """Sums over all elements, at the poses, and matrices by groups of elements; devices by attach points."""
+
+    energy: float
+    gradient: np.ndarray
+    inner: Inner
+    tension: np.ndarray
+    material: dict[str, np.ndarray]
+    geometric: dict[str, np.ndarray]
+    device: np.ndarray
+
+
+def _poses_at(model: Model, config: Configuration) -> _At:
+    poses, since = frame_poses(model.tree, config), config.since_drawn
+    motion = (np.zeros((0, 3)), np.zeros((0, 3, 3))) if since is None else whole_motion(since)
+    return _At(poses, points_in_world(model.points, poses), since, motion)
+
+
+def _gather(
+    model: Model, at: _At, loads: Loads, inner: Inner | None, unstrained: np.ndarray | None = None
+) -> _Total:
+    """All elements at their poses; ``inner`` takes the place of the forces inside them.
+
+    Of the elements ``unstrained`` only the weight counts.
+    """
+    dtype = np.result_type(
+        at.world, at.poses.R, loads.gravity, model.body_mass, model.beams.EA, loads.law.stiffness
+    )
+    gradient = np.zeros((len(at.world), 6), dtype=np.result_type(dtype, model.beams.length, loads.anchor))
+    material = [np.zeros((0, 12, 12))]
+    geometric = [np.zeros((0, 12, 12))]
+    energy = 0.0
+    forces: list[np.ndarray] = [np.zeros((0, 6))]
+    for rows in _chunks(len(model.element_ends)):
+        x, T, known = _element_ends(model, at, rows)
+        beams, ends = select_beams(model.beams, rows), model.element_ends[rows]
+        strain = beam_state(beams, x, T, None if inner is None else inner.beam[rows], known)
+        if unstrained is not None:
+            some = unstrained[(rows.start <= unstrained) & (unstrained < rows.stop)] - rows.start
+            for part in strain:
+                part[some] = 0.0
+        weight = beam_weight(beams, x, T, loads.gravity)
+        gradient[ends] += (strain.gradient + weight.gradient).reshape(-1, 2, 6)
+        energy += np.sum(strain.energy + weight.energy)
+        energy -= (beams.rho_A * beams.length) @ (at.world[ends[:, 0]] - x[:, 0]) @ loads.gravity
+        forces.append(strain.force)
+        material.append(strain.material)
+        geometric.append(strain.geometric + weight.hessian)
+    energy -= model.body_mass @ (at.world[model.body_point] @ loads.gravity)
+    gradient[model.body_point, :3] -= model.body_mass[:, None] * loads.gravity
+    own = _own_springs(model, at, gradient, None if inner is None else inner.spring)
+    drawn, change = _device_span(model, at, loads)
+    device = spring_state(loads.law, drawn + change, None if inner is None else inner.device, (drawn, change))
+    np.add.at(gradient[:, :3], loads.attach_point, device.gradient)
+    held = _at_attach_points(model, loads, device.material + device.geometric)
+    energy += np.sum(own.energy) + np.sum(device.energy)
+    inside = Inner(np.concatenate(forces), own.tension, device.tension)
+    return _Total(
+        energy,
+        gradient,
+        inside,
+        device.tension,
+        {"element": np.concatenate(material), "spring": _between(own.material)},
+        {"element": np.concatenate(geometric), "spring": _between(own.geometric)},
+        held,
+    )
+
+
+def _own_springs(model: Model, at: _At, gradient: np.ndarray, tension: np.ndarray | None) -> SpringState:
+    """The structure's own springs; adds to ``gradient``."""
+    start, end = model.spring_ends.T
+    drawn, change = _own_span(model, at)
+    state = spring_state(own_law(model), drawn + change, tension, (drawn, change))
+    np.add.at(gradient[:, :3], end, state.gradient)
+    np.add.at(gradient[:, :3], start, -state.gradient)
+    return state
+
+
+def _between(hessian: np.ndarray) -> np.ndarray:
+    """Of the difference of two translations, on both poses."""
+    h = _translations(hessian)
+    return np.block([[h, -h], [-h, h]])
+
+
+def _at_attach_points(model: Model, loads: Loads, hessian: np.ndarray) -> np.ndarray:
+    """Matrices of devices on translations, summed at their attach points."""
+    place = np.zeros(len(model.points.frame), dtype=int)
+    place[model.attach_point] = np.arange(len(model.attach_point))
+    out = np.zeros((len(model.attach_point), 6, 6), dtype=hessian.dtype)
+    np.add.at(out[:, :3, :3], place[loads.attach_point], hessian)
+    return out
+
+
+def _chunks(count: int) -> Iterable[slice]:
+    return (slice(start, start + CHUNK) for start in range(0, count, CHUNK))
+
+
+def _element_poses(model: Model, at: _At, rows: slice | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    ends = model.element_ends[rows]
+    R = at.poses.R[model.points.frame[ends]]
+    return at.world[ends], R @ model.element_triad[rows, None]
+
+
+def _element_ends(
+    model: Model, at: _At, rows: slice | np.ndarray
+) -> tuple[np.ndarray, np.ndarray, EndStrain | None]:
+    """End positions, which may count from the first end, triads, and the strain where it is known."""
+    x, T = _element_poses(model, at, rows)
+    if at.since is None:
+        return x, T, None
+    ends = model.element_ends[rows]
+    frame, offset = model.points.frame[ends], model.points.offset[ends]
+    shift, turn = at.motion[0][frame], at.motion[1][frame]
+    shift = shift + (turn @ offset[..., None])[..., 0]
+    triad, length = model.element_triad[rows], model.beams.length[rows]
+    local = np.zeros_like(shift)
+    local[:, 1] = length[:, None] * triad[:, :, 0] + shift[:, 1] - shift[:, 0]
+    if at.since.carries:
+        outer = common_carrier(at.since, frame)
+        some = np.flatnonzero(outer >= 0)
+        seen = (frame[some].ravel(), offset[some].reshape(-1, 3), np.repeat(outer[some], 2))
+        near, turned = seen_from(at.since, *seen)
+        shift[some], turn[some] = near.reshape(-1, 2, 3), turned.reshape(-1, 2, 3, 3)
+        drawn = length[some, None] * triad[some, :, 0]
+        R = at.poses.R[outer[some]]
+        local[some, 1] = (R @ (drawn + shift[some, 1] - shift[some, 0])[:, :, None])[:, :, 0]
+    return local, T, end_strain(length, triad, shift, turn)
+
+
+def pose_shift(model: Model, config: Configuration, pose: np.ndarray) -> Inexact[np.ndarray, "pose 3"]:
+    """How far poses have moved since they were drawn."""
+    drawn, change = _drawn(model, _poses_at(model, config), pose)
+    here = PosePoints(model.points.frame[pose], model.points.offset[pose])
+    return change + (drawn - points_in_world(here, frame_poses(model.tree, model.rest)))
+
+
+def own_law(model: Model) -> SpringLaw:
+    """Of the structure's own springs."""
+    own = model.structure.springs
+    return SpringLaw(
+        np.zeros(len(own)), np.array([s.stiffness for s in own]), np.array([s.free_length for s in own])
+    )
+
+
+def _own_span(model: Model, at: _At) -> tuple[np.ndarray, np.ndarray]:
+    """Of the structure's own springs, end minus start as drawn, and its change since."""
+    (start, start_moved), (end, end_moved) = (_drawn(model, at, p) for p in model.spring_ends.T)
+    return end - start, end_moved - start_moved
+
+
+def _device_span(model: Model, at: _At, loads: Loads) -> tuple[np.ndarray, np.ndarray]:
+    """The same of devices, from anchor to attach point."""
+    drawn, change = _drawn(model, at, loads.attach_point)
+    return drawn - loads.anchor, change
+
+
+def _drawn(model: Model, at: _At, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where poses were drawn, and their shift since; on a joint's frame, where they are, and none."""
+    frame, offset = model.points.frame[pose], model.points.offset[pose]
+    if at.since is None:
+        return at.world[pose], np.zeros_like(at.world[pose])
+    own = frame < model.tree.roots
+    root = np.where(own, frame, 0)
+    change = at.motion[0][root] + (at.motion[1][root] @ offset[:, :, None])[:, :, 0]
+    drawn = np.where(own[:, None], at.since.drawn[root] + offset, at.world[pose])
+    return drawn, np.where(own[:, None], change, 0.0)
+
+
+def _translations(hessian: np.ndarray) -> np.ndarray:
+    out = np.zeros((len(hessian), 6, 6), dtype=hessian.dtype)
+    out[:, :3, :3] = hessian
+    return out
+
+
+def _block_matrix(matrices: np.ndarray) -> sp.csr_array:
+    """One after the other along the diagonal."""
+    index = np.arange(matrices.shape[0] * matrices.shape[1]).reshape(len(matrices), -1)
+    at = np.flatnonzero(matrices)
+    element, row, column = np.unravel_index(at, matrices.shape)
+    entries = (matrices.ravel()[at], (index[element, row], index[element, column]))
+    return sp.csr_array(sp.coo_array(entries, shape=(index.size, index.size)))
+
+
+def _symmetric(K: sp.csr_array) -> sp.csr_array:
+    """Symmetric by construction; the mean removes the rounding."""
+    return sp.csr_array(0.5 * (K + K.T))
+
+
+def _sprung_joints(model: Model, config: Configuration) -> tuple[float, np.ndarray, np.ndarray]:
+    """Energy, gradient and the tangent's diagonal."""
+    joints, none = model.structure.joints, np.zeros(6 * model.tree.roots)
+    k = np.array([j.stiffness if j.state is JointState.SPRUNG else 0.0 for j in joints]) + 0.0
+    turn = config.angle - np.array([j.target for j in joints])
+    return 0.5 * np.sum(k * turn**2), np.concatenate([none, k * turn]), np.concatenate([none, k])

@@ -1,0 +1,156 @@
+"""From a `Structure` to a finite-element model: frames, poses, elements and bodies as arrays."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+
+import numpy as np
+from jaxtyping import Inexact, Int
+
+from middeck.structure.assembly.carriers import choose_carriers
+from middeck.structure.assembly.pattern import Pattern, lay_out_pattern
+from middeck.structure.elements.beam import BeamProperties, beam_properties
+from middeck.structure.elements.frames import Configuration, FrameTree, PosePoints
+from middeck.structure.elements.pose_map import PoseMap, map_points
+from middeck.structure.elements.since_drawn import as_drawn
+from middeck.structure.elements.trees import joint_chain
+from middeck.structure.model.article import Body, Structure, held_angle
+from middeck.structure.model.article_checks import check_structure
+from middeck.structure.model.member_mesh import cut_members, member_geometry
+from middeck.values import record
+
+
+@record
+class Model:
+    """A meshed structure, undeformed. Every array of poses indexes ``points``.
+
+    Parameters
+    ----------
+    frames:
+        Names of the frames: nodes, mesh nodes inside members, joints.
+    tree, rest, points:
+        Topology, undeformed configuration, and the points that anything acts on.
+    element_ends, element_triad, element_member, beams:
+        The two poses of each beam element, its undeformed triad, its member, its properties.
+    body_point, body_mass, body_inertia:
+        Rigid bodies at their centres of mass.
+    attach_names, attach_point:
+        Attach points by name.
+    spring_ends:
+        Attach-point poses of the structure's own springs.
+    """
+
+    structure: Structure
+    frames: tuple[str, ...]
+    tree: FrameTree
+    rest: Configuration
+    points: PosePoints
+    element_ends: Int[np.ndarray, "element 2"]
+    element_triad: Inexact[np.ndarray, "element 3 3"]
+    element_member: Int[np.ndarray, " element"]
+    beams: BeamProperties
+    body_point: Int[np.ndarray, " body"]
+    body_mass: Inexact[np.ndarray, " body"]
+    body_inertia: Inexact[np.ndarray, "body 3 3"]
+    attach_names: tuple[str, ...]
+    attach_point: Int[np.ndarray, " attach"]
+    spring_ends: Int[np.ndarray, "spring 2"]
+
+    @functools.cached_property
+    def pose_map(self) -> PoseMap:
+        """How coordinates move ``points``."""
+        return map_points(self.tree, self.points)
+
+    @functools.cached_property
+    def pattern(self) -> Pattern:
+        """Where elements, own springs, bodies and what is tied to attach points go in matrices."""
+        ends = {
+            "element": self.element_ends,
+            "spring": self.spring_ends,
+            "body": self.body_point[:, None],
+            "attach": self.attach_point[:, None],
+        }
+        return lay_out_pattern(self.pose_map, ends)
+
+
+def mesh_structure(structure: Structure) -> Model:
+    """Mesh every member into its number of elements and lay out coordinates and poses.
+
+    Raises `ConfigError` for a structure that names what it does not have, or whose geometry is impossible.
+    """
+    check_structure(structure)
+    model = lay_out(structure)
+    drawn = as_drawn(model.rest.x, _carriers(model))
+    return dataclasses.replace(model, rest=dataclasses.replace(model.rest, since_drawn=drawn))
+
+
+def _carriers(model: Model) -> Int[np.ndarray, " root"]:
+    roots = model.tree.roots
+    at = [joint_chain(model.tree, int(frame))[0] for frame in model.points.frame[model.spring_ends].ravel()]
+    return choose_carriers(
+        roots,
+        model.beams,
+        model.points.frame[model.element_ends],
+        np.array(at, dtype=int).reshape(-1, 2),
+        np.array([spring.stiffness for spring in model.structure.springs]) + 0.0,
+        model.structure.mass,
+    )
+
+
+def lay_out(structure: Structure) -> Model:
+    """`mesh_structure` without its checks; analytic in every number of the structure."""
+    geometry = member_geometry(structure)
+    cut = cut_members(structure, geometry)
+    inner = tuple(f"{m.name}/{k}" for m in structure.members for k in range(1, m.elements))
+    frames = (*(n.name for n in structure.nodes), *inner, *(j.name for j in structure.joints))
+    index = {name: i for i, name in enumerate(frames)}
+    x = np.concatenate([np.array([n.position for n in structure.nodes]).reshape(-1, 3), cut.inner])
+    bodies = [(index[p.name], p.body) for p in (*structure.nodes, *structure.joints) if _has_inertia(p.body)]
+    ends = cut.frame.size
+    attach = {a.name: ends + len(bodies) + i for i, a in enumerate(structure.attach_points)}
+    points = [*bodies, *((index[a.frame], a) for a in structure.attach_points)]
+    offsets = [*(b.cg for _, b in bodies), *(a.offset for a in structure.attach_points)]
+    spring_ends = [[attach[s.start], attach[s.end]] for s in structure.springs]
+    return Model(
+        structure=structure,
+        frames=frames,
+        tree=_frame_tree(structure, len(x), index),
+        rest=Configuration(
+            x, np.tile(np.eye(3), (len(x), 1, 1)), np.array([held_angle(j) for j in structure.joints]) + 0.0
+        ),
+        points=PosePoints(
+            np.concatenate([cut.frame.ravel(), np.array([frame for frame, _ in points], dtype=int)]),
+            np.concatenate([cut.offset.reshape(-1, 3), np.array(offsets).reshape(-1, 3)]),
+        ),
+        element_ends=np.arange(ends).reshape(-1, 2),
+        element_triad=geometry.triad[cut.member],
+        element_member=cut.member,
+        beams=beam_properties([structure.members[m].section for m in cut.member.tolist()], cut.length),
+        body_point=ends + np.arange(len(bodies)),
+        body_mass=np.array([b.mass for _, b in bodies]) + 0.0,
+        body_inertia=np.array([b.inertia for _, b in bodies]).reshape(len(bodies), 3, 3),
+        attach_names=tuple(attach),
+        attach_point=np.array(list(attach.values()), dtype=int),
+        spring_ends=np.array(spring_ends, dtype=int).reshape(-1, 2),
+    )
+
+
+def select_beams(beams: BeamProperties, rows: slice | np.ndarray) -> BeamProperties:
+    """The properties of some of the elements."""
+    return BeamProperties(*(getattr(beams, f.name)[rows] for f in dataclasses.fields(beams)))
+
+
+def _has_inertia(body: Body) -> bool:
+    return body.mass != 0.0 or bool(np.any(body.inertia))
+
+
+def _frame_tree(structure: Structure, roots: int, index: dict[str, int]) -> FrameTree:
+    joints = structure.joints
+    return FrameTree(
+        roots,
+        np.array([index[j.parent] for j in joints], dtype=int),
+        np.array([j.offset for j in joints]).reshape(-1, 3),
+        np.array([j.axis for j in joints]).reshape(-1, 3),
+        np.array([j.slides for j in joints], dtype=bool),
+    )

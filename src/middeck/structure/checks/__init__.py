@@ -1,1 +1,0 @@
-"""What is wrong, doubtful or lost: before solving, and after."""

@@ -1,0 +1,152 @@
+"""What an environment does to the modes: pairs, ratios, cross-orthogonality, MAC, subspace angles."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import scipy.linalg as sla
+from jaxtyping import Float, Int
+
+from middeck.errors import ConfigError
+from middeck.structure.gravity.pairs import pair_modes, shares_of
+from middeck.structure.modes.kind_warnings import CURE
+from middeck.structure.modes.solve import Modes
+from middeck.values import record
+
+# Frequencies that differ by less than this part of themselves are one frequency to a ratio.
+ALIKE = 0.01
+# A mode that has this part of what the partner has of a shape could be the partner.
+RIVAL = 0.5
+
+
+@record
+class ModeComparison:
+    """Modes of one structure in two environments: ``orbit`` (0) and ``lab`` (1), the lowest ``count`` each.
+
+    Parameters
+    ----------
+    cross_orthogonality:
+        |Phi_0' M_0 Phi_1|, rows orbit, columns lab; each side mass-normalised with its own mass.
+    mac:
+        Modal assurance criterion over the translations and rotations of the nodes and the joint angles.
+    pairs:
+        (orbit, lab) indices of the flexible modes in orbit, one to one, with the largest sum of
+        cross-orthogonality over all modes: as in `build_budget`. One whose partner is not among the lowest
+        ``count`` has no pair.
+    ratio:
+        Frequency lab over orbit of each pair.
+    subspace_angle:
+        Principal angles [rad], ascending, between the rigid-body modes and the suspension modes.
+    warnings:
+        Pairs that another mode could dispute, with the ratio that it would give.
+    """
+
+    orbit: Modes
+    lab: Modes
+    count: int
+    cross_orthogonality: Float[np.ndarray, "orbit lab"]
+    mac: Float[np.ndarray, "orbit lab"]
+    pairs: Int[np.ndarray, "pair 2"]
+    ratio: Float[np.ndarray, " pair"]
+    subspace_angle: Float[np.ndarray, " angle"]
+    warnings: tuple[str, ...]
+
+
+def compare_modes(orbit: Modes, lab: Modes, count: int = 26) -> ModeComparison:
+    """Compare the lowest ``count`` modes; both sides must share the structure, hence the coordinates.
+
+    Lab shapes enter as displacements and small rotations in fixed world axes and relative joint angles,
+    which are the coordinates of `Modes.shapes`; the mass is that of the orbit state. Raises `ConfigError` for
+    two different meshes or articles, whose modes `correlate_modes` compares at common nodes.
+    """
+    _check_mesh(orbit, lab)
+    count = min(count, len(orbit.omega), len(lab.omega))
+    phi_0, phi_1 = orbit.shapes[:, :count], lab.shapes[:, :count]
+    cross = np.abs(phi_0.T @ (orbit.mass @ phi_1))
+    paired = pair_modes(orbit, lab, count)
+    found = [(i, int(j)) for i, j in enumerate(paired.end.found) if orbit.kind[i] == "flexible" and j < count]
+    pairs = np.array(found, dtype=int).reshape(-1, 2)
+    return ModeComparison(
+        orbit,
+        lab,
+        count,
+        cross,
+        _mac(orbit, phi_0, phi_1),
+        pairs,
+        lab.omega[pairs[:, 1]] / orbit.omega[pairs[:, 0]],
+        _subspace_angles(orbit, lab),
+        tuple(_disputed(orbit, lab, pairs, shares_of(paired.start, lab))),
+    )
+
+
+def _check_mesh(orbit: Modes, lab: Modes) -> None:
+    sides = [m.equilibrium.model for m in (orbit, lab)]
+    if sides[0].frames != sides[1].frames:
+        titles = " and ".join(f"{s.structure.title!r} of {len(s.frames)} frames" for s in sides)
+        raise ConfigError(
+            "the modes are of different meshes or articles, without common coordinates",
+            where=titles,
+            hint="correlate_modes(modes, measure_modes(others), ...) compares them at common nodes",
+        )
+
+
+def _disputed(orbit: Modes, lab: Modes, pairs: np.ndarray, shares: np.ndarray) -> Iterator[str]:
+    """Pairs with a mode of another kind, or beside which another mode has half as much of the shape.
+
+    Modes whose frequencies differ by less than `ALIKE` count as one: which of them is the partner makes no
+    difference to the ratio.
+    """
+    f_0, f_1 = orbit.frequency_hz, lab.frequency_hz
+    for i, j in pairs.tolist():
+        near = np.abs(f_1 - f_1[j]) <= ALIKE * f_1[j]
+        own = float(shares[i, near].sum())
+        others = np.where(near, 0.0, shares[i])
+        rival = int(np.argmax(others))
+        a, b = f_1[j] / f_0[i], f_1[rival] / f_0[i]
+        called = f"orbit mode {i} {orbit.name[i]!r} at {f_0[i]:.4g} Hz"
+        if others[rival] >= RIVAL * own:
+            yield (
+                f"{called} has no one partner: {own:.0%} of it is at {f_1[j]:.4g} Hz and {others[rival]:.0%} "
+                f"at {f_1[rival]:.4g} Hz, so that its ratio is {a:.4g} or {b:.4g}; read the two as a pair of "
+                f"modes, or {CURE}"
+            )
+        elif lab.kind[j] != "flexible":
+            yield (
+                f"{called} is nearest to a mode at {f_1[j]:.4g} Hz that moves {lab.rigid_share[j]:.0%} as a "
+                f"rigid body, where the article has changed its shape: its ratio {a:.4g} is of unlike modes; "
+                f"{CURE}, or follow it with middeck path"
+            )
+
+
+def _mac(modes: Modes, phi_0: np.ndarray, phi_1: np.ndarray) -> np.ndarray:
+    """Allemang and Brown 1982, on what a test would measure: the named nodes and the joints."""
+    tree = modes.equilibrium.model.tree
+    nodes = len(modes.equilibrium.model.structure.nodes)
+    seen = np.concatenate([np.arange(6 * nodes), np.arange(6 * tree.roots, tree.size)])
+    a, b = phi_0[seen], phi_1[seen]
+    return (a.T @ b) ** 2 / np.outer(np.sum(a**2, axis=0), np.sum(b**2, axis=0))
+
+
+def _subspace_angles(orbit: Modes, lab: Modes) -> np.ndarray:
+    """Principal angles in the metric of the orbit mass (Björck and Golub 1973), sine and cosine form."""
+    rigid = [i for i, k in enumerate(orbit.kind) if k == "rigid"]
+    hung = [i for i, k in enumerate(lab.kind) if k == "suspension"]
+    if not rigid or not hung:
+        return np.zeros(0)
+    L = sla.cholesky(_moving(orbit, orbit.mass.toarray()))
+    a, b = (L @ _moving_rows(orbit, s) for s in (orbit.shapes[:, rigid], lab.shapes[:, hung]))
+    return np.sort(sla.subspace_angles(a, b))
+
+
+def _moving(modes: Modes, M: np.ndarray) -> np.ndarray:
+    index = _moving_index(modes)
+    return M[np.ix_(index, index)]
+
+
+def _moving_rows(modes: Modes, shapes: np.ndarray) -> np.ndarray:
+    return shapes[_moving_index(modes)]
+
+
+def _moving_index(modes: Modes) -> np.ndarray:
+    return np.flatnonzero(np.any(modes.shapes != 0.0, axis=1))

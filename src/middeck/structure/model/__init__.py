@@ -1,0 +1,1 @@
+"""What is given: articles, environments, and what is wrong with them before anything is computed."""

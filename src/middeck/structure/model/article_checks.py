@@ -1,0 +1,165 @@
+"""What a `Structure` must fulfil before it can be meshed, however it was made."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+
+import numpy as np
+
+from middeck.errors import ConfigError
+from middeck.structure.model.article import Body, Structure, held_angle
+from middeck.structure.model.connectivity import joined_nodes, separate_parts, some_names
+from middeck.structure.model.member_mesh import member_geometry
+
+FIELDS = ("EA", "GJ", "EI_y", "EI_z", "rho_A", "rho_I_y", "rho_I_z")
+# A unit axis is one to rounding; anything further off is a mistake.
+UNIT_ERROR = 1e-9
+
+
+def check_structure(structure: Structure) -> None:
+    """Raise one `ConfigError` with all that is wrong."""
+    faults = [
+        *_twice(structure),
+        *_unknown_names(structure),
+        *_bodies(structure),
+        *_stiffnesses(structure),
+        *_offsets(structure),
+        *_axes(structure),
+        *_travels(structure),
+    ]
+    faults = faults or [*_members(structure), *_parts(structure)]  # these need the names to be right
+    if faults:
+        raise ConfigError(
+            "; ".join(faults),
+            where=f"structure {structure.title!r}",
+            hint="files are checked with line numbers by load_structure and by every verb",
+        )
+
+
+def _twice(structure: Structure) -> Iterator[str]:
+    groups = {
+        "frame": (*structure.nodes, *structure.joints),
+        "attach point": structure.attach_points,
+        "member": structure.members,
+        "actuator": structure.actuators,
+        "sensor": structure.sensors,
+    }
+    for kind, parts in groups.items():
+        count = Counter(part.name for part in parts)
+        for name in sorted(n for n, times in count.items() if times > 1):
+            yield f"{kind} {name!r} is there twice"
+
+
+def _unknown_names(structure: Structure) -> Iterator[str]:
+    nodes = {n.name for n in structure.nodes}
+    joints = {j.name for j in structure.joints}
+    attach = {a.name for a in structure.attach_points}
+    carriers = set(nodes)
+    for joint in structure.joints:
+        if joint.parent not in carriers:
+            yield f"joint {joint.name!r} hangs on {joint.parent!r}, which is no node nor an earlier joint"
+        carriers.add(joint.name)
+    uses = [
+        *(("member", m.name, "node", n, nodes) for m in structure.members for n in (m.start, m.end)),
+        *(("attach point", a.name, "frame", a.frame, carriers) for a in structure.attach_points),
+        *(("spring", s.name, "attach point", n, attach) for s in structure.springs for n in (s.start, s.end)),
+    ]
+    for port in (*structure.actuators, *structure.sensors):
+        kind, known = ("joint", joints) if port.axis is None else ("frame", carriers)
+        uses.append(("port", port.name, kind, port.frame, known))
+    uses += [("sensor", s.name, "frame", s.axis_frame, carriers) for s in structure.sensors if s.axis_frame]
+    for what, name, kind, used, known in uses:
+        if used not in known:
+            yield f"{what} {name!r} names {kind} {used!r}, which there is not"
+
+
+def _bodies(structure: Structure) -> Iterator[str]:
+    for part in (*structure.nodes, *structure.joints):
+        if not _possible(part.body):
+            yield f"{part.name!r} carries a body whose mass or inertia is negative or not a number"
+        elif not part.body.rotors_excluded:
+            yield from _triangle(part.name, part.body.inertia)
+
+
+def _triangle(name: str, inertia: np.ndarray) -> Iterator[str]:
+    """Flat bodies meet the inequality with equality."""
+    a, b, c = np.linalg.eigvalsh(inertia).tolist()
+    if a + b < c * (1.0 - UNIT_ERROR):
+        yield (
+            f"{name!r} carries a body whose inertia none has: {a:g} + {b:g} < {c:g} kg m^2 (triangle "
+            "inequality); rotors_excluded says that it leaves spinning rotors out"
+        )
+
+
+def _offsets(structure: Structure) -> Iterator[str]:
+    for what, part, vector in (
+        *(("attach point", a, a.offset) for a in structure.attach_points),
+        *(("joint", j, j.offset) for j in structure.joints),
+        *(("node", n, n.position) for n in structure.nodes),
+    ):
+        if not np.all(np.isfinite(vector)):
+            yield f"{what} {part.name!r} stands at {vector.tolist()}, which is no place"
+
+
+def _possible(body: Body) -> bool:
+    numbers = np.concatenate([[body.mass], body.cg, body.inertia.ravel()])
+    if not np.all(np.isfinite(numbers)) or not np.array_equal(body.inertia, body.inertia.T):
+        return False
+    least = np.linalg.eigvalsh(body.inertia)[0]
+    return body.mass >= 0.0 and bool(least >= -UNIT_ERROR * np.abs(body.inertia).max())
+
+
+def _stiffnesses(structure: Structure) -> Iterator[str]:
+    """Of sections, springs and joints: numbers, none of them negative."""
+    sections = {id(m.section): (m.name, m.section) for m in structure.members}
+    parts = [
+        *((f"member {name!r}", s, FIELDS, s.GA_y > 0.0 and s.GA_z > 0.0) for name, s in sections.values()),
+        *((f"spring {s.name!r}", s, ("stiffness", "free_length"), True) for s in structure.springs),
+        *((f"joint {j.name!r}", j, ("stiffness",), np.isfinite(j.target)) for j in structure.joints),
+    ]
+    for what, part, fields, more in parts:
+        wrong = [f for f in fields if not (np.isfinite(getattr(part, f)) and getattr(part, f) >= 0.0)]
+        if wrong or not more:
+            named = ", ".join(f"{f} = {getattr(part, f):g}" for f in wrong) or "GA or target"
+            yield f"{what} has {named}: not a number, endless or negative"
+
+
+def _axes(structure: Structure) -> Iterator[str]:
+    axes = [("joint", j.name, j.axis) for j in structure.joints]
+    axes += [
+        ("port", p.name, p.axis) for p in (*structure.actuators, *structure.sensors) if p.axis is not None
+    ]
+    for what, name, axis in axes:
+        if not abs(np.linalg.norm(axis) - 1.0) < UNIT_ERROR:
+            yield f"{what} {name!r} has axis {axis.tolist()}, which is no unit vector"
+
+
+def _travels(structure: Structure) -> Iterator[str]:
+    for joint in structure.joints:
+        (low, high), start = joint.travel, held_angle(joint)
+        unit = "m" if joint.slides else "rad"
+        if not low < high:
+            yield f"joint {joint.name!r} has a travel that does not rise, {low:g} to {high:g} {unit}"
+        elif not low <= start <= high:
+            yield f"joint {joint.name!r} begins at {start:g} {unit}, out of its travel {low:g} to {high:g}"
+
+
+def _members(structure: Structure) -> Iterator[str]:
+    geometry = member_geometry(structure)
+    up = np.array([m.up for m in structure.members]).reshape(-1, 3)
+    aside = np.linalg.norm(np.cross(up, geometry.triad[:, :, 0]), axis=1)
+    for member, length, sine in zip(structure.members, geometry.length, aside, strict=True):
+        if not length > 0.0:
+            yield f"member {member.name!r} has no length between its nodes' ends"
+        elif not sine > UNIT_ERROR:
+            yield f"member {member.name!r} has its up vector along itself"
+        if member.elements < 1:
+            yield f"member {member.name!r} has {member.elements} elements"
+
+
+def _parts(structure: Structure) -> Iterator[str]:
+    """What nothing joins to the rest is another article: it has its own rigid-body modes."""
+    names = [node.name for node in structure.nodes]
+    for part in separate_parts(names, joined_nodes(structure))[1:]:
+        yield f"a disconnected part: no member or spring joins node {some_names(part)} to the rest"

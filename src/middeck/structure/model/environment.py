@@ -1,0 +1,219 @@
+"""Where the structure is: gravity, and what holds it up. Joined to the article by attach-point names."""
+
+from __future__ import annotations
+
+import math
+from enum import Enum
+
+import numpy as np
+from jaxtyping import Inexact
+
+from middeck.errors import ConfigError
+from middeck.structure.model.article import Structure
+from middeck.systems.friction import Friction
+from middeck.values import record
+
+
+class DeviceKind(Enum):
+    """Where a device has the article start from; under its load both pull alike."""
+
+    CONSTANT_FORCE = "constant_force"  # carries its load at the drawn height: no static deflection
+    SPRING = "spring"  # is unstretched at the drawn height: the article sinks by load over stiffness
+
+
+@record
+class Device:
+    """A cable from an anchor to an attach point, with a device that gives it a force and a stiffness.
+
+    At length l it pulls with R + k (l - L): R is its load, L its length under that load. It cannot push.
+
+    Parameters
+    ----------
+    name, attach:
+        Its own name, and that of the attach point which hangs on it.
+    kind:
+        A constant force with a small stiffness, or a linear spring that starts unstretched.
+    force:
+        R [N]; None to tune it to its share of the vertical reaction of the pinned article.
+    held:
+        World directions ("xyz" letters) pinned at the attach point while that reaction is found.
+    stiffness, bounce_hz:
+        k [N/m], or the frequency from which k = (R/g) (2 pi bounce_hz)^2 follows: one of the two.
+    cable_length, anchor:
+        L [m], the anchor being straight above the drawn attach point; or the anchor in W [m]: one of the two.
+    moving_mass:
+        Mass [kg] that moves with the attach point along the cable, and whose weight the device bears itself.
+    friction:
+        Along the cable: N and N/m stand in place of N m and N m/rad. It does not enter the rest state.
+
+    Raises `ConfigError` for values that cannot be, or that contradict each other.
+    """
+
+    name: str
+    attach: str
+    kind: DeviceKind = DeviceKind.CONSTANT_FORCE
+    force: float | None = None
+    held: str = ""
+    stiffness: float | None = None
+    bounce_hz: float | None = None
+    cable_length: float | None = None
+    anchor: Inexact[np.ndarray, "3"] | None = None
+    moving_mass: float = 0.0
+    friction: Friction | None = None
+
+    def __post_init__(self) -> None:
+        where = f"device {self.name!r}"
+        sizes = (self.force, self.stiffness, self.bounce_hz, self.cable_length)
+        if any(size is not None and not 0.0 < np.real(size) < math.inf for size in sizes):
+            raise ConfigError(
+                f"force, stiffness, bounce_hz, cable_length are {sizes}",
+                where=where,
+                hint="each positive and finite",
+            )
+        if not 0.0 <= np.real(self.moving_mass) < math.inf:
+            raise ConfigError(
+                f"a moving mass of {self.moving_mass} kg", where=where, hint="from zero, finite"
+            )
+        for this, that in (("stiffness", "bounce_hz"), ("cable_length", "anchor")):
+            if (getattr(self, this) is None) == (getattr(self, that) is None):
+                raise ConfigError(f"{this} or {that}: one of them, not both", where=where)
+        if (self.force is None) != bool(self.held):
+            raise ConfigError(
+                "pinned directions are for a tuned device, and a tuned device needs them",
+                where=where,
+                hint="give a force, or held such as 'yz'",
+            )
+
+    @property
+    def needs_gravity(self) -> bool:
+        """Whether its load, its stiffness or the place of its anchor follow from gravity."""
+        return self.force is None or self.bounce_hz is not None or self.cable_length is not None
+
+
+@record
+class Suspension:
+    """One cable per attach point, rising to an anchor straight above the undeformed attach point.
+
+    The force along a cable is R + k (length - cable_length), with R the vertical reaction when the article
+    is pinned at its attach points, and k = (R/g) (2 pi bounce_hz)^2.
+
+    Parameters
+    ----------
+    attach:
+        Names of the attach points that hang on a cable.
+    held:
+        World directions ("xyz" letters) held at each of them while the reactions are found.
+    cable_length:
+        Loaded length [m]; it sets the pendulum stiffness.
+    bounce_hz:
+        Bounce frequency to which every device is tuned.
+    kind, moving_mass, friction:
+        Of every device, see `Device`.
+    """
+
+    attach: tuple[str, ...]
+    held: tuple[str, ...]
+    cable_length: float
+    bounce_hz: float
+    kind: DeviceKind = DeviceKind.CONSTANT_FORCE
+    moving_mass: float = 0.0
+    friction: Friction | None = None
+
+    def __post_init__(self) -> None:
+        if len(self.held) != len(self.attach):
+            raise ConfigError(
+                f"{len(self.attach)} attach points and {len(self.held)} sets of held directions",
+                where="suspension",
+                hint="one set of xyz letters for each attach point",
+            )
+
+    @property
+    def devices(self) -> tuple[Device, ...]:
+        """Its devices, each named after its attach point."""
+        return tuple(
+            Device(
+                name,
+                name,
+                self.kind,
+                held=held,
+                bounce_hz=self.bounce_hz,
+                cable_length=self.cable_length,
+                moving_mass=self.moving_mass,
+                friction=self.friction,
+            )
+            for name, held in zip(self.attach, self.held, strict=True)
+        )
+
+
+@record
+class AnchoredSpring:
+    """A linear spring from an attach point to a fixed anchor in W: stiffness [N/m], free length [m].
+
+    Unlike a `Device` it may push.
+    """
+
+    name: str
+    attach: str
+    anchor: Inexact[np.ndarray, "3"]
+    stiffness: float
+    free_length: float
+
+
+@record
+class Environment:
+    """Gravity vector in the world frame [m/s^2], and what holds the article, if anything.
+
+    ``suspension`` is one tuned cable per attach point, ``springs`` tie it to the ground, ``devices`` hang it
+    in any other way, any number of them at an attach point. Raises `ConfigError` where two devices have one
+    name.
+
+    >>> Environment.orbit().gravity.tolist()
+    [0.0, 0.0, 0.0]
+    """
+
+    title: str
+    gravity: Inexact[np.ndarray, "3"]
+    suspension: Suspension | None = None
+    springs: tuple[AnchoredSpring, ...] = ()
+    devices: tuple[Device, ...] = ()
+
+    def __post_init__(self) -> None:
+        names = [device.name for device in self.hung]
+        for name in names:
+            if names.count(name) > 1:
+                raise ConfigError(
+                    f"two devices are called {name!r}",
+                    where=f"environment {self.title!r}",
+                    hint="a suspension's devices have the names of their attach points",
+                )
+
+    @property
+    def hung(self) -> tuple[Device, ...]:
+        """Every device that can only pull, those of the suspension first."""
+        return (*(() if self.suspension is None else self.suspension.devices), *self.devices)
+
+    @staticmethod
+    def orbit() -> Environment:
+        """Zero gravity, no suspension: the free, undeformed structure."""
+        return Environment("orbit", np.zeros(3))
+
+    @staticmethod
+    def lab(
+        structure: Structure, *, cable_length: float = 4.0, bounce_hz: float = 0.25, gravity: float = 9.80665
+    ) -> Environment:
+        """Gravity along -y and a cable at every attach point of ``structure``.
+
+        For an article along x: the reactions are found with y and z held at each point, and x at the middle
+        one only, so that the held article is not strained. Raises `ConfigError` if there is no attach point.
+        """
+        attach = tuple(point.name for point in structure.attach_points)
+        if not attach:
+            raise ConfigError(
+                "no attach point to hang from",
+                where=f"structure {structure.title!r}",
+                hint="give it attach_points, or use Environment.orbit()",
+            )
+        middle = len(attach) // 2
+        held = tuple("xyz" if i == middle else "yz" for i in range(len(attach)))
+        down = np.array([0.0, -gravity, 0.0])
+        return Environment("lab", down, Suspension(attach, held, cable_length, bounce_hz))

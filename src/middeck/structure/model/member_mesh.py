@@ -1,0 +1,80 @@
+"""Members as arrays: where they run, and how they are cut into elements. Analytic in every number."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Inexact, Int
+
+from middeck.structure.model.article import Structure
+
+
+class MemberGeometry(NamedTuple):
+    """Of each member: its nodes, half their sizes [m], clear length [m], and its triad.
+
+    The triad's columns are x (along the member), y (the part of ``up`` normal to it) and z. A member without
+    length, or along its ``up``, gives what is not a number; `check_structure` refuses it.
+    """
+
+    nodes: Int[np.ndarray, "member 2"]
+    reach: Inexact[np.ndarray, "member 2"]
+    length: Inexact[np.ndarray, " member"]
+    triad: Inexact[np.ndarray, "member 3 3"]
+
+
+class CutMembers(NamedTuple):
+    """Members cut into elements; inner mesh nodes are numbered after the structure's own nodes.
+
+    ``frame`` and ``offset`` are those of both ends of each element, the latter in frame axes [m].
+    """
+
+    inner: Inexact[np.ndarray, "inner 3"]
+    frame: Int[np.ndarray, "element 2"]
+    offset: Inexact[np.ndarray, "element 2 3"]
+    length: Inexact[np.ndarray, " element"]
+    member: Int[np.ndarray, " element"]
+
+
+def member_geometry(structure: Structure) -> MemberGeometry:
+    """Where all members run."""
+    index = {n.name: i for i, n in enumerate(structure.nodes)}
+    nodes = np.array([(index[m.start], index[m.end]) for m in structure.members], dtype=int).reshape(-1, 2)
+    position = np.array([n.position for n in structure.nodes]).reshape(-1, 3)
+    reach = 0.5 * np.array([n.size for n in structure.nodes])[nodes]
+    up = np.array([m.up for m in structure.members]).reshape(-1, 3)
+    along = position[nodes[:, 1]] - position[nodes[:, 0]]
+    span = np.sqrt(np.sum(along * along, axis=1))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ex = along / span[:, None]
+        ey = up - np.sum(up * ex, axis=1)[:, None] * ex
+        ey = ey / np.sqrt(np.sum(ey * ey, axis=1))[:, None]
+    triad = np.stack([ex, ey, np.cross(ex, ey)], axis=2)
+    return MemberGeometry(nodes, reach, span - reach.sum(axis=1), triad)
+
+
+def cut_members(structure: Structure, geometry: MemberGeometry) -> CutMembers:
+    """Equal elements along the clear length of every member, joined rigidly to the nodes at its ends."""
+    nodes, reach, clear, triad = geometry
+    count = np.array([m.elements for m in structure.members], dtype=int)
+    member = np.repeat(np.arange(len(count)), count)
+    begin = np.cumsum(count) - count
+    place = np.arange(len(member)) - begin[member]  # of an element along its member
+    first, last = place == 0, place == count[member] - 1
+    length = (clear / count)[member]
+    along = triad[member, :, 0]
+    number = len(structure.nodes) + np.arange(len(member)) - member  # of the inner node at an element's end
+    frame = np.stack(
+        [
+            np.where(first, nodes[member, 0], number - 1),
+            np.where(last, nodes[member, 1], number),
+        ],
+        axis=1,
+    )
+    offset = np.zeros((len(member), 2, 3), dtype=np.result_type(triad, reach))
+    offset[first, 0] = reach[member[first], :1] * along[first]
+    offset[last, 1] = -reach[member[last], 1:] * along[last]
+    position = np.array([n.position for n in structure.nodes]).reshape(-1, 3)
+    start = position[nodes[member, 0]] + reach[member, :1] * along
+    inner = start + ((place + 1) * length)[:, None] * along
+    return CutMembers(inner[~last], frame, offset, length, member)

@@ -1,0 +1,91 @@
+"""Where statics went wrong, and what is left loose: the load and the node, the joint and its reason."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.structure.assembly.energy import assemble_carried, inner_forces, split_tangent
+from middeck.structure.model.article import JointState, Structure
+from middeck.structure.modes.strain import member_energy
+from middeck.structure.rest.equilibrium import Equilibrium
+from middeck.structure.rest.statics import ROUGH, imbalance_scale, static_coordinates
+
+HALF = 0.5
+
+
+class Lost(NamedTuple):
+    """Part of the load at which the way to rest was lost, and what there is where it ended.
+
+    ``frame`` is the least balanced: ``left`` says by how much, a node has moved by ``moved`` [m].
+    """
+
+    factor: float
+    frame: str
+    left: str
+    moved: float
+
+
+def where_lost(equilibrium: Equilibrium) -> Lost:
+    """For a state that did not converge."""
+    model = equilibrium.model
+    last = {factor: residual for factor, residual, _ in equilibrium.history}
+    factor = next((f for f, residual in last.items() if residual >= ROUGH), 1.0)
+    gradient = assemble_carried(model, equilibrium.config, equilibrium.loads).gradient
+    left = np.where(static_coordinates(model), np.abs(gradient), 0.0)
+    worst = int(np.argmax(left / imbalance_scale(model, equilibrium.loads)))
+    roots, joint = model.tree.roots, worst - 6 * model.tree.roots
+    turns = worst % 6 > 2 if joint < 0 else not model.tree.slides[joint]
+    frame = worst // 6 if joint < 0 else roots + joint
+    moved = np.linalg.norm(equilibrium.config.x - model.rest.x, axis=1).max()
+    size = f"{left[worst]:.3g} {'N m' if turns else 'N'}"
+    return Lost(factor, model.frames[frame], size, float(moved))
+
+
+def beyond_travel(equilibrium: Equilibrium) -> tuple[str, ...]:
+    """Joints that stand outside what their mechanism allows."""
+    joints = equilibrium.model.structure.joints
+    return tuple(
+        joint.name
+        for joint, at in zip(joints, equilibrium.config.angle, strict=True)
+        if not joint.travel[0] <= at <= joint.travel[1]
+    )
+
+
+def buckling_member(equilibrium: Equilibrium, shape: Float[np.ndarray, " coordinate"]) -> str | None:
+    """The member that bends most in a mode that grows, None where the mode strains no member to speak of.
+
+    What buckles resists by strain of members; what topples, by devices and joints, or by nothing.
+    """
+    model, config, loads = equilibrium.model, equilibrium.config, equilibrium.loads
+    parts = split_tangent(model, config, loads, inner_forces(model, config, loads))
+    held = 0.5 * float(shape @ ((parts.material + parts.device) @ shape))
+    released = 0.5 * float(shape @ ((parts.material + parts.device + parts.geometric) @ shape))
+    bent = member_energy(equilibrium, shape[:, None])[0]
+    if not len(bent) or bent.sum() < max(HALF * held, HALF * abs(released)):
+        return None
+    return model.structure.members[int(np.argmax(bent))].name
+
+
+def loose_motions(equilibrium: Equilibrium, rigid: tuple[str, ...]) -> tuple[str, ...]:
+    """One sentence for each of the ``rigid`` modes of an article that gravity should hold: its names."""
+    if not np.any(equilibrium.environment.gravity):
+        return ()
+    reasons = _neutral_reasons(equilibrium.model.structure)
+    return tuple(
+        f"nothing holds {name!r} in {equilibrium.environment.title!r}: a mechanism in neutral balance"
+        + reasons.get(name, "")
+        for name in rigid
+    )
+
+
+def _neutral_reasons(structure: Structure) -> dict[str, str]:
+    """By the name of a free joint's motion: its payload balances about the axis, at any angle."""
+    reason = "; what it carries has its centre of mass on the axis, or the axis is upright: spring or lock it"
+    return {
+        f"gimbal {j.name.replace('_', ' ')}": reason
+        for j in structure.joints
+        if j.state is JointState.FREE and not j.slides
+    }

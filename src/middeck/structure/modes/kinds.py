@@ -1,0 +1,181 @@
+"""Suspension or flexible: which part of a mode's motion the free article could make without any strain.
+
+The rigid-body motions of the free article (turns of its free joints included) span a space of dimension n.
+The part of a mode's kinetic energy that lies in it is its *rigid share*, 1 for a body that swings as a whole
+and 0 for one that only bends; over all modes the rigid shares add up to n. It depends neither on a basis of
+that space nor on frequencies. A suspension mode moves so, and something else than strain holds it: the first
+bending of a cantilever moves like a rigid body by 61 %, but its energy is strain.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Float
+
+from middeck.structure.assembly.energy import (
+    assemble_carried,
+    carried_mass,
+    geometric_tangent,
+    no_loads,
+    transport,
+)
+from middeck.structure.assembly.factorisation import order
+from middeck.structure.assembly.mesh import Model
+from middeck.structure.elements.since_drawn import uncarried
+from middeck.structure.model.article import JointState
+from middeck.structure.modes.eigen import count_zero, solve_all, solve_lowest
+from middeck.structure.modes.repeated import repeated
+from middeck.structure.modes.rigid import rigid_motions
+from middeck.structure.modes.strain import strain_share
+from middeck.structure.rest.equilibrium import Equilibrium
+from middeck.structure.rest.statics import dynamic_coordinates, restrict
+
+HALF = 0.5
+# A rigid share between these is neither: in one of its two neighbours the mode has at least half as much of
+# itself as in the other.
+UNDECIDED = (1.0 / 3.0, 2.0 / 3.0)
+# Modes of one frequency are turned apart where their rigid shares can then differ by more than this.
+SEPARABLE = 0.5
+# Motions that have less than this part of their kinetic energy for themselves are others once more.
+DEPENDENT = 1e-10
+# Below this many coordinates all modes cost less than a few.
+SMALL = 600
+
+
+class Kinds(NamedTuple):
+    """omega^2 and shapes, those of one frequency turned apart; their rigid and strain shares, and kinds."""
+
+    lam: Float[np.ndarray, " mode"]
+    shapes: Float[np.ndarray, "coordinate mode"]
+    rigid_share: Float[np.ndarray, " mode"]
+    strain_share: Float[np.ndarray, " mode"]
+    kind: tuple[str, ...]
+
+
+def is_held(equilibrium: Equilibrium) -> bool:
+    """Whether gravity or a device acts: else there is no suspension, and no mode of it."""
+    return bool(np.any(equilibrium.environment.gravity)) or len(equilibrium.loads.attach_point) > 0
+
+
+def find_kinds(
+    equilibrium: Equilibrium,
+    M: sp.csr_array,
+    lam: Float[np.ndarray, " mode"],
+    shapes: Float[np.ndarray, "coordinate mode"],
+    rigid: int,
+) -> Kinds:
+    """Kinds of modes, the first ``rigid`` at zero: "suspension" where most moves rigidly, held by no strain.
+
+    Of modes of one frequency any basis will do. Where a suspension mode and a flexible one meet, theirs is
+    the one in which they are apart, so that nothing hangs on rounding.
+    """
+    first = ("rigid",) * rigid
+    if not is_held(equilibrium):
+        share = np.where(np.arange(len(lam)) < rigid, 1.0, 0.0)
+        strained = strain_share(equilibrium, lam, shapes)
+        return Kinds(lam, shapes, share, strained, first + ("flexible",) * (len(lam) - rigid))
+    seen = strainless_motions(equilibrium, M).T @ (M @ shapes)
+    lam, shapes, seen = _apart(lam, shapes, seen, rigid)
+    share = np.clip(np.sum(seen**2, axis=0), 0.0, 1.0)
+    share[:rigid] = 1.0
+    strained = strain_share(equilibrium, lam, shapes)
+    held = (share >= HALF) & ((strained < HALF) | (lam <= 0.0))  # nothing restores what falls over
+    return Kinds(
+        lam, shapes, share, strained, first + tuple(np.where(held, "suspension", "flexible")[rigid:].tolist())
+    )
+
+
+def kinds_by_rank(equilibrium: Equilibrium, kind: tuple[str, ...]) -> tuple[str, ...]:
+    """The 1993 paper's convention: the n lowest modes, n the number of rigid-body modes in orbit.
+
+    ``kind`` tells the modes at zero, which count among them.
+    """
+    rigid = kind.count("rigid")
+    held = _rigid_in_orbit(equilibrium) - rigid if is_held(equilibrium) else 0
+    kinds = ("rigid",) * rigid + ("suspension",) * held
+    return (kinds + ("flexible",) * (len(kind) - len(kinds)))[: len(kind)]
+
+
+def undecided(
+    rigid_share: Float[np.ndarray, " mode"], strain_share: Float[np.ndarray, " mode"]
+) -> np.ndarray:
+    """Numbers of the modes that are neither suspension nor flexible."""
+    flexible = (rigid_share <= UNDECIDED[0]) | (strain_share >= UNDECIDED[1])
+    held = (rigid_share >= UNDECIDED[1]) & (strain_share <= UNDECIDED[0])
+    return np.flatnonzero(~flexible & ~held)
+
+
+def _apart(
+    lam: np.ndarray, shapes: np.ndarray, seen: np.ndarray, rigid: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Modes of one frequency turned until their rigid shares are as far apart as can be, rigid ones first."""
+    clusters = [c for c in repeated(lam) if c[0] >= rigid]
+    for cluster in clusters:
+        shares, turn = np.linalg.eigh(seen[:, cluster].T @ seen[:, cluster])
+        if shares[-1] - shares[0] > SEPARABLE:
+            lam, shapes, seen = lam.copy(), shapes.copy(), seen.copy()
+            lam[cluster] = lam[cluster].mean()
+            shapes[:, cluster] = shapes[:, cluster] @ turn[:, ::-1]
+            seen[:, cluster] = seen[:, cluster] @ turn[:, ::-1]
+    return lam, shapes, seen
+
+
+def strainless_motions(equilibrium: Equilibrium, M: sp.csr_array) -> Float[np.ndarray, "coordinate motion"]:
+    """Motions that strain nothing, about the rest state; mass-orthonormal."""
+    model = equilibrium.model
+    if _in_one_piece(model):
+        motions, _ = rigid_motions(equilibrium, M)
+        moving = [j for j in model.structure.joints if j.state in (JointState.FREE, JointState.SPRUNG)]
+        free = [j.state is JointState.FREE or j.stiffness == 0.0 for j in moving]
+        motions = motions[:, np.concatenate([np.ones(6, dtype=bool), np.array(free, dtype=bool)])]
+    else:
+        motions = _null_space(equilibrium)
+    size = np.sqrt(np.einsum("im,im->m", motions, M @ motions))
+    motions = motions[:, size > 0.0] / size[size > 0.0]
+    own, turn = np.linalg.eigh(motions.T @ (M @ motions))
+    new = own > DEPENDENT
+    return motions @ (turn[:, new] / np.sqrt(own[new]))
+
+
+def _null_space(equilibrium: Equilibrium) -> np.ndarray:
+    """Modes of the strain alone that are at zero."""
+    model, config, active = equilibrium.model, equilibrium.config, dynamic_coordinates(equilibrium.model)
+    strain = assemble_carried(model, config, no_loads()).tangent - geometric_tangent(
+        model, config, no_loads()
+    )
+    K, M = restrict(strain, active), restrict(carried_mass(model, config, equilibrium.loads), active)
+    soft = uncarried(config.since_drawn, len(active))[active]
+    small = order(K) <= SMALL
+    pairs = solve_all(K, M, soft) if small else solve_lowest(K, M, count_zero(K, M, soft) or 1, soft)
+    if pairs is None:
+        return np.zeros((len(active), 0))
+    still = np.abs(pairs.lam) <= pairs.noise
+    shapes = np.zeros((len(active), int(still.sum())))
+    shapes[active] = pairs.shapes[:, still]
+    return transport(config, model.tree) @ shapes
+
+
+def _in_one_piece(model: Model) -> bool:
+    """Whether members join all: then the strainless motions are those of one body and its free joints."""
+    structure = model.structure
+    return not structure.springs and all(
+        min(m.section.EA, m.section.GJ, m.section.EI_y, m.section.EI_z) > 0.0 for m in structure.members
+    )
+
+
+def _rigid_in_orbit(equilibrium: Equilibrium) -> int:
+    """Number of rigid-body modes of the same structure, free and undeformed.
+
+    What members join to one piece has six, and one for each free joint; springs can add mechanisms or take
+    joints away, and then the modes of no stiffness are counted.
+    """
+    model, active = equilibrium.model, dynamic_coordinates(equilibrium.model)
+    if _in_one_piece(model):
+        return 6 + sum(joint.state is JointState.FREE for joint in model.structure.joints)
+    K = assemble_carried(model, model.rest, no_loads()).tangent
+    M = carried_mass(model, model.rest)
+    soft = uncarried(model.rest.since_drawn, len(active))[active]
+    return count_zero(restrict(K, active), restrict(M, active), soft)

@@ -1,0 +1,91 @@
+"""Rigid-body motions of a structure, and a named basis of the modes that cost no energy."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Float
+
+from middeck.structure.elements.frames import rigid_columns
+from middeck.structure.model.article import Joint
+from middeck.structure.rest.equilibrium import Equilibrium
+from middeck.structure.rest.statics import dynamic_coordinates
+
+AXES = "xyz"
+# A motion that is less than this part new is one that earlier ones contain, e.g. a second coaxial joint.
+NEW_PART = 1e-3
+
+
+def rigid_motions(
+    equilibrium: Equilibrium, M: sp.csr_array
+) -> tuple[Float[np.ndarray, "coordinate motion"], tuple[str, ...]]:
+    """Unit translations along and rotations about the world axes, then a unit move of every moving joint.
+
+    Rotations are about the centre of mass; a joint moves relative to its carrier, what hangs on it follows.
+    """
+    model = equilibrium.model
+    roots = model.tree.roots
+    about_origin = rigid_columns(model.tree, equilibrium.config, np.zeros(3))
+    motions = rigid_columns(model.tree, equilibrium.config, _centre_of_mass(about_origin, M))
+    moving = np.flatnonzero(dynamic_coordinates(model)[6 * roots :])
+    joints = np.zeros((model.tree.size, len(moving)))
+    joints[6 * roots + moving, np.arange(len(moving))] = 1.0
+    names = [f"translation {a}" for a in AXES] + [f"rotation {a}" for a in AXES]
+    names += [_joint_name(model.structure.joints[j]) for j in moving]
+    return np.hstack([motions, joints]), tuple(names)
+
+
+def _joint_name(joint: Joint) -> str:
+    return f"{'slide' if joint.slides else 'gimbal'} {joint.name.replace('_', ' ')}"
+
+
+def _centre_of_mass(motions: np.ndarray, M: sp.csr_array) -> np.ndarray:
+    """From the coupling of rotations about the origin with translations in the rigid mass matrix."""
+    rigid = motions.T @ (M @ motions)
+    return np.array([rigid[1, 5], rigid[2, 3], rigid[0, 4]]) / rigid[0, 0]
+
+
+def rigid_basis(
+    equilibrium: Equilibrium, M: sp.csr_array, space: Float[np.ndarray, "coordinate rigid"]
+) -> tuple[Float[np.ndarray, "coordinate rigid"], tuple[str, ...]]:
+    """A named, mass-orthonormal basis of the rigid-body modes: translations, rotations, joints in turn.
+
+    Any basis of the null space is as good; this one separates the translations, which no internal torque
+    moves, from the rest. Motions that the structure resists in part come last, the freest of them first;
+    those that it resists wholly are skipped.
+    """
+    motions, motion_names = rigid_motions(equilibrium, M)
+    whole = _norm(motions, M)
+    inside = space @ (space.T @ (M @ motions))
+    free = _norm(motions - inside, M) < NEW_PART * whole
+    basis = np.zeros((len(space), 0))
+    names: list[str] = []
+    waiting = list(range(motions.shape[1]))
+    while waiting and len(names) < space.shape[1]:
+        left = {i: _without(inside[:, i], basis, M) for i in waiting}
+        new = {i: float(_norm(left[i][:, None], M)[0] / whole[i]) for i in waiting}
+        waiting = [i for i in waiting if new[i] > NEW_PART]
+        best = next((i for i in waiting if free[i]), max(waiting, key=new.__getitem__, default=None))
+        if best is not None:
+            basis = np.column_stack([basis, left[best] / (new[best] * whole[best])])
+            names.append(motion_names[best])
+            waiting.remove(best)
+    missing = space.shape[1] - len(names)
+    if missing:  # mechanisms that are no single motion, e.g. a hinged frame or a loose part
+        rest = space - basis @ (basis.T @ (M @ space))
+        turn = np.linalg.svd(space.T @ (M @ rest))[0][:, :missing]
+        basis = np.column_stack([basis, space @ turn])
+        names += [f"mechanism {i + 1}" for i in range(missing)]
+    return basis, tuple(names)
+
+
+def _norm(motions: np.ndarray, M: sp.csr_array) -> np.ndarray:
+    """Of each column in the mass metric."""
+    return np.sqrt(np.einsum("im,im->m", motions, M @ motions))
+
+
+def _without(motion: np.ndarray, basis: np.ndarray, M: sp.csr_array) -> np.ndarray:
+    """The part of ``motion`` that is orthogonal to ``basis``."""
+    for _ in range(2):  # Gram and Schmidt, twice for orthogonality at rounding level
+        motion = motion - basis @ (basis.T @ (M @ motion))
+    return motion

@@ -1,0 +1,74 @@
+"""What of a mode's omega^2 may be no more than rounding, or made by what Newton left unbalanced."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Float
+
+from middeck.structure.assembly.energy import Loads, geometric_tangent, strain_energies
+from middeck.structure.assembly.mesh import Model
+from middeck.structure.elements.frames import Configuration
+from middeck.structure.modes.eigen import ROUNDING, Eigenpairs
+from middeck.structure.rest.statics import dynamic_coordinates, static_coordinates
+
+# An omega^2 of so many times its rounding is good to eight digits, and better as it is.
+NEAR = 1e3
+
+
+def separate_rigid(model: Model, config: Configuration, loads: Loads, pairs: Eigenpairs) -> Eigenpairs:
+    """``pairs`` in carried coordinates, of which the lowest are found anew where they might be rounding.
+
+    An eigensolver rounds to 1e-16 of the stiffest member. Their space is good to the square of that all the
+    same, and within it the energy is formed as strains squared: what rounds then is the geometric stiffness,
+    of forces over lengths, and that of springs at rest is no more than it is (Rayleigh-Ritz; Parlett 1980,
+    section 11). A bus on threads that swings once in a day is held, and is told from one that floats.
+    """
+    few = int(np.argmin(np.concatenate([np.abs(pairs.lam) < NEAR * pairs.noise, [False]])))
+    if few == 0:
+        return pairs
+    active = dynamic_coordinates(model)
+    lowest = pairs.shapes[:, :few]
+    shapes = np.zeros((len(active), few))
+    shapes[active] = lowest
+    G, strained = geometric_tangent(model, config, loads), strain_energies(model, config, loads, shapes)
+    lam, turn = np.linalg.eigh(strained + shapes.T @ (G @ shapes))
+    shapes = shapes @ turn
+    cancels = np.einsum("im,im->m", np.abs(shapes), abs(G) @ np.abs(shapes))
+    cancels += np.einsum("im,ij,jm->m", turn, strained, turn)
+    # A shape has noise / omega^2 of the next mode in it, whose energy goes with the square of that.
+    noise = float(pairs.noise[:few].max())
+    mixed = noise**2 / pairs.lam[few] if few < len(pairs.lam) else 0.0
+    return Eigenpairs(
+        np.concatenate([lam, pairs.lam[few:]]),
+        np.hstack([lowest @ turn, pairs.shapes[:, few:]]),
+        np.concatenate([ROUNDING * (cancels + noise) + mixed, pairs.noise[few:]]),
+    )
+
+
+def rounding(
+    model: Model,
+    pairs: Eigenpairs,
+    gradient: Float[np.ndarray, " coordinate"],
+    transport: sp.csr_array | None = None,
+) -> Float[np.ndarray, " mode"]:
+    """Largest |omega^2| [1/s^2] of each mode that counts as zero, at a state that leaves ``gradient``.
+
+    A force or moment g_k left at a frame adds g_k d2x_k to the tangent, and d2x_k is made of the motions of
+    that frame and of those that carry it alone: a light rotor does not feel what its bearing lacks. The
+    coordinates are carried ones where ``transport`` takes them to W.
+    """
+    tree = model.tree
+    shapes = np.zeros((tree.size, pairs.shapes.shape[1]))
+    shapes[dynamic_coordinates(model)] = pairs.shapes
+    own = (shapes if transport is None else transport @ shapes) ** 2
+    left = np.where(static_coordinates(model), np.abs(gradient), 0.0)
+    at_roots = 6 * tree.roots
+    moved = own[:at_roots].reshape(tree.roots, 6, -1).max(axis=1)
+    force = left[:at_roots].reshape(tree.roots, 6).sum(axis=1)
+    noise = pairs.noise + force @ moved
+    carried = list(moved)
+    for joint, parent in enumerate(tree.parent):
+        carried.append(np.maximum(carried[parent], own[at_roots + joint]))
+        noise += left[at_roots + joint] * carried[-1]
+    return noise

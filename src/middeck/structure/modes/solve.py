@@ -1,0 +1,197 @@
+"""Eigensolution about a rest state (the paper's step 3), with kinds and names."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Float
+
+from middeck.errors import ConfigError, EquilibriumError, NumericalError, UnstableEquilibriumError
+from middeck.structure.assembly.energy import assemble, assemble_carried, carried_mass, mass_matrix, transport
+from middeck.structure.assembly.factorisation import order
+from middeck.structure.assembly.mesh import Model
+from middeck.structure.elements.since_drawn import uncarried
+from middeck.structure.modes.diagnosis import beyond_travel, buckling_member, loose_motions, where_lost
+from middeck.structure.modes.eigen import Eigenpairs, solve_all, solve_lowest
+from middeck.structure.modes.kind_warnings import kind_warnings
+from middeck.structure.modes.kinds import SMALL, find_kinds
+from middeck.structure.modes.naming import name_modes
+from middeck.structure.modes.rigid import rigid_basis
+from middeck.structure.modes.rounding import rounding, separate_rigid
+from middeck.structure.rest.equilibrium import Equilibrium, rest_warnings
+from middeck.structure.rest.statics import dynamic_coordinates, restrict
+from middeck.values import record
+
+# Two entries of a shape are equally large when they differ by less: a sign rule must not hang on rounding.
+EQUAL_SIZE = 1e-6
+
+
+@record
+class Modes:
+    """Natural modes about an equilibrium, rigid ones first, then ascending; mass-normalised.
+
+    Parameters
+    ----------
+    omega:
+        Angular frequency [rad/s]; exactly zero for rigid-body modes.
+    shapes:
+        Columns in the frame-tree coordinates (dx, world rotation, relative joint angle); joints that do not
+        move have zero rows. The entry of largest size in kinetic energy is positive.
+    kind, name:
+        "rigid", "suspension" or "flexible", and what the mode is.
+    rigid_share:
+        Part of the kinetic energy that is in rigid-body motions of the free article, turns of free joints
+        included: what makes the kind, see `structure.modes.kinds`.
+    strain_share:
+        Part of the restoring energy that is elastic strain of members, springs and joints: the rest is in
+        devices, weight and preload. Zero for a rigid-body mode, which has no potential energy.
+    residual:
+        Of each mode, |K phi - omega^2 M phi| over the size of its terms; grows towards the top of the list.
+    rigid_residual:
+        Largest |omega^2| of a rigid mode before it was set to zero, over the lowest omega^2 that was kept
+        (over 1 rad^2/s^2 where none was).
+    warnings:
+        Nodes that turned far on the way to rest; what nothing holds; modes of undecided kind.
+    """
+
+    equilibrium: Equilibrium
+    omega: Float[np.ndarray, " mode"]
+    shapes: Float[np.ndarray, "coordinate mode"]
+    mass: sp.csr_array
+    kind: tuple[str, ...]
+    name: tuple[str, ...]
+    rigid_share: Float[np.ndarray, " mode"]
+    strain_share: Float[np.ndarray, " mode"]
+    residual: Float[np.ndarray, " mode"]
+    rigid_residual: float
+    warnings: tuple[str, ...]
+
+    @property
+    def frequency_hz(self) -> Float[np.ndarray, " mode"]:
+        """Natural frequencies [Hz]."""
+        return self.omega / (2.0 * np.pi)
+
+
+def solve_modes(equilibrium: Equilibrium, count: int | None = None) -> Modes:
+    """All modes of finite frequency about ``equilibrium``, or the ``count`` lowest of a large model.
+
+    Raises `EquilibriumError` when the equilibrium was not reached and `UnstableEquilibriumError` when a mode
+    grows. In an environment that holds the article, a mode is of kind "suspension" where half or more of its
+    motion is a rigid-body motion of the free article; ``warnings`` tell where that is undecided.
+    """
+    if count is not None and (count != int(count) or count < 1):
+        raise ConfigError(f"{count} modes", where="count", hint="a whole number from 1, or None for all")
+    if not equilibrium.converged:
+        raise _not_at_rest(equilibrium)
+    K, M, lam, shapes, rigid = _solve(equilibrium, count)
+    rigid_residual = float(np.abs(lam[:rigid]).max(initial=0.0) / (lam[rigid] if rigid < len(lam) else 1.0))
+    lam[:rigid] = 0.0
+    shapes[:, :rigid], rigid_names = rigid_basis(equilibrium, M, shapes[:, :rigid])
+    lam, shapes, rigid_share, share, kind = find_kinds(equilibrium, M, lam, shapes, rigid)
+    shapes = shapes * _signs(M, shapes)
+    names = name_modes(equilibrium, M, shapes, kind, rigid_names)
+    _check_stable(equilibrium, lam, shapes, names)
+    active = dynamic_coordinates(equilibrium.model)
+    residual = _residual(K[active], M[active], shapes, lam)
+    omega = np.sqrt(lam)
+    warnings = (
+        *rest_warnings(equilibrium),
+        *loose_motions(equilibrium, rigid_names),
+        *kind_warnings(equilibrium, omega, kind, names, rigid_share, share),
+    )
+    return Modes(
+        equilibrium, omega, shapes, M, kind, names, rigid_share, share, residual, rigid_residual, warnings
+    )
+
+
+def _not_at_rest(equilibrium: Equilibrium) -> EquilibriumError:
+    factor, frame, left, moved = where_lost(equilibrium)
+    fell = any(damping > 0.0 for _, _, damping in equilibrium.history)
+    return EquilibriumError(
+        f"no linearisation about a state that is not at rest (residual {equilibrium.residual:.1e}): the way "
+        f"there was lost at {factor:.0%} of the load, {left} are left at frame {frame!r}, and "
+        f"nodes have moved by up to {moved:.3g} m",
+        where=f"frame {frame!r}",
+        hint="look at the residual history; check the supports, and the stiffness of what joins that frame"
+        + ("; on the way the tangent lost its stability: something buckled or toppled" if fell else "")
+        + "".join(f"; joint {name!r} went beyond its travel" for name in beyond_travel(equilibrium)),
+        history=equilibrium.history,
+        load_factor=factor,
+        frame=frame,
+        moved=moved,
+    )
+
+
+def _solve(
+    equilibrium: Equilibrium, count: int | None
+) -> tuple[sp.csr_array, sp.csr_array, np.ndarray, np.ndarray, int]:
+    """Tangent, mass, omega^2, shapes, and how many of them, which come first, are rigid."""
+    model, active = equilibrium.model, dynamic_coordinates(equilibrium.model)
+    config, loads = equilibrium.config, equilibrium.loads
+    at, mass = assemble_carried(model, config, loads), carried_mass(model, config, loads)
+    soft = uncarried(config.since_drawn, len(active))[active]
+    pairs = _eigenpairs(model, restrict(at.tangent, active), restrict(mass, active), count, soft)
+    pairs, T = separate_rigid(model, config, loads, pairs), transport(config, model.tree)
+    rigid = np.abs(pairs.lam) <= rounding(model, pairs, at.gradient, T)
+    rank = np.argsort(~rigid, kind="stable")
+    shapes = np.zeros((len(active), len(rigid)))
+    shapes[active] = pairs.shapes[:, rank]
+    if not np.all(soft):
+        shapes = T @ shapes
+        at, mass = assemble(model, config, loads), mass_matrix(model, config, loads)
+    return at.tangent, mass, pairs.lam[rank], shapes, int(np.sum(rigid))
+
+
+def _eigenpairs(
+    model: Model, K: sp.csr_array, M: sp.csr_array, count: int | None, soft: np.ndarray
+) -> Eigenpairs:
+    if count is None or order(K) <= max(SMALL, 4 * count):
+        pairs = solve_all(K, M, soft)
+        pairs = pairs and Eigenpairs(pairs.lam[:count], pairs.shapes[:, :count], pairs.noise[:count])
+    else:
+        pairs = solve_lowest(K, M, count, soft)
+    if pairs is None:
+        raise _massless(model, K + M)
+    return pairs
+
+
+def _massless(model: Model, shifted: sp.csr_array) -> NumericalError:
+    worst = int(np.argmin(abs(shifted).sum(axis=0)))
+    coordinate = int(np.flatnonzero(dynamic_coordinates(model))[worst])
+    roots = model.tree.roots
+    frame = coordinate // 6 if coordinate < 6 * roots else coordinate - 5 * roots
+    return NumericalError(
+        "a motion that has no mass is held by no stiffness",
+        where=f"frame {model.frames[frame]!r}",
+        hint="give the frame a mass and an inertia, or lock its axis",
+    )
+
+
+def _signs(M: sp.csr_array, shapes: np.ndarray) -> np.ndarray:
+    kinetic = shapes * (M @ shapes)
+    largest = np.argmax(kinetic >= (1.0 - EQUAL_SIZE) * kinetic.max(axis=0), axis=0)
+    return np.where(shapes[largest, np.arange(shapes.shape[1])] < 0.0, -1.0, 1.0)
+
+
+def _check_stable(
+    equilibrium: Equilibrium, lam: np.ndarray, shapes: np.ndarray, names: tuple[str, ...]
+) -> None:
+    for m, (value, name) in enumerate(zip(lam, names, strict=True)):
+        if value < 0.0:
+            member = buckling_member(equilibrium, shapes[:, m])
+            buckles = "" if member is None else f"; member {member!r} buckles"
+            raise UnstableEquilibriumError(
+                f"the rest state is not stable: mode {name!r} grows at {np.sqrt(-value):.4g} rad/s{buckles}",
+                hint="is a payload above its axes, an attach point below the centre of mass, a member "
+                "buckled? lower gravity, spring the axis or move the attach points",
+                growth=float(np.sqrt(-value)),
+                mode=name,
+                member=member,
+            )
+
+
+def _residual(K: sp.csr_array, M: sp.csr_array, shapes: np.ndarray, lam: np.ndarray) -> np.ndarray:
+    elastic, inertial = K @ shapes, (M @ shapes) * lam
+    size = abs(K) @ np.abs(shapes) + (abs(M) @ np.abs(shapes)) * lam
+    largest = size.max(axis=0)
+    return np.abs(elastic - inertial).max(axis=0) / np.where(largest > 0.0, largest, 1.0)

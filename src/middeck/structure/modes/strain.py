@@ -1,0 +1,122 @@
+"""Where a mode keeps its elastic energy."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float, Inexact
+
+from middeck.structure.assembly.energy import element_poses
+from middeck.structure.elements.beam import beam_deformations, beam_stiffness
+from middeck.structure.elements.beam_kinematics import PHI, STRETCH, Y1, Y2, Z1, Z2
+from middeck.structure.elements.devices import spring_state
+from middeck.structure.elements.frames import PosePoints, frame_poses, points_in_world, pose_jacobian
+from middeck.structure.model.article import JointState
+from middeck.structure.rest.equilibrium import Equilibrium
+
+PARTS = ("axial", "torsion", "bending y-z", "bending x-z", "bending x-y", "spring", "joint", "slide")
+BENDING = slice(2, 5)
+
+
+def strain_energy(
+    equilibrium: Equilibrium, shapes: Inexact[np.ndarray, "coordinate mode"]
+) -> Inexact[np.ndarray, "mode part"]:
+    """Elastic energy [J] of each mode in `PARTS`, without the work of preloads (the geometric stiffness).
+
+    Bending about an own axis of a member counts for the plane across the world axis nearest to it. Analytic.
+    """
+    model = equilibrium.model
+    poses = frame_poses(model.tree, equilibrium.config)
+    changes = pose_jacobian(model.tree, model.points, poses) @ shapes
+    changes = changes.reshape(-1, 6, shapes.shape[1])
+    springs, joints = model.structure.springs, model.structure.joints
+    of_springs = np.array([s.stiffness for s in springs]) + 0.0
+    of_joints = np.array([j.stiffness if j.state is JointState.SPRUNG else 0.0 for j in joints]) + 0.0
+    bent = _member_energy(equilibrium, changes)
+    energy = np.zeros((shapes.shape[1], len(PARTS)), np.result_type(changes, bent, of_springs, of_joints))
+    energy[:, :5] = bent
+    if len(model.spring_ends):
+        start, end = model.spring_ends.T
+        world = points_in_world(model.points, poses)
+        span = world[end] - world[start]
+        length = np.sqrt(np.sum(span * span, axis=1))
+        along = span / np.where(length == 0.0, 1.0, length)[:, None]
+        apart = changes[end, :3] - changes[start, :3]
+        stretch = np.einsum("si,sim->sm", along, apart) ** 2
+        stretch[length == 0.0] = np.sum(apart[length == 0.0] ** 2, axis=1)  # the same in all directions
+        energy[:, 5] = 0.5 * of_springs @ stretch
+    moves = shapes[6 * model.tree.roots :] ** 2
+    for part, of_it in ((6, ~model.tree.slides), (7, model.tree.slides)):
+        energy[:, part] = 0.5 * of_joints[of_it] @ moves[of_it]
+    return energy
+
+
+def strain_share(
+    equilibrium: Equilibrium,
+    lam: Inexact[np.ndarray, " mode"],
+    shapes: Inexact[np.ndarray, "coordinate mode"],
+) -> Inexact[np.ndarray, " mode"]:
+    """Part of the restoring energy of mass-normalised modes of omega^2 = ``lam`` that is strain; analytic.
+
+    What else restores is the devices and, where it is positive, the work of weight and preload: energy that
+    compression takes away restores nothing, so that shares lie between 0 and 1 whatever its size. Zero at
+    lam = 0, where there is nothing to share.
+    """
+    elastic = strain_energy(equilibrium, shapes).sum(axis=1)
+    device = _positive(device_energy(equilibrium, shapes))
+    whole = elastic + device + _positive(0.5 * lam - elastic - device)
+    real = (np.real(whole) > 0.0) & (np.real(lam) != 0.0)
+    return np.divide(elastic, whole, out=np.zeros_like(whole), where=real)
+
+
+def _positive(x: np.ndarray) -> np.ndarray:
+    return np.where(np.real(x) > 0.0, x, 0.0)
+
+
+def device_energy(
+    equilibrium: Equilibrium, shapes: Inexact[np.ndarray, "coordinate mode"]
+) -> Inexact[np.ndarray, " mode"]:
+    """Energy [J] of each mode in devices and springs to the ground, along them and across; analytic."""
+    model, loads = equilibrium.model, equilibrium.loads
+    poses = frame_poses(model.tree, equilibrium.config)
+    held = PosePoints(model.points.frame[loads.attach_point], model.points.offset[loads.attach_point])
+    state = spring_state(loads.law, points_in_world(held, poses) - loads.anchor)
+    moved = (pose_jacobian(model.tree, held, poses) @ shapes).reshape(-1, 6, shapes.shape[1])[:, :3]
+    return 0.5 * np.einsum("dim,dij,djm->m", moved, state.material + state.geometric, moved)
+
+
+def member_energy(
+    equilibrium: Equilibrium, shapes: Inexact[np.ndarray, "coordinate mode"]
+) -> Inexact[np.ndarray, "mode member"]:
+    """Elastic energy [J] of each mode in each member of the structure, in its order; analytic."""
+    model = equilibrium.model
+    poses = frame_poses(model.tree, equilibrium.config)
+    changes = pose_jacobian(model.tree, model.points, poses) @ shapes
+    energy = np.zeros((len(model.structure.members), shapes.shape[1]), changes.dtype)
+    if len(model.element_ends):
+        density = _element_energy(equilibrium, changes.reshape(-1, 6, shapes.shape[1]))
+        np.add.at(energy, model.element_member, density.sum(axis=1))
+    return energy.T
+
+
+def _element_energy(equilibrium: Equilibrium, changes: np.ndarray) -> Float[np.ndarray, "element 6 mode"]:
+    """By deformation of the element; changes are those of all poses."""
+    model = equilibrium.model
+    x, T = element_poses(model, equilibrium.config)
+    _, slope = beam_deformations(model.beams, x, T)
+    ends = changes[model.element_ends].reshape(len(x), 12, -1)
+    deformation = np.einsum("eia,eam->eim", slope, ends)
+    return 0.5 * deformation * np.einsum("eij,ejm->eim", beam_stiffness(model.beams), deformation)
+
+
+def _member_energy(equilibrium: Equilibrium, changes: np.ndarray) -> Inexact[np.ndarray, "mode 5"]:
+    model = equilibrium.model
+    if not len(model.element_ends):
+        return np.zeros((changes.shape[2], 5))
+    density = _element_energy(equilibrium, changes)
+    energy = np.zeros((changes.shape[2], 5), density.dtype)
+    energy[:, 0], energy[:, 1] = density[:, STRETCH].sum(axis=0), density[:, PHI].sum(axis=0)
+    for own, rows in ((1, [Y1, Y2]), (2, [Z1, Z2])):
+        axis = np.argmax(np.abs(model.element_triad[:, :, own]), axis=1)
+        bending = density[:, rows].sum(axis=1)
+        np.add.at(energy[:, BENDING].T, axis, bending)
+    return energy

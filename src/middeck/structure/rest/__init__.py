@@ -1,0 +1,1 @@
+"""Where an article comes to rest in an environment, its suspension tuned."""

@@ -1,0 +1,208 @@
+"""The rest state of a structure in an environment (the paper's steps 1 and 2)."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Inexact
+
+from middeck.errors import EquilibriumError
+from middeck.structure.assembly.energy import Loads, assemble_carried
+from middeck.structure.assembly.mesh import Model, mesh_structure
+from middeck.structure.elements.frames import Configuration, frame_poses
+from middeck.structure.elements.rotations import rotation_log
+from middeck.structure.model.article import JointState, Structure
+from middeck.structure.model.environment import Environment
+from middeck.structure.model.environment_checks import check_environment
+from middeck.structure.model.travel import check_travel
+from middeck.structure.rest.statics import (
+    TOLERANCE,
+    article_size,
+    imbalance_scale,
+    imbalance_weight,
+    settle,
+    static_coordinates,
+)
+from middeck.structure.rest.tuning import TunedSuspension, environment_loads, tune_suspension
+from middeck.values import record
+
+FAR_TURN = np.radians(30.0)  # three times what an unlevelled article rolls
+
+
+@record
+class Equilibrium:
+    """A converged, or not converged, rest state.
+
+    Parameters
+    ----------
+    config:
+        Positions, rotations and angles at rest.
+    residual:
+        Largest unbalanced force over the weight, or moment over the weight times half the article's size (a
+        metre at most); over the weight on the ground where there is none. See `imbalance_scale`.
+    history:
+        (load factor, residual, damping) of every iteration.
+    holding_torque:
+        Torque [N m], of a slide force [N], that each joint's motor, spring or lock holds, positive on the
+        carried body.
+    tension:
+        Pull [N] of each of ``devices``.
+    enough:
+        Residual that counts as rest: more than `TOLERANCE` where rounding of a stiff support leaves more, and
+        Newton's own step shows that nothing is out of place by it.
+    stable:
+        Whether nothing grows there with the free joints held: false of a column that stands upright beyond
+        its critical load, which the least push would bend. See `rest_warnings`.
+    """
+
+    model: Model
+    environment: Environment
+    config: Configuration
+    loads: Loads
+    suspension: TunedSuspension
+    residual: float
+    history: tuple[tuple[float, float, float], ...]
+    holding_torque: Inexact[np.ndarray, " joint"]
+    tension: Inexact[np.ndarray, " device"]
+    enough: float = TOLERANCE
+    stable: bool = True
+
+    @property
+    def devices(self) -> tuple[str, ...]:
+        """Names in the order of the loads: the suspension's, the environment's devices, then its springs."""
+        return (*self.suspension.name, *(spring.name for spring in self.environment.springs))
+
+    @property
+    def converged(self) -> bool:
+        """Whether the residual is at rounding level; `solve_modes` refuses otherwise."""
+        return self.residual < self.enough
+
+
+def solve_equilibrium(structure: Structure, environment: Environment) -> Equilibrium:
+    """Rest state under gravity and suspension; `Environment.orbit()` is the undeformed structure.
+
+    Raises `EquilibriumError` for gravity without any support, a slack cable, a mechanism, or a sprung joint
+    that comes to rest beyond its travel; a state that did not converge is returned with its residual history
+    and ``converged`` false.
+    """
+    model = mesh_structure(structure)
+    check_environment(environment)
+    _check_support(environment)
+    tuned = tune_suspension(model, environment)
+    loads = environment_loads(model, environment, tuned)
+    settled = settle(model, loads)
+    _check_pull(tuned, settled.assembly.tension)
+    if settled.residual < settled.enough:
+        check_travel(structure, settled.config.angle)
+    # At rest dE/d(angle) is the moment that the motor has to balance.
+    holding = settled.assembly.gradient[6 * model.tree.roots :] + _spring_torque(model, settled.config)
+    return Equilibrium(
+        model,
+        environment,
+        settled.config,
+        loads,
+        tuned,
+        settled.residual,
+        settled.history,
+        holding,
+        settled.assembly.tension,
+        settled.enough,
+        settled.stable,
+    )
+
+
+def _spring_torque(model: Model, config: Configuration) -> np.ndarray:
+    """Torque of sprung axes: part of the balanced gradient, but it is what holds them."""
+    return np.array(
+        [
+            j.stiffness * (j.target - angle) if j.state is JointState.SPRUNG else 0.0
+            for j, angle in zip(model.structure.joints, config.angle, strict=True)
+        ]
+    )
+
+
+def _check_support(environment: Environment) -> None:
+    where = f"environment {environment.title!r}"
+    heavy = bool(np.any(environment.gravity))
+    if heavy and not environment.hung and not environment.springs:
+        raise EquilibriumError(
+            f"gravity of {np.linalg.norm(environment.gravity):.4g} m/s^2 and nothing to hang from",
+            where=where,
+            hint="add a [suspension] table, devices or springs to the environment, or use orbit",
+        )
+    idle = [device.name for device in environment.hung if device.needs_gravity and not heavy]
+    if idle:
+        raise EquilibriumError(
+            f"device {idle[0]!r}, tuned to its load, needs gravity: its reaction would be zero",
+            where=where,
+            hint="set constants.gravity; or give the device a force, a stiffness and an anchor",
+        )
+
+
+def _check_pull(suspension: TunedSuspension, tension: np.ndarray) -> None:
+    """Springs, which follow the devices, may push."""
+    pull = dict(zip(suspension.name, map(float, tension), strict=False))
+    slack = {name: value for name, value in pull.items() if value <= 0.0}
+    if slack:
+        named = ", ".join(f"{name!r} ({value:.3f} N)" for name, value in slack.items())
+        raise EquilibriumError(
+            f"slack at equilibrium: the cable of {named}",
+            where="suspension",
+            hint="a cable cannot push: move the attach points, take a device away or lower its stiffness",
+            tension_n=pull,
+        )
+
+
+class Imbalance(NamedTuple):
+    """What is left at rest: largest force over the weight, largest moment over weight times ``length``.
+
+    ``weight`` [N] is that on the ground where there is none; ``length`` [m] is half the article's size, or a
+    metre if that is less; ``frame`` is where the larger of the two is.
+    """
+
+    force: float
+    moment: float
+    weight: float
+    length: float
+    frame: str
+
+
+def rest_imbalance(equilibrium: Equilibrium) -> Imbalance:
+    """How well forces and moments balance in ``equilibrium``; its ``residual`` is the larger of both."""
+    model, loads = equilibrium.model, equilibrium.loads
+    scale = imbalance_scale(model, loads)
+    weight = imbalance_weight(model, loads)
+    gradient = assemble_carried(model, equilibrium.config, loads).gradient
+    left = np.where(static_coordinates(model), np.abs(gradient) / scale, 0.0)
+    roots = model.tree.roots
+    turns = np.concatenate([np.tile(np.repeat([False, True], 3), roots), ~model.tree.slides])
+    worst = int(np.argmax(left)) if len(left) else 0
+    frame = worst // 6 if worst < 6 * roots else worst - 5 * roots
+    return Imbalance(
+        float(left[~turns].max(initial=0.0)),
+        float(left[turns].max(initial=0.0)),
+        weight,
+        min(article_size(model), 1.0),
+        model.frames[frame],
+    )
+
+
+def node_rotations(equilibrium: Equilibrium) -> dict[str, Float[np.ndarray, "3"]]:
+    """Rotation vector [rad] of every node from its undeformed attitude, in W."""
+    poses = frame_poses(equilibrium.model.tree, equilibrium.config)
+    nodes = equilibrium.model.structure.nodes
+    return {node.name: rotation_log(poses.R[i]) for i, node in enumerate(nodes)}
+
+
+def rest_warnings(equilibrium: Equilibrium) -> tuple[str, ...]:
+    """A rest state that is not stable; a node that turned by more than `FAR_TURN`, hardly as was meant."""
+    found: list[str] = []
+    if equilibrium.converged and not equilibrium.stable:
+        found.append("the rest state is not stable: the least push would buckle or topple the article")
+    turned = {name: float(np.linalg.norm(v)) for name, v in node_rotations(equilibrium).items()}
+    name = max(turned, key=lambda n: turned[n])
+    if turned[name] > FAR_TURN:
+        degrees = np.degrees(turned[name])
+        found.append(f"the article turned by {degrees:.0f} deg on the way to rest (node {name!r})")
+    return tuple(found)

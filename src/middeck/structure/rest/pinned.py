@@ -1,0 +1,195 @@
+"""Support forces of a structure pinned at points: Newton's method with multipliers, at full gravity."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Float, Inexact, Int
+
+from middeck.errors import EquilibriumError
+from middeck.structure.assembly.energy import Loads, assemble_carried, carried_mass, no_loads, pose_shift
+from middeck.structure.assembly.factorisation import factorise
+from middeck.structure.assembly.mesh import Model
+from middeck.structure.elements.frames import Configuration, frame_poses, move_carried, points_in_world
+from middeck.structure.elements.since_drawn import uncarried
+from middeck.structure.rest.statics import (
+    LOAD_FACTORS,
+    MAX_ITERATIONS,
+    TOLERANCE,
+    article_size,
+    imbalance,
+    imbalance_scale,
+    restrict,
+    scale_loads,
+    spread,
+    static_coordinates,
+)
+from middeck.values import record
+
+# A motion that nothing resists is opposed by this acceleration, in g per metre: so weak that weight drives it
+# 25 km in one step and is found out, so strong that rounding alone does not drive it.
+HOLD_IN_G = 1e-5
+RUNAWAY_M = 10.0
+# Newton's method at full load is on the branch of the load steps where its first step is short [m or rad] and
+# each further one at most this part of the one before (Deuflhard 2004, section 2.1).
+CONTRACTION, LONGEST_STEP = 0.25, 0.5
+# Of the largest compliance of the supports: a motion less compliant is rigid and held twice, so that statics
+# leaves the share of each support open. They share it alike.
+HELD_TWICE = 1e-13
+
+
+@record
+class PinnedPoints:
+    """Poses held in the world directions given as letters, e.g. "yz", one string per pose."""
+
+    point: Int[np.ndarray, " pinned"]
+    held: tuple[str, ...]
+
+
+@record
+class Supports:
+    """One row per held direction: which pinned point, its pose, world axis and undeformed coordinate."""
+
+    row: np.ndarray
+    pose: np.ndarray
+    axis: np.ndarray
+    start: np.ndarray
+
+
+@record
+class PinnedState:
+    """Where the pinned structure rests, and the force [N] of each row of its supports."""
+
+    config: Configuration
+    supports: Supports
+    force: np.ndarray
+
+
+def solve_pinned(
+    model: Model, gravity: Float[np.ndarray, "3"], pinned: PinnedPoints, others: Loads | None = None
+) -> Float[np.ndarray, "pinned 3"]:
+    """Support forces [N] at full gravity with the points held; nonlinear, by load steps.
+
+    The devices of ``others`` act meanwhile; their gravity counts for nothing.
+
+    Raises `EquilibriumError` when the weight drives a motion that the supports leave free, or when the
+    iteration does not converge. A free motion that no weight drives is let be: it changes no force.
+    """
+    other = no_loads() if others is None else others
+    loads = Loads(gravity, other.anchor, other.attach_point, other.law, other.mass)
+    state = settle_pinned(model, loads, pinned)
+    return support_forces(state.supports, state.force, len(pinned.point))
+
+
+def settle_pinned(model: Model, loads: Loads, pinned: PinnedPoints) -> PinnedState:
+    """The state behind `solve_pinned`, which says what it raises."""
+    supports = find_supports(model, pinned)
+    mass = carried_mass(model, model.rest)
+    start, none = model.rest, np.zeros(len(supports.axis))
+    found = _settle_pinned(model, loads, supports, mass, start, none, contract=True)
+    if found is None:
+        found = start, none
+        for factor in (*LOAD_FACTORS, 1.0):
+            found = _settle_pinned(model, scale_loads(loads, factor), supports, mass, *found)
+            if found is None:
+                raise _unsettled()
+    return PinnedState(found[0], supports, found[1])
+
+
+def support_forces(
+    supports: Supports, force: Inexact[np.ndarray, " row"], points: int
+) -> Inexact[np.ndarray, "pinned 3"]:
+    """The force of every row, as vectors at the pinned points."""
+    out = np.zeros((points, 3), dtype=force.dtype)
+    np.add.at(out, (supports.row, supports.axis), force)
+    return out
+
+
+def find_supports(model: Model, pinned: PinnedPoints) -> Supports:
+    """The held directions of ``pinned``; analytic in the model."""
+    held = [(i, p, "xyz".index(c)) for i, p in enumerate(pinned.point) for c in pinned.held[i]]
+    row, pose, axis = np.array(held, dtype=int).reshape(-1, 3).T
+    return Supports(row, pose, axis, support_coordinates(model, model.rest, pose, axis))
+
+
+def support_coordinates(
+    model: Model, config: Configuration, pose: np.ndarray, axis: np.ndarray
+) -> np.ndarray:
+    """World coordinates of poses, each along one axis; analytic."""
+    return points_in_world(model.points, frame_poses(model.tree, config))[pose, axis]
+
+
+def _settle_pinned(
+    model: Model,
+    loads: Loads,
+    supports: Supports,
+    mass: sp.csr_array,
+    config: Configuration,
+    force: np.ndarray,
+    *,
+    contract: bool = False,
+) -> tuple[Configuration, np.ndarray] | None:
+    """Newton's method from ``config`` and ``force``; None where it does not settle.
+
+    Or where its steps do not ``contract``: it is then on its way to some other branch.
+    """
+    active = static_coordinates(model)
+    scale = imbalance_scale(model, loads)
+    hold = HOLD_IN_G * float(np.linalg.norm(loads.gravity)) * restrict(mass, active)
+    size = np.inf
+    for _ in range(MAX_ITERATIONS):
+        load = np.zeros((len(model.points.frame), 6))
+        np.add.at(load, (supports.pose, supports.axis), -force)  # a support force is minus an energy gradient
+        at = assemble_carried(model, config, loads, load)
+        slip = pose_shift(model, config, supports.pose)[np.arange(len(force)), supports.axis]
+        if imbalance(at, active, scale) < TOLERANCE and np.abs(slip).max(initial=0.0) < TOLERANCE:
+            return config, force
+        G = at.jacobian[6 * supports.pose + supports.axis][:, active]
+        K = sp.csr_array(restrict(at.tangent, active) + hold)
+        soft = uncarried(config.since_drawn, len(active))[active]
+        spring = max(float(np.abs(K.diagonal()[soft]).max()), scale[0] / article_size(model))
+        q, change = _constrained_step(K, G, at.gradient[active], slip, spring)
+        before, size = size, float(np.abs(q).max())
+        if not (size < RUNAWAY_M or contract):
+            raise _mechanism()
+        if contract and not size <= min(CONTRACTION * before, LONGEST_STEP):
+            return None
+        config, force = move_carried(model.tree, config, spread(q, active)), force - change
+    return None
+
+
+def _constrained_step(
+    K: sp.csr_array, G: sp.csr_array, gradient: np.ndarray, slip: np.ndarray, spring: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Newton step (q, multipliers m): K q + G'm = -gradient, G q = -slip.
+
+    A ``spring`` at every support makes the matrix regular and changes nothing, for it adds the same to both
+    sides; the multipliers then follow from the compliance of the supports, S m = G q(m = 0) + slip.
+    """
+    factor = factorise(sp.csr_array(K + spring * (G.T @ G)))
+    q = np.full(len(gradient), np.inf)
+    m = np.zeros(len(slip))
+    if factor is not None:
+        across = factor.solve(G.T.toarray())
+        q = -factor.solve(gradient + spring * (G.T @ slip))
+        S = G @ across
+        m = np.linalg.pinv(0.5 * (S + S.T), rcond=HELD_TWICE, hermitian=True) @ (G @ q + slip)
+        q = q - across @ m
+    return q, m
+
+
+def _mechanism() -> EquilibriumError:
+    return EquilibriumError(
+        "pinned at its attach points, the article is still a mechanism that its weight drives",
+        where="suspension.held",
+        hint="hold enough directions: y and z at each of three points and x at one stop a straight bus; "
+        "if they are held, the article is far too soft or heavy: check the units of its lengths and E",
+    )
+
+
+def _unsettled() -> EquilibriumError:
+    return EquilibriumError(
+        f"pinned at its attach points, the article does not settle in {MAX_ITERATIONS} iterations",
+        where="suspension.held",
+        hint="hold more directions, or look for members too soft to carry the weight",
+    )

@@ -1,0 +1,400 @@
+"""Newton's method on the potential of a hanging structure, by damped descent under a growing load."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Bool, Float
+
+from middeck.errors import NumericalError
+from middeck.structure.assembly.energy import (
+    Assembly,
+    Inner,
+    Loads,
+    assemble_carried,
+    carried_mass,
+    inner_forces,
+    own_law,
+    predict_forces,
+)
+from middeck.structure.assembly.factorisation import factorise, positive_factor
+from middeck.structure.assembly.mesh import Model
+from middeck.structure.elements.devices import SpringLaw
+from middeck.structure.elements.frames import (
+    Configuration,
+    FrameTree,
+    move_carried,
+    placed,
+    rigid_columns,
+)
+from middeck.structure.elements.rotations import cross, turn_of
+from middeck.structure.elements.since_drawn import SinceDrawn
+from middeck.structure.model.article import JointState
+
+# Largest imbalance that counts as rest, over `imbalance_scale`.
+TOLERANCE = 1e-9
+# And where Newton's undamped step moves nothing by more than `UNMOVED` of the article's size, or radians:
+# rounding is what is left, in a support of 1e12 N/m 1e-7 of a weight.
+ROUNDED = 1e-6
+UNMOVED = 1e-12
+# Enough on the way to full load.
+ROUGH = 1e-4
+LOAD_FACTORS = (0.25, 0.5, 0.75)
+MAX_ITERATIONS = 200
+MAX_HALVINGS = 30
+MIXED_ITERATIONS = 100
+# Iterations after which a descent creeps.
+SOON = 30
+# Halvings of a step after which, twice, it does.
+SHORT = 3
+STANDARD_GRAVITY = 9.80665
+# Least damping [1/s^2]: a thousandth of a slow pendulum's omega^2 neither holds nor hurries anything.
+LEAST_DAMPING = 1e-3
+DAMPING_STEP = 4.0
+# Of the least damping that holds what grows: taken, and to what it is found.
+AHEAD, NEAR = 1.5, 1.3
+# Of the article's size: what is out of line by less, at a rest state that is not stable, is left there.
+IN_LINE = 1e-9
+# Beyond any omega^2 of a structure: what is still indefinite has no mass.
+MOST_DAMPING = 1e20
+# Largest turn [rad] and largest change [m or rad] of a coordinate beside the rigid motion in one step: what
+# the second-order chart follows well. A translation of the whole may be of any length.
+LONGEST_STEP = 0.5
+
+
+class Settled(NamedTuple):
+    """Where Newton ended, and (load factor, residual, damping) of every iteration on the way.
+
+    The residual counts as rest below ``enough``.
+    """
+
+    config: Configuration
+    assembly: Assembly
+    residual: float
+    enough: float
+    history: tuple[tuple[float, float, float], ...]
+    stable: bool
+
+
+def static_coordinates(model: Model) -> Bool[np.ndarray, " coordinate"]:
+    """Coordinates that move in statics: roots and sprung joints; other joints are held."""
+    return _moving(model, (JointState.SPRUNG,))
+
+
+def dynamic_coordinates(model: Model) -> Bool[np.ndarray, " coordinate"]:
+    """Coordinates that move in dynamics: roots, free and sprung joints."""
+    return _moving(model, (JointState.FREE, JointState.SPRUNG))
+
+
+def _moving(model: Model, states: tuple[JointState, ...]) -> np.ndarray:
+    joints = [joint.state in states for joint in model.structure.joints]
+    return np.concatenate([np.ones(6 * model.tree.roots, dtype=bool), np.array(joints, dtype=bool)])
+
+
+def settle(model: Model, loads: Loads) -> Settled:
+    """Equilibrium under gravity and preload at once or, should that fail, by steps of the load.
+
+    The tangent is re-formed at every iteration. Damping (Levenberg 1944: a multiple of the mass) keeps each
+    step a descent of the potential where the tangent is not positive definite; it is reduced after every
+    success and the last step is a pure Newton step. Convergence is on the true residual alone; on the way
+    there a rough one will do.
+    """
+    mass = carried_mass(model, model.rest)
+    soon = _by_steps(model, loads, mass, (), SOON)
+    if soon.residual < soon.enough:
+        return soon
+    mixed = _with_forces(model, loads, mass)
+    if mixed is not None:
+        return mixed
+    at_once = _by_steps(model, loads, mass, ())
+    return at_once if at_once.residual < at_once.enough else _by_steps(model, loads, mass, LOAD_FACTORS)
+
+
+def _by_steps(
+    model: Model, loads: Loads, mass: sp.csr_array, factors: tuple[float, ...], most: int | None = None
+) -> Settled:
+    scale = imbalance_scale(model, loads)
+    config = model.rest
+    history: list[tuple[float, float, float]] = []
+    for factor in factors:
+        config, _, steps, _ = _descend(model, config, scale_loads(loads, factor), mass, scale, ROUGH)
+        history += [(factor, residual, damping) for residual, damping in steps]
+    config, at, steps, enough = _descend(model, config, loads, mass, scale, TOLERANCE, most)
+    history += [(1.0, residual, damping) for residual, damping in steps]
+    active = static_coordinates(model)
+    held = restrict(at.tangent, active) + LEAST_DAMPING * restrict(mass, active)
+    stable = positive_factor(sp.csr_array(held)) is not None
+    return Settled(config, at, history[-1][1], enough, tuple(history), stable)
+
+
+def _with_forces(model: Model, loads: Loads, mass: sp.csr_array) -> Settled | None:
+    """Newton's method with the forces inside as unknowns of their own; None where it does not settle.
+
+    What is stiff resists the second order of a step: a strut of 1e12 N/m in which a turn of 0.1 leaves 1e-3 m
+    pulls with 1e9 N, and whoever descends must creep. As an unknown the force is what the step's first order
+    makes it, and only that makes geometric stiffness (Magisano, Leonetti and Garcea 2017, Comput. Methods
+    Appl. Mech. Eng. 313). Where something grows the step is damped, so that it leaves a rest state that is
+    not stable; of what stands upright to rounding that state is the answer, marked as such.
+    """
+    active, scale = static_coordinates(model), imbalance_scale(model, loads)
+    config, inner, damping, size_of = model.rest, None, 0.0, article_size(model)
+    least = LEAST_DAMPING * restrict(mass, active)
+    history: list[tuple[float, float, float]] = []
+    for _ in range(MIXED_ITERATIONS):
+        at = assemble_carried(model, config, loads)
+        residual = imbalance(at, active, scale)
+        history.append((1.0, residual, damping))
+        if not np.isfinite(residual):
+            return None
+        inner = None if inner is None else _with_linear_springs(model, config, loads, inner)
+        bent = at if inner is None else assemble_carried(model, config, loads, None, inner)
+        step = _unfolding_step(restrict(bent.tangent, active), least, at.gradient[active], damping, size_of)
+        if step is None:
+            return None
+        q, damping, upright = step
+        size = float(np.abs(q).max(initial=0.0))
+        enough = ROUNDED if size < UNMOVED * size_of and (upright or damping == 0.0) else TOLERANCE
+        if residual < enough and (upright or damping == 0.0):
+            stable = positive_factor(sp.csr_array(restrict(at.tangent, active) + least)) is not None
+            return Settled(config, at, residual, enough, tuple(history), stable)
+        q = spread(q * min(1.0, LONGEST_STEP / size), active)
+        inner = predict_forces(model, config, loads, q)
+        config = move_carried(model.tree, config, q)
+    return None
+
+
+class _Step(NamedTuple):
+    """A step, its damping, and whether it leads to a rest state that is not stable."""
+
+    q: np.ndarray
+    damping: float
+    upright: bool = False
+
+
+def _unfolding_step(
+    K: sp.csr_array, least: sp.csr_array, gradient: np.ndarray, damping: float, size: float
+) -> _Step | None:
+    """Newton's step or, where something grows, one with little more damping than makes K positive definite.
+
+    Damping of `AHEAD` times the rate squared at which something grows lets it grow by 1 + 1/(`AHEAD` - 1)
+    in a step: a column a millionth out of line is well bent after ten. What is in line to rounding stays.
+    """
+    factor = positive_factor(K) or positive_factor(sp.csr_array(K + least))
+    if factor is not None:
+        return _Step(-factor.solve(gradient), 0.0)
+    newton = factorise(K)
+    if newton is not None:
+        q = -newton.solve(gradient)
+        if np.abs(q).max() < IN_LINE * size:
+            return _Step(q, damping, upright=True)
+    low, high = LEAST_DAMPING, max(damping / AHEAD, 2.0 * LEAST_DAMPING)
+    while positive_factor(_damped(K, least, high)) is None:
+        low, high = high, DAMPING_STEP * high
+        if high > MOST_DAMPING:
+            return None
+    while high > NEAR * low:
+        middle = np.sqrt(low * high)
+        if positive_factor(_damped(K, least, middle)) is None:
+            low = middle
+        else:
+            high = middle
+    factor = positive_factor(_damped(K, least, AHEAD * high))
+    return factor and _Step(-factor.solve(gradient), AHEAD * high)
+
+
+def _damped(K: sp.csr_array, least: sp.csr_array, damping: float) -> sp.csr_array:
+    return sp.csr_array(K + damping / LEAST_DAMPING * least)
+
+
+def _with_linear_springs(model: Model, config: Configuration, loads: Loads, inner: Inner) -> Inner:
+    """Springs without free length keep their own forces, as stiff across as along wherever they point."""
+    own = inner_forces(model, config, loads)
+    linear = [law.preload == law.stiffness * law.length for law in (own_law(model), loads.law)]
+    return inner._replace(
+        spring=np.where(linear[0], own.spring, inner.spring),
+        device=np.where(linear[1], own.device, inner.device),
+    )
+
+
+def scale_loads(loads: Loads, factor: float) -> Loads:
+    """Gravity and preloads times ``factor``; stiffnesses as they are."""
+    law = SpringLaw(loads.law.preload * factor, loads.law.stiffness, loads.law.length)
+    return Loads(loads.gravity * factor, loads.anchor, loads.attach_point, law, loads.mass)
+
+
+def imbalance_scale(model: Model, loads: Loads) -> Float[np.ndarray, " coordinate"]:
+    """What is left at each coordinate is compared with: the weight, of a moment times a length.
+
+    The weight is that on the ground where there is none. The length is half the article's size, or a metre if
+    that is less: strict for large articles and for small ones.
+    """
+    weight = imbalance_weight(model, loads)
+    moment = weight * min(article_size(model), 1.0)
+    joints = np.where(model.tree.slides, weight, moment)
+    return np.concatenate([np.tile(np.repeat([weight, moment], 3), model.tree.roots), joints])
+
+
+def imbalance_weight(model: Model, loads: Loads) -> float:
+    """The article's weight [N], on the ground where there is none."""
+    gravity = float(np.linalg.norm(loads.gravity)) or STANDARD_GRAVITY
+    return max(model.structure.mass * gravity, float(np.finfo(float).tiny))
+
+
+def article_size(model: Model) -> float:
+    """Half the extent of the article as drawn [m], at least its radius of gyration; a metre for a point."""
+    x = model.rest.x
+    inertia = np.trace(model.body_inertia, axis1=1, axis2=2).sum()
+    gyration = np.sqrt(0.5 * inertia / model.structure.mass) if model.structure.mass > 0.0 else 0.0
+    arms = np.linalg.norm(model.points.offset, axis=1).max(initial=0.0)
+    size = max(0.5 * float(np.linalg.norm(np.ptp(x, axis=0))), float(arms), float(gyration))
+    return size or 1.0
+
+
+def _descend(
+    model: Model,
+    config: Configuration,
+    loads: Loads,
+    mass: sp.csr_array,
+    scale: np.ndarray,
+    enough: float,
+    most: int | None = None,
+) -> tuple[Configuration, Assembly, list[tuple[float, float]], float]:
+    """Where the descent ends, (residual, damping) of every iteration, and the residual that counts as rest.
+
+    ``mass`` need not be exact. A descent of at ``most`` so many iterations ends where it begins to creep.
+    """
+    active = static_coordinates(model)
+    at = assemble_carried(model, config, loads)
+    damping, crept = 0.0, 0
+    history: list[tuple[float, float]] = []
+    for _ in range(MAX_ITERATIONS if most is None else min(most, MAX_ITERATIONS)):
+        residual = imbalance(at, active, scale)
+        history.append((residual, damping))
+        if residual < enough:
+            break
+        q, damping = _damped_step(model, config, at, mass, damping)
+        better = _shorten(_Descent(model, loads, mass, scale, active), config, at, q)
+        if better is None:
+            step = np.abs(q * scale).max() / scale.min()
+            if damping == 0.0 and step < UNMOVED * article_size(model):
+                enough = max(enough, ROUNDED)
+            break
+        config, at, halvings = better
+        crept += halvings >= SHORT
+        if most is not None and crept > 1:
+            break
+    return config, at, history, enough
+
+
+def imbalance(at: Assembly, active: np.ndarray, scale: np.ndarray) -> float:
+    """Largest force or moment left at the coordinates that move in statics, over its ``scale``."""
+    return float(np.abs(at.gradient[active] / scale[active]).max(initial=0.0))
+
+
+class _Descent(NamedTuple):
+    """What stays the same on the way down."""
+
+    model: Model
+    loads: Loads
+    mass: sp.csr_array
+    scale: np.ndarray
+    active: np.ndarray
+
+    def at(self, config: Configuration) -> Assembly:
+        return assemble_carried(self.model, config, self.loads)
+
+    def lower(self, new: Assembly, at: Assembly) -> bool:
+        """Whether the energy or the imbalance is."""
+        return new.energy < at.energy or imbalance(new, self.active, self.scale) < imbalance(
+            at, self.active, self.scale
+        )
+
+
+def _shorten(
+    way: _Descent, config: Configuration, at: Assembly, q: np.ndarray
+) -> tuple[Configuration, Assembly, int] | None:
+    """The first of q, q/2, q/4 ... that lowers the energy or the residual, and the halvings.
+
+    None at rounding level.
+    """
+    for halvings in range(MAX_HALVINGS):
+        trial = move_whole(way.model.tree, config, q, way.mass)
+        new = way.at(trial)
+        if way.lower(new, at):
+            return trial, new, halvings
+        q = 0.5 * q
+    return None
+
+
+def move_whole(
+    tree: FrameTree, config: Configuration, q: Float[np.ndarray, " coordinate"], mass: sp.csr_array
+) -> Configuration:
+    """Like `move_carried` to first order, but the rigid motion in ``q`` (by mass) strains nothing.
+
+    Straight displacements stretch what turns: by 1e-3 of its length for a turn of 0.05, far more than a stiff
+    member bears, so that a descent with them would have to creep.
+    """
+    rigid, rest = split_rigid(tree, config, q, mass)
+    # The rotation is about the world origin: its second-order part must not carry a far structure along.
+    centre = config.x.mean(axis=0)
+    turn = turn_of(rigid[3:])
+    R = np.eye(3) + turn
+    shift = rigid[:3] + cross(rigid[3:], centre)
+    step = rest[: 6 * tree.roots].reshape(-1, 2, 3) @ R.T
+    since = config.since_drawn
+    if since is None:
+        turned = Configuration(centre + shift + (config.x - centre) @ R.T, R @ config.R, config.angle)
+    else:
+        own = since.carrier < 0
+        moved = since.shift + np.where(own[:, None], shift + (config.x - centre) @ turn.T, 0.0)
+        turns = since.turn + np.where(own[:, None, None], turn + turn @ since.turn, 0.0)
+        turned = placed(SinceDrawn(since.drawn, since.carrier, moved, turns), config.angle)
+    return move_carried(tree, turned, np.concatenate([step.ravel(), rest[6 * tree.roots :]]))
+
+
+def split_rigid(
+    tree: FrameTree, config: Configuration, q: Float[np.ndarray, " coordinate"], mass: sp.csr_array
+) -> tuple[Float[np.ndarray, "6"], Float[np.ndarray, " coordinate"]]:
+    """Translation and rotation about the world origin nearest to ``q`` by mass, and what is left; carried."""
+    T = rigid_columns(tree, config, np.zeros(3))
+    if config.since_drawn is not None:
+        T[: 6 * tree.roots].reshape(tree.roots, 36)[config.since_drawn.carrier >= 0] = 0.0
+    weighted = mass @ T
+    rigid, *_ = np.linalg.lstsq(T.T @ weighted, weighted.T @ q, rcond=None)
+    return rigid, q - T @ rigid
+
+
+def _damped_step(
+    model: Model, config: Configuration, at: Assembly, mass: sp.csr_array, damping: float
+) -> tuple[np.ndarray, float]:
+    """Solve (K + damping M) q = -gradient with the least damping that makes the matrix positive definite."""
+    active = static_coordinates(model)
+    stiffness, inertia = restrict(at.tangent, active), restrict(mass, active)
+    damping = 0.0 if damping < LEAST_DAMPING else damping / DAMPING_STEP
+    while damping < MOST_DAMPING:
+        factor = positive_factor(sp.csr_array(stiffness + damping * inertia))
+        if factor is not None:
+            q = spread(-factor.solve(at.gradient[active]), active)
+            rigid, rest = split_rigid(model.tree, config, q, mass)
+            if max(np.abs(rigid[3:]).max(), np.abs(rest).max()) < LONGEST_STEP:
+                return q, damping
+        damping = max(DAMPING_STEP * damping, LEAST_DAMPING)
+    raise NumericalError(
+        "no step towards rest: the tangent stays indefinite however much it is damped",
+        where=f"structure {model.structure.title!r}",
+        hint="a motion without mass that something pushes over? give its frame a mass and an inertia",
+    )
+
+
+def restrict(K: sp.csr_array, active: Bool[np.ndarray, " coordinate"]) -> sp.csr_array:
+    """Rows and columns of the coordinates that move; the matrix itself where all do."""
+    return K if bool(np.all(active)) else sp.csr_array(K[active][:, active])
+
+
+def spread(q: Float[np.ndarray, " active"], active: Bool[np.ndarray, " coordinate"]) -> np.ndarray:
+    """The increment of all coordinates, zero where they are held."""
+    full = np.zeros(len(active))
+    full[active] = q
+    return full

@@ -1,0 +1,1 @@
+"""Mass, size and doubts of an article, before anything is solved."""

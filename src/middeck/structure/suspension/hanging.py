@@ -1,0 +1,72 @@
+"""What is doubtful about how an environment holds an article, and about how it then hangs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from middeck.structure.model.article import Structure
+from middeck.structure.model.environment import Environment
+from middeck.structure.suspension.attitude import Attitude
+
+# A suspension is levelled to some tenths of a degree; beyond this the article hangs as nobody drew it.
+LARGE_TILT = np.radians(1.0)
+ASIDE = 0.1  # of the larger tilt: a smaller one is left alone
+AXES = "xyz"
+
+
+class Doubt(NamedTuple):
+    """Where, what, and what to try."""
+
+    where: str
+    what: str
+    hint: str
+
+
+def doubt_devices(structure: Structure, environment: Environment) -> Iterator[Doubt]:
+    """Attach points on which nothing pulls, and directions in which nothing holds while devices are tuned."""
+    if not environment.hung:
+        return
+    ties = (*environment.hung, *environment.springs)
+    used = {tie.attach for tie in ties} | {n for s in structure.springs for n in (s.start, s.end)}
+    for point in structure.attach_points:
+        if point.name not in used:
+            yield Doubt(
+                f"attach point {point.name!r}",
+                f"nothing in {environment.title!r} hangs or ties it",
+                "name it in the environment's [suspension.held], give it a [[device]], or leave it out",
+            )
+    tuned = [device.held for device in environment.hung if device.force is None]
+    for axis in AXES:
+        if tuned and not environment.springs and not any(axis in held for held in tuned):
+            yield Doubt(
+                "suspension",
+                f"no attach point is held along {axis} while the loads of its devices are found",
+                f"add {axis} to what one of the points holds, in [suspension.held] or the [[device]]",
+            )
+
+
+def doubt_attitude(attitude: Attitude, environment: Environment) -> Iterator[Doubt]:
+    """A tilt beyond `LARGE_TILT`, and the offsets that would level it."""
+    tilt = float(np.linalg.norm(attitude.tilt))
+    if tilt <= LARGE_TILT:
+        return
+    yield Doubt(
+        "",
+        f"the article hangs tilted by {np.degrees(tilt):.1f} deg; it was drawn level",
+        f"{_levelling(attitude, environment)}see docs/how-to/level-an-article.md",
+    )
+
+
+def _levelling(attitude: Attitude, environment: Environment) -> str:
+    """A tilt about one level axis is taken away by moving an attach point along the other."""
+    if not environment.hung:
+        return ""
+    vertical = int(np.argmax(np.abs(environment.gravity)))
+    size = np.abs(attitude.tilt)
+    about = [i for i in range(3) if i != vertical and size[i] > ASIDE * size.max()]
+    along = [AXES[3 - vertical - i] for i in about]
+    free = " ".join(f"--free {environment.hung[0].attach}.{axis}" for axis in along)
+    return f"middeck level with {free} --about {''.join(AXES[i] for i in about)}; "
