@@ -15,9 +15,9 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Float
 
+from middeck.identification.descent import Step
 from middeck.identification.fit.data import Data
 from middeck.identification.fit.layout import Layout
-from middeck.identification.fit.refine import Step
 
 # Least decay rate of a pole outside the band, as a share of its distance. Complex constants follow in phase
 # what that changes, which leaves its square: of a continuous model 1e-4 of the term at most, so that no mode

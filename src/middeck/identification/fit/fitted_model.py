@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from middeck.identification.descent import Refined
 from middeck.identification.fit.layout import Layout, unpack
-from middeck.identification.fit.refine import Refined
 from middeck.identification.fit.terms import constant_terms, shapes
 from middeck.identification.measurement_model import RANK, MeasurementModel
 from middeck.identification.uncertainty.unknowns import Structure

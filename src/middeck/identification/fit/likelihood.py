@@ -20,11 +20,12 @@ import scipy.optimize
 from jaxtyping import Complex, Float
 
 from middeck.errors import FitError
+from middeck.identification.descent import search
 from middeck.identification.fit.bounds import bound_theta, bounded
 from middeck.identification.fit.data import Data
 from middeck.identification.fit.design import residual_of
 from middeck.identification.fit.polish import Polished
-from middeck.identification.fit.refine import search, weighted
+from middeck.identification.fit.refine import weighted
 from middeck.identification.fit.weights import NEIGHBOURS, ROUNDING
 from middeck.systems.response import ResponseCovariance
 from middeck.values import record

@@ -7,17 +7,12 @@ import dataclasses
 import numpy as np
 from jaxtyping import Complex, Float
 
+from middeck.identification.descent import Refined, search
 from middeck.identification.fit.bounds import bound_theta, bounded
 from middeck.identification.fit.data import Data
 from middeck.identification.fit.design import residual_of
 from middeck.identification.fit.layout import Layout
-from middeck.identification.fit.refine import (
-    Refined,
-    by_normal_equations,
-    logarithmic,
-    search,
-    weighted,
-)
+from middeck.identification.fit.refine import by_normal_equations, logarithmic, weighted
 from middeck.identification.fit.start import Start
 from middeck.identification.fit.weights import Spread, excess_share
 from middeck.values import record

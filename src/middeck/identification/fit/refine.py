@@ -11,13 +11,13 @@ all unknowns are searched together.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from typing import Any
+from collections.abc import Iterable
 
 import numpy as np
 import scipy.linalg
 from jaxtyping import Complex, Float
 
+from middeck.identification.descent import Step, is_positive
 from middeck.identification.fit.data import Data
 from middeck.identification.fit.design import (
     Terms,
@@ -31,46 +31,15 @@ from middeck.identification.fit.layout import Layout
 from middeck.identification.fit.normal_equations import Solved, solve_normal
 from middeck.identification.fit.own_transients import OwnTransients, as_real
 from middeck.identification.fit.ties import Tied
-from middeck.values import record
 
 # Linear unknowns are not solved for where one column is the rest up to this share: coinciding poles.
 COINCIDENT = 1e-13
-MOST_STEPS = 200
 # Products in an output's normal equations below which forming them directly, by QR, takes less than to find
 # few functions to form them from.
 SMALL = 4e5
 # Rounding of all residuals together, in deviations, above which they are formed by orthogonal columns: it
 # would move the end of a search by as much.
 ROUNDED = 0.02
-# A step that promises less ends the search. Weights are one over standard deviations, so that an unknown one
-# deviation off costs 1/2 or more: 1e-3 is a twentieth of a deviation, for all unknowns together.
-SMALLEST_GAIN = 1e-3
-# Most that an eigenvalue of theta's Gram matrix, scaled to a unit diagonal, may round below zero. The data
-# say nothing of so weak a direction: its deviation is ten thousand times that of unknowns that go alone.
-WEAKEST = 1e-8
-# First damping, and its first growth.
-DAMPING, GROWTH = 1e-3, 2.0
-
-
-@record
-class Step:
-    """Cost, normal equations and linear unknowns (the transients' last) at a theta; H - E if at hand."""
-
-    cost: float
-    gradient: Float[np.ndarray, " unknown"]
-    gram: Float[np.ndarray, "unknown unknown"]
-    linear: Float[np.ndarray, "output column"]
-    residual: Complex[np.ndarray, "output line experiment"] | None = None
-
-
-@record
-class Refined:
-    """End of a search: unknowns, the last normal equations and the cost of each accepted step."""
-
-    theta: Float[np.ndarray, " unknown"]
-    step: Step
-    history: tuple[float, ...]
-    converged: bool
 
 
 def weighted(
@@ -134,18 +103,6 @@ def _all_of(solved: Iterable[Solved | None]) -> list[Solved] | None:
     return found
 
 
-def is_positive(gram: Float[np.ndarray, "unknown unknown"]) -> bool:
-    """Whether a Gram matrix is one but for rounding."""
-    if not np.isfinite(gram).all():
-        return False
-    size = np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
-    try:
-        np.linalg.cholesky(gram / size[:, None] / size + WEAKEST * np.eye(len(gram)))
-    except np.linalg.LinAlgError:
-        return False
-    return True
-
-
 def by_normal_equations(layout: Layout, data: Data) -> bool:
     """Whether they pay, or are all there is; they cannot project transients out."""
     if data.mix is not None:
@@ -199,57 +156,3 @@ def logarithmic(layout: Layout, data: Data, theta: Float[np.ndarray, " unknown"]
         gradient[own] -= J @ residual
         gram[np.ix_(own, own)] += J @ J.T
     return Step(cost, gradient, gram, linear) if np.isfinite(cost) else None
-
-
-def search(
-    evaluate: Callable[[np.ndarray], Step | None],
-    theta: Float[np.ndarray, " unknown"],
-    most_steps: int = MOST_STEPS,
-    *,
-    exactly: Callable[[np.ndarray], Step | None] | None = None,
-) -> Refined | None:
-    """Levenberg-Marquardt with Marquardt's scaling and Nielsen's (1999) damping; None if it cannot start.
-
-    Rounding of a Gram matrix may promise little, or nothing, where there is much to gain. Before a search
-    ends, theta is evaluated again ``exactly``; and what a matrix promises that has lost its sign is no end.
-    """
-    step = evaluate(theta)
-    if step is None:
-        return None
-    damping, growth, again = DAMPING, GROWTH, exactly
-    history = [step.cost]
-    for _ in range(most_steps):
-        scale = np.maximum(np.diag(step.gram), 1e-14 * np.diag(step.gram).max())
-        move = _move(step.gram + damping * np.diag(scale), -step.gradient)
-        promised = -1.0 if move is None else float(-move @ step.gradient - 0.5 * move @ step.gram @ move)
-        if not promised > SMALLEST_GAIN:
-            if again is not None:
-                step, again = again(theta) or step, None
-                damping, growth = min(damping, DAMPING), GROWTH
-                continue
-            if promised >= 0.0:
-                return Refined(theta, step, tuple(history), is_positive(step.gram))
-        trial = evaluate(theta + move) if move is not None and promised > 0.0 else None
-        gain = -1.0 if trial is None else (step.cost - trial.cost) / promised
-        if trial is not None and gain > 0.0:
-            theta, step, again = theta + move, trial, exactly
-            history.append(step.cost)
-            damping *= max(1.0 / 3.0, 1.0 - (2.0 * gain - 1.0) ** 3)
-            growth = GROWTH
-        else:
-            damping, growth = damping * growth, 2.0 * growth
-    return Refined(theta, step, tuple(history), False)
-
-
-def _move(matrix: np.ndarray, right: np.ndarray) -> np.ndarray | None:
-    """The step; None where the matrix is not positive definite, so that a step would not lead downhill."""
-    # Scaled to a unit diagonal: frequencies, shapes and delays differ by many orders.
-    square = np.diag(matrix)
-    if not (np.isfinite(matrix).all() and (square > 0.0).all()):
-        return None
-    size = 1.0 / np.sqrt(square)
-    try:
-        factor: Any = scipy.linalg.cho_factor(matrix * size[:, None] * size, check_finite=False)
-    except np.linalg.LinAlgError:
-        return None
-    return size * np.asarray(scipy.linalg.cho_solve(factor, size * right, check_finite=False))

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Complex, Float
 
+from middeck.identification.descent import Refined
 from middeck.identification.fit.data import Data
 from middeck.identification.fit.design import Terms, residual_of, split_linear
 from middeck.identification.fit.fitted_model import model_of, structure_of
 from middeck.identification.fit.layout import Layout, unpack
 from middeck.identification.fit.own_transients import OwnTransients, as_real
-from middeck.identification.fit.refine import Refined
 from middeck.identification.fit.transient import transient_slopes
 from middeck.identification.measurement_model import MeasurementModel
 from middeck.identification.samples.noise import likelier_variance

@@ -9,10 +9,11 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Complex, Float
 
+from middeck.identification.descent import Refined, Step, search
 from middeck.identification.fit.data import Data
 from middeck.identification.fit.design import residual_of
 from middeck.identification.fit.layout import Layout, unpack
-from middeck.identification.fit.refine import Refined, Step, search, weighted
+from middeck.identification.fit.refine import weighted
 from middeck.identification.samples.noise import Noise, negative_log_likelihood, noise_variance
 from middeck.values import record
 
