@@ -10,8 +10,8 @@ import numpy as np
 import scipy.io
 
 from measured.rows import cell, peer, row
-from middeck.identification.samples.fit_record import fit_record
-from middeck.identification.samples.simulation import record_nrmse
+from middeck.identification.record_fit.fit_record import fit_record
+from middeck.identification.record_fit.simulation import record_nrmse
 from middeck.systems.ports import Port
 from middeck.systems.record import Record
 

@@ -15,8 +15,8 @@ import numpy as np
 from measured.bounds import Bound, Gimbal, cramer_rao
 from measured.rows import cell, peer, row
 from middeck.identification import FitResult, damping_ratio, estimate_response, fit_response, model_response
-from middeck.identification.measurement_model import natural_hz
-from middeck.identification.samples.fit_record import fit_record
+from middeck.identification.model.measurement_model import natural_hz
+from middeck.identification.record_fit.fit_record import fit_record
 from middeck.systems.record import Record
 
 # The frozen case is shared with the tests.

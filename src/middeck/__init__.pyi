@@ -142,10 +142,10 @@ from .files.records.together import split_periods as split_periods
 from .files.studies import load_study as load_study
 from .identification.faults.detect import detect_faults as detect_faults
 from .identification.fit.fit_response import fit_response as fit_response
-from .identification.fit.stabilisation import stabilisation as stabilisation
+from .identification.order.stabilisation import stabilisation as stabilisation
 from .identification.impact.average import average_blows as average_blows
 from .identification.impact.damping import fit_impact as fit_impact
-from .identification.measurement_model import (
+from .identification.model.measurement_model import (
     MeasurementModel as MeasurementModel,
     model_response as model_response,
 )
@@ -161,7 +161,7 @@ from .identification.plants.pole_zero_gain import (
     pole_zero_gain as pole_zero_gain,
 )
 from .identification.plants.reduction import minimal_model as minimal_model
-from .identification.plants.selection import (
+from .identification.model.selection import (
     scale_channels as scale_channels,
     select_channels as select_channels,
 )
@@ -170,12 +170,12 @@ from .identification.plants.zeros import (
     name_zeros as name_zeros,
     path_zeros as path_zeros,
 )
-from .identification.samples.fit_record import fit_record as fit_record
-from .identification.samples.simulation import (
+from .identification.record_fit.fit_record import fit_record as fit_record
+from .identification.record_fit.simulation import (
     record_nrmse as record_nrmse,
     simulate_record as simulate_record,
 )
-from .identification.simulation import nrmse as nrmse
+from .identification.model.simulation import nrmse as nrmse
 from .identification.spectra.averages import estimate_spectra as estimate_spectra
 from .identification.spectra.coherence import (
     multiple_coherence as multiple_coherence,

@@ -26,7 +26,7 @@ from middeck.files.compensators import (
     write_compensator,
 )
 from middeck.files.models import write_model
-from middeck.identification.measurement_model import MeasurementModel
+from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.plants.measured_plant import delayed_plant
 from middeck.systems.delayed_plant import DelayedPlant, delay_inputs
 from middeck.systems.modal import ModalSystem

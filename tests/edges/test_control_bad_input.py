@@ -31,7 +31,7 @@ from middeck.control.sampled import design_sampled_lqg
 from middeck.errors import ConfigError, MiddeckError, NotStabilisableError
 from middeck.files.exchange import from_scipy
 from middeck.files.models import write_model
-from middeck.identification.measurement_model import MeasurementModel
+from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.realtime.rig import build_linear_rig
 from middeck.systems.delayed_plant import delay_inputs
 from middeck.systems.modal import ModalSystem

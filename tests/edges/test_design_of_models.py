@@ -12,7 +12,7 @@ import pytest
 
 from cli_runner import middeck
 from middeck.files.models import write_model
-from middeck.identification.measurement_model import MeasurementModel
+from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.unknowns import Structure, places_of
 from middeck.systems.ports import Port

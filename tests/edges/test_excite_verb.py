@@ -13,7 +13,7 @@ from click.testing import CliRunner
 from middeck.cli.verbs.excite import verb
 from middeck.errors import ConfigError
 from middeck.files.models import write_model
-from middeck.identification.plants.plant_model import model_of_plant
+from middeck.identification.model.plant_model import model_of_plant
 from middeck.identification.uncertainty.accuracy import expected_accuracy
 from middeck.systems.excitation import Limits, design_multisine
 from middeck.systems.modal import ModalSystem

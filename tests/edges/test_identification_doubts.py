@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from middeck.errors import FitError
-from middeck.identification.fit.doubts import doubts_of_deviations, doubts_of_model
 from middeck.identification.fit.fit_response import fit_response
-from middeck.identification.measurement_model import MeasurementModel
+from middeck.identification.model.measurement_model import MeasurementModel
+from middeck.identification.search.doubts import doubts_of_deviations, doubts_of_model
 from middeck.identification.spectra import estimate_response
 from middeck.identification.uncertainty.covariance import as_exact
 from middeck.systems.excitation import random_multisine

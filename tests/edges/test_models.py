@@ -15,7 +15,7 @@ from hypothesis.extra.numpy import arrays
 
 from middeck.errors import ConfigError, DataError
 from middeck.files.models import load_fitted, load_model, write_model
-from middeck.identification.measurement_model import MeasurementModel
+from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.unknowns import Structure, places_of
 from middeck.systems.ports import Port

@@ -3,10 +3,10 @@
 import numpy as np
 
 from middeck.files.studies import load_study
-from middeck.identification.fit.choices import Choices, options_of
-from middeck.identification.fit.data import Data
-from middeck.identification.fit.race import recommend_states
-from middeck.identification.fit.weights import spread_of
+from middeck.identification.order.race import recommend_states
+from middeck.identification.problem.data import Data
+from middeck.identification.spectra.weights import spread_of
+from middeck.identification.start.choices import Choices, options_of
 from middeck.laboratory.article_rig import build_rig_article
 from middeck.laboratory.bench import build_bench, take_open_loop
 from middeck.study.chapters.two_sensor_control.chapter import TWO_SENSOR_CONTROL

@@ -4,8 +4,13 @@ import numpy as np
 import pytest
 
 from middeck.files.studies import load_study
-from middeck.identification.measurement_model import damping_ratio, model_response, natural_hz, path_delay
-from middeck.identification.plants.plant_model import model_of_plant
+from middeck.identification.model.measurement_model import (
+    damping_ratio,
+    model_response,
+    natural_hz,
+    path_delay,
+)
+from middeck.identification.model.plant_model import model_of_plant
 from middeck.identification.plants.zeros import path_zeros
 from middeck.laboratory.article import rig_article_plant
 from middeck.laboratory.article_rig import build_article_rig, build_rig_article

@@ -5,7 +5,7 @@ import dataclasses
 import gimbal_record
 import numpy as np
 
-from middeck.identification.plants.plant_model import model_of_plant
+from middeck.identification.model.plant_model import model_of_plant
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
 

@@ -4,8 +4,8 @@ import dataclasses
 
 import numpy as np
 
-from middeck.identification.measurement_model import MeasurementModel
-from middeck.identification.samples.simulation import simulate_record
+from middeck.identification.model.measurement_model import MeasurementModel
+from middeck.identification.record_fit.simulation import simulate_record
 from middeck.systems.ports import Port
 from middeck.systems.record import Record
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from middeck.errors import ConfigError
-from middeck.identification.measurement_model import damping_ratio, model_response, natural_hz
-from middeck.identification.plants.plant_model import model_of_plant
+from middeck.identification.model.measurement_model import damping_ratio, model_response, natural_hz
+from middeck.identification.model.plant_model import model_of_plant
 from middeck.identification.spectra import estimate_response
 from middeck.identification.uncertainty.accuracy import expected_accuracy, periods_needed, structure_of
 from middeck.identification.uncertainty.covariance import draw_errors

@@ -8,7 +8,7 @@ import pytest
 
 from middeck.errors import ConfigError, FitError
 from middeck.identification.fit.fit_response import fit_response
-from middeck.identification.measurement_model import (
+from middeck.identification.model.measurement_model import (
     MeasurementModel,
     model_response,
     natural_hz,

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from middeck.identification.descent import SMALLEST_GAIN, Step, is_positive, search
-from middeck.identification.fit.data import Data
-from middeck.identification.fit.design import build_terms
-from middeck.identification.fit.gram_blocks import Functions
-from middeck.identification.fit.layout import Layout, Point, pack
-from middeck.identification.fit.refine import weighted
+from middeck.identification.model.descent import SMALLEST_GAIN, Step, is_positive, search
+from middeck.identification.problem.data import Data
+from middeck.identification.problem.design import build_terms
+from middeck.identification.problem.gram_blocks import Functions
+from middeck.identification.problem.layout import Layout, Point, pack
+from middeck.identification.search.refine import weighted
 
 CURVATURE = np.array([[2.0, 1.0], [1.0, 3.0]])
 # The same with a product that rounding has made larger than both lengths allow.

@@ -5,12 +5,12 @@ import dataclasses
 import numpy as np
 import pytest
 
-from middeck.identification.fit.data import Data, Transient
-from middeck.identification.fit.design import build_terms, jacobian, residual_of
-from middeck.identification.fit.gram_blocks import Functions, hear
-from middeck.identification.fit.layout import Layout, Point, pack
-from middeck.identification.fit.normal_equations import Solved, solve_normal
-from middeck.identification.fit.refine import solve_by_qr, weighted
+from middeck.identification.problem.data import Data, Transient
+from middeck.identification.problem.design import build_terms, jacobian, residual_of
+from middeck.identification.problem.gram_blocks import Functions, hear
+from middeck.identification.problem.layout import Layout, Point, pack
+from middeck.identification.problem.normal_equations import Solved, solve_normal
+from middeck.identification.search.refine import solve_by_qr, weighted
 
 
 def a_layout(

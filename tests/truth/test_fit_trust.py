@@ -5,6 +5,7 @@ import os
 
 import numpy as np
 import pytest
+from middeck.identification.samples import continuous
 from struck_plant import FORCE, TIP, response, shaken, struck
 
 from middeck.errors import FitError
@@ -12,9 +13,8 @@ from middeck.identification.fit.fit_response import fit_response
 from middeck.identification.fit.significance import mode_significance, with_split, without_modes
 from middeck.identification.fit.standing import checked_covariance
 from middeck.identification.fit.steady_line import name_line
-from middeck.identification.measurement_model import damping_ratio, natural_hz
-from middeck.identification.samples import continuous
-from middeck.identification.samples.fit_record import fit_record
+from middeck.identification.model.measurement_model import damping_ratio, natural_hz
+from middeck.identification.record_fit.fit_record import fit_record
 from middeck.systems.record import Record
 from middeck.systems.response import FrequencyResponse
 
@@ -184,7 +184,7 @@ def test_splitting_and_dropping_modes_are_each_other_s_inverse():
 
 
 def _layout_of_two():
-    from middeck.identification.fit.layout import Layout, Point, pack
+    from middeck.identification.problem.layout import Layout, Point, pack
 
     layout = Layout(np.ones(2, bool), np.zeros(2), np.zeros(2, int), 1, 1, True, True, False, False, 0.0)
     w = 2.0 * np.pi * HZ

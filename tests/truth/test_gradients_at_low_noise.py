@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from middeck.identification.fit.data import Data
-from middeck.identification.fit.design import build_terms, late_columns, late_slopes
-from middeck.identification.fit.layout import Layout, Point, pack
-from middeck.identification.fit.own_transients import as_real
-from middeck.identification.fit.refine import by_normal_equations, weighted
+from middeck.identification.problem.data import Data
+from middeck.identification.problem.design import build_terms, late_columns, late_slopes
+from middeck.identification.problem.layout import Layout, Point, pack
+from middeck.identification.problem.own_transients import as_real
+from middeck.identification.search.refine import by_normal_equations, weighted
 
 pytestmark = pytest.mark.kernels
 

@@ -15,9 +15,9 @@ from middeck.identification import (
     natural_hz,
     sampled_statespace,
 )
-from middeck.identification.fit.data import Data
-from middeck.identification.fit.layout import Layout, Point, pack, unpack
-from middeck.identification.fit.refine import logarithmic, weighted
+from middeck.identification.problem.data import Data
+from middeck.identification.problem.layout import Layout, Point, pack, unpack
+from middeck.identification.search.refine import logarithmic, weighted
 from middeck.systems.response import FrequencyResponse, evaluate_plant, statespace_response
 
 LONG = os.environ.get("MIDDECK_LONG") == "1"

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from middeck.identification import estimate_response, fit_response, nrmse
-from middeck.identification.fit.choices import Choices, options_of
-from middeck.identification.fit.data import Data
-from middeck.identification.fit.race import recommend_states
-from middeck.identification.fit.weights import spread_of
+from middeck.identification.order.race import recommend_states
+from middeck.identification.problem.data import Data
+from middeck.identification.spectra.weights import spread_of
+from middeck.identification.start.choices import Choices, options_of
 from middeck.systems.ports import Port
 from middeck.systems.record import Record
 

@@ -9,7 +9,7 @@ from struck_plant import FORCE, TIP, response, struck
 from middeck.errors import ConfigError, DataError
 from middeck.identification.fit.fit_response import fit_response
 from middeck.identification.impact import average_blows, fit_impact, locate_blows, without_window
-from middeck.identification.measurement_model import damping_ratio, natural_hz
+from middeck.identification.model.measurement_model import damping_ratio, natural_hz
 from middeck.identification.uncertainty.unknowns import model_at, unknowns_of
 from middeck.systems.response import FrequencyResponse
 

@@ -7,10 +7,10 @@ import scipy.signal
 from middeck.errors import ConfigError
 from middeck.files.models import load_fitted, write_model
 from middeck.identification.fit.fit_response import fit_response
-from middeck.identification.measurement_model import MeasurementModel, model_response, natural_hz
+from middeck.identification.model.measurement_model import MeasurementModel, model_response, natural_hz
 from middeck.identification.plants.measured_plant import measured_plant
 from middeck.identification.plants.pole_zero_gain import from_pole_zero_gain, pole_zero_gain
-from middeck.identification.samples.simulation import record_nrmse, simulate_record
+from middeck.identification.record_fit.simulation import record_nrmse, simulate_record
 from middeck.identification.uncertainty.parameters import parameters_of
 from middeck.systems.ports import Port
 from middeck.systems.record import Record

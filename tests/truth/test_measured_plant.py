@@ -8,10 +8,10 @@ import pytest
 import scipy.linalg as sla
 
 from middeck.errors import ConfigError
-from middeck.identification.measurement_model import MeasurementModel, model_response, path_delay
+from middeck.identification.model.measurement_model import MeasurementModel, model_response, path_delay
+from middeck.identification.model.selection import scale_channels, select_channels
 from middeck.identification.plants.measured_plant import measured_plant, sampled_plant
 from middeck.identification.plants.pole_zero_gain import from_pole_zero_gain, pole_zero_gain
-from middeck.identification.plants.selection import scale_channels, select_channels
 from middeck.systems.plant import name_states
 from middeck.systems.response import evaluate_plant, statespace_response
 from middeck.systems.simulation import simulate

@@ -8,7 +8,7 @@ import scipy.stats
 
 from middeck.errors import ConfigError
 from middeck.identification.fit.fit_response import fit_response
-from middeck.identification.measurement_model import MeasurementModel, path_delay
+from middeck.identification.model.measurement_model import MeasurementModel, path_delay
 from middeck.identification.plants.delays import merge_delays
 from middeck.identification.plants.measured_plant import measured_plant
 from middeck.identification.uncertainty.covariance import ModelCovariance, as_exact

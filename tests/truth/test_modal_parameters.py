@@ -5,7 +5,7 @@ import pytest
 import scipy.linalg
 
 from middeck.errors import ConfigError, FitError
-from middeck.identification.measurement_model import MeasurementModel
+from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.plants.modal_parameters import modal_parameters
 from middeck.systems.ports import Port
 

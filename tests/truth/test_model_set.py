@@ -10,7 +10,7 @@ import two_modes
 
 from middeck.errors import ConfigError
 from middeck.identification.fit.fit_response import fit_response
-from middeck.identification.measurement_model import model_response, natural_hz
+from middeck.identification.model.measurement_model import model_response, natural_hz
 from middeck.identification.uncertainty.model_set import sample_models
 from middeck.identification.uncertainty.response_bounds import response_bounds, simultaneous_bounds
 from middeck.identification.uncertainty.unknowns import unknowns_of

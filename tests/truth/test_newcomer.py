@@ -5,14 +5,14 @@ import dataclasses
 import numpy as np
 import pytest
 
-from middeck.identification.fit.data import Data
-from middeck.identification.fit.exchange import grown
-from middeck.identification.fit.layout import unpack
-from middeck.identification.fit.newcomer import find_newcomer
-from middeck.identification.fit.polish import polish
-from middeck.identification.fit.refine import weighted
-from middeck.identification.fit.start import Options, start_at
-from middeck.identification.fit.weights import Spread
+from middeck.identification.order.exchange import grown
+from middeck.identification.order.newcomer import find_newcomer
+from middeck.identification.problem.data import Data
+from middeck.identification.problem.layout import unpack
+from middeck.identification.search.polish import polish
+from middeck.identification.search.refine import weighted
+from middeck.identification.spectra.weights import Spread
+from middeck.identification.start.start import Options, start_at
 
 NOISE = 1e-3
 

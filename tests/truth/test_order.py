@@ -7,18 +7,18 @@ import numpy as np
 import pytest
 
 from middeck.identification import estimate_response
-from middeck.identification.fit.bounds import bound_theta, bounded
-from middeck.identification.fit.choices import Choices, options_of
-from middeck.identification.fit.data import Data
-from middeck.identification.fit.layout import Layout, Point, pack, unpack
-from middeck.identification.fit.order import Tried, choose, is_settled
-from middeck.identification.fit.polish import polish
-from middeck.identification.fit.pruning import prune
-from middeck.identification.fit.race import race, recommend_states
-from middeck.identification.fit.refine import weighted
-from middeck.identification.fit.start import Start, drive_vectors
-from middeck.identification.fit.thinning import take_lines, thin_lines
-from middeck.identification.fit.weights import Spread, spread_of
+from middeck.identification.order.order import Tried, choose, is_settled
+from middeck.identification.order.race import race, recommend_states
+from middeck.identification.order.thinning import take_lines, thin_lines
+from middeck.identification.problem.data import Data
+from middeck.identification.problem.layout import Layout, Point, pack, unpack
+from middeck.identification.search.bounds import bound_theta, bounded
+from middeck.identification.search.polish import polish
+from middeck.identification.search.refine import weighted
+from middeck.identification.spectra.weights import Spread, spread_of
+from middeck.identification.start.choices import Choices, options_of
+from middeck.identification.start.pruning import prune
+from middeck.identification.start.start import Start, drive_vectors
 
 
 def data_of(measured):

@@ -8,8 +8,8 @@ import pytest
 
 from middeck.errors import DataError, FitError
 from middeck.identification.fit.fit_response import fit_response
-from middeck.identification.fit.order import Tried, choose
-from middeck.identification.measurement_model import damping_ratio, natural_hz
+from middeck.identification.model.measurement_model import damping_ratio, natural_hz
+from middeck.identification.order.order import Tried, choose
 from middeck.identification.spectra import estimate_response
 from middeck.systems.ports import Port
 from middeck.systems.record import Record

@@ -5,9 +5,9 @@ import pytest
 import scipy.stats
 from scipy.signal import lfilter
 
-from middeck.identification.measurement_model import damping_ratio, natural_hz
-from middeck.identification.samples.fit_record import fit_record
-from middeck.identification.samples.noise import noise_variance
+from middeck.identification.model.measurement_model import damping_ratio, natural_hz
+from middeck.identification.record_fit.fit_record import fit_record
+from middeck.identification.record_fit.noise import noise_variance
 from middeck.systems.ports import Port
 from middeck.systems.record import Record
 

@@ -5,12 +5,12 @@ import pytest
 from shaken_plant import U2, Y2, a_plant, pole_error, shaken
 
 from middeck.errors import ConfigError, DataError, FitError
-from middeck.identification.measurement_model import (
+from middeck.identification.model.measurement_model import (
     model_response,
     natural_hz,
 )
-from middeck.identification.samples.fit_record import fit_record
-from middeck.identification.samples.simulation import record_nrmse
+from middeck.identification.record_fit.fit_record import fit_record
+from middeck.identification.record_fit.simulation import record_nrmse
 from middeck.systems.record import Record
 
 

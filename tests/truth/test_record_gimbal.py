@@ -3,8 +3,8 @@
 import gimbal_record
 import numpy as np
 
-from middeck.identification.measurement_model import model_response, natural_hz
-from middeck.identification.samples.fit_record import fit_record
+from middeck.identification.model.measurement_model import model_response, natural_hz
+from middeck.identification.record_fit.fit_record import fit_record
 from middeck.systems.ports import Port
 from middeck.systems.record import Record
 

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from middeck.identification.fit.layout import unpack
-from middeck.identification.fit.start import Options
-from middeck.identification.samples.growth import exchanges, grown
-from middeck.identification.samples.race import leader
-from middeck.identification.samples.search import refine_record
-from middeck.identification.samples.spectra import record_data
-from middeck.identification.samples.starts import start_of
+from middeck.identification.problem.layout import unpack
+from middeck.identification.record_fit.growth import exchanges, grown
+from middeck.identification.record_fit.race import leader
+from middeck.identification.record_fit.search import refine_record
+from middeck.identification.record_fit.spectra import record_data
+from middeck.identification.record_fit.starts import start_of
+from middeck.identification.start.start import Options
 from middeck.systems.ports import Port
 from middeck.systems.record import Record
 

@@ -5,9 +5,9 @@ import pytest
 import scipy.stats
 from shaken_plant import POLES, pole_error, shaken
 
-from middeck.identification.measurement_model import damping_ratio, natural_hz
-from middeck.identification.samples.fit_record import fit_record
-from middeck.identification.samples.noise import noise_variance
+from middeck.identification.model.measurement_model import damping_ratio, natural_hz
+from middeck.identification.record_fit.fit_record import fit_record
+from middeck.identification.record_fit.noise import noise_variance
 
 
 def test_forces_that_shake_the_article_are_known_by_its_poles(campaign):

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from middeck.errors import ConfigError
-from middeck.identification.measurement_model import damping_ratio, natural_hz, path_delay
-from middeck.identification.samples.fit_record import fit_record
+from middeck.identification.model.measurement_model import damping_ratio, natural_hz, path_delay
+from middeck.identification.record_fit.fit_record import fit_record
 from middeck.identification.uncertainty.parameters import parameters_of
 from middeck.systems.ports import Port
 from middeck.systems.record import Record

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from middeck.identification.measurement_model import is_mode
-from middeck.identification.samples.fit_record import fit_record, is_held
-from middeck.identification.samples.simulation import record_nrmse
-from middeck.identification.samples.spectra import as_fitted
+from middeck.identification.model.measurement_model import is_mode
+from middeck.identification.record_fit.fit_record import fit_record, is_held
+from middeck.identification.record_fit.simulation import record_nrmse
+from middeck.identification.record_fit.spectra import as_fitted
 from middeck.systems.ports import Port
 from middeck.systems.record import Record
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from middeck.errors import ConfigError, DataError, NumericalError
-from middeck.identification.measurement_model import MeasurementModel
-from middeck.identification.samples.simulation import record_nrmse, simulate_record
+from middeck.identification.model.measurement_model import MeasurementModel
+from middeck.identification.record_fit.simulation import record_nrmse, simulate_record
 from middeck.systems.ports import Port
 from middeck.systems.record import Record
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from middeck.errors import ConfigError
-from middeck.identification.measurement_model import MeasurementModel, model_response, natural_hz
+from middeck.identification.model.measurement_model import MeasurementModel, model_response, natural_hz
 from middeck.identification.plants.modal_states import sampled_statespace
 from middeck.identification.plants.reduction import minimal_model
 from middeck.systems.ports import Port

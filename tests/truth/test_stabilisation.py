@@ -6,7 +6,7 @@ import pytest
 
 from middeck.errors import ConfigError, FitError
 from middeck.identification import estimate_response
-from middeck.identification.fit.stabilisation import stabilisation
+from middeck.identification.order.stabilisation import stabilisation
 from middeck.systems.response import FrequencyResponse
 
 

@@ -11,14 +11,14 @@ import two_modes
 
 from middeck.errors import ConfigError
 from middeck.identification.fit.fit_response import fit_response
-from middeck.identification.fit.weights import spread_of
-from middeck.identification.measurement_model import (
+from middeck.identification.model.measurement_model import (
     MeasurementModel,
     damping_ratio,
     model_response,
     natural_hz,
 )
 from middeck.identification.spectra import estimate_response
+from middeck.identification.spectra.weights import spread_of
 from middeck.identification.uncertainty.covariance import ModelCovariance, estimate_covariance, line_degrees
 from middeck.identification.uncertainty.entry_factors import entry_slopes
 from middeck.identification.uncertainty.parameters import (

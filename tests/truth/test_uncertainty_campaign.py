@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from middeck.identification.measurement_model import natural_hz
+from middeck.identification.model.measurement_model import natural_hz
 from middeck.identification.uncertainty.parameters import parameters_of
 from middeck.identification.uncertainty.response_bounds import response_bounds, simultaneous_bounds
 

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from middeck.identification.fit.doubts import doubts_of_deviations
-from middeck.identification.measurement_model import (
+from middeck.identification.model.measurement_model import (
     MeasurementModel,
     damping_ratio,
     model_response,
     natural_hz,
 )
+from middeck.identification.search.doubts import doubts_of_deviations
 from middeck.identification.uncertainty.covariance import estimate_covariance
 from middeck.identification.uncertainty.parameters import stated, uncertainty_of
 from middeck.identification.uncertainty.unknowns import Structure

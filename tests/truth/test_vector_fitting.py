@@ -4,8 +4,8 @@ import gimbal_record
 import numpy as np
 import pytest
 
-from middeck.identification.fit.data import Data
-from middeck.identification.fit.vector_fitting import relocate
+from middeck.identification.problem.data import Data
+from middeck.identification.start.vector_fitting import relocate
 
 POLES = np.array([-0.3 + 7j, -0.3 - 7j, -0.5 + 11j, -0.5 - 11j, -1.0 + 45j, -1.0 - 45j, -6.0])
 

@@ -9,7 +9,7 @@ import scipy.signal
 
 from middeck.errors import ConfigError
 from middeck.identification.fit.fit_response import fit_response
-from middeck.identification.measurement_model import MeasurementModel, model_response, rational_response
+from middeck.identification.model.measurement_model import MeasurementModel, model_response, rational_response
 from middeck.identification.plants.measured_plant import measured_plant
 from middeck.identification.plants.pole_zero_gain import PoleZeroGain, from_pole_zero_gain, pole_zero_gain
 from middeck.identification.plants.zeros import matrix_zeros, name_zeros, path_zeros

@@ -12,15 +12,15 @@ from middeck.cli.settings import FitSettings
 from middeck.errors import ConfigError
 from middeck.files.records import Columns, check_finite, join_records, read_record, split_periods
 from middeck.identification.faults import detect_faults
-from middeck.identification.fit.choices import Constants, Delay
 from middeck.identification.fit.fit_response import FitResult, fit_response
-from middeck.identification.samples.fit_record import HELD_ABOVE, fit_record
+from middeck.identification.record_fit.fit_record import HELD_ABOVE, fit_record
 from middeck.identification.spectra import (
     doubts_of_window,
     estimate_response,
     estimate_spectra,
     spectra_response,
 )
+from middeck.identification.start.choices import Constants, Delay
 from middeck.systems.excitation import cut_periods, recognise_excitation
 from middeck.systems.fault import Fault
 from middeck.systems.hold import release_hold

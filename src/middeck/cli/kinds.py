@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from middeck.cli.settings import FitSettings
-from middeck.identification.measurement_model import MeasurementModel, rank_of
+from middeck.identification.model.measurement_model import MeasurementModel, rank_of
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.parameters import distinct_poles
 from middeck.identification.uncertainty.unknowns import Structure

@@ -19,7 +19,7 @@ from middeck.control.qualification import qualify_compensator, sampled_forms
 from middeck.control.sampled_compensator import SampledCompensator
 from middeck.errors import ConfigError
 from middeck.files.models import load_model
-from middeck.identification.measurement_model import MeasurementModel
+from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.plants.measured_plant import delayed_plant
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.systems.delayed_plant import DelayedPlant

@@ -11,7 +11,7 @@ from middeck.files.compensators import Stored, load_compensator, write_compensat
 from middeck.files.exchange.mat import load_mat, write_mat
 from middeck.files.mat_models import write_mat_model
 from middeck.files.models import write_model
-from middeck.identification.measurement_model import MeasurementModel
+from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.uncertainty.covariance import ModelCovariance
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from middeck.files.exchange.mat import write_variables
 from middeck.files.exchange.named import NamedSystem
-from middeck.identification.measurement_model import MeasurementModel, path_delay
+from middeck.identification.model.measurement_model import MeasurementModel, path_delay
 from middeck.identification.plants.modal_states import rational_statespace
 from middeck.systems.delayed_sampling import split_delays
 

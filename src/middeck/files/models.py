@@ -12,7 +12,7 @@ from middeck.errors import ConfigError, DataError
 from middeck.files.json_input import json_numbers, read_json
 from middeck.files.json_output import write_json
 from middeck.files.json_parts import read_ports, require_keys
-from middeck.identification.measurement_model import MeasurementModel
+from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.unknowns import Structure, places_of
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from middeck.identification.fit.stabilisation import Stabilisation
+from middeck.identification.order.stabilisation import Stabilisation
 from middeck.plot.curves import decibels
 from middeck.plot.style import COLOUR, frequency_axis, new_figure, styled
 from middeck.systems.response import FrequencyResponse

@@ -11,7 +11,7 @@ from middeck.cli.screen import Table, show
 
 if TYPE_CHECKING:
     from middeck.cli.settings import FitSettings
-    from middeck.identification.measurement_model import MeasurementModel
+    from middeck.identification.model.measurement_model import MeasurementModel
     from middeck.identification.uncertainty.drift import Drift
     from middeck.identification.uncertainty.response_drift import ResponseDrift
     from middeck.systems.response import FrequencyResponse

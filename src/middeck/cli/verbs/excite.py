@@ -131,7 +131,7 @@ def describe(made: Excitation, settings: ExciteSettings, expected: ExpectedAccur
 
 
 def _accuracy(expected: ExpectedAccuracy) -> dict[str, Any]:
-    from middeck.identification.measurement_model import damping_ratio, natural_hz
+    from middeck.identification.model.measurement_model import damping_ratio, natural_hz
 
     model, known = expected.covariance.model, expected.uncertainty
     names = [p.name for p in model.outputs]

@@ -14,7 +14,7 @@ from middeck.cli.screen import Table, deviation_words, show
 if TYPE_CHECKING:
     from middeck.cli.fitting import Identified
     from middeck.files.records import Columns
-    from middeck.identification.measurement_model import MeasurementModel
+    from middeck.identification.model.measurement_model import MeasurementModel
 
 EPILOG = """\
 \b
@@ -139,7 +139,7 @@ def verb(
 
 def _draw(found: Identified, figure_file: str | None, stabilisation_file: str | None) -> None:
     from middeck.cli.fitting import response_of
-    from middeck.identification.fit.stabilisation import stabilisation
+    from middeck.identification.order.stabilisation import stabilisation
     from middeck.plot.fit import fit_figure
     from middeck.plot.stabilisation import stabilisation as stabilisation_figure
 
@@ -175,9 +175,9 @@ def _validate(
     """
     from middeck.cli.blame import reading
     from middeck.cli.fitting import load_periods
-    from middeck.identification.samples.simulation import record_nrmse
-    from middeck.identification.samples.spectra import as_fitted
-    from middeck.identification.simulation import nrmse
+    from middeck.identification.model.simulation import nrmse
+    from middeck.identification.record_fit.simulation import record_nrmse
+    from middeck.identification.record_fit.spectra import as_fitted
 
     if not files:
         return None
@@ -194,7 +194,7 @@ def _validate(
 
 def describe(found: Identified) -> dict[str, Any]:
     """The JSON document."""
-    from middeck.identification.measurement_model import damping_ratio, is_mode, natural_hz
+    from middeck.identification.model.measurement_model import damping_ratio, is_mode, natural_hz
     from middeck.identification.uncertainty.parameters import stated
 
     fit, model, measured = found.fit, found.fit.model, found.measured

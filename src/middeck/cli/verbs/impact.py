@@ -106,7 +106,7 @@ def describe(test: ImpactTest, fit: FitResult) -> dict[str, Any]:
     """The JSON document."""
     import numpy as np
 
-    from middeck.identification.measurement_model import damping_ratio, natural_hz
+    from middeck.identification.model.measurement_model import damping_ratio, natural_hz
     from middeck.identification.uncertainty.parameters import stated
 
     rate = test.blocks.sample_hz

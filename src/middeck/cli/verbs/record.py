@@ -154,7 +154,7 @@ def _expected(reference: str, taken: Record) -> FrequencyResponse:
 
     from middeck.files.models import load_model
     from middeck.files.records import load_response
-    from middeck.identification.measurement_model import model_response
+    from middeck.identification.model.measurement_model import model_response
     from middeck.systems.response import FrequencyResponse
 
     if Path(reference).suffix.lower() != ".json":

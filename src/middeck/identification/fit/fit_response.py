@@ -9,23 +9,8 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import FitError
-from middeck.identification.checks import check_logarithms, check_response
-from middeck.identification.fit.beyond import race_of_orders
-from middeck.identification.fit.choices import Choices, Constants, Delay, options_of
-from middeck.identification.fit.data import Data
-from middeck.identification.fit.doubts import (
-    causal_delay,
-    doubts_of_deviations,
-    doubts_of_model,
-    doubts_of_record,
-    refuse_a_lead,
-)
 from middeck.identification.fit.fitted_model import model_of, structure_of
 from middeck.identification.fit.lacking_delay import name_lacking_delay
-from middeck.identification.fit.likelihood import likelihood_polish
-from middeck.identification.fit.order import EXPLAINED
-from middeck.identification.fit.polish import Polished, logarithmic_polish, settle
-from middeck.identification.fit.race import count_unknowns, model_error, race, spread_to_follow
 from middeck.identification.fit.standing import (
     Standing,
     checked_covariance,
@@ -35,9 +20,24 @@ from middeck.identification.fit.standing import (
 )
 from middeck.identification.fit.steady_line import SteadyLine
 from middeck.identification.fit.tidy import tidied
-from middeck.identification.fit.weights import Spread, excess_share, spread_of
-from middeck.identification.held_response import folded_response
-from middeck.identification.measurement_model import MeasurementModel, model_response
+from middeck.identification.model.checks import check_logarithms, check_response
+from middeck.identification.model.held_response import folded_response
+from middeck.identification.model.measurement_model import MeasurementModel, model_response
+from middeck.identification.order.beyond import race_of_orders
+from middeck.identification.order.order import EXPLAINED
+from middeck.identification.order.race import count_unknowns, model_error, race, spread_to_follow
+from middeck.identification.problem.data import Data
+from middeck.identification.search.doubts import (
+    causal_delay,
+    doubts_of_deviations,
+    doubts_of_model,
+    doubts_of_record,
+    refuse_a_lead,
+)
+from middeck.identification.search.likelihood import likelihood_polish
+from middeck.identification.search.polish import Polished, logarithmic_polish, settle
+from middeck.identification.spectra.weights import Spread, excess_share, spread_of
+from middeck.identification.start.choices import Choices, Constants, Delay, options_of
 from middeck.identification.uncertainty.covariance import ModelCovariance, estimate_covariance
 from middeck.identification.uncertainty.parameters import Uncertainty, uncertainty_of
 from middeck.systems.hold import release_hold

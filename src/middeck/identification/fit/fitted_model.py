@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from middeck.identification.descent import Refined
-from middeck.identification.fit.layout import Layout, unpack
-from middeck.identification.fit.terms import constant_terms, shapes
-from middeck.identification.measurement_model import RANK, MeasurementModel
+from middeck.identification.model.descent import Refined
+from middeck.identification.model.measurement_model import RANK, MeasurementModel
+from middeck.identification.problem.layout import Layout, unpack
+from middeck.identification.problem.terms import constant_terms, shapes
 from middeck.identification.uncertainty.unknowns import Structure
 from middeck.systems.ports import Port
 

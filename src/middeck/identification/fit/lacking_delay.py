@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Complex, Float
 
-from middeck.identification.fit.doubts import LEFT
-from middeck.identification.measurement_model import MeasurementModel, double_pole
+from middeck.identification.model.measurement_model import MeasurementModel, double_pole
+from middeck.identification.search.doubts import LEFT
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.systems.response import FrequencyResponse
 

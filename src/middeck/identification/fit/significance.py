@@ -7,8 +7,8 @@ import dataclasses
 import numpy as np
 from jaxtyping import Bool, Float
 
-from middeck.identification.fit.layout import Layout, Point, pack, unpack
-from middeck.identification.fit.start import Start
+from middeck.identification.problem.layout import Layout, Point, pack, unpack
+from middeck.identification.start.start import Start
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.unknowns import places_of, unknowns_of
 

@@ -9,10 +9,10 @@ from typing import Literal
 import numpy as np
 
 from middeck.errors import FitError
-from middeck.identification.fit.doubts import confounded_delays
 from middeck.identification.fit.significance import DOUBTFUL, mode_significance
 from middeck.identification.fit.steady_line import SteadyLine
-from middeck.identification.measurement_model import natural_hz
+from middeck.identification.model.measurement_model import natural_hz
+from middeck.identification.search.doubts import confounded_delays
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.orthogonal import canonical_root
 from middeck.identification.uncertainty.parameters import distinct_poles, uncertainty_of

@@ -8,12 +8,12 @@ from typing import TypeVar
 import numpy as np
 from jaxtyping import Bool, Float
 
-from middeck.identification.fit.data import Data
 from middeck.identification.fit.fitted_model import model_of, structure_of
-from middeck.identification.fit.order import description_length
-from middeck.identification.fit.polish import Polished, polish
 from middeck.identification.fit.significance import mode_significance, without_modes
-from middeck.identification.fit.weights import Spread
+from middeck.identification.order.order import description_length
+from middeck.identification.problem.data import Data
+from middeck.identification.search.polish import Polished, polish
+from middeck.identification.spectra.weights import Spread
 from middeck.identification.uncertainty.covariance import estimate_covariance
 from middeck.systems.response import FrequencyResponse
 

@@ -13,9 +13,9 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError, DataError
-from middeck.identification.checks import check_record
 from middeck.identification.faults.runs import levels_of, runs_of
 from middeck.identification.faults.samples import DROP, find_clipping
+from middeck.identification.model.checks import check_record
 from middeck.systems.record import Record
 from middeck.values import record as frozen
 

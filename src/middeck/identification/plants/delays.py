@@ -17,7 +17,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Float
 
-from middeck.identification.measurement_model import MeasurementModel, path_delay
+from middeck.identification.model.measurement_model import MeasurementModel, path_delay
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.model_set import LARGEST
 from middeck.identification.uncertainty.parameters import check_level, joint_tail

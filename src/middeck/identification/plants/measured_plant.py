@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from middeck.errors import ConfigError
-from middeck.identification.measurement_model import MeasurementModel, path_delay
+from middeck.identification.model.measurement_model import MeasurementModel, path_delay
+from middeck.identification.model.selection import select_channels
 from middeck.identification.plants.modal_states import modal_statespace, state_names
-from middeck.identification.plants.selection import select_channels
 from middeck.systems.delayed_plant import SAME_DELAY_S, DelayedPlant, approximate_delays, join_channels
 from middeck.systems.delayed_sampling import is_sum
 from middeck.systems.plant import Plant

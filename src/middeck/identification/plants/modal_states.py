@@ -8,7 +8,7 @@ import numpy as np
 import scipy.linalg
 
 from middeck.errors import ConfigError
-from middeck.identification.measurement_model import (
+from middeck.identification.model.measurement_model import (
     RANK,
     MeasurementModel,
     double_pole,

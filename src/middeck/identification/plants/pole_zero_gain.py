@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Complex
 
 from middeck.errors import ConfigError
-from middeck.identification.measurement_model import (
+from middeck.identification.model.measurement_model import (
     MeasurementModel,
     double_pole,
     is_single,
@@ -19,7 +19,7 @@ from middeck.identification.measurement_model import (
     rational_response,
     rational_slope,
 )
-from middeck.identification.plants.selection import select_channels
+from middeck.identification.model.selection import select_channels
 from middeck.identification.plants.zeros import path_zeros
 from middeck.systems.ports import Port
 from middeck.values import record

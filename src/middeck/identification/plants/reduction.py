@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.errors import ConfigError
-from middeck.identification.measurement_model import (
+from middeck.identification.model.measurement_model import (
     MeasurementModel,
     damping_ratio,
     is_single,

@@ -13,15 +13,15 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.errors import ConfigError, NumericalError
-from middeck.identification.measurement_model import (
+from middeck.identification.model.measurement_model import (
     MeasurementModel,
     is_single,
     path_delay,
     rational_response,
     rational_slope,
 )
+from middeck.identification.model.selection import select_channels
 from middeck.identification.plants.modal_states import rational_statespace
-from middeck.identification.plants.selection import select_channels
 from middeck.systems.delayed_plant import SAME_DELAY_S
 from middeck.systems.delayed_sampling import is_sum
 from middeck.systems.transmission_zeros import transmission_zeros

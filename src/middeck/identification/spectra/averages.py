@@ -10,7 +10,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy.signal import get_window
 
 from middeck.errors import DataError
-from middeck.identification.checks import Swing, check_record, check_swing, widen
+from middeck.identification.model.checks import Swing, check_record, check_swing, widen
 from middeck.systems.ports import Port
 from middeck.systems.record import Campaign, Record, RecordStream, stream_record
 from middeck.values import record as frozen

@@ -9,7 +9,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from middeck.errors import ConfigError, DataError
-from middeck.identification.checks import check_record
+from middeck.identification.model.checks import check_record
 from middeck.identification.spectra.averages import estimate_spectra
 from middeck.identification.spectra.local_models import scatter_of_local_models
 from middeck.identification.spectra.loop import (

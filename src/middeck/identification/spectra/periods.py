@@ -6,7 +6,7 @@ import numpy as np
 import scipy.ndimage
 from jaxtyping import Complex, Float, Int
 
-from middeck.identification.checks import Swing, check_swing, widen
+from middeck.identification.model.checks import Swing, check_swing, widen
 from middeck.identification.spectra.lines import FAINTEST, in_band, refuse_silence, solve_lines
 from middeck.identification.spectra.scatter import ResponseScatter, variance_of
 from middeck.identification.spectra.start_up import StartUp

@@ -18,8 +18,8 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.errors import ConfigError
-from middeck.identification.measurement_model import MeasurementModel, damping_ratio, natural_hz
-from middeck.identification.plants.plant_model import model_of_plant
+from middeck.identification.model.measurement_model import MeasurementModel, damping_ratio, natural_hz
+from middeck.identification.model.plant_model import model_of_plant
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.entry_factors import entry_slopes
 from middeck.identification.uncertainty.orthogonal import canonical_root, factor_of, inverse_root

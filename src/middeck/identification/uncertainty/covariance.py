@@ -17,8 +17,8 @@ from collections.abc import Iterator
 import numpy as np
 from jaxtyping import Complex, Float
 
-from middeck.identification.fit.weights import NEIGHBOURS
-from middeck.identification.measurement_model import MeasurementModel, model_response
+from middeck.identification.model.measurement_model import MeasurementModel, model_response
+from middeck.identification.spectra.weights import NEIGHBOURS
 from middeck.identification.uncertainty.entry_factors import (
     EntrySlopes,
     entry_factors,

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.optimize
 from jaxtyping import Float
 
-from middeck.identification.measurement_model import MeasurementModel, damping_ratio, natural_hz
+from middeck.identification.model.measurement_model import MeasurementModel, damping_ratio, natural_hz
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.model_set import check_alike
 from middeck.identification.uncertainty.parameters import (

@@ -14,7 +14,7 @@ import numpy as np
 import scipy.ndimage
 from jaxtyping import Complex, Float
 
-from middeck.identification.fit.weights import NEIGHBOURS
+from middeck.identification.spectra.weights import NEIGHBOURS
 from middeck.identification.uncertainty.entry_factors import EntrySlopes
 from middeck.systems.response import FrequencyResponse
 

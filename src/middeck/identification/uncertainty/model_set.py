@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from middeck.errors import ConfigError
-from middeck.identification.measurement_model import MeasurementModel
+from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.uncertainty.covariance import ModelCovariance, draw_errors
 from middeck.identification.uncertainty.response_drift import check_channels
 from middeck.identification.uncertainty.unknowns import model_at, places_of, unknowns_of

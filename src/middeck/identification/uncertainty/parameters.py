@@ -9,7 +9,7 @@ import scipy.stats
 from jaxtyping import Complex, Float
 
 from middeck.errors import ConfigError
-from middeck.identification.measurement_model import MeasurementModel, damping_ratio, natural_hz
+from middeck.identification.model.measurement_model import MeasurementModel, damping_ratio, natural_hz
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.entry_factors import entry_slopes
 from middeck.identification.uncertainty.unknowns import Places, places_of

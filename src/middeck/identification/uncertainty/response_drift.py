@@ -7,8 +7,8 @@ import scipy.stats
 from jaxtyping import Bool, Float
 
 from middeck.errors import ConfigError
-from middeck.identification.fit.weights import NEIGHBOURS, spread_of
-from middeck.identification.measurement_model import MeasurementModel
+from middeck.identification.model.measurement_model import MeasurementModel
+from middeck.identification.spectra.weights import NEIGHBOURS, spread_of
 from middeck.identification.uncertainty.covariance import line_degrees
 from middeck.identification.uncertainty.parameters import check_level, joint_tail
 from middeck.systems.ports import Port

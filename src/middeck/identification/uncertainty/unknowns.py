@@ -16,7 +16,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
 
-from middeck.identification.measurement_model import MeasurementModel
+from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.values import record
 
 

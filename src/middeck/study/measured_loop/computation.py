@@ -10,7 +10,7 @@ from jaxtyping import Float
 from middeck.control.closed_loop import close_loop, leave_open, predict_closed_loop_response
 from middeck.control.compensator import Compensator, evaluate_compensator
 from middeck.control.performance import Performance, measure_rms
-from middeck.identification.measurement_model import MeasurementModel, damping_ratio, natural_hz
+from middeck.identification.model.measurement_model import MeasurementModel, damping_ratio, natural_hz
 from middeck.laboratory.bench import take_closed_loop
 from middeck.laboratory.loop import RigLoop, RigView, judge_loops
 from middeck.systems.plant import Plant

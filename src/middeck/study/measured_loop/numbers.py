@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from middeck.files.json_results import response_numbers
 from middeck.identification.fit.fit_response import FitResult
-from middeck.identification.measurement_model import damping_ratio, natural_hz, path_delay
+from middeck.identification.model.measurement_model import damping_ratio, natural_hz, path_delay
 from middeck.identification.uncertainty.parameters import stated
 from middeck.study.measured_loop.computation import MeasuredLoop
 from middeck.study.words import Numbers

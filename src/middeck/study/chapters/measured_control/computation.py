@@ -15,7 +15,7 @@ from middeck.control.robust import design_multimodel
 from middeck.files.studies import Study
 from middeck.files.study_form import SisoForm
 from middeck.identification.fit.fit_response import FitResult, fit_response
-from middeck.identification.measurement_model import model_response, natural_hz
+from middeck.identification.model.measurement_model import model_response, natural_hz
 from middeck.identification.plants.measured_plant import measured_plant
 from middeck.laboratory.article import RigArticle, rig_article_plant
 from middeck.laboratory.bench import Bench, build_bench, take_open_loop

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from middeck.files.json_results import fitted_numbers, response_numbers
-from middeck.identification.measurement_model import damping_ratio, natural_hz
+from middeck.identification.model.measurement_model import damping_ratio, natural_hz
 from middeck.study.chapters.measured_control.claims import figure_9_claims
 from middeck.study.chapters.measured_control.computation import MeasuredControl
 from middeck.study.measured_loop.numbers import fit_numbers, loop_numbers

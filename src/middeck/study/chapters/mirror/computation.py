@@ -8,8 +8,8 @@ from jaxtyping import Float
 from middeck.files.records import load_record
 from middeck.files.studies import Study
 from middeck.identification.fit.fit_response import FitResult, fit_response
-from middeck.identification.measurement_model import model_response
-from middeck.identification.simulation import nrmse
+from middeck.identification.model.measurement_model import model_response
+from middeck.identification.model.simulation import nrmse
 from middeck.identification.spectra import estimate_response
 from middeck.systems.response import FrequencyResponse
 from middeck.values import record

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from middeck.identification.measurement_model import path_delay
+from middeck.identification.model.measurement_model import path_delay
 from middeck.study.chapters.two_sensor_control.computation import ABOVE_HZ, FLEXIBLE_HZ, TwoSensorControl
 from middeck.study.chapters.two_sensor_control.measured_sensors import MeasuredSensors
 from middeck.study.chapters.two_sensor_control.reach import Reach

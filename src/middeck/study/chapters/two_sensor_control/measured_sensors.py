@@ -9,11 +9,11 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.files.studies import Study
-from middeck.identification.fit.doubts import FAR, HALF
 from middeck.identification.fit.fit_response import FitResult, fit_response
-from middeck.identification.measurement_model import damping_ratio, model_response, natural_hz
+from middeck.identification.model.measurement_model import damping_ratio, model_response, natural_hz
 from middeck.identification.plants.measured_plant import measured_plant
 from middeck.identification.plants.zeros import Zeros, path_zeros
+from middeck.identification.search.doubts import FAR, HALF
 from middeck.identification.uncertainty.parameters import zero_deviation
 from middeck.study.chapters.two_sensor_control.left_zeros import refit_left
 from middeck.study.measured_loop.computation import DesignCase

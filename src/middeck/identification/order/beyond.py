@@ -1,0 +1,98 @@
+"""The order of a response, with terms for what is outside its band where poles would else stand for it.
+
+Modes outside the band leave a slope and a constant in it. A model without terms for those spends pairs of
+poles on them, wherever these do so best: far above the band, or critically damped below it. Such a pair is no
+mode. In a narrow band they also stand for a delay, and leave a lead. Where the recommended order has poles
+outside the band, or leads, the terms of Ewins (2000, sec. 4.2) are tried instead: D for modes above, and
+L / s^2 for modes below. What has the shortest description is taken; if that leads, what does not lead and
+meets the lines kept out as well.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from middeck.errors import DataError, FitError
+from middeck.identification.order.order import WORSE, OrderChoice, Tried
+from middeck.identification.order.race import race, recommend_states
+from middeck.identification.problem.data import Data
+from middeck.identification.problem.layout import unpack
+from middeck.identification.search.doubts import LEFT
+from middeck.identification.search.polish import Polished
+from middeck.identification.spectra.weights import Spread
+from middeck.identification.start.choices import Choices, at_zero
+from middeck.identification.start.start import Options
+from middeck.systems.response import FrequencyResponse
+
+
+def race_of_orders(
+    measured: FrequencyResponse, data: Data, spread: Spread, options: Options, choices: Choices
+) -> tuple[Polished, str]:
+    """The model of the recommended order, and the reason for that."""
+    choice = recommend_states(measured, data, spread, options)
+    best, chosen = race(data, spread, dataclasses.replace(options, states=choice.states)), options
+    reason = choice.reason
+    if _has_poles_beyond(best, data) or _leads(best, data):
+        rivals = [_Rival(choice, options, best)]
+        for with_terms in _with_terms(options, choices):
+            # Terms are unknowns too: too few lines for them are none too few for the order without.
+            with contextlib.suppress(DataError, FitError):
+                rivals.append(_Rival(recommend_states(measured, data, spread, with_terms), with_terms, None))
+        choice, chosen, best = _take(data, spread, rivals)
+    if chosen is not options:
+        terms = "a constant and 1/s^2 stand" if chosen.with_lower else "a constant stands"
+        reason = f"{choice.reason}; {terms} for modes outside the band"
+    still = at_zero(choices)
+    return best, f"{reason}; {still} more are at zero" if still else reason
+
+
+class _Rival(NamedTuple):
+    """An order recommended with some terms, and its model where that is known."""
+
+    choice: OrderChoice
+    options: Options
+    best: Polished | None
+
+
+def _take(data: Data, spread: Spread, rivals: Sequence[_Rival]) -> tuple[OrderChoice, Options, Polished]:
+    """The shortest description's; if it leads, the next that does not and meets lines kept out as well."""
+    shortest: tuple[OrderChoice, Options, Polished] | None = None
+    for choice, options, best in sorted(rivals, key=lambda rival: _judged(rival.choice).length):
+        if shortest and _judged(choice).held_out > WORSE * _judged(shortest[0]).held_out:
+            continue
+        best = best or race(data, spread, dataclasses.replace(options, states=choice.states))
+        if not _leads(best, data):
+            return choice, options, best
+        shortest = shortest or (choice, options, best)
+    assert shortest is not None
+    return shortest
+
+
+def _has_poles_beyond(best: Polished, data: Data) -> bool:
+    size = np.abs(unpack(best.layout, best.refined.theta).poles)
+    return bool(np.any((size < np.imag(data.s[0])) | (size > np.imag(data.s[-1]))))
+
+
+def _leads(best: Polished, data: Data) -> bool:
+    """Whether an output leads by more than it may be set to zero for: a tenth of a radian in the band."""
+    return bool(np.any(unpack(best.layout, best.refined.theta).delay_s * np.imag(data.s[-1]) < -LEFT))
+
+
+def _with_terms(options: Options, choices: Choices) -> Iterator[Options]:
+    """The same with terms that were not decided upon."""
+    decided = choices.direct is not None or choices.relative_degree is not None or choices.residuals
+    if decided or options.period_s:
+        return
+    if not options.with_direct:
+        yield dataclasses.replace(options, with_direct=True)
+    if not choices.rigid:
+        yield dataclasses.replace(options, with_direct=True, with_lower=True)
+
+
+def _judged(choice: OrderChoice) -> Tried:
+    return next(t for t in choice.tried if t.states == choice.states)

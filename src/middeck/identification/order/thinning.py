@@ -1,0 +1,74 @@
+"""Some of the lines of a response, for what need not be exact: no more than what its modes are drawn by.
+
+Every n-th line, or lines in proportion to frequency, as modes of one damping ratio are wide: whichever needs
+fewer. Both only as long as straight lines between those kept restore the response: a mode narrower than the
+gaps would be lost.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Complex, Int
+
+from middeck.identification.problem.data import Data
+from middeck.identification.spectra.weights import Spread
+
+# Numbers that are enough for a race, and for each unknown of it.
+RACE_NUMBERS = 3000
+NUMBERS_PER_UNKNOWN = 10
+# Share of the response that interpolation may miss, noise apart: lines a half-power bandwidth apart miss 0.1.
+MISSED = 0.1
+# Evenly thinned lines that are no more than so many times what is wanted will do.
+ENOUGH = 2.0
+# The widest gap in proportion to frequency, the half-power bandwidth of 1 % damping, narrowed in such steps.
+WIDEST_GAP = 0.02
+NARROWER = 0.7
+
+
+def thin_lines(data: Data, spread: Spread, unknowns: int = 0) -> Int[np.ndarray, " kept"]:
+    """Which lines to keep for a race of models of so many unknowns."""
+    lines = len(data.s)
+    wanted = max(RACE_NUMBERS, NUMBERS_PER_UNKNOWN * unknowns) * lines / data.H.size
+    step = next(
+        (n for n in range(int(lines / wanted), 1, -1) if _restores(data, spread, _every(lines, n))), 1
+    )
+    even = _every(lines, step)
+    if len(even) <= ENOUGH * wanted:
+        return even
+    omega = np.imag(data.s)
+    gap = WIDEST_GAP
+    while (kept := _apart(omega, gap)).size < len(even):
+        if len(kept) >= wanted and _restores(data, spread, kept):
+            return kept
+        gap *= NARROWER
+    return even
+
+
+def _every(lines: int, step: int) -> Int[np.ndarray, " kept"]:
+    return np.arange(0, lines, step)
+
+
+def take_lines(data: Data, spread: Spread, kept: Int[np.ndarray, " kept"]) -> tuple[Data, Spread]:
+    """Data and spread on some lines."""
+    drive = None if data.drive is None else data.drive[kept]
+    part = Data(data.s[kept], data.H[:, kept], data.weight[:, kept], drive, data.transient)
+    return part, Spread(spread.variance[:, kept], spread.size[:, kept], spread.relative)
+
+
+def _apart(omega: np.ndarray, gap: float) -> Int[np.ndarray, " kept"]:
+    """The first line of each interval of so much log frequency."""
+    return np.unique(np.floor(np.log(omega / omega[0]) / gap), return_index=True)[1]
+
+
+def _restores(data: Data, spread: Spread, kept: np.ndarray) -> bool:
+    omega = np.imag(data.s)
+    right = np.clip(np.searchsorted(omega[kept], omega, side="right"), 1, len(kept) - 1)
+    left, right = kept[right - 1], kept[right]
+    share = ((omega - omega[left]) / (omega[right] - omega[left]))[:, None]
+    between: Complex[np.ndarray, "output line column"]
+    between = data.H[:, left] * (1.0 - share) + data.H[:, right] * share
+    # Three noises are in the difference: the line's own and its share of the two it is drawn from.
+    noise = spread.variance * (1.0 + (1.0 - share) ** 2 + share**2)
+    level = np.mean(np.abs(data.H) ** 2, axis=(1, 2))
+    missed = np.mean(np.abs(between - data.H) ** 2 - noise, axis=(1, 2))
+    return bool(np.all(missed <= MISSED**2 * level))

@@ -1,0 +1,335 @@
+"""Fit a model to one long record directly: its Fourier transform, with a transient that shares the poles.
+
+fitted = fit_record(record, states=10, band_hz=(0.1, 60.0))
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import functools
+from collections.abc import Callable
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.errors import FitError
+from middeck.identification.fit.fit_response import FitResult, fit_chosen, marked
+from middeck.identification.fit.standing import (
+    checked_covariance,
+    doubts_of_lines,
+    doubts_of_standing,
+    standing_of,
+    standing_of_delays,
+)
+from middeck.identification.model.checks import check_record
+from middeck.identification.model.held_response import folded_response
+from middeck.identification.model.measurement_model import MeasurementModel, model_response, natural_hz
+from middeck.identification.problem.data import Data
+from middeck.identification.problem.design import residual_of
+from middeck.identification.record_fit.aliasing import FOLDED, folded_share
+from middeck.identification.record_fit.continuous import fit_continuous
+from middeck.identification.record_fit.instability import refuse_growth
+from middeck.identification.record_fit.model import record_covariance, record_model
+from middeck.identification.record_fit.noise import negative_log_likelihood, noise_variance
+from middeck.identification.record_fit.order import choose_record
+from middeck.identification.record_fit.search import RecordRun, Weighting
+from middeck.identification.record_fit.spectra import record_data, without_drift, without_trend
+from middeck.identification.record_fit.steadiness import growth_score
+from middeck.identification.record_fit.tidy import Tidied, tidied
+from middeck.identification.search.doubts import causal_delay, doubts_of_deviations
+from middeck.identification.spectra import estimate_response
+from middeck.identification.start.choices import Choices, Constants, Delay, at_zero, options_of
+from middeck.identification.uncertainty.parameters import uncertainty_of
+from middeck.systems.excitation.driven import driven_band
+from middeck.systems.hold import release_inputs
+from middeck.systems.record import Record
+from middeck.systems.response import FrequencyResponse
+
+# A model worth using explains nine tenths of the output.
+LEFT = 0.1
+# Above this share of the sampling rate a held input is weakened by more than 2.5 % (sin(x)/x, x = pi/8): a
+# continuous model would take that for dynamics.
+HELD_ABOVE = 1.0 / 8.0
+# Inputs driven to this share of half the rate are driven all the way.
+NYQUIST = 0.95
+# Score of a residual that grows with the response above which it is no noise: noise passes it once in 4000,
+# if its power were normal over blocks.
+GROWS = 3.5
+# A decay rate times the record's length that is no more than the search allows at least, and lines between a
+# mode and a sine that may be its own motion.
+HARDLY, BESIDE = 0.15, 2.0
+
+
+def fit_record(
+    record: Record,
+    *,
+    states: int | None = None,
+    sampled: bool | None = None,
+    band_hz: tuple[float, float] | None = None,
+    constants: Constants | None = None,
+    delay: bool | Delay | None = None,
+    direct: bool | None = None,
+    residuals: bool = False,
+    full_rank: bool = False,
+    rigid: int = 0,
+    integrators: int = 0,
+    relative_degree: Literal[0, 1, 2] | None = None,
+    weighting: Weighting | None = None,
+    tell: Callable[[str], None] = lambda _: None,
+) -> FitResult:
+    """Fit common poles, residues and delays to the samples of a record that need not be periodic.
+
+    The spectra of all lines are fitted, each experiment with a free transient of the model's own poles, so
+    that nothing leaks and no window is needed; an offset and a ramp of any channel are part of it. The noise
+    on each line is estimated from what is left.
+
+    Parameters
+    ----------
+    record:
+        One or several experiments; periods are taken as one run of samples. Where it says that its inputs
+        were ``held``, a continuous model is of what is behind the hold: that is divided out, and what is
+        folded back from beyond half the rate is taken off by a first fit.
+    states:
+        Order of the model without its delays. By default that of the shortest description: of the record,
+        or for a continuous model of a long one, of an estimated response.
+    sampled:
+        A sampled model, right for held inputs; or a continuous one, whose inputs are band-limited between
+        samples. By default sampled where the inputs drive all frequencies up to half the rate, as no
+        band-limited ones do, and neither the band nor an option asks for a continuous model.
+    band_hz:
+        Lines to fit: by default those of the band that the inputs drive, and all of a sampled model.
+    constants, delay, direct, residuals, full_rank, rigid, integrators, relative_degree:
+        As for `fit_response`.
+    weighting:
+        "flat": the error of the simulation is least. "output": by the noise of sensors, "motion": by forces
+        that shake the article as the inputs do. By default the likelier of the last two, or of a sampled
+        model those that simulate samples held out best.
+    tell:
+        Called with what is done next, some words, as often as that changes.
+
+    Raises
+    ------
+    ConfigError
+        For options that exclude each other.
+    DataError
+        If a channel is constant or not finite.
+    FitError
+        If the record is shorter than the unknowns, if it is described no worse as noise alone (the delay may
+        be longer than the record), if an output leads its input, or if no start could be refined.
+    """
+    check_record(record)
+    refuse_growth(record)
+    chosen = sampled is None
+    if sampled is None:
+        only_continuous = residuals or rigid or integrators or constants == "real" or delay
+        sampled = not (only_continuous or relative_degree == 2) and is_held(record, band_hz)
+    choices = Choices(
+        record.sample_hz if sampled else None,
+        constants, delay, direct, residuals, full_rank, rigid, relative_degree, integrators,
+    )  # fmt: skip
+    record = (
+        without_drift(record)
+        if sampled
+        else without_trend(record, inputs=not (residuals or at_zero(choices)))
+    )
+    if band_hz is None and not sampled:
+        inputs = record.u.reshape(len(record.u), -1, record.u.shape[3])
+        band_hz = driven_band(inputs, record.sample_hz)
+    fit = functools.partial(
+        _fit, band_hz=band_hz, states=states, choices=choices, weighting=weighting, tell=tell
+    )
+    if sampled:
+        found = fit(record)
+        why = "sampled, as the inputs drive all up to half the rate; " if chosen else ""
+        return dataclasses.replace(found, order_reason=why + found.order_reason)
+    if not record.held:
+        return marked(fit(record), None if record.held is None else 0.0)
+    behind = release_inputs(record)
+    behind = dataclasses.replace(behind, y=record.y - _folded_outputs(fit(behind).model, record))
+    return marked(fit(behind), 1.0 / record.sample_hz)
+
+
+def _fit(
+    record: Record,
+    *,
+    band_hz: tuple[float, float] | None,
+    states: int | None,
+    choices: Choices,
+    weighting: Weighting | None,
+    tell: Callable[[str], None],
+) -> FitResult:
+    """The fit of a record without drift, whose inputs are taken as they are."""
+    sampled = choices.sample_hz is not None
+    data = record_data(record, band_hz, whole=sampled)
+    lines = _lines(record, data, np.zeros((len(data.s), len(record.outputs), len(record.inputs)), complex))
+    options = options_of(lines, states, choices)
+    _check_length(record, options.states + at_zero(choices))
+    if sampled:
+        run, reason = choose_record(record, options, band_hz, states=states, weighting=weighting, tell=tell)
+    else:
+        local = functools.partial(_local_fit, record, lines, states, choices)
+        data, run, reason = fit_continuous(record, data, options, local, states=states, weighting=weighting)
+    fitted = Tidied(data, run, ()) if states is not None else tidied(record, data, run, sampled=sampled)
+    score = np.maximum(growth_score(data, run), growth_score(fitted.data, fitted.run))
+    return _result(record, fitted, reason, score)
+
+
+def _folded_outputs(model: MeasurementModel, record: Record) -> Float[np.ndarray, "*outputs"]:
+    """What is folded back in the outputs: held inputs reach beyond half the rate."""
+    run = record.u.reshape(len(record.u), -1, record.u.shape[3])
+    f = np.fft.rfftfreq(run.shape[1], 1.0 / record.sample_hz)
+    H = np.zeros((len(f), *model.direct.shape), dtype=complex)
+    H[1:] = folded_response(model, f[1:], record.sample_hz)
+    y = np.fft.irfft(np.einsum("koi,eki->eko", H, np.fft.rfft(run, axis=1)), n=run.shape[1], axis=1)
+    return y.reshape(record.y.shape)
+
+
+def is_held(record: Record, band_hz: tuple[float, float] | None) -> bool:
+    """Whether inputs are as strong near half the rate as elsewhere, and the lines to fit reach far.
+
+    What is sampled behind a filter is weak there: such inputs were given sample by sample, and held.
+    """
+    rate = record.sample_hz
+    if band_hz is not None and band_hz[1] <= HELD_ABOVE * rate:
+        return False
+    inputs = record.u.reshape(len(record.u), -1, record.u.shape[3])
+    return driven_band(inputs, rate)[1] >= NYQUIST * 0.5 * rate
+
+
+def _check_length(record: Record, states: int) -> None:
+    experiments, periods, samples, inputs = record.u.shape
+    outputs = record.y.shape[3]
+    unknowns = states * (inputs + outputs + outputs * experiments)
+    numbers = experiments * periods * samples * outputs
+    if unknowns >= numbers:
+        raise FitError(
+            f"{unknowns} unknowns, transients among them, cannot be fitted to {numbers} samples",
+            hint="fewer states, or a longer record",
+        )
+
+
+def _lines(record: Record, data: Data, H: np.ndarray) -> FrequencyResponse:
+    """A response on the lines that are fitted."""
+    f = np.imag(data.s) / (2.0 * np.pi)
+    return FrequencyResponse(f, H, record.inputs, record.outputs, np.zeros(H.shape))
+
+
+def _local_fit(record: Record, lines: FrequencyResponse, states: int | None, choices: Choices) -> FitResult:
+    """A fit of a local estimate of the response.
+
+    Polynomials are fast, but do not follow a resonance narrower than their few lines: rational models tell
+    an order, and start a record too short for polynomials.
+    """
+    band_hz = float(lines.frequency_hz[0]), float(lines.frequency_hz[-1])
+    fit = functools.partial(fit_chosen, states=states, choices=choices)
+    if states is not None:
+        with contextlib.suppress(FitError):
+            return fit(estimate_response(record, band_hz=band_hz, method="local polynomial"))
+    return fit(estimate_response(record, band_hz=band_hz, method="local rational"))
+
+
+def _result(record: Record, fit: Tidied, reason: str, score: np.ndarray) -> FitResult:
+    data, run = fit.data, fit.run
+    found = run.refined
+    r = residual_of(run.layout, data, found.theta, found.step.linear)
+    _refuse_noise(data, run)
+    fitted = record_model(run.layout, found, record)
+    covariance = checked_covariance(record_covariance(run, data, fitted))
+    uncertainty = uncertainty_of(covariance)
+    lines = _lines(record, data, model_response(fitted, np.imag(data.s) / (2.0 * np.pi)))
+    if not np.isfinite(lines.H).all():
+        raise FitError("the fitted response is not finite", hint="fewer states")
+    delay_s, warnings = causal_delay(lines, fitted.delay_s, uncertainty)
+    model = dataclasses.replace(fitted, delay_s=delay_s)
+    error = np.sqrt(np.sum(np.abs(r) ** 2, axis=(1, 2)) / np.sum(np.abs(data.H) ** 2, axis=(1, 2)))
+    warnings += _doubts(run, record, error)
+    warnings += doubts_of_deviations(lines, covariance, of_samples=True)
+    wrong = [*_growing(record, score), *_undamped(lines, model, fit)]
+    wrong += [] if model.sample_hz is not None else _folded(record)
+    warnings += [*wrong, *doubts_of_lines(fit.lines)]
+    standing = standing_of(lines, covariance, holds=not wrong)
+    warnings += doubts_of_standing(covariance, standing)
+    return FitResult(
+        model,
+        float(np.mean(np.abs(r) ** 2 / run.variance)),
+        error,
+        np.zeros(len(error)),
+        uncertainty,
+        dataclasses.replace(covariance, model=model),
+        np.array(found.history),
+        reason,
+        tuple(warnings),
+        standing,
+        fit.lines,
+        standing_of_delays(lines, covariance, holds=not wrong),
+    )
+
+
+def _growing(record: Record, score: np.ndarray) -> list[str]:
+    """Outputs of which more is left while they move more: what is left is no noise."""
+    return [
+        f"output {port.name}: what the fit leaves grows with the response ({z:.0f} standard deviations of "
+        "noise), so that it is no noise: blows that scatter, a sensor that clips, an article that is not "
+        "linear or a wrong model; no stated deviation holds"
+        for port, z in zip(record.outputs, score, strict=True)
+        if z >= GROWS
+    ]
+
+
+def _folded(record: Record) -> list[str]:
+    """Inputs whose blows reach beyond half the sampling rate."""
+    return [
+        f"input {port.name}: at half the sampling rate its blows still have {share:.1%} of their largest "
+        "line: sampled without a filter, or too slowly, so that what is folded back is no response; no "
+        "stated deviation holds, that of a delay least; sample faster, or strike with a softer tip"
+        for port, share in zip(record.inputs, folded_share(record), strict=True)
+        if share > FOLDED
+    ]
+
+
+def _undamped(lines: FrequencyResponse, model: MeasurementModel, fit: Tidied) -> list[str]:
+    """Modes that do not decay within the record, or that have a sine beside them."""
+    f = natural_hz(model)
+    apart = lines.frequency_hz[1] - lines.frequency_hz[0] if len(f) and len(lines.frequency_hz) > 1 else 0.0
+    sines = np.array([line.hz for line in fit.lines])
+    within = model.is_pair & (f >= lines.frequency_hz[0]) & (f <= lines.frequency_hz[-1])
+    return [
+        f"mode at {f[m]:.4g} Hz: it does not decay within the record, or a sine goes on beside it: it is "
+        "undamped, or unstable, which is not fitted; no stated deviation holds"
+        for m in np.flatnonzero(within)
+        if -np.real(model.poles[m]) < HARDLY * apart or np.any(np.abs(sines - f[m]) < BESIDE * apart)
+    ]
+
+
+def _doubts(run: RecordRun, record: Record, error: np.ndarray) -> list[str]:
+    """A search that did not end, and outputs that are mostly left."""
+    steps = len(run.refined.history)
+    found = [] if run.refined.converged else [f"the search had not settled after {steps} steps"]
+    return found + [
+        f"output {port.name}: noise and what the model lacks are {left:.0%} of the output"
+        for port, left in zip(record.outputs, error, strict=True)
+        if left > LEFT
+    ]
+
+
+def _refuse_noise(data: Data, run: RecordRun) -> None:
+    """Raise `FitError` unless the model describes the record in fewer words than noise alone does.
+
+    Description lengths 2 L + k ln n (Rissanen 1978), the noise smooth over lines in both.
+    """
+    none = np.zeros(0, dtype=complex)
+    assert data.transient is not None
+    v = noise_variance(data.H, "output", data.s, none, data.transient.period_s)
+    alone = 2.0 * negative_log_likelihood(data.H, v)
+    r = residual_of(run.layout, data, run.refined.theta, run.refined.step.linear)
+    v = noise_variance(r, "output", data.s, none, data.transient.period_s)
+    unknowns = run.layout.size + run.refined.step.linear.size
+    model = 2.0 * negative_log_likelihood(r, v) + unknowns * np.log(2.0 * data.H.size)
+    if model >= alone:
+        raise FitError(
+            "the outputs are described no worse as noise: the inputs explain nothing of them",
+            hint="check which channels are which, and that no delay is longer than the record; more states, "
+            "a longer record or a larger excitation",
+        )

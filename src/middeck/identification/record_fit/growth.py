@@ -1,0 +1,80 @@
+"""Out of a local minimum: a model of a record with a pair more, or one elsewhere, where most is left.
+
+A subspace of some hundred samples may miss a mode that the residual shows at once, and hold one that does
+little.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+
+import numpy as np
+from jaxtyping import Complex, Float
+
+from middeck.identification.problem.data import Data
+from middeck.identification.problem.design import residual_of
+from middeck.identification.problem.layout import unpack
+from middeck.identification.record_fit.search import RecordRun
+from middeck.identification.record_fit.starts import start_of
+from middeck.identification.search.refine import weighted
+from middeck.identification.start.start import Options, Start
+
+# A new mode's damping ratio, and lines to either side over which the residual is averaged, as a share of all.
+DAMPING, WIDTH = 0.03, 0.01
+# Of so many modes that are missed least each is given up in turn.
+GIVEN_UP = 3
+
+
+def grown(data: Data, options: Options, run: RecordRun) -> Start | None:
+    """``run`` with pairs at the peaks of its residual until it has ``options.states``; None if it cannot."""
+    missing = options.states - run.states
+    if missing < 2 or missing % 2:
+        return None
+    left = residual_of(run.layout, data, run.refined.theta, run.refined.step.linear)
+    return _with_peaks(data, options, Start(run.layout, run.refined.theta), left, missing // 2)
+
+
+def exchanges(data: Data, options: Options, run: RecordRun) -> Iterator[Start]:
+    """``run`` with one of the pairs that are missed least at the peak of what is left without it."""
+    at = dataclasses.replace(data, weight=1.0 / np.sqrt(run.variance))
+    point, pair = unpack(run.layout, run.refined.theta), np.asarray(run.layout.pair)
+    without: list[tuple[float, Start, np.ndarray]] = []
+    for m in range(run.layout.pairs if len(pair) > 1 else 0):
+        kept = np.arange(len(pair)) != m
+        b = None if run.layout.full else point.b[kept]
+        start = start_of(data, options, point.poles[kept], pair[kept], b)
+        step = None if start is None else weighted(start.layout, at, start.theta)
+        if start is not None and step is not None:
+            left = residual_of(start.layout, data, start.theta, step.linear)
+            without.append((step.cost, start, left))
+    for _, start, left in sorted(without, key=lambda t: t[0])[:GIVEN_UP]:
+        other = _with_peaks(data, options, start, left, 1)
+        if other is not None:
+            yield other
+
+
+def _with_peaks(
+    data: Data, options: Options, start: Start, left: Complex[np.ndarray, "output line column"], count: int
+) -> Start | None:
+    """A start with pairs more at the peaks of a residual, the input vectors of all as the record asks."""
+    point, pair = unpack(start.layout, start.theta), np.asarray(start.layout.pair)
+    new = _peaks(data, left, count) * (1j - DAMPING)
+    place = int(pair.sum())
+    return start_of(data, options, np.insert(point.poles, place, new), np.insert(pair, [place] * count, True))
+
+
+def _peaks(
+    data: Data, left: Complex[np.ndarray, "output line column"], count: int
+) -> Float[np.ndarray, " peak"]:
+    """Angular frequencies where most is left, outputs weighed alike, each clear of those before it."""
+    level = np.mean(np.abs(data.H) ** 2, axis=(1, 2), keepdims=True)
+    half = max(2, int(WIDTH * len(data.s)))
+    power = np.convolve(
+        np.sum(np.abs(left) ** 2 / level, axis=(0, 2)), np.hanning(2 * half + 3)[1:-1], "same"
+    )
+    found: list[int] = []
+    for _ in range(count):
+        found.append(int(np.argmax(power)))
+        power[max(found[-1] - half, 0) : found[-1] + half + 1] = 0.0
+    return np.imag(data.s)[sorted(found)]

@@ -1,0 +1,145 @@
+"""Refine a model on a record and estimate its noise in turn, with poles that stay where a record can see."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Complex, Float
+
+from middeck.identification.model.descent import Refined, Step, search
+from middeck.identification.problem.data import Data
+from middeck.identification.problem.design import residual_of
+from middeck.identification.problem.layout import Layout, unpack
+from middeck.identification.record_fit.noise import Noise, negative_log_likelihood, noise_variance
+from middeck.identification.search.refine import weighted
+from middeck.values import record
+
+# "flat": one variance for each output, so that what is least is the error of the simulation itself.
+Weighting = Literal["flat"] | Noise
+# A decay rate times the record's length below which free motion is no different from a steady one, and times
+# the sampling period above which it is over within a sample.
+SLOWEST, FASTEST = 0.1, 15.0
+# Of real poles with fewer decays over the record a sampled model has one: several make ramps and parabolas,
+# which fit any drift, and which no initial state brings to other samples.
+SLOW_REAL = 10.0
+
+
+@record
+class RecordRun:
+    """A model refined on a record.
+
+    Parameters
+    ----------
+    variance:
+        Of each output on each line, by the weighting, from what this model leaves.
+    likelihood:
+        Negative logarithm of the likelihood, up to a constant.
+    """
+
+    layout: Layout
+    refined: Refined
+    weighting: Weighting
+    variance: Float[np.ndarray, "output line column"]
+    likelihood: float
+
+    @property
+    def states(self) -> int:
+        """Order of the model."""
+        return int(np.sum(np.where(self.layout.pair, 2, 1)))
+
+
+def refine_record(
+    data: Data, layout: Layout, theta: np.ndarray, weighting: Weighting, *, rounds: int, steps: int
+) -> RecordRun | None:
+    """Search and estimate the noise in turn; None for no finite model, or one of several slow real poles."""
+    theta = np.clip(theta, *_bounds(layout, data))
+    first = weighted(layout, data, theta)
+    if first is None:
+        return None
+    found = Refined(theta, first, (first.cost,), False)
+    r = residual_of(layout, data, theta, first.linear)
+    v = _variance_of(r, data, layout, theta, weighting)
+    return _refined(data, RecordRun(layout, found, weighting, v, np.inf), rounds, steps)
+
+
+def further(data: Data, run: RecordRun, *, rounds: int, steps: int) -> RecordRun:
+    """A run refined further on the data that it was refined on; itself where that fails."""
+    return _refined(data, run, rounds, steps) or run
+
+
+def _refined(data: Data, run: RecordRun, rounds: int, steps: int) -> RecordRun | None:
+    layout, found, weighting, v = run.layout, run.refined, run.weighting, run.variance
+    bounds, likelihood = _bounds(layout, data), run.likelihood
+    for _ in range(rounds):
+        again = dataclasses.replace(data, weight=1.0 / np.sqrt(v))
+        evaluate = _bounded(lambda x, again=again: weighted(layout, again, x), *bounds)
+        better = search(evaluate, found.theta, steps)
+        if better is None or not np.isfinite(better.step.cost):
+            return None
+        found = dataclasses.replace(better, theta=np.clip(better.theta, *bounds))
+        r = residual_of(layout, data, found.theta, found.step.linear)
+        v = _variance_of(r, data, layout, found.theta, weighting)
+        likelihood = negative_log_likelihood(r, v)
+    if layout.period_s > 0.0 and _slow_reals(layout, data, found.theta) > 1:
+        return None
+    return RecordRun(layout, found, weighting, v, likelihood)
+
+
+def _variance_of(
+    r: Complex[np.ndarray, "output line column"],
+    data: Data,
+    layout: Layout,
+    theta: np.ndarray,
+    weighting: Weighting,
+) -> Float[np.ndarray, "output line column"]:
+    """Variance of each output on each line from what a model leaves."""
+    if weighting == "flat":
+        v = np.mean(np.abs(r) ** 2, axis=(1, 2), keepdims=True) + np.finfo(float).tiny
+        return np.broadcast_to(v, r.shape)
+    assert data.transient is not None
+    return noise_variance(r, weighting, data.s, all_poles(layout, theta), data.transient.period_s)
+
+
+def all_poles(layout: Layout, theta: np.ndarray) -> Complex[np.ndarray, " pole"]:
+    """Poles with their conjugates."""
+    p = unpack(layout, theta).poles
+    return np.concatenate([p, p[layout.pair].conj()])
+
+
+def _length_s(data: Data) -> float:
+    return 2.0 * np.pi / float(np.min(np.diff(np.imag(data.s)), initial=np.imag(data.s[-1])))
+
+
+def _slow_reals(layout: Layout, data: Data, theta: np.ndarray) -> int:
+    decays = np.exp(theta[layout.pairs : len(layout.pair)]) * _length_s(data)
+    return int(np.sum(decays < SLOW_REAL))
+
+
+def _bounds(layout: Layout, data: Data) -> tuple[np.ndarray, np.ndarray]:
+    assert data.transient is not None
+    period, length = data.transient.period_s, _length_s(data)
+    low, high = np.full(layout.size, -np.inf), np.full(layout.size, np.inf)
+    modes, pairs = len(layout.pair), layout.pairs
+    low[: modes + pairs] = np.log(SLOWEST / length)
+    high[:modes] = np.log(FASTEST / period)
+    high[modes : modes + pairs] = np.log(0.999 * np.pi / period)
+    return low, high
+
+
+def _bounded(
+    evaluate: Callable[[np.ndarray], Step | None], low: np.ndarray, high: np.ndarray
+) -> Callable[[np.ndarray], Step | None]:
+    """The cost on the box; an unknown that is held by its bound is no direction of the search."""
+
+    def at(theta: np.ndarray) -> Step | None:
+        step = evaluate(np.clip(theta, low, high))
+        if step is None or not (np.isfinite(step.gram).all() and np.isfinite(step.gradient).all()):
+            return None
+        held = ((theta <= low) & (step.gradient > 0.0)) | ((theta >= high) & (step.gradient < 0.0))
+        gram = np.where(held[:, None] | held, 0.0, step.gram) + np.diag(held * 1.0)
+        return dataclasses.replace(step, gradient=np.where(held, 0.0, step.gradient), gram=gram)
+
+    return at

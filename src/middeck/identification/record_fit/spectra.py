@@ -1,0 +1,111 @@
+"""Spectra of a record's experiments on the lines to be fitted, each with a transient of its own."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import scipy.signal
+
+from middeck.errors import FitError
+from middeck.identification.model.measurement_model import MeasurementModel
+from middeck.identification.problem.data import Data, Transient
+from middeck.systems.record import Record
+
+# Without a band, lines count up to where the inputs are this far (in power) below their strongest.
+FAINTEST = 1e-6
+# Lines over which the power of an input is averaged for that.
+NEIGHBOURS = 10
+# Share of a channel's power from which on a ramp is drift.
+DRIFT = 0.1
+
+
+def record_data(record: Record, band_hz: tuple[float, float] | None, *, whole: bool) -> Data:
+    """Spectra of all experiments, periods taken as one run of samples; weights by each output's rms.
+
+    Without a band, all lines but zero and the Nyquist frequency, or (not ``whole``) those that are driven.
+    Raises `FitError` if none is left.
+    """
+    experiments, periods, samples, _ = record.u.shape
+    count = periods * samples
+    lines = np.arange(1, (count + 1) // 2)
+    f = lines * record.sample_hz / count
+    U, Y = (
+        np.fft.rfft(x.reshape(experiments, count, -1), axis=1)[:, lines] / np.sqrt(count)
+        for x in (record.u, record.y)
+    )
+    if band_hz is not None:
+        keep = (f >= band_hz[0] * (1.0 - 1e-9)) & (f <= band_hz[1] * (1.0 + 1e-9))
+    else:
+        keep = np.ones(len(f), bool) if whole else _driven(U)
+    if not keep.any():
+        raise FitError(f"no line of the record in the band {band_hz} Hz", hint="a band below half the rate")
+    level = np.sqrt(np.mean(np.abs(Y[:, keep]) ** 2, axis=(0, 1)))
+    weight = np.broadcast_to(1.0 / level[:, None, None], (Y.shape[2], int(keep.sum()), experiments))
+    return Data(
+        2j * np.pi * f[keep],
+        np.moveaxis(Y[:, keep], (0, 1, 2), (2, 1, 0)),
+        weight,
+        np.moveaxis(U[:, keep], 0, 2),
+        Transient(1.0 / record.sample_hz),
+    )
+
+
+def _driven(U: np.ndarray) -> np.ndarray:
+    """From the first to the last line on which some input is not faint."""
+    power = np.sum(np.abs(U) ** 2 / np.mean(np.abs(U) ** 2, axis=(0, 1)), axis=(0, 2))
+    half = min(NEIGHBOURS, len(power) - 1)
+    smooth = np.convolve(
+        np.pad(power, half, mode="reflect"), np.full(2 * half + 1, 1.0 / (2 * half + 1)), "valid"
+    )
+    strong = np.flatnonzero(smooth > FAINTEST * smooth.max())
+    return (np.arange(len(power)) >= strong[0]) & (np.arange(len(power)) <= strong[-1])
+
+
+def without_drift(record: Record) -> Record:
+    """A record without the mean of each channel, nor its ramp where that holds over a tenth of its power.
+
+    The transient of a fit has a ramp anyway; but starts, and samples held out, would suffer. A lesser ramp is
+    left: it may be slow response, which a short record can ill spare.
+    """
+
+    def level(x: np.ndarray) -> np.ndarray:
+        run = x.reshape(len(x), -1, x.shape[3])
+        flat = run - run.mean(axis=1, keepdims=True)
+        even = scipy.signal.detrend(run, axis=1, type="linear")
+        drifts = np.sum(even**2, axis=1, keepdims=True) < (1.0 - DRIFT) * np.sum(
+            flat**2, axis=1, keepdims=True
+        )
+        return np.where(drifts, even, flat).reshape(x.shape)
+
+    return dataclasses.replace(record, u=level(record.u), y=level(record.y))
+
+
+def without_trend(record: Record, *, inputs: bool) -> Record:
+    """A record without the offset and the ramp of each output, and of each input if those are to be.
+
+    The transient of a fit has a ramp anyway, so that this changes no fit; but a start, and what a model is
+    compared with, would suffer. A plant with a pole at zero makes of the ramp of an input more than a ramp.
+    """
+    experiments, periods, samples, _ = record.u.shape
+
+    def level(x: np.ndarray) -> np.ndarray:
+        run = x.reshape(experiments, periods * samples, -1)
+        return scipy.signal.detrend(run, axis=1, type="linear").reshape(x.shape)
+
+    return dataclasses.replace(record, y=level(record.y), u=level(record.u) if inputs else record.u)
+
+
+def cut_samples(record: Record, first: int, last: int) -> Record:
+    """Samples ``first`` to ``last`` (exclusive) of every experiment as a record of one period."""
+    experiments, periods, samples, _ = record.u.shape
+    u, y = (x.reshape(experiments, 1, periods * samples, -1)[:, :, first:last] for x in (record.u, record.y))
+    return dataclasses.replace(record, u=u, y=y, periodic=False)
+
+
+def as_fitted(record: Record, model: MeasurementModel) -> Record:
+    """A run of samples without what a fit of ``model`` takes out of one: offsets, and ramps."""
+    if model.sample_hz is not None:
+        return without_drift(record)
+    at_zero = model.rigid is not None or model.integral is not None or bool(np.any(model.lower))
+    return without_trend(record, inputs=not at_zero)

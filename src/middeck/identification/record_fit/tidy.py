@@ -1,0 +1,191 @@
+"""A fit of a record without the modes that it can do without.
+
+An order is chosen from models that are refined for a few steps only. At the end, a mode whose residue is no
+more than noise may be left: it is given up if that shortens the description (Rissanen 1978). A pole that does
+not decay within the record and that no input moves is given up for a sine (`steady_lines`).
+"""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+import scipy.ndimage
+from jaxtyping import Bool, Complex, Float
+
+from middeck.identification.fit.significance import mode_significance, with_split, without_modes
+from middeck.identification.fit.steady_line import SteadyLine, name_line
+from middeck.identification.fit.tidy import shed
+from middeck.identification.problem.data import Data
+from middeck.identification.problem.design import residual_of
+from middeck.identification.problem.layout import unpack
+from middeck.identification.record_fit.model import record_covariance, record_model
+from middeck.identification.record_fit.order import record_length
+from middeck.identification.record_fit.search import RecordRun, refine_record
+from middeck.identification.record_fit.steady_lines import with_free_motion, with_line
+from middeck.identification.start.start import Start
+from middeck.identification.uncertainty.covariance import ModelCovariance
+from middeck.identification.uncertainty.parameters import uncertainty_of
+from middeck.systems.record import Record
+from middeck.values import record as frozen
+
+# A pole that loses less than this share of its motion over the record may be a sine.
+STEADY = 0.5
+# Decay rates of a mode within which its halves are one.
+NEAR = 3.0
+# Rounds of noise and search, and steps of each.
+ROUNDS, STEPS = 3, 20
+# A line of the residual that stands so many times above those beside it (median) may be a sine: of n lines
+# of noise the largest is ln n means of it, or ln n / ln 2 medians.
+LINE_ABOVE, BESIDE = 15.0, 15
+MOST_LINES = 8
+
+
+@frozen
+class Tidied:
+    """What is left of a fit: data with their steady lines, the model, and those lines."""
+
+    data: Data
+    run: RecordRun
+    lines: tuple[SteadyLine, ...]
+
+
+def tidied(record: Record, data: Data, run: RecordRun, *, sampled: bool) -> Tidied:
+    """The model without the sines and modes that do not belong to it, as far as that shortens it.
+
+    A sampled model keeps its modes: its poles stand for delays and filters, too, and its order was judged by
+    how it simulates.
+    """
+    state = _without_sines(record, Tidied(data, run, ()))
+    if not sampled:
+        state = _with_pairs(shed(state, functools.partial(_significance, record), _without))
+    return _with_hidden_lines(state)
+
+
+def covariance_of(record: Record, state: Tidied) -> ModelCovariance:
+    """Of the unknowns of its model."""
+    run = state.run
+    return record_covariance(run, state.data, record_model(run.layout, run.refined, record))
+
+
+def _without_sines(record: Record, state: Tidied) -> Tidied:
+    """Poles that do not decay are given up for sines, the least damped first."""
+    length_s = _length_s(state.data)
+    tried: list[float] = []
+    while True:
+        poles = _pairs(state.run)
+        decay = -np.real(poles) * length_s
+        within = (np.imag(poles) >= np.imag(state.data.s[0])) & (np.imag(poles) <= np.imag(state.data.s[-1]))
+        steady = [
+            m
+            for m in np.argsort(decay)
+            if decay[m] < STEADY and within[m] and not _among(float(np.imag(poles[m])), tried, length_s)
+        ]
+        if not steady or len(state.lines) >= MOST_LINES or len(state.run.layout.pair) < 2:
+            return state
+        tried.append(float(np.imag(poles[steady[0]])))
+        state = _as_line(record, state, int(steady[0])) or state
+
+
+def _as_line(record: Record, state: Tidied, m: int) -> Tidied | None:
+    run = state.run
+    omega = float(_pairs(run)[m].imag)
+    deviation_hz = float(uncertainty_of(covariance_of(record, state)).natural_hz[m])
+    line = SteadyLine(omega / (2.0 * np.pi), deviation_hz, name_line(omega / (2.0 * np.pi), deviation_hz))
+    return _better(
+        state,
+        with_line(state.data, omega),
+        without_modes(run.layout, run.refined.theta, np.arange(len(run.layout.pair)) == m),
+        (*state.lines, line),
+    )
+
+
+def _without(state: Tidied, dropped: Bool[np.ndarray, " mode"]) -> Tidied | None:
+    """Without some modes, or with their free motion alone, which no input is to move."""
+    run = state.run
+    start = without_modes(run.layout, run.refined.theta, dropped)
+    fewer = _better(state, state.data, start, state.lines)
+    if fewer is not None:
+        return fewer
+    poles = unpack(run.layout, run.refined.theta).poles[dropped]
+    return _better(state, with_free_motion(state.data, poles), start, state.lines)
+
+
+def _with_pairs(state: Tidied) -> Tidied:
+    """Modes that two describe better, too close for a subspace to have parted them."""
+    m = 0
+    while m < state.run.layout.pairs:
+        run = state.run
+        found = _better(state, state.data, with_split(run.layout, run.refined.theta, m), state.lines)
+        state, m = (found, m + 2) if found and _is_pair(found, _pairs(run)[m], m) else (state, m + 1)
+    return state
+
+
+def _is_pair(state: Tidied, before: complex, m: int) -> bool:
+    """Whether both halves of a mode are where it was, and not elsewhere for some other reason."""
+    return bool(np.all(np.abs(_pairs(state.run)[m : m + 2] - before) < NEAR * abs(before.real)))
+
+
+def _significance(record: Record, state: Tidied) -> Float[np.ndarray, " mode"]:
+    """Of each pole of the layout."""
+    covariance = covariance_of(record, state)
+    found = mode_significance(covariance)
+    poles = unpack(state.run.layout, state.run.refined.theta).poles
+    return np.array([found[covariance.model.poles == pole].max(initial=0.0) for pole in poles])
+
+
+def _with_hidden_lines(state: Tidied) -> Tidied:
+    """Sines that stand in what is left, where no pole was spent on them."""
+    while len(state.lines) < MOST_LINES:
+        omega = _highest_line(state)
+        if omega is None:
+            return state
+        hz, apart = omega / (2.0 * np.pi), 1.0 / _length_s(state.data)
+        line = SteadyLine(hz, apart, name_line(hz, apart))
+        run = state.run
+        found = _better(
+            state, with_line(state.data, omega), Start(run.layout, run.refined.theta), (*state.lines, line)
+        )
+        if found is None:
+            return state
+        state = found
+    return state
+
+
+def _highest_line(state: Tidied) -> float | None:
+    """Where the residual stands highest above what is beside it; None if nowhere much."""
+    run = state.run
+    r = residual_of(run.layout, state.data, run.refined.theta, run.refined.step.linear)
+    power = np.mean(np.abs(r) ** 2, axis=2)
+    size = min(2 * BESIDE + 1, power.shape[1])
+    beside = scipy.ndimage.median_filter(power, size=(1, size), mode="reflect")
+    above = power / np.maximum(beside, np.finfo(float).tiny)
+    o, k = np.unravel_index(int(np.argmax(above)), above.shape)
+    if above[o, k] < LINE_ABOVE + np.log(above.size):
+        return None
+    # Between the two highest lines, where the sine is (a sine's spectrum falls with the distance).
+    beside_k = k + 1 if k + 1 < power.shape[1] and (k == 0 or power[o, k + 1] > power[o, k - 1]) else k - 1
+    a, b = np.sqrt(power[o, k]), np.sqrt(power[o, beside_k])
+    return float(np.imag(state.data.s[k] + (state.data.s[beside_k] - state.data.s[k]) * b / (a + b)))
+
+
+def _pairs(run: RecordRun) -> Complex[np.ndarray, " pair"]:
+    return unpack(run.layout, run.refined.theta).poles[: run.layout.pairs]
+
+
+def _among(frequency: float, tried: list[float], length_s: float) -> bool:
+    """Whether a sine of this frequency [rad/s], up to a quarter of a line, was tried."""
+    return any(abs(frequency - omega) < 0.5 * np.pi / length_s for omega in tried)
+
+
+def _length_s(data: Data) -> float:
+    return 2.0 * np.pi / float(np.min(np.diff(np.imag(data.s))))
+
+
+def _better(state: Tidied, data: Data, start: Start, lines: tuple[SteadyLine, ...]) -> Tidied | None:
+    """A model refined from ``start``, if its description is no longer."""
+    weighting = state.run.weighting
+    other = refine_record(data, start.layout, start.theta, weighting, rounds=ROUNDS, steps=STEPS)
+    if other is None or record_length(data, other) > record_length(state.data, state.run):
+        return None
+    return Tidied(data, other, lines)

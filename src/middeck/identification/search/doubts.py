@@ -1,0 +1,274 @@
+"""What a fit should not be trusted for: said with the result, since the result may still be of use."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Complex, Float
+
+from middeck.errors import FitError
+from middeck.identification.model.measurement_model import (
+    MeasurementModel,
+    damping_ratio,
+    model_response,
+    natural_hz,
+)
+from middeck.identification.start.start import HEAVY, NARROW
+from middeck.identification.uncertainty.covariance import ModelCovariance
+from middeck.identification.uncertainty.parameters import Uncertainty, distinct_poles, uncertainty_of
+from middeck.identification.uncertainty.unknowns import places_of
+from middeck.systems.response import FrequencyResponse
+
+# A steady record of a test article repeats itself within a few per cent, sensor noise and weak
+# nonlinearity included (the mirror's 300 mV: 5 %); a model worth using explains nine tenths.
+SCATTER = 0.1
+LEFT = 0.1
+# Fewer degrees of freedom give an interval of which Student's t is a tenth wider than the normal law.
+FEW_DEGREES = 12.0
+# A deviation that is half of its value: the linearised interval then reaches the value zero.
+HALF = 0.5
+# A deviation that is a hundred times what it would be with all else known: so is a small error of the model.
+CONFOUNDED = 1e4
+# Least squares leave no more than the response itself; twice that means that the search has failed.
+FAILED = 2.0
+# A lead is only a little one if the model without it leaves no more than this many times as much.
+LEAD_COST = 2.0
+CHECK = "check which channel is the input, and that the period is long enough"
+TAKE_MORE = "the band is too narrow to tell a delay from modes outside it: take a wider one, or delay=False"
+# A pole so many times outside the band is none of the article.
+FAR = 100.0
+UNDETERMINED = "is not determined by the data"
+BEYOND = "of a velocity or an acceleration, take constants='complex'; with modes beyond the band, residuals"
+
+
+def doubts_of_record(measured: FrequencyResponse) -> list[str]:
+    """Outputs whose periods or experiments disagree."""
+    if measured.variance is None:
+        return []
+    size = np.sum(np.abs(measured.H) ** 2, axis=(0, 2))
+    scatter = np.sqrt(np.sum(measured.variance, axis=(0, 2)) / size)
+    return [
+        f"output {port.name}: the response scatters by {share:.0%} between periods or experiments; is the "
+        "record steady, without drift, spikes or dropouts?"
+        for port, share in zip(measured.outputs, scatter, strict=True)
+        if share > SCATTER
+    ]
+
+
+def doubts_of_model(
+    measured: FrequencyResponse,
+    error: Float[np.ndarray, " output"],
+    model_error: float,
+    residual: Complex[np.ndarray, "line output input"],
+) -> list[str]:
+    """Outputs that the model does not explain, or deviations that do not cover what it lacks.
+
+    ``model_error`` is the part of the assumed variance that is not noise; ``residual`` is E - H. Raises
+    `FitError` for a model that is worse than none.
+    """
+    if np.any(error > FAILED):
+        worst = int(np.argmax(error))
+        raise FitError(
+            f"the best model found leaves {error[worst]:.0f} times the response itself",
+            where=f"output {measured.outputs[worst].name}",
+            hint="ask for more states, or for a band without half a mode at its edge",
+        )
+    poor = [
+        f"output {port.name}: the model leaves {left:.0%} of the response unexplained; its parameters mean "
+        "little. Look at the record, the band and the order"
+        for port, left in zip(measured.outputs, error, strict=True)
+        if left > LEFT
+    ]
+    if poor or model_error <= 0.5 or measured.variance is None:
+        return poor
+    of_rms = 100.0 * np.sqrt(np.mean(error**2))
+    return [
+        f"most of what the fit leaves is not noise but modes it lacks ({of_rms:.2g}% of the "
+        f"response's rms over the band{_wrong_lines(measured, residual)}): the stated deviations follow what "
+        "is left, but do not cover a bias that all lines share"
+    ]
+
+
+def _wrong_lines(measured: FrequencyResponse, residual: Complex[np.ndarray, "line output input"]) -> str:
+    """Where a small part of the rms is most of a line."""
+    wrong = np.any(np.abs(residual) > HALF * np.abs(measured.H), axis=(1, 2))
+    if not wrong.any():
+        return ""
+    first, last = measured.frequency_hz[wrong][[0, -1]]
+    return (
+        f", but more than half of the response itself on {wrong.sum()} of {len(wrong)} lines, "
+        f"{first:.4g}-{last:.4g} Hz"
+    )
+
+
+def doubts_of_deviations(
+    measured: FrequencyResponse, covariance: ModelCovariance, *, of_samples: bool = False
+) -> list[str]:
+    """Where a stated deviation is not to be trusted, and why.
+
+    ``of_samples``: the samples of a record were fitted, with their transient. A mode that is narrower than
+    the lines are apart then rings on in all samples, and hangs on no single line.
+    """
+    return [
+        *_doubts_of_variance(measured, covariance),
+        *_doubts_of_delays(measured, covariance),
+        *_doubts_of_modes(measured, covariance, of_samples=of_samples),
+    ]
+
+
+def _doubts_of_variance(measured: FrequencyResponse, covariance: ModelCovariance) -> list[str]:
+    if measured.variance is None:
+        return [
+            "the record has one period, which does not tell noise from what the model lacks: the deviations "
+            "come from what the fit leaves"
+        ]
+    if covariance.degrees < FEW_DEGREES:
+        return [
+            f"the noise is known from {covariance.degrees:.0f} degrees of freedom only, and so are the "
+            "deviations; record more periods"
+        ]
+    return []
+
+
+def _doubts_of_delays(measured: FrequencyResponse, covariance: ModelCovariance) -> list[str]:
+    return list(confounded_delays(measured, covariance).values())
+
+
+def confounded_delays(measured: FrequencyResponse, covariance: ModelCovariance) -> dict[int, str]:
+    """Outputs whose delay is not known as its deviation says, and why."""
+    at = places_of(covariance.model, covariance.structure)
+    found: dict[int, str] = {}
+    standing = _stands_for_phase(measured, covariance.model)
+    unknown = np.isinf(uncertainty_of(covariance).delay_s)
+    for o in np.flatnonzero(at.delay >= 0):
+        name, inflation = covariance.model.outputs[o].name, covariance.inflation[at.delay[o]]
+        if unknown[o] or inflation > CONFOUNDED:
+            loose = f"its deviation is {np.sqrt(inflation):.0f} times what it would be if they were known"
+            found[int(o)] = (
+                f"output {name}: the delay is confounded with the residues, only their sum is certain: "
+                f"{f'it {UNDETERMINED}' if unknown[o] else loose}; fit real constants, or no delay"
+            )
+        elif standing:
+            found[int(o)] = (
+                f"output {name}: the delay of {covariance.model.delay_s[o] * 1e3:.4g} ms is not known as its "
+                "deviation says: the band is narrow, and poles outside it that are no modes stand for phase, "
+                "too; take a wider band"
+            )
+    return found
+
+
+def _stands_for_phase(measured: FrequencyResponse, model: MeasurementModel) -> bool:
+    """Whether poles outside a narrow band, heavily damped or far away, share its phase with a delay."""
+    f, zeta, lines = natural_hz(model), damping_ratio(model), measured.frequency_hz
+    outside = (f < lines[0]) | (f > lines[-1])
+    far = (f < lines[0] / FAR) | (f > FAR * lines[-1])
+    return is_narrow(measured) and bool(np.any(outside & (far | (zeta > HEAVY))))
+
+
+def is_narrow(measured: FrequencyResponse) -> bool:
+    """Whether delays half a period apart look alike in the band, but for a sign."""
+    return bool(measured.frequency_hz[-1] < NARROW * measured.frequency_hz[0])
+
+
+def _doubts_of_modes(
+    measured: FrequencyResponse, covariance: ModelCovariance, *, of_samples: bool
+) -> list[str]:
+    """Modes in rising frequency; those outside the band together in one sentence."""
+    f = natural_hz(covariance.model)
+    of = uncertainty_of(covariance)
+    lines = measured.frequency_hz
+    poles = sorted(distinct_poles(covariance.model), key=lambda m: f[m])
+    unknown = [m for m in poles if of.natural_hz[m] > HALF * f[m]]
+    beyond = [m for m in poles if covariance.model.is_pair[m] and not lines[0] <= f[m] <= lines[-1]]
+    found = [
+        f"mode at {f[m]:.4g} Hz: its frequency {_loose(of.natural_hz[m], f'{of.natural_hz[m]:.3g} Hz')}"
+        for m in unknown
+        if m not in beyond
+    ]
+    if beyond:
+        places = ", ".join(f"{f[m]:.4g}" for m in beyond)
+        one = len(beyond) == 1
+        found.append(
+            f"mode{'' if one else 's'} at {places} Hz: {'it lies' if one else 'they lie'} outside the band "
+            f"{lines[0]:.4g}-{lines[-1]:.4g} Hz, and stand{'s' if one else ''} for whatever is there"
+            f"{_lost([f[m] for m in beyond if np.isinf(of.natural_hz[m])])}"
+        )
+    within = [m for m in poles if covariance.model.is_pair[m] and m not in beyond and m not in unknown]
+    for m in within:
+        found += _doubts_of_damping(measured, covariance, m, of_samples=of_samples)
+    return found
+
+
+def _lost(hz: list[float]) -> str:
+    """Of modes outside the band, those that could be anywhere."""
+    if not hz:
+        return ""
+    places = ", ".join(f"{f:.4g}" for f in hz)
+    return f"; the data do not determine {'that' if len(hz) == 1 else 'those'} at {places} Hz"
+
+
+def _doubts_of_damping(
+    measured: FrequencyResponse, covariance: ModelCovariance, m: int, *, of_samples: bool
+) -> list[str]:
+    """Of one mode within the band."""
+    f, zeta = natural_hz(covariance.model)[m], damping_ratio(covariance.model)[m]
+    lines, deviation = measured.frequency_hz, uncertainty_of(covariance).damping[m]
+    mode, found = f"mode at {f:.4g} Hz", list[str]()
+    near = np.clip(np.searchsorted(lines, f), 1, max(len(lines) - 1, 1))
+    spacing, width = lines[near] - lines[near - 1], 2.0 * zeta * f
+    if width < spacing and not of_samples:
+        found.append(
+            f"{mode}: its half-power width of {width:.3g} Hz is less than the {spacing:.3g} Hz between "
+            "lines, so that its damping hangs on one or two of them; use a longer period"
+        )
+    if deviation > HALF * zeta:
+        found.append(f"{mode}: its damping of {zeta:.2%} {_loose(deviation, f'{deviation:.2%}')}")
+    return found
+
+
+def _loose(deviation: float, words: str) -> str:
+    """What is said of a number with a large deviation, or with none."""
+    return f"has a deviation of {words}: not known" if np.isfinite(deviation) else UNDETERMINED
+
+
+def causal_delay(
+    measured: FrequencyResponse, delay_s: np.ndarray, uncertainty: Uncertainty
+) -> tuple[np.ndarray, list[str]]:
+    """Delays of zero or more; a small advance is a warning, a long one an error."""
+    warnings: list[str] = []
+    for o, tau in enumerate(delay_s):
+        name = measured.outputs[o].name
+        if tau < -1.0 / measured.frequency_hz[-1]:
+            raise FitError(
+                f"the output leads its input by {-tau:.6g} s",
+                where=f"output {name}",
+                hint=f"{TAKE_MORE if is_narrow(measured) else CHECK}; {BEYOND}",
+            )
+        if tau < 0.0:
+            warnings.append(
+                f"output {name}: the fit leads by {-tau * 1e3:.3g} ms (+-{uncertainty.delay_s[o] * 1e3:.2g});"
+                " its delay is set to zero"
+            )
+    return np.maximum(delay_s, 0.0), warnings
+
+
+def refuse_a_lead(measured: FrequencyResponse, found: MeasurementModel, model: MeasurementModel) -> None:
+    """`FitError` where ``found`` follows an output that leads, and ``model``, without the lead, does not."""
+    left, kept = (
+        np.sum(np.abs(model_response(m, measured.frequency_hz) - measured.H) ** 2, axis=(0, 2))
+        for m in (found, model)
+    )
+    size = size_of(measured)
+    worse = (kept > LEAD_COST**2 * left) & (kept > LEFT**2 * size)
+    lost = (found.delay_s < 0.0) & (worse | (kept > size))
+    if lost.any():
+        o = int(np.argmax(lost))
+        raise FitError(
+            f"the output leads its input by {-found.delay_s[o]:.6g} s, and no model follows without",
+            where=f"output {measured.outputs[o].name}",
+            hint=f"{TAKE_MORE if is_narrow(measured) else 'leave the output out'}; {BEYOND}",
+        )
+
+
+def size_of(measured: FrequencyResponse) -> Float[np.ndarray, " output"]:
+    """Sum of |H|^2 of each output."""
+    return np.sum(np.abs(measured.H) ** 2, axis=(0, 2))

@@ -1,0 +1,143 @@
+"""Refine and weigh in turn: the fit tells what it cannot follow, and the weights follow the fit."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from jaxtyping import Complex, Float
+
+from middeck.identification.model.descent import Refined, search
+from middeck.identification.problem.data import Data
+from middeck.identification.problem.design import residual_of
+from middeck.identification.problem.layout import Layout
+from middeck.identification.search.bounds import bound_theta, bounded
+from middeck.identification.search.refine import by_normal_equations, logarithmic, weighted
+from middeck.identification.spectra.weights import Spread, excess_share
+from middeck.identification.start.start import Start
+from middeck.values import record
+
+# The weights have settled when the variance moves by less than this share on average.
+SETTLED = 0.02
+# A search goes on in chunks of steps, each with new weights, at most so many. It has settled too when a chunk
+# gains less than this share of the cost that is not noise: lines share what a model lacks, and a thousandth
+# of it tells no unknown.
+CHUNK, MOST_CHUNKS = 10, 6
+LITTLE = 1e-3
+# Or no more than this for each unknown: noise makes a fit of n unknowns cost n/2 too little.
+LITTLE_OF_NOISE = 1e-3
+# Steps on the first weights, before any residual tells better ones.
+FIRST_STEPS = 3
+
+
+@record
+class Polished:
+    """A start refined, with what its last weights were made of.
+
+    Parameters
+    ----------
+    share:
+        Of the response's size, the variance beyond the measured one.
+    gram:
+        Normal equations of theta at the end, the linear unknowns projected out.
+    likelihood:
+        Negative logarithm of the likelihood, up to a constant: sum of log v + |r|^2 / v.
+    """
+
+    layout: Layout
+    refined: Refined
+    share: float
+    gram: Float[np.ndarray, "unknown unknown"]
+    likelihood: float
+
+
+def polish(
+    data: Data, start: Start, spread: Spread, *, steps: int, rounds: int, share: float | None = None
+) -> Polished | None:
+    """Refine on the weights of a share until that settles; without a share, first on those of ``data``.
+
+    None where the start has no finite response.
+    """
+    layout = start.layout
+    found = _search(layout, data, start.theta, FIRST_STEPS) if share is None else None
+    if share is None:
+        if found is None:
+            return None
+        share = excess_share(_left(layout, data, found), spread)
+    theta = start.theta if found is None else found.theta
+    for _ in range(rounds):
+        v = spread.at(share)
+        again = dataclasses.replace(data, weight=1.0 / np.sqrt(v))
+        found = _search(layout, again, theta, steps)
+        if found is None:
+            return None
+        theta, before, share = found.theta, share, excess_share(_left(layout, data, found), spread)
+        if abs(share - before) * np.mean(spread.size / v) <= SETTLED:
+            break
+    return None if found is None else _polished(layout, data, found, spread, share, found.step.gram)
+
+
+def settle(data: Data, start: Polished, spread: Spread) -> Polished:
+    """A polished start refined until nothing is gained that noise, or what the model lacks, leaves."""
+    best = start
+    for _ in range(MOST_CHUNKS):
+        again = Start(best.layout, best.refined.theta)
+        found = polish(data, again, spread, steps=CHUNK, rounds=1, share=best.share)
+        if found is None:
+            return best
+        before, best = best, found
+        history = found.refined.history
+        lacking = found.share * np.mean(spread.size / spread.at(found.share))
+        settled = abs(found.share - before.share) * np.mean(spread.size / spread.at(found.share)) <= SETTLED
+        unknowns = len(found.refined.theta) + found.refined.step.linear.size
+        little = history[0] - history[-1] <= LITTLE * lacking * history[-1] + LITTLE_OF_NOISE * unknowns
+        if settled and (found.refined.converged or little):
+            return dataclasses.replace(found, refined=dataclasses.replace(found.refined, converged=True))
+    return best
+
+
+def _search(layout: Layout, data: Data, theta: Float[np.ndarray, " unknown"], steps: int) -> Refined | None:
+    """A search within `bounds`."""
+    by_lines = bounded(layout, data, lambda x: weighted(layout, data, x, from_sums=False))
+    exactly = by_lines if by_normal_equations(layout, data) else None
+    found = search(bounded(layout, data, lambda x: weighted(layout, data, x)), theta, steps, exactly=exactly)
+    return None if found is None else dataclasses.replace(found, theta=bound_theta(layout, data, found.theta))
+
+
+def _left(layout: Layout, data: Data, found: Refined) -> Complex[np.ndarray, "output line column"]:
+    """H - E at the end of a search."""
+    r = found.step.residual
+    return residual_of(layout, data, found.theta, found.step.linear) if r is None else r
+
+
+def logarithmic_polish(data: Data, start: Polished, spread: Spread) -> Polished:
+    """The same for the logarithmic cost, from a fit of the other.
+
+    log H has the variance v / |E|^2. The model E, not H, stands there: where H is noise, its own size says
+    nothing, and such lines would rule the fit.
+    """
+    layout = start.layout
+    theta = np.concatenate([start.refined.theta, start.refined.step.linear.ravel()])
+    shared = len(start.refined.theta)
+    E = data.H - residual_of(layout, data, theta[:shared], start.refined.step.linear)
+    size = np.maximum(np.abs(E) ** 2, np.finfo(float).tiny)
+    of_log = Spread(spread.variance / size, np.ones(size.shape))
+    again = Data(data.s, data.H, 1.0 / np.sqrt(of_log.at(excess_share(np.log(data.H / E), of_log))))
+    found = search(bounded(layout, again, lambda x: logarithmic(layout, again, x)), theta)
+    if found is None:
+        return start
+    found = dataclasses.replace(found, theta=bound_theta(layout, again, found.theta))
+    gram = found.step.gram
+    linear = gram[shared:, shared:]
+    projected = (
+        gram[:shared, :shared] - gram[:shared, shared:] @ np.linalg.pinv(linear) @ gram[shared:, :shared]
+    )
+    shorter = Refined(found.theta[:shared], found.step, found.history, found.converged)
+    return _polished(layout, data, shorter, spread, start.share, projected)
+
+
+def _polished(
+    layout: Layout, data: Data, found: Refined, spread: Spread, share: float, gram: np.ndarray
+) -> Polished:
+    r, v = _left(layout, data, found), spread.at(share)
+    return Polished(layout, found, share, gram, float(np.sum(np.log(v) + np.abs(r) ** 2 / v)))

@@ -1,0 +1,425 @@
+"""Where a fit starts: from frequency-domain subspaces of several sizes; nothing to tune.
+
+The subspace (`subspace`) is mostly made larger than the fit, so that the extra poles take up delay, noise and
+modes that are not asked for, and the modes that would be missed most are kept (`pruning`).
+
+Input vectors are the rank-one parts of residues of any rank, solved for at the poles. Where poles are closer
+than the band can tell apart, such residues are noise; a subspace of the right size then gives its own output
+vectors, and input vectors follow from those (`drive_vectors`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import scipy.linalg
+from jaxtyping import Bool, Complex, Float
+
+from middeck.identification.problem.data import Data
+from middeck.identification.problem.design import build_terms
+from middeck.identification.problem.layout import DelayOf, Layout, Point, pack
+from middeck.identification.problem.own_transients import as_real
+from middeck.identification.problem.terms import columns, fractions, shapes
+from middeck.identification.start.pruning import prune
+from middeck.identification.start.subspace import block_rows, subspace_modes, subspace_poles
+from middeck.identification.start.vector_fitting import relocate
+from middeck.values import record
+
+# Size of the subspace as a multiple of the states kept, and its block rows as a multiple of the least.
+REAL_SIZES = tuple((size, rows) for size in (1.0, 1.5, 2.0) for rows in (1.5, 2.0, 3.0))
+COMPLEX_SIZES = ((1.5, 1.5), (2.0, 1.5), (1.5, 2.0), (2.0, 2.0), (1.0, 2.0))
+# One start more with complex constants: a subspace whose poles vector fitting moves on so many times.
+RELOCATED_SIZE, RELOCATIONS = (1.25, 1.5), 3
+# And some with the subspace's own vectors: block rows as a multiple of the least. More rows average more
+# noise, and tell modes far below or above the others from none.
+OWN_ROWS = (2.0, 3.0, 4.0)
+# Delays tried, in steps of this share of the shortest period in the band.
+DELAY_STEP = 0.125
+# First tried on either side of zero, and the share of the response that a right delay explains.
+FIRST_DELAYS = 64
+ENOUGH = 0.5
+# A band from f to less than so many times f is narrow: delays half a period apart look alike in it, and the
+# steps are so many times finer, to tell. One that leaves a third or more of what the promptest leaves is not
+# tried beside it.
+NARROW, FINER, HOPELESS = 2.0, 64, 3.0
+# Lines that are closer than so small a share of the band are taken for one when delays are tried.
+MOST_LINES = 2**15
+# Damping ratio above which a candidate is no mode of a structure but takes up delay or noise.
+HEAVY = 0.3
+
+
+@record
+class Options:
+    """What kind of model is fitted; see `fit_response`. Poles at zero are not among the ``states``."""
+
+    states: int
+    real_constants: bool
+    with_delay: bool
+    with_lower: bool
+    with_direct: bool
+    period_s: float
+    full: bool = False
+    rigid: int = 0
+    delay_of: DelayOf = "output"
+    relative_degree_two: bool = False
+    integrators: int = 0
+
+
+@record
+class Start:
+    """A layout and a first theta."""
+
+    layout: Layout
+    theta: Float[np.ndarray, " unknown"]
+
+
+def starts(data: Data, options: Options) -> Iterator[Start]:
+    """First guesses, from several sizes of the subspace."""
+    for size, rows in REAL_SIZES if options.real_constants else COMPLEX_SIZES:
+        found = _sized_poles(data, options, size, rows)
+        yield from () if found is None else starts_from(data, options, found)
+    if not options.real_constants:
+        found = _sized_poles(data, options, *RELOCATED_SIZE)
+        if found is not None:
+            moved = relocate(data, found, options.period_s, iterations=RELOCATIONS)
+            yield from starts_from(data, options, moved)
+        for rows in OWN_ROWS if _has_vectors(data, options) else ():
+            yield from _own_start(data, options, rows)
+
+
+def few_starts(data: Data, options: Options) -> Iterator[Start]:
+    """A start or two that mostly do, for where many orders are compared.
+
+    Modes far below a band that is mapped to the circle need the subspace's own vectors; in a sampled model's,
+    the whole circle is even, and the first start will do.
+    """
+    sizes = REAL_SIZES if options.real_constants else COMPLEX_SIZES
+    found = _sized_poles(data, options, *sizes[0])
+    yield from () if found is None else starts_from(data, options, found)
+    if not options.real_constants and not options.period_s and _has_vectors(data, options):
+        yield from _own_start(data, options, OWN_ROWS[-1])
+
+
+def _has_vectors(data: Data, options: Options) -> bool:
+    at_zero = options.rigid + options.integrators
+    return data.drive is None and data.H.shape[2] > 1 and not options.full and not at_zero
+
+
+def _own_start(data: Data, options: Options, factor: float) -> Iterator[Start]:
+    """The subspace model of the right size as it is, its input vectors by least squares."""
+    rows = block_rows(data, options.states, factor)
+    found = subspace_modes(data, options.period_s, states=options.states, rows=rows)
+    if found is None:
+        return
+    poles, pair = upper_half(found[0], options.period_s)
+    shapes = found[1][:, [int(np.argmin(np.abs(found[0] - pole))) for pole in poles]]
+    b = drive_vectors(data, options, poles, pair, shapes)
+    yield start_at(data, options, poles, pair, np.zeros((len(data.H), 1)), b)
+
+
+def starts_from(data: Data, options: Options, found: Complex[np.ndarray, " state"]) -> Iterator[Start]:
+    """Starts (or none) at the modes among candidate poles ``found`` that would be missed most."""
+    if options.real_constants:
+        yield from _real_starts(data, options, found)
+        return
+    start = _complex_start(data, options, found)
+    if start is not None:
+        yield start
+
+
+def _sized_poles(data: Data, options: Options, size: float, rows: float) -> np.ndarray | None:
+    # An odd number of states asks for an odd number of real poles.
+    more = 2 * round(0.5 * (size - 1.0) * options.states)
+    order = options.states + more + 2 * options.rigid + options.integrators
+    return subspace_poles(data, options.period_s, states=order, rows=block_rows(data, order, rows))
+
+
+def _complex_start(data: Data, options: Options, found: np.ndarray) -> Start | None:
+    """The strongest poles of the subspace, each with the rank-one part of its residue."""
+    poles, pair = upper_half(found, options.period_s)
+    prompt = np.zeros((len(data.H), 1))
+    start = start_at(data, options, poles, pair, prompt)
+    states = [int(n) for n in np.where(pair, 2, 1)]
+    if sum(states) == options.states:
+        return start
+    layout = start.layout
+    terms = build_terms(layout, data, start.theta)
+    if terms is None:
+        return None
+    line, level = _weights_alike(data)
+    modes = [layout.columns_of(m) for m in range(len(pair))]
+    kept = prune(as_real(terms.X * line).T, as_real(data.H * level * line).T, modes, states, options.states)
+    return None if kept is None else start_at(data, options, poles[kept], pair[kept], prompt)
+
+
+def upper_half(
+    poles: Complex[np.ndarray, " state"], period_s: float
+) -> tuple[Complex[np.ndarray, " mode"], Bool[np.ndarray, " mode"]]:
+    """One of each conjugate pair, by frequency, then the real poles; and which are pairs."""
+    nyquist = np.pi / period_s if period_s else np.inf
+    imag = np.imag(poles)
+    single = (imag == 0.0) | (np.abs(imag) >= nyquist * (1.0 - 1e-9))
+    upper = poles[~single & (imag > 0.0)]
+    upper = upper[np.argsort(np.imag(upper))]
+    real = poles[single]
+    both = np.concatenate([upper, np.real(real) + 1j * np.abs(np.imag(real))])
+    return both, np.arange(len(both)) < len(upper)
+
+
+def start_at(
+    data: Data,
+    options: Options,
+    poles: np.ndarray,
+    pair: np.ndarray,
+    delay_s: np.ndarray,
+    vectors: Complex[np.ndarray, "mode input"] | None = None,
+) -> Start:
+    """A start at given poles and delays [output, path]; input vectors from the data, unless given."""
+    none = np.zeros((0, data.H.shape[2]))
+    b, psi = _input_vectors(data, options, poles, pair, delay_s) if vectors is None else (vectors, none)
+    return start_from_point(options, pair, Point(poles, b, delay_s, psi), len(data.H))
+
+
+def start_from_point(options: Options, pair: Bool[np.ndarray, " mode"], point: Point, outputs: int) -> Start:
+    """A start at a point whose vectors have any scale."""
+    psi = np.zeros((0, point.b.shape[1])) if point.psi is None else point.psi
+    rigid = min(options.rigid, len(psi))
+    layout = Layout(
+        pair,
+        np.where(pair, 0.0, np.imag(point.poles)),
+        np.argmax(np.abs(point.b), axis=1),
+        point.b.shape[1],
+        outputs,
+        options.real_constants,
+        options.with_delay,
+        options.with_lower,
+        options.with_direct,
+        options.period_s,
+        options.full,
+        _largest(psi[:rigid]),
+        options.delay_of,
+        options.relative_degree_two,
+        _largest(psi[rigid:]),
+    )
+    return Start(layout, pack(layout, point))
+
+
+def _largest(psi: Float[np.ndarray, "row input"]) -> tuple[int, ...]:
+    """As many inputs as rows, whose columns are farthest from dependent."""
+    return tuple(int(i) for i in scipy.linalg.qr(psi, mode="r", pivoting=True)[-1][: len(psi)])
+
+
+def _input_vectors(
+    data: Data, options: Options, poles: np.ndarray, pair: np.ndarray, delay_s: np.ndarray
+) -> tuple[Complex[np.ndarray, "mode input"], Float[np.ndarray, "rigid input"]]:
+    """b and psi: the dominant right singular vectors of full residue matrices, of 1/s^2 and 1/s also."""
+    inputs = data.H.shape[2]
+    if inputs == 1:
+        return np.ones((len(poles), 1), dtype=complex), np.ones((options.rigid + options.integrators, 1))
+    residues, double, single = weighted_residues(data, options, poles, pair, delay_s)
+    if options.real_constants:
+        residues[pair] *= 2j * np.imag(poles)[pair, None, None]
+    b = _scaled(np.linalg.svd(residues)[2][:, 0])
+    b = np.where((pair & (not options.real_constants))[:, None], b, np.real(b))
+    rigid, integral = (np.linalg.svd(x)[2] for x in (double, single))
+    return b, np.vstack([rigid[: options.rigid], integral[: options.integrators]])
+
+
+def _scaled(b: Complex[np.ndarray, "mode input"]) -> Complex[np.ndarray, "mode input"]:
+    """Each vector over its largest entry."""
+    return b / np.take_along_axis(b, np.argmax(np.abs(b), axis=1)[:, None], axis=1)
+
+
+def drive_vectors(
+    data: Data, options: Options, poles: np.ndarray, pair: np.ndarray, shapes: np.ndarray
+) -> Complex[np.ndarray, "mode input"]:
+    """b of given poles and output vectors ``shapes`` [output, mode], by least squares on all outputs."""
+    layout, _, X = _one_by_one(data, options, poles, pair)
+    pairs, inputs = int(np.sum(pair)), data.H.shape[2]
+    own, constant = X[: layout.mode_columns], X[layout.mode_columns :]
+    first, second, single = own[0 : 2 * pairs : 2], own[1 : 2 * pairs : 2], own[2 * pairs :]
+    rows: list[np.ndarray] = []
+    targets: list[np.ndarray] = []
+    for o, c in enumerate(shapes):
+        # c b u + conj(c b) l of each pair, by the real and by the imaginary part of b.
+        re, im = np.real(c[:pairs, None]), np.imag(c[:pairs, None])
+        by_b = np.concatenate(
+            [re * first + im * second, re * second - im * first, np.real(c[pairs:, None]) * single]
+        )
+        weight = np.sqrt(np.mean(data.weight[o] ** 2, axis=1))
+        A, y, free = (as_real((v * weight)[:, :, None]).T for v in (by_b, data.H[o].T, constant))
+        Q = np.linalg.qr(free)[0]
+        rows.append(A - Q @ (Q.T @ A))
+        targets.append(y - Q @ (Q.T @ y))
+    stacked = np.concatenate(rows)
+    size = np.linalg.norm(stacked, axis=0)
+    size = np.where(size > 0.0, size, 1.0)
+    x = np.linalg.lstsq(stacked / size, np.concatenate(targets), rcond=None)[0] / size[:, None]
+    b = np.zeros((len(poles), inputs), dtype=complex)
+    b[:pairs] = x[:pairs] + 1j * x[pairs : 2 * pairs]
+    b[pairs:] = x[2 * pairs :]
+    return _scaled(b)
+
+
+def weighted_residues(
+    data: Data, options: Options, poles: np.ndarray, pair: np.ndarray, delay_s: np.ndarray
+) -> tuple[
+    Complex[np.ndarray, "mode output input"],
+    Float[np.ndarray, "output input"],
+    Float[np.ndarray, "output input"],
+]:
+    """Residues of any rank at given poles, of 1/s^2 and of 1/s; each output times its weight."""
+    outputs, _, inputs = data.H.shape
+    layout, point, X = _one_by_one(data, options, poles, pair)
+    residues = np.zeros((len(poles), outputs, inputs), dtype=complex)
+    double, single = np.zeros((2, outputs, inputs))
+    at = layout.mode_columns
+    prompt = data.H * np.exp(data.s[:, None] * delay_s[:, None])
+    for o in range(outputs):
+        weight = np.sqrt(np.mean(data.weight[o] ** 2, axis=1))
+        A = np.ascontiguousarray(X * weight).view(float).T
+        y = np.ascontiguousarray((prompt[o] * weight[:, None]).T).view(float).T
+        x = np.linalg.lstsq(A, y, rcond=None)[0]
+        # A weight for the output makes rows of unlike units comparable.
+        level = np.sqrt(np.mean(weight**2))
+        residues[:, o] = level * np.array([shapes(layout, point, x[:, i]) for i in range(inputs)]).T
+        if layout.integral_pivot:
+            single[o] = level * x[at]
+        if layout.with_lower:
+            double[o] = level * x[at + len(layout.integral_pivot)]
+    return residues, double, single
+
+
+def _one_by_one(
+    data: Data, options: Options, poles: np.ndarray, pair: np.ndarray
+) -> tuple[Layout, Point, Complex[np.ndarray, "column line"]]:
+    """The columns of a single entry of H: every entry has residues of its own."""
+    layout = Layout(
+        pair,
+        np.where(pair, 0.0, np.imag(poles)),
+        np.zeros(len(poles), dtype=int),
+        1,
+        1,
+        options.real_constants,
+        False,
+        options.with_lower or options.rigid > 0,
+        options.with_direct,
+        options.period_s,
+        integral_pivot=(0,) if options.integrators else (),
+    )
+    point = Point(
+        poles,
+        np.ones((len(poles), 1), dtype=complex),
+        np.zeros((1, 1)),
+        np.ones((len(layout.integral_pivot), 1)),
+    )
+    return layout, point, columns(layout, point, fractions(layout, poles, data.s), data.s)[:, :, 0]
+
+
+def _real_starts(data: Data, options: Options, found: np.ndarray) -> Iterator[Start]:
+    """The strongest oscillating modes among the candidates, at the best delays of each output."""
+    wanted = options.states // 2
+    light = (np.imag(found) > 0.0) & (-np.real(found) < HEAVY * np.abs(found))
+    poles = found[light]
+    poles = poles[np.argsort(np.imag(poles))]
+    if len(poles) < wanted:
+        return
+    pair = np.ones(len(poles), dtype=bool)
+    _, _, X = _one_by_one(data, options, poles, pair)
+    line, level = _weights_alike(data)
+    modes = [np.array([m]) for m in range(len(poles))]
+    rows = as_real((X * line[:, 0])[:, :, None]).T
+    for delay_s in _first_delays(data, options, X):
+        prompt = np.moveaxis(data.H * np.exp(data.s[:, None] * delay_s[:, None]) * level * line, 1, 2)
+        targets = as_real(prompt.reshape(-1, len(data.s))[:, :, None])
+        kept = prune(rows, targets.T, modes, [2] * len(poles), options.states)
+        if kept is not None:
+            yield start_at(data, options, poles[kept], pair[kept], delay_s)
+
+
+def _first_delays(
+    data: Data, options: Options, X: Complex[np.ndarray, "column line"]
+) -> Iterator[Float[np.ndarray, "output path"]]:
+    """The best delays, the shortest that may do first; then those that explain far more, if any."""
+    outputs, _, inputs = data.H.shape
+    if not options.with_delay:
+        yield np.zeros((outputs, 1))
+        return
+    groups = [[i] for i in range(inputs)] if options.delay_of == "path" else [list(range(inputs))]
+    delays = np.array([[_best_delays(data, X, o, g) for g in groups] for o in range(outputs)])
+    if options.delay_of == "common":
+        delays = np.broadcast_to(np.median(delays, axis=0), delays.shape)
+    yield delays[..., 0]
+    if np.any(delays[..., 1] != delays[..., 0]):
+        yield delays[..., 1]
+
+
+def _best_delays(
+    data: Data, X: Complex[np.ndarray, "column line"], output: int, inputs: list[int]
+) -> tuple[float, float]:
+    """The delay (negative: a lead) on a grid at which real constants explain most of some entries.
+
+    The grid grows to half the record until most is explained: lines no closer than that tell no longer delay.
+    In a narrow band half a period more or less is little else than a change of sign, which constants take up:
+    there the best delay from zero to half a period comes first, the best of all only if it leaves far less.
+    """
+    omega = np.imag(data.s)
+    weight = np.sqrt(np.mean(data.weight[output] ** 2, axis=1))
+    target = data.H[output][:, inputs] * weight[:, None]
+    products = _products(X * weight, target)
+    tau, explained = _explained(omega, products)
+    count, whole = FIRST_DELAYS, np.sum(np.abs(target) ** 2)
+    while True:
+        near = np.concatenate(
+            [np.arange(-min(count, len(tau) // 2), 0), np.arange(min(count, len(tau) // 2))]
+        )
+        best = near[int(np.argmax(explained[near]))]
+        if explained[best] > ENOUGH * whole or 2 * count >= len(tau):
+            break
+        count *= 4
+    if omega[-1] >= NARROW * omega[0]:
+        return float(tau[best]), float(tau[best])
+    half = 2.0 * np.pi / (omega[0] + omega[-1])
+    soon, of_soon = _sharpened(omega, products, np.arange(0.0, half, tau[1] / FINER))
+    other, of_other = _sharpened(omega, products, tau[best] + tau[1] * np.arange(-1.0, 1.0, 1.0 / FINER))
+    return soon, other if HOPELESS * (whole - of_other) < whole - of_soon else soon
+
+
+def _products(X: Complex[np.ndarray, "column line"], target: np.ndarray) -> np.ndarray:
+    """conj(Q_l) y_l of each line l, on the orthonormal Q of the columns."""
+    Q = np.linalg.qr(np.ascontiguousarray(X).view(float).T)[0]
+    products = (Q[0::2] - 1j * Q[1::2])[:, :, None] * target[:, None, :]
+    return products.reshape(len(target), -1)
+
+
+def _explained(
+    omega: np.ndarray, products: Complex[np.ndarray, "line product"]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Delays, those of leads last, and the squares that are explained of the target less each of them.
+
+    All at once: they are |Re sum_l conj(Q_l) y_l exp(j omega_l tau)|^2 (`_products`), a Fourier transform of
+    lines put on an even grid.
+    """
+    step = max(float(np.min(np.diff(omega), initial=omega[-1])), omega[-1] / MOST_LINES)
+    place = np.round(omega / step).astype(int)
+    count = 2 ** int(np.ceil(np.log2(omega[-1] / step / DELAY_STEP)))
+    on_grid = np.zeros((count, products.shape[1]), dtype=complex)
+    np.add.at(on_grid, place, products)
+    tau = 2.0 * np.pi / step * np.fft.fftfreq(count)
+    return tau, np.sum(np.real(np.fft.ifft(on_grid, axis=0) * count) ** 2, axis=1)
+
+
+def _sharpened(
+    omega: np.ndarray, products: Complex[np.ndarray, "line product"], tau: Float[np.ndarray, " delay"]
+) -> tuple[float, float]:
+    """The best of a few delays, on the lines where they are, and the squares it explains."""
+    explained = np.sum(np.real(np.exp(1j * np.outer(tau, omega)) @ products) ** 2, axis=1)
+    best = int(np.argmax(explained))
+    return float(tau[best]), float(explained[best])
+
+
+def _weights_alike(data: Data) -> tuple[Float[np.ndarray, "line one"], Float[np.ndarray, "output one one"]]:
+    """A weight for each line and one for each output, so that all outputs have the same columns."""
+    line = np.sqrt(np.mean(data.weight**2, axis=(0, 2)))[:, None]
+    return line, np.sqrt(np.mean(data.weight**2, axis=(1, 2)))[:, None, None]

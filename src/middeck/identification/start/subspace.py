@@ -1,0 +1,94 @@
+"""Poles, and how they show at the outputs, from a frequency-domain subspace; nothing to tune.
+
+McKelvey, Akcay and Ljung (1996), algorithm 2: on the lines q_k of the unit circle, G_k stacked with the
+powers of q_k spans the observability matrix once the same powers of the input are projected out. A
+continuous response is mapped to the unit circle first, q = (a + s)/(a - s), with `a` in the middle of the
+band on a logarithmic scale, which spreads decades of modes over the circle. Poles outside are reflected.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from jaxtyping import Complex, Float
+
+from middeck.identification.problem.data import Data
+
+
+def block_rows(data: Data, order: int, factor: float) -> int:
+    """Block rows of a subspace: a multiple of the least, but no more than the lines allow."""
+    outputs, lines, inputs = data.H.shape
+    least = -(-order // outputs) + 1
+    return min(int(np.ceil(factor * least)), 2 * lines * inputs // (inputs + outputs) - 1)
+
+
+def subspace_poles(
+    data: Data, period_s: float, *, states: int, rows: int
+) -> Complex[np.ndarray, " state"] | None:
+    """Stable poles [rad/s] of the subspace model; None where the lines are too few for its size."""
+    outputs = data.H.shape[0]
+    if (rows - 1) * outputs < states:
+        return None
+    return next(poles_of_orders(data, period_s, [states], rows))
+
+
+def poles_of_orders(
+    data: Data, period_s: float, orders: Sequence[int], rows: int
+) -> Iterator[Complex[np.ndarray, " state"]]:
+    """The same for several orders, from one factorisation of so many block rows."""
+    outputs = data.H.shape[0]
+    q, a = _circle(data.s, period_s)
+    whole = _observability(data, q, rows)
+    for states in orders:
+        basis = whole[:, :states]
+        A = np.linalg.lstsq(basis[:-outputs], basis[outputs:], rcond=None)[0]
+        yield _to_plane(np.linalg.eigvals(A), a, period_s)
+
+
+def subspace_modes(
+    data: Data, period_s: float, *, states: int, rows: int
+) -> tuple[Complex[np.ndarray, " state"], Complex[np.ndarray, "output state"]] | None:
+    """Poles and output vectors of the subspace model; None where the lines are too few for its size."""
+    outputs = data.H.shape[0]
+    if (rows - 1) * outputs < states:
+        return None
+    q, a = _circle(data.s, period_s)
+    basis = _observability(data, q, rows)[:, :states]
+    A = np.linalg.lstsq(basis[:-outputs], basis[outputs:], rcond=None)[0]
+    z, shapes = np.linalg.eig(A)
+    return _to_plane(z, a, period_s), (basis[:outputs] @ shapes) / _output_levels(data)[:, None]
+
+
+def _output_levels(data: Data) -> Float[np.ndarray, " output"]:
+    return np.sqrt(np.mean(data.weight**2, axis=(1, 2)))
+
+
+def _circle(s: np.ndarray, period_s: float) -> tuple[np.ndarray, float]:
+    if period_s:
+        return np.exp(s * period_s), 0.0
+    omega = np.imag(s)
+    a = float(np.sqrt(omega[0] * omega[-1]))
+    return (a + s) / (a - s), a
+
+
+def _observability(data: Data, q: np.ndarray, rows: int) -> Float[np.ndarray, "row column"]:
+    outputs, _, inputs = data.H.shape
+    # One weight for each output and one for each line: the column space stays common.
+    weight = np.sqrt(np.mean(data.weight**2, axis=2))
+    level = _output_levels(data)
+    line = np.sqrt(np.mean((weight / level[:, None]) ** 2, axis=0))
+    powers = q[None] ** np.arange(rows)[:, None] * line
+    G = (powers[:, None, :, None] * (level[:, None, None] * data.H)[None]).reshape(rows * outputs, -1)
+    U = np.einsum("rk,ij->rikj", powers, np.eye(inputs)).reshape(rows * inputs, -1)
+    stacked = np.vstack([np.hstack([U.real, U.imag]), np.hstack([G.real, G.imag])])
+    triangle = np.asarray(np.linalg.qr(stacked.T, mode="r")).T
+    return np.linalg.svd(triangle[rows * inputs :, rows * inputs : len(stacked)])[0]
+
+
+def _to_plane(z: np.ndarray, a: float, period_s: float) -> Complex[np.ndarray, " state"]:
+    size = np.abs(z)
+    # Reflected into the circle, and kept off it and off its centre, where a pole has no finite decay.
+    inside = np.clip(np.where(size > 1.0, 1.0 / np.maximum(size, 1.0), size), 1e-6, 1.0 - 1e-6)
+    z = (np.where(size > 0.0, z / np.where(size > 0.0, size, 1.0), 1.0) * inside).astype(complex)
+    return np.log(z) / period_s if period_s else a * (z - 1.0) / (z + 1.0)
