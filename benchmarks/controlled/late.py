@@ -12,14 +12,14 @@ from scipy.optimize import brentq
 
 from measured.rows import row
 from middeck.control.analysis import decide_stability, measure_disk_margin, measure_margins
-from middeck.control.closed_loop import close_loop
-from middeck.control.compensator import Compensator
+from middeck.control.h2.closed_cost import Law, closed_matrices
+from middeck.control.h2.design_model import build_model
+from middeck.control.h2.noise_rms import measure_noise_rms
+from middeck.control.law.compensator import Compensator
+from middeck.control.law.sampled_compensator import SampledCompensator
+from middeck.control.loop.closed_loop import close_loop
 from middeck.control.lqg import LQGWeights
-from middeck.control.robust.closed_cost import Law, closed_matrices
-from middeck.control.robust.design_model import build_model
-from middeck.control.robust.noise_rms import measure_noise_rms
 from middeck.control.sampled import measure_sampled_margins
-from middeck.control.sampled_compensator import SampledCompensator
 from middeck.systems.delayed_plant import DelayedPlant, approximate_delays, delay_inputs
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant

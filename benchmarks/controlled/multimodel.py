@@ -26,11 +26,11 @@ import numpy as np
 from scipy.linalg import solve_continuous_lyapunov
 
 from measured.rows import row
-from middeck.control.classical import PDLoops, close_inner_loop
-from middeck.control.closed_loop import close_loop, leave_open
-from middeck.control.compensator import Compensator
+from middeck.control.law.classical import PDLoops, close_inner_loop
+from middeck.control.law.compensator import Compensator
+from middeck.control.loop.closed_loop import close_loop, leave_open
+from middeck.control.loop.performance import measure_metric
 from middeck.control.lqg import design_lqg
-from middeck.control.performance import measure_metric
 from middeck.control.robust import (
     ModeShift,
     Structure,

@@ -10,8 +10,8 @@ import numpy as np
 
 from measured.rows import row
 from middeck.control.analysis import measure_delayed_rms
+from middeck.control.loop.performance import Performance
 from middeck.control.lqg import LQGWeights, design_lqg
-from middeck.control.performance import Performance
 from middeck.systems.delayed_plant import DelayedPlant, approximate_delays
 from middeck.systems.modal import ModalSystem, modal_to_statespace
 from middeck.systems.norms import band_rms

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from measured.rows import cell, peer, row
-from middeck.control.authority import AuthoritySweep, sweep_authority
-from middeck.control.classical import PDLoops, close_inner_loop
+from middeck.control.law.classical import PDLoops, close_inner_loop
+from middeck.control.loop.authority import AuthoritySweep, sweep_authority
+from middeck.control.loop.performance import Performance
 from middeck.control.lqg import LQGWeights, design_filter, design_lqg
-from middeck.control.performance import Performance
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant, subsystem
 from middeck.systems.ports import Port

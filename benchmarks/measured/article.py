@@ -15,7 +15,7 @@ import numpy as np
 import scipy.linalg
 
 from measured.rows import row
-from middeck.control.classical import PDLoops, close_inner_loop
+from middeck.control.law.classical import PDLoops, close_inner_loop
 from middeck.files.studies import load_study
 from middeck.identification import estimate_response, fit_response, model_response
 from middeck.structure.modes.solve import solve_modes

@@ -9,20 +9,20 @@ from .control.analysis.return_ratio import trace_return_ratio as trace_return_ra
 from .control.analysis.shifts import find_allowed_shifts as find_allowed_shifts
 from .control.analysis.stability import decide_stability as decide_stability
 from .control.analysis.worst_case import find_worst_case as find_worst_case
-from .control.authority import (
+from .control.loop.authority import (
     find_first_instability as find_first_instability,
     sweep_authority as sweep_authority,
 )
-from .control.classical import (
+from .control.law.classical import (
     PDLoops as PDLoops,
     close_inner_loop as close_inner_loop,
 )
-from .control.closed_loop import (
+from .control.loop.closed_loop import (
     ClosedLoop as ClosedLoop,
     close_loop as close_loop,
     leave_open as leave_open,
 )
-from .control.compensator import Compensator as Compensator
+from .control.law.compensator import Compensator as Compensator
 from .control.lqg.coloured_plant import colour_disturbances as colour_disturbances
 from .control.lqg.design import design_lqg as design_lqg
 from .control.lqg.estimator import design_filter as design_filter
@@ -35,17 +35,17 @@ from .control.lqg.spectra import (
 )
 from .control.lqg.topologies import compare_topologies as compare_topologies
 from .control.lqg.weights import LQGWeights as LQGWeights
-from .control.participation import (
+from .control.loop.participation import (
     find_participation as find_participation,
     find_participations as find_participations,
 )
-from .control.performance import (
+from .control.loop.performance import (
     Performance as Performance,
     measure_control_rms as measure_control_rms,
     measure_metric as measure_metric,
     measure_rms as measure_rms,
 )
-from .control.pointing import (
+from .control.loop.pointing import (
     PointingWindow as PointingWindow,
     budget_pointing as budget_pointing,
 )
@@ -77,7 +77,7 @@ from .control.sampled.margins import (
 )
 from .control.sampled.outcome import measure_sampled_loop as measure_sampled_loop
 from .control.sampled.sampling_table import sampling_table as sampling_table
-from .control.sampled_compensator import SampledCompensator as SampledCompensator
+from .control.law.sampled_compensator import SampledCompensator as SampledCompensator
 from .control.shaping.sections import (
     design_pd as design_pd,
     first_order_section as first_order_section,
@@ -86,7 +86,7 @@ from .control.shaping.sections import (
     second_order_section as second_order_section,
     shape_compensator as shape_compensator,
 )
-from .control.uncertainty import (
+from .control.law.uncertainty import (
     ModeShift as ModeShift,
     Uncertainty as Uncertainty,
     draw_positions as draw_positions,

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from middeck.control.analysis import measure_disk_margin, measure_margins
-from middeck.control.compensator import Compensator
+from middeck.control.law.compensator import Compensator
 from middeck.systems.plant import Plant
 from middeck.systems.ports import Port
 from middeck.systems.statespace import StateSpace, gain_system

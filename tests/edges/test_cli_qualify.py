@@ -13,7 +13,7 @@ import pytest
 from cli_runner import ROOT, middeck
 from middeck.control import qualification
 from middeck.control.analysis import measure_margins
-from middeck.control.compensator import Compensator
+from middeck.control.law.compensator import Compensator
 from middeck.control.lqg import LQGCompensator, LQGWeights, design_lqg
 from middeck.control.qualification import qualify_compensator
 from middeck.control.robust import outcomes_on, shift_modes

@@ -13,12 +13,12 @@ import pytest
 
 from cli_runner import ROOT, middeck
 from middeck.control.analysis import measure_margins
-from middeck.control.authority import sweep_authority
-from middeck.control.classical import PDLoops, close_inner_loop
-from middeck.control.closed_loop import close_loop
-from middeck.control.compensator import Compensator
+from middeck.control.law.classical import PDLoops, close_inner_loop
+from middeck.control.law.compensator import Compensator
+from middeck.control.loop.authority import sweep_authority
+from middeck.control.loop.closed_loop import close_loop
+from middeck.control.loop.performance import Performance
 from middeck.control.lqg import LQGWeights, design_lqg
-from middeck.control.performance import Performance
 from middeck.control.qualification import qualify_compensator
 from middeck.control.robust import (
     ModeShift,

@@ -18,9 +18,9 @@ import pytest
 import scipy.io
 import scipy.signal
 
-from middeck.control.compensator import Compensator
+from middeck.control.law.compensator import Compensator
+from middeck.control.law.sampled_compensator import SampledCompensator
 from middeck.control.lqg import LQGWeights, design_lqg
-from middeck.control.sampled_compensator import SampledCompensator
 from middeck.errors import ConfigError, DataError, MissingExtraError
 from middeck.files.compensators import StoredCompensator, StoredSampledCompensator
 from middeck.files.exchange import (
@@ -409,7 +409,7 @@ def test_groups_are_checked_of_sampled_plants_too() -> None:
 def test_its_feedback_is_ours() -> None:
     """feedback(P, K, +1) with K = to_control(law), feedback(P, K) with the sign turned."""
     control = pytest.importorskip("control")
-    from middeck.control.closed_loop import close_loop
+    from middeck.control.loop.closed_loop import close_loop
 
     made = law()
     whole = dataclasses.replace(plant(), w=("motor.z",), z=("payload angle", "payload_rate"))

@@ -7,7 +7,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from middeck.control.analysis import Margins, ReturnRatio, measure_margins, trace_return_ratio
-from middeck.control.compensator import Compensator
+from middeck.control.law.compensator import Compensator
 from middeck.plot.nichols import nichols
 from middeck.plot.nyquist import nyquist, title_of
 from middeck.systems.delayed_plant import delay_inputs

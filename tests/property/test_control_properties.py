@@ -6,9 +6,9 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from middeck.control.closed_loop import close_loop
+from middeck.control.law.partition import partition_modes
+from middeck.control.loop.closed_loop import close_loop
 from middeck.control.lqg import LQGWeights, design_filter, design_lqg
-from middeck.control.partition import partition_modes
 from middeck.systems.modal import ModalSystem
 from middeck.systems.norms import band_rms
 from middeck.systems.plant import Plant

@@ -7,7 +7,7 @@ import scipy.linalg as sla
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from middeck.control.closed_loop import close_loop
+from middeck.control.loop.closed_loop import close_loop
 from middeck.control.lqg import LQGWeights, design_lqg
 from middeck.control.reduction import (
     hankel_values,

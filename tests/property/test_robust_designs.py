@@ -6,12 +6,12 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from middeck.control.h2.closed_cost import Law, evaluate_cost, solve_gramian
+from middeck.control.h2.design_model import build_model
+from middeck.control.h2.structure import arrange
 from middeck.control.lqg import LQGWeights, design_lqg
 from middeck.control.robust import design_multimodel, outcomes_on, shift_modes
 from middeck.control.robust.blend import blend
-from middeck.control.robust.closed_cost import Law, evaluate_cost, solve_gramian
-from middeck.control.robust.design_model import build_model
-from middeck.control.robust.structure import arrange
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
 from middeck.systems.ports import Port

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from middeck.control.classical import PDLoops
+from middeck.control.law.classical import PDLoops
 from middeck.control.lqg import LQGWeights
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant

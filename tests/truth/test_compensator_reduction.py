@@ -11,19 +11,19 @@ import pytest
 from multimodel_reference import AUTHORITY, NAMES, WEIGHTS, reference_plant
 
 from middeck.control.analysis import decide_stability
-from middeck.control.classical import PDLoops, close_inner_loop
-from middeck.control.closed_loop import close_loop
-from middeck.control.compensator import Compensator
+from middeck.control.h2.closed_cost import closed_matrices, evaluate_cost
+from middeck.control.h2.design_model import build_model
+from middeck.control.law.classical import PDLoops, close_inner_loop
+from middeck.control.law.compensator import Compensator
+from middeck.control.law.uncertainty import without_delays
+from middeck.control.loop.closed_loop import close_loop
 from middeck.control.lqg import Shaping, design_lqg
 from middeck.control.reduction import reduce_compensator
 from middeck.control.reduction.gramian import factor_gramians, restrict
 from middeck.control.reduction.loop import absorb, gramians_in_loop, pose_loop, proper_law, response_in_loop
 from middeck.control.reduction.separation import subtract
 from middeck.control.robust import shift_modes
-from middeck.control.robust.closed_cost import closed_matrices, evaluate_cost
-from middeck.control.robust.design_model import build_model
 from middeck.control.shaping import notch, second_order_section, shape_compensator
-from middeck.control.uncertainty import without_delays
 from middeck.errors import ConfigError
 from middeck.files.studies import load_study
 from middeck.study.chapters.zero_g_control.computation import control_plant, design_weights

@@ -7,13 +7,13 @@ import mace_like
 import numpy as np
 import pytest
 
-from middeck.control.authority import find_first_instability, sweep_authority
-from middeck.control.classical import close_inner_loop
-from middeck.control.closed_loop import close_loop, leave_open
-from middeck.control.compensator import Compensator
+from middeck.control.law.classical import close_inner_loop
+from middeck.control.law.compensator import Compensator
+from middeck.control.loop.authority import find_first_instability, sweep_authority
+from middeck.control.loop.closed_loop import close_loop, leave_open
+from middeck.control.loop.participation import find_participation
+from middeck.control.loop.performance import Performance, measure_metric, measure_rms
 from middeck.control.lqg import design_filter, design_lqg
-from middeck.control.participation import find_participation
-from middeck.control.performance import Performance, measure_metric, measure_rms
 from middeck.systems.norms import band_rms_by_quadrature
 from middeck.systems.plant import Plant
 from middeck.systems.ports import Port

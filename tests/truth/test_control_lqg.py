@@ -8,15 +8,15 @@ import pytest
 import scipy.linalg as sla
 
 from middeck.control.analysis import decide_stability
-from middeck.control.classical import PDLoops, close_inner_loop
-from middeck.control.closed_loop import (
+from middeck.control.law.classical import PDLoops, close_inner_loop
+from middeck.control.law.compensator import Compensator, evaluate_compensator
+from middeck.control.law.partition import partition_modes
+from middeck.control.loop.closed_loop import (
     close_loop,
     leave_open,
     predict_closed_loop_response,
 )
-from middeck.control.compensator import Compensator, evaluate_compensator
 from middeck.control.lqg import LQGWeights, design_filter, design_lqg
-from middeck.control.partition import partition_modes
 from middeck.errors import ConfigError, NotStabilisableError
 from middeck.systems.delayed_plant import approximate_delays, delay_inputs
 from middeck.systems.modal import ModalSystem

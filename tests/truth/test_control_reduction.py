@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import scipy.linalg as sla
 
-from middeck.control.classical import close_inner_loop
+from middeck.control.law.classical import close_inner_loop
 from middeck.control.reduction import (
     hankel_values,
     reduce_balanced,

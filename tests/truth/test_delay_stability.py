@@ -13,8 +13,8 @@ from scipy.optimize import brentq
 from scipy.special import lambertw
 
 from middeck.control.analysis import decide_stability, measure_margins
-from middeck.control.closed_loop import close_loop
-from middeck.control.compensator import Compensator
+from middeck.control.law.compensator import Compensator
+from middeck.control.loop.closed_loop import close_loop
 from middeck.control.lqg import LQGWeights, design_lqg
 from middeck.errors import NumericalError
 from middeck.files.documents import load_environment, load_structure

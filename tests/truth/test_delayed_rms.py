@@ -10,9 +10,9 @@ import pytest
 import scipy.integrate
 
 from middeck.control.analysis import measure_delayed_rms
-from middeck.control.closed_loop import close_loop
-from middeck.control.compensator import Compensator
-from middeck.control.performance import Performance, measure_rms
+from middeck.control.law.compensator import Compensator
+from middeck.control.loop.closed_loop import close_loop
+from middeck.control.loop.performance import Performance, measure_rms
 from middeck.systems.delayed_plant import DelayedPlant, approximate_delays
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant

@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from middeck.control.closed_loop import close_loop, leave_open
+from middeck.control.law.partition import partition_modes
+from middeck.control.loop.closed_loop import close_loop, leave_open
 from middeck.control.lqg import LQGWeights, design_lqg
-from middeck.control.partition import partition_modes
 from middeck.errors import ConfigError
 from middeck.realtime.rig import build_linear_rig, close_sampled_loop
 from middeck.systems.modal import ModalSystem, modal_response, modal_to_statespace, output_rows, select_modes

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import scipy.linalg as sla
 
-from middeck.control.closed_loop import close_loop, leave_open
+from middeck.control.loop.closed_loop import close_loop, leave_open
+from middeck.control.loop.performance import Performance, measure_rms
 from middeck.control.lqg import (
     LQGWeights,
     Shaping,
@@ -16,7 +17,6 @@ from middeck.control.lqg import (
     line_filter,
     sum_spectra,
 )
-from middeck.control.performance import Performance, measure_rms
 from middeck.errors import ConfigError, DataError
 from middeck.systems.norms import band_rms
 from middeck.systems.plant import Plant

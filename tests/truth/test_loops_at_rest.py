@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from middeck.control.analysis import decide_stability, find_allowed_shifts, measure_delayed_rms
-from middeck.control.closed_loop import close_loop
-from middeck.control.compensator import Compensator
+from middeck.control.law.compensator import Compensator
+from middeck.control.loop.closed_loop import close_loop
+from middeck.control.loop.performance import Performance, measure_rms
 from middeck.control.lqg import LQGWeights, design_lqg
-from middeck.control.performance import Performance, measure_rms
 from middeck.systems.delayed_plant import DelayedPlant, approximate_delays, delay_inputs
 from middeck.systems.integrators import part_integrators, realise_residues
 from middeck.systems.modal import ModalSystem

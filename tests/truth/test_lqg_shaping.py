@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import scipy.linalg as sla
 
-from middeck.control.classical import close_inner_loop
-from middeck.control.closed_loop import close_loop
-from middeck.control.compensator import evaluate_compensator
+from middeck.control.law.classical import close_inner_loop
+from middeck.control.law.compensator import evaluate_compensator
+from middeck.control.loop.closed_loop import close_loop
 from middeck.control.lqg import LQGWeights, Shaping, design_filter, design_levels, design_lqg
 from middeck.errors import ConfigError, NotStabilisableError
 from middeck.systems.modal import ModalSystem

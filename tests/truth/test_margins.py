@@ -14,7 +14,7 @@ from middeck.control.analysis import (
 from middeck.control.analysis.loop import At, form_loop
 from middeck.control.analysis.neutral import bears_no_delay
 from middeck.control.analysis.scaling import scaled_norms
-from middeck.control.compensator import Compensator
+from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError
 from middeck.systems.delayed_plant import DelayedPlant, delay_inputs
 from middeck.systems.modal import ModalSystem

@@ -13,7 +13,9 @@ from multimodel_reference import (
     reference_plant,
 )
 
-from middeck.control.closed_loop import close_loop
+from middeck.control.h2.closed_cost import Law, evaluate_cost
+from middeck.control.h2.design_model import build_model
+from middeck.control.loop.closed_loop import close_loop
 from middeck.control.lqg import LQGWeights, design_lqg
 from middeck.control.robust import (
     ModeShift,
@@ -29,8 +31,6 @@ from middeck.control.robust import (
     without_delays,
     worst_db,
 )
-from middeck.control.robust.closed_cost import Law, evaluate_cost
-from middeck.control.robust.design_model import build_model
 from middeck.errors import ConfigError, NotStabilisableError, NumericalError
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant

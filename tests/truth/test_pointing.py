@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import scipy.linalg as sla
 
-from middeck.control.closed_loop import leave_open
-from middeck.control.performance import Performance
-from middeck.control.pointing import (
+from middeck.control.loop.closed_loop import leave_open
+from middeck.control.loop.performance import Performance
+from middeck.control.loop.pointing import (
     PointingWindow,
     budget_pointing,
     drift_weight,

@@ -7,6 +7,8 @@ import pytest
 import scipy.linalg as sla
 from multimodel_reference import APART, AUTHORITY, NAMES, TOGETHER, WEIGHTS, grid, reference_plant
 
+from middeck.control.h2.closed_cost import Law, closed_matrices, evaluate_cost
+from middeck.control.h2.design_model import build_model
 from middeck.control.lqg import LQGWeights, design_lqg
 from middeck.control.robust import (
     ModeShift,
@@ -19,8 +21,6 @@ from middeck.control.robust import (
     verify_robustness,
     without_delays,
 )
-from middeck.control.robust.closed_cost import Law, closed_matrices, evaluate_cost
-from middeck.control.robust.design_model import build_model
 from middeck.control.robust.directions import shift_directions
 from middeck.control.robust.popov_bound import Multipliers, evaluate_bound, first_multipliers
 from middeck.errors import ConfigError, NumericalError

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from middeck.control.closed_loop import predict_closed_loop_response
+from middeck.control.loop.closed_loop import predict_closed_loop_response
 from middeck.errors import ConfigError
 from middeck.realtime.rig import build_linear_rig, close_sampled_loop, run_closed_loop, run_open_loop
 from middeck.systems.excitation import random_multisine

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from middeck.control.compensator import Compensator
+from middeck.control.law.compensator import Compensator
 from middeck.control.sampled import SampledCompensator, emulate
 from middeck.errors import ConfigError
 from middeck.realtime.hardware_rig import HardwareRig, build_hardware_rig, stream_hardware

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from middeck.control.compensator import Compensator
+from middeck.control.law.compensator import Compensator
 from middeck.laboratory.bench import Bench
 from middeck.laboratory.loop import RigView, fastest_pole, judge_loop, view_rig
 from middeck.realtime.drift import Drift, age_plant, nearest_modes

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
-from middeck.control.closed_loop import close_loop
-from middeck.control.compensator import Compensator
+from middeck.control.h2.design_model import build_model
+from middeck.control.h2.nominal_law import lqg_law
+from middeck.control.law.compensator import Compensator
+from middeck.control.loop.closed_loop import close_loop
 from middeck.control.lqg import LQGWeights, design_lqg
 from middeck.control.robust import (
     ModeShift,
@@ -15,8 +17,6 @@ from middeck.control.robust import (
     outcomes_on,
     plant_as_sampled,
 )
-from middeck.control.robust.design_model import build_model
-from middeck.control.robust.nominal_law import lqg_law
 from middeck.errors import ConfigError
 from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.modal import ModalSystem

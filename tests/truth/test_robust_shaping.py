@@ -9,7 +9,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from middeck.control.closed_loop import close_loop
+from middeck.control.h2.closed_cost import Law, evaluate_cost
+from middeck.control.h2.design_model import build_model
+from middeck.control.loop.closed_loop import close_loop
 from middeck.control.lqg import LQGWeights, Shaping, design_lqg
 from middeck.control.robust import (
     ModeShift,
@@ -23,8 +25,6 @@ from middeck.control.robust import (
     draw_positions,
     finished_plants,
 )
-from middeck.control.robust.closed_cost import Law, evaluate_cost
-from middeck.control.robust.design_model import build_model
 from middeck.errors import ConfigError, NotStabilisableError
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant

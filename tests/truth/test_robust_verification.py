@@ -17,11 +17,12 @@ from multimodel_reference import (
 )
 
 from middeck.control.analysis import decide_stability, measure_delayed_rms
-from middeck.control.closed_loop import close_loop
-from middeck.control.compensator import Compensator, evaluate_compensator
-from middeck.control.delay_order import MOST_PADE, pade_order, phase_of_modes
+from middeck.control.h2.closed_cost import Law
+from middeck.control.law.compensator import Compensator, evaluate_compensator
+from middeck.control.law.delay_order import MOST_PADE, pade_order, phase_of_modes
+from middeck.control.loop.closed_loop import close_loop
+from middeck.control.loop.performance import Performance
 from middeck.control.lqg import LQGWeights, design_lqg
-from middeck.control.performance import Performance
 from middeck.control.qualification import qualify_compensator
 from middeck.control.robust import (
     ModeShift,
@@ -39,7 +40,6 @@ from middeck.control.robust import (
     verify_robustness,
     without_delays,
 )
-from middeck.control.robust.closed_cost import Law
 from middeck.control.robust.exact_delay import exact_growth
 from middeck.control.sampled import emulate, measure_sampled_loop
 from middeck.control.sampled.antialias import filter_measurements

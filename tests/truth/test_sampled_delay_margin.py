@@ -10,8 +10,8 @@ from scipy.optimize import brentq
 
 from middeck.control.analysis import decide_stability, measure_margins
 from middeck.control.analysis.margins_table import margins_table
+from middeck.control.law.sampled_compensator import SampledCompensator
 from middeck.control.sampled import design_sampled_lqg, measure_sampled_margins, sample_controlled
-from middeck.control.sampled_compensator import SampledCompensator
 from middeck.errors import ConfigError
 from middeck.systems.delayed_plant import DelayedPlant, delay_inputs
 from middeck.systems.modal import ModalSystem, modal_to_statespace

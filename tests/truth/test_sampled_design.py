@@ -12,7 +12,7 @@ import scipy.linalg as sla
 from hypothesis import given
 from hypothesis import strategies as st
 
-from middeck.control.classical import close_inner_loop
+from middeck.control.law.classical import close_inner_loop
 from middeck.control.lqg import LQGWeights, design_lqg
 from middeck.control.sampled import (
     SampledCompensator,

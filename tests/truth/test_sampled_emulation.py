@@ -5,7 +5,7 @@ import pytest
 import sampled_cases as cases
 import scipy.linalg as sla
 
-from middeck.control.compensator import Compensator
+from middeck.control.law.compensator import Compensator
 from middeck.control.lqg import design_lqg
 from middeck.control.sampled import emulate
 from middeck.errors import ConfigError

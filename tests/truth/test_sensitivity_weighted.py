@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from multimodel_reference import APART, AUTHORITY, NAMES, TOGETHER, WEIGHTS, grid, reference_plant
 
+from middeck.control.h2.design_model import build_model
 from middeck.control.lqg import design_lqg
 from middeck.control.robust import (
     ModeShift,
@@ -16,7 +17,6 @@ from middeck.control.robust import (
     verify_robustness,
     without_delays,
 )
-from middeck.control.robust.design_model import build_model
 from middeck.control.robust.directions import stiffness_directions
 from middeck.control.robust.sensitivity_weighted import _changes, _weighted
 from middeck.errors import ConfigError, NumericalError

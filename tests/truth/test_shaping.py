@@ -6,9 +6,9 @@ import mace_like
 import numpy as np
 import pytest
 
-from middeck.control.classical import close_inner_loop
-from middeck.control.closed_loop import close_loop
-from middeck.control.compensator import Compensator, evaluate_compensator
+from middeck.control.law.classical import close_inner_loop
+from middeck.control.law.compensator import Compensator, evaluate_compensator
+from middeck.control.loop.closed_loop import close_loop
 from middeck.control.shaping import (
     design_pd,
     first_order_section,

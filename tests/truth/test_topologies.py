@@ -6,12 +6,12 @@ import mace_like
 import numpy as np
 import pytest
 
-from middeck.control.classical import close_inner_loop
-from middeck.control.closed_loop import close_loop, leave_open
-from middeck.control.compensator import Compensator
+from middeck.control.law.classical import close_inner_loop
+from middeck.control.law.compensator import Compensator
+from middeck.control.loop.closed_loop import close_loop, leave_open
+from middeck.control.loop.performance import Performance, measure_control_rms, measure_metric
 from middeck.control.lqg import compare_topologies, design_lqg
 from middeck.control.lqg.topologies import select_weights
-from middeck.control.performance import Performance, measure_control_rms, measure_metric
 from middeck.errors import ConfigError
 from middeck.systems.plant import Plant
 from middeck.systems.ports import Port

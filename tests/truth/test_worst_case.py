@@ -15,13 +15,13 @@ from middeck.control.analysis import (
     find_worst_case,
     measure_delayed_rms,
 )
-from middeck.control.closed_loop import close_loop
-from middeck.control.compensator import Compensator
+from middeck.control.law.compensator import Compensator
+from middeck.control.law.uncertainty import ModeShift, Uncertainty, finished_plants
+from middeck.control.loop.closed_loop import close_loop
+from middeck.control.loop.participation import find_participation, find_participations
+from middeck.control.loop.performance import Performance
 from middeck.control.lqg import LQGWeights, design_lqg
-from middeck.control.participation import find_participation, find_participations
-from middeck.control.performance import Performance
 from middeck.control.shaping import second_order_section
-from middeck.control.uncertainty import ModeShift, Uncertainty, finished_plants
 from middeck.errors import ConfigError
 from middeck.systems.delayed_plant import DelayedPlant, approximate_delays
 from middeck.systems.modal import ModalSystem

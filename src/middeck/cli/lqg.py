@@ -6,9 +6,9 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.cli.settings import LoopSettings
-from middeck.control.closed_loop import ClosedLoop, close_loop, leave_open
+from middeck.control.loop.closed_loop import ClosedLoop, close_loop, leave_open
+from middeck.control.loop.performance import Performance, measure_rms
 from middeck.control.lqg import LQGCompensator, LQGWeights, design_lqg
-from middeck.control.performance import Performance, measure_rms
 from middeck.errors import NumericalError
 from middeck.systems.plant import Plant
 from middeck.systems.statespace import poles

@@ -13,10 +13,10 @@ from middeck.cli.blame import reading
 from middeck.cli.cases import solve_case
 from middeck.cli.plants import tell_warnings
 from middeck.control.analysis.shifts import find_allowed_shifts
-from middeck.control.compensator import Compensator
+from middeck.control.law.compensator import Compensator
+from middeck.control.law.sampled_compensator import SampledCompensator
 from middeck.control.lqg import LQGWeights
 from middeck.control.qualification import qualify_compensator, sampled_forms
-from middeck.control.sampled_compensator import SampledCompensator
 from middeck.errors import ConfigError
 from middeck.files.models import load_model
 from middeck.identification.model.measurement_model import MeasurementModel

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from middeck.control.compensator import Compensator
-from middeck.control.sampled_compensator import SampledCompensator
+from middeck.control.law.compensator import Compensator
+from middeck.control.law.sampled_compensator import SampledCompensator
 from middeck.errors import DataError
 from middeck.files.compensators import Stored, load_compensator, write_compensator
 from middeck.files.exchange.mat import load_mat, write_mat

@@ -8,12 +8,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from middeck.control.analysis import LoopMargins, LoopStability, measure_margins
-from middeck.control.compensator import Compensator, idle_compensator
+from middeck.control.h2.noise_rms import measure_noise_rms
+from middeck.control.law.compensator import Compensator, idle_compensator
+from middeck.control.law.partition import partition_modes
+from middeck.control.law.stabilisability import require_reachable
 from middeck.control.lqg import LQGWeights
-from middeck.control.partition import partition_modes
-from middeck.control.robust.noise_rms import measure_noise_rms
 from middeck.control.sampled import SampledCompensator, measure_sampled_loop, measure_sampled_margins
-from middeck.control.stabilisability import require_reachable
 from middeck.errors import ConfigError, MiddeckError, NotStabilisableError, NumericalError
 from middeck.systems.delayed_plant import DelayedPlant, delay_inputs
 from middeck.systems.plant import Plant, name_states, subsystem

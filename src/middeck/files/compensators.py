@@ -9,8 +9,8 @@ from typing import Any, cast
 
 import numpy as np
 
-from middeck.control.compensator import Compensator
-from middeck.control.sampled_compensator import SampledCompensator
+from middeck.control.law.compensator import Compensator
+from middeck.control.law.sampled_compensator import SampledCompensator
 from middeck.errors import DataError
 from middeck.files.json_input import json_numbers, read_json
 from middeck.files.json_output import write_json

@@ -11,7 +11,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.compensator import Compensator
+from middeck.control.law.compensator import Compensator
 from middeck.control.sampled import emulate
 from middeck.identification.spectra import estimate_response
 from middeck.laboratory.article import RigArticle, rig_article_plant

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.control.analysis import measure_margins
-from middeck.control.compensator import Compensator
+from middeck.control.law.compensator import Compensator
 from middeck.laboratory.bench import Bench, law_on
 from middeck.realtime.linear_view import linearise_rig
 from middeck.realtime.rig import close_sampled_loop

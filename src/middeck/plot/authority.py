@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from middeck.control.authority import AuthoritySweep
+from middeck.control.loop.authority import AuthoritySweep
 from middeck.plot.style import COLOUR, new_figure, styled
 
 ORDER = ("orbit", "lab", "prediction", "robust", "low", "high", "rig")

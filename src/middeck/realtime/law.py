@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from middeck.control.kinds import require_sampled
+from middeck.control.law.kinds import require_sampled
 from middeck.control.sampled import SampledCompensator
 from middeck.errors import ConfigError
 from middeck.systems.ports import Port, port_indices

@@ -17,8 +17,8 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.control.analysis.loop import part_transfer, select_dynamics
-from middeck.control.compensator import Compensator
-from middeck.control.partition import partition_modes
+from middeck.control.law.compensator import Compensator
+from middeck.control.law.partition import partition_modes
 from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.integrators import realise_residues
 

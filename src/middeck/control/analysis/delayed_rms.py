@@ -8,9 +8,9 @@ from jaxtyping import Float
 from middeck.control.analysis.closed_response import closed_response
 from middeck.control.analysis.loop import approximate_halves, close_channels, form_loop, is_late
 from middeck.control.analysis.stability import decide_loop
-from middeck.control.closed_loop import close_loop
-from middeck.control.compensator import Compensator
-from middeck.control.performance import Performance, measure_rms
+from middeck.control.law.compensator import Compensator
+from middeck.control.loop.closed_loop import close_loop
+from middeck.control.loop.performance import Performance, measure_rms
 from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.norms import response_rms
 from middeck.systems.plant import Plant

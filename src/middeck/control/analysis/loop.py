@@ -10,12 +10,12 @@ import numpy as np
 import scipy.linalg
 from jaxtyping import Complex, Float
 
-from middeck.control.classical import close_static
-from middeck.control.compensator import Compensator
-from middeck.control.delay_order import approximation_order
-from middeck.control.kinds import require_continuous, require_sampled
-from middeck.control.partition import partition_modes
-from middeck.control.sampled_compensator import SampledCompensator
+from middeck.control.law.classical import close_static
+from middeck.control.law.compensator import Compensator
+from middeck.control.law.delay_order import approximation_order
+from middeck.control.law.kinds import require_continuous, require_sampled
+from middeck.control.law.partition import partition_modes
+from middeck.control.law.sampled_compensator import SampledCompensator
 from middeck.errors import ConfigError
 from middeck.systems.delayed_plant import DelayedPlant, approximate_delays, delay_inputs
 from middeck.systems.integrators import part_integrators

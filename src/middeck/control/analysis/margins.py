@@ -146,7 +146,7 @@ def measure_margins(plant: AnyPlant, law: AnyLaw, *, at: At = "inputs") -> Margi
 
     Examples
     --------
-    >>> from middeck.control.compensator import Compensator
+    >>> from middeck.control.law.compensator import Compensator
     >>> from middeck.systems.delayed_plant import delay_inputs
     >>> from middeck.systems.plant import Plant
     >>> from middeck.systems.ports import Port

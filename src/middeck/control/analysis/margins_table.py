@@ -16,7 +16,7 @@ def margins_table(margins: Margins) -> str:
     ``?``: a delay that was not looked for (`LoopMargins`).
 
     >>> from middeck.control.analysis import measure_margins
-    >>> from middeck.control.compensator import Compensator
+    >>> from middeck.control.law.compensator import Compensator
     >>> from middeck.systems.plant import Plant
     >>> from middeck.systems.ports import Port
     >>> from middeck.systems.statespace import StateSpace, gain_system

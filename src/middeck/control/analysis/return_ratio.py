@@ -66,7 +66,7 @@ def trace_return_ratio(
 
     Examples
     --------
-    >>> from middeck.control.compensator import Compensator
+    >>> from middeck.control.law.compensator import Compensator
     >>> from middeck.systems.plant import Plant
     >>> from middeck.systems.ports import Port
     >>> from middeck.systems.statespace import StateSpace, gain_system

@@ -8,7 +8,7 @@ import numpy as np
 
 from middeck.control.analysis.loop import AnyLaw, AnyPlant, form_loop
 from middeck.control.analysis.stability import decide_loop, largest_growth, loop_poles
-from middeck.control.partition import partition_modes
+from middeck.control.law.partition import partition_modes
 from middeck.errors import ConfigError
 from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.modal import ModalSystem

@@ -20,7 +20,7 @@ from middeck.control.analysis.loop import (
     period_of,
 )
 from middeck.control.analysis.root_count import clear_walls, count_more, direct_gain
-from middeck.control.delay_order import pade_order
+from middeck.control.law.delay_order import pade_order
 from middeck.errors import NumericalError
 from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.inert_modes import observed_modes, reached_modes
@@ -80,7 +80,7 @@ def decide_stability(plant: AnyPlant, law: AnyLaw) -> LoopStability:
 
     Examples
     --------
-    >>> from middeck.control.compensator import Compensator
+    >>> from middeck.control.law.compensator import Compensator
     >>> from middeck.systems.delayed_plant import delay_inputs
     >>> from middeck.systems.plant import Plant
     >>> from middeck.systems.ports import Port

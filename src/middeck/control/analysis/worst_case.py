@@ -11,17 +11,17 @@ from jaxtyping import Float
 from middeck.control.analysis.delayed_rms import measure_delayed_rms
 from middeck.control.analysis.loop import FeedbackLoop, evaluate_halves, form_loop
 from middeck.control.analysis.stability import LoopStability, decide_loop, largest_growth, loop_poles
-from middeck.control.closed_loop import close_loop
-from middeck.control.compensator import Compensator
-from middeck.control.delay_order import approximation_order
-from middeck.control.partition import partition_modes
-from middeck.control.performance import Performance, measure_metric
-from middeck.control.uncertainty import (
+from middeck.control.law.compensator import Compensator
+from middeck.control.law.delay_order import approximation_order
+from middeck.control.law.partition import partition_modes
+from middeck.control.law.uncertainty import (
     Uncertainty,
     corner_positions,
     finished_plants,
     parameter_names,
 )
+from middeck.control.loop.closed_loop import close_loop
+from middeck.control.loop.performance import Performance, measure_metric
 from middeck.systems.delayed_plant import DelayedPlant, approximate_delays
 from middeck.systems.plant import Plant
 from middeck.systems.stability import GROWTH_LIMIT

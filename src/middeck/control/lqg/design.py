@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.compensator import Compensator, driven_ports, measured_ports
+from middeck.control.law.compensator import Compensator, driven_ports, measured_ports
+from middeck.control.law.partition import partition_modes
+from middeck.control.law.stabilisability import require_reachable
 from middeck.control.lqg.design_model import DesignModel, build_design_model
 from middeck.control.lqg.estimator import KalmanFilter, design_filter
 from middeck.control.lqg.regulator import Regulator, design_regulator
 from middeck.control.lqg.shaping import Shaping
 from middeck.control.lqg.weights import LQGWeights
-from middeck.control.partition import partition_modes
 from middeck.control.riccati import RiccatiSolution
-from middeck.control.stabilisability import require_reachable
 from middeck.errors import ConfigError, NotStabilisableError
 from middeck.systems.plant import Plant
 from middeck.systems.statespace import StateSpace

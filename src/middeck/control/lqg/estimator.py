@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
+from middeck.control.law.partition import partition_modes
 from middeck.control.lqg.design_model import DesignModel, build_design_model
 from middeck.control.lqg.shaping import Shaping
 from middeck.control.lqg.weights import LQGWeights
-from middeck.control.partition import partition_modes
 from middeck.control.riccati import RiccatiSolution, solve_riccati
 from middeck.systems.plant import Plant
 from middeck.values import record

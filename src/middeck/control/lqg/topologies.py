@@ -8,10 +8,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from middeck.control.closed_loop import close_loop, leave_open
+from middeck.control.loop.closed_loop import close_loop, leave_open
+from middeck.control.loop.performance import Performance, measure_control_rms, measure_metric
 from middeck.control.lqg.levels import design_levels
 from middeck.control.lqg.weights import LQGWeights
-from middeck.control.performance import Performance, measure_control_rms, measure_metric
 from middeck.errors import ConfigError
 from middeck.systems.plant import Plant
 from middeck.values import record

@@ -10,8 +10,10 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from middeck.control.analysis import decide_stability
-from middeck.control.compensator import Compensator
-from middeck.control.kinds import require_continuous
+from middeck.control.h2.closed_cost import evaluate_cost
+from middeck.control.law.compensator import Compensator
+from middeck.control.law.kinds import require_continuous
+from middeck.control.law.uncertainty import without_delays
 from middeck.control.lqg import LQGWeights
 from middeck.control.reduction.balanced import in_sizes
 from middeck.control.reduction.candidates import Method
@@ -19,8 +21,6 @@ from middeck.control.reduction.loop import Loop, absorb, pose_loop, proper_law, 
 from middeck.control.reduction.result import ReducedCompensator
 from middeck.control.reduction.search import Best, Trial, search_law
 from middeck.control.reduction.separation import Separation, separate_axis, subtract
-from middeck.control.robust.closed_cost import evaluate_cost
-from middeck.control.uncertainty import without_delays
 from middeck.errors import ConfigError
 from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.peak_gain import peak_gain

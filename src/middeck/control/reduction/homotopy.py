@@ -10,11 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from middeck.control.h2.closed_cost import Law
+from middeck.control.h2.design_model import DesignModel
 from middeck.control.reduction.candidates import Candidate
 from middeck.control.reduction.loop import absorb, proper_law
 from middeck.control.robust.blend import improve
-from middeck.control.robust.closed_cost import Law
-from middeck.control.robust.design_model import DesignModel
 from middeck.control.robust.starts import stabilises
 from middeck.systems.stability import growth_rates
 from middeck.systems.statespace import StateSpace

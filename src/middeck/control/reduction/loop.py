@@ -12,12 +12,12 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.compensator import Compensator
+from middeck.control.h2.closed_cost import Law, closed_matrices, spectral_abscissa
+from middeck.control.h2.design_model import DesignModel, build_model
+from middeck.control.law.compensator import Compensator
 from middeck.control.lqg import LQGWeights
 from middeck.control.reduction.gramian import GramianFactors, factor_gramians, restrict
 from middeck.control.riccati.lyapunov import solve_lyapunov
-from middeck.control.robust.closed_cost import Law, closed_matrices, spectral_abscissa
-from middeck.control.robust.design_model import DesignModel, build_model
 from middeck.errors import ConfigError
 from middeck.systems.plant import Plant
 from middeck.systems.statespace import StateSpace, gain_system

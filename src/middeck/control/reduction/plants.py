@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 
-from middeck.control.partition import partition_modes
+from middeck.control.law.partition import partition_modes
 from middeck.control.reduction.balanced import Sizes, reduce_balanced
 from middeck.control.reduction.result import ReducedPlant, Reduction, Rest
 from middeck.errors import ConfigError

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Bool, Float
 
-from middeck.control.compensator import Compensator
+from middeck.control.law.compensator import Compensator
 from middeck.systems.plant import Plant
 from middeck.systems.statespace import StateSpace
 from middeck.values import record

@@ -16,10 +16,10 @@ import numpy as np
 import scipy.linalg as sla
 from jaxtyping import Complex, Float
 
+from middeck.control.law.stabilisability import CANDIDATE, require_reachable
 from middeck.control.riccati.balancing import unit_diagonal, unit_scales
 from middeck.control.riccati.newton import approach, refine, residual, rounding
 from middeck.control.riccati.subspace import solve_by_subspace
-from middeck.control.stabilisability import CANDIDATE, require_reachable
 from middeck.errors import ConfigError, NumericalError
 from middeck.values import record
 

@@ -15,10 +15,10 @@ import numpy as np
 import scipy.linalg as sla
 from jaxtyping import Complex, Float
 
+from middeck.control.law.stabilisability import require_reachable
 from middeck.control.riccati.balancing import unit_diagonal, unit_scales
 from middeck.control.riccati.continuous import MISSED, WEIGH_IT, WORTHLESS
 from middeck.control.riccati.lyapunov import solve_discrete_lyapunov
-from middeck.control.stabilisability import require_reachable
 from middeck.errors import ConfigError, NumericalError
 from middeck.values import record
 

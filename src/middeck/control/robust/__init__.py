@@ -1,5 +1,17 @@
 """Designs that survive what is not known of a plant, and how they do on plants they have not seen."""
 
+from middeck.control.h2.structure import Station, Structure
+from middeck.control.law.uncertainty import (
+    ModeShift,
+    Uncertainty,
+    corner_positions,
+    draw_positions,
+    end_positions,
+    finished_plants,
+    parameter_names,
+    perturb_plant,
+    without_delays,
+)
 from middeck.control.robust.comparison import ComparedDesign, compare_designs, comparison_table
 from middeck.control.robust.exchange import design_for_worst
 from middeck.control.robust.monte_carlo import (
@@ -17,18 +29,6 @@ from middeck.control.robust.sampled_plant import plant_as_sampled
 from middeck.control.robust.sensitivity_weighted import (
     SensitivityWeightedCompensator,
     design_sensitivity_weighted,
-)
-from middeck.control.robust.structure import Station, Structure
-from middeck.control.uncertainty import (
-    ModeShift,
-    Uncertainty,
-    corner_positions,
-    draw_positions,
-    end_positions,
-    finished_plants,
-    parameter_names,
-    perturb_plant,
-    without_delays,
 )
 from middeck.systems.mode_shift import shift_modes
 

@@ -6,14 +6,14 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from middeck.control.h2.closed_cost import Law, evaluate_cost, spectral_abscissa
+from middeck.control.h2.design_model import DesignModel, discounted
+from middeck.control.h2.nominal_law import lqg_law
+from middeck.control.h2.structure import order_of, shifted, station_ports
 from middeck.control.robust.blend import Stations, improve
-from middeck.control.robust.closed_cost import Law, evaluate_cost, spectral_abscissa
-from middeck.control.robust.design_model import DesignModel, discounted
-from middeck.control.robust.nominal_law import lqg_law
 from middeck.control.robust.problem import Problem, models_of
 from middeck.control.robust.result import Stage
 from middeck.control.robust.starts import LADDER, find_starts, in_the_loop, spread_starts, stabilises
-from middeck.control.robust.structure import order_of, shifted, station_ports
 from middeck.errors import ConfigError, NumericalError
 from middeck.values import record
 

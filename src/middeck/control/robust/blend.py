@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.robust.closed_cost import Law, LawCost, evaluate_cost
+from middeck.control.h2.closed_cost import Law, LawCost, evaluate_cost
+from middeck.control.h2.design_model import DesignModel
+from middeck.control.h2.structure import Free, arrange, pack, scale_states, unpack
 from middeck.control.robust.coordinates import even_scale, parameter_scale
 from middeck.control.robust.descent import Descent, descend
-from middeck.control.robust.design_model import DesignModel
-from middeck.control.robust.structure import Free, arrange, pack, scale_states, unpack
 
 Stations = list[tuple[list[int], list[int], int]]
 

@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.compensator import Compensator
+from middeck.control.law.compensator import Compensator
+from middeck.control.law.uncertainty import Uncertainty, parameter_names
 from middeck.control.lqg import LQGWeights
 from middeck.control.robust.monte_carlo import PlantOutcomes, stable_share, verify_robustness, worst_db
-from middeck.control.uncertainty import Uncertainty, parameter_names
 from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.plant import Plant
 from middeck.values import record

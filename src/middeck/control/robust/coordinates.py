@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.robust.closed_cost import Law, LawCost
-from middeck.control.robust.design_model import DesignModel
-from middeck.control.robust.structure import Free
+from middeck.control.h2.closed_cost import Law, LawCost
+from middeck.control.h2.design_model import DesignModel
+from middeck.control.h2.structure import Free
 
 
 def even_scale(costs: Sequence[LawCost], integrals: int = 0) -> Float[np.ndarray, " law"]:

@@ -12,8 +12,8 @@ import dataclasses
 import numpy as np
 from jaxtyping import Bool, Float
 
-from middeck.control.partition import partition_modes
-from middeck.control.uncertainty import Uncertainty, finished_plants, without_delays
+from middeck.control.law.partition import partition_modes
+from middeck.control.law.uncertainty import Uncertainty, finished_plants, without_delays
 from middeck.errors import ConfigError
 from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.mode_shift import mode_coordinates, mode_states

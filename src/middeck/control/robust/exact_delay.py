@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Complex, Float
 
-from middeck.control.partition import partition_modes
-from middeck.control.robust.closed_cost import Law
+from middeck.control.h2.closed_cost import Law
+from middeck.control.law.partition import partition_modes
 from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.plant import Plant
 

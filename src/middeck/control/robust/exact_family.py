@@ -24,10 +24,10 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.control.analysis.loop import resolve, transfer_of
-from middeck.control.compensator import Compensator
+from middeck.control.h2.design_model import build_model, square_root
+from middeck.control.h2.noise_rms import FAR, REST, NoiseOutcome
+from middeck.control.law.compensator import Compensator
 from middeck.control.lqg import LQGWeights
-from middeck.control.robust.design_model import build_model, square_root
-from middeck.control.robust.noise_rms import FAR, REST, NoiseOutcome
 from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.modal import ModalSystem, output_rows
 from middeck.systems.resolvent import Resolvent, balance_states

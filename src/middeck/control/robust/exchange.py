@@ -11,14 +11,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from middeck.control.compensator import Compensator
+from middeck.control.h2.closed_cost import evaluate_cost, spectral_abscissa
+from middeck.control.h2.design_model import DesignModel, build_model
+from middeck.control.h2.structure import Structure
+from middeck.control.law.compensator import Compensator
+from middeck.control.law.uncertainty import without_delays
 from middeck.control.lqg import LQGWeights, Shaping
-from middeck.control.robust.closed_cost import evaluate_cost, spectral_abscissa
-from middeck.control.robust.design_model import DesignModel, build_model
 from middeck.control.robust.multimodel import MultiModelCompensator, design_multimodel
 from middeck.control.robust.problem import law_of
-from middeck.control.robust.structure import Structure
-from middeck.control.uncertainty import without_delays
 from middeck.errors import NumericalError
 from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.plant import Plant

@@ -7,18 +7,18 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Bool, Float
 
-from middeck.control.compensator import Compensator, idle_compensator
-from middeck.control.delay_order import LEAST_PADE, MOST_PADE, is_within, pade_order, phase_of_modes
-from middeck.control.kinds import require_continuous
+from middeck.control.h2.closed_cost import Law, closed_matrices
+from middeck.control.h2.design_model import DesignModel, build_model
+from middeck.control.h2.noise_rms import NoiseOutcome, measure_noise_rms
+from middeck.control.law.compensator import Compensator, idle_compensator
+from middeck.control.law.delay_order import LEAST_PADE, MOST_PADE, is_within, pade_order, phase_of_modes
+from middeck.control.law.kinds import require_continuous
+from middeck.control.law.uncertainty import Uncertainty, finished_plants
 from middeck.control.lqg import LQGWeights
 from middeck.control.robust.batch import continuous_covariances, row_rms, settled
-from middeck.control.robust.closed_cost import Law, closed_matrices
-from middeck.control.robust.design_model import DesignModel, build_model
 from middeck.control.robust.exact_delay import exact_growth
 from middeck.control.robust.exact_family import family_law, measure_in_family
-from middeck.control.robust.noise_rms import NoiseOutcome, measure_noise_rms
 from middeck.control.robust.sampled_loops import sampled_outcomes
-from middeck.control.uncertainty import Uncertainty, finished_plants
 from middeck.errors import ConfigError
 from middeck.systems.delayed_plant import DelayedPlant, approximate_delays
 from middeck.systems.plant import Plant

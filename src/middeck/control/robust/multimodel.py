@@ -14,15 +14,15 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.compensator import Compensator, driven_ports, measured_ports
+from middeck.control.h2.structure import Structure
+from middeck.control.law.compensator import Compensator, driven_ports, measured_ports
+from middeck.control.law.partition import partition_modes
+from middeck.control.law.uncertainty import Uncertainty
 from middeck.control.lqg import LQGWeights, Shaping
-from middeck.control.partition import partition_modes
 from middeck.control.robust.approach import Arrival, approach, carry_on
 from middeck.control.robust.blend import blend
 from middeck.control.robust.problem import Problem, law_of, pose_problem, true_costs, whole_law
 from middeck.control.robust.result import RobustCompensator
-from middeck.control.robust.structure import Structure
-from middeck.control.uncertainty import Uncertainty
 from middeck.errors import ConfigError
 from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.plant import Plant

@@ -12,21 +12,21 @@ from collections.abc import Iterator
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.compensator import Compensator, driven_ports, measured_ports
+from middeck.control.h2.closed_cost import Law, evaluate_cost
+from middeck.control.h2.design_model import DesignModel
+from middeck.control.h2.structure import Structure, arrange, pack, scale_states, station_ports, unpack
+from middeck.control.law.compensator import Compensator, driven_ports, measured_ports
+from middeck.control.law.partition import partition_modes
+from middeck.control.law.uncertainty import ModeShift, Uncertainty, corner_positions, end_positions
 from middeck.control.lqg import LQGWeights, Shaping
-from middeck.control.partition import partition_modes
 from middeck.control.robust.approach import RESTARTS, approach, carry_on
 from middeck.control.robust.blend import gradient_row
-from middeck.control.robust.closed_cost import Law, evaluate_cost
 from middeck.control.robust.coordinates import even_scale, parameter_scale
 from middeck.control.robust.descent import descend
-from middeck.control.robust.design_model import DesignModel
 from middeck.control.robust.directions import Directions, shift_directions
 from middeck.control.robust.popov_bound import Multipliers, evaluate_bound, first_multipliers
 from middeck.control.robust.problem import Problem, law_of, models_of, pose_problem, true_costs, whole_law
 from middeck.control.robust.result import RobustCompensator, Stage
-from middeck.control.robust.structure import Structure, arrange, pack, scale_states, station_ports, unpack
-from middeck.control.uncertainty import ModeShift, Uncertainty, corner_positions, end_positions
 from middeck.errors import NumericalError
 from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.plant import Plant

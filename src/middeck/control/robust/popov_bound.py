@@ -25,8 +25,8 @@ import scipy.linalg as sla
 from jaxtyping import Float
 from scipy.linalg import lapack
 
-from middeck.control.robust.closed_cost import Law, LawCost, closed_matrices, law_gradient, solve_gramian
-from middeck.control.robust.design_model import DesignModel
+from middeck.control.h2.closed_cost import Law, LawCost, closed_matrices, law_gradient, solve_gramian
+from middeck.control.h2.design_model import DesignModel
 from middeck.control.robust.directions import Directions
 from middeck.values import record
 

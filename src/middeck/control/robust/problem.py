@@ -8,20 +8,20 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.compensator import Compensator
-from middeck.control.lqg import LQGWeights, Shaping
-from middeck.control.lqg.regulator import append_integrals
-from middeck.control.partition import partition_modes
-from middeck.control.robust.closed_cost import Law, evaluate_cost
-from middeck.control.robust.design_model import DesignModel, build_model
-from middeck.control.robust.structure import Structure
-from middeck.control.stabilisability import require_reachable
-from middeck.control.uncertainty import (
+from middeck.control.h2.closed_cost import Law, evaluate_cost
+from middeck.control.h2.design_model import DesignModel, build_model
+from middeck.control.h2.structure import Structure
+from middeck.control.law.compensator import Compensator
+from middeck.control.law.partition import partition_modes
+from middeck.control.law.stabilisability import require_reachable
+from middeck.control.law.uncertainty import (
     Uncertainty,
     end_positions,
     finished_plants,
     without_delays,
 )
+from middeck.control.lqg import LQGWeights, Shaping
+from middeck.control.lqg.regulator import append_integrals
 from middeck.errors import ConfigError
 from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.plant import Plant, name_states

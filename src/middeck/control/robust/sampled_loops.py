@@ -7,12 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.compensator import Compensator
-from middeck.control.delay_order import pade_order, phase_of_modes
+from middeck.control.h2.design_model import square_root
+from middeck.control.law.compensator import Compensator
+from middeck.control.law.delay_order import pade_order, phase_of_modes
+from middeck.control.law.partition import partition_modes
 from middeck.control.lqg import LQGWeights
-from middeck.control.partition import partition_modes
 from middeck.control.robust.batch import row_rms, sampled_covariances
-from middeck.control.robust.design_model import square_root
 from middeck.control.sampled.integrals import spread_noise
 from middeck.errors import ConfigError
 from middeck.systems.delayed_plant import DelayedPlant, approximate_delays

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from middeck.control.partition import partition_modes
+from middeck.control.law.partition import partition_modes
 from middeck.control.robust.sampled_loops import delay_at_the_hold
 from middeck.errors import ConfigError
 from middeck.systems.delayed_plant import DelayedPlant

@@ -14,19 +14,19 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.compensator import driven_ports, measured_ports
+from middeck.control.h2.closed_cost import Law, evaluate_cost
+from middeck.control.h2.design_model import DesignModel
+from middeck.control.h2.nominal_law import solve_lqg
+from middeck.control.h2.structure import Structure
+from middeck.control.law.compensator import driven_ports, measured_ports
+from middeck.control.law.partition import partition_modes
+from middeck.control.law.uncertainty import Uncertainty
 from middeck.control.lqg import LQGWeights, Shaping
-from middeck.control.partition import partition_modes
 from middeck.control.riccati import RiccatiSolution
 from middeck.control.robust.blend import evaluate_models
-from middeck.control.robust.closed_cost import Law, evaluate_cost
-from middeck.control.robust.design_model import DesignModel
 from middeck.control.robust.directions import Directions, stiffness_directions
-from middeck.control.robust.nominal_law import solve_lqg
 from middeck.control.robust.problem import Problem, models_of, pose_problem, whole_law
 from middeck.control.robust.result import RobustCompensator, Stage
-from middeck.control.robust.structure import Structure
-from middeck.control.uncertainty import Uncertainty
 from middeck.errors import ConfigError, NumericalError
 from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.plant import Plant

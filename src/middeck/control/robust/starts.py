@@ -9,10 +9,10 @@ import numpy as np
 import scipy.linalg as sla
 from jaxtyping import Float
 
-from middeck.control.robust.closed_cost import Law, evaluate_cost, spectral_abscissa
-from middeck.control.robust.design_model import DesignModel
-from middeck.control.robust.nominal_law import lqg_law
-from middeck.control.robust.structure import add_laws, join_stations, split_law
+from middeck.control.h2.closed_cost import Law, evaluate_cost, spectral_abscissa
+from middeck.control.h2.design_model import DesignModel
+from middeck.control.h2.nominal_law import lqg_law
+from middeck.control.h2.structure import add_laws, join_stations, split_law
 
 LADDER = tuple(10.0 ** (-0.5 * k) for k in range(13))
 """Ratios of authority at which a start is looked for, the one asked for first."""

@@ -1,5 +1,6 @@
 """Sampled control: the continuous problem as a computer meets it, solved directly or emulated."""
 
+from middeck.control.law.sampled_compensator import SampledCompensator
 from middeck.control.sampled.aliases import Alias, AliasReport, find_aliases
 from middeck.control.sampled.antialias import filter_measurements
 from middeck.control.sampled.comparison import SamplingComparison, SamplingRow, compare_sampling
@@ -13,7 +14,6 @@ from middeck.control.sampled.margins import (
     sample_controlled,
 )
 from middeck.control.sampled.outcome import SampledOutcome, measure_sampled_loop
-from middeck.control.sampled_compensator import SampledCompensator
 
 __all__ = [
     "Alias",

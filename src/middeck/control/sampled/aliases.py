@@ -6,12 +6,12 @@ import dataclasses
 
 import numpy as np
 
+from middeck.control.law.partition import partition_modes
+from middeck.control.law.sampled_compensator import SampledCompensator
 from middeck.control.lqg.weights import LQGWeights
-from middeck.control.partition import partition_modes
 from middeck.control.sampled.antialias import filter_measurements
 from middeck.control.sampled.margins import sample_controlled
 from middeck.control.sampled.outcome import SampledOutcome, measure_sampled_loop
-from middeck.control.sampled_compensator import SampledCompensator
 from middeck.errors import ConfigError
 from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.modal import ModalSystem, select_modes

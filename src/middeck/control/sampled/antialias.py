@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 
-from middeck.control.partition import partition_modes
+from middeck.control.law.partition import partition_modes
 from middeck.errors import ConfigError
 from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.plant import Plant, name_states

@@ -8,14 +8,14 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.control.analysis import Margins
-from middeck.control.compensator import idle_compensator
+from middeck.control.law.compensator import idle_compensator
+from middeck.control.law.sampled_compensator import SampledCompensator
 from middeck.control.lqg.design import design_lqg
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.sampled.design import Form, design_sampled_lqg
 from middeck.control.sampled.emulation import Rule, emulate
 from middeck.control.sampled.margins import measure_sampled_margins
 from middeck.control.sampled.outcome import SampledOutcome, measure_sampled_loop
-from middeck.control.sampled_compensator import SampledCompensator
 from middeck.systems.delayed_plant import DelayedPlant, approximate_delays, delay_inputs
 from middeck.systems.plant import Plant
 from middeck.values import record

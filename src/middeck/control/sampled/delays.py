@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.delay_order import approximation_order
+from middeck.control.law.delay_order import approximation_order
 from middeck.errors import ConfigError
 from middeck.systems.delayed_plant import SAME_DELAY_S, DelayedPlant, approximate_delays
 from middeck.systems.delayed_sampling import split_delays

@@ -11,13 +11,13 @@ from typing import Literal, get_args
 import numpy as np
 from jaxtyping import Float
 
+from middeck.control.law.sampled_compensator import SampledCompensator
+from middeck.control.law.stabilisability import require_reachable
 from middeck.control.lqg.design import AUTHORITY
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.riccati import DiscreteRiccatiSolution, solve_discrete_riccati
 from middeck.control.sampled.held import HeldPlant, hold_plant
 from middeck.control.sampled.integrals import integrate_along
-from middeck.control.sampled_compensator import SampledCompensator
-from middeck.control.stabilisability import require_reachable
 from middeck.errors import ConfigError
 from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.plant import Plant

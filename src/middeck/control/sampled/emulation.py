@@ -11,10 +11,10 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from middeck.control.compensator import Compensator
-from middeck.control.kinds import require_continuous
+from middeck.control.law.compensator import Compensator
+from middeck.control.law.kinds import require_continuous
+from middeck.control.law.sampled_compensator import SampledCompensator
 from middeck.control.sampled.matched import match_roots
-from middeck.control.sampled_compensator import SampledCompensator
 from middeck.errors import ConfigError
 from middeck.systems.sampling import sample_plant, tustin
 from middeck.systems.statespace import SampledStateSpace, StateSpace

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.compensator import driven_ports, measured_ports
+from middeck.control.law.compensator import driven_ports, measured_ports
+from middeck.control.law.partition import partition_modes
 from middeck.control.lqg.weights import LQGWeights, require_size
-from middeck.control.partition import partition_modes
 from middeck.control.sampled.delays import place_delays
 from middeck.control.sampled.integrals import spread_noise
 from middeck.control.sampled.period import Between, Segment, follow_period

@@ -23,10 +23,10 @@ from middeck.control.analysis.lines import place_lines, refine_lines
 from middeck.control.analysis.loop import At, form_loop
 from middeck.control.analysis.return_ratio import broken_ratio
 from middeck.control.analysis.stability import decide_loop
-from middeck.control.kinds import require_sampled
-from middeck.control.partition import partition_modes
+from middeck.control.law.kinds import require_sampled
+from middeck.control.law.partition import partition_modes
+from middeck.control.law.sampled_compensator import SampledCompensator
 from middeck.control.sampled.delay_margin import UnitGain, find_delay_limit
-from middeck.control.sampled_compensator import SampledCompensator
 from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.delayed_sampling import sample_delayed
 from middeck.systems.plant import Plant, subsystem

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Complex, Float
 
-from middeck.control.kinds import require_sampled
+from middeck.control.law.kinds import require_sampled
+from middeck.control.law.sampled_compensator import SampledCompensator
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.riccati import solve_discrete_lyapunov
 from middeck.control.sampled.held import HeldPlant, hold_plant
 from middeck.control.sampled.integrals import spread_noise
-from middeck.control.sampled_compensator import SampledCompensator
 from middeck.errors import ConfigError
 from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.plant import Plant

@@ -11,9 +11,9 @@ from collections.abc import Sequence
 import numpy as np
 import scipy.linalg as sla
 
-from middeck.control.classical import PDLoops
-from middeck.control.compensator import Compensator
-from middeck.control.kinds import require_continuous
+from middeck.control.law.classical import PDLoops
+from middeck.control.law.compensator import Compensator
+from middeck.control.law.kinds import require_continuous
 from middeck.errors import ConfigError
 from middeck.systems.plant import Plant
 from middeck.systems.statespace import StateSpace, gain_system, series

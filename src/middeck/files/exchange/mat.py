@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from middeck.control.compensator import Compensator
-from middeck.control.sampled_compensator import SampledCompensator
+from middeck.control.law.compensator import Compensator
+from middeck.control.law.sampled_compensator import SampledCompensator
 from middeck.errors import ConfigError, DataError
 from middeck.files.atomic import replacing
 from middeck.files.channels import build_channel

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from middeck.control.compensator import Compensator
-from middeck.control.sampled_compensator import SampledCompensator
+from middeck.control.law.compensator import Compensator
+from middeck.control.law.sampled_compensator import SampledCompensator
 from middeck.errors import ConfigError
 from middeck.systems.plant import Plant, name_states
 from middeck.systems.ports import Port

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.closed_loop import close_loop, leave_open, predict_closed_loop_response
-from middeck.control.compensator import Compensator, evaluate_compensator
-from middeck.control.performance import Performance, measure_rms
+from middeck.control.law.compensator import Compensator, evaluate_compensator
+from middeck.control.loop.closed_loop import close_loop, leave_open, predict_closed_loop_response
+from middeck.control.loop.performance import Performance, measure_rms
 from middeck.identification.model.measurement_model import MeasurementModel, damping_ratio, natural_hz
 from middeck.laboratory.bench import take_closed_loop
 from middeck.laboratory.loop import RigLoop, RigView, judge_loops

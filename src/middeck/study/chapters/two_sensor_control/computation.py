@@ -11,7 +11,7 @@ from functools import partial
 
 import numpy as np
 
-from middeck.control.compensator import Compensator
+from middeck.control.law.compensator import Compensator
 from middeck.control.lqg import LQGWeights, design_filter, design_lqg
 from middeck.control.shaping import second_order_section, shape_compensator
 from middeck.files.studies import Study

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from middeck.control.compensator import Compensator
+from middeck.control.law.compensator import Compensator
 from middeck.laboratory.loop import RigView, fastest_pole, judge_loops
 from middeck.study.measured_loop.computation import DesignCase, predicted_db
 from middeck.systems.stability import GROWTH_LIMIT

@@ -8,16 +8,16 @@ from functools import partial
 
 import numpy as np
 
-from middeck.control.authority import (
+from middeck.control.law.classical import PDLoops, close_inner_loop
+from middeck.control.loop.authority import (
     AuthoritySweep,
     FirstInstability,
     find_first_instability,
     sweep_authority,
 )
-from middeck.control.classical import PDLoops, close_inner_loop
-from middeck.control.closed_loop import ClosedLoop, close_loop, leave_open
+from middeck.control.loop.closed_loop import ClosedLoop, close_loop, leave_open
+from middeck.control.loop.performance import Performance, measure_metric
 from middeck.control.lqg import LQGWeights, design_filter, design_lqg
-from middeck.control.performance import Performance, measure_metric
 from middeck.errors import ConfigError, NumericalError
 from middeck.files.studies import Study
 from middeck.files.study_form import ControlForm

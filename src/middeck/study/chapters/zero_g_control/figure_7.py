@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from middeck.control.authority import FirstInstability
+from middeck.control.loop.authority import FirstInstability
 from middeck.plot.style import COLOUR, LABEL, new_figure, styled
 from middeck.study.chapters.zero_g_control.computation import ZeroGControl
 

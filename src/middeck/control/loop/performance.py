@@ -7,10 +7,10 @@ import dataclasses
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.closed_loop import ClosedLoop, close_loop
-from middeck.control.compensator import Compensator
-from middeck.control.intensity import require_intensity
-from middeck.control.partition import partition_modes
+from middeck.control.law.compensator import Compensator
+from middeck.control.law.intensity import require_intensity
+from middeck.control.law.partition import partition_modes
+from middeck.control.loop.closed_loop import ClosedLoop, close_loop
 from middeck.errors import ConfigError
 from middeck.systems.norms import band_rms
 from middeck.systems.plant import Plant, name_states

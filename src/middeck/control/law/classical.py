@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.partition import partition_modes
+from middeck.control.law.partition import partition_modes
 from middeck.systems.plant import Plant, name_states
 from middeck.systems.statespace import StateSpace
 from middeck.values import record

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.linalg as sla
 from jaxtyping import Float
 
-from middeck.control.closed_loop import ClosedLoop
+from middeck.control.loop.closed_loop import ClosedLoop
 from middeck.errors import NumericalError
 from middeck.values import record
 

@@ -18,8 +18,8 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.closed_loop import ClosedLoop
-from middeck.control.performance import Performance, measure_rms
+from middeck.control.loop.closed_loop import ClosedLoop
+from middeck.control.loop.performance import Performance, measure_rms
 from middeck.errors import ConfigError
 from middeck.systems.norms import weighed_rms
 from middeck.values import record
@@ -86,7 +86,7 @@ def budget_pointing(loop: ClosedLoop, performance: Performance, window: Pointing
     Absolute in closed form, the others by adaptive quadrature with the exact weights. One sigma: a level of
     confidence multiplies all. Raises `ConfigError` for a window too long for the band.
 
-    >>> from middeck.control.closed_loop import leave_open
+    >>> from middeck.control.loop.closed_loop import leave_open
     >>> from middeck.systems.plant import Plant
     >>> from middeck.systems.ports import Port
     >>> from middeck.systems.statespace import StateSpace

@@ -12,9 +12,9 @@ from middeck.control.analysis.closed_response import closed_response
 from middeck.control.analysis.delayed_roots import find_open_poles
 from middeck.control.analysis.loop import approximate_halves, close_channels, form_loop
 from middeck.control.analysis.stability import decide_loop
-from middeck.control.compensator import Compensator
+from middeck.control.h2.design_model import build_model, square_root
+from middeck.control.law.compensator import Compensator
 from middeck.control.lqg import LQGWeights
-from middeck.control.robust.design_model import build_model, square_root
 from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.norms import response_rms
 from middeck.systems.stability import GROWTH_LIMIT

@@ -7,10 +7,10 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from jaxtyping import Bool, Float
 
-from middeck.control.closed_loop import close_loop
-from middeck.control.compensator import Compensator
-from middeck.control.participation import find_participation
-from middeck.control.performance import Performance, measure_metric
+from middeck.control.law.compensator import Compensator
+from middeck.control.loop.closed_loop import close_loop
+from middeck.control.loop.participation import find_participation
+from middeck.control.loop.performance import Performance, measure_metric
 from middeck.errors import ConfigError
 from middeck.systems.plant import Plant
 from middeck.systems.stability import is_stable

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from middeck.control.compensator import Compensator
-from middeck.control.sampled_compensator import SampledCompensator
+from middeck.control.law.compensator import Compensator
+from middeck.control.law.sampled_compensator import SampledCompensator
 from middeck.errors import ConfigError
 from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.plant import Plant

@@ -14,7 +14,7 @@ import scipy.linalg as sla
 from jaxtyping import Float
 from scipy.linalg import lapack
 
-from middeck.control.robust.design_model import DesignModel
+from middeck.control.h2.design_model import DesignModel
 from middeck.values import record
 
 

@@ -12,7 +12,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Bool
 
-from middeck.control.kinds import require_rational
+from middeck.control.law.kinds import require_rational
 from middeck.systems.inert_modes import inert_modes
 from middeck.systems.modal import ModalSystem, select_modes
 from middeck.systems.plant import Plant, name_states

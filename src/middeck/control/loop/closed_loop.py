@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Complex
 
-from middeck.control.compensator import Compensator, idle_compensator
-from middeck.control.kinds import require_continuous, require_rational
-from middeck.control.partition import partition_modes
+from middeck.control.law.compensator import Compensator, idle_compensator
+from middeck.control.law.kinds import require_continuous, require_rational
+from middeck.control.law.partition import partition_modes
 from middeck.errors import ConfigError
 from middeck.systems.plant import Plant, name_states
 from middeck.systems.ports import Port, port_indices

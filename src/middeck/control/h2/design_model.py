@@ -13,10 +13,10 @@ import numpy as np
 import scipy.linalg as sla
 from jaxtyping import Float
 
+from middeck.control.law.partition import partition_modes
 from middeck.control.lqg import LQGWeights, Shaping
 from middeck.control.lqg import design_model as lqg_model
 from middeck.control.lqg.design import AUTHORITY
-from middeck.control.partition import partition_modes
 from middeck.errors import ConfigError
 from middeck.systems.plant import Plant
 from middeck.systems.statespace import StateSpace

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from middeck.control.partition import partition_modes
+from middeck.control.law.partition import partition_modes
 from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.statespace import SampledStateSpace, StateSpace, poles
 

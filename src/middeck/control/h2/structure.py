@@ -8,7 +8,7 @@ import numpy as np
 import scipy.linalg as sla
 from jaxtyping import Bool, Float
 
-from middeck.control.robust.closed_cost import Law
+from middeck.control.h2.closed_cost import Law
 from middeck.errors import ConfigError
 from middeck.systems.plant import Plant
 from middeck.systems.statespace import StateSpace

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg as sla
 
+from middeck.control.h2.closed_cost import Law
+from middeck.control.h2.design_model import DesignModel
+from middeck.control.h2.structure import decouple
 from middeck.control.lqg.regulator import append_integrals
 from middeck.control.riccati import RiccatiSolution, solve_riccati
-from middeck.control.robust.closed_cost import Law
-from middeck.control.robust.design_model import DesignModel
-from middeck.control.robust.structure import decouple
 
 
 def solve_lqg(model: DesignModel) -> tuple[Law, RiccatiSolution, RiccatiSolution, float]:

@@ -1,0 +1,1 @@
+"""The quadratic cost of a closed loop, its gradient, and laws of a given form."""

@@ -1,0 +1,1 @@
+"""Loops closed: responses, performance, authority, participation, pointing."""
