@@ -20,10 +20,10 @@ from middeck.control.law.sampled_compensator import SampledCompensator
 from middeck.control.loop.closed_loop import close_loop
 from middeck.control.lqg import LQGWeights
 from middeck.control.sampled import measure_sampled_margins
+from middeck.signals.ports import Port
 from middeck.systems.delayed_plant import DelayedPlant, approximate_delays, delay_inputs
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
 from middeck.systems.statespace import SampledStateSpace, StateSpace
 
 CASE = "late loops"

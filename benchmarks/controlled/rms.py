@@ -12,11 +12,11 @@ from measured.rows import row
 from middeck.control.analysis import measure_delayed_rms
 from middeck.control.loop.performance import Performance
 from middeck.control.lqg import LQGWeights, design_lqg
+from middeck.signals.ports import Port
 from middeck.systems.delayed_plant import DelayedPlant, approximate_delays
 from middeck.systems.modal import ModalSystem, modal_to_statespace
 from middeck.systems.norms import band_rms
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
 
 CASE, REPEATS = "rms", 5
 UNIT = 2.0 * np.pi * 3.0  # the reference case's time runs in 1/(2 pi 3 Hz)

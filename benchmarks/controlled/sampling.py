@@ -17,10 +17,10 @@ from middeck.control.sampled import (
     measure_sampled_loop,
     sample_cost,
 )
+from middeck.signals.ports import Port
 from middeck.systems.delayed_plant import DelayedPlant, delay_inputs
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
 
 CASE = "sampling"
 RATES_HZ, AUTHORITY, MATCH_HZ, REPEATS = (100.0, 250.0, 500.0, 1000.0), 100.0, 5.0, 9

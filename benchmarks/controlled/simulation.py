@@ -10,17 +10,17 @@ import numpy as np
 
 from measured.rows import cell, peer, row
 from middeck.control.lqg import LQGWeights, design_lqg
+from middeck.joints.friction import Friction
+from middeck.joints.simulation import JointElements
 from middeck.realtime.hardware_rig import BLOCK, build_hardware_rig, connect_law, cut_blocks
 from middeck.realtime.hybrid import simulate_hybrid
 from middeck.realtime.hybrid_state import HybridSystem, start_hybrid
 from middeck.realtime.motors import Motor
 from middeck.realtime.rig import close_sampled_loop
 from middeck.realtime.sensors import Encoder
-from middeck.systems.friction import Friction
-from middeck.systems.joint_simulation import JointElements
+from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem, select_modes
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
 from middeck.systems.sampling import sample_plant, tustin
 from middeck.systems.simulation import stream
 from middeck.systems.stability import is_stable

@@ -13,9 +13,9 @@ from middeck.control.law.classical import PDLoops, close_inner_loop
 from middeck.control.loop.authority import AuthoritySweep, sweep_authority
 from middeck.control.loop.performance import Performance
 from middeck.control.lqg import LQGWeights, design_filter, design_lqg
+from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant, subsystem
-from middeck.systems.ports import Port
 
 CASE = "sweep"
 LEVELS = 10.0 ** np.linspace(-1.5, 4.5, 25)

@@ -12,8 +12,8 @@ import scipy.io
 from measured.rows import cell, peer, row
 from middeck.identification.record_fit.fit_record import fit_record
 from middeck.identification.record_fit.simulation import record_nrmse
-from middeck.systems.ports import Port
-from middeck.systems.record import Record
+from middeck.signals.ports import Port
+from middeck.signals.record import Record
 
 # benchmark-cases: the initial state is fitted on a quarter of the validation half. Rates are not stated.
 STATE_SHARE, SAMPLE_HZ = 0.25, 1.0

@@ -17,7 +17,7 @@ from measured.rows import cell, peer, row
 from middeck.identification import FitResult, damping_ratio, estimate_response, fit_response, model_response
 from middeck.identification.model.measurement_model import natural_hz
 from middeck.identification.record_fit.fit_record import fit_record
-from middeck.systems.record import Record
+from middeck.signals.record import Record
 
 # The frozen case is shared with the tests.
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests" / "truth"))

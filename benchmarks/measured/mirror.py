@@ -10,8 +10,8 @@ import numpy as np
 
 from measured.rows import cell, peer, row
 from middeck.identification import estimate_response, fit_response, nrmse
-from middeck.systems.ports import Port
-from middeck.systems.record import Record
+from middeck.signals.ports import Port
+from middeck.signals.record import Record
 
 SAMPLE_HZ = 6400.0
 BAND_HZ = (0.5, 3000.0)

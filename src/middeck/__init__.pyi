@@ -279,39 +279,39 @@ from .structure.suspension.device_friction import (
     sweep_device_amplitude as sweep_device_amplitude,
 )
 from .structure.suspension.levelling import level as level
-from .systems.deadband import Deadband as Deadband
+from .joints.deadband import Deadband as Deadband
 from .systems.delayed_plant import (
     DelayedPlant as DelayedPlant,
     approximate_delays as approximate_delays,
     delay_inputs as delay_inputs,
 )
-from .systems.excitation.binary import (
+from .signals.excitation.binary import (
     design_binary as design_binary,
     design_mls as design_mls,
 )
-from .systems.excitation.limits import Limits as Limits
-from .systems.excitation.multisine import design_multisine as design_multisine
-from .systems.excitation.noise import (
+from .signals.excitation.limits import Limits as Limits
+from .signals.excitation.multisine import design_multisine as design_multisine
+from .signals.excitation.noise import (
     design_burst as design_burst,
     design_noise as design_noise,
 )
-from .systems.excitation.recognition import (
+from .signals.excitation.recognition import (
     cut_periods as cut_periods,
     recognise_excitation as recognise_excitation,
 )
-from .systems.excitation.signal import Excitation as Excitation
-from .systems.excitation.sweep import (
+from .signals.excitation.signal import Excitation as Excitation
+from .signals.excitation.sweep import (
     design_stepped_sine as design_stepped_sine,
     design_sweep as design_sweep,
 )
-from .systems.friction import Friction as Friction
+from .joints.friction import Friction as Friction
 from .systems.peak_gain import peak_gain as peak_gain
 from .systems.plant import Plant as Plant
-from .systems.ports import (
+from .signals.ports import (
     Channel as Channel,
     Port as Port,
 )
-from .systems.record import (
+from .signals.record import (
     Campaign as Campaign,
     Record as Record,
     RecordStream as RecordStream,

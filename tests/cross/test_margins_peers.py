@@ -11,8 +11,8 @@ import pytest
 
 from middeck.control.analysis import measure_disk_margin, measure_margins
 from middeck.control.law.compensator import Compensator
+from middeck.signals.ports import Port
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
 from middeck.systems.statespace import StateSpace, gain_system
 
 HERE = Path(__file__).parent / "margins"

@@ -8,10 +8,10 @@ import pytest
 
 from middeck.control.lqg import LQGWeights
 from middeck.control.sampled import design_sampled_lqg
+from middeck.signals.ports import Port
 from middeck.systems.delayed_plant import delay_inputs
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
 
 NUMBERS = json.loads((Path(__file__).parent / "sampled_lqg" / "numbers.json").read_text())
 UNIT = 2.0 * np.pi * 3.0

@@ -10,7 +10,7 @@ import pytest
 
 from middeck.errors import DataError
 from middeck.files.records import load_record, load_response, write_response
-from middeck.systems.ports import Channel, Port
+from middeck.signals.ports import Channel, Port
 from middeck.systems.response import FrequencyResponse
 
 FOLDER = Path(__file__).parent / "uff"

@@ -11,8 +11,8 @@ import numpy as np
 import scipy.io
 
 from middeck.files.records import write_record
-from middeck.systems.ports import Port
-from middeck.systems.record import Record
+from middeck.signals.ports import Port
+from middeck.signals.record import Record
 
 HEADER = "time [s],u:torque [N m],y:angle [rad]\n"
 Builder = Callable[[Path], Path]

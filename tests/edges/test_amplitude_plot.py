@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import middeck as md
+from middeck.joints.deadband import Deadband
 from middeck.plot.amplitude import amplitude
 from middeck.structure.gimbals.amplitude import sweep_amplitude
 from middeck.structure.model.article import Joint
-from middeck.systems.deadband import Deadband
 from structure_builders import body, node, structure
 
 

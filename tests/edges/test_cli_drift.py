@@ -10,8 +10,8 @@ import pytest
 
 from cli_runner import middeck
 from middeck.files.records import write_record
-from middeck.systems.ports import Port
-from middeck.systems.record import Record
+from middeck.signals.ports import Port
+from middeck.signals.record import Record
 
 Capture = pytest.CaptureFixture[str]
 HZ, SAMPLES, PERIODS = 64.0, 2048, 3

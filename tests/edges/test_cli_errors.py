@@ -12,8 +12,8 @@ import pytest
 from cli_runner import ROOT, as_process, middeck
 from middeck.cli.main import INTERNAL, execute
 from middeck.files.records import write_record
-from middeck.systems.ports import Port
-from middeck.systems.record import Record
+from middeck.signals.ports import Port
+from middeck.signals.record import Record
 
 ARTICLE = ROOT / "articles/mace-dm.toml"
 LAB = ROOT / "environments/lab.toml"

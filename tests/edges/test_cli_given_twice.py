@@ -16,9 +16,9 @@ from middeck.cli.app import VERBS, app
 from middeck.files.exchange import load_mat
 from middeck.files.models import load_model
 from middeck.files.records import SUFFIXES, load_record, write_record
+from middeck.signals.ports import Port
+from middeck.signals.record import Record
 from middeck.systems.delayed_sampling import split_delays
-from middeck.systems.ports import Port
-from middeck.systems.record import Record
 
 ARTICLE = ROOT / "articles/mace-simple.toml"
 Capture = pytest.CaptureFixture[str]

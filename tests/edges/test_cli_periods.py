@@ -12,8 +12,8 @@ from cli_runner import middeck
 from middeck.errors import DataError
 from middeck.files.models import load_model
 from middeck.files.records import load_record, split_periods, write_record
-from middeck.systems.ports import Port
-from middeck.systems.record import Record
+from middeck.signals.ports import Port
+from middeck.signals.record import Record
 
 Capture = pytest.CaptureFixture[str]
 HZ, SAMPLES, PERIODS = 256.0, 1024, 3

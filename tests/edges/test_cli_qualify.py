@@ -28,10 +28,10 @@ from middeck.files.compensators import (
 from middeck.files.models import write_model
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.plants.measured_plant import delayed_plant
+from middeck.signals.ports import Channel, Port
 from middeck.systems.delayed_plant import DelayedPlant, delay_inputs
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Channel, Port
 from middeck.systems.statespace import gain_system
 
 Capture = pytest.CaptureFixture[str]

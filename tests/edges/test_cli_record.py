@@ -15,8 +15,8 @@ from middeck.files.models import write_model
 from middeck.files.records import load_record, write_record
 from middeck.identification.fit.fit_response import fit_response
 from middeck.identification.spectra import estimate_response
-from middeck.systems.ports import Channel, Port
-from middeck.systems.record import Record
+from middeck.signals.ports import Channel, Port
+from middeck.signals.record import Record
 
 Capture = pytest.CaptureFixture[str]
 TIP = Port("tip", "m", Channel("12", "+z", "sensor", 9.81, "V", "2026-01-31"))

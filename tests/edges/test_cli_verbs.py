@@ -12,9 +12,9 @@ import pytest
 
 import middeck as md
 from cli_runner import ROOT, middeck
+from middeck.signals.ports import Port
+from middeck.signals.record import Record
 from middeck.structure.rest.equilibrium import node_rotations
-from middeck.systems.ports import Port
-from middeck.systems.record import Record
 
 SIMPLE = ROOT / "articles/mace-simple.toml"
 DM = ROOT / "articles/mace-dm.toml"

@@ -33,10 +33,10 @@ from middeck.files.exchange import from_scipy
 from middeck.files.models import write_model
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.realtime.rig import build_linear_rig
+from middeck.signals.ports import Port
 from middeck.systems.delayed_plant import delay_inputs
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
 from middeck.systems.sampled_plant import build_sampled_plant
 from middeck.systems.sampling import sample_plant
 from middeck.systems.statespace import gain_system

@@ -15,7 +15,7 @@ from middeck.files.models import write_model
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.unknowns import Structure, places_of
-from middeck.systems.ports import Port
+from middeck.signals.ports import Port
 
 Capture = pytest.CaptureFixture[str]
 INPUTS, OUTPUTS = tuple(Port(f"u{i}", "N") for i in range(2)), tuple(Port(f"y{o}", "m") for o in range(3))

@@ -13,8 +13,8 @@ from middeck.cli.kinds import alike
 from middeck.cli.settings import FitSettings
 from middeck.files.models import load_fitted, write_model
 from middeck.files.records import write_record
-from middeck.systems.ports import Port
-from middeck.systems.record import Record
+from middeck.signals.ports import Port
+from middeck.signals.record import Record
 
 HZ, SAMPLES = 64.0, 512
 KINDS: dict[str, dict[str, Any]] = {

@@ -9,9 +9,9 @@ import pytest
 
 from middeck.errors import ConfigError
 from middeck.files.documents import load_case, load_environment
+from middeck.joints.friction import Friction
 from middeck.structure.model.environment import DeviceKind
 from middeck.structure.rest.equilibrium import solve_equilibrium
-from middeck.systems.friction import Friction
 
 ROOT = Path(__file__).parents[2]
 DM, LAB = ROOT / "articles/mace-dm.toml", ROOT / "environments/lab.toml"

@@ -35,10 +35,10 @@ from middeck.files.exchange import (
     to_scipy,
     write_mat,
 )
+from middeck.signals.ports import Channel, Port
 from middeck.systems.delayed_plant import delay_inputs
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant, name_states
-from middeck.systems.ports import Channel, Port
 from middeck.systems.sampled_plant import build_sampled_plant
 from middeck.systems.sampling import tustin
 from middeck.systems.statespace import SampledStateSpace, StateSpace, gain_system

@@ -8,8 +8,8 @@ import pytest
 
 from middeck.errors import ConfigError
 from middeck.files.studies import load_study
-from middeck.systems.deadband import Deadband
-from middeck.systems.friction import Friction
+from middeck.joints.deadband import Deadband
+from middeck.joints.friction import Friction
 
 ROOT = Path(__file__).parents[2]
 

@@ -8,8 +8,8 @@ import pytest
 
 from middeck.errors import DataError, FitError
 from middeck.identification import estimate_response, fit_response, natural_hz, nrmse
-from middeck.systems.ports import Port
-from middeck.systems.record import Record
+from middeck.signals.ports import Port
+from middeck.signals.record import Record
 from middeck.systems.response import FrequencyResponse
 
 U, V, Y = Port("torque", "N m"), Port("wheel", "N m"), Port("angle", "rad")

@@ -9,10 +9,10 @@ from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.search.doubts import doubts_of_deviations, doubts_of_model
 from middeck.identification.spectra import estimate_response
 from middeck.identification.uncertainty.covariance import as_exact
-from middeck.systems.excitation import random_multisine
+from middeck.signals.excitation import random_multisine
+from middeck.signals.ports import Port
+from middeck.signals.record import Record
 from middeck.systems.modal import ModalSystem
-from middeck.systems.ports import Port
-from middeck.systems.record import Record
 from middeck.systems.response import FrequencyResponse
 from middeck.systems.sampling import sample_plant
 from middeck.systems.simulation import find_periodic_state, simulate

@@ -10,9 +10,9 @@ import pytest
 
 import middeck as md
 from middeck.errors import ConfigError
+from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
 
 MODES = ModalSystem([3.0, 9.0], [0.01, 0.01], [[1.0], [0.5]], [[1.0, 0.5]], [[0.0, 0.0]], ("a", "b"))
 GROUPS = ("u",), ("u",), ("y",), ("y",)

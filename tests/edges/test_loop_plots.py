@@ -10,10 +10,10 @@ from middeck.control.analysis import Margins, ReturnRatio, measure_margins, trac
 from middeck.control.law.compensator import Compensator
 from middeck.plot.nichols import nichols
 from middeck.plot.nyquist import nyquist, title_of
+from middeck.signals.ports import Port
 from middeck.systems.delayed_plant import delay_inputs
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
 from middeck.systems.statespace import gain_system
 
 FORCE, WAY, RATE = Port("force", "N"), Port("way", "m"), Port("rate", "m/s")

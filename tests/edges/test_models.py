@@ -18,7 +18,7 @@ from middeck.files.models import load_fitted, load_model, write_model
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.unknowns import Structure, places_of
-from middeck.systems.ports import Port
+from middeck.signals.ports import Port
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
 COMPLEX = st.complex_numbers(allow_nan=False, allow_infinity=False)

@@ -24,8 +24,8 @@ from middeck.files.records.uff58 import Place
 from middeck.files.records.uff58_write import Header, write_58
 from middeck.identification.fit.fit_response import fit_response
 from middeck.identification.spectra import estimate_response
-from middeck.systems.ports import Channel, Port
-from middeck.systems.record import Record
+from middeck.signals.ports import Channel, Port
+from middeck.signals.record import Record
 
 RNG = np.random.default_rng(4)
 MATRIX = RNG.standard_normal((50, 3))

@@ -12,8 +12,8 @@ import pytest
 from cli_runner import middeck
 from middeck.errors import DataError
 from middeck.files.records import load_record, open_record, write_record
-from middeck.systems.ports import Port
-from middeck.systems.record import Record, RecordStream
+from middeck.signals.ports import Port
+from middeck.signals.record import Record, RecordStream
 
 HZ = 1000.0
 PORTS = (Port("force", "N"),), (Port("tip", "m"),)
@@ -25,7 +25,7 @@ WITHIN = """
 import resource, sys
 import numpy as np, h5py, csv
 from middeck.files.records import load_record, open_record
-from middeck.systems.record import RecordStream
+from middeck.signals.record import RecordStream
 path, allowed = sys.argv[1], int(sys.argv[2])
 for _ in open_record(sys.argv[3]).blocks(4096):  # what is imported at first use
     pass

@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from middeck.errors import DataError, NumericalError
 from middeck.files.json_output import json_text, write_json
 from middeck.files.records import load_record, load_records, write_record
+from middeck.signals.ports import Port
+from middeck.signals.record import Record
 from middeck.structure.model.article import JointState
-from middeck.systems.ports import Port
-from middeck.systems.record import Record
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
 

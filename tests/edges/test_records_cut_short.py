@@ -11,8 +11,8 @@ from scipy.signal import lfilter
 from cli_runner import middeck
 from middeck.errors import DataError
 from middeck.files.records import load_record, read_record, write_record
-from middeck.systems.ports import Port
-from middeck.systems.record import Record
+from middeck.signals.ports import Port
+from middeck.signals.record import Record
 
 HEADER = "time [s],u:torque [N m],y:angle [rad]"
 FORMATS = {"fixed": "%.6f", "all digits": "%.17g", "exponents": "%.6e"}

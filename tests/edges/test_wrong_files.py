@@ -28,8 +28,8 @@ from middeck.files.records import load_record, write_record
 from middeck.files.shapes import bare, is_form
 from middeck.files.studies import load_study
 from middeck.files.study_form import StudyForm
-from middeck.systems.ports import Port
-from middeck.systems.record import Record
+from middeck.signals.ports import Port
+from middeck.signals.record import Record
 
 ARTICLE = ROOT / "articles/mace-dm.toml"
 LAB = ROOT / "environments/lab.toml"

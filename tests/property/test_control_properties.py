@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from middeck.control.law.partition import partition_modes
 from middeck.control.loop.closed_loop import close_loop
 from middeck.control.lqg import LQGWeights, design_filter, design_lqg
+from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.norms import band_rms
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
 from middeck.systems.statespace import StateSpace
 
 BAND = (0.05, 20.0)

@@ -4,10 +4,10 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from middeck.systems.excitation import Limits, cut_periods, design_multisine, recognise_excitation
-from middeck.systems.excitation.signal import line_power
-from middeck.systems.ports import Port
-from middeck.systems.record import Record
+from middeck.signals.excitation import Limits, cut_periods, design_multisine, recognise_excitation
+from middeck.signals.excitation.signal import line_power
+from middeck.signals.ports import Port
+from middeck.signals.record import Record
 
 seeds = st.integers(0, 2**32 - 1)
 

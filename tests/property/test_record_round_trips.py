@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from middeck.files.records import load_record, open_record, write_record, write_stream
-from middeck.systems.ports import Channel, Port
-from middeck.systems.record import Record, stream_record
+from middeck.signals.ports import Channel, Port
+from middeck.signals.record import Record, stream_record
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False, allow_subnormal=False)
 # What every kind of file can say; names in letters and digits, as a CSV heading has brackets of its own.

@@ -17,9 +17,9 @@ from middeck.control.reduction import (
     reduce_plant,
     reduce_weighted,
 )
+from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
 from middeck.systems.stability import growth_rates
 from middeck.systems.statespace import StateSpace, poles
 

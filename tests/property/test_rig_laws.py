@@ -8,16 +8,16 @@ import numpy as np
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from middeck.joints.deadband import Deadband
+from middeck.joints.friction import Friction
+from middeck.joints.simulation import JointElements
 from middeck.realtime.hardware_rig import build_hardware_rig, connect_law, measure_bias
 from middeck.realtime.hybrid import simulate_hybrid
 from middeck.realtime.motors import Motor, Rotor
 from middeck.realtime.sensors import Encoder, Sampler
-from middeck.systems.deadband import Deadband
-from middeck.systems.friction import Friction
-from middeck.systems.joint_simulation import JointElements
+from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
 
 RATE = 500.0
 seeds = st.integers(0, 2**32 - 1)

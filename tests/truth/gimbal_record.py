@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from middeck.systems.ports import Port
-from middeck.systems.record import Record
+from middeck.signals.ports import Port
+from middeck.signals.record import Record
 
 MODES_HZ = np.array([1.20, 1.70, 7.05, 8.90, 9.35])
 ZETA = 0.01

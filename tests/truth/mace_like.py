@@ -10,9 +10,9 @@ import numpy as np
 
 from middeck.control.law.classical import PDLoops
 from middeck.control.lqg import LQGWeights
+from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
 
 CONTROLS = ("bus_x", "bus_y", "bus_z", "pri_rel_x", "pri_rel_z")
 DISTURBANCES = ("sec_rel_x", "sec_rel_z")

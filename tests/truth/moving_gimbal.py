@@ -7,8 +7,8 @@ import gimbal_record
 import numpy as np
 import scipy.signal
 
-from middeck.systems.excitation import Limits, design_noise
-from middeck.systems.record import Record
+from middeck.signals.excitation import Limits, design_noise
+from middeck.signals.record import Record
 
 RATE = 256.0
 T = 1.0 / RATE

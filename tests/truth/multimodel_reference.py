@@ -4,10 +4,10 @@ import numpy as np
 
 from middeck.control.lqg import LQGWeights
 from middeck.control.robust import ModeShift, Uncertainty
+from middeck.signals.ports import Port
 from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
 
 UNIT_S = 1.0 / (2.0 * np.pi * 3.0)  # seconds in a unit of time
 HZ = np.array([1.1, 1.7, 7.0, 8.8, 9.4])

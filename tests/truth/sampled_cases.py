@@ -4,10 +4,10 @@ import numpy as np
 import scipy.linalg as sla
 
 from middeck.control.lqg import LQGWeights
+from middeck.signals.ports import Port
 from middeck.systems.delayed_plant import DelayedPlant, delay_inputs
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
 from middeck.systems.statespace import StateSpace
 
 UNIT = 2.0 * np.pi * 3.0  # the multi-model case counts time in units of 1/(2 pi 3 Hz)

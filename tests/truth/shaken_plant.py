@@ -6,8 +6,8 @@ import numpy as np
 
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.record_fit.simulation import simulate_record
-from middeck.systems.ports import Port
-from middeck.systems.record import Record
+from middeck.signals.ports import Port
+from middeck.signals.record import Record
 
 U2, Y2 = (Port("u0", "V"), Port("u1", "V")), (Port("y0", "m"), Port("y1", "m"))
 POLES = np.array([-0.02 + 0.6j, -0.03 + 1.4j])

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from middeck.systems.excitation import (
+from middeck.signals.excitation import (
     Limits,
     design_binary,
     design_burst,
@@ -13,8 +13,8 @@ from middeck.systems.excitation import (
     design_sweep,
     repeat_periods,
 )
-from middeck.systems.ports import Port
-from middeck.systems.record import Record
+from middeck.signals.ports import Port
+from middeck.signals.record import Record
 
 BAND, PERIOD_S, RATE = (1.0, 60.0), 8.0, 256.0
 

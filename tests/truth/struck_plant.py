@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from middeck.systems.ports import Port
-from middeck.systems.record import Record
+from middeck.signals.ports import Port
+from middeck.signals.record import Record
 
 FORCE, TIP = Port("force", "N"), Port("tip", "m")
 

@@ -15,7 +15,7 @@ from middeck.identification.uncertainty.accuracy import expected_accuracy, perio
 from middeck.identification.uncertainty.covariance import draw_errors
 from middeck.identification.uncertainty.entry_factors import entry_slopes
 from middeck.identification.uncertainty.unknowns import model_at, unknowns_of
-from middeck.systems.excitation import Limits, design_mls, design_multisine, design_sweep
+from middeck.signals.excitation import Limits, design_mls, design_multisine, design_sweep
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
 from middeck.systems.statespace import StateSpace

@@ -7,19 +7,19 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from middeck.realtime.hardware_rig import build_hardware_rig, cut_blocks, stream_hardware
-from middeck.realtime.motors import Motor, Rotor
-from middeck.realtime.sensors import Encoder
-from middeck.systems.friction import Friction
-from middeck.systems.joint_simulation import (
+from middeck.joints.friction import Friction
+from middeck.joints.simulation import (
     JointElements,
     build_joint_stepper,
     simulate_joints,
     start_at_rest,
 )
+from middeck.realtime.hardware_rig import build_hardware_rig, cut_blocks, stream_hardware
+from middeck.realtime.motors import Motor, Rotor
+from middeck.realtime.sensors import Encoder
+from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
 from middeck.systems.statespace import SampledStateSpace
 
 RATE, DELAY, STEPS = 500.0, 0.0103, 2

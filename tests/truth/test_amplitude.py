@@ -7,21 +7,21 @@ import pytest
 
 import middeck as md
 from middeck.errors import ConfigError
-from middeck.structure.gimbals.amplitude import sweep_amplitude
-from middeck.structure.gimbals.branches import JointSystem, solve_undamped
-from middeck.structure.gimbals.damped import follow_damped, pair_undamped
-from middeck.structure.model.article import Joint, JointState
-from middeck.systems.deadband import Deadband
-from middeck.systems.friction import Friction
-from middeck.systems.joint_simulation import (
+from middeck.joints.deadband import Deadband
+from middeck.joints.friction import Friction
+from middeck.joints.simulation import (
     JointElements,
     JointStates,
     build_joint_stepper,
     simulate_joints,
 )
+from middeck.signals.ports import Port
+from middeck.structure.gimbals.amplitude import sweep_amplitude
+from middeck.structure.gimbals.branches import JointSystem, solve_undamped
+from middeck.structure.gimbals.damped import follow_damped, pair_undamped
+from middeck.structure.model.article import Joint, JointState
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
 from structure_builders import body, node, structure
 
 J, KP = 0.062, 3.9  # a payload of 5 kg hanging 8 cm below its axis

@@ -26,13 +26,13 @@ from middeck.control.robust import shift_modes
 from middeck.control.shaping import notch, second_order_section, shape_compensator
 from middeck.errors import ConfigError
 from middeck.files.studies import load_study
+from middeck.signals.ports import Port
 from middeck.study.chapters.zero_g_control.computation import control_plant, design_weights
 from middeck.study.shared import find_modes
 from middeck.systems.delayed_plant import delay_inputs
 from middeck.systems.modal import ModalSystem
 from middeck.systems.peak_gain import peak_gain
 from middeck.systems.plant import Plant, subsystem
-from middeck.systems.ports import Port
 from middeck.systems.resolvent import by_solving
 from middeck.systems.statespace import StateSpace, gain_system, poles, series
 

@@ -14,9 +14,9 @@ from middeck.control.loop.closed_loop import close_loop, leave_open
 from middeck.control.loop.participation import find_participation
 from middeck.control.loop.performance import Performance, measure_metric, measure_rms
 from middeck.control.lqg import design_filter, design_lqg
+from middeck.signals.ports import Port
 from middeck.systems.norms import band_rms_by_quadrature
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
 from middeck.systems.statespace import StateSpace, gain_system
 
 LEVELS = np.logspace(-1.5, 4.5, 25)

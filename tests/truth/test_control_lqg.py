@@ -18,10 +18,10 @@ from middeck.control.loop.closed_loop import (
 )
 from middeck.control.lqg import LQGWeights, design_filter, design_lqg
 from middeck.errors import ConfigError, NotStabilisableError
+from middeck.signals.ports import Port
 from middeck.systems.delayed_plant import approximate_delays, delay_inputs
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
 from middeck.systems.response import evaluate_plant, statespace_response
 from middeck.systems.statespace import StateSpace, gain_system
 

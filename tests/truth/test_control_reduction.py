@@ -20,10 +20,10 @@ from middeck.control.reduction import (
 from middeck.control.reduction.gramian import factor_gramians
 from middeck.control.reduction.separation import separate_poles, separate_unstable
 from middeck.errors import ConfigError
+from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.peak_gain import peak_gain
 from middeck.systems.plant import Plant, subsystem
-from middeck.systems.ports import Port
 from middeck.systems.resolvent import by_solving
 from middeck.systems.response import evaluate_plant
 from middeck.systems.stability import growth_rates

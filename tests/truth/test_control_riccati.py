@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 import middeck as md
 from middeck.control.riccati import solve_riccati
 from middeck.errors import ConfigError, NotStabilisableError, NumericalError
+from middeck.signals.ports import Port
 from middeck.systems.delay import pade
 from middeck.systems.delayed_plant import approximate_delays, delay_inputs
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
 
 ROOT = Path(__file__).parents[2]
 DM, LAB = ROOT / "articles/mace-dm.toml", ROOT / "environments/lab.toml"

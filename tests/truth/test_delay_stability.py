@@ -18,6 +18,7 @@ from middeck.control.loop.closed_loop import close_loop
 from middeck.control.lqg import LQGWeights, design_lqg
 from middeck.errors import NumericalError
 from middeck.files.documents import load_environment, load_structure
+from middeck.signals.ports import Port
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.plants.modal_plant import build_plant
@@ -25,7 +26,6 @@ from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.systems.delayed_plant import DelayedPlant, approximate_delays, delay_inputs
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
 from middeck.systems.statespace import SampledStateSpace, StateSpace, gain_system
 
 ROOT = Path(__file__).parents[2]

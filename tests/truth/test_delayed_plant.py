@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from middeck.errors import ConfigError
+from middeck.signals.ports import Port
 from middeck.systems.delayed_plant import (
     DelayedPlant,
     approximate_delays,
@@ -15,7 +16,6 @@ from middeck.systems.delayed_plant import (
 )
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant, name_states
-from middeck.systems.ports import Port
 from middeck.systems.resolvent import by_solving
 from middeck.systems.response import evaluate_plant
 from middeck.systems.statespace import gain_system

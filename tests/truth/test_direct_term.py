@@ -10,10 +10,10 @@ from middeck.control.loop.closed_loop import close_loop, leave_open
 from middeck.control.lqg import LQGWeights, design_lqg
 from middeck.errors import ConfigError
 from middeck.realtime.rig import build_linear_rig, close_sampled_loop
+from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem, modal_response, modal_to_statespace, output_rows, select_modes
 from middeck.systems.norms import band_rms, band_rms_by_quadrature
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
 from middeck.systems.response import statespace_response
 from middeck.systems.sampling import sample_plant
 from middeck.systems.statespace import SampledStateSpace

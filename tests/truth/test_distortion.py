@@ -6,8 +6,8 @@ from scipy.signal import lfilter
 
 from middeck.errors import DataError
 from middeck.identification.spectra import estimate_distortion, response_scatter
-from middeck.systems.ports import Port
-from middeck.systems.record import Record, stream_record
+from middeck.signals.ports import Port
+from middeck.signals.record import Record, stream_record
 
 N = 2048
 QUADRATIC, CUBIC = 0.05, 0.03

@@ -18,9 +18,9 @@ from middeck.control.lqg import (
     sum_spectra,
 )
 from middeck.errors import ConfigError, DataError
+from middeck.signals.ports import Port
 from middeck.systems.norms import band_rms
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
 from middeck.systems.resolvent import by_solving
 from middeck.systems.statespace import StateSpace
 from middeck.systems.transmission_zeros import transmission_zeros

@@ -15,7 +15,7 @@ from middeck.identification.fit.fit_response import fit_response
 from middeck.identification.uncertainty.covariance import as_exact
 from middeck.identification.uncertainty.drift import compare_fits
 from middeck.identification.uncertainty.response_drift import compare_responses, holm
-from middeck.systems.ports import Port
+from middeck.signals.ports import Port
 from middeck.systems.response import FrequencyResponse
 
 

@@ -10,6 +10,8 @@ from scipy.integrate import solve_ivp
 from scipy.special import jv, yv
 
 from middeck.errors import ConfigError
+from middeck.joints.friction import Friction
+from middeck.joints.simulation import JointElements
 from middeck.realtime.ageing import CHORD, TURN
 from middeck.realtime.drift import Drift, age_plant
 from middeck.realtime.hardware_rig import build_hardware_rig, measure_bias, simulate_rig, stream_hardware
@@ -18,11 +20,9 @@ from middeck.realtime.linear_view import linearise_rig
 from middeck.realtime.motors import Motor
 from middeck.realtime.rig import close_sampled_loop
 from middeck.realtime.sensors import Encoder, Gyro, Sampler
-from middeck.systems.friction import Friction
-from middeck.systems.joint_simulation import JointElements
+from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
 from middeck.systems.sampling import tustin
 from middeck.systems.stability import is_stable
 from middeck.systems.statespace import StateSpace

@@ -15,10 +15,10 @@ from middeck.control.lqg import LQGWeights, design_lqg
 from middeck.control.robust import outcomes_on, without_delays
 from middeck.control.robust.exact_family import family_law, measure_in_family
 from middeck.errors import NumericalError
+from middeck.signals.ports import Port
 from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
 from middeck.systems.stability import GROWTH_LIMIT
 
 NEAR = (1e-5, 1e-4, 1e-2, 0.5)

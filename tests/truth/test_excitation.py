@@ -5,7 +5,7 @@ import pytest
 from signal_bank import BAND, PERIOD_S, RATE, signals
 
 from middeck.errors import ConfigError
-from middeck.systems.excitation import (
+from middeck.signals.excitation import (
     Limits,
     design_binary,
     design_burst,
@@ -18,8 +18,8 @@ from middeck.systems.excitation import (
     random_multisine,
     repeat_periods,
 )
-from middeck.systems.excitation.crest import compact_phases, schroeder_phases
-from middeck.systems.excitation.signal import line_power, slew_of
+from middeck.signals.excitation.crest import compact_phases, schroeder_phases
+from middeck.signals.excitation.signal import line_power, slew_of
 
 WHERE = (BAND, PERIOD_S, RATE)
 UNIT = Limits(peak=1.0)

@@ -8,10 +8,10 @@ from signal_bank import run_of, signals
 from cli_runner import ROOT
 from middeck.errors import DataError
 from middeck.files.records import load_record
-from middeck.systems.excitation import Limits, cut_periods, design_multisine, recognise_excitation
+from middeck.signals.excitation import Limits, cut_periods, design_multisine, recognise_excitation
+from middeck.signals.ports import Port
+from middeck.signals.record import Record
 from middeck.systems.modal import ModalSystem
-from middeck.systems.ports import Port
-from middeck.systems.record import Record
 from middeck.systems.sampling import sample_plant
 from middeck.systems.simulation import simulate
 

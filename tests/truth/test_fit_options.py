@@ -14,7 +14,7 @@ from middeck.identification.model.measurement_model import (
     natural_hz,
     path_delay,
 )
-from middeck.systems.ports import Port
+from middeck.signals.ports import Port
 from middeck.systems.response import FrequencyResponse, ResponseCovariance
 
 INPUTS = (Port("torque", "N m"), Port("wheel", "N m"))

@@ -15,7 +15,7 @@ from middeck.identification.fit.standing import checked_covariance
 from middeck.identification.fit.steady_line import name_line
 from middeck.identification.model.measurement_model import damping_ratio, natural_hz
 from middeck.identification.record_fit.fit_record import fit_record
-from middeck.systems.record import Record
+from middeck.signals.record import Record
 from middeck.systems.response import FrequencyResponse
 
 LONG = os.environ.get("MIDDECK_LONG") == "1"

@@ -8,6 +8,9 @@ import numpy as np
 import pytest
 
 from middeck.errors import ConfigError, DataError
+from middeck.joints.deadband import Deadband
+from middeck.joints.friction import Friction
+from middeck.joints.simulation import JointElements, simulate_joints
 from middeck.realtime.hardware_rig import (
     build_hardware_rig,
     connect_law,
@@ -28,13 +31,10 @@ from middeck.realtime.motors import Motor, Rotor
 from middeck.realtime.nonlinear_rig import build_nonlinear_rig
 from middeck.realtime.rig import build_linear_rig, close_sampled_loop
 from middeck.realtime.sensors import Encoder, Gyro, Sampler, sensor_lag
-from middeck.systems.deadband import Deadband
-from middeck.systems.excitation import random_multisine
-from middeck.systems.friction import Friction
-from middeck.systems.joint_simulation import JointElements, simulate_joints
+from middeck.signals.excitation import random_multisine
+from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
 from middeck.systems.response import statespace_response
 from middeck.systems.sampling import tustin
 from middeck.systems.simulation import simulate

@@ -30,9 +30,9 @@ from middeck.identification.plants.measured_plant import delayed_plant
 from middeck.identification.record_fit.fit_record import fit_record
 from middeck.identification.record_fit.simulation import record_nrmse
 from middeck.identification.spectra import estimate_response
+from middeck.signals.ports import Port
+from middeck.signals.record import Record
 from middeck.systems.hold import hold_response, release_hold, release_inputs
-from middeck.systems.ports import Port
-from middeck.systems.record import Record
 from middeck.systems.statespace import SampledStateSpace
 from middeck.values import record
 

@@ -11,8 +11,8 @@ from middeck.identification.order.race import recommend_states
 from middeck.identification.problem.data import Data
 from middeck.identification.spectra.weights import spread_of
 from middeck.identification.start.choices import Choices, options_of
-from middeck.systems.ports import Port
-from middeck.systems.record import Record
+from middeck.signals.ports import Port
+from middeck.signals.record import Record
 
 DATA = Path(__file__).parents[2] / "data" / "cubespec-fsm"
 

@@ -3,8 +3,8 @@ import numpy as np
 import pytest
 
 from middeck.identification import estimate_response, response_scatter
-from middeck.systems.ports import Port
-from middeck.systems.record import Record
+from middeck.signals.ports import Port
+from middeck.signals.record import Record
 
 
 def test_recovers_the_closed_form_without_noise():

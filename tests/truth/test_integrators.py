@@ -12,8 +12,8 @@ from middeck.identification.plants.measured_plant import measured_plant
 from middeck.identification.plants.pole_zero_gain import from_pole_zero_gain, pole_zero_gain
 from middeck.identification.record_fit.simulation import record_nrmse, simulate_record
 from middeck.identification.uncertainty.parameters import parameters_of
-from middeck.systems.ports import Port
-from middeck.systems.record import Record
+from middeck.signals.ports import Port
+from middeck.signals.record import Record
 from middeck.systems.response import FrequencyResponse, evaluate_plant
 
 INPUTS = (Port("torque", "N m"), Port("force", "N"))

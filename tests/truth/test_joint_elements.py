@@ -5,9 +5,9 @@ import pytest
 from numpy.polynomial.legendre import leggauss
 
 from middeck.errors import ConfigError
-from middeck.systems.deadband import Deadband
-from middeck.systems.friction import Friction
-from middeck.systems.joint_element import sum_equivalents
+from middeck.joints.deadband import Deadband
+from middeck.joints.element import sum_equivalents
+from middeck.joints.friction import Friction
 
 BEARING = Friction(slip_torque=0.002, stiffness=2.0)  # slips at 1 mrad
 GEAR = Deadband(gap=0.001, stiffness=50.0)

@@ -5,18 +5,18 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from middeck.errors import ConfigError
-from middeck.systems.deadband import Deadband
-from middeck.systems.friction import Friction
-from middeck.systems.joint_simulation import (
+from middeck.joints.deadband import Deadband
+from middeck.joints.friction import Friction
+from middeck.joints.simulation import (
     JointElements,
     JointStates,
     build_joint_stepper,
     simulate_joints,
     start_at_rest,
 )
+from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
 from middeck.systems.sampling import sample_plant
 from middeck.systems.simulation import simulate
 from middeck.systems.statespace import StateSpace

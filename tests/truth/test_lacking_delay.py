@@ -5,7 +5,7 @@ import pytest
 
 from middeck.identification.fit.fit_response import fit_response
 from middeck.identification.fit.lacking_delay import lacking_delay
-from middeck.systems.ports import Port
+from middeck.signals.ports import Port
 from middeck.systems.response import FrequencyResponse
 
 F = np.arange(0.2, 30.0, 0.05)

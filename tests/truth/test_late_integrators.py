@@ -13,11 +13,11 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.law.partition import partition_modes
 from middeck.control.lqg import LQGWeights, design_lqg
 from middeck.control.sampled import design_sampled_lqg, measure_sampled_loop, sample_controlled
+from middeck.signals.ports import Port
 from middeck.systems.delay import pade
 from middeck.systems.delayed_plant import DelayedPlant, approximate_delays
 from middeck.systems.modal import ModalSystem, select_modes
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
 from middeck.systems.response import evaluate_plant, statespace_response
 from middeck.systems.statespace import gain_system
 

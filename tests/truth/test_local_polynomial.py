@@ -12,8 +12,8 @@ from middeck.errors import DataError
 from middeck.identification.spectra import estimate_response, response_scatter
 from middeck.identification.spectra.local_fit import LocalModel, fit_windows, freedom
 from middeck.identification.spectra.scatter import trusted
-from middeck.systems.ports import Port
-from middeck.systems.record import Record, RecordStream, stream_record
+from middeck.signals.ports import Port
+from middeck.signals.record import Record, RecordStream, stream_record
 
 HZ = 256.0
 

@@ -12,9 +12,9 @@ from middeck.control.law.compensator import evaluate_compensator
 from middeck.control.loop.closed_loop import close_loop
 from middeck.control.lqg import LQGWeights, Shaping, design_filter, design_levels, design_lqg
 from middeck.errors import ConfigError, NotStabilisableError
+from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
 from middeck.systems.statespace import StateSpace, gain_system
 
 PORTS = (Port("w", "N"), Port("u", "N")), (Port("z", "m"), Port("y", "m"))

@@ -16,10 +16,10 @@ from middeck.control.analysis.neutral import bears_no_delay
 from middeck.control.analysis.scaling import scaled_norms
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError
+from middeck.signals.ports import Port
 from middeck.systems.delayed_plant import DelayedPlant, delay_inputs
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
 from middeck.systems.sampling import sample_plant
 from middeck.systems.statespace import SampledStateSpace, StateSpace, gain_system
 

@@ -14,7 +14,7 @@ from middeck.identification.plants.measured_plant import measured_plant
 from middeck.identification.uncertainty.covariance import ModelCovariance, as_exact
 from middeck.identification.uncertainty.parameters import parameters_of
 from middeck.identification.uncertainty.unknowns import Structure, places_of, unknowns_of
-from middeck.systems.ports import Port
+from middeck.signals.ports import Port
 from middeck.systems.response import FrequencyResponse
 
 pytestmark = pytest.mark.kernels

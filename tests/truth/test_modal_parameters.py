@@ -7,7 +7,7 @@ import scipy.linalg
 from middeck.errors import ConfigError, FitError
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.plants.modal_parameters import modal_parameters
-from middeck.systems.ports import Port
+from middeck.signals.ports import Port
 
 M = np.diag([2.0, 1.0, 3.0])
 K = np.array([[500.0, -200.0, 0.0], [-200.0, 600.0, -400.0], [0.0, -400.0, 900.0]])

@@ -14,7 +14,7 @@ from middeck.identification.model.measurement_model import model_response, natur
 from middeck.identification.uncertainty.model_set import sample_models
 from middeck.identification.uncertainty.response_bounds import response_bounds, simultaneous_bounds
 from middeck.identification.uncertainty.unknowns import unknowns_of
-from middeck.systems.ports import Port
+from middeck.signals.ports import Port
 
 F = np.geomspace(0.3, 30.0, 80)
 COUNT = 2000

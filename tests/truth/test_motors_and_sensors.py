@@ -7,6 +7,8 @@ import pytest
 import scipy.signal
 
 from middeck.errors import ConfigError
+from middeck.joints.friction import Friction
+from middeck.joints.simulation import JointElements
 from middeck.realtime.drift import Drift, age_plant, nearest_modes
 from middeck.realtime.hardware_rig import (
     build_hardware_rig,
@@ -20,11 +22,9 @@ from middeck.realtime.hybrid import simulate_hybrid
 from middeck.realtime.hybrid_state import start_hybrid
 from middeck.realtime.motors import Motor, Rotor
 from middeck.realtime.sensors import Encoder, Gyro, Sampler
-from middeck.systems.friction import Friction
-from middeck.systems.joint_simulation import JointElements
+from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
 from middeck.systems.statespace import SampledStateSpace
 
 RATE, DELAY = 500.0, 0.010

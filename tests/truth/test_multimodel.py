@@ -32,9 +32,9 @@ from middeck.control.robust import (
     worst_db,
 )
 from middeck.errors import ConfigError, NotStabilisableError, NumericalError
+from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
 from middeck.systems.response import statespace_response
 from middeck.systems.statespace import StateSpace
 

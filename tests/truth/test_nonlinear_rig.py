@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 from middeck.errors import ConfigError
+from middeck.joints.deadband import Deadband
+from middeck.joints.friction import Friction
+from middeck.joints.simulation import JointElements
 from middeck.realtime.nonlinear_rig import build_nonlinear_rig, run_nonlinear_open_loop
 from middeck.realtime.rig import build_linear_rig, run_open_loop
-from middeck.systems.deadband import Deadband
-from middeck.systems.excitation import random_multisine
-from middeck.systems.friction import Friction
-from middeck.systems.joint_simulation import JointElements
+from middeck.signals.excitation import random_multisine
+from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem, modal_response
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
 from middeck.systems.statespace import StateSpace
 
 RATE, DELAY = 500.0, 0.0103  # not a whole number of internal steps

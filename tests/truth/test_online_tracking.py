@@ -24,7 +24,7 @@ from middeck.identification.tracking.recovery import (
 from middeck.identification.tracking.trust import WATCHED
 from middeck.identification.uncertainty.parameters import Uncertainty
 from middeck.realtime.rig import build_linear_rig
-from middeck.systems.record import Record
+from middeck.signals.record import Record
 from middeck.systems.simulation import simulate
 
 RATE, MODES = moving_gimbal.RATE, gimbal_record.MODES_HZ

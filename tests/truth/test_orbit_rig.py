@@ -14,8 +14,8 @@ from middeck.laboratory.article_rig import build_article_rig, build_rig_article
 from middeck.realtime.hardware_runs import run_hardware_closed_loop, run_hardware_open_loop
 from middeck.realtime.linear_view import linearise_rig
 from middeck.realtime.rig import close_sampled_loop
+from middeck.signals.excitation import random_multisine
 from middeck.structure.model.environment import Environment
-from middeck.systems.excitation import random_multisine
 from middeck.systems.response import statespace_response
 from middeck.systems.sampling import tustin
 from middeck.systems.stability import growth_rates

@@ -11,8 +11,8 @@ from middeck.identification.fit.fit_response import fit_response
 from middeck.identification.model.measurement_model import damping_ratio, natural_hz
 from middeck.identification.order.order import Tried, choose
 from middeck.identification.spectra import estimate_response
-from middeck.systems.ports import Port
-from middeck.systems.record import Record
+from middeck.signals.ports import Port
+from middeck.signals.record import Record
 from middeck.systems.response import FrequencyResponse
 
 LONG = os.environ.get("MIDDECK_LONG") == "1"

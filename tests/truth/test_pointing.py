@@ -14,8 +14,8 @@ from middeck.control.loop.pointing import (
     relative_weight,
 )
 from middeck.errors import ConfigError
+from middeck.signals.ports import Port
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
 from middeck.systems.statespace import StateSpace
 
 

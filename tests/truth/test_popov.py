@@ -24,9 +24,9 @@ from middeck.control.robust import (
 from middeck.control.robust.directions import shift_directions
 from middeck.control.robust.popov_bound import Multipliers, evaluate_bound, first_multipliers
 from middeck.errors import ConfigError, NumericalError
+from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant, name_states
-from middeck.systems.ports import Port
 
 
 def law_of(compensator):

@@ -10,9 +10,9 @@ from scipy.signal import butter, lfilter
 from test_closed_loop_records import cut
 
 from middeck.identification.faults import detect_faults
-from middeck.systems.fault import Fault
-from middeck.systems.ports import Port
-from middeck.systems.record import Record
+from middeck.signals.fault import Fault
+from middeck.signals.ports import Port
+from middeck.signals.record import Record
 
 Campaign = Callable[[int], range]
 Spoil = Callable[[np.ndarray, np.ndarray, int, int], tuple[np.ndarray, np.ndarray]]

@@ -8,8 +8,8 @@ from scipy.signal import lfilter
 from middeck.identification.model.measurement_model import damping_ratio, natural_hz
 from middeck.identification.record_fit.fit_record import fit_record
 from middeck.identification.record_fit.noise import noise_variance
-from middeck.systems.ports import Port
-from middeck.systems.record import Record
+from middeck.signals.ports import Port
+from middeck.signals.record import Record
 
 # rad per sample: two modes of 0.8 and 1.5 %, the first where the coloured noise is strong.
 OMEGA, ZETA = np.array([0.15, 0.43]), np.array([0.008, 0.015])

@@ -13,9 +13,9 @@ import scipy.signal
 
 from middeck.files.records import load_record
 from middeck.identification.faults import detect_faults
-from middeck.systems.fault import Fault
-from middeck.systems.ports import Channel, Port
-from middeck.systems.record import Record
+from middeck.signals.fault import Fault
+from middeck.signals.ports import Channel, Port
+from middeck.signals.record import Record
 from middeck.systems.response import FrequencyResponse
 
 HZ, SAMPLES = 256.0, 8192

@@ -11,7 +11,7 @@ from middeck.identification.model.measurement_model import (
 )
 from middeck.identification.record_fit.fit_record import fit_record
 from middeck.identification.record_fit.simulation import record_nrmse
-from middeck.systems.record import Record
+from middeck.signals.record import Record
 
 
 @pytest.mark.parametrize("experiments", [1, 2])

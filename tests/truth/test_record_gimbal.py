@@ -5,8 +5,8 @@ import numpy as np
 
 from middeck.identification.model.measurement_model import model_response, natural_hz
 from middeck.identification.record_fit.fit_record import fit_record
-from middeck.systems.ports import Port
-from middeck.systems.record import Record
+from middeck.signals.ports import Port
+from middeck.signals.record import Record
 
 
 def test_one_random_record_of_the_gimbal(campaign):

@@ -10,8 +10,8 @@ from middeck.identification.record_fit.search import refine_record
 from middeck.identification.record_fit.spectra import record_data
 from middeck.identification.record_fit.starts import start_of
 from middeck.identification.start.start import Options
-from middeck.systems.ports import Port
-from middeck.systems.record import Record
+from middeck.signals.ports import Port
+from middeck.signals.record import Record
 
 POLES = np.array([-0.01 + 0.5j, -0.02 + 1.5j])
 PAIR = np.array([True, True])

@@ -9,8 +9,8 @@ from middeck.errors import ConfigError
 from middeck.identification.model.measurement_model import damping_ratio, natural_hz, path_delay
 from middeck.identification.record_fit.fit_record import fit_record
 from middeck.identification.uncertainty.parameters import parameters_of
-from middeck.systems.ports import Port
-from middeck.systems.record import Record
+from middeck.signals.ports import Port
+from middeck.signals.record import Record
 
 INPUTS = (Port("torque", "N m"), Port("wheel", "N m"))
 OUTPUTS = (Port("payload", "rad"), Port("bus", "rad"))

@@ -10,8 +10,8 @@ from middeck.identification.model.measurement_model import is_mode
 from middeck.identification.record_fit.fit_record import fit_record, is_held
 from middeck.identification.record_fit.simulation import record_nrmse
 from middeck.identification.record_fit.spectra import as_fitted
-from middeck.systems.ports import Port
-from middeck.systems.record import Record
+from middeck.signals.ports import Port
+from middeck.signals.record import Record
 
 POLES = np.array([-0.01 + 0.6j, -0.008 + 1.9j])
 NOISE = 0.02

@@ -6,8 +6,8 @@ import pytest
 from middeck.errors import ConfigError, DataError, NumericalError
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.record_fit.simulation import record_nrmse, simulate_record
-from middeck.systems.ports import Port
-from middeck.systems.record import Record
+from middeck.signals.ports import Port
+from middeck.signals.record import Record
 
 U2 = (Port("u0", "V"), Port("u1", "V"))
 Y2 = (Port("y0", "m"), Port("y1", "m"))

@@ -9,7 +9,7 @@ from middeck.errors import ConfigError
 from middeck.identification.model.measurement_model import MeasurementModel, model_response, natural_hz
 from middeck.identification.plants.modal_states import sampled_statespace
 from middeck.identification.plants.reduction import minimal_model
-from middeck.systems.ports import Port
+from middeck.signals.ports import Port
 
 PORTS = (Port("a", "N"), Port("b", "N")), (Port("x", "m"), Port("y", "m"))
 

@@ -6,10 +6,10 @@ import pytest
 from middeck.control.loop.closed_loop import predict_closed_loop_response
 from middeck.errors import ConfigError
 from middeck.realtime.rig import build_linear_rig, close_sampled_loop, run_closed_loop, run_open_loop
-from middeck.systems.excitation import random_multisine
+from middeck.signals.excitation import random_multisine
+from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
 from middeck.systems.response import FrequencyResponse, statespace_response
 from middeck.systems.sampling import sample_plant, tustin
 from middeck.systems.stability import is_stable

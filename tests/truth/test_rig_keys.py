@@ -13,14 +13,14 @@ from middeck.files.documents import load_environment, load_structure
 from middeck.files.rig_build import build_rig_settings
 from middeck.files.studies import load_study
 from middeck.files.study_form import RigForm
+from middeck.joints.deadband import Deadband
+from middeck.joints.friction import Friction
+from middeck.joints.simulation import add_viscous
 from middeck.laboratory.article import rig_article_plant
 from middeck.laboratory.article_rig import build_article_rig, build_rig_article
 from middeck.laboratory.linear_test import rig_plant, run_rig_experiment
 from middeck.realtime.linear_view import linearise_rig
 from middeck.structure.model.environment import Environment
-from middeck.systems.deadband import Deadband
-from middeck.systems.friction import Friction
-from middeck.systems.joint_simulation import add_viscous
 from middeck.systems.response import statespace_response
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -13,9 +13,9 @@ from middeck.realtime.hardware_runs import run_hardware_closed_loop
 from middeck.realtime.motors import Motor
 from middeck.realtime.rig import build_linear_rig, run_closed_loop
 from middeck.realtime.sensors import Encoder, Gyro
+from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
 from middeck.systems.statespace import SampledStateSpace, StateSpace
 
 RATE_HZ = 200.0

@@ -14,9 +14,9 @@ from middeck.realtime.drift import Drift, age_plant, nearest_modes
 from middeck.realtime.hardware_rig import build_hardware_rig
 from middeck.realtime.motors import Motor
 from middeck.realtime.sensors import Sampler
+from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
 from middeck.systems.response import evaluate_plant, statespace_response
 from middeck.systems.stability import GROWTH_LIMIT
 from middeck.systems.statespace import StateSpace

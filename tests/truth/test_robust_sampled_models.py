@@ -18,10 +18,10 @@ from middeck.control.robust import (
     plant_as_sampled,
 )
 from middeck.errors import ConfigError
+from middeck.signals.ports import Port
 from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant, subsystem
-from middeck.systems.ports import Port
 from middeck.systems.response import statespace_response
 from middeck.systems.sampling import sample_plant, tustin
 from middeck.systems.statespace import StateSpace

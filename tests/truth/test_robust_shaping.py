@@ -26,9 +26,9 @@ from middeck.control.robust import (
     finished_plants,
 )
 from middeck.errors import ConfigError, NotStabilisableError
+from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
 from middeck.systems.statespace import StateSpace
 
 NAMES = ("low", "high")

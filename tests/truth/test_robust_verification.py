@@ -45,13 +45,13 @@ from middeck.control.sampled import emulate, measure_sampled_loop
 from middeck.control.sampled.antialias import filter_measurements
 from middeck.control.shaping import roll_off
 from middeck.errors import ConfigError
+from middeck.signals.ports import Port
 from middeck.systems.delay import pade
 from middeck.systems.delayed_plant import DelayedPlant, approximate_delays, delay_inputs, evaluate_delayed
 from middeck.systems.delayed_sampling import sample_delayed
 from middeck.systems.modal import ModalSystem, modal_to_statespace
 from middeck.systems.norms import band_rms
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
 from middeck.systems.response import evaluate_plant, statespace_response
 from middeck.systems.sampling import tustin
 from middeck.systems.statespace import StateSpace

@@ -21,11 +21,11 @@ from middeck.control.sampled import (
 from middeck.control.sampled.sampling_table import sampling_table
 from middeck.control.shaping import roll_off
 from middeck.errors import ConfigError
+from middeck.signals.ports import Port
 from middeck.systems.delayed_plant import DelayedPlant, delay_inputs, evaluate_delayed
 from middeck.systems.modal import ModalSystem, select_modes
 from middeck.systems.mode_shift import shift_modes
 from middeck.systems.plant import Plant, name_states
-from middeck.systems.ports import Port
 from middeck.systems.response import statespace_response
 from middeck.systems.statespace import StateSpace, poles
 

@@ -13,10 +13,10 @@ from middeck.control.analysis.margins_table import margins_table
 from middeck.control.law.sampled_compensator import SampledCompensator
 from middeck.control.sampled import design_sampled_lqg, measure_sampled_margins, sample_controlled
 from middeck.errors import ConfigError
+from middeck.signals.ports import Port
 from middeck.systems.delayed_plant import DelayedPlant, delay_inputs
 from middeck.systems.modal import ModalSystem, modal_to_statespace
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
 from middeck.systems.statespace import SampledStateSpace, StateSpace
 
 pytestmark = pytest.mark.kernels

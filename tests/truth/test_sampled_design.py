@@ -23,11 +23,11 @@ from middeck.control.sampled import (
 )
 from middeck.control.sampled.integrals import spread_noise
 from middeck.errors import ConfigError, NotStabilisableError
+from middeck.signals.ports import Port
 from middeck.systems.delayed_plant import DelayedPlant, approximate_delays, delay_inputs
 from middeck.systems.delayed_sampling import sample_delayed
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant, subsystem
-from middeck.systems.ports import Port
 from middeck.systems.response import statespace_response
 from middeck.systems.statespace import SampledStateSpace, StateSpace
 

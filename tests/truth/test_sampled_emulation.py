@@ -9,7 +9,7 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.lqg import design_lqg
 from middeck.control.sampled import emulate
 from middeck.errors import ConfigError
-from middeck.systems.ports import Port
+from middeck.signals.ports import Port
 from middeck.systems.response import statespace_response
 from middeck.systems.simulation import simulate
 from middeck.systems.statespace import StateSpace, gain_system, poles

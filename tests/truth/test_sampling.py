@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from middeck.errors import ConfigError, NumericalError
-from middeck.systems.excitation import random_multisine
+from middeck.signals.excitation import random_multisine
 from middeck.systems.modal import ModalSystem, modal_response, modal_to_statespace
 from middeck.systems.response import statespace_response
 from middeck.systems.sampling import sample_plant, tustin

@@ -18,7 +18,7 @@ from middeck.control.shaping import (
     shape_compensator,
 )
 from middeck.errors import ConfigError
-from middeck.systems.ports import Port
+from middeck.signals.ports import Port
 from middeck.systems.resolvent import by_solving
 from middeck.systems.statespace import StateSpace, gain_system, poles
 

@@ -16,8 +16,8 @@ from middeck.identification.spectra import (
     response_scatter,
     spectra_response,
 )
-from middeck.systems.ports import Port
-from middeck.systems.record import Campaign, Record, stream_record
+from middeck.signals.ports import Port
+from middeck.signals.record import Campaign, Record, stream_record
 
 HZ = 64.0
 MIX = np.array([[1.0, 0.4], [-0.3, 0.8], [0.6, -0.5]])

@@ -8,8 +8,8 @@ from scipy.signal import lfilter
 
 from middeck.identification.spectra import estimate_response
 from middeck.identification.spectra.start_up import steadied
-from middeck.systems.ports import Port
-from middeck.systems.record import Record
+from middeck.signals.ports import Port
+from middeck.signals.record import Record
 
 pytestmark = pytest.mark.kernels
 

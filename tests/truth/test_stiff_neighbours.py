@@ -11,6 +11,7 @@ from stiff_links import BEND, Case, G, article_of, draw, solve
 
 from conftest import LONG
 from middeck.errors import NumericalError
+from middeck.joints.friction import Friction
 from middeck.structure.gravity.budget import GravityBudget, build_budget
 from middeck.structure.model.article import Section
 from middeck.structure.model.environment import Device, Environment
@@ -20,7 +21,6 @@ from middeck.structure.sensitivity.frequencies import differentiate_frequencies
 from middeck.structure.sensitivity.parameters import find_parameters
 from middeck.structure.sensitivity.rest import differentiate_rest
 from middeck.structure.suspension.device_friction import estimate_rest_band
-from middeck.systems.friction import Friction
 
 SEEDS = range(500, 700) if LONG else range(500, 506)
 SOFTER = 1e7

@@ -10,6 +10,7 @@ import pytest
 
 from middeck.errors import ConfigError, EquilibriumError
 from middeck.files.documents import load_case
+from middeck.joints.friction import Friction
 from middeck.structure.assembly.energy import assemble
 from middeck.structure.assembly.mesh import mesh_structure
 from middeck.structure.model.article import AttachPoint, Damping
@@ -18,7 +19,6 @@ from middeck.structure.modes.solve import solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.structure.rest.tuning import environment_loads, tune_suspension
 from middeck.structure.suspension.device_friction import estimate_rest_band, sweep_device_amplitude
-from middeck.systems.friction import Friction
 from structure_builders import GRAVITY, TUBE, body, lab, member, node, rigid_bar, structure
 
 ROOT = Path(__file__).parents[2]

@@ -13,8 +13,8 @@ from middeck.control.loop.performance import Performance, measure_control_rms, m
 from middeck.control.lqg import compare_topologies, design_lqg
 from middeck.control.lqg.topologies import select_weights
 from middeck.errors import ConfigError
+from middeck.signals.ports import Port
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
 from middeck.systems.statespace import StateSpace, gain_system
 
 INTENSITY = 2e-6

@@ -13,10 +13,10 @@ from middeck.identification.search.doubts import doubts_of_deviations
 from middeck.identification.uncertainty.covariance import estimate_covariance
 from middeck.identification.uncertainty.parameters import stated, uncertainty_of
 from middeck.identification.uncertainty.unknowns import Structure
+from middeck.signals.ports import Port
 from middeck.study.chapters.measured_control.tables import fit_tables
 from middeck.study.chapters.two_sensor_control.tables import encoder_tables
 from middeck.study.words import UNDETERMINED
-from middeck.systems.ports import Port
 from middeck.systems.response import FrequencyResponse
 
 pytestmark = pytest.mark.kernels

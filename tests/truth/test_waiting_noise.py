@@ -9,9 +9,9 @@ import scipy.linalg as sla
 from middeck.realtime.hardware_rig import HardwareRig, build_hardware_rig, stream_hardware
 from middeck.realtime.motors import Motor
 from middeck.realtime.sensors import Encoder, Gyro, Sensor
+from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
 
 RATE_HZ = 100.0
 NOISE = 1e-3  # rad/s/sqrt(Hz), two-sided

@@ -23,11 +23,11 @@ from middeck.control.loop.performance import Performance
 from middeck.control.lqg import LQGWeights, design_lqg
 from middeck.control.shaping import second_order_section
 from middeck.errors import ConfigError
+from middeck.signals.ports import Port
 from middeck.systems.delayed_plant import DelayedPlant, approximate_delays
 from middeck.systems.modal import ModalSystem
 from middeck.systems.mode_shift import shift_modes
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
 from middeck.systems.sampling import sample_plant, tustin
 from middeck.systems.statespace import gain_system
 

@@ -16,8 +16,8 @@ from middeck.identification.plants.zeros import matrix_zeros, name_zeros, path_z
 from middeck.identification.spectra import estimate_response
 from middeck.identification.uncertainty.entry_factors import entry_slopes
 from middeck.identification.uncertainty.parameters import zero_deviation
+from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem, modal_to_statespace
-from middeck.systems.ports import Port
 from middeck.systems.response import evaluate_plant
 from middeck.systems.statespace import StateSpace
 from middeck.systems.transmission_zeros import transmission_zeros

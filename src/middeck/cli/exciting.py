@@ -13,7 +13,7 @@ from middeck.files.form import Form, Positive, whole, within
 from middeck.files.models import load_model
 from middeck.files.study_form import Band
 from middeck.identification.uncertainty.accuracy import ExpectedAccuracy, expected_accuracy
-from middeck.systems.excitation import (
+from middeck.signals.excitation import (
     Excitation,
     Limits,
     design_binary,

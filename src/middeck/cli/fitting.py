@@ -21,10 +21,10 @@ from middeck.identification.spectra import (
     spectra_response,
 )
 from middeck.identification.start.choices import Constants, Delay
-from middeck.systems.excitation import cut_periods, recognise_excitation
-from middeck.systems.fault import Fault
+from middeck.signals.excitation import cut_periods, recognise_excitation
+from middeck.signals.fault import Fault
+from middeck.signals.record import Record
 from middeck.systems.hold import release_hold
-from middeck.systems.record import Record
 from middeck.systems.response import FrequencyResponse
 from middeck.values import record
 

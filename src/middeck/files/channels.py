@@ -8,7 +8,7 @@ from dataclasses import fields
 from typing import Any, cast
 
 from middeck.errors import DataError
-from middeck.systems.ports import Channel, Role
+from middeck.signals.ports import Channel, Role
 
 KEYS = tuple(f.name for f in fields(Channel))
 ROLES: dict[str, Role] = {"": "", "sensor": "sensor", "actuator": "actuator"}

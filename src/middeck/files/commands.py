@@ -9,8 +9,8 @@ import numpy as np
 
 from middeck.errors import ConfigError
 from middeck.files.atomic import replacing
-from middeck.systems.excitation.signal import Excitation, repeat_periods
-from middeck.systems.ports import Port
+from middeck.signals.excitation.signal import Excitation, repeat_periods
+from middeck.signals.ports import Port
 
 SCHEMA = "middeck.command/1"
 

@@ -10,8 +10,8 @@ from pydantic_core import PydanticCustomError
 
 from middeck.files.faults import Finding, nearest
 from middeck.files.form import Form, Name, NotNegative, Positive, Vector
+from middeck.joints.friction import Friction
 from middeck.structure.model.environment import AnchoredSpring, Device, DeviceKind, Environment, Suspension
-from middeck.systems.friction import Friction
 
 
 def world_directions(value: str) -> str:

@@ -14,7 +14,7 @@ import numpy as np
 
 from middeck.errors import NumericalError
 from middeck.files.atomic import replacing
-from middeck.systems.ports import Port
+from middeck.signals.ports import Port
 
 
 def json_text(value: Any) -> str:

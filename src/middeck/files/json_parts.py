@@ -6,7 +6,7 @@ from typing import Any, cast
 
 from middeck.errors import DataError
 from middeck.files.channels import build_channel
-from middeck.systems.ports import Port
+from middeck.signals.ports import Port
 
 
 def require_keys(data: Any, keys: tuple[str, ...], where: str, hint: str) -> None:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from middeck.files.study_form import RigForm, SisoForm
+from middeck.joints.deadband import Deadband
+from middeck.joints.element import JointElement
+from middeck.joints.friction import Friction
 from middeck.laboratory.settings import LoopTest, RigSettings
 from middeck.realtime.motors import Motor, Rotor
 from middeck.realtime.sensors import Encoder, Gyro
-from middeck.systems.deadband import Deadband
-from middeck.systems.friction import Friction
-from middeck.systems.joint_element import JointElement
 
 
 def build_rig_settings(form: RigForm) -> RigSettings:

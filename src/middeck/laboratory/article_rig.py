@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Sequence
 
 from middeck.errors import ConfigError
+from middeck.joints.simulation import JointElements
 from middeck.laboratory.article import RigArticle, rig_article_plant, solve_rig_article
 from middeck.laboratory.hidden_errors import draw_hidden_errors
 from middeck.laboratory.settings import RigSettings
@@ -16,7 +17,6 @@ from middeck.realtime.sensors import Sensor
 from middeck.structure.model.article import Actuator, JointState, Structure
 from middeck.structure.model.environment import Environment
 from middeck.structure.rest.equilibrium import Equilibrium
-from middeck.systems.joint_simulation import JointElements
 
 
 def build_rig_article(structure: Structure, environment: Environment, settings: RigSettings) -> RigArticle:

@@ -22,7 +22,7 @@ from middeck.realtime.hardware_rig import HardwareRig
 from middeck.realtime.hardware_runs import run_hardware_closed_loop, run_hardware_open_loop
 from middeck.realtime.law import place_law
 from middeck.realtime.rig import Run
-from middeck.systems.excitation import Limits, design_multisine, random_multisine
+from middeck.signals.excitation import Limits, design_multisine, random_multisine
 from middeck.systems.response import FrequencyResponse
 from middeck.systems.statespace import SampledStateSpace
 from middeck.values import record

@@ -7,11 +7,11 @@ from jaxtyping import Float
 
 from middeck.laboratory.settings import LoopTest, RigSettings
 from middeck.realtime.rig import LinearRig, build_linear_rig, run_open_loop
+from middeck.signals.excitation import random_multisine
+from middeck.signals.record import Record
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.modal_plant import build_plant
-from middeck.systems.excitation import random_multisine
 from middeck.systems.plant import Plant
-from middeck.systems.record import Record
 from middeck.values import record
 
 RIG_MODES_HZ = 60.0  # the linear rig carries every mode up to here

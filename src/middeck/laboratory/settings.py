@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from middeck.joints.element import JointElement
 from middeck.realtime.motors import Motor
 from middeck.realtime.sensors import Encoder, Gyro
-from middeck.systems.joint_element import JointElement
 from middeck.values import record
 
 

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from middeck.errors import ConfigError
 from middeck.realtime.hybrid_state import HybridBlock, HybridSystem
-from middeck.systems.ports import Port, port_indices
+from middeck.signals.ports import Port, port_indices
 from middeck.values import record
 
 FULL = 1.0 - 1e-9  # part of a limit from which on it counts as reached: rounding

@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
+from middeck.joints.simulation import JointElements
 from middeck.realtime.ageing import Ageing, plan_ageing, simulate_ageing
 from middeck.realtime.computer import build_computer
 from middeck.realtime.drift import Drift, age_plant
@@ -27,9 +28,8 @@ from middeck.realtime.motors import Motor, gather_motors
 from middeck.realtime.readout import gather_readout
 from middeck.realtime.rig import pure_delay
 from middeck.realtime.sensors import Sensor, sensor_lag
-from middeck.systems.joint_simulation import JointElements
+from middeck.signals.ports import Port
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
 from middeck.systems.statespace import SampledStateSpace
 from middeck.values import record
 

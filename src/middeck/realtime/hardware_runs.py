@@ -27,7 +27,7 @@ from middeck.realtime.law import Law
 from middeck.realtime.linear_view import gyro_sums, linearise_rig
 from middeck.realtime.rig import Run, close_sampled_loop
 from middeck.realtime.sensors import Gyro
-from middeck.systems.record import Record
+from middeck.signals.record import Record
 from middeck.systems.simulation import simulate
 from middeck.systems.stability import is_stable
 from middeck.systems.statespace import SampledStateSpace

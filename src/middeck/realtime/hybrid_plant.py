@@ -3,7 +3,7 @@
 Between two ticks of the computer there are one or more internal steps, in which joints rub. Commands are held
 over a tick and act late, also by a part of a tick; what is read without a filter may wait, so that all
 sensors are equally late. Nothing here is approximated but the joints' torques, see
-`middeck.systems.joint_simulation`.
+`middeck.joints.simulation`.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ import numpy as np
 import scipy.linalg as sla
 from jaxtyping import Float
 
+from middeck.joints.simulation import JointElements, check_collocated
 from middeck.realtime.filtered_plant import filter_outputs, sample_noise
 from middeck.realtime.sensors import Sensor
-from middeck.systems.joint_simulation import JointElements, check_collocated
 from middeck.systems.plant import Plant
 from middeck.systems.sampling import WHOLE
 from middeck.systems.statespace import StateSpace

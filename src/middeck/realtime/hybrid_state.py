@@ -7,11 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from middeck.joints.simulation import JointElements
 from middeck.realtime.computer import Computer
 from middeck.realtime.hybrid_plant import HybridPlant
 from middeck.realtime.motors import MotorBank
 from middeck.realtime.readout import Readout
-from middeck.systems.joint_simulation import JointElements
 from middeck.values import record
 
 

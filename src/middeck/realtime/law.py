@@ -9,7 +9,7 @@ import numpy as np
 from middeck.control.law.kinds import require_sampled
 from middeck.control.sampled import SampledCompensator
 from middeck.errors import ConfigError
-from middeck.systems.ports import Port, port_indices
+from middeck.signals.ports import Port, port_indices
 from middeck.systems.statespace import SampledStateSpace
 
 Law = SampledStateSpace | SampledCompensator

@@ -1,6 +1,6 @@
 """The simulated rig with friction, gaps and stops at its joints; all else as the linear rig has it.
 
-Between two ticks of the computer it takes a number of internal steps, see `middeck.systems.joint_simulation`.
+Between two ticks of the computer it takes a number of internal steps, see `middeck.joints.simulation`.
 Commands are held over a tick and delayed exactly as in `build_linear_rig`, outputs sampled at the tick.
 """
 
@@ -12,11 +12,11 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
+from middeck.joints.simulation import JointElements, JointStepper, build_joint_stepper, simulate_joints
 from middeck.realtime.rig import pure_delay
-from middeck.systems.joint_simulation import JointElements, JointStepper, build_joint_stepper, simulate_joints
+from middeck.signals.ports import Port
+from middeck.signals.record import Record
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
-from middeck.systems.record import Record
 from middeck.values import record
 
 STEADY = 1e-6

@@ -13,9 +13,9 @@ from jaxtyping import Float
 from middeck.errors import ConfigError
 from middeck.realtime.events import RunEvents
 from middeck.realtime.law import Law, check_law, place_law
+from middeck.signals.ports import Port
+from middeck.signals.record import Record
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
-from middeck.systems.record import Record
 from middeck.systems.sampling import sample_plant
 from middeck.systems.simulation import find_periodic_state, simulate
 from middeck.systems.stability import growth_rates, is_stable

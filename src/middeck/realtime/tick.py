@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from middeck.joints.simulation import balance_torques
 from middeck.realtime.hybrid_state import HybridState, HybridSystem
 from middeck.realtime.motors import EXACT
-from middeck.systems.joint_simulation import balance_torques
 
 Array = np.ndarray
 

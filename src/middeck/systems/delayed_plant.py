@@ -57,7 +57,7 @@ class DelayedPlant:
 def delay_inputs(plant: Plant, delay_s: float) -> DelayedPlant:
     """The plant with one delay [s] in front of all its inputs.
 
-    >>> from middeck.systems.ports import Port
+    >>> from middeck.signals.ports import Port
     >>> lag = StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
     >>> late = delay_inputs(Plant(lag, (Port("force", "N"),), (Port("way", "m"),)), 0.01)
     >>> late.delay_s.tolist(), len(approximate_delays(late, 3).system.A)

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Complex, Float
 
-from middeck.systems.record import Record
+from middeck.signals.record import Record
 from middeck.systems.response import FrequencyResponse, ResponseCovariance
 
 

@@ -28,7 +28,7 @@ def part_modes(plant: Plant) -> Plant:
 
     Examples
     --------
-    >>> from middeck.systems.ports import Port
+    >>> from middeck.signals.ports import Port
     >>> light = StateSpace([[0.0, 1.0], [-4.0, -0.1]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]])
     >>> part_modes(Plant(light, (Port("force", "N"),), (Port("way", "m"),))).state_names
     ('mode 1, 0.3183 Hz', 'mode 1, 0.3183 Hz')

@@ -39,7 +39,7 @@ def shift_modes(
 
     Examples
     --------
-    >>> from middeck.systems.ports import Port
+    >>> from middeck.signals.ports import Port
     >>> modal = ModalSystem([2.0], [0.01], [[1.0]], [[1.0]], [[0.0]], ("bending",))
     >>> plant = Plant(modal, (Port("force", "N"),), (Port("way", "m"),))
     >>> shift_modes(plant, {"bending": 1.02}).dynamics.omega

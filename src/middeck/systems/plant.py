@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from middeck.signals.ports import Port, port_indices, require_names
 from middeck.systems.modal import ModalSystem, modal_to_statespace
-from middeck.systems.ports import Port, port_indices, require_names
 from middeck.systems.statespace import StateSpace
 from middeck.values import record
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Complex, Float
 
+from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem, modal_response
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
 from middeck.systems.resolvent import evaluate_transfer
 from middeck.systems.statespace import SampledStateSpace, StateSpace
 from middeck.values import record

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from middeck.signals.ports import Port
 from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.delayed_sampling import is_sum, sample_delayed
 from middeck.systems.plant import Plant, name_states
-from middeck.systems.ports import Port
 from middeck.systems.statespace import SampledStateSpace
 from middeck.values import record
 

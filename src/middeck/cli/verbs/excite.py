@@ -12,7 +12,7 @@ from middeck.cli.screen import Table, show
 if TYPE_CHECKING:
     from middeck.cli.exciting import ExciteSettings
     from middeck.identification.uncertainty.accuracy import ExpectedAccuracy
-    from middeck.systems.excitation import Excitation
+    from middeck.signals.excitation import Excitation
 
 EPILOG = """\
 \b
@@ -79,7 +79,7 @@ def verb(
     from middeck.cli.settings import settle
     from middeck.errors import ConfigError
     from middeck.files.commands import write_command
-    from middeck.systems.ports import Port
+    from middeck.signals.ports import Port
 
     settings = settle(ExciteSettings, given, overrides)
     if (model_file is None) != (noise_rms is None):

@@ -13,10 +13,10 @@ from middeck.cli.screen import Table, show
 
 if TYPE_CHECKING:
     from middeck.files.records import Columns
-    from middeck.systems.excitation.recognition import Recognised
-    from middeck.systems.fault import Fault
-    from middeck.systems.ports import Port
-    from middeck.systems.record import Record
+    from middeck.signals.excitation.recognition import Recognised
+    from middeck.signals.fault import Fault
+    from middeck.signals.ports import Port
+    from middeck.signals.record import Record
     from middeck.systems.response import FrequencyResponse
 
 EPILOG = """\
@@ -122,7 +122,7 @@ def _excitation(taken: Record) -> Recognised | None:
     """What is seen in the inputs; None where the periods are known, or where samples are missing."""
     import numpy as np
 
-    from middeck.systems.excitation.recognition import recognise_excitation
+    from middeck.signals.excitation.recognition import recognise_excitation
 
     if taken.periodic or not (np.isfinite(taken.u).all() and np.isfinite(taken.y).all()):
         return None
@@ -134,7 +134,7 @@ def _transients(taken: Record, excitation: Recognised) -> tuple[Fault, ...]:
     from dataclasses import replace
 
     from middeck.identification.faults import detect_faults
-    from middeck.systems.excitation.repetition import blocks_of
+    from middeck.signals.excitation.repetition import blocks_of
 
     if excitation.period is None:
         return ()
@@ -194,7 +194,7 @@ def _channel(side: str, port: Port, x: Any) -> dict[str, Any]:
     """Port, transducer and statistics of the samples that are numbers; None where there are none."""
     import numpy as np
 
-    from middeck.systems.ports import Channel
+    from middeck.signals.ports import Channel
 
     channel = port.channel or Channel()
     good = x[np.isfinite(x)]

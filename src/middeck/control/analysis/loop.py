@@ -17,11 +17,11 @@ from middeck.control.law.kinds import require_continuous, require_sampled
 from middeck.control.law.partition import partition_modes
 from middeck.control.law.sampled_compensator import SampledCompensator
 from middeck.errors import ConfigError
+from middeck.signals.ports import port_indices
 from middeck.systems.delayed_plant import DelayedPlant, approximate_delays, delay_inputs
 from middeck.systems.integrators import part_integrators
 from middeck.systems.modal import ModalSystem, output_rows, select_modes
 from middeck.systems.plant import Plant, name_states
-from middeck.systems.ports import port_indices
 from middeck.systems.resolvent import Resolvent, balance_states, by_schur_form
 from middeck.systems.sampled_plant import SampledPlant
 from middeck.systems.statespace import SampledStateSpace, StateSpace

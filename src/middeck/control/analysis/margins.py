@@ -149,7 +149,7 @@ def measure_margins(plant: AnyPlant, law: AnyLaw, *, at: At = "inputs") -> Margi
     >>> from middeck.control.law.compensator import Compensator
     >>> from middeck.systems.delayed_plant import delay_inputs
     >>> from middeck.systems.plant import Plant
-    >>> from middeck.systems.ports import Port
+    >>> from middeck.signals.ports import Port
     >>> from middeck.systems.statespace import StateSpace, gain_system
     >>> force, way = Port("force", "N"), Port("way", "m")
     >>> integrator = Plant(StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]), (force,), (way,))

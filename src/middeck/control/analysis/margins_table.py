@@ -18,7 +18,7 @@ def margins_table(margins: Margins) -> str:
     >>> from middeck.control.analysis import measure_margins
     >>> from middeck.control.law.compensator import Compensator
     >>> from middeck.systems.plant import Plant
-    >>> from middeck.systems.ports import Port
+    >>> from middeck.signals.ports import Port
     >>> from middeck.systems.statespace import StateSpace, gain_system
     >>> force, way = Port("force", "N"), Port("way", "m")
     >>> integrator = Plant(StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]), (force,), (way,))

@@ -68,7 +68,7 @@ def trace_return_ratio(
     --------
     >>> from middeck.control.law.compensator import Compensator
     >>> from middeck.systems.plant import Plant
-    >>> from middeck.systems.ports import Port
+    >>> from middeck.signals.ports import Port
     >>> from middeck.systems.statespace import StateSpace, gain_system
     >>> force, way = Port("force", "N"), Port("way", "m")
     >>> lag = Plant(StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]]), (force,), (way,))

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
+from middeck.signals.ports import Port
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
 from middeck.systems.response import FrequencyResponse, statespace_response
 from middeck.systems.statespace import StateSpace, gain_system
 from middeck.values import record

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from middeck.systems.ports import Port
+from middeck.signals.ports import Port
 from middeck.systems.statespace import SampledStateSpace
 from middeck.values import record
 

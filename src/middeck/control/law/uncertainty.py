@@ -10,10 +10,10 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
+from middeck.signals.ports import require_names
 from middeck.systems.delayed_plant import DelayedPlant, approximate_delays
 from middeck.systems.mode_shift import scale_inputs, shift_modes
 from middeck.systems.plant import Plant
-from middeck.systems.ports import require_names
 from middeck.values import record
 
 PADE_ORDER = 3

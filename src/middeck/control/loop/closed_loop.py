@@ -9,8 +9,8 @@ from middeck.control.law.compensator import Compensator, idle_compensator
 from middeck.control.law.kinds import require_continuous, require_rational
 from middeck.control.law.partition import partition_modes
 from middeck.errors import ConfigError
+from middeck.signals.ports import Port, port_indices
 from middeck.systems.plant import Plant, name_states
-from middeck.systems.ports import Port, port_indices
 from middeck.systems.response import FrequencyResponse
 from middeck.systems.stability import growth_rates, none_grows
 from middeck.systems.statespace import StateSpace

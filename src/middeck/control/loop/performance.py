@@ -12,9 +12,9 @@ from middeck.control.law.intensity import require_intensity
 from middeck.control.law.partition import partition_modes
 from middeck.control.loop.closed_loop import ClosedLoop, close_loop
 from middeck.errors import ConfigError
+from middeck.signals.ports import Port
 from middeck.systems.norms import band_rms
 from middeck.systems.plant import Plant, name_states
-from middeck.systems.ports import Port
 from middeck.systems.statespace import StateSpace
 from middeck.values import record
 

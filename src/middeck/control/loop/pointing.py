@@ -88,7 +88,7 @@ def budget_pointing(loop: ClosedLoop, performance: Performance, window: Pointing
 
     >>> from middeck.control.loop.closed_loop import leave_open
     >>> from middeck.systems.plant import Plant
-    >>> from middeck.systems.ports import Port
+    >>> from middeck.signals.ports import Port
     >>> from middeck.systems.statespace import StateSpace
     >>> lag = StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
     >>> plant = Plant(lag, (Port("w", "N"),), (Port("z", "rad"),), w=("w",), z=("z",))

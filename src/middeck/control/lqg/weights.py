@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from middeck.control.law.intensity import require_intensity
 from middeck.errors import ConfigError
-from middeck.systems.ports import require_names
+from middeck.signals.ports import require_names
 from middeck.values import record
 
 

@@ -33,7 +33,7 @@ def plant_as_sampled(plant: Plant | DelayedPlant, period_s: float) -> Plant:
 
     Examples
     --------
-    >>> from middeck.systems.ports import Port
+    >>> from middeck.signals.ports import Port
     >>> lag = StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
     >>> plant = Plant(lag, (Port("u", "N"),), (Port("y", "m"),), (), ("u",), (), ("y",))
     >>> round(float(plant_as_sampled(plant, 0.1).system.A[0, 0]), 4)  # -tanh(T/2) / (T/2)

@@ -25,7 +25,7 @@ def filter_measurements(plant: Plant | DelayedPlant, section: StateSpace) -> Pla
     Raises `ConfigError` for a section with more than one input or output.
 
     >>> from middeck.control.shaping import roll_off
-    >>> from middeck.systems.ports import Port
+    >>> from middeck.signals.ports import Port
     >>> lag = StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
     >>> plant = Plant(lag, (Port("f", "N"),), (Port("x", "m"),), ("f",), ("f",), ("x",), ("x",))
     >>> filtered = filter_measurements(plant, roll_off(40.0, 2))

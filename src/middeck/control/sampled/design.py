@@ -99,7 +99,7 @@ def design_sampled_lqg(
     unreachable: a mode at a whole multiple of half the rate), `ConfigError` for weights or a period that do
     not fit and for a ``"current"`` law on a plant that answers within the sample.
 
-    >>> from middeck.systems.ports import Port
+    >>> from middeck.signals.ports import Port
     >>> from middeck.systems.statespace import StateSpace
     >>> push, way = (Port("push", "N"),), (Port("way", "m"),)
     >>> walk = Plant(StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]), push, way, w=("push",), u=("push",),

@@ -47,7 +47,7 @@ def emulate(
 
     Examples
     --------
-    >>> from middeck.systems.ports import Port
+    >>> from middeck.signals.ports import Port
     >>> y, u = (Port("y", "m"),), (Port("u", "N"),)
     >>> lag = Compensator(StateSpace([[-2.0]], [[2.0]], [[1.0]], [[0.0]]), y, u)
     >>> [round(float(emulate(lag, 0.1, rule).system.A[0, 0]), 6) for rule in ("hold", "tustin", "matched")]

@@ -12,9 +12,9 @@ from middeck.control.sampled.delays import place_delays
 from middeck.control.sampled.integrals import spread_noise
 from middeck.control.sampled.period import Between, Segment, follow_period
 from middeck.errors import ConfigError
+from middeck.signals.ports import Port
 from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.plant import Plant, name_states, subsystem
-from middeck.systems.ports import Port
 from middeck.systems.sampling import WHOLE
 from middeck.systems.statespace import SampledStateSpace
 from middeck.values import record

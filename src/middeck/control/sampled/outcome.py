@@ -14,9 +14,9 @@ from middeck.control.riccati import solve_discrete_lyapunov
 from middeck.control.sampled.held import HeldPlant, hold_plant
 from middeck.control.sampled.integrals import spread_noise
 from middeck.errors import ConfigError
+from middeck.signals.ports import Port, port_indices
 from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port, port_indices
 from middeck.systems.stability import is_stable
 from middeck.systems.statespace import SampledStateSpace, poles
 from middeck.values import record

@@ -29,8 +29,8 @@ from middeck.files.exchange.named import (
     negated,
 )
 from middeck.files.json_output import json_text
+from middeck.signals.ports import Port
 from middeck.systems.plant import Plant
-from middeck.systems.ports import Port
 from middeck.systems.sampled_plant import SampledPlant
 
 GROUPS = ("w", "u", "z", "y")

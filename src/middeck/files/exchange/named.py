@@ -10,8 +10,8 @@ import numpy as np
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.sampled_compensator import SampledCompensator
 from middeck.errors import ConfigError
+from middeck.signals.ports import Port
 from middeck.systems.plant import Plant, name_states
-from middeck.systems.ports import Port
 from middeck.systems.sampled_plant import SampledPlant
 from middeck.systems.statespace import SampledStateSpace, StateSpace
 from middeck.values import record

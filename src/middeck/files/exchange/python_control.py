@@ -10,7 +10,7 @@ from typing import Any
 from middeck.errors import ConfigError, MissingExtraError
 from middeck.files.exchange.foreign import build_foreign, realise_ratio, settle_period
 from middeck.files.exchange.named import Exchangeable, NamedSystem, known_ports, named_system
-from middeck.systems.ports import Port
+from middeck.signals.ports import Port
 from middeck.systems.statespace import SampledStateSpace, StateSpace
 
 # python-control keeps the dot for "system.signal".

@@ -16,7 +16,7 @@ from middeck.files.exchange.foreign import (
     settle_period,
 )
 from middeck.files.exchange.named import Exchangeable, NamedSystem, name_ports, named_system
-from middeck.systems.ports import Port
+from middeck.signals.ports import Port
 from middeck.systems.statespace import SampledStateSpace, StateSpace
 
 

@@ -31,8 +31,8 @@ from middeck.files.records.checked import check_channels, check_finite, check_sh
 from middeck.files.records.columns import Columns, columns_beside, name_columns
 from middeck.files.records.raw import Raw, build_record
 from middeck.files.records.together import join_records, split_periods
-from middeck.systems.fault import Fault
-from middeck.systems.record import Campaign, Record, RecordStream, stream_record
+from middeck.signals.fault import Fault
+from middeck.signals.record import Campaign, Record, RecordStream, stream_record
 from middeck.values import record
 
 if TYPE_CHECKING:

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from middeck.errors import DataError
-from middeck.systems.ports import Port
-from middeck.systems.record import Record
+from middeck.signals.ports import Port
+from middeck.signals.record import Record
 
 
 def check_channels(sample_hz: float, inputs: Sequence[Port], outputs: Sequence[Port], where: str) -> None:

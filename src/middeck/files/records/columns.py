@@ -14,7 +14,7 @@ from middeck.files.channels import build_channel
 from middeck.files.documents import check, read_source
 from middeck.files.faults import raise_faults
 from middeck.files.form import Finite, Form, Positive, whole
-from middeck.systems.ports import Channel
+from middeck.signals.ports import Channel
 from middeck.values import record
 
 Side = Literal["", "input", "output"]

@@ -21,9 +21,9 @@ from middeck.files.records.columns import Side
 from middeck.files.records.ending import cut_short
 from middeck.files.records.raw import SAME_RATE, Head, Raw
 from middeck.files.records.stamps import JITTER, is_even, last_digit, mean_step, open_share, rate_of
-from middeck.systems.fault import Fault
-from middeck.systems.ports import Channel
-from middeck.systems.record import RecordStream
+from middeck.signals.fault import Fault
+from middeck.signals.ports import Channel
+from middeck.signals.record import RecordStream
 from middeck.values import record
 
 # Lines read at once.

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from middeck.files.records.raw import Head
-from middeck.systems.fault import Fault
+from middeck.signals.fault import Fault
 
 # Bytes at the end of a file that are looked at.
 TAIL = 1 << 18

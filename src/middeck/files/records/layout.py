@@ -12,8 +12,8 @@ from middeck.files.channels import KEYS, build_channel
 from middeck.files.commands import SCHEMA as COMMAND
 from middeck.files.records.columns import Side
 from middeck.files.records.raw import Head, Raw
-from middeck.systems.ports import Channel, Port
-from middeck.systems.record import Record
+from middeck.signals.ports import Channel, Port
+from middeck.signals.record import Record
 
 SCHEMA = 1
 SIDES: tuple[tuple[str, Side], ...] = (("u", "input"), ("y", "output"))

@@ -17,7 +17,7 @@ from middeck.files.records.hdf5 import opened, pick, plain
 from middeck.files.records.layout import build_raw, contents_of, is_own
 from middeck.files.records.matrix import raw_matrix
 from middeck.files.records.raw import Raw
-from middeck.systems.record import Record
+from middeck.signals.record import Record
 
 # Version 5 counts bytes in 32 bits.
 MOST_BYTES = 2**31

@@ -16,7 +16,7 @@ from middeck.files.atomic import replacing
 from middeck.files.records.layout import build_raw, check_samples, contents_of
 from middeck.files.records.matrix import raw_matrix
 from middeck.files.records.raw import Raw
-from middeck.systems.record import Record
+from middeck.signals.record import Record
 
 AGAIN = "copy or record it again"
 BROKEN = (zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError, AttributeError, KeyError)

@@ -8,9 +8,9 @@ import numpy as np
 
 from middeck.errors import DataError
 from middeck.files.records.columns import Columns, NamedColumn, Side
-from middeck.systems.fault import Fault
-from middeck.systems.ports import Channel, Port
-from middeck.systems.record import Record
+from middeck.signals.fault import Fault
+from middeck.signals.ports import Channel, Port
+from middeck.signals.record import Record
 from middeck.values import record
 
 # Printed time stamps and abscissas carry about six digits.

@@ -10,7 +10,7 @@ import numpy as np
 from middeck.errors import DataError
 from middeck.files.records.columns import Columns
 from middeck.files.records.raw import Chosen, Raw, choose, sampling_rate
-from middeck.systems.record import RecordStream
+from middeck.signals.record import RecordStream
 
 Pieces = Iterator[tuple[np.ndarray, np.ndarray]]
 

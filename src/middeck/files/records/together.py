@@ -9,8 +9,8 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import DataError
-from middeck.systems.ports import Port, same_ports
-from middeck.systems.record import Record
+from middeck.signals.ports import Port, same_ports
+from middeck.signals.record import Record
 
 # Scatter of the input over its periods, as a share of their mean: signals that do not repeat have 1 and more,
 # a measured input that repeats has its sensor's noise.

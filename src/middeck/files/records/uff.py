@@ -17,9 +17,9 @@ from middeck.files.records.columns import Side
 from middeck.files.records.raw import SAME_RATE, Head, Raw
 from middeck.files.records.uff58 import RESPONSE, TIME, Dataset, Place, is_si, read_values, scan
 from middeck.files.records.uff58_write import Header, write_58
-from middeck.systems.fault import Fault
-from middeck.systems.ports import Channel, Port
-from middeck.systems.record import Record
+from middeck.signals.fault import Fault
+from middeck.signals.ports import Channel, Port
+from middeck.signals.record import Record
 from middeck.systems.response import FrequencyResponse
 from middeck.values import record
 

@@ -6,8 +6,8 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.errors import DataError
-from middeck.systems.fault import Fault
-from middeck.systems.record import Record
+from middeck.signals.fault import Fault
+from middeck.signals.record import Record
 from middeck.systems.response import FrequencyResponse
 
 # Share of an output's power in the band that the reference must explain before anything is said of it.

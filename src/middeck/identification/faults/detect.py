@@ -20,9 +20,9 @@ from middeck.identification.faults.samples import (
     is_impact,
     spike_runs,
 )
-from middeck.systems.fault import Fault, Side
-from middeck.systems.ports import Port
-from middeck.systems.record import Record
+from middeck.signals.fault import Fault, Side
+from middeck.signals.ports import Port
+from middeck.signals.record import Record
 from middeck.systems.response import FrequencyResponse
 
 # With these in a channel, what outputs leave of their inputs is no noise.

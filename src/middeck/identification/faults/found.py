@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from middeck.systems.fault import MOST_RUNS, Fault, Severity, Side
+from middeck.signals.fault import MOST_RUNS, Fault, Severity, Side
 from middeck.values import record
 
 

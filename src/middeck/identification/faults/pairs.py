@@ -6,9 +6,9 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.identification.faults.found import Found
-from middeck.systems.fault import Fault
-from middeck.systems.ports import Channel, Port
-from middeck.systems.record import Record
+from middeck.signals.fault import Fault
+from middeck.signals.ports import Channel, Port
+from middeck.signals.record import Record
 
 # Two channels that agree so well are one signal; independent sensors differ by their noise.
 ONE_SIGNAL = 1e-9

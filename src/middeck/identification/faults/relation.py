@@ -12,10 +12,10 @@ import scipy.signal
 from jaxtyping import Float
 
 from middeck.identification.faults.found import Found
-from middeck.systems.excitation.repetition import find_repetition
-from middeck.systems.fault import Fault, Side
-from middeck.systems.ports import Port
-from middeck.systems.record import Record
+from middeck.signals.excitation.repetition import find_repetition
+from middeck.signals.fault import Fault, Side
+from middeck.signals.ports import Port
+from middeck.signals.record import Record
 
 Signal = Float[np.ndarray, " sample"]
 # Samples before from which the next is foretold, and the share of white noise that keeps that determined.

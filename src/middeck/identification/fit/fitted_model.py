@@ -9,7 +9,7 @@ from middeck.identification.model.measurement_model import RANK, MeasurementMode
 from middeck.identification.problem.layout import Layout, unpack
 from middeck.identification.problem.terms import constant_terms, shapes
 from middeck.identification.uncertainty.unknowns import Structure
-from middeck.systems.ports import Port
+from middeck.signals.ports import Port
 
 
 def model_of(

@@ -19,7 +19,7 @@ from middeck.identification.spectra.averages import Spectra
 from middeck.identification.spectra.coherence import ordinary_coherence
 from middeck.identification.spectra.ratios import spectra_response
 from middeck.identification.spectra.scatter import trusted
-from middeck.systems.record import Record
+from middeck.signals.record import Record
 from middeck.systems.response import FrequencyResponse
 from middeck.values import record as frozen
 

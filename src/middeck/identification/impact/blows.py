@@ -16,7 +16,7 @@ from middeck.errors import ConfigError, DataError
 from middeck.identification.faults.runs import levels_of, runs_of
 from middeck.identification.faults.samples import DROP, find_clipping
 from middeck.identification.model.checks import check_record
-from middeck.systems.record import Record
+from middeck.signals.record import Record
 from middeck.values import record as frozen
 
 # A pulse rises above this share of the largest force, and above so many deviations of the force's noise.

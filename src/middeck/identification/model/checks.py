@@ -6,8 +6,8 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import DataError, FitError
-from middeck.systems.ports import Port
-from middeck.systems.record import Record, RecordStream
+from middeck.signals.ports import Port
+from middeck.signals.record import Record, RecordStream
 from middeck.systems.response import FrequencyResponse
 from middeck.values import record as frozen
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Bool, Complex, Float
 
-from middeck.systems.ports import Port
+from middeck.signals.ports import Port
 from middeck.values import record
 
 # Share of the largest singular value below which another of a matrix is rounding.

@@ -28,7 +28,7 @@ def model_of_plant(plant: Plant, *, delay_s: float = 0.0) -> MeasurementModel:
 
     Examples
     --------
-    >>> from middeck.systems.ports import Port
+    >>> from middeck.signals.ports import Port
     >>> mode = ModalSystem([10.0], [0.01], [[2.0]], [[3.0]], [[0.0]], ("bounce",))
     >>> model = model_of_plant(Plant(mode, (Port("force", "N"),), (Port("way", "m"),)))
     >>> model.poles.round(4).tolist()

@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from middeck.errors import ConfigError
 from middeck.identification.model.measurement_model import RANK, MeasurementModel, natural_hz
-from middeck.systems.ports import port_indices
+from middeck.signals.ports import port_indices
 from middeck.values import record
 
 # A mode is on none of the chosen paths if less than this share of it is: rounding.
@@ -74,7 +74,7 @@ def scale_channels(model: MeasurementModel, scale: Mapping[str, tuple[float, str
 
     A name that stands for an input and an output scales both.
 
-    >>> from middeck.systems.ports import Port
+    >>> from middeck.signals.ports import Port
     >>> port = (Port("angle", "rad"),)
     >>> one = np.ones((1, 1))
     >>> static = MeasurementModel(np.zeros(0), np.zeros((1, 0)), np.zeros((0, 1)), one, 0.0 * one, [0.0],

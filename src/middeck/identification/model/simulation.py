@@ -9,7 +9,7 @@ from middeck.errors import DataError
 from middeck.identification.model.checks import check_record
 from middeck.identification.model.held_response import held_response
 from middeck.identification.model.measurement_model import MeasurementModel, model_response
-from middeck.systems.record import Record
+from middeck.signals.record import Record
 
 
 def simulate_periodic(

@@ -17,7 +17,7 @@ from jaxtyping import Complex, Float
 from middeck.errors import ConfigError, FitError
 from middeck.identification.fit.fit_response import FitResult
 from middeck.identification.model.measurement_model import MeasurementModel, damping_ratio, natural_hz
-from middeck.systems.ports import Port
+from middeck.signals.ports import Port
 from middeck.values import record
 
 

@@ -21,7 +21,7 @@ from middeck.identification.model.measurement_model import (
 )
 from middeck.identification.model.selection import select_channels
 from middeck.identification.plants.zeros import path_zeros
-from middeck.systems.ports import Port
+from middeck.signals.ports import Port
 from middeck.values import record
 
 # Where the gain is read: at these multiples of the geometric mean of the poles, wherever |H| is largest.

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from middeck.systems.record import Record
+from middeck.signals.record import Record
 
 # Of the largest sample, what is a blow; samples beside it that belong to it; and the most of a record that
 # blows are.

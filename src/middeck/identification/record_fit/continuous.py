@@ -27,7 +27,7 @@ from middeck.identification.record_fit.search import RecordRun, Weighting, refin
 from middeck.identification.record_fit.starts import PastOfRecord, continuous_starts, past_of
 from middeck.identification.start.start import Options, Start, start_from_point
 from middeck.identification.uncertainty.parameters import distinct_poles
-from middeck.systems.record import Record
+from middeck.signals.record import Record
 
 # Up to so many samples a record is short: subspaces cost little, and local models may not resolve it.
 SHORT = 8192

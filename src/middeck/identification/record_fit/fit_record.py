@@ -42,9 +42,9 @@ from middeck.identification.search.doubts import causal_delay, doubts_of_deviati
 from middeck.identification.spectra import estimate_response
 from middeck.identification.start.choices import Choices, Constants, Delay, at_zero, options_of
 from middeck.identification.uncertainty.parameters import uncertainty_of
-from middeck.systems.excitation.driven import driven_band
+from middeck.signals.excitation.driven import driven_band
+from middeck.signals.record import Record
 from middeck.systems.hold import release_inputs
-from middeck.systems.record import Record
 from middeck.systems.response import FrequencyResponse
 
 # A model worth using explains nine tenths of the output.

@@ -16,7 +16,7 @@ from middeck.identification.record_fit.model import record_model
 from middeck.identification.record_fit.search import RecordRun, refine_record
 from middeck.identification.record_fit.simulation import record_nrmse
 from middeck.identification.record_fit.spectra import cut_samples, record_data
-from middeck.systems.record import Record
+from middeck.signals.record import Record
 
 # Steps from the model of all samples to that of a part.
 STEPS = 15

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import FitError
-from middeck.systems.record import Record
+from middeck.signals.record import Record
 
 # Parts of a record, and those at its end in each of which an unstable output has more power than before.
 PARTS, RISING = 8, 6

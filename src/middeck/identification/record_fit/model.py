@@ -25,7 +25,7 @@ from middeck.identification.uncertainty.orthogonal import (
     triangle,
 )
 from middeck.identification.uncertainty.unknowns import Structure, places_of, ties
-from middeck.systems.record import Record
+from middeck.signals.record import Record
 
 
 def record_model(layout: Layout, found: Refined, record: Record) -> MeasurementModel:

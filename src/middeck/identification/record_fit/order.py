@@ -27,7 +27,7 @@ from middeck.identification.record_fit.search import RecordRun, Weighting, refin
 from middeck.identification.record_fit.spectra import record_data
 from middeck.identification.record_fit.starts import Pasts, pasts_of, record_starts
 from middeck.identification.start.start import Options, Start
-from middeck.systems.record import Record
+from middeck.signals.record import Record
 
 # Rounds of noise and search of each model, and steps of each.
 ROUNDS, STEPS = 4, 60

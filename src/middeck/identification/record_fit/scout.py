@@ -17,8 +17,8 @@ from jaxtyping import Float
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.layout import Layout
 from middeck.identification.record_fit.spectra import record_data
-from middeck.systems.ports import Port
-from middeck.systems.record import Record
+from middeck.signals.ports import Port
+from middeck.signals.record import Record
 
 # Lines, all experiments together, and outputs that are kept. A record of fewer numbers than so many lines of
 # so many outputs is no larger than its scout is worth.

@@ -24,7 +24,7 @@ from middeck.identification.model.measurement_model import (
     path_delay,
     single_pole,
 )
-from middeck.systems.record import Record
+from middeck.signals.record import Record
 
 Between = Literal["hold", "band-limited"]
 # Exponent of free motion before the record's first sample.
@@ -63,7 +63,7 @@ def simulate_record(
 
     Examples
     --------
-    >>> from middeck.systems.ports import Port
+    >>> from middeck.signals.ports import Port
     >>> port = (Port("x", "1"),)
     >>> one = np.ones((1, 1))
     >>> lag = MeasurementModel([np.log(0.5) + 0j], one, one, 0 * one, 0 * one, [0.0], port, port, 1.0)

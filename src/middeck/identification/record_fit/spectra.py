@@ -10,7 +10,7 @@ import scipy.signal
 from middeck.errors import FitError
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.problem.data import Data, Transient
-from middeck.systems.record import Record
+from middeck.signals.record import Record
 
 # Without a band, lines count up to where the inputs are this far (in power) below their strongest.
 FAINTEST = 1e-6

@@ -17,7 +17,7 @@ from middeck.identification.problem.terms import columns, fractions, shapes
 from middeck.identification.record_fit.subspace import PastFuture, Weighting, compress_past, record_poles
 from middeck.identification.search.refine import weighted
 from middeck.identification.start.start import Options, Start, starts_from
-from middeck.systems.record import Record
+from middeck.signals.record import Record
 from middeck.values import record as frozen
 
 # Block rows, as multiples of the least that hold so many states, and a few more whatever the states.

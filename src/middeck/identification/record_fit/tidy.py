@@ -26,7 +26,7 @@ from middeck.identification.record_fit.steady_lines import with_free_motion, wit
 from middeck.identification.start.start import Start
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.parameters import uncertainty_of
-from middeck.systems.record import Record
+from middeck.signals.record import Record
 from middeck.values import record as frozen
 
 # A pole that loses less than this share of its motion over the record may be a sine.

@@ -11,8 +11,8 @@ from scipy.signal import get_window
 
 from middeck.errors import DataError
 from middeck.identification.model.checks import Swing, check_record, check_swing, widen
-from middeck.systems.ports import Port
-from middeck.systems.record import Campaign, Record, RecordStream, stream_record
+from middeck.signals.ports import Port
+from middeck.signals.record import Campaign, Record, RecordStream, stream_record
 from middeck.values import record as frozen
 
 # Segments of half overlap that a record is cut into where nobody says how long they are.

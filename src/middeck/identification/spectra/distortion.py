@@ -20,8 +20,8 @@ from middeck.identification.spectra.periods import (
     period_moments,
     silent_outputs,
 )
-from middeck.systems.ports import Port
-from middeck.systems.record import Record, RecordStream
+from middeck.signals.ports import Port
+from middeck.signals.record import Record, RecordStream
 from middeck.values import record as frozen
 
 

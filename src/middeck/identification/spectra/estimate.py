@@ -25,9 +25,9 @@ from middeck.identification.spectra.periods import excited_lines, period_moments
 from middeck.identification.spectra.ratios import spectra_response
 from middeck.identification.spectra.scatter import ResponseScatter, trusted
 from middeck.identification.spectra.start_up import steadied
-from middeck.systems.excitation.recognition import recognise_excitation
-from middeck.systems.excitation.repetition import blocks_of
-from middeck.systems.record import Record, RecordStream, stream_record
+from middeck.signals.excitation.recognition import recognise_excitation
+from middeck.signals.excitation.repetition import blocks_of
+from middeck.signals.record import Record, RecordStream, stream_record
 from middeck.systems.response import FrequencyResponse
 
 # A run is read as periods if it has so many, and its inputs differ between them by no more than this share.
@@ -96,7 +96,7 @@ def estimate_response(
     Examples
     --------
     >>> import numpy as np
-    >>> from middeck.systems.ports import Port
+    >>> from middeck.signals.ports import Port
     >>> u = np.random.default_rng(0).standard_normal((1, 2, 64, 1))
     >>> u[:, 1] = u[:, 0]                                   # two periods of one signal
     >>> y = 2.0 * np.roll(u, 1, axis=2)                     # a gain of two, one sample late

@@ -26,7 +26,7 @@ from middeck.identification.spectra.local_fit import (
 )
 from middeck.identification.spectra.scatter import ResponseScatter
 from middeck.identification.spectra.zoom import zoomed_lines
-from middeck.systems.record import Record, RecordStream
+from middeck.signals.record import Record, RecordStream
 
 # Rows of a window for each unknown, from the narrowest that leaves a few to judge by, to where a response of
 # 1 % damping bends too much for any gain in noise.

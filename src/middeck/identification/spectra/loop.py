@@ -26,8 +26,8 @@ from jaxtyping import Float
 from middeck.errors import ConfigError, DataError
 from middeck.identification.spectra.lines import WORST_CONDITION, refuse_alike
 from middeck.identification.spectra.scatter import ResponseScatter, variance_of
-from middeck.systems.ports import Port, port_indices
-from middeck.systems.record import Record, RecordStream
+from middeck.signals.ports import Port, port_indices
+from middeck.signals.record import Record, RecordStream
 from middeck.systems.response import statespace_response
 from middeck.systems.statespace import SampledStateSpace, StateSpace
 

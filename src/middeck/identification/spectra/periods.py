@@ -10,7 +10,7 @@ from middeck.identification.model.checks import Swing, check_swing, widen
 from middeck.identification.spectra.lines import FAINTEST, in_band, refuse_silence, solve_lines
 from middeck.identification.spectra.scatter import ResponseScatter, variance_of
 from middeck.identification.spectra.start_up import StartUp
-from middeck.systems.record import RecordStream
+from middeck.signals.record import RecordStream
 from middeck.values import record as frozen
 
 # An excited line stands 20 dB above the scatter of the periods: a measured input has noise between its lines.

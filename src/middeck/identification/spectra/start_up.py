@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.identification.model.descent import Refined, Step, search
-from middeck.systems.record import Record
+from middeck.signals.record import Record
 from middeck.values import record as frozen
 
 # Motions at most, and decays tried for each, as multiples of one over the length.

@@ -21,8 +21,8 @@ def doubts_of_window(found: ResponseScatter, spectra: Spectra) -> list[str]:
     --------
     >>> from middeck.identification.spectra.averages import estimate_spectra
     >>> from middeck.identification.spectra.ratios import spectra_response
-    >>> from middeck.systems.ports import Port
-    >>> from middeck.systems.record import Record
+    >>> from middeck.signals.ports import Port
+    >>> from middeck.signals.record import Record
     >>> from scipy.signal import lfilter
     >>> u = np.random.default_rng(0).standard_normal((1, 1, 65536, 1))
     >>> y = lfilter([1.0], [1.0, -1.9, 0.9975], u, axis=2)          # a mode 1 % of the sampling rate wide

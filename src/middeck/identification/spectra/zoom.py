@@ -13,7 +13,7 @@ from jaxtyping import Complex, Float, Int
 
 from middeck.errors import DataError
 from middeck.identification.model.checks import Swing, check_swing, widen
-from middeck.systems.record import RecordStream
+from middeck.signals.record import RecordStream
 
 # Numbers that are held: 32 MB; windows and models of them take some ten times as much.
 MOST = 1 << 21
@@ -29,8 +29,8 @@ def zoomed_lines(
 
     Examples
     --------
-    >>> from middeck.systems.ports import Port
-    >>> from middeck.systems.record import Record, stream_record
+    >>> from middeck.signals.ports import Port
+    >>> from middeck.signals.record import Record, stream_record
     >>> u, y = np.random.default_rng(0).standard_normal((2, 1, 1, 9000, 1))
     >>> stream = stream_record(Record(1.0, u, y, (Port("u", ""),), (Port("y", ""),), periodic=False))
     >>> bool(np.allclose(zoomed_lines(stream, 700, 50)[:, 0, 0], np.fft.rfft(u[0, 0, :, 0])[700:750]))

@@ -8,7 +8,7 @@ from typing import Literal
 
 from middeck.errors import ConfigError
 from middeck.identification.start.start import Options
-from middeck.systems.ports import Port
+from middeck.signals.ports import Port
 from middeck.systems.response import FrequencyResponse
 from middeck.values import record
 

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int
 from middeck.errors import ConfigError
 from middeck.identification.tracking.follow import Tracking
 from middeck.identification.tracking.update import update_tracking
-from middeck.systems.record import Record
+from middeck.signals.record import Record
 from middeck.values import record
 
 

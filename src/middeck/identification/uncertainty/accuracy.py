@@ -25,10 +25,10 @@ from middeck.identification.uncertainty.entry_factors import entry_slopes
 from middeck.identification.uncertainty.orthogonal import canonical_root, factor_of, inverse_root
 from middeck.identification.uncertainty.parameters import Uncertainty, modal_constant, uncertainty_of
 from middeck.identification.uncertainty.unknowns import Structure, places_of
-from middeck.systems.excitation.recognition import recognise_excitation
-from middeck.systems.excitation.signal import Excitation
+from middeck.signals.excitation.recognition import recognise_excitation
+from middeck.signals.excitation.signal import Excitation
+from middeck.signals.record import Record
 from middeck.systems.plant import Plant
-from middeck.systems.record import Record
 from middeck.values import record
 
 # Real part of a residue of displacement, as a share of its size, that is rounding.

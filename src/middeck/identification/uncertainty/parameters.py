@@ -13,7 +13,7 @@ from middeck.identification.model.measurement_model import MeasurementModel, dam
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.entry_factors import entry_slopes
 from middeck.identification.uncertainty.unknowns import Places, places_of
-from middeck.systems.ports import Port
+from middeck.signals.ports import Port
 from middeck.values import record
 
 

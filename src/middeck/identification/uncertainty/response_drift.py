@@ -11,7 +11,7 @@ from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.spectra.weights import NEIGHBOURS, spread_of
 from middeck.identification.uncertainty.covariance import line_degrees
 from middeck.identification.uncertainty.parameters import check_level, joint_tail
-from middeck.systems.ports import Port
+from middeck.signals.ports import Port
 from middeck.systems.response import FrequencyResponse
 from middeck.values import record
 

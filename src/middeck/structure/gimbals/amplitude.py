@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from middeck.errors import ConfigError
+from middeck.joints.element import JointElement, check_amplitudes, sum_equivalents
 from middeck.structure.gimbals.branches import (
     JointSystem,
     build_joint_system,
@@ -24,7 +25,6 @@ from middeck.structure.gravity.tracking import HALF_SHAPE
 from middeck.structure.model.article import Damping
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
-from middeck.systems.joint_element import JointElement, check_amplitudes, sum_equivalents
 from middeck.values import record
 
 ORDERS = (2, 3)

@@ -16,8 +16,8 @@ import numpy as np
 from jaxtyping import Complex, Float, Int
 from scipy.optimize import linear_sum_assignment
 
+from middeck.joints.element import JointElement, sum_equivalents
 from middeck.structure.gimbals.branches import JointSystem, keep_lowest
-from middeck.systems.joint_element import JointElement, sum_equivalents
 
 SPARE = 6
 """Undamped modes looked at above the highest pole followed."""

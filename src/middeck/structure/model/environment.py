@@ -9,8 +9,8 @@ import numpy as np
 from jaxtyping import Inexact
 
 from middeck.errors import ConfigError
+from middeck.joints.friction import Friction
 from middeck.structure.model.article import Structure
-from middeck.systems.friction import Friction
 from middeck.values import record
 
 

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from middeck.errors import ConfigError
+from middeck.signals.ports import require_names
 from middeck.structure.model.article import Damping
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
@@ -15,7 +16,6 @@ from middeck.structure.plants.port_rows import input_rows, output_rows
 from middeck.structure.plants.residual import residual_flexibility
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
-from middeck.systems.ports import require_names
 
 
 def build_plant(

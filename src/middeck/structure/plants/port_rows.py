@@ -18,10 +18,10 @@ import numpy as np
 from jaxtyping import Inexact
 
 from middeck.errors import ConfigError
+from middeck.signals.ports import Port
 from middeck.structure.elements.frames import PosePoints, frame_poses, pose_jacobian
 from middeck.structure.model.article import Actuator, ActuatorKind, JointState, Sensor, SensorKind
 from middeck.structure.rest.equilibrium import Equilibrium
-from middeck.systems.ports import Port
 from middeck.values import record
 
 RATE = "_rate"

@@ -2,7 +2,7 @@
 
 A rest state is sought without friction, the middle of those with it. In motion each device acts by its
 describing function at its own amplitude (Krylov and Bogoliubov 1937, Caughey 1960), the same law that a joint
-has: `middeck.systems.friction.Friction`, with N and N/m in place of N m and N m/rad.
+has: `middeck.joints.friction.Friction`, with N and N/m in place of N m and N m/rad.
 """
 
 from __future__ import annotations
@@ -11,6 +11,8 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError, EquilibriumError
+from middeck.joints.element import check_amplitudes
+from middeck.joints.friction import Friction
 from middeck.structure.assembly.energy import assemble_carried, mass_matrix, transport
 from middeck.structure.assembly.factorisation import positive_factor
 from middeck.structure.elements.frames import frame_poses, points_in_world, pose_jacobian, rigid_columns
@@ -19,8 +21,6 @@ from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
 from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.structure.rest.statics import restrict, static_coordinates
-from middeck.systems.friction import Friction
-from middeck.systems.joint_element import check_amplitudes
 from middeck.values import record
 
 UNMOVED = 1e-9

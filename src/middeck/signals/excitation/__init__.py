@@ -5,13 +5,13 @@ found = recognise_excitation(record)
 steady = cut_periods(record)
 """
 
-from middeck.systems.excitation.binary import design_binary, design_mls
-from middeck.systems.excitation.limits import Limits
-from middeck.systems.excitation.multisine import design_multisine, random_multisine
-from middeck.systems.excitation.noise import design_burst, design_noise
-from middeck.systems.excitation.recognition import Recognised, cut_periods, recognise_excitation
-from middeck.systems.excitation.signal import Excitation, detection_lines, repeat_periods
-from middeck.systems.excitation.sweep import design_stepped_sine, design_sweep
+from middeck.signals.excitation.binary import design_binary, design_mls
+from middeck.signals.excitation.limits import Limits
+from middeck.signals.excitation.multisine import design_multisine, random_multisine
+from middeck.signals.excitation.noise import design_burst, design_noise
+from middeck.signals.excitation.recognition import Recognised, cut_periods, recognise_excitation
+from middeck.signals.excitation.signal import Excitation, detection_lines, repeat_periods
+from middeck.signals.excitation.sweep import design_stepped_sine, design_sweep
 
 __all__ = [
     "Excitation",

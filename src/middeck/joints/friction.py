@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.errors import ConfigError
-from middeck.systems.joint_element import Equivalent, check_amplitudes
+from middeck.joints.element import Equivalent, check_amplitudes
 from middeck.values import record
 
 

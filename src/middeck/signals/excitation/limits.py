@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
-from middeck.systems.excitation.signal import slew_of
+from middeck.signals.excitation.signal import slew_of
 from middeck.values import record
 
 

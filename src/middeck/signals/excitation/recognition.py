@@ -8,11 +8,11 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import DataError
-from middeck.systems.excitation.driven import driven_band
-from middeck.systems.excitation.kinds import name_kind
-from middeck.systems.excitation.repetition import Repetition, blocks_of, find_repetition
-from middeck.systems.excitation.signal import line_power
-from middeck.systems.record import Record
+from middeck.signals.excitation.driven import driven_band
+from middeck.signals.excitation.kinds import name_kind
+from middeck.signals.excitation.repetition import Repetition, blocks_of, find_repetition
+from middeck.signals.excitation.signal import line_power
+from middeck.signals.record import Record
 from middeck.values import record
 
 # As in the estimate of a response: 80 dB below the strongest line is not excited, nor is what stands less
@@ -88,7 +88,7 @@ def recognise_excitation(measured: Record) -> Recognised:
 
     Raises `DataError` for samples that are not finite.
 
-    >>> from middeck.systems.ports import Port
+    >>> from middeck.signals.ports import Port
     >>> u = np.tile(np.random.default_rng(0).standard_normal(50), 3)[None, None, :, None]
     >>> run = Record(10.0, u, 2.0 * u, (Port("u", "N"),), (Port("y", "m"),), False)
     >>> found = recognise_excitation(run)

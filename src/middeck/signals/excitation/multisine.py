@@ -8,11 +8,11 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
-from middeck.systems.excitation.crest import compact_phases, schroeder_phases
-from middeck.systems.excitation.grids import band_lines, choose_lines, whole_samples
-from middeck.systems.excitation.inputs import orthogonal_matrix
-from middeck.systems.excitation.limits import Limits, scale_to_limits
-from middeck.systems.excitation.signal import Excitation
+from middeck.signals.excitation.crest import compact_phases, schroeder_phases
+from middeck.signals.excitation.grids import band_lines, choose_lines, whole_samples
+from middeck.signals.excitation.inputs import orthogonal_matrix
+from middeck.signals.excitation.limits import Limits, scale_to_limits
+from middeck.signals.excitation.signal import Excitation
 
 
 def random_multisine(

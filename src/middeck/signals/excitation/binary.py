@@ -9,10 +9,10 @@ import scipy.signal
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
-from middeck.systems.excitation.grids import band_lines, whole_samples
-from middeck.systems.excitation.inputs import spread_signs
-from middeck.systems.excitation.limits import Limits, scale_to_limits
-from middeck.systems.excitation.signal import Excitation
+from middeck.signals.excitation.grids import band_lines, whole_samples
+from middeck.signals.excitation.inputs import spread_signs
+from middeck.signals.excitation.limits import Limits, scale_to_limits
+from middeck.signals.excitation.signal import Excitation
 
 LARGEST_ORDER = 24
 # A held bit has the power sin(x)^2 / x^2, x = pi f hold / sample_hz: half of it is left at 0.44 of the clock.

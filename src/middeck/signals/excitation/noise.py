@@ -8,9 +8,9 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
-from middeck.systems.excitation.grids import band_lines, whole_samples
-from middeck.systems.excitation.limits import Limits, scale_to_limits
-from middeck.systems.excitation.signal import Excitation
+from middeck.signals.excitation.grids import band_lines, whole_samples
+from middeck.signals.excitation.limits import Limits, scale_to_limits
+from middeck.signals.excitation.signal import Excitation
 
 # Share of a burst over which it rises and falls: a hard edge would leave the band.
 TAPER = 0.05

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from middeck.errors import NumericalError
-from middeck.systems.friction import Friction
-from middeck.systems.joint_element import JointElement
+from middeck.joints.element import JointElement
+from middeck.joints.friction import Friction
 
 MOST_ITERATIONS = 100
 """A root between brackets takes 60 halvings at most; Newton's method takes three or four."""

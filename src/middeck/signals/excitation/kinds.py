@@ -6,7 +6,7 @@ import numpy as np
 import scipy.signal
 from jaxtyping import Complex, Float
 
-from middeck.systems.excitation.signal import line_power
+from middeck.signals.excitation.signal import line_power
 
 # Kurtosis: 1 for two levels, 1.5 for a sine, 3 for noise.
 TWO_LEVELS = 1.15

@@ -8,10 +8,10 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
-from middeck.systems.excitation.grids import band_lines, whole_samples
-from middeck.systems.excitation.inputs import spread_signs
-from middeck.systems.excitation.limits import Limits, scale_to_limits
-from middeck.systems.excitation.signal import Excitation
+from middeck.signals.excitation.grids import band_lines, whole_samples
+from middeck.signals.excitation.inputs import spread_signs
+from middeck.signals.excitation.limits import Limits, scale_to_limits
+from middeck.signals.excitation.signal import Excitation
 
 
 def design_sweep(

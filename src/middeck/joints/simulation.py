@@ -15,8 +15,8 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError, NumericalError
-from middeck.systems.joint_balance import balance_torques
-from middeck.systems.joint_element import JointElement
+from middeck.joints.balance import balance_torques
+from middeck.joints.element import JointElement
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
 from middeck.systems.sampling import sample_plant
@@ -107,8 +107,8 @@ def simulate_joints(
 
     Raises `NumericalError` where the state overflows: the plant itself is unstable.
 
-    >>> from middeck.systems.friction import Friction
-    >>> from middeck.systems.ports import Port
+    >>> from middeck.joints.friction import Friction
+    >>> from middeck.signals.ports import Port
     >>> wheel = StateSpace([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]])
     >>> plant = Plant(wheel, (Port("t", "N m"),), (Port("a", "rad"),))
     >>> stuck = JointElements("t", "a", (Friction(slip_torque=2.0, stiffness=1e4, viscous=10.0),))

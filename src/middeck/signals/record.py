@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import DataError
-from middeck.systems.ports import Port, same_ports
+from middeck.signals.ports import Port, same_ports
 from middeck.values import record
 
 Samples = Float[np.ndarray, "sample channel"]

@@ -1,0 +1,1 @@
+"""Friction and play at the joints of a linear plant, and their simulation."""

@@ -1,0 +1,1 @@
+"""Samples and the ports that they belong to: records, test signals, faults."""
