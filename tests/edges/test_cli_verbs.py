@@ -264,6 +264,12 @@ def test_units_are_doubted_by_every_verb_on_modes(capfd: Capture, verb: str) -> 
     assert sum("1.6 kg/m^3" in text for text in found["warnings"]) == 1
 
 
+def test_a_slipped_unit_is_the_first_thing_to_try(capfd: Capture) -> None:
+    ended = middeck(capfd, "compare", DM, "--count", 10, "--set", "material.lexan.E=2.3")
+    assert (ended.code, ended.out) == (5, "")
+    assert "is E in Pa" in ended.err.partition("try:")[2]
+
+
 def test_damping_and_shares_are_in_the_document(capfd: Capture) -> None:
     found = document(capfd, "modes", DM, "--count", 10, "--set", "damping.rule=shares")
     mean = [0.01 * s + 0.03 * (1.0 - s) for s in found["strain_share"]]

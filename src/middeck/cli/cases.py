@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from middeck.cli.blame import reading
+from middeck.errors import MiddeckError
 from middeck.files.documents import find_document, load_case
 from middeck.structure.model.article import Structure
 from middeck.structure.model.environment import Environment
@@ -40,11 +41,17 @@ def solve_in(structure: Structure, environment: Environment, *files: Path, count
     Beside what `solve_modes` says, the warnings of the modes tell what in the files can hardly be meant, and
     which of the ``count`` lowest frequencies the mesh is too coarse for.
     """
-    with reading(*files):
-        rest = solve_equilibrium(structure, environment)
-        few = count is not None and rest.model.tree.size > LARGE
-        modes = solve_modes(rest, count + SPARE if few and count is not None else None)
-    said = (*case_doubts(structure, environment), *mesh_warnings(modes, count or COUNT))
+    doubts = case_doubts(structure, environment)
+    try:
+        with reading(*files):
+            rest = solve_equilibrium(structure, environment)
+            few = count is not None and rest.model.tree.size > LARGE
+            modes = solve_modes(rest, count + SPARE if few and count is not None else None)
+    except MiddeckError as error:
+        # A slipped unit shows as a mechanism or as no rest at all: what may be the cause comes first.
+        error.hint = "; ".join([*doubts, *([error.hint] if error.hint else [])])
+        raise
+    said = (*doubts, *mesh_warnings(modes, count or COUNT))
     return dataclasses.replace(modes, warnings=(*said, *modes.warnings))
 
 
