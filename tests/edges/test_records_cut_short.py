@@ -81,3 +81,14 @@ def test_a_file_of_ours_says_how_many_samples_it_has(tmp_path: Path) -> None:
     path.write_bytes(whole[: whole.index(b"\n", len(whole) // 2) + 1])
     with pytest.raises(DataError, match=r"truncated: \d+ of 300 samples"):
         load_record(path)
+
+
+@pytest.mark.parametrize(
+    ("last", "said"),
+    [("0.2,3,", "cell 3 of 3 is empty.*truncated"), ("0.2,,3", "cell 2 of 3 is empty.*nan where")],
+)
+def test_an_empty_cell_of_a_csv_is_called_that(tmp_path: Path, last: str, said: str) -> None:
+    path = tmp_path / "cut.csv"
+    path.write_text(f"time,u,y\n0,1,2\n0.1,1,2\n{last}\n")
+    with pytest.raises(DataError, match=f"(?s){said}"):
+        load_record(path)

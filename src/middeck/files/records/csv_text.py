@@ -226,6 +226,14 @@ def _line(row: Row, width: int, file: Path) -> list[float]:
     if len(cells) != width:
         what = f"mismatched lengths: {len(cells)} values for {width} columns"
         raise DataError(what, where=where, hint="the file may be truncated here; cut or mend the line")
+    empty = next((k for k, c in enumerate(cells, 1) if not c.strip()), None)
+    if empty is not None:
+        hint = (
+            "the file may be truncated here; cut or mend the line"
+            if empty == width
+            else "nan where there is no sample"
+        )
+        raise DataError(f"cell {empty} of {width} is empty", where=where, hint=hint)
     try:
         return [float(c) for c in cells]
     except ValueError as error:

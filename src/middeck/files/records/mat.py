@@ -19,6 +19,8 @@ from middeck.files.records.matrix import raw_matrix
 from middeck.files.records.raw import Raw
 from middeck.signals.record import Record
 
+# Of a system in state space, as `write_mat` and others write one.
+SYSTEM = frozenset("ABCD")
 # Version 5 counts bytes in 32 bits.
 MOST_BYTES = 2**31
 BROKEN = (
@@ -35,6 +37,12 @@ def read_mat(file: Path, variable: str) -> Raw:
     arrays = mat_arrays(file)
     if is_own(list(arrays)) and not variable:
         return build_raw({k: _four_axes(v) if k in ("u", "y") else v for k, v in arrays.items()}, str(file))
+    if set(arrays) >= SYSTEM and not variable:
+        raise DataError(
+            "is a linear system in state space (a plant, a fitted model or a compensator), not a record",
+            where=str(file),
+            hint="`qualify` takes one as plant or law; for the other verbs keep models and laws as JSON",
+        )
     return raw_matrix(arrays[pick(arrays, variable, file)], file)
 
 
