@@ -10,6 +10,7 @@ import json
 import os
 import pickle
 import re
+import shutil
 import subprocess
 import sys
 from collections import Counter
@@ -175,9 +176,9 @@ def test_another_process_writes_the_same_bytes(tmp_path, study, outcomes, writte
     assert differing == []
 
 
-def test_a_run_cut_short_leaves_nothing_of_an_earlier_one(tmp_path, study, outcomes):
+def test_a_run_cut_short_leaves_nothing_of_an_earlier_one(tmp_path, study, outcomes, written):
     out = tmp_path / "out"
-    write(out, study, outcomes)
+    shutil.copytree(written, out)
     (out / "figures/mine.svg").write_text("<svg/>")
     writer = StudyWriter(out, study)
     left = sorted(p.relative_to(out).as_posix() for p in out.rglob("*.*"))
