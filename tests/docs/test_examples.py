@@ -217,9 +217,9 @@ def qualify_a_compensator(names: Names) -> None:
     ]  # fmt: skip
     assert all(r.stable for r in rows)
     assert rows[2].loops[0].delay_limit_s == pytest.approx(rows[0].loops[0].delay_limit_s - 0.008, rel=1e-9)
-    strong = names["qualify_compensator"](
-        names["load_compensator"]("strong.json"),
-        {"late": names["delay_inputs"](names["plant"], 0.002)},
+    strong = names["md"].qualify_compensator(
+        names["md"].load_compensator("strong.json"),
+        {"late": names["md"].delay_inputs(names["plant"], 0.002)},
         names["weights"],
         rates_hz=[250.0],
     )
