@@ -176,7 +176,7 @@ def test_three_equal_light_modes_in_cascade_beside_a_fast_one(omega, zeta):
     A[3, 0] = A[5, 2] = omega**2
     system = StateSpace(A, np.eye(8)[:, 1:2], np.eye(8)[4:5], [[0.0]])
     f = omega / 2.0 / np.pi
-    # 2 w^-3 of the integral of dx / (4 (x^2 + zeta^2))^3 over the resonance, x = w/omega - 1.
+    # |G|^2 dw = w^-3 dx / (64 (x^2 + zeta^2)^3) about the resonance, x = w / omega - 1.
     square = omega**-3 / np.pi * (3.0 * np.pi / 8.0) / 64.0 / zeta**5
     assert band_rms(system, np.eye(1), (0.2 * f, 5.0 * f))[0] == pytest.approx(np.sqrt(square), rel=1e-6)
 

@@ -113,7 +113,7 @@ def _warn(why: str) -> None:
 def _trusted_response(
     system: StateSpace, peaks: np.ndarray, band: tuple[float, float]
 ) -> tuple[Callable[[np.ndarray], np.ndarray], float]:
-    """The response to omega, in Schur form where that is as good as solving, and what rounding of A does to it.
+    """The response to omega, in Schur form where as good as solving, and what rounding of A does to it.
 
     A backward error of Schur form is as large as A everywhere; one of solving as each of its entries.
     """
