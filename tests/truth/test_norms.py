@@ -167,3 +167,26 @@ def test_an_undamped_mode_inside_the_band_is_infinite():
 def test_a_band_the_wrong_way_round_is_refused():
     with pytest.raises(ConfigError, match="ordered"):
         band_rms(resonators(1), np.eye(2), (3.0, 1.0))
+
+
+@pytest.mark.parametrize(("omega", "zeta"), [(0.11, 1e-6), (100.0, 3e-6)])
+def test_three_equal_light_modes_in_cascade_beside_a_fast_one(omega, zeta):
+    mode = np.array([[0.0, 1.0], [-(omega**2), -2.0 * zeta * omega]])
+    A = sla.block_diag(mode, mode, mode, [[0.0, 1.0], [-1600.0, -0.8]])
+    A[3, 0] = A[5, 2] = omega**2
+    system = StateSpace(A, np.eye(8)[:, 1:2], np.eye(8)[4:5], [[0.0]])
+    f = omega / 2.0 / np.pi
+    # |G|^2 dw = w^-3 dx / (64 (x^2 + zeta^2)^3) about the resonance, x = w / omega - 1.
+    square = omega**-3 / np.pi * (3.0 * np.pi / 8.0) / 64.0 / zeta**5
+    assert band_rms(system, np.eye(1), (0.2 * f, 5.0 * f))[0] == pytest.approx(np.sqrt(square), rel=1e-6)
+
+
+@pytest.mark.parametrize("order", [3, 4])
+def test_chain_of_integrators_in_mixed_coordinates(order):
+    Q, _ = np.linalg.qr(np.random.default_rng(order).standard_normal((order, order)))
+    A = Q @ np.diag(np.ones(order - 1), -1) @ Q.T
+    system = StateSpace(A, Q[:, :1], Q[:, -1:].T, [[0.0]])
+    w1, w2 = 2.0 * np.pi * np.array(BAND)
+    p = 2 * order - 1
+    expected = np.sqrt((w1**-p - w2**-p) / p / np.pi)
+    assert band_rms(system, np.eye(1), BAND)[0] == pytest.approx(expected, rel=1e-9)

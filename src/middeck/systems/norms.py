@@ -4,12 +4,14 @@ rms^2 = 2 \int_{f1}^{f2} |G|^2 S df with a two-sided intensity S. With G = \sum_
 pair of poles contributes \int dw / ((jw - l_i)(-jw - l_j^*)), a difference of logarithms over l_i + l_j^*
 (Gawronski and Juang 1990, Int. J. Systems Science 21, "Model reduction in limited time and frequency
 intervals"). Where eigenvectors cannot represent the system (defective poles, the double ones of rigid-body
-motion first of all) the integral is taken by adaptive quadrature in Schur form. Fixed grids are wrong by as
+motion first of all) the integral is taken by adaptive quadrature, in Schur form where that is good enough,
+else by solving line by line. Fixed grids are wrong by as
 much as they miss the resonances.
 """
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from typing import Any, cast
 
@@ -19,8 +21,9 @@ from jaxtyping import Complex, Float
 from scipy.linalg import lapack
 
 from middeck.errors import ConfigError
+from middeck.systems.pole_crowds import find_crowds
 from middeck.systems.refined_poles import refine_poles
-from middeck.systems.resolvent import Resolvent, balance_states, by_schur_form
+from middeck.systems.resolvent import Resolvent, balance_states, by_schur_form, by_solving
 from middeck.systems.stability import GROWTH_LIMIT
 from middeck.systems.statespace import StateSpace, poles
 
@@ -30,6 +33,12 @@ REMAINS = 1e-3
 """Relative size of what a pole sum leaves of its equation, up to which sending it through once more says how
 wrong it was: the next order is a thousandth of that."""
 GAUSS = np.polynomial.legendre.leggauss(16)
+SCHUR_AGREEMENT = 1e-9
+"""Relative difference of the squares up to which the response in Schur form stands for that by solving."""
+UNCERTAIN = 1e-4
+"""Relative change of an rms by rounding of A (to first order, all entries at worst) from which it warns."""
+BELOW_BAND = 0.1
+"""Share of the lower limit below which the spread of a pole at the origin does not reach the band."""
 PANELS_AT_ONCE = 64
 """Panels evaluated together: a thousand lines, some megabytes for a hundred states."""
 
@@ -41,7 +50,8 @@ def band_rms(
 
     ``inf`` where a pole grows, or lies on the imaginary axis within the band (an integral over frequency
     would stay finite for the first and look good). Poles on the axis outside the band are no obstacle, the
-    double ones of rigid-body motion at the origin included. A direct term counts with the width of the band.
+    double ones of rigid-body motion and longer chains of integrators included. A direct term counts with the
+    width of the band. Warns (`UserWarning`) where rounding of A leaves growth undecided or the rms uncertain.
     Raises `ConfigError` for a band that is not 0 <= low < high < inf.
 
     >>> lag = StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]])           # |G|^2 = 1 / (1 + w^2)
@@ -53,33 +63,80 @@ def band_rms(
     if not len(noisy.A):
         return np.sqrt(np.sum(noisy.D**2, axis=1) * (w2 - w1) / np.pi)
     values, V = np.linalg.eig(noisy.A)
-    on_axis = (
-        (np.abs(np.real(values)) <= GROWTH_LIMIT)
-        & (np.abs(np.imag(values)) >= w1)
-        & (np.abs(np.imag(values)) <= w2)
-    )
-    growing = (np.real(values) > GROWTH_LIMIT) & ~_at_origin(values, noisy.A, w1)
-    if np.any(growing) or np.any(on_axis):
-        return np.full(len(system.C), np.inf)
-    modal = _as_pole_sum(noisy, values.astype(complex), V, (w1, w2)) or _refined_pole_sum(noisy)
+    modal = None
+    if not _diverges(values, w1, w2):
+        modal = _as_pole_sum(noisy, values.astype(complex), V, (w1, w2))
+    if modal is None and (form := refine_poles(noisy.A, noisy.B, noisy.C)):
+        if _diverges(form.values, w1, w2):
+            return np.full(len(system.C), np.inf)
+        modal = form.values, form.C, form.B
     if modal is None:
-        return np.sqrt(_quadrature(_on_axis(by_schur_form(noisy)), values, (w1, w2)) / np.pi)
+        return _rms_of_dependent_poles(noisy, (w1, w2))
     # A negative square is rounding about zero.
     return np.sqrt(np.maximum(_pair_integral(*modal, noisy.D, w1, w2), 0.0) / np.pi)
 
 
-def _refined_pole_sum(system: StateSpace) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """The same after a step of Newton's method, or None where the eigenvectors are too dependent."""
-    form = refine_poles(system.A, system.B, system.C)
-    return form and (form.values, form.C, form.B)
+def _diverges(values: np.ndarray, w1: float, w2: float) -> bool:
+    """Whether a pole grows, or lies on the axis within the band."""
+    rate, omega = np.real(values), np.abs(np.imag(values))
+    return bool(
+        np.any((rate > GROWTH_LIMIT) | ((np.abs(rate) <= GROWTH_LIMIT) & (omega >= w1) & (omega <= w2)))
+    )
 
 
-def _at_origin(values: np.ndarray, A: np.ndarray, w1: float) -> np.ndarray:
-    """Poles that may be a double one at the origin, which rounding splits evenly, by sqrt(eps) |A|."""
-    split = np.sqrt(np.finfo(float).eps) * np.linalg.norm(A)
-    near = np.abs(values) < min(1e-2 * w1, split)  # and far below the band
-    lone = np.abs(values[:, None] + values[None]) + np.where(np.eye(len(values), dtype=bool), np.inf, 0.0)
-    return near & (lone.min(axis=1, initial=np.inf) < 0.5 * np.abs(values))
+def _rms_of_dependent_poles(system: StateSpace, band: tuple[float, float]) -> Float[np.ndarray, " output"]:
+    """By quadrature; warns where rounding of A moves the poles or the response by more than is meant."""
+    crowd = find_crowds(system.A)
+    if _diverges(crowd.means, *band):
+        return np.full(len(system.C), np.inf)
+    peaks = np.concatenate([crowd.values, crowd.means])
+    response, uncertain = _trusted_response(system, peaks, band)
+    # A crowd far below the band is a chain of integrators: its spread is no growth, and not in the band.
+    unsure = (np.real(crowd.values) > GROWTH_LIMIT) & (np.abs(crowd.values) > BELOW_BAND * band[0])
+    if np.any(unsure):
+        rate = np.real(crowd.values[unsure]).max()
+        _warn(f"whether a pole grows is undecided: by {rate:.1e} rad/s, which is less than its own rounding")
+    elif uncertain > UNCERTAIN:
+        _warn(f"rounding of the matrix A alone moves it by a relative {uncertain:.0e} or more")
+    # What rounding of A leaves uncertain, halving cannot find.
+    floor = float(np.clip(uncertain, 1e-13, 1e-6)) if np.isfinite(uncertain) else 1e-6
+    return np.sqrt(_quadrature(response, peaks, band, floor=floor) / np.pi)
+
+
+def _warn(why: str) -> None:
+    text = (
+        f"rms in a band: {why}; poles nearly coincide and are light. States that keep the parts of a cascade"
+    )
+    warnings.warn(f"{text} apart (zeros in A) or are better scaled would tell", UserWarning, stacklevel=4)
+
+
+def _trusted_response(
+    system: StateSpace, peaks: np.ndarray, band: tuple[float, float]
+) -> tuple[Callable[[np.ndarray], np.ndarray], float]:
+    """The response to omega, in Schur form where as good as solving, and what rounding of A does to it.
+
+    A backward error of Schur form is as large as A everywhere; one of solving as each of its entries.
+    """
+    inside = (np.imag(peaks) > band[0]) & (np.imag(peaks) < band[1])
+    omega = np.concatenate([np.geomspace(band[0] or 1e-4 * band[1], band[1], 6), np.imag(peaks[inside])])
+    width = np.concatenate([omega[:6], np.maximum(np.abs(np.real(peaks[inside])), 1e-300)])
+    fast, solved = _on_axis(by_schur_form(system)), _on_axis(by_solving(system))
+    H = solved(omega)
+    size = np.linalg.norm(H, axis=2)
+    off = np.linalg.norm(fast(omega) - H, axis=2)
+    moved = np.finfo(float).eps * np.linalg.norm(_sensitivity(system, omega), axis=2)
+    square = np.maximum(width @ size**2, np.finfo(float).tiny)
+    agree = np.all(width @ (off * size) <= SCHUR_AGREEMENT * square)
+    uncertain = float(np.max(width @ (moved * np.maximum(size, moved)) / square))
+    return (fast if agree else solved), uncertain
+
+
+def _sensitivity(system: StateSpace, omega: np.ndarray) -> Float[np.ndarray, "line output input"]:
+    """|C R| |A| |R B| with R = (jw I - A)^-1: what a relative change of the entries of A may do to C R B."""
+    n, m = system.B.shape
+    both = StateSpace(system.A, np.hstack([system.B, np.eye(n)]), np.eye(n), np.zeros((n, m + n)))
+    R = by_solving(both)(1j * omega)
+    return np.abs(system.C @ R[:, :, m:]) @ np.abs(system.A) @ np.abs(R[:, :, :m])
 
 
 def band_rms_by_quadrature(
@@ -146,6 +203,7 @@ def _quadrature(
     values: np.ndarray,
     band: tuple[float, float],
     cuts: Float[np.ndarray, " cut"] | None = None,
+    floor: float = 1e-13,
 ) -> Float[np.ndarray, " output"]:
     """The integral of |G|^2 over the band by halving panels until nothing changes."""
     edges = np.unique(np.concatenate([_cuts(values, *band), () if cuts is None else cuts, band]))
@@ -155,9 +213,9 @@ def _quadrature(
     while len(low):
         middle = (low + high) / 2.0
         left, right = (_panel_integrals(response, *ends) for ends in ((low, middle), (middle, high)))
-        # 1e-13 of the total: also where the panel's own value is uncertain by rounding, halving ends here.
+        # A floor of the total: also where the panel's own value is uncertain by rounding, halving ends here.
         total = square + np.sum(left + right, axis=0)
-        rough = np.any(np.abs(left + right - whole) > 1e-13 * total, axis=1)
+        rough = np.any(np.abs(left + right - whole) > floor * total, axis=1)
         square = square + np.sum((left + right)[~rough], axis=0)
         low, high = np.concatenate([low[rough], middle[rough]]), np.concatenate([middle[rough], high[rough]])
         whole = np.concatenate([left[rough], right[rough]])

@@ -9,13 +9,12 @@ Hessenberg form and solves with it line by line.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import cast
 
 import numpy as np
-import scipy.linalg as sla
 from jaxtyping import Complex, Float
 
 from middeck.systems.balancing import balance
+from middeck.systems.components import component_schur
 from middeck.systems.refined_poles import PoleForm, refine_poles
 from middeck.systems.second_order import sum_second_order
 from middeck.systems.statespace import SampledStateSpace, StateSpace
@@ -98,9 +97,11 @@ def _residues(form: PoleForm) -> Complex[np.ndarray, "pole port"]:
 def by_schur_form(system: System) -> Resolvent:
     """Back substitution in complex Schur form, many lines at once: n^2 a line, and stable.
 
+    Each strongly connected component of A keeps a form of its own, so that equal poles
+    in cascade stay equal.
     From the side of the fewer ports: the transposed system, its states in reverse, is upper triangular too.
     """
-    form, Q = cast("tuple[np.ndarray, np.ndarray]", sla.schur(system.A, output="complex"))
+    form, Q = component_schur(system.A)
     into, out = Q.conj().T @ system.B, system.C @ Q
     turned = into.shape[1] > len(out)
     if turned:

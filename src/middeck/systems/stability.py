@@ -16,6 +16,7 @@ from jaxtyping import Complex
 from scipy.sparse.csgraph import connected_components
 
 from middeck.systems.balancing import balance
+from middeck.systems.components import component_poles
 from middeck.systems.statespace import SampledStateSpace, StateSpace, poles
 
 GROWTH_LIMIT = 1e-8
@@ -35,9 +36,16 @@ def growth_rates(system: StateSpace | SampledStateSpace) -> Complex[np.ndarray, 
     >>> growth_rates(StateSpace([[-2.0]], [[1.0]], [[1.0]], [[0.0]])).real
     array([-2.])
     """
-    sampled = isinstance(system, SampledStateSpace)
-    p = _joined(system.A, poles(system), sampled=sampled)
-    if not sampled:
+    rates = _rates(system, _joined(system.A, poles(system), sampled=isinstance(system, SampledStateSpace)))
+    if none_grows(rates):
+        return rates
+    # Equal light modes in a cascade are parted to both sides of the axis; each by itself is not.
+    alone = _rates(system, component_poles(system.A))
+    return alone if none_grows(alone) else rates
+
+
+def _rates(system: StateSpace | SampledStateSpace, p: np.ndarray) -> Complex[np.ndarray, " state"]:
+    if not isinstance(system, SampledStateSpace):
         return p
     size = np.abs(p)
     rate = np.full(len(p), -np.inf)

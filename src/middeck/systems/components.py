@@ -1,0 +1,54 @@
+"""Strongly connected components of a matrix: which states act on each other, and in what order.
+
+States that act on others and are not acted upon by them (a cascade, a chain of actuator and plant) make A
+block triangular after a permutation. The poles are those of the blocks, and a block alone has poles that
+rounding moves by its own size and multiplicity, not by those of the whole (Duff, Erisman and Reid 1986,
+"Direct Methods for Sparse Matrices", chapter 6).
+"""
+
+from __future__ import annotations
+
+from typing import cast
+
+import numpy as np
+import scipy.linalg as sla
+from jaxtyping import Complex, Float
+
+
+def strong_components(A: Float[np.ndarray, "state state"]) -> list[np.ndarray]:
+    """The states of each component, in the order that makes ``A`` block upper triangular.
+
+    >>> [part.tolist() for part in strong_components(np.array([[1.0, 0.0], [5.0, 2.0]]))]
+    [[1], [0]]
+    """
+    n = len(A)
+    reached = (A != 0.0) | np.eye(n, dtype=bool)
+    for _ in range(int(np.ceil(np.log2(max(n, 2))))):
+        reached = (reached.astype(np.float32) @ reached.astype(np.float32)) > 0.0
+    # A row that reads a column reaches all that the column's state reaches, and itself.
+    first = np.argmax(reached & reached.T, axis=1)
+    heads = np.unique(first)
+    order = heads[np.argsort(-np.sum(reached[heads], axis=1), kind="stable")]
+    return [np.flatnonzero(first == head) for head in order]
+
+
+def component_poles(A: Float[np.ndarray, "state state"]) -> Complex[np.ndarray, " state"]:
+    """The eigenvalues, each from the component that it belongs to."""
+    parts = [np.linalg.eigvals(A[np.ix_(part, part)]) for part in strong_components(A)]
+    return np.concatenate(parts).astype(complex) if parts else np.zeros(0, dtype=complex)
+
+
+def component_schur(
+    A: Float[np.ndarray, "state state"],
+) -> tuple[Complex[np.ndarray, "state state"], Complex[np.ndarray, "state state"]]:
+    """T upper triangular and Q unitary with A = Q T Q^H; the diagonal of T from each component alone."""
+    n, at = len(A), 0
+    Q, T = np.zeros((n, n), dtype=complex), np.zeros((n, n), dtype=complex)
+    for part in strong_components(A):
+        here = slice(at, at + len(part))
+        T[here, here], Q[part, here] = cast(
+            "tuple[np.ndarray, np.ndarray]", sla.schur(A[np.ix_(part, part)], output="complex")
+        )
+        T[:at, here] = Q[:, :at].conj().T @ A @ Q[:, here]
+        at += len(part)
+    return T, Q

@@ -1,0 +1,60 @@
+"""Poles that rounding has parted: their values, how far each is known, and the means of those that are one.
+
+A pole of multiplicity k with one eigenvector is parted into a star of radius eps^(1/k) |A|; the mean of the
+star is known to rounding (Kato 1976, section II.2). How far a value is known follows from the angle between
+its left and right eigenvectors (Wilkinson 1965, chapter 2), within its strongly connected component.
+"""
+
+from __future__ import annotations
+
+from typing import cast
+
+import numpy as np
+import scipy.linalg as sla
+from jaxtyping import Complex, Float
+from scipy.sparse.csgraph import connected_components
+
+from middeck.systems.components import strong_components
+from middeck.values import record
+
+ROUNDINGS = 10.0
+"""Roundings of its component by which LAPACK moves an eigenvalue, times its condition."""
+
+
+@record
+class Crowds:
+    """Poles as found, and for each the mean of those that it cannot be told from."""
+
+    values: Complex[np.ndarray, " pole"]
+    means: Complex[np.ndarray, " pole"]
+
+
+def find_crowds(A: Float[np.ndarray, "state state"]) -> Crowds:
+    """The poles of ``A`` (balanced, for rounding to be small).
+
+    >>> chain = np.diag(np.ones(2), -1)
+    >>> Q = np.linalg.qr(np.random.default_rng(0).standard_normal((3, 3)))[0]
+    >>> bool(np.abs(find_crowds(Q @ chain @ Q.T).means).max() < 1e-14)
+    True
+    """
+    found = [_crowds_within(A[np.ix_(part, part)]) for part in strong_components(A)]
+    values, means = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    return Crowds(values, means)
+
+
+def _crowds_within(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    values, left, right = cast("tuple[np.ndarray, ...]", sla.eig(A, left=True, right=True))
+    values = values.astype(complex)
+    known = _radius(A, left, right)
+    together = np.abs(values[:, None] - values) <= known[:, None] + known
+    count, label = cast("tuple[int, np.ndarray]", connected_components(together, directed=False))
+    share = np.bincount(label, minlength=count)
+    means = (np.bincount(label, values.real, count) + 1j * np.bincount(label, values.imag, count)) / share
+    return values, means[label]
+
+
+def _radius(A: np.ndarray, left: np.ndarray, right: np.ndarray) -> Float[np.ndarray, " pole"]:
+    """How far each eigenvalue is known; not farther than a fourfold one is thrown by rounding."""
+    aligned = np.abs(np.sum(np.conj(left) * right, axis=0))
+    rounding = ROUNDINGS * np.finfo(float).eps
+    return rounding * float(np.linalg.norm(A)) / np.maximum(aligned, rounding**0.75)
