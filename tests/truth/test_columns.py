@@ -22,10 +22,15 @@ TENS = 40
 
 
 def clamped(
-    tip: tuple[float, float, float], weight: float, tilt: float = 0.0, own: bool = False, k: float = 1e9
+    tip: tuple[float, float, float],
+    weight: float,
+    tilt: float = 0.0,
+    own: bool = False,
+    k: float = 1e9,
+    EA: float = 1e6,
 ) -> Equilibrium:
     """A beam of length 1 from the origin, ``weight`` in EI at its tip or along it, gravity out of plumb."""
-    section = Section(1e6, 8.0, 1.2 * EI, EI, weight * EI / G if own else 1e-6, 0.0, 0.0)
+    section = Section(EA, 8.0, 1.2 * EI, EI, weight * EI / G if own else 1e-6, 0.0, 0.0)
     attach = [AttachPoint(f"p{i}", "a", np.array(o, dtype=float)) for i, o in enumerate(CROSS)]
     springs = (AnchoredSpring(p.name, p.name, p.offset, k, 0.0) for p in attach)
     nodes = [node("a", (0, 0, 0)), node("b", tip, body(0.0 if own else weight * EI / G))]
@@ -73,6 +78,18 @@ def test_a_column_beyond_its_critical_load_settles_on_the_bent_branch(ratio: flo
     # The compression of 2.5e-5 and the mesh's 1e-6 of the load shift the bend by their part of ratio - 1;
     # so does the tilt.
     rel = 2e-3 + 2.0 * (2e-5 + tilt / side) / (ratio - 1.0)
+    assert np.abs(moved(rest)) == pytest.approx((side, drop), rel=rel)
+
+
+@pytest.mark.parametrize(("EA", "ratio"), [(1e7, 1.001), (1e8, 1.2), (1e8, 2.0)])
+def test_a_column_that_is_stiff_along_settles_too(EA: float, ratio: float):
+    """EA L^2/EI to 1e7: its nodes are carried by one of them, and keep their forces in its tangent."""
+    rest = clamped((0, 1, 0), ratio * EULER, 1e-6, EA=EA)
+    assert rest.converged
+    assert rest.stable
+    assert len(rest.history) <= TENS
+    side, drop = upright(ratio)
+    rel = 2e-3 + 2.0 * (2e-5 + 1e-6 / side) / (ratio - 1.0)
     assert np.abs(moved(rest)) == pytest.approx((side, drop), rel=rel)
 
 

@@ -411,7 +411,9 @@ def _gather(
     for rows in _chunks(len(model.element_ends)):
         x, T, known = _element_ends(model, at, rows)
         beams, ends = select_beams(model.beams, rows), model.element_ends[rows]
-        strain = beam_state(beams, x, T, None if inner is None else inner.beam[rows], known)
+        # A copy: what is `unstrained` is cleared below, and its forces are the caller's.
+        given = None if inner is None else inner.beam[rows].copy()
+        strain = beam_state(beams, x, T, given, known)
         if unstrained is not None:
             some = unstrained[(rows.start <= unstrained) & (unstrained < rows.stop)] - rows.start
             for part in strain:

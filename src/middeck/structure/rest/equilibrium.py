@@ -53,7 +53,8 @@ class Equilibrium:
         Newton's own step shows that nothing is out of place by it.
     stable:
         Whether nothing grows there with the free joints held: false of a column that stands upright beyond
-        its critical load, which the least push would bend. See `rest_warnings`.
+        its critical load, which the least push would bend, and of any state that did not converge. See
+        `rest_warnings`.
     """
 
     model: Model

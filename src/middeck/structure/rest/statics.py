@@ -123,10 +123,11 @@ def _by_steps(
         history += [(factor, residual, damping) for residual, damping in steps]
     config, at, steps, enough = _descend(model, config, loads, mass, scale, TOLERANCE, most)
     history += [(1.0, residual, damping) for residual, damping in steps]
-    active = static_coordinates(model)
+    active, residual = static_coordinates(model), history[-1][1]
     held = restrict(at.tangent, active) + LEAST_DAMPING * restrict(mass, active)
-    stable = positive_factor(sp.csr_array(held)) is not None
-    return Settled(config, at, history[-1][1], enough, tuple(history), stable)
+    # Of what still moves nobody knows: strain of a step's second order may pull it taut.
+    stable = residual < enough and positive_factor(sp.csr_array(held)) is not None
+    return Settled(config, at, residual, enough, tuple(history), stable)
 
 
 def _with_forces(model: Model, loads: Loads, mass: sp.csr_array) -> Settled | None:
