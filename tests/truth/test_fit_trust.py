@@ -5,7 +5,7 @@ import os
 
 import numpy as np
 import pytest
-from middeck.identification.samples import continuous
+from middeck.identification.record_fit import continuous
 from struck_plant import FORCE, TIP, response, shaken, struck
 
 from middeck.errors import FitError
