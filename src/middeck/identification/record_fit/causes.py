@@ -25,9 +25,9 @@ from middeck.signals.record import Record
 # Above this share of an output's rms, what is left is looked into; above the second, and told by the inputs,
 # it makes the modes doubtful.
 LEFT, MUCH = 0.05, 0.1
-# Deviations of a correlation with the inputs, or of a delay's step, above which what is left is no noise:
+# Deviations of a correlation with the inputs, and of a delay's step, above which what is left is no noise:
 # chance makes the largest of 1e4 four.
-TOLD = 6.0
+TOLD, STEPS = 6.0, 5.0
 # Deviations by which an output leads that are no chance.
 LEADS = 6.0
 # A step of the delay is looked for so many samples, and this share of the record, from both ends.
@@ -52,7 +52,7 @@ def causes_of(
     moved = np.array([_step_score(w, y, data.s) for w, y in zip(white, response, strict=True)])
     told = np.array([_told_by_inputs(w, data) for w in white])
     leads = lead > LEADS
-    wrong = np.any(left > LEFT) or np.any(moved > TOLD) or leads.any()
+    wrong = np.any(left > LEFT) or np.any(moved > STEPS) or leads.any()
     faults = _biasing_faults(record) if wrong else []
     found = [
         f"{f.side} {f.channel}: {f.what}; so no stated deviation holds. {f.hint[0].upper()}{f.hint[1:]}"
@@ -62,7 +62,7 @@ def causes_of(
     for o, port in enumerate(record.outputs):
         if port.name in named:
             continue
-        if moved[o] > TOLD:
+        if moved[o] > STEPS:
             found.append(
                 f"output {port.name}: its delay is not the same throughout the record ({moved[o]:.0f} "
                 "standard deviations of noise): samples lost or repeated, two runs joined, a clock that "
