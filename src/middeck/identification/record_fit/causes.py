@@ -8,7 +8,7 @@ looked for.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Generator
 
 import numpy as np
 from jaxtyping import Complex, Float, Int
@@ -83,7 +83,7 @@ def causes_of(
 
 
 @contextlib.contextmanager
-def named_cause(record: Record) -> Iterator[None]:
+def named_cause(record: Record) -> Generator[None]:
     """A refused fit with the fault of the record that may be why, where there is one."""
     try:
         yield
