@@ -5,15 +5,16 @@ import os
 
 import numpy as np
 import pytest
-from middeck.identification.samples import continuous
 from struck_plant import FORCE, TIP, response, shaken, struck
 
 from middeck.errors import FitError
+from middeck.identification.faults import detect_faults
 from middeck.identification.fit.fit_response import fit_response
 from middeck.identification.fit.significance import mode_significance, with_split, without_modes
 from middeck.identification.fit.standing import checked_covariance
 from middeck.identification.fit.steady_line import name_line
 from middeck.identification.model.measurement_model import damping_ratio, natural_hz
+from middeck.identification.record_fit import continuous
 from middeck.identification.record_fit.fit_record import fit_record
 from middeck.signals.record import Record
 from middeck.systems.response import FrequencyResponse
@@ -113,6 +114,50 @@ def test_no_delay_is_off_in_silence(kind, campaign):
         doubted.append(fit.delay_standing == ("doubtful",))
         assert doubted[-1] or abs(fit.model.delay_s[0] - delay_s) < 4.0 * fit.uncertainty.delay_s[0]
     assert kind != "clean" or np.sum(doubted) <= 0.02 * len(doubted)
+
+
+@pytest.mark.parametrize("at", [40, 384, 730])
+def test_a_lost_sample_leaves_no_deviation_that_holds(at):
+    """One sample, too near an end or in too short a record to be found in the record itself."""
+    clean = shaken(PLANT, COUNT + 1, RATE, (1.0, 40.0), noise=3e-3)
+    lost = dataclasses.replace(clean, u=clean.u[:, :, :-1], y=np.delete(clean.y, at, axis=2))
+    assert detect_faults(lost) == ()
+    fit = fit_record(lost, states=4, sampled=False)
+    assert any("samples lost" in w for w in fit.warnings)
+    assert "sound" not in (*fit.standing, *fit.delay_standing)
+
+
+def in_a_loop(count, seed=7):
+    """Modes at 4 and 11 Hz, forces upon them, and a controller that answers the rate of change."""
+    rng, hz = np.random.default_rng(seed), np.array([4.0, 11.0])
+    poles = np.exp(2.0 * np.pi * hz * (1j - 0.01) / RATE)
+    x, before = np.zeros(2, complex), 0.0
+    u, y = np.empty(count), np.empty(count)
+    for k in range(count):
+        y[k] = 0.08 * float(np.imag(x).sum())
+        u[k] = 0.3 * rng.standard_normal() - 1.2 * (y[k] - before)
+        before = y[k]
+        x = poles * x + u[k] + rng.standard_normal()
+    y += 0.01 * rng.standard_normal(count)
+    ports = (FORCE,), (TIP,)
+    return Record(RATE, u[None, None, :, None], y[None, None, :, None], *ports, periodic=False, held=True)
+
+
+def test_feedback_in_a_record_is_said_and_no_mode_is_sound():
+    record = in_a_loop(1536)
+    assert [f.kind for f in detect_faults(record)] == ["feedback"]
+    fit = fit_record(record, states=4, sampled=False)
+    assert any("There is feedback" in w for w in fit.warnings)
+    assert "sound" not in (*fit.standing, *fit.delay_standing)
+
+
+def test_a_refusal_names_the_delay_that_is_the_cause():
+    clean = shaken(PLANT, 1536, RATE, (1.0, 40.0), noise=1e-2)
+    late = 480
+    y = np.concatenate([1e-2 * np.random.default_rng(1).standard_normal(late), clean.y[0, 0, :-late, 0]])
+    with pytest.raises(FitError, match=r"tip answers 4[89]\d samples") as refused:
+        fit_record(dataclasses.replace(clean, y=y[None, None, :, None]), states=4, sampled=False)
+    assert "shift the output" in refused.value.hint
 
 
 def test_a_clipped_output_leaves_no_deviation_that_holds():

@@ -47,6 +47,19 @@ def test_an_overload_and_a_blow_while_it_rings_are_rejected():
     assert all("rings" in b.rejected for b in found[1:])
 
 
+def test_blows_of_exactly_equal_height_do_not_clip():
+    time = np.arange(3000) / RATE
+    force = sum(np.exp(-0.5 * ((time - at) / 0.03) ** 2) for at in (1.0, 8.0, 15.0, 22.0))
+    record = struck(PLANT, [(at, 0.02, 50.0) for at in (1.0, 8.0, 15.0, 22.0)], 3000, RATE, noise=0.0)
+    peaks = np.flatnonzero(force > 0.99)
+    force[peaks] = 1.0
+    record = dataclasses.replace(record, u=force[None, None, :, None])
+    assert [b.rejected for b in locate_blows(record)] == [""] * 4
+    force[peaks + 1] = 1.0  # two samples each at the largest value
+    found = locate_blows(dataclasses.replace(record, u=force[None, None, :, None]))
+    assert all("force clips" in b.rejected for b in found)
+
+
 def test_without_good_blows_it_says_which_were_bad():
     with pytest.raises(DataError, match="double hit"):
         average_blows(struck(PLANT, SINGLE[1:2] + DOUBLE, 1500, RATE, noise=0.0))

@@ -198,6 +198,20 @@ def test_spikes_are_found_at_the_very_edges(colour: str, size: float) -> None:
         assert [(f.channel, f.kind, f.samples) for f in found] == [("angle", "spike", ((k, k + 1),))], k
 
 
+def test_spikes_at_the_edges_are_found_in_motion_of_any_phase() -> None:
+    rng = np.random.default_rng(11)
+    ports = (Port("torque", "N m"),), (Port("angle", "rad"),)
+    for _ in range(30):
+        u, t = rng.standard_normal(1500), np.arange(1500) / HZ
+        x = np.sin(2.0 * np.pi * rng.uniform(0.02, 0.1) * HZ * t + rng.uniform(0.0, 6.28))
+        x = x + 0.3 * np.sin(0.31 * t * HZ) + 1e-2 * rng.standard_normal(1500)
+        for k in (0, 1, 1498, 1499):
+            y = x.copy()
+            y[k] += rng.choice([-12.0, 12.0]) * x.std()
+            found = detect_faults(Record(HZ, u[None, None, :, None], y[None, None, :, None], *ports, False))
+            assert ("spike", ((k, k + 1),)) in [(f.kind, f.samples) for f in found], k
+
+
 @pytest.mark.parametrize("decay", [0.3, 0.5, 0.9])
 def test_a_release_at_the_first_sample_is_no_spike(decay: float) -> None:
     rng = np.random.default_rng(1)

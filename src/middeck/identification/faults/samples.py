@@ -44,6 +44,8 @@ ANSWERS = 2
 IMPACTS = 0.1
 # Share of a sample at an edge that the next one inward has of it, from which on the two are one decay.
 DECAYS = 0.2
+# A decay that leaves its first sample outside of the rest falls to 0.58 or less from each to the next.
+FALLS = 1.5
 
 
 def find_gaps(x: Signal) -> list[Found]:
@@ -237,7 +239,8 @@ def _decays(x: Signal, run: tuple[int, int]) -> bool:
     else:
         return False
     off = np.abs(inward - np.median(inward[b - a + 1 :]))
-    return bool(off[b - a] > DECAYS * off[b - a - 1])
+    # The next one of a decay is itself outside of what comes after; beside a spike any sample may lie.
+    return bool(off[b - a] > max(DECAYS * off[b - a - 1], FALLS * off[b - a + 1 :].max()))
 
 
 def is_impact(x: Signal) -> bool:

@@ -202,10 +202,11 @@ def _clipped(x: Float[np.ndarray, " sample"], low: float, high: float) -> list[t
     levels, size = levels_of(x), np.abs(x - np.median(x))
     found = [run for fault in find_clipping(x, levels) for run in fault.samples]
     for limit in (low, high):
-        # Samples that agree to the last digit at a limit, but for one where the channel rests.
+        # Neighbours that agree to the last digit at a limit, but for one where the channel rests: blows that
+        # are equally hard have maxima that agree, each for itself.
         runs = runs_of((x == limit) & (size > 0.5 * size.max()))
         beside = [abs(x[k] - limit) for a, b in runs for k in (a - 1, b) if 0 <= k < len(x)]
-        if sum(b - a for a, b in runs) > 1 and float(np.mean(beside)) > DROP * levels.step:
+        if any(b - a > 1 for a, b in runs) and float(np.mean(beside)) > DROP * levels.step:
             found += runs
     return found
 

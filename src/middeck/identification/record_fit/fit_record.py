@@ -29,6 +29,7 @@ from middeck.identification.model.measurement_model import MeasurementModel, mod
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.design import residual_of
 from middeck.identification.record_fit.aliasing import FOLDED, folded_share
+from middeck.identification.record_fit.causes import causes_of, named_cause
 from middeck.identification.record_fit.continuous import fit_continuous
 from middeck.identification.record_fit.instability import refuse_growth
 from middeck.identification.record_fit.model import record_covariance, record_model
@@ -121,6 +122,7 @@ def fit_record(
     """
     check_record(record)
     refuse_growth(record)
+    measured = record
     chosen = sampled is None
     if sampled is None:
         only_continuous = residuals or rigid or integrators or constants == "real" or delay
@@ -138,7 +140,7 @@ def fit_record(
         inputs = record.u.reshape(len(record.u), -1, record.u.shape[3])
         band_hz = driven_band(inputs, record.sample_hz)
     fit = functools.partial(
-        _fit, band_hz=band_hz, states=states, choices=choices, weighting=weighting, tell=tell
+        _fit, measured, band_hz=band_hz, states=states, choices=choices, weighting=weighting, tell=tell
     )
     if sampled:
         found = fit(record)
@@ -152,6 +154,7 @@ def fit_record(
 
 
 def _fit(
+    measured: Record,
     record: Record,
     *,
     band_hz: tuple[float, float] | None,
@@ -160,20 +163,25 @@ def _fit(
     weighting: Weighting | None,
     tell: Callable[[str], None],
 ) -> FitResult:
-    """The fit of a record without drift, whose inputs are taken as they are."""
+    """The fit of a record without drift, whose inputs are taken as they are; ``measured`` has its faults."""
     sampled = choices.sample_hz is not None
     data = record_data(record, band_hz, whole=sampled)
     lines = _lines(record, data, np.zeros((len(data.s), len(record.outputs), len(record.inputs)), complex))
     options = options_of(lines, states, choices)
     _check_length(record, options.states + at_zero(choices))
-    if sampled:
-        run, reason = choose_record(record, options, band_hz, states=states, weighting=weighting, tell=tell)
-    else:
-        local = functools.partial(_local_fit, record, lines, states, choices)
-        data, run, reason = fit_continuous(record, data, options, local, states=states, weighting=weighting)
-    fitted = Tidied(data, run, ()) if states is not None else tidied(record, data, run, sampled=sampled)
-    score = np.maximum(growth_score(data, run), growth_score(fitted.data, fitted.run))
-    return _result(record, fitted, reason, score)
+    with named_cause(measured):
+        if sampled:
+            run, reason = choose_record(
+                record, options, band_hz, states=states, weighting=weighting, tell=tell
+            )
+        else:
+            local = functools.partial(_local_fit, record, lines, states, choices)
+            data, run, reason = fit_continuous(
+                record, data, options, local, states=states, weighting=weighting
+            )
+        fitted = Tidied(data, run, ()) if states is not None else tidied(record, data, run, sampled=sampled)
+        score = np.maximum(growth_score(data, run), growth_score(fitted.data, fitted.run))
+        return _result(measured, record, fitted, reason, score)
 
 
 def _folded_outputs(model: MeasurementModel, record: Record) -> Float[np.ndarray, "*outputs"]:
@@ -230,7 +238,7 @@ def _local_fit(record: Record, lines: FrequencyResponse, states: int | None, cho
     return fit(estimate_response(record, band_hz=band_hz, method="local rational"))
 
 
-def _result(record: Record, fit: Tidied, reason: str, score: np.ndarray) -> FitResult:
+def _result(measured: Record, record: Record, fit: Tidied, reason: str, score: np.ndarray) -> FitResult:
     data, run = fit.data, fit.run
     found = run.refined
     r = residual_of(run.layout, data, found.theta, found.step.linear)
@@ -248,6 +256,7 @@ def _result(record: Record, fit: Tidied, reason: str, score: np.ndarray) -> FitR
     warnings += doubts_of_deviations(lines, covariance, of_samples=True)
     wrong = [*_growing(record, score), *_undamped(lines, model, fit)]
     wrong += [] if model.sample_hz is not None else _folded(record)
+    wrong += causes_of(measured, data, run, -fitted.delay_s / uncertainty.delay_s, error)
     warnings += [*wrong, *doubts_of_lines(fit.lines)]
     standing = standing_of(lines, covariance, holds=not wrong)
     warnings += doubts_of_standing(covariance, standing)
