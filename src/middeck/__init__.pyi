@@ -324,3 +324,4 @@ from .systems.sampled_plant import build_sampled_plant as build_sampled_plant
 from .systems.sampling import tustin as tustin
 
 __version__: str
+__all__: list[str]

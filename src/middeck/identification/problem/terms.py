@@ -122,8 +122,8 @@ def slopes(
         by_pole, by_conjugate = (
             np.sum(x.reshape(modes, layout.copies, *x.shape[1:]), axis=1) for x in (by_pole, by_conjugate)
         )
-    G[:modes] = point.poles.real[:, None, None] * (by_pole + by_conjugate)
-    turned = 1j * point.poles.imag[:pairs, None, None]
+    G[:modes] = np.real(point.poles)[:, None, None] * (by_pole + by_conjugate)
+    turned = 1j * np.imag(point.poles)[:pairs, None, None]
     G[modes : modes + pairs] = turned * (by_pole - by_conjugate)[:pairs]
     for k, (m, i, part) in enumerate(free):
         first, second = _by_b(layout, parts, c[m], m)
