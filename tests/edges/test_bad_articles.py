@@ -12,11 +12,11 @@ import pytest
 from cli_runner import ROOT, middeck
 from middeck.errors import ConfigError, EquilibriumError
 from middeck.files.documents import load_structure
-from middeck.structure import statics
 from middeck.structure.assembly.mesh import mesh_structure
 from middeck.structure.model.article import AttachPoint, Joint, Section, Structure
 from middeck.structure.model.environment import Device, Environment, Suspension
 from middeck.structure.modes.solve import solve_modes
+from middeck.structure.rest import statics
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from structure_builders import GRAVITY, body, member, node, structure
 
