@@ -49,7 +49,9 @@ def _crowds_within(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     together = np.abs(values[:, None] - values) <= known[:, None] + known
     count, label = cast("tuple[int, np.ndarray]", connected_components(together, directed=False))
     share = np.bincount(label, minlength=count)
-    means = (np.bincount(label, values.real, count) + 1j * np.bincount(label, values.imag, count)) / share
+    means = (
+        np.bincount(label, np.real(values), count) + 1j * np.bincount(label, np.imag(values), count)
+    ) / share
     return values, means[label]
 
 
