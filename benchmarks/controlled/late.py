@@ -16,14 +16,12 @@ from middeck.control.h2.closed_cost import Law, closed_matrices
 from middeck.control.h2.design_model import build_model
 from middeck.control.h2.noise_rms import measure_noise_rms
 from middeck.control.law.compensator import Compensator
-from middeck.control.law.sampled_compensator import SampledCompensator
 from middeck.control.loop.closed_loop import close_loop
 from middeck.control.lqg import LQGWeights
-from middeck.control.sampled import measure_sampled_margins
 from middeck.signals.ports import Port
-from middeck.systems.delayed_plant import DelayedPlant, approximate_delays, delay_inputs
+from middeck.systems.delay_approximation import approximate_delays
 from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant
+from middeck.systems.plant import Plant, delay_plant
 from middeck.systems.statespace import SampledStateSpace, StateSpace
 
 CASE = "late loops"
@@ -51,8 +49,8 @@ def _slow_sampled() -> list[dict]:
     u, y = (Port("u", "N"),), (Port("y", "m"),)
     plant = Plant(StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]), u, y, u=("u",), y=("y",))
     gain = SampledStateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[-crossover]], period)
-    law = SampledCompensator(gain, y, u, "gain")
-    margins, taken = _timed(lambda: measure_sampled_margins(plant, law))
+    law = Compensator(gain, y, u, method="gain")
+    margins, taken = _timed(lambda: measure_margins(plant, law))
     found = margins.loops[0].delay_limit_s / period
 
     def phase_left(periods: float) -> float:
@@ -76,7 +74,7 @@ def _slow_sampled() -> list[dict]:
 def _nine_delays() -> list[dict]:
     """Nine inputs, each late by its own 0.3 to 1 s, 20 modes up to 20 Hz: beside a finer approximation."""
     plant, law = _many_channels(20, 2, 1.0)
-    late = DelayedPlant(plant, np.tile(np.random.default_rng(3).uniform(0.3, 1.0, 9), (9, 1)))
+    late = delay_plant(plant, np.tile(np.random.default_rng(3).uniform(0.3, 1.0, 9), (9, 1)))
     found, taken = _timed(lambda: decide_stability(late, law))
     values = close_loop(approximate_delays(late, 90), law).poles
     lead = values[np.argmax(np.real(values))]
@@ -98,7 +96,7 @@ def _many_plants() -> list[dict]:
     plant = Plant(modal, inputs, outputs, ("w",), ("u",), ("z",), ("y",))
     law = Compensator(StateSpace([[-20.0]], [[20.0]], [[-0.05]], [[0.0]]), outputs[1:], inputs[1:])
     weights = LQGWeights(np.ones(1), np.ones(1), ("w",), np.eye(1), np.array([1e-6]))
-    late = DelayedPlant(plant, np.array([[0.0, 0.0], [0.02, 0.02]]))
+    late = delay_plant(plant, np.array([[0.0, 0.0], [0.02, 0.02]]))
     found, taken = _timed(lambda: measure_noise_rms(late, law, weights))
     K = law.system
     A, B, C = closed_matrices(build_model(approximate_delays(late, 60), weights, 1.0), Law(K.A, K.B, K.C))
@@ -119,7 +117,7 @@ def _many_plants() -> list[dict]:
 def _nine_channels() -> list[dict]:
     """Nine inputs and nine outputs at once, 40 modes, 2 ms: no more than the least margin of one channel."""
     plant, law = _many_channels(40, 6, 0.02)
-    late = delay_inputs(plant, 0.002)
+    late = delay_plant(plant, 0.002)
     found, taken = _timed(lambda: measure_disk_margin(late, law))
     alone = min(loop.disk.alpha for loop in measure_margins(late, law, at="both").loops)
     return [

@@ -57,6 +57,7 @@ from middeck.study.chapters.zero_g_control.computation import (
     design_weights,
 )
 from middeck.study.shared import find_modes
+from middeck.systems.plant import remove_delays
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests" / "truth"))
@@ -177,17 +178,17 @@ def candidates() -> tuple[Any, ...]:
 
 def _own_rms(plant: Any) -> float:
     """Of z without control, under white noise of unit intensity."""
-    system = plant.plant.system
+    system = remove_delays(plant).system
     X = solve_continuous_lyapunov(system.A, -system.B[:, :1] @ system.B[:, :1].T)
     return float(np.sqrt(system.C[0] @ X @ system.C[0]))
 
 
 def _in_own_units(plant: Any, reference: float) -> Any:
     """z times the nominal plant's rms over this one's: the authority keeps its meaning."""
-    modal = plant.plant.dynamics
+    modal = plant.dynamics
     phi = np.array([[reference / _own_rms(plant)], [1.0]]) * modal.phi  # z, y
     return dataclasses.replace(
-        plant, plant=dataclasses.replace(plant.plant, dynamics=dataclasses.replace(modal, phi=phi))
+        plant, plant=dataclasses.replace(remove_delays(plant), dynamics=dataclasses.replace(modal, phi=phi))
     )
 
 

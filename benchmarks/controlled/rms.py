@@ -13,10 +13,10 @@ from middeck.control.analysis import measure_delayed_rms
 from middeck.control.loop.performance import Performance
 from middeck.control.lqg import LQGWeights, design_lqg
 from middeck.signals.ports import Port
-from middeck.systems.delayed_plant import DelayedPlant, approximate_delays
+from middeck.systems.delay_approximation import approximate_delays
 from middeck.systems.modal import ModalSystem, modal_to_statespace
 from middeck.systems.norms import band_rms
-from middeck.systems.plant import Plant
+from middeck.systems.plant import Plant, delay_plant
 
 CASE, REPEATS = "rms", 5
 UNIT = 2.0 * np.pi * 3.0  # the reference case's time runs in 1/(2 pi 3 Hz)
@@ -50,12 +50,12 @@ def _free_body() -> Any:
     return modal_to_statespace(ModalSystem(omega, zeta, ones, shape, 0.0 * shape, ("rigid", *"abcde")))
 
 
-def _reference() -> tuple[DelayedPlant, Any]:
+def _reference() -> tuple[Plant, Any]:
     """The nominal LQG of the multi-model reference case."""
     modes = ModalSystem(OMEGA, np.full(5, ZETA), np.ones((5, 1)), np.vstack([PHI, PHI]), np.zeros((2, 5)),
                         tuple("abcde"))  # fmt: skip
     ports = (Port("u", "N"),), (Port("z", "m"), Port("y", "m"))
-    plant = DelayedPlant(Plant(modes, *ports, ("u",), ("u",), ("z",), ("y",)), np.array([[0.0], [DELAY]]))
+    plant = delay_plant(Plant(modes, *ports, ("u",), ("u",), ("z",), ("y",)), np.array([[0.0], [DELAY]]))
     weights = LQGWeights(np.ones(1), np.ones(1), ("u",), np.eye(1), np.array([1e-6]))
     return plant, design_lqg(approximate_delays(plant, 3), weights, 100.0)
 

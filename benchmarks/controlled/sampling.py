@@ -18,9 +18,8 @@ from middeck.control.sampled import (
     sample_cost,
 )
 from middeck.signals.ports import Port
-from middeck.systems.delayed_plant import DelayedPlant, delay_inputs
 from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant
+from middeck.systems.plant import Plant, delay_plant
 
 CASE = "sampling"
 RATES_HZ, AUTHORITY, MATCH_HZ, REPEATS = (100.0, 250.0, 500.0, 1000.0), 100.0, 5.0, 9
@@ -54,7 +53,7 @@ def _described(r: SamplingRow, reference: float) -> dict:
     return row(CASE, f"{r.rate_hz:g} Hz: {r.method}", "dB", db, states=len(r.law.system.A), note=note)
 
 
-def _beside_peers(options: Any, plant: DelayedPlant, weights: LQGWeights) -> list[dict]:
+def _beside_peers(options: Any, plant: Plant, weights: LQGWeights) -> list[dict]:
     made: list[dict] = []
     name = "python-control, slycot"
     for rate in (100.0, 1000.0):
@@ -92,7 +91,7 @@ def _beside_peers(options: Any, plant: DelayedPlant, weights: LQGWeights) -> lis
     return made
 
 
-def _plant() -> DelayedPlant:
+def _plant() -> Plant:
     """Five modes, torque to angle, 10 ms late."""
     omega = 2.0 * np.pi * np.array([1.1, 1.7, 7.0, 8.8, 9.4])
     phi = UNIT**2 * np.array([[1.0, 0.6, 0.6, 0.8, 0.7]])
@@ -100,7 +99,7 @@ def _plant() -> DelayedPlant:
         omega, np.full(5, 0.01), np.ones((5, 1)), phi, np.zeros((1, 5)), tuple(f"mode {k}" for k in range(5))
     )
     ports = (Port("torque", "N m"),), (Port("angle", "rad"),)
-    return delay_inputs(Plant(modal, *ports, ("torque",), ("torque",), ("angle",), ("angle",)), 0.010)
+    return delay_plant(Plant(modal, *ports, ("torque",), ("torque",), ("angle",), ("angle",)), 0.010)
 
 
 def _weights() -> LQGWeights:

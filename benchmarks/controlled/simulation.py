@@ -21,7 +21,7 @@ from middeck.realtime.sensors import Encoder
 from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem, select_modes
 from middeck.systems.plant import Plant
-from middeck.systems.sampling import sample_plant, tustin
+from middeck.systems.sampling import sample_dynamics, tustin
 from middeck.systems.simulation import stream
 from middeck.systems.stability import is_stable
 from middeck.systems.statespace import SampledStateSpace
@@ -36,7 +36,7 @@ SHORT, LONG = 100_000, 1_000_000  # ticks of the runs whose memory is compared
 def rows(options: Any) -> list[dict]:
     plant = _plant()
     law = _law(plant)
-    loop = close_sampled_loop(sample_plant(plant.dynamics, PERIOD_S, PERIOD_S), law)
+    loop = close_sampled_loop(sample_dynamics(plant.dynamics, PERIOD_S, PERIOD_S), law)
     # Disturbed at the inputs; the measured outputs.
     system = SampledStateSpace(
         loop.A, loop.B[:, :INPUTS], loop.C[:OUTPUTS], loop.D[:OUTPUTS, :INPUTS], PERIOD_S

@@ -70,14 +70,8 @@ from .control.sampled.antialias import filter_measurements as filter_measurement
 from .control.sampled.comparison import compare_sampling as compare_sampling
 from .control.sampled.design import design_sampled_lqg as design_sampled_lqg
 from .control.sampled.emulation import emulate as emulate
-from .control.sampled.margins import (
-    find_sampled_shifts as find_sampled_shifts,
-    measure_sampled_disk as measure_sampled_disk,
-    measure_sampled_margins as measure_sampled_margins,
-)
 from .control.sampled.outcome import measure_sampled_loop as measure_sampled_loop
 from .control.sampled.sampling_table import sampling_table as sampling_table
-from .control.law.sampled_compensator import SampledCompensator as SampledCompensator
 from .control.shaping.sections import (
     design_pd as design_pd,
     first_order_section as first_order_section,
@@ -107,7 +101,6 @@ from .files.exchange.mat import (
 )
 from .files.exchange.named import (
     as_compensator as as_compensator,
-    as_plant as as_plant,
 )
 from .files.exchange.python_control import (
     from_control as from_control,
@@ -280,11 +273,7 @@ from .structure.suspension.device_friction import (
 )
 from .structure.suspension.levelling import level as level
 from .joints.deadband import Deadband as Deadband
-from .systems.delayed_plant import (
-    DelayedPlant as DelayedPlant,
-    approximate_delays as approximate_delays,
-    delay_inputs as delay_inputs,
-)
+from .systems.delay_approximation import approximate_delays as approximate_delays
 from .signals.excitation.binary import (
     design_binary as design_binary,
     design_mls as design_mls,
@@ -306,7 +295,13 @@ from .signals.excitation.sweep import (
 )
 from .joints.friction import Friction as Friction
 from .systems.peak_gain import peak_gain as peak_gain
-from .systems.plant import Plant as Plant
+from .systems.own_plant import make_plant as make_plant
+from .systems.plant import (
+    Plant as Plant,
+    delay_plant as delay_plant,
+    group_ports as group_ports,
+    remove_delays as remove_delays,
+)
 from .signals.ports import (
     Channel as Channel,
     Port as Port,
@@ -320,7 +315,7 @@ from .systems.response import (
     FrequencyResponse as FrequencyResponse,
     evaluate_plant as evaluate_plant,
 )
-from .systems.sampled_plant import build_sampled_plant as build_sampled_plant
+from .systems.sampled_plant import sample_plant as sample_plant
 from .systems.sampling import tustin as tustin
 
 __version__: str

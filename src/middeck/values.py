@@ -26,7 +26,7 @@ T = TypeVar("T")
 SHORT, LINE = 6, 100
 
 
-@dataclass_transform(frozen_default=True)
+@dataclass_transform(frozen_default=True, field_specifiers=(dataclasses.field,))
 def record(cls: type[T]) -> type[T]:
     """Make ``cls`` a frozen dataclass that locks its arrays and compares by value."""
     namespace: Any = cls

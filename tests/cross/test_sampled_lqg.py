@@ -9,9 +9,8 @@ import pytest
 from middeck.control.lqg import LQGWeights
 from middeck.control.sampled import design_sampled_lqg
 from middeck.signals.ports import Port
-from middeck.systems.delayed_plant import delay_inputs
 from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant
+from middeck.systems.plant import Plant, delay_plant
 
 NUMBERS = json.loads((Path(__file__).parent / "sampled_lqg" / "numbers.json").read_text())
 UNIT = 2.0 * np.pi * 3.0
@@ -22,7 +21,7 @@ def late_gimbal():
     phi = UNIT**2 * np.array([[1.0, 0.6, 0.6, 0.8, 0.7]])
     modal = ModalSystem(omega, np.full(5, 0.01), np.ones((5, 1)), phi, np.zeros((1, 5)), tuple("abcde"))
     ports = (Port("torque", "N m"),), (Port("angle", "rad"),)
-    return delay_inputs(Plant(modal, *ports, ("torque",), ("torque",), ("angle",), ("angle",)), 0.010)
+    return delay_plant(Plant(modal, *ports, ("torque",), ("torque",), ("angle",), ("angle",)), 0.010)
 
 
 @pytest.mark.parametrize("row", NUMBERS, ids=lambda row: f"{row['rate_hz']:g} Hz")

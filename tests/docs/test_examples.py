@@ -219,7 +219,7 @@ def qualify_a_compensator(names: Names) -> None:
     assert rows[2].loops[0].delay_limit_s == pytest.approx(rows[0].loops[0].delay_limit_s - 0.008, rel=1e-9)
     strong = names["md"].qualify_compensator(
         names["md"].load_compensator("strong.json"),
-        {"late": names["md"].delay_inputs(names["plant"], 0.002)},
+        {"late": names["md"].delay_plant(names["plant"], 0.002)},
         names["weights"],
         rates_hz=[250.0],
     )
@@ -249,7 +249,7 @@ def reduction(names: Names) -> None:
 def sampled_control(names: Names) -> None:
     """A stable law whose delay margin is known."""
     md, law = names["md"], names["direct"]
-    assert 0.0 < md.measure_sampled_margins(names["plant"], law).loops[0].delay_limit_s < 0.1
+    assert 0.0 < md.measure_margins(names["plant"], law).loops[0].delay_limit_s < 0.1
 
 
 def shaped_weights(names: Names) -> None:

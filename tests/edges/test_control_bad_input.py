@@ -34,11 +34,10 @@ from middeck.files.models import write_model
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.realtime.rig import build_linear_rig
 from middeck.signals.ports import Port
-from middeck.systems.delayed_plant import delay_inputs
 from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant
-from middeck.systems.sampled_plant import build_sampled_plant
-from middeck.systems.sampling import sample_plant
+from middeck.systems.plant import Plant, delay_plant
+from middeck.systems.sampled_plant import sample_plant
+from middeck.systems.sampling import sample_dynamics
 from middeck.systems.statespace import gain_system
 
 TORQUE, ANGLE = Port("torque", "N m"), Port("angle", "rad")
@@ -186,19 +185,19 @@ def test_an_authority_that_is_none(method: str, authority: float) -> None:
 def test_a_period_that_is_none(period_s: float) -> None:
     weights = LQGWeights(**GOOD)
     refused(lambda: design_sampled_lqg(plant(), weights, 1e3, period_s), ConfigError, "a period of")
-    refused(lambda: build_sampled_plant(plant(), period_s), ConfigError, "a period of")
+    refused(lambda: sample_plant(plant(), period_s), ConfigError, "a period of")
     if not period_s > 0.0:
-        refused(lambda: sample_plant(plant().dynamics, period_s), ConfigError, "a period of")
+        refused(lambda: sample_dynamics(plant().dynamics, period_s), ConfigError, "a period of")
 
 
 def test_a_delay_against_a_sample_period() -> None:
     """Seconds taken for milliseconds would be 2500 states; a total delay is no less than the hold's own."""
     weights = LQGWeights(**GOOD)
-    late = delay_inputs(plant(), 10.0)
+    late = delay_plant(plant(), 10.0)
     refused(
         lambda: design_sampled_lqg(late, weights, 1e3, 0.004), ConfigError, "10 s is 2500 periods of 0.004 s"
     )
-    refused(lambda: delay_inputs(plant(), -0.1), ConfigError, "or one is negative")
+    refused(lambda: delay_plant(plant(), -0.1), ConfigError, "or one is negative")
     refused(
         lambda: build_linear_rig(plant(), sample_hz=100.0, delay_s=1e-3, noise_rms=np.zeros(1)),
         ConfigError,

@@ -19,27 +19,23 @@ import scipy.io
 import scipy.signal
 
 from middeck.control.law.compensator import Compensator
-from middeck.control.law.sampled_compensator import SampledCompensator
 from middeck.control.lqg import LQGWeights, design_lqg
 from middeck.errors import ConfigError, DataError, MissingExtraError
-from middeck.files.compensators import StoredCompensator, StoredSampledCompensator
+from middeck.files.compensators import StoredCompensator
 from middeck.files.exchange import (
-    NamedSystem,
     as_compensator,
-    as_plant,
+    exchanged,
     from_control,
     from_scipy,
     load_mat,
-    named_system,
     to_control,
     to_scipy,
     write_mat,
 )
 from middeck.signals.ports import Channel, Port
-from middeck.systems.delayed_plant import delay_inputs
 from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant, name_states
-from middeck.systems.sampled_plant import build_sampled_plant
+from middeck.systems.plant import Plant, delay_plant, group_ports, name_states
+from middeck.systems.sampled_plant import sample_plant
 from middeck.systems.sampling import tustin
 from middeck.systems.statespace import SampledStateSpace, StateSpace, gain_system
 
@@ -66,9 +62,9 @@ def law() -> Compensator:
     return design_lqg(plant(), weights, 10.0)
 
 
-def sampled_law() -> SampledCompensator:
+def sampled_law() -> Compensator:
     made = law()
-    return SampledCompensator(tustin(made.system, 0.004), made.inputs, made.outputs, "Tustin")
+    return Compensator(tustin(made.system, 0.004), made.inputs, made.outputs, method="Tustin")
 
 
 class StandIn:
@@ -118,7 +114,7 @@ def test_a_plant_comes_back_from_python_control_with_all_names(library: Any) -> 
     assert (back.inputs, back.outputs) == (plant().inputs, plant().outputs)
     assert back.state_names == name_states(plant())
     groups = {group: getattr(plant(), group) for group in "wuzy"}
-    again = as_plant(back, **groups)
+    again = group_ports(back, **groups)
     assert again == dataclasses.replace(plant(), dynamics=plant().system, state_names=name_states(plant()))
 
 
@@ -143,8 +139,8 @@ def test_sampled_systems_keep_their_period(library: Any) -> None:
     assert there.dt == 0.004
     back = as_compensator(from_control(there, like=(*made.inputs, *made.outputs)))
     assert back == dataclasses.replace(made, method="")
-    sampled = build_sampled_plant(delay_inputs(plant(), 0.003), 0.002)
-    again = as_plant(
+    sampled = sample_plant(delay_plant(plant(), 0.003), 0.002)
+    again = group_ports(
         from_control(to_control(sampled), like=(TORQUE, FORCE, ANGLE, RATE)),
         w=sampled.w, u=sampled.u, z=sampled.z, y=sampled.y,
     )  # fmt: skip
@@ -153,7 +149,7 @@ def test_sampled_systems_keep_their_period(library: Any) -> None:
 
 def test_names_that_another_program_numbered_are_its_own(library: Any) -> None:
     bare = StateSpace(np.diag([-1.0, -2.0]), np.ones((2, 1)), np.ones((1, 2)), np.zeros((1, 1)))
-    named = NamedSystem(bare, (FORCE,), (ANGLE,), ("tank #2", "tank #3"))
+    named = Plant(bare, (FORCE,), (ANGLE,), state_names=("tank #2", "tank #3"))
     assert from_control(to_control(named)).state_names == ("tank #2", "tank #3")
     assert from_control(to_control(bare)).state_names == ()
 
@@ -161,9 +157,9 @@ def test_names_that_another_program_numbered_are_its_own(library: Any) -> None:
 def test_ports_that_python_control_would_mix_up(library: Any) -> None:
     gain = gain_system(np.eye(2))
     with pytest.raises(ConfigError, match="two inputs named shaker"):
-        to_control(NamedSystem(gain, (FORCE, FORCE), (ANGLE, RATE)))
+        to_control(Plant(gain, (FORCE, FORCE), (ANGLE, RATE)))
     with pytest.raises(ConfigError, match="stands for a dot"):
-        to_control(NamedSystem(gain, (Port("a·b", ""), FORCE), (ANGLE, RATE)))
+        to_control(Plant(gain, (Port("a·b", ""), FORCE), (ANGLE, RATE)))
 
 
 def ratio(num: list[float], den: list[float], **changes: Any) -> Any:
@@ -200,8 +196,8 @@ def test_what_python_control_has_and_this_house_has_not(system: Any, says: str, 
 
 
 def test_an_open_time_base_is_settled_by_the_caller() -> None:
-    assert from_control(ratio([1.0], [1.0, 0.5], dt=True), period_s=0.01).system.period_s == 0.01
-    assert isinstance(from_control(ratio([1.0], [1.0, 0.5], dt=None), period_s=0.0).system, StateSpace)
+    assert from_control(ratio([1.0], [1.0, 0.5], dt=True), period_s=0.01).period_s == 0.01
+    assert isinstance(from_control(ratio([1.0], [1.0, 0.5], dt=None), period_s=0.0).dynamics, StateSpace)
     with pytest.raises(ConfigError, match="its own dt 0"):
         from_control(ratio([1.0], [1.0, 0.5]), period_s=0.01)
 
@@ -230,7 +226,7 @@ def test_matrices_come_back_from_scipy() -> None:
     there = to_scipy(plant())
     assert isinstance(there, scipy.signal.lti)
     back = from_scipy(there, inputs=plant().inputs, outputs=plant().outputs, state_names=name_states(plant()))
-    assert back == named_system(plant())
+    assert back == group_ports(exchanged(plant()))
     made = sampled_law()
     there = to_scipy(made, negative_feedback=True)
     assert isinstance(there, scipy.signal.dlti)
@@ -301,7 +297,7 @@ def test_a_compensator_comes_back_from_a_mat_file(negative: bool, tmp_path: Path
     write_mat(tmp_path / "law.mat", made, negative_feedback=negative)
     back = load_mat(tmp_path / "law.mat")
     assert back == StoredCompensator(
-        made.system, made.inputs, made.outputs, "LQGCompensator", made.authority, made.cost, made.inert
+        made.system, made.inputs, made.outputs, made.authority, made.cost, made.inert, method="LQGCompensator"
     )
     contents = scipy.io.loadmat(tmp_path / "law.mat")
     np.testing.assert_array_equal(contents["C"], -made.system.C if negative else made.system.C)
@@ -313,8 +309,8 @@ def test_a_compensator_comes_back_from_a_mat_file(negative: bool, tmp_path: Path
 def test_a_sampled_compensator_too(tmp_path: Path) -> None:
     made = sampled_law()
     write_mat(tmp_path / "law.mat", made)
-    assert load_mat(tmp_path / "law.mat") == StoredSampledCompensator(
-        made.system, made.inputs, made.outputs, "Tustin", None, None, ()
+    assert load_mat(tmp_path / "law.mat") == StoredCompensator(
+        made.sampled, made.inputs, made.outputs, None, None, (), method="Tustin"
     )
 
 
@@ -324,12 +320,12 @@ def test_plants_and_systems_come_back_with_groups_units_and_transducers(tmp_path
     assert load_mat(file) == dataclasses.replace(
         plant(), dynamics=plant().system, state_names=name_states(plant())
     )
-    sampled = build_sampled_plant(plant(), 0.01)
+    sampled = sample_plant(plant(), 0.01)
     write_mat(file, sampled)
     assert load_mat(file) == sampled
     for bare in (plant().system, gain_system(np.ones((2, 1))), tustin(plant().system, 0.01)):
         write_mat(file, bare)
-        same(load_mat(file).system, bare)  # type: ignore[union-attr]
+        same(load_mat(file).dynamics, bare)  # type: ignore[union-attr]
 
 
 def test_matrices_of_any_origin(tmp_path: Path) -> None:
@@ -338,9 +334,9 @@ def test_matrices_of_any_origin(tmp_path: Path) -> None:
     plain = {"E": np.eye(1), "InputDelay": np.zeros(2), "TimeUnit": "seconds"}
     scipy.io.savemat(tmp_path / "a.mat", {"G": {"A": A, "B": B, "C": C, "D": D, "Ts": 0.1, **plain}})
     found = load_mat(tmp_path / "a.mat", variable="G")
-    assert isinstance(found, NamedSystem)
+    assert isinstance(found, Plant)
     assert [p.name for p in found.inputs] == ["u1", "u2"]
-    same(found.system, SampledStateSpace(A, B, C, D, 0.1))
+    same(found.sampled, SampledStateSpace(A, B, C, D, 0.1))
     scipy.io.savemat(tmp_path / "b.mat", {"A": A, "B": B, "C": C, "D": D, "InputName": "torque"})
     with pytest.raises(DataError, match="1 names and 1 units for 2 inputs"):
         load_mat(tmp_path / "b.mat", period_s=0.0)
@@ -357,7 +353,9 @@ def test_matrices_of_any_origin(tmp_path: Path) -> None:
         ({"Ts": -1.0}, "Ts: its time base is sampled, of no period"),
         ({"Ts": -2.0}, "a sampling period of -2 s"),
         ({"E": np.array([[2.0]])}, "E: a descriptor matrix"),
-        ({"InputDelay": 0.01}, "InputDelay: a delay"),
+        ({"InputDelay": np.array([0.01, 0.02])}, "InputDelay: 2 delays for 1"),
+        ({"OutputDelay": 2.0, "Ts": 0.1}, "OutputDelay: a delay of a sampled system"),
+        ({"IODelay": 0.01, "Kind": "compensator"}, "IODelay: a delay of a compensator"),
         ({"InternalDelay": np.array([0.0, 0.01])}, "InternalDelay: a delay"),
         ({"TimeUnit": "minutes"}, "TimeUnit: time in minutes"),
         ({"Kind": "law"}, "Kind: 'law' is no kind"),
@@ -387,10 +385,10 @@ def test_a_mat_file_that_is_none(tmp_path: Path) -> None:
 # what is asked of all three
 
 
-@pytest.mark.parametrize("convert", [to_scipy, named_system])
+@pytest.mark.parametrize("convert", [to_scipy, exchanged])
 def test_what_cannot_be_exchanged(convert: Any) -> None:
-    with pytest.raises(ConfigError, match="DelayedPlant cannot be exchanged") as refused:
-        convert(delay_inputs(plant(), 0.01))
+    with pytest.raises(ConfigError, match="a plant with exact delays") as refused:
+        convert(delay_plant(plant(), 0.01))
     assert "approximate_delays" in refused.value.hint
     with pytest.raises(ConfigError, match="turns the sign of a compensator"):
         convert(plant(), negative_feedback=True)
@@ -400,7 +398,7 @@ def test_what_cannot_be_exchanged(convert: Any) -> None:
 
 def test_groups_are_checked_of_sampled_plants_too() -> None:
     with pytest.raises(ConfigError, match="no output named 'nowhere'"):
-        as_plant(named_system(tustin(plant().system, 0.01)), y=["nowhere"])
+        group_ports(exchanged(tustin(plant().system, 0.01)), y=["nowhere"])
 
 
 # python-control itself

@@ -14,7 +14,7 @@ from middeck.signals.ports import Port
 from middeck.signals.record import Record
 from middeck.systems.modal import ModalSystem
 from middeck.systems.response import FrequencyResponse
-from middeck.systems.sampling import sample_plant
+from middeck.systems.sampling import sample_dynamics
 from middeck.systems.simulation import find_periodic_state, simulate
 
 PERIODS, SAMPLE_HZ = 4, 128.0
@@ -27,7 +27,7 @@ def shaken():
     modal = ModalSystem(omega, [0.01, 0.01], [[1.0], [0.7]], [[1.0, 0.8]], [[0.0, 0.0]], ("a", "b"))
     rng = np.random.default_rng(5)
     u = random_multisine((0.5, 14.0), 32.0, SAMPLE_HZ, 1.0, rng)[:, None]
-    sampled = sample_plant(modal, 1.0 / SAMPLE_HZ, 0.005)
+    sampled = sample_dynamics(modal, 1.0 / SAMPLE_HZ, 0.005)
     y, _ = simulate(sampled, u, find_periodic_state(sampled, u))
     many = np.broadcast_to(y, (PERIODS, *y.shape)) + 1e-3 * y.std() * rng.standard_normal((PERIODS, *y.shape))
     return u, many

@@ -1,4 +1,4 @@
-"""A sampled law is no continuous one, and a late plant none without delays: asked before computing."""
+"""One verdict whatever the time domain and the delay; what knows only one of them refuses the other."""
 
 from __future__ import annotations
 
@@ -12,12 +12,13 @@ import middeck as md
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
+from middeck.systems.mode_shift import shift_modes
 from middeck.systems.plant import Plant
 
 MODES = ModalSystem([3.0, 9.0], [0.01, 0.01], [[1.0], [0.5]], [[1.0, 0.5]], [[0.0, 0.0]], ("a", "b"))
 GROUPS = ("u",), ("u",), ("y",), ("y",)
 PLANT = Plant(MODES, (Port("u", "N"),), (Port("y", "m"),), *GROUPS)
-LATE = md.delay_inputs(PLANT, 0.02)
+LATE = md.delay_plant(PLANT, 0.02)
 WEIGHTS = md.LQGWeights(np.ones(1), np.ones(1), ("u",), np.eye(1), np.array([1e-4]))
 LAW = md.design_lqg(PLANT, WEIGHTS, 10.0)
 SAMPLED = md.emulate(LAW, 0.05)
@@ -27,23 +28,48 @@ HERE = np.zeros((1, 1))
 
 
 @pytest.mark.parametrize("plant", [PLANT, LATE])
+def test_a_sampled_law_meets_the_plant_as_its_computer_does(plant: Plant) -> None:
+    held = md.sample_plant(plant, 0.05)
+    assert md.decide_stability(plant, SAMPLED) == md.decide_stability(held, SAMPLED)
+    assert md.measure_disk_margin(plant, SAMPLED) == md.measure_disk_margin(held, SAMPLED)
+    here, there = (md.measure_margins(p, SAMPLED).loops[0] for p in (plant, held))
+    np.testing.assert_array_equal(here.gain, there.gain)
+    assert here.delay_s is not None
+    assert there.delay_s is None
+    hz = np.array([0.3, 2.0])
+    one, other = (md.trace_return_ratio(p, SAMPLED, frequency_hz=hz).L for p in (plant, held))
+    np.testing.assert_array_equal(one, other)
+    worst = md.find_worst_case(plant, SAMPLED, BOX)
+    moved = shift_modes(plant, {"a": 1.0 + 0.02 * float(worst.position[0])})
+    assert worst.stability == md.decide_stability(moved, SAMPLED)
+    inverted = md.find_inversion(plant, SAMPLED, within=10.0)
+    assert [i.distance for i in inverted] == [
+        i.distance for i in md.find_inversion(held, SAMPLED, within=10.0)
+    ]
+
+
+def test_a_mode_shifts_before_the_plant_is_sampled() -> None:
+    law = md.emulate(LAW, 0.1)
+    (a, b) = md.find_allowed_shifts(PLANT, law)
+    ends = [(one.mode, end) for one in (a, b) for end in (one.down, one.up) if np.isfinite(end)]
+    assert ends
+    for mode, end in ends:
+        for factor, stable in ((0.999, True), (1.001, False)):
+            moved = shift_modes(PLANT, {mode: 1.0 + factor * end})
+            assert md.decide_stability(md.sample_plant(moved, 0.1), law).stable == stable
+
+
+@pytest.mark.parametrize("plant", [PLANT, LATE])
 @pytest.mark.parametrize(
     "judge",
     [
-        md.measure_margins,
-        md.decide_stability,
-        md.measure_disk_margin,
-        md.trace_return_ratio,
-        md.find_allowed_shifts,
-        md.find_inversion,
         lambda p, law: md.measure_delayed_rms(p, law, BAND),
         lambda p, law: md.verify_robustness(p, law, WEIGHTS, uncertainty=BOX, positions=HERE),
-        lambda p, law: md.find_worst_case(p, law, BOX),
         lambda p, law: md.reduce_compensator(law, p, 2),
     ],
 )
 def test_a_sampled_law_is_not_judged_as_a_continuous_one(judge: Callable[..., Any], plant: Any) -> None:
-    with pytest.raises(ConfigError, match="a law sampled at 20 Hz"):
+    with pytest.raises(ConfigError, match="a compensator sampled at 20 Hz"):
         judge(plant, SAMPLED)
 
 
@@ -57,20 +83,19 @@ def test_a_sampled_law_is_not_judged_as_a_continuous_one(judge: Callable[..., An
     ],
 )
 def test_nor_used_as_one(use: Callable[[], Any]) -> None:
-    with pytest.raises(ConfigError, match="a law sampled at 20 Hz"):
+    with pytest.raises(ConfigError, match="a compensator sampled at 20 Hz"):
         use()
 
 
 @pytest.mark.parametrize(
     "use",
     [
-        lambda: md.measure_sampled_margins(PLANT, LAW),
         lambda: md.measure_sampled_loop(PLANT, LAW, WEIGHTS, 1.0),
-        lambda: md.measure_margins(md.build_sampled_plant(LATE, 0.05), LAW),
+        lambda: md.measure_margins(md.sample_plant(LATE, 0.05), LAW),
     ],
 )
 def test_a_continuous_law_is_not_run_by_a_computer(use: Callable[[], Any]) -> None:
-    with pytest.raises(ConfigError, match="a continuous law"):
+    with pytest.raises(ConfigError, match="a continuous compensator"):
         use()
 
 
@@ -93,10 +118,10 @@ def test_a_late_plant_is_not_taken_for_one_without_delays(use: Callable[[], Any]
 
 
 def test_a_sampled_plant_goes_with_a_sampled_law_by_name() -> None:
-    by_name = md.measure_margins(md.build_sampled_plant(LATE, 0.05), SAMPLED)
-    direct = md.measure_sampled_margins(LATE, SAMPLED)
+    by_name = md.measure_margins(md.sample_plant(LATE, 0.05), SAMPLED)
+    direct = md.measure_margins(LATE, SAMPLED)
     assert by_name.loops[0].channel == direct.loops[0].channel == "u"
     assert by_name.stable == direct.stable
     np.testing.assert_allclose(by_name.loops[0].gain, direct.loops[0].gain, rtol=1e-9)
-    with pytest.raises(ConfigError, match="a sampled plant"):
-        md.design_lqg(md.build_sampled_plant(PLANT, 0.05), WEIGHTS, 1.0)
+    with pytest.raises(ConfigError, match="a plant sampled at 20 Hz"):
+        md.design_lqg(md.sample_plant(PLANT, 0.05), WEIGHTS, 1.0)

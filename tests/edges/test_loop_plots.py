@@ -11,9 +11,8 @@ from middeck.control.law.compensator import Compensator
 from middeck.plot.nichols import nichols
 from middeck.plot.nyquist import nyquist, title_of
 from middeck.signals.ports import Port
-from middeck.systems.delayed_plant import delay_inputs
 from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant
+from middeck.systems.plant import Plant, delay_plant
 from middeck.systems.statespace import gain_system
 
 FORCE, WAY, RATE = Port("force", "N"), Port("way", "m"), Port("rate", "m/s")
@@ -28,7 +27,7 @@ MODES = ModalSystem(
 
 
 def looked_at(delay_s: float) -> tuple[ReturnRatio, Margins]:
-    late = delay_inputs(Plant(MODES, (FORCE,), (WAY, RATE)), delay_s)
+    late = delay_plant(Plant(MODES, (FORCE,), (WAY, RATE)), delay_s)
     law = Compensator(gain_system(np.array([[-2.0, -1.5]])), (WAY, RATE), (FORCE,))
     return trace_return_ratio(late, law), measure_margins(late, law)
 

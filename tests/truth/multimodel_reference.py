@@ -5,9 +5,8 @@ import numpy as np
 from middeck.control.lqg import LQGWeights
 from middeck.control.robust import ModeShift, Uncertainty
 from middeck.signals.ports import Port
-from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant
+from middeck.systems.plant import Plant, delay_plant
 
 UNIT_S = 1.0 / (2.0 * np.pi * 3.0)  # seconds in a unit of time
 HZ = np.array([1.1, 1.7, 7.0, 8.8, 9.4])
@@ -19,7 +18,7 @@ APART = Uncertainty((ModeShift(NAMES[3:4], 0.02), ModeShift(NAMES[4:], 0.02)))
 UNSEEN = Uncertainty(tuple(ModeShift((name,), 0.02) for name in NAMES), damping=0.5, gain=0.1, delay=0.1)
 
 
-def reference_plant() -> DelayedPlant:
+def reference_plant() -> Plant:
     phi = np.array([1.0, 0.6, 0.6, 0.8, 0.7])
     modal = ModalSystem(
         HZ / 3.0, np.full(5, 0.01), np.ones((5, 2)), np.stack([phi, phi]), np.zeros((2, 5)), NAMES
@@ -27,7 +26,7 @@ def reference_plant() -> DelayedPlant:
     ports = (Port("w", "N"), Port("u", "N")), (Port("z", "m"), Port("y", "m"))
     plant = Plant(modal, *ports, ("w",), ("u",), ("z",), ("y",))
     late = 0.010 / UNIT_S
-    return DelayedPlant(plant, np.array([[0.0, 0.0], [late, late]]))
+    return delay_plant(plant, np.array([[0.0, 0.0], [late, late]]))
 
 
 def grid() -> np.ndarray:

@@ -5,9 +5,8 @@ import scipy.linalg as sla
 
 from middeck.control.lqg import LQGWeights
 from middeck.signals.ports import Port
-from middeck.systems.delayed_plant import DelayedPlant, delay_inputs
 from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant
+from middeck.systems.plant import Plant, delay_plant
 from middeck.systems.statespace import StateSpace
 
 UNIT = 2.0 * np.pi * 3.0  # the multi-model case counts time in units of 1/(2 pi 3 Hz)
@@ -28,7 +27,7 @@ def gimbal(more_hz=(), more_shape=()):
 
 
 def late_gimbal():
-    return delay_inputs(gimbal(), 0.010)
+    return delay_plant(gimbal(), 0.010)
 
 
 def gimbal_weights():
@@ -49,7 +48,7 @@ def tangled():
     outputs = tuple(Port(name, "m") for name in ("z1", "z2", "y1", "y2"))
     plant = Plant(system, inputs, outputs, ("w1",), ("u1", "u2"), ("z1", "z2"), ("y1", "y2"))
     of_input, of_output = np.array([0.13, 0.045, 0.02]), np.array([0.01, 0.07, 0.0, 0.235])
-    return DelayedPlant(plant, of_input + of_output[:, None])
+    return delay_plant(plant, of_input + of_output[:, None])
 
 
 def tangled_weights():

@@ -10,7 +10,7 @@ import pytest
 from middeck.errors import ConfigError
 from middeck.systems import simulation
 from middeck.systems.modal import ModalSystem
-from middeck.systems.sampling import sample_plant
+from middeck.systems.sampling import sample_dynamics
 from middeck.systems.simulation import find_periodic_state, simulate, stream
 from middeck.systems.statespace import SampledStateSpace
 
@@ -34,7 +34,7 @@ def modes(zeta, low, high, count=8, inputs=2, outputs=3, delay=0.0, seed=0):
     psi, phi = rng.standard_normal((count, inputs)), rng.standard_normal((outputs, count))
     names = tuple(map(str, range(count)))
     modal = ModalSystem(omega, np.full(count, zeta), psi, phi, 0.1 * phi, names)
-    return sample_plant(modal, 1e-3, delay)
+    return sample_dynamics(modal, 1e-3, delay)
 
 
 def grows():
@@ -87,7 +87,7 @@ def test_a_block_is_as_good_as_stepping_over_a_long_run():
 def test_rigid_modes_grow_as_they_should():
     """A unit torque held on a free inertia: angle (kT)^2/2, rate kT, to rounding of the sum."""
     modal = ModalSystem(np.zeros(1), np.zeros(1), [[1.0]], [[1.0], [0.0]], [[0.0], [1.0]], ("spin",))
-    y, _ = simulate(sample_plant(modal, 0.01), np.ones((5000, 1)))
+    y, _ = simulate(sample_dynamics(modal, 0.01), np.ones((5000, 1)))
     t = 0.01 * np.arange(5000)
     np.testing.assert_allclose(y, np.stack([0.5 * t**2, t], axis=1), rtol=0.0, atol=1e-12 * t[-1] ** 2)
 

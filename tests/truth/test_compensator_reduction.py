@@ -29,10 +29,9 @@ from middeck.files.studies import load_study
 from middeck.signals.ports import Port
 from middeck.study.chapters.zero_g_control.computation import control_plant, design_weights
 from middeck.study.shared import find_modes
-from middeck.systems.delayed_plant import delay_inputs
 from middeck.systems.modal import ModalSystem
 from middeck.systems.peak_gain import peak_gain
-from middeck.systems.plant import Plant, subsystem
+from middeck.systems.plant import Plant, delay_plant, subsystem
 from middeck.systems.resolvent import by_solving
 from middeck.systems.statespace import StateSpace, gain_system, poles, series
 
@@ -151,7 +150,7 @@ def test_errors_are_those_of_the_difference(plant, law):
 
 def test_a_law_for_two_plants_holds_both(plant, law):
     late = reference_plant()
-    shifted = dataclasses.replace(late, plant=shift_modes(late.plant, {NAMES[0]: 0.01}))
+    shifted = shift_modes(late, {NAMES[0]: 0.01})
     found = reduce_compensator(law, [late, shifted], 8, **GIVEN)
     assert found.stable.tolist() == [True, True]
     assert found.loop_error.shape == found.cost_ratio.shape == (2,)
@@ -195,7 +194,7 @@ def test_stability_is_that_with_the_delay_and_not_with_its_approximation(tau):
     gain = 1.6 * 0.02 * omega**2 * 150.0 / 20.0
     fast = ModalSystem([omega], [0.01], [[1.0]], [[gain]], [[0.0]], ("fast",))
     u, y = (Port("u", "N"),), (Port("y", "m"),)
-    late = delay_inputs(Plant(fast, u, y, w=("u",), u=("u",), z=("y",), y=("y",)), tau)
+    late = delay_plant(Plant(fast, u, y, w=("u",), u=("u",), z=("y",), y=("y",)), tau)
     lag = StateSpace([[-corner]], [[corner]], [[-1.0]], [[0.0]])
     law = Compensator(series(notch(150.0, 0.1, 0.02), lag), y, u)
     found = reduce_compensator(law, late, 1, method="balanced", homotopy=False)

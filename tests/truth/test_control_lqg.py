@@ -19,9 +19,9 @@ from middeck.control.loop.closed_loop import (
 from middeck.control.lqg import LQGWeights, design_filter, design_lqg
 from middeck.errors import ConfigError, NotStabilisableError
 from middeck.signals.ports import Port
-from middeck.systems.delayed_plant import approximate_delays, delay_inputs
+from middeck.systems.delay_approximation import approximate_delays
 from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant
+from middeck.systems.plant import Plant, delay_plant
 from middeck.systems.response import evaluate_plant, statespace_response
 from middeck.systems.statespace import StateSpace, gain_system
 
@@ -195,7 +195,7 @@ def test_translations_are_set_aside_of_a_late_plant_too():
         y=tuple(p.name for p in plant.outputs),
         z=tuple(p.name for p in plant.outputs[:9]),
     )
-    late = approximate_delays(delay_inputs(everything, 0.01), 2)
+    late = approximate_delays(delay_plant(everything, 0.01), 2)
     part = partition_modes(late)
     assert part.inert == ("translation x", "translation y", "translation z")
     assert len(part.active.system.A) == 46 + 2 * len(plant.inputs)
@@ -212,7 +212,7 @@ def test_translations_are_set_aside_of_a_late_plant_too():
     law = design_lqg(late, weights, 10.0)
     assert law.inert == part.inert
     assert close_loop(late, law).stable
-    assert decide_stability(delay_inputs(everything, 0.01), law).stable
+    assert decide_stability(delay_plant(everything, 0.01), law).stable
 
 
 def test_a_growing_part_that_meets_no_port_stays():

@@ -13,9 +13,9 @@ from middeck.control.riccati import solve_riccati
 from middeck.errors import ConfigError, NotStabilisableError, NumericalError
 from middeck.signals.ports import Port
 from middeck.systems.delay import pade
-from middeck.systems.delayed_plant import approximate_delays, delay_inputs
+from middeck.systems.delay_approximation import approximate_delays
 from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant
+from middeck.systems.plant import Plant, delay_plant
 
 ROOT = Path(__file__).parents[2]
 DM, LAB = ROOT / "articles/mace-dm.toml", ROOT / "environments/lab.toml"
@@ -112,7 +112,7 @@ def test_states_that_no_noise_drives_spoil_nothing(order, noise):
     phi = np.array([[1.0, 0.8, 0.3], [0.9, -0.5, 0.6]])
     modes = ModalSystem(omega, np.full(3, 0.01), psi, phi, np.zeros((2, 3)), tuple("abc"))
     plant = Plant(modes, (Port("u", "N"), Port("w", "N")), (Port("z", "m"), Port("y", "m")))
-    late = approximate_delays(delay_inputs(plant, 0.0075), order).system
+    late = approximate_delays(delay_plant(plant, 0.0075), order).system
     Q, R = 1e-8 * late.B[:, 1:] @ late.B[:, 1:].T, np.array([[noise]])
     C = late.C[1:]
     solution = solve_riccati(late.A.T, C.T, Q, R)

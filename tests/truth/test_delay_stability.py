@@ -23,9 +23,10 @@ from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.rest.equilibrium import solve_equilibrium
-from middeck.systems.delayed_plant import DelayedPlant, approximate_delays, delay_inputs
+from middeck.systems.delay_approximation import approximate_delays
 from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant
+from middeck.systems.own_plant import make_plant
+from middeck.systems.plant import Plant, delay_plant
 from middeck.systems.statespace import SampledStateSpace, StateSpace, gain_system
 
 ROOT = Path(__file__).parents[2]
@@ -46,7 +47,7 @@ def gain(*k: float) -> Compensator:
 def test_integrator_by_lambert(turns: float) -> None:
     """s + exp(-s tau) = 0: s = W_j(-tau)/tau; two more roots grow for each further turn beyond pi/2."""
     exact = lambertw(-turns, np.arange(-40, 41)) / turns
-    found = decide_stability(delay_inputs(INTEGRATOR, turns), gain(1.0))
+    found = decide_stability(delay_plant(INTEGRATOR, turns), gain(1.0))
     lead = exact[np.argmax(exact.real)]
     assert found.growing == int(np.sum(exact.real > 0.0))
     assert found.stable is (turns < np.pi / 2.0)
@@ -66,7 +67,7 @@ def test_rigid_body_up_to_its_delay_margin(factor: float) -> None:
     system = BODY.system
     mixed = StateSpace(turned.T @ system.A @ turned, turned.T @ system.B, system.C @ turned, system.D)
     for plant in (BODY, dataclasses.replace(BODY, dynamics=mixed)):
-        found = decide_stability(delay_inputs(plant, tau), gain(kp, kd))
+        found = decide_stability(delay_plant(plant, tau), gain(kp, kd))
         assert found.stable is (factor < 1.0)
         assert found.growing in ((0,) if factor < 1.0 else (2,))
         if 0.9 < factor < 1.1:
@@ -80,7 +81,7 @@ def test_modes_that_the_loop_does_not_move_count() -> None:
             [1.0, 3.0], [0.02, zeta], [[1.0], [1.0]], [[0.1, 0.0], [0.0, 1.0]], np.zeros((2, 2)), ("a", "b")
         )
         plant = Plant(modes, (FORCE,), (WAY, Port("other", "m")), w=("force",), z=("other",))
-        found = decide_stability(delay_inputs(plant, 0.1), gain(0.05))
+        found = decide_stability(delay_plant(plant, 0.1), gain(0.05))
         assert found.stable is stable
         if not stable:
             assert found.pole == pytest.approx(0.03 + 3.0j * np.sqrt(1.0 - 1e-4), rel=1e-12)
@@ -93,11 +94,11 @@ def test_modes_that_coincide_and_that_the_loop_does_not_move() -> None:
     psi = np.array([[1.0], [0.0], [1.0], [1.0], [0.0], [1.0]])
     phi = np.array([[0.1, 1.0, 0.0, 0.2, 1.0, 0.0]])
     plant = Plant(ModalSystem(omega, zeta, psi, phi, 0.1 * phi, tuple("abcdef")), (FORCE,), (WAY,))
-    found = decide_stability(delay_inputs(plant, 0.05), gain(1.0))
+    found = decide_stability(delay_plant(plant, 0.05), gain(1.0))
     # The moved modes alone decay; what stays at zero neither decays nor grows.
     moved = Plant(ModalSystem(omega[[0, 3]], zeta[[0, 3]], psi[[0, 3]], phi[:, [0, 3]], 0.1 * phi[:, [0, 3]],
                               ("a", "d")), (FORCE,), (WAY,))  # fmt: skip
-    assert decide_stability(delay_inputs(moved, 0.05), gain(1.0)).margin > 0.0
+    assert decide_stability(delay_plant(moved, 0.05), gain(1.0)).margin > 0.0
     assert found.stable
     assert found.margin == 0.0
 
@@ -131,11 +132,11 @@ def _slowest(A: np.ndarray) -> tuple[float, float]:
     return float(values[k].real), float(10.0 * np.finfo(float).eps * np.linalg.norm(balanced) / turned)
 
 
-def gimbal_loop(environment: Environment) -> DelayedPlant:
+def gimbal_loop(environment: Environment) -> Plant:
     """The gimbal of the development model, 18 modes, 10 ms late."""
     modes = solve_modes(solve_equilibrium(load_structure(ROOT / "articles" / "mace-dm.toml"), environment))
     u, z = ("pri_rel_z",), ("pri_in_z",)
-    return delay_inputs(build_plant(modes, inputs=u, outputs=z, count=18, w=u, u=u, z=z, y=z), 0.01)
+    return delay_plant(build_plant(modes, inputs=u, outputs=z, count=18, w=u, u=u, z=z, y=z), 0.01)
 
 
 def test_many_modes_agree_with_a_fine_approximation() -> None:
@@ -150,7 +151,7 @@ def test_many_modes_agree_with_a_fine_approximation() -> None:
             np.zeros((2, n)), tuple("abcdef"),
         )  # fmt: skip
         ports = (Port("u1", "N"), Port("u2", "N")), (Port("y1", "m"), Port("y2", "m"))
-        late = DelayedPlant(Plant(modes, *ports), rng.uniform(0.0, 0.02, (2, 2)))
+        late = delay_plant(Plant(modes, *ports), rng.uniform(0.0, 0.02, (2, 2)))
         law = StateSpace(
             [[-20.0]], rng.standard_normal((1, 2)), 300.0 * rng.standard_normal((2, 1)), np.zeros((2, 2))
         )
@@ -163,7 +164,7 @@ def test_many_modes_agree_with_a_fine_approximation() -> None:
     assert 3 <= unstable <= 9
 
 
-def _closed(late: DelayedPlant, law: Compensator, order: int) -> np.ndarray:
+def _closed(late: Plant, law: Compensator, order: int) -> np.ndarray:
     return close_loop(approximate_delays(late, order), law).system.A
 
 
@@ -171,12 +172,12 @@ def _closed(late: DelayedPlant, law: Compensator, order: int) -> np.ndarray:
 def test_direct_terms_with_a_delay(k: float, stable: bool) -> None:
     """1 + k exp(-s tau) = 0 has the chain Re s = log(k)/tau."""
     through = Plant(gain_system(np.ones((1, 1))), (FORCE,), (WAY,))
-    assert decide_stability(delay_inputs(through, 0.1), gain(k)).stable is stable
+    assert decide_stability(delay_plant(through, 0.1), gain(k)).stable is stable
 
 
 def test_direct_terms_late_by_different_times_are_refused_where_it_matters() -> None:
     through = Plant(gain_system(np.ones((2, 1))), (FORCE,), (WAY, RATE))
-    late = DelayedPlant(through, np.array([[0.1], [0.2]]))
+    late = delay_plant(through, np.array([[0.1], [0.2]]))
     assert decide_stability(late, gain(0.4, 0.4)).stable
     with pytest.raises(NumericalError, match="direct term"):
         decide_stability(late, gain(0.8, 0.8))
@@ -185,13 +186,14 @@ def test_direct_terms_late_by_different_times_are_refused_where_it_matters() -> 
 def test_without_delay_and_sampled_by_eigenvalues() -> None:
     found = decide_stability(INTEGRATOR, gain(2.0))
     assert (found.pole, found.damping) == (-2.0 + 0.0j, 1.0)
-    sampled = SampledStateSpace([[1.0]], [[1.0]], [[1.0]], [[0.0]], 0.1)
+    sampled = make_plant([[1.0]], [[1.0]], [[1.0]], period_s=0.1)
     law = SampledStateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[-0.5]], 0.1)
-    assert decide_stability(sampled, law).margin == pytest.approx(-np.log(0.5) / 0.1, rel=1e-12)
+    compensator = Compensator(law, sampled.outputs, sampled.inputs)
+    assert decide_stability(sampled, compensator).margin == pytest.approx(-np.log(0.5) / 0.1, rel=1e-12)
 
 
 def test_a_gain_margin_is_where_stability_ends() -> None:
-    late = delay_inputs(BODY, 0.2)
+    late = delay_plant(BODY, 0.2)
     limit = measure_margins(late, gain(2.0, 0.7)).loops[0].gain_limits[1]
     for factor, stable in ((limit * (1.0 - 1e-7), True), (limit * (1.0 + 1e-7), False)):
         assert decide_stability(late, gain(2.0 * factor, 0.7 * factor)).stable is stable
@@ -230,14 +232,14 @@ class WeakLoop:
     def lead(self, g: float) -> complex:
         return max((self.root(k, g) for k in range(len(self.omega))), key=lambda s: s.real)
 
-    def build(self, g: float) -> tuple[DelayedPlant, Compensator]:
+    def build(self, g: float) -> tuple[Plant, Compensator]:
         n = len(self.omega)
         modes = ModalSystem(
             self.omega, self.zeta, np.ones((n, 1)), self.amplitude[None], np.zeros((1, n)),
             tuple(f"mode {k}" for k in range(n)),
         )  # fmt: skip
         law = StateSpace([[-self.wl]], [[self.wl]], [[g]], [[0.0]])
-        return delay_inputs(Plant(modes, (FORCE,), (WAY,)), self.tau), Compensator(law, (WAY,), (FORCE,))
+        return delay_plant(Plant(modes, (FORCE,), (WAY,)), self.tau), Compensator(law, (WAY,), (FORCE,))
 
 
 def _check_weak(loop: WeakLoop, g: float) -> bool:

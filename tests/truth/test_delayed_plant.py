@@ -7,15 +7,9 @@ import pytest
 
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
-from middeck.systems.delayed_plant import (
-    DelayedPlant,
-    approximate_delays,
-    delay_inputs,
-    evaluate_approximation,
-    evaluate_delayed,
-)
+from middeck.systems.delay_approximation import approximate_delays, evaluate_approximation
 from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant, name_states
+from middeck.systems.plant import Plant, delay_plant, name_states
 from middeck.systems.resolvent import by_solving
 from middeck.systems.response import evaluate_plant
 from middeck.systems.statespace import gain_system
@@ -36,15 +30,15 @@ NO_SUM = np.array([[0.010, 0.013], [0.012, 0.010], [0.011, 0.014]])
 
 @pytest.mark.parametrize("delay_s", [SUM, NO_SUM])
 def test_response_is_the_plant_times_each_delay(delay_s: np.ndarray) -> None:
-    late = evaluate_delayed(DelayedPlant(PLANT, delay_s), HZ).H
+    late = evaluate_plant(delay_plant(PLANT, delay_s), HZ).H
     expected = evaluate_plant(PLANT, HZ).H * np.exp(-2j * np.pi * HZ[:, None, None] * delay_s)
     np.testing.assert_allclose(late, expected, rtol=1e-13)
 
 
 @pytest.mark.parametrize("delay_s", [SUM, NO_SUM, np.zeros((3, 2))])
 def test_pade_converges_to_the_exact_response(delay_s: np.ndarray) -> None:
-    delayed = DelayedPlant(PLANT, delay_s)
-    exact = evaluate_delayed(delayed, HZ).H
+    delayed = delay_plant(PLANT, delay_s)
+    exact = evaluate_plant(delayed, HZ).H
     error = [
         np.abs(evaluate_plant(approximate_delays(delayed, n), HZ).H / exact - 1.0).max() for n in (2, 4, 6)
     ]
@@ -56,23 +50,23 @@ def test_pade_converges_to_the_exact_response(delay_s: np.ndarray) -> None:
 
 def test_states_are_as_many_as_the_delays_ask_for_and_named() -> None:
     """2 modes; sums: 2 inputs late in front, 3 outputs late behind, the least of them on time."""
-    plant = approximate_delays(DelayedPlant(PLANT, SUM), 3)
+    plant = approximate_delays(delay_plant(PLANT, SUM), 3)
     names = name_states(plant)
     assert len(plant.system.A) == 4 + 3 * 4
     assert names.count("delay") == 12
     assert names[6:10] == ("one", "one", "two", "two")
-    twice = approximate_delays(DelayedPlant(PLANT, NO_SUM), 3)
+    twice = approximate_delays(delay_plant(PLANT, NO_SUM), 3)
     assert name_states(twice).count("one") == 4
 
 
 def test_one_delay_for_all_goes_to_the_smaller_side() -> None:
-    assert len(approximate_delays(delay_inputs(PLANT, 0.01), 3).system.A) == 4 + 2 * 3
+    assert len(approximate_delays(delay_plant(PLANT, 0.01), 3).system.A) == 4 + 2 * 3
 
 
 @pytest.mark.parametrize("delay_s", [-1e-3, np.nan, np.inf])
 def test_impossible_delays_are_refused(delay_s: float) -> None:
     with pytest.raises(ConfigError, match="one is negative"):
-        delay_inputs(PLANT, delay_s)
+        delay_plant(PLANT, delay_s)
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (3, 2), (2, 3), (3, 3)])
@@ -87,5 +81,5 @@ def test_what_stands_for_a_delay_is_evaluated_as_it_is_built(shape: tuple[int, i
     inputs = tuple(Port(f"u{i}", "N") for i in range(columns))
     ones = Plant(gain_system(np.ones(shape)), inputs, tuple(Port(f"y{i}", "m") for i in range(rows)))
     s = rng.uniform(-1.0, 1.0, 12) + 1j * rng.uniform(0.1, 200.0, 12)
-    built = by_solving(approximate_delays(DelayedPlant(ones, late), 9).system)(s)
+    built = by_solving(approximate_delays(delay_plant(ones, late), 9).system)(s)
     np.testing.assert_allclose(evaluate_approximation(late, 9, s), built, atol=1e-11)

@@ -14,9 +14,9 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.loop.closed_loop import close_loop
 from middeck.control.loop.performance import Performance, measure_rms
 from middeck.signals.ports import Port
-from middeck.systems.delayed_plant import DelayedPlant, approximate_delays
+from middeck.systems.delay_approximation import approximate_delays
 from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant
+from middeck.systems.plant import Plant, delay_plant
 from middeck.systems.statespace import StateSpace, gain_system
 
 FORCE, WAY, SEEN = Port("force", "N"), Port("way", "m"), Port("seen", "m")
@@ -30,8 +30,8 @@ LAG = Compensator(StateSpace([[-8.0]], [[1.0]], [[30.0]], [[0.0]]), (SEEN,), (FO
 WHITE = np.array([[0.5]])
 
 
-def late(plant: Plant, tau: float) -> DelayedPlant:
-    return DelayedPlant(plant, np.array([[0.0], [tau]]))
+def late(plant: Plant, tau: float) -> Plant:
+    return delay_plant(plant, np.array([[0.0], [tau]]))
 
 
 def gain(k: float) -> Compensator:

@@ -7,7 +7,7 @@ import scipy.linalg as sla
 from middeck.errors import ConfigError
 from middeck.systems.delayed_sampling import sample_delayed, split_delays
 from middeck.systems.response import statespace_response
-from middeck.systems.sampling import sample_plant
+from middeck.systems.sampling import sample_dynamics
 from middeck.systems.simulation import simulate
 from middeck.systems.statespace import StateSpace
 
@@ -59,7 +59,7 @@ def test_one_path_is_that_of_sample_plant():
     f = np.geomspace(0.1, 9.0, 50) * 2.0 * np.pi
     for delay_s in (0.0, 0.02, 0.05, 0.23):
         ours = sample_delayed(system, T, np.array([[delay_s]]))
-        theirs = sample_plant(system, T, delay_s)
+        theirs = sample_dynamics(system, T, delay_s)
         assert ours.A.shape == theirs.A.shape
         # Rounding near resonances of 0.5 %.
         np.testing.assert_allclose(

@@ -15,7 +15,7 @@ from middeck.systems.modal import ModalSystem, modal_response, modal_to_statespa
 from middeck.systems.norms import band_rms, band_rms_by_quadrature
 from middeck.systems.plant import Plant
 from middeck.systems.response import statespace_response
-from middeck.systems.sampling import sample_plant
+from middeck.systems.sampling import sample_dynamics
 from middeck.systems.statespace import SampledStateSpace
 
 OMEGA = 2.0 * np.pi * np.array([0.3, 2.0, 11.0, 40.0, 90.0])
@@ -114,7 +114,7 @@ def test_a_band_without_end_is_refused():
 def test_a_held_input_comes_through_at_once_or_after_the_delay(delay_s):
     period = 0.002
     modal = system(hz=(7.0, 45.0))
-    sampled = sample_plant(modal, period, delay_s)
+    sampled = sample_dynamics(modal, period, delay_s)
     # First sample at which the command has arrived: all that moves till then is the direct term.
     u = np.array([1.0, 0.0])
     x, k = np.zeros(len(sampled.A)), 0

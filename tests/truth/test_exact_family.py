@@ -16,9 +16,8 @@ from middeck.control.robust import outcomes_on, without_delays
 from middeck.control.robust.exact_family import family_law, measure_in_family
 from middeck.errors import NumericalError
 from middeck.signals.ports import Port
-from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant
+from middeck.systems.plant import Plant, delay_plant, remove_delays
 from middeck.systems.stability import GROWTH_LIMIT
 
 NEAR = (1e-5, 1e-4, 1e-2, 0.5)
@@ -28,7 +27,7 @@ def ports(letter: str, count: int, unit: str) -> tuple[Port, ...]:
     return tuple(Port(f"{letter}{k}", unit) for k in range(count))
 
 
-def plant_of(rng: np.random.Generator) -> DelayedPlant:
+def plant_of(rng: np.random.Generator) -> Plant:
     """One to three inputs and outputs, light and heavier modes over a decade, delays of paths or common."""
     modes, nu, ny = (int(rng.integers(*limits)) for limits in ((2, 7), (1, 4), (1, 4)))
     omega, zeta = np.sort(rng.uniform(0.5, 6.0, modes)), 10.0 ** rng.uniform(-3.0, -1.0, modes)
@@ -39,26 +38,26 @@ def plant_of(rng: np.random.Generator) -> DelayedPlant:
     names_u, names_y = (tuple(p.name for p in side[1:]) for side in (into, out))
     plant = Plant(modal, into, out, ("i0",), names_u, ("o0",), names_y)
     late = rng.uniform(0.0, 3.0, (ny + 1, nu + 1)) / omega[0]
-    return DelayedPlant(plant, late if rng.random() < 0.5 else np.full(late.shape, late[0, 0]))
+    return delay_plant(plant, late if rng.random() < 0.5 else np.full(late.shape, late[0, 0]))
 
 
-def weights_of(plant: DelayedPlant) -> LQGWeights:
-    inside = plant.plant
+def weights_of(plant: Plant) -> LQGWeights:
+    inside = remove_delays(plant)
     return LQGWeights(np.ones(1), np.ones(len(inside.u)), ("i0",), np.eye(1), np.full(len(inside.y), 1e-4))
 
 
 def scaled(law: Compensator, gain: float) -> Compensator:
-    return dataclasses.replace(law, system=dataclasses.replace(law.system, C=gain * law.system.C))
+    return dataclasses.replace(law, dynamics=dataclasses.replace(law.system, C=gain * law.system.C))
 
 
-def verdict(plant: DelayedPlant, law: Compensator, weights: LQGWeights) -> bool | None:
+def verdict(plant: Plant, law: Compensator, weights: LQGWeights) -> bool | None:
     known = family_law(law, weights)
     assert known is not None
     found = measure_in_family(plant, known)
     return None if found is None else found.stable
 
 
-def critical_gain(plant: DelayedPlant, law: Compensator, weights: LQGWeights) -> float:
+def critical_gain(plant: Plant, law: Compensator, weights: LQGWeights) -> float:
     """Where the verdict changes, as near as it is decided; one if it never does."""
     gains = np.geomspace(1e-3, 1e2, 11)
     stable = [verdict(plant, scaled(law, g), weights) for g in gains]
@@ -118,13 +117,13 @@ def test_others_are_left_to_the_single_path() -> None:
     law = design_lqg(without_delays(plant), weights, 1.0)
     known = family_law(law, weights)
     assert known is not None
-    modal = plant.plant.dynamics
+    modal = plant.dynamics
     assert isinstance(modal, ModalSystem)
     free = dataclasses.replace(modal, omega=np.concatenate([[0.0], modal.omega[1:]]))
-    resting = dataclasses.replace(plant, plant=dataclasses.replace(plant.plant, dynamics=free))
+    resting = dataclasses.replace(plant, dynamics=free)
     assert measure_in_family(resting, known) is None
     through = dataclasses.replace(law.system, D=np.ones_like(law.system.D))
-    assert family_law(dataclasses.replace(law, system=through), weights) is None
+    assert family_law(dataclasses.replace(law, dynamics=through), weights) is None
     # An output late as a whole has the rms that it has on time.
     idle = outcomes_on([plant, without_delays(plant)], scaled(law, 0.0), weights)[0]
     assert idle.db == pytest.approx(0.0, abs=1e-5)

@@ -12,7 +12,7 @@ from middeck.signals.excitation import Limits, cut_periods, design_multisine, re
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
 from middeck.systems.modal import ModalSystem
-from middeck.systems.sampling import sample_plant
+from middeck.systems.sampling import sample_dynamics
 from middeck.systems.simulation import simulate
 
 BANK = signals()
@@ -89,7 +89,7 @@ def a_run_from_rest(noise, periods=6):
     made = BANK["compact"]
     modal = ModalSystem([2.0 * np.pi * 3.0], [0.01], [[1.0]], [[1.0]], [[0.0]], ("mode",))
     u = np.tile(made.u[0], (periods, 1))
-    y, _ = simulate(sample_plant(modal, 1.0 / 256.0), u)
+    y, _ = simulate(sample_dynamics(modal, 1.0 / 256.0), u)
     y += noise * y.std() * np.random.default_rng(0).standard_normal(y.shape)
     return Record(256.0, u[None, None], y[None, None], *_ports(1, 1), False)
 

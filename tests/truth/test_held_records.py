@@ -18,7 +18,8 @@ import scipy.linalg as sla
 from jaxtyping import Float
 
 from cli_runner import middeck
-from middeck.control.sampled import SampledCompensator, measure_sampled_margins
+from middeck.control.analysis.margins import measure_margins
+from middeck.control.law.compensator import Compensator
 from middeck.files.compensators import write_compensator
 from middeck.files.models import load_model, write_model
 from middeck.files.records import load_record, open_record, write_record
@@ -120,23 +121,23 @@ def fitted(taken: Record, of: Article) -> FitResult:
     return fit_response(measured, states=2 * len(of.natural_hz))
 
 
-def lead(gain: float, period_s: float) -> SampledCompensator:
+def lead(gain: float, period_s: float) -> Compensator:
     """-gain times a lead, by Tustin's rule: it damps what lies below some 8 Hz, if delay lets it."""
     a, b, w = 2.0 * np.pi * 2.0, 2.0 * np.pi * 20.0, 2.0 / period_s
     pole, zero = (w - b) / (w + b), (w - a) / (w + a)
     k = -gain * (b / a) * (w + a) / (w + b)
     system = SampledStateSpace([[pole]], [[1.0]], [[k * (pole - zero)]], [[k]], period_s)
-    return SampledCompensator(system, PORTS[1], PORTS[0], "lead")
+    return Compensator(system, PORTS[1], PORTS[0], "lead")
 
 
-def closed(plant: SampledStateSpace, law: SampledCompensator, gain: float) -> float:
+def closed(plant: SampledStateSpace, law: Compensator, gain: float) -> float:
     """Spectral radius of the loop u = gain K y."""
     K = law.system
     A = np.block([[plant.A + gain * plant.B @ K.D @ plant.C, gain * plant.B @ K.C], [K.B @ plant.C, K.A]])
     return float(np.max(np.abs(np.linalg.eigvals(A))))
 
 
-def upper_gain(plant: SampledStateSpace, law: SampledCompensator) -> float:
+def upper_gain(plant: SampledStateSpace, law: Compensator) -> float:
     """The gain above one at which the loop becomes unstable, by bisection."""
     low, high = 1.0, 1.0
     while closed(plant, law, high) < 1.0:
@@ -171,7 +172,7 @@ def test_margins_of_a_model_of_held_data_are_those_of_exact_discretisation(
             truth = as_sampled(of, 1.0 / other)
             law = lead(strength(truth), 1.0 / other)
             plant = delayed_plant(fit.model, u=("torque",), y=("angle",))
-            found = measure_sampled_margins(plant, law)
+            found = measure_margins(plant, law)
             assert found.stable
             (loop,) = found.loops
             above = min(g for g in loop.gain if g > 1.0)

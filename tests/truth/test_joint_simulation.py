@@ -17,7 +17,7 @@ from middeck.joints.simulation import (
 from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
-from middeck.systems.sampling import sample_plant
+from middeck.systems.sampling import sample_dynamics
 from middeck.systems.simulation import simulate
 from middeck.systems.statespace import StateSpace
 
@@ -147,7 +147,7 @@ def test_without_elements_it_is_the_exact_sampled_plant():
     u = np.random.default_rng(4).normal(size=(300, 1))
     stepper = build_joint_stepper(plant, [], step_s=0.01, delay_s=0.0137)
     y, end = simulate_joints(stepper, u)
-    exact, last = simulate(sample_plant(plant.dynamics, 0.01, 0.0137), u)
+    exact, last = simulate(sample_dynamics(plant.dynamics, 0.01, 0.0137), u)
     # Rounding: one steps, the other goes through in blocks.
     np.testing.assert_allclose(y, exact, rtol=0.0, atol=1e-13 * np.abs(exact).max())
     np.testing.assert_allclose(end.x, last, rtol=0.0, atol=1e-13 * np.abs(last).max())
@@ -162,14 +162,14 @@ def test_friction_that_never_slips_is_a_spring_and_viscous_damping_is_exact():
     drag = 2.0 * 0.01 * np.sqrt(KP * J) + 0.05
     A = [[0.0, 1.0], [-(KP + 2.0) / J, -drag / J]]
     spring = StateSpace(A, [[0.0], [1.0 / J]], [[1.0, 0.0]], [[0.0]])
-    exact, _ = simulate(sample_plant(spring, step), u)
+    exact, _ = simulate(sample_dynamics(spring, step), u)
     # The held mean of a spring's torque shifts its frequency by (omega_k step)^2/12 at most, omega_k^2 = 2/J:
     # 2.7e-6 of 20 rad over the run.
     assert np.abs(y - exact).max() < 6e-5 * np.abs(exact).max()
     only_drag = Friction(slip_torque=0.0, stiffness=1.0, viscous=0.05)
     y, _ = simulate_joints(build_joint_stepper(plant, [at(only_drag)], step_s=step), u)
     A[1][0] = -KP / J
-    exact, _ = simulate(sample_plant(StateSpace(A, spring.B, spring.C, spring.D), step), u)
+    exact, _ = simulate(sample_dynamics(StateSpace(A, spring.B, spring.C, spring.D), step), u)
     assert np.abs(y - exact).max() < 1e-11 * np.abs(exact).max()  # rounding
 
 

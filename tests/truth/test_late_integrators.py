@@ -12,12 +12,12 @@ from middeck.control.h2.noise_rms import measure_noise_rms
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.partition import partition_modes
 from middeck.control.lqg import LQGWeights, design_lqg
-from middeck.control.sampled import design_sampled_lqg, measure_sampled_loop, sample_controlled
+from middeck.control.sampled import design_sampled_lqg, measure_sampled_loop
 from middeck.signals.ports import Port
 from middeck.systems.delay import pade
-from middeck.systems.delayed_plant import DelayedPlant, approximate_delays
+from middeck.systems.delay_approximation import approximate_delays
 from middeck.systems.modal import ModalSystem, select_modes
-from middeck.systems.plant import Plant
+from middeck.systems.plant import Plant, delay_plant
 from middeck.systems.response import evaluate_plant, statespace_response
 from middeck.systems.statespace import gain_system
 
@@ -43,7 +43,7 @@ def test_rigid_modes_behind_delays_that_are_no_sums_are_kept_once(delay_s: list[
     )  # fmt: skip
     ports = (tuple(Port(f"{side}{i}", "1") for i in range(n)) for side, n in (("u", inputs), ("y", outputs)))
     plant = Plant(modal, *ports)
-    near = approximate_delays(DelayedPlant(plant, late), 4)
+    near = approximate_delays(delay_plant(plant, late), 4)
     f = np.array([1e-3, 0.1, 2.0])
     # What a channel of the smaller side has in common is put there.
     common = np.broadcast_to(late.min(axis=int(inputs > outputs), keepdims=True), late.shape)
@@ -58,7 +58,7 @@ def test_rigid_modes_behind_delays_that_are_no_sums_are_kept_once(delay_s: list[
     # Two double poles: the smaller side sees or drives both, which leaves no other integrator.
     assert np.sum(np.abs(values) < 1e-6) == 4
     one = dataclasses.replace(plant, dynamics=select_modes(modal, np.array([0])))
-    alone = approximate_delays(DelayedPlant(one, late), 4)
+    alone = approximate_delays(delay_plant(one, late), 4)
     # One body: integrated twice together, and once more where one output sees a force earlier than another.
     assert np.sum(np.abs(np.linalg.eigvals(alone.system.A)) < 1e-6) == 3
 
@@ -68,7 +68,7 @@ def test_a_rigid_body_whose_paths_are_late_each_by_its_own_time() -> None:
     tau, k = np.array([[0.05, 0.3], [0.4, 0.1]]), np.array([[1.0, 0.9], [0.5, 0.6]])
     forces = (Port("a", "N"), Port("b", "N"))
     body = ModalSystem([0.0], [0.0], [[1.0, 1.0]], [[1.0], [0.0]], [[0.0], [1.0]], ("body",))
-    late = DelayedPlant(Plant(body, forces, (WAY, RATE)), tau)
+    late = delay_plant(Plant(body, forces, (WAY, RATE)), tau)
 
     def terms(s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         e = np.exp(-s * tau[:, :, None])
@@ -98,7 +98,7 @@ def test_designs_hold_a_rigid_body_whose_paths_are_late_each_by_its_own_time() -
     forces = (Port("a", "N"), Port("b", "N"))
     body = ModalSystem([0.0], [0.0], [[1.0, 1.0]], [[1.0], [0.0]], [[0.0], [1.0]], ("body",))
     plant = Plant(body, forces, (WAY, RATE), ("a", "b"), ("a", "b"), ("way",), ("way", "rate"))
-    late = DelayedPlant(plant, np.array([[0.05, 0.3], [0.4, 0.1]]))
+    late = delay_plant(plant, np.array([[0.05, 0.3], [0.4, 0.1]]))
     weights = LQGWeights([1.0], [1.0, 1.0], ("a", "b"), np.eye(2), [1e-2, 1e-2])
     for order, error in ((3, 1e-4), (10, 1e-6)):
         law = design_lqg(approximate_delays(late, order), weights, 1.0)
@@ -109,7 +109,6 @@ def test_designs_hold_a_rigid_body_whose_paths_are_late_each_by_its_own_time() -
     outcome = measure_sampled_loop(late, sampled, weights, 1.0)
     assert outcome.cost == pytest.approx(sampled.cost, rel=1e-10)
     # Exact, each path with the states it needs.
-    held = sample_controlled(late, sampled)
-    assert decide_stability(held, sampled.system).growing == 0
+    assert decide_stability(late, sampled).growing == 0
     # A hold of 0.02 s is 0.01 s more of delay.
     assert law.cost < sampled.cost < 1.01 * law.cost

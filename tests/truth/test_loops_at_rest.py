@@ -14,11 +14,11 @@ from middeck.control.loop.closed_loop import close_loop
 from middeck.control.loop.performance import Performance, measure_rms
 from middeck.control.lqg import LQGWeights, design_lqg
 from middeck.signals.ports import Port
-from middeck.systems.delayed_plant import DelayedPlant, approximate_delays, delay_inputs
+from middeck.systems.delay_approximation import approximate_delays
 from middeck.systems.integrators import part_integrators, realise_residues
 from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant
-from middeck.systems.sampling import sample_plant
+from middeck.systems.plant import Plant, delay_plant, remove_delays
+from middeck.systems.sampling import sample_dynamics
 from middeck.systems.stability import growth_rates, is_stable
 from middeck.systems.statespace import SampledStateSpace, StateSpace
 
@@ -28,7 +28,7 @@ LONG = os.environ.get("MIDDECK_LONG") == "1"
 FORCE, WAY, SEEN = Port("force", "N"), Port("way", "m"), Port("seen", "m")
 
 
-def free_body(rng: np.random.Generator) -> DelayedPlant:
+def free_body(rng: np.random.Generator) -> Plant:
     """One to three rigid modes, none to two that bend, pairs of a force and a sensor, paths late unlike."""
     rigid, bending, ports = int(rng.integers(1, 4)), int(rng.integers(0, 3)), int(rng.integers(1, 3 + LONG))
     # As many rigid modes as forces at most: a body that nothing holds is no design.
@@ -41,21 +41,21 @@ def free_body(rng: np.random.Generator) -> DelayedPlant:
     forces, ways = (tuple(Port(f"{name}{i}", "1") for i in range(ports)) for name in "fw")
     u, y = (tuple(p.name for p in side) for side in (forces, ways))
     late = rng.uniform(0.0, 10.0 ** rng.uniform(-2.5, -0.5), (ports, ports))
-    return DelayedPlant(Plant(modal, forces, ways, u, u, y, y), late)
+    return delay_plant(Plant(modal, forces, ways, u, u, y, y), late)
 
 
-def mixed(delayed: DelayedPlant, rng: np.random.Generator) -> DelayedPlant:
+def mixed(delayed: Plant, rng: np.random.Generator) -> Plant:
     """The same in states of which none is a mode's own."""
-    system = delayed.plant.system
+    system = remove_delays(delayed).system
     turn = rng.standard_normal(system.A.shape) * 10.0 ** rng.uniform(-1.0, 1.0, len(system.A))
     A, B = np.linalg.solve(turn, system.A @ turn), np.linalg.solve(turn, system.B)
-    plant = dataclasses.replace(delayed.plant, dynamics=StateSpace(A, B, system.C @ turn, system.D))
-    return DelayedPlant(plant, delayed.delay_s)
+    plant = dataclasses.replace(remove_delays(delayed), dynamics=StateSpace(A, B, system.C @ turn, system.D))
+    return delay_plant(plant, delayed.delay_s)
 
 
-def weigh(delayed: DelayedPlant) -> LQGWeights:
-    ports = len(delayed.plant.u)
-    return LQGWeights(np.ones(ports), np.ones(ports), delayed.plant.u, np.eye(ports), np.full(ports, 1e-2))
+def weigh(delayed: Plant) -> LQGWeights:
+    ports = len(delayed.u)
+    return LQGWeights(np.ones(ports), np.ones(ports), delayed.u, np.eye(ports), np.full(ports, 1e-2))
 
 
 @pytest.mark.parametrize("seed", range(200 if LONG else 3))
@@ -68,14 +68,16 @@ def test_a_free_body_in_mixed_states_is_the_body(seed: int) -> None:
     # Riccati equations of some tens of states, one of them in coordinates of condition 1e3.
     assert second.cost == pytest.approx(first.cost, rel=1e-5)
     for factor in (1.0, 4.0):
-        law = dataclasses.replace(first, system=dataclasses.replace(first.system, C=factor * first.system.C))
+        law = dataclasses.replace(
+            first, dynamics=dataclasses.replace(first.system, C=factor * first.system.C)
+        )
         found, same = decide_stability(modal, law), decide_stability(turned, law)
         assert (found.stable, found.growing) == (same.stable, same.growing)
         assert found.pole == pytest.approx(same.pole, rel=1e-5, abs=1e-9)
         # Delays in a fine approximation, by eigenvalues: an account that counts no roots.
         values = close_loop(approximate_delays(modal, 12), law).poles
         assert found.growing == int(np.sum(values.real > 1e-8))
-    ports = len(modal.plant.u)
+    ports = len(modal.u)
     wide = Performance(np.ones(ports), np.eye(ports), (0.0, 3.0))
     rms = measure_delayed_rms(modal, first, wide)
     assert measure_delayed_rms(turned, first, wide) == pytest.approx(rms, rel=1e-6)
@@ -95,7 +97,7 @@ def test_rms_from_zero_of_integrators_of_any_order(chain: int, tau: float) -> No
     plant = Plant(system, (FORCE,), (WAY, SEEN), ("force",), ("force",), ("way",), ("seen",))
     law = design_lqg(plant, LQGWeights([1.0], [1.0], ("force",), np.eye(1), [1e-2]), 1.0)
     rms = [
-        measure_delayed_rms(delay_inputs(plant, tau), law, Performance(np.ones(1), np.eye(1), (low, 10.0)))
+        measure_delayed_rms(delay_plant(plant, tau), law, Performance(np.ones(1), np.eye(1), (low, 10.0)))
         for low in (0.0, 1e-6)
     ]
     assert rms[0] == pytest.approx(rms[1], rel=1e-4)
@@ -106,10 +108,10 @@ def test_rms_from_zero_of_integrators_of_any_order(chain: int, tau: float) -> No
 def test_a_body_that_drifts_is_stable_in_whatever_coordinates(seed: int) -> None:
     """Rounding parts a double pole to both sides of the axis by 1e-8; that is no verdict."""
     rng = np.random.default_rng([5, seed])
-    body = mixed(free_body(rng), rng).plant.system
+    body = remove_delays(mixed(free_body(rng), rng)).system
     # What only exists: no port, no law.
     assert is_stable(body)
-    assert is_stable(sample_plant(body, 0.01))
+    assert is_stable(sample_dynamics(body, 0.01))
     still = growth_rates(body)
     assert np.sum(np.abs(still) < 1e-6) % 2 == 0
 
@@ -134,7 +136,7 @@ def test_an_integrator_pair_that_no_sensor_sees_drifts_and_no_more() -> None:
         plant = Plant(modes, (FORCE,), (SEEN,), ("force",), ("force",), ("seen",), ("seen",))
         law = Compensator(StateSpace([[-2.0]], [[1.0]], [[1.0]], [[0.0]]), (SEEN,), (FORCE,))
         for tau in (0.0, 0.05):
-            found = decide_stability(mixed(delay_inputs(plant, tau), rng), law)
+            found = decide_stability(mixed(delay_plant(plant, tau), rng), law)
             assert found.stable
             assert found.margin == pytest.approx(0.0, abs=1e-9)
 
@@ -142,7 +144,7 @@ def test_an_integrator_pair_that_no_sensor_sees_drifts_and_no_more() -> None:
 def test_allowed_shifts_of_a_plant_whose_states_have_no_names() -> None:
     modes = ModalSystem([0.0, 3.0, 8.0], [0.0, 0.01, 0.01], [[1.0], [1.0], [1.0]], [[1.0, 1.0, -1.0]],
                         np.zeros((1, 3)), ("body", "first", "second"))  # fmt: skip
-    plant = delay_inputs(Plant(modes, (FORCE,), (SEEN,), ("force",), ("force",), ("seen",), ("seen",)), 0.01)
+    plant = delay_plant(Plant(modes, (FORCE,), (SEEN,), ("force",), ("force",), ("seen",), ("seen",)), 0.01)
     law = design_lqg(approximate_delays(plant, 3), weigh(plant), 30.0)
     named = find_allowed_shifts(plant, law, most=0.04, step=0.02)
     found = find_allowed_shifts(mixed(plant, np.random.default_rng(1)), law, most=0.04, step=0.02)

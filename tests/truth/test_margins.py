@@ -17,10 +17,10 @@ from middeck.control.analysis.scaling import scaled_norms
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
-from middeck.systems.delayed_plant import DelayedPlant, delay_inputs
 from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant
-from middeck.systems.sampling import sample_plant
+from middeck.systems.own_plant import make_plant
+from middeck.systems.plant import Plant, delay_plant
+from middeck.systems.sampled_plant import sample_plant
 from middeck.systems.statespace import SampledStateSpace, StateSpace, gain_system
 
 FORCE, WAY, RATE = Port("force", "N"), Port("way", "m"), Port("rate", "m/s")
@@ -38,7 +38,7 @@ def gain(*k: float) -> Compensator:
 def test_integrator_with_a_delay(k: float) -> None:
     """L = k exp(-s tau) / s: unit gain at k, phases -pi/2 - w tau."""
     tau = 0.1
-    one = measure_margins(delay_inputs(INTEGRATOR, tau), gain(k)).loops[0]
+    one = measure_margins(delay_plant(INTEGRATOR, tau), gain(k)).loops[0]
     # Roots to rounding: 1e-13.
     assert one.phase_limit_rad == pytest.approx(np.pi / 2.0 - k * tau, rel=1e-13)
     assert one.phase_hz * 2.0 * np.pi == pytest.approx([k], rel=1e-13)
@@ -64,7 +64,7 @@ def test_delay_margin_is_the_delay_that_it_names() -> None:
     """With the delay margin put in, the loop lies on the limit."""
     one = measure_margins(BODY, gain(2.0, 0.7)).loops[0]
     for change, stable in ((-1e-6, True), (1e-6, False)):
-        late = delay_inputs(BODY, one.delay_limit_s * (1.0 + change))
+        late = delay_plant(BODY, one.delay_limit_s * (1.0 + change))
         assert measure_margins(late, gain(2.0, 0.7)).stable is stable
 
 
@@ -95,7 +95,7 @@ def test_no_light_mode_is_missed(zeta: float) -> None:
 
 def test_delayed_modes_agree_with_a_brute_force_grid() -> None:
     modes = ModalSystem([6.0, 40.0], [0.02, 0.01], [[1.0], [0.7]], [[30.0, 50.0]], [[0.0, 0.0]], ("a", "b"))
-    late = delay_inputs(Plant(modes, (FORCE,), (WAY,)), 0.02)
+    late = delay_plant(Plant(modes, (FORCE,), (WAY,)), 0.02)
     one = measure_margins(late, gain(1.0)).loops[0]
     w = np.linspace(0.01, 400.0, 2_000_001)
     L = trace_return_ratio(late, gain(1.0), frequency_hz=w / 2.0 / np.pi).L[:, 0]
@@ -128,9 +128,10 @@ def test_a_real_pole_through_rest_counts_though_another_loop_holds_the_integrato
     K = np.array([[-3.0], [1.0]])
     if sampled:
         law = SampledStateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((2, 0)), K, 0.05)
-        one = measure_margins(sample_plant(plant.system, 0.05, tau), law).loops[0]
+        held = sample_plant(delay_plant(plant, tau), 0.05)
+        one = measure_margins(held, Compensator(law, (WAY,), plant.inputs)).loops[0]
     else:
-        late = delay_inputs(plant, tau) if tau else plant
+        late = delay_plant(plant, tau) if tau else plant
         one = measure_margins(late, Compensator(gain_system(K), (WAY,), plant.inputs)).loops[0]
     assert one.gain_limits[0] == pytest.approx(1.0 / 3.0, rel=1e-9)
     assert one.gain_hz[0] == 0.0
@@ -161,9 +162,9 @@ def test_a_real_pole_through_infinity_counts() -> None:
 def test_sampled_integrator() -> None:
     """z+ = z - k z: L = k/(z - 1), real at z = -1: factor 2/k; unit gain where 2 sin(w T / 2) = k."""
     T, k = 0.01, 0.5
-    plant = SampledStateSpace([[1.0]], [[1.0]], [[1.0]], [[0.0]], T)
+    plant = make_plant([[1.0]], [[1.0]], [[1.0]], period_s=T)
     law = SampledStateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[-k]], T)
-    margins = measure_margins(plant, law)
+    margins = measure_margins(plant, Compensator(law, plant.outputs, plant.inputs))
     one = margins.loops[0]
     assert margins.stable
     assert one.gain == pytest.approx([2.0 / k], rel=1e-12)
@@ -176,10 +177,10 @@ def test_sampled_integrator() -> None:
 def test_sampled_margins_approach_the_continuous_ones() -> None:
     """A hold of T is a delay of T/2 to first order, an error of (w T)^2/24 of it to second."""
     T = 1e-4
-    held = sample_plant(BODY.dynamics, T)
     law = SampledStateSpace(np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((1, 0)), [[-2.0, -0.7]], T)
-    sampled = measure_margins(held, law).loops[0]
-    late = measure_margins(delay_inputs(BODY, T / 2.0), gain(2.0, 0.7)).loops[0]
+    compensator = Compensator(law, BODY.outputs, BODY.inputs)
+    sampled = measure_margins(BODY, compensator, delays=False).loops[0]
+    late = measure_margins(delay_plant(BODY, T / 2.0), gain(2.0, 0.7)).loops[0]
     assert sampled.phase_limit_rad == pytest.approx(late.phase_limit_rad, rel=1e-7)
     assert sampled.sensitivity.gain == pytest.approx(late.sensitivity.gain, rel=1e-7)
 
@@ -232,7 +233,7 @@ def test_disks_hold_what_they_promise_and_no_more() -> None:
 
 
 def test_disk_of_one_loop_by_brute_force() -> None:
-    late = delay_inputs(BODY, 0.1)
+    late = delay_plant(BODY, 0.1)
     one = measure_margins(late, gain(2.0, 0.7)).loops[0]
     w = np.geomspace(1e-2, 1e3, 400_001)
     L = trace_return_ratio(late, gain(2.0, 0.7), frequency_hz=w / 2.0 / np.pi).L[:, 0]
@@ -244,16 +245,16 @@ def test_disk_of_one_loop_by_brute_force() -> None:
 
 
 def test_an_unstable_loop_has_no_disk() -> None:
-    margins = measure_margins(delay_inputs(INTEGRATOR, 2.0), gain(1.0))
+    margins = measure_margins(delay_plant(INTEGRATOR, 2.0), gain(1.0))
     assert not margins.stable
     one = margins.loops[0]
     assert one.disk.alpha == one.gain_db == one.phase_limit_rad == one.delay_limit_s == 0.0
     assert len(one.gain)
-    assert measure_disk_margin(delay_inputs(INTEGRATOR, 2.0), gain(1.0)).alpha == 0.0
+    assert measure_disk_margin(delay_plant(INTEGRATOR, 2.0), gain(1.0)).alpha == 0.0
 
 
-@pytest.mark.parametrize("plant", [INTEGRATOR, delay_inputs(INTEGRATOR, 0.1)])
-def test_a_law_without_gain_bears_everything(plant: Plant | DelayedPlant) -> None:
+@pytest.mark.parametrize("plant", [INTEGRATOR, delay_plant(INTEGRATOR, 0.1)])
+def test_a_law_without_gain_bears_everything(plant: Plant) -> None:
     """L = 0: no crossing, S = 1, T = 0, and |S - 1/2| = 1/2."""
     for at in ("inputs", "outputs", "both"):
         for one in measure_margins(plant, gain(0.0), at=at).loops:
@@ -286,7 +287,7 @@ def test_ratio_of_one_loop_is_the_return_difference_of_all_over_that_of_the_othe
     delay = rng.uniform(0.0, 0.1, (ny, ny))
     law = Compensator(gain_system(rng.standard_normal((ny, ny))), y, u)
     f = np.array([0.0, 0.1, 1.0, 10.0])
-    L = trace_return_ratio(DelayedPlant(Plant(system, u, y), delay), law, at=at, frequency_hz=f).L
+    L = trace_return_ratio(delay_plant(Plant(system, u, y), delay), law, at=at, frequency_hz=f).L
     for k, s in enumerate(2j * np.pi * f):
         G = (system.C @ np.linalg.solve(s * np.eye(n) - A, system.B)) * np.exp(-s * delay)
         round_all = {"inputs": [law.system.D @ G], "outputs": [G @ law.system.D]}
@@ -299,8 +300,11 @@ def test_ratio_of_one_loop_is_the_return_difference_of_all_over_that_of_the_othe
 
 
 def test_bad_pairs_are_refused() -> None:
-    with pytest.raises(ConfigError, match="sampled law on a continuous plant"):
-        measure_margins(INTEGRATOR, SampledStateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]], 0.1))
+    with pytest.raises(ConfigError, match="a continuous compensator on a sampled plant"):
+        measure_margins(sample_plant(INTEGRATOR, 0.1), gain(1.0))
+    slower = Compensator(SampledStateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]], 0.2), (WAY,), (FORCE,))
+    with pytest.raises(ConfigError, match=r"0\.2 s on a plant sampled every 0\.1 s"):
+        measure_margins(sample_plant(INTEGRATOR, 0.1), slower)
     with pytest.raises(ConfigError, match="broken at"):
         measure_margins(INTEGRATOR, gain(1.0), at="input")  # type: ignore[arg-type]
 
@@ -349,7 +353,7 @@ def test_a_loop_that_keeps_its_gain_at_infinite_frequency_bears_no_delay(system,
     assert decide_stability(plant, law).stable
     # And so it is: however short the delay, by the root of the equation with it.
     for tau in (1e-3, 1e-6):
-        assert decide_stability(delay_inputs(plant, tau), law).stable is (limit > 0.0)
+        assert decide_stability(delay_plant(plant, tau), law).stable is (limit > 0.0)
 
 
 def test_two_loops_whose_direct_terms_turn_against_each_other() -> None:
@@ -357,7 +361,7 @@ def test_two_loops_whose_direct_terms_turn_against_each_other() -> None:
     through = np.array([[0.9, 0.9], [-0.9, -0.9]]) + 0.3 * np.eye(2)
     ports = (Port("a", "N"), Port("b", "N")), (Port("c", "m"), Port("d", "m"))
     law = Compensator(gain_system(np.eye(2)), ports[1], ports[0])
-    late = delay_inputs(Plant(gain_system(through), *ports), 0.1)
+    late = delay_plant(Plant(gain_system(through), *ports), 0.1)
     assert decide_stability(late, law).stable
     # The margins would list crossings that repeat without end: asked for here is the rule alone.
     assert bears_no_delay(form_loop(late, law), "inputs").tolist() == [True, True]

@@ -11,7 +11,7 @@ from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
 from middeck.systems.response import FrequencyResponse, statespace_response
-from middeck.systems.sampling import sample_plant, tustin
+from middeck.systems.sampling import sample_dynamics, tustin
 from middeck.systems.stability import is_stable
 from middeck.systems.statespace import SampledStateSpace, StateSpace
 
@@ -53,7 +53,7 @@ def measured(record):
 def test_total_delay_counts_half_a_sample_of_hold(plant, rig):
     # 10 ms at 500 Hz: 4.5 samples of true delay, five stored commands.
     assert len(rig.sampled.A) == 12 + 5
-    expected = sample_plant(plant.dynamics, 1.0 / RATE, 0.009)
+    expected = sample_dynamics(plant.dynamics, 1.0 / RATE, 0.009)
     assert np.array_equal(rig.sampled.A, expected.A)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from middeck.control.law.compensator import Compensator
-from middeck.control.sampled import SampledCompensator, emulate
+from middeck.control.sampled import emulate
 from middeck.errors import ConfigError
 from middeck.realtime.hardware_rig import HardwareRig, build_hardware_rig, stream_hardware
 from middeck.realtime.hardware_runs import run_hardware_closed_loop
@@ -49,20 +49,20 @@ def _law() -> Compensator:
     return Compensator(system, (OUTPUTS[2], OUTPUTS[0]), (INPUTS[1],))
 
 
-def _by_hand(sampled: SampledCompensator) -> SampledStateSpace:
+def _by_hand(sampled: Compensator) -> SampledStateSpace:
     """The same, written out in the rig's order."""
-    s = sampled.system
+    s = sampled.sampled
     B = np.column_stack([s.B[:, 1], 0.0 * s.B[:, 0], s.B[:, 0]])
     D = np.array([[0.0, 0.0, 0.0], [s.D[0, 1], 0.0, s.D[0, 0]]])
     return SampledStateSpace(s.A, B, np.vstack([0.0 * s.C, s.C]), D, s.period_s)
 
 
 @pytest.fixture(scope="module")
-def sampled() -> SampledCompensator:
+def sampled() -> Compensator:
     return emulate(_law(), 1.0 / RATE_HZ)
 
 
-def test_ports_are_found_by_name_on_the_hardware_rig(sampled: SampledCompensator) -> None:
+def test_ports_are_found_by_name_on_the_hardware_rig(sampled: Compensator) -> None:
     runs = [
         run_hardware_closed_loop(
             _rig(), law, U, periods=1, rng=np.random.default_rng(1), settle=1, rest_s=1.0, steady=True
@@ -82,7 +82,7 @@ def test_ports_are_found_by_name_on_the_hardware_rig(sampled: SampledCompensator
     assert not np.any(blocks[0].control[:, 0])  # the wheel is not its
 
 
-def test_ports_are_found_by_name_on_the_linear_rig(sampled: SampledCompensator) -> None:
+def test_ports_are_found_by_name_on_the_linear_rig(sampled: Compensator) -> None:
     rig = build_linear_rig(_plant(), sample_hz=RATE_HZ, delay_s=0.01, noise_rms=np.full(3, 1e-4))
     first, second = (
         run_closed_loop(rig, law, U, periods=1, rng=np.random.default_rng(1)).control
@@ -93,20 +93,20 @@ def test_ports_are_found_by_name_on_the_linear_rig(sampled: SampledCompensator) 
     np.testing.assert_array_equal(first, second)
 
 
-def test_what_does_not_fit_is_named(sampled: SampledCompensator) -> None:
+def test_what_does_not_fit_is_named(sampled: Compensator) -> None:
     def run(law: object) -> None:
         run_hardware_closed_loop(_rig(), law, U, periods=1, rng=np.random.default_rng(0))  # type: ignore[arg-type]
 
-    elsewhere = SampledCompensator(
-        sampled.system, (OUTPUTS[2], Port("mirror", "rad")), (INPUTS[1],), "tustin"
+    elsewhere = Compensator(
+        sampled.sampled, (OUTPUTS[2], Port("mirror", "rad")), (INPUTS[1],), method="tustin"
     )
     with pytest.raises(ConfigError, match="no output of the rig named 'mirror'"):
         run(elsewhere)
     with pytest.raises(ConfigError, match="no input of the rig named 'shaker'"):
-        run(SampledCompensator(sampled.system, sampled.inputs, (Port("shaker", "N"),), "tustin"))
+        run(Compensator(sampled.sampled, sampled.inputs, (Port("shaker", "N"),), method="tustin"))
     with pytest.raises(ConfigError, match=r"at 0\.01 s, the rig wants .* at 0\.005 s"):
         run(emulate(_law(), 0.01))
-    with pytest.raises(ConfigError, match="a continuous law"):
+    with pytest.raises(ConfigError, match="a continuous compensator"):
         run(_law())
     with pytest.raises(ConfigError, match=r"\(1, 2\) outputs and inputs"):
-        run(sampled.system)
+        run(sampled.sampled)

@@ -19,11 +19,10 @@ from middeck.control.robust import (
 )
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
-from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant, subsystem
+from middeck.systems.plant import Plant, delay_plant, subsystem
 from middeck.systems.response import statespace_response
-from middeck.systems.sampling import sample_plant, tustin
+from middeck.systems.sampling import sample_dynamics, tustin
 from middeck.systems.statespace import StateSpace
 
 WEIGHTS = LQGWeights(np.ones(1), np.ones(1), ("w",), np.eye(1), np.array([1e-3]))
@@ -36,7 +35,7 @@ def oscillator(late=0.0):
     modal = ModalSystem(np.array([1.0, 3.0]), np.full(2, 0.01), phi.T, phi, np.zeros((2, 2)), NAMES)
     ports = (Port("w", "N"), Port("u", "N")), (Port("z", "m"), Port("y", "m"))
     plant = Plant(modal, *ports, ("w",), ("u",), ("z",), ("y",))
-    return DelayedPlant(plant, np.array([[0.0, 0.0], [late, late]])) if late else plant
+    return delay_plant(plant, np.array([[0.0, 0.0], [late, late]])) if late else plant
 
 
 def a_law(plant):
@@ -49,7 +48,7 @@ def a_law(plant):
 @pytest.mark.parametrize("late", [0.0, 0.03, 0.25])
 def test_response_at_the_tangent_is_that_of_the_samples(late):
     mapped = plant_as_sampled(oscillator(late), PERIOD)
-    held = sample_plant(subsystem(oscillator(), ["u"], ["z", "y"]), PERIOD, late)
+    held = sample_dynamics(subsystem(oscillator(), ["u"], ["z", "y"]), PERIOD, late)
     omega = np.array([0.3, 1.01, 3.0, 20.0])
     found = statespace_response(mapped.system, 2.0 / PERIOD * np.tan(0.5 * omega * PERIOD))
     z = np.exp(1j * omega * PERIOD)
@@ -62,7 +61,7 @@ def test_response_at_the_tangent_is_that_of_the_samples(late):
 def test_poles_of_the_loop_are_those_of_the_sampled_loop(late):
     law = a_law(oscillator())
     mapped = close_loop(plant_as_sampled(oscillator(late), PERIOD), law).poles
-    held = sample_plant(subsystem(oscillator(), ["u"], ["y"]), PERIOD, late)
+    held = sample_dynamics(subsystem(oscillator(), ["u"], ["y"]), PERIOD, late)
     K = tustin(law.system, PERIOD)
     through = 1.0 / (1.0 - K.D[0, 0] * held.D[0, 0])
     loop = np.block(

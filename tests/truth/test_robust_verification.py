@@ -47,11 +47,11 @@ from middeck.control.shaping import roll_off
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
 from middeck.systems.delay import pade
-from middeck.systems.delayed_plant import DelayedPlant, approximate_delays, delay_inputs, evaluate_delayed
+from middeck.systems.delay_approximation import approximate_delays
 from middeck.systems.delayed_sampling import sample_delayed
 from middeck.systems.modal import ModalSystem, modal_to_statespace
 from middeck.systems.norms import band_rms
-from middeck.systems.plant import Plant
+from middeck.systems.plant import Plant, delay_plant, remove_delays
 from middeck.systems.response import evaluate_plant, statespace_response
 from middeck.systems.sampling import tustin
 from middeck.systems.statespace import StateSpace
@@ -116,13 +116,13 @@ def accelerated(plant):
 
 
 def delay_outputs(plant, delay_s):
-    return DelayedPlant(plant, np.full((len(plant.outputs), len(plant.inputs)), delay_s))
+    return delay_plant(plant, np.full((len(plant.outputs), len(plant.inputs)), delay_s))
 
 
 def test_a_shift_behind_a_delay_stays_with_its_mode():
     late = reference_plant()
     moved = shift_modes(without_delays(late), {NAMES[3]: 1.02})
-    same = without_delays(dataclasses.replace(late, plant=shift_modes(late.plant, {NAMES[3]: 1.02})))
+    same = without_delays(shift_modes(late, {NAMES[3]: 1.02}))
     f = np.geomspace(0.05, 5.0, 60)
     np.testing.assert_allclose(evaluate_plant(moved, f).H, evaluate_plant(same, f).H, rtol=1e-10)
 
@@ -136,7 +136,7 @@ def test_parameters_of_a_position():
     at = np.zeros(12)
     at[[0, 6, 10, 11]] = 1.0, -1.0, 0.5, -1.0
     moved, plain = perturb_plant(reference_plant(), UNSEEN, at), reference_plant()
-    modal, before = moved.plant.dynamics, plain.plant.dynamics
+    modal, before = moved.dynamics, plain.dynamics
     np.testing.assert_allclose(modal.omega / before.omega, [1.02, 1.0, 1.0, 1.0, 1.0])
     np.testing.assert_allclose(modal.zeta / before.zeta, [1.0, np.exp(-0.5), 1.0, 1.0, 1.0])
     np.testing.assert_allclose(modal.psi / before.psi, [[1.0, 1.05]] * 5)  # inputs w and u
@@ -155,7 +155,7 @@ def integrator_loop(delay_s, gain):
     ports = (Port("w", "N"), Port("u", "N")), (Port("z", "m"), Port("y", "m"))
     plant = Plant(system, *ports, ("w",), ("u",), ("z",), ("y",))
     law = Law([[-1e5]], [[1e5]], [[-gain]])
-    return DelayedPlant(plant, np.array([[0.0, 0.0], [delay_s, delay_s]])), law
+    return delay_plant(plant, np.array([[0.0, 0.0], [delay_s, delay_s]])), law
 
 
 def test_growth_with_a_delay_is_that_of_the_lambert_function():
@@ -186,7 +186,7 @@ def test_rms_with_a_delay_is_that_of_quadrature_with_the_exact_one():
     nodes, share = np.polynomial.legendre.leggauss(12)
     f = (edges[:-1, None] + 0.5 * (nodes + 1.0) * np.diff(edges)[:, None]).ravel()
     width = (0.5 * np.diff(edges)[:, None] * share).ravel()
-    H, K = evaluate_delayed(plant, f).H, evaluate_compensator(law, f).H[:, 0, 0]
+    H, K = evaluate_plant(plant, f).H, evaluate_compensator(law, f).H[:, 0, 0]
     S = 1.0 / (1.0 - K * H[:, 1, 1])
     u_w, u_v = S * K * H[:, 1, 0], S * K
     z_w, z_v = H[:, 0, 0] + H[:, 0, 1] * u_w, H[:, 0, 1] * u_v
@@ -195,7 +195,7 @@ def test_rms_with_a_delay_is_that_of_quadrature_with_the_exact_one():
     assert found.rms[0] == pytest.approx(rms, rel=1e-6)
     # Above the last line noise drives the control: |K| falls with 1/f there, its tail is 1e-3 of the square.
     assert found.control_rms[0] == pytest.approx(control, rel=2e-3)
-    open_rms = band_rms(plant.plant.system, np.diag([1.0, 0.0]), (0.0, 300.0))[0]
+    open_rms = band_rms(remove_delays(plant).system, np.diag([1.0, 0.0]), (0.0, 300.0))[0]
     assert found.db[0] == pytest.approx(20.0 * np.log10(rms / open_rms), abs=1e-4)
 
 
@@ -209,7 +209,7 @@ def fast_mode(hz, gain, delay_s=0.010):
         [omega], [0.003], np.ones((1, 2)), np.full((2, 1), omega**2), np.zeros((2, 1)), ("a",)
     )
     ports = (Port("w", "N"), Port("u", "N")), (Port("z", "m"), Port("y", "m"))
-    plant = DelayedPlant(
+    plant = delay_plant(
         Plant(modal, *ports, ("w",), ("u",), ("z",), ("y",)), np.array([[0.0, 0.0], [delay_s, delay_s]])
     )
     corner = 2.0 * np.pi * 400.0
@@ -262,7 +262,7 @@ def test_what_drifts_is_not_stable():
     """An integrator that nothing holds: no root grows, and the rms is infinite."""
     plant, law = integrator_loop(0.3, 1.0)
     still = Compensator(StateSpace(law.A, law.B, 0.0 * law.C, [[0.0]]), (Port("y", "m"),), (Port("u", "N"),))
-    for each in (plant, plant.plant):
+    for each in (plant, remove_delays(plant)):
         found = outcomes_on([each], still, QUIET)[0]
         assert found.rms[0] == np.inf
         assert not found.stable[0]
@@ -285,7 +285,7 @@ def test_sampled_stability_and_covariance_by_another_way(rate_hz):
     plant, period = reference_plant(), 1.0 / (rate_hz * UNIT_S)
     law = design_lqg(without_delays(plant), WEIGHTS, 10.0)
     found = outcomes_on([plant], law, WEIGHTS, rates_hz=[1.0 / period])[1]
-    held = sample_delayed(plant.plant.system, period, plant.delay_s)
+    held = sample_delayed(remove_delays(plant).system, period, plant.delay_s)
     K = tustin(law.system, period)
     Bu, Cy = held.B[:, [1]], held.C[[1]]
     A = np.block([[held.A + Bu @ K.D @ Cy, Bu @ K.C], [K.B @ Cy, K.A]])
@@ -293,7 +293,7 @@ def test_sampled_stability_and_covariance_by_another_way(rate_hz):
     assert found.stable[0]
     # White noise as inputs held over a tenth of a period of the same intensity: fast modes hardly see it.
     parts = 10
-    fine = sample_delayed(plant.plant.system, period / parts, plant.delay_s)
+    fine = sample_delayed(remove_delays(plant).system, period / parts, plant.delay_s)
     Af, Bf = lifted(fine, K, parts)
     Q = Bf @ np.diag([1.0 / (period / parts)] * parts + [1e-6 / period]) @ Bf.T
     X = sla.solve_discrete_lyapunov(Af, Q)
@@ -367,8 +367,8 @@ def test_unstable_is_an_outcome_and_bad_input_is_not():
     other = dataclasses.replace(lqg, inputs=(Port("z", "m"),))
     with pytest.raises(ConfigError, match="reads z"):
         outcomes_on([plant], other, WEIGHTS)
-    with pytest.raises(ConfigError, match="give a DelayedPlant"):
-        perturb_plant(plant.plant, UNSEEN, np.zeros(12))
+    with pytest.raises(ConfigError, match="delay_plant"):
+        perturb_plant(remove_delays(plant), UNSEEN, np.zeros(12))
     with pytest.raises(ConfigError, match="would not oscillate"):
         shift_modes(as_blocks(two_modes(), 0), {}, {"b": 30.0})
     with pytest.raises(ConfigError, match="between 0 and 1"):
@@ -384,14 +384,14 @@ def fast_and_slow():
     ports = (Port("w", ""), Port("u", "")), (Port("y", ""), Port("x", ""))
     plant = Plant(modal, *ports, ("w",), ("u",), ("y",), ("y", "x"))
     weights = LQGWeights(np.ones(1), np.ones(1), ("w",), np.eye(1), np.full(2, 1e-4))
-    return plant, weights, design_lqg(approximate_delays(delay_inputs(plant, 0.004), 3), weights, 3e2)
+    return plant, weights, design_lqg(approximate_delays(delay_plant(plant, 0.004), 3), weights, 3e2)
 
 
 @pytest.mark.parametrize("later_s", [1e-3, 1e-5, 1e-6, 1e-8, 1e-12])
 def test_a_path_a_little_later_than_another_is_sampled_as_it_is(later_s):
     # `measure_sampled_loop` follows a period from instant to instant, without an approximation.
     plant, weights, law = fast_and_slow()
-    late = DelayedPlant(plant, np.array([[0.004, 0.004], [0.004 + later_s, 0.004 + later_s]]))
+    late = delay_plant(plant, np.array([[0.004, 0.004], [0.004 + later_s, 0.004 + later_s]]))
     found = outcomes_on([late], law, weights, rates_hz=(100.0,))[1]
     exact = measure_sampled_loop(late, emulate(law, 0.01, "tustin"), weights, 1.0)
     assert found.stable[0]
@@ -412,7 +412,7 @@ def test_a_fast_filter_before_the_sampler_does_no_harm(corner_hz):
 
 def test_a_plant_that_control_alone_holds_improves_without_bound():
     A = StateSpace([[0.5]], [[1.0, 1.0]], [[1.0], [1.0]], np.zeros((2, 2)))
-    plant = dataclasses.replace(integrator_loop(0.0, 1.0)[0].plant, dynamics=A)
+    plant = dataclasses.replace(integrator_loop(0.0, 1.0)[0], dynamics=A)
     weights = LQGWeights(np.ones(1), np.ones(1), ("w",), np.eye(1), np.array([0.1]))
     found = outcomes_on([plant], design_lqg(plant, weights, 1.0), weights)[0]
     assert found.stable[0]

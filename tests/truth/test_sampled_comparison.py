@@ -6,27 +6,26 @@ import numpy as np
 import pytest
 import sampled_cases as cases
 
+from middeck.control.analysis.disk import measure_disk_margin
+from middeck.control.analysis.loop import form_loop
+from middeck.control.analysis.margins import measure_margins
+from middeck.control.analysis.shifts import find_allowed_shifts
 from middeck.control.lqg import LQGWeights
 from middeck.control.sampled import (
     compare_sampling,
     design_sampled_lqg,
     filter_measurements,
     find_aliases,
-    find_sampled_shifts,
-    measure_sampled_disk,
     measure_sampled_loop,
-    measure_sampled_margins,
-    sample_controlled,
 )
 from middeck.control.sampled.sampling_table import sampling_table
 from middeck.control.shaping import roll_off
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
-from middeck.systems.delayed_plant import DelayedPlant, delay_inputs, evaluate_delayed
 from middeck.systems.modal import ModalSystem, select_modes
 from middeck.systems.mode_shift import shift_modes
-from middeck.systems.plant import Plant, name_states
-from middeck.systems.response import statespace_response
+from middeck.systems.plant import Plant, delay_plant, name_states, remove_delays
+from middeck.systems.response import evaluate_plant, statespace_response
 from middeck.systems.statespace import StateSpace, poles
 
 
@@ -83,7 +82,7 @@ def test_margins_are_those_of_the_sampled_loop(comparison):
         if row.margins is None:
             assert not row.outcome.stable
             continue
-        held, law = sample_controlled(plant, row.law), row.law.system
+        held, law = form_loop(plant, row.law).plant.sampled, row.law.sampled
         for limit in row.margins.loops[0].gain_limits:
             if limit in (0.0, np.inf):
                 continue
@@ -96,11 +95,11 @@ def test_margins_are_those_of_the_sampled_loop(comparison):
 def test_shifts_end_where_the_sampled_loop_does(comparison):
     plant = cases.late_gimbal()
     law = next(row.law for row in comparison.rows if row.rate_hz == 500.0 and row.outcome.stable)
-    (found,) = find_sampled_shifts(plant, law, modes=["8.8 Hz"], most=0.1)
+    (found,) = find_allowed_shifts(plant, law, modes=["8.8 Hz"], most=0.1)
 
     def radius(shift):
-        moved = dataclasses.replace(plant, plant=shift_modes(plant.plant, {"8.8 Hz": 1.0 + shift}))
-        return np.abs(poles(closed(sample_controlled(moved, law), law.system, 1.0))).max()
+        moved = shift_modes(plant, {"8.8 Hz": 1.0 + shift})
+        return np.abs(poles(closed(form_loop(moved, law).plant.sampled, law.sampled, 1.0))).max()
 
     # Bisected to 1e-8.
     for limit in (found.down, found.up):
@@ -126,10 +125,10 @@ def test_the_table_says_what_was_measured(comparison):
 
 def test_one_channel_has_the_same_disk_alone_and_at_once(comparison):
     plant, law = cases.late_gimbal(), comparison.rows[0].law
-    alone = measure_sampled_margins(plant, law).loops[0].disk
-    assert measure_sampled_disk(plant, law, at="inputs").alpha == pytest.approx(alone.alpha, rel=1e-9)
+    alone = measure_margins(plant, law).loops[0].disk
+    assert measure_disk_margin(plant, law, at="inputs").alpha == pytest.approx(alone.alpha, rel=1e-9)
     # A change at each end is one change of twice the size at most: half the radius, roughly.
-    assert 0.45 * alone.alpha < measure_sampled_disk(plant, law).alpha < 0.55 * alone.alpha
+    assert 0.45 * alone.alpha < measure_disk_margin(plant, law).alpha < 0.55 * alone.alpha
 
 
 def closed(held, law, gain):
@@ -142,7 +141,7 @@ def test_channels_of_margins_have_names(at):
     plant, weights = cases.tangled(), cases.tangled_weights()
     law = design_sampled_lqg(plant, weights, 10.0, 0.1)
     names = {"inputs": ("u1", "u2"), "outputs": ("y1", "y2"), "both": ("u1", "u2", "y1", "y2")}[at]
-    found = measure_sampled_margins(plant, law, at=at)
+    found = measure_margins(plant, law, at=at)
     assert tuple(m.channel for m in found.loops) == names
     assert found.stable
 
@@ -190,15 +189,15 @@ def pointing_plant(share):
     omega = 2.0 * np.pi * np.array([0.0, 97.0])
     modal = ModalSystem(omega, [0.0, 0.002], [[1.0], [1.0]], [[1.0, share]], [[0.0, 0.0]], ("rigid", "panel"))
     torque, angle = (Port("t", "N m"),), (Port("a", "rad"),)
-    return delay_inputs(Plant(modal, torque, angle, ("t",), ("t",), ("a",), ("a",)), 0.002)
+    return delay_plant(Plant(modal, torque, angle, ("t",), ("t",), ("a",), ("a",)), 0.002)
 
 
 def test_the_filter_takes_an_alias_out_of_the_loop():
     T, authority = 0.01, 1e6
     weights = LQGWeights([1.0], [1.0], ("t",), [[1e-4]], [1e-10])
     whole = pointing_plant(400.0)
-    rigid = dataclasses.replace(whole.plant, dynamics=select_modes(whole.plant.dynamics, np.array([0])))
-    plain = DelayedPlant(rigid, whole.delay_s)
+    rigid = dataclasses.replace(remove_delays(whole), dynamics=select_modes(whole.dynamics, np.array([0])))
+    plain = delay_plant(rigid, whole.delay_s)
     section = roll_off(20.0, 2)
     law = design_sampled_lqg(plain, weights, authority, T, "current")
     without = find_aliases(whole, law, weights, authority)
@@ -230,19 +229,19 @@ def test_filtered_measurements():
     plant, section = cases.tangled(), roll_off(8.0, 3)
     filtered = filter_measurements(plant, section)
     hz = np.array([0.2, 0.9, 5.0, 40.0])
-    before, after = evaluate_delayed(plant, hz).H, evaluate_delayed(filtered, hz).H
+    before, after = evaluate_plant(plant, hz).H, evaluate_plant(filtered, hz).H
     F = statespace_response(section, 2.0 * np.pi * hz)[:, 0, 0]
     np.testing.assert_allclose(after[:, :2], before[:, :2], rtol=1e-11)
     np.testing.assert_allclose(after[:, 2:], F[:, None, None] * before[:, 2:], rtol=1e-9)
-    assert filtered.plant.y == ("y1", "y2")
-    assert name_states(filtered.plant)[4:] == ("anti-alias",) * 6
+    assert filtered.y == ("y1", "y2")
+    assert name_states(remove_delays(filtered))[4:] == ("anti-alias",) * 6
 
 
 def test_performance_is_read_in_front_of_the_filter():
     plant = filter_measurements(cases.late_gimbal(), roll_off(5.0, 2))
     hz = np.array([0.2, 1.0, 9.0])
-    H, before = evaluate_delayed(plant, hz).H, evaluate_delayed(cases.late_gimbal(), hz).H
-    z = plant.plant.output_indices(plant.plant.z)
+    H, before = evaluate_plant(plant, hz).H, evaluate_plant(cases.late_gimbal(), hz).H
+    z = plant.output_indices(plant.z)
     np.testing.assert_allclose(H[:, z], before, rtol=1e-11)
     law = design_sampled_lqg(plant, cases.gimbal_weights(), 1.0, 0.01)
     assert measure_sampled_loop(plant, law, cases.gimbal_weights(), 1.0).cost == pytest.approx(
@@ -268,5 +267,5 @@ def test_what_has_no_aliases():
         filter_measurements(cases.gimbal(), StateSpace(-np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2))))
     plant, weights = cases.tangled(), cases.tangled_weights()
     law = design_sampled_lqg(plant, weights, 10.0, 0.1)
-    with pytest.raises(ConfigError, match="without modes"):
+    with pytest.raises(ConfigError, match="not in modal form"):
         find_aliases(plant, law, weights, 10.0)

@@ -1,5 +1,6 @@
 """The least further delay that loses a sampled loop, modes beyond half the rate included."""
 
+import dataclasses
 import os
 
 import numpy as np
@@ -10,13 +11,13 @@ from scipy.optimize import brentq
 
 from middeck.control.analysis import decide_stability, measure_margins
 from middeck.control.analysis.margins_table import margins_table
-from middeck.control.law.sampled_compensator import SampledCompensator
-from middeck.control.sampled import design_sampled_lqg, measure_sampled_margins, sample_controlled
+from middeck.control.law.compensator import Compensator
+from middeck.control.sampled import design_sampled_lqg
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
-from middeck.systems.delayed_plant import DelayedPlant, delay_inputs
 from middeck.systems.modal import ModalSystem, modal_to_statespace
-from middeck.systems.plant import Plant
+from middeck.systems.plant import Plant, delay_plant
+from middeck.systems.sampled_plant import sample_plant
 from middeck.systems.statespace import SampledStateSpace, StateSpace
 
 pytestmark = pytest.mark.kernels
@@ -30,7 +31,7 @@ def law(gain, *, waits, period=PERIOD):
     """u[k] = gain y[k], or a period later."""
     parts = (np.zeros((1, 1)), np.ones((1, 1)), [[gain]], np.zeros((1, 1)))
     now = (np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[gain]])
-    return SampledCompensator(SampledStateSpace(*(parts if waits else now), period), Y, U, "gain")
+    return Compensator(SampledStateSpace(*(parts if waits else now), period), Y, U, method="gain")
 
 
 def plant_of(dynamics):
@@ -43,7 +44,7 @@ def mode(hz, gain):
 
 
 def limit_of(plant, one, **options):
-    return measure_sampled_margins(plant, one, **options).loops[0].delay_limit_s
+    return measure_margins(plant, one, **options).loops[0].delay_limit_s
 
 
 @pytest.mark.parametrize("k", [1.05, 1.25, 1.9])
@@ -79,7 +80,7 @@ def radius(modal, gain, late_s):
 )
 def test_a_mode_beyond_half_the_rate_turns_at_its_own_frequency(hz, sign, late):
     modal = mode(hz, 2.0 / np.sinc(hz * PERIOD))  # a loop gain of two behind the hold
-    measured = measure_sampled_margins(delay_inputs(plant_of(modal), late), law(sign, waits=True))
+    measured = measure_margins(delay_plant(plant_of(modal), late), law(sign, waits=True))
     found = measured.loops[0].delay_limit_s
     assert measured.stable
     # On the circle as far as a stability limit of 1e-8 rad/s and nine digits of a delay leave it.
@@ -91,22 +92,21 @@ def test_a_mode_beyond_half_the_rate_turns_at_its_own_frequency(hz, sign, late):
 def test_of_several_loops_each_is_delayed_alone_at_either_end():
     plant, weights = cases.tangled(), cases.tangled_weights()
     one = design_sampled_lqg(plant, weights, 10.0, 0.1)
-    limits = {m.channel: m.delay_limit_s for m in measure_sampled_margins(plant, one, at="both").loops}
+    limits = {m.channel: m.delay_limit_s for m in measure_margins(plant, one, at="both").loops}
     assert [port for port, limit in limits.items() if np.isfinite(limit)] == ["u1", "y2"]
     for port in ("u1", "y2"):
         for factor, stable in ((0.999, True), (1.001, False)):
             late = later(plant, port, factor * limits[port])
-            assert measure_sampled_margins(late, one, delays=False).stable == stable
+            assert measure_margins(late, one, delays=False).stable == stable
 
 
 def later(delayed, port, more_s):
     late = delayed.delay_s.copy()
-    inside = delayed.plant
     if port.startswith("u"):
-        late[:, inside.input_indices([port])] += more_s
+        late[:, delayed.input_indices([port])] += more_s
     else:
-        late[inside.output_indices([port])] += more_s
-    return type(delayed)(inside, late)
+        late[delayed.output_indices([port])] += more_s
+    return dataclasses.replace(delayed, delay_s=late)
 
 
 def test_a_loop_whose_plant_is_not_known_has_no_delay_margin():
@@ -114,11 +114,11 @@ def test_a_loop_whose_plant_is_not_known_has_no_delay_margin():
         cases.late_gimbal(),
         design_sampled_lqg(cases.late_gimbal(), cases.gimbal_weights(), 100.0, 0.01),
     )
-    bare = measure_margins(sample_controlled(plant, one), one.system)
-    with pytest.raises(ConfigError, match="not known without its plant"):
+    bare = measure_margins(sample_plant(plant, one.period_s), one)
+    with pytest.raises(ConfigError, match="not known without its continuous plant"):
         _ = bare.loops[0].delay_limit_s
     assert "  ?  " in margins_table(bare)
-    known = measure_sampled_margins(plant, one)
+    known = measure_margins(plant, one)
     assert f"{1e3 * known.loops[0].delay_limit_s:.3g}" in margins_table(known)
     assert known.loops[0].gain_limits == bare.loops[0].gain_limits
 
@@ -153,7 +153,7 @@ def drawn(seed):
     gain = 10.0 ** rng.uniform(-1.0, 0.7) * zeta.mean() * omega.mean() * rng.standard_normal((n, n))
     now = SampledStateSpace(np.zeros((0, 0)), np.zeros((0, n)), np.zeros((n, 0)), gain, PERIOD)
     plant = Plant(modal, u, y, u=tuple(p.name for p in u), y=tuple(p.name for p in y))
-    return DelayedPlant(plant, rng.uniform(0.0, 2.0 * PERIOD, (n, n))), SampledCompensator(now, y, u, "gain")
+    return delay_plant(plant, rng.uniform(0.0, 2.0 * PERIOD, (n, n))), Compensator(now, y, u, method="gain")
 
 
 @pytest.mark.parametrize("seed", range(400 if LONG else 8))
@@ -162,9 +162,9 @@ def test_roots_counted_by_unit_gain_are_the_eigenvalues(seed):
     plant, one = drawn(seed)
 
     def margin(port, more_s):
-        return decide_stability(sample_controlled(later(plant, port, more_s), one), one.system).margin
+        return decide_stability(later(plant, port, more_s), one).margin
 
-    for loop in measure_sampled_margins(plant, one, at="both").loops:
+    for loop in measure_margins(plant, one, at="both").loops:
         limit = loop.delay_limit_s
         if limit == 0.0:
             assert margin(loop.channel, 0.0) < 0.0

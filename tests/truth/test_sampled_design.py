@@ -13,21 +13,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from middeck.control.law.classical import close_inner_loop
+from middeck.control.law.compensator import Compensator
 from middeck.control.lqg import LQGWeights, design_lqg
-from middeck.control.sampled import (
-    SampledCompensator,
-    design_sampled_lqg,
-    hold_plant,
-    measure_sampled_loop,
-    sample_cost,
-)
+from middeck.control.sampled import design_sampled_lqg, hold_plant, measure_sampled_loop, sample_cost
 from middeck.control.sampled.integrals import spread_noise
 from middeck.errors import ConfigError, NotStabilisableError
 from middeck.signals.ports import Port
-from middeck.systems.delayed_plant import DelayedPlant, approximate_delays, delay_inputs
+from middeck.systems.delay_approximation import approximate_delays
 from middeck.systems.delayed_sampling import sample_delayed
 from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant, subsystem
+from middeck.systems.plant import Plant, delay_plant, remove_delays, subsystem
 from middeck.systems.response import statespace_response
 from middeck.systems.statespace import SampledStateSpace, StateSpace
 
@@ -74,7 +69,7 @@ def test_cost_is_the_integral_of_the_response():
     plant, weights, T = cases.tangled(), cases.tangled_weights(), 0.1
     held = hold_plant(plant, weights, T)
     price = sample_cost(held, weights, 10.0)
-    s = subsystem(plant.plant, ("u1", "u2"), ("z1", "z2"))
+    s = subsystem(remove_delays(plant), ("u1", "u2"), ("z1", "z2"))
     rng = np.random.default_rng(3)
     start = rng.standard_normal(len(held.system.A))
     u = rng.standard_normal(2)
@@ -106,7 +101,7 @@ def test_cost_is_the_integral_of_the_response():
 def test_controlled_path_is_the_delayed_sampling_of_the_plant(T):
     # An independent arrangement of the same states (fewest of them, outputs looked ahead for).
     plant = cases.tangled()
-    system = subsystem(plant.plant, ("u1", "u2"), ("y1", "y2"))
+    system = subsystem(remove_delays(plant), ("u1", "u2"), ("y1", "y2"))
     omega = np.array([0.3, 2.0, 6.0, 0.9 * np.pi / T])
     mine = statespace_response(hold_plant(plant, cases.tangled_weights(), T).system, omega)
     theirs = statespace_response(sample_delayed(system, T, plant.delay_s[2:, :2]), omega)
@@ -118,7 +113,7 @@ def step_finely(plant, law, weights, T, step):
 
     The mean squares of z and u: z just after each step begins, over a steady period.
     """
-    inside, late = plant.plant, np.round(plant.delay_s / step).astype(int)
+    inside, late = remove_delays(plant), np.round(plant.delay_s / step).astype(int)
     A, B, C, D = (getattr(inside.system, k) for k in "ABCD")
     n, per = len(A), round(T / step)
     of_u, of_y = late[0, :2] - late[0, 2], late[:, 2]  # input delays beyond that of w, outputs' with it
@@ -128,7 +123,7 @@ def step_finely(plant, law, weights, T, step):
     exponential = sla.expm(np.block([[A, B[:, :2]], [np.zeros((2, n + 2))]]) * step)
     spread = spread_noise(A, B[:, 2:] @ weights.process @ B[:, 2:].T, step).covariance
     # States: x, the command in force now, past commands of each input, past clean outputs y, the law's.
-    sizes = [n, 2, *depth_u, depth_y[2], depth_y[3], len(law.system.A)]
+    sizes = [n, 2, *depth_u, depth_y[2], depth_y[3], len(law.sampled.A)]
     at = np.concatenate([[0], np.cumsum(sizes)])
     N = at[-1]
     command = at[1] + np.arange(2)
@@ -156,9 +151,9 @@ def step_finely(plant, law, weights, T, step):
     read = np.array([np.eye(N)[at[5 + o] - 1] if depth_y[2 + o] else outputs[2 + o] for o in range(2)])
     tick, into = np.eye(N), np.zeros((N, 2))
     own = np.eye(N)[at[6] :]
-    tick[command] = law.system.D @ read + law.system.C @ own
-    tick[at[6] :] = law.system.B @ read + law.system.A @ own
-    into[command], into[at[6] :] = law.system.D, law.system.B
+    tick[command] = law.sampled.D @ read + law.sampled.C @ own
+    tick[at[6] :] = law.sampled.B @ read + law.sampled.A @ own
+    into[command], into[at[6] :] = law.sampled.D, law.sampled.B
     sensor = into @ np.diag(weights.sensor / T) @ into.T
 
     def period(P):
@@ -183,11 +178,11 @@ def step_finely(plant, law, weights, T, step):
 def test_rms_is_that_of_the_same_loop_stepped_finely(form):
     plant, weights, T = cases.tangled(), cases.tangled_weights(), 0.1
     # No direct term to z, so that z does not jump and its mean is the trapezoid's to step^2.
-    system = plant.plant.system
+    system = remove_delays(plant).system
     D = np.array(system.D)
     D[:2] = 0.0
-    smooth = dataclasses.replace(plant.plant, dynamics=StateSpace(system.A, system.B, system.C, D))
-    plant = DelayedPlant(smooth, plant.delay_s)
+    smooth = dataclasses.replace(remove_delays(plant), dynamics=StateSpace(system.A, system.B, system.C, D))
+    plant = delay_plant(smooth, plant.delay_s)
     law = design_sampled_lqg(plant, weights, 10.0, T, form)
     found = measure_sampled_loop(plant, law, weights, 10.0)
     means = []
@@ -227,10 +222,10 @@ def test_no_law_near_it_costs_less(form):
     for size in (1e-3, 1e-2):
         for _ in range(3):
             other = dataclasses.replace(
-                law.system, C=law.system.C * (1.0 + size * rng.standard_normal(law.system.C.shape)),
-                B=law.system.B * (1.0 + size * rng.standard_normal(law.system.B.shape)),
+                law.sampled, C=law.sampled.C * (1.0 + size * rng.standard_normal(law.sampled.C.shape)),
+                B=law.sampled.B * (1.0 + size * rng.standard_normal(law.sampled.B.shape)),
             )  # fmt: skip
-            changed = SampledCompensator(other, law.inputs, law.outputs, "changed")
+            changed = Compensator(other, law.inputs, law.outputs, method="changed")
             found = measure_sampled_loop(plant, changed, weights, 100.0)
             assert found.cost > law.cost * (1.0 + 1e-9)
 
@@ -239,21 +234,20 @@ def test_no_law_near_it_costs_less(form):
 def test_predictor_is_the_current_form_a_sample_later(T):
     # To compute for a whole period, or to be measured a period later, is one.
     plant, weights = cases.gimbal(), cases.gimbal_weights()
-    late = design_sampled_lqg(delay_inputs(plant, 0.01 + T), weights, 100.0, T, "current")
-    ahead = design_sampled_lqg(delay_inputs(plant, 0.01), weights, 100.0, T, "predictor")
+    late = design_sampled_lqg(delay_plant(plant, 0.01 + T), weights, 100.0, T, "current")
+    ahead = design_sampled_lqg(delay_plant(plant, 0.01), weights, 100.0, T, "predictor")
     assert ahead.cost == pytest.approx(late.cost, rel=1e-11)
-    assert (ahead.own_delay_s, late.own_delay_s) == (T, 0.0)
 
 
 def test_a_delay_costs_the_same_wherever_it_is():
     weights, T = cases.tangled_weights(), 0.1
-    inside = cases.tangled().plant
+    inside = remove_delays(cases.tangled())
     delays = {"inputs": np.zeros((4, 3)), "outputs": np.zeros((4, 3)), "z and w too": np.full((4, 3), 0.037)}
     delays["inputs"][:, :2] = 0.037
     delays["outputs"][2:] = 0.037
     delays["z and w too"][:2] += 0.2
     delays["z and w too"][:, 2] += 0.5
-    costs = [design_sampled_lqg(DelayedPlant(inside, d), weights, 10.0, T).cost for d in delays.values()]
+    costs = [design_sampled_lqg(delay_plant(inside, d), weights, 10.0, T).cost for d in delays.values()]
     np.testing.assert_allclose(costs, costs[0], rtol=1e-12)
 
 
@@ -261,14 +255,16 @@ def test_delays_of_single_paths():
     # No sum of input and output delays: one path is later, by so little that its share is linear in it.
     weights, T = cases.tangled_weights(), 0.1
     whole = cases.tangled()
-    s = whole.plant.system
+    s = remove_delays(whole).system
     # The channels have states of their own then, and a rigid body has one state only: here it decays.
-    plant = dataclasses.replace(whole.plant, dynamics=dataclasses.replace(s, A=s.A - 0.2 * np.eye(4)))
+    plant = dataclasses.replace(
+        remove_delays(whole), dynamics=dataclasses.replace(s, A=s.A - 0.2 * np.eye(4))
+    )
     costs = []
     for more in (0.0, 1e-4, 2e-4):
         delay_s = whole.delay_s.copy()
         delay_s[2, 0] += more
-        costs.append(design_sampled_lqg(DelayedPlant(plant, delay_s), weights, 10.0, T).cost)
+        costs.append(design_sampled_lqg(delay_plant(plant, delay_s), weights, 10.0, T).cost)
     assert 0.0 < abs(costs[1] / costs[0] - 1.0) < 1e-2
     assert costs[2] - costs[0] == pytest.approx(2.0 * (costs[1] - costs[0]), rel=0.05)
 
@@ -289,7 +285,7 @@ def test_fast_sampling_is_the_continuous_design(form, order):
     for found, wanted in ((regulator, limit.regulator.gain), (filtered, limit.estimator.gain.T)):
         np.testing.assert_allclose(found.ravel(), wanted.ravel(), atol=0.01 * np.abs(wanted).max())
     omega = 2.0 * np.pi * np.array([0.5, 1.5, 5.0, 9.0])
-    fine, coarse = (statespace_response(law.system, omega) for law in (laws[2], laws[1]))
+    fine, coarse = (statespace_response(law.sampled, omega) for law in (laws[2], laws[1]))
     wanted = statespace_response(limit.system, omega)
     np.testing.assert_allclose(2.0 * fine - coarse, wanted, atol=0.01 * np.abs(wanted).max())
 
@@ -305,8 +301,8 @@ def test_with_delay_the_limit_is_that_of_fine_approximation():
 def test_zero_g_plant_with_its_inert_modes():
     plant = close_inner_loop(mace_like.build("orbit"), mace_like.pd_loops())
     weights = mace_like.weights(2e-6, process_ratio=1e-2)
-    law = design_sampled_lqg(delay_inputs(plant, 0.0035), weights, 10.0, 0.002, "current")
-    found = measure_sampled_loop(delay_inputs(plant, 0.0035), law, weights, 10.0)
+    law = design_sampled_lqg(delay_plant(plant, 0.0035), weights, 10.0, 0.002, "current")
+    found = measure_sampled_loop(delay_plant(plant, 0.0035), law, weights, 10.0)
     assert found.stable
     assert found.cost == pytest.approx(law.cost, rel=1e-7)  # poles from 0.01 to 300 rad/s at 500 Hz
     assert max(law.regulator.residual, law.estimator.residual) < 1e-10
@@ -322,13 +318,13 @@ def simulate_gimbal(law, weights, T, fine, runs, periods, settle, rng):
     root = np.linalg.cholesky(spread.covariance + 1e-14 * np.trace(spread.covariance) * np.eye(len(system.A)))
     n, m = system.B.shape
     hold = sla.expm(np.block([[system.A, system.B], [np.zeros((m, n + m))]]) * h)[:n, n:]
-    x, xc = np.zeros((n, runs)), np.zeros((len(law.system.A), runs))
+    x, xc = np.zeros((n, runs)), np.zeros((len(law.sampled.A), runs))
     waiting = np.zeros((late + 1, 1, runs))
     sums, count, t = np.zeros((2, runs)), 0, 0
     for k in range(periods):
         y = system.C @ x + np.sqrt(weights.sensor / T) * rng.standard_normal((1, runs))
-        u = law.system.C @ xc + law.system.D @ y
-        xc = law.system.A @ xc + law.system.B @ y
+        u = law.sampled.C @ xc + law.sampled.D @ y
+        xc = law.sampled.A @ xc + law.sampled.B @ y
         for _ in range(fine):
             waiting[t % (late + 1)] = u
             if k >= settle:
@@ -356,7 +352,7 @@ def test_rms_is_that_of_a_monte_carlo_simulation():
 def test_unstable_loop_is_a_value():
     weights = cases.gimbal_weights()
     law = design_sampled_lqg(cases.late_gimbal(), weights, 100.0, 0.01)
-    found = measure_sampled_loop(delay_inputs(cases.gimbal(), 0.02), law, weights, 100.0)
+    found = measure_sampled_loop(delay_plant(cases.gimbal(), 0.02), law, weights, 100.0)
     assert not found.stable
     assert found.rms.tolist() == found.control_rms.tolist() == [np.inf]
     assert found.cost == found.metric == np.inf
@@ -365,9 +361,9 @@ def test_unstable_loop_is_a_value():
 def test_a_walk_that_nothing_holds_has_no_rms():
     weights = LQGWeights([1.0], [1.0], ("push",), [[1.0]], [1.0])
     law = design_sampled_lqg(walk(), weights, 1.0, 0.1)
-    still = dataclasses.replace(law.system, C=0.0 * law.system.C)
+    still = dataclasses.replace(law.sampled, C=0.0 * law.sampled.C)
     found = measure_sampled_loop(
-        walk(), SampledCompensator(still, law.inputs, law.outputs, "none"), weights, 1.0
+        walk(), Compensator(still, law.inputs, law.outputs, method="none"), weights, 1.0
     )
     assert found.rms[0] == np.inf
 
@@ -417,7 +413,7 @@ def test_any_plant_with_any_delays(seed, late_in, late_out, form):
     system = StateSpace(A, rng.standard_normal((4, 3)), rng.standard_normal((2, 4)), np.zeros((2, 3)))
     plant = Plant(system, inputs, outputs, ("w1",), ("u1", "u2"), ("y1", "y2"), ("y1", "y2"))
     delay_s = T * (np.array([*late_in, 0.0]) + np.array(late_out)[:, None])
-    delayed = DelayedPlant(plant, delay_s)
+    delayed = delay_plant(plant, delay_s)
     weights = LQGWeights([1.0, 1.0], [1.0, 1.0], ("w1",), [[1.0]], [0.1, 0.1])
     omega = np.array([0.1, 1.0, 10.0])
     mine = statespace_response(hold_plant(delayed, weights, T).system, omega)
@@ -435,7 +431,7 @@ def test_a_walk_under_a_gain_is_a_closed_form_at_the_samples_and_between_them():
     law = SampledStateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[-k]], T)
     plant = walk()
     weights = LQGWeights([1.0], [1.0], ("push",), [[1.0]], [r])
-    held = SampledCompensator(law, plant.outputs, plant.inputs, "gain")
+    held = Compensator(law, plant.outputs, plant.inputs, method="gain")
     found = measure_sampled_loop(plant, held, weights, 1.0)
     at_samples = (T + k**2 * T * r) / (1.0 - (1.0 - k * T) ** 2)
     between = at_samples * (1.0 - k * T + (k * T) ** 2 / 3.0) + T / 2.0 + k**2 * T * r / 3.0
@@ -452,7 +448,7 @@ def test_single_late_paths_keep_the_phase_of_a_fast_mode():
     delay_s, T = np.array([[0.0, 0.0], [0.0, 0.05]]), 0.002
     weights = LQGWeights([1.0], [1.0, 1.0], ("u1",), [[1.0]], [1.0, 1.0])
     omega = np.array([240.0, 250.0, 260.0])
-    mine = statespace_response(hold_plant(DelayedPlant(plant, delay_s), weights, T).system, omega)
+    mine = statespace_response(hold_plant(delay_plant(plant, delay_s), weights, T).system, omega)
     theirs = statespace_response(sample_delayed(plant.system, T, delay_s), omega)
     # What is left are harmonics of the hold: at 2900 rad/s, of the peak (250/2900)^3 / 50 = 1e-5.
     np.testing.assert_allclose(mine, theirs, atol=3e-5 * np.abs(theirs).max())
@@ -480,23 +476,21 @@ def test_weights_must_fit():
 
 
 def test_direct_paths_without_a_sample_are_refused():
-    plant, weights = cases.tangled().plant, cases.tangled_weights()
+    plant, weights = remove_delays(cases.tangled()), cases.tangled_weights()
     with pytest.raises(ConfigError, match="answers within the sample"):
         design_sampled_lqg(plant, weights, 10.0, 0.1, "current")
     law = design_sampled_lqg(plant, weights, 10.0, 0.1, "predictor")
     assert measure_sampled_loop(plant, law, weights, 10.0).cost == pytest.approx(law.cost, rel=1e-11)
-    direct = dataclasses.replace(law.system, D=np.ones((2, 2)))
+    direct = dataclasses.replace(law.sampled, D=np.ones((2, 2)))
     with pytest.raises(ConfigError, match="so does the law"):
-        measure_sampled_loop(
-            plant, SampledCompensator(direct, law.inputs, law.outputs, "direct"), weights, 10.0
-        )
+        measure_sampled_loop(plant, Compensator(direct, law.inputs, law.outputs), weights, 10.0)
     with pytest.raises(ConfigError, match="no form"):
         design_sampled_lqg(plant, weights, 10.0, 0.1, "filtered")
 
 
 @pytest.mark.parametrize(("row", "what"), [(0, "performance"), (2, "measurement")])
 def test_white_noise_is_not_sampled(row, what):
-    plant = cases.tangled().plant
+    plant = remove_delays(cases.tangled())
     D = np.array(plant.system.D)
     D[row, 2] = 1.0
     system = dataclasses.replace(plant.system, D=D)
@@ -505,12 +499,12 @@ def test_white_noise_is_not_sampled(row, what):
 
 
 def test_disturbances_that_belong_together_must_be_late_together():
-    plant = dataclasses.replace(cases.tangled().plant, w=("w1", "u1"))
+    plant = dataclasses.replace(remove_delays(cases.tangled()), w=("w1", "u1"))
     weights = dataclasses.replace(
         cases.tangled_weights(), disturbed=("w1", "u1"), process=[[1.0, 0.5], [0.5, 1.0]]
     )
     with pytest.raises(ConfigError, match="belong together"):
-        hold_plant(DelayedPlant(plant, cases.tangled().delay_s), weights, 0.1)
+        hold_plant(delay_plant(plant, cases.tangled().delay_s), weights, 0.1)
 
 
 def test_other_ports_are_named():

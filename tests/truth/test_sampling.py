@@ -13,7 +13,7 @@ from middeck.errors import ConfigError, NumericalError
 from middeck.signals.excitation import random_multisine
 from middeck.systems.modal import ModalSystem, modal_response, modal_to_statespace
 from middeck.systems.response import statespace_response
-from middeck.systems.sampling import sample_plant, tustin
+from middeck.systems.sampling import sample_dynamics, tustin
 from middeck.systems.simulation import find_periodic_state, simulate
 from middeck.systems.stability import growth_rates, is_stable
 from middeck.systems.statespace import SampledStateSpace, StateSpace, poles
@@ -38,7 +38,7 @@ def modes(hz=(0.0, 0.3, 7.0, 45.0, 190.0), outputs=2, inputs=2, zeta=0.02):
 def test_scalar_hold_and_fractional_delay():
     # x' = -a x + u(t - 1.25 T): the sample is driven by a quarter of the older and the rest of the newer.
     a, delay = 3.0, 1.25 * T
-    held = sample_plant(StateSpace([[-a]], [[1.0]], [[1.0]], [[0.0]]), T, delay)
+    held = sample_dynamics(StateSpace([[-a]], [[1.0]], [[1.0]], [[0.0]]), T, delay)
     new = (1.0 - np.exp(-a * 0.75 * T)) / a
     old = np.exp(-a * 0.75 * T) * (1.0 - np.exp(-a * 0.25 * T)) / a
     expected = [[np.exp(-a * T), new, old], [0.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
@@ -49,7 +49,10 @@ def test_scalar_hold_and_fractional_delay():
 def test_modal_and_dense_holds_agree():
     modal = modes()
     for delay in (0.0, 0.4 * T, 4.5 * T):
-        blocks, dense = sample_plant(modal, T, delay), sample_plant(modal_to_statespace(modal), T, delay)
+        blocks, dense = (
+            sample_dynamics(modal, T, delay),
+            sample_dynamics(modal_to_statespace(modal), T, delay),
+        )
         for name in ("A", "B", "C", "D"):
             # Two matrix exponentials of norm up to 3.
             np.testing.assert_allclose(getattr(blocks, name), getattr(dense, name), atol=1e-12)
@@ -60,7 +63,7 @@ def test_against_an_adaptive_integrator(samples):
     modal = modes((0.3, 7.0, 45.0))
     system, delay = modal_to_statespace(modal), samples * T
     u = np.random.default_rng(1).standard_normal((12, 2))
-    y, _ = simulate(sample_plant(modal, T, delay), u)
+    y, _ = simulate(sample_dynamics(modal, T, delay), u)
     state, time = np.zeros(6), 0.0
     # Integrate from switch to switch of the delayed, held input; sample at multiples of T.
     events = sorted({k * T for k in range(12)} | {k * T + delay for k in range(12)})
@@ -91,7 +94,7 @@ def test_frequency_response_with_aliases(samples):
     modal = modes((0.3, 7.0, 45.0))
     modal = dataclasses.replace(modal, phi_rate=0.0 * modal.phi_rate)
     omega, delay = 2.0 * np.pi * np.array([1.0, 7.3, 60.0, 200.0]), samples * T
-    exact = statespace_response(sample_plant(modal, T, delay), omega)
+    exact = statespace_response(sample_dynamics(modal, T, delay), omega)
     folded = np.zeros_like(exact)
     for n in range(-100, 101):
         w = omega + 2.0 * np.pi * n / T
@@ -108,7 +111,7 @@ def test_delay_is_a_pure_phase_well_below_the_sampling_rate():
     # The sheet's 10 ms in all: 4.5 samples of true delay and half a sample of hold.
     modal = modes((1.3, 7.0), zeta=0.01)
     hz = np.array([0.5, 2.0, 5.0])
-    exact = statespace_response(sample_plant(modal, T, 4.5 * T), 2.0 * np.pi * hz)
+    exact = statespace_response(sample_dynamics(modal, T, 4.5 * T), 2.0 * np.pi * hz)
     smooth = modal_response(modal, 2.0 * np.pi * hz) * np.exp(-2j * np.pi * hz * 0.010)[:, None, None]
     # The hold's sinc and the first alias at 500 Hz: (5/500)^2 and less.
     np.testing.assert_allclose(exact, smooth, atol=1e-3 * np.abs(smooth).max())
@@ -122,7 +125,7 @@ def test_direct_term_is_delayed_too():
         (2.0, [0, 0, 2, 4, 6, 8]),
         (1.5, [0, 0, 2, 4, 6, 8]),
     ):
-        y, _ = simulate(sample_plant(system, T, delay * T), u)
+        y, _ = simulate(sample_dynamics(system, T, delay * T), u)
         np.testing.assert_allclose(y[:, 0], expected)
 
 
@@ -152,7 +155,7 @@ def test_tustin_refuses_a_pole_it_cannot_map():
 
 def test_growth_rates_of_a_sampled_system_are_those_of_the_continuous():
     modal = modes((0.3, 7.0))
-    held = sample_plant(modal, T)
+    held = sample_dynamics(modal, T)
     np.testing.assert_allclose(
         np.sort_complex(growth_rates(held)),
         np.sort_complex(poles(modal_to_statespace(modal))),
@@ -164,11 +167,11 @@ def test_growth_rates_of_a_sampled_system_are_those_of_the_continuous():
 def test_bad_times_are_refused():
     for period, delay in ((0.0, 0.0), (T, -T)):
         with pytest.raises(ConfigError):
-            sample_plant(modes(), period, delay)
+            sample_dynamics(modes(), period, delay)
 
 
 def test_periodic_state_repeats():
-    held = sample_plant(modes((0.3, 7.0)), T, 4.5 * T)
+    held = sample_dynamics(modes((0.3, 7.0)), T, 4.5 * T)
     u = np.random.default_rng(0).standard_normal((500, 2))
     start = find_periodic_state(held, u)
     first, end = simulate(held, u, start)
@@ -181,11 +184,11 @@ def test_periodic_state_repeats():
 
 def test_a_rigid_mode_has_no_periodic_state():
     with pytest.raises(NumericalError, match="repeats itself"):
-        find_periodic_state(sample_plant(modes((0.0, 7.0)), T), np.ones((50, 2)))
+        find_periodic_state(sample_dynamics(modes((0.0, 7.0)), T), np.ones((50, 2)))
 
 
 def test_simulation_is_the_power_of_the_transition():
-    held = sample_plant(modes((0.3, 7.0)), T)
+    held = sample_dynamics(modes((0.3, 7.0)), T)
     start = np.arange(1.0, 5.0)
     _, end = simulate(held, np.zeros((37, 2)), start)
     np.testing.assert_allclose(end, np.linalg.matrix_power(held.A, 37) @ start, rtol=1e-12)

@@ -21,14 +21,14 @@ from middeck.control.loop.closed_loop import close_loop
 from middeck.control.loop.participation import find_participation, find_participations
 from middeck.control.loop.performance import Performance
 from middeck.control.lqg import LQGWeights, design_lqg
+from middeck.control.sampled import emulate
 from middeck.control.shaping import second_order_section
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
-from middeck.systems.delayed_plant import DelayedPlant, approximate_delays
+from middeck.systems.delay_approximation import approximate_delays
 from middeck.systems.modal import ModalSystem
 from middeck.systems.mode_shift import shift_modes
-from middeck.systems.plant import Plant
-from middeck.systems.sampling import sample_plant, tustin
+from middeck.systems.plant import Plant, delay_plant
 from middeck.systems.statespace import gain_system
 
 FORCE, WAY, SEEN = Port("force", "N"), Port("way", "m"), Port("seen", "m")
@@ -42,13 +42,13 @@ PLANT = Plant(
     ),
     (FORCE,), (WAY, SEEN), ("force",), ("force",), ("way",), ("seen",),
 )  # fmt: skip
-LATE = DelayedPlant(PLANT, np.array([[0.0], [0.010 * 2.0 * np.pi * 3.0]]))
+LATE = delay_plant(PLANT, np.array([[0.0], [0.010 * 2.0 * np.pi * 3.0]]))
 WEIGHTS = LQGWeights(np.ones(1), np.ones(1), ("force",), np.eye(1), np.array([1e-6]))
 LAW = design_lqg(approximate_delays(LATE, 3), WEIGHTS, 100.0)
 
 
-def moved(mode: str, shift: float) -> DelayedPlant:
-    return dataclasses.replace(LATE, plant=shift_modes(PLANT, {mode: 1.0 + shift}))
+def moved(mode: str, shift: float) -> Plant:
+    return shift_modes(LATE, {mode: 1.0 + shift})
 
 
 def test_stability_ends_at_the_allowed_shift_and_not_before() -> None:
@@ -70,7 +70,7 @@ def test_a_light_mode_late_by_many_turns_is_ranked_with_its_own_phase() -> None:
     """
     omega, zeta, tau, k = 1250.0, 1e-5, 0.02, 100.0
     modal = ModalSystem([omega], [zeta], [[1.0]], [[1.0]], [[0.0]], ("fast",))
-    late = DelayedPlant(Plant(modal, (FORCE,), (SEEN,)), np.array([[tau]]))
+    late = delay_plant(Plant(modal, (FORCE,), (SEEN,)), np.array([[tau]]))
     law = Compensator(gain_system(np.array([[-k]])), (SEEN,), (FORCE,))
     (found,) = find_allowed_shifts(late, law, most=0.2)
 
@@ -125,7 +125,7 @@ def test_search_leaves_the_corners_where_the_worst_is_inside() -> None:
     at = 1.1 / (2.0 * np.pi)
     law = Compensator(second_order_section(at, 0.02, at, 0.004), (SEEN,), (FORCE,))
     small = dataclasses.replace(law.system, C=law.system.C * -0.01, D=law.system.D * -0.01)
-    law = dataclasses.replace(law, system=small)
+    law = dataclasses.replace(law, dynamics=small)
     box = Uncertainty((ModeShift(("one",), 0.2),))
     performance = Performance(np.ones(1), np.eye(1), (0.01, 1.0))
     found = find_worst_case(plant, law, box, performance=performance)
@@ -149,9 +149,7 @@ def test_nominal_lqg_inverts_and_the_sampled_loop_says_the_same() -> None:
     found = find_inversion(LATE, LAW, within=0.3)
     assert found
     period = 0.005
-    late = sample_plant(PLANT.dynamics, period)
-    seen = dataclasses.replace(late, C=late.C[1:], D=late.D[1:])
-    sampled = find_inversion(seen, tustin(LAW.system, period), within=0.3)
+    sampled = find_inversion(PLANT, emulate(LAW, period), within=0.3)
     # Tustin's rule moves a frequency by (w T)^2 / 12, 2e-5 at most here.
     assert sampled[0].distance == pytest.approx(found[0].distance, abs=1e-4)
     assert sampled[0].zero == pytest.approx(found[0].zero, rel=1e-4)
@@ -164,7 +162,7 @@ def test_participation_of_every_pole() -> None:
     assert every[0] == find_participation(loop)
     assert all(p.shares.sum() + p.compensator == pytest.approx(1.0) for p in every)
     idle = close_loop(
-        PLANT, dataclasses.replace(LAW, system=dataclasses.replace(LAW.system, C=LAW.system.C * 0.0))
+        PLANT, dataclasses.replace(LAW, dynamics=dataclasses.replace(LAW.system, C=LAW.system.C * 0.0))
     )
     leads = {p.names[int(np.argmax(p.shares))] for p in find_participations(idle) if p.shares.max() > 0.99}
     assert leads == set(MODES)

@@ -16,7 +16,7 @@ from middeck.identification.plants.measured_plant import measured_plant
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.modal_plant import build_plant
-from middeck.systems.delayed_plant import SAME_DELAY_S
+from middeck.systems.delay_approximation import SAME_DELAY_S
 from middeck.systems.plant import Plant
 from middeck.values import record
 

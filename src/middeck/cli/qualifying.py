@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,6 @@ from middeck.cli.cases import solve_case
 from middeck.cli.plants import tell_warnings
 from middeck.control.analysis.shifts import find_allowed_shifts
 from middeck.control.law.compensator import Compensator
-from middeck.control.law.sampled_compensator import SampledCompensator
 from middeck.control.lqg import LQGWeights
 from middeck.control.qualification import qualify_compensator, sampled_forms
 from middeck.errors import ConfigError
@@ -22,12 +20,11 @@ from middeck.files.models import load_model
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.plants.measured_plant import delayed_plant
 from middeck.structure.plants.modal_plant import build_plant
-from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.mode_shift import shift_modes
-from middeck.systems.plant import Plant, name_states
+from middeck.systems.plant import Plant, delay_plant, name_states, remove_delays
 from middeck.values import record
 
-Law = Compensator | SampledCompensator
+Law = Compensator
 # As far as a shift to instability is looked for.
 MOST = 0.2
 
@@ -36,7 +33,7 @@ MOST = 0.2
 class Gathered:
     """Plants by name, and those of models that do not say whether the inputs of their data were held."""
 
-    plants: dict[str, DelayedPlant]
+    plants: dict[str, Plant]
     hold_unknown: tuple[str, ...]
 
 
@@ -60,17 +57,17 @@ def gather_plants(
     """Each article in each environment, and each model; all ``delay_s`` later than they are."""
     if overrides and all(s.lower().endswith(".json") for s in sources):
         raise ConfigError("--set is for articles and environments", hint="name an article, or leave it out")
-    found: dict[str, DelayedPlant] = {}
+    found: dict[str, Plant] = {}
     unknown: list[str] = []
     for source in sources:
         if source.lower().endswith(".json"):
             name, model = _new_name(source, found), load_model(source)
-            found[name] = later(_model(source, model, law), delay_s)
+            found[name] = delay_plant(_model(source, model, law), delay_s)
             unknown += [name] if model.hold_s is None else []
             continue
         for environment in environments:
             name = f" in {Path(environment).stem}"
-            found[_new_name(source, found, name)] = later(
+            found[_new_name(source, found, name)] = delay_plant(
                 _article(source, environment, law, count, overrides), delay_s
             )
     return Gathered(found, tuple(unknown))
@@ -105,19 +102,12 @@ def _require_ports(wanted: Sequence[str], there: Sequence[str], verb: str, lacks
         )
 
 
-def _model(source: str, model: MeasurementModel, law: Law) -> DelayedPlant:
+def _model(source: str, model: MeasurementModel, law: Law) -> Plant:
     u, y = (tuple(port.name for port in side) for side in (law.outputs, law.inputs))
     with reading(source):
         _require_ports(u, [p.name for p in model.inputs], "drives", "the model has no such input")
         _require_ports(y, [p.name for p in model.outputs], "reads", "the model has no such output")
         return delayed_plant(model, w=u, u=u, z=y, y=y)
-
-
-def later(plant: Plant | DelayedPlant, delay_s: float) -> DelayedPlant:
-    """The plant, all its paths later by ``delay_s``."""
-    if isinstance(plant, DelayedPlant):
-        return dataclasses.replace(plant, delay_s=plant.delay_s + delay_s)
-    return DelayedPlant(plant, np.full((len(plant.outputs), len(plant.inputs)), delay_s))
 
 
 def say_hold(
@@ -135,17 +125,16 @@ def say_hold(
     return said
 
 
-def _held_or_not(
-    name: str, plant: DelayedPlant, law: SampledCompensator, weights: LQGWeights, delay_s: float
-) -> str:
-    rate, half_s = f"{1.0 / law.period_s:g} Hz", 0.5 * law.period_s
+def _held_or_not(name: str, plant: Plant, law: Compensator, weights: LQGWeights, delay_s: float) -> str:
+    period_s = law.sampled.period_s
+    rate, half_s = f"{1.0 / period_s:g} Hz", 0.5 * period_s
     assumed = (
         f"{name}, {rate}: the model does not say whether a computer held the inputs of its data; taken as "
         "not held (middeck identify --held or --not-held)"
     )
     if np.min(plant.delay_s) - delay_s < half_s:
         return f"{assumed}; at this rate they were not, as a delay is less than half a period"
-    (row,) = qualify_compensator(law, {name: later(plant, -half_s)}, weights)
+    (row,) = qualify_compensator(law, {name: delay_plant(plant, -half_s)}, weights)
     if not row.stable:
         return f"{assumed}; held at this rate, half a period would count twice, and the row would be unstable"
     gain = min((loop.gain_db for loop in row.loops), default=np.inf)
@@ -156,27 +145,27 @@ def _held_or_not(
     )
 
 
-def shifted_plants(plants: Mapping[str, DelayedPlant], shifts: Sequence[Shift]) -> dict[str, DelayedPlant]:
+def shifted_plants(plants: Mapping[str, Plant], shifts: Sequence[Shift]) -> dict[str, Plant]:
     """Each plant as it is, then each shift alone, down and up."""
-    found: dict[str, DelayedPlant] = {}
+    found: dict[str, Plant] = {}
     for name, plant in plants.items():
         found[name] = plant
         for shift in shifts:
             with reading(name):
-                moved = chosen_modes(plant.plant, shift.modes)
+                moved = chosen_modes(plant, shift.modes)
                 for sign in (-1.0, 1.0):
                     by = sign * shift.percent
-                    inside = shift_modes(plant.plant, dict.fromkeys(moved, 1.0 + 0.01 * by))
-                    found[f"{name}, {shift.modes} {by:+g} %"] = dataclasses.replace(plant, plant=inside)
+                    moved_plant = shift_modes(plant, dict.fromkeys(moved, 1.0 + 0.01 * by))
+                    found[f"{name}, {shift.modes} {by:+g} %"] = moved_plant
     return found
 
 
-def allowed_shifts(plants: Mapping[str, DelayedPlant], law: Law) -> list[dict[str, Any]]:
+def allowed_shifts(plants: Mapping[str, Plant], law: Law) -> list[dict[str, Any]]:
     """How far each mode of each plant may shift before the continuous loop is unstable, in per cent.
 
     Raises `ConfigError` for a sampled compensator.
     """
-    if not isinstance(law, Compensator):
+    if law.period_s is not None:
         raise ConfigError(
             "--limits is for a continuous compensator", hint="--shift MODES PERCENT, one by one"
         )
@@ -221,7 +210,7 @@ def chosen_modes(plant: Plant, text: str) -> tuple[str, ...]:
 
 def natural_hz(plant: Plant) -> dict[str, float]:
     """The frequency [Hz] of each mode that oscillates, by name."""
-    names, A = np.array(name_states(plant)), plant.system.A
+    names, A = np.array(name_states(plant)), remove_delays(plant).system.A
     found: dict[str, float] = {}
     for name in dict.fromkeys(names.tolist()):
         index = np.flatnonzero(names == name)

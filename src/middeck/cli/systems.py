@@ -5,9 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from middeck.control.law.compensator import Compensator
-from middeck.control.law.sampled_compensator import SampledCompensator
 from middeck.errors import DataError
-from middeck.files.compensators import Stored, load_compensator, write_compensator
+from middeck.files.compensators import StoredCompensator, load_compensator, write_compensator
 from middeck.files.exchange.mat import load_mat, write_mat
 from middeck.files.mat_models import write_mat_model
 from middeck.files.models import write_model
@@ -20,17 +19,17 @@ def is_mat(path: str | Path) -> bool:
     return Path(path).suffix.lower() == ".mat"
 
 
-def write_law(path: str, law: Compensator | SampledCompensator) -> None:
+def write_law(path: str, law: Compensator) -> None:
     """Write u = K y."""
     (write_mat if is_mat(path) else write_compensator)(path, law)
 
 
-def load_law(path: str) -> Stored:
+def load_law(path: str) -> StoredCompensator:
     """The compensator in a file; raises `DataError` for anything else."""
     if not is_mat(path):
         return load_compensator(path)
     found = load_mat(path)
-    if isinstance(found, Stored):
+    if isinstance(found, StoredCompensator):
         return found
     raise DataError(
         "a system, and nothing says that it is a compensator, nor its sign",

@@ -13,10 +13,9 @@ from middeck.control.law.compensator import Compensator, idle_compensator
 from middeck.control.law.partition import partition_modes
 from middeck.control.law.stabilisability import require_reachable
 from middeck.control.lqg import LQGWeights
-from middeck.control.sampled import SampledCompensator, measure_sampled_loop, measure_sampled_margins
+from middeck.control.sampled import measure_sampled_loop
 from middeck.errors import ConfigError, MiddeckError, NotStabilisableError, NumericalError
-from middeck.systems.delayed_plant import DelayedPlant, delay_inputs
-from middeck.systems.plant import Plant, name_states, subsystem
+from middeck.systems.plant import Plant, name_states, remove_delays, subsystem
 from middeck.systems.sampling import tustin
 from middeck.systems.stability import GROWTH_LIMIT
 from middeck.values import record
@@ -70,8 +69,8 @@ class Qualified:
 
 
 def qualify_compensator(
-    compensator: Compensator | SampledCompensator,
-    plants: Mapping[str, Plant | DelayedPlant],
+    compensator: Compensator,
+    plants: Mapping[str, Plant],
     weights: LQGWeights,
     *,
     rates_hz: Sequence[float] = (),
@@ -91,8 +90,8 @@ def qualify_compensator(
     for name, plant in plants.items():
         try:
             tried = _try(name, plant, compensator, weights)
-            forms: list[Compensator | SampledCompensator] = [*sampled_forms(compensator, rates_hz)]
-            if isinstance(compensator, Compensator):
+            forms: list[Compensator] = [*sampled_forms(compensator, rates_hz)]
+            if compensator.period_s is None:
                 forms.insert(0, compensator)
             found += [_row(tried, law, weights) for law in forms]
         except MiddeckError as error:
@@ -106,43 +105,33 @@ class _Tried:
     """A plant with its groups set, what it does alone, and what nothing holds."""
 
     name: str
-    plant: Plant | DelayedPlant
+    plant: Plant
     reference: float
     unheld: tuple[str, ...]
 
 
 def _try(
     name: str,
-    plant: Plant | DelayedPlant,
-    compensator: Compensator | SampledCompensator,
+    plant: Plant,
+    compensator: Compensator,
     weights: LQGWeights,
 ) -> _Tried:
     aligned = align_plant(plant, compensator)
-    inside = aligned.plant if isinstance(aligned, DelayedPlant) else aligned
-    alone, _ = _noise_rms(aligned, idle_compensator(inside), weights)
+    alone, _ = _noise_rms(aligned, idle_compensator(aligned), weights)
     return _Tried(name, aligned, alone, _unheld(aligned))
 
 
-def _noise_rms(plant: Plant | DelayedPlant, law: Compensator, weights: LQGWeights) -> tuple[float, float]:
+def _noise_rms(plant: Plant, law: Compensator, weights: LQGWeights) -> tuple[float, float]:
     """Of the outputs and the commands."""
-    late = plant if isinstance(plant, DelayedPlant) else delay_inputs(plant, 0.0)
-    found = measure_noise_rms(late, law, weights)
+    found = measure_noise_rms(plant, law, weights)
     return found.rms, found.control_rms
 
 
-def align_plant(
-    plant: Plant | DelayedPlant, compensator: Compensator | SampledCompensator
-) -> Plant | DelayedPlant:
+def align_plant(plant: Plant, compensator: Compensator) -> Plant:
     """The plant whose groups u and y are the compensator's ports, in its order; inert modes left out.
 
     Raises `ConfigError` naming the ports that the plant does not have.
     """
-    if isinstance(plant, DelayedPlant):
-        return dataclasses.replace(plant, plant=_aligned(plant.plant, compensator))
-    return _aligned(plant, compensator)
-
-
-def _aligned(plant: Plant, compensator: Compensator | SampledCompensator) -> Plant:
     sides = (("drives", "input", compensator.outputs, plant.inputs),
              ("reads", "output", compensator.inputs, plant.outputs))  # fmt: skip
     for verb, side, wanted, there in sides:
@@ -165,14 +154,12 @@ def _aligned(plant: Plant, compensator: Compensator | SampledCompensator) -> Pla
     return partition_modes(dataclasses.replace(plant, u=u, y=y)).active
 
 
-def sampled_forms(
-    compensator: Compensator | SampledCompensator, rates_hz: Sequence[float]
-) -> tuple[SampledCompensator, ...]:
+def sampled_forms(compensator: Compensator, rates_hz: Sequence[float]) -> tuple[Compensator, ...]:
     """The compensator at each rate: by Tustin's rule, or a sampled one as it is.
 
     Raises `ConfigError` for a rate that is not positive, and for one that is not a sampled compensator's own.
     """
-    if isinstance(compensator, SampledCompensator):
+    if compensator.period_s is not None:
         own = 1.0 / compensator.period_s
         if any(abs(rate - own) > 1e-9 * own for rate in rates_hz):
             raise ConfigError(
@@ -184,24 +171,22 @@ def sampled_forms(
     if bad:
         raise ConfigError(f"a rate of {bad[0]} Hz", hint="a rate > 0 Hz")
     ports = compensator.inputs, compensator.outputs
-    return tuple(
-        SampledCompensator(tustin(compensator.system, 1.0 / rate), *ports, "Tustin") for rate in rates_hz
-    )
+    laws = (tustin(compensator.system, 1.0 / rate) for rate in rates_hz)
+    return tuple(Compensator(law, *ports, method="Tustin") for law in laws)
 
 
-def _row(tried: _Tried, law: Compensator | SampledCompensator, weights: LQGWeights) -> Qualified:
+def _row(tried: _Tried, law: Compensator, weights: LQGWeights) -> Qualified:
     """One form on one plant; what cannot be decided is said in its row and takes no other row along."""
-    sampled = isinstance(law, SampledCompensator)
-    setting = f"{1.0 / law.period_s:g} Hz" if sampled else CONTINUOUS
+    setting = f"{1.0 / law.period_s:g} Hz" if law.period_s else CONTINUOUS
     unknown = Qualified(tried.name, setting, None, np.inf, np.inf, np.inf, (), tried.unheld)
     if tried.unheld:
         return unknown
     try:
-        margins = measure_sampled_margins(tried.plant, law) if sampled else measure_margins(tried.plant, law)
+        margins = measure_margins(tried.plant, law)
         if not margins.stable:
             return dataclasses.replace(unknown, stability=margins.stability)
         rms, control = (
-            _sampled_rms(tried.plant, law, weights) if sampled else _noise_rms(tried.plant, law, weights)
+            _sampled_rms(tried.plant, law, weights) if law.period_s else _noise_rms(tried.plant, law, weights)
         )
     except NumericalError as error:
         return dataclasses.replace(unknown, undecided=error.what)
@@ -209,17 +194,15 @@ def _row(tried: _Tried, law: Compensator | SampledCompensator, weights: LQGWeigh
     return Qualified(tried.name, setting, margins.stability, rms, control, db, margins.loops)
 
 
-def _sampled_rms(
-    plant: Plant | DelayedPlant, law: SampledCompensator, weights: LQGWeights
-) -> tuple[float, float]:
+def _sampled_rms(plant: Plant, law: Compensator, weights: LQGWeights) -> tuple[float, float]:
     """Of the outputs, between the samples too, and the commands."""
     outcome = measure_sampled_loop(plant, law, weights, 1.0)
     return outcome.metric, float(np.sqrt(np.sum(weights.input * outcome.control_rms**2)))
 
 
-def _unheld(plant: Plant | DelayedPlant) -> tuple[str, ...]:
+def _unheld(plant: Plant) -> tuple[str, ...]:
     """Modes that do not decay and that u does not reach or y does not see; delays change nothing of that."""
-    inside = plant.plant if isinstance(plant, DelayedPlant) else plant
+    inside = remove_delays(plant)
     path, names = subsystem(inside, inside.u, inside.y), name_states(inside)
     found: list[str] = []
     for A, B in ((path.A, path.B), (path.A.T, path.C.T)):

@@ -10,7 +10,6 @@ from typing import Any, cast
 import numpy as np
 
 from middeck.control.law.compensator import Compensator
-from middeck.control.law.sampled_compensator import SampledCompensator
 from middeck.errors import DataError
 from middeck.files.json_input import json_numbers, read_json
 from middeck.files.json_output import write_json
@@ -29,54 +28,33 @@ class StoredCompensator(Compensator):
 
     Parameters
     ----------
-    method:
-        The type that made it, as ``"LQGCompensator"``; empty if unknown.
     authority, cost:
         1/rho, and what was minimised; None if unknown.
     inert:
         Modes left out of the design because no port reaches or sees them.
     """
 
-    method: str = ""
     authority: float | None = None
     cost: float | None = None
     inert: tuple[str, ...] = ()
 
 
-@record
-class StoredSampledCompensator(SampledCompensator):
-    """The same for a sampled one."""
-
-    authority: float | None = None
-    cost: float | None = None
-    inert: tuple[str, ...] = ()
-
-
-Stored = StoredCompensator | StoredSampledCompensator
-
-
-def write_compensator(path: str | Path, compensator: Compensator | SampledCompensator) -> None:
+def write_compensator(path: str | Path, compensator: Compensator) -> None:
     """Write u = K y whole or not at all: A, B, C, D, the ports in their order, and how it was made.
 
     ``period_s`` is null for a continuous law.
     """
-    system = compensator.system
     ports = {"inputs": compensator.inputs, "outputs": compensator.outputs}
-    matrices = {name: getattr(system, name) for name in "ABCD"}
-    period = {"period_s": period_of(system)}
+    matrices = {name: getattr(compensator.dynamics, name) for name in "ABCD"}
+    period = {"period_s": compensator.period_s}
     made = {"made": how_made(compensator)}
     write_json(path, {"schema": COMPENSATOR_SCHEMA, **ports, **period, **matrices, **made})
 
 
-def period_of(system: StateSpace | SampledStateSpace) -> float | None:
-    """The sampling period [s]; None for a continuous system."""
-    return system.period_s if isinstance(system, SampledStateSpace) else None
-
-
-def how_made(compensator: Compensator | SampledCompensator) -> dict[str, Any]:
+def how_made(compensator: Compensator) -> dict[str, Any]:
     """Method, authority, cost and modes left out, as far as the compensator knows them."""
-    plain = type(compensator) is Compensator
-    method = getattr(compensator, "method", "" if plain else type(compensator).__name__)
+    plain = type(compensator) in (Compensator, StoredCompensator)
+    method = compensator.method or ("" if plain else type(compensator).__name__)
     numbers = {name: _finite(getattr(compensator, name, None)) for name in ("authority", "cost")}
     return {"method": method, **numbers, "inert": tuple(getattr(compensator, "inert", ()))}
 
@@ -85,7 +63,7 @@ def _finite(value: Any) -> float | None:
     return float(value) if value is not None and math.isfinite(value) else None
 
 
-def load_compensator(path: str | Path) -> Stored:
+def load_compensator(path: str | Path) -> StoredCompensator:
     """The compensator in file ``path``, with what the file tells of its making.
 
     Raises `DataError`, naming file and key, if it is missing, empty, truncated, of another schema, incomplete
@@ -110,7 +88,7 @@ def build_stored(
     outputs: tuple[Port, ...],
     made: Any,
     where: str,
-) -> Stored:
+) -> StoredCompensator:
     """A compensator of matrices, ports and a table ``made``; raises `DataError` where they do not fit."""
     if not isinstance(made, dict):
         raise DataError("not a table", where=f"{where}, made", hint=AGAIN)
@@ -118,9 +96,7 @@ def build_stored(
     method, inert = str(known.get("method") or ""), tuple(map(str, known.get("inert") or ()))
     authority, cost = (_optional(known.get(name), f"{where}, made.{name}") for name in ("authority", "cost"))
     system = build_system(matrices, period_s, (len(inputs), len(outputs)), where)
-    if isinstance(system, SampledStateSpace):
-        return StoredSampledCompensator(system, inputs, outputs, method, authority, cost, inert)
-    return StoredCompensator(system, inputs, outputs, method, authority, cost, inert)
+    return StoredCompensator(system, inputs, outputs, authority, cost, inert, method=method)
 
 
 def _optional(value: Any, where: str) -> float | None:

@@ -19,7 +19,7 @@ from middeck.joints.balance import balance_torques
 from middeck.joints.element import JointElement
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
-from middeck.systems.sampling import sample_plant
+from middeck.systems.sampling import sample_dynamics
 from middeck.systems.statespace import SampledStateSpace, StateSpace
 from middeck.values import record
 
@@ -79,8 +79,8 @@ def build_joint_stepper(
         if twice:
             raise ConfigError(f"two entries for joint {twice[0]!r}", hint="put its elements in one tuple")
     damped = add_viscous(plant, joints)
-    sampled = sample_plant(damped, step_s, delay_s)
-    pushed = sample_plant(damped, step_s)
+    sampled = sample_dynamics(damped, step_s, delay_s)
+    pushed = sample_dynamics(damped, step_s)
     states = len(pushed.A)
     columns = plant.input_indices([j.torque for j in joints])
     rows = plant.output_indices([j.angle for j in joints])
@@ -151,7 +151,7 @@ def add_viscous(plant: Plant, joints: Sequence[JointElements]) -> StateSpace | M
     """The plant with each joint's viscous torque on the rate of its angle fed back, exactly."""
     damping = np.array([sum(e.viscous for e in j.elements) for j in joints])
     if not np.any(damping):
-        return plant.dynamics
+        return plant.rational
     system = plant.system
     columns = plant.input_indices([j.torque for j in joints])
     rates = system.C[plant.output_indices([j.angle for j in joints])] @ system.A

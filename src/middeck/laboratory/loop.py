@@ -13,12 +13,13 @@ from jaxtyping import Complex, Float
 
 from middeck.control.analysis import measure_margins
 from middeck.control.law.compensator import Compensator
+from middeck.control.sampled import emulate
 from middeck.laboratory.bench import Bench, law_on
 from middeck.realtime.linear_view import linearise_rig
 from middeck.realtime.rig import close_sampled_loop
-from middeck.systems.response import statespace_response
+from middeck.systems.plant import Plant
+from middeck.systems.response import evaluate_plant, statespace_response
 from middeck.systems.stability import GROWTH_LIMIT, growth_rates
-from middeck.systems.statespace import SampledStateSpace
 from middeck.values import record
 
 
@@ -27,7 +28,7 @@ class RigView:
     """A bench seen through its linear rig, and the response of that on the lines of the excitation."""
 
     bench: Bench
-    sampled: SampledStateSpace
+    plant: Plant
     frequency_hz: Float[np.ndarray, " line"]
     H: Complex[np.ndarray, "line output input"]
 
@@ -67,9 +68,10 @@ class RigLoop:
 
 def view_rig(bench: Bench) -> RigView:
     """Linearise the rig of ``bench`` and evaluate it once for all laws."""
-    sampled = linearise_rig(bench.rig).sampled
+    rig = bench.rig
+    plant = Plant(linearise_rig(rig).sampled, rig.inputs, rig.outputs)
     f = _lines(bench)
-    return RigView(bench, sampled, f, statespace_response(sampled, 2.0 * np.pi * f))
+    return RigView(bench, plant, f, evaluate_plant(plant, f).H)
 
 
 def judge_loop(view: RigView, compensator: Compensator, percent: float) -> RigLoop:
@@ -78,17 +80,16 @@ def judge_loop(view: RigView, compensator: Compensator, percent: float) -> RigLo
     grows = abs(fastest.imag) / (2.0 * np.pi), fastest.real
     if fastest.real > GROWTH_LIMIT:
         return RigLoop(percent, False, *grows, None, None, None, None, None)
-    law = law_on(view.bench.rig, compensator)
-    K = statespace_response(law, 2.0 * np.pi * view.frequency_hz)
+    K = statespace_response(law_on(view.bench.rig, compensator), 2.0 * np.pi * view.frequency_hz)
     opened = view.H[:, 0, 0]
     closed = opened / (1.0 - np.einsum("fuy,fyu->f", K, view.H))  # u = K y is added
     better = float(20.0 * np.log10(np.linalg.norm(closed) / np.linalg.norm(opened)))
-    return RigLoop(percent, True, *grows, better, *_margins(view, law))
+    return RigLoop(percent, True, *grows, better, *_margins(view, compensator))
 
 
 def fastest_pole(view: RigView, compensator: Compensator) -> complex:
     """The pole of the sampled loop [rad/s] that grows fastest or decays slowest."""
-    rates = growth_rates(close_sampled_loop(view.sampled, law_on(view.bench.rig, compensator)))
+    rates = growth_rates(close_sampled_loop(view.plant.sampled, law_on(view.bench.rig, compensator)))
     return complex(rates[int(np.argmax(np.real(rates)))])
 
 
@@ -98,10 +99,11 @@ def judge_loops(views: Mapping[float, RigView], compensator: Compensator) -> tup
 
 
 def _margins(
-    view: RigView, law: SampledStateSpace
+    view: RigView, compensator: Compensator
 ) -> tuple[float | None, float | None, float | None, float | None]:
     """Gain margin [dB] and where [Hz], phase margin [deg] and where, of the loop broken at the one input."""
-    (loop,) = measure_margins(view.sampled, law).loops
+    law = emulate(compensator, 1.0 / view.bench.rig.sample_hz)
+    (loop,) = measure_margins(view.plant, law).loops
     return (
         *_least(np.abs(20.0 * np.log10(loop.gain)), loop.gain_hz),
         *_least(np.abs(np.degrees(loop.phase_rad)), loop.phase_hz),

@@ -70,6 +70,6 @@ def nearest_modes(plant: Plant, frequency_hz: float, count: int = 2) -> tuple[st
 
 def modal_part(plant: Plant) -> ModalSystem:
     """The modes of a plant; `ConfigError` for one that is not modal."""
-    if not isinstance(plant.dynamics, ModalSystem):
+    if plant.modal is None:
         raise ConfigError("only a plant in modal form has modes that can drift", where="Drift")
-    return plant.dynamics
+    return plant.modal

@@ -6,13 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from middeck.control.law.kinds import require_sampled
-from middeck.control.sampled import SampledCompensator
+from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port, port_indices
 from middeck.systems.statespace import SampledStateSpace
 
-Law = SampledStateSpace | SampledCompensator
+Law = SampledStateSpace | Compensator
 
 
 def place_law(
@@ -26,17 +25,16 @@ def place_law(
 
     >>> y, u = Port("y", "rad"), Port("u", "N m")
     >>> lag = SampledStateSpace([[0.5]], [[1.0]], [[1.0]], [[-2.0]], 0.1)
-    >>> place_law(SampledCompensator(lag, (y,), (u,), "by hand"), (Port("v", "N m"), u), (y,), 0.1).D.tolist()
+    >>> place_law(Compensator(lag, (y,), (u,)), (Port("v", "N m"), u), (y,), 0.1).D.tolist()
     [[0.0], [-2.0]]
     """
     if isinstance(law, SampledStateSpace):
         check_law(law, len(inputs), len(outputs), period_s)
         return law
-    require_sampled(law)
     rows = port_indices(inputs, [p.name for p in law.outputs], "input of the rig")
     columns = port_indices(outputs, [p.name for p in law.inputs], "output of the rig")
     into, out = np.eye(len(outputs))[columns], np.eye(len(inputs))[:, rows]
-    s = law.system
+    s = law.sampled
     placed = SampledStateSpace(s.A, s.B @ into, out @ s.C, out @ s.D @ into, s.period_s)
     check_law(placed, len(inputs), len(outputs), period_s)
     return placed
@@ -48,5 +46,5 @@ def check_law(law: SampledStateSpace, inputs: int, outputs: int, period_s: float
         raise ConfigError(
             f"the law has {law.D.shape} outputs and inputs at {law.period_s} s, the rig wants "
             f"{(inputs, outputs)} at {period_s} s",
-            hint="a SampledCompensator finds its ports by name; emulate(law, period_s) has the rig's period",
+            hint="a sampled Compensator finds its ports by name; emulate(law, period_s) has the rig's period",
         )

@@ -7,6 +7,8 @@ until the next tick. All time lost on the way is the rig's own delay.
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 from jaxtyping import Float
 
@@ -15,8 +17,9 @@ from middeck.realtime.events import RunEvents
 from middeck.realtime.law import Law, check_law, place_law
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
+from middeck.systems.feedback import feedback
 from middeck.systems.plant import Plant
-from middeck.systems.sampling import sample_plant
+from middeck.systems.sampling import sample_dynamics
 from middeck.systems.simulation import find_periodic_state, simulate
 from middeck.systems.stability import growth_rates, is_stable
 from middeck.systems.statespace import SampledStateSpace
@@ -82,7 +85,7 @@ def build_linear_rig(
     Half a sample of ``delay_s`` is the hold's own; the rest is true delay, in front of the plant. Raises
     `ConfigError` if less than that is left.
     """
-    sampled = sample_plant(plant.dynamics, 1.0 / sample_hz, pure_delay(sample_hz, delay_s))
+    sampled = sample_dynamics(plant.rational, 1.0 / sample_hz, pure_delay(sample_hz, delay_s))
     return LinearRig(sampled, sample_hz, noise_rms, plant.inputs, plant.outputs)
 
 
@@ -126,11 +129,10 @@ def close_sampled_loop(plant: SampledStateSpace, law: SampledStateSpace) -> Samp
         raise ConfigError(
             "the rig answers within the sample in which it is commanded", hint="give it a delay"
         )
-    A = np.block([[plant.A + plant.B @ law.D @ plant.C, plant.B @ law.C], [law.B @ plant.C, law.A]])
-    B = np.block([[plant.B, plant.B @ law.D], [np.zeros((len(law.A), inputs)), law.B]])
-    C = np.block([[plant.C, np.zeros((outputs, len(law.A)))], [law.D @ plant.C, law.C]])
-    D = np.block([[np.zeros((outputs, inputs)), np.eye(outputs)], [np.zeros((inputs, inputs)), law.D]])
-    return SampledStateSpace(A, B, C, D, plant.period_s)
+    closed = feedback(plant, law, range(inputs), range(outputs))
+    D = closed.D.copy()
+    D[:outputs, inputs:] += np.eye(outputs)
+    return dataclasses.replace(closed, D=D)
 
 
 def run_closed_loop(

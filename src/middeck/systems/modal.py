@@ -7,6 +7,9 @@ to its damping, so that the form is well conditioned over many decades of freque
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Sequence
+
 import numpy as np
 from jaxtyping import Complex, Float
 
@@ -70,6 +73,19 @@ def select_modes(modal: ModalSystem, keep: np.ndarray) -> ModalSystem:
         tuple(modal.names[i] for i in index),
         None if modal.phi_acceleration is None else modal.phi_acceleration[:, index],
         modal.direct,
+    )
+
+
+def select_channels(modal: ModalSystem, inputs: Sequence[int], outputs: Sequence[int]) -> ModalSystem:
+    """The system from some of its inputs to some of its outputs."""
+    acceleration, direct = modal.phi_acceleration, modal.direct
+    return dataclasses.replace(
+        modal,
+        psi=modal.psi[:, inputs],
+        phi=modal.phi[outputs],
+        phi_rate=modal.phi_rate[outputs],
+        phi_acceleration=None if acceleration is None else acceleration[outputs],
+        direct=None if direct is None else direct[np.ix_(outputs, inputs)],
     )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from middeck.errors import NumericalError
 from middeck.systems.integrators import part_integrators, realise_residues
-from middeck.systems.plant import Plant
+from middeck.systems.plant import Plant, remove_delays
 from middeck.systems.statespace import StateSpace, add
 
 DEPENDENT = 1e8
@@ -33,7 +33,7 @@ def part_modes(plant: Plant) -> Plant:
     >>> part_modes(Plant(light, (Port("force", "N"),), (Port("way", "m"),))).state_names
     ('mode 1, 0.3183 Hz', 'mode 1, 0.3183 Hz')
     """
-    parted = part_integrators(plant.system)
+    parted = part_integrators(remove_delays(plant).system)
     chain, moving = realise_residues(parted.residues), parted.moving
     values, vectors = np.linalg.eig(moving.A) if len(moving.A) else (np.zeros(0), np.zeros((0, 0)))
     upper = np.flatnonzero(np.imag(values) > 0.0)

@@ -55,9 +55,10 @@ def shift_modes(
         )
     if not all(np.isfinite(f) and f > 0.0 for f in (*frequency.values(), *damping.values())):
         raise ConfigError("a factor on a frequency or a damping ratio is not positive and finite")
-    if isinstance(plant.dynamics, ModalSystem):
-        return dataclasses.replace(plant, dynamics=_shift_modal(plant.dynamics, frequency, damping))
-    return dataclasses.replace(plant, dynamics=_shift_blocks(plant, plant.dynamics, frequency, damping))
+    dynamics = plant.continuous
+    if isinstance(dynamics, ModalSystem):
+        return dataclasses.replace(plant, dynamics=_shift_modal(dynamics, frequency, damping))
+    return dataclasses.replace(plant, dynamics=_shift_blocks(plant, dynamics, frequency, damping))
 
 
 def _shift_modal(
@@ -173,7 +174,7 @@ def scale_inputs(plant: Plant, inputs: tuple[str, ...], factor: float) -> Plant:
     """The plant with another gain of some inputs."""
     scale = np.ones(len(plant.inputs))
     scale[plant.input_indices(inputs)] = factor
-    return dataclasses.replace(plant, dynamics=_scaled(plant.dynamics, scale))
+    return dataclasses.replace(plant, dynamics=_scaled(plant.continuous, scale))
 
 
 def _scaled(

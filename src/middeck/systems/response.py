@@ -63,14 +63,15 @@ def statespace_response(
 
 
 def evaluate_plant(plant: Plant, frequency_hz: Float[np.ndarray, " line"]) -> FrequencyResponse:
-    """The plant's frequency response at ``frequency_hz``, all ports."""
+    """The plant's frequency response at ``frequency_hz``, all ports, delays exact."""
     omega = 2.0 * np.pi * np.asarray(frequency_hz, dtype=float)
     dynamics = plant.dynamics
-    H = (
+    on_time = (
         modal_response(dynamics, omega)
         if isinstance(dynamics, ModalSystem)
         else statespace_response(dynamics, omega)
     )
+    H = on_time * np.exp(-1j * omega[:, None, None] * plant.delay_s) if plant.delayed else on_time
     return FrequencyResponse(np.asarray(frequency_hz, dtype=float), H, plant.inputs, plant.outputs)
 
 

@@ -15,7 +15,7 @@ WHOLE = 1e-9
 are not exact in binary, and the response cannot tell."""
 
 
-def sample_plant(
+def sample_dynamics(
     dynamics: StateSpace | ModalSystem, period_s: float, delay_s: float = 0.0
 ) -> SampledStateSpace:
     """The system as a computer sees it: inputs held over each period, then delayed, outputs sampled.
@@ -28,7 +28,7 @@ def sample_plant(
     modal system; the fractional delay splits them (Franklin, Powell and Workman 1998, section 4.3).
 
     >>> lag = StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
-    >>> held = sample_plant(lag, 0.5, 0.75)
+    >>> held = sample_dynamics(lag, 0.5, 0.75)
     >>> bool(np.isclose(held.A[0, 0], np.exp(-0.5))), held.A.shape
     (True, (3, 3))
     """

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Sequence
+from typing import TypeVar
+
 import numpy as np
 import scipy.linalg
 from jaxtyping import Complex, Float
@@ -30,10 +34,21 @@ class SampledStateSpace:
     period_s: float
 
 
+LinearSystem = StateSpace | SampledStateSpace
+"""Either, where what is computed is the same or the system's period says what it means."""
+System = TypeVar("System", bound=LinearSystem)
+
+
 def gain_system(D: Float[np.ndarray, "output input"]) -> StateSpace:
     """A system without states: y = D u."""
     outputs, inputs = np.shape(D)
     return StateSpace(np.zeros((0, 0)), np.zeros((0, inputs)), np.zeros((outputs, 0)), D)
+
+
+def select_paths(system: System, inputs: Sequence[int], outputs: Sequence[int]) -> System:
+    """The system from some of its inputs to some of its outputs."""
+    D = system.D[np.ix_(outputs, inputs)]
+    return dataclasses.replace(system, B=system.B[:, inputs], C=system.C[outputs], D=D)
 
 
 def series(first: StateSpace, second: StateSpace) -> StateSpace:
@@ -59,6 +74,6 @@ def add(first: StateSpace, second: StateSpace) -> StateSpace:
     )
 
 
-def poles(system: StateSpace | SampledStateSpace) -> Complex[np.ndarray, " state"]:
+def poles(system: LinearSystem) -> Complex[np.ndarray, " state"]:
     """Eigenvalues of A (rad/s for a continuous system, z-plane for a sampled one)."""
     return np.linalg.eigvals(system.A).astype(complex)

@@ -170,7 +170,7 @@ def describe(
     """The JSON document; what is infinite or unknown is null."""
     import math
 
-    from middeck.files.compensators import how_made, period_of
+    from middeck.files.compensators import how_made
 
     def finite(value: Any) -> Any:
         return None if isinstance(value, float) and not math.isfinite(value) else value
@@ -187,8 +187,8 @@ def describe(
         "law": {
             "file": law_file,
             **how_made(law),
-            "order": len(law.system.A),
-            "period_s": period_of(law.system),
+            "order": len(law.dynamics.A),
+            "period_s": law.period_s,
             "reads": [port.name for port in law.inputs],
             "drives": [port.name for port in law.outputs],
         },
@@ -208,7 +208,7 @@ def _warnings(law: Law, rows: list[dict[str, Any]]) -> list[str]:
         for plant, modes in {r["plant"]: r["unheld"] for r in rows if r["unheld"]}.items()
     ]
     said += [f"{r['plant']}, {r['setting']}: {r['undecided']}" for r in rows if r["undecided"]]
-    if np.any(law.system.D) and any(r["setting"] == "continuous" for r in rows):
+    if np.any(law.dynamics.D) and any(r["setting"] == "continuous" for r in rows):
         said.append(
             "the compensator passes sensor noise on directly: white noise has no rms without a rate (--rate)"
         )

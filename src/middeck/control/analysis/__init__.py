@@ -3,7 +3,7 @@
 from middeck.control.analysis.delayed_rms import measure_delayed_rms
 from middeck.control.analysis.disk import DiskMargin, measure_disk_margin
 from middeck.control.analysis.inversion import Inversion, find_inversion
-from middeck.control.analysis.loop import AnyLaw, AnyPlant, FeedbackLoop, form_loop
+from middeck.control.analysis.loop import Compensator, FeedbackLoop, Plant, form_loop
 from middeck.control.analysis.margins import LoopMargins, Margins, Peak, measure_margins
 from middeck.control.analysis.return_ratio import ReturnRatio, trace_return_ratio
 from middeck.control.analysis.shifts import AllowedShift, find_allowed_shifts
@@ -12,8 +12,7 @@ from middeck.control.analysis.worst_case import WorstCase, find_worst_case
 
 __all__ = [
     "AllowedShift",
-    "AnyLaw",
-    "AnyPlant",
+    "Compensator",
     "DiskMargin",
     "FeedbackLoop",
     "Inversion",
@@ -21,6 +20,7 @@ __all__ = [
     "LoopStability",
     "Margins",
     "Peak",
+    "Plant",
     "ReturnRatio",
     "WorstCase",
     "decide_stability",

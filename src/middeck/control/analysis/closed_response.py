@@ -16,34 +16,32 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from jaxtyping import Complex, Float
 
-from middeck.control.analysis.loop import part_transfer, select_dynamics
+from middeck.control.analysis.loop import part_transfer
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.partition import partition_modes
-from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.integrators import realise_residues
+from middeck.systems.plant import Plant, select_ports
 
 TERMS = 20
 """Of the power series of an exponential, up to a delay of one radian."""
 
 
 def closed_response(
-    plant: DelayedPlant, compensator: Compensator, disturbed: Sequence[str]
+    plant: Plant, compensator: Compensator, disturbed: Sequence[str]
 ) -> Callable[[np.ndarray], Complex[np.ndarray, "line zu wv"]]:
     """From the inputs ``disturbed`` and noise v on the measurements to the group z and commands u.
 
     Over omega [rad/s]; z first, then u, and ``disturbed`` first, then v.
     """
-    active = partition_modes(plant.plant).active
-    w, z = active.input_indices(disturbed), active.output_indices(active.z)
-    u_ports = active.input_indices([p.name for p in compensator.outputs])
-    y = active.output_indices([p.name for p in compensator.inputs])
-    rows, columns = [*z, *y], [*w, *u_ports]
-    residues, moving = part_transfer(select_dynamics(active, columns, rows))
-    late = plant.delay_s[np.ix_(rows, columns)]
+    active = partition_modes(plant).active
+    u_ports, y = (tuple(p.name for p in side) for side in (compensator.outputs, compensator.inputs))
+    path = select_ports(active, (*disturbed, *u_ports), (*active.z, *y))
+    residues, moving = part_transfer(path.continuous)
+    late = path.delay_s
     body = realise_residues(_late_residues(residues, late))
     of_law, law = part_transfer(compensator.system)
     memory = realise_residues(of_law)
-    nz, nw, ny, n = len(z), len(w), len(y), len(body.A)
+    nz, nw, ny, n = len(active.z), len(disturbed), len(y), len(body.A)
 
     def response(omega: np.ndarray) -> np.ndarray:
         s = 1j * omega

@@ -6,19 +6,18 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.control.analysis.closed_response import closed_response
-from middeck.control.analysis.loop import approximate_halves, close_channels, form_loop, is_late
+from middeck.control.analysis.loop import approximate_halves, close_channels, form_loop
 from middeck.control.analysis.stability import decide_loop
 from middeck.control.law.compensator import Compensator
 from middeck.control.loop.closed_loop import close_loop
 from middeck.control.loop.performance import Performance, measure_rms
-from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.norms import response_rms
 from middeck.systems.plant import Plant
 from middeck.systems.statespace import poles
 
 
 def measure_delayed_rms(
-    plant: Plant | DelayedPlant, compensator: Compensator, performance: Performance
+    plant: Plant, compensator: Compensator, performance: Performance
 ) -> Float[np.ndarray, " z"]:
     """Rms of each output z within the band, delays exact; ``inf`` for an unstable loop.
 
@@ -32,17 +31,15 @@ def measure_delayed_rms(
     NumericalError
         Where stability cannot be decided.
     """
-    if not isinstance(plant, DelayedPlant):
+    if not plant.delayed:
         return measure_rms(close_loop(plant, compensator), performance)
     loop = form_loop(plant, compensator)
-    if not is_late(loop) and not np.any(plant.delay_s):
-        return measure_rms(close_loop(plant.plant, compensator), performance)
     if not decide_loop(loop).stable:
-        return np.full(len(plant.plant.z), np.inf)
+        return np.full(len(plant.z), np.inf)
     # The integrand peaks where the loop does; the approximation says where, and no more.
     peaks = poles(close_channels(approximate_halves(loop)))
-    nz, nw = len(plant.plant.z), len(plant.plant.w)
-    closed = closed_response(plant, compensator, plant.plant.w)
+    nz, nw = len(plant.z), len(plant.w)
+    closed = closed_response(plant, compensator, plant.w)
     return response_rms(
         lambda omega: closed(omega)[:, :nz, :nw], peaks, performance.intensity, performance.band_hz
     )

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Complex
 
 from middeck.control.analysis.loop import FeedbackLoop, Halves
-from middeck.systems.delayed_plant import DelayedPlant
+from middeck.systems.plant import remove_delays
 
 LIGHT = 0.1
 """Damping ratio below which a pole needs a good approximation at its own frequency."""
@@ -63,8 +63,8 @@ def _once(roots: np.ndarray, start: np.ndarray, own: np.ndarray) -> Complex[np.n
 
 def find_open_poles(loop: FeedbackLoop) -> Complex[np.ndarray, " pole"]:
     """Poles of plant and law."""
-    plant = loop.plant.plant.system if isinstance(loop.plant, DelayedPlant) else loop.plant
-    return np.concatenate([np.linalg.eigvals(plant.A), np.linalg.eigvals(loop.law.A)]).astype(complex)
+    own = remove_delays(loop.plant).system.A
+    return np.concatenate([np.linalg.eigvals(own), np.linalg.eigvals(loop.law.A)]).astype(complex)
 
 
 def is_light(poles: np.ndarray) -> np.ndarray:

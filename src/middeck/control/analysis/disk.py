@@ -15,7 +15,7 @@ from jaxtyping import Complex, Float
 
 from middeck.control.analysis.crossings import find_peaks
 from middeck.control.analysis.lines import add_ends, place_lines, refine_lines
-from middeck.control.analysis.loop import AnyLaw, AnyPlant, At, evaluate_halves, form_loop, go_round
+from middeck.control.analysis.loop import At, Compensator, Plant, evaluate_halves, form_loop, go_round
 from middeck.control.analysis.return_ratio import broken_ratio
 from middeck.control.analysis.scaling import scaled_norms
 from middeck.control.analysis.stability import decide_loop
@@ -58,7 +58,7 @@ def disk_from_peak(peak: float, omega: float) -> DiskMargin:
     return DiskMargin(float(alpha), float(omega / (2.0 * np.pi)), (float(low), float(high)), float(phase))
 
 
-def measure_disk_margin(plant: AnyPlant, law: AnyLaw, *, at: At = "both") -> DiskMargin:
+def measure_disk_margin(plant: Plant, law: Compensator, *, at: At = "both") -> DiskMargin:
     """The disk margin of all channels at once, delays exact.
 
     mu is bounded from above by scaling (`middeck.control.analysis.scaling`), which is mu itself for up to

@@ -15,9 +15,7 @@ from middeck.control.analysis.loop import (
     FeedbackLoop,
     approximate_halves,
     broken_at,
-    close_channels,
-    is_late,
-    period_of,
+    open_channel,
 )
 from middeck.systems.resolvent import balance_states
 from middeck.systems.statespace import StateSpace
@@ -35,21 +33,17 @@ def find_ends(loop: FeedbackLoop, at: At) -> Ends:
     curve has no limit."""
     halves = approximate_halves(loop)
     first = len(loop.inputs) if at == "outputs" else 0
-    channels = [_channel(halves, i) for i in range(first, first + len(broken_at(loop, at)))]
-    period = period_of(loop)
+    channels = [
+        balance_states(open_channel(halves, i)) for i in range(first, first + len(broken_at(loop, at)))
+    ]
+    period = loop.period_s
     if period is not None:
         rest, fastest = (_values(channels, point) for point in (1.0, -1.0))
         return (0.0, rest), (np.pi / period, fastest)
     rest = _values(channels, 0.0)
-    if is_late(loop):
+    if loop.plant.delayed:
         return ((0.0, rest),)
     return (0.0, rest), (np.inf, np.array([-one.D[0, 0] for one in channels], dtype=complex))
-
-
-def _channel(halves: StateSpace, i: int) -> StateSpace:
-    """What comes back to a channel from itself, all others closed: minus its ratio."""
-    alone = close_channels(halves, [i])
-    return balance_states(StateSpace(alone.A, alone.B[:, [i]], alone.C[[i]], alone.D[[i]][:, [i]]))
 
 
 def _values(channels: list[StateSpace], point: float) -> Complex[np.ndarray, " channel"]:

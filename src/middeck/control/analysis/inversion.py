@@ -9,11 +9,10 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Complex
 
-from middeck.control.analysis.loop import AnyLaw, AnyPlant, FeedbackLoop, form_loop, period_of
-from middeck.systems.delayed_plant import DelayedPlant
-from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant, name_states
-from middeck.systems.statespace import SampledStateSpace, StateSpace
+from middeck.control.analysis.loop import FeedbackLoop, form_loop
+from middeck.control.law.compensator import Compensator
+from middeck.systems.plant import Plant, name_states, remove_delays
+from middeck.systems.statespace import StateSpace
 from middeck.systems.transmission_zeros import transmission_zeros
 from middeck.values import record
 
@@ -49,7 +48,7 @@ class Inversion:
     zero_damping: float
 
 
-def find_inversion(plant: AnyPlant, law: AnyLaw, *, within: float = 0.1) -> tuple[Inversion, ...]:
+def find_inversion(plant: Plant, law: Compensator, *, within: float = 0.1) -> tuple[Inversion, ...]:
     """The nearest zero of each path of the law to each oscillating pole of the plant, nearest pairs first.
 
     Pairs further apart than ``within``, relative to the pole, are left out. A pole counts as inverted where
@@ -93,23 +92,16 @@ def _path_zeros(loop: FeedbackLoop, row: int, column: int) -> Complex[np.ndarray
 
 
 def _as_rates(loop: FeedbackLoop, values: np.ndarray) -> Complex[np.ndarray, " value"]:
-    period = period_of(loop)
+    period = loop.period_s
     return values if period is None else np.log(values[np.abs(values) > 0.0]) / period
 
 
 def _plant_poles(loop: FeedbackLoop) -> list[tuple[str, complex]]:
     """Oscillating poles with the mode that each belongs to."""
-    if isinstance(loop.plant, SampledStateSpace):
-        names = tuple(f"state {i}" for i in range(len(loop.plant.A)))
-        return _named_poles(loop, loop.plant.A, names)
-    return _continuous_poles(loop, loop.plant)
-
-
-def _continuous_poles(loop: FeedbackLoop, delayed: DelayedPlant) -> list[tuple[str, complex]]:
-    plant: Plant = delayed.plant
-    modal = plant.dynamics
-    if not isinstance(modal, ModalSystem):
-        return _named_poles(loop, modal.A, name_states(plant))
+    plant, modal = loop.plant, loop.plant.modal
+    if modal is None:
+        A = remove_delays(plant).system.A if plant.period_s is None else plant.sampled.A
+        return _named_poles(loop, A, name_states(loop.plant))
     light = (modal.omega > 0.0) & (np.abs(modal.zeta) < 1.0)
     return [
         (modal.names[k], complex(modal.omega[k] * (-modal.zeta[k] + 1j * np.sqrt(1.0 - modal.zeta[k] ** 2))))

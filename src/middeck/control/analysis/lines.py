@@ -13,11 +13,10 @@ from middeck.control.analysis.loop import (
     approximate_halves,
     broken_at,
     close_channels,
-    period_of,
+    open_channel,
 )
-from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.stability import growth_rates
-from middeck.systems.statespace import SampledStateSpace, StateSpace
+from middeck.systems.statespace import LinearSystem
 from middeck.systems.transmission_zeros import transmission_zeros
 
 Response = Callable[[np.ndarray], np.ndarray]
@@ -56,10 +55,10 @@ def place_lines(loop: FeedbackLoop, at: At, ratio: Response) -> Float[np.ndarray
     moving = size[size > AT_REST * size.max(initial=0.0)]
     low, high = (0.01 * moving.min(), 3.0 * moving.max()) if len(moving) else (0.01, 100.0)
     low = _where_settled(ratio, low)
-    period = period_of(loop)
+    period = loop.period_s
     top = _where_gone(ratio, high) if period is None else (1.0 - SHORT_OF_NYQUIST) * np.pi / period
     lines = [np.geomspace(low, top, int(PER_DECADE * np.log10(top / low)) + 2), _clusters(features)]
-    late = float(loop.plant.delay_s.max()) if isinstance(loop.plant, DelayedPlant) else 0.0
+    late = float(loop.plant.delay_s.max(initial=0.0))
     if late > 0.0:
         lines.append(np.arange(1, min(int(2.0 * top * late) + 1, MOST_DELAY_LINES)) * 0.5 / late)
     omega = np.unique(np.concatenate(lines))
@@ -69,24 +68,20 @@ def place_lines(loop: FeedbackLoop, at: At, ratio: Response) -> Float[np.ndarray
 def _features(loop: FeedbackLoop, at: At) -> np.ndarray:
     halves = approximate_halves(loop)
     first = len(loop.inputs) if at == "outputs" else 0
-    found: list[np.ndarray] = [_rates(loop, halves), _rates(loop, close_channels(halves))]
+    found: list[np.ndarray] = [_rates(halves), _rates(close_channels(halves))]
     for i in range(first, first + len(broken_at(loop, at))):
-        alone = close_channels(halves, [i])
-        channel = StateSpace(alone.A, alone.B[:, [i]], alone.C[[i]], alone.D[[i]][:, [i]])
+        channel = open_channel(halves, i)
         zeros = transmission_zeros(channel)
-        found += [_rates(loop, channel), zeros if period_of(loop) is None else _mapped(loop, zeros)]
+        found += [_rates(channel), zeros if loop.period_s is None else _mapped(loop, zeros)]
     return np.concatenate(found)
 
 
-def _rates(loop: FeedbackLoop, system: StateSpace) -> np.ndarray:
-    period = period_of(loop)
-    if period is None:
-        return growth_rates(system)
-    return _finite(growth_rates(SampledStateSpace(system.A, system.B, system.C, system.D, period)))
+def _rates(system: LinearSystem) -> np.ndarray:
+    return _finite(growth_rates(system))
 
 
 def _mapped(loop: FeedbackLoop, z: np.ndarray) -> np.ndarray:
-    return _finite(np.log(z[np.abs(z) > 0.0]) / (period_of(loop) or 1.0))
+    return _finite(np.log(z[np.abs(z) > 0.0]) / (loop.period_s or 1.0))
 
 
 def _finite(rates: np.ndarray) -> np.ndarray:
@@ -126,7 +121,7 @@ def _apart(centre: np.ndarray, width: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 def add_ends(loop: FeedbackLoop, ratio: Response, curve: Curve) -> Curve:
     """The lines with rest, and half the sampling rate, before and after them, where finite."""
-    period = period_of(loop)
+    period = loop.period_s
     ends = np.array([0.0] if period is None else [0.0, np.pi / period])
     omega, value = (
         np.concatenate(both) for both in zip(curve, _finite_lines(ends, ratio(1j * ends)), strict=True)

@@ -7,30 +7,23 @@ from collections.abc import Callable, Sequence
 from typing import Literal
 
 import numpy as np
-import scipy.linalg
 from jaxtyping import Complex, Float
 
 from middeck.control.law.classical import close_static
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import approximation_order
-from middeck.control.law.kinds import require_continuous, require_sampled
 from middeck.control.law.partition import partition_modes
-from middeck.control.law.sampled_compensator import SampledCompensator
 from middeck.errors import ConfigError
-from middeck.signals.ports import port_indices
-from middeck.systems.delayed_plant import DelayedPlant, approximate_delays, delay_inputs
+from middeck.systems.delay_approximation import approximate_delays
+from middeck.systems.feedback import beside
 from middeck.systems.integrators import part_integrators
 from middeck.systems.modal import ModalSystem, output_rows, select_modes
-from middeck.systems.plant import Plant, name_states
+from middeck.systems.plant import Plant, select_ports
 from middeck.systems.resolvent import Resolvent, balance_states, by_schur_form
-from middeck.systems.sampled_plant import SampledPlant
-from middeck.systems.statespace import SampledStateSpace, StateSpace
+from middeck.systems.sampled_plant import sample_plant
+from middeck.systems.statespace import LinearSystem, StateSpace, select_paths
 from middeck.values import record
 
-AnyPlant = Plant | DelayedPlant | SampledPlant | SampledStateSpace
-"""What is controlled; a bare sampled one from commands to measurements, its delays among its states."""
-AnyLaw = Compensator | SampledCompensator | SampledStateSpace
-"""What controls it: by named ports, or a bare sampled law from all measurements to all commands."""
 At = Literal["inputs", "outputs", "both"]
 """Where a loop is broken or disturbed: at the plant's inputs, at the measurements, or at both at once."""
 
@@ -45,123 +38,78 @@ class FeedbackLoop:
     Parameters
     ----------
     plant:
-        G with its delays, its ports those of the law; or a sampled system.
+        G, its ports those of the law: continuous with its delays, or sampled.
     law:
-        K.
-    inputs, outputs:
-        Names of u and y.
+        K, in the time domain of the plant.
     """
 
-    plant: DelayedPlant | SampledStateSpace
-    law: StateSpace | SampledStateSpace
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
+    plant: Plant
+    law: LinearSystem
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of u."""
+        return tuple(port.name for port in self.plant.inputs)
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of y."""
+        return tuple(port.name for port in self.plant.outputs)
+
+    @property
+    def period_s(self) -> float | None:
+        """The sampling period [s]; None for a continuous loop."""
+        return self.plant.period_s
 
 
 Halves = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 """G and K [line, row, column] at complex frequencies s [rad/s]; sampled ones at z = exp(s T)."""
 
 
-def form_loop(plant: AnyPlant, law: AnyLaw) -> FeedbackLoop:
-    """The loop of ``law`` around ``plant``.
+def loop_path(plant: Plant, compensator: Compensator) -> Plant:
+    """The plant from the commands of ``compensator`` to its measurements, without inert modes."""
+    inputs, outputs = (tuple(p.name for p in side) for side in (compensator.outputs, compensator.inputs))
+    return select_ports(plant if plant.period_s else partition_modes(plant).active, inputs, outputs)
+
+
+def form_loop(plant: Plant, compensator: Compensator) -> FeedbackLoop:
+    """The loop of ``compensator`` around ``plant``.
+
+    A sampled compensator meets a continuous plant as its computer does: inputs held over its period, outputs
+    sampled, delays exact.
 
     Raises
     ------
     ConfigError
-        For ports that do not exist, a sampled law on a continuous plant or the reverse, sizes or periods
-        that do not fit.
+        For ports that do not exist, a continuous compensator on a sampled plant, and periods that differ.
     """
-    if isinstance(plant, SampledPlant):
-        return _named_sampled_loop(plant, law)
-    if isinstance(plant, SampledStateSpace):
-        return _sampled_loop(plant, law.system if isinstance(law, SampledCompensator) else law)
-    if isinstance(law, SampledStateSpace):
-        raise ConfigError("a sampled law on a continuous plant", hint="build_sampled_plant(plant, period_s)")
-    require_continuous(law)
-    delayed = plant if isinstance(plant, DelayedPlant) else delay_inputs(plant, 0.0)
-    inputs, outputs = (tuple(p.name for p in side) for side in (law.outputs, law.inputs))
-    active = partition_modes(delayed.plant).active
-    columns, rows = active.input_indices(inputs), active.output_indices(outputs)
-    controlled = Plant(
-        select_dynamics(active, columns, rows),
-        tuple(active.inputs[i] for i in columns),
-        tuple(active.outputs[i] for i in rows),
-        state_names=name_states(active),
-    )
-    late = DelayedPlant(controlled, delayed.delay_s[np.ix_(rows, columns)])
-    return FeedbackLoop(late, law.system, inputs, outputs)
-
-
-def _named_sampled_loop(plant: SampledPlant, law: AnyLaw) -> FeedbackLoop:
-    if isinstance(law, SampledStateSpace):
-        raise ConfigError("a sampled law without names on a plant with them", hint="a SampledCompensator")
-    known = require_sampled(law)
-    inputs, outputs = (tuple(p.name for p in side) for side in (known.outputs, known.inputs))
-    columns, rows = (
-        port_indices(plant.inputs, inputs, "input"),
-        port_indices(plant.outputs, outputs, "output"),
-    )
-    whole = plant.system
-    D = whole.D[np.ix_(rows, columns)]
-    system = SampledStateSpace(whole.A, whole.B[:, columns], whole.C[rows], D, whole.period_s)
-    return dataclasses.replace(_sampled_loop(system, known.system), inputs=inputs, outputs=outputs)
-
-
-def _sampled_loop(plant: SampledStateSpace, law: AnyLaw) -> FeedbackLoop:
-    if not isinstance(law, SampledStateSpace):
-        raise ConfigError("a continuous law on a sampled plant", hint="sample the law: tustin")
-    inputs, outputs = plant.B.shape[1], len(plant.C)
-    if law.D.shape != (inputs, outputs) or abs(law.period_s - plant.period_s) > 1e-12 * plant.period_s:
+    path, period = loop_path(plant, compensator), compensator.period_s
+    if period is None:
+        if plant.period_s is not None:
+            raise ConfigError("a continuous compensator on a sampled plant", hint="emulate(law, period_s)")
+        return FeedbackLoop(path, compensator.system)
+    if plant.period_s is None:
+        return FeedbackLoop(sample_plant(path, period), compensator.sampled)
+    if abs(period - plant.period_s) > 1e-12 * period:
         raise ConfigError(
-            f"the law has {law.D.shape} outputs and inputs at {law.period_s} s, the plant wants "
-            f"{(inputs, outputs)} at {plant.period_s} s"
+            f"a compensator of {period} s on a plant sampled every {plant.period_s} s",
+            hint="the continuous plant, or the compensator at the plant's rate",
         )
-    return FeedbackLoop(plant, law, _numbered("u", inputs), _numbered("y", outputs))
-
-
-def _numbered(letter: str, count: int) -> tuple[str, ...]:
-    return tuple(f"{letter}{i + 1}" for i in range(count))
-
-
-def select_dynamics(plant: Plant, columns: list[int], rows: list[int]) -> ModalSystem | StateSpace:
-    """Some inputs and outputs, in the form of the whole."""
-    modal = plant.dynamics
-    if not isinstance(modal, ModalSystem):
-        D = modal.D[np.ix_(rows, columns)]
-        return StateSpace(modal.A, modal.B[:, columns], modal.C[rows], D)
-    acceleration, direct = modal.phi_acceleration, modal.direct
-    return dataclasses.replace(
-        modal,
-        psi=modal.psi[:, columns],
-        phi=modal.phi[rows],
-        phi_rate=modal.phi_rate[rows],
-        phi_acceleration=None if acceleration is None else acceleration[rows],
-        direct=None if direct is None else direct[np.ix_(rows, columns)],
-    )
-
-
-def period_of(loop: FeedbackLoop) -> float | None:
-    """The sampling period [s]; None for a continuous loop."""
-    return loop.plant.period_s if isinstance(loop.plant, SampledStateSpace) else None
-
-
-def is_late(loop: FeedbackLoop) -> bool:
-    """Whether there is a delay that is not among the states."""
-    return isinstance(loop.plant, DelayedPlant) and bool(np.any(loop.plant.delay_s > 0.0))
+    return FeedbackLoop(path, compensator.sampled)
 
 
 def evaluate_halves(loop: FeedbackLoop) -> Halves:
     """G with its exact delays, and K, as functions of s; prepared once for many evaluations."""
-    law = resolve(loop.law)
-    if isinstance(loop.plant, SampledStateSpace):
-        sampled, period = resolve(loop.plant), loop.plant.period_s
+    law, period = resolve(loop.law), loop.period_s
+    if period is not None:
+        sampled = resolve(loop.plant.sampled)
 
         def at_z(s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             z = np.exp(s * period)
             return sampled(z), law(z)
 
         return at_z
-    plant, late = transfer_of(loop.plant.plant.dynamics), loop.plant.delay_s
+    plant, late = transfer_of(loop.plant.continuous), loop.plant.delay_s
 
     def at_s(s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         s = np.asarray(s, dtype=complex)
@@ -204,7 +152,7 @@ def _with_integrals(residues: np.ndarray, moving: Resolvent) -> Resolvent:
     return evaluate
 
 
-def resolve(system: StateSpace | SampledStateSpace) -> Resolvent:
+def resolve(system: LinearSystem) -> Resolvent:
     """C (p I - A)^-1 B + D for many p: by poles where they are well apart, else in Schur form."""
     if not len(system.A):
         return lambda points: np.broadcast_to(system.D.astype(complex), (len(points), *system.D.shape))
@@ -268,32 +216,33 @@ def go_round(G: np.ndarray, K: np.ndarray, at: At) -> Complex[np.ndarray, "line 
     return both
 
 
-def approximate_halves(loop: FeedbackLoop, order: int | None = None) -> StateSpace:
+def approximate_halves(loop: FeedbackLoop, order: int | None = None) -> LinearSystem:
     """The halves side by side as one system without delays: from (u, y) to (K y, G u).
 
     States: the plant's, with those of its delays in a Pade approximation of ``order`` (by default as the
-    fastest mode asks), then the law's. Of a sampled loop the matrices are its own.
+    fastest mode asks), then the law's.
     """
-    law, plant = loop.law, loop.plant
-    if isinstance(plant, DelayedPlant):
-        plant = approximate_delays(plant, order or approximation_order(plant, law)).system
+    law = loop.law
+    if loop.period_s is not None:
+        plant = loop.plant.sampled
+    else:
+        order = order or approximation_order(loop.plant, loop.law)
+        plant = approximate_delays(loop.plant, order).system
     nu, ny = len(law.D), len(plant.C)
-    A, B, C, D = (
-        np.asarray(scipy.linalg.block_diag(getattr(plant, name), getattr(law, name))) for name in "ABCD"
-    )
-    rows = np.concatenate([ny + np.arange(nu), np.arange(ny)])
-    return StateSpace(A, B, C[rows], D[rows])
+    rows = [*range(ny, ny + nu), *range(ny)]
+    return select_paths(beside(plant, law), range(nu + ny), rows)
 
 
-def close_channels(halves: StateSpace, left_open: Sequence[int] = ()) -> StateSpace:
+def close_channels(halves: LinearSystem, left_open: Sequence[int] = ()) -> LinearSystem:
     """Each output of `approximate_halves` led back to its channel, but for those ``left_open``.
 
     Raises `ConfigError` where the loop through the direct terms has no solution.
     """
     gain = np.eye(len(halves.D))
     gain[list(left_open)] = 0.0
-    through = np.eye(len(gain)) - gain @ halves.D
-    # 1e-12: the algebraic loop would amplify rounding to a thousandth.
-    if len(gain) and np.linalg.cond(through) > 1e12:
-        raise ConfigError("the loop through the direct terms has no solution", hint="add a delay or a lag")
     return close_static(halves, gain)
+
+
+def open_channel(halves: LinearSystem, i: int) -> LinearSystem:
+    """What comes back to channel ``i`` from itself, all others closed: minus its return ratio."""
+    return select_paths(close_channels(halves, [i]), [i], [i])

@@ -15,10 +15,11 @@ from middeck.control.analysis.crossings import (
     circle_crossings,
     find_peaks,
 )
+from middeck.control.analysis.delay_limit import sampled_delay_limits
 from middeck.control.analysis.disk import DiskMargin, disk_from_peak
 from middeck.control.analysis.ends import Ends, find_ends
 from middeck.control.analysis.lines import WIDEST, add_ends, place_lines, refine_lines
-from middeck.control.analysis.loop import AnyLaw, AnyPlant, At, broken_at, form_loop, period_of
+from middeck.control.analysis.loop import At, Compensator, Plant, broken_at, form_loop
 from middeck.control.analysis.neutral import bears_no_delay
 from middeck.control.analysis.return_ratio import broken_ratio
 from middeck.control.analysis.stability import LoopStability, decide_loop
@@ -53,8 +54,8 @@ class LoopMargins:
     delay_s:
         At each of them, the least further delay that does, also by more than half a turn; before them zero,
         where the gain stays at one or above at infinite frequency: any delay then does. Of a sampled loop
-        (`measure_sampled_margins`) the first of all delays alone; None where its plant is not known, since
-        what was sampled does not say how a mode beyond half the rate turns.
+        the first of all delays alone; None where its continuous plant is not known, since what was sampled
+        does not say how a mode beyond half the rate turns, and where it was not asked for.
     sensitivity, complementary:
         Peaks of 1 / (1 + L) and of L / (1 + L).
     disk:
@@ -103,8 +104,8 @@ class LoopMargins:
             return 0.0
         if self.delay_s is None:
             raise ConfigError(
-                "the delay margin of a sampled loop is not known without its plant",
-                hint="measure_sampled_margins(plant, law)",
+                "the delay margin of a sampled loop is not known without its continuous plant",
+                hint="measure_margins of the continuous plant, with delays=True",
             )
         return float(self.delay_s.min(initial=np.inf))
 
@@ -130,14 +131,21 @@ class Margins:
         return self.stability.stable
 
 
-def measure_margins(plant: AnyPlant, law: AnyLaw, *, at: At = "inputs") -> Margins:
+def measure_margins(
+    plant: Plant, compensator: Compensator, *, at: At = "inputs", delays: bool = True
+) -> Margins:
     """Margins with one loop broken at a time, all others closed, delays exact.
 
     L = -K G; a crossing is a frequency at which 1 + k L exp(-j phi) = 0 for a gain k or a phase phi alone.
     Crossings are bracketed on lines around every pole and zero and then solved for to rounding; those that
     ask for a change of gain beyond 80 dB are left out. A real pole that passes through the origin, through
     z = -1, or through infinity (direct terms, no delay) counts among the gains. A delay of the loop is in the
-    plant (`DelayedPlant`) and stays as it is.
+    plant and stays as it is.
+
+    A sampled compensator has margins of L(exp(j w T)): what the hold and the delays cost is in them already.
+    Its delay margin is the least delay at which the loop, its plant sampled anew with that channel so much
+    later, is unstable (`middeck.control.analysis.delay_limit`): most of the work, left out with
+    ``delays=False``.
 
     Raises
     ------
@@ -147,18 +155,18 @@ def measure_margins(plant: AnyPlant, law: AnyLaw, *, at: At = "inputs") -> Margi
     Examples
     --------
     >>> from middeck.control.law.compensator import Compensator
-    >>> from middeck.systems.delayed_plant import delay_inputs
+    >>> from middeck.systems.delay_approximation import delay_plant
     >>> from middeck.systems.plant import Plant
     >>> from middeck.signals.ports import Port
     >>> from middeck.systems.statespace import StateSpace, gain_system
     >>> force, way = Port("force", "N"), Port("way", "m")
     >>> integrator = Plant(StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]), (force,), (way,))
     >>> P = Compensator(gain_system(np.array([[-1.0]])), (way,), (force,))
-    >>> one = measure_margins(delay_inputs(integrator, 0.1), P).loops[0]
+    >>> one = measure_margins(delay_plant(integrator, 0.1), P).loops[0]
     >>> one.gain_limits[1].__round__(9), one.phase_limit_rad.__round__(9)    # pi/(2 tau), pi/2 - tau
     (15.707963268, 1.470796327)
     """
-    loop = form_loop(plant, law)
+    loop = form_loop(plant, compensator)
     stability = decide_loop(loop)
     ratio = broken_ratio(loop, at)
     curve = refine_lines(ratio, place_lines(loop, at, ratio))
@@ -174,9 +182,21 @@ def measure_margins(plant: AnyPlant, law: AnyLaw, *, at: At = "inputs") -> Margi
         dataclasses.replace(one, delay_s=_with_none(one.delay_s)) if none and stability.stable else one
         for one, none in zip(loops, bears_no_delay(loop, at), strict=True)
     ]
-    if period_of(loop) is not None:
+    if loop.period_s is not None:
+        known = delays and plant.period_s is None
         loops = [dataclasses.replace(one, delay_s=None) for one in loops]
+        loops = _with_limits(loops, plant, compensator, at, stability.stable) if known else loops
     return Margins(stability, tuple(loops))
+
+
+def _with_limits(
+    loops: list[LoopMargins], plant: Plant, compensator: Compensator, at: At, stable: bool
+) -> list[LoopMargins]:
+    limits = sampled_delay_limits(plant, compensator, at) if stable else [0.0] * len(loops)
+    return [
+        dataclasses.replace(loop, delay_s=np.array([limit] if 0.0 < limit < np.inf else []))
+        for loop, limit in zip(loops, limits, strict=True)
+    ]
 
 
 def _with_none(delay_s: np.ndarray | None) -> np.ndarray:

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Complex, Float
 
 from middeck.control.analysis.loop import At, FeedbackLoop, broken_at
-from middeck.systems.delayed_plant import DelayedPlant
+from middeck.systems.plant import remove_delays
 
 AT_ONE = 1e-9
 """A gain this near to one counts as one: rounding of a few products, and on the axis is not stable."""
@@ -26,9 +26,9 @@ def bears_no_delay(loop: FeedbackLoop, at: At) -> Bool[np.ndarray, " channel"]:
     unlike, a stable loop bears any angles of them all (`direct_gain`).
     """
     count = len(broken_at(loop, at))
-    if not isinstance(loop.plant, DelayedPlant):
+    if loop.plant.period_s is not None:
         return np.zeros(count, dtype=bool)
-    through, law = loop.plant.plant.system.D, loop.law.D
+    through, law = remove_delays(loop.plant).system.D, loop.law.D
     late = loop.plant.delay_s[through != 0.0]
     if not late.size or not np.any(law):
         return np.zeros(count, dtype=bool)

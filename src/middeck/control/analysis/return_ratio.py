@@ -13,8 +13,6 @@ from jaxtyping import Complex, Float
 
 from middeck.control.analysis.lines import place_lines, refine_lines
 from middeck.control.analysis.loop import (
-    AnyLaw,
-    AnyPlant,
     At,
     FeedbackLoop,
     broken_at,
@@ -22,6 +20,8 @@ from middeck.control.analysis.loop import (
     form_loop,
     go_round,
 )
+from middeck.control.law.compensator import Compensator
+from middeck.systems.plant import Plant
 from middeck.values import record
 
 Ratio = Callable[[np.ndarray], np.ndarray]
@@ -51,8 +51,8 @@ class ReturnRatio:
 
 
 def trace_return_ratio(
-    plant: AnyPlant,
-    law: AnyLaw,
+    plant: Plant,
+    law: Compensator,
     *,
     at: At = "inputs",
     frequency_hz: Float[np.ndarray, " line"] | None = None,

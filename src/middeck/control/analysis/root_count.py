@@ -17,7 +17,8 @@ from middeck.control.analysis.delayed_roots import find_open_poles
 from middeck.control.analysis.lines import HALF_WIDTHS, MOST_DELAY_LINES, PER_DECADE
 from middeck.control.analysis.loop import FeedbackLoop, Halves
 from middeck.errors import NumericalError
-from middeck.systems.delayed_plant import DelayedPlant, evaluate_approximation
+from middeck.systems.delay_approximation import evaluate_approximation
+from middeck.systems.plant import remove_delays
 
 STEP = 0.7
 """Largest change of phase [rad] that is believed from line to line."""
@@ -66,7 +67,6 @@ def _phase(
     loop: FeedbackLoop, halves: Halves, order: int
 ) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]:
     """f / f_n of size one, and its phase where both loops are small."""
-    assert isinstance(loop.plant, DelayedPlant)
     late = loop.plant.delay_s
 
     def evaluate(s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -86,7 +86,6 @@ def _wall_lines(
     loop: FeedbackLoop, halves: Halves, roots: np.ndarray, wall: float
 ) -> Float[np.ndarray, " line"]:
     """Frequencies from zero to where the loop is small, dense beside the roots and for the delay."""
-    assert isinstance(loop.plant, DelayedPlant)
     size = np.abs(np.concatenate([roots, find_open_poles(loop)]))
     moving = size[size > 1e-9 * size.max(initial=0.0)]
     low, high = (0.01 * moving.min(), 2.0 * moving.max()) if len(moving) else (0.01, 100.0)
@@ -115,11 +114,11 @@ def direct_gain(loop: FeedbackLoop) -> float:
 
     Exact where all paths with a direct term are late alike; otherwise from absolute values, an upper bound.
     """
-    if not isinstance(loop.plant, DelayedPlant):
+    if not loop.plant.delayed:
         return 0.0
-    through, law = loop.plant.plant.system.D, loop.law.D
+    through, law = remove_delays(loop.plant).system.D, loop.law.D
     late = loop.plant.delay_s[through != 0.0]
-    if not late.size or not np.any(late):
+    if not np.any(late):
         return 0.0
     alike = bool(np.all(late == late[0]))
     if not alike:

@@ -6,19 +6,16 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from middeck.control.analysis.loop import AnyLaw, AnyPlant, form_loop
+from middeck.control.analysis.loop import form_loop
 from middeck.control.analysis.stability import decide_loop, largest_growth, loop_poles
+from middeck.control.law.compensator import Compensator
 from middeck.control.law.partition import partition_modes
 from middeck.errors import ConfigError
-from middeck.systems.delayed_plant import DelayedPlant
-from middeck.systems.modal import ModalSystem
 from middeck.systems.mode_blocks import part_modes
 from middeck.systems.mode_shift import shift_modes
-from middeck.systems.plant import Plant, name_states
+from middeck.systems.plant import Plant, name_states, remove_delays
 from middeck.systems.stability import GROWTH_LIMIT
 from middeck.values import record
-
-LateOrNot = Plant | DelayedPlant
 
 
 @record
@@ -44,16 +41,19 @@ class AllowedShift:
 
 
 def find_allowed_shifts(
-    plant: LateOrNot,
-    compensator: AnyLaw,
+    plant: Plant,
+    compensator: Compensator,
     *,
     modes: Sequence[str] | None = None,
     most: float = 0.2,
     step: float = 0.0025,
     resolution: float = 1e-8,
-    finish: Callable[[LateOrNot], AnyPlant] | None = None,
+    finish: Callable[[Plant], Plant] | None = None,
 ) -> tuple[AllowedShift, ...]:
     """The first shift to instability of each mode alone, damping ratio kept, delays exact.
+
+    Under a sampled compensator the shifted plant is sampled anew each time, hold and delays exact: modes
+    beyond half the rate count too.
 
     Marches outwards in steps of ``step`` up to ``most`` with eigenvalues (delays by an approximation of high
     order), then bisects with exact delays to ``resolution``. Unstable intervals narrower than ``step``, a
@@ -65,8 +65,7 @@ def find_allowed_shifts(
         All that oscillate and that a port reaches or sees, if None. Those of a state space without
         ``state_names`` are named by number and frequency (`part_modes`).
     finish:
-        Makes of the shifted plant the one that is controlled: closes an inner loop, or samples it for a
-        sampled law (`find_sampled_shifts`).
+        Makes of the shifted plant the one that is controlled: closes an inner loop.
 
     Raises
     ------
@@ -80,8 +79,8 @@ def find_allowed_shifts(
     plant = _named(plant)
     names = _oscillating(plant) if modes is None else tuple(modes)
 
-    def loop_at(mode: str, shift: float) -> AnyPlant:
-        moved = _shifted(plant, mode, shift)
+    def loop_at(mode: str, shift: float) -> Plant:
+        moved = shift_modes(plant, {mode: 1.0 + shift})
         return moved if finish is None else finish(moved)
 
     return tuple(
@@ -90,25 +89,16 @@ def find_allowed_shifts(
     )
 
 
-def _named(plant: LateOrNot) -> LateOrNot:
+def _named(plant: Plant) -> Plant:
     """The plant itself where its modes have names, else in blocks of its own modes."""
-    inside = plant.plant if isinstance(plant, DelayedPlant) else plant
-    if isinstance(inside.dynamics, ModalSystem) or inside.state_names:
-        return plant
-    named = part_modes(inside)
-    return DelayedPlant(named, plant.delay_s) if isinstance(plant, DelayedPlant) else named
+    named = plant.modal or plant.state_names
+    return plant if named else part_modes(plant)
 
 
-def _shifted(plant: LateOrNot, mode: str, shift: float) -> LateOrNot:
-    if not isinstance(plant, DelayedPlant):
-        return shift_modes(plant, {mode: 1.0 + shift})
-    return DelayedPlant(shift_modes(plant.plant, {mode: 1.0 + shift}), plant.delay_s)
-
-
-def _oscillating(plant: LateOrNot) -> tuple[str, ...]:
-    inside = partition_modes(plant.plant if isinstance(plant, DelayedPlant) else plant).active
-    if isinstance(inside.dynamics, ModalSystem):
-        moving = zip(inside.dynamics.names, inside.dynamics.omega, strict=True)
+def _oscillating(plant: Plant) -> tuple[str, ...]:
+    inside = remove_delays(partition_modes(plant).active)
+    if inside.modal is not None:
+        moving = zip(inside.modal.names, inside.modal.omega, strict=True)
         return tuple(name for name, omega in moving if omega > 0.0)
     names, rates = name_states(inside), inside.system.A
     blocks = {name: np.flatnonzero(np.array(names) == name) for name in dict.fromkeys(names)}
@@ -121,8 +111,8 @@ def _oscillating(plant: LateOrNot) -> tuple[str, ...]:
 
 def _allowed(
     mode: str,
-    plant_at: Callable[[float], AnyPlant],
-    law: AnyLaw,
+    plant_at: Callable[[float], Plant],
+    law: Compensator,
     most: float,
     step: float,
     resolution: float,
@@ -134,8 +124,8 @@ def _allowed(
 
 
 def _first(
-    plant_at: Callable[[float], AnyPlant],
-    law: AnyLaw,
+    plant_at: Callable[[float], Plant],
+    law: Compensator,
     sign: float,
     most: float,
     step: float,
@@ -154,8 +144,8 @@ def _first(
 
 
 def _bisect(
-    plant_at: Callable[[float], AnyPlant],
-    law: AnyLaw,
+    plant_at: Callable[[float], Plant],
+    law: Compensator,
     sign: float,
     bracket: tuple[float, float],
     resolution: float,

@@ -9,25 +9,22 @@ from jaxtyping import Complex
 
 from middeck.control.analysis.delayed_roots import find_open_poles, follow_roots, is_light
 from middeck.control.analysis.loop import (
-    AnyLaw,
-    AnyPlant,
     FeedbackLoop,
     approximate_halves,
     close_channels,
     evaluate_halves,
     form_loop,
-    is_late,
-    period_of,
 )
 from middeck.control.analysis.root_count import clear_walls, count_more, direct_gain
+from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import pade_order
 from middeck.errors import NumericalError
-from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.inert_modes import observed_modes, reached_modes
 from middeck.systems.integrators import rest_once
 from middeck.systems.modal import ModalSystem, modal_to_statespace, select_modes
+from middeck.systems.plant import Plant
 from middeck.systems.stability import GROWTH_LIMIT, growth_rates, none_grows
-from middeck.systems.statespace import SampledStateSpace, poles
+from middeck.systems.statespace import poles
 from middeck.values import record
 
 MOST_ORDER = 64
@@ -63,7 +60,7 @@ class LoopStability:
     growing: int
 
 
-def decide_stability(plant: AnyPlant, law: AnyLaw) -> LoopStability:
+def decide_stability(plant: Plant, law: Compensator) -> LoopStability:
     """Stability with exact delays, modes included that the law does not move; unstable is an outcome.
 
     Without delays, and for sampled loops, by eigenvalues. With delays the poles of an approximation, good at
@@ -81,14 +78,14 @@ def decide_stability(plant: AnyPlant, law: AnyLaw) -> LoopStability:
     Examples
     --------
     >>> from middeck.control.law.compensator import Compensator
-    >>> from middeck.systems.delayed_plant import delay_inputs
+    >>> from middeck.systems.delay_approximation import delay_plant
     >>> from middeck.systems.plant import Plant
     >>> from middeck.signals.ports import Port
     >>> from middeck.systems.statespace import StateSpace, gain_system
     >>> force, way = Port("force", "N"), Port("way", "m")
     >>> integrator = Plant(StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]), (force,), (way,))
     >>> P = Compensator(gain_system(np.array([[-1.0]])), (way,), (force,))
-    >>> [decide_stability(delay_inputs(integrator, tau), P).stable for tau in (1.57, 1.58)]     # pi / 2
+    >>> [decide_stability(delay_plant(integrator, tau), P).stable for tau in (1.57, 1.58)]     # pi / 2
     [True, False]
     """
     return decide_loop(form_loop(plant, law))
@@ -96,7 +93,7 @@ def decide_stability(plant: AnyPlant, law: AnyLaw) -> LoopStability:
 
 def decide_loop(loop: FeedbackLoop) -> LoopStability:
     """The same of a loop that is formed."""
-    if not is_late(loop):
+    if not loop.plant.delayed:
         loop, unmoved = _split_unmoved(loop)
         return _outcome(np.concatenate([loop_poles(loop), unmoved]))
     if direct_gain(loop) >= 1.0:
@@ -128,19 +125,16 @@ def _split_unmoved(loop: FeedbackLoop) -> tuple[FeedbackLoop, Complex[np.ndarray
 
     They are in no return ratio: its roots cannot be counted with them, least of all where several coincide.
     """
-    plant = loop.plant
-    if not isinstance(plant, DelayedPlant):
+    if loop.plant.period_s is not None:
         return loop, np.zeros(0, dtype=complex)
-    modal = plant.plant.dynamics
-    alone = np.zeros(0, dtype=complex)
-    if isinstance(modal, ModalSystem):
-        moved = reached_modes(modal) & observed_modes(modal)
-        alone = poles(modal_to_statespace(select_modes(modal, ~moved)))
-        modal = select_modes(modal, moved)
-    dynamics, resting = rest_once(modal)
-    inside = dataclasses.replace(plant.plant, dynamics=dynamics, state_names=())
-    loop = dataclasses.replace(loop, plant=dataclasses.replace(plant, plant=inside))
-    return loop, np.concatenate([alone, np.zeros(resting)])
+    dynamics, alone = loop.plant.continuous, np.zeros(0, dtype=complex)
+    if isinstance(dynamics, ModalSystem):
+        moved = reached_modes(dynamics) & observed_modes(dynamics)
+        alone = poles(modal_to_statespace(select_modes(dynamics, ~moved)))
+        dynamics = select_modes(dynamics, moved)
+    dynamics, resting = rest_once(dynamics)
+    plant = dataclasses.replace(loop.plant, dynamics=dynamics, state_names=())
+    return dataclasses.replace(loop, plant=plant), np.concatenate([alone, np.zeros(resting)])
 
 
 def _orders(loop: FeedbackLoop, open_poles: np.ndarray) -> list[int]:
@@ -148,7 +142,6 @@ def _orders(loop: FeedbackLoop, open_poles: np.ndarray) -> list[int]:
 
     Modes too fast for `MOST_ORDER` are found from their own poles.
     """
-    assert isinstance(loop.plant, DelayedPlant)
     fastest = np.abs(open_poles[is_light(open_poles)]).max(initial=0.0)
     first = min(pade_order(fastest * loop.plant.delay_s.max()), MOST_ORDER)
     return [first, 2 * first, 4 * first]
@@ -156,7 +149,6 @@ def _orders(loop: FeedbackLoop, open_poles: np.ndarray) -> list[int]:
 
 def _reach(loop: FeedbackLoop) -> float:
     """How far left of the axis [rad/s] to count: not into the chain of roots that a direct term has."""
-    assert isinstance(loop.plant, DelayedPlant)
     direct = direct_gain(loop)
     chain = -0.25 * np.log(direct) if direct > 0.0 else np.inf
     return float(min(REACH, chain) / loop.plant.delay_s.max())
@@ -164,10 +156,7 @@ def _reach(loop: FeedbackLoop) -> float:
 
 def loop_poles(loop: FeedbackLoop, order: int | None = None) -> Complex[np.ndarray, " root"]:
     """Poles of the closed loop [rad/s] with approximated delays, or of the sampled loop: to rank by."""
-    closed, period = close_channels(approximate_halves(loop, order)), period_of(loop)
-    if period is None:
-        return growth_rates(closed)
-    return growth_rates(SampledStateSpace(closed.A, closed.B, closed.C, closed.D, period))
+    return growth_rates(close_channels(approximate_halves(loop, order)))
 
 
 def largest_growth(rates: Complex[np.ndarray, " root"]) -> float:

@@ -22,7 +22,7 @@ from middeck.control.law.uncertainty import (
 )
 from middeck.control.loop.closed_loop import close_loop
 from middeck.control.loop.performance import Performance, measure_metric
-from middeck.systems.delayed_plant import DelayedPlant, approximate_delays
+from middeck.systems.delay_approximation import approximate_delays
 from middeck.systems.plant import Plant
 from middeck.systems.stability import GROWTH_LIMIT
 from middeck.values import record
@@ -68,7 +68,7 @@ class WorstCase:
 
 
 def find_worst_case(
-    plant: Plant | DelayedPlant,
+    plant: Plant,
     compensator: Compensator,
     uncertainty: Uncertainty,
     *,
@@ -92,7 +92,7 @@ def find_worst_case(
     positions = corner_positions(uncertainty, corners, rng)
     count = _Count()
 
-    def plant_at(position: np.ndarray) -> Plant | DelayedPlant:
+    def plant_at(position: np.ndarray) -> Plant:
         return finished_plants(plant, uncertainty, position[None])[0]
 
     def closeness(position: np.ndarray) -> float:
@@ -174,13 +174,12 @@ def _pattern_search(
     return best, value
 
 
-def _rough_metric(plant: Plant | DelayedPlant, law: Compensator, performance: Performance) -> float:
-    if isinstance(plant, DelayedPlant):
-        active = DelayedPlant(partition_modes(plant.plant).active, plant.delay_s)
-        plant = approximate_delays(active, approximation_order(active, law.system))
-    return measure_metric(close_loop(plant, law), performance)
+def _rough_metric(plant: Plant, law: Compensator, performance: Performance) -> float:
+    active = partition_modes(plant).active
+    order = approximation_order(active, law.system)
+    return measure_metric(close_loop(approximate_delays(active, order), law), performance)
 
 
-def _exact_metric(plant: Plant | DelayedPlant, law: Compensator, performance: Performance) -> float:
+def _exact_metric(plant: Plant, law: Compensator, performance: Performance) -> float:
     rms = measure_delayed_rms(plant, law, performance)
     return float(np.linalg.norm(performance.weights * rms)) if np.isfinite(rms).all() else np.inf

@@ -15,8 +15,8 @@ from middeck.control.analysis.stability import decide_loop
 from middeck.control.h2.design_model import build_model, square_root
 from middeck.control.law.compensator import Compensator
 from middeck.control.lqg import LQGWeights
-from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.norms import response_rms
+from middeck.systems.plant import Plant, remove_delays
 from middeck.systems.stability import GROWTH_LIMIT
 from middeck.systems.statespace import poles
 from middeck.values import record
@@ -47,7 +47,7 @@ class NoiseOutcome:
     control_rms: float
 
 
-def measure_noise_rms(plant: DelayedPlant, compensator: Compensator, weights: LQGWeights) -> NoiseOutcome:
+def measure_noise_rms(plant: Plant, compensator: Compensator, weights: LQGWeights) -> NoiseOutcome:
     """Outputs and commands under the process and sensor noise of ``weights``, delays exact.
 
     Stability is decided first (`decide_stability`); then |T|^2 is integrated by adaptive quadrature.
@@ -59,7 +59,7 @@ def measure_noise_rms(plant: DelayedPlant, compensator: Compensator, weights: LQ
     NumericalError
         Where stability cannot be decided.
     """
-    build_model(plant.plant, weights, 1.0)  # it refuses what has no cost
+    build_model(remove_delays(plant), weights, 1.0)  # it refuses what has no cost
     loop = form_loop(plant, compensator)
     found = decide_loop(loop)
     if not found.stable or found.margin <= GROWTH_LIMIT:
@@ -80,7 +80,7 @@ def measure_noise_rms(plant: DelayedPlant, compensator: Compensator, weights: LQ
 
 
 def _noise_response(
-    plant: DelayedPlant, compensator: Compensator, weights: LQGWeights
+    plant: Plant, compensator: Compensator, weights: LQGWeights
 ) -> Callable[[np.ndarray], Complex[np.ndarray, "line e noise"]]:
     """From unit white noise (process, then sensor) to W z, then R^1/2 u, over omega."""
     closed = closed_response(plant, compensator, weights.disturbed)

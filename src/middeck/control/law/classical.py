@@ -8,8 +8,9 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.control.law.partition import partition_modes
+from middeck.errors import ConfigError
+from middeck.systems.feedback import close_static
 from middeck.systems.plant import Plant, name_states
-from middeck.systems.statespace import StateSpace
 from middeck.values import record
 
 
@@ -31,7 +32,7 @@ class PDLoops:
 
     def __post_init__(self) -> None:
         if len(self.names) != len(self.kp):
-            raise ValueError(f"PDLoops: {len(self.names)} names for {len(self.kp)} gains")
+            raise ConfigError(f"{len(self.names)} names for {len(self.kp)} gains", hint="one for each loop")
 
 
 def close_inner_loop(plant: Plant, pd: PDLoops) -> Plant:
@@ -50,12 +51,3 @@ def close_inner_loop(plant: Plant, pd: PDLoops) -> Plant:
     gain[columns, rates] = -pd.kd
     closed = close_static(system, gain)
     return dataclasses.replace(active, dynamics=closed, state_names=name_states(active))
-
-
-def close_static(system: StateSpace, gain: Float[np.ndarray, "input output"]) -> StateSpace:
-    """The system under u = r + gain y, from r to y."""
-    # (I - gain D)^-1: the loop through the direct term; the identity where D = 0.
-    through = np.linalg.inv(np.eye(len(gain)) - gain @ system.D)
-    B = system.B @ through
-    feedback = through @ gain @ system.C
-    return StateSpace(system.A + system.B @ feedback, B, system.C + system.D @ feedback, system.D @ through)

@@ -2,40 +2,78 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 from jaxtyping import Float
 
+from middeck.errors import ConfigError
 from middeck.signals.ports import Port
 from middeck.systems.plant import Plant
 from middeck.systems.response import FrequencyResponse, statespace_response
-from middeck.systems.statespace import StateSpace, gain_system
+from middeck.systems.statespace import LinearSystem, SampledStateSpace, StateSpace, gain_system
 from middeck.values import record
 
 
 @record
 class Compensator:
-    """u = K(s) y, added at the plant's inputs.
+    """u = K y, added at the plant's inputs; a sampled one's u[k] is held until u[k+1].
 
     Parameters
     ----------
-    system:
-        The law, from ``inputs`` to ``outputs``.
+    dynamics:
+        The law, from ``inputs`` to ``outputs``; a sampled one has its period.
     inputs:
         Plant outputs that are measured, in the order of the columns.
     outputs:
         Plant inputs that are driven, in the order of the rows.
+    method:
+        How it was made, in a word or two; empty if unknown.
+
+    Raises
+    ------
+    ConfigError
+        Where the ports do not fit the law.
     """
 
-    system: StateSpace
+    dynamics: LinearSystem
     inputs: tuple[Port, ...]
     outputs: tuple[Port, ...]
+    method: str = dataclasses.field(default="", kw_only=True)
 
     def __post_init__(self) -> None:
-        if self.system.D.shape != (len(self.outputs), len(self.inputs)):
-            raise ValueError(
-                f"Compensator: {len(self.outputs)} outputs and {len(self.inputs)} inputs named, "
-                f"the system has {self.system.D.shape}"
+        if self.dynamics.D.shape != (len(self.outputs), len(self.inputs)):
+            raise ConfigError(
+                f"a compensator with {len(self.outputs)} outputs and {len(self.inputs)} inputs named; "
+                f"the law has {self.dynamics.D.shape}",
+                hint="one output for each row of D, one input for each column",
             )
+
+    @property
+    def period_s(self) -> float | None:
+        """Time from one sample to the next [s]; None for a continuous compensator."""
+        return self.dynamics.period_s if isinstance(self.dynamics, SampledStateSpace) else None
+
+    @property
+    def system(self) -> StateSpace:
+        """The continuous law; raises `ConfigError` for a sampled one, whose matrices mean something else."""
+        if isinstance(self.dynamics, SampledStateSpace):
+            rate = 1.0 / self.dynamics.period_s
+            raise ConfigError(
+                f"a compensator sampled at {rate:g} Hz where a continuous one is asked for",
+                hint="the continuous design; measure_margins and qualify_compensator take both",
+            )
+        return self.dynamics
+
+    @property
+    def sampled(self) -> SampledStateSpace:
+        """The sampled law; raises `ConfigError` for a continuous one."""
+        if not isinstance(self.dynamics, SampledStateSpace):
+            raise ConfigError(
+                "a continuous compensator where a sampled one is asked for",
+                hint="emulate(compensator, period_s)",
+            )
+        return self.dynamics
 
 
 def measured_ports(plant: Plant) -> tuple[Port, ...]:
@@ -59,5 +97,5 @@ def evaluate_compensator(
 ) -> FrequencyResponse:
     """The compensator's frequency response at ``frequency_hz``."""
     frequency_hz = np.asarray(frequency_hz, dtype=float)
-    H = statespace_response(compensator.system, 2.0 * np.pi * frequency_hz)
+    H = statespace_response(compensator.dynamics, 2.0 * np.pi * frequency_hz)
     return FrequencyResponse(frequency_hz, H, compensator.inputs, compensator.outputs)

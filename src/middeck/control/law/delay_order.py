@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from middeck.control.law.partition import partition_modes
-from middeck.systems.delayed_plant import DelayedPlant
+from middeck.systems.plant import Plant, remove_delays
 from middeck.systems.statespace import SampledStateSpace, StateSpace, poles
 
 System = StateSpace | SampledStateSpace
@@ -26,19 +26,19 @@ def pade_order(phase: float) -> int:
     return max(LEAST_PADE, int(np.ceil(0.5 * phase + 1.5 * np.sqrt(phase))) + 4)
 
 
-def phase_of_modes(plant: DelayedPlant, law: System | None = None) -> float:
+def phase_of_modes(plant: Plant, law: System | None = None) -> float:
     """Largest frequency of a pole of plant or law times the largest delay [rad]."""
-    inside = poles(partition_modes(plant.plant).active.system)
+    inside = poles(remove_delays(partition_modes(plant).active).system)
     turning = np.abs(np.imag(inside if law is None else np.append(inside, poles(law))))
     return float(turning.max(initial=0.0) * plant.delay_s.max(initial=0.0))
 
 
-def approximation_order(plant: DelayedPlant, law: System | None = None) -> int:
+def approximation_order(plant: Plant, law: System | None = None) -> int:
     """The order at which every mode of plant and law comes back with the right phase, at most `MOST_PADE`."""
     return min(pade_order(phase_of_modes(plant, law)), MOST_PADE)
 
 
-def is_within(order: int, plant: DelayedPlant, values: np.ndarray) -> bool:
+def is_within(order: int, plant: Plant, values: np.ndarray) -> bool:
     """Whether the pole furthest right among ``values`` is where an approximation of ``order`` is right."""
     if not len(values):
         return True

@@ -12,10 +12,9 @@ import dataclasses
 import numpy as np
 from jaxtyping import Bool
 
-from middeck.control.law.kinds import require_rational
 from middeck.systems.inert_modes import inert_modes
-from middeck.systems.modal import ModalSystem, select_modes
-from middeck.systems.plant import Plant, name_states
+from middeck.systems.modal import select_modes
+from middeck.systems.plant import Plant, name_states, remove_delays
 from middeck.systems.stability import none_grows
 from middeck.systems.statespace import StateSpace
 from middeck.values import record
@@ -44,10 +43,9 @@ def partition_modes(plant: Plant) -> ModePartition:
     state and no port, by exact zeros, and do not grow. A mode that is only unreachable, or only unobserved,
     stays: a design then refuses it by name.
     """
-    require_rational(plant)
-    modal = plant.dynamics
-    if not isinstance(modal, ModalSystem):
-        return _partition_states(plant, modal)
+    modal = plant.modal
+    if modal is None:
+        return _partition_states(plant, remove_delays(plant).system)
     inert = inert_modes(modal)
     names = tuple(name for name, out in zip(modal.names, inert, strict=True) if out)
     active = dataclasses.replace(plant, dynamics=select_modes(modal, ~inert)) if names else plant

@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from middeck.errors import ConfigError
 from middeck.signals.ports import require_names
-from middeck.systems.delayed_plant import DelayedPlant, approximate_delays
+from middeck.systems.delay_approximation import approximate_delays
 from middeck.systems.mode_shift import scale_inputs, shift_modes
 from middeck.systems.plant import Plant
 from middeck.values import record
@@ -20,9 +20,9 @@ PADE_ORDER = 3
 MOST_CORNERS = 4096
 
 
-def without_delays(plant: Plant | DelayedPlant) -> Plant:
+def without_delays(plant: Plant) -> Plant:
     """The plant of a design: with Pade approximations of order 3 for delays."""
-    return approximate_delays(plant, PADE_ORDER) if isinstance(plant, DelayedPlant) else plant
+    return approximate_delays(plant, PADE_ORDER)
 
 
 @record
@@ -57,7 +57,7 @@ class Uncertainty:
     gain:
         Relative half-width of one factor on all inputs in the plant's group u.
     delay:
-        Relative half-width of one factor on all delays; the plant must be a `DelayedPlant`.
+        Relative half-width of one factor on all delays; the plant must have some.
     finish:
         What makes of a plant so changed the one that is controlled, e.g. closes an inner loop. None: nothing.
 
@@ -72,7 +72,7 @@ class Uncertainty:
     damping: float = 0.0
     gain: float = 0.0
     delay: float = 0.0
-    finish: Callable[[Plant | DelayedPlant], Plant | DelayedPlant] | None = None
+    finish: Callable[[Plant], Plant] | None = None
 
     def __post_init__(self) -> None:
         if self.damping < 0.0 or not 0.0 <= self.gain < 1.0 or not 0.0 <= self.delay <= 1.0:
@@ -96,9 +96,7 @@ def parameter_names(uncertainty: Uncertainty) -> tuple[str, ...]:
     )
 
 
-def perturb_plant(
-    plant: Plant | DelayedPlant, uncertainty: Uncertainty, position: Sequence[float] | np.ndarray
-) -> Plant | DelayedPlant:
+def perturb_plant(plant: Plant, uncertainty: Uncertainty, position: Sequence[float] | np.ndarray) -> Plant:
     """The plant at a position of the box, each number from -1 to 1 (`parameter_names`), not yet finished.
 
     Raises `ConfigError` for modes that do not exist, a position of another length, or an uncertain delay of a
@@ -107,8 +105,8 @@ def perturb_plant(
     names = parameter_names(uncertainty)
     if len(position) != len(names):
         raise ConfigError(f"{len(position)} numbers for {len(names)} parameters: {', '.join(names)}")
-    if uncertainty.delay and not isinstance(plant, DelayedPlant):
-        raise ConfigError("an uncertain delay, and the plant has none", hint="give a DelayedPlant")
+    if uncertainty.delay and not plant.delayed:
+        raise ConfigError("an uncertain delay, and the plant has none", hint="delay_plant(plant, delay_s)")
     at = iter(float(p) for p in position)
     frequency = {
         mode: factor
@@ -118,17 +116,14 @@ def perturb_plant(
     spread = uncertainty.damping
     damping = {mode: float(np.exp(spread * next(at))) for mode in frequency} if spread else {}
     gain = 1.0 + uncertainty.gain * next(at) if uncertainty.gain else 1.0
-    inside = plant.plant if isinstance(plant, DelayedPlant) else plant
-    moved = scale_inputs(shift_modes(inside, frequency, damping), inside.u, gain)
-    if not isinstance(plant, DelayedPlant):
-        return moved
+    moved = scale_inputs(shift_modes(plant, frequency, damping), plant.u, gain)
     factor = 1.0 + uncertainty.delay * next(at) if uncertainty.delay else 1.0
-    return dataclasses.replace(plant, plant=moved, delay_s=plant.delay_s * factor)
+    return dataclasses.replace(moved, delay_s=plant.delay_s * factor)
 
 
 def finished_plants(
-    plant: Plant | DelayedPlant, uncertainty: Uncertainty, positions: Float[np.ndarray, "plant parameter"]
-) -> tuple[Plant | DelayedPlant, ...]:
+    plant: Plant, uncertainty: Uncertainty, positions: Float[np.ndarray, "plant parameter"]
+) -> tuple[Plant, ...]:
     """The plants at ``positions``, as they are controlled."""
     moved = (perturb_plant(plant, uncertainty, position) for position in positions)
     return tuple(p if uncertainty.finish is None else uncertainty.finish(p) for p in moved)

@@ -6,14 +6,14 @@ import numpy as np
 from jaxtyping import Complex
 
 from middeck.control.law.compensator import Compensator, idle_compensator
-from middeck.control.law.kinds import require_continuous, require_rational
 from middeck.control.law.partition import partition_modes
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port, port_indices
+from middeck.systems.feedback import feedback
 from middeck.systems.plant import Plant, name_states
 from middeck.systems.response import FrequencyResponse
 from middeck.systems.stability import growth_rates, none_grows
-from middeck.systems.statespace import StateSpace
+from middeck.systems.statespace import StateSpace, select_paths
 from middeck.values import record
 
 
@@ -52,16 +52,12 @@ def close_loop(plant: Plant, compensator: Compensator) -> ClosedLoop:
     Raises `ConfigError` where the plant lacks a port of the compensator or the loop through the direct
     terms has no solution.
     """
-    require_continuous(compensator)
     part = partition_modes(plant)
     active, law = part.active, compensator.system
-    system = active.system
     w, z = active.input_indices(active.w), active.output_indices(active.z)
     u = active.input_indices([p.name for p in compensator.outputs])
     y = active.output_indices([p.name for p in compensator.inputs])
-    joined = _join(
-        system.A, system.B[:, w], system.B[:, u], system.C[z], system.C[y], _direct(system.D, w, u, z, y), law
-    )
+    joined = select_paths(feedback(active.system, law, u, y), w, z)
     values = growth_rates(joined)
     return ClosedLoop(
         joined,
@@ -76,37 +72,7 @@ def close_loop(plant: Plant, compensator: Compensator) -> ClosedLoop:
 
 def leave_open(plant: Plant) -> ClosedLoop:
     """The plant from w to z under no control but its own."""
-    require_rational(plant)
     return close_loop(plant, idle_compensator(plant))
-
-
-def _direct(D: np.ndarray, w: list[int], u: list[int], z: list[int], y: list[int]) -> tuple[np.ndarray, ...]:
-    return D[np.ix_(z, w)], D[np.ix_(z, u)], D[np.ix_(y, w)], D[np.ix_(y, u)]
-
-
-def _join(
-    A: np.ndarray,
-    Bw: np.ndarray,
-    Bu: np.ndarray,
-    Cz: np.ndarray,
-    Cy: np.ndarray,
-    direct: tuple[np.ndarray, ...],
-    law: StateSpace,
-) -> StateSpace:
-    Dzw, Dzu, Dyw, Dyu = direct
-    loop = np.eye(len(law.D)) - law.D @ Dyu
-    # 1e-12: the algebraic loop would amplify rounding to a thousandth.
-    if len(loop) and np.linalg.cond(loop) > 1e12:
-        raise ConfigError("the loop through the direct terms has no solution", hint="add a delay or a lag")
-    M = np.linalg.inv(loop)
-    # u = Fp x + Fc xc + Fw w and y = Cy x + Dyu u + Dyw w, solved for u.
-    Fp, Fc, Fw = M @ law.D @ Cy, M @ law.C, M @ law.D @ Dyw
-    return StateSpace(
-        np.block([[A + Bu @ Fp, Bu @ Fc], [law.B @ (Cy + Dyu @ Fp), law.A + law.B @ Dyu @ Fc]]),
-        np.vstack([Bw + Bu @ Fw, law.B @ (Dyw + Dyu @ Fw)]),
-        np.hstack([Cz + Dzu @ Fp, Dzu @ Fc]),
-        Dzw + Dzu @ Fw,
-    )
 
 
 def predict_closed_loop_response(

@@ -12,7 +12,6 @@ from jaxtyping import Bool, Float
 from middeck.control.analysis import decide_stability
 from middeck.control.h2.closed_cost import evaluate_cost
 from middeck.control.law.compensator import Compensator
-from middeck.control.law.kinds import require_continuous
 from middeck.control.law.uncertainty import without_delays
 from middeck.control.lqg import LQGWeights
 from middeck.control.reduction.balanced import in_sizes
@@ -22,7 +21,6 @@ from middeck.control.reduction.result import ReducedCompensator
 from middeck.control.reduction.search import Best, Trial, search_law
 from middeck.control.reduction.separation import Separation, separate_axis, subtract
 from middeck.errors import ConfigError
-from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.peak_gain import peak_gain
 from middeck.systems.plant import Plant
 from middeck.systems.statespace import StateSpace, add, series
@@ -30,7 +28,7 @@ from middeck.systems.statespace import StateSpace, add, series
 
 def reduce_compensator(
     compensator: Compensator,
-    plants: Plant | DelayedPlant | Sequence[Plant | DelayedPlant],
+    plants: Plant | Sequence[Plant],
     order: int,
     *,
     method: Method | Best = "performance",
@@ -76,14 +74,13 @@ def reduce_compensator(
         For an order of less than one or no reduction, a compensator that does not hold a plant, unknown
         ports or methods.
     """
-    require_continuous(compensator)
     known = (*get_args(Method), "best")
     if method not in known:
         raise ConfigError(f"no method {method!r}", hint=f"one of {', '.join(known)}")
     n = len(compensator.system.A)
     if not 0 < order < n:
         raise ConfigError(f"an order of {order} for a compensator of {n} states", hint=f"from 1 to {n - 1}")
-    each = [plants] if isinstance(plants, Plant | DelayedPlant) else list(plants)
+    each = [plants] if isinstance(plants, Plant) else list(plants)
     if not each:
         raise ConfigError("no plant to reduce the compensator for", hint="the plant it was designed for")
     whole = [without_delays(plant) for plant in each]
@@ -107,7 +104,7 @@ def _strictly_proper(compensator: Compensator) -> StateSpace:
 
 def _report(
     compensator: Compensator,
-    plants: Sequence[Plant | DelayedPlant],
+    plants: Sequence[Plant],
     loops: Sequence[Loop],
     parts: Separation,
     found: Trial,
@@ -125,7 +122,6 @@ def _report(
         compensator.inputs,
         compensator.outputs,
         len(system.A),
-        found.method,
         found.steps,
         candidate.hankel,
         candidate.bound if cut else None,
@@ -133,6 +129,7 @@ def _report(
         _loop_errors(parts.rest, remainder, loops),
         _stable(smaller, plants),
         _cost_ratios(parts.rest, law, loops),
+        method=found.method,
     )
 
 
@@ -146,7 +143,7 @@ def _loop_errors(
     return np.array(found)
 
 
-def _stable(law: Compensator, plants: Sequence[Plant | DelayedPlant]) -> Bool[np.ndarray, " plant"]:
+def _stable(law: Compensator, plants: Sequence[Plant]) -> Bool[np.ndarray, " plant"]:
     return np.array([decide_stability(plant, law).stable for plant in plants], dtype=bool)
 
 

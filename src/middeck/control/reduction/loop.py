@@ -19,6 +19,7 @@ from middeck.control.lqg import LQGWeights
 from middeck.control.reduction.gramian import GramianFactors, factor_gramians, restrict
 from middeck.control.riccati.lyapunov import solve_lyapunov
 from middeck.errors import ConfigError
+from middeck.systems.feedback import feedback
 from middeck.systems.plant import Plant
 from middeck.systems.statespace import StateSpace, gain_system
 from middeck.values import record
@@ -65,24 +66,19 @@ def absorb(model: DesignModel, beside: StateSpace) -> DesignModel:
 
     White noise straight through to u would count infinitely, and in every law alike: it is left out.
     """
-    M = np.linalg.inv(np.eye(len(beside.D)) - beside.D @ model.D22)
-    Fx, Fr, Fw = M @ beside.D @ model.C2, M @ beside.C, M @ beside.D @ model.D21
-    through = model.D22 @ M
-    return DesignModel(
-        np.block(
-            [
-                [model.A + model.B2 @ Fx, model.B2 @ Fr],
-                [beside.B @ (model.C2 + model.D22 @ Fx), beside.A + beside.B @ model.D22 @ Fr],
-            ]
-        ),
-        np.vstack([model.B1 + model.B2 @ Fw, beside.B @ (model.D21 + model.D22 @ Fw)]),
-        np.vstack([model.B2 @ M, beside.B @ through]),
-        np.hstack([model.C1 + model.D12 @ Fx, model.D12 @ Fr]),
-        model.D12 @ M,
-        np.hstack([model.C2 + model.D22 @ Fx, model.D22 @ Fr]),
-        model.D21 + model.D22 @ Fw,
-        through,
+    nw, nz, (nu, ny) = model.B1.shape[1], len(model.C1), beside.D.shape
+    plant = StateSpace(
+        model.A,
+        np.hstack([model.B1, model.B2]),
+        np.vstack([model.C1, model.C2]),
+        np.block([[np.zeros((nz, nw)), model.D12], [model.D21, model.D22]]),
     )
+    closed = feedback(plant, beside, range(nw, nw + nu), range(nz, nz + ny))
+    w, u, z, y = slice(nw), slice(nw, nw + nu), slice(nz), slice(nz, nz + ny)
+    return DesignModel(
+        closed.A, closed.B[:, w], closed.B[:, u], closed.C[z], closed.D[z, u], closed.C[y], closed.D[y, w],
+        closed.D[y, u],
+    )  # fmt: skip
 
 
 def response_in_loop(model: DesignModel, law: StateSpace) -> StateSpace:

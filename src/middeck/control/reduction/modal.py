@@ -19,7 +19,13 @@ from middeck.control.law.partition import partition_modes
 from middeck.control.reduction.result import ReducedPlant
 from middeck.control.reduction.separation import AXIS, separate_poles
 from middeck.errors import ConfigError
-from middeck.systems.modal import ModalSystem, modal_response, modal_to_statespace, select_modes
+from middeck.systems.modal import (
+    ModalSystem,
+    modal_response,
+    modal_to_statespace,
+    select_channels,
+    select_modes,
+)
 from middeck.systems.peak_gain import peak_gain
 from middeck.systems.plant import Plant
 from middeck.systems.resolvent import evaluate_transfer
@@ -56,9 +62,10 @@ def reduce_modes(
     u = active.input_indices(tuple(inputs) or [p.name for p in active.inputs])
     y = active.output_indices(tuple(outputs) or [p.name for p in active.outputs])
     band = 2.0 * np.pi * band_hz[0], 2.0 * np.pi * band_hz[1]
-    if isinstance(active.dynamics, ModalSystem):
-        return _of_modal(active, active.dynamics, modes, band, (u, y), static)
-    return _of_statespace(active, active.dynamics, modes, band, (u, y), static)
+    dynamics = active.rational
+    if isinstance(dynamics, ModalSystem):
+        return _of_modal(active, dynamics, modes, band, (u, y), static)
+    return _of_statespace(active, dynamics, modes, band, (u, y), static)
 
 
 def _of_modal(
@@ -69,7 +76,7 @@ def _of_modal(
     ports: tuple[list[int], list[int]],
     static: bool,
 ) -> ReducedPlant:
-    seen = _through(modal, *ports)
+    seen = select_channels(modal, *ports)
     keep, shares = _most(_contributions(seen, band), modal.omega == 0.0, modes)
     smaller = select_modes(modal, keep)
     gone = dataclasses.replace(select_modes(modal, ~keep), direct=None)
@@ -77,7 +84,7 @@ def _of_modal(
     if static:
         direct = limit if modal.direct is None else modal.direct + limit
         smaller = dataclasses.replace(smaller, direct=direct)
-    left = modal_to_statespace(_through(gone, *ports))
+    left = modal_to_statespace(select_channels(gone, *ports))
     if static:
         left = dataclasses.replace(left, D=left.D - limit[np.ix_(ports[1], ports[0])])
     peak = peak_gain(left, band)
@@ -89,15 +96,6 @@ def _of_modal(
 
 def _words(static: bool) -> str:
     return "modal, limits of the rest kept" if static else "modal, truncated"
-
-
-def _through(modal: ModalSystem, inputs: list[int], outputs: list[int]) -> ModalSystem:
-    a, direct = modal.phi_acceleration, modal.direct
-    return ModalSystem(
-        modal.omega, modal.zeta, modal.psi[:, inputs], modal.phi[outputs], modal.phi_rate[outputs],
-        modal.names, None if a is None else a[outputs],
-        None if direct is None else direct[np.ix_(outputs, inputs)],
-    )  # fmt: skip
 
 
 def _limits(gone: ModalSystem, band: tuple[float, float]) -> Float[np.ndarray, "output input"]:

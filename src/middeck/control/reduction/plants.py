@@ -56,7 +56,7 @@ def reduce_plant(
 
 
 def _set_rigid_aside(plant: Plant) -> tuple[StateSpace, tuple[str, ...], StateSpace]:
-    modal = plant.dynamics
+    modal = plant.rational
     if not isinstance(modal, ModalSystem):
         empty = StateSpace(
             np.zeros((0, 0)), np.zeros((0, len(plant.inputs))), np.zeros((len(plant.outputs), 0)),

@@ -114,7 +114,6 @@ class ReducedCompensator(Compensator):
     """
 
     order: int
-    method: str
     steps: tuple[str, ...]
     hankel: Float[np.ndarray, " value"]
     bound: float | None

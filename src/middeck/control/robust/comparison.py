@@ -11,7 +11,6 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.law.uncertainty import Uncertainty, parameter_names
 from middeck.control.lqg import LQGWeights
 from middeck.control.robust.monte_carlo import PlantOutcomes, stable_share, verify_robustness, worst_db
-from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.plant import Plant
 from middeck.values import record
 
@@ -52,7 +51,7 @@ class ComparedDesign:
 
 
 def compare_designs(
-    plant: Plant | DelayedPlant,
+    plant: Plant,
     designs: Mapping[str, Compensator],
     weights: LQGWeights,
     *,

@@ -15,9 +15,8 @@ from jaxtyping import Bool, Float
 from middeck.control.law.partition import partition_modes
 from middeck.control.law.uncertainty import Uncertainty, finished_plants, without_delays
 from middeck.errors import ConfigError
-from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.mode_shift import mode_coordinates, mode_states
-from middeck.systems.plant import Plant, name_states
+from middeck.systems.plant import Plant, name_states, remove_delays
 from middeck.systems.response import evaluate_plant
 from middeck.systems.statespace import poles
 from middeck.values import record
@@ -52,9 +51,7 @@ class Directions:
     stiff: Bool[np.ndarray, " delta"]
 
 
-def stiffness_directions(
-    plant: Plant | DelayedPlant, finished: Plant, uncertainty: Uncertainty
-) -> Directions:
+def stiffness_directions(plant: Plant, finished: Plant, uncertainty: Uncertainty) -> Directions:
     """Of the modes in ``uncertainty.shifts``; ``finished`` is the nominal plant as it is controlled.
 
     Raises `ConfigError` where a mode has not its two states in both, or nothing but these is uncertain.
@@ -62,7 +59,7 @@ def stiffness_directions(
     return _directions(plant, finished, uncertainty, damped=False)
 
 
-def shift_directions(plant: Plant | DelayedPlant, finished: Plant, uncertainty: Uncertainty) -> Directions:
+def shift_directions(plant: Plant, finished: Plant, uncertainty: Uncertainty) -> Directions:
     """Stiffnesses, then the dampings that move with them, each as if it were free in its bounds.
 
     Raises `ConfigError` as `stiffness_directions`, and where a shift does more to the plant than this: what
@@ -74,12 +71,10 @@ def shift_directions(plant: Plant | DelayedPlant, finished: Plant, uncertainty: 
     return found
 
 
-def _directions(
-    plant: Plant | DelayedPlant, finished: Plant, uncertainty: Uncertainty, *, damped: bool
-) -> Directions:
+def _directions(plant: Plant, finished: Plant, uncertainty: Uncertainty, *, damped: bool) -> Directions:
     if not uncertainty.shifts:
         raise ConfigError("no mode is uncertain: this method needs shifts", hint="Uncertainty(shifts=...)")
-    bare = partition_modes(plant.plant if isinstance(plant, DelayedPlant) else plant).active
+    bare = remove_delays(partition_modes(plant).active)
     active = partition_modes(finished).active
     before, after = name_states(bare), name_states(active)
     rows: list[tuple[np.ndarray, np.ndarray, float, float, int]] = []
@@ -100,7 +95,7 @@ def _directions(
 
 
 def _require_whole(
-    plant: Plant | DelayedPlant, finished: Plant, uncertainty: Uncertainty, found: Directions, end: float
+    plant: Plant, finished: Plant, uncertainty: Uncertainty, found: Directions, end: float
 ) -> None:
     """That at an end of the box the directions make the plant that the box means."""
     box = Uncertainty(uncertainty.shifts, finish=uncertainty.finish)

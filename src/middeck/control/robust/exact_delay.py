@@ -9,8 +9,7 @@ from jaxtyping import Complex, Float
 
 from middeck.control.h2.closed_cost import Law
 from middeck.control.law.partition import partition_modes
-from middeck.systems.delayed_plant import DelayedPlant
-from middeck.systems.plant import Plant
+from middeck.systems.plant import Plant, remove_delays
 
 RIGHTMOST, NEWTON_STEPS = 6, 3
 DECIDES = 30.0
@@ -19,7 +18,7 @@ NEAR = 1e-3
 
 
 def exact_growth(
-    plants: Sequence[Plant | DelayedPlant], law: Law, poles: Sequence[Complex[np.ndarray, " state"]]
+    plants: Sequence[Plant], law: Law, poles: Sequence[Complex[np.ndarray, " state"]]
 ) -> Float[np.ndarray, " plant"]:
     """Largest real part of each loop's roots, ``poles`` being those with approximated delays.
 
@@ -29,25 +28,23 @@ def exact_growth(
     return np.array([_growth(p, law, values) for p, values in zip(plants, poles, strict=True)], dtype=float)
 
 
-def _growth(delayed: Plant | DelayedPlant, law: Law, values: np.ndarray) -> float:
-    if not isinstance(delayed, DelayedPlant):
+def _growth(plant: Plant, law: Law, values: np.ndarray) -> float:
+    if not plant.delayed:
         return float(np.real(values).max(initial=-np.inf))
     upper = values[np.imag(values) >= 0.0]
     upper = upper[np.argsort(-np.real(upper))]
     # A root so far left that its delay would be a factor beyond all numbers decides nothing.
-    count = np.count_nonzero(-np.real(upper[:RIGHTMOST]) * delayed.delay_s.max(initial=0.0) < DECIDES)
+    count = np.count_nonzero(-np.real(upper[:RIGHTMOST]) * plant.delay_s.max(initial=0.0) < DECIDES)
     lead, rest = upper[:count], upper[count:]
-    roots = np.concatenate([_corrected(delayed, law, lead), rest])
+    roots = np.concatenate([_corrected(plant, law, lead), rest])
     return float(np.real(roots).max(initial=-np.inf))
 
 
-def _corrected(
-    delayed: DelayedPlant, law: Law, poles: Complex[np.ndarray, " pole"]
-) -> Complex[np.ndarray, " pole"]:
-    active = partition_modes(delayed.plant).active
+def _corrected(plant: Plant, law: Law, poles: Complex[np.ndarray, " pole"]) -> Complex[np.ndarray, " pole"]:
+    active = remove_delays(partition_modes(plant).active)
     system = active.system
     u, y = active.input_indices(active.u), active.output_indices(active.y)
-    late = delayed.delay_s[np.ix_(y, u)]
+    late = plant.delay_s[np.ix_(y, u)]
     G = system.A, system.B[:, u], system.C[y], system.D[np.ix_(y, u)]
     root, near = poles.copy(), np.ones(len(poles), dtype=bool)
     for _ in range(NEWTON_STEPS):

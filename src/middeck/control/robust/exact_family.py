@@ -28,8 +28,8 @@ from middeck.control.h2.design_model import build_model, square_root
 from middeck.control.h2.noise_rms import FAR, REST, NoiseOutcome
 from middeck.control.law.compensator import Compensator
 from middeck.control.lqg import LQGWeights
-from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.modal import ModalSystem, output_rows
+from middeck.systems.plant import Plant, remove_delays
 from middeck.systems.resolvent import Resolvent, balance_states
 from middeck.values import record
 
@@ -105,33 +105,31 @@ def family_law(compensator: Compensator, weights: LQGWeights) -> FamilyLaw | Non
     )
 
 
-def measure_in_family(plant: DelayedPlant, known: FamilyLaw) -> NoiseOutcome | None:
+def measure_in_family(plant: Plant, known: FamilyLaw) -> NoiseOutcome | None:
     """As `measure_noise_rms`, of a plant of decaying modes; None where another way has to decide.
 
     Raises `ConfigError` for process noise that reaches z directly.
     """
-    inside = plant.plant
-    modal = inside.dynamics
-    if not isinstance(modal, ModalSystem) or np.any(modal.zeta * modal.omega < LIGHTEST):
+    modal = plant.modal
+    if modal is None or np.any(modal.zeta * modal.omega < LIGHTEST):
         return None
     if modal.direct is not None or modal.phi_acceleration is not None:
-        build_model(inside, known.weights, 1.0)  # it refuses what has no cost
-    w, z = inside.input_indices(known.weights.disturbed), inside.output_indices(inside.z)
-    u, y = inside.input_indices(known.outputs), inside.output_indices(known.inputs)
-    grows = _growing(_poles_of(modal, y, u), plant.delay_s[np.ix_(y, u)], known, _path(plant, y, u))
+        build_model(remove_delays(plant), known.weights, 1.0)  # it refuses what has no cost
+    w, z = plant.input_indices(known.weights.disturbed), plant.output_indices(plant.z)
+    u, y = plant.input_indices(known.outputs), plant.output_indices(known.inputs)
+    delay_s = plant.delay_s
+    grows = _growing(_poles_of(modal, y, u), delay_s[np.ix_(y, u)], known, _path(modal, delay_s, y, u))
     if grows is None:
         return None
     if grows:
         return NoiseOutcome(False, np.inf, np.inf)
-    rms = _rms(_path(plant, [*z, *y], [*w, *u]), len(z), len(w), known, _upper(modal))
+    rms = _rms(_path(modal, delay_s, [*z, *y], [*w, *u]), len(z), len(w), known, _upper(modal))
     return NoiseOutcome(True, *rms)
 
 
-def _path(plant: DelayedPlant, rows: Sequence[int], columns: Sequence[int]) -> Resolvent:
-    """Some of the plant with its delays."""
-    modal = plant.plant.dynamics
-    assert isinstance(modal, ModalSystem)
-    evaluate, late = transfer_of(_part(modal, rows, columns)), plant.delay_s[np.ix_(rows, columns)]
+def _path(modal: ModalSystem, delay_s: np.ndarray, rows: Sequence[int], columns: Sequence[int]) -> Resolvent:
+    """Some rows and columns with their delays."""
+    evaluate, late = transfer_of(_part(modal, rows, columns)), delay_s[np.ix_(rows, columns)]
     return lambda s: evaluate(s) * np.exp(-s[:, None, None] * late)
 
 

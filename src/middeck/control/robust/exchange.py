@@ -20,7 +20,6 @@ from middeck.control.lqg import LQGWeights, Shaping
 from middeck.control.robust.multimodel import MultiModelCompensator, design_multimodel
 from middeck.control.robust.problem import law_of
 from middeck.errors import NumericalError
-from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.plant import Plant
 
 ADDED, ROUNDS = 6, 30
@@ -29,11 +28,11 @@ WITHIN = 1.01
 
 
 def design_for_worst(
-    plant: Plant | DelayedPlant,
+    plant: Plant,
     weights: LQGWeights,
     authority: float,
     *,
-    candidates: Sequence[Plant | DelayedPlant],
+    candidates: Sequence[Plant],
     structure: Structure | None = None,
     shaping: Shaping | None = None,
     tolerance: float = 1e-5,

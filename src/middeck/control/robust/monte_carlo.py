@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -12,7 +13,6 @@ from middeck.control.h2.design_model import DesignModel, build_model
 from middeck.control.h2.noise_rms import NoiseOutcome, measure_noise_rms
 from middeck.control.law.compensator import Compensator, idle_compensator
 from middeck.control.law.delay_order import LEAST_PADE, MOST_PADE, is_within, pade_order, phase_of_modes
-from middeck.control.law.kinds import require_continuous
 from middeck.control.law.uncertainty import Uncertainty, finished_plants
 from middeck.control.lqg import LQGWeights
 from middeck.control.robust.batch import continuous_covariances, row_rms, settled
@@ -20,8 +20,8 @@ from middeck.control.robust.exact_delay import exact_growth
 from middeck.control.robust.exact_family import family_law, measure_in_family
 from middeck.control.robust.sampled_loops import sampled_outcomes
 from middeck.errors import ConfigError
-from middeck.systems.delayed_plant import DelayedPlant, approximate_delays
-from middeck.systems.plant import Plant
+from middeck.systems.delay_approximation import approximate_delays
+from middeck.systems.plant import Plant, remove_delays
 from middeck.values import record
 
 
@@ -61,7 +61,7 @@ class Verification:
 
 
 def verify_robustness(
-    plant: Plant | DelayedPlant,
+    plant: Plant,
     compensator: Compensator,
     weights: LQGWeights,
     *,
@@ -87,23 +87,22 @@ def verify_robustness(
 
 
 def outcomes_on(
-    plants: Sequence[Plant | DelayedPlant],
+    plants: Sequence[Plant],
     compensator: Compensator,
     weights: LQGWeights,
     *,
     rates_hz: Sequence[float] = (),
 ) -> tuple[PlantOutcomes, ...]:
     """The same on plants given one by one."""
-    require_continuous(compensator)
     for plant in plants:
-        _require_ports(_inside(plant), compensator)
+        _require_ports(plant, compensator)
     if np.any(compensator.system.D):
         raise ConfigError("the compensator has a direct term: sensor noise would make its rms infinite")
     reference = np.zeros(0)
     if plants:
-        build_model(_inside(plants[0]), weights, 1.0)  # it refuses weights that do not fit
+        build_model(remove_delays(plants[0]), weights, 1.0)  # it refuses weights that do not fit
         alone = [_uncontrolled(p, weights) for p in plants]
-        reference = _rms_of(alone, idle_compensator(_inside(plants[0])), weights)[1]
+        reference = _rms_of(alone, idle_compensator(plants[0]), weights)[1]
     continuous = _outcomes("continuous", *_rms_of(plants, compensator, weights), reference)
     sampled = [
         _outcomes(f"{rate:g} Hz", *sampled_outcomes(plants, compensator, weights, rate), reference)
@@ -131,32 +130,22 @@ def _require_ports(plant: Plant, compensator: Compensator) -> None:
         )
 
 
-def _inside(plant: Plant | DelayedPlant) -> Plant:
-    return plant.plant if isinstance(plant, DelayedPlant) else plant
-
-
-def _uncontrolled(plant: Plant | DelayedPlant, weights: LQGWeights) -> Plant | DelayedPlant:
+def _uncontrolled(plant: Plant, weights: LQGWeights) -> Plant:
     """Without the delays of paths that do not lead from w to z, nor what an output is late as a whole."""
-    if not isinstance(plant, DelayedPlant):
-        return plant
-    late, inside = np.zeros_like(plant.delay_s), plant.plant
-    kept = np.ix_(inside.output_indices(inside.z), inside.input_indices(weights.disturbed))
+    late = np.zeros_like(plant.delay_s)
+    kept = np.ix_(plant.output_indices(plant.z), plant.input_indices(weights.disturbed))
     late[kept] = plant.delay_s[kept] - plant.delay_s[kept].min(axis=1, keepdims=True, initial=np.inf)
-    return DelayedPlant(inside, late) if np.any(late) else inside
-
-
-def _smoothed(plant: Plant | DelayedPlant, order: int) -> Plant:
-    return approximate_delays(plant, order) if isinstance(plant, DelayedPlant) else plant
+    return dataclasses.replace(plant, delay_s=late)
 
 
 def _rms_of(
-    plants: Sequence[Plant | DelayedPlant], compensator: Compensator, weights: LQGWeights
+    plants: Sequence[Plant], compensator: Compensator, weights: LQGWeights
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Stability, rms of the weighted outputs, and of the weighted inputs, continuous."""
     found: list[NoiseOutcome | None] = [None] * len(plants)
     known = family_law(compensator, weights)
     if known is not None:
-        found = [measure_in_family(p, known) if isinstance(p, DelayedPlant) else None for p in plants]
+        found = [measure_in_family(p, known) if p.delayed else None for p in plants]
     left = [i for i, outcome in enumerate(found) if outcome is None]
     for i, outcome in zip(left, _approximated([plants[i] for i in left], compensator, weights), strict=True):
         found[i] = outcome
@@ -166,19 +155,19 @@ def _rms_of(
 
 
 def _approximated(
-    plants: Sequence[Plant | DelayedPlant], compensator: Compensator, weights: LQGWeights
+    plants: Sequence[Plant], compensator: Compensator, weights: LQGWeights
 ) -> list[NoiseOutcome]:
     """All at once with approximated delays, but for those that need their own."""
     system = compensator.system
     law = Law(system.A, system.B, system.C)
-    orders = [pade_order(phase_of_modes(p, system)) if isinstance(p, DelayedPlant) else 1 for p in plants]
+    orders = [pade_order(phase_of_modes(p, system)) if p.delayed else 1 for p in plants]
     order = max((n for n in orders if n <= MOST_PADE), default=LEAST_PADE)
-    models = [build_model(_smoothed(p, order), weights, 1.0) for p in plants]
+    models = [build_model(approximate_delays(p, order), weights, 1.0) for p in plants]
     values, rms, control = _rms(models, [law] * len(models))
     stable = settled(exact_growth(plants, law, values))
     found = [NoiseOutcome(bool(a), float(b), float(c)) for a, b, c in zip(stable, rms, control, strict=True)]
     for i, plant in enumerate(plants):
-        if not isinstance(plant, DelayedPlant):
+        if not plant.delayed:
             continue
         agreed = stable[i] == np.isfinite(rms[i]) and is_within(order, plant, values[i])
         if orders[i] > order or not agreed:

@@ -24,7 +24,6 @@ from middeck.control.robust.blend import blend
 from middeck.control.robust.problem import Problem, law_of, pose_problem, true_costs, whole_law
 from middeck.control.robust.result import RobustCompensator
 from middeck.errors import ConfigError
-from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.plant import Plant
 from middeck.values import record
 
@@ -51,11 +50,11 @@ class MultiModelCompensator(RobustCompensator):
 
 
 def design_multimodel(
-    plant: Plant | DelayedPlant,
+    plant: Plant,
     weights: LQGWeights,
     authority: float,
     *,
-    uncertainty: Uncertainty | Sequence[Plant | DelayedPlant],
+    uncertainty: Uncertainty | Sequence[Plant],
     positions: Float[np.ndarray, "model parameter"] | None = None,
     over: Over = "mean",
     structure: Structure | None = None,

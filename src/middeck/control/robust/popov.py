@@ -28,7 +28,6 @@ from middeck.control.robust.popov_bound import Multipliers, evaluate_bound, firs
 from middeck.control.robust.problem import Problem, law_of, models_of, pose_problem, true_costs, whole_law
 from middeck.control.robust.result import RobustCompensator, Stage
 from middeck.errors import NumericalError
-from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.plant import Plant
 from middeck.values import record
 
@@ -72,7 +71,7 @@ class _Place:
 
 
 def design_popov(
-    plant: Plant | DelayedPlant,
+    plant: Plant,
     weights: LQGWeights,
     authority: float,
     *,
@@ -131,7 +130,7 @@ def _minimise(
 
 
 def _covering_starts(
-    plant: Plant | DelayedPlant,
+    plant: Plant,
     problem: Problem,
     uncertainty: Uncertainty,
     model: DesignModel,

@@ -23,12 +23,11 @@ from middeck.control.law.uncertainty import (
 from middeck.control.lqg import LQGWeights, Shaping
 from middeck.control.lqg.regulator import append_integrals
 from middeck.errors import ConfigError
-from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.plant import Plant, name_states
 from middeck.systems.statespace import StateSpace, series
 from middeck.values import record
 
-Plants = Sequence[Plant | DelayedPlant]
+Plants = Sequence[Plant]
 
 
 @record
@@ -49,7 +48,7 @@ class Problem:
 
 
 def pose_problem(
-    plant: Plant | DelayedPlant,
+    plant: Plant,
     weights: LQGWeights,
     authority: float,
     uncertainty: Uncertainty | Plants,

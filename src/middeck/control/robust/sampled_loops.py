@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -15,9 +16,10 @@ from middeck.control.lqg import LQGWeights
 from middeck.control.robust.batch import row_rms, sampled_covariances
 from middeck.control.sampled.integrals import spread_noise
 from middeck.errors import ConfigError
-from middeck.systems.delayed_plant import DelayedPlant, approximate_delays
+from middeck.systems.delay_approximation import approximate_delays
+from middeck.systems.feedback import feedback
 from middeck.systems.plant import Plant, subsystem
-from middeck.systems.sampling import sample_plant, tustin
+from middeck.systems.sampling import sample_dynamics, tustin
 from middeck.systems.stability import GROWTH_LIMIT
 from middeck.systems.statespace import SampledStateSpace
 from middeck.values import record
@@ -38,7 +40,7 @@ class _SampledLoop:
 
 
 def sampled_outcomes(
-    plants: Sequence[Plant | DelayedPlant], compensator: Compensator, weights: LQGWeights, rate_hz: float
+    plants: Sequence[Plant], compensator: Compensator, weights: LQGWeights, rate_hz: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Whether each loop is stable, the rms of its weighted outputs and of its weighted inputs.
 
@@ -66,12 +68,10 @@ def sampled_outcomes(
     return stable, rms, control
 
 
-def _sampled_loop(
-    plant: Plant | DelayedPlant, law: SampledStateSpace, weights: LQGWeights, period: float
-) -> _SampledLoop:
+def _sampled_loop(plant: Plant, law: SampledStateSpace, weights: LQGWeights, period: float) -> _SampledLoop:
     active, late = delay_at_the_hold(plant, period)
     active = partition_modes(active).active
-    held = sample_plant(subsystem(active, active.u, (*active.z, *active.y)), period, late)
+    held = sample_dynamics(subsystem(active, active.u, (*active.z, *active.y)), period, late)
     noise = subsystem(active, weights.disturbed, active.y)
     root = square_root(weights.process)
     n, size = len(noise.A), len(held.A)
@@ -91,40 +91,38 @@ def _close(
     nz: int,
     weights: LQGWeights,
 ) -> _SampledLoop:
-    Cz, Cy, Dz, Dy = held.C[:nz], held.C[nz:], held.D[:nz], held.D[nz:]
-    through = np.linalg.inv(np.eye(len(law.D)) - law.D @ Dy)
-    # u = Fx x + Fc xc + Fv v, and y = Cy x + Dy u + v.
-    Fx, Fc, Fv = through @ law.D @ Cy, through @ law.C, through @ law.D
-    A = np.block([[held.A + held.B @ Fx, held.B @ Fc], [law.B @ (Cy + Dy @ Fx), law.A + law.B @ Dy @ Fc]])
-    into = np.vstack([held.B @ Fv, law.B @ (np.eye(len(Cy)) + Dy @ Fv)])
+    nu, ny = law.D.shape
+    closed = feedback(held, law, range(nu), range(nz, nz + ny))
+    into = closed.B[:, nu:]
     noise = into @ sensor @ into.T
     noise[: len(Q), : len(Q)] += Q
     W, R = weights.output[:, None], np.sqrt(weights.input)[:, None]
+    through = closed.D[nz + ny :, nu:]
     return _SampledLoop(
-        A,
+        closed.A,
         noise,
-        W * np.hstack([Cz + Dz @ Fx, Dz @ Fc]),
-        R * np.hstack([Fx, Fc]),
-        weights.input * np.sum((Fv @ sensor) * Fv, axis=1),
+        W * closed.C[:nz],
+        R * closed.C[nz + ny :],
+        weights.input * np.sum((through @ sensor) * through, axis=1),
     )
 
 
-def delay_at_the_hold(plant: Plant | DelayedPlant, period_s: float) -> tuple[Plant, float]:
+def delay_at_the_hold(plant: Plant, period_s: float) -> tuple[Plant, float]:
     """All delay that the measurements or the commands have in common is put behind the hold.
 
     A law does not care whether what it reads is late or what it commands: that part is exact. What single
     paths are late beyond it is approximated, of an order at which every mode's phase is right, or not at all
     where it is far below a period: states as fast as that would only cost digits.
     """
-    if not isinstance(plant, DelayedPlant):
+    if not plant.delayed:
         return plant, 0.0
-    inside, late = plant.plant, plant.delay_s.copy()
-    rows, columns = inside.output_indices(inside.y), inside.input_indices(inside.u)
-    shared = sorted(set(inside.y) & set(inside.z)), sorted(set(inside.u) & set(inside.w))
+    late = plant.delay_s.copy()
+    rows, columns = plant.output_indices(plant.y), plant.input_indices(plant.u)
+    shared = sorted(set(plant.y) & set(plant.z)), sorted(set(plant.u) & set(plant.w))
     of_y = 0.0 if shared[0] else float(late[rows].min(initial=np.inf))
     late[rows] -= of_y
     of_u = 0.0 if shared[1] else float(late[:, columns].min(initial=np.inf))
     late[:, columns] -= of_u
     grid = GRID * period_s
-    rest = DelayedPlant(inside, np.maximum(grid * np.round(late / grid), 0.0))
+    rest = dataclasses.replace(plant, delay_s=np.maximum(grid * np.round(late / grid), 0.0))
     return approximate_delays(rest, pade_order(phase_of_modes(rest))), of_y + of_u

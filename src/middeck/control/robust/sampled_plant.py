@@ -14,13 +14,12 @@ import numpy as np
 from middeck.control.law.partition import partition_modes
 from middeck.control.robust.sampled_loops import delay_at_the_hold
 from middeck.errors import ConfigError
-from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.plant import Plant, subsystem
-from middeck.systems.sampling import sample_plant
+from middeck.systems.sampling import sample_dynamics
 from middeck.systems.statespace import StateSpace
 
 
-def plant_as_sampled(plant: Plant | DelayedPlant, period_s: float) -> Plant:
+def plant_as_sampled(plant: Plant, period_s: float) -> Plant:
     """The plant as a law meets it that runs by Tustin's rule every ``period_s``, delay and hold exact.
 
     Disturbances are held over a period too, and keep their intensity; what of them reaches z at half the rate
@@ -48,8 +47,8 @@ def plant_as_sampled(plant: Plant | DelayedPlant, period_s: float) -> Plant:
     inputs = tuple(p for p in active.inputs if p.name not in active.u)
     commands = tuple(p for p in active.inputs if p.name in active.u)
     rows = [p.name for p in outputs]
-    slow = sample_plant(subsystem(active, [p.name for p in commands], rows), period_s, late)
-    noise = sample_plant(subsystem(active, [p.name for p in inputs], rows), period_s)
+    slow = sample_dynamics(subsystem(active, [p.name for p in commands], rows), period_s, late)
+    noise = sample_dynamics(subsystem(active, [p.name for p in inputs], rows), period_s)
     B = np.zeros((len(slow.A), len(inputs) + len(commands)))
     B[: len(noise.A), : len(inputs)], B[:, len(inputs) :] = noise.B, slow.B
     system = _without_tustin(slow.A, B, slow.C, np.hstack([noise.D, slow.D]), period_s)

@@ -28,7 +28,6 @@ from middeck.control.robust.directions import Directions, stiffness_directions
 from middeck.control.robust.problem import Problem, models_of, pose_problem, whole_law
 from middeck.control.robust.result import RobustCompensator, Stage
 from middeck.errors import ConfigError, NumericalError
-from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.plant import Plant
 from middeck.values import record
 
@@ -56,7 +55,7 @@ class SensitivityWeightedCompensator(RobustCompensator):
 
 
 def design_sensitivity_weighted(
-    plant: Plant | DelayedPlant,
+    plant: Plant,
     weights: LQGWeights,
     authority: float,
     *,

@@ -1,25 +1,17 @@
 """Sampled control: the continuous problem as a computer meets it, solved directly or emulated."""
 
-from middeck.control.law.sampled_compensator import SampledCompensator
 from middeck.control.sampled.aliases import Alias, AliasReport, find_aliases
 from middeck.control.sampled.antialias import filter_measurements
 from middeck.control.sampled.comparison import SamplingComparison, SamplingRow, compare_sampling
 from middeck.control.sampled.design import SampledCost, SampledLQG, design_sampled_lqg, sample_cost
 from middeck.control.sampled.emulation import emulate
 from middeck.control.sampled.held import HeldPlant, hold_plant
-from middeck.control.sampled.margins import (
-    find_sampled_shifts,
-    measure_sampled_disk,
-    measure_sampled_margins,
-    sample_controlled,
-)
 from middeck.control.sampled.outcome import SampledOutcome, measure_sampled_loop
 
 __all__ = [
     "Alias",
     "AliasReport",
     "HeldPlant",
-    "SampledCompensator",
     "SampledCost",
     "SampledLQG",
     "SampledOutcome",
@@ -30,11 +22,7 @@ __all__ = [
     "emulate",
     "filter_measurements",
     "find_aliases",
-    "find_sampled_shifts",
     "hold_plant",
-    "measure_sampled_disk",
     "measure_sampled_loop",
-    "measure_sampled_margins",
-    "sample_controlled",
     "sample_cost",
 ]

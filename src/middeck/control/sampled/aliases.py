@@ -6,16 +6,14 @@ import dataclasses
 
 import numpy as np
 
+from middeck.control.analysis.loop import form_loop
+from middeck.control.law.compensator import Compensator
 from middeck.control.law.partition import partition_modes
-from middeck.control.law.sampled_compensator import SampledCompensator
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.sampled.antialias import filter_measurements
-from middeck.control.sampled.margins import sample_controlled
 from middeck.control.sampled.outcome import SampledOutcome, measure_sampled_loop
-from middeck.errors import ConfigError
-from middeck.systems.delayed_plant import DelayedPlant
-from middeck.systems.modal import ModalSystem, select_modes
-from middeck.systems.plant import Plant
+from middeck.systems.modal import select_modes
+from middeck.systems.plant import Plant, require_modal
 from middeck.systems.response import statespace_response
 from middeck.systems.statespace import StateSpace
 from middeck.values import record
@@ -76,8 +74,8 @@ class AliasReport:
 
 
 def find_aliases(
-    plant: Plant | DelayedPlant,
-    compensator: SampledCompensator,
+    plant: Plant,
+    compensator: Compensator,
     weights: LQGWeights,
     authority: float,
     *,
@@ -91,20 +89,16 @@ def find_aliases(
 
     Raises `ConfigError` for a plant that is not in modal form, and what `measure_sampled_loop` does.
     """
-    inside = plant.plant if isinstance(plant, DelayedPlant) else plant
-    inside = partition_modes(inside).active
-    modal = inside.dynamics
-    if not isinstance(modal, ModalSystem):
-        raise ConfigError("a plant without modes has no mode to alias", hint="build_plant keeps modal form")
-    period = compensator.period_s
+    active = partition_modes(plant).active
+    modal = require_modal(active)
+    period = compensator.sampled.period_s
     beyond = np.flatnonzero(modal.omega >= np.pi / period)
     beyond = beyond[np.argsort(modal.omega[beyond], kind="stable")]
     below = np.flatnonzero(modal.omega < np.pi / period)
 
-    def with_modes(keep: np.ndarray) -> Plant | DelayedPlant:
-        part = dataclasses.replace(inside, dynamics=select_modes(modal, np.sort(keep)))
-        late = DelayedPlant(part, plant.delay_s) if isinstance(plant, DelayedPlant) else part
-        return late if antialias is None else filter_measurements(late, antialias)
+    def with_modes(keep: np.ndarray) -> Plant:
+        part = dataclasses.replace(active, dynamics=select_modes(modal, np.sort(keep)))
+        return part if antialias is None else filter_measurements(part, antialias)
 
     def loop_of(keep: np.ndarray) -> SampledOutcome:
         return measure_sampled_loop(with_modes(keep), compensator, weights, authority)
@@ -114,8 +108,8 @@ def find_aliases(
         omega, decay = float(modal.omega[k]), float(modal.omega[k] * modal.zeta[k])
         turning = float(np.sqrt(max(omega**2 - decay**2, 0.0)))
         seen = abs(turning - 2.0 * np.pi / period * round(turning * period / (2.0 * np.pi)))
-        alone = sample_controlled(with_modes(np.array([k])), compensator)
-        ratio = [statespace_response(s, np.array([seen]))[0] for s in (compensator.system, alone)]
+        alone = form_loop(with_modes(np.array([k])), compensator).plant.sampled
+        ratio = [statespace_response(s, np.array([seen]))[0] for s in (compensator.sampled, alone)]
         outcome = loop_of(np.append(below, k))
         found.append(
             Alias(

@@ -8,14 +8,13 @@ import numpy as np
 
 from middeck.control.law.partition import partition_modes
 from middeck.errors import ConfigError
-from middeck.systems.delayed_plant import DelayedPlant
-from middeck.systems.plant import Plant, name_states
+from middeck.systems.plant import Plant, name_states, remove_delays
 from middeck.systems.statespace import StateSpace
 
 UNFILTERED = "_unfiltered"
 
 
-def filter_measurements(plant: Plant | DelayedPlant, section: StateSpace) -> Plant | DelayedPlant:
+def filter_measurements(plant: Plant, section: StateSpace) -> Plant:
     """The plant with ``section`` (one input, one output) behind each of its measurements y.
 
     A measurement keeps its name: it is what the computer reads. Where it is a performance output z too, z
@@ -34,10 +33,8 @@ def filter_measurements(plant: Plant | DelayedPlant, section: StateSpace) -> Pla
     """
     if section.D.shape != (1, 1):
         raise ConfigError(f"a filter of {section.D.shape} outputs and inputs", hint="one of each")
-    if isinstance(plant, DelayedPlant):
-        inside = _filtered(plant.plant, section)
-        return DelayedPlant(inside, np.vstack([plant.delay_s, plant.delay_s[_shared(plant.plant)]]))
-    return _filtered(plant, section)
+    filtered = _filtered(remove_delays(plant), section)
+    return dataclasses.replace(filtered, delay_s=np.vstack([plant.delay_s, plant.delay_s[_shared(plant)]]))
 
 
 def _shared(plant: Plant) -> list[int]:

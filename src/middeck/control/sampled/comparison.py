@@ -8,16 +8,15 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.control.analysis import Margins
-from middeck.control.law.compensator import idle_compensator
-from middeck.control.law.sampled_compensator import SampledCompensator
+from middeck.control.analysis.margins import measure_margins
+from middeck.control.law.compensator import Compensator, idle_compensator
 from middeck.control.lqg.design import design_lqg
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.sampled.design import Form, design_sampled_lqg
 from middeck.control.sampled.emulation import Rule, emulate
-from middeck.control.sampled.margins import measure_sampled_margins
 from middeck.control.sampled.outcome import SampledOutcome, measure_sampled_loop
-from middeck.systems.delayed_plant import DelayedPlant, approximate_delays, delay_inputs
-from middeck.systems.plant import Plant
+from middeck.systems.delay_approximation import approximate_delays
+from middeck.systems.plant import Plant, delay_plant
 from middeck.values import record
 
 FORMS: tuple[Form, ...] = ("current", "predictor")
@@ -44,7 +43,7 @@ class SamplingRow:
 
     method: str
     rate_hz: float
-    law: SampledCompensator
+    law: Compensator
     outcome: SampledOutcome
     margins: Margins | None
 
@@ -69,7 +68,7 @@ class SamplingComparison:
 
 
 def compare_sampling(
-    plant: Plant | DelayedPlant,
+    plant: Plant,
     weights: LQGWeights,
     authority: float,
     rates_hz: Sequence[float] | Float[np.ndarray, " rate"] = (100.0, 250.0, 500.0, 1000.0),
@@ -86,14 +85,13 @@ def compare_sampling(
 
     Raises what `design_lqg`, `design_sampled_lqg` and `emulate` do.
     """
-    delayed = plant if isinstance(plant, DelayedPlant) else delay_inputs(plant, 0.0)
-    continuous = design_lqg(approximate_delays(delayed, pade_order), weights, authority)
+    continuous = design_lqg(approximate_delays(plant, pade_order), weights, authority)
     rows: list[SamplingRow] = []
     for rate in rates_hz:
         period = 1.0 / float(rate)
-        late = approximate_delays(_later(delayed, period / 2.0), pade_order)
-        laws: list[SampledCompensator] = [
-            design_sampled_lqg(delayed, weights, authority, period, form) for form in FORMS
+        late = approximate_delays(_later(plant, period / 2.0), pade_order)
+        laws: list[Compensator] = [
+            design_sampled_lqg(plant, weights, authority, period, form) for form in FORMS
         ]
         names = [law.method for law in laws]
         for design, suffix in ((continuous, ""), (design_lqg(late, weights, authority), ", hold known")):
@@ -101,16 +99,16 @@ def compare_sampling(
             laws += [emulate(design, period, rule, match_hz=match_hz) for rule in rules]
             names += [rule + suffix for rule in rules]
         for name, law in zip(names, laws, strict=True):
-            outcome = measure_sampled_loop(delayed, law, weights, authority)
-            margins = measure_sampled_margins(delayed, law, delays=False) if outcome.stable else None
+            outcome = measure_sampled_loop(plant, law, weights, authority)
+            margins = measure_margins(plant, law, delays=False) if outcome.stable else None
             rows.append(SamplingRow(name, float(rate), law, outcome, margins))
-    idle = emulate(idle_compensator(delayed.plant), 1.0 / float(rates_hz[0]), "hold")
-    open_loop = measure_sampled_loop(delayed, idle, weights, authority)
+    idle = emulate(idle_compensator(plant), 1.0 / float(rates_hz[0]), "hold")
+    open_loop = measure_sampled_loop(plant, idle, weights, authority)
     return SamplingComparison(tuple(rows), open_loop.metric, continuous.cost)
 
 
-def _later(delayed: DelayedPlant, more_s: float) -> DelayedPlant:
+def _later(plant: Plant, more_s: float) -> Plant:
     """The control inputs later still."""
-    delay_s = delayed.delay_s.copy()
-    delay_s[:, delayed.plant.input_indices(delayed.plant.u)] += more_s
-    return DelayedPlant(delayed.plant, delay_s)
+    delay_s = np.zeros_like(plant.delay_s)
+    delay_s[:, plant.input_indices(plant.u)] = more_s
+    return delay_plant(plant, delay_s)

@@ -8,6 +8,7 @@ instant, and measurements that are late by what they are later than the earliest
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -15,9 +16,9 @@ from jaxtyping import Float
 
 from middeck.control.law.delay_order import approximation_order
 from middeck.errors import ConfigError
-from middeck.systems.delayed_plant import SAME_DELAY_S, DelayedPlant, approximate_delays
+from middeck.systems.delay_approximation import SAME_DELAY_S, approximate_delays
 from middeck.systems.delayed_sampling import split_delays
-from middeck.systems.plant import Plant
+from middeck.systems.plant import Plant, remove_delays
 from middeck.values import record
 
 
@@ -30,9 +31,7 @@ class TimedPlant:
     output_s: Float[np.ndarray, " y"]
 
 
-def place_delays(
-    plant: Plant | DelayedPlant, disturbed: Sequence[str], process: Float[np.ndarray, "w w"]
-) -> TimedPlant:
+def place_delays(plant: Plant, disturbed: Sequence[str], process: Float[np.ndarray, "w w"]) -> TimedPlant:
     """The plant with its delays at u and y, under white noise of intensity ``process`` on ``disturbed``.
 
     Exact where each path is late by its input's delay plus its output's; what single paths are late beyond
@@ -40,9 +39,7 @@ def place_delays(
 
     Raises `ConfigError` for disturbances that belong together and are late by different times.
     """
-    if not isinstance(plant, DelayedPlant):
-        return TimedPlant(plant, np.zeros(len(plant.u)), np.zeros(len(plant.y)))
-    inside = plant.plant
+    inside = remove_delays(plant)
     u, w = inside.input_indices(inside.u), inside.input_indices(disturbed)
     y, z = inside.output_indices(inside.y), inside.output_indices(inside.z)
     inputs, outputs = list(dict.fromkeys([*u, *w])), list(dict.fromkeys([*y, *z]))
@@ -55,7 +52,7 @@ def place_delays(
     if np.any(split.rest_s > SAME_DELAY_S):
         rest = np.zeros_like(plant.delay_s)
         rest[np.ix_(outputs, inputs)] = split.rest_s
-        late = DelayedPlant(inside, rest)
+        late = dataclasses.replace(plant, delay_s=rest)
         inside = approximate_delays(late, approximation_order(late))
     of_u, of_y = np.array([late_in[i] for i in u]), np.array([late_out[o] for o in y])
     common = float(of_y.min(initial=np.inf)) if len(of_y) else 0.0

@@ -12,11 +12,9 @@ from typing import Literal, get_args
 import numpy as np
 
 from middeck.control.law.compensator import Compensator
-from middeck.control.law.kinds import require_continuous
-from middeck.control.law.sampled_compensator import SampledCompensator
 from middeck.control.sampled.matched import match_roots
 from middeck.errors import ConfigError
-from middeck.systems.sampling import sample_plant, tustin
+from middeck.systems.sampling import sample_dynamics, tustin
 from middeck.systems.statespace import SampledStateSpace, StateSpace
 
 Rule = Literal["hold", "tustin", "matched"]
@@ -24,7 +22,7 @@ Rule = Literal["hold", "tustin", "matched"]
 
 def emulate(
     compensator: Compensator, period_s: float, rule: Rule = "tustin", *, match_hz: float | None = None
-) -> SampledCompensator:
+) -> Compensator:
     """The law as a computer of ``period_s`` may run it.
 
     Parameters
@@ -50,10 +48,9 @@ def emulate(
     >>> from middeck.signals.ports import Port
     >>> y, u = (Port("y", "m"),), (Port("u", "N"),)
     >>> lag = Compensator(StateSpace([[-2.0]], [[2.0]], [[1.0]], [[0.0]]), y, u)
-    >>> [round(float(emulate(lag, 0.1, rule).system.A[0, 0]), 6) for rule in ("hold", "tustin", "matched")]
+    >>> [round(float(emulate(lag, 0.1, rule).sampled.A[0, 0]), 6) for rule in ("hold", "tustin", "matched")]
     [0.818731, 0.818182, 0.818731]
     """
-    require_continuous(compensator)
     if not (np.isfinite(period_s) and period_s > 0.0):
         raise ConfigError(f"a period of {period_s} s cannot be sampled at", hint="a positive period")
     if match_hz is not None and not 0.0 <= match_hz < 0.5 / period_s:
@@ -65,12 +62,12 @@ def emulate(
         raise ConfigError(f"no rule {rule!r}", hint=f"one of {', '.join(get_args(Rule))}")
     at = 2.0 * np.pi * (match_hz or 0.0)
     if rule == "hold":
-        system = sample_plant(compensator.system, period_s)
+        system = sample_dynamics(compensator.system, period_s)
     elif rule == "tustin":
         system = _prewarped(compensator.system, period_s, at)
     else:
         system = match_roots(compensator.system, period_s, at)
-    return SampledCompensator(system, compensator.inputs, compensator.outputs, rule)
+    return Compensator(system, compensator.inputs, compensator.outputs, method=rule)
 
 
 def _prewarped(system: StateSpace, period_s: float, omega: float) -> SampledStateSpace:

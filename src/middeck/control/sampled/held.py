@@ -13,7 +13,6 @@ from middeck.control.sampled.integrals import spread_noise
 from middeck.control.sampled.period import Between, Segment, follow_period
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
-from middeck.systems.delayed_plant import DelayedPlant
 from middeck.systems.plant import Plant, name_states, subsystem
 from middeck.systems.sampling import WHOLE
 from middeck.systems.statespace import SampledStateSpace
@@ -64,7 +63,7 @@ class HeldPlant:
     inert: tuple[str, ...]
 
 
-def hold_plant(plant: Plant | DelayedPlant, weights: LQGWeights, period_s: float) -> HeldPlant:
+def hold_plant(plant: Plant, weights: LQGWeights, period_s: float) -> HeldPlant:
     """The plant with its inputs held over ``period_s``, under the noises of ``weights``.
 
     Delays are exact where each path is late by its input's delay plus its output's; what single paths are
@@ -113,8 +112,8 @@ def hold_plant(plant: Plant | DelayedPlant, weights: LQGWeights, period_s: float
     )
 
 
-def _check_delays(plant: Plant | DelayedPlant, period_s: float) -> None:
-    longest = float(plant.delay_s.max(initial=0.0)) if isinstance(plant, DelayedPlant) else 0.0
+def _check_delays(plant: Plant, period_s: float) -> None:
+    longest = float(plant.delay_s.max(initial=0.0))
     if longest > MOST_LATE * period_s:
         raise ConfigError(
             f"a delay of {longest:g} s is {longest / period_s:.0f} periods of {period_s:g} s, a state each",

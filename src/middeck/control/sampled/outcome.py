@@ -7,18 +7,17 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Complex, Float
 
-from middeck.control.law.kinds import require_sampled
-from middeck.control.law.sampled_compensator import SampledCompensator
+from middeck.control.law.compensator import Compensator
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.riccati import solve_discrete_lyapunov
 from middeck.control.sampled.held import HeldPlant, hold_plant
 from middeck.control.sampled.integrals import spread_noise
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port, port_indices
-from middeck.systems.delayed_plant import DelayedPlant
+from middeck.systems.feedback import feedback
 from middeck.systems.plant import Plant
 from middeck.systems.stability import is_stable
-from middeck.systems.statespace import SampledStateSpace, poles
+from middeck.systems.statespace import SampledStateSpace, poles, select_paths
 from middeck.values import record
 
 
@@ -55,7 +54,7 @@ class SampledOutcome:
 
 
 def measure_sampled_loop(
-    plant: Plant | DelayedPlant, compensator: SampledCompensator, weights: LQGWeights, authority: float
+    plant: Plant, compensator: Compensator, weights: LQGWeights, authority: float
 ) -> SampledOutcome:
     """The loop of ``plant`` and a sampled law under the noises of ``weights``, delays and hold exact.
 
@@ -65,8 +64,7 @@ def measure_sampled_loop(
     Raises `ConfigError` for ports that differ from the groups u and y, weights that do not fit, and a law
     that reads its own input within the sample.
     """
-    require_sampled(compensator)
-    held = hold_plant(plant, weights, compensator.period_s)
+    held = hold_plant(plant, weights, compensator.sampled.period_s)
     law = arrange_law(held, compensator)
     loop = _close(held, law)
     values = poles(loop)
@@ -85,14 +83,14 @@ def measure_sampled_loop(
     return SampledOutcome(True, values, rms, at_samples, control, metric, cost)
 
 
-def arrange_law(held: HeldPlant, compensator: SampledCompensator) -> SampledStateSpace:
+def arrange_law(held: HeldPlant, compensator: Compensator) -> SampledStateSpace:
     """The law with its ports in the order of the plant's groups y and u.
 
     Raises `ConfigError` for other ports, another period, and a loop within the sample.
     """
     columns = _places(compensator.inputs, held.outputs, "measurement")
     rows = _places(compensator.outputs, held.inputs, "control input")
-    s = compensator.system
+    s = compensator.sampled
     law = SampledStateSpace(s.A, s.B[:, columns], s.C[rows], s.D[np.ix_(rows, columns)], s.period_s)
     if abs(law.period_s - held.system.period_s) > 1e-12 * law.period_s:
         raise ConfigError(f"a law of {law.period_s} s on a plant held over {held.system.period_s} s")
@@ -116,14 +114,9 @@ def _places(given: Sequence[Port], wanted: Sequence[Port], what: str) -> list[in
 
 def _close(held: HeldPlant, law: SampledStateSpace) -> SampledStateSpace:
     """From sensor noise to the inputs u; states: the held plant's, then the law's."""
-    A, B, C, D = held.system.A, held.system.B, held.system.C, held.system.D
-    return SampledStateSpace(
-        np.block([[A + B @ law.D @ C, B @ law.C], [law.B @ C, law.A + law.B @ D @ law.C]]),
-        np.vstack([B @ law.D, law.B]),
-        np.hstack([law.D @ C, law.C]),
-        law.D,
-        law.period_s,
-    )
+    nu, ny = law.D.shape
+    closed = feedback(held.system, law, range(nu), range(ny))
+    return select_paths(closed, range(nu, nu + ny), range(ny, ny + nu))
 
 
 def _covariance(

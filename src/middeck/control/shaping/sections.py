@@ -13,7 +13,6 @@ import scipy.linalg as sla
 
 from middeck.control.law.classical import PDLoops
 from middeck.control.law.compensator import Compensator
-from middeck.control.law.kinds import require_continuous
 from middeck.errors import ConfigError
 from middeck.systems.plant import Plant
 from middeck.systems.statespace import StateSpace, gain_system, series
@@ -130,7 +129,6 @@ def shape_compensator(compensator: Compensator, section: StateSpace) -> Compensa
 
     Raises `ConfigError` for a section with more than one input or output.
     """
-    require_continuous(compensator)
     if section.D.shape != (1, 1):
         raise ConfigError(f"a section of {section.D.shape} outputs and inputs", hint="one of each")
     one = np.eye(len(compensator.outputs))

@@ -6,18 +6,16 @@ says that the other side subtracts: then K is negated on its way.
 """
 
 from middeck.files.exchange.mat import load_mat, write_mat
-from middeck.files.exchange.named import NamedSystem, as_compensator, as_plant, named_system
+from middeck.files.exchange.named import as_compensator, exchanged
 from middeck.files.exchange.python_control import from_control, to_control
 from middeck.files.exchange.scipy_signal import from_scipy, to_scipy
 
 __all__ = [
-    "NamedSystem",
     "as_compensator",
-    "as_plant",
+    "exchanged",
     "from_control",
     "from_scipy",
     "load_mat",
-    "named_system",
     "to_control",
     "to_scipy",
     "write_mat",

@@ -8,12 +8,10 @@ from typing import Any
 import numpy as np
 
 from middeck.errors import ConfigError
-from middeck.systems.statespace import SampledStateSpace, StateSpace, gain_system, series
+from middeck.systems.statespace import LinearSystem, SampledStateSpace, StateSpace, gain_system, series
 
 
-def build_foreign(
-    matrices: Mapping[str, Any], period_s: float | None, what: str
-) -> StateSpace | SampledStateSpace:
+def build_foreign(matrices: Mapping[str, Any], period_s: float | None, what: str) -> LinearSystem:
     """A system of real A, B, C and D; raises `ConfigError` by name where they are not."""
     real = {name: real_matrix(value, f"{what}, {name}") for name, value in matrices.items()}
     try:

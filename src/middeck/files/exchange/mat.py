@@ -14,29 +14,22 @@ from typing import Any
 import numpy as np
 
 from middeck.control.law.compensator import Compensator
-from middeck.control.law.sampled_compensator import SampledCompensator
 from middeck.errors import ConfigError, DataError
 from middeck.files.atomic import replacing
 from middeck.files.channels import build_channel
-from middeck.files.compensators import Stored, build_stored, build_system, how_made, period_of
+from middeck.files.compensators import StoredCompensator, build_stored, build_system, how_made
 from middeck.files.exchange.foreign import real_matrix, settle_period
-from middeck.files.exchange.named import (
-    Exchangeable,
-    NamedSystem,
-    as_plant,
-    name_ports,
-    named_system,
-    negated,
-)
+from middeck.files.exchange.named import Exchangeable, as_compensator, exchanged, matrices_of
 from middeck.files.json_output import json_text
 from middeck.signals.ports import Port
-from middeck.systems.plant import Plant
-from middeck.systems.sampled_plant import SampledPlant
+from middeck.systems.delayed_sampling import split_delays
+from middeck.systems.own_plant import name_ports
+from middeck.systems.plant import Plant, delay_plant, group_ports, remove_delays
 
 GROUPS = ("w", "u", "z", "y")
 KINDS = ("", "plant", "compensator", "system")
 NEGATIVE, POSITIVE = "negative", "positive"
-DELAYS = ("InputDelay", "OutputDelay", "IODelay", "ioDelay", "InternalDelay")
+DELAYS = ("InputDelay", "OutputDelay", "IODelay", "ioDelay")
 HINT = "s.A = K.A; ... save('law.mat', '-struct', 's') of an ss object's matrices"
 
 
@@ -44,37 +37,43 @@ def write_mat(path: str | Path, value: Exchangeable, *, negative_feedback: bool 
     """Write a system, plant or compensator as a MAT file of version 5, whole or not at all.
 
     Variables: A, B, C, D, Ts (0: continuous), InputName, OutputName, StateName, InputUnit, OutputUnit (cell
-    arrays), Kind; of a plant its groups w, u, z and y; of a compensator Feedback, Method, Authority, Cost and
-    Inert. ``negative_feedback=True`` writes -K, for u = -K y, and says so in Feedback.
+    arrays), Kind; of a plant its groups w, u, z and y and its delays [s] as ``ss`` has them, InputDelay and
+    OutputDelay, and IODelay [output, input] for what a path is delayed beyond their sum; of a compensator
+    Feedback, Method, Authority, Cost and Inert. ``negative_feedback=True`` writes -K, for u = -K y, and says
+    so in Feedback.
 
     Raises `ConfigError` for what cannot be exchanged.
     """
-    named = named_system(value, negative_feedback=negative_feedback)
-    write_variables(path, named, _of_its_kind(value, negative_feedback))
-
-
-def write_variables(path: str | Path, named: NamedSystem, kind: Mapping[str, Any]) -> None:
-    """A system's matrices and names, and what belongs to its kind, whole or not at all."""
     import scipy.io
 
-    contents: dict[str, Any] = {name: getattr(named.system, name) for name in "ABCD"}
-    contents |= {"Ts": period_of(named.system) or 0.0, "StateName": _cells(named.state_names)}
+    delays: dict[str, np.ndarray] = {}
+    if isinstance(value, Plant):
+        value, delays = remove_delays(value), _delays_of(value)
+    named = exchanged(value, negative_feedback=negative_feedback)
+    contents: dict[str, Any] = {name: getattr(matrices_of(named), name) for name in "ABCD"}
+    contents |= {"Ts": named.period_s or 0.0, "StateName": _cells(named.state_names)} | delays
     for side, ports in (("Input", named.inputs), ("Output", named.outputs)):
         contents[f"{side}Name"] = _cells([port.name for port in ports])
         contents[f"{side}Unit"] = _cells([port.unit for port in ports])
         if any(port.channel for port in ports):
             channels = [json_text(port.channel) if port.channel else "" for port in ports]
             contents[f"{side}Channel"] = _cells(channels)
-    contents |= kind
+    contents |= _of_its_kind(value, negative_feedback)
     with replacing(Path(path)) as temporary, open(temporary, "wb") as stream:
         scipy.io.savemat(stream, contents, do_compression=True, oned_as="column")
 
 
+def _delays_of(plant: Plant) -> dict[str, np.ndarray]:
+    split = split_delays(plant.delay_s)
+    every = {"InputDelay": split.input_s, "OutputDelay": split.output_s, "IODelay": split.rest_s}
+    return {name: delay_s for name, delay_s in every.items() if np.any(delay_s)}
+
+
 def _of_its_kind(value: Exchangeable, negative_feedback: bool) -> dict[str, Any]:
     match value:
-        case Plant() | SampledPlant():
+        case Plant():
             return {"Kind": "plant"} | {group: _cells(getattr(value, group)) for group in GROUPS}
-        case Compensator() | SampledCompensator():
+        case Compensator():
             made = how_made(value)
             known = {name.title(): made[name] for name in ("authority", "cost") if made[name] is not None}
             return {
@@ -96,7 +95,7 @@ def _cells(texts: Sequence[str]) -> np.ndarray:
 
 def load_mat(
     path: str | Path, *, variable: str = "", period_s: float | None = None
-) -> NamedSystem | Plant | SampledPlant | Stored:
+) -> Plant | StoredCompensator:
     """The plant, compensator or system in a MAT file, of `write_mat` or with A, B, C and D of any origin.
 
     Parameters
@@ -116,8 +115,9 @@ def load_mat(
     ------
     DataError
         Naming file and variable, for a file that is missing or broken, matrices that are missing, complex,
-        not finite or do not fit, names that are not as many as the ports, or what A, B, C and D alone do not
-        say: a matrix E, a delay, a unit of time other than the second, a kind or sign that is not known.
+        not finite or do not fit, names that are not as many as the ports, or what a plant does not say: a
+        matrix E, an internal delay or that of a sampled system, a unit of time other than the second, a kind
+        or sign that is not known.
     """
     where = str(path)
     found = _part(_arrays(Path(path)), variable)
@@ -160,13 +160,8 @@ def _require_plain(found: Mapping[str, np.ndarray], where: str) -> None:
         raise DataError(
             "a descriptor matrix E", where=f"{where}, E", hint="ss(E\\A, E\\B, C, D) where E is regular"
         )
-    late = [name for name in DELAYS if np.any(found.get(name, 0.0))]
-    if late:
-        raise DataError(
-            "a delay, which A, B, C and D do not hold",
-            where=f"{where}, {late[0]}",
-            hint="0 there, and a DelayedPlant here; or pade(s, 3)",
-        )
+    if np.any(found.get("InternalDelay", 0.0)):
+        raise DataError("a delay within a loop", where=f"{where}, InternalDelay", hint="pade(s, 3)")
     unit = _text(found, "TimeUnit")
     if unit not in ("", "seconds"):
         raise DataError(f"time in {unit}", where=f"{where}, TimeUnit", hint="chgTimeUnit(s, 'seconds')")
@@ -183,27 +178,42 @@ def _require_plain(found: Mapping[str, np.ndarray], where: str) -> None:
 
 def _build(
     found: Mapping[str, np.ndarray], matrices: dict[str, np.ndarray], period: float | None, where: str
-) -> NamedSystem | Plant | SampledPlant | Stored:
+) -> Plant | StoredCompensator:
     D = matrices["D"]
     inputs = _ports(found, "Input", name_ports("u", D.shape[-1]), where)
     outputs = _ports(found, "Output", name_ports("y", len(D)), where)
     system = build_system(matrices, period, (len(inputs), len(outputs)), where)
-    named = NamedSystem(system, inputs, outputs, _texts(found, "StateName"))
-    match _text(found, "Kind"):
-        case "compensator":
-            return _compensator(found, named, where)
-        case "plant":
-            return as_plant(named, **{group: _texts(found, group) for group in GROUPS})
-        case _:
-            return named
+    plant = Plant(system, inputs, outputs, state_names=_texts(found, "StateName"))
+    kind, late = _text(found, "Kind"), [name for name in DELAYS if np.any(found.get(name, 0.0))]
+    if late and (kind == "compensator" or period is not None):
+        raise DataError(
+            f"a delay of a {kind or 'sampled system'}",
+            where=f"{where}, {late[0]}",
+            hint="delays as states: pade(s, 3), or absorbDelay(s) of a sampled system",
+        )
+    if kind == "compensator":
+        return _compensator(found, plant, where)
+    plant = delay_plant(plant, _delays(found, where, system.D.shape)) if late else plant
+    return group_ports(plant, **{group: _texts(found, group) for group in GROUPS})
 
 
-def _compensator(found: Mapping[str, np.ndarray], named: NamedSystem, where: str) -> Stored:
-    system = negated(named.system) if _text(found, "Feedback") == NEGATIVE else named.system
+def _delays(found: Mapping[str, np.ndarray], where: str, shape: tuple[int, int]) -> np.ndarray:
+    """Of each path [s]; InputDelay one for each input, OutputDelay one for each output, or one for all."""
+    total = np.zeros(shape)
+    for name, form in zip(DELAYS, ((1, shape[1]), (shape[0], 1), shape, shape), strict=True):
+        value = np.asarray(found.get(name, 0.0), dtype=float)
+        if value.size not in (1, form[0] * form[1]):
+            raise DataError(f"{value.size} delays for {form[0] * form[1]}", where=f"{where}, {name}")
+        total = total + (value.reshape(form) if value.size > 1 else float(value.ravel()[0]))
+    return total
+
+
+def _compensator(found: Mapping[str, np.ndarray], plant: Plant, where: str) -> StoredCompensator:
+    system = as_compensator(plant, negative_feedback=_text(found, "Feedback") == NEGATIVE).dynamics
     made: dict[str, Any] = {"method": _text(found, "Method"), "inert": _texts(found, "Inert")}
     made |= {name.lower(): float(found[name].item()) for name in ("Authority", "Cost") if name in found}
     matrices = {name: getattr(system, name) for name in "ABCD"}
-    return build_stored(matrices, period_of(system), named.inputs, named.outputs, made, where)
+    return build_stored(matrices, plant.period_s, plant.inputs, plant.outputs, made, where)
 
 
 def _ports(

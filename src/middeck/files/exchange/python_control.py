@@ -9,9 +9,10 @@ from typing import Any
 
 from middeck.errors import ConfigError, MissingExtraError
 from middeck.files.exchange.foreign import build_foreign, realise_ratio, settle_period
-from middeck.files.exchange.named import Exchangeable, NamedSystem, known_ports, named_system
+from middeck.files.exchange.named import Exchangeable, exchanged, known_ports, matrices_of
 from middeck.signals.ports import Port
-from middeck.systems.statespace import SampledStateSpace, StateSpace
+from middeck.systems.plant import Plant
+from middeck.systems.statespace import LinearSystem, SampledStateSpace
 
 # python-control keeps the dot for "system.signal".
 DOT, INSTEAD = ".", "·"
@@ -34,8 +35,8 @@ def to_control(value: Exchangeable, *, negative_feedback: bool = False, name: st
         For what cannot be exchanged, as two ports of one name or a number that is not finite.
     """
     control = _library()
-    named = named_system(value, negative_feedback=negative_feedback)
-    system = named.system
+    named = exchanged(value, negative_feedback=negative_feedback)
+    system = matrices_of(named)
     labels = {
         "inputs": _port_labels(named.inputs, "input"),
         "outputs": _port_labels(named.outputs, "output"),
@@ -47,7 +48,7 @@ def to_control(value: Exchangeable, *, negative_feedback: bool = False, name: st
     )
 
 
-def from_control(system: Any, *, like: Sequence[Port] = (), period_s: float | None = None) -> NamedSystem:
+def from_control(system: Any, *, like: Sequence[Port] = (), period_s: float | None = None) -> Plant:
     """A state space, or a transfer function of one input and output, of python-control, with its names.
 
     Parameters
@@ -78,7 +79,7 @@ def from_control(system: Any, *, like: Sequence[Port] = (), period_s: float | No
     states = getattr(system, "state_labels", ()) if hasattr(system, "A") else ()
     own = tuple(f"x[{i}]" for i in range(len(found.A)))
     names = () if tuple(states) == own else _without_numbers(states)
-    return NamedSystem(found, inputs, outputs, names)
+    return Plant(found, inputs, outputs, state_names=names)
 
 
 def _library() -> Any:
@@ -95,7 +96,7 @@ def _refused(what: str) -> ConfigError:
     )
 
 
-def _matrices(system: Any, period: float | None, what: str) -> StateSpace | SampledStateSpace:
+def _matrices(system: Any, period: float | None, what: str) -> LinearSystem:
     if all(hasattr(system, name) for name in "ABCD"):
         return build_foreign({name: getattr(system, name) for name in "ABCD"}, period, what)
     if not (hasattr(system, "num") and hasattr(system, "den")):

@@ -15,9 +15,11 @@ from middeck.files.exchange.foreign import (
     realise_roots,
     settle_period,
 )
-from middeck.files.exchange.named import Exchangeable, NamedSystem, name_ports, named_system
+from middeck.files.exchange.named import Exchangeable, exchanged, matrices_of
 from middeck.signals.ports import Port
-from middeck.systems.statespace import SampledStateSpace, StateSpace
+from middeck.systems.own_plant import name_ports
+from middeck.systems.plant import Plant
+from middeck.systems.statespace import LinearSystem, SampledStateSpace
 
 
 def to_scipy(value: Exchangeable, *, negative_feedback: bool = False) -> Any:
@@ -30,7 +32,7 @@ def to_scipy(value: Exchangeable, *, negative_feedback: bool = False) -> Any:
     """
     import scipy.signal
 
-    system = named_system(value, negative_feedback=negative_feedback).system
+    system = matrices_of(exchanged(value, negative_feedback=negative_feedback))
     matrices = system.A, system.B, system.C, system.D
     if isinstance(system, SampledStateSpace):
         return scipy.signal.StateSpace(*matrices, dt=system.period_s)
@@ -44,7 +46,7 @@ def from_scipy(
     outputs: Sequence[Port] = (),
     state_names: Sequence[str] = (),
     period_s: float | None = None,
-) -> NamedSystem:
+) -> Plant:
     """A `StateSpace`, `TransferFunction` or `ZerosPolesGain` of scipy.signal, continuous or sampled.
 
     Ports without a name are u1, u2 ... and y1, y2 ... Poles and zeros become a chain of sections of second
@@ -67,10 +69,10 @@ def from_scipy(
     found = _matrices(system, period, what)
     rows, columns = found.D.shape
     ports = tuple(inputs) or name_ports("u", columns), tuple(outputs) or name_ports("y", rows)
-    return NamedSystem(found, *ports, tuple(state_names))
+    return Plant(found, *ports, state_names=tuple(state_names))
 
 
-def _matrices(system: Any, period: float | None, what: str) -> StateSpace | SampledStateSpace:
+def _matrices(system: Any, period: float | None, what: str) -> LinearSystem:
     import scipy.signal
 
     match system:

@@ -7,7 +7,7 @@ import numpy as np
 from middeck.errors import ConfigError
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.systems.modal import ModalSystem, output_rows
-from middeck.systems.plant import Plant
+from middeck.systems.plant import Plant, remove_delays
 from middeck.systems.statespace import StateSpace
 
 # A real part of a pole below this share of its size is rounding: the plant does not decay.
@@ -17,8 +17,8 @@ ROUNDING = 1e-12
 def model_of_plant(plant: Plant, *, delay_s: float = 0.0) -> MeasurementModel:
     """Poles and residues of ``plant`` from its inputs u to its outputs y (all of them if it names none).
 
-    ``delay_s`` is that of the test, hold and computer included, on every output. Modal plants keep their real
-    constants to rounding.
+    ``delay_s`` is that of the test beyond the plant's own, hold and computer included, on every output. Modal
+    plants keep their real constants to rounding.
 
     Raises
     ------
@@ -36,9 +36,10 @@ def model_of_plant(plant: Plant, *, delay_s: float = 0.0) -> MeasurementModel:
     """
     rows = plant.output_indices(plant.y or [p.name for p in plant.outputs])
     columns = plant.input_indices(plant.u or [p.name for p in plant.inputs])
-    dynamics = plant.dynamics
-    modal = isinstance(dynamics, ModalSystem) and np.all(dynamics.zeta < 1.0)
-    poles, c, b, direct = _of_modes(dynamics) if modal else _of_states(plant.system)  # type: ignore[arg-type]
+    modal = plant.modal
+    damped = modal is not None and bool(np.all(modal.zeta < 1.0))
+    on_time = remove_delays(plant)
+    poles, c, b, direct = _of_modes(modal) if modal is not None and damped else _of_states(on_time.system)
     if np.any(np.real(poles) >= -ROUNDING * np.abs(poles)):
         raise ConfigError(
             "the plant has a pole that does not decay",
@@ -54,6 +55,7 @@ def model_of_plant(plant: Plant, *, delay_s: float = 0.0) -> MeasurementModel:
         np.full(len(rows), delay_s),
         tuple(plant.inputs[i] for i in columns),
         tuple(plant.outputs[o] for o in rows),
+        path_delay_s=plant.delay_s[np.ix_(rows, columns)] if plant.delayed else None,
     )
 
 

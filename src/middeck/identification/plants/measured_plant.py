@@ -10,10 +10,10 @@ from middeck.errors import ConfigError
 from middeck.identification.model.measurement_model import MeasurementModel, path_delay
 from middeck.identification.model.selection import select_channels
 from middeck.identification.plants.modal_states import modal_statespace, state_names
-from middeck.systems.delayed_plant import SAME_DELAY_S, DelayedPlant, approximate_delays, join_channels
+from middeck.systems.delay_approximation import SAME_DELAY_S, approximate_delays, join_channels
 from middeck.systems.delayed_sampling import is_sum
-from middeck.systems.plant import Plant
-from middeck.systems.sampled_plant import SampledPlant, build_sampled_plant
+from middeck.systems.plant import Plant, delay_plant
+from middeck.systems.sampled_plant import sample_plant
 from middeck.systems.statespace import StateSpace
 
 Named = tuple[StateSpace, tuple[str, ...]]
@@ -55,7 +55,7 @@ def delayed_plant(
     u: Sequence[str] = (),
     z: Sequence[str] = (),
     y: Sequence[str] = (),
-) -> DelayedPlant:
+) -> Plant:
     """The plant of a continuous model with its delays as they are: for evaluation, margins and sampling.
 
     Where ``model.hold_s`` is None and its data had held inputs, half a period of that hold is in the delays:
@@ -69,7 +69,7 @@ def delayed_plant(
     _check_continuous(model)
     groups = tuple(w), tuple(u), tuple(z), tuple(y)
     plant = Plant(modal_statespace(model), model.inputs, model.outputs, *groups, state_names(model))
-    return DelayedPlant(plant, path_delay(model))
+    return delay_plant(plant, path_delay(model))
 
 
 def sampled_plant(
@@ -80,7 +80,7 @@ def sampled_plant(
     u: Sequence[str] = (),
     z: Sequence[str] = (),
     y: Sequence[str] = (),
-) -> SampledPlant:
+) -> Plant:
     """What a computer of the period ``period_s`` sees of a continuous model: exact, delays included.
 
     Inputs are held from one instant to the next, outputs are sampled at the instants, so that the hold's own
@@ -91,7 +91,7 @@ def sampled_plant(
     ConfigError
         For a sampled model, a period that is not positive or an unknown port.
     """
-    return build_sampled_plant(delayed_plant(model, w=w, u=u, z=z, y=y), period_s)
+    return sample_plant(delayed_plant(model, w=w, u=u, z=z, y=y), period_s)
 
 
 def _check_continuous(model: MeasurementModel) -> None:
@@ -118,5 +118,5 @@ def _with_delays(model: MeasurementModel, order: int) -> Named:
 
 def _approximated(model: MeasurementModel, delay_s: np.ndarray, order: int) -> Named:
     on_time = Plant(modal_statespace(model), model.inputs, model.outputs, state_names=state_names(model))
-    late = approximate_delays(DelayedPlant(on_time, delay_s), order)
+    late = approximate_delays(delay_plant(on_time, delay_s), order)
     return late.system, late.state_names

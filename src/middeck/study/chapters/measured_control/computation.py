@@ -21,8 +21,8 @@ from middeck.laboratory.article import RigArticle, rig_article_plant
 from middeck.laboratory.bench import Bench, build_bench, take_open_loop
 from middeck.laboratory.loop import RigLoop, judge_loops, view_rig
 from middeck.study.measured_loop.computation import DesignCase, MeasuredLoop, measure_loop
-from middeck.systems.modal import ModalSystem, output_rows
-from middeck.systems.plant import Plant
+from middeck.systems.modal import output_rows
+from middeck.systems.plant import Plant, require_modal
 from middeck.systems.response import FrequencyResponse, in_band
 from middeck.values import record
 
@@ -130,8 +130,7 @@ def _below_fit(article: RigArticle, siso: SisoForm, fit: FitResult) -> OutsideMo
     A pole meets a mode within 2 %, the shift of frequency that the study takes to break a loop.
     """
     plant = rig_article_plant(article, inputs=(siso.actuator,), outputs=(siso.sensor,))
-    modal = plant.dynamics
-    assert isinstance(modal, ModalSystem)
+    modal = require_modal(plant)
     f = modal.omega / (2.0 * np.pi)
     below = (f >= siso.band_hz[0]) & (f < siso.fit_band_hz[0]) & (modal.zeta > 0.0)
     if not below.any():

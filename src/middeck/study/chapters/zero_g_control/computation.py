@@ -26,9 +26,9 @@ from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import damped_kinds
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.plants.port_rows import RATE
-from middeck.systems.modal import ModalSystem, select_modes
+from middeck.systems.modal import select_modes
 from middeck.systems.norms import band_rms_by_quadrature
-from middeck.systems.plant import Plant
+from middeck.systems.plant import Plant, require_modal
 from middeck.systems.stability import GROWTH_LIMIT
 from middeck.values import record
 
@@ -103,8 +103,7 @@ def sub_model(plant: Plant, kinds: tuple[str, ...], which: str) -> Plant:
     """``plant`` with all its modes, the flexible ones, or those that are not flexible."""
     flexible = np.array([k == "flexible" for k in kinds])
     keep = {"all": np.ones(len(flexible), dtype=bool), "flexible": flexible, "rigid": ~flexible}[which]
-    assert isinstance(plant.dynamics, ModalSystem)
-    return dataclasses.replace(plant, dynamics=select_modes(plant.dynamics, keep), state_names=())
+    return dataclasses.replace(plant, dynamics=select_modes(require_modal(plant), keep), state_names=())
 
 
 def compute(study: Study, rng: np.random.Generator, comparison: ModeComparison) -> ZeroGControl:

@@ -1,4 +1,4 @@
-"""Plants whose paths are late, each by its own time: exact for evaluation, by Pade for a design."""
+"""A plant whose exact delays are replaced by Pade approximations, for a design that needs finite states."""
 
 from __future__ import annotations
 
@@ -9,15 +9,13 @@ import numpy as np
 import scipy.linalg
 from jaxtyping import Complex, Float
 
-from middeck.errors import ConfigError
 from middeck.systems.delay import evaluate_pade, pade
 from middeck.systems.delayed_sampling import is_sum, split_delays
 from middeck.systems.inert_modes import inert_modes, silence_inert
 from middeck.systems.integrators import part_integrators
 from middeck.systems.late_integrators import approximate_late_integrators
 from middeck.systems.modal import ModalSystem, modal_to_statespace, output_rows, select_modes
-from middeck.systems.plant import Plant, name_states
-from middeck.systems.response import FrequencyResponse, evaluate_plant
+from middeck.systems.plant import Plant, name_states, remove_delays
 from middeck.systems.statespace import StateSpace, add, gain_system, series
 from middeck.values import record
 
@@ -25,55 +23,7 @@ from middeck.values import record
 SAME_DELAY_S = 1e-12
 
 
-@record
-class DelayedPlant:
-    """A plant from input i to output o, late by ``delay_s[o, i]``.
-
-    Parameters
-    ----------
-    plant:
-        The plant without its delays: ports, groups and states are its.
-    delay_s:
-        Delay [s] of each path, zero or more.
-
-    Raises
-    ------
-    ConfigError
-        For delays of another shape than the plant's ports, negative or not finite.
-    """
-
-    plant: Plant
-    delay_s: Float[np.ndarray, "output input"]
-
-    def __post_init__(self) -> None:
-        ports = len(self.plant.outputs), len(self.plant.inputs)
-        if self.delay_s.shape != ports or not np.all((self.delay_s >= 0.0) & np.isfinite(self.delay_s)):
-            raise ConfigError(
-                f"delays of shape {self.delay_s.shape} for {ports} outputs and inputs, or one is negative",
-                hint="one delay of zero or more for each path",
-            )
-
-
-def delay_inputs(plant: Plant, delay_s: float) -> DelayedPlant:
-    """The plant with one delay [s] in front of all its inputs.
-
-    >>> from middeck.signals.ports import Port
-    >>> lag = StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
-    >>> late = delay_inputs(Plant(lag, (Port("force", "N"),), (Port("way", "m"),)), 0.01)
-    >>> late.delay_s.tolist(), len(approximate_delays(late, 3).system.A)
-    ([[0.01]], 4)
-    """
-    return DelayedPlant(plant, np.full((len(plant.outputs), len(plant.inputs)), float(delay_s)))
-
-
-def evaluate_delayed(delayed: DelayedPlant, frequency_hz: Float[np.ndarray, " line"]) -> FrequencyResponse:
-    """The frequency response at ``frequency_hz``, all ports, delays exact."""
-    response = evaluate_plant(delayed.plant, frequency_hz)
-    turns = response.frequency_hz[:, None, None] * delayed.delay_s
-    return dataclasses.replace(response, H=response.H * np.exp(-2j * np.pi * turns))
-
-
-def approximate_delays(delayed: DelayedPlant, order: int) -> Plant:
+def approximate_delays(plant: Plant, order: int) -> Plant:
     """The plant with a Pade approximation of ``order`` states for each delay that stands alone.
 
     A delay common to all paths is put on the side with fewer channels; what an input or an output is late
@@ -84,21 +34,25 @@ def approximate_delays(delayed: DelayedPlant, order: int) -> Plant:
     "delay"), the plant's, those of the outputs' delays. Modes of the plant that no port moves or sees stand
     apart by exact zeros (`silence_inert`).
 
+    A plant without delays stays as it is.
+
     Raises
     ------
     ConfigError
         For an order below one.
     """
-    plant = delayed.plant
+    if not plant.delayed:
+        return plant
+    on_time = remove_delays(plant)
     modal = silence_inert(plant.dynamics) if isinstance(plant.dynamics, ModalSystem) else None
-    if not is_sum(delayed.delay_s, SAME_DELAY_S):
-        parts = _part_states(plant.system, name_states(plant)) if modal is None else _part_modes(modal)
+    if not is_sum(plant.delay_s, SAME_DELAY_S):
+        parts = _part_states(on_time.system, name_states(plant)) if modal is None else _part_modes(modal)
         if len(parts.residues):
-            system, names = _approximate_parts(parts, delayed.delay_s, order)
-            return dataclasses.replace(plant, dynamics=system, state_names=names)
-    whole = plant.system if modal is None else modal_to_statespace(modal)
-    system, names = _approximated(whole, name_states(plant), delayed.delay_s, order)
-    return dataclasses.replace(plant, dynamics=system, state_names=names)
+            system, names = _approximate_parts(parts, plant.delay_s, order)
+            return dataclasses.replace(on_time, dynamics=system, state_names=names)
+    whole = on_time.system if modal is None else modal_to_statespace(modal)
+    system, names = _approximated(whole, name_states(plant), plant.delay_s, order)
+    return dataclasses.replace(on_time, dynamics=system, state_names=names)
 
 
 def evaluate_approximation(

@@ -11,6 +11,7 @@ rate, where its image may turn the other way. So the plant is sampled anew at ev
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -18,6 +19,13 @@ import numpy as np
 import scipy.optimize as opt
 from jaxtyping import Bool, Float
 
+from middeck.control.analysis.crossings import circle_crossings
+from middeck.control.analysis.lines import place_lines, refine_lines
+from middeck.control.analysis.loop import At, form_loop, loop_path
+from middeck.control.analysis.return_ratio import broken_ratio
+from middeck.control.analysis.stability import decide_loop
+from middeck.control.law.compensator import Compensator
+from middeck.systems.plant import Plant, delay_plant, remove_delays
 from middeck.systems.statespace import StateSpace, poles
 from middeck.values import record
 
@@ -53,6 +61,56 @@ class UnitGain:
     lag: Float[np.ndarray, " crossing"]
     falling: Bool[np.ndarray, " crossing"]
     open_end: bool
+
+
+def sampled_delay_limits(plant: Plant, compensator: Compensator, at: At) -> list[float]:
+    """The least further delay [s] of each channel alone at which the sampled loop is unstable.
+
+    ``inf`` where there is none. The continuous plant is sampled anew with that channel so much later.
+    """
+    path, period = loop_path(plant, compensator), compensator.sampled.period_s
+    system = remove_delays(path).system
+    ends: tuple[At, ...] = ("inputs", "outputs") if at == "both" else (at,)
+    limits: list[float] = []
+    for end in ends:
+        loop = form_loop(path, compensator)
+        lines = place_lines(loop, end, broken_ratio(loop, end))
+        later = (
+            np.eye(len(path.inputs))[:, None, :] if end == "inputs" else np.eye(len(path.outputs))[:, :, None]
+        )
+        for i, one in enumerate(later):
+            gain_at = functools.partial(_unit_gain, path, compensator, one * period, (end, i), lines)
+            limits.append(find_delay_limit(gain_at, system, period))
+    return limits
+
+
+def _unit_gain(
+    path: Plant,
+    compensator: Compensator,
+    period_later: np.ndarray,
+    where: tuple[At, int],
+    lines: np.ndarray,
+    part: float,
+) -> UnitGain:
+    """The loop with one channel ``part`` of ``period_later`` later."""
+    loop = form_loop(delay_plant(path, part * period_later), compensator)
+    end, i = where
+    ratio = broken_ratio(loop, end)
+
+    def alone(s: np.ndarray) -> np.ndarray:
+        return ratio(s)[:, [i]]
+
+    omega, L = refine_lines(alone, lines)
+    found = circle_crossings(alone, omega, L)
+    order = np.argsort(found.omega, kind="stable")
+    above = np.abs(L[:, 0]) > 1.0
+    return UnitGain(
+        decide_loop(loop).growing,
+        found.omega[order] * compensator.sampled.period_s,
+        np.mod(np.angle(found.L[order]) + np.pi, 2.0 * np.pi),
+        (np.arange(len(order)) % 2 == 0) == bool(above[0]),
+        bool(above[-1]),
+    )
 
 
 def find_delay_limit(gain_at: Callable[[float], UnitGain], system: StateSpace, period_s: float) -> float:
