@@ -8,10 +8,12 @@ rounding moves by its own size and multiplicity, not by those of the whole (Duff
 
 from __future__ import annotations
 
+import graphlib
 from typing import cast
 
 import numpy as np
 import scipy.linalg as sla
+import scipy.sparse.csgraph as csgraph
 from jaxtyping import Complex, Float
 
 
@@ -21,15 +23,14 @@ def strong_components(A: Float[np.ndarray, "state state"]) -> list[np.ndarray]:
     >>> [part.tolist() for part in strong_components(np.array([[1.0, 0.0], [5.0, 2.0]]))]
     [[1], [0]]
     """
-    n = len(A)
-    reached = (A != 0.0) | np.eye(n, dtype=bool)
-    for _ in range(int(np.ceil(np.log2(max(n, 2))))):
-        reached = (reached.astype(np.float32) @ reached.astype(np.float32)) > 0.0
-    # A row that reads a column reaches all that the column's state reaches, and itself.
-    first = np.argmax(reached & reached.T, axis=1)
-    heads = np.unique(first)
-    order = heads[np.argsort(-np.sum(reached[heads], axis=1), kind="stable")]
-    return [np.flatnonzero(first == head) for head in order]
+    count, label = cast(
+        "tuple[int, np.ndarray]",
+        csgraph.connected_components(A != 0.0, directed=True, connection="strong"),
+    )
+    readers: dict[int, set[int]] = {part: set() for part in range(count)}
+    for row, column in np.argwhere((A != 0.0) & (label[:, None] != label)):
+        readers[int(label[column])].add(int(label[row]))
+    return [np.flatnonzero(label == part) for part in graphlib.TopologicalSorter(readers).static_order()]
 
 
 def component_poles(A: Float[np.ndarray, "state state"]) -> Complex[np.ndarray, " state"]:
