@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 from measured.rows import row
 from middeck.control.analysis import decide_stability, measure_disk_margin, measure_margins
 from middeck.control.h2.closed_cost import Law, closed_matrices
-from middeck.control.h2.design_model import build_model
+from middeck.control.h2.generalized_plant import generalize
 from middeck.control.h2.noise_rms import measure_noise_rms
 from middeck.control.law.compensator import Compensator
 from middeck.control.loop.closed_loop import close_loop
@@ -99,7 +99,7 @@ def _many_plants() -> list[dict]:
     late = delay_plant(plant, np.array([[0.0, 0.0], [0.02, 0.02]]))
     found, taken = _timed(lambda: measure_noise_rms(late, law, weights))
     K = law.system
-    A, B, C = closed_matrices(build_model(approximate_delays(late, 60), weights, 1.0), Law(K.A, K.B, K.C))
+    A, B, C = closed_matrices(generalize(approximate_delays(late, 60), weights, 1.0), Law(K.A, K.B, K.C))
     X = solve_continuous_lyapunov(A, -B @ B.T)
     true = float(np.sqrt(C[0] @ X @ C[0]))
     return [

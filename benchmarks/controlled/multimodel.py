@@ -29,7 +29,7 @@ from measured.rows import row
 from middeck.control.law.classical import PDLoops, close_inner_loop
 from middeck.control.law.compensator import Compensator
 from middeck.control.loop.closed_loop import close_loop, leave_open
-from middeck.control.loop.performance import measure_metric
+from middeck.control.loop.performance import loop_metric
 from middeck.control.lqg import design_lqg
 from middeck.control.robust import (
     ModeShift,
@@ -243,13 +243,13 @@ def _simple() -> list[dict[str, Any]]:
         "sensitivity-weighted": lambda: ask(design_sensitivity_weighted),
         "Popov": lambda: ask(design_popov, tolerance=1e-4),
     }
-    reference = measure_metric(leave_open(plant), performance)
+    reference = loop_metric(leave_open(plant), performance)
     made: list[dict[str, Any]] = []
     for name, design in designs.items():
         runs = 1 if "order 20" in name else RUNS  # the one of half a minute
         law, seconds = _timed(design, runs)
         metric = [
-            measure_metric(close_loop(p, law), performance)
+            loop_metric(close_loop(p, law), performance)
             for p in finished_plants(bare, box, end_positions(box))
         ]
         db = 20.0 * np.log10(np.array(metric) / reference)

@@ -1,6 +1,10 @@
 """The public names, each from the room that holds it; ``import middeck`` loads one when it is first used."""
 
-from .control.analysis.delayed_rms import measure_delayed_rms as measure_delayed_rms
+from .control.analysis.rms import (
+    measure_control_rms as measure_control_rms,
+    measure_metric as measure_metric,
+    measure_rms as measure_rms,
+)
 from .control.analysis.disk import measure_disk_margin as measure_disk_margin
 from .control.analysis.inversion import find_inversion as find_inversion
 from .control.analysis.margins import measure_margins as measure_margins
@@ -39,12 +43,7 @@ from .control.loop.participation import (
     find_participation as find_participation,
     find_participations as find_participations,
 )
-from .control.loop.performance import (
-    Performance as Performance,
-    measure_control_rms as measure_control_rms,
-    measure_metric as measure_metric,
-    measure_rms as measure_rms,
-)
+from .control.loop.performance import Performance as Performance
 from .control.loop.pointing import (
     PointingWindow as PointingWindow,
     budget_pointing as budget_pointing,
@@ -63,6 +62,7 @@ from .control.robust.exchange import design_for_worst as design_for_worst
 from .control.robust.monte_carlo import verify_robustness as verify_robustness
 from .control.robust.multimodel import design_multimodel as design_multimodel
 from .control.robust.popov import design_popov as design_popov
+from .control.noise import measure_noise_rms as measure_noise_rms
 from .control.robust.sampled_plant import plant_as_sampled as plant_as_sampled
 from .control.robust.sensitivity_weighted import design_sensitivity_weighted as design_sensitivity_weighted
 from .control.sampled.aliases import find_aliases as find_aliases
@@ -70,7 +70,6 @@ from .control.sampled.antialias import filter_measurements as filter_measurement
 from .control.sampled.comparison import compare_sampling as compare_sampling
 from .control.sampled.design import design_sampled_lqg as design_sampled_lqg
 from .control.sampled.emulation import emulate as emulate
-from .control.sampled.outcome import measure_sampled_loop as measure_sampled_loop
 from .control.sampled.sampling_table import sampling_table as sampling_table
 from .control.shaping.sections import (
     design_pd as design_pd,

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import middeck as md
+from middeck.control.sampled import measure_sampled_loop
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
@@ -63,7 +64,7 @@ def test_a_mode_shifts_before_the_plant_is_sampled() -> None:
 @pytest.mark.parametrize(
     "judge",
     [
-        lambda p, law: md.measure_delayed_rms(p, law, BAND),
+        lambda p, law: md.measure_rms(p, law, BAND),
         lambda p, law: md.verify_robustness(p, law, WEIGHTS, uncertainty=BOX, positions=HERE),
         lambda p, law: md.reduce_compensator(law, p, 2),
     ],
@@ -90,7 +91,7 @@ def test_nor_used_as_one(use: Callable[[], Any]) -> None:
 @pytest.mark.parametrize(
     "use",
     [
-        lambda: md.measure_sampled_loop(PLANT, LAW, WEIGHTS, 1.0),
+        lambda: measure_sampled_loop(PLANT, LAW, WEIGHTS, 1.0),
         lambda: md.measure_margins(md.sample_plant(LATE, 0.05), LAW),
     ],
 )
@@ -106,7 +107,6 @@ def test_a_continuous_law_is_not_run_by_a_computer(use: Callable[[], Any]) -> No
         lambda: md.design_filter(LATE, WEIGHTS),
         lambda: md.close_loop(LATE, LAW),
         lambda: md.leave_open(LATE),
-        lambda: md.measure_control_rms(LATE, LAW, BAND),
         lambda: md.close_inner_loop(LATE, md.PDLoops(("u",), np.ones(1), np.ones(1))),
         lambda: md.colour_disturbances(LATE, (("u", md.line_filter(1.0, 0.1, 1.0)),)),
         lambda: md.reduce_modes(LATE, 1, band_hz=(0.1, 1.0)),

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from middeck.control.h2.closed_cost import Law, evaluate_cost, solve_gramian
-from middeck.control.h2.design_model import build_model
+from middeck.control.h2.generalized_plant import generalize
 from middeck.control.h2.structure import arrange
 from middeck.control.lqg import LQGWeights, design_lqg
 from middeck.control.robust import design_multimodel, outcomes_on, shift_modes
@@ -47,7 +47,7 @@ def test_a_shift_there_and_back_is_none(seed, factor, damping):
 @given(seed=st.integers(0, 10_000))
 def test_coordinates_of_a_law_do_not_matter(seed):
     plant, rng = random_plant(seed), np.random.default_rng(seed)
-    lqg, model = design_lqg(plant, WEIGHTS, 1.0), build_model(plant, WEIGHTS, 1.0)
+    lqg, model = design_lqg(plant, WEIGHTS, 1.0), generalize(plant, WEIGHTS, 1.0)
     T = rng.standard_normal(lqg.system.A.shape) + 3.0 * np.eye(len(lqg.system.A))
     into = np.linalg.inv(T)
     turned = Law(into @ lqg.system.A @ T, into @ lqg.system.B, lqg.system.C @ T)
@@ -93,7 +93,7 @@ def test_units_of_a_port_do_not_matter(seed, unit):
     )
     weights = dataclasses.replace(WEIGHTS, output=np.ones(2) / unit, sensor=WEIGHTS.sensor * unit**2)
     law = dataclasses.replace(
-        lqg, system=StateSpace(lqg.system.A, lqg.system.B / unit, lqg.system.C, lqg.system.D)
+        lqg, dynamics=StateSpace(lqg.system.A, lqg.system.B / unit, lqg.system.C, lqg.system.D)
     )
     before, after = outcomes_on([plant], lqg, WEIGHTS)[0], outcomes_on([scaled], law, weights)[0]
     np.testing.assert_allclose(after.db, before.db, atol=1e-7)

@@ -12,7 +12,7 @@ from multimodel_reference import AUTHORITY, NAMES, WEIGHTS, reference_plant
 
 from middeck.control.analysis import decide_stability
 from middeck.control.h2.closed_cost import closed_matrices, evaluate_cost
-from middeck.control.h2.design_model import build_model
+from middeck.control.h2.generalized_plant import generalize
 from middeck.control.law.classical import PDLoops, close_inner_loop
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.uncertainty import without_delays
@@ -56,7 +56,7 @@ def law(plant):
 
 def test_a_feedback_absorbed_is_a_feedback_closed(plant, law):
     # A direct term in the loop too: K + D, joined once as one law and once in two parts.
-    model = build_model(plant, WEIGHTS, AUTHORITY)
+    model = generalize(plant, WEIGHTS, AUTHORITY)
     model = dataclasses.replace(model, D22=np.array([[0.3]]))
     direct = gain_system(np.array([[-0.2]]))
     both = absorb(model, StateSpace(law.system.A, law.system.B, law.system.C, direct.D))
@@ -65,7 +65,7 @@ def test_a_feedback_absorbed_is_a_feedback_closed(plant, law):
     for B, C, D in (("B1", "C2", "D21"), ("B2", "C2", "D22"), ("B2", "C1", "D12")):
         one, other = (StateSpace(m.A, *(getattr(m, k) for k in (B, C, D))) for m in (both, turns))
         np.testing.assert_allclose(by_solving(one)(s), by_solving(other)(s), rtol=1e-8, atol=1e-10)
-    bare = build_model(plant, WEIGHTS, AUTHORITY)
+    bare = generalize(plant, WEIGHTS, AUTHORITY)
     np.testing.assert_allclose(
         np.sort_complex(np.linalg.eigvals(absorb(bare, law.system).A)),
         np.sort_complex(np.linalg.eigvals(closed_matrices(bare, proper_law(law.system))[0])),
@@ -75,7 +75,7 @@ def test_a_feedback_absorbed_is_a_feedback_closed(plant, law):
 
 def test_gramians_in_the_loop_are_those_of_the_weighted_compensator(plant, law):
     # Enns with (I - G K)^-1 G_w before K: the weight's copy of K moves as K does.
-    model = build_model(plant, WEIGHTS, AUTHORITY)
+    model = generalize(plant, WEIGHTS, AUTHORITY)
     K = law.system
     A, B, _ = closed_matrices(model, proper_law(K))
     y = StateSpace(A, B, np.hstack([model.C2, np.zeros((1, len(K.A)))]), model.D21)
@@ -94,7 +94,7 @@ def test_weights_of_the_loop_itself_have_unit_parts(plant, law):
 
 
 def test_the_loop_seen_from_u_is_the_closed_plant(plant, law):
-    found = response_in_loop(build_model(plant, WEIGHTS, AUTHORITY), law.system)
+    found = response_in_loop(generalize(plant, WEIGHTS, AUTHORITY), law.system)
     s = 1j * np.array([0.3, 1.0, 3.0])
     G, K = by_solving(subsystem(plant, ("u",), ("y",)))(s), by_solving(law.system)(s)
     np.testing.assert_allclose(by_solving(found)(s), G / (1.0 - G * K), rtol=1e-9)

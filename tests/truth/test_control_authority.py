@@ -12,7 +12,7 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.loop.authority import find_first_instability, sweep_authority
 from middeck.control.loop.closed_loop import close_loop, leave_open
 from middeck.control.loop.participation import find_participation
-from middeck.control.loop.performance import Performance, measure_metric, measure_rms
+from middeck.control.loop.performance import Performance, loop_metric, loop_rms
 from middeck.control.lqg import design_filter, design_lqg
 from middeck.signals.ports import Port
 from middeck.systems.norms import band_rms_by_quadrature
@@ -68,8 +68,8 @@ def test_an_unstable_loop_has_infinite_rms():
     performance = Performance(np.ones(1), np.eye(1), (0.1, 60.0))
     loop = close_loop(third_order(), gain_law(9.0))
     assert not loop.stable
-    assert measure_rms(loop, performance)[0] == np.inf
-    assert measure_metric(loop, performance) == np.inf
+    assert loop_rms(loop, performance)[0] == np.inf
+    assert loop_metric(loop, performance) == np.inf
 
 
 def test_participation_sums_to_one_and_ignores_the_scaling_of_states():
@@ -105,11 +105,11 @@ def rehearsal():
     for part in ("all", "rigid", "flexible"):
         inner = {g: close_inner_loop(mace_like.build(g, part), pd) for g in ("orbit", "lab")}
         if part == "all":
-            intensity = (np.deg2rad(1.0) / 3.0 / measure_metric(leave_open(inner["orbit"]), unit)) ** 2
+            intensity = (np.deg2rad(1.0) / 3.0 / loop_metric(leave_open(inner["orbit"]), unit)) ** 2
         performance = dataclasses.replace(unit, intensity=intensity * np.eye(2))
         weights = mace_like.weights(intensity)
         design = partial(design_lqg, inner["orbit"], weights, kalman=design_filter(inner["orbit"], weights))
-        reference = measure_metric(leave_open(inner["orbit"]), performance)
+        reference = loop_metric(leave_open(inner["orbit"]), performance)
         sweep = sweep_authority(design, LEVELS, on=inner, performance=performance, reference=reference)
         first = find_first_instability(design, inner["lab"], first=-1.5)
         found[part] = inner, performance, design, reference, sweep, first
@@ -153,6 +153,6 @@ def test_rehearsal_riccati_residuals(rehearsal):
 def test_rehearsal_band_rms_agrees_with_quadrature(rehearsal):
     inner, performance, design, *_ = rehearsal["rigid"]
     loop = close_loop(inner["orbit"], design(100.0))
-    exact = measure_rms(loop, performance)
+    exact = loop_rms(loop, performance)
     check = band_rms_by_quadrature(loop.system, performance.intensity, performance.band_hz)
     np.testing.assert_allclose(exact, check, rtol=1e-10)

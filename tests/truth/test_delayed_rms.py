@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
 
 import numpy as np
 import pytest
 import scipy.integrate
 
-from middeck.control.analysis import measure_delayed_rms
+from middeck.control.analysis import measure_control_rms, measure_rms
 from middeck.control.law.compensator import Compensator
 from middeck.control.loop.closed_loop import close_loop
-from middeck.control.loop.performance import Performance, measure_rms
+from middeck.control.loop.performance import Performance, loop_rms
 from middeck.signals.ports import Port
 from middeck.systems.delay_approximation import approximate_delays
 from middeck.systems.modal import ModalSystem
@@ -47,7 +48,7 @@ def test_integrator_by_its_closed_form(turns: float) -> None:
     k = 2.0
     tau = turns / k
     wide = Performance(np.ones(1), WHITE, (0.0, 4e4))
-    found = measure_delayed_rms(late(INTEGRATOR, tau), gain(k), wide)
+    found = measure_rms(late(INTEGRATOR, tau), gain(k), wide)
     # Beyond 40 kHz |T|^2 is 1/w^2: what is left of the integral is S/(pi w2).
     rest = 0.5 / (np.pi * 2.0 * np.pi * 4e4)
     exact = 0.5 * np.cos(k * tau) / (2.0 * k * (1.0 - np.sin(k * tau))) - rest
@@ -57,39 +58,43 @@ def test_integrator_by_its_closed_form(turns: float) -> None:
 def test_structure_by_another_quadrature() -> None:
     """The level asked for is 1e-8: SciPy's rule at 1e-11, given the resonances."""
     tau, band = 0.03, (0.05, 30.0)
-    found = measure_delayed_rms(late(STRUCTURE, tau), LAG, Performance(np.ones(1), WHITE, band))
+    performance = Performance(np.ones(1), WHITE, band)
+    found = measure_rms(late(STRUCTURE, tau), LAG, performance)
+    command = measure_control_rms(late(STRUCTURE, tau), LAG, performance)
 
-    def power(w: float) -> float:
+    def power(w: float, *, of_command: bool = False) -> float:
         s = 1j * w
         q = 1.0 / (s**2 + 2.0 * MODES.zeta * MODES.omega * s + MODES.omega**2)
         G = complex(q @ (MODES.phi[0] * MODES.psi[:, 0]))
         K = 30.0 / (s + 8.0) * np.exp(-s * tau)
-        return abs(G / (1.0 - K * G)) ** 2
+        return abs((K if of_command else 1.0) * G / (1.0 - K * G)) ** 2
 
     w1, w2 = (2.0 * np.pi * f for f in band)
     edges = np.concatenate([[w1], [5.0, 5.9, 6.0, 6.1, 7.0, 20.0, 24.9, 25.0, 25.1, 26.0, 40.0], [w2]])
-    total = sum(
-        scipy.integrate.quad(power, a, b, epsabs=0.0, epsrel=1e-12, limit=500)[0]
-        for a, b in itertools.pairwise(edges)
-    )
-    assert found[0] == pytest.approx(np.sqrt(0.5 * total / np.pi), rel=1e-10)
+    for rms, of_command in ((found[0], False), (command[0], True)):
+        each = functools.partial(power, of_command=of_command)
+        total = sum(
+            scipy.integrate.quad(each, a, b, epsabs=0.0, epsrel=1e-12, limit=500)[0]
+            for a, b in itertools.pairwise(edges)
+        )
+        assert rms == pytest.approx(np.sqrt(0.5 * total / np.pi), rel=1e-10)
 
 
 def test_no_delay_is_the_closed_form_and_a_short_one_is_its_approximation() -> None:
     performance = Performance(np.ones(1), WHITE, (0.05, 30.0))
-    rational = measure_rms(close_loop(STRUCTURE, LAG), performance)
-    assert measure_delayed_rms(STRUCTURE, LAG, performance) == pytest.approx(rational, rel=1e-15)
-    assert measure_delayed_rms(late(STRUCTURE, 0.0), LAG, performance) == pytest.approx(rational, rel=1e-15)
+    rational = loop_rms(close_loop(STRUCTURE, LAG), performance)
+    assert measure_rms(STRUCTURE, LAG, performance) == pytest.approx(rational, rel=1e-15)
+    assert measure_rms(late(STRUCTURE, 0.0), LAG, performance) == pytest.approx(rational, rel=1e-15)
     # At 0.01 s and 30 Hz, two radians: Pade of order 8 is exact to rounding.
     fine = close_loop(approximate_delays(late(STRUCTURE, 0.01), 8), LAG)
-    found = measure_delayed_rms(late(STRUCTURE, 0.01), LAG, performance)
-    assert found == pytest.approx(measure_rms(fine, performance), rel=1e-10)
+    found = measure_rms(late(STRUCTURE, 0.01), LAG, performance)
+    assert found == pytest.approx(loop_rms(fine, performance), rel=1e-10)
 
 
 def test_an_unstable_loop_is_infinite_however_finite_its_integral() -> None:
     performance = Performance(np.ones(1), WHITE, (0.05, 30.0))
-    assert measure_delayed_rms(late(INTEGRATOR, 0.8), gain(2.0), performance).tolist() == [np.inf]
-    assert np.isfinite(measure_delayed_rms(late(INTEGRATOR, 0.78), gain(2.0), performance)).all()
+    assert measure_rms(late(INTEGRATOR, 0.8), gain(2.0), performance).tolist() == [np.inf]
+    assert np.isfinite(measure_rms(late(INTEGRATOR, 0.78), gain(2.0), performance)).all()
 
 
 def test_delays_outside_the_loop_do_not_change_stability_nor_rms() -> None:
@@ -97,5 +102,5 @@ def test_delays_outside_the_loop_do_not_change_stability_nor_rms() -> None:
     performance = Performance(np.ones(1), WHITE, (0.05, 30.0))
     plain = late(STRUCTURE, 0.03)
     apart = dataclasses.replace(plain, delay_s=np.array([[0.2], [0.03]]))
-    first, second = (measure_delayed_rms(p, LAG, performance) for p in (plain, apart))
+    first, second = (measure_rms(p, LAG, performance) for p in (plain, apart))
     assert second == pytest.approx(first, rel=1e-12)

@@ -7,7 +7,7 @@ import pytest
 import scipy.linalg as sla
 
 from middeck.control.loop.closed_loop import close_loop, leave_open
-from middeck.control.loop.performance import Performance, measure_rms
+from middeck.control.loop.performance import Performance, loop_rms
 from middeck.control.lqg import (
     LQGWeights,
     Shaping,
@@ -113,7 +113,7 @@ def test_a_coloured_plant_is_disturbed_by_the_spectrum():
     G = np.abs(by_solving(one_mode().system)(2j * np.pi * f[::100])[:, 0]) ** 2
     gain = np.stack([np.interp(f, f[::100], G[:, k]) for k in range(2)])
     power = 2.0 * np.trapezoid(gain[0] * 0.5 + gain[1] * np.interp(f, f[::100], density(wheel, f[::100])), f)
-    found = measure_rms(leave_open(plant), Performance(np.ones(1), np.diag([0.5, 1.0, 1.0]), (1.0, 20.0)))
+    found = loop_rms(leave_open(plant), Performance(np.ones(1), np.diag([0.5, 1.0, 1.0]), (1.0, 20.0)))
     # A grid of 10 mHz on lines 200 mHz wide: trapezia to (0.05)^2 / 12.
     assert found[0] == pytest.approx(np.sqrt(power), rel=1e-3)
 

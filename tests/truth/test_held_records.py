@@ -127,12 +127,12 @@ def lead(gain: float, period_s: float) -> Compensator:
     pole, zero = (w - b) / (w + b), (w - a) / (w + a)
     k = -gain * (b / a) * (w + a) / (w + b)
     system = SampledStateSpace([[pole]], [[1.0]], [[k * (pole - zero)]], [[k]], period_s)
-    return Compensator(system, PORTS[1], PORTS[0], "lead")
+    return Compensator(system, PORTS[1], PORTS[0], method="lead")
 
 
 def closed(plant: SampledStateSpace, law: Compensator, gain: float) -> float:
     """Spectral radius of the loop u = gain K y."""
-    K = law.system
+    K = law.sampled
     A = np.block([[plant.A + gain * plant.B @ K.D @ plant.C, gain * plant.B @ K.C], [K.B @ plant.C, K.A]])
     return float(np.max(np.abs(np.linalg.eigvals(A))))
 

@@ -8,10 +8,10 @@ import os
 import numpy as np
 import pytest
 
-from middeck.control.analysis import decide_stability, find_allowed_shifts, measure_delayed_rms
+from middeck.control.analysis import decide_stability, find_allowed_shifts, measure_rms
 from middeck.control.law.compensator import Compensator
 from middeck.control.loop.closed_loop import close_loop
-from middeck.control.loop.performance import Performance, measure_rms
+from middeck.control.loop.performance import Performance, loop_rms
 from middeck.control.lqg import LQGWeights, design_lqg
 from middeck.signals.ports import Port
 from middeck.systems.delay_approximation import approximate_delays
@@ -79,12 +79,12 @@ def test_a_free_body_in_mixed_states_is_the_body(seed: int) -> None:
         assert found.growing == int(np.sum(values.real > 1e-8))
     ports = len(modal.u)
     wide = Performance(np.ones(ports), np.eye(ports), (0.0, 3.0))
-    rms = measure_delayed_rms(modal, first, wide)
-    assert measure_delayed_rms(turned, first, wide) == pytest.approx(rms, rel=1e-6)
+    rms = measure_rms(modal, first, wide)
+    assert measure_rms(turned, first, wide) == pytest.approx(rms, rel=1e-6)
     # The closed form begins at a poorly conditioned zero: a hundred-millionth of the band is left out.
     fine = close_loop(approximate_delays(modal, 12), first)
     above = dataclasses.replace(wide, band_hz=(1e-8, 3.0))
-    assert rms == pytest.approx(measure_rms(fine, above), rel=1e-5)
+    assert rms == pytest.approx(loop_rms(fine, above), rel=1e-5)
 
 
 @pytest.mark.parametrize("chain", [1, 2, 3])
@@ -97,7 +97,7 @@ def test_rms_from_zero_of_integrators_of_any_order(chain: int, tau: float) -> No
     plant = Plant(system, (FORCE,), (WAY, SEEN), ("force",), ("force",), ("way",), ("seen",))
     law = design_lqg(plant, LQGWeights([1.0], [1.0], ("force",), np.eye(1), [1e-2]), 1.0)
     rms = [
-        measure_delayed_rms(delay_plant(plant, tau), law, Performance(np.ones(1), np.eye(1), (low, 10.0)))
+        measure_rms(delay_plant(plant, tau), law, Performance(np.ones(1), np.eye(1), (low, 10.0)))
         for low in (0.0, 1e-6)
     ]
     assert rms[0] == pytest.approx(rms[1], rel=1e-4)

@@ -102,7 +102,7 @@ def test_the_sampled_plants_steps_are_the_models(kind, rigid):
     for i in range(2):
         u = np.zeros((400, 2))
         u[:, i] = 1.0
-        y, _ = simulate(plant.system, u)
+        y, _ = simulate(plant.sampled, u)
         for o in range(3):
             late = t - path_delay(model)[o, i]
             on = np.maximum(late, 0.0)
@@ -113,19 +113,19 @@ def test_the_sampled_plants_steps_are_the_models(kind, rigid):
             step = 1.0 - decayed.real - zeta / np.sqrt(1.0 - zeta**2) * decayed.imag
             expected = step @ (phi_psi / omega**2) + (0.0 if rigid is None else rigid[o, i] * on**2 / 2.0)
             np.testing.assert_allclose(y[:, o], np.where(late > -1e-12, expected, 0.0), atol=1e-12)
-    assert len(plant.state_names) == len(plant.system.A)
+    assert len(plant.state_names) == len(plant.sampled.A)
 
 
 def test_the_sampled_study_article_needs_eight_states_for_three_delays():
     """500 Hz, 10, 10 and 14.5 ms: one torque, eight past values of it."""
     plant = sampled_plant(a_model(inputs=1), 0.002)
-    assert len(plant.system.A) == 10 + 8
+    assert len(plant.sampled.A) == 10 + 8
     assert plant.state_names[-8:] == ("delay",) * 8
     # Far below half the rate the hold is all there is between the two.
     f = np.array([0.3, 1.0, 3.0])
     x = np.pi * f * 0.002
     hold = (np.sin(x) / x * np.exp(-1j * x))[:, None, None]
-    H = statespace_response(plant.system, 2.0 * np.pi * f)
+    H = statespace_response(plant.sampled, 2.0 * np.pi * f)
     # Aliases of modes of 1/s^2 fall-off: (f T)^2 or 4e-5.
     np.testing.assert_allclose(H, hold * model_response(a_model(inputs=1), f), rtol=1e-3)
 

@@ -14,7 +14,7 @@ from multimodel_reference import (
 )
 
 from middeck.control.h2.closed_cost import Law, evaluate_cost
-from middeck.control.h2.design_model import build_model
+from middeck.control.h2.generalized_plant import generalize
 from middeck.control.loop.closed_loop import close_loop
 from middeck.control.lqg import LQGWeights, design_lqg
 from middeck.control.robust import (
@@ -70,7 +70,7 @@ def law_of(compensator):
 @pytest.mark.parametrize("seed", range(3))
 def test_gradient_is_that_of_finite_differences(seed):
     plant, weights = random_plant(seed)
-    model, law = build_model(plant, weights, 3.0), law_of(design_lqg(plant, weights, 1.0))
+    model, law = generalize(plant, weights, 3.0), law_of(design_lqg(plant, weights, 1.0))
     found = evaluate_cost(model, law)
     rng = np.random.default_rng(seed)
     for name in "ABC":
@@ -88,7 +88,7 @@ def test_gradient_is_that_of_finite_differences(seed):
 def test_cost_is_that_of_lqg_and_its_gradient_vanishes_there(seed):
     plant, weights = random_plant(seed)
     lqg = design_lqg(plant, weights, 2.0)
-    found = evaluate_cost(build_model(plant, weights, 2.0), law_of(lqg))
+    found = evaluate_cost(generalize(plant, weights, 2.0), law_of(lqg))
     # Riccati and Lyapunov solutions of well-conditioned systems agree to rounding with some digits lost.
     assert found.cost == pytest.approx(lqg.cost, rel=1e-10)
     for name in "ABC":
@@ -157,7 +157,7 @@ def test_a_maximum_is_the_minimum_of_a_mean_by_its_dual_weights(three_models):
     assert law.cost == law.costs.max() < three_models.costs.max()
     assert law.multipliers.sum() == pytest.approx(1.0)
     plants = finished_plants(reference_plant(), TOGETHER, np.array([[0.0], [-1.0], [1.0]]))
-    models = [build_model(without_delays(p), WEIGHTS, AUTHORITY) for p in plants]
+    models = [generalize(without_delays(p), WEIGHTS, AUTHORITY) for p in plants]
     each = [evaluate_cost(model, law_of(law)) for model in models]
     for name in "BC":
         parts = np.array([m * getattr(c, name) for m, c in zip(law.multipliers, each, strict=True)])
@@ -185,7 +185,7 @@ def test_order_one_is_as_good_as_all_laws_of_one_state():
     plant = one_mode()
     weights = dataclasses.replace(WEIGHTS, sensor=np.array([1e-2]))
     law = design_multimodel(plant, weights, 10.0, uncertainty=(), structure=Structure(1))
-    model = build_model(plant, weights, 10.0)
+    model = generalize(plant, weights, 10.0)
 
     # u = -g / (s + a) y: both numbers of all laws of one state, on a grid, and on a fine one about the best.
     def best(decays, gains):

@@ -8,7 +8,7 @@ import scipy.linalg as sla
 from multimodel_reference import APART, AUTHORITY, NAMES, TOGETHER, WEIGHTS, grid, reference_plant
 
 from middeck.control.h2.closed_cost import Law, closed_matrices, evaluate_cost
-from middeck.control.h2.design_model import build_model
+from middeck.control.h2.generalized_plant import generalize
 from middeck.control.lqg import LQGWeights, design_lqg
 from middeck.control.robust import (
     ModeShift,
@@ -37,7 +37,7 @@ def law_of(compensator):
 def posed():
     """A model, a law that stabilises it with something to spare, the directions and fitting multipliers."""
     plant = reference_plant()
-    model = build_model(without_delays(plant), WEIGHTS, AUTHORITY)
+    model = generalize(without_delays(plant), WEIGHTS, AUTHORITY)
     law = law_of(design_multimodel(plant, WEIGHTS, AUTHORITY, uncertainty=TOGETHER, tolerance=1e-6))
     small = Uncertainty((ModeShift(NAMES[3:4], 0.002), ModeShift(NAMES[4:], 0.002)))
     directions = shift_directions(plant, without_delays(plant), small)
@@ -113,7 +113,7 @@ def costs_in(box, plant, weights, authority, design, rng):
     places = np.vstack([draw_positions(box, 200, rng), corner_positions(box)])
     found = []
     for each in finished_plants(plant, box, places):
-        A, B, C = closed_matrices(build_model(without_delays(each), weights, authority), law_of(design))
+        A, B, C = closed_matrices(generalize(without_delays(each), weights, authority), law_of(design))
         assert np.linalg.eigvals(A).real.max() < 0.0
         found.append(np.trace(C @ sla.solve_continuous_lyapunov(A, -B @ B.T) @ C.T))
     return np.array(found)
@@ -135,7 +135,7 @@ def test_the_design_holds_the_box_at_a_cost_below_its_bound(design):
 
 def test_the_bound_was_minimised(design):
     plant = reference_plant()
-    model = build_model(without_delays(plant), WEIGHTS, AUTHORITY)
+    model = generalize(without_delays(plant), WEIGHTS, AUTHORITY)
     law, multipliers = law_of(design), design.multipliers
     assert evaluate_bound(model, law, design.directions, multipliers).law.cost == pytest.approx(design.cost)
     for factor in (0.8, 1.25):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from middeck.control.h2.design_model import build_model
+from middeck.control.h2.generalized_plant import generalize
 from middeck.control.h2.nominal_law import lqg_law
 from middeck.control.law.compensator import Compensator
 from middeck.control.loop.closed_loop import close_loop
@@ -39,7 +39,7 @@ def oscillator(late=0.0):
 
 
 def a_law(plant):
-    law = lqg_law(build_model(plant, WEIGHTS, 10.0))
+    law = lqg_law(generalize(plant, WEIGHTS, 10.0))
     return Compensator(
         StateSpace(law.A, law.B, law.C, np.zeros((1, 1))), (Port("y", "m"),), (Port("u", "N"),)
     )

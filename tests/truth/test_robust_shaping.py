@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from middeck.control.h2.closed_cost import Law, evaluate_cost
-from middeck.control.h2.design_model import build_model
+from middeck.control.h2.generalized_plant import generalize
 from middeck.control.loop.closed_loop import close_loop
 from middeck.control.lqg import LQGWeights, Shaping, design_lqg
 from middeck.control.robust import (
@@ -73,7 +73,7 @@ def test_cost_of_a_shaped_lqg_law_is_that_of_lqg_and_stationary(shaping):
     plant = oscillator()
     lqg = design_lqg(plant, WEIGHTS, AUTHORITY, shaping=shaping)
     law = Law(lqg.system.A, lqg.system.B, lqg.system.C)
-    found = evaluate_cost(build_model(plant, WEIGHTS, AUTHORITY, shaping=shaping), law)
+    found = evaluate_cost(generalize(plant, WEIGHTS, AUTHORITY, shaping=shaping), law)
     # Riccati and Lyapunov solutions of some twelve states agree to rounding with some digits lost.
     assert found.cost == pytest.approx(lqg.cost, rel=1e-9)
     n = len(law.A) - len(shaping.integral)
@@ -83,7 +83,7 @@ def test_cost_of_a_shaped_lqg_law_is_that_of_lqg_and_stationary(shaping):
 
 @pytest.mark.parametrize("shaping", [FILTERS, INTEGRAL, ALL])
 def test_gradient_is_that_of_finite_differences(shaping):
-    model = build_model(oscillator(), WEIGHTS, AUTHORITY, shaping=shaping)
+    model = generalize(oscillator(), WEIGHTS, AUTHORITY, shaping=shaping)
     weak = design_lqg(oscillator(), WEIGHTS, 1.0, shaping=shaping).system
     law = Law(weak.A, weak.B, weak.C)
     found, rng = evaluate_cost(model, law), np.random.default_rng(0)
@@ -168,7 +168,7 @@ def test_a_shaped_bound_holds_in_its_box(bounded):
     closed = Law(system.A, system.B, system.C)
     places = np.vstack([draw_positions(LOW, 30, rng), corner_positions(LOW)])
     costs = [
-        evaluate_cost(build_model(plant, WEIGHTS, 1.0, shaping=ALL), closed).cost
+        evaluate_cost(generalize(plant, WEIGHTS, 1.0, shaping=ALL), closed).cost
         for plant in finished_plants(oscillator(), LOW, places)
     ]
     assert max(costs) <= bounded.cost < 1.2 * max(costs)  # and the bound is not far above

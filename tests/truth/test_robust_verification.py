@@ -16,7 +16,7 @@ from multimodel_reference import (
     reference_plant,
 )
 
-from middeck.control.analysis import decide_stability, measure_delayed_rms
+from middeck.control.analysis import decide_stability, measure_rms
 from middeck.control.h2.closed_cost import Law
 from middeck.control.law.compensator import Compensator, evaluate_compensator
 from middeck.control.law.delay_order import MOST_PADE, pade_order, phase_of_modes
@@ -236,7 +236,7 @@ def test_many_turns_of_delay_between_the_mode_and_the_law(hz):
             # times its damping 3e-3, 1e-8. The phase of the approximation is right to 1e-9, near the edge of
             # stability that counts a hundredfold.
             band = Performance(np.ones(1), np.eye(1), (0.0, 20000.0))
-            wanted = measure_delayed_rms(plant, law, band)[0]
+            wanted = measure_rms(plant, law, band)[0]
             assert found.rms[0] == pytest.approx(wanted, rel=1e-6)
             assert alone.rms == pytest.approx(wanted, rel=1e-7)
     assert settled
@@ -255,7 +255,7 @@ def test_a_delay_of_too_many_turns_is_taken_exactly():
     assert exact.stable
     assert found.stable[0]
     band = Performance(np.ones(1), np.eye(1), (0.0, 20000.0))
-    assert found.rms[0] == pytest.approx(measure_delayed_rms(plant, law, band)[0], rel=1e-6)
+    assert found.rms[0] == pytest.approx(measure_rms(plant, law, band)[0], rel=1e-6)
 
 
 def test_what_drifts_is_not_stable():

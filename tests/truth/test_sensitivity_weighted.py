@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from multimodel_reference import APART, AUTHORITY, NAMES, TOGETHER, WEIGHTS, grid, reference_plant
 
-from middeck.control.h2.design_model import build_model
+from middeck.control.h2.generalized_plant import generalize
 from middeck.control.lqg import design_lqg
 from middeck.control.robust import (
     ModeShift,
@@ -21,7 +21,7 @@ from middeck.errors import ConfigError, NumericalError
 
 
 def reference_model(plant=None):
-    return build_model(without_delays(plant or reference_plant()), WEIGHTS, AUTHORITY)
+    return generalize(without_delays(plant or reference_plant()), WEIGHTS, AUTHORITY)
 
 
 def test_without_strength_it_is_lqg():

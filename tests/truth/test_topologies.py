@@ -9,7 +9,7 @@ import pytest
 from middeck.control.law.classical import close_inner_loop
 from middeck.control.law.compensator import Compensator
 from middeck.control.loop.closed_loop import close_loop, leave_open
-from middeck.control.loop.performance import Performance, measure_control_rms, measure_metric
+from middeck.control.loop.performance import Performance, commands_rms, loop_metric
 from middeck.control.lqg import compare_topologies, design_lqg
 from middeck.control.lqg.topologies import select_weights
 from middeck.errors import ConfigError
@@ -40,8 +40,8 @@ def test_topologies_are_the_designs_alone(orbit):
     assert table.stable.all()
     part = dataclasses.replace(orbit, u=chosen["SITO"][0], y=chosen["SITO"][1])
     law = design_lqg(part, select_weights(orbit, weights, part), 100.0)
-    metric = measure_metric(close_loop(part, law), performance)
-    expected = 20.0 * np.log10(metric / measure_metric(leave_open(orbit), performance))
+    metric = loop_metric(close_loop(part, law), performance)
+    expected = 20.0 * np.log10(metric / loop_metric(leave_open(orbit), performance))
     assert table.db[1, 1] == pytest.approx(expected, rel=1e-12)
     # Five inputs and fourteen sensors do more than one and one, at each authority.
     assert np.all(table.db[2] < table.db[0])
@@ -55,7 +55,7 @@ def test_control_rms_of_a_scalar(disturbed):
     system = StateSpace([[-1.0]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]])
     plant = Plant(system, *ports, (disturbed,), ("u",), ("x",), ("x",))
     law = Compensator(gain_system([[-3.0]]), (Port("x", "m"),), (Port("u", "N"),))
-    found = measure_control_rms(plant, law, Performance(np.ones(1), np.eye(1), (0.0, 1.0)))
+    found = commands_rms(plant, law, Performance(np.ones(1), np.eye(1), (0.0, 1.0)))
     expected = 3.0 * np.sqrt(np.arctan(2.0 * np.pi / 4.0) / 4.0 / np.pi)
     assert found[0] == pytest.approx(expected, rel=1e-12)
 
@@ -83,4 +83,4 @@ def test_a_performance_that_does_not_fit_is_refused(weights, intensity, says):
     system = StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
     loop = leave_open(Plant(system, (Port("w", "N"),), (Port("x", "m"),), ("w",), (), ("x",), ()))
     with pytest.raises(ConfigError, match=says):
-        measure_metric(loop, Performance(weights, intensity, (0.0, 1.0)))
+        loop_metric(loop, Performance(weights, intensity, (0.0, 1.0)))

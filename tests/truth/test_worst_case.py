@@ -13,7 +13,7 @@ from middeck.control.analysis import (
     find_allowed_shifts,
     find_inversion,
     find_worst_case,
-    measure_delayed_rms,
+    measure_rms,
 )
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.uncertainty import ModeShift, Uncertainty, finished_plants
@@ -108,11 +108,11 @@ def test_worst_rms_over_a_box_by_brute_force() -> None:
     performance = Performance(np.ones(1), np.eye(1), (0.001, 2.0))
     found = find_worst_case(LATE, LAW, box, performance=performance)
     grid = np.stack(np.meshgrid(*[np.linspace(-1.0, 1.0, 4)] * 2), axis=-1).reshape(-1, 2)
-    brute = max(measure_delayed_rms(p, LAW, performance)[0] for p in finished_plants(LATE, box, grid))
+    brute = max(measure_rms(p, LAW, performance)[0] for p in finished_plants(LATE, box, grid))
     # The grid is not in the search: it may only be less bad.
     assert found.metric is not None
     assert found.metric >= brute * (1.0 - 1e-9)
-    nominal = measure_delayed_rms(LATE, LAW, performance)[0]
+    nominal = measure_rms(LATE, LAW, performance)[0]
     assert found.nominal_metric == pytest.approx(nominal, rel=1e-12)
     assert found.metric > found.nominal_metric
 
@@ -130,7 +130,7 @@ def test_search_leaves_the_corners_where_the_worst_is_inside() -> None:
     performance = Performance(np.ones(1), np.eye(1), (0.01, 1.0))
     found = find_worst_case(plant, law, box, performance=performance)
     grid = np.linspace(-1.0, 1.0, 201)[:, None]
-    brute = max(measure_delayed_rms(p, law, performance)[0] for p in finished_plants(plant, box, grid))
+    brute = max(measure_rms(p, law, performance)[0] for p in finished_plants(plant, box, grid))
     assert found.metric == pytest.approx(brute, rel=1e-3)
 
 

@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from middeck.cli.settings import LoopSettings
 from middeck.control.loop.closed_loop import ClosedLoop, close_loop, leave_open
-from middeck.control.loop.performance import Performance, measure_rms
+from middeck.control.loop.performance import Performance, loop_rms
 from middeck.control.lqg import LQGCompensator, LQGWeights, design_lqg
 from middeck.errors import NumericalError
 from middeck.systems.plant import Plant
@@ -41,8 +41,8 @@ def design_loop(plant: Plant, settings: LoopSettings, band_hz: tuple[float, floa
     compensator = _designed(plant, weights, 10.0**settings.log10_authority)
     loop = close_loop(plant, compensator)
     performance = Performance(np.ones(len(plant.z)), intensity, band_hz)
-    rms_open = measure_rms(leave_open(plant), performance)
-    return DesignedLoop(compensator, loop, band_hz, rms_open, measure_rms(loop, performance))
+    rms_open = loop_rms(leave_open(plant), performance)
+    return DesignedLoop(compensator, loop, band_hz, rms_open, loop_rms(loop, performance))
 
 
 def _designed(plant: Plant, weights: LQGWeights, authority: float) -> LQGCompensator:

@@ -8,12 +8,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from middeck.control.analysis import LoopMargins, LoopStability, measure_margins
-from middeck.control.h2.noise_rms import measure_noise_rms
 from middeck.control.law.compensator import Compensator, idle_compensator
 from middeck.control.law.partition import partition_modes
 from middeck.control.law.stabilisability import require_reachable
 from middeck.control.lqg import LQGWeights
-from middeck.control.sampled import measure_sampled_loop
+from middeck.control.noise import measure_noise_rms
 from middeck.errors import ConfigError, MiddeckError, NotStabilisableError, NumericalError
 from middeck.systems.plant import Plant, name_states, remove_delays, subsystem
 from middeck.systems.sampling import tustin
@@ -117,14 +116,8 @@ def _try(
     weights: LQGWeights,
 ) -> _Tried:
     aligned = align_plant(plant, compensator)
-    alone, _ = _noise_rms(aligned, idle_compensator(aligned), weights)
+    alone = measure_noise_rms(aligned, idle_compensator(aligned), weights).rms
     return _Tried(name, aligned, alone, _unheld(aligned))
-
-
-def _noise_rms(plant: Plant, law: Compensator, weights: LQGWeights) -> tuple[float, float]:
-    """Of the outputs and the commands."""
-    found = measure_noise_rms(plant, law, weights)
-    return found.rms, found.control_rms
 
 
 def align_plant(plant: Plant, compensator: Compensator) -> Plant:
@@ -185,19 +178,11 @@ def _row(tried: _Tried, law: Compensator, weights: LQGWeights) -> Qualified:
         margins = measure_margins(tried.plant, law)
         if not margins.stable:
             return dataclasses.replace(unknown, stability=margins.stability)
-        rms, control = (
-            _sampled_rms(tried.plant, law, weights) if law.period_s else _noise_rms(tried.plant, law, weights)
-        )
+        noise = measure_noise_rms(tried.plant, law, weights)
     except NumericalError as error:
         return dataclasses.replace(unknown, undecided=error.what)
-    db = decibels(rms, tried.reference)
-    return Qualified(tried.name, setting, margins.stability, rms, control, db, margins.loops)
-
-
-def _sampled_rms(plant: Plant, law: Compensator, weights: LQGWeights) -> tuple[float, float]:
-    """Of the outputs, between the samples too, and the commands."""
-    outcome = measure_sampled_loop(plant, law, weights, 1.0)
-    return outcome.metric, float(np.sqrt(np.sum(weights.input * outcome.control_rms**2)))
+    db = decibels(noise.rms, tried.reference)
+    return Qualified(tried.name, setting, margins.stability, noise.rms, noise.control_rms, db, margins.loops)
 
 
 def _unheld(plant: Plant) -> tuple[str, ...]:

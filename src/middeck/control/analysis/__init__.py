@@ -1,11 +1,11 @@
 """What a loop bears: stability, margins and worst cases with exact delays, continuous or sampled."""
 
-from middeck.control.analysis.delayed_rms import measure_delayed_rms
 from middeck.control.analysis.disk import DiskMargin, measure_disk_margin
 from middeck.control.analysis.inversion import Inversion, find_inversion
 from middeck.control.analysis.loop import Compensator, FeedbackLoop, Plant, form_loop
 from middeck.control.analysis.margins import LoopMargins, Margins, Peak, measure_margins
 from middeck.control.analysis.return_ratio import ReturnRatio, trace_return_ratio
+from middeck.control.analysis.rms import measure_rms
 from middeck.control.analysis.shifts import AllowedShift, find_allowed_shifts
 from middeck.control.analysis.stability import LoopStability, decide_stability
 from middeck.control.analysis.worst_case import WorstCase, find_worst_case
@@ -28,8 +28,8 @@ __all__ = [
     "find_inversion",
     "find_worst_case",
     "form_loop",
-    "measure_delayed_rms",
     "measure_disk_margin",
     "measure_margins",
+    "measure_rms",
     "trace_return_ratio",
 ]

@@ -8,8 +8,8 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.analysis.delayed_rms import measure_delayed_rms
 from middeck.control.analysis.loop import FeedbackLoop, evaluate_halves, form_loop
+from middeck.control.analysis.rms import measure_metric
 from middeck.control.analysis.stability import LoopStability, decide_loop, largest_growth, loop_poles
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import approximation_order
@@ -21,7 +21,7 @@ from middeck.control.law.uncertainty import (
     parameter_names,
 )
 from middeck.control.loop.closed_loop import close_loop
-from middeck.control.loop.performance import Performance, measure_metric
+from middeck.control.loop.performance import Performance, loop_metric
 from middeck.systems.delay_approximation import approximate_delays
 from middeck.systems.plant import Plant
 from middeck.systems.stability import GROWTH_LIMIT
@@ -177,9 +177,8 @@ def _pattern_search(
 def _rough_metric(plant: Plant, law: Compensator, performance: Performance) -> float:
     active = partition_modes(plant).active
     order = approximation_order(active, law.system)
-    return measure_metric(close_loop(approximate_delays(active, order), law), performance)
+    return loop_metric(close_loop(approximate_delays(active, order), law), performance)
 
 
 def _exact_metric(plant: Plant, law: Compensator, performance: Performance) -> float:
-    rms = measure_delayed_rms(plant, law, performance)
-    return float(np.linalg.norm(performance.weights * rms)) if np.isfinite(rms).all() else np.inf
+    return measure_metric(plant, law, performance)

@@ -14,7 +14,7 @@ import scipy.linalg as sla
 from jaxtyping import Float
 from scipy.linalg import lapack
 
-from middeck.control.h2.design_model import DesignModel
+from middeck.control.h2.generalized_plant import GeneralizedPlant
 from middeck.values import record
 
 
@@ -46,7 +46,7 @@ class LawCost:
     pushed: Float[np.ndarray, " u"] | None = None
 
 
-def closed_matrices(model: DesignModel, law: Law) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def closed_matrices(model: GeneralizedPlant, law: Law) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """A, B, C of the loop from w to e; states of the model, then the law's."""
     n = len(model.A)
     A = np.empty((n + len(law.A), n + len(law.A)))
@@ -61,12 +61,12 @@ def closed_matrices(model: DesignModel, law: Law) -> tuple[np.ndarray, np.ndarra
     return A, np.vstack([model.B1, law.B @ model.D21]), C
 
 
-def spectral_abscissa(model: DesignModel, law: Law) -> float:
+def spectral_abscissa(model: GeneralizedPlant, law: Law) -> float:
     """Largest real part of the closed loop's poles [rad/s]."""
     return float(np.linalg.eigvals(closed_matrices(model, law)[0]).real.max(initial=-np.inf))
 
 
-def evaluate_cost(model: DesignModel, law: Law) -> LawCost:
+def evaluate_cost(model: GeneralizedPlant, law: Law) -> LawCost:
     """The cost and its gradient with respect to the law's matrices."""
     A, B, C = closed_matrices(model, law)
     form = _stable_form(A)
@@ -82,7 +82,7 @@ def evaluate_cost(model: DesignModel, law: Law) -> LawCost:
 
 
 def law_gradient(
-    model: DesignModel,
+    model: GeneralizedPlant,
     law: Law,
     cost: float,
     X: Float[np.ndarray, "state state"],

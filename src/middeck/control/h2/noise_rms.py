@@ -12,7 +12,7 @@ from middeck.control.analysis.closed_response import closed_response
 from middeck.control.analysis.delayed_roots import find_open_poles
 from middeck.control.analysis.loop import approximate_halves, close_channels, form_loop
 from middeck.control.analysis.stability import decide_loop
-from middeck.control.h2.design_model import build_model, square_root
+from middeck.control.h2.generalized_plant import generalize, square_root
 from middeck.control.law.compensator import Compensator
 from middeck.control.lqg import LQGWeights
 from middeck.systems.norms import response_rms
@@ -47,7 +47,7 @@ class NoiseOutcome:
     control_rms: float
 
 
-def measure_noise_rms(plant: Plant, compensator: Compensator, weights: LQGWeights) -> NoiseOutcome:
+def integrate_noise(plant: Plant, compensator: Compensator, weights: LQGWeights) -> NoiseOutcome:
     """Outputs and commands under the process and sensor noise of ``weights``, delays exact.
 
     Stability is decided first (`decide_stability`); then |T|^2 is integrated by adaptive quadrature.
@@ -59,7 +59,7 @@ def measure_noise_rms(plant: Plant, compensator: Compensator, weights: LQGWeight
     NumericalError
         Where stability cannot be decided.
     """
-    build_model(remove_delays(plant), weights, 1.0)  # it refuses what has no cost
+    generalize(remove_delays(plant), weights, 1.0)  # it refuses what has no cost
     loop = form_loop(plant, compensator)
     found = decide_loop(loop)
     if not found.stable or found.margin <= GROWTH_LIMIT:

@@ -6,13 +6,13 @@ import numpy as np
 import scipy.linalg as sla
 
 from middeck.control.h2.closed_cost import Law
-from middeck.control.h2.design_model import DesignModel
+from middeck.control.h2.generalized_plant import GeneralizedPlant
 from middeck.control.h2.structure import decouple
 from middeck.control.lqg.regulator import append_integrals
 from middeck.control.riccati import RiccatiSolution, solve_riccati
 
 
-def solve_lqg(model: DesignModel) -> tuple[Law, RiccatiSolution, RiccatiSolution, float]:
+def solve_lqg(model: GeneralizedPlant) -> tuple[Law, RiccatiSolution, RiccatiSolution, float]:
     """The law, its integrals beside the rest, the regulator's and the filter's solution, and the cost."""
     rows, n = [row for row, _ in model.integrals], len(model.A)
     A, B = append_integrals(model.A, model.B2, model.C2, model.D22, rows)
@@ -40,6 +40,6 @@ def solve_lqg(model: DesignModel) -> tuple[Law, RiccatiSolution, RiccatiSolution
     return decouple(law, len(rows)), regulator, estimator, float(cost)
 
 
-def lqg_law(model: DesignModel) -> Law:
+def lqg_law(model: GeneralizedPlant) -> Law:
     """The law alone."""
     return solve_lqg(model)[0]

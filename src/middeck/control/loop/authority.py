@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 from middeck.control.law.compensator import Compensator
 from middeck.control.loop.closed_loop import close_loop
 from middeck.control.loop.participation import find_participation
-from middeck.control.loop.performance import Performance, measure_metric
+from middeck.control.loop.performance import Performance, loop_metric
 from middeck.errors import ConfigError
 from middeck.systems.plant import Plant
 from middeck.systems.stability import is_stable
@@ -86,7 +86,7 @@ def sweep_authority(
         raise ConfigError(f"a reference of {reference}", hint="the metric called 0 dB, > 0")
     laws = [design(float(level)) for level in levels]
     loops = {name: [close_loop(plant, law) for law in laws] for name, plant in on.items()}
-    metric = np.array([[measure_metric(loop, performance) for loop in row] for row in loops.values()])
+    metric = np.array([[loop_metric(loop, performance) for loop in row] for row in loops.values()])
     return AuthoritySweep(
         np.asarray(levels, dtype=float),
         tuple(on),

@@ -43,29 +43,30 @@ class Performance:
             raise ConfigError("a weight is not a finite number", hint="0 for an output left alone")
 
 
-def measure_rms(loop: ClosedLoop, performance: Performance) -> Float[np.ndarray, " z"]:
+def loop_rms(loop: ClosedLoop, performance: Performance) -> Float[np.ndarray, " z"]:
     """Rms of each output; ``inf`` for an unstable loop.
 
     Raises `ConfigError` for an intensity that does not fit the loop's disturbances.
     """
-    _require_one_each("intensities", len(performance.intensity), loop.inputs)
+    require_one_each("intensities", len(performance.intensity), loop.inputs)
     if not loop.stable:
         return np.full(len(loop.outputs), np.inf)
     return band_rms(loop.system, performance.intensity, performance.band_hz)
 
 
-def measure_metric(loop: ClosedLoop, performance: Performance) -> float:
+def loop_metric(loop: ClosedLoop, performance: Performance) -> float:
     """The metric, a number in the unit of the outputs; ``inf`` for an unstable loop.
 
     Raises `ConfigError` for weights and intensities that do not fit the loop's ports.
     """
-    _require_one_each("weights", len(performance.weights), loop.outputs)
+    require_one_each("weights", len(performance.weights), loop.outputs)
     if not loop.stable:
         return float(np.inf)
-    return float(np.linalg.norm(performance.weights * measure_rms(loop, performance)))
+    return float(np.linalg.norm(performance.weights * loop_rms(loop, performance)))
 
 
-def _require_one_each(what: str, count: int, ports: tuple[Port, ...]) -> None:
+def require_one_each(what: str, count: int, ports: tuple[Port, ...]) -> None:
+    """Raise `ConfigError` unless there are as many as ``ports``."""
     if count != len(ports):
         names = ", ".join(port.name for port in ports)
         raise ConfigError(
@@ -73,15 +74,13 @@ def _require_one_each(what: str, count: int, ports: tuple[Port, ...]) -> None:
         )
 
 
-def measure_control_rms(
-    plant: Plant, compensator: Compensator, performance: Performance
-) -> Float[np.ndarray, " u"]:
+def commands_rms(plant: Plant, compensator: Compensator, performance: Performance) -> Float[np.ndarray, " u"]:
     """Rms of each control input that the compensator drives, under the disturbance and in the band.
 
     Sensor noise is not in it. ``inf`` for an unstable loop.
     """
     loop = close_loop(_show_commands(plant, compensator), compensator)
-    return measure_rms(loop, performance)
+    return loop_rms(loop, performance)
 
 
 def _show_commands(plant: Plant, compensator: Compensator) -> Plant:

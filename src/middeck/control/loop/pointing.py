@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.control.loop.closed_loop import ClosedLoop
-from middeck.control.loop.performance import Performance, measure_rms
+from middeck.control.loop.performance import Performance, loop_rms
 from middeck.errors import ConfigError
 from middeck.systems.norms import weighed_rms
 from middeck.values import record
@@ -98,7 +98,7 @@ def budget_pointing(loop: ClosedLoop, performance: Performance, window: Pointing
     0.178
     """
     names = tuple(port.name for port in loop.outputs)
-    absolute = measure_rms(loop, performance)
+    absolute = loop_rms(loop, performance)
     if not loop.stable:
         return PointingBudget(names, window, *4 * [np.full(len(names), np.inf)])
     weights = mean_weight, relative_weight, drift_weight

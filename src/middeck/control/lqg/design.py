@@ -8,8 +8,8 @@ from jaxtyping import Float
 from middeck.control.law.compensator import Compensator, driven_ports, measured_ports
 from middeck.control.law.partition import partition_modes
 from middeck.control.law.stabilisability import require_reachable
-from middeck.control.lqg.design_model import DesignModel, build_design_model
 from middeck.control.lqg.estimator import KalmanFilter, design_filter
+from middeck.control.lqg.problem import LQGProblem, pose_problem
 from middeck.control.lqg.regulator import Regulator, design_regulator
 from middeck.control.lqg.shaping import Shaping
 from middeck.control.lqg.weights import LQGWeights
@@ -72,7 +72,7 @@ def design_lqg(
     part = partition_modes(plant)
     active = part.active
     shaping = shaping or Shaping()
-    model = build_design_model(active, weights, shaping)
+    model = pose_problem(active, weights, shaping)
     try:
         kalman = design_filter(plant, weights, shaping) if kalman is None else kalman
         regulator = design_regulator(model, authority, start)
@@ -97,13 +97,13 @@ def design_lqg(
     )
 
 
-def _require_ports(model: DesignModel) -> None:
+def _require_ports(model: LQGProblem) -> None:
     """Blame the ports before cost and noise, which may miss the same mode."""
     require_reachable(model.A, model.control, model.names, complaint="no control input in u reaches it")
     require_reachable(model.A.T, model.C2.T, model.names, complaint="no measurement in y sees it")
 
 
-def _join(model: DesignModel, gain: np.ndarray, injection: np.ndarray) -> StateSpace:
+def _join(model: LQGProblem, gain: np.ndarray, injection: np.ndarray) -> StateSpace:
     """u = -K (xhat, integrals); the integrals are of the measurements themselves, and known."""
     n, rows = len(model.A), list(model.integral)
     driven = model.control - injection @ model.D22
@@ -114,7 +114,7 @@ def _join(model: DesignModel, gain: np.ndarray, injection: np.ndarray) -> StateS
     return StateSpace(A, B, -gain, np.zeros((len(gain), len(model.C2))))
 
 
-def _cost(model: DesignModel, regulator: Regulator, error: np.ndarray) -> float:
+def _cost(model: LQGProblem, regulator: Regulator, error: np.ndarray) -> float:
     """tr(X N) + tr(R K Sigma K'): what noise on states and integrals costs, and what not knowing them."""
     n, rows = len(model.A), list(model.integral)
     joint = np.block([[model.process, model.cross], [model.cross.T, np.diag(model.sensor)]])

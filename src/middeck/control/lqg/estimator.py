@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.control.law.partition import partition_modes
-from middeck.control.lqg.design_model import DesignModel, build_design_model
+from middeck.control.lqg.problem import LQGProblem, pose_problem
 from middeck.control.lqg.shaping import Shaping
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.riccati import RiccatiSolution, solve_riccati
@@ -39,12 +39,12 @@ def design_filter(plant: Plant, weights: LQGWeights, shaping: Shaping | None = N
     noise.
     """
     part = partition_modes(plant)
-    model = build_design_model(part.active, weights, shaping or Shaping())
+    model = pose_problem(part.active, weights, shaping or Shaping())
     solution = estimate_states(model)
     return KalmanFilter(solution.gain.T, solution, part.inert, model.process, model.sensor, model.cross)
 
 
-def estimate_states(model: DesignModel) -> RiccatiSolution:
+def estimate_states(model: LQGProblem) -> RiccatiSolution:
     """The dual Riccati equation, noise through direct terms and correlated noise included."""
     through = model.D21 @ model.cross
     return solve_riccati(

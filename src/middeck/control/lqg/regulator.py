@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.lqg.design_model import DesignModel, require_finite_cost
+from middeck.control.lqg.problem import LQGProblem, require_finite_cost
 from middeck.control.riccati import RiccatiSolution, solve_riccati
 from middeck.values import record
 
@@ -21,7 +21,7 @@ class Regulator:
 
 
 def design_regulator(
-    model: DesignModel, authority: float, start: Float[np.ndarray, "state state"] | None = None
+    model: LQGProblem, authority: float, start: Float[np.ndarray, "state state"] | None = None
 ) -> Regulator:
     """Minimise E[z'z + u'Ru] on the states of ``model`` and its integrals; ``start``: see `solve_riccati`."""
     require_finite_cost(model)

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from middeck.control.loop.closed_loop import close_loop, leave_open
-from middeck.control.loop.performance import Performance, measure_control_rms, measure_metric
+from middeck.control.loop.performance import Performance, commands_rms, loop_metric
 from middeck.control.lqg.levels import design_levels
 from middeck.control.lqg.weights import LQGWeights
 from middeck.errors import ConfigError
@@ -61,15 +61,15 @@ def compare_topologies(
     ``weights`` are those of the whole plant: each topology takes its ports' part. Raises `ConfigError` for
     ports that are not in the plant's groups and `NotStabilisableError` where a topology cannot hold a mode.
     """
-    reference = measure_metric(leave_open(plant), performance)
+    reference = loop_metric(leave_open(plant), performance)
     db, control, stable, order = [], [], [], []
     for u, y in topologies.values():
         part = dataclasses.replace(plant, u=tuple(u), y=tuple(y))
         laws = design_levels(part, select_weights(plant, weights, part), levels)
         loops = [close_loop(part, law) for law in laws]
-        metric = np.array([measure_metric(loop, performance) for loop in loops])
+        metric = np.array([loop_metric(loop, performance) for loop in loops])
         db.append(20.0 * np.log10(metric / reference))
-        control.append([float(np.linalg.norm(measure_control_rms(part, law, performance))) for law in laws])
+        control.append([float(np.linalg.norm(commands_rms(part, law, performance))) for law in laws])
         stable.append([loop.stable for loop in loops])
         order.append(len(laws[0].system.A))
     return TopologyTable(

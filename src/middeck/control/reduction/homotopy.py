@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from middeck.control.h2.closed_cost import Law
-from middeck.control.h2.design_model import DesignModel
+from middeck.control.h2.generalized_plant import GeneralizedPlant
 from middeck.control.reduction.candidates import Candidate
 from middeck.control.reduction.loop import absorb, proper_law
 from middeck.control.robust.blend import improve
@@ -38,11 +38,11 @@ class Withdrawal:
     stops: int
 
 
-def withdraw_remainder(models: Sequence[DesignModel], candidate: Candidate) -> Withdrawal:
+def withdraw_remainder(models: Sequence[GeneralizedPlant], candidate: Candidate) -> Withdrawal:
     """The law of the candidate's order at the end of the way, or where the way was blocked."""
     law, share, stops = proper_law(candidate.law), 0.0, 0
 
-    def at(a: float) -> Sequence[DesignModel]:
+    def at(a: float) -> Sequence[GeneralizedPlant]:
         return models if a == 1.0 else [absorb(m, _times(candidate.remainder, 1.0 - a)) for m in models]
 
     if not decays(candidate.remainder) or not stabilises(at(0.0), law):
@@ -62,7 +62,7 @@ def withdraw_remainder(models: Sequence[DesignModel], candidate: Candidate) -> W
     return Withdrawal(law, share, stops)
 
 
-def polish_law(models: Sequence[DesignModel], law: Law) -> Law | None:
+def polish_law(models: Sequence[GeneralizedPlant], law: Law) -> Law | None:
     """The law at the end of a descent of the mean cost; None where it does not hold all models."""
     found = improve(law, models, [], power=1.0, tolerance=TIDY, steps=AT_THE_END)
     return None if found is None else found[0]

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.control.h2.closed_cost import Law, closed_matrices, spectral_abscissa
-from middeck.control.h2.design_model import DesignModel, build_model
+from middeck.control.h2.generalized_plant import GeneralizedPlant, generalize
 from middeck.control.law.compensator import Compensator
 from middeck.control.lqg import LQGWeights
 from middeck.control.reduction.gramian import GramianFactors, factor_gramians, restrict
@@ -32,7 +32,7 @@ SENSOR_SHARE = 0.1
 class Loop:
     """A plant with the compensator's direct term closed, its weights, and typical sizes of u and y."""
 
-    model: DesignModel
+    model: GeneralizedPlant
     input_size: Float[np.ndarray, " u"]
     output_size: Float[np.ndarray, " y"]
 
@@ -49,9 +49,9 @@ def pose_loop(plant: Plant, compensator: Compensator, weights: LQGWeights | None
     if weights is None:
         joined = dataclasses.replace(joined, z=_without_direct(joined))
         unit = _unit_weights(joined)
-        model = absorb(build_model(joined, unit, 1.0), direct)
+        model = absorb(generalize(joined, unit, 1.0), direct)
         weights, authority = _weights_of_loop(joined, model, law, unit), 1.0
-    model = absorb(build_model(joined, weights, authority), direct)
+    model = absorb(generalize(joined, weights, authority), direct)
     _, y, u = _mean_squares(model, law, len(weights.disturbed), len(joined.z))
     return Loop(model, np.sqrt(_positive(u)), np.sqrt(_positive(y)))
 
@@ -61,7 +61,7 @@ def proper_law(system: StateSpace) -> Law:
     return Law(system.A, system.B, system.C)
 
 
-def absorb(model: DesignModel, beside: StateSpace) -> DesignModel:
+def absorb(model: GeneralizedPlant, beside: StateSpace) -> GeneralizedPlant:
     """The model with the fixed feedback ``beside`` closed around it; what is added to it at u is free.
 
     White noise straight through to u would count infinitely, and in every law alike: it is left out.
@@ -75,19 +75,19 @@ def absorb(model: DesignModel, beside: StateSpace) -> DesignModel:
     )
     closed = feedback(plant, beside, range(nw, nw + nu), range(nz, nz + ny))
     w, u, z, y = slice(nw), slice(nw, nw + nu), slice(nz), slice(nz, nz + ny)
-    return DesignModel(
+    return GeneralizedPlant(
         closed.A, closed.B[:, w], closed.B[:, u], closed.C[z], closed.D[z, u], closed.C[y], closed.D[y, w],
         closed.D[y, u],
     )  # fmt: skip
 
 
-def response_in_loop(model: DesignModel, law: StateSpace) -> StateSpace:
+def response_in_loop(model: GeneralizedPlant, law: StateSpace) -> StateSpace:
     """G (I - K G)^-1, from what is added at u to y."""
     closed = absorb(model, law)
     return StateSpace(closed.A, closed.B2, closed.C2, closed.D22)
 
 
-def gramians_in_loop(models: Sequence[DesignModel], law: Law) -> GramianFactors:
+def gramians_in_loop(models: Sequence[GeneralizedPlant], law: Law) -> GramianFactors:
     """Of the law's states in the loop, mean over the models: how far they move, and what moving them costs.
 
     Driven by the noises of the model, judged by its cost. With (I - G K)^-1 behind y and (I - K G)^-1 before
@@ -97,7 +97,7 @@ def gramians_in_loop(models: Sequence[DesignModel], law: Law) -> GramianFactors:
     return _mean([_blocks(*closed_matrices(model, law), len(model.A)) for model in models])
 
 
-def seen_at_y(models: Sequence[DesignModel], law: Law, output_size: np.ndarray) -> GramianFactors:
+def seen_at_y(models: Sequence[GeneralizedPlant], law: Law, output_size: np.ndarray) -> GramianFactors:
     """The same judged by what comes back at y, each measurement over its size."""
     found: list[GramianFactors] = []
     for model in models:
@@ -132,7 +132,7 @@ def _unit_weights(plant: Plant) -> LQGWeights:
     return LQGWeights(ones[0], ones[1], plant.w, np.eye(len(plant.w)), ones[2])
 
 
-def _weights_of_loop(plant: Plant, model: DesignModel, law: Law, unit: LQGWeights) -> LQGWeights:
+def _weights_of_loop(plant: Plant, model: GeneralizedPlant, law: Law, unit: LQGWeights) -> LQGWeights:
     z, y, u = (_positive(square) for square in _mean_squares(model, law, len(plant.w), len(plant.z)))
     values = law.A if len(law.A) else model.A
     highest_hz = float(np.abs(np.linalg.eigvals(values)).max()) / (2.0 * np.pi)
@@ -141,7 +141,7 @@ def _weights_of_loop(plant: Plant, model: DesignModel, law: Law, unit: LQGWeight
 
 
 def _mean_squares(
-    model: DesignModel, law: Law, noises: int, outputs: int
+    model: GeneralizedPlant, law: Law, noises: int, outputs: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Of z, y and u under the process noise alone."""
     if not spectral_abscissa(model, law) < 0.0:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from middeck.control.h2.closed_cost import Law, evaluate_cost, spectral_abscissa
-from middeck.control.h2.design_model import DesignModel, discounted
+from middeck.control.h2.generalized_plant import GeneralizedPlant, discounted
 from middeck.control.h2.nominal_law import lqg_law
 from middeck.control.h2.structure import order_of, shifted, station_ports
 from middeck.control.robust.blend import Stations, improve
@@ -92,7 +92,7 @@ def _given(problem: Problem, start: Law) -> Arrival:
 
 
 def _best_start(problem: Problem, stations: Stations, power: float) -> Arrival:
-    def models_at(ratio: float) -> Sequence[DesignModel]:
+    def models_at(ratio: float) -> Sequence[GeneralizedPlant]:
         return models_of(problem, ratio, 0.0)
 
     order = order_of(problem.structure, len(models_at(1.0)[0].A))
@@ -125,7 +125,7 @@ def _best_of(
     return min(tidied, key=lambda arrival: arrival.history[-1].cost, default=None)
 
 
-def _least_cost(models: Sequence[DesignModel]) -> float:
+def _least_cost(models: Sequence[GeneralizedPlant]) -> float:
     """No law of any order does better: the mean cost of the models, each under its own LQG law."""
     return float(np.mean([evaluate_cost(model, lqg_law(model)).cost for model in models]))
 
@@ -162,7 +162,7 @@ def _grow(problem: Problem, stations: Stations, arrival: Arrival, power: float) 
     return arrival
 
 
-def _withdraw_discount(models: Sequence[DesignModel], stations: Stations, law: Law) -> Arrival:
+def _withdraw_discount(models: Sequence[GeneralizedPlant], stations: Stations, law: Law) -> Arrival:
     """Lend all states a decay that makes the loop stable, improve, lend less (Perdomo et al. 2021)."""
     history: list[Stage] = []
     floor = 1e-3 * float(np.median(np.abs(np.linalg.eigvals(models[0].A))))
@@ -186,7 +186,7 @@ def _withdraw_discount(models: Sequence[DesignModel], stations: Stations, law: L
 
 
 def _step(
-    models: Sequence[DesignModel],
+    models: Sequence[GeneralizedPlant],
     stations: Stations,
     arrival: Arrival,
     power: float,

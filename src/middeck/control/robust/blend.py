@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.control.h2.closed_cost import Law, LawCost, evaluate_cost
-from middeck.control.h2.design_model import DesignModel
+from middeck.control.h2.generalized_plant import GeneralizedPlant
 from middeck.control.h2.structure import Free, arrange, pack, scale_states, unpack
 from middeck.control.robust.coordinates import even_scale, parameter_scale
 from middeck.control.robust.descent import Descent, descend
@@ -30,7 +30,7 @@ def blend(costs: Float[np.ndarray, " model"], power: float) -> tuple[float, Floa
     return value, (costs / value) ** (power - 1.0) / len(costs)
 
 
-def evaluate_models(models: Sequence[DesignModel], law: Law) -> list[LawCost] | None:
+def evaluate_models(models: Sequence[GeneralizedPlant], law: Law) -> list[LawCost] | None:
     """Cost and gradient of each; None as soon as one is unstable."""
     found: list[LawCost] = []
     for model in models:
@@ -43,7 +43,7 @@ def evaluate_models(models: Sequence[DesignModel], law: Law) -> list[LawCost] | 
 
 def improve(
     law: Law,
-    models: Sequence[DesignModel],
+    models: Sequence[GeneralizedPlant],
     stations: Stations,
     *,
     power: float,
@@ -68,7 +68,7 @@ def improve(
 
 
 def _blended(
-    models: Sequence[DesignModel], law: Law, free: Free, power: float, scale: np.ndarray
+    models: Sequence[GeneralizedPlant], law: Law, free: Free, power: float, scale: np.ndarray
 ) -> tuple[float, np.ndarray]:
     found = evaluate_models(models, law)
     if found is None:

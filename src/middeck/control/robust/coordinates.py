@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.control.h2.closed_cost import Law, LawCost
-from middeck.control.h2.design_model import DesignModel
+from middeck.control.h2.generalized_plant import GeneralizedPlant
 from middeck.control.h2.structure import Free
 
 
@@ -30,7 +30,7 @@ def _diagonals(costs: Sequence[LawCost]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def parameter_scale(
-    law: Law, free: Free, costs: Sequence[LawCost], even: np.ndarray, models: Sequence[DesignModel]
+    law: Law, free: Free, costs: Sequence[LawCost], even: np.ndarray, models: Sequence[GeneralizedPlant]
 ) -> Float[np.ndarray, " parameter"]:
     """How far each entry may go for about the same change of the cost.
 

@@ -24,7 +24,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.control.analysis.loop import resolve, transfer_of
-from middeck.control.h2.design_model import build_model, square_root
+from middeck.control.h2.generalized_plant import generalize, square_root
 from middeck.control.h2.noise_rms import FAR, REST, NoiseOutcome
 from middeck.control.law.compensator import Compensator
 from middeck.control.lqg import LQGWeights
@@ -114,7 +114,7 @@ def measure_in_family(plant: Plant, known: FamilyLaw) -> NoiseOutcome | None:
     if modal is None or np.any(modal.zeta * modal.omega < LIGHTEST):
         return None
     if modal.direct is not None or modal.phi_acceleration is not None:
-        build_model(remove_delays(plant), known.weights, 1.0)  # it refuses what has no cost
+        generalize(remove_delays(plant), known.weights, 1.0)  # it refuses what has no cost
     w, z = plant.input_indices(known.weights.disturbed), plant.output_indices(plant.z)
     u, y = plant.input_indices(known.outputs), plant.output_indices(known.inputs)
     delay_s = plant.delay_s

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from middeck.control.h2.closed_cost import evaluate_cost, spectral_abscissa
-from middeck.control.h2.design_model import DesignModel, build_model
+from middeck.control.h2.generalized_plant import GeneralizedPlant, generalize
 from middeck.control.h2.structure import Structure
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.uncertainty import without_delays
@@ -48,7 +48,7 @@ def design_for_worst(
     NumericalError
         Where some candidate is still worse after thirty rounds, or as `design_multimodel`.
     """
-    models = [build_model(without_delays(each), weights, authority, shaping=shaping) for each in candidates]
+    models = [generalize(without_delays(each), weights, authority, shaping=shaping) for each in candidates]
     chosen: list[int] = []
     start: Compensator | None = None
     law: Compensator | None = None
@@ -71,7 +71,7 @@ def design_for_worst(
 
 
 def _worse_than(
-    limit: float, models: Sequence[DesignModel], compensator: Compensator
+    limit: float, models: Sequence[GeneralizedPlant], compensator: Compensator
 ) -> tuple[list[int], bool]:
     """The unstable ones, the fastest growing first; if there are none, those beyond ``limit``, and True."""
     law = law_of(compensator)

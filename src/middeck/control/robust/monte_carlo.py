@@ -9,8 +9,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from middeck.control.h2.closed_cost import Law, closed_matrices
-from middeck.control.h2.design_model import DesignModel, build_model
-from middeck.control.h2.noise_rms import NoiseOutcome, measure_noise_rms
+from middeck.control.h2.generalized_plant import GeneralizedPlant, generalize
+from middeck.control.h2.noise_rms import NoiseOutcome, integrate_noise
 from middeck.control.law.compensator import Compensator, idle_compensator
 from middeck.control.law.delay_order import LEAST_PADE, MOST_PADE, is_within, pade_order, phase_of_modes
 from middeck.control.law.uncertainty import Uncertainty, finished_plants
@@ -100,7 +100,7 @@ def outcomes_on(
         raise ConfigError("the compensator has a direct term: sensor noise would make its rms infinite")
     reference = np.zeros(0)
     if plants:
-        build_model(remove_delays(plants[0]), weights, 1.0)  # it refuses weights that do not fit
+        generalize(remove_delays(plants[0]), weights, 1.0)  # it refuses weights that do not fit
         alone = [_uncontrolled(p, weights) for p in plants]
         reference = _rms_of(alone, idle_compensator(plants[0]), weights)[1]
     continuous = _outcomes("continuous", *_rms_of(plants, compensator, weights), reference)
@@ -162,7 +162,7 @@ def _approximated(
     law = Law(system.A, system.B, system.C)
     orders = [pade_order(phase_of_modes(p, system)) if p.delayed else 1 for p in plants]
     order = max((n for n in orders if n <= MOST_PADE), default=LEAST_PADE)
-    models = [build_model(approximate_delays(p, order), weights, 1.0) for p in plants]
+    models = [generalize(approximate_delays(p, order), weights, 1.0) for p in plants]
     values, rms, control = _rms(models, [law] * len(models))
     stable = settled(exact_growth(plants, law, values))
     found = [NoiseOutcome(bool(a), float(b), float(c)) for a, b, c in zip(stable, rms, control, strict=True)]
@@ -171,7 +171,7 @@ def _approximated(
             continue
         agreed = stable[i] == np.isfinite(rms[i]) and is_within(order, plant, values[i])
         if orders[i] > order or not agreed:
-            found[i] = measure_noise_rms(plant, compensator, weights)
+            found[i] = integrate_noise(plant, compensator, weights)
     return found
 
 
@@ -187,7 +187,7 @@ def _outcomes(
 
 
 def _rms(
-    models: Sequence[DesignModel], laws: Sequence[Law]
+    models: Sequence[GeneralizedPlant], laws: Sequence[Law]
 ) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
     """Poles, rms of the weighted outputs, and of the weighted input, plant by plant."""
     poles: list[np.ndarray] = [np.zeros(0)] * len(models)

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.control.h2.closed_cost import Law, evaluate_cost
-from middeck.control.h2.design_model import DesignModel
+from middeck.control.h2.generalized_plant import GeneralizedPlant
 from middeck.control.h2.structure import Structure, arrange, pack, scale_states, station_ports, unpack
 from middeck.control.law.compensator import Compensator, driven_ports, measured_ports
 from middeck.control.law.partition import partition_modes
@@ -117,7 +117,7 @@ def design_popov(
 
 
 def _minimise(
-    problem: Problem, model: DesignModel, directions: Directions, place: _Place, tolerance: float
+    problem: Problem, model: GeneralizedPlant, directions: Directions, place: _Place, tolerance: float
 ) -> _Place:
     """Begun again in fresh coordinates as long as that helps; the bound is ``inf`` if it was lost at once."""
     for _ in range(RESTARTS):
@@ -133,7 +133,7 @@ def _covering_starts(
     plant: Plant,
     problem: Problem,
     uncertainty: Uncertainty,
-    model: DesignModel,
+    model: GeneralizedPlant,
     directions: Directions,
     law: Law | None,
 ) -> Iterator[_Place]:
@@ -158,7 +158,7 @@ def _covering_starts(
             yield _Place(law, found, np.inf, np.inf, history)
 
 
-def _covering_multipliers(model: DesignModel, law: Law, directions: Directions) -> Multipliers | None:
+def _covering_multipliers(model: GeneralizedPlant, law: Law, directions: Directions) -> Multipliers | None:
     """Those of a small box, or with more weight on the frequencies of the modes, if they cover this one."""
     first = first_multipliers(model, law, directions)
     assert first is not None  # the law stabilises the nominal model
@@ -180,7 +180,7 @@ def _widened(uncertainty: Uncertainty, widening: float) -> Uncertainty | None:
 
 def _improve(
     problem: Problem,
-    model: DesignModel,
+    model: GeneralizedPlant,
     directions: Directions,
     place: _Place,
     tolerance: float,

@@ -26,7 +26,7 @@ from jaxtyping import Float
 from scipy.linalg import lapack
 
 from middeck.control.h2.closed_cost import Law, LawCost, closed_matrices, law_gradient, solve_gramian
-from middeck.control.h2.design_model import DesignModel
+from middeck.control.h2.generalized_plant import GeneralizedPlant
 from middeck.control.robust.directions import Directions
 from middeck.values import record
 
@@ -51,7 +51,9 @@ class Bound:
     log_N: Float[np.ndarray, " delta"]
 
 
-def evaluate_bound(model: DesignModel, law: Law, directions: Directions, multipliers: Multipliers) -> Bound:
+def evaluate_bound(
+    model: GeneralizedPlant, law: Law, directions: Directions, multipliers: Multipliers
+) -> Bound:
     """The bound over the box; ``inf`` where the Riccati equation has no solution."""
     nominal, B, C = closed_matrices(model, law)
     modes, states = len(directions.low), len(nominal)
@@ -83,7 +85,7 @@ def _infinite(modes: int) -> Bound:
     return Bound(LawCost(np.inf), np.zeros(modes), np.zeros(modes))
 
 
-def first_multipliers(model: DesignModel, law: Law, directions: Directions) -> Multipliers | None:
+def first_multipliers(model: GeneralizedPlant, law: Law, directions: Directions) -> Multipliers | None:
     """What is best for small boxes with N = 0, and N = H / omega of a stiffness; None if unstable."""
     A, B, C = closed_matrices(model, law)
     L, P = solve_gramian(A, B), solve_gramian(A.T, C.T)

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.control.h2.closed_cost import Law, evaluate_cost
-from middeck.control.h2.design_model import DesignModel, build_model
+from middeck.control.h2.generalized_plant import GeneralizedPlant, generalize
 from middeck.control.h2.structure import Structure
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.partition import partition_modes
@@ -85,11 +85,11 @@ def pose_problem(
     return problem
 
 
-def models_of(problem: Problem, ratio: float, size: float) -> tuple[DesignModel, ...]:
+def models_of(problem: Problem, ratio: float, size: float) -> tuple[GeneralizedPlant, ...]:
     """The models at a ratio of the authority and a size of the perturbation."""
     s = problem.structure
     return tuple(
-        build_model(
+        generalize(
             p,
             problem.weights,
             problem.authority * ratio,

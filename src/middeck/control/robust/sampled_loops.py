@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.h2.design_model import square_root
+from middeck.control.h2.generalized_plant import square_root
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import pade_order, phase_of_modes
 from middeck.control.law.partition import partition_modes

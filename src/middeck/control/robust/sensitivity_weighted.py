@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.control.h2.closed_cost import Law, evaluate_cost
-from middeck.control.h2.design_model import DesignModel
+from middeck.control.h2.generalized_plant import GeneralizedPlant
 from middeck.control.h2.nominal_law import solve_lqg
 from middeck.control.h2.structure import Structure
 from middeck.control.law.compensator import driven_ports, measured_ports
@@ -91,7 +91,7 @@ def design_sensitivity_weighted(
     return _result(problem, models, directions, level, tuple(tried))
 
 
-def _best_strength(models: Sequence[DesignModel], directions: Directions, tried: list[Stage]) -> float:
+def _best_strength(models: Sequence[GeneralizedPlant], directions: Directions, tried: list[Stage]) -> float:
     """On the ladder first, then between the neighbours of the best rung; an unstable model costs ``inf``."""
 
     def mean_cost(strength: float) -> float:
@@ -118,13 +118,13 @@ def _best_strength(models: Sequence[DesignModel], directions: Directions, tried:
 
 
 def _solve(
-    model: DesignModel, directions: Directions, strength: float
+    model: GeneralizedPlant, directions: Directions, strength: float
 ) -> tuple[Law, RiccatiSolution, RiccatiSolution, float]:
     """The law, both Riccati solutions, and the weighted cost."""
     return solve_lqg(_weighted(model, directions, strength))
 
 
-def _weighted(model: DesignModel, directions: Directions, strength: float) -> DesignModel:
+def _weighted(model: GeneralizedPlant, directions: Directions, strength: float) -> GeneralizedPlant:
     """The model with outputs -C1 A^-1 A_i x h_i and noise inputs -A_i A^-1 B1 w_i h_i beside its own."""
     outputs, noises = [model.C1], [model.B1]
     inverse = np.linalg.pinv(model.A)
@@ -156,7 +156,7 @@ def _changes(directions: Directions, states: int) -> list[np.ndarray]:
 
 def _result(
     problem: Problem,
-    models: Sequence[DesignModel],
+    models: Sequence[GeneralizedPlant],
     directions: Directions,
     strength: float,
     tried: tuple[Stage, ...],

@@ -10,7 +10,7 @@ import scipy.linalg as sla
 from jaxtyping import Float
 
 from middeck.control.h2.closed_cost import Law, evaluate_cost, spectral_abscissa
-from middeck.control.h2.design_model import DesignModel
+from middeck.control.h2.generalized_plant import GeneralizedPlant
 from middeck.control.h2.nominal_law import lqg_law
 from middeck.control.h2.structure import add_laws, join_stations, split_law
 
@@ -26,7 +26,7 @@ stable."""
 
 PRIMES = np.array([2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53])
 Stations = list[tuple[list[int], list[int], int]]
-ModelsAt = Callable[[float], Sequence[DesignModel]]
+ModelsAt = Callable[[float], Sequence[GeneralizedPlant]]
 
 
 def reduce_law(
@@ -59,7 +59,7 @@ def pad_law(law: Law, order: int) -> Law:
     return add_laws(law, Law(-np.diag(rates), B, C))
 
 
-def stabilises(models: Sequence[DesignModel], law: Law) -> bool:
+def stabilises(models: Sequence[GeneralizedPlant], law: Law) -> bool:
     """Whether all loops are stable, by their eigenvalues."""
     return all(spectral_abscissa(model, law) < 0.0 for model in models)
 
@@ -80,7 +80,7 @@ def find_starts(models_at: ModelsAt, order: int, stations: Stations) -> Iterator
             yield found, ratio
 
 
-def spread_starts(models: Sequence[DesignModel], order: int) -> Iterator[tuple[Law, float]]:
+def spread_starts(models: Sequence[GeneralizedPlant], order: int) -> Iterator[tuple[Law, float]]:
     """Small laws that stabilise ``models`` and come from no LQG law; none for larger orders or integrals."""
     for number in range(SPREAD if order <= SMALL and not models[0].integrals else 0):
         spread = _weakened(models, _spread_law(models[0], order, number))
@@ -98,7 +98,7 @@ def _first(models_at: ModelsAt, order: int, ratios: Sequence[float]) -> Iterator
             return
 
 
-def in_the_loop(model: DesignModel, order: int) -> Law:
+def in_the_loop(model: GeneralizedPlant, order: int) -> Law:
     """The LQG law with states added, or reduced by the Gramians that its states have in the loop."""
     law, n = lqg_law(model), len(model.A)
     free, integrals = split_law(law, len(model.integrals))
@@ -127,7 +127,7 @@ def _reduced_alone(law: Law, order: int) -> Law | None:
     return reduce_law(law, order, covariance, worth)
 
 
-def _spread_law(model: DesignModel, order: int, number: int) -> Law:
+def _spread_law(model: GeneralizedPlant, order: int, number: int) -> Law:
     """Damped pairs, and a real pole if the order is odd, from below the model's poles to far above them.
 
     Frequencies, damping and directions follow multiples of square roots of primes, which fill a box evenly
@@ -146,7 +146,7 @@ def _spread_law(model: DesignModel, order: int, number: int) -> Law:
     return Law(A, ports[:, : len(model.C2)], ports[:, len(model.C2) :].T)
 
 
-def _weakened(models: Sequence[DesignModel], law: Law) -> Law | None:
+def _weakened(models: Sequence[GeneralizedPlant], law: Law) -> Law | None:
     """With its gain halved until it stabilises: a stable law does, where the plants are stable."""
     for _ in range(HALVINGS):
         if stabilises(models, law):
@@ -170,10 +170,10 @@ def _decentralised(models_at: ModelsAt, stations: Stations) -> Iterator[tuple[La
             return
 
 
-def _alone(model: DesignModel, station: tuple[list[int], list[int], int]) -> Law | None:
+def _alone(model: GeneralizedPlant, station: tuple[list[int], list[int], int]) -> Law | None:
     y, u, order = station
     seen = np.any(model.D21[y] != 0.0, axis=0) | np.any(model.B1 != 0.0, axis=0)
-    part = DesignModel(
+    part = GeneralizedPlant(
         model.A, model.B1[:, seen], model.B2[:, u], model.C1, model.D12[:, u], model.C2[y],
         model.D21[y][:, seen], model.D22[y][:, u],
     )  # fmt: skip

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from middeck.control.law.compensator import Compensator, evaluate_compensator
 from middeck.control.loop.closed_loop import close_loop, leave_open, predict_closed_loop_response
-from middeck.control.loop.performance import Performance, measure_rms
+from middeck.control.loop.performance import Performance, loop_rms
 from middeck.identification.model.measurement_model import MeasurementModel, damping_ratio, natural_hz
 from middeck.laboratory.bench import take_closed_loop
 from middeck.laboratory.loop import RigLoop, RigView, judge_loops
@@ -164,7 +164,7 @@ def _predicted_rms(case: DesignCase, compensator: Compensator | None) -> float:
     intensity = np.array([[case.torque_nm**2 / (2.0 * (high - low))]])
     weights = np.zeros(len(loop.outputs))
     weights[0] = 1.0
-    return float(measure_rms(loop, Performance(weights, intensity, case.band_hz))[0])
+    return float(loop_rms(loop, Performance(weights, intensity, case.band_hz))[0])
 
 
 def _worst_error(

@@ -16,7 +16,7 @@ from middeck.control.loop.authority import (
     sweep_authority,
 )
 from middeck.control.loop.closed_loop import ClosedLoop, close_loop, leave_open
-from middeck.control.loop.performance import Performance, measure_metric
+from middeck.control.loop.performance import Performance, loop_metric
 from middeck.control.lqg import LQGWeights, design_filter, design_lqg
 from middeck.errors import ConfigError, NumericalError
 from middeck.files.studies import Study
@@ -128,7 +128,7 @@ def study_zero_g_control(modes: Mapping[str, Modes], control: ControlForm) -> Ze
         (which, _sweep(pair, control, psd, performance, levels, modes["lab"]))
         for which, pair in plants.items()
     )
-    metric_pd = tuple((env, measure_metric(leave_open(p), performance)) for env, p in plants["all"].items())
+    metric_pd = tuple((env, loop_metric(leave_open(p), performance)) for env, p in plants["all"].items())
     return ZeroGControl(levels, psd, metric_pd, sweeps)
 
 
@@ -151,7 +151,7 @@ def _performance(control: ControlForm, psd: float) -> Performance:
 
 def _disturbance_psd(plant: Plant, control: ControlForm) -> float:
     """S_w from 3 sigma = the stated angle; the metric is proportional to its root."""
-    unit = measure_metric(leave_open(plant), _performance(control, 1.0))
+    unit = loop_metric(leave_open(plant), _performance(control, 1.0))
     if not 0.0 < unit < np.inf:
         raise NumericalError(
             f"under PD alone the metric in 0-g is {unit:g} for a unit disturbance, which no intensity scales",
@@ -185,9 +185,9 @@ def _sweep(
 ) -> SubModelSweep:
     weights = design_weights(control, psd)
     design = partial(design_lqg, pair["orbit"], weights, kalman=design_filter(pair["orbit"], weights))
-    reference = measure_metric(leave_open(pair["orbit"]), performance)
+    reference = loop_metric(leave_open(pair["orbit"]), performance)
     sweep = sweep_authority(design, 10.0**levels, on=pair, performance=performance, reference=reference)
-    lab_pd = measure_metric(leave_open(pair["lab"]), performance)
+    lab_pd = loop_metric(leave_open(pair["lab"]), performance)
     over_orbit = float(20.0 * np.log10(lab_pd / reference))
     ends = [close_loop(plant, design(10.0**level)) for level in levels[[0, -1]] for plant in pair.values()]
     error = max((_quadrature_error(loop, performance) for loop in ends if loop.stable), default=0.0)
@@ -205,4 +205,4 @@ def _sweep(
 
 def _quadrature_error(loop: ClosedLoop, performance: Performance) -> float:
     rms = band_rms_by_quadrature(loop.system, performance.intensity, performance.band_hz)
-    return abs(measure_metric(loop, performance) / float(np.linalg.norm(performance.weights * rms)) - 1.0)
+    return abs(loop_metric(loop, performance) / float(np.linalg.norm(performance.weights * rms)) - 1.0)

@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from middeck.control.law.partition import partition_modes
 from middeck.control.lqg import LQGWeights, Shaping
-from middeck.control.lqg import design_model as lqg_model
+from middeck.control.lqg import problem as lqg_problem
 from middeck.control.lqg.design import AUTHORITY
 from middeck.errors import ConfigError
 from middeck.systems.plant import Plant
@@ -27,7 +27,7 @@ INNER = 1e-3
 
 
 @record
-class DesignModel:
+class GeneralizedPlant:
     """One model of a design, see the module.
 
     ``integrals`` are rows of y, and the weight of the integral of each; the last rows of C1 and D12 are kept
@@ -45,7 +45,7 @@ class DesignModel:
     integrals: tuple[tuple[int, float], ...] = ()
 
 
-def build_model(
+def generalize(
     plant: Plant,
     weights: LQGWeights,
     authority: float,
@@ -53,7 +53,7 @@ def build_model(
     shaping: Shaping | None = None,
     before: StateSpace | None = None,
     after: StateSpace | None = None,
-) -> DesignModel:
+) -> GeneralizedPlant:
     """The model of ``plant`` without inert modes, with fixed filters ``before`` and ``after`` what is free.
 
     ``before`` filters the measurements, ``after`` the commands. At a notch commands would then cost nothing
@@ -66,13 +66,13 @@ def build_model(
     active = partition_modes(plant).active
     _require_loop(active, authority)
     shaping = shaping or Shaping()
-    m = lqg_model.build_design_model(active, weights, shaping)
-    lqg_model.require_finite_cost(m)
+    m = lqg_problem.pose_problem(active, weights, shaping)
+    lqg_problem.require_finite_cost(m)
     effort, held, nu = 1.0 / np.sqrt(authority), len(m.integral), len(m.plain)
     noise, n = _noise_root(m), len(m.A)
     # The plant's states first, then weights on ports, then colours.
     turn = np.roll(np.arange(n), -sum(len(colour.A) for _, colour in shaping.colours))
-    model = DesignModel(
+    model = GeneralizedPlant(
         m.A[np.ix_(turn, turn)],
         np.hstack([m.noise, np.zeros((n, len(m.sensor)))])[turn] @ noise,
         m.control[turn],
@@ -96,7 +96,7 @@ def build_model(
     return _priced(model if after is None else _filter_commands(model, after))
 
 
-def _noise_root(m: lqg_model.DesignModel) -> Float[np.ndarray, "noise noise"]:
+def _noise_root(m: lqg_problem.LQGProblem) -> Float[np.ndarray, "noise noise"]:
     """A factor of the joint intensity of process and sensor noise."""
     if not np.any(m.cross):
         return np.asarray(sla.block_diag(square_root(m.process), np.diag(np.sqrt(m.sensor))))
@@ -111,7 +111,7 @@ def square_root(intensity: Float[np.ndarray, "w w"]) -> Float[np.ndarray, "w w"]
     return vectors * np.sqrt(np.maximum(values, 0.0))
 
 
-def discounted(model: DesignModel, rate: float) -> DesignModel:
+def discounted(model: GeneralizedPlant, rate: float) -> GeneralizedPlant:
     """The model whose states decay faster by ``rate``: it is stable under a law that is nearly so."""
     return dataclasses.replace(model, A=model.A - rate * np.eye(len(model.A)))
 
@@ -125,7 +125,7 @@ def _require_loop(plant: Plant, authority: float) -> None:
         )
 
 
-def _priced(m: DesignModel) -> DesignModel:
+def _priced(m: GeneralizedPlant) -> GeneralizedPlant:
     price, noise = (
         np.sqrt(INNER * np.trace(D.T @ D) / count) * np.eye(count)
         for D, count in ((m.D12, m.B2.shape[1]), (m.D21, len(m.C2)))
@@ -139,11 +139,11 @@ def _priced(m: DesignModel) -> DesignModel:
     )
 
 
-def _filter_measurements(m: DesignModel, f: StateSpace) -> DesignModel:
+def _filter_measurements(m: GeneralizedPlant, f: StateSpace) -> GeneralizedPlant:
     if f.D.shape != (len(m.C2), len(m.C2)):
         raise ConfigError(f"a filter of {f.D.shape} before the compensator, for {len(m.C2)} measurements")
     n, k = len(m.A), len(f.A)
-    return DesignModel(
+    return GeneralizedPlant(
         np.block([[m.A, np.zeros((n, k))], [f.B @ m.C2, f.A]]),
         np.vstack([m.B1, f.B @ m.D21]),
         np.vstack([m.B2, f.B @ m.D22]),
@@ -155,11 +155,11 @@ def _filter_measurements(m: DesignModel, f: StateSpace) -> DesignModel:
     )
 
 
-def _filter_commands(m: DesignModel, f: StateSpace) -> DesignModel:
+def _filter_commands(m: GeneralizedPlant, f: StateSpace) -> GeneralizedPlant:
     if f.D.shape != (m.B2.shape[1], m.B2.shape[1]):
         raise ConfigError(f"a filter of {f.D.shape} after the compensator, for {m.B2.shape[1]} inputs")
     n, k = len(m.A), len(f.A)
-    return DesignModel(
+    return GeneralizedPlant(
         np.block([[m.A, m.B2 @ f.C], [np.zeros((k, n)), f.A]]),
         np.vstack([m.B1, np.zeros((k, m.B1.shape[1]))]),
         np.vstack([m.B2 @ f.D, f.B]),

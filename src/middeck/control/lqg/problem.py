@@ -15,7 +15,7 @@ from middeck.values import record
 
 
 @record
-class DesignModel:
+class LQGProblem:
     """x' = A x + noise w + control u, cost z'z + u' plain u / authority, y = C2 x + D21 w + D22 u + v.
 
     Parameters
@@ -60,7 +60,7 @@ class DesignModel:
     integral_names: tuple[str, ...]
 
 
-def build_design_model(plant: Plant, weights: LQGWeights, shaping: Shaping) -> DesignModel:
+def pose_problem(plant: Plant, weights: LQGWeights, shaping: Shaping) -> LQGProblem:
     """The model of ``plant``, whose modes are all reachable or observed (`partition_modes`).
 
     Raises `ConfigError` for weights, intensities and filters that do not fit its ports.
@@ -90,7 +90,7 @@ def build_design_model(plant: Plant, weights: LQGWeights, shaping: Shaping) -> D
         *_name_filters("weight on", plant.z, on_outputs),
         *_name_filters("weight on", plant.u, on_inputs),
     )
-    return DesignModel(
+    return LQGProblem(
         whole.A, whole.B[:, :n_w], whole.B[:, n_w:],
         scale * whole.C[z], scale * whole.D[z, :n_w], scale * whole.D[z, n_w:],
         effort * whole.C[s], effort * whole.D[s, n_w:],
@@ -103,7 +103,7 @@ def build_design_model(plant: Plant, weights: LQGWeights, shaping: Shaping) -> D
     )  # fmt: skip
 
 
-def require_finite_cost(model: DesignModel) -> None:
+def require_finite_cost(model: LQGProblem) -> None:
     """Raise `ConfigError` where process noise reaches z directly."""
     if np.any(model.D11):
         raise ConfigError(
