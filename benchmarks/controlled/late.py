@@ -14,10 +14,10 @@ from measured.rows import row
 from middeck.control.analysis import decide_stability, measure_disk_margin, measure_margins
 from middeck.control.h2.closed_cost import Law, closed_matrices
 from middeck.control.h2.generalized_plant import generalize
-from middeck.control.h2.noise_rms import measure_noise_rms
 from middeck.control.law.compensator import Compensator
 from middeck.control.loop.closed_loop import close_loop
 from middeck.control.lqg import LQGWeights
+from middeck.control.noise import measure_noise_rms
 from middeck.signals.ports import Port
 from middeck.systems.delay_approximation import approximate_delays
 from middeck.systems.modal import ModalSystem

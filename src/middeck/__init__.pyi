@@ -142,11 +142,7 @@ from .identification.model.measurement_model import (
     model_response as model_response,
 )
 from .identification.plants.delays import merge_delays as merge_delays
-from .identification.plants.measured_plant import (
-    delayed_plant as delayed_plant,
-    measured_plant as measured_plant,
-    sampled_plant as sampled_plant,
-)
+from .identification.plants.measured_plant import measured_plant as measured_plant
 from .identification.plants.modal_parameters import modal_parameters as modal_parameters
 from .identification.plants.pole_zero_gain import (
     from_pole_zero_gain as from_pole_zero_gain,

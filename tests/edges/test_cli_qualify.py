@@ -26,7 +26,7 @@ from middeck.files.compensators import (
 )
 from middeck.files.models import write_model
 from middeck.identification.model.measurement_model import MeasurementModel
-from middeck.identification.plants.measured_plant import delayed_plant
+from middeck.identification.plants.measured_plant import measured_plant
 from middeck.signals.ports import Channel, Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant, delay_plant, remove_delays
@@ -52,7 +52,7 @@ def measured(late_s: float = 0.004) -> MeasurementModel:
 
 def plant(late_s: float = 0.004) -> Plant:
     w, u, z, y = GROUPS
-    return delayed_plant(measured(late_s), w=w, u=u, z=z, y=y)
+    return measured_plant(measured(late_s), w=w, u=u, z=z, y=y)
 
 
 def law(authority: float = 1e4) -> LQGCompensator:

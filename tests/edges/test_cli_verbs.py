@@ -180,8 +180,8 @@ def test_identify_then_design(tmp_path: Path, capfd: Capture) -> None:
     noise = ("--angle-noise", 1e-7, "--disturbance", 0.1, "--log10-authority", 12)
     designed = document(capfd, "design", model, *ports, *noise, "-o", law)
     path = md.select_channels(fit.model, inputs=["piezo_1"], outputs=["position_1"]).model
-    plant = md.measured_plant(
-        path, w=["piezo_1"], u=["piezo_1"], z=["position_1"], y=["position_1"], pade_order=3
+    plant = md.approximate_delays(
+        md.measured_plant(path, w=["piezo_1"], u=["piezo_1"], z=["position_1"], y=["position_1"]), 3
     )
     weights = md.LQGWeights(np.ones(1), np.ones(1), ("piezo_1",), np.array([[0.01]]), np.array([1e-14]))
     written = json.loads(law.read_text())

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import scipy.integrate
 
-from middeck.control.analysis import measure_control_rms, measure_rms
+from middeck.control.analysis.rms import measure_control_rms, measure_rms
 from middeck.control.law.compensator import Compensator
 from middeck.control.loop.closed_loop import close_loop
 from middeck.control.loop.performance import Performance, loop_rms

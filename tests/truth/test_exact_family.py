@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from middeck.control.analysis import decide_stability
-from middeck.control.h2.noise_rms import measure_noise_rms
 from middeck.control.law.compensator import Compensator
 from middeck.control.lqg import LQGWeights, design_lqg
+from middeck.control.noise import measure_noise_rms
 from middeck.control.robust import outcomes_on, without_delays
 from middeck.control.robust.exact_family import family_law, measure_in_family
 from middeck.errors import NumericalError

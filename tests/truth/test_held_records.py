@@ -27,7 +27,7 @@ from middeck.identification.fit.fit_response import FitResult, fit_response
 from middeck.identification.model.held_response import folded_response, held_response
 from middeck.identification.model.measurement_model import model_response
 from middeck.identification.model.simulation import nrmse
-from middeck.identification.plants.measured_plant import delayed_plant
+from middeck.identification.plants.measured_plant import measured_plant
 from middeck.identification.record_fit.fit_record import fit_record
 from middeck.identification.record_fit.simulation import record_nrmse
 from middeck.identification.spectra import estimate_response
@@ -171,7 +171,7 @@ def test_margins_of_a_model_of_held_data_are_those_of_exact_discretisation(
         for other in (rate_hz, 1.5 * rate_hz):  # judged at the rate of the data, and at another
             truth = as_sampled(of, 1.0 / other)
             law = lead(strength(truth), 1.0 / other)
-            plant = delayed_plant(fit.model, u=("torque",), y=("angle",))
+            plant = measured_plant(fit.model, u=("torque",), y=("angle",))
             found = measure_margins(plant, law)
             assert found.stable
             (loop,) = found.loops

@@ -18,6 +18,7 @@ from middeck.identification import (
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.layout import Layout, Point, pack, unpack
 from middeck.identification.search.refine import logarithmic, weighted
+from middeck.systems.delay_approximation import approximate_delays
 from middeck.systems.response import FrequencyResponse, evaluate_plant, statespace_response
 
 LONG = os.environ.get("MIDDECK_LONG") == "1"
@@ -156,7 +157,7 @@ def test_stated_deviations_are_those_of_the_fits():
 
 def test_the_papers_plant_has_thirteen_states():
     fitted = fit_response(estimate_response(gimbal_record.multisine(0)), states=10)
-    plant = measured_plant(fitted.model, pade_order=3, w=("gimbal",), u=("gimbal",), z=("payload",))
+    plant = approximate_delays(measured_plant(fitted.model, w=("gimbal",), u=("gimbal",), z=("payload",)), 3)
     assert plant.system.A.shape == (13, 13)
     f = np.geomspace(0.3, 15.0, 300)
     exact = model_response(fitted.model, f)
@@ -170,7 +171,7 @@ def test_one_delay_of_many_outputs_costs_one_approximation():
         np.array([-0.1 + 6j]), np.array([[1j], [2j]]), np.array([[1.0]]), zero, zero,
         np.array([0.01, 0.01]), gimbal_record.INPUTS[:1], gimbal_record.OUTPUTS[:2],
     )  # fmt: skip
-    plant = measured_plant(model, pade_order=3)
+    plant = approximate_delays(measured_plant(model), 3)
     assert len(plant.system.A) == 5
     f = np.array([0.5, 1.0, 3.0])
     np.testing.assert_allclose(evaluate_plant(plant, f).H, model_response(model, f), rtol=1e-8)

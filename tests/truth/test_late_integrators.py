@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from middeck.control.analysis import decide_stability
-from middeck.control.h2.noise_rms import measure_noise_rms
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.partition import partition_modes
 from middeck.control.lqg import LQGWeights, design_lqg
+from middeck.control.noise import measure_noise_rms
 from middeck.control.sampled import design_sampled_lqg, measure_sampled_loop
 from middeck.signals.ports import Port
 from middeck.systems.delay import pade

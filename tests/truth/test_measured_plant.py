@@ -10,11 +10,15 @@ import scipy.linalg as sla
 from middeck.errors import ConfigError
 from middeck.identification.model.measurement_model import MeasurementModel, model_response, path_delay
 from middeck.identification.model.selection import scale_channels, select_channels
-from middeck.identification.plants.measured_plant import measured_plant, sampled_plant
+from middeck.identification.plants.measured_plant import measured_plant
 from middeck.identification.plants.pole_zero_gain import from_pole_zero_gain, pole_zero_gain
-from middeck.systems.plant import name_states
+from middeck.signals.ports import Port
+from middeck.systems.delay_approximation import approximate_delays
+from middeck.systems.plant import Plant, name_states
 from middeck.systems.response import evaluate_plant, statespace_response
+from middeck.systems.sampled_plant import sample_plant
 from middeck.systems.simulation import simulate
+from middeck.systems.statespace import StateSpace
 from middeck.systems.transmission_zeros import balance
 
 NAMES = [p.name for p in gimbal_record.OUTPUTS]
@@ -55,7 +59,7 @@ def test_the_plants_response_is_the_models(kind, rigid, shape):
         delay_s=None if path is not None or delay is None else delay[:outputs],
         rigid=None if rigid is None else rigid[:outputs, :inputs],
     )  # fmt: skip
-    plant = measured_plant(model, pade_order=6)
+    plant = approximate_delays(measured_plant(model), 6)
     # Pade 6 errs by (omega tau)^13 / 2.2e13 at most: 2 at 15 Hz and 18.5 ms, hence 4e-10; rounding beside.
     np.testing.assert_allclose(evaluate_plant(plant, F).H, model_response(model, F), rtol=1e-9, atol=1e-13)
     assert len(name_states(plant)) == len(plant.system.A)
@@ -76,7 +80,7 @@ def test_a_delay_costs_as_few_states_as_it_can(kind, shape, delays):
     outputs, inputs = shape
     delay = DELAYS[kind]
     model = a_model(outputs=outputs, inputs=inputs, delay_s=None if delay is None else delay[:outputs])
-    plant = measured_plant(model, pade_order=3)
+    plant = approximate_delays(measured_plant(model), 3)
     assert len(plant.system.A) == 10 + 3 * delays
     assert sum(name == "delay" for name in name_states(plant)) == 3 * delays
 
@@ -96,7 +100,9 @@ def test_the_sampled_plants_steps_are_the_models(kind, rigid):
     delay = DELAYS[kind]
     model = a_model(path_delay_s=None if delay is None else delay, rigid=rigid)
     T = 0.002
-    plant = sampled_plant(model, T, w=("gimbal",), u=("gimbal", "wheel"), z=("payload",), y=("bus",))
+    plant = sample_plant(
+        measured_plant(model, w=("gimbal",), u=("gimbal", "wheel"), z=("payload",), y=("bus",)), T
+    )
     t = T * np.arange(400)
     residue = 2j * model.poles.imag * model.shapes[:, :, None].swapaxes(1, 2)
     for i in range(2):
@@ -118,7 +124,7 @@ def test_the_sampled_plants_steps_are_the_models(kind, rigid):
 
 def test_the_sampled_study_article_needs_eight_states_for_three_delays():
     """500 Hz, 10, 10 and 14.5 ms: one torque, eight past values of it."""
-    plant = sampled_plant(a_model(inputs=1), 0.002)
+    plant = sample_plant(measured_plant(a_model(inputs=1)), 0.002)
     assert len(plant.sampled.A) == 10 + 8
     assert plant.state_names[-8:] == ("delay",) * 8
     # Far below half the rate the hold is all there is between the two.
@@ -198,20 +204,22 @@ def test_delays_leave_the_plant_well_conditioned(delay_s, order):
 
     The delay's own condition is below the square of its order (test_delay).
     """
-    plant = measured_plant(a_model(inputs=1, outputs=1, delay_s=[delay_s]), pade_order=order)
+    plant = approximate_delays(measured_plant(a_model(inputs=1, outputs=1, delay_s=[delay_s])), order)
     poles = np.linalg.eigvals(plant.system.A)
     spread = np.abs(poles).max() / np.abs(poles).min()
     cond = np.linalg.cond(balance(plant.system).A)
     assert cond < 10.0 * spread + order**2
     assert cond < 1e4 or spread > 1e3
     # The poles of both parts are those of the whole: what a companion form of order 10 cannot say.
-    alone = np.linalg.eigvals(measured_plant(a_model(inputs=1, outputs=1, delay_s=[0.0])).system.A)
+    alone = np.linalg.eigvals(
+        approximate_delays(measured_plant(a_model(inputs=1, outputs=1, delay_s=[0.0])), 3).system.A
+    )
     assert max(np.abs(poles - p).min() / abs(p) for p in alone) < 1e-9
 
 
 def test_a_controllers_equations_stay_solvable():
     """The Riccati equation of a plant with Pade 10 is solved to rounding."""
-    plant = measured_plant(a_model(inputs=1, outputs=1, delay_s=[0.01]), pade_order=10)
+    plant = approximate_delays(measured_plant(a_model(inputs=1, outputs=1, delay_s=[0.01])), 10)
     A, B, C = plant.system.A, plant.system.B, plant.system.C
     X = sla.solve_continuous_are(A, B, C.T @ C, np.eye(1))
     residual = A.T @ X + X @ A - X @ B @ B.T @ X + C.T @ C
@@ -219,7 +227,7 @@ def test_a_controllers_equations_stay_solvable():
 
 
 @pytest.mark.parametrize(
-    "build", [measured_plant, lambda model, **ports: sampled_plant(model, 0.01, **ports)]
+    "build", [measured_plant, lambda model, **ports: sample_plant(measured_plant(model, **ports), 0.01)]
 )
 def test_refuses_unknown_ports_and_sampled_models(build):
     with pytest.raises(ConfigError, match="gimbal, wheel"):
@@ -228,3 +236,41 @@ def test_refuses_unknown_ports_and_sampled_models(build):
         build(a_model(), y=("tip",))
     with pytest.raises(ConfigError, match="sampled"):
         build(dataclasses.replace(a_model(delay_s=[0.0] * 3), sample_hz=256.0))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_modal_where_the_inputs_push_in_phase(seed):
+    """Against the sum of residues; inputs that push out of phase make it no sum of modes."""
+    rng = np.random.default_rng(seed)
+    model = a_model(rigid=RIGID, delay_s=[0.0] * 3)
+    turn = np.exp(1j * rng.uniform(-np.pi, np.pi, len(model.poles)))
+    psi = rng.standard_normal((len(model.poles), 2))
+    shapes = rng.standard_normal((3, len(turn))) + 1j * rng.standard_normal((3, len(turn)))
+    in_phase = dataclasses.replace(model, participation=psi * turn[:, None], shapes=shapes)
+    plant = measured_plant(in_phase)
+    assert plant.modal is not None
+    assert plant.modal.names[-1] == "rigid-body mode 1"
+    np.testing.assert_allclose(
+        evaluate_plant(plant, F).H, model_response(in_phase, F), rtol=1e-10, atol=1e-13
+    )
+    apart = dataclasses.replace(in_phase, participation=psi * turn[:, None] * [1.0, np.exp(0.1j)])
+    assert measured_plant(apart).modal is None
+    np.testing.assert_allclose(
+        evaluate_plant(measured_plant(apart), F).H, model_response(apart, F), rtol=1e-10, atol=1e-13
+    )
+
+
+def test_what_no_path_reaches_is_kept_once():
+    """Three unlike delays: a mode on one path has a copy there alone, one on no path stays for the design."""
+    system = StateSpace(
+        np.diag([-1.0, -2.0, 3.0]), [[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]], [[1.0, 0.0, 1.0], [1.0, 1.0, 0.0]],
+        np.zeros((2, 2)),
+    )  # fmt: skip
+    ports = (Port("a", "N"), Port("b", "N")), (Port("c", "m"), Port("d", "m"))
+    late = np.array([[0.01, 0.02], [0.02, 0.01]])
+    plant = Plant(system, *ports, state_names=("one", "two", "lost"), delay_s=late)
+    names = approximate_delays(plant, 2).state_names
+    assert [names.count(name) for name in ("one", "two", "lost")] == [1, 1, 1]
+    hz = np.array([0.1, 1.0])
+    near, exact = (evaluate_plant(p, hz).H for p in (approximate_delays(plant, 6), plant))
+    np.testing.assert_allclose(near, exact, rtol=1e-9)

@@ -16,7 +16,7 @@ from middeck.identification.plants.measured_plant import measured_plant
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.modal_plant import build_plant
-from middeck.systems.delay_approximation import SAME_DELAY_S
+from middeck.systems.delay_approximation import SAME_DELAY_S, approximate_delays
 from middeck.systems.plant import Plant
 from middeck.values import record
 
@@ -78,7 +78,7 @@ def model_plant(
     between = f"from {', '.join(u)} to {', '.join(y)}"
     said_of_path = [f"left out of the plant, as it is on no path {between}: {name}" for name in path.dropped]
     said_of_path += [*said, *_dear_delays(path.model, pade_order)]
-    plant = measured_plant(path.model, pade_order=pade_order, w=u, u=u, z=y, y=y)
+    plant = approximate_delays(measured_plant(path.model, w=u, u=u, z=y, y=y), pade_order)
     return FittedPlant(plant, _band_around(natural_hz(path.model)), tuple(said_of_path))
 
 

@@ -18,7 +18,7 @@ from middeck.control.qualification import qualify_compensator, sampled_forms
 from middeck.errors import ConfigError
 from middeck.files.models import load_model
 from middeck.identification.model.measurement_model import MeasurementModel
-from middeck.identification.plants.measured_plant import delayed_plant
+from middeck.identification.plants.measured_plant import measured_plant
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.systems.mode_shift import shift_modes
 from middeck.systems.plant import Plant, delay_plant, name_states, remove_delays
@@ -107,7 +107,7 @@ def _model(source: str, model: MeasurementModel, law: Law) -> Plant:
     with reading(source):
         _require_ports(u, [p.name for p in model.inputs], "drives", "the model has no such input")
         _require_ports(y, [p.name for p in model.outputs], "reads", "the model has no such output")
-        return delayed_plant(model, w=u, u=u, z=y, y=y)
+        return measured_plant(model, w=u, u=u, z=y, y=y)
 
 
 def say_hold(

@@ -2,7 +2,7 @@
 
 measured = estimate_response(record, band_hz=(0.1, 60.0))
 fitted = fit_response(measured, states=10)
-plant = measured_plant(fitted.model, pade_order=3, u=("torque",), y=("angle",))
+plant = measured_plant(fitted.model, u=("torque",), y=("angle",))
 """
 
 from middeck.identification.fit.fit_response import FitResult, fit_response
@@ -14,7 +14,7 @@ from middeck.identification.model.measurement_model import (
 )
 from middeck.identification.model.selection import scale_channels, select_channels
 from middeck.identification.model.simulation import nrmse, simulate_periodic
-from middeck.identification.plants.measured_plant import measured_plant, sampled_plant
+from middeck.identification.plants.measured_plant import measured_plant
 from middeck.identification.plants.modal_states import sampled_statespace
 from middeck.identification.plants.pole_zero_gain import PoleZeroGain, from_pole_zero_gain, pole_zero_gain
 from middeck.identification.plants.zeros import Zeros, matrix_zeros, name_zeros, path_zeros
@@ -41,7 +41,6 @@ __all__ = [
     "path_zeros",
     "pole_zero_gain",
     "response_scatter",
-    "sampled_plant",
     "sampled_statespace",
     "scale_channels",
     "select_channels",

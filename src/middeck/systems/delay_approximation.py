@@ -28,11 +28,11 @@ def approximate_delays(plant: Plant, order: int) -> Plant:
 
     A delay common to all paths is put on the side with fewer channels; what an input or an output is late
     beyond that needs states of its own. Delays that are no sum of one for the input and one for the output
-    (`is_sum`) give each channel of the smaller side the plant's states once more, but for integrators (rigid
-    modes, in modal form or mixed with others): those are kept once, with the integrators that such delays add
-    to them (`middeck.systems.late_integrators`), and come last. States: those of the inputs' delays (named
-    "delay"), the plant's, those of the outputs' delays. Modes of the plant that no port moves or sees stand
-    apart by exact zeros (`silence_inert`).
+    (`is_sum`) give each channel of the smaller side the states on its paths once more, but for integrators
+    (rigid modes, in modal form or mixed with others): those are kept once, with the integrators that such
+    delays add to them (`middeck.systems.late_integrators`), and come last. States: those of the inputs'
+    delays (named "delay"), the plant's, those of the outputs' delays. Modes of the plant that no port moves
+    or sees stand apart by exact zeros (`silence_inert`).
 
     A plant without delays stays as it is.
 
@@ -145,15 +145,37 @@ def _approximated(system: StateSpace, names: tuple[str, ...], delay_s: np.ndarra
         return _late_channels(system, names, delay_s, order)
     # One channel of the smaller side at a time: its paths are late by one side's delays alone.
     by_input = delay_s.shape[1] <= delay_s.shape[0]
+    whole, count = slice(None), min(delay_s.shape)
+    channels = [(whole, [k]) if by_input else ([k], whole) for k in range(count)]
+    on_path = np.array([_on_path(system.A, system.B[:, i], system.C[o]) for o, i in channels])
+    # What is on no path of all is kept once, so that a design may refuse it.
+    on_path[0] |= ~on_path.any(axis=0)
     parts: list[Named] = []
-    for k in range(min(delay_s.shape)):
-        rows, columns = (slice(None), [k]) if by_input else ([k], slice(None))
-        alone = StateSpace(system.A, system.B[:, columns], system.C[rows], system.D[rows][:, columns])
-        parts.append(_late_channels(alone, names, delay_s[rows][:, columns], order))
-    return join_channels(parts, by_input=by_input)
+    for (rows, columns), kept in zip(channels, on_path, strict=True):
+        alone = StateSpace(
+            system.A[np.ix_(kept, kept)],
+            system.B[kept][:, columns],
+            system.C[rows][:, kept],
+            system.D[rows][:, columns],
+        )
+        own = tuple(name for name, there in zip(names, kept, strict=True) if there)
+        parts.append(_late_channels(alone, own, delay_s[rows][:, columns], order))
+    return _join_channels(parts, by_input=by_input)
 
 
-def join_channels(parts: Sequence[Named], *, by_input: bool) -> Named:
+def _on_path(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray:
+    """States that an input reaches and an output sees, but for exact zeros."""
+    return _spread(A != 0.0, np.any(B, axis=1)) & _spread(A.T != 0.0, np.any(C, axis=0))
+
+
+def _spread(acts: np.ndarray, start: np.ndarray) -> np.ndarray:
+    reached = start
+    while np.any(more := acts[:, reached].any(axis=1) & ~reached):
+        reached = reached | more
+    return reached
+
+
+def _join_channels(parts: Sequence[Named], *, by_input: bool) -> Named:
     """Systems of one input each, their outputs added, or of one output each, driven by the same inputs.
 
     Each part is a system and what its states belong to.

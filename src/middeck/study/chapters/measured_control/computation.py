@@ -21,6 +21,7 @@ from middeck.laboratory.article import RigArticle, rig_article_plant
 from middeck.laboratory.bench import Bench, build_bench, take_open_loop
 from middeck.laboratory.loop import RigLoop, judge_loops, view_rig
 from middeck.study.measured_loop.computation import DesignCase, MeasuredLoop, measure_loop
+from middeck.systems.delay_approximation import approximate_delays
 from middeck.systems.modal import output_rows
 from middeck.systems.plant import Plant, require_modal
 from middeck.systems.response import FrequencyResponse, in_band
@@ -107,7 +108,7 @@ def _identify(bench: Bench, siso: SisoForm, rng: np.random.Generator) -> tuple[F
 
 def _design_case(fit: FitResult, measured: FrequencyResponse, siso: SisoForm) -> DesignCase:
     ports = {"w": (siso.actuator,), "u": (siso.actuator,), "z": (siso.sensor,), "y": (siso.sensor,)}
-    plant = measured_plant(fit.model, pade_order=siso.pade_order, **ports)
+    plant = approximate_delays(measured_plant(fit.model, **ports), siso.pade_order)
     H = model_response(fit.model, measured.frequency_hz)
     fitted = FrequencyResponse(measured.frequency_hz, H, measured.inputs, measured.outputs)
     return DesignCase(fit.model, plant, fitted, measured, siso.band_hz, siso.excitation_nm)

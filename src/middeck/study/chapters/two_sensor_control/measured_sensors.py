@@ -17,6 +17,7 @@ from middeck.identification.search.doubts import FAR, HALF
 from middeck.identification.uncertainty.parameters import zero_deviation
 from middeck.study.chapters.two_sensor_control.left_zeros import refit_left
 from middeck.study.measured_loop.computation import DesignCase
+from middeck.systems.delay_approximation import approximate_delays
 from middeck.systems.plant import Plant
 from middeck.systems.response import FrequencyResponse, in_band
 from middeck.values import record
@@ -80,7 +81,8 @@ def design_case(
     siso, sito = study.siso, study.sito
     torque = (siso.actuator,)
     z = (siso.sensor, sito.sensors[1]) if bus else (siso.sensor,)
-    plant = measured_plant(fit.model, pade_order=sito.pade_order, w=torque, u=torque, z=z, y=sito.sensors)
+    plant = measured_plant(fit.model, w=torque, u=torque, z=z, y=sito.sensors)
+    plant = approximate_delays(plant, sito.pade_order)
     H = model_response(fit.model, measured.frequency_hz)
     fitted = FrequencyResponse(measured.frequency_hz, H, measured.inputs, measured.outputs)
     return DesignCase(fit.model, plant, fitted, measured, siso.band_hz, siso.excitation_nm)
