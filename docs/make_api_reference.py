@@ -1,4 +1,4 @@
-"""Write docs/reference/api.md from the public names and their docstrings; with --check only say whether it is stale."""
+"""Write docs/reference/api.md from the public names; with --check only say whether it is stale."""
 
 from __future__ import annotations
 

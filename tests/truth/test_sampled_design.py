@@ -503,7 +503,7 @@ def test_disturbances_that_belong_together_must_be_late_together():
     weights = dataclasses.replace(
         cases.tangled_weights(), disturbed=("w1", "u1"), process=[[1.0, 0.5], [0.5, 1.0]]
     )
-    with pytest.raises(ConfigError, match="belong together"):
+    with pytest.raises(ConfigError, match="correlated disturbances"):
         hold_plant(delay_plant(plant, cases.tangled().delay_s), weights, 0.1)
 
 

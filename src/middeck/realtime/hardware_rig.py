@@ -82,7 +82,7 @@ def build_hardware_rig(
     Raises
     ------
     ConfigError
-        If the filters alone are later than ``delay_s``; for unknown ports, a joint twice, no step, or a plant
+        If the filters alone take more than ``delay_s``; for unknown ports, a joint twice, no step, or a plant
         that answers a command at once; for drifts as `age_plant`.
     """
     if steps < 1:

@@ -98,7 +98,7 @@ def _refuse_gain(where: str, gain: float) -> None:
 
 
 def sensor_lag(sensor: Sensor) -> float:
-    """How late [s] the sensor's filters are at low frequency."""
+    """Delay [s] of the sensor's filters are at low frequency."""
     if not isinstance(sensor, Gyro):
         return 0.0
     return (1.0 / sensor.bandwidth_hz + BUTTERWORTH_DELAY / sensor.anti_alias_hz) / (2.0 * np.pi)

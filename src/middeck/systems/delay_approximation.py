@@ -10,10 +10,10 @@ import scipy.linalg
 from jaxtyping import Complex, Float
 
 from middeck.systems.delay import evaluate_pade, pade
+from middeck.systems.delayed_integrators import approximate_delayed_integrators
 from middeck.systems.delayed_sampling import is_sum, split_delays
 from middeck.systems.inert_modes import inert_modes, silence_inert
 from middeck.systems.integrators import part_integrators
-from middeck.systems.late_integrators import approximate_late_integrators
 from middeck.systems.modal import ModalSystem, modal_to_statespace, output_rows, select_modes
 from middeck.systems.plant import Plant, name_states, remove_delays
 from middeck.systems.statespace import StateSpace, add, gain_system, series
@@ -26,11 +26,11 @@ SAME_DELAY_S = 1e-12
 def approximate_delays(plant: Plant, order: int) -> Plant:
     """The plant with a Pade approximation of ``order`` states for each delay that stands alone.
 
-    A delay common to all paths is put on the side with fewer channels; what an input or an output is late
-    beyond that needs states of its own. Delays that are no sum of one for the input and one for the output
+    A delay common to all paths is put on the side with fewer channels; what an input or an output is delayed
+    beyond that needs states of its own. Delays that are not a sum of one for the input and one for the output
     (`is_sum`) give each channel of the smaller side the states on its paths once more, but for integrators
     (rigid modes, in modal form or mixed with others): those are kept once, with the integrators that such
-    delays add to them (`middeck.systems.late_integrators`), and come last. States: those of the inputs'
+    delays add to them (`middeck.systems.delayed_integrators`), and come last. States: those of the inputs'
     delays (named "delay"), the plant's, those of the outputs' delays. Modes of the plant that no port moves
     or sees stand apart by exact zeros (`silence_inert`).
 
@@ -83,9 +83,9 @@ Named = tuple[StateSpace, tuple[str, ...]]
 
 
 def _approximate_parts(parts: _Parts, delay_s: np.ndarray, order: int) -> Named:
-    """Copies of what moves, as each channel is late; integrators once, and last."""
+    """Copies of what moves, as each channel is delayed; integrators once, and last."""
     banks = [_bank(delay_s, i, order) for i in range(delay_s.shape[1])]
-    integrals, count = approximate_late_integrators(parts.residues, parts.direct, banks)
+    integrals, count = approximate_delayed_integrators(parts.residues, parts.direct, banks)
     names = (*(parts.still,) * count, *("delay",) * (len(integrals.A) - count))
     if not len(parts.moving.A):
         return integrals, names
@@ -143,7 +143,7 @@ def _doubled(names: tuple[str, ...]) -> tuple[str, ...]:
 def _approximated(system: StateSpace, names: tuple[str, ...], delay_s: np.ndarray, order: int) -> Named:
     if is_sum(delay_s, SAME_DELAY_S):
         return _late_channels(system, names, delay_s, order)
-    # One channel of the smaller side at a time: its paths are late by one side's delays alone.
+    # One channel of the smaller side at a time: its paths are delayed by one side's delays alone.
     by_input = delay_s.shape[1] <= delay_s.shape[0]
     whole, count = slice(None), min(delay_s.shape)
     channels = [(whole, [k]) if by_input else ([k], whole) for k in range(count)]

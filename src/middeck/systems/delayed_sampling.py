@@ -1,10 +1,10 @@
-"""Sampled equivalents of a system whose paths are late, each by its own time: exact, with few states.
+"""Sampled equivalents of a system whose paths are delayed, each by its own time: exact, with few states.
 
-Input i is held over each period and reaches the plant late by a_i, output o is late by b_o. The plant's
-state is kept as it is at the sampling instants under inputs that are late by alpha_i = a_i + beta; an output
-that is late by less than beta is looked ahead for, since all inputs on the way are known, and one that is
-late by more waits in a chain. With beta the latest output's, a single input needs no more states than its
-latest path; with beta zero each output has a chain of its own. The beta of fewest states is taken.
+Input i is held over each period and reaches the plant late by a_i, output o is delayed by b_o. The plant's
+state is kept as it is at the sampling instants under inputs that are delayed by alpha_i = a_i + beta; an
+output that is delayed by less than beta is looked ahead for, since all inputs on the way are known, and one
+that is late by more waits in a chain. With beta the latest output's, a single input needs no more states than
+its latest path; with beta zero each output has a chain of its own. The beta of fewest states is taken.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def split_delays(delay_s: Float[np.ndarray, "output input"]) -> DelaySplit:
 
 
 def is_sum(delay_s: Float[np.ndarray, "output input"], tolerance: float = WHOLE) -> bool:
-    """Whether each path is late by its input's delay plus its output's, all within ``tolerance``.
+    """Whether each path is delayed by its input's delay plus its output's, all within ``tolerance``.
 
     >>> is_sum(np.array([[1.0, 3.0], [2.0, 4.0]])), is_sum(np.array([[1.0, 3.0], [2.0, 2.0]]))
     (True, False)
@@ -53,7 +53,7 @@ def is_sum(delay_s: Float[np.ndarray, "output input"], tolerance: float = WHOLE)
 def sample_delayed(
     system: StateSpace, period_s: float, delay_s: Float[np.ndarray, "output input"]
 ) -> SampledStateSpace:
-    """The system as a computer sees it: inputs held, each path late by its own delay, outputs sampled.
+    """The system as a computer sees it: inputs held, each path delayed by its own delay, outputs sampled.
 
     Exact for any delays, also of fractions of a period; y[k] is taken at the instant at which u[k] is issued.
     States: the system's, then past inputs (input by input, the latest first), then outputs that wait. Where

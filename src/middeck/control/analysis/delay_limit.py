@@ -1,4 +1,4 @@
-"""How much later a path may be before a sampled loop is lost.
+"""How much a path of a sampled loop may be delayed before the loop is unstable.
 
 A further delay of n whole periods multiplies L(exp(j w T)) by exp(-j w n T): only frequencies of unit gain
 can become roots on the circle, and each does whenever its phase has been turned to the critical point. So the
@@ -40,7 +40,7 @@ PRECISION = 1e-10
 
 @record
 class UnitGain:
-    """A loop late by a part of a period, as whole periods of further delay will find it.
+    """A loop delayed by a part of a period, as whole periods of further delay will find it.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def _unit_gain(
     lines: np.ndarray,
     part: float,
 ) -> UnitGain:
-    """The loop with one channel ``part`` of ``period_later`` later."""
+    """The loop with one channel delayed by ``part`` of ``period_later``."""
     loop = form_loop(delay_plant(path, part * period_later), compensator)
     end, i = where
     ratio = broken_ratio(loop, end)

@@ -29,7 +29,7 @@ BESIDE = 1e-3
 
 
 def find_ends(loop: FeedbackLoop, at: At) -> Ends:
-    """The ratio at rest (a delay is nothing there), and at the other end; none there for late loops, whose
+    """The ratio at rest (a delay is nothing there), and at the other end; none there for delayed loops, whose
     curve has no limit."""
     halves = approximate_halves(loop)
     first = len(loop.inputs) if at == "outputs" else 0

@@ -144,7 +144,7 @@ def measure_margins(
 
     A sampled compensator has margins of L(exp(j w T)): what the hold and the delays cost is in them already.
     Its delay margin is the least delay at which the loop, its plant sampled anew with that channel so much
-    later, is unstable (`middeck.control.analysis.delay_limit`): most of the work, left out with
+    more delayed, is unstable (`middeck.control.analysis.delay_limit`): most of the work, left out with
     ``delays=False``.
 
     Raises

@@ -15,15 +15,15 @@ from middeck.systems.plant import remove_delays
 AT_ONE = 1e-9
 """A gain this near to one counts as one: rounding of a few products, and on the axis is not stable."""
 TURNS = 720
-"""Phases at which a wave that comes back by late paths is looked at: to half a degree."""
+"""Phases at which a wave that comes back by delayed paths is looked at: to half a degree."""
 
 
 def bears_no_delay(loop: FeedbackLoop, at: At) -> Bool[np.ndarray, " channel"]:
     """Channel by channel, whether the stable loop is lost to any further delay there, the others closed.
 
-    Where the direct paths are on time, by the gain at infinite frequency. Where they are late alike, a
-    further delay turns this channel's part of the wave against the others' by any angle. Where they are late
-    unlike, a stable loop bears any angles of them all (`direct_gain`).
+    Where the direct paths are on time, by the gain at infinite frequency. Where they are delayed alike, a
+    further delay turns this channel's part of the wave against the others' by any angle. Where they are
+    delayed unlike, a stable loop bears any angles of them all (`direct_gain`).
     """
     count = len(broken_at(loop, at))
     if loop.plant.period_s is not None:

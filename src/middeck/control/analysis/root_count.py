@@ -112,7 +112,8 @@ def _where_small(halves: Halves, wall: float, omega: float, direct: float) -> fl
 def direct_gain(loop: FeedbackLoop) -> float:
     """How much a wave without end keeps of itself each time round; one or more is unstable.
 
-    Exact where all paths with a direct term are late alike; otherwise from absolute values, an upper bound.
+    Exact where all paths with a direct term are delayed alike; otherwise from absolute values, an upper
+    bound.
     """
     if not loop.plant.delayed:
         return 0.0
@@ -126,7 +127,7 @@ def direct_gain(loop: FeedbackLoop) -> float:
     gain = float(np.abs(np.linalg.eigvals(law @ through)).max(initial=0.0))
     if not alike and gain >= 1.0:
         raise NumericalError(
-            f"a direct term of loop gain {gain:.3g} comes back by paths that are late by different times",
+            f"a direct term of loop gain {gain:.3g} comes back by paths of different delays",
             hint="a law or a plant that rolls off",
         )
     return gain

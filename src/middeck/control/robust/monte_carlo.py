@@ -131,7 +131,7 @@ def _require_ports(plant: Plant, compensator: Compensator) -> None:
 
 
 def _uncontrolled(plant: Plant, weights: LQGWeights) -> Plant:
-    """Without the delays of paths that do not lead from w to z, nor what an output is late as a whole."""
+    """Without the delays of paths not from w to z, nor what all paths to an output share."""
     late = np.zeros_like(plant.delay_s)
     kept = np.ix_(plant.output_indices(plant.z), plant.input_indices(weights.disturbed))
     late[kept] = plant.delay_s[kept] - plant.delay_s[kept].min(axis=1, keepdims=True, initial=np.inf)

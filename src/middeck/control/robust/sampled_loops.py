@@ -110,9 +110,9 @@ def _close(
 def delay_at_the_hold(plant: Plant, period_s: float) -> tuple[Plant, float]:
     """All delay that the measurements or the commands have in common is put behind the hold.
 
-    A law does not care whether what it reads is late or what it commands: that part is exact. What single
-    paths are late beyond it is approximated, of an order at which every mode's phase is right, or not at all
-    where it is far below a period: states as fast as that would only cost digits.
+    A delay of the measurements and one of the commands are the same to a compensator: that part is exact.
+    What single paths are delayed beyond it is approximated, of an order at which every mode's phase is right,
+    or not at all where it is far below a period: states as fast as that would only cost digits.
     """
     if not plant.delayed:
         return plant, 0.0

@@ -79,9 +79,9 @@ def compare_sampling(
     """Direct sampled designs beside emulated ones, each measured with true delay, between samples too.
 
     Emulated laws come from `design_lqg` with delays approximated to ``pade_order``: once on the plant as it
-    is, once on the plant later by half a period, which is what the hold costs. ``match_hz`` is where Tustin's
-    rule is prewarped and a matched law's gain met. Matched laws are left out for more than one input or
-    measurement.
+    is, once on the plant delayed by half a period more, which is what the hold costs. ``match_hz`` is where
+    Tustin's rule is prewarped and a matched law's gain met. Matched laws are left out for more than one input
+    or measurement.
 
     Raises what `design_lqg`, `design_sampled_lqg` and `emulate` do.
     """
@@ -108,7 +108,7 @@ def compare_sampling(
 
 
 def _later(plant: Plant, more_s: float) -> Plant:
-    """The control inputs later still."""
+    """The plant with its control inputs delayed by more."""
     delay_s = np.zeros_like(plant.delay_s)
     delay_s[:, plant.input_indices(plant.u)] = more_s
     return delay_plant(plant, delay_s)

@@ -3,7 +3,7 @@
 The delays are those of sums: input i late by a_i, measurement o late by b_o. White noise and a mean square do
 not care when they are, so that delays of disturbances and of z drop out, and what all measurements are late
 by may as well be waited for at the inputs. Left are inputs that change within the period, each at its own
-instant, and measurements that are late by what they are later than the earliest.
+instant, and measurements that are delayed by what they are later than the earliest.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ class TimedPlant:
 def place_delays(plant: Plant, disturbed: Sequence[str], process: Float[np.ndarray, "w w"]) -> TimedPlant:
     """The plant with its delays at u and y, under white noise of intensity ``process`` on ``disturbed``.
 
-    Exact where each path is late by its input's delay plus its output's; what single paths are late beyond
-    that is approximated, of the order that the fastest mode asks.
+    Exact where each path is delayed by its input's delay plus its output's; what single paths are delayed
+    beyond that is approximated, of the order that the fastest mode asks.
 
-    Raises `ConfigError` for disturbances that belong together and are late by different times.
+    Raises `ConfigError` for correlated disturbances with different delays.
     """
     inside = remove_delays(plant)
     u, w = inside.input_indices(inside.u), inside.input_indices(disturbed)
@@ -63,6 +63,6 @@ def _check_disturbances(process: np.ndarray, late: np.ndarray) -> None:
     apart = np.abs(late[:, None] - late[None]) > SAME_DELAY_S
     if np.any(apart & (process != 0.0)):
         raise ConfigError(
-            "disturbances that belong together are late by different times",
+            "correlated disturbances have different delays",
             hint="a diagonal process intensity, or one delay for these inputs",
         )

@@ -66,8 +66,8 @@ class HeldPlant:
 def hold_plant(plant: Plant, weights: LQGWeights, period_s: float) -> HeldPlant:
     """The plant with its inputs held over ``period_s``, under the noises of ``weights``.
 
-    Delays are exact where each path is late by its input's delay plus its output's; what single paths are
-    late beyond that is approximated (`approximation_order`).
+    Delays are exact where each path is delayed by its input's delay plus its output's; what single paths are
+    delayed beyond that is approximated (`approximation_order`).
 
     Raises `ConfigError` for a period that is not positive, for weights that do not fit, and for white noise
     that reaches z or y directly: its samples are infinite.

@@ -1,4 +1,4 @@
-"""One sampling period of a plant with late inputs and late measurements, from instant to instant."""
+"""One sampling period of a plant with delayed inputs and measurements, from instant to instant."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Segment:
 
 @record
 class Between:
-    """x' = A x + B u + noise of intensity V, seen by C and D; inputs and measurements late by samples."""
+    """x' = A x + B u + noise of intensity V, seen by C and D; inputs and measurements delayed by samples."""
 
     A: np.ndarray
     B: np.ndarray

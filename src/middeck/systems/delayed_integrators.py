@@ -21,7 +21,7 @@ from middeck.systems.integrators import realise_residues
 from middeck.systems.statespace import StateSpace, add
 
 
-def approximate_late_integrators(
+def approximate_delayed_integrators(
     residues: Float[np.ndarray, "chain output input"],
     direct: Float[np.ndarray, "output input"],
     banks: Sequence[StateSpace],
