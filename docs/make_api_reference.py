@@ -12,9 +12,9 @@ PAGE = Path(__file__).parent / "reference" / "api.md"
 HEAD = """\
 # Public names
 
-`import middeck as md` gives the names below; each is imported from its room when it is first used. Everything else is found by
-room, as `CONTRIBUTING.md` describes. Units, shapes, errors and sources stand in the docstrings: `help(md.fit_response)`.
-This page is written by `docs/make_api_reference.py`.
+`import middeck as md` gives the names below; each is imported from its room when it is first used.
+Everything else is found by room, as `CONTRIBUTING.md` describes. Units, shapes, errors and sources stand
+in the docstrings: `help(md.fit_response)`. This page is written by `docs/make_api_reference.py`.
 """
 SECTIONS = {
     "structure.model": "Articles and environments",
@@ -60,8 +60,12 @@ def page() -> str:
         module = getattr(value, "__module__", "middeck")
         title = next((t for room, t in SECTIONS.items() if module.startswith(f"middeck.{room}")), "Around")
         sections[title].append(f"| `{call_of(name, value)}` | {sentence_of(value)} | `{module}` |")
-    head = "| name | what it is | module |\n| --- | --- | --- |\n"
-    return "\n".join([HEAD, *(f"## {title}\n\n{head}" + "\n".join(rows) + "\n" for title, rows in sections.items())])
+    parts = [HEAD]
+    for title, rows in sections.items():
+        parts.append(
+            f"## {title}\n\n| name | what it is | module |\n| --- | --- | --- |\n" + "\n".join(rows) + "\n"
+        )
+    return "\n".join(parts)
 
 
 def call_of(name: str, value: object) -> str:

@@ -238,28 +238,6 @@ def test_refuses_unknown_ports_and_sampled_models(build):
         build(dataclasses.replace(a_model(delay_s=[0.0] * 3), sample_hz=256.0))
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_modal_where_the_inputs_push_in_phase(seed):
-    """Against the sum of residues; inputs that push out of phase make it no sum of modes."""
-    rng = np.random.default_rng(seed)
-    model = a_model(rigid=RIGID, delay_s=[0.0] * 3)
-    turn = np.exp(1j * rng.uniform(-np.pi, np.pi, len(model.poles)))
-    psi = rng.standard_normal((len(model.poles), 2))
-    shapes = rng.standard_normal((3, len(turn))) + 1j * rng.standard_normal((3, len(turn)))
-    in_phase = dataclasses.replace(model, participation=psi * turn[:, None], shapes=shapes)
-    plant = measured_plant(in_phase)
-    assert plant.modal is not None
-    assert plant.modal.names[-1] == "rigid-body mode 1"
-    np.testing.assert_allclose(
-        evaluate_plant(plant, F).H, model_response(in_phase, F), rtol=1e-10, atol=1e-13
-    )
-    apart = dataclasses.replace(in_phase, participation=psi * turn[:, None] * [1.0, np.exp(0.1j)])
-    assert measured_plant(apart).modal is None
-    np.testing.assert_allclose(
-        evaluate_plant(measured_plant(apart), F).H, model_response(apart, F), rtol=1e-10, atol=1e-13
-    )
-
-
 def test_what_no_path_reaches_is_kept_once():
     """Three unlike delays: a mode on one path has a copy there alone, one on no path stays for the design."""
     system = StateSpace(

@@ -1,4 +1,4 @@
-"""From a measurement model to a plant: modal where it can be, delays exact, ports by name."""
+"""From a measurement model to a plant: block-modal states, delays exact, ports by name."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from middeck.errors import ConfigError
 from middeck.identification.model.measurement_model import MeasurementModel, path_delay
-from middeck.identification.plants.modal_states import modal_form, modal_statespace, state_names
+from middeck.identification.plants.modal_states import modal_statespace, state_names
 from middeck.systems.plant import Plant
 
 
@@ -26,9 +26,8 @@ def measured_plant(
     ``sample_plant(plant, period_s)``, whose hold comes on top of the delays. Where ``model.hold_s`` is None
     and its data had held inputs, half a period of that hold is in the delays: sampled, it would count twice.
 
-    Modal (`modal_form`) where each pole oscillates and its inputs push in phase, as with one input; otherwise
-    in block-modal states. Rigid-body modes have the states q and q'. The term L / s^2 of modes below the band
-    is left out: it is no part of the plant, only of its neighbourhood.
+    States are block-modal; rigid-body modes have q and q'. The term L / s^2 of modes below the band is left
+    out: it is no part of the plant, only of its neighbourhood.
 
     Raises
     ------
@@ -40,6 +39,6 @@ def measured_plant(
             "a sampled model has no continuous plant",
             hint="fit it without sample_hz, or take sampled_statespace",
         )
-    modal, groups = modal_form(model), (tuple(w), tuple(u), tuple(z), tuple(y))
-    dynamics, names = (modal_statespace(model), state_names(model)) if modal is None else (modal, ())
-    return Plant(dynamics, model.inputs, model.outputs, *groups, names, path_delay(model))
+    groups = tuple(w), tuple(u), tuple(z), tuple(y)
+    dynamics, names, delay_s = modal_statespace(model), state_names(model), path_delay(model)
+    return Plant(dynamics, model.inputs, model.outputs, *groups, names, delay_s)
