@@ -11,6 +11,7 @@ import sys
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from textwrap import fill
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -173,6 +174,33 @@ def friction() -> Figure:
     ))  # fmt: skip
 
 
+@styled
+def benchmarks() -> Figure:
+    """Ratio of middeck to the best peer in twelve comparisons of error and time; below one is better."""
+    sys.path.insert(0, str(ROOT / "benchmarks"))
+    from headlines import headlines
+
+    shown = headlines()
+    figure = new_figure(4.2)
+    axes = figure.subplots()
+    for row, one in enumerate(shown):
+        colour = COLOUR["orbit"] if one.ratio < 1.0 else COLOUR["lab"]
+        axes.plot([1.0, one.ratio], [row, row], color=colour, linewidth=2.0)
+        axes.plot([one.ratio], [row], "o", color=colour)
+        side, ha = (6, "left") if one.ratio > 1.0 else (-6, "right")
+        axes.annotate(f"{one.ratio:.2g}", (one.ratio, row), (side, 0), textcoords="offset points",
+                      va="center", ha=ha, fontsize=7.5)  # fmt: skip
+    axes.axvline(1.0, color=COLOUR["ink"], linewidth=0.8)
+    axes.set_xscale("log")
+    axes.set_xlim(0.005, 40.0)
+    axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    axes.set_yticks(range(len(shown)), [fill(one.what, 46) for one in shown], fontsize=7.0)
+    axes.set_ylim(len(shown) - 0.5, -0.5)
+    axes.grid(visible=False, axis="y")
+    axes.set_xlabel("middeck / best peer: left of 1 middeck is better")
+    return figure
+
+
 BOXES = {
     "Structure, Environment": (0.0, 4.0),
     "Equilibrium": (0.0, 3.0),
@@ -248,6 +276,7 @@ PICTURES: dict[str, Callable[[], Figure]] = {
     "margins": margins,
     "fit": fit,
     "orders": orders,
+    "benchmarks": benchmarks,
 }
 
 
