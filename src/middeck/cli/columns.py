@@ -19,7 +19,7 @@ def columns(command: F) -> F:
     """``--inputs``, ``--outputs``, ``--sample-hz`` and ``--variable``."""
     for option in (
         click.option("--variable", default="", metavar="NAME", help="The matrix in a MAT or HDF5 file."),
-        click.option("--sample-hz", type=float, metavar="HZ", help="Rate, where the file has none."),
+        click.option("--sample-hz", type=float, metavar="HZ", help="Sampling rate, if the file has none."),
         _named("--outputs", 'Output columns: "angle [rad]", "3=angle [rad]"; may be repeated.'),
         _named("--inputs", 'Input columns: "torque [N m]", "2=torque [N m]"; may be repeated.'),
     ):

@@ -123,7 +123,7 @@ def _fit_record(
 ) -> Identified:
     if settings.cost != "weighted":
         raise ConfigError(
-            "the samples of a record that is not periodic are fitted by their likelihood, no other cost",
+            "the samples of a record that is not periodic can only be fitted by likelihood",
             hint="--method 'local rational' fits an estimated response instead",
         )
     _refuse_unlike(settings)
@@ -207,12 +207,12 @@ def _chosen(settings: FitSettings, last_hz: float, taken: Record, *, of_samples:
             return []
         why = f" for {asked}" if asked else ""
         return [
-            f"a continuous model was chosen{why}, though {reach}: it takes what a held input loses "
-            "for dynamics; say --held if they were, or --continuous if they were band-limited"
+            f"a continuous model was chosen{why}, though {reach}: if the inputs were held, it mistakes the "
+            "hold for dynamics; give --held if they were, or --continuous if they were band-limited"
         ]
     return [
-        f"a sampled model was chosen, as {reach}: it has no delay, and poles stand in for one; if there is "
-        "one, use --continuous or end --band earlier"
+        f"a sampled model was chosen, as {reach}: it represents a delay by poles; if there is a delay, use "
+        "--continuous or end --band earlier"
     ]
 
 
@@ -236,7 +236,7 @@ def load_periods(
         if found.period is None or found.periods < FEWEST_PERIODS:
             return taken, (*mended, f"not cut into periods: {found.what}")
         if found.steady_from:
-            dying = f"what it began with is still dying out in the first {found.steady_from} of its periods"
+            dying = f"the first {found.steady_from} of its periods contain a transient"
             return taken, (*mended, f"not cut into periods: {found.what}, but {dying}; --periods cuts it")
         cut = cut_periods(taken, found)
         return cut, (f"cut into {cut.u.shape[1]} steady periods of {cut.u.shape[2]} samples: {found.what}",)

@@ -105,7 +105,7 @@ def _dear_delays(model: MeasurementModel, pade_order: int) -> list[str]:
     if count == 1:
         return []
     return [
-        f"{count} unlike delays, each approximated by {pade_order} states; if they are one, fit one: "
+        f"{count} different delays, each approximated by {pade_order} states; if there is only one, fit one: "
         "identify --delay common"
     ]
 

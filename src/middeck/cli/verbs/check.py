@@ -34,12 +34,11 @@ SHOWN = 26  # whose mesh is judged: those that `modes` prints
 def verb(
     article: str, environment: str | None, require: bool, overrides: tuple[str, ...], as_json: bool
 ) -> None:
-    """Weigh and measure ARTICLE; find what is wrong.
+    """Mass, size and plausibility of ARTICLE.
 
     Mass, centre of mass, inertia and size come first, then doubts about units and mesh. With an ENVIRONMENT
-    (orbit, lab, or a file) also whether the article comes to rest there and how it hangs, which attach points
-    and directions nothing holds, what is loose, and what is unstable. Mistakes in the files are errors as
-    everywhere.
+    (orbit, lab, or a file) also the rest state: how the article hangs, attach points and directions that
+    nothing holds, loose joints and instability. Mistakes in the files are errors, as everywhere.
     """
     from middeck.cli.attitude import attitude_lines
     from middeck.cli.blame import reading
@@ -81,7 +80,7 @@ def verb(
 def _in_environment(
     structure: Structure, environment: Environment
 ) -> tuple[dict[str, Any] | None, list[dict[str, Any]]]:
-    """How it hangs, None in orbit or if it does not; and what is doubtful or wrong."""
+    """How the article hangs (None in orbit, or without a rest state), and the findings."""
     import numpy as np
 
     from middeck.cli.attitude import attitude_numbers

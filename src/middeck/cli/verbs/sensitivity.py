@@ -35,7 +35,7 @@ TOP = 20  # rows of each mode that was asked for
     multiple=True,
     required=True,
     metavar="NAME",
-    help="Number to differentiate by, * for any text; may be repeated.",
+    help="Parameter to differentiate by, * for any text; may be repeated.",
 )
 @click.option(
     "--count", type=click.IntRange(min=1), default=12, show_default=True, help="How many of the lowest modes."

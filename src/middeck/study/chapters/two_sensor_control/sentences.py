@@ -74,7 +74,7 @@ def figure_12a(figures: Numbers) -> str:
     return (
         f"A penalty on payload and bus changes the payload's rms angle by {changed(numbers['both'])}, and the"
         f" loop is {held(numbers['both'])}; above"
-        f" 10 Hz it is {_apart(above)} in open loop, and at 7-9 Hz (shaded) {_apart(deeper)} under the"
+        f" 10 Hz the angle is {_apart(above)} in open loop, and at 7-9 Hz (shaded) {_apart(deeper)} under the"
         " payload penalty alone."
     )
 
