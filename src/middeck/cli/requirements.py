@@ -1,4 +1,4 @@
-"""What a verdict is asked for: ``stable``, or a limit such as ``gain_db=6``, on every row of a table."""
+"""Limits of a verdict: ``stable``, or one such as ``gain_db=6``, on every row of a table."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ AGAIN = "write the compensator again"
 
 @record
 class StoredCompensator(Compensator):
-    """A compensator as a file tells of it.
+    """A compensator as stored in a file.
 
     Parameters
     ----------

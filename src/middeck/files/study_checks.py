@@ -1,4 +1,4 @@
-"""What no study can ask for: signals that are not there, a rig that answers at once, axes that are held."""
+"""Impossible requests of a study: missing signals, a rig without delay, axes that are held."""
 
 from __future__ import annotations
 

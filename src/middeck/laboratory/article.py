@@ -36,7 +36,7 @@ UMBILICAL_LENGTH = 1.0  # m, of the springs that stand for a cable in orbit
 
 @record
 class RigArticle:
-    """The truth behind a rig: its modes about its own rest state, and what is wrong with them.
+    """The truth behind a rig: modes about its own rest state, and their hidden errors.
 
     ``hidden`` is None for an article without hidden errors.
     """

@@ -292,7 +292,7 @@ def _hold(hold_s: float | None) -> list[str]:
 
 
 def _no_modes(document: dict[str, Any]) -> list[str]:
-    """What is said of poles that the sampling rate does not let be modes."""
+    """Note on poles that cannot be modes at the sampling rate."""
     import numpy as np
 
     found = np.exp(np.asarray(document["pole_of_no_mode"]) / document["sample_hz"])

@@ -139,7 +139,7 @@ def read_opening(text: TextIO, file: Path) -> Opening:
 
 
 def _comment(line: str, where: str) -> dict[str, Any]:
-    """What a comment tells: ``# periods = 3``, ``# samples = 8``, ``# channel "u:x" = { node = "12" }``."""
+    """Keys of a comment: ``# periods = 3``, ``# samples = 8``, ``# channel "u:x" = { node = "12" }``."""
     found = re.match(r"#\s*(?:(periods|samples)\s*=|(channel)\s+\")", line)
     if found is None:
         return {}

@@ -142,7 +142,7 @@ def _head(name: str, data: Dataset, file: Path) -> Head:
 
 
 def _told_channel(text: str) -> dict[str, Any]:
-    """What `_known` wrote."""
+    """The channel in a text of `_known`."""
     told: dict[str, Any] = dict(re.findall(r"(role|gain|calibrated)=(\S+)", text))
     raw_unit = re.search(r"raw_unit=(.*)", text)
     gain = {"gain": float(told["gain"])} if "gain" in told else {}

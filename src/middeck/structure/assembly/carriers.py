@@ -1,4 +1,4 @@
-"""Which nodes are carried by a neighbour: those that stiff members join to one piece beside all around it.
+"""Which nodes move with a neighbour: those joined by members far stiffer than all around them.
 
 Members are joined in the order of their stiffness, the stiffest first. A piece whose softest joint is still
 `CONTRAST` times as stiff as whatever holds it next moves as one but for strains that coordinates in W could
@@ -49,7 +49,7 @@ def choose_carriers(
 
 
 def member_stiffness(beams: BeamProperties) -> Float[np.ndarray, " element"]:
-    """Of one end across or along, the other one clamped [N/m]."""
+    """Stiffness [N/m] of one end, across or along, with the other end clamped."""
     L = np.real(beams.length)
     bent = np.maximum(
         np.real(beams.EI_y) / (1.0 + np.real(beams.shear_z)),

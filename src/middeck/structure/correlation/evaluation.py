@@ -41,7 +41,7 @@ class Candidates:
 
 @record
 class Evaluation:
-    """What the test says of the model; rows of matrices are the model's, columns the test's.
+    """Comparison of the test with the model; rows of matrices are the model's, columns the test's.
 
     Parameters
     ----------

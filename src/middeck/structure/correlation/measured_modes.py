@@ -72,7 +72,7 @@ class MeasuredModes:
 
 @record
 class MeasurementNoise:
-    """How well a test knows its modes, where it does not say so mode by mode.
+    """Standard deviations of measured modes, where a test does not state them mode by mode.
 
     Parameters
     ----------

@@ -44,7 +44,7 @@ class Probability:
 
 @record
 class CorrectModel:
-    """What the runs of a correct model gave.
+    """Results of the runs of a correct model.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Rigid frames with minimal coordinates, and how what happens at a point of a frame reaches them.
+"""Rigid frames with minimal coordinates, and the map from points of a frame to them.
 
 A *root* frame has six coordinates: dx and a world rotation vector theta, R_new = exp(theta) R. A *joint*
 frame has one: its angle, or the travel of a slide. A *pose* is a point of a frame with a triad fixed to it;
@@ -55,7 +55,7 @@ def move(tree: FrameTree, config: Configuration, q: Inexact[np.ndarray, " coordi
 def move_carried(
     tree: FrameTree, config: Configuration, q: Inexact[np.ndarray, " coordinate"]
 ) -> Configuration:
-    """Like `move`, ``q`` being in carried coordinates; of what is followed from the drawn state only."""
+    """`move` with ``q`` in carried coordinates; only for configurations followed from the drawn state."""
     if config.since_drawn is None:
         return move(tree, config, q)
     step = q[: 6 * tree.roots].reshape(-1, 6)

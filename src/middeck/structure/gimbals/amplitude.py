@@ -28,7 +28,7 @@ from middeck.structure.plants.damping import estimate_damping
 from middeck.values import record
 
 ORDERS = (2, 3)
-"""Of the harmonics that harmonic balance leaves out, the two that are the largest."""
+"""The two largest of the harmonics that harmonic balance neglects."""
 LOWEST = 12
 """Modes that are shown where none are named."""
 
@@ -90,7 +90,7 @@ class AmplitudeCurves:
 
     @property
     def doubtful(self) -> Bool[np.ndarray, "amplitude mode"]:
-        """Where a damped mode is less than half any one undamped mode: which frequency is its is words."""
+        """Where a damped mode overlaps no undamped mode by half: its frequency label is arbitrary."""
         return self.likeness < HALF_SHAPE
 
 

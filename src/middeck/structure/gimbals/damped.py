@@ -24,13 +24,13 @@ SPARE = 6
 CLEAR = 0.9
 """Overlap of a shape with that of the step before above which it is surely the same mode."""
 HALVINGS = 8
-"""Of a step along the arc in which a shape changes more; what turns faster than this crosses."""
+"""Halvings of a step along the arc in which a shape changes more; faster changes count as crossings."""
 ARC = 10.0 ** (np.arange(-96, 49) / 8.0)
-"""Amplitudes [rad or m] along the arc: the same whatever amplitudes are asked for."""
+"""Amplitudes [rad or m] along the arc, independent of the requested ones."""
 STRIDE = 0.2
-"""Part of itself by which the stiffness changes from one stop on the arc to the next."""
+"""Relative change of the stiffness from one stop on the arc to the next."""
 FIRST = 1e-3
-"""Part of the lowest omega^2 by which the first stop may move it."""
+"""Relative change of the lowest omega^2 allowed at the first stop."""
 
 
 class Damped(NamedTuple):

@@ -282,7 +282,7 @@ def _spectrum_at(model: Model, config: Configuration, loads: Loads, count: int) 
 
 
 def _attempt(solve: Callable[[np.ndarray], _Member], here: np.ndarray) -> _Member | str:
-    """The member, or in words why there is none."""
+    """The member, or the reason why there is none."""
     try:
         return solve(here)
     except EquilibriumError as error:
@@ -368,7 +368,7 @@ def _limits(
     solve: Callable[[np.ndarray], _Member],
     joints: tuple[str, ...],
 ) -> tuple[StabilityLimit, ...]:
-    """Between each two neighbours, where each mode begins to grow that grows at the one only.
+    """Stability limits between neighbours, for each mode that grows at one of the two only.
 
     Neighbours may have been reached from the origin by different ways, and then the branch of one number is
     not the same at both. What is the same is how many modes grow.
@@ -445,7 +445,7 @@ def _swinging(spectrum: Spectrum, rest: int) -> np.ndarray:
 
 
 def _name(rest: Equilibrium, spectrum: Spectrum, mode: int) -> str:
-    """What a mode that grows is, which far from its origin may be another motion than there.
+    """Name of a mode that grows: far from the origin it may be another motion than there.
 
     By the part of its mass that moves rigidly; of a potential energy that vanishes there are no shares.
     """

@@ -94,12 +94,12 @@ class GravityBudget:
 
     @property
     def doubtful(self) -> tuple[int, ...]:
-        """Rows that in some corner are less than half of what they are in orbit: their shares are unclear."""
+        """Rows that keep less than half of their shape in orbit in some corner: their shares are unclear."""
         return tuple(map(int, np.flatnonzero(self.match.min(axis=(1, 2, 3)) < HALF_SHAPE)))
 
 
 def _telescope(corner: np.ndarray, order: tuple[int, ...]) -> np.ndarray:
-    """Differences along one way over the edges of the cube, back in the order of the effects."""
+    """Differences along one path over the edges of the cube, in the order of the effects."""
     steps = np.zeros((len(corner), len(EFFECTS)))
     on = [0] * len(EFFECTS)
     for effect in order:

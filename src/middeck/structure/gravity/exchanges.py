@@ -52,7 +52,7 @@ class Course(NamedTuple):
     come: Float[np.ndarray, " place"]
 
     def distance(self, s: float) -> float:
-        """On one straight line, the same whatever places cut it."""
+        """Distance along the straight line, independent of the places that cut it."""
         return float(np.interp(s, np.arange(len(self.come)), self.come))
 
     def to(self, near: Station, x: float) -> Station | None:
@@ -77,7 +77,7 @@ class Approach(NamedTuple):
 
     @property
     def kind(self) -> EventKind:
-        """Modes that come nearer than can be told cross."""
+        """A gap too small to resolve counts as a crossing."""
         return EventKind.VEERING if self.gap > NARROW else EventKind.CROSSING
 
 
@@ -313,7 +313,7 @@ def _follow(here: Station, there: Station) -> tuple[Station, np.ndarray]:
 
 
 def _event(found: Approach, run: Sequence[Station], names: tuple[str, ...]) -> GravityEvent:
-    """By the names that branches have once all is put right."""
+    """The event, with the names that branches have after all corrections."""
     here = [x for x in run if x.s <= found.at.s][-1]
     at, _ = _follow(here, found.at)
     i, j = sorted(map(int, np.argsort(at.spectrum.lam, kind="stable")[found.rank : found.rank + 2]))

@@ -99,7 +99,7 @@ def _pairs(model: Model, K: sp.csr_array, M: sp.csr_array, count: int, soft: np.
     pairs = solve_all(stiffness, mass, soft) if small else solve_lowest(stiffness, mass, count + SPARE, soft)
     if pairs is None:
         raise NumericalError(
-            "a motion that has no mass is held by no stiffness",
+            "a motion has neither mass nor stiffness",
             where=f"structure {model.structure.title!r}",
             hint="solve_modes of the same state names the frame; give it a mass and an inertia",
         )

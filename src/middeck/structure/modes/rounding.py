@@ -1,4 +1,4 @@
-"""What of a mode's omega^2 may be no more than rounding, or made by what Newton left unbalanced."""
+"""How much of a mode's omega^2 may be rounding, or due to the residual of Newton's method."""
 
 from __future__ import annotations
 

@@ -161,7 +161,7 @@ def _massless(model: Model, shifted: sp.csr_array) -> NumericalError:
     roots = model.tree.roots
     frame = coordinate // 6 if coordinate < 6 * roots else coordinate - 5 * roots
     return NumericalError(
-        "a motion that has no mass is held by no stiffness",
+        "a motion has neither mass nor stiffness",
         where=f"frame {model.frames[frame]!r}",
         hint="give the frame a mass and an inertia, or lock its axis",
     )

@@ -46,7 +46,7 @@ class OutputRows:
 
 
 def input_rows(equilibrium: Equilibrium, names: Sequence[str]) -> InputRows:
-    """Of the actuators ``names``: torques [N m] and forces [N], the latter also along a slide.
+    """Rows of the actuators ``names``: torques [N m] and forces [N], the latter also along a slide.
 
     Raises `ConfigError` for an unknown name or a torque at an axis that does not move.
     """
@@ -70,7 +70,7 @@ def input_rows(equilibrium: Equilibrium, names: Sequence[str]) -> InputRows:
 
 
 def output_rows(equilibrium: Equilibrium, names: Sequence[str]) -> OutputRows:
-    """Of the sensors ``names``: angles [rad], travels [m], rates of both ``<name>_rate``, accelerations.
+    """Rows of the sensors ``names``: angles [rad], travels [m], rates of both ``<name>_rate``, accelerations.
 
     Raises `ConfigError` for an unknown name; an accelerometer has no rate.
     """

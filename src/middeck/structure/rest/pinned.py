@@ -82,7 +82,7 @@ def solve_pinned(
 
 
 def settle_pinned(model: Model, loads: Loads, pinned: PinnedPoints) -> PinnedState:
-    """The state behind `solve_pinned`, which says what it raises."""
+    """The state behind `solve_pinned`; raises the same errors."""
     supports = find_supports(model, pinned)
     mass = carried_mass(model, model.rest)
     start, none = model.rest, np.zeros(len(supports.axis))

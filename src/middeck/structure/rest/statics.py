@@ -39,7 +39,7 @@ TOLERANCE = 1e-9
 # rounding is what is left, in a support of 1e12 N/m 1e-7 of a weight.
 ROUNDED = 1e-6
 UNMOVED = 1e-12
-# Enough on the way to full load.
+# Residual accepted at intermediate load steps.
 ROUGH = 1e-4
 LOAD_FACTORS = (0.25, 0.5, 0.75)
 MAX_ITERATIONS = 200
@@ -226,7 +226,7 @@ def scale_loads(loads: Loads, factor: float) -> Loads:
 
 
 def imbalance_scale(model: Model, loads: Loads) -> Float[np.ndarray, " coordinate"]:
-    """What is left at each coordinate is compared with: the weight, of a moment times a length.
+    """Scale of the residual at each coordinate: the weight, for a moment times a length.
 
     The weight is that on the ground where there is none. The length is half the article's size, or a metre if
     that is less: strict for large articles and for small ones.
@@ -290,12 +290,12 @@ def _descend(
 
 
 def imbalance(at: Assembly, active: np.ndarray, scale: np.ndarray) -> float:
-    """Largest force or moment left at the coordinates that move in statics, over its ``scale``."""
+    """Largest residual force or moment at the coordinates that move in statics, over its ``scale``."""
     return float(np.abs(at.gradient[active] / scale[active]).max(initial=0.0))
 
 
 class _Descent(NamedTuple):
-    """What stays the same on the way down."""
+    """Constants of one descent."""
 
     model: Model
     loads: Loads
@@ -307,7 +307,7 @@ class _Descent(NamedTuple):
         return assemble_carried(self.model, config, self.loads)
 
     def lower(self, new: Assembly, at: Assembly) -> bool:
-        """Whether the energy or the imbalance is."""
+        """Whether the energy or the imbalance is lower."""
         return new.energy < at.energy or imbalance(new, self.active, self.scale) < imbalance(
             at, self.active, self.scale
         )
@@ -383,7 +383,7 @@ def _damped_step(
                 return q, damping
         damping = max(DAMPING_STEP * damping, LEAST_DAMPING)
     raise NumericalError(
-        "no step towards rest: the tangent stays indefinite however much it is damped",
+        "no step towards equilibrium: the tangent stays indefinite at any damping",
         where=f"structure {model.structure.title!r}",
         hint="a motion without mass that something pushes over? give its frame a mass and an inertia",
     )

@@ -60,7 +60,7 @@ class FrequencySensitivities:
 
     @property
     def relative(self) -> Float[np.ndarray, "parameter mode"]:
-        """Part of its frequency by which a mode moves when the parameter grows by a part of its own value.
+        """Logarithmic sensitivities d ln f / d ln p.
 
         Not a number where either of them is zero.
         """

@@ -132,7 +132,7 @@ def derivative(value: np.ndarray) -> np.ndarray:
 
 
 def columns(arrays: Sequence[np.ndarray], size: int) -> np.ndarray:
-    """Side by side, none of them too."""
+    """The arrays as columns; (``size``, 0) for none."""
     return np.array(arrays).reshape(len(arrays), size).T
 
 
@@ -201,7 +201,7 @@ def spread_gradients(
 
 
 def _share(patches: Sequence[Patch], loads: Sequence[Loads]) -> Iterator[list[int]]:
-    """Numbers of patches under one gravity, as many as one raft holds."""
+    """Indices of patches under one gravity, at most as many as one raft holds."""
     by_gravity: dict[bytes, list[int]] = {}
     for p, load in enumerate(loads):
         by_gravity.setdefault(load.gravity.astype(complex).tobytes(), []).append(p)

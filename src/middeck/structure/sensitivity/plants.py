@@ -56,7 +56,7 @@ def differentiate_plant(
     outputs: Sequence[str],
     count: int = 26,
 ) -> tuple[PlantSensitivity, ...]:
-    """Of the plant of the lowest ``count`` modes between named ports, under the article's own damping.
+    """Derivatives of the plant of the lowest ``count`` modes between named ports, with the article's damping.
 
     Raises `ConfigError` for an unknown port, and `NumericalError` where the rest state has no derivative.
     """

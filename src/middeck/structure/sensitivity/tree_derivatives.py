@@ -1,4 +1,4 @@
-"""How the stiffness and mass of all that is no member, seen by modes, change as nodes and joints move.
+"""Change of the stiffness and mass of all but members, seen by modes, as nodes and joints move.
 
 A node with its joints, bodies and devices is a tree of its own: one complex step moves the same coordinate of
 every tree at once, and all steps are assembled side by side. Trees that a spring of the article ties, or that

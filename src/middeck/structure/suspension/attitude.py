@@ -60,7 +60,7 @@ def estimate_attitude(equilibrium: Equilibrium) -> Attitude:
     gravity = equilibrium.environment.gravity
     if not np.any(gravity):
         raise ConfigError(
-            "nothing is level without gravity",
+            "level is undefined without gravity",
             where=f"environment {equilibrium.environment.title!r}",
             hint="give it constants.gravity, or take another environment",
         )

@@ -161,7 +161,9 @@ def _task(
     node: str | None,
 ) -> _Task:
     if not np.any(environment.gravity):
-        raise ConfigError("nothing is level without gravity", where="level", hint="take another environment")
+        raise ConfigError(
+            "level is undefined without gravity", where="level", hint="take another environment"
+        )
     points, nodes = [a.name for a in structure.attach_points], [n.name for n in structure.nodes]
     for name, axis in free:
         if name not in points or len(axis) != 1 or axis not in AXES:
@@ -181,7 +183,7 @@ def _task(
     chosen = tuple(dict.fromkeys((name, axis) for name, axis in free))
     if len(chosen) < len(axes):
         raise ConfigError(
-            f"{len(chosen)} offsets cannot take away {len(axes)} tilts, about {' and '.join(axes)}",
+            f"{len(chosen)} offsets cannot remove {len(axes)} tilts, about {' and '.join(axes)}",
             where="level",
             hint="free as many offsets as tilts, or name fewer tilts",
         )
