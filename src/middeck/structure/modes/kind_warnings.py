@@ -36,8 +36,8 @@ def kind_warnings(
             ratio = damping.suspension if ranked[m] == "suspension" else damping.flexible
             said.append(
                 f"{called} is damped as {ranked[m]} by rank, but {strain} and {rigid} of its motion is "
-                f"rigid, which makes it {kind[m]}: its ratio {ratio:g} may be that of the wrong kind, and its "
-                f'peak wrong in height; damping.rule = "shares" weighs both ratios by energy'
+                f"rigid, which makes it {kind[m]}: its ratio {ratio:g} may be that of the wrong kind, and "
+                f'its peak wrong in height; damping.rule = "shares" weighs both ratios by energy'
             )
         else:
             said.append(
