@@ -211,8 +211,8 @@ def _chosen(settings: FitSettings, last_hz: float, taken: Record, *, of_samples:
             "hold for dynamics; give --held if they were, or --continuous if they were band-limited"
         ]
     return [
-        f"a sampled model was chosen, as {reach}: it represents a delay by poles; if there is a delay, use "
-        "--continuous or end --band earlier"
+        f"a sampled model was chosen, as {reach}: it has no delay and fits one by poles; if there is a "
+        "delay, use --continuous or end --band earlier"
     ]
 
 
