@@ -1,4 +1,4 @@
-"""``--set key=value``: any input value, by the data sheet's name, wherever the value lives.
+"""``--set key=value``: overrides of any input value, by the data sheet's name, in whatever file it stands.
 
 A segment of the key fits a key of a file exactly or by the data sheet's name for it (``node.0.mass`` for
 ``mass_kg``, but ``suspension.bounce_hz``: see `sheet_name`); an item of an array is named by its index or its

@@ -1,7 +1,7 @@
-"""The test article that stands on the rig: not the model that anyone designs with.
+"""The test article on the rig, which differs from every design model.
 
-Its mesh is finer, its struts shear, it has every mode to 200 Hz, and its numbers are off by what nobody
-knows, drawn from a seed as in the frozen case "Updating and promise". Only records leave it.
+Its mesh is finer, its struts have shear flexibility, it has every mode to 200 Hz, and its numbers have hidden
+errors, drawn from a seed as in the frozen case "Updating and promise". Designs use its records only.
 """
 
 from __future__ import annotations

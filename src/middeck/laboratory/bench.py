@@ -1,7 +1,7 @@
 """The bench: one article on its hardware rig, the excitation it is driven with, and what is taken from it.
 
-Open loop and closed loop, today or after its pair of modes has moved: records in, records out. Nothing else
-of the rig is used by a design; only whether a loop would survive is asked of the rig's own eigenvalues.
+Open loop and closed loop, before or after its pair of modes has shifted: commands in, records out. A design
+uses nothing else of the rig; only the stability of a loop is read from the rig's own eigenvalues.
 """
 
 from __future__ import annotations

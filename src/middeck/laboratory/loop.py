@@ -1,7 +1,7 @@
 """Stability and margins of a loop on the rig itself, by eigenvalues and return ratio.
 
-This is asked of the rig without limits, steps, Coulomb friction and noise (`linearise_rig`), sampled and
-with its true delay. No design sees it; it says what a drift would do, for which no run is spent.
+The rig is taken without limits, steps, Coulomb friction and noise (`linearise_rig`), sampled and with its
+true delay. No design uses it; it shows the effect of a drift without a run.
 """
 
 from __future__ import annotations

@@ -36,7 +36,7 @@ class Columns:
     """Which channels of a file are inputs and outputs, and its rate; see `name_columns`.
 
     If any of ``named`` has a side, the file's channels are these and no others, in this order; otherwise they
-    only tell more of channels that the file names itself. ``variable`` is the matrix to take from a MAT or
+    only describe channels that the file names itself. ``variable`` is the matrix to take from a MAT or
     HDF5 file that holds several.
     """
 

@@ -1,10 +1,10 @@
 """Which nodes move with a neighbour: those joined by members far stiffer than all around them.
 
-Members are joined in the order of their stiffness, the stiffest first. A piece whose softest joint is still
-`CONTRAST` times as stiff as whatever holds it next moves as one but for strains that coordinates in W could
-not hold: its nodes are carried by its first one, and that one stands for the piece from then on. Pieces
-within pieces are found on the way. A joint so stiff that the rounding of W alone is a force to be seen beside
-the weight (`ROUNDS_AT`) needs no more than `LITTLE`. Only digits hang on the choice, no result.
+Members are joined in the order of their stiffness, the stiffest first. A piece whose softest joint is
+`CONTRAST` times as stiff as the next connection moves as one body, except for strains too small for
+coordinates in W: its nodes are carried by its first one, which then represents the piece. Pieces within
+pieces are found on the way. For a joint so stiff that rounding in W gives a force comparable with the weight
+(`ROUNDS_AT`) a contrast of `LITTLE` is enough. The choice affects rounding only, not the result.
 """
 
 from __future__ import annotations

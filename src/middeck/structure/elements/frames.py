@@ -30,8 +30,8 @@ from middeck.values import record
 class Configuration:
     """Where the frames are: root positions and rotation matrices, joint angles [rad] or travels [m].
 
-    ``since_drawn`` says where the roots are with the digits that ``x`` and ``R`` cannot hold; None where
-    nobody has followed them from the drawn state.
+    ``since_drawn`` gives the roots' motion with digits that ``x`` and ``R`` cannot hold; None if they were
+    not followed from the drawn state.
     """
 
     x: Inexact[np.ndarray, "root 3"]

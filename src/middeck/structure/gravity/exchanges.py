@@ -1,9 +1,9 @@
-"""Crossings and veerings on a path, wherever its stations happen to stand.
+"""Crossings and veerings on a path, independent of its stations.
 
-Every closest approach of two branches is searched for its least gap. What happened there is told by the
-shapes on both sides, at distances that the approach itself sets: neither the steps of the path nor the places
-at which it is cut into legs have a say. Where the stations followed branches otherwise, that is put right:
-through a veering both turn, and through anything narrower than `NARROW` both go straight on.
+Every closest approach of two branches is searched for its least gap. The shapes on both sides, at distances
+set by the approach itself, decide what happened there: neither the steps of the path nor its legs matter.
+Where the stations followed the branches differently, the branches are corrected: both turn through a veering,
+and both go straight on through anything narrower than `NARROW`.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ WIDENED = 2.0
 # And where it is at least this part of omega^2: well out of what counts as one frequency.
 ASIDE = 100.0 * REPEATED
 # A least gap of omega^2 that is a smaller part of it is a crossing: a fortieth of the half-power bandwidth of
-# a mode damped by 1 %, which no test tells from none. In truth nearly all crossings are veerings: what has no
-# symmetry to keep it apart couples a little.
+# a mode damped by 1 %, which no test can distinguish. Strictly, nearly all crossings are veerings: modes
+# that no symmetry separates are slightly coupled.
 NARROW = 1e-3
 # Parabolas towards a least gap. Close enough is where the gap would change by this part of itself, or of what
 # counts as one frequency: in steps that converge faster than linearly, far closer than that.

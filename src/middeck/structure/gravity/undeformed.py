@@ -26,7 +26,7 @@ def carry_along(orbit: Equilibrium, lab: Equilibrium) -> tuple[Equilibrium, Floa
 
     It turns about the direction of gravity only, by the heading of the rigid body that fits best by mass (by
     all of its rotation where there is no gravity), and shifts until its attach points are on average where
-    they are at rest: nothing but devices can tell where a whole article is.
+    they are at rest: only devices depend on where the whole article is.
     """
     if not len(lab.loads.attach_point):
         return orbit, np.eye(3)

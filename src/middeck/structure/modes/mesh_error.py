@@ -1,12 +1,12 @@
 """Discretisation error of each frequency, estimated without another mesh.
 
-Between its nodes a member moves by the static shapes of its elements. What those leave out is how an
-element with clamped ends gives way to its own inertia omega^2 rho w. That energy, to first order in the
-element's flexibility, is what refinement takes from omega^2: the next term of the dynamic stiffness in powers
-of omega^2 (Przemieniecki 1968, Theory of Matrix Structural Analysis, section 10.6). For a cubic beam it is of
-the order h^4, for a bar or a shaft of the order h^2.
+Between its nodes a member moves by the static shapes of its elements. These omit the deflection of an element
+with clamped ends under its own inertia omega^2 rho w. The energy of that deflection, to first order in the
+element's flexibility, is the part of omega^2 that refinement removes: the next term of the dynamic stiffness
+in powers of omega^2 (Przemieniecki 1968, Theory of Matrix Structural Analysis, section 10.6). For a cubic
+beam it is of the order h^4, for a bar or a shaft of the order h^2.
 
-The estimate ends where an element's own clamped vibration begins: from there on a mesh lacks modes.
+The estimate holds up to an element's own clamped frequency: above it a mesh lacks modes.
 """
 
 from __future__ import annotations

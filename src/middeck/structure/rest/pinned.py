@@ -70,10 +70,10 @@ def solve_pinned(
 ) -> Float[np.ndarray, "pinned 3"]:
     """Support forces [N] at full gravity with the points held; nonlinear, by load steps.
 
-    The devices of ``others`` act meanwhile; their gravity counts for nothing.
+    The devices of ``others`` act as well; their gravity is ignored.
 
     Raises `EquilibriumError` when the weight drives a motion that the supports leave free, or when the
-    iteration does not converge. A free motion that no weight drives is let be: it changes no force.
+    iteration does not converge. A free motion that no weight drives is ignored: it changes no force.
     """
     other = no_loads() if others is None else others
     loads = Loads(gravity, other.anchor, other.attach_point, other.law, other.mass)

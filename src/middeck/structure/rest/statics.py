@@ -125,19 +125,19 @@ def _by_steps(
     history += [(1.0, residual, damping) for residual, damping in steps]
     active, residual = static_coordinates(model), history[-1][1]
     held = restrict(at.tangent, active) + LEAST_DAMPING * restrict(mass, active)
-    # Of what still moves nobody knows: strain of a step's second order may pull it taut.
+    # Short of convergence stability is unknown: second-order strain of a step may act as tension.
     stable = residual < enough and positive_factor(sp.csr_array(held)) is not None
     return Settled(config, at, residual, enough, tuple(history), stable)
 
 
 def _with_forces(model: Model, loads: Loads, mass: sp.csr_array) -> Settled | None:
-    """Newton's method with the forces inside as unknowns of their own; None where it does not settle.
+    """Newton's method with the internal forces as unknowns of their own; None where it does not converge.
 
-    What is stiff resists the second order of a step: a strut of 1e12 N/m in which a turn of 0.1 leaves 1e-3 m
-    pulls with 1e9 N, and whoever descends must creep. As an unknown the force is what the step's first order
-    makes it, and only that makes geometric stiffness (Magisano, Leonetti and Garcea 2017, Comput. Methods
-    Appl. Mech. Eng. 313). Where something grows the step is damped, so that it leaves a rest state that is
-    not stable; of what stands upright to rounding that state is the answer, marked as such.
+    Stiff members resist the second-order terms of a step: a strut of 1e12 N/m that a turn of 0.1 strains by
+    1e-3 m pulls with 1e9 N, so that a descent must take tiny steps. As an unknown, the force follows the
+    step's first order, and only that enters the geometric stiffness (Magisano, Leonetti and Garcea 2017,
+    Comput. Methods Appl. Mech. Eng. 313). Where a motion grows the step is damped, so that it leaves an
+    unstable rest state; an article upright to rounding ends in that state, which is marked as unstable.
     """
     active, scale = static_coordinates(model), imbalance_scale(model, loads)
     config, inner, damping, size_of = model.rest, None, 0.0, article_size(model)
