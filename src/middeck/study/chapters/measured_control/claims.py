@@ -75,7 +75,7 @@ def _drift_claims(control: MeasuredControl, low: MeasuredLoop, high: MeasuredLoo
     pair = f"a shift of the pair near {control.pair_shift_hz:g} Hz"
     return [
         row(
-            f"{pair} breaks CL2; shifts that do [%]",
+            f"{pair} makes CL2 unstable; shifts that do [%]",
             high.stable and len(broken) == len(high.survives),
             ", ".join(f"{p:+g}" for p in broken),
             ", ".join(f"{p:+g}" for p, _ in high.survives),
