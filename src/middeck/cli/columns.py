@@ -1,4 +1,4 @@
-"""Options that tell what a record file does not: which columns are what, and the rate."""
+"""Options that describe a record file: its columns and its rate."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def _named(option: str, help: str) -> Callable[[F], F]:
 def told_columns(
     inputs: str | None, outputs: str | None, sample_hz: float | None, variable: str
 ) -> Columns | None:
-    """What the options say; None if nothing, so that a file of channels beside the record is asked."""
+    """Columns by the options; None without any, so that a file of channels beside the record is read."""
     from middeck.errors import ConfigError
     from middeck.files.records import name_columns
 

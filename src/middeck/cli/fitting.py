@@ -76,14 +76,14 @@ def identify(
 
 
 def response_of(found: Identified) -> FrequencyResponse:
-    """What was fitted, or for the samples of a record what can be estimated of it."""
+    """The fitted response, or one estimated from the samples of a record."""
     if found.measured is not None:
         return found.measured
     return _as_fitted(estimate_response(found.record), found.fit)
 
 
 def _as_fitted(measured: FrequencyResponse, fit: FitResult) -> FrequencyResponse:
-    """Without the hold that the model is without."""
+    """The measured response, without its hold if the model excludes it."""
     return release_hold(measured) if fit.model.hold_s else measured
 
 
@@ -197,7 +197,7 @@ def _refuse_unlike(settings: FitSettings) -> None:
 
 
 def _chosen(settings: FitSettings, last_hz: float, taken: Record, *, of_samples: bool = False) -> list[str]:
-    """What is to be known of the kind of model that nobody asked for, where the lines reach far."""
+    """Warning of a kind of model that was chosen by default, where the lines reach far."""
     if settings.sampled is not None:
         return []
     reach = f"the lines reach {last_hz:g} Hz, past 1/8 of {taken.sample_hz:g} Hz"

@@ -242,7 +242,7 @@ def _blocks(document: dict[str, Any]) -> list[str | Table]:
 
 
 def _cut_by(excitation: dict[str, Any]) -> str:
-    """How the periods are told to the verbs, if the record is no more than them."""
+    """The option that states the periods, if the record holds nothing else."""
     told = excitation["period"] is not None and excitation["periods"] > 1 and not excitation["offset"]
     return f"; --periods {excitation['periods']} takes them as steady" if told else ""
 

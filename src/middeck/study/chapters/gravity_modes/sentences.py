@@ -41,7 +41,7 @@ def figure_4(figures: Numbers) -> str:
 
 
 def figure_5(figures: Numbers) -> str:
-    """Who couples."""
+    """Coupling between modes."""
     matrix = np.array(figures["figure_5"]["matrix"])
     pairs = np.array(figures["figure_4"]["pairs"], dtype=int).reshape(-1, 2)
     sides = [figures["figure_4"][side]["kind"] for side in ("orbit", "lab")]

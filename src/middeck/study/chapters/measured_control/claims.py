@@ -1,4 +1,4 @@
-"""Figures 9a and 9b: design on a measured model, and what becomes of it when the article changes."""
+"""Figures 9a and 9b: design on a measured model, and the effect of a changed article."""
 
 from __future__ import annotations
 
@@ -127,7 +127,7 @@ def _robust_claims(control: MeasuredControl, robust: MeasuredLoop) -> list[Claim
 def _margin(
     claim: str, loops: list[RigLoop], margin: Callable[[RigLoop], float | None], least: float, unit: str
 ) -> Claim:
-    """Of stable loops; one that no change brings to the axis has all of them."""
+    """A margin of stable loops; one without a limit satisfies any."""
     stable, asked = all(loop.stable for loop in loops), f"\u2265 {least:g}"
     if not stable:
         return row(claim, False, None, asked, unit)

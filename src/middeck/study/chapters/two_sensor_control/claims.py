@@ -1,4 +1,4 @@
-"""Figures 10 to 12: zeros and delays, how far the loops go and why, and what the bus costs and gains."""
+"""Figures 10 to 12: zeros and delays, the limits of the loops, and effects of the bus penalty."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def figure_10_claims(sensors: MeasuredSensors) -> list[Claim]:
 
 
 def figure_11_claims(control: TwoSensorControl) -> list[Claim]:
-    """Which orders fail and where, how far the loop goes with the lead and without, and what was measured."""
+    """Which orders fail and where, the limit with and without the lead, and the measured loop."""
     bare, lead, loop = control.without_lead, control.with_lead, control.payload
     moves = ", ".join(f"{r.percent:+g}" if r.percent else "0" for r in loop.on_rig)
     return [
@@ -82,7 +82,7 @@ def figure_11_claims(control: TwoSensorControl) -> list[Claim]:
 
 
 def _order(reach: Reach) -> Claim:
-    """What the paper's programme saw with few states; from 16 on it is the pair that stops."""
+    """The paper's observations with few states; from 16 states on the pair near 9 Hz is the limit."""
     hz = reach.stopped_hz
     if reach.states <= 10:
         text, good = "is unstable at any authority, on the suspension below 1 Hz", _at_once(reach)
