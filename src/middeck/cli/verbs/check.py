@@ -36,7 +36,7 @@ def verb(
 ) -> None:
     """Mass, size and plausibility of ARTICLE.
 
-    Mass, centre of mass, inertia and size come first, then doubts about units and mesh. With an ENVIRONMENT
+    Mass, centre of mass, inertia and size come first, then warnings about units and mesh. With an ENVIRONMENT
     (orbit, lab, or a file) also the rest state: how the article hangs, attach points and directions that
     nothing holds, loose joints and instability. Mistakes in the files are errors, as everywhere.
     """
@@ -116,12 +116,15 @@ def _fault(error: NumericalError) -> dict[str, Any]:
     return {"grade": "fault", "where": error.where, "what": error.what, "hint": error.hint}
 
 
+WORD = {"doubt": "warning", "fault": "fault"}
+
+
 def _lines(found: list[dict[str, Any]]) -> list[str]:
     if not found:
         return ["", "nothing found"]
     lines = [""]
     for f in found:
         place = f"{f['where']}: " if f["where"] else ""
-        lines.append(f"{f['grade']:<12} {place}{f['what']}")
+        lines.append(f"{WORD[f['grade']]:<12} {place}{f['what']}")
         lines += [f"             try: {f['hint']}"] if f["hint"] else []
     return lines
