@@ -34,7 +34,7 @@ FEWEST_PERIODS = 2
 
 @record
 class Identified:
-    """What was fitted to what; ``measured`` is None where the record itself was fitted."""
+    """A fit and its data; ``measured`` is None where the record itself was fitted."""
 
     record: Record
     measured: FrequencyResponse | None
@@ -109,7 +109,7 @@ def _fit_response(taken: Record, settings: FitSettings, seen: tuple[str, ...]) -
 
 
 def _faults(taken: Record) -> list[str]:
-    """What `detect_faults` finds that a fit would suffer from."""
+    """Faults by `detect_faults` that harm a fit."""
     faults = (f for f in detect_faults(taken) if f.severity != "note")
     return [_in_a_line(f) for f in faults]
 
@@ -180,7 +180,7 @@ def _only_continuous(settings: FitSettings) -> str:
 
 
 def _is_sampled(settings: FitSettings, *, reaches: bool) -> bool:
-    """As is said; otherwise if the band reaches far and nothing is asked that only a continuous model has."""
+    """As requested; otherwise if the band reaches far and no option needs a continuous model."""
     _refuse_unlike(settings)
     asked = _only_continuous(settings)
     return reaches and not asked if settings.sampled is None else settings.sampled

@@ -20,7 +20,7 @@ class Requirement(NamedTuple):
 
     @property
     def text(self) -> str:
-        """As people say it."""
+        """The requirement in words."""
         if self.limit is None:
             return STABLE
         return f"{self.quantity} {'<=' if self.at_most else '>='} {self.limit:g}"

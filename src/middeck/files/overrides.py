@@ -38,7 +38,7 @@ class Override:
 
 
 class Reach(Enum):
-    """What a document has at the path of an override."""
+    """The part of a document at the path of an override."""
 
     UNKNOWN = 0  # its form has no such key
     ABSENT = 1  # its form has the key, in a table that the document leaves out

@@ -96,7 +96,7 @@ def rig_article_plant(
 
 
 def holding_torque(article: RigArticle, joint: str) -> float:
-    """What the motor of ``joint`` holds against gravity [N m]."""
+    """Torque of the motor of ``joint`` against gravity [N m]."""
     names = [j.name for j in article.equilibrium.model.structure.joints]
     if joint not in names:
         raise ConfigError(f"no joint {joint!r}", hint=f"one of {', '.join(names)}")

@@ -304,7 +304,7 @@ def _no_modes(document: dict[str, Any]) -> list[str]:
 
 
 def _delay(document: dict[str, Any], output: str) -> list[str]:
-    """In ms, with deviation and standing; dashes for a sampled model, whose poles stand in for a delay."""
+    """The delay in ms, with deviation and standing; dashes for a sampled model, which has none."""
     if document["sampled"]:
         return ["-", "-", ""]
     return [

@@ -119,7 +119,7 @@ def _read(
 
 
 def _excitation(taken: Record) -> Recognised | None:
-    """What is seen in the inputs; None where the periods are known, or where samples are missing."""
+    """The excitation in the inputs; None where the periods are known, or samples are missing."""
     import numpy as np
 
     from middeck.signals.excitation.recognition import recognise_excitation

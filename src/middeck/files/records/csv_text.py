@@ -273,7 +273,7 @@ def _on_one_grid(
 
 
 def _sums(time: Float[np.ndarray, " line"], start: int, origin: float) -> tuple[float, float]:
-    """Of k (t_k - origin) and of (t_k - origin), from line ``start`` on."""
+    """Sums of k (t_k - origin) and of (t_k - origin), from line ``start`` on."""
     since = time - origin
     return float((start + np.arange(len(time))) @ since), float(since.sum())
 

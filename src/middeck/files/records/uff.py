@@ -115,7 +115,7 @@ def read_runs(file: Path) -> list[Run]:
 
 
 def _key(data: Dataset) -> tuple[object, ...]:
-    """What tells one channel from another: place and quantity; the first text where a file has no places."""
+    """Key of a channel: place and quantity; the first text where a file has no places."""
     if _is_ours(data):
         return data.texts[0], _side(data)
     placed = data.response.number or data.response.direction or data.response.name

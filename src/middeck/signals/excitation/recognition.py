@@ -1,4 +1,4 @@
-"""What excited a record: kind, period, lines; and the record cut into its steady periods."""
+"""The excitation of a record: kind, period, lines; and the record cut into its steady periods."""
 
 from __future__ import annotations
 

@@ -98,7 +98,7 @@ class _Pieces:
         self.softest[a] = stiffness
 
     def close(self, stiffness: float) -> None:
-        """What is left is held by this alone."""
+        """Close all remaining pieces, which ``stiffness`` alone holds."""
         for i in range(len(self.part_of)):
             if self.part_of[i] == i:
                 self._close(i, stiffness)

@@ -55,7 +55,7 @@ CHUNK = 1024
 
 @record
 class Loads:
-    """What the environment does: gravity [m/s^2], and springs from anchors (in W) to attach points.
+    """Loads of the environment: gravity [m/s^2], and springs from anchors (in W) to attach points.
 
     ``mass`` [kg] of each device moves with its attach point along the device only.
     """

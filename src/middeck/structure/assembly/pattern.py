@@ -19,7 +19,7 @@ NONE = np.zeros(0, dtype=int)
 
 
 class _Products(NamedTuple):
-    """Of one group: entry of the element matrices, the two of the Jacobian, and the place of their product.
+    """Products of one group: entry of the element matrices, two of the Jacobian, and place of the product.
 
     ``left`` and ``right`` are None where all of them are one.
     """

@@ -83,7 +83,7 @@ def follow_damped(
 
 
 def pair_undamped(damped: Damped, shapes: Float[np.ndarray, "pole mode"]) -> Pairs:
-    """For each damped mode the undamped one of ``shapes`` that it looks most like, one to one."""
+    """The most similar undamped mode of ``shapes`` for each damped mode, one to one."""
     alike = np.abs(shapes[: len(damped.shapes)].T @ damped.shapes)
     mode, branch = linear_sum_assignment(alike, maximize=True)
     mode = mode[np.argsort(branch)]

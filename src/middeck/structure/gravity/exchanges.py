@@ -189,7 +189,7 @@ def _opens(gap: np.ndarray, p: int) -> bool:
 
 
 def _look_inside(run: Sequence[Station], course: Course) -> list[Station]:
-    """With a station just inside each end: an approach between an end and its neighbour shows itself."""
+    """The run with a station just inside each end, which shows approaches next to the ends."""
     if len(run) < 2:
         return list(run)
     first = course.advance(run[0], run[0].s + INSIDE * (run[1].s - run[0].s))
@@ -204,7 +204,7 @@ def _look_inside(run: Sequence[Station], course: Course) -> list[Station]:
 def _nearest(
     near: tuple[Station, Station, Station], pair: tuple[int, int], course: Course
 ) -> Approach | None:
-    """By parabolas through the square of the gap, which a 2x2 problem linear in gravity makes exact.
+    """The least gap by parabolas through its square, exact for a 2x2 problem linear in gravity.
 
     The last one goes through points as near as the gap is wide: the rate at which it opens is that there,
     whatever the bracket was.

@@ -115,7 +115,7 @@ class GravityPath:
 
 
 class _Leg(NamedTuple):
-    """What stays the same between two places, number ``k`` and the next."""
+    """Constants of the path between two places, number ``k`` and the next."""
 
     full: Equilibrium
     free: Equilibrium
@@ -328,7 +328,7 @@ def _take_hold(leg: _Leg, start: Station, s: float) -> Station | None:
 
 
 def _release(leg: _Leg, before: Station) -> Station:
-    """In orbit, without devices."""
+    """The station in orbit, without devices."""
     loads, config = leg.free.loads, leg.free.config
     return _station(leg, before, leg.k + 1.0, loads, config, assemble_carried(leg.full.model, config, loads))
 

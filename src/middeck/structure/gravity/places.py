@@ -38,7 +38,7 @@ class Place:
 
 
 class DeviceRule(Enum):
-    """What the suspension's devices do where gravity is not that for which they were tuned.
+    """Behaviour of the suspension's devices in another gravity than that of their tuning.
 
     In zero gravity they are released, whatever the rule.
     """

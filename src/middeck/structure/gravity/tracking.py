@@ -44,7 +44,7 @@ class Spectrum(NamedTuple):
 
 
 class Tracked(NamedTuple):
-    """What became of each reference shape: its spectrum, where it was found, and the overlap, at most one."""
+    """Tracked reference shapes: the spectrum, where each was found, and the overlap, at most one."""
 
     spectrum: Spectrum
     found: Int[np.ndarray, " mode"]
@@ -52,7 +52,7 @@ class Tracked(NamedTuple):
 
 
 def spectrum_of(modes: Modes) -> Spectrum:
-    """What tracking needs of ``modes``."""
+    """The spectrum of ``modes``, for tracking."""
     return Spectrum(modes.omega**2, modes.shapes, modes.mass)
 
 

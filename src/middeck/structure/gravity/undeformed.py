@@ -62,7 +62,7 @@ def _turn(orbit: Equilibrium, lab: Equilibrium) -> Float[np.ndarray, "3 3"]:
 
 
 def _fit_rotation(start: Equilibrium, end: Configuration) -> Float[np.ndarray, "3 3"]:
-    """Of the rigid body that fits ``end`` best, its errors from ``start`` weighed by mass (Gauss-Newton)."""
+    """Rotation of the best-fit rigid body from ``start`` to ``end``, weighted by mass (Gauss-Newton)."""
     tree, x = start.model.tree, start.config.x
     T = rigid_columns(tree, start.config, np.zeros(3))
     weighted = mass_matrix(start.model, start.config) @ T

@@ -82,7 +82,7 @@ def loose_motions(equilibrium: Equilibrium, rigid: tuple[str, ...]) -> tuple[str
 
 
 def _neutral_reasons(structure: Structure) -> dict[str, str]:
-    """By the name of a free joint's motion: its payload balances about the axis, at any angle."""
+    """Reason of a neutral balance, by the name of a free joint's motion."""
     reason = "; what it carries has its centre of mass on the axis, or the axis is upright: spring or lock it"
     return {
         f"gimbal {j.name.replace('_', ' ')}": reason

@@ -101,7 +101,7 @@ def compare_static_gain(
     count: int = 26,
     frequency_hz: float | None = None,
 ) -> StaticGainComparison:
-    """What leaving out the modes beyond ``count`` does to low-frequency gains, without and with the residual.
+    """Error of low-frequency gains without the modes beyond ``count``, without and with the residual.
 
     At 0 Hz; where there are rigid modes, at a tenth of the lowest frequency that is not zero, or at
     ``frequency_hz``. Raises `ConfigError` for 0 Hz with rigid modes and where `residual_flexibility` does,

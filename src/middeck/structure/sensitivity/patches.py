@@ -1,4 +1,4 @@
-"""What parameters touch of a structure: perturbed parts of it, assembled side by side.
+"""Parts of a structure that a parameter affects, perturbed and assembled side by side.
 
 A parameter with the imaginary part h = 1e-30 makes every analytic number of the model carry h times its
 derivative in its own imaginary part, exact to rounding: nothing is subtracted (Lyness and Moler 1967, SIAM J.
@@ -46,7 +46,7 @@ class Patch(NamedTuple):
 
 
 class _Whole(NamedTuple):
-    """What is asked of the unperturbed structure for every patch."""
+    """Data of the unperturbed structure for every patch."""
 
     model: Model
     frame: dict[str, int]

@@ -141,7 +141,7 @@ def _ratios(
 
 
 def _along_table(modes: Modes, table: DampingTable, d_omega: np.ndarray, count: int) -> np.ndarray:
-    """Of the modes that swing: linear in the logarithm of frequency, level beyond the table's ends."""
+    """Ratios of oscillating modes: linear in the logarithm of frequency, constant beyond the table's ends."""
     swings = modes.omega[:count] > 0.0
     hz = modes.frequency_hz[:count][swings]
     rises = np.diff(table.zeta) / np.diff(np.log(table.frequency_hz))

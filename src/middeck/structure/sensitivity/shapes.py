@@ -57,7 +57,7 @@ class ModeSensitivity:
 def differentiate_modes(
     modes: Modes, parameters: Sequence[Parameter], count: int | None = None
 ) -> tuple[ModeSensitivity, ...]:
-    """Of the lowest ``count`` modes (all by default) in every parameter; exact to rounding.
+    """Derivatives of the lowest ``count`` modes (all by default) in every parameter; exact to rounding.
 
     One factorisation a mode, and one assembly of everything a parameter. Raises `NumericalError` where the
     rest state has no derivative.

@@ -143,7 +143,7 @@ def _offsets(structure: Structure) -> Iterator[str]:
 
 
 def _joints(structure: Structure) -> Iterator[str]:
-    """Of a sprung joint the frequency of what it carries, on a carrier that is held."""
+    """Sprung joints by the frequency of what they carry, on a fixed carrier."""
     for joint in structure.joints:
         body = joint.body
         arm = np.cross(joint.axis, body.cg)

@@ -1,4 +1,4 @@
-"""What an article weighs and measures, before anything is solved: where wrong units show first."""
+"""Masses and measures of an article before anything is solved, where wrong units show first."""
 
 from __future__ import annotations
 

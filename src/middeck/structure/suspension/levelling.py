@@ -28,7 +28,7 @@ square, and of rounding over it, 1e-10."""
 MAX_ITERATIONS = 20
 MAX_HALVINGS = 6
 NO_ROOM = 1e-6
-"""Of the limit: a step that has to be shorter than this to keep within it leads out."""
+"""Part of a step within the limit below which the step leads out of it."""
 STUCK = 1e-2
 """Singular value of the tilts' derivative [rad/m], half a degree a metre, below which nothing is levelled;
 of offsets that do level an article it is some 10 rad/m."""
@@ -248,7 +248,7 @@ def _within(rates: np.ndarray, at: _Hung, limit: float) -> np.ndarray | None:
 
 
 def _rate(task: _Task, at: _Hung, motion: np.ndarray) -> np.ndarray:
-    """Of the tilts, as the rest state moves: geometry alone, by central differences."""
+    """Rate of the tilts as the rest state moves: geometry alone, by central differences."""
     tree, config = at.rest.model.tree, at.rest.config
     step = TURN / max(float(np.abs(motion).max()), 1.0)
     there, back = (
