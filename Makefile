@@ -7,13 +7,13 @@ STUDY := studies/mace-1993.toml
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: study picture test test-all kernels check docs bench lock clean
+.PHONY: study pictures test test-all kernels check docs bench lock clean
 
 study: $(VENV)/run.stamp  ## the paper: out/mace-1993/report.html
 	$(BIN)/middeck study $(STUDY) -o out/mace-1993
 
-picture: study  ## the picture of the README
-	cp out/mace-1993/figures/mace-1993.svg docs/images/
+pictures: $(VENV)/run.stamp  ## docs/images/*.svg, the pictures of the pages
+	$(BIN)/python docs/pictures.py
 
 test: check  ## lint, types, import contract, tests, docs examples
 	$(BIN)/python -m pytest -rs -n 2 --dist loadfile

@@ -1,4 +1,4 @@
-"""Run every benchmark of this folder (or those named), then make docs/benchmarks.md from their results.
+"""Run every benchmark of this folder (or those named), then make the benchmark pages and their picture.
 
 python benchmarks/run.py [--table-only] [NAME ...]
 """
@@ -10,13 +10,34 @@ import subprocess
 import sys
 from pathlib import Path
 
+from headlines import Headline, headlines
+
 HERE = Path(__file__).parent
-PAGE = HERE.parent / "docs" / "benchmarks.md"
+DOCS = HERE.parent / "docs"
 BENCHMARKS = ("structure", "identification", "control")
-HEAD = """# Benchmarks
+OPENING = """# Benchmarks
+
+Twelve comparisons with other programs, each with the best peer of the same run. Every quantity is better
+where it is smaller: a ratio below one says that middeck is better, **above one** that the peer is.
+
+| what | middeck | best peer | ratio |
+| --- | --- | --- | --- |
+{rows}
+
+![Ratio of each comparison, middeck over the best peer](images/benchmarks.svg)
+
+*The ratios of the table. Left of one middeck is smaller: faster, or with less error.*
+
+Times are CPU seconds on one thread. Errors are those against held-out data, the simulated system or, for the
+bus, the mesh limit to which two peers extrapolate. All cases, levels and versions:
+[benchmarks in full](benchmarks-in-full.md).
+Both pages are made by `make bench` from `benchmarks/results/*.json`; do not edit them.
+"""
+HEAD = """# Benchmarks in full
 
 Made by `make bench` from `benchmarks/results/*.json`; do not edit. Error stands before time, and time only
-beside that of a peer in the same run. *Level* is what was asked; a row without one is information.
+beside that of a peer in the same run. *Level* is what was asked; a row without one is information. Twelve
+of these rows in plain words: [benchmarks](benchmarks.md).
 """
 
 
@@ -26,8 +47,23 @@ def main(arguments: list[str]) -> None:
     if "--table-only" not in arguments:
         for script in scripts:
             subprocess.run([sys.executable, str(script)], check=True)
+    for name, text in pages().items():
+        (DOCS / name).write_text(text, encoding="utf-8")
+    subprocess.run([sys.executable, str(DOCS / "pictures.py"), "benchmarks"], check=True)
+
+
+def pages() -> dict[str, str]:
+    """Both pages by the names of their files."""
     results = sorted((HERE / "results").glob("*.json"))
-    PAGE.write_text("\n".join([HEAD, *(_section(p.stem, json.loads(p.read_text())) for p in results)]))
+    full = "\n".join([HEAD, *(_section(p.stem, json.loads(p.read_text())) for p in results)])
+    opening = OPENING.format(rows="\n".join(_headline(h) for h in headlines()))
+    return {"benchmarks.md": opening, "benchmarks-in-full.md": full}
+
+
+def _headline(shown: Headline) -> str:
+    ours, theirs = (f"{value:.2g} {shown.unit}".strip() for value in (shown.ours, shown.theirs))
+    ratio = f"{shown.ratio:.2g}" if shown.ratio < 1.0 else f"**{shown.ratio:.2g}**"
+    return f"| {shown.what} | {ours} | {theirs}, {shown.peer} | {ratio} |"
 
 
 def _section(name: str, result: dict) -> str:

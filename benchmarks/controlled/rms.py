@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from measured.rows import row
-from middeck.control.analysis import measure_delayed_rms
+from middeck.control.analysis.rms import measure_rms
 from middeck.control.loop.performance import Performance
 from middeck.control.lqg import LQGWeights, design_lqg
 from middeck.signals.ports import Port
@@ -29,7 +29,7 @@ def rows(options: Any) -> list[dict]:
     rational_s, rational = _median(lambda: band_rms(_free_body(), np.eye(1), BAND_HZ))
     plant, law = _reference()
     performance = Performance(np.ones(1), np.eye(1), BAND_HZ)
-    delayed_s, delayed = _median(lambda: measure_delayed_rms(plant, law, performance))
+    delayed_s, delayed = _median(lambda: measure_rms(plant, law, performance))
     free, closed = _true_free_body(), _true_closed(law)
     return [
         row(

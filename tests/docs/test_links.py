@@ -47,6 +47,9 @@ def test_every_page_of_the_manual_is_in_its_index():
     index = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
     entries = re.findall(r"^([\w*/-]+)$", index, re.MULTILINE)
     reached = {p.resolve() for entry in entries for p in (ROOT / "docs").glob(f"{entry}.md")}
+    explained = ROOT / "docs" / "explanation"
+    told = LINK.findall((explained / "index.md").read_text(encoding="utf-8"))
+    reached |= {(explained / target).resolve() for target in told}
     assert {p.resolve() for p in tracked("docs/*.md")} - reached == {ROOT / "docs" / "index.md"}
 
 

@@ -105,7 +105,7 @@ def test_branches_past_a_veering_are_marked_and_the_release_is_told(capfd: Captu
 def test_tilt_or_places_and_both_make_sense(capfd: Capture) -> None:
     for wrong, says in (
         (("--through", "earth,pluto"), "no place 'pluto'"),
-        (("--through", "earth"), "goes nowhere"),
+        (("--through", "earth"), "unlike the one before"),
         (("--through", "earth,moon", "--tilt", "5,0,0,1"), "one of them"),
         (("--tilt", "5,0,0,0"), "zero vector"),
         (("--environment", "orbit"), "needs an environment with gravity"),

@@ -45,7 +45,7 @@ def test_a_tilted_article_is_doubted_and_the_hint_levels_it(capfd: Capture) -> N
 @pytest.mark.parametrize(
     ("was", "now", "where", "what"),
     [
-        ('n3 = "xyz"\n', "", "attach point 'n3'", "nothing in 'lab' hangs or ties it"),
+        ('n3 = "xyz"\n', "", "attach point 'n3'", "no device or spring of 'lab' holds it"),
         ('n3 = "xyz"\n', 'n3 = "yz"\n', "suspension", "no attach point is held along x"),
     ],
 )

@@ -78,8 +78,8 @@ def test_several_delays_are_told_what_would_save_their_states(tmp_path: Path, ca
         # A common one at the two inputs, one more at each of two outputs.
         assert found["plant_order"] == 6 + 4 * 3
         assert found["warnings"] == [
-            "3 unlike delays, each approximated by 3 states; "
-            "if they are one, fit one: identify --delay common"
+            "3 different delays, each approximated by 3 states; "
+            "if there is only one, fit one: identify --delay common"
         ]
 
 

@@ -87,7 +87,7 @@ FIGURE_9 = (
     "CL2 reduces the payload's rms angle by over 20 dB",
     "CL1, CL2, CL3: predicted and measured rms agree within 1 dB",
     "CL1, CL2, CL3: and line by line within 3 dB",
-    "breaks CL2",
+    "makes CL2 unstable",
     "leaves CL1 stable",
     "CL3, designed for two records, reduces it by over 20 dB too",
     "with a gain margin of at least 4 dB",
@@ -95,14 +95,14 @@ FIGURE_9 = (
     "LQG for the first record alone, at CL3's authority, is not",
 )
 FIGURE_11 = (
-    "a design on 10 states lets go of the suspension",
+    "a design on 10 states is unstable at any authority",
     "a design on 12 states spills over",
-    "a design on 16 states does neither",
-    "without lead are stopped near 9 Hz",
-    "and that before 18 dB",
+    "a design on 16 states is limited by the pair",
+    "without lead become unstable near 9 Hz",
+    "and do not reach 18 dB",
     "with the lead the same design reaches 20 dB",
     "the loop with the lead reduces the payload by over 20 dB",
-    "that loop, kept as it is, still reaches 20 dB",
+    "that loop, unchanged, still reaches 20 dB",
     "payload penalty: predicted and measured rms agree",
     "payload penalty: and line by line",
 )

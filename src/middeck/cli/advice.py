@@ -10,7 +10,7 @@ BESIDE = "in a file beside it, named as the record with .toml added"
 
 
 class Spoken(NamedTuple):
-    """What a hint names in Python, the option for it, and what a verb without that option is told."""
+    """A Python term in a hint, the option for it, and the words for verbs without that option."""
 
     python: str
     option: str
@@ -47,7 +47,7 @@ CALL = r"\b[A-Za-z_][\w.]*\w\(|(?<![\w.-])[a-z_]+=(?=[\w(\['\"])|\b[A-Z][a-z]+[A
 def on_command_line(
     hint: str, verb: str, options: Mapping[str, Collection[str]], names: Collection[str]
 ) -> str:
-    """``hint`` for who typed ``verb``.
+    """``hint`` for a user of ``verb``.
 
     ``options`` has those of every verb, ``names`` what the library exports. A clause that still names Python,
     or an option that neither this verb nor one in the hint has, is left out.

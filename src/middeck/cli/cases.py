@@ -56,12 +56,12 @@ def solve_in(structure: Structure, environment: Environment, *files: Path, count
 
 
 def case_doubts(structure: Structure, environment: Environment) -> tuple[str, ...]:
-    """What can hardly be meant in either of the two files."""
+    """Plausibility warnings of both files."""
     return (*summarise(structure).warnings, *doubt_environment(structure, environment))
 
 
 def both_sides(orbit: Modes, lab: Modes) -> tuple[str, ...]:
-    """Warnings of a comparison: what both sides say once, the rest with its side."""
+    """Warnings of a comparison: common ones once, the others with their side."""
     place = lab.equilibrium.environment.title
     return (
         *(w for w in orbit.warnings if w in lab.warnings),

@@ -1,4 +1,4 @@
-"""Options that tell what a record file does not: which columns are what, and the rate."""
+"""Options that describe a record file: its columns and its rate."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def columns(command: F) -> F:
     """``--inputs``, ``--outputs``, ``--sample-hz`` and ``--variable``."""
     for option in (
         click.option("--variable", default="", metavar="NAME", help="The matrix in a MAT or HDF5 file."),
-        click.option("--sample-hz", type=float, metavar="HZ", help="Rate, where the file has none."),
+        click.option("--sample-hz", type=float, metavar="HZ", help="Sampling rate, if the file has none."),
         _named("--outputs", 'Output columns: "angle [rad]", "3=angle [rad]"; may be repeated.'),
         _named("--inputs", 'Input columns: "torque [N m]", "2=torque [N m]"; may be repeated.'),
     ):
@@ -34,7 +34,7 @@ def _named(option: str, help: str) -> Callable[[F], F]:
 def told_columns(
     inputs: str | None, outputs: str | None, sample_hz: float | None, variable: str
 ) -> Columns | None:
-    """What the options say; None if nothing, so that a file of channels beside the record is asked."""
+    """Columns by the options; None without any, so that a file of channels beside the record is read."""
     from middeck.errors import ConfigError
     from middeck.files.records import name_columns
 

@@ -1,4 +1,4 @@
-"""From options to a designed excitation, and what a test with it would say."""
+"""From options to a designed excitation, and the accuracy of a test with it."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ FEWEST_PERIODS = 2
 
 @record
 class Identified:
-    """What was fitted to what; ``measured`` is None where the record itself was fitted."""
+    """A fit and its data; ``measured`` is None where the record itself was fitted."""
 
     record: Record
     measured: FrequencyResponse | None
@@ -76,14 +76,14 @@ def identify(
 
 
 def response_of(found: Identified) -> FrequencyResponse:
-    """What was fitted, or for the samples of a record what can be estimated of it."""
+    """The fitted response, or one estimated from the samples of a record."""
     if found.measured is not None:
         return found.measured
     return _as_fitted(estimate_response(found.record), found.fit)
 
 
 def _as_fitted(measured: FrequencyResponse, fit: FitResult) -> FrequencyResponse:
-    """Without the hold that the model is without."""
+    """The measured response, without its hold if the model excludes it."""
     return release_hold(measured) if fit.model.hold_s else measured
 
 
@@ -109,7 +109,7 @@ def _fit_response(taken: Record, settings: FitSettings, seen: tuple[str, ...]) -
 
 
 def _faults(taken: Record) -> list[str]:
-    """What `detect_faults` finds that a fit would suffer from."""
+    """Faults by `detect_faults` that harm a fit."""
     faults = (f for f in detect_faults(taken) if f.severity != "note")
     return [_in_a_line(f) for f in faults]
 
@@ -123,7 +123,7 @@ def _fit_record(
 ) -> Identified:
     if settings.cost != "weighted":
         raise ConfigError(
-            "the samples of a record that is not periodic are fitted by their likelihood, no other cost",
+            "the samples of a record that is not periodic can only be fitted by likelihood",
             hint="--method 'local rational' fits an estimated response instead",
         )
     _refuse_unlike(settings)
@@ -180,7 +180,7 @@ def _only_continuous(settings: FitSettings) -> str:
 
 
 def _is_sampled(settings: FitSettings, *, reaches: bool) -> bool:
-    """As is said; otherwise if the band reaches far and nothing is asked that only a continuous model has."""
+    """As requested; otherwise if the band reaches far and no option needs a continuous model."""
     _refuse_unlike(settings)
     asked = _only_continuous(settings)
     return reaches and not asked if settings.sampled is None else settings.sampled
@@ -197,7 +197,7 @@ def _refuse_unlike(settings: FitSettings) -> None:
 
 
 def _chosen(settings: FitSettings, last_hz: float, taken: Record, *, of_samples: bool = False) -> list[str]:
-    """What is to be known of the kind of model that nobody asked for, where the lines reach far."""
+    """Warning of a kind of model that was chosen by default, where the lines reach far."""
     if settings.sampled is not None:
         return []
     reach = f"the lines reach {last_hz:g} Hz, past 1/8 of {taken.sample_hz:g} Hz"
@@ -207,12 +207,12 @@ def _chosen(settings: FitSettings, last_hz: float, taken: Record, *, of_samples:
             return []
         why = f" for {asked}" if asked else ""
         return [
-            f"a continuous model was chosen{why}, though {reach}: it takes what a held input loses "
-            "for dynamics; say --held if they were, or --continuous if they were band-limited"
+            f"a continuous model was chosen{why}, though {reach}: if the inputs were held, it mistakes the "
+            "hold for dynamics; give --held if they were, or --continuous if they were band-limited"
         ]
     return [
-        f"a sampled model was chosen, as {reach}: it has no delay, and poles stand in for one; if there is "
-        "one, use --continuous or end --band earlier"
+        f"a sampled model was chosen, as {reach}: it has no delay and fits one by poles; if there is a "
+        "delay, use --continuous or end --band earlier"
     ]
 
 
@@ -236,7 +236,7 @@ def load_periods(
         if found.period is None or found.periods < FEWEST_PERIODS:
             return taken, (*mended, f"not cut into periods: {found.what}")
         if found.steady_from:
-            dying = f"what it began with is still dying out in the first {found.steady_from} of its periods"
+            dying = f"the first {found.steady_from} of its periods contain a transient"
             return taken, (*mended, f"not cut into periods: {found.what}, but {dying}; --periods cuts it")
         cut = cut_periods(taken, found)
         return cut, (f"cut into {cut.u.shape[1]} steady periods of {cut.u.shape[2]} samples: {found.what}",)

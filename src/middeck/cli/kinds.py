@@ -12,7 +12,7 @@ from middeck.identification.uncertainty.unknowns import Structure
 
 
 def alike(settings: FitSettings, model: MeasurementModel, covariance: ModelCovariance | None) -> FitSettings:
-    """``settings``, and where they leave a choice the one of ``model``; whether it is sampled always."""
+    """``settings``, with open choices taken from ``model``; always sampled or continuous as it is."""
     modes = distinct_poles(model)
     rigid, integrators = rank_of(model.rigid), rank_of(model.integral)
     kind: dict[str, object] = {

@@ -1,4 +1,4 @@
-"""What the options of several verbs have in common."""
+"""Options that several verbs share."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Verb(click.Command):
     """A command whose options are given once, unless they take several values."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """As click does, which takes the last of an option that is repeated and says nothing."""
+        """Parse as click does, but refuse a repeated option, of which click takes the last."""
         seen: list[click.Parameter] = self.make_parser(ctx).parse_args(list(args))[2]
         for param in dict.fromkeys(seen):
             if isinstance(param, click.Option) and _is_single(param) and seen.count(param) > 1:

@@ -42,7 +42,7 @@ def article_plant(modes: Modes, count: int, wanted: Wanted) -> tuple[Plant, Band
 
 
 def tell_warnings(modes: Modes) -> None:
-    """For a verb whose result is not the modes."""
+    """Warnings of the modes, for a verb that does not show them."""
     for text in modes.warnings:
         warnings.warn(text, UserWarning, stacklevel=2)
 
@@ -100,12 +100,12 @@ def _delays(model: MeasurementModel) -> int:
 
 
 def _dear_delays(model: MeasurementModel, pade_order: int) -> list[str]:
-    """Delays that differ cost states, and small differences fast ones: what would save them."""
+    """Warning of different delays: they cost states, small differences fast ones."""
     count = _delays(model)
     if count == 1:
         return []
     return [
-        f"{count} unlike delays, each approximated by {pade_order} states; if they are one, fit one: "
+        f"{count} different delays, each approximated by {pade_order} states; if there is only one, fit one: "
         "identify --delay common"
     ]
 

@@ -54,7 +54,7 @@ def gather_plants(
     overrides: Sequence[str],
     delay_s: float,
 ) -> Gathered:
-    """Each article in each environment, and each model; all ``delay_s`` later than they are."""
+    """Each article in each environment, and each model; all with ``delay_s`` added."""
     if overrides and all(s.lower().endswith(".json") for s in sources):
         raise ConfigError("--set is for articles and environments", hint="name an article, or leave it out")
     found: dict[str, Plant] = {}
@@ -74,7 +74,7 @@ def gather_plants(
 
 
 def _new_name(source: str, found: Mapping[str, object], end: str = "") -> str:
-    """Short where that tells the plants apart."""
+    """A short name, where it is unique."""
     short = Path(source).stem + end
     return source + end if short in found else short
 
@@ -113,7 +113,7 @@ def _model(source: str, model: MeasurementModel, law: Law) -> Plant:
 def say_hold(
     gathered: Gathered, law: Law, weights: LQGWeights, rates_hz: Sequence[float], delay_s: float
 ) -> list[str]:
-    """Of each model that may have a hold in its delays, what a rate would then count twice.
+    """Warning for each model whose delays may include a hold, which a rate would count twice.
 
     ``delay_s`` is what was added to the delays of the models.
     """

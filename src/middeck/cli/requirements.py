@@ -1,4 +1,4 @@
-"""What a verdict is asked for: ``stable``, or a limit such as ``gain_db=6``, on every row of a table."""
+"""Limits of a verdict: ``stable``, or one such as ``gain_db=6``, on every row of a table."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Requirement(NamedTuple):
 
     @property
     def text(self) -> str:
-        """As people say it."""
+        """The requirement in words."""
         if self.limit is None:
             return STABLE
         return f"{self.quantity} {'<=' if self.at_most else '>='} {self.limit:g}"

@@ -44,7 +44,7 @@ class FitSettings(Form):
 
 
 class RecordSettings(Form):
-    """What is told of record files: as the options of ``middeck record``."""
+    """Descriptions of record files: as the options of ``middeck record``."""
 
     sample_hz: Positive | None = None
     variable: str = ""

@@ -1,4 +1,4 @@
-"""Laws and models to and from files, JSON or MAT by their endings."""
+"""Compensators and models to and from files, JSON or MAT by their endings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is wrong with an article beyond the form of its keys: names, geometry, bodies.
+"""Faults of an article beyond the form of its keys: names, geometry, bodies.
 
 The checks read the raw tables and pass over what the form has already refused, so that one run reports all.
 """
@@ -87,7 +87,7 @@ def attach_names(data: Table) -> list[str]:
 
 
 def _damped_names(data: Table) -> dict[str, list[str]]:
-    """What may be damped, by the key that names it."""
+    """Names of what may be damped, by key."""
     springs = [str(t.get("name", f"{t.get('from')}-{t.get('to')}")) for _, t in tables(data, "spring")]
     return {
         "joint": _axis_names(data),  # a proof mass has its own damping, not in N m s/rad

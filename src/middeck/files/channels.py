@@ -1,4 +1,4 @@
-"""What is known of a channel's transducer, on its way in: one table of keys for every kind of file."""
+"""Reading a channel's transducer: one table of keys for every kind of file."""
 
 from __future__ import annotations
 

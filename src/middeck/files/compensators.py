@@ -24,7 +24,7 @@ AGAIN = "write the compensator again"
 
 @record
 class StoredCompensator(Compensator):
-    """A compensator as a file tells of it.
+    """A compensator as stored in a file.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def _finite(value: Any) -> float | None:
 
 
 def load_compensator(path: str | Path) -> StoredCompensator:
-    """The compensator in file ``path``, with what the file tells of its making.
+    """The compensator in file ``path``, with the file's account of how it was made.
 
     Raises `DataError`, naming file and key, if it is missing, empty, truncated, of another schema, incomplete
     or inconsistent, or if a number is not finite.

@@ -38,7 +38,7 @@ def _table(form: DampingForm) -> DampingTable | None:
 
 
 def _loss_factors(form: ArticleForm) -> tuple[tuple[str, float], ...]:
-    """Of each member, by its section or else by the material of its section."""
+    """Loss factor of each member, by its section or else by the material of its section."""
     d = form.damping
     found: list[tuple[str, float]] = []
     for strut in form.strut:

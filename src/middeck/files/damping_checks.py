@@ -1,4 +1,4 @@
-"""What is wrong with the ``[damping]`` of an article beyond the form of its keys."""
+"""Faults of the ``[damping]`` of an article beyond the form of its keys."""
 
 from __future__ import annotations
 

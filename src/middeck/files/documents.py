@@ -100,7 +100,7 @@ def read_source(path: str | Path, kind: Kind | None = None) -> Source:
 
 
 def _a(kind: Kind) -> str:
-    """With its article."""
+    """The kind with its article."""
     return f"an {kind}" if kind[0] in "ae" else f"a {kind}"
 
 
@@ -211,7 +211,7 @@ def _check_case(article: str | Path, environment: str | Path, overrides: Sequenc
 
 
 def _environment_file(given: str | Path) -> str | Path:
-    """As it was given; the name of the built-in one means that, unless there is a file of this name."""
+    """The path as given; the name of the built-in environment, unless a file has this name."""
     return ORBIT if str(given) == ORBIT.stem and not Path(given).is_file() else given
 
 
@@ -240,7 +240,7 @@ def _check_all(
 
 
 def join_findings(checked: Sequence[Checked[Any]]) -> list[Fault]:
-    """What the environments name and the article among ``checked`` lacks."""
+    """Faults where environments name what the article among ``checked`` lacks."""
     articles = [c for c in checked if isinstance(c.form, ArticleForm)]
     if not articles:
         return []

@@ -1,4 +1,4 @@
-"""What may be wrong with an environment beyond the form of its keys; tolerates a broken form."""
+"""Faults of an environment beyond the form of its keys; tolerates a broken form."""
 
 from __future__ import annotations
 

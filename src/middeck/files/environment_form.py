@@ -137,7 +137,7 @@ def build_environment(form: EnvironmentForm) -> Environment:
 
 
 def default_name(attach: str) -> str:
-    """Of a spring that was given none."""
+    """Name of a spring without one."""
     return f"spring_{attach}"
 
 

@@ -48,7 +48,7 @@ LEFT_OUT = {"gyro_bias_rad_s": "gyro_bias"}  # its one rate without a unit
 
 
 def sheet_name(key: str) -> str:
-    """What the data sheet calls ``key``: without its unit, unless the sheet writes that unit out.
+    """Name of ``key`` in the data sheet: without its unit, unless the sheet writes that unit out.
 
     >>> sheet_name("mass_kg"), sheet_name("bounce_hz"), sheet_name("pd_kp_nm_per_rad")
     ('mass', 'bounce_hz', 'pd_kp')

@@ -1,4 +1,4 @@
-"""What a file looks like, whatever its name says: for who is handed the wrong one."""
+"""Kind of a file by its content, for errors about a wrong file."""
 
 from __future__ import annotations
 

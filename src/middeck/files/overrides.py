@@ -1,4 +1,4 @@
-"""``--set key=value``: any input value, by the data sheet's name, wherever the value lives.
+"""``--set key=value``: overrides of any input value, by the data sheet's name, in whatever file it stands.
 
 A segment of the key fits a key of a file exactly or by the data sheet's name for it (``node.0.mass`` for
 ``mass_kg``, but ``suspension.bounce_hz``: see `sheet_name`); an item of an array is named by its index or its
@@ -38,7 +38,7 @@ class Override:
 
 
 class Reach(Enum):
-    """What a document has at the path of an override."""
+    """The part of a document at the path of an override."""
 
     UNKNOWN = 0  # its form has no such key
     ABSENT = 1  # its form has the key, in a table that the document leaves out

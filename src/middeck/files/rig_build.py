@@ -43,7 +43,7 @@ def build_rig_settings(form: RigForm) -> RigSettings:
 
 
 def _gimbal_elements(form: RigForm) -> tuple[JointElement, ...]:
-    """What acts at each gimbal axis beside its motor; nothing where the form does not say how.
+    """Elements at each gimbal axis beside its motor; none where the form does not define them.
 
     Friction needs ``gimbal_presliding_deg`` (a study file without it is refused), play
     ``gimbal_deadband_deg`` and ``gimbal_flank_nm_per_rad``.

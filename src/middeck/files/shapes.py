@@ -1,4 +1,4 @@
-"""Find one's way through the form of a document: which table, array or value stands at a path."""
+"""The form of a document by paths: which table, array or value stands at a path."""
 
 from __future__ import annotations
 

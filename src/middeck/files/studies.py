@@ -131,7 +131,7 @@ def load_study(path: str | Path, overrides: Sequence[str] = ()) -> Study:
 
 
 def study_rules(data: dict[str, Any]) -> list[Finding]:
-    """What is wrong with the tables of a study beyond the form of their keys."""
+    """Faults of the tables of a study beyond the form of their keys."""
     return [*study_findings(data), *signal_findings(data)]
 
 
@@ -185,7 +185,7 @@ def _check(
 
 
 def _joint_faults(study: Checked[Any], structures: dict[str, Checked[Any]]) -> list[Fault]:
-    """What the study asks of its articles and they do not have; nothing while any of them is broken."""
+    """Ports and free axes that the study needs and its articles lack; none while any article is broken."""
     if study.form is None or any(c.faults for c in structures.values()):
         return []
     built = {name: build_structure(cast("ArticleForm", c.form)) for name, c in structures.items()}

@@ -1,4 +1,4 @@
-"""What no study can ask for: signals that are not there, a rig that answers at once, axes that are held."""
+"""Impossible requests of a study: missing signals, a rig without delay, axes that are held."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ ROUNDING = 1e-9
 
 
 def signal_findings(data: Table) -> list[Finding]:
-    """What the tables of a study ask of each other; tolerates a broken form."""
+    """Faults between the tables of a study; tolerates a broken form."""
     return [*_metric(data), *_loops(data), *_hold(data), *_excitation(data)]
 
 
@@ -88,7 +88,7 @@ def _excitation(data: Table) -> Iterator[Finding]:
 
 
 def fixed_axes(form: StudyForm, article: str, structure: Structure, data: Table) -> Iterator[Finding]:
-    """In the tables ``data`` of ``article``: axes that a port of the study drives and that do not turn."""
+    """Axes in the tables ``data`` of ``article`` that a port of the study drives and that do not turn."""
     joints = {j.name: j for j in structure.joints}
     turned = {a.name: joints[a.frame] for a in structure.actuators if a.axis is None}
     seen: set[str] = set()

@@ -174,7 +174,7 @@ Table = dict[str, Any]
 
 
 def study_findings(data: Table) -> list[Finding]:
-    """What is wrong with a study beyond the form of its keys; tolerates a broken form."""
+    """Faults of a study beyond the form of its keys; tolerates a broken form."""
     control = _table(data, "control")
     return [
         *_one_each(control, "pd_loops", ["pd_kp_nm_per_rad", "pd_kd_nms_per_rad"]),

@@ -1,4 +1,4 @@
-"""What is wrong with a line that is not TOML, in words, and how it is written."""
+"""The fault of a line that is not TOML, in words, and its remedy."""
 
 from __future__ import annotations
 

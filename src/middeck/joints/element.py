@@ -1,4 +1,4 @@
-"""What may act at a joint beside its motor: the interface that friction and deadband share.
+"""Elements at a joint beside its motor: the interface that friction and deadband share.
 
 An element resists: its torque is positive against a positive angle and acts on the joint with the opposite
 sign. The angle is counted from the joint's rest position. The same object serves in time (a rig) and at
@@ -66,7 +66,7 @@ class JointElement(Protocol):
 def sum_equivalents(
     elements: Sequence[JointElement], amplitude: Float[np.ndarray, " amplitude"]
 ) -> Equivalent:
-    """Of elements side by side at one joint: they turn by the same angle, their torques add."""
+    """The sum of elements side by side at one joint, which turn by the same angle."""
     parts = [element.describing_function(amplitude) for element in elements]
     none = np.zeros(len(amplitude))
     return Equivalent(sum((p.stiffness for p in parts), none), sum((p.loss for p in parts), none))

@@ -60,7 +60,7 @@ class JointStepper:
 
 @record
 class JointStates:
-    """Where a simulation stands: the state of `JointStepper.sampled`, and that of every element in order."""
+    """State of a simulation: that of `JointStepper.sampled`, and that of every element in order."""
 
     x: Float[np.ndarray, " state"]
     elements: Float[np.ndarray, " element"]
@@ -165,7 +165,7 @@ def check_collocated(compliance: np.ndarray, direct: np.ndarray, joints: Sequenc
     for i, joint in enumerate(joints):
         if np.any(direct[i]):
             raise ConfigError(
-                f"the angle {joint.angle!r} answers a joint's torque at once",
+                f"the angle {joint.angle!r} responds to a joint's torque without delay",
                 where="JointElements",
                 hint="leave out residual flexibility (static=False) in a plant with friction",
             )

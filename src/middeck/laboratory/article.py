@@ -1,7 +1,7 @@
-"""The test article that stands on the rig: not the model that anyone designs with.
+"""The test article on the rig, which differs from every design model.
 
-Its mesh is finer, its struts shear, it has every mode to 200 Hz, and its numbers are off by what nobody
-knows, drawn from a seed as in the frozen case "Updating and promise". Only records leave it.
+Its mesh is finer, its struts have shear flexibility, it has every mode to 200 Hz, and its numbers have hidden
+errors, drawn from a seed as in the frozen case "Updating and promise". Designs use its records only.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ UMBILICAL_LENGTH = 1.0  # m, of the springs that stand for a cable in orbit
 
 @record
 class RigArticle:
-    """The truth behind a rig: its modes about its own rest state, and what is wrong with them.
+    """The truth behind a rig: modes about its own rest state, and their hidden errors.
 
     ``hidden`` is None for an article without hidden errors.
     """
@@ -96,7 +96,7 @@ def rig_article_plant(
 
 
 def holding_torque(article: RigArticle, joint: str) -> float:
-    """What the motor of ``joint`` holds against gravity [N m]."""
+    """Torque of the motor of ``joint`` against gravity [N m]."""
     names = [j.name for j in article.equilibrium.model.structure.joints]
     if joint not in names:
         raise ConfigError(f"no joint {joint!r}", hint=f"one of {', '.join(names)}")

@@ -20,7 +20,7 @@ from middeck.structure.rest.equilibrium import Equilibrium
 
 
 def build_rig_article(structure: Structure, environment: Environment, settings: RigSettings) -> RigArticle:
-    """The truth of a rig in one environment: finer, in shear, and wrong by ``hidden_seed``."""
+    """The true article of a rig in one environment: finer mesh, shear, hidden errors by ``hidden_seed``."""
     seed = settings.hidden_seed
     hidden = None if seed is None else draw_hidden_errors(structure, seed)
     return solve_rig_article(
@@ -71,7 +71,7 @@ def build_article_rig(
 
 
 def rig_delay(article: RigArticle, settings: RigSettings) -> float:
-    """Total delay of the rig [s]: what the settings say, and what is wrong with that."""
+    """Total delay of the rig [s]: that of the settings, and its hidden error."""
     return settings.delay_s + (0.0 if article.hidden is None else article.hidden.delay_s)
 
 

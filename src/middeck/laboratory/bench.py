@@ -1,7 +1,7 @@
 """The bench: one article on its hardware rig, the excitation it is driven with, and what is taken from it.
 
-Open loop and closed loop, today or after its pair of modes has moved: records in, records out. Nothing else
-of the rig is used by a design; only whether a loop would survive is asked of the rig's own eigenvalues.
+Open loop and closed loop, before or after its pair of modes has shifted: commands in, records out. A design
+uses nothing else of the rig; only the stability of a loop is read from the rig's own eigenvalues.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ SATURATED = 1e-3
 
 @record
 class Bench:
-    """A rig, one period of the torque command in open and in closed loop, and how often it is repeated."""
+    """A rig, one period of the torque command in open and in closed loop, and the number of periods."""
 
     rig: HardwareRig
     open_loop: Float[np.ndarray, "sample input"]
@@ -46,7 +46,7 @@ class Bench:
 
 @record
 class Taken:
-    """What a closed-loop run gave: its response, or why there is none; and the rms torque of the law."""
+    """A closed-loop run: its response or why there is none, and the rms torque of the compensator."""
 
     response: FrequencyResponse | None
     cause: str
@@ -118,6 +118,6 @@ def law_on(rig: HardwareRig, compensator: Compensator) -> SampledStateSpace:
 
 
 def _limit_cycle(run: Run) -> str:
-    """What a run says that only the motor's limit kept finite; empty for a good one."""
+    """Message of a run that only the motor's limit kept finite; empty for a good one."""
     share = 0.0 if run.events is None else float(np.max(run.events.saturated))
     return f"unstable: the motor is at its limit in {share:.0%} of the run" if share > SATURATED else ""

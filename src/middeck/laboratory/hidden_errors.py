@@ -1,4 +1,4 @@
-"""What is wrong with a rig's article, drawn from a seed as in the frozen case "Updating and promise"."""
+"""Hidden errors of a rig's article, drawn from a seed as in the frozen case "Updating and promise"."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def draw_hidden_errors(structure: Structure, seed: int, *, modes: int = 400) -> 
 
 
 def hide_in_structure(structure: Structure, hidden: HiddenErrors) -> Structure:
-    """The article with what is wrong with it."""
+    """The article with its hidden errors."""
     return dataclasses.replace(
         structure,
         nodes=tuple(_node(n, hidden) for n in structure.nodes),
@@ -134,7 +134,7 @@ def _scaled(inertia: np.ndarray, factors: tuple[float, float, float]) -> np.ndar
 
 
 def hide_in_suspension(environment: Environment, hidden: HiddenErrors) -> Environment:
-    """The laboratory with what is wrong with its suspension; orbit has none."""
+    """The laboratory with the hidden errors of its suspension; orbit has none."""
     if environment.suspension is None:
         return environment
     s = environment.suspension

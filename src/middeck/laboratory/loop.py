@@ -1,7 +1,7 @@
-"""A loop on the rig itself, by eigenvalues and return ratio: whether it holds, how well, how near to not.
+"""Stability and margins of a loop on the rig itself, by eigenvalues and return ratio.
 
-This is asked of the rig without limits, steps, Coulomb friction and noise (`linearise_rig`), sampled and
-with its true delay. No design sees it; it says what a drift would do, for which no run is spent.
+The rig is taken without limits, steps, Coulomb friction and noise (`linearise_rig`), sampled and with its
+true delay. No design uses it; it shows the effect of a drift without a run.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ def fastest_pole(view: RigView, compensator: Compensator) -> complex:
 
 
 def judge_loops(views: Mapping[float, RigView], compensator: Compensator) -> tuple[RigLoop, ...]:
-    """The same law with the pair of modes wherever it may be."""
+    """The same compensator with the pair of modes at each shift."""
     return tuple(judge_loop(view, compensator, percent) for percent, view in views.items())
 
 

@@ -1,4 +1,4 @@
-"""What a simulated rig and its experiments are made of, before they have an article."""
+"""Settings of a simulated rig and its experiments, without an article."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from middeck.plot.style import COLOUR, new_figure, styled
+from middeck.plot.style import COLOUR, PlainNumbers, new_figure, styled
 from middeck.structure.gravity.events import EventKind, GravityEvent
 from middeck.structure.gravity.path import GravityPath
 
@@ -65,6 +65,7 @@ def draw_branches(axes: Axes, path: GravityPath, branches: list[int]) -> None:
         axes.set_yscale("log")
         axes.set_ylim(0.8 * float(f.min()), 1.25 * float(f.max()))
         axes.yaxis.set_major_formatter("{x:g}")
+        axes.yaxis.set_minor_formatter(PlainNumbers())
     else:
         axes.set_ylim(min(0.0, 1.05 * float(f.min())), 1.05 * float(f.max()))
     axes.set_xlabel(label)

@@ -11,7 +11,7 @@ from middeck.control.analysis import LoopMargins, Margins, ReturnRatio
 from middeck.plot.style import COLOUR, legend_below, square_pictures, styled
 
 REACH = 2.5
-"""What is drawn around the critical point: light modes swing far beyond it, where nothing is decided."""
+"""Half width of the drawn square around the critical point."""
 
 
 @styled

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from middeck.identification.order.stabilisation import Stabilisation
 from middeck.plot.curves import decibels
@@ -51,6 +52,7 @@ def stabilisation(
     if states is not None:
         axes.axhline(states, color=COLOUR["ink"], linewidth=0.8, linestyle="--", label=f"{states} states")
     axes.set_ylabel("order [states]")
+    axes.yaxis.set_major_locator(MaxNLocator(integer=True))
     low, high = measured.frequency_hz[[0, -1]]
     frequency_axis(axes, max(low, BELOW * min(diagram.cluster_hz, default=low)), high)
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper right", ncols=4)

@@ -110,10 +110,11 @@ def legend_below(figure: Figure, pictures: Sequence[Axes], columns: int = 3) -> 
     figure.legend(named.values(), named.keys(), loc="outside lower left", ncols=columns)
 
 
-class _PlainNumbers(LogFormatter):
-    """Between decades, labels where matplotlib wants some, without powers of ten."""
+class PlainNumbers(LogFormatter):
+    """Labels between decades where matplotlib wants some, as plain numbers."""
 
     def __call__(self, x: float, pos: int | None = None) -> str:
+        """The label at ``x``."""
         return f"{x:g}" if super().__call__(x, pos) else ""
 
 
@@ -122,7 +123,7 @@ def frequency_axis(axes: Axes, low_hz: float, high_hz: float, *, label: bool = T
     axes.set_xscale("log")
     axes.set_xlim(low_hz, high_hz)
     axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
-    axes.xaxis.set_minor_formatter(_PlainNumbers())
+    axes.xaxis.set_minor_formatter(PlainNumbers())
     if label:
         axes.set_xlabel("frequency [Hz]")
     else:

@@ -14,6 +14,8 @@ from middeck.plot.style import house_style
 NO_METADATA = {"Date": None, "Creator": None, "Format": None, "Type": None}
 # Matplotlib's sheet for all elements; inside a page it would reach every other drawing.
 SHEET = re.compile(r"\s*<defs>\s*<style type=\"text/css\">\*\{[^}]*\}</style>\s*</defs>")
+# Ids of markers and clip paths: hashes of unrounded numbers.
+HASHED = re.compile(r"\b[mp][0-9a-f]{10}\b")
 
 
 def svg_text(figure: Figure, *, key: str, title: str, description: str) -> str:
@@ -26,9 +28,21 @@ def svg_text(figure: Figure, *, key: str, title: str, description: str) -> str:
         buffer = io.StringIO()
         figure.savefig(buffer, format="svg", metadata=NO_METADATA)
     body = SHEET.sub("", buffer.getvalue()[buffer.getvalue().index("<svg") :], count=1)
+    body = _lean(body)
     body = re.sub(r'\b(id="|href="#|url\(#)', rf"\g<1>{key}-", body)
     body = re.sub(r' (d|x|y)="([^"]*)"', _rounded, body)
     return _described(body, key, title, description)
+
+
+def _lean(body: str) -> str:
+    """``body`` with short ids, the fonts named once, and no ids of groups or indentation."""
+    names = {name: f"{name[0]}{n}" for n, name in enumerate(dict.fromkeys(HASHED.findall(body)))}
+    body = HASHED.sub(lambda match: names[match.group()], body)
+    body = re.sub(r'<g id="[^"]*">', "<g>", re.sub(r"\n +", "\n", body))
+    body = re.sub(r" \n(?=[LCQMz])", " ", body)
+    fonts = re.search(r'font-family: ([^;"]*)', body)
+    body = re.sub(r'(?:; )?font-family: [^;"]*', "", body)
+    return body.replace("<svg", f'<svg font-family="{fonts[1]}"', 1) if fonts else body
 
 
 def _rounded(match: re.Match[str]) -> str:

@@ -1,4 +1,4 @@
-"""What is wrong with a record, as a value."""
+"""A fault of a record, as a value."""
 
 from __future__ import annotations
 

@@ -61,7 +61,7 @@ class Drawing(Generic[T]):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Chapter(Generic[T]):
-    """One stage of the study, and all that is told of its outcome.
+    """One stage of the study, and all that the report shows of its outcome.
 
     Parameters
     ----------

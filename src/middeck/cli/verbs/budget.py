@@ -36,9 +36,9 @@ def verb(
 ) -> None:
     """Effects of gravity on each mode of ARTICLE.
 
-    From orbit to an environment, suspension, the stiffness that inner forces and weight make, and static
-    pre-deformation are switched on one at a time, in all six orders: the mean of what each adds to the
-    frequency, and how far that depends on the order.
+    Between orbit and an environment, three effects are switched on one at a time, in all six orders:
+    suspension, stiffness from internal forces and weight, and static pre-deformation. Prints the mean
+    contribution of each to the frequency, and how far it depends on the order.
     """
     import numpy as np
 

@@ -34,12 +34,11 @@ SHOWN = 26  # whose mesh is judged: those that `modes` prints
 def verb(
     article: str, environment: str | None, require: bool, overrides: tuple[str, ...], as_json: bool
 ) -> None:
-    """Weigh and measure ARTICLE; find what is wrong.
+    """Mass, size and plausibility of ARTICLE.
 
-    Mass, centre of mass, inertia and size come first, then doubts about units and mesh. With an ENVIRONMENT
-    (orbit, lab, or a file) also whether the article comes to rest there and how it hangs, which attach points
-    and directions nothing holds, what is loose, and what is unstable. Mistakes in the files are errors as
-    everywhere.
+    Mass, centre of mass, inertia and size come first, then warnings about units and mesh. With an ENVIRONMENT
+    (orbit, lab, or a file) also the rest state: how the article hangs, attach points and directions that
+    nothing holds, loose joints and instability. Mistakes in the files are errors, as everywhere.
     """
     from middeck.cli.attitude import attitude_lines
     from middeck.cli.blame import reading
@@ -81,7 +80,7 @@ def verb(
 def _in_environment(
     structure: Structure, environment: Environment
 ) -> tuple[dict[str, Any] | None, list[dict[str, Any]]]:
-    """How it hangs, None in orbit or if it does not; and what is doubtful or wrong."""
+    """How the article hangs (None in orbit, or without a rest state), and the findings."""
     import numpy as np
 
     from middeck.cli.attitude import attitude_numbers
@@ -117,12 +116,15 @@ def _fault(error: NumericalError) -> dict[str, Any]:
     return {"grade": "fault", "where": error.where, "what": error.what, "hint": error.hint}
 
 
+WORD = {"doubt": "warning", "fault": "fault"}
+
+
 def _lines(found: list[dict[str, Any]]) -> list[str]:
     if not found:
         return ["", "nothing found"]
     lines = [""]
     for f in found:
         place = f"{f['where']}: " if f["where"] else ""
-        lines.append(f"{f['grade']:<12} {place}{f['what']}")
+        lines.append(f"{WORD[f['grade']]:<12} {place}{f['what']}")
         lines += [f"             try: {f['hint']}"] if f["hint"] else []
     return lines

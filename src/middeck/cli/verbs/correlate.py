@@ -53,7 +53,7 @@ it where the article hangs, the rigid-body modes all of it where it is free."""
     type=click.Choice(REDUCTIONS),
     default=REDUCTIONS[0],
     show_default=True,
-    help="How the mass is brought to the sensors.",
+    help="Reduction of the mass matrix to the sensors.",
 )
 @click.option(
     "--noise",
@@ -68,7 +68,7 @@ it where the article hangs, the rigid-body modes all of it where it is free."""
     show_default=True,
     help="Noisy tests of a correct model.",
 )
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the noise.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the noise.")
 @click.option("--require", is_flag=True, help="End with exit code 1 if the model does not pass.")
 @options.common
 def verb(

@@ -31,11 +31,11 @@ Examples:
 @options.environment
 @options.count
 @click.option("--control", multiple=True, metavar="PORT", help="Input to drive; may be repeated.")
-@click.option("--measure", multiple=True, metavar="PORT", help="Output to measure and quieten; same.")
+@click.option("--measure", multiple=True, metavar="PORT", help="Output to measure and keep small; same.")
 @click.option("--authority", type=click.FloatRange(min=0.0, min_open=True), help="1/rho.  [default: 10]")
-@click.option("--log10-authority", type=float, help="The same by its logarithm.")
+@click.option("--log10-authority", type=float, help="Logarithm of --authority instead.")
 @click.option("--angle-noise", default=2e-5, show_default=True, help="Sensor noise, output unit/sqrt(Hz).")
-@click.option("--disturbance", default=1e-2, show_default=True, help="At the inputs, unit/sqrt(Hz).")
+@click.option("--disturbance", default=1e-2, show_default=True, help="Noise at the inputs, unit/sqrt(Hz).")
 @click.option("--pade-order", default=3, show_default=True, help="States for each delay of a fitted model.")
 @click.option(
     "--band",
@@ -71,10 +71,10 @@ def verb(
     as_json: bool,
     **given: Any,
 ) -> None:
-    """LQG design for a plant, and what its closed loop promises.
+    """LQG design for a plant, and its predicted closed loop.
 
     The disturbance enters at the control inputs; every measured output is kept small. The plant of a fitted
-    model is that between --control and --measure; delays that the fit does not tell apart are taken as one.
+    model is that between --control and --measure; delays that the fit cannot distinguish are merged.
     --set takes the
     article's and the environment's keys, or for a fitted plant log10_authority, angle_noise, disturbance,
     pade_order, band_hz, states, fit_band_hz, sampled and periods.

@@ -173,7 +173,7 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
 
 
 def _verdict(document: dict[str, Any]) -> list[str]:
-    """What is said above the table; in one line where only the responses tell a change."""
+    """Verdict above the table; in one line where only the responses show a change."""
     of_fits, of_lines = document["sentence"], document["response_sentence"]
     by_fits = any(m.moved or m.reshaped for m in document["modes"]) or any(
         d.changed for d in document["delays"]

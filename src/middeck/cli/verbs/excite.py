@@ -35,8 +35,8 @@ Examples:
 @click.option("--order", type=int, help="mls: a period of 2^ORDER - 1 samples.")
 @click.option("--grid", type=click.Choice(["full", "odd", "odd-odd", "random-odd"]), help="multisine: lines.")
 @click.option("--phases", type=click.Choice(["random", "schroeder", "compact"]), help="multisine: phases.")
-@click.option("--law", type=click.Choice(["linear", "logarithmic"]), help="sweep: of frequency in time.")
-@click.option("--inputs", type=int, help="Inputs at once, told apart over as many experiments.")
+@click.option("--law", type=click.Choice(["linear", "logarithmic"]), help="sweep: frequency over time.")
+@click.option("--inputs", type=int, help="Number of inputs, separated over as many experiments.")
 @click.option("--realisations", type=int, help="Independent sets of experiments.")
 @click.option("--periods", type=int, help="Periods of each experiment.  [default: 1]")
 @click.option("--seed", type=int, help="Of all that is random.  [default: 0]")
@@ -49,7 +49,7 @@ Examples:
     callback=options.chained,
     help="Rms of each output's noise, with --model.",
 )
-@click.option("--name", "names", multiple=True, metavar="NAME", help="Of each input: repeat it, or A,B.")
+@click.option("--name", "names", multiple=True, metavar="NAME", help="Name of each input: repeat it, or A,B.")
 @click.option("--unit", default="N m", show_default=True, help="Unit of the inputs.")
 @options.written(
     "-o",

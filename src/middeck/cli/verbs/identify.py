@@ -43,8 +43,8 @@ METHODS = ("samples", "periods", "local rational", "local polynomial", "h1", "h2
 @click.option(
     "--held/--not-held",
     default=None,
-    help="Whether a computer held the inputs from sample to sample: a continuous model is then of what is "
-    "behind the hold.  [default: as the record says]",
+    help="Whether a computer held the inputs between samples: a continuous model then excludes the hold.  "
+    "[default: as the record says]",
 )
 @click.option(
     "--method",
@@ -61,7 +61,7 @@ METHODS = ("samples", "periods", "local rational", "local polynomial", "h1", "h2
 @click.option(
     "--cost",
     type=click.Choice(["weighted", "logarithmic"]),
-    help="What is made least: the weighted error, or that of log magnitude and phase.  [default: weighted]",
+    help="Cost to minimise: the weighted error, or that of log magnitude and phase.  [default: weighted]",
 )
 @click.option(
     "--constants",
@@ -71,14 +71,14 @@ METHODS = ("samples", "periods", "local rational", "local polynomial", "h1", "h2
 @click.option(
     "--delay",
     type=click.Choice(["none", "output", "path", "common"]),
-    help="What has a delay of its own.  [default: each output; none with complex constants]",
+    help="Delays to fit.  [default: one for each output; none with complex constants]",
 )
 @click.option("--rigid", type=click.IntRange(0, 6), help="Free rigid-body modes, 1/s^2, among the states.")
 @click.option("--integrators", type=click.IntRange(0, 6), help="Single poles at zero, 1/s, among the states.")
 @click.option("--residuals", is_flag=True, default=None, help="Terms for the modes outside the band.")
 @click.option("--full-rank", is_flag=True, default=None, help="Residues of any rank.")
 @click.option(
-    "--relative-degree", type=click.IntRange(0, 2), help="Of complex constants: how fast the response falls."
+    "--relative-degree", type=click.IntRange(0, 2), help="Relative degree of a model with complex constants."
 )
 @click.option("--validate", multiple=True, metavar="RECORD", help="Held-out record; may be repeated.")
 @options.written(
@@ -292,7 +292,7 @@ def _hold(hold_s: float | None) -> list[str]:
 
 
 def _no_modes(document: dict[str, Any]) -> list[str]:
-    """What is said of poles that the sampling rate does not let be modes."""
+    """Note on poles that cannot be modes at the sampling rate."""
     import numpy as np
 
     found = np.exp(np.asarray(document["pole_of_no_mode"]) / document["sample_hz"])
@@ -304,7 +304,7 @@ def _no_modes(document: dict[str, Any]) -> list[str]:
 
 
 def _delay(document: dict[str, Any], output: str) -> list[str]:
-    """In ms, with deviation and standing; dashes for a sampled model, whose poles stand in for a delay."""
+    """The delay in ms, with deviation and standing; dashes for a sampled model, which has none."""
     if document["sampled"]:
         return ["-", "-", ""]
     return [

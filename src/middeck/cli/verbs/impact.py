@@ -29,7 +29,9 @@ Examples:
 @columns
 @options.states
 @options.band
-@click.option("--ratio", type=click.Choice(["h1", "h2"]), default="h1", help="Of the average.  [default: h1]")
+@click.option(
+    "--ratio", type=click.Choice(["h1", "h2"]), default="h1", help="Estimator of the average.  [default: h1]"
+)
 @click.option(
     "--window",
     "window_s",
@@ -50,7 +52,7 @@ Examples:
     "fitted",
     type=click.Choice(["samples", "response"]),
     default="samples",
-    help="What is fitted: the blows, or their average, whose window's damping is taken out again.  "
+    help="What is fitted: the blows, or their average, corrected for the window's damping.  "
     "[default: samples]",
 )
 @options.written(

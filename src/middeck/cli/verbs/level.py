@@ -38,11 +38,9 @@ Examples:
     multiple=True,
     callback=options.joined(""),
     metavar="AXES",
-    help="Tilts that must vanish, of x, y, z.  [default: about both level axes]",
+    help="Axes of the tilts to remove, of x, y, z.  [default: both level axes]",
 )
-@click.option(
-    "--node", metavar="NAME", help="Level this node.  [default: the rigid body that fits the whole best]"
-)
+@click.option("--node", metavar="NAME", help="Level this node.  [default: the best-fit rigid body]")
 @click.option("--limit", type=float, default=0.1, show_default=True, help="Largest change of an offset [m].")
 @options.common
 def verb(

@@ -45,7 +45,7 @@ RULES = ("kept", "retuned")  # as in structure/gravity/places.py, which --help m
     type=click.Choice(RULES),
     default=RULES[0],
     show_default=True,
-    help="As tuned, their force scaled; or tuned anew in each gravity.",
+    help="Devices as tuned, force scaled; or tuned again in each gravity.",
 )
 @click.option("--require", is_flag=True, help="End with exit code 1 if the path ends early.")
 @figures.figure
@@ -64,9 +64,8 @@ def verb(
 ) -> None:
     """Modes of ARTICLE while gravity changes.
 
-    They are followed from place to place. Crossings and veerings on the way; where the rest state loses its
-    stability, at which gravity and in which mode. Devices are tuned in the environment's own gravity, and
-    released in orbit.
+    Follows the modes from place to place. Reports crossings and veerings, and a loss of stability with its
+    gravity and mode. Devices are tuned in the environment's own gravity, and released in orbit.
     """
     from middeck.cli.blame import reading
     from middeck.cli.cases import case_doubts, find_case
@@ -168,7 +167,10 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         blocks.append(Table("frequencies, Hz", ["branch", "kind", *headers], rows))
         blocks += _notes(document, stations)
     events = [f"  {e['sentence']}" for e in document["events"]]
-    return [*blocks, "\n".join(["", "on the way", *(events or ["  nothing crosses, veers or gives way"])])]
+    return [
+        *blocks,
+        "\n".join(["", "on the way", *(events or ["  no crossing, veering or loss of stability"])]),
+    ]
 
 
 def _notes(document: dict[str, Any], stations: list[int]) -> list[str]:

@@ -34,7 +34,7 @@ AT_MOST = ("db", "control_rms")
     "environments",
     multiple=True,
     metavar="NAME|PATH",
-    help="Of the articles; may be repeated.  [default: lab]",
+    help="Environment of the articles; may be repeated.  [default: lab]",
 )
 @options.count
 @click.option(
@@ -46,10 +46,15 @@ AT_MOST = ("db", "control_rms")
     help="Modes by name or LO:HI in Hz, moved together down and up.",
 )
 @click.option(
-    "--rate", "rates_hz", type=options.Frequencies(), multiple=True, metavar="HZ,HZ", help="Also sampled."
+    "--rate",
+    "rates_hz",
+    type=options.Frequencies(),
+    multiple=True,
+    metavar="HZ,HZ",
+    help="Also at these sampling rates.",
 )
-@click.option("--limits", is_flag=True, help="How far each mode may shift to instability, up to 20 %.")
-@click.option("--delay-ms", type=click.FloatRange(min=0.0), default=0.0, help="More delay in each plant.")
+@click.option("--limits", is_flag=True, help="Largest stable shift of each mode, up to 20 %.")
+@click.option("--delay-ms", type=click.FloatRange(min=0.0), default=0.0, help="Delay added to each plant.")
 @click.option(
     "--angle-noise",
     type=click.FloatRange(min=0.0, min_open=True),
@@ -62,7 +67,7 @@ AT_MOST = ("db", "control_rms")
     type=click.FloatRange(min=0.0, min_open=True),
     default=1e-2,
     show_default=True,
-    help="At the inputs, unit/sqrt(Hz).",
+    help="Noise at the inputs, unit/sqrt(Hz).",
 )
 @click.option(
     "--require",
@@ -83,13 +88,13 @@ def verb(
     as_json: bool,
     **given: Any,
 ) -> None:
-    """Try a compensator on plants it was not made for.
+    """Test a compensator on plants that it was not designed for.
 
-    Each PLANT is an article, in each environment, or a fitted model.json; as it is and with modes moved,
-    continuous and at each rate: stability by eigenvalues, margins at the plant's inputs, and the rms of the
-    outputs that are read, over all frequencies under disturbance and noise, beside that without control (dB,
-    less is better). The delays of a model are exact; at a rate a hold comes on top, so that a model says
-    whether its data had one. --set takes the keys of articles and environments.
+    Each PLANT is an article, in each environment, or a fitted model.json, with and without shifted modes,
+    continuous and at each rate. Reports stability by eigenvalues, margins at the plant's inputs, and the rms
+    of the measured outputs under disturbance and noise, over all frequencies, relative to that without
+    control (dB, less is better). Delays of a model are exact; a rate adds a hold, so a model must say whether
+    its data had one. --set takes the keys of articles and environments.
     """
     requirements = read_requirements(required, AT_LEAST, AT_MOST)
     law, found, allowed, said = _qualify(law_file, plants, environments or ("lab",), count, overrides, given)

@@ -35,7 +35,7 @@ Examples:
 @click.option(
     "--reference",
     metavar="MODEL.json|RESPONSE.uff",
-    help="What is expected: judges signs, gains, swapped channels and delays.",
+    help="Expected response: checks signs, gains, swapped channels and delays.",
 )
 @options.written(
     "-o", "--output", "target", endings=options.RECORDS, metavar="RECORD", help="Write the record too."
@@ -59,11 +59,11 @@ def verb(
     overrides: tuple[str, ...],
     as_json: bool,
 ) -> None:
-    """Show and convert records, and tell what is wrong.
+    """Show and convert records, and report their faults.
 
     RECORDs are .npz, .h5, .mat, .csv, .npy or universal files (.uff, .unv); several are experiments of one
-    test. A TOML file beside one (run.mat.toml) tells what the file does not. -o converts: the ending of its
-    file says to what. --set takes sample_hz, variable and periods.
+    test. A TOML file beside one (run.mat.toml) adds what the file lacks. -o converts to the kind that the
+    ending names. --set takes sample_hz, variable and periods.
     """
     from middeck.cli.settings import RecordSettings, settle
 
@@ -119,7 +119,7 @@ def _read(
 
 
 def _excitation(taken: Record) -> Recognised | None:
-    """What is seen in the inputs; None where the periods are known, or where samples are missing."""
+    """The excitation in the inputs; None where the periods are known, or samples are missing."""
     import numpy as np
 
     from middeck.signals.excitation.recognition import recognise_excitation
@@ -242,7 +242,7 @@ def _blocks(document: dict[str, Any]) -> list[str | Table]:
 
 
 def _cut_by(excitation: dict[str, Any]) -> str:
-    """How the periods are told to the verbs, if the record is no more than them."""
+    """The option that states the periods, if the record holds nothing else."""
     told = excitation["period"] is not None and excitation["periods"] > 1 and not excitation["offset"]
     return f"; --periods {excitation['periods']} takes them as steady" if told else ""
 

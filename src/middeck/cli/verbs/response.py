@@ -30,7 +30,12 @@ Examples:
     "--input", "inputs", multiple=True, required=True, metavar="PORT", help="Actuator; may be repeated."
 )
 @click.option(
-    "--output", "outputs", multiple=True, required=True, metavar="PORT", help="Sensor, or its _rate; same."
+    "--output",
+    "outputs",
+    multiple=True,
+    required=True,
+    metavar="PORT",
+    help="Sensor, or its _rate; may be repeated.",
 )
 @click.option(
     "--at",
@@ -43,7 +48,7 @@ Examples:
     help="Frequencies.",
 )
 @options.count
-@click.option("--static", is_flag=True, help="Add what the other modes leave at rest.")
+@click.option("--static", is_flag=True, help="Add the residual flexibility of the other modes.")
 @options.common
 def verb(
     article: str,
@@ -59,8 +64,8 @@ def verb(
     """Frequency responses of ARTICLE between named ports.
 
     From torques and forces to angles, rates and accelerations. Damping is the article's [damping]. With
-    --static the residual flexibility of the modes beyond --count is added; what they leave out of the gain at
-    low frequency is shown.
+    --static the residual flexibility of the modes beyond --count is added, and its part of the gain at low
+    frequency is shown.
     """
     import numpy as np
 

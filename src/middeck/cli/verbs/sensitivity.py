@@ -35,7 +35,7 @@ TOP = 20  # rows of each mode that was asked for
     multiple=True,
     required=True,
     metavar="NAME",
-    help="Number to differentiate by, * for any text; may be repeated.",
+    help="Parameter to differentiate by, * for any text; may be repeated.",
 )
 @click.option(
     "--count", type=click.IntRange(min=1), default=12, show_default=True, help="How many of the lowest modes."
@@ -180,7 +180,7 @@ def _has_slope(document: dict[str, Any], parameter: int, mode: int) -> bool:
 
 
 def _largest_first(document: dict[str, Any], mode: int) -> list[int]:
-    """By |dlnf/dlnp|; parameters that are zero last, by |df/dp|."""
+    """Order by |dlnf/dlnp|; parameters that are zero last, by |df/dp|."""
 
     def size(p: dict[str, Any]) -> tuple[bool, float]:
         share = p["relative"][mode]
@@ -205,7 +205,7 @@ def _row(document: dict[str, Any], parameter: int, mode: int) -> list[str]:
 
 
 def _rest_table(document: dict[str, Any], shown: list[int]) -> list[Table]:
-    """What devices pull and joints hold, a row each that a parameter changes."""
+    """Tensions of devices and torques of joints, a row for each that a parameter changes."""
     kinds = (
         ("d_tension_n", "tension of", "N"),
         ("d_holding_torque_nm", "torque at", "N m"),

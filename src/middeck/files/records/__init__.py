@@ -65,17 +65,17 @@ SUFFIXES = (".npz", ".csv", *HDF5, ".mat", ".npy", *UFF)
 
 @record
 class Reading:
-    """A record as its file has it, samples that are not numbers included, and what the reader had to mend."""
+    """A record as its file has it, NaN samples included, and the faults that the reader found."""
 
     record: Record
     faults: tuple[Fault, ...]
 
 
 def load_record(path: str | Path, columns: Columns | None = None) -> Record:
-    """The record in a file; the ending says of which kind: docs/how-to/your-own-record.md describes each.
+    """The record in a file; its ending gives the kind (docs/how-to/your-own-record.md describes each).
 
-    ``columns`` (`name_columns`), or else a TOML file beside it, tells what the file does not: rate, which
-    channels are inputs and which outputs, names, units and transducers.
+    ``columns`` (`name_columns`), or else a TOML file beside it, adds what the file lacks: rate, inputs and
+    outputs, names, units and transducers.
 
     Raises `DataError`, naming file and channel, if the file is missing, truncated, empty or inconsistent, or
     if a sample is not a finite number; `ConfigError` for a wrong TOML file.
@@ -84,7 +84,7 @@ def load_record(path: str | Path, columns: Columns | None = None) -> Record:
 
 
 def read_record(path: str | Path, columns: Columns | None = None) -> Reading:
-    """`load_record` for what has gaps: missing samples are NaN, and `Reading.faults` says which.
+    """`load_record` for records with gaps: missing samples are NaN, and `Reading.faults` says which.
 
     Raises `DataError` and `ConfigError` as `load_record` does, but for samples that are not finite.
     """

@@ -1,4 +1,4 @@
-"""What no record may be, whatever file it comes from."""
+"""Checks of every record, whatever file it comes from."""
 
 from __future__ import annotations
 

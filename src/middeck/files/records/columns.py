@@ -1,4 +1,4 @@
-"""What a file does not say of its channels: from options, or from a TOML file beside it."""
+"""Descriptions of channels that a file lacks: from options, or from a TOML file beside it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Side = Literal["", "input", "output"]
 
 @record
 class NamedColumn:
-    """One channel and what is told of it; ``number`` counts the columns of the file from one."""
+    """One channel and its description; ``number`` counts the columns of the file from one."""
 
     name: str
     side: Side
@@ -36,7 +36,7 @@ class Columns:
     """Which channels of a file are inputs and outputs, and its rate; see `name_columns`.
 
     If any of ``named`` has a side, the file's channels are these and no others, in this order; otherwise they
-    only tell more of channels that the file names itself. ``variable`` is the matrix to take from a MAT or
+    only describe channels that the file names itself. ``variable`` is the matrix to take from a MAT or
     HDF5 file that holds several.
     """
 
@@ -75,7 +75,7 @@ def name_columns(
     sample_hz: float | None = None,
     variable: str = "",
 ) -> Columns | None:
-    """Columns from texts such as ``"torque [N m]"`` or ``"3=torque [N m]"``; None if nothing is told.
+    """Columns from texts such as ``"torque [N m]"`` or ``"3=torque [N m]"``; None if nothing is given.
 
     Without a number, a column is found by its name, or in a file without names by its place in the list:
     inputs first, then outputs. Raises `ConfigError` for a text that is not so.
@@ -100,7 +100,7 @@ def _column(text: str, side: Side) -> NamedColumn:
 
 
 def columns_beside(file: Path) -> Columns | None:
-    """What the file of channels beside ``file`` tells (``run.csv.toml``); None if there is none.
+    """Columns from the file of channels beside ``file`` (``run.csv.toml``); None if there is none.
 
     Raises `ConfigError`, with file, line and key, for one that is wrong.
     """

@@ -139,7 +139,7 @@ def read_opening(text: TextIO, file: Path) -> Opening:
 
 
 def _comment(line: str, where: str) -> dict[str, Any]:
-    """What a comment tells: ``# periods = 3``, ``# samples = 8``, ``# channel "u:x" = { node = "12" }``."""
+    """Keys of a comment: ``# periods = 3``, ``# samples = 8``, ``# channel "u:x" = { node = "12" }``."""
     found = re.match(r"#\s*(?:(periods|samples)\s*=|(channel)\s+\")", line)
     if found is None:
         return {}
@@ -273,7 +273,7 @@ def _on_one_grid(
 
 
 def _sums(time: Float[np.ndarray, " line"], start: int, origin: float) -> tuple[float, float]:
-    """Of k (t_k - origin) and of (t_k - origin), from line ``start`` on."""
+    """Sums of k (t_k - origin) and of (t_k - origin), from line ``start`` on."""
     since = time - origin
     return float((start + np.arange(len(time))) @ since), float(since.sum())
 

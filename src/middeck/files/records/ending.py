@@ -1,8 +1,8 @@
 """Whether a text of numbers ends where its writer ended it.
 
-A file that was cut ends within a line, or with a line, which nothing tells. A line that lacks values is
-refused as it is read; one whose last number lost digits reads like any other, and may be another number
-altogether (1.5e-0 of 1.5e-03). Writers end each line, and print alike many digits in each.
+A truncated file ends within a line, or after a whole line, which cannot be noticed. A line that lacks values
+is refused when it is read; one whose last number lost digits reads like any other, with a wrong value
+(1.5e-0 of 1.5e-03). Writers end each line, and print equally many digits in each.
 """
 
 from __future__ import annotations

@@ -56,7 +56,7 @@ def _refusing(file: Path) -> Generator[None]:
 
 
 def _refused(kind: str, error: Exception, file: Path) -> DataError:
-    """What to tell of it. NumPy advises to load pickled objects, which may run any program: we do not."""
+    """The error. NumPy's own suggests to load pickled objects, which may run any program."""
     if "pickle" in str(error):
         # Text where a file should be is taken for a pickle too.
         what = f"truncated or not an {kind}, or it holds objects instead of numbers"

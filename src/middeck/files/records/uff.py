@@ -115,7 +115,7 @@ def read_runs(file: Path) -> list[Run]:
 
 
 def _key(data: Dataset) -> tuple[object, ...]:
-    """What tells one channel from another: place and quantity; the first text where a file has no places."""
+    """Key of a channel: place and quantity; the first text where a file has no places."""
     if _is_ours(data):
         return data.texts[0], _side(data)
     placed = data.response.number or data.response.direction or data.response.name
@@ -142,7 +142,7 @@ def _head(name: str, data: Dataset, file: Path) -> Head:
 
 
 def _told_channel(text: str) -> dict[str, Any]:
-    """What `_known` wrote."""
+    """The channel in a text of `_known`."""
     told: dict[str, Any] = dict(re.findall(r"(role|gain|calibrated)=(\S+)", text))
     raw_unit = re.search(r"raw_unit=(.*)", text)
     gain = {"gain": float(told["gain"])} if "gain" in told else {}

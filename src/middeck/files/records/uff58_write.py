@@ -15,7 +15,7 @@ REAL, COMPLEX = 4, 6  # double precision
 
 @record
 class Header:
-    """What a data set 58 says of its numbers: see `middeck.files.records.uff58.Dataset`."""
+    """Header of a data set 58: see `middeck.files.records.uff58.Dataset`."""
 
     texts: tuple[str, ...]
     kind: int

@@ -1,4 +1,4 @@
-"""Which band a signal drives that does not repeat: beyond it, a cut record has leakage for an input."""
+"""Band driven by a signal that does not repeat; beyond it the input of a cut record is leakage."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What kind of signal it is, by features that noise on its samples moves little."""
+"""The kind of a signal, by features that are robust against noise."""
 
 from __future__ import annotations
 

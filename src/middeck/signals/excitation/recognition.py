@@ -1,4 +1,4 @@
-"""What excited a record: kind, period, lines; and the record cut into its steady periods."""
+"""The excitation of a record: kind, period, lines; and the record cut into its steady periods."""
 
 from __future__ import annotations
 
@@ -80,11 +80,11 @@ class Recognised:
 
 
 def recognise_excitation(measured: Record) -> Recognised:
-    """What the inputs of ``measured`` are, seen from their samples alone.
+    """Kind, period and lines of the inputs of ``measured``, from their samples alone.
 
-    Periods are found up to half a record (to the whole of one for signals with odd lines only), without being
-    told (`repetition`). A period that is no whole number of samples is not recognised. A record that is cut
-    into periods already is read as the one run that it was.
+    Periods are found up to half a record, or a whole record for signals with odd lines only (`repetition`). A
+    period that is no whole number of samples is not recognised. A record that is cut into periods already is
+    read as the one run that it was.
 
     Raises `DataError` for samples that are not finite.
 

@@ -1,4 +1,4 @@
-"""Whether a signal repeats itself, and after how many samples: no period has to be told.
+"""The period of a signal, found from its samples.
 
 The share of a signal that is not repeated after a lag P is, with the energies of the parts that overlap,
 

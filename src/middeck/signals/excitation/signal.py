@@ -113,7 +113,7 @@ def repeat_periods(
 
 
 def detection_lines(excitation: Excitation) -> tuple[np.ndarray, np.ndarray]:
-    """Even and odd lines of the band that carry nothing: there a nonlinear article shows itself.
+    """Even and odd lines of the band that carry nothing: there distortion shows.
 
     Even ones carry what even nonlinearity makes of odd lines, odd ones what odd nonlinearity makes of them
     (Pintelon and Schoukens 2012, section 4.3). Both are empty for a full grid.

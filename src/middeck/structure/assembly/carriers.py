@@ -1,10 +1,10 @@
-"""Which nodes are carried by a neighbour: those that stiff members join to one piece beside all around it.
+"""Which nodes move with a neighbour: those joined by members far stiffer than all around them.
 
-Members are joined in the order of their stiffness, the stiffest first. A piece whose softest joint is still
-`CONTRAST` times as stiff as whatever holds it next moves as one but for strains that coordinates in W could
-not hold: its nodes are carried by its first one, and that one stands for the piece from then on. Pieces
-within pieces are found on the way. A joint so stiff that the rounding of W alone is a force to be seen beside
-the weight (`ROUNDS_AT`) needs no more than `LITTLE`. Only digits hang on the choice, no result.
+Members are joined in the order of their stiffness, the stiffest first. A piece whose softest joint is
+`CONTRAST` times as stiff as the next connection moves as one body, except for strains too small for
+coordinates in W: its nodes are carried by its first one, which then represents the piece. Pieces within
+pieces are found on the way. For a joint so stiff that rounding in W gives a force comparable with the weight
+(`ROUNDS_AT`) a contrast of `LITTLE` is enough. The choice affects rounding only, not the result.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def choose_carriers(
 
 
 def member_stiffness(beams: BeamProperties) -> Float[np.ndarray, " element"]:
-    """Of one end across or along, the other one clamped [N/m]."""
+    """Stiffness [N/m] of one end, across or along, with the other end clamped."""
     L = np.real(beams.length)
     bent = np.maximum(
         np.real(beams.EI_y) / (1.0 + np.real(beams.shear_z)),
@@ -98,7 +98,7 @@ class _Pieces:
         self.softest[a] = stiffness
 
     def close(self, stiffness: float) -> None:
-        """What is left is held by this alone."""
+        """Close all remaining pieces, which ``stiffness`` alone holds."""
         for i in range(len(self.part_of)):
             if self.part_of[i] == i:
                 self._close(i, stiffness)

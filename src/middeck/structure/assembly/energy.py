@@ -55,7 +55,7 @@ CHUNK = 1024
 
 @record
 class Loads:
-    """What the environment does: gravity [m/s^2], and springs from anchors (in W) to attach points.
+    """Loads of the environment: gravity [m/s^2], and springs from anchors (in W) to attach points.
 
     ``mass`` [kg] of each device moves with its attach point along the device only.
     """
@@ -82,7 +82,7 @@ class Assembly:
 
 
 class Inner(NamedTuple):
-    """Forces inside a state: on the six deformations of each beam, and the pull of each own spring."""
+    """Internal forces: on the six deformations of each beam, and the tension of each own spring."""
 
     beam: np.ndarray
     spring: np.ndarray
@@ -126,12 +126,12 @@ def assemble_carried(
     point_load: Inexact[np.ndarray, "pose 6"] | None = None,
     inner: Inner | None = None,
 ) -> Assembly:
-    """`assemble` in carried coordinates (see `since_drawn`), in which stiff members leave soft motions alone.
+    """`assemble` in carried coordinates (see `since_drawn`): soft motions keep their digits.
 
-    ``inner`` takes the place of the forces inside.
+    ``inner`` replaces the internal forces.
 
-    A member inside a carried part does not know how the part moves: only what its ends do as their common
-    carrier sees them enters its rows, and nothing has to cancel there.
+    Only the motion of its ends relative to their common carrier enters the rows of a member inside a carried
+    part, so that no large terms cancel there.
     """
     since = config.since_drawn
     if since is None or not since.carries:
@@ -153,7 +153,7 @@ def assemble_carried(
 
 
 def geometric_tangent(model: Model, config: Configuration, loads: Loads) -> sp.csr_array:
-    """Of the tangent in carried coordinates what forces make: no strain of any part, and no device."""
+    """Geometric part of the tangent in carried coordinates: from forces, without strain and devices."""
     at, since = _poses_at(model, config), config.since_drawn
     inside = _inside(model, since)
     total = _gather(model, at, loads, None, inside.rows)
@@ -171,7 +171,7 @@ def geometric_tangent(model: Model, config: Configuration, loads: Loads) -> sp.c
 def strain_energies(
     model: Model, config: Configuration, loads: Loads, shapes: Inexact[np.ndarray, "coordinate mode"]
 ) -> Inexact[np.ndarray, "mode mode"]:
-    """What is left of the tangent, seen by ``shapes`` in carried coordinates: a sum of squares of strains.
+    """The rest of the tangent, applied to ``shapes`` in carried coordinates: a sum of squared strains.
 
     Nothing cancels but within a strain, so that it rounds by the square of the rounding of the shapes.
     """
@@ -196,7 +196,7 @@ def strain_energies(
 def predict_forces(
     model: Model, config: Configuration, loads: Loads, q: Inexact[np.ndarray, " coordinate"]
 ) -> Inner:
-    """Forces after a step ``q`` in carried coordinates as the tangent has them, by its first order."""
+    """Forces after a step ``q`` in carried coordinates, to first order."""
     at = _poses_at(model, config)
     motion, ends = (m[..., 0] for m in _motions(model, config, at, q[:, None]))
     forces = [np.zeros((0, 6))]
@@ -245,7 +245,7 @@ def _inside(model: Model, since: SinceDrawn | None) -> _Inside:
 
 
 def _inside_state(model: Model, at: _At, inside: _Inside, force: np.ndarray | None = None) -> BeamState:
-    """Of elements inside carried parts, without their weight."""
+    """State of the elements inside carried parts, without their weight."""
     x, T, known = _element_ends(model, at, inside.rows)
     return beam_state(select_beams(model.beams, inside.rows), x, T, force, known)
 
@@ -456,7 +456,7 @@ def _own_springs(model: Model, at: _At, gradient: np.ndarray, tension: np.ndarra
 
 
 def _between(hessian: np.ndarray) -> np.ndarray:
-    """Of the difference of two translations, on both poses."""
+    """Matrices of the difference of two translations, on both poses."""
     h = _translations(hessian)
     return np.block([[h, -h], [-h, h]])
 
@@ -514,7 +514,7 @@ def pose_shift(model: Model, config: Configuration, pose: np.ndarray) -> Inexact
 
 
 def own_law(model: Model) -> SpringLaw:
-    """Of the structure's own springs."""
+    """Law of the structure's own springs."""
     own = model.structure.springs
     return SpringLaw(
         np.zeros(len(own)), np.array([s.stiffness for s in own]), np.array([s.free_length for s in own])
@@ -522,19 +522,19 @@ def own_law(model: Model) -> SpringLaw:
 
 
 def _own_span(model: Model, at: _At) -> tuple[np.ndarray, np.ndarray]:
-    """Of the structure's own springs, end minus start as drawn, and its change since."""
+    """End minus start of the structure's own springs as drawn, and its change since."""
     (start, start_moved), (end, end_moved) = (_drawn(model, at, p) for p in model.spring_ends.T)
     return end - start, end_moved - start_moved
 
 
 def _device_span(model: Model, at: _At, loads: Loads) -> tuple[np.ndarray, np.ndarray]:
-    """The same of devices, from anchor to attach point."""
+    """The same for devices, from anchor to attach point."""
     drawn, change = _drawn(model, at, loads.attach_point)
     return drawn - loads.anchor, change
 
 
 def _drawn(model: Model, at: _At, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where poses were drawn, and their shift since; on a joint's frame, where they are, and none."""
+    """Drawn places of poses and their shift since; on a joint's frame the present place and no shift."""
     frame, offset = model.points.frame[pose], model.points.offset[pose]
     if at.since is None:
         return at.world[pose], np.zeros_like(at.world[pose])
@@ -552,7 +552,7 @@ def _translations(hessian: np.ndarray) -> np.ndarray:
 
 
 def _block_matrix(matrices: np.ndarray) -> sp.csr_array:
-    """One after the other along the diagonal."""
+    """The matrices as blocks on the diagonal."""
     index = np.arange(matrices.shape[0] * matrices.shape[1]).reshape(len(matrices), -1)
     at = np.flatnonzero(matrices)
     element, row, column = np.unravel_index(at, matrices.shape)

@@ -1,4 +1,4 @@
-"""Where the entries of element matrices go in the matrices of a model: found once, filled in ever again.
+"""Where the entries of element matrices go in the matrices of a model: found once, filled in repeatedly.
 
 An entry B_ij between coordinates i and j of poses adds A_ia B_ij A_jb to K_ab for every pair of coordinates a
 and b that move them. Which these are hangs on topology alone, so that K is a sum over a fixed list.
@@ -19,7 +19,7 @@ NONE = np.zeros(0, dtype=int)
 
 
 class _Products(NamedTuple):
-    """Of one group: entry of the element matrices, the two of the Jacobian, and the place of their product.
+    """Products of one group: entry of the element matrices, two of the Jacobian, and place of the product.
 
     ``left`` and ``right`` are None where all of them are one.
     """
@@ -73,7 +73,7 @@ def _sums(slot: np.ndarray, value: np.ndarray, count: int) -> np.ndarray:
 
 
 def lay_out_pattern(points: PoseMap, ends: Mapping[str, Int[np.ndarray, "element end"]]) -> Pattern:
-    """Of elements that join the poses ``ends``, by group, and of the `second_order` of poses, "turning"."""
+    """Pattern of elements that join the poses ``ends``, by group, and of their `second_order`, "turning"."""
     found: dict[str, list[tuple[np.ndarray, ...]]] = {}
     for name, poses in ends.items():
         special = np.zeros(len(points.points.frame), dtype=bool)

@@ -35,7 +35,7 @@ RUNS = 1000
 
 @record
 class Finding:
-    """What one criterion says.
+    """Result of one criterion.
 
     Parameters
     ----------

@@ -12,7 +12,7 @@ from middeck.values import record
 
 @record
 class EffectiveMass:
-    """Of each mode, for translations along (kg) and rotations about (kg m^2) the world axes.
+    """Effective mass of each mode, for translations along (kg) and rotations about (kg m^2) the world axes.
 
     Parameters
     ----------

@@ -41,7 +41,7 @@ class Candidates:
 
 @record
 class Evaluation:
-    """What the test says of the model; rows of matrices are the model's, columns the test's.
+    """Comparison of the test with the model; rows of matrices are the model's, columns the test's.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ def _pair(mac: np.ndarray, ours_hz: np.ndarray, theirs_hz: np.ndarray) -> np.nda
 def criterion_values(
     model: Candidates, found: Evaluation, criterion: Criterion
 ) -> tuple[Float[np.ndarray, " item"], Int[np.ndarray, " item"]]:
-    """What ``criterion`` judges, and the pairs (for a COMAC the channels) that the values belong to."""
+    """Values that ``criterion`` judges, and the pairs (for a COMAC the channels) that they belong to."""
     if criterion.quantity is Quantity.COMAC:
         return found.comac, np.arange(len(found.comac))
     values = _of_pairs(found, criterion.quantity)

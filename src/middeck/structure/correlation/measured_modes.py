@@ -72,7 +72,7 @@ class MeasuredModes:
 
 @record
 class MeasurementNoise:
-    """How well a test knows its modes, where it does not say so mode by mode.
+    """Standard deviations of measured modes, where a test does not state them mode by mode.
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ def measure_modes(
     noise: MeasurementNoise | None = None,
     rng: np.random.Generator | None = None,
 ) -> MeasuredModes:
-    """What a test of ``modes`` would measure at the channels ``at`` = (node, direction), with ``noise``.
+    """Modes as a test of ``modes`` would measure them at the channels ``at`` = (node, direction).
 
     By default all six directions at every node of the article and the angle of every moving joint; of the
     lowest 26 modes those that are not rigid, or the ones whose indices are ``chosen``. With noise, which
@@ -197,7 +197,7 @@ def sort_rms(
 
 
 def sensor_rows(modes: Modes, node: Sequence[str], direction: Sequence[str]) -> sp.csr_array:
-    """What the channels read per unit of every coordinate, at the rest state of ``modes``.
+    """Readings of the channels per unit of every coordinate, at the rest state of ``modes``.
 
     Raises `ConfigError` for a node, a direction or a joint angle that the model does not have.
     """

@@ -44,7 +44,7 @@ class Probability:
 
 @record
 class CorrectModel:
-    """What the runs of a correct model gave.
+    """Results of the runs of a correct model.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ def _unit_noise(rng: np.random.Generator, shape: tuple[int, ...], real: bool) ->
 
 
 def judge(model: Candidates, found: Evaluation, profile: Profile) -> tuple[np.ndarray, np.ndarray]:
-    """Of each criterion whether it is met, and its worst value (nan where it applies to nothing)."""
+    """Whether each criterion is met, and its worst value (nan where it applies to nothing)."""
     passed, worst = np.ones(len(profile.criteria), dtype=bool), np.full(len(profile.criteria), np.nan)
     for c, criterion in enumerate(profile.criteria):
         values, _ = criterion_values(model, found, criterion)

@@ -1,4 +1,4 @@
-"""What reviews ask of a correlated model: criteria, each with its limit, its source and its status.
+"""Criteria of reviews for a correlated model, each with its limit, its source and its status.
 
 The limits are data, never part of an algorithm. One that is marked ``recalled`` was not read in its document;
 everything that quotes it says so.
@@ -18,7 +18,7 @@ RECALLED = "recalled, check against the document"
 
 
 class Quantity(Enum):
-    """What is judged: an error or an off-diagonal term must be small, the others near 1."""
+    """Quantity that is judged: an error or an off-diagonal term must be small, the others near 1."""
 
     FREQUENCY_ERROR = "frequency error"
     CROSS_OFF_DIAGONAL = "cross-orthogonality off-diagonal"

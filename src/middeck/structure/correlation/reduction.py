@@ -163,7 +163,7 @@ def _check_channels(L: sp.csr_array) -> None:
 
 
 def _check_support(modes: Modes, rows: sp.csr_array) -> None:
-    """With the channels held no rigid motion may be left."""
+    """Raise an error if a rigid motion is left with the channels held."""
     rigid = [i for i, kind in enumerate(modes.kind) if kind == "rigid"]
     if rigid and _condition(np.asarray(rows @ modes.shapes[:, rigid])) > DEPENDENT:
         raise _mechanism(f"one of {', '.join(modes.name[i] for i in rigid)}")

@@ -40,7 +40,7 @@ PERCENT, LOSS = 100.0, 0.2
 def doubt_units(
     modes: Modes, measured: MeasuredModes, shapes: Float[np.ndarray, "channel mode"]
 ) -> tuple[str, ...]:
-    """What looks like another unit in ``measured``; ``shapes`` are those of the model at its channels."""
+    """Warnings of wrong units in ``measured``; ``shapes`` are those of the model at its channels."""
     straight = np.array([d in STRAIGHT for d in measured.direction])
     movable = np.array([kind != "rigid" for kind in modes.kind]) & (modes.frequency_hz > 0.0)
     index = np.flatnonzero(movable)
@@ -72,14 +72,14 @@ def _matches(phi: np.ndarray, shape: np.ndarray, straight: np.ndarray) -> Int[np
 
 
 def _nearest(ours_hz: np.ndarray, theirs_hz: np.ndarray) -> Int[np.ndarray, "pair 2"]:
-    """By frequency, where no shape is alike."""
+    """Pairs by frequency, where no shape is alike."""
     best = np.abs(np.log(ours_hz[:, None] / theirs_hz)).argmin(axis=0)
     near = np.abs(np.log(ours_hz[best] / theirs_hz)) < AGREE
     return np.stack([best[near], np.flatnonzero(near)], axis=1)
 
 
 def _factor(ratios: np.ndarray) -> float | None:
-    """What most of the ratios share; None where they share nothing."""
+    """The factor that most of the ratios share; None where there is none."""
     known = np.log(ratios[np.isfinite(ratios) & (ratios > 0.0)])
     if not len(known):
         return None

@@ -1,4 +1,4 @@
-"""How a beam element sees its two end poses: eight invariants, six deformations, and their derivatives.
+"""Deformations of a beam element from its two end poses: eight invariants, and all derivatives.
 
 The end poses are positions x1, x2 and triads T1 = (t1, t2, t3), T2 = (q1, q2, q3) whose first vectors are the
 section normals. With the chord e = (x2 - x1)/l the invariants are l, the direction cosines a = T1' e and
@@ -54,7 +54,7 @@ class _Dots(NamedTuple):
 
 
 class EndStrain(NamedTuple):
-    """What sets the end poses of elements apart from undeformed ones, in the axes of the first end's triad.
+    """Difference of the end poses of elements from undeformed ones, in the axes of the first end's triad.
 
     ``shift`` is the chord less the undeformed one, ``turn`` the second triad less the identity.
     """
@@ -66,7 +66,7 @@ class EndStrain(NamedTuple):
 def end_strain(
     length: Array, triad: Array, shift: Inexact[np.ndarray, "element 2 3"], turn: Array
 ) -> EndStrain:
-    """From undeformed triads, and the ends' shift and turn since then, seen from anywhere.
+    """End strain from undeformed triads and the ends' shift and turn since then, in any frame.
 
     With T1 = (1 + E1) T and the chord L e + d they are T'(E1' L e + (1 + E1)'d) and T1'(E2 - E1) T.
     """
@@ -216,7 +216,7 @@ def _dots(*terms: tuple[Array, Array, float]) -> _Dots:
 
 
 def _add_twist_hessian(out: Array, s: _Invariants, weight: Array) -> None:
-    """Of weight * atan2(sine, cosine)."""
+    """Add the Hessian of weight * atan2(sine, cosine)."""
     S, C = s.sine, s.cosine
     r2 = S.value**2 + C.value**2
     W = _wide(weight * C.value / r2) * S.W - _wide(weight * S.value / r2) * C.W

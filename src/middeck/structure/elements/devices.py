@@ -43,7 +43,7 @@ def spring_state(
     tension: Inexact[np.ndarray, " spring"] | None = None,
     moved: tuple[Inexact[np.ndarray, "spring 3"], Inexact[np.ndarray, "spring 3"]] | None = None,
 ) -> SpringState:
-    """State of springs whose end minus start is ``span``; ``tension`` takes the place of their own.
+    """State of springs whose end minus start is ``span``; ``tension`` replaces their own.
 
     ``moved``, the span as drawn and by how much it has changed since, has digits that ``span`` has not.
 
@@ -73,7 +73,7 @@ def spring_state(
 
 
 def _stretch(law: SpringLaw, length: np.ndarray, drawn: np.ndarray, change: np.ndarray) -> np.ndarray:
-    """Length less the law's: what was there as drawn, and l - l0 = (2 s0 + d) . d / (l + l0) since."""
+    """Elongation against the law's length: that as drawn, and l - l0 = (2 s0 + d) . d / (l + l0) since."""
     before = np.sqrt(np.einsum("si,si->s", drawn, drawn))
     both = np.where(length + before == 0.0, 1.0, length + before)
     return before - law.length + np.einsum("si,si->s", 2.0 * drawn + change, change) / both
@@ -87,7 +87,7 @@ def spring_squares(
     *,
     along_only: bool = False,
 ) -> Inexact[np.ndarray, "mode mode"]:
-    """The Hessian seen by motions ``apart`` of end against start, as a sum of squares.
+    """The Hessian applied to relative motions ``apart`` of the two ends, as a sum of squares.
 
     Of the part along the springs alone, or with what their tension over their length holds across them.
     """

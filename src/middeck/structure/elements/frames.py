@@ -1,4 +1,4 @@
-"""Rigid frames with minimal coordinates, and how what happens at a point of a frame reaches them.
+"""Rigid frames with minimal coordinates, and the map from points of a frame to them.
 
 A *root* frame has six coordinates: dx and a world rotation vector theta, R_new = exp(theta) R. A *joint*
 frame has one: its angle, or the travel of a slide. A *pose* is a point of a frame with a triad fixed to it;
@@ -30,8 +30,8 @@ from middeck.values import record
 class Configuration:
     """Where the frames are: root positions and rotation matrices, joint angles [rad] or travels [m].
 
-    ``since_drawn`` says where the roots are with the digits that ``x`` and ``R`` cannot hold; None where
-    nobody has followed them from the drawn state.
+    ``since_drawn`` gives the roots' motion with digits that ``x`` and ``R`` cannot hold; None if they were
+    not followed from the drawn state.
     """
 
     x: Inexact[np.ndarray, "root 3"]
@@ -55,7 +55,7 @@ def move(tree: FrameTree, config: Configuration, q: Inexact[np.ndarray, " coordi
 def move_carried(
     tree: FrameTree, config: Configuration, q: Inexact[np.ndarray, " coordinate"]
 ) -> Configuration:
-    """Like `move`, ``q`` being in carried coordinates; of what is followed from the drawn state only."""
+    """`move` with ``q`` in carried coordinates; only for configurations followed from the drawn state."""
     if config.since_drawn is None:
         return move(tree, config, q)
     step = q[: 6 * tree.roots].reshape(-1, 6)

@@ -44,7 +44,7 @@ def rotation_exp(theta: Inexact[np.ndarray, "*batch 3"]) -> Inexact[np.ndarray, 
 
 
 def turn_of(theta: Inexact[np.ndarray, "*batch 3"]) -> Inexact[np.ndarray, "*batch 3 3"]:
-    """Rotation matrices less the identity: of a small rotation with all its digits.
+    """Rotation matrices less the identity, accurate for small rotations too.
 
     >>> float(turn_of(np.array([0.0, 0.0, 1e-30]))[1, 0])
     1e-30

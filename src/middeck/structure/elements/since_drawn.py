@@ -1,4 +1,4 @@
-"""How roots have moved since the drawn state, each as seen from the root that carries it.
+"""Motion of roots since the drawn state, each relative to the root that carries it.
 
 A link of 1e22 N/m bears its load with 1e-21 m, and no coordinate in W can hold that beside the centimetres
 that the article sinks. What a stiff part does to its neighbour is therefore a number of its own: the motion
@@ -126,7 +126,7 @@ def _ancestors(carrier: np.ndarray, root: np.ndarray) -> list[np.ndarray]:
 def chain_within(
     at: SinceDrawn, root: Int[np.ndarray, " pose"], outer: Int[np.ndarray, " pose"]
 ) -> list[np.ndarray]:
-    """Of each pose its root, that one's carrier and so on, short of ``outer``; -1 from there on."""
+    """The root of each pose, its carrier and so on, up to ``outer``; -1 from there on."""
     out: list[np.ndarray] = []
     root = np.where(root == outer, -1, root)
     while np.any(root >= 0):

@@ -1,8 +1,8 @@
-"""Frequency and damping of the modes against the amplitude of a joint that rubs, sticks or has play.
+"""Frequency and damping of the modes against the amplitude of a joint with friction or play.
 
 Harmonic balance: at the amplitude A of the joint's angle in a mode, its elements act as k_eq(A) + j k_loss(A)
 (their describing functions; Krylov and Bogoliubov 1937, Caughey 1960). Since A is the joint's own amplitude
-the equivalent structure is known at once; nothing has to be guessed and corrected.
+the equivalent structure is known without iteration.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from middeck.structure.plants.damping import estimate_damping
 from middeck.values import record
 
 ORDERS = (2, 3)
-"""Of the harmonics that harmonic balance leaves out, the two that are the largest."""
+"""The two largest of the harmonics that harmonic balance neglects."""
 LOWEST = 12
 """Modes that are shown where none are named."""
 
@@ -90,7 +90,7 @@ class AmplitudeCurves:
 
     @property
     def doubtful(self) -> Bool[np.ndarray, "amplitude mode"]:
-        """Where a damped mode is less than half any one undamped mode: which frequency is its is words."""
+        """Where a damped mode overlaps no undamped mode by half: its frequency label is arbitrary."""
         return self.likeness < HALF_SHAPE
 
 
@@ -105,13 +105,13 @@ def sweep_amplitude(
 ) -> AmplitudeCurves:
     """Frequency and damping of the modes ``select`` against the amplitude of ``joint`` with ``elements``.
 
-    ``modes`` are those without the elements, the joint free or on its spring. All of them serve as a basis;
-    the residual flexibility stands for those that were not solved for. What that leaves out of omega^2 is
-    of the order of (omega/omega_highest)^2 times the flexibility's own effect, nothing with all modes.
-    By default the `LOWEST` modes; ``damping`` is the article's by default.
+    ``modes`` are those without the elements, the joint free or on its spring. All of them form the basis; the
+    residual flexibility represents those that were not solved for, with an error in omega^2 of the order of
+    (omega/omega_highest)^2 times its own effect, and none with all modes. ``select`` is the `LOWEST` modes by
+    default, ``damping`` the article's.
 
-    Raises `ConfigError` for a joint that does not move, no elements, amplitudes that are not positive, or a
-    mode that there is not.
+    Raises `ConfigError` for a joint that does not move, no elements, amplitudes that are not positive, or an
+    unknown mode.
     """
     if not elements:
         raise ConfigError("no element acts at the joint", where="sweep_amplitude", hint="Friction, Deadband")

@@ -22,7 +22,7 @@ from middeck.structure.plants.residual import residual_flexibility
 from middeck.values import record
 
 UNCOUPLED = 1e-9
-"""Part of the largest joint angle of a mode below which a mode does not move the joint but by rounding."""
+"""Joint angle of a mode, relative to the largest of any, below which it is rounding."""
 EQUAL = 1e-10
 """Relative distance of omega^2 below which modes are one subspace: one combination moves the joint."""
 BASIS = 30

@@ -1,10 +1,10 @@
 """Complex modes of a structure followed as the element at one joint changes with its amplitude.
 
-With loss the modes cannot be told from the undamped ones: around a point of the complex stiffness where two
-of them coincide (an exceptional point; Kato 1966, chapter II; Heiss 2012, J. Phys. A 45) they change places.
-Along a real stiffness two modes veer, along the arc that friction describes between sticking and slipping
-the same two pass each other. So it is the damped modes that are followed, along the element's own arc from
-where it does least, and each is then given the undamped mode that it looks most like.
+With loss, modes cannot be identified by the undamped ones: around a point of the complex stiffness where two
+of them coincide (an exceptional point; Kato 1966, chapter II; Heiss 2012, J. Phys. A 45) they exchange
+places. Along a real stiffness two modes veer; along the arc of friction between sticking and slipping the
+same two pass each other. So the damped modes are followed, along the element's own arc from where it has
+least effect, and each is then paired with the most similar undamped mode.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ SPARE = 6
 CLEAR = 0.9
 """Overlap of a shape with that of the step before above which it is surely the same mode."""
 HALVINGS = 8
-"""Of a step along the arc in which a shape changes more; what turns faster than this crosses."""
+"""Halvings of a step along the arc in which a shape changes more; faster changes count as crossings."""
 ARC = 10.0 ** (np.arange(-96, 49) / 8.0)
-"""Amplitudes [rad or m] along the arc: the same whatever amplitudes are asked for."""
+"""Amplitudes [rad or m] along the arc, independent of the requested ones."""
 STRIDE = 0.2
-"""Part of itself by which the stiffness changes from one stop on the arc to the next."""
+"""Relative change of the stiffness from one stop on the arc to the next."""
 FIRST = 1e-3
-"""Part of the lowest omega^2 by which the first stop may move it."""
+"""Relative change of the lowest omega^2 allowed at the first stop."""
 
 
 class Damped(NamedTuple):
@@ -55,9 +55,9 @@ def follow_damped(
 ) -> list[Damped]:
     """The modes that begin as the poles ``wanted``, at every amplitude, all damping included.
 
-    They are followed by their shapes, by way of stops that do not depend on the amplitudes asked for. The
-    basis goes well beyond the highest of them; the flexibility of the poles above is wrong by the square of
-    the frequency ratio times what it changes.
+    They are followed by their shapes, over stops that do not depend on the requested amplitudes. The basis
+    reaches well beyond the highest of them; the flexibility of the poles above has a relative error of the
+    square of the frequency ratio.
     """
     low = keep_lowest(system, min(len(system.pole), int(wanted.max(initial=0)) + 1 + SPARE))
     drag = sum(e.viscous for e in elements)
@@ -83,7 +83,7 @@ def follow_damped(
 
 
 def pair_undamped(damped: Damped, shapes: Float[np.ndarray, "pole mode"]) -> Pairs:
-    """For each damped mode the undamped one of ``shapes`` that it looks most like, one to one."""
+    """The most similar undamped mode of ``shapes`` for each damped mode, one to one."""
     alike = np.abs(shapes[: len(damped.shapes)].T @ damped.shapes)
     mode, branch = linear_sum_assignment(alike, maximize=True)
     mode = mode[np.argsort(branch)]

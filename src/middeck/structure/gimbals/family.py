@@ -168,13 +168,13 @@ def sweep_gimbals(
 ) -> GimbalFamily:
     """``structure`` in ``environment`` at all combinations of ``angles`` [rad], by joint.
 
-    Every point is what `solve_equilibrium` makes of the article with its axes there: devices are tuned anew,
+    Every point is a solution of `solve_equilibrium` with the axes at these angles: devices are tuned again,
     as a crew would for each set-up. The ``count`` lowest modes of the stable point nearest to the nominal
     angles are followed over the grid, with points between where shapes change fast. With ``inputs`` and
     ``outputs`` each stable point has the plant of `build_plant`.
 
-    Raises `ConfigError` for a joint that there is not or whose spring decides its angle, for angles that do
-    not ascend or that lie outside of its travel, and `UnstableEquilibriumError` where no point is stable.
+    Raises `ConfigError` for an unknown or sprung joint, and for angles that do not ascend or lie outside its
+    travel, and `UnstableEquilibriumError` where no point is stable.
     """
     joints = _checked(structure, angles)
     grid = tuple(tuple(map(float, angles[j.name])) for j in joints)
@@ -282,7 +282,7 @@ def _spectrum_at(model: Model, config: Configuration, loads: Loads, count: int) 
 
 
 def _attempt(solve: Callable[[np.ndarray], _Member], here: np.ndarray) -> _Member | str:
-    """The member, or in words why there is none."""
+    """The member, or the reason why there is none."""
     try:
         return solve(here)
     except EquilibriumError as error:
@@ -368,7 +368,7 @@ def _limits(
     solve: Callable[[np.ndarray], _Member],
     joints: tuple[str, ...],
 ) -> tuple[StabilityLimit, ...]:
-    """Between each two neighbours, where each mode begins to grow that grows at the one only.
+    """Stability limits between neighbours, for each mode that grows at one of the two only.
 
     Neighbours may have been reached from the origin by different ways, and then the branch of one number is
     not the same at both. What is the same is how many modes grow.
@@ -404,8 +404,8 @@ def _zero(
 ) -> tuple[float, int, str] | None:
     """The angle at which the omega^2 of one more mode passes through zero (Brent 1973), its branch and name.
 
-    The ``rank``-th omega^2 from below, modes at rest left out, is continuous in the angle whatever modes do
-    that cross; times the sizes of all others that are followed it is smooth too where it veers. None where a
+    The ``rank``-th omega^2 from below, without modes at rest, is continuous in the angle even where modes
+    cross; times the sizes of all others that are followed it is also smooth where modes veer. None where a
     trial in between has no rest state.
     """
     done = {float(start[axis]): good.member, float(end[axis]): bad}
@@ -445,7 +445,7 @@ def _swinging(spectrum: Spectrum, rest: int) -> np.ndarray:
 
 
 def _name(rest: Equilibrium, spectrum: Spectrum, mode: int) -> str:
-    """What a mode that grows is, which far from its origin may be another motion than there.
+    """Name of a mode that grows: far from the origin it may be another motion than there.
 
     By the part of its mass that moves rigidly; of a potential energy that vanishes there are no shares.
     """

@@ -1,1 +1,1 @@
-"""What gravity does to each mode, and modes followed while it changes."""
+"""Effects of gravity on each mode, and modes followed while gravity changes."""

@@ -59,12 +59,12 @@ class GravityBudget:
 
     @property
     def frequency_hz(self) -> Float[np.ndarray, "mode 2"]:
-        """In orbit and in the laboratory [Hz]."""
+        """Frequencies in orbit and in the laboratory [Hz]."""
         return np.sqrt(np.stack([self.corner[:, 0, 0, 0], self.corner[:, 1, 1, 1]], axis=1)) / (2.0 * np.pi)
 
     @property
     def by_order(self) -> Float[np.ndarray, "order mode effect"]:
-        """What each effect adds to omega^2 [1/s^2] when it is switched on in each of the six `ORDERS`."""
+        """Contribution of each effect to omega^2 [1/s^2] in each of the six `ORDERS` of switching."""
         return np.stack([_telescope(self.corner, order) for order in ORDERS])
 
     @property
@@ -94,12 +94,12 @@ class GravityBudget:
 
     @property
     def doubtful(self) -> tuple[int, ...]:
-        """Rows that in some corner are less than half of what they are in orbit: their shares are unclear."""
+        """Rows that keep less than half of their shape in orbit in some corner: their shares are unclear."""
         return tuple(map(int, np.flatnonzero(self.match.min(axis=(1, 2, 3)) < HALF_SHAPE)))
 
 
 def _telescope(corner: np.ndarray, order: tuple[int, ...]) -> np.ndarray:
-    """Differences along one way over the edges of the cube, back in the order of the effects."""
+    """Differences along one path over the edges of the cube, in the order of the effects."""
     steps = np.zeros((len(corner), len(EFFECTS)))
     on = [0] * len(EFFECTS)
     for effect in order:

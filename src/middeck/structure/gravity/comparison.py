@@ -1,4 +1,4 @@
-"""What an environment does to the modes: pairs, ratios, cross-orthogonality, MAC, subspace angles."""
+"""Effects of an environment on the modes: pairs, ratios, cross-orthogonality, MAC, subspace angles."""
 
 from __future__ import annotations
 

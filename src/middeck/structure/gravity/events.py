@@ -1,4 +1,4 @@
-"""What happens to modes on a path of gravities: crossings, veerings, and the ends of a stable branch."""
+"""Events of modes on a path of gravities: crossings, veerings, and the ends of a stable branch."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from middeck.values import record
 
 
 class EventKind(Enum):
-    """What happened; the last four end a path."""
+    """Kind of an event; the last four end a path."""
 
     CROSSING = "crossing"  # two modes change their order and keep their shapes
     VEERING = "veering"  # two modes keep their order and exchange their shapes

@@ -1,9 +1,9 @@
-"""Crossings and veerings on a path, wherever its stations happen to stand.
+"""Crossings and veerings on a path, independent of its stations.
 
-Every closest approach of two branches is searched for its least gap. What happened there is told by the
-shapes on both sides, at distances that the approach itself sets: neither the steps of the path nor the places
-at which it is cut into legs have a say. Where the stations followed branches otherwise, that is put right:
-through a veering both turn, and through anything narrower than `NARROW` both go straight on.
+Every closest approach of two branches is searched for its least gap. The shapes on both sides, at distances
+set by the approach itself, decide what happened there: neither the steps of the path nor its legs matter.
+Where the stations followed the branches differently, the branches are corrected: both turn through a veering,
+and both go straight on through anything narrower than `NARROW`.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ WIDENED = 2.0
 # And where it is at least this part of omega^2: well out of what counts as one frequency.
 ASIDE = 100.0 * REPEATED
 # A least gap of omega^2 that is a smaller part of it is a crossing: a fortieth of the half-power bandwidth of
-# a mode damped by 1 %, which no test tells from none. In truth nearly all crossings are veerings: what has no
-# symmetry to keep it apart couples a little.
+# a mode damped by 1 %, which no test can distinguish. Strictly, nearly all crossings are veerings: modes
+# that no symmetry separates are slightly coupled.
 NARROW = 1e-3
 # Parabolas towards a least gap. Close enough is where the gap would change by this part of itself, or of what
 # counts as one frequency: in steps that converge faster than linearly, far closer than that.
@@ -52,7 +52,7 @@ class Course(NamedTuple):
     come: Float[np.ndarray, " place"]
 
     def distance(self, s: float) -> float:
-        """On one straight line, the same whatever places cut it."""
+        """Distance along the straight line, independent of the places that cut it."""
         return float(np.interp(s, np.arange(len(self.come)), self.come))
 
     def to(self, near: Station, x: float) -> Station | None:
@@ -77,7 +77,7 @@ class Approach(NamedTuple):
 
     @property
     def kind(self) -> EventKind:
-        """Modes that come nearer than can be told cross."""
+        """A gap too small to resolve counts as a crossing."""
         return EventKind.VEERING if self.gap > NARROW else EventKind.CROSSING
 
 
@@ -189,7 +189,7 @@ def _opens(gap: np.ndarray, p: int) -> bool:
 
 
 def _look_inside(run: Sequence[Station], course: Course) -> list[Station]:
-    """With a station just inside each end: an approach between an end and its neighbour shows itself."""
+    """The run with a station just inside each end, which shows approaches next to the ends."""
     if len(run) < 2:
         return list(run)
     first = course.advance(run[0], run[0].s + INSIDE * (run[1].s - run[0].s))
@@ -204,7 +204,7 @@ def _look_inside(run: Sequence[Station], course: Course) -> list[Station]:
 def _nearest(
     near: tuple[Station, Station, Station], pair: tuple[int, int], course: Course
 ) -> Approach | None:
-    """By parabolas through the square of the gap, which a 2x2 problem linear in gravity makes exact.
+    """The least gap by parabolas through its square, exact for a 2x2 problem linear in gravity.
 
     The last one goes through points as near as the gap is wide: the rate at which it opens is that there,
     whatever the bracket was.
@@ -313,7 +313,7 @@ def _follow(here: Station, there: Station) -> tuple[Station, np.ndarray]:
 
 
 def _event(found: Approach, run: Sequence[Station], names: tuple[str, ...]) -> GravityEvent:
-    """By the names that branches have once all is put right."""
+    """The event, with the names that branches have after all corrections."""
     here = [x for x in run if x.s <= found.at.s][-1]
     at, _ = _follow(here, found.at)
     i, j = sorted(map(int, np.argsort(at.spectrum.lam, kind="stable")[found.rank : found.rank + 2]))

@@ -1,4 +1,4 @@
-"""Which mode in a laboratory is which in orbit: one pairing, for whoever compares the two."""
+"""Pairs of modes in orbit and in a laboratory, for all comparisons of the two."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ class Paired(NamedTuple):
 def pair_modes(orbit: Modes, lab: Modes, count: int) -> Paired:
     """The ``count`` lowest of ``orbit`` with all of ``lab``, one to one, by the largest cross-orthogonality.
 
-    All modes of the laboratory are looked at: whether one is called suspension is no reason to pass it over.
-    The article is turned to its heading at rest first, which no mode of its own can tell.
+    All modes of the laboratory are candidates, suspension modes too. The article is first turned to its
+    heading at rest, which changes none of its own modes.
     """
     carried, turn = carry_along(orbit.equilibrium, lab.equilibrium)
     model = carried.model

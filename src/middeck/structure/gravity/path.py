@@ -34,7 +34,7 @@ from middeck.values import record
 
 # Parts of the way between two places.
 LONGEST_STEP = 1.0 / 20.0
-# What is still not followed is looked at by `resolve_exchanges`.
+# Below this step size, `resolve_exchanges` decides.
 SHORTEST_STEP = 1e-4
 # To this the end of a branch, and the loss of stability, are found.
 FINEST = 1e-10
@@ -101,7 +101,7 @@ class GravityPath:
 
     @property
     def exchanged(self) -> Bool[np.ndarray, "station branch"]:
-        """Where a branch is past a veering: its shape is no longer the one that its name tells."""
+        """Where a branch is past a veering: its shape is no longer that of its name."""
         past = np.zeros(self.omega2.shape, dtype=bool)
         for event in self.events:
             if event.kind is EventKind.VEERING:
@@ -115,7 +115,7 @@ class GravityPath:
 
 
 class _Leg(NamedTuple):
-    """What stays the same between two places, number ``k`` and the next."""
+    """Constants of the path between two places, number ``k`` and the next."""
 
     full: Equilibrium
     free: Equilibrium
@@ -158,7 +158,7 @@ def follow_gravity(
     there, and the article first settles under them.
 
     An unstable rest state ends the path as a value: the last of ``events`` says where, and which mode. Raises
-    `ConfigError` for a path that goes nowhere and `EquilibriumError` where ``environment`` cannot hold the
+    `ConfigError` for places that do not differ and `EquilibriumError` where ``environment`` cannot hold the
     article, or the first place has no rest state.
     """
     places = tuple(places or (Place(environment.title, environment.gravity), Place("orbit", np.zeros(3))))
@@ -242,7 +242,11 @@ def _check(environment: Environment, places: tuple[Place, ...]) -> None:
     still = any(np.array_equal(a.gravity, b.gravity) for a, b in itertools.pairwise(places))
     if len(places) < 2 or still:
         names = ", ".join(place.name for place in places)
-        raise ConfigError(f"a path that goes nowhere: {names}", where="places", hint="earth,moon,orbit")
+        raise ConfigError(
+            f"a path needs two places or more, each unlike the one before, not {names}",
+            where="places",
+            hint="earth,moon,orbit",
+        )
     for a, b in itertools.pairwise(places):
         gravity_between(a, b, 0.5)  # refuses opposite ones
 
@@ -324,7 +328,7 @@ def _take_hold(leg: _Leg, start: Station, s: float) -> Station | None:
 
 
 def _release(leg: _Leg, before: Station) -> Station:
-    """In orbit, without devices."""
+    """The station in orbit, without devices."""
     loads, config = leg.free.loads, leg.free.config
     return _station(leg, before, leg.k + 1.0, loads, config, assemble_carried(leg.full.model, config, loads))
 

@@ -38,7 +38,7 @@ class Place:
 
 
 class DeviceRule(Enum):
-    """What the suspension's devices do where gravity is not that for which they were tuned.
+    """Behaviour of the suspension's devices in another gravity than that of their tuning.
 
     In zero gravity they are released, whatever the rule.
     """
@@ -62,7 +62,7 @@ def find_place(name: str, down: Float[np.ndarray, "3"] | None = None) -> Place:
     length = float(np.linalg.norm(down))
     if length == 0.0:
         raise ConfigError(
-            "which way is down? a place needs a direction", hint="take the laboratory's gravity"
+            "down is the zero vector: a place needs a direction", hint="take the laboratory's gravity"
         )
     try:
         size = GRAVITIES[name] if name in GRAVITIES else float(name)

@@ -44,7 +44,7 @@ class Spectrum(NamedTuple):
 
 
 class Tracked(NamedTuple):
-    """What became of each reference shape: its spectrum, where it was found, and the overlap, at most one."""
+    """Tracked reference shapes: the spectrum, where each was found, and the overlap, at most one."""
 
     spectrum: Spectrum
     found: Int[np.ndarray, " mode"]
@@ -52,7 +52,7 @@ class Tracked(NamedTuple):
 
 
 def spectrum_of(modes: Modes) -> Spectrum:
-    """What tracking needs of ``modes``."""
+    """The spectrum of ``modes``, for tracking."""
     return Spectrum(modes.omega**2, modes.shapes, modes.mass)
 
 
@@ -99,7 +99,7 @@ def _pairs(model: Model, K: sp.csr_array, M: sp.csr_array, count: int, soft: np.
     pairs = solve_all(stiffness, mass, soft) if small else solve_lowest(stiffness, mass, count + SPARE, soft)
     if pairs is None:
         raise NumericalError(
-            "a motion that has no mass is held by no stiffness",
+            "a motion has neither mass nor stiffness",
             where=f"structure {model.structure.title!r}",
             hint="solve_modes of the same state names the frame; give it a mass and an inertia",
         )

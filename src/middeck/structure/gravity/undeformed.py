@@ -26,7 +26,7 @@ def carry_along(orbit: Equilibrium, lab: Equilibrium) -> tuple[Equilibrium, Floa
 
     It turns about the direction of gravity only, by the heading of the rigid body that fits best by mass (by
     all of its rotation where there is no gravity), and shifts until its attach points are on average where
-    they are at rest: nothing but devices can tell where a whole article is.
+    they are at rest: only devices depend on where the whole article is.
     """
     if not len(lab.loads.attach_point):
         return orbit, np.eye(3)
@@ -62,7 +62,7 @@ def _turn(orbit: Equilibrium, lab: Equilibrium) -> Float[np.ndarray, "3 3"]:
 
 
 def _fit_rotation(start: Equilibrium, end: Configuration) -> Float[np.ndarray, "3 3"]:
-    """Of the rigid body that fits ``end`` best, its errors from ``start`` weighed by mass (Gauss-Newton)."""
+    """Rotation of the best-fit rigid body from ``start`` to ``end``, weighted by mass (Gauss-Newton)."""
     tree, x = start.model.tree, start.config.x
     T = rigid_columns(tree, start.config, np.zeros(3))
     weighted = mass_matrix(start.model, start.config) @ T

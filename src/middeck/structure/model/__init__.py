@@ -1,1 +1,1 @@
-"""What is given: articles, environments, and what is wrong with them before anything is computed."""
+"""Inputs: articles and environments, and their checks before anything is computed."""

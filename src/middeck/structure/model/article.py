@@ -1,4 +1,4 @@
-"""What a test article is made of: nodes, members, joints, springs, and where one may attach, push or look.
+"""The parts of a test article: nodes, members, joints, springs, attach points, actuators and sensors.
 
 Gravity, cables and devices are not here: they belong to the `Environment`. All positions are in the world
 frame W of the undeformed state (x, y up, z = x cross y), in metres; a node frame is parallel to W there.
@@ -91,7 +91,7 @@ class Member:
 
 
 class JointState(Enum):
-    """What a revolute axis may do."""
+    """State of a revolute axis."""
 
     FREE = "free"  # held at its angle in statics; free in dynamics under that constant holding torque
     SPRUNG = "sprung"  # a linear spring about its rest angle, in statics and dynamics
@@ -173,7 +173,7 @@ class Spring:
 
 
 class ActuatorKind(Enum):
-    """What an actuator does."""
+    """Kind of an actuator."""
 
     TORQUE = "torque"  # about an axis of a frame, or at a joint
     FORCE = "force"  # at a point of a frame along one of its axes
@@ -198,7 +198,7 @@ class Actuator:
 
 
 class SensorKind(Enum):
-    """What a sensor reads."""
+    """Kind of a sensor."""
 
     ANGLE = "angle"  # rotation [rad] about an axis, or a joint's angle; and its rate
     ACCELEROMETER = "accelerometer"  # specific force [m/s^2] at a point along an axis of its frame

@@ -1,4 +1,4 @@
-"""What a `Structure` must fulfil before it can be meshed, however it was made."""
+"""Requirements of a `Structure` before it is meshed, however it was made."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def _possible(body: Body) -> bool:
 
 
 def _stiffnesses(structure: Structure) -> Iterator[str]:
-    """Of sections, springs and joints: numbers, none of them negative."""
+    """Stiffnesses of sections, springs and joints must be numbers, none of them negative."""
     sections = {id(m.section): (m.name, m.section) for m in structure.members}
     parts = [
         *((f"member {name!r}", s, FIELDS, s.GA_y > 0.0 and s.GA_z > 0.0) for name, s in sections.values()),
@@ -159,7 +159,7 @@ def _members(structure: Structure) -> Iterator[str]:
 
 
 def _parts(structure: Structure) -> Iterator[str]:
-    """What nothing joins to the rest is another article: it has its own rigid-body modes."""
+    """All nodes must be joined: a separate part would have rigid-body modes of its own."""
     names = [node.name for node in structure.nodes]
     for part in separate_parts(names, joined_nodes(structure))[1:]:
         yield f"a disconnected part: no member or spring joins node {some_names(part)} to the rest"

@@ -1,4 +1,4 @@
-"""What an `Environment` must fulfil before anything hangs in it, however it was made."""
+"""Requirements of an `Environment`, however it was made."""
 
 from __future__ import annotations
 

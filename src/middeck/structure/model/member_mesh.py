@@ -11,7 +11,7 @@ from middeck.structure.model.article import Structure
 
 
 class MemberGeometry(NamedTuple):
-    """Of each member: its nodes, half their sizes [m], clear length [m], and its triad.
+    """Nodes of each member, half their sizes [m], its clear length [m], and its triad.
 
     The triad's columns are x (along the member), y (the part of ``up`` normal to it) and z. A member without
     length, or along its ``up``, gives what is not a number; `check_structure` refuses it.

@@ -1,4 +1,4 @@
-"""Where statics went wrong, and what is left loose: the load and the node, the joint and its reason."""
+"""Diagnosis of statics: where convergence was lost, and which joints are loose and why."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ HALF = 0.5
 
 
 class Lost(NamedTuple):
-    """Part of the load at which the way to rest was lost, and what there is where it ended.
+    """Fraction of the load at which convergence was lost, and the state there.
 
     ``frame`` is the least balanced: ``left`` says by how much, a node has moved by ``moved`` [m].
     """
@@ -29,7 +29,7 @@ class Lost(NamedTuple):
 
 
 def where_lost(equilibrium: Equilibrium) -> Lost:
-    """For a state that did not converge."""
+    """Where an equilibrium that did not converge was lost."""
     model = equilibrium.model
     last = {factor: residual for factor, residual, _ in equilibrium.history}
     factor = next((f for f, residual in last.items() if residual >= ROUGH), 1.0)
@@ -55,7 +55,7 @@ def beyond_travel(equilibrium: Equilibrium) -> tuple[str, ...]:
 
 
 def buckling_member(equilibrium: Equilibrium, shape: Float[np.ndarray, " coordinate"]) -> str | None:
-    """The member that bends most in a mode that grows, None where the mode strains no member to speak of.
+    """The member that strains most in a growing mode; None where members hold under half of its energy.
 
     What buckles resists by strain of members; what topples, by devices and joints, or by nothing.
     """
@@ -82,7 +82,7 @@ def loose_motions(equilibrium: Equilibrium, rigid: tuple[str, ...]) -> tuple[str
 
 
 def _neutral_reasons(structure: Structure) -> dict[str, str]:
-    """By the name of a free joint's motion: its payload balances about the axis, at any angle."""
+    """Reason of a neutral balance, by the name of a free joint's motion."""
     reason = "; what it carries has its centre of mass on the axis, or the axis is upright: spring or lock it"
     return {
         f"gimbal {j.name.replace('_', ' ')}": reason

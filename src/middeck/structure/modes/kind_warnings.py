@@ -1,4 +1,4 @@
-"""What is said of modes whose kind is undecided, or is not the one that their damping goes by."""
+"""Warnings for modes between suspension and flexible, and for modes damped as the other kind."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def kind_warnings(
     rigid_share: Float[np.ndarray, " mode"],
     strain_share: Float[np.ndarray, " mode"],
 ) -> tuple[str, ...]:
-    """One sentence for each such mode: its frequency, what hangs on it, and what to do."""
+    """One sentence for each such mode: its frequency, what depends on its kind, and what to do."""
     damping = equilibrium.model.structure.damping
     ranked = kinds_by_rank(equilibrium, kind) if damping.by_rank else kind
     doubted = set(undecided(rigid_share, strain_share).tolist()) | {
@@ -35,14 +35,14 @@ def kind_warnings(
         if damping.by_rank:
             ratio = damping.suspension if ranked[m] == "suspension" else damping.flexible
             said.append(
-                f"{called} is damped as {ranked[m]} by rank; {strain} and {rigid} of its motion is rigid, "
-                f"which makes it {kind[m]}: its ratio {ratio:g}, and the first peak with it, may be wrong "
-                f'by the other\'s; damping.rule = "shares" weighs both by energy'
+                f"{called} is damped as {ranked[m]} by rank, but {strain} and {rigid} of its motion is "
+                f"rigid, which makes it {kind[m]}: its ratio {ratio:g} may be that of the wrong kind, and "
+                f'its peak wrong in height; damping.rule = "shares" weighs both ratios by energy'
             )
         else:
             said.append(
                 f"{called} is part suspension, part flexible: {rigid} of its motion is rigid, and {strain}; "
-                f"it is called {kind[m]}, but its name, damping ratio and partner in orbit are of both; "
+                f"it counts as {kind[m]}, but its name, damping ratio and partner in orbit are uncertain; "
                 f"{CURE}, or give it its own ratio ([damping.mode])"
             )
     return tuple(said)

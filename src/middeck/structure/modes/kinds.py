@@ -69,8 +69,8 @@ def find_kinds(
 ) -> Kinds:
     """Kinds of modes, the first ``rigid`` at zero: "suspension" where most moves rigidly, held by no strain.
 
-    Of modes of one frequency any basis will do. Where a suspension mode and a flexible one meet, theirs is
-    the one in which they are apart, so that nothing hangs on rounding.
+    The basis of modes of equal frequency is arbitrary. Where a suspension mode and a flexible one coincide,
+    the basis that separates them is taken, so that the result does not depend on rounding.
     """
     first = ("rigid",) * rigid
     if not is_held(equilibrium):

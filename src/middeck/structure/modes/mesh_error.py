@@ -1,12 +1,12 @@
-"""How far each frequency is from that of a mesh without end, estimated without another mesh.
+"""Discretisation error of each frequency, estimated without another mesh.
 
-Between its nodes a member moves by the static shapes of its elements. What those leave out is how an
-element with clamped ends gives way to its own inertia omega^2 rho w. That energy, to first order in the
-element's flexibility, is what refinement takes from omega^2: the next term of the dynamic stiffness in powers
-of omega^2 (Przemieniecki 1968, Theory of Matrix Structural Analysis, section 10.6). For a cubic beam it is of
-the order h^4, for a bar or a shaft of the order h^2.
+Between its nodes a member moves by the static shapes of its elements. These omit the deflection of an element
+with clamped ends under its own inertia omega^2 rho w. The energy of that deflection, to first order in the
+element's flexibility, is the part of omega^2 that refinement removes: the next term of the dynamic stiffness
+in powers of omega^2 (Przemieniecki 1968, Theory of Matrix Structural Analysis, section 10.6). For a cubic
+beam it is of the order h^4, for a bar or a shaft of the order h^2.
 
-The estimate ends where an element's own clamped vibration begins: from there on a mesh lacks modes.
+The estimate holds up to an element's own clamped frequency: above it a mesh lacks modes.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ POINTS = 8  # Gauss points, exact for the moments of cubic loads
 
 
 def estimate_mesh_error(modes: Modes, count: int | None = None) -> Float[np.ndarray, " mode"]:
-    """Part by which each of the lowest ``count`` frequencies (all by default) is too high by the mesh.
+    """Relative error of each of the lowest ``count`` frequencies (all by default): too high, by the mesh.
 
     Infinite where elements vibrate by themselves at or below the mode's frequency. Of the static shape under
     gravity, and of the stiffness that its forces make, the error is not in it: it is smaller.
@@ -120,7 +120,7 @@ def _over(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _own(stiffness: np.ndarray, inertia: np.ndarray) -> np.ndarray:
-    """Endless where there is no inertia, or no stiffness that a mesh could show."""
+    """Infinite for a deformation without inertia, or without elastic stiffness."""
     return np.divide(
         stiffness, inertia, out=np.full(len(stiffness), np.inf), where=(inertia > 0.0) & (stiffness > 0.0)
     )

@@ -1,4 +1,4 @@
-"""What a mode is: names found from participation in rigid motions and from strain energy."""
+"""Names of modes, from participation in rigid motions and from strain energy."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def _hung_names(equilibrium: Equilibrium, M: sp.csr_array, shapes: np.ndarray) -
 
 
 def _hung_label(motion: str, gravity: Float[np.ndarray, "3"]) -> str:
-    """What engineers call a rigid motion of something hanging; without gravity it keeps its name."""
+    """The usual name of a rigid motion of a hanging article; without gravity it keeps its own."""
     what, _, axis = motion.partition(" ")
     if what == "gimbal":
         return f"payload pendulum {axis}"

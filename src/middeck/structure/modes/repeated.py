@@ -1,4 +1,4 @@
-"""Frequencies that are one: modes of which any basis is as good as any other."""
+"""Repeated frequencies: groups of modes whose basis is arbitrary."""
 
 from __future__ import annotations
 

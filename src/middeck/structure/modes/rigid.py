@@ -80,7 +80,7 @@ def rigid_basis(
 
 
 def _norm(motions: np.ndarray, M: sp.csr_array) -> np.ndarray:
-    """Of each column in the mass metric."""
+    """Norm of each column in the mass metric."""
     return np.sqrt(np.einsum("im,im->m", motions, M @ motions))
 
 

@@ -1,4 +1,4 @@
-"""What of a mode's omega^2 may be no more than rounding, or made by what Newton left unbalanced."""
+"""How much of a mode's omega^2 may be rounding, or due to the residual of Newton's method."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ NEAR = 1e3
 
 
 def separate_rigid(model: Model, config: Configuration, loads: Loads, pairs: Eigenpairs) -> Eigenpairs:
-    """``pairs`` in carried coordinates, of which the lowest are found anew where they might be rounding.
+    """``pairs`` in carried coordinates, the lowest of them recomputed where they may be rounding.
 
-    An eigensolver rounds to 1e-16 of the stiffest member. Their space is good to the square of that all the
-    same, and within it the energy is formed as strains squared: what rounds then is the geometric stiffness,
-    of forces over lengths, and that of springs at rest is no more than it is (Rayleigh-Ritz; Parlett 1980,
-    section 11). A bus on threads that swings once in a day is held, and is told from one that floats.
+    An eigensolver rounds to 1e-16 of the stiffest member. The space of the lowest modes is accurate to the
+    square of that, and within it the energy is formed as squared strains: then only the geometric stiffness,
+    of forces over lengths, rounds (Rayleigh-Ritz; Parlett 1980, section 11). So a bus on threads that swings
+    once a day is distinguished from one that floats.
     """
     few = int(np.argmin(np.concatenate([np.abs(pairs.lam) < NEAR * pairs.noise, [False]])))
     if few == 0:

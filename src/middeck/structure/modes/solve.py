@@ -40,18 +40,18 @@ class Modes:
     kind, name:
         "rigid", "suspension" or "flexible", and what the mode is.
     rigid_share:
-        Part of the kinetic energy that is in rigid-body motions of the free article, turns of free joints
-        included: what makes the kind, see `structure.modes.kinds`.
+        Part of the kinetic energy in rigid-body motions of the free article, turns of free joints included;
+        it decides the kind, see `structure.modes.kinds`.
     strain_share:
         Part of the restoring energy that is elastic strain of members, springs and joints: the rest is in
         devices, weight and preload. Zero for a rigid-body mode, which has no potential energy.
     residual:
-        Of each mode, |K phi - omega^2 M phi| over the size of its terms; grows towards the top of the list.
+        |K phi - omega^2 M phi| of each mode over the size of its terms; grows towards the top of the list.
     rigid_residual:
         Largest |omega^2| of a rigid mode before it was set to zero, over the lowest omega^2 that was kept
         (over 1 rad^2/s^2 where none was).
     warnings:
-        Nodes that turned far on the way to rest; what nothing holds; modes of undecided kind.
+        Nodes that turned far from their drawn attitude; loose motions; modes of undecided kind.
     """
 
     equilibrium: Equilibrium
@@ -161,7 +161,7 @@ def _massless(model: Model, shifted: sp.csr_array) -> NumericalError:
     roots = model.tree.roots
     frame = coordinate // 6 if coordinate < 6 * roots else coordinate - 5 * roots
     return NumericalError(
-        "a motion that has no mass is held by no stiffness",
+        "a motion has neither mass nor stiffness",
         where=f"frame {model.frames[frame]!r}",
         hint="give the frame a mass and an inertia, or lock its axis",
     )

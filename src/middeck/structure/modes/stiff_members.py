@@ -1,4 +1,4 @@
-"""Where matrices in W no longer hold what is soft: beside a member so many times as stiff as the supports.
+"""Limit of matrices in W: beside a member too stiff for them, the softest modes lose their digits.
 
 Rest states and modes are found in carried coordinates, in which any stiffness will do. What is formed in W
 rounds by 1e-16 of the stiffest member; on 60 random dumbbells derivatives of frequencies and shares of a
@@ -46,7 +46,7 @@ def _check(model: Model, held: float, what: str) -> None:
     most, where = max(own, default=(0.0, ""))
     if most > LIMIT * held:
         raise NumericalError(
-            f"{what} would be rounding: {where} is {most / held:.1e} times as stiff as what holds all",
+            f"{what} would be rounding: {where} is {most / held:.1e} times as stiff as the supports",
             where=where,
-            hint=f"make it softer, to {LIMIT:.0e} times at most: that moves nothing that could be measured",
+            hint=f"make it softer, to {LIMIT:.0e} times at most, which changes no measurable number",
         )

@@ -99,7 +99,7 @@ def member_energy(
 
 
 def _element_energy(equilibrium: Equilibrium, changes: np.ndarray) -> Float[np.ndarray, "element 6 mode"]:
-    """By deformation of the element; changes are those of all poses."""
+    """Energy of each deformation of the elements; ``changes`` are those of all poses."""
     model = equilibrium.model
     x, T = element_poses(model, equilibrium.config)
     _, slope = beam_deformations(model.beams, x, T)

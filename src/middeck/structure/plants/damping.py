@@ -148,7 +148,7 @@ def material_ratios(
     omega: Inexact[np.ndarray, " mode"],
     shapes: Inexact[np.ndarray, "coordinate mode"],
 ) -> Inexact[np.ndarray, " mode"]:
-    """What loss factors add to the ratio of each mode; analytic."""
+    """Damping ratio of each mode from loss factors; analytic."""
     if not damping.loss_factor:
         return np.zeros(len(omega))
     members = _numbers(m.name for m in equilibrium.model.structure.members)

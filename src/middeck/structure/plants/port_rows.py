@@ -1,4 +1,4 @@
-"""What named actuators do to the coordinates and what named sensors read of them, at rest.
+"""Rows of named actuators and sensors in the coordinates, at rest.
 
 Sensor and actuator axes turn with their bodies. An accelerometer reads n . (a - g) along an axis n that is
 fixed to its frame; about rest, with the small rotation theta of the frame,
@@ -46,7 +46,7 @@ class OutputRows:
 
 
 def input_rows(equilibrium: Equilibrium, names: Sequence[str]) -> InputRows:
-    """Of the actuators ``names``: torques [N m] and forces [N], the latter also along a slide.
+    """Rows of the actuators ``names``: torques [N m] and forces [N], the latter also along a slide.
 
     Raises `ConfigError` for an unknown name or a torque at an axis that does not move.
     """
@@ -70,7 +70,7 @@ def input_rows(equilibrium: Equilibrium, names: Sequence[str]) -> InputRows:
 
 
 def output_rows(equilibrium: Equilibrium, names: Sequence[str]) -> OutputRows:
-    """Of the sensors ``names``: angles [rad], travels [m], rates of both ``<name>_rate``, accelerations.
+    """Rows of the sensors ``names``: angles [rad], travels [m], rates of both ``<name>_rate``, accelerations.
 
     Raises `ConfigError` for an unknown name; an accelerometer has no rate.
     """
@@ -107,7 +107,7 @@ def _slides(equilibrium: Equilibrium, port: Actuator | Sensor) -> bool:
 
 
 def accelerometer_offset(equilibrium: Equilibrium, name: str) -> float:
-    """What accelerometer ``name`` reads at rest [m/s^2]: -n . g, one g for an axis that points up.
+    """Reading of accelerometer ``name`` at rest [m/s^2]: -n . g, one g for an axis that points up.
 
     A plant's output is the change from it. Raises `ConfigError` for another kind of sensor.
     """

@@ -76,7 +76,7 @@ def residual_flexibility(
     rigid = int(np.sum(modes.omega == 0.0))
     if count < rigid:
         raise ConfigError(
-            f"{count} modes kept of {rigid} rigid ones: what is left out has no static answer",
+            f"{count} modes kept of {rigid} rigid ones: the omitted rigid modes have no static response",
             hint=f"keep {rigid} modes or more, or static=False",
         )
     K, M, active = _matrices(modes)
@@ -85,7 +85,7 @@ def residual_flexibility(
     factor = positive_factor(sp.csr_array(K[~held][:, ~held]))
     if factor is None:
         raise NumericalError(
-            "held where its rigid modes are, the structure is still not stiff",
+            "with its rigid modes held, the structure still moves without stiffness",
             hint="is there a rigid mode among those that are not zero? look at modes.rigid_residual",
         )
     kept = _Kept(modes.shapes[active, :count], M, modes.omega[:count] ** 2)
@@ -101,7 +101,7 @@ def compare_static_gain(
     count: int = 26,
     frequency_hz: float | None = None,
 ) -> StaticGainComparison:
-    """What leaving out the modes beyond ``count`` does to low-frequency gains, without and with the residual.
+    """Error of low-frequency gains without the modes beyond ``count``, without and with the residual.
 
     At 0 Hz; where there are rigid modes, at a tenth of the lowest frequency that is not zero, or at
     ``frequency_hz``. Raises `ConfigError` for 0 Hz with rigid modes and where `residual_flexibility` does,
@@ -184,7 +184,7 @@ def _check_off_resonance(modes: Modes, omega: float) -> None:
     near = np.abs(modes.omega - omega) <= RESONANT * omega
     if omega > 0.0 and np.any(near):
         raise NumericalError(
-            f"the gain at the frequency of mode {modes.name[int(np.argmax(near))]!r} is that of its damping",
+            f"the gain at the frequency of mode {modes.name[int(np.argmax(near))]!r} depends on its damping",
             hint="another frequency_hz, below the first flexible mode",
         )
 

@@ -32,7 +32,7 @@ FAR_TURN = np.radians(30.0)  # three times what an unlevelled article rolls
 
 @record
 class Equilibrium:
-    """A converged, or not converged, rest state.
+    """A rest state, converged or not.
 
     Parameters
     ----------
@@ -156,7 +156,7 @@ def _check_pull(suspension: TunedSuspension, tension: np.ndarray) -> None:
 
 
 class Imbalance(NamedTuple):
-    """What is left at rest: largest force over the weight, largest moment over weight times ``length``.
+    """Residual at rest: largest force over the weight, largest moment over weight times ``length``.
 
     ``weight`` [N] is that on the ground where there is none; ``length`` [m] is half the article's size, or a
     metre if that is less; ``frame`` is where the larger of the two is.
@@ -197,7 +197,7 @@ def node_rotations(equilibrium: Equilibrium) -> dict[str, Float[np.ndarray, "3"]
 
 
 def rest_warnings(equilibrium: Equilibrium) -> tuple[str, ...]:
-    """A rest state that is not stable; a node that turned by more than `FAR_TURN`, hardly as was meant."""
+    """A rest state that is not stable; a node that turned by more than `FAR_TURN`, probably by mistake."""
     found: list[str] = []
     if equilibrium.converged and not equilibrium.stable:
         found.append("the rest state is not stable: the least push would buckle or topple the article")
@@ -205,5 +205,5 @@ def rest_warnings(equilibrium: Equilibrium) -> tuple[str, ...]:
     name = max(turned, key=lambda n: turned[n])
     if turned[name] > FAR_TURN:
         degrees = np.degrees(turned[name])
-        found.append(f"the article turned by {degrees:.0f} deg on the way to rest (node {name!r})")
+        found.append(f"the article turned by {degrees:.0f} deg from its drawn attitude (node {name!r})")
     return tuple(found)

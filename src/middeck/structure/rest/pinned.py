@@ -70,10 +70,10 @@ def solve_pinned(
 ) -> Float[np.ndarray, "pinned 3"]:
     """Support forces [N] at full gravity with the points held; nonlinear, by load steps.
 
-    The devices of ``others`` act meanwhile; their gravity counts for nothing.
+    The devices of ``others`` act as well; their gravity is ignored.
 
     Raises `EquilibriumError` when the weight drives a motion that the supports leave free, or when the
-    iteration does not converge. A free motion that no weight drives is let be: it changes no force.
+    iteration does not converge. A free motion that no weight drives is ignored: it changes no force.
     """
     other = no_loads() if others is None else others
     loads = Loads(gravity, other.anchor, other.attach_point, other.law, other.mass)
@@ -82,7 +82,7 @@ def solve_pinned(
 
 
 def settle_pinned(model: Model, loads: Loads, pinned: PinnedPoints) -> PinnedState:
-    """The state behind `solve_pinned`, which says what it raises."""
+    """The state behind `solve_pinned`; raises the same errors."""
     supports = find_supports(model, pinned)
     mass = carried_mass(model, model.rest)
     start, none = model.rest, np.zeros(len(supports.axis))

@@ -39,7 +39,7 @@ TOLERANCE = 1e-9
 # rounding is what is left, in a support of 1e12 N/m 1e-7 of a weight.
 ROUNDED = 1e-6
 UNMOVED = 1e-12
-# Enough on the way to full load.
+# Residual accepted at intermediate load steps.
 ROUGH = 1e-4
 LOAD_FACTORS = (0.25, 0.5, 0.75)
 MAX_ITERATIONS = 200
@@ -125,19 +125,19 @@ def _by_steps(
     history += [(1.0, residual, damping) for residual, damping in steps]
     active, residual = static_coordinates(model), history[-1][1]
     held = restrict(at.tangent, active) + LEAST_DAMPING * restrict(mass, active)
-    # Of what still moves nobody knows: strain of a step's second order may pull it taut.
+    # Short of convergence stability is unknown: second-order strain of a step may act as tension.
     stable = residual < enough and positive_factor(sp.csr_array(held)) is not None
     return Settled(config, at, residual, enough, tuple(history), stable)
 
 
 def _with_forces(model: Model, loads: Loads, mass: sp.csr_array) -> Settled | None:
-    """Newton's method with the forces inside as unknowns of their own; None where it does not settle.
+    """Newton's method with the internal forces as unknowns of their own; None where it does not converge.
 
-    What is stiff resists the second order of a step: a strut of 1e12 N/m in which a turn of 0.1 leaves 1e-3 m
-    pulls with 1e9 N, and whoever descends must creep. As an unknown the force is what the step's first order
-    makes it, and only that makes geometric stiffness (Magisano, Leonetti and Garcea 2017, Comput. Methods
-    Appl. Mech. Eng. 313). Where something grows the step is damped, so that it leaves a rest state that is
-    not stable; of what stands upright to rounding that state is the answer, marked as such.
+    Stiff members resist the second-order terms of a step: a strut of 1e12 N/m that a turn of 0.1 strains by
+    1e-3 m pulls with 1e9 N, so that a descent must take tiny steps. As an unknown, the force follows the
+    step's first order, and only that enters the geometric stiffness (Magisano, Leonetti and Garcea 2017,
+    Comput. Methods Appl. Mech. Eng. 313). Where a motion grows the step is damped, so that it leaves an
+    unstable rest state; an article upright to rounding ends in that state, which is marked as unstable.
     """
     active, scale = static_coordinates(model), imbalance_scale(model, loads)
     config, inner, damping, size_of = model.rest, None, 0.0, article_size(model)
@@ -226,7 +226,7 @@ def scale_loads(loads: Loads, factor: float) -> Loads:
 
 
 def imbalance_scale(model: Model, loads: Loads) -> Float[np.ndarray, " coordinate"]:
-    """What is left at each coordinate is compared with: the weight, of a moment times a length.
+    """Scale of the residual at each coordinate: the weight, for a moment times a length.
 
     The weight is that on the ground where there is none. The length is half the article's size, or a metre if
     that is less: strict for large articles and for small ones.
@@ -290,12 +290,12 @@ def _descend(
 
 
 def imbalance(at: Assembly, active: np.ndarray, scale: np.ndarray) -> float:
-    """Largest force or moment left at the coordinates that move in statics, over its ``scale``."""
+    """Largest residual force or moment at the coordinates that move in statics, over its ``scale``."""
     return float(np.abs(at.gradient[active] / scale[active]).max(initial=0.0))
 
 
 class _Descent(NamedTuple):
-    """What stays the same on the way down."""
+    """Constants of one descent."""
 
     model: Model
     loads: Loads
@@ -307,7 +307,7 @@ class _Descent(NamedTuple):
         return assemble_carried(self.model, config, self.loads)
 
     def lower(self, new: Assembly, at: Assembly) -> bool:
-        """Whether the energy or the imbalance is."""
+        """Whether the energy or the imbalance is lower."""
         return new.energy < at.energy or imbalance(new, self.active, self.scale) < imbalance(
             at, self.active, self.scale
         )
@@ -383,7 +383,7 @@ def _damped_step(
                 return q, damping
         damping = max(DAMPING_STEP * damping, LEAST_DAMPING)
     raise NumericalError(
-        "no step towards rest: the tangent stays indefinite however much it is damped",
+        "no step towards equilibrium: the tangent stays indefinite at any damping",
         where=f"structure {model.structure.title!r}",
         hint="a motion without mass that something pushes over? give its frame a mass and an inertia",
     )

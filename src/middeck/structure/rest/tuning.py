@@ -50,7 +50,7 @@ def tune_suspension(
     """
     devices = environment.hung
     tuned = [d for d in devices if d.force is None]
-    # An anchor that cannot be is told before what follows from it.
+    # Report an impossible anchor before anything computed from it.
     slope = {d.name: _rise(model, d, _up(environment)) for d in tuned}
     state = None
     if tuned and support is None:
@@ -73,7 +73,7 @@ def _stiffness(environment: Environment, device: Device, force: float) -> float:
 def _tuned_forces(
     environment: Environment, tuned: Sequence[Device], slope: dict[str, float], support: np.ndarray
 ) -> dict[str, float]:
-    """By name, what each tuned device bears: its share of the vertical reaction over its slope."""
+    """Load of each tuned device by name: its share of the vertical reaction over its slope."""
     attach = _tuned_attach(tuned)
     reaction = support @ _up(environment)
     _check_pull(attach, np.real(reaction))
@@ -88,7 +88,7 @@ def _tuned_attach(tuned: Sequence[Device]) -> tuple[str, ...]:
 
 
 def pinned_points(model: Model, environment: Environment) -> PinnedPoints:
-    """What is held while devices are tuned; no points where none is."""
+    """Points held while devices are tuned; none if no device is tuned."""
     tuned = [d for d in environment.hung if d.force is None]
     attach = _tuned_attach(tuned)
     held = tuple(
@@ -114,7 +114,7 @@ def _rise(model: Model, device: Device, up: np.ndarray) -> float:
 
 
 def pinned_loads(model: Model, environment: Environment) -> Loads:
-    """What acts while devices are tuned: gravity, devices of given force, and springs; analytic."""
+    """Loads while devices are tuned: gravity, devices of given force, and springs; analytic."""
     given = [(d, d.force) for d in environment.hung if d.force is not None]
     lines = [_line(model, environment, d, R, _stiffness(environment, d, R)) for d, R in given]
     return _loads(environment, [*lines, *(_tie(model, s) for s in environment.springs)])
@@ -188,7 +188,7 @@ def _line(model: Model, environment: Environment, device: Device, force: float, 
             where=f"device {device.name!r}",
             hint="lengthen the cable or raise the bounce frequency, or take a constant-force device",
         )
-    # Of a spring the free length is written, so that on the way to full load it never pushes.
+    # Store a spring's free length, so that it never pushes while the load is ramped.
     law = (0.0, stiffness, length) if device.kind is DeviceKind.SPRING else (force, stiffness, length)
     return _Line(attach_index(model, device.attach), anchor, law, device.moving_mass)
 
@@ -201,7 +201,7 @@ def _positive_length(device: Device, span: np.ndarray) -> float:
 
 
 def _norm(v: np.ndarray) -> float:
-    """Analytic, as `numpy.linalg.norm` is not."""
+    """Norm that is analytic, unlike `numpy.linalg.norm`."""
     return cast("float", np.sqrt(v @ v))
 
 

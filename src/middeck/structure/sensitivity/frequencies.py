@@ -60,7 +60,7 @@ class FrequencySensitivities:
 
     @property
     def relative(self) -> Float[np.ndarray, "parameter mode"]:
-        """Part of its frequency by which a mode moves when the parameter grows by a part of its own value.
+        """Logarithmic sensitivities d ln f / d ln p.
 
         Not a number where either of them is zero.
         """
@@ -71,7 +71,7 @@ class FrequencySensitivities:
 def differentiate_frequencies(
     modes: Modes, parameters: Sequence[Parameter], count: int | None = None
 ) -> FrequencySensitivities:
-    """Of the lowest ``count`` modes (all by default) in every parameter.
+    """Derivatives of the lowest ``count`` frequencies (all by default) in every parameter.
 
     Exact to rounding: no differences are taken. Raises `NumericalError` where the rest state itself has no
     derivative, or beside a member so stiff that rounding is all there is.

@@ -116,7 +116,7 @@ def _unknown(pattern: str, every: Iterable[str]) -> ConfigError:
 
 
 def _became(pattern: str, every: Iterable[str]) -> str:
-    """What the key of a file at the end of ``pattern`` went into, of the same part if there is one."""
+    """Parameters that the file's key at the end of ``pattern`` became, of the same part if there is one."""
     *parts, key = pattern.split(".")
     if key not in BECAME:
         return ""
@@ -220,7 +220,7 @@ def _ports(kind: str, group: str, ports: Sequence[Actuator | Sensor]) -> Iterato
 
 
 def _damping(damping: Damping) -> Iterator[Parameter]:
-    """By kind, of a mode, of a member's material, of a damper; a table is measured, not designed."""
+    """Damping by kind, mode, material and damper; a table is measured, not designed."""
     path: Path = ("structure", "damping")
     if damping.table is None:
         yield from _fields("damping", damping, path, DAMPING)

@@ -1,4 +1,4 @@
-"""What parameters touch of a structure: perturbed parts of it, assembled side by side.
+"""Parts of a structure that a parameter affects, perturbed and assembled side by side.
 
 A parameter with the imaginary part h = 1e-30 makes every analytic number of the model carry h times its
 derivative in its own imaginary part, exact to rounding: nothing is subtracted (Lyness and Moler 1967, SIAM J.
@@ -46,7 +46,7 @@ class Patch(NamedTuple):
 
 
 class _Whole(NamedTuple):
-    """What is asked of the unperturbed structure for every patch."""
+    """Data of the unperturbed structure for every patch."""
 
     model: Model
     frame: dict[str, int]
@@ -132,7 +132,7 @@ def derivative(value: np.ndarray) -> np.ndarray:
 
 
 def columns(arrays: Sequence[np.ndarray], size: int) -> np.ndarray:
-    """Side by side, none of them too."""
+    """The arrays as columns; (``size``, 0) for none."""
     return np.array(arrays).reshape(len(arrays), size).T
 
 
@@ -201,7 +201,7 @@ def spread_gradients(
 
 
 def _share(patches: Sequence[Patch], loads: Sequence[Loads]) -> Iterator[list[int]]:
-    """Numbers of patches under one gravity, as many as one raft holds."""
+    """Indices of patches under one gravity, at most as many as one raft holds."""
     by_gravity: dict[bytes, list[int]] = {}
     for p, load in enumerate(loads):
         by_gravity.setdefault(load.gravity.astype(complex).tobytes(), []).append(p)

@@ -56,7 +56,7 @@ def differentiate_plant(
     outputs: Sequence[str],
     count: int = 26,
 ) -> tuple[PlantSensitivity, ...]:
-    """Of the plant of the lowest ``count`` modes between named ports, under the article's own damping.
+    """Derivatives of the plant of the lowest ``count`` modes between named ports, with the article's damping.
 
     Raises `ConfigError` for an unknown port, and `NumericalError` where the rest state has no derivative.
     """
@@ -141,7 +141,7 @@ def _ratios(
 
 
 def _along_table(modes: Modes, table: DampingTable, d_omega: np.ndarray, count: int) -> np.ndarray:
-    """Of the modes that swing: linear in the logarithm of frequency, level beyond the table's ends."""
+    """Ratios of oscillating modes: linear in the logarithm of frequency, constant beyond the table's ends."""
     swings = modes.omega[:count] > 0.0
     hz = modes.frequency_hz[:count][swings]
     rises = np.diff(table.zeta) / np.diff(np.log(table.frequency_hz))

@@ -81,7 +81,7 @@ def merge_models(models: Sequence[Model]) -> Raft:
 
 
 def merge_configurations(configs: Sequence[Configuration]) -> Configuration:
-    """In the order of `merge_models`."""
+    """One configuration of all, in the order of `merge_models`."""
     return Configuration(
         _joined([c.x for c in configs]), _joined([c.R for c in configs]), _joined([c.angle for c in configs])
     )

@@ -57,7 +57,7 @@ class ModeSensitivity:
 def differentiate_modes(
     modes: Modes, parameters: Sequence[Parameter], count: int | None = None
 ) -> tuple[ModeSensitivity, ...]:
-    """Of the lowest ``count`` modes (all by default) in every parameter; exact to rounding.
+    """Derivatives of the lowest ``count`` modes (all by default) in every parameter; exact to rounding.
 
     One factorisation a mode, and one assembly of everything a parameter. Raises `NumericalError` where the
     rest state has no derivative.
@@ -86,7 +86,7 @@ def perturbed_rest(rest: Equilibrium, moved: Moved, number: int) -> Equilibrium:
 def differentiate_shapes(
     modes: Modes, parameters: Sequence[Parameter], perturbed: Sequence[Equilibrium], count: int | None
 ) -> Iterator[ModeSensitivity]:
-    """Of each of the ``perturbed`` rest states."""
+    """Mode derivatives at each of the ``perturbed`` rest states."""
     count = len(modes.omega) if count is None else min(count, len(modes.omega))
     active = dynamic_coordinates(modes.equilibrium.model)
     pencil = _Pencil.of(modes, active)

@@ -1,4 +1,4 @@
-"""Small displacements of a rest state under further loads, whatever of it is free to float."""
+"""Small displacements of a rest state under further loads; free rigid motions take no part."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How the stiffness and mass of all that is no member, seen by modes, change as nodes and joints move.
+"""Change of the stiffness and mass of all but members, seen by modes, as nodes and joints move.
 
 A node with its joints, bodies and devices is a tree of its own: one complex step moves the same coordinate of
 every tree at once, and all steps are assembled side by side. Trees that a spring of the article ties, or that
@@ -56,7 +56,7 @@ def tree_gradients(
 
 
 def _rank(carrier: list[int]) -> np.ndarray:
-    """Of each joint among those of its tree, after the six coordinates of the root."""
+    """Number of each joint among those of its tree, after the six coordinates of the root."""
     return np.array([6 + carrier[:j].count(c) for j, c in enumerate(carrier)], dtype=int)
 
 
@@ -68,7 +68,7 @@ def _loads(rest: Equilibrium, trees: Model) -> Loads:
 
 
 def _neighbours(trees: Model) -> list[set[int]]:
-    """Of each tree, those that a spring ties to it."""
+    """The trees that a spring ties to each tree."""
     out: list[set[int]] = [set() for _ in range(trees.tree.roots)]
     for ends in trees.points.frame[trees.spring_ends]:
         a, b = (joint_chain(trees.tree, int(frame))[0] for frame in ends)
@@ -87,7 +87,7 @@ def _take_turns(neighbours: list[set[int]]) -> np.ndarray:
 
 
 def _moved_near(neighbours: list[set[int]], moved: np.ndarray) -> np.ndarray:
-    """For each tree the one that moves among it and its neighbours, itself where none does."""
+    """The tree that moves among each tree and its neighbours; itself where none does."""
     near = np.arange(len(neighbours))
     for tree in moved:
         near[list(neighbours[tree])] = tree

@@ -1,4 +1,4 @@
-"""What can hardly be meant: densities, wave speeds, sizes and frequencies that no laboratory has seen.
+"""Plausibility warnings: densities, wave speeds, sizes and frequencies outside anything ever built.
 
 The limits leave room for anything that was built; what is outside of them has mostly one number in another
 unit: millimetres or inches for metres, GPa for Pa, grams or tonnes for kilograms.
@@ -31,7 +31,7 @@ THICK = 0.2  # the same of one body, whose thin sides nobody measured
 
 
 class Measures(NamedTuple):
-    """What is doubted: total mass, inertia about its centre, sides of the box, and two estimates."""
+    """Quantities checked: total mass, inertia about its centre, sides of the box, and two estimates."""
 
     mass: float
     inertia: np.ndarray
@@ -43,7 +43,7 @@ class Measures(NamedTuple):
 def doubt_measures(
     structure: Structure, of: Measures, length: np.ndarray, radius: np.ndarray, elements: np.ndarray
 ) -> tuple[str, ...]:
-    """One sentence for each thing that can hardly be meant; ``length`` and on are the members'."""
+    """One warning for each implausible quantity; ``length`` and later arguments are the members'."""
     return (
         *_whole(of),
         *_bodies(structure, of),
@@ -143,7 +143,7 @@ def _offsets(structure: Structure) -> Iterator[str]:
 
 
 def _joints(structure: Structure) -> Iterator[str]:
-    """Of a sprung joint the frequency of what it carries, on a carrier that is held."""
+    """Sprung joints by the frequency of what they carry, on a fixed carrier."""
     for joint in structure.joints:
         body = joint.body
         arm = np.cross(joint.axis, body.cg)

@@ -1,4 +1,4 @@
-"""What can hardly be meant in an environment: gravities, cables and devices that no laboratory has."""
+"""Plausibility warnings for an environment: gravity, cables and devices that no laboratory has."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LOAD = 100.0  # weights of the article that a device may be given to carry
 
 
 def doubt_environment(structure: Structure, environment: Environment) -> tuple[str, ...]:
-    """One sentence for each number that can hardly be meant, with the unit in which it is read."""
+    """One warning for each implausible number, with the unit in which it is read."""
     return (*_gravity(environment), *_devices(structure, environment), *_springs(structure, environment))
 
 

@@ -1,4 +1,4 @@
-"""What an article weighs and measures, before anything is solved: where wrong units show first."""
+"""Masses and measures of an article before anything is solved, where wrong units show first."""
 
 from __future__ import annotations
 
@@ -41,10 +41,10 @@ class Summary:
     slenderness:
         Least and largest length of a member's elements over its radius of gyration sqrt(EI/EA).
     rounding:
-        Relative error that rounding may make in the first frequency by the slicing of members: of a straight
-        beam 0.05 eps (L/h)^4.
+        Relative rounding error of the first frequency from the number of elements: 0.05 eps (L/h)^4 for a
+        straight beam.
     warnings:
-        What can hardly be meant, each with the part and what to try.
+        Implausible quantities, each with the part and what to try.
     """
 
     mass: float

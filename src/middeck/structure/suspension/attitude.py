@@ -60,7 +60,7 @@ def estimate_attitude(equilibrium: Equilibrium) -> Attitude:
     gravity = equilibrium.environment.gravity
     if not np.any(gravity):
         raise ConfigError(
-            "nothing is level without gravity",
+            "level is undefined without gravity",
             where=f"environment {equilibrium.environment.title!r}",
             hint="give it constants.gravity, or take another environment",
         )
@@ -134,7 +134,7 @@ def _centre_of_mass(equilibrium: Equilibrium) -> Float[np.ndarray, "3"]:
 
 
 def _span(equilibrium: Equilibrium, centre: np.ndarray) -> tuple[str, Float[np.ndarray, "3"]]:
-    """What the attach points span, and what of the way from it to ``centre`` is normal to it."""
+    """The span of the attach points, and the part of the way from it to ``centre`` normal to it."""
     model = equilibrium.model
     world = points_in_world(model.points, frame_poses(model.tree, model.rest))
     feet = world[np.unique(equilibrium.loads.attach_point)]

@@ -1,4 +1,4 @@
-"""What friction in suspension devices does: where an article may rest, how its modes depend on amplitude.
+"""Friction in suspension devices: where an article may rest, how its modes depend on amplitude.
 
 A rest state is sought without friction, the middle of those with it. In motion each device acts by its
 describing function at its own amplitude (Krylov and Bogoliubov 1937, Caughey 1960), the same law that a joint
@@ -62,7 +62,7 @@ def estimate_rest_band(equilibrium: Equilibrium) -> RestBand:
     factor = positive_factor(restrict(assemble_carried(model, config, loads).tangent, active))
     if factor is None:
         raise EquilibriumError(
-            "some motion has no stiffness: friction would let the article rest anywhere along it",
+            "a motion has no stiffness: with friction the article could rest anywhere along it",
             where="estimate_rest_band",
             hint="look for modes at zero frequency",
         )
@@ -87,7 +87,7 @@ def device_rows(equilibrium: Equilibrium) -> Float[np.ndarray, "device coordinat
 
 
 def _frictions(equilibrium: Equilibrium) -> tuple[Friction | None, ...]:
-    """Of every device; springs have none."""
+    """Friction of every device; springs have none."""
     environment = equilibrium.environment
     return (*(d.friction for d in environment.hung), *(None for _ in environment.springs))
 

@@ -1,4 +1,4 @@
-"""What is doubtful about how an environment holds an article, and about how it then hangs."""
+"""Warnings about how an environment holds an article, and about how it hangs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ AXES = "xyz"
 
 
 class Doubt(NamedTuple):
-    """Where, what, and what to try."""
+    """A warning: where, what, and what to try."""
 
     where: str
     what: str
@@ -35,7 +35,7 @@ def doubt_devices(structure: Structure, environment: Environment) -> Iterator[Do
         if point.name not in used:
             yield Doubt(
                 f"attach point {point.name!r}",
-                f"nothing in {environment.title!r} hangs or ties it",
+                f"no device or spring of {environment.title!r} holds it",
                 "name it in the environment's [suspension.held], give it a [[device]], or leave it out",
             )
     tuned = [device.held for device in environment.hung if device.force is None]

@@ -28,7 +28,7 @@ square, and of rounding over it, 1e-10."""
 MAX_ITERATIONS = 20
 MAX_HALVINGS = 6
 NO_ROOM = 1e-6
-"""Of the limit: a step that has to be shorter than this to keep within it leads out."""
+"""Part of a step within the limit below which the step leads out of it."""
 STUCK = 1e-2
 """Singular value of the tilts' derivative [rad/m], half a degree a metre, below which nothing is levelled;
 of offsets that do level an article it is some 10 rad/m."""
@@ -161,7 +161,9 @@ def _task(
     node: str | None,
 ) -> _Task:
     if not np.any(environment.gravity):
-        raise ConfigError("nothing is level without gravity", where="level", hint="take another environment")
+        raise ConfigError(
+            "level is undefined without gravity", where="level", hint="take another environment"
+        )
     points, nodes = [a.name for a in structure.attach_points], [n.name for n in structure.nodes]
     for name, axis in free:
         if name not in points or len(axis) != 1 or axis not in AXES:
@@ -181,7 +183,7 @@ def _task(
     chosen = tuple(dict.fromkeys((name, axis) for name, axis in free))
     if len(chosen) < len(axes):
         raise ConfigError(
-            f"{len(chosen)} offsets cannot take away {len(axes)} tilts, about {' and '.join(axes)}",
+            f"{len(chosen)} offsets cannot remove {len(axes)} tilts, about {' and '.join(axes)}",
             where="level",
             hint="free as many offsets as tilts, or name fewer tilts",
         )
@@ -246,7 +248,7 @@ def _within(rates: np.ndarray, at: _Hung, limit: float) -> np.ndarray | None:
 
 
 def _rate(task: _Task, at: _Hung, motion: np.ndarray) -> np.ndarray:
-    """Of the tilts, as the rest state moves: geometry alone, by central differences."""
+    """Rate of the tilts as the rest state moves: geometry alone, by central differences."""
     tree, config = at.rest.model.tree, at.rest.config
     step = TURN / max(float(np.abs(motion).max()), 1.0)
     there, back = (

@@ -24,7 +24,7 @@ HALF_WIDTHS = 3.0  # on either side of a mode, where its peak is looked for
 
 @record
 class DesignCase:
-    """What a design knows: a fit, the plant made of it, the fit on all lines, and the measured open loop.
+    """Data of a design: a fit, its plant, the fit on all lines, and the measured open loop.
 
     The first output of the responses is the performance; ``torque_nm`` is the rms of the excitation.
     """

@@ -1,4 +1,4 @@
-"""What is said of a measured loop, from its entry in numbers.json."""
+"""Sentences on a measured loop, from its entry in numbers.json."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ PAIRED = 0.9  # and above which a flexible mode has kept its pair
 
 
 def figure_3(figures: Numbers) -> str:
-    """What hanging does to the shape."""
+    """The shape under gravity."""
     lab = figures["figure_4"]["lab"]
     load = sum(lab["reactions_n"].values())
     joint, torque = max(lab["holding_torque_nm"].items(), key=lambda item: abs(item[1]))
@@ -41,7 +41,7 @@ def figure_4(figures: Numbers) -> str:
 
 
 def figure_5(figures: Numbers) -> str:
-    """Who couples."""
+    """Coupling between modes."""
     matrix = np.array(figures["figure_5"]["matrix"])
     pairs = np.array(figures["figure_4"]["pairs"], dtype=int).reshape(-1, 2)
     sides = [figures["figure_4"][side]["kind"] for side in ("orbit", "lab")]

@@ -18,7 +18,7 @@ def sentence(figures: Numbers, output: int) -> str:
     numbers = figures["figure_6"]
     name, band = port_words(numbers["outputs"][output]), numbers["magnitude_error_band_hz"]
     if band is None:
-        follows = f"Nothing of the {name} is measured in 0.3 to 30 Hz, where models are compared"
+        follows = f"The {name} has no measurement in 0.3 to 30 Hz, where models are compared"
     else:
         errors = {env: fixed(e[output], 2) for env, e in numbers["magnitude_error_db"].items()}
         follows = (
@@ -28,7 +28,7 @@ def sentence(figures: Numbers, output: int) -> str:
     if numbers["phase_gap_s"] is None:
         return f"{follows}; nothing is measured above 5 Hz, where the phase would show the rig's delay."
     return (
-        f"{follows}, and what is left in phase above 5 Hz is a delay of"
-        f" {fixed(1e3 * numbers['phase_gap_s'][output], 2)} ms, the rig's own being"
+        f"{follows}. The phase between them above 5 Hz is that of a delay of"
+        f" {fixed(1e3 * numbers['phase_gap_s'][output], 2)} ms; the rig's delay is"
         f" {fixed(1e3 * numbers['delay_s'], 2)} ms."
     )

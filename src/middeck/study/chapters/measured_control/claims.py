@@ -1,4 +1,4 @@
-"""Figures 9a and 9b: design on a measured model, and what becomes of it when the article changes."""
+"""Figures 9a and 9b: design on a measured model, and the effect of a changed article."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def _drift_claims(control: MeasuredControl, low: MeasuredLoop, high: MeasuredLoo
     pair = f"a shift of the pair near {control.pair_shift_hz:g} Hz"
     return [
         row(
-            f"{pair} breaks CL2; shifts that do [%]",
+            f"{pair} makes CL2 unstable; shifts that do [%]",
             high.stable and len(broken) == len(high.survives),
             ", ".join(f"{p:+g}" for p in broken),
             ", ".join(f"{p:+g}" for p, _ in high.survives),
@@ -127,7 +127,7 @@ def _robust_claims(control: MeasuredControl, robust: MeasuredLoop) -> list[Claim
 def _margin(
     claim: str, loops: list[RigLoop], margin: Callable[[RigLoop], float | None], least: float, unit: str
 ) -> Claim:
-    """Of stable loops; one that no change brings to the axis has all of them."""
+    """A margin of stable loops; one without a limit satisfies any."""
     stable, asked = all(loop.stable for loop in loops), f"\u2265 {least:g}"
     if not stable:
         return row(claim, False, None, asked, unit)

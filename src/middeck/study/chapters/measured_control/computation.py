@@ -126,7 +126,7 @@ def _weights(siso: SisoForm) -> LQGWeights:
 
 
 def _below_fit(article: RigArticle, siso: SisoForm, fit: FitResult) -> OutsideMode | None:
-    """By the height of the resonances, |phi psi| / (2 zeta omega^2); held is what a fitted pole meets.
+    """The highest resonance below the fit, by |phi psi| / (2 zeta omega^2), that no fitted pole meets.
 
     A pole meets a mode within 2 %, the shift of frequency that the study takes to break a loop.
     """

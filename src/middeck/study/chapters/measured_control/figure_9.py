@@ -1,4 +1,4 @@
-"""Figures 9a and 9b: gimbal torque to payload angle, measured and fitted; open, and closed by three laws."""
+"""Figures 9a and 9b: gimbal torque to payload angle, measured and fitted; open and closed loops."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def figure_9a(control: MeasuredControl) -> Figure:
 
 
 def _name_what_is_outside(axes: Axes, control: MeasuredControl) -> None:
-    """The band of the fit, and the mode below it that so few states do not hold."""
+    """The band of the fit, and the mode below it that the fit leaves out."""
     f = control.open_loop.frequency_hz
     low, high = control.fit_band_hz
     top = axes.get_ylim()[1]

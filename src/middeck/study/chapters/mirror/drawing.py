@@ -1,4 +1,4 @@
-"""The steering mirror: all entries of the measured response, of the fit, and of what is left."""
+"""The steering mirror: all entries of the measured response, of the fit, and of the residual."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ def result(figures: Numbers) -> Line:
     numbers = figures["mirror"]
     ours, theirs = (max(numbers[key]) for key in ("held_out_nrmse", "published_nrmse"))
     return Line(
-        f"On a real mirror, a held-out record is left unexplained to {percent(ours)} at most;"
-        f" published are {percent(theirs)}.",
+        f"On a real mirror the model leaves at most {percent(ours)} of a held-out record unexplained;"
+        f" {percent(theirs)} is published.",
         "mirror",
     )

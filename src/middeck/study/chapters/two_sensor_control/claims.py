@@ -1,4 +1,4 @@
-"""Figures 10 to 12: zeros and delays, how far the loops go and why, and what the bus costs and gains."""
+"""Figures 10 to 12: zeros and delays, the limits of the loops, and effects of the bus penalty."""
 
 from __future__ import annotations
 
@@ -40,8 +40,8 @@ def figure_10_claims(sensors: MeasuredSensors) -> list[Claim]:
         ),
         *(row(f"{words[k]}: none {where}; zeros or pairs", wrong[k] == 0.0, wrong[k], "= 0") for k in (0, 1)),
         above(
-            f"{words[2]}: fitted anew, all zeros held in the left half-plane, it errs over {WORSE:g} times as"
-            " much; ratio",
+            f"{words[2]}: refitted with all zeros in the left half-plane, its error is over {WORSE:g} times"
+            " as large; ratio",
             ratio,
             WORSE,
             "",
@@ -51,19 +51,19 @@ def figure_10_claims(sensors: MeasuredSensors) -> list[Claim]:
 
 
 def figure_11_claims(control: TwoSensorControl) -> list[Claim]:
-    """Which orders fail and where, how far the loop goes with the lead and without, and what was measured."""
+    """Which orders fail and where, the limit with and without the lead, and the measured loop."""
     bare, lead, loop = control.without_lead, control.with_lead, control.payload
     moves = ", ".join(f"{r.percent:+g}" if r.percent else "0" for r in loop.on_rig)
     return [
         *(_order(reach) for reach in control.smaller),
         row(
-            f"{bare.states} states without lead are stopped near 9 Hz; at [Hz]",
+            f"{bare.states} states without lead become unstable near 9 Hz; at [Hz]",
             _at_pair(bare),
             bare.stopped_hz,
             AT_PAIR,
             "Hz",
         ),
-        above("and that before 18 dB; at the last stable level [dB]", bare.predicted_db, -18.0),
+        above("and do not reach 18 dB; at the last stable level [dB]", bare.predicted_db, -18.0),
         at_most(
             f"with the lead the same design reaches 20 dB with the pair moved by {moves} %; least [dB]",
             lead.least_db,
@@ -73,7 +73,7 @@ def figure_11_claims(control: TwoSensorControl) -> list[Claim]:
             "the loop with the lead reduces the payload by over 20 dB, measured [dB]", loop.measured_db, -20.0
         ),
         at_most(
-            f"that loop, kept as it is, still reaches 20 dB with the pair moved by {moves} %; least [dB]",
+            f"that loop, unchanged, still reaches 20 dB with the pair moved by {moves} %; least [dB]",
             largest(rig.improvement_db for rig in loop.on_rig),
             -20.0,
         ),
@@ -82,16 +82,16 @@ def figure_11_claims(control: TwoSensorControl) -> list[Claim]:
 
 
 def _order(reach: Reach) -> Claim:
-    """What the paper's programme saw with few states; from 16 on it is the pair that stops."""
+    """The paper's observations with few states; from 16 states on the pair near 9 Hz is the limit."""
     hz = reach.stopped_hz
     if reach.states <= 10:
-        text, good = "lets go of the suspension at any authority, below 1 Hz", _at_once(reach)
+        text, good = "is unstable at any authority, on the suspension below 1 Hz", _at_once(reach)
         asked = f"< {SUSPENSION_HZ:g}"
     elif reach.states <= 12:
-        text, good = "spills over into a mode that it does not hold", hz is not None and hz > SPILLS_HZ
+        text, good = "spills over into a mode outside its model", hz is not None and hz > SPILLS_HZ
         asked = f"> {SPILLS_HZ:g}"
     else:
-        text, good, asked = "does neither: the pair near 9 Hz stops it", _at_pair(reach), AT_PAIR
+        text, good, asked = "is limited by the pair near 9 Hz", _at_pair(reach), AT_PAIR
     return row(f"a design on {reach.states} states {text}; at [Hz]", good, hz, asked, "Hz")
 
 

@@ -123,7 +123,7 @@ def compute(study: Study, rng: np.random.Generator, article: RigArticle) -> TwoS
 
 
 def _designs(study: Study, case: DesignCase, *, lead: bool) -> Design:
-    """LQG by authority, with the lead about the pair behind it or without."""
+    """LQG by authority, with or without the lead about the pair."""
     siso, sito = study.siso, study.sito
     both = np.array([siso.angle_weight, sito.bus_weight])
     weights = LQGWeights(

@@ -1,4 +1,4 @@
-"""How well a path is met with all its zeros in the left half-plane: whether its phase asks for others."""
+"""Fit of a path with all its zeros in the left half-plane: whether its phase needs others."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How much authority a design bears on the rig before a mode goes unstable."""
+"""The authority of a design on the rig up to the first unstable mode."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Design = Callable[[float], Compensator]
 
 @record
 class Reach:
-    """How far a design goes on the rig, with the pair of modes where it was and moved to either side.
+    """Limit of a design on the rig, with the pair of modes unchanged and shifted to either side.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def find_reach(what: str, design: Design, case: DesignCase, views: Mapping[float
 
 
 def find_level(design: Design, case: DesignCase, improvement_db: float) -> float:
-    """The lowest level that predicts so much improvement, or where none does the one that predicts most."""
+    """The lowest level that predicts the improvement, or else the level that predicts most."""
     found = {float(level): predicted_db(case, design(10.0 ** float(level))) or 0.0 for level in LEVELS}
     enough = (level for level, db in found.items() if db <= -improvement_db)
     return next(enough, min(found, key=lambda level: found[level]))

@@ -34,7 +34,7 @@ def figure_10(figures: Numbers, entry: str) -> str:
 
 
 def half_plane(zero: Numbers) -> str:
-    """On which side of the axis a zero lies; both for one that its deviation may put on either."""
+    """The half-plane of a zero; both where its deviation allows either."""
     deviation = zero["damping_deviation"]
     if deviation is None or abs(zero["damping"]) < TOLD * deviation:
         return "left or right"
@@ -57,7 +57,7 @@ def _on_the_right(zeros: list[Numbers]) -> str:
 
 
 def figure_11(figures: Numbers) -> str:
-    """How far the loop goes, and what the lead does for it."""
+    """The limit of the loop, with and without the lead."""
     numbers = figures["figure_11"]
     *_, bare, lead = numbers["reach"]
     return (
@@ -74,7 +74,7 @@ def figure_12a(figures: Numbers) -> str:
     return (
         f"A penalty on payload and bus changes the payload's rms angle by {changed(numbers['both'])}, and the"
         f" loop is {held(numbers['both'])}; above"
-        f" 10 Hz it is {_apart(above)} in open loop, and at 7-9 Hz (shaded) {_apart(deeper)} under the"
+        f" 10 Hz the angle is {_apart(above)} in open loop, and at 7-9 Hz (shaded) {_apart(deeper)} under the"
         " payload penalty alone."
     )
 
@@ -89,7 +89,7 @@ def figure_12b(figures: Numbers) -> str:
 
 
 def _goes(reach: Numbers) -> str:
-    """As far as a design goes, and what ends it."""
+    """The limit of a design, and the mode that sets it."""
     if reach["log10_authority"] is None:
         return f"is unstable at any authority, at {fixed(reach['stopped_hz'], 2)} Hz"
     reached = f"reaches {fixed(reach['predicted_db'], 1)} dB"

@@ -15,7 +15,7 @@ def encoder_tables(figures: Numbers) -> list[Table]:
 
 
 def bus_tables(figures: Numbers) -> list[Table]:
-    """What is the bus's own."""
+    """Numbers of the bus alone."""
     return _path_tables(figures["figure_10b"])
 
 

@@ -17,7 +17,7 @@ def figure_7_claims(control: ZeroGControl) -> list[Claim]:
 
 
 def _level_claims(whole: SubModelSweep) -> list[Claim]:
-    """What the decibels at the first and the last level say; an unstable loop has none."""
+    """Decibels at the first and the last level; an unstable loop has none."""
     sweep = whole.sweep
     orbit, lab = (sweep.plants.index(name) for name in ("orbit", "lab"))
     top = float(sweep.db[orbit, -1]) if sweep.stable[orbit, -1] else None

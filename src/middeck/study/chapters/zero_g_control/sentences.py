@@ -25,7 +25,7 @@ def figure_7a(figures: Numbers) -> str:
 
 
 def figure_7b(figures: Numbers) -> str:
-    """The flexible pair parts late."""
+    """The flexible sub-models differ at high authority only."""
     numbers = figures["figure_7"]
     flexible = numbers["flexible"]
     first, apart = flexible["first_instability"], flexible["reference_db_lab_pd"]
