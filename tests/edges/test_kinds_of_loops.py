@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 import middeck as md
+from middeck.control.lqg.coloured_plant import colour_disturbances
+from middeck.control.lqg.spectra import line_filter
 from middeck.control.sampled import measure_sampled_loop
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
@@ -108,7 +110,7 @@ def test_a_continuous_law_is_not_run_by_a_computer(use: Callable[[], Any]) -> No
         lambda: md.close_loop(LATE, LAW),
         lambda: md.leave_open(LATE),
         lambda: md.close_inner_loop(LATE, md.PDLoops(("u",), np.ones(1), np.ones(1))),
-        lambda: md.colour_disturbances(LATE, (("u", md.line_filter(1.0, 0.1, 1.0)),)),
+        lambda: colour_disturbances(LATE, (("u", line_filter(1.0, 0.1, 1.0)),)),
         lambda: md.reduce_modes(LATE, 1, band_hz=(0.1, 1.0)),
     ],
 )
