@@ -34,7 +34,7 @@ POWERS: dict[str, tuple[float, ...]] = {"mean": (1.0,), "maximum": (4.0, 16.0, 6
 
 @record
 class MultiModelCompensator(RobustCompensator):
-    """A law for several models, which knows how each weighed.
+    """A multi-model compensator with the weight (dual variable) of each model.
 
     Parameters
     ----------
