@@ -158,4 +158,8 @@ def _brief(value: Any) -> str:
 
 def _reduce(self: Any) -> tuple[Any, ...]:
     # Unpickled arrays are writable; going through the constructor locks them again.
-    return type(self), _fields(self)
+    return _made, (type(self), {f.name: getattr(self, f.name) for f in dataclasses.fields(self)})
+
+
+def _made(cls: type[T], fields: dict[str, Any]) -> T:
+    return cls(**fields)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from middeck.identification.model.descent import SMALLEST_GAIN, Step, is_positive, search
+from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.design import build_terms
 from middeck.identification.problem.gram_blocks import Functions
@@ -52,7 +53,8 @@ def damped_low_modes(seed, *, decades):
     H = np.einsum("on,kn,ni->oki", c, modes, b) * np.exp(-s * delay_s)[:, None]
     size = 1e-4 * np.sqrt(np.mean(np.abs(H) ** 2)) * (f / f[0]) ** -decades
     H = H + size[:, None] * (rng.standard_normal(H.shape) + 1j * rng.standard_normal(H.shape))
-    layout = Layout(np.ones(6, bool), np.zeros(6), np.zeros(6, int), 2, 2, True, True, False, False, 0.0)
+    options = FitOptions(constants="real", delay=True)
+    layout = Layout(np.ones(6, bool), np.zeros(6), np.zeros(6, int), 2, 2, options)
     theta = pack(layout, Point(poles, b, np.full((2, 1), delay_s), np.zeros((0, 2))))
     away = np.r_[np.ones(6), np.full(6, 0.003), np.ones(len(theta) - 14), 0.02, 0.02]
     data = Data(s, H, np.broadcast_to(1.0 / size[:, None], H.shape), None, None)
@@ -75,7 +77,7 @@ def test_damped_low_modes_under_weights_over_decades():
 def test_gram_from_sums_of_pairs_without_a_frequency():
     """Critically damped to the last digit: nothing divides by their frequency, and no warning is raised."""
     s = 2j * np.pi * np.linspace(0.5, 9.0, 40)
-    layout = Layout(np.ones(2, bool), np.zeros(2), np.zeros(2, int), 1, 1, True, False, False, False, 0.0)
+    layout = Layout(np.ones(2, bool), np.zeros(2), np.zeros(2, int), 1, 1, FitOptions(constants="real"))
     theta = pack(
         layout,
         Point(np.array([-3 + 1e-200j, -0.4 + 20j]), np.ones((2, 1)), np.zeros((1, 1)), np.zeros((0, 1))),

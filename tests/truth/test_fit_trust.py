@@ -229,9 +229,11 @@ def test_splitting_and_dropping_modes_are_each_other_s_inverse():
 
 
 def _layout_of_two():
+    from middeck.identification.model.fit_options import FitOptions
     from middeck.identification.problem.layout import Layout, Point, pack
 
-    layout = Layout(np.ones(2, bool), np.zeros(2), np.zeros(2, int), 1, 1, True, True, False, False, 0.0)
+    options = FitOptions(constants="real", delay=True)
+    layout = Layout(np.ones(2, bool), np.zeros(2), np.zeros(2, int), 1, 1, options)
     w = 2.0 * np.pi * HZ
     poles = -ZETA * w + 1j * w
     return layout, pack(layout, Point(poles, np.ones((2, 1)), np.full((1, 1), DELAY)))

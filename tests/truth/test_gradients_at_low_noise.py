@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.design import build_terms, late_columns, late_slopes
 from middeck.identification.problem.layout import Layout, Point, pack
@@ -31,8 +32,7 @@ def case(seed, noise, close):
     re, im = rng.standard_normal((2, *H.shape)) / np.sqrt(2.0)
     layout = Layout(
         pair=np.ones(MODES, bool), fixed_imag=np.zeros(MODES), pivot=np.zeros(MODES, int), inputs=PATHS,
-        outputs=PATHS, real_constants=True, with_delay=True, with_lower=False, with_direct=False,
-        period_s=0.0,
+        outputs=PATHS, options=FitOptions(constants="real", delay=True),
     )  # fmt: skip
     theta = pack(layout, Point(p, b + 0j, np.full((PATHS, 1), 0.004)))
     return layout, Data(s, H + size * (re + 1j * im), np.full(H.shape, 1.0 / size)), theta

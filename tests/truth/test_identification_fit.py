@@ -15,6 +15,7 @@ from middeck.identification import (
     natural_hz,
     sampled_statespace,
 )
+from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.layout import Layout, Point, pack, unpack
 from middeck.identification.search.refine import logarithmic, weighted
@@ -23,10 +24,10 @@ from middeck.systems.response import FrequencyResponse, evaluate_plant, statespa
 LONG = os.environ.get("MIDDECK_LONG") == "1"
 
 
-def a_layout(*, real_constants=False, period_s=0.0, with_delay=True, with_lower=False, imag=0.0):
+def a_layout(*, imag=0.0, **options):
     return Layout(
         np.array([True, True, False]), np.array([0.0, 0.0, imag]), np.array([0, 1, 0]), 2, 2,
-        real_constants, with_delay, with_lower, True, period_s,
+        FitOptions(**{"constants": "complex", "delay": True, "direct": True} | options),
     )  # fmt: skip
 
 
@@ -36,18 +37,18 @@ def a_problem(layout, seed=0):
     H = rng.standard_normal((2, 30, 2)) + 1j * rng.standard_normal((2, 30, 2))
     b = rng.standard_normal((3, 2)) + 1j * rng.standard_normal((3, 2))
     b = b / b[np.arange(3), layout.pivot][:, None]
-    b = b if not layout.real_constants else b.real
+    b = b if not layout.options.real_constants else b.real
     b[2] = np.real(b[2])
     poles = np.array([-0.5 + 12j, -1.0 + 30j, -4.0 + 1j * layout.fixed_imag[2]])
-    point = Point(poles, b, np.array([[0.01], [0.02]]) * layout.with_delay)
+    point = Point(poles, b, np.array([[0.01], [0.02]]) * bool(layout.options.delay))
     return Data(s, H, 1.0 + rng.random((2, 30, 2))), point
 
 
 LAYOUTS = [
     a_layout(),
-    a_layout(real_constants=True, with_lower=True),
-    a_layout(period_s=0.04, with_delay=False),
-    a_layout(period_s=0.04, with_delay=False, imag=np.pi / 0.04),
+    a_layout(constants="real", residuals=True),
+    a_layout(sample_hz=25.0, delay=False),
+    a_layout(sample_hz=25.0, delay=False, imag=np.pi / 0.04),
 ]
 
 

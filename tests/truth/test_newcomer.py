@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.order.exchange import grown
 from middeck.identification.order.newcomer import find_newcomer
 from middeck.identification.problem.data import Data
@@ -12,7 +13,7 @@ from middeck.identification.problem.layout import unpack
 from middeck.identification.search.polish import polish
 from middeck.identification.search.refine import weighted
 from middeck.identification.spectra.weights import Spread
-from middeck.identification.start.start import Options, start_at
+from middeck.identification.start.start import start_at
 
 NOISE = 1e-3
 
@@ -44,7 +45,7 @@ def _case(real: bool, missing: int):
     H += NOISE * (rng.standard_normal(H.shape) + 1j * rng.standard_normal(H.shape)) / np.sqrt(2.0)
     data = Data(s, H, np.full(H.shape, 1.0 / NOISE))
     spread = Spread(np.full(H.shape, NOISE**2), np.ones(H.shape))
-    options = Options(6, real, False, False, not real, 0.0)
+    options = FitOptions(states=6, constants="real" if real else "complex", delay=False, direct=not real)
     kept = np.delete(np.arange(4), missing)
     start = start_at(data, options, POLES[kept], np.ones(3, dtype=bool), np.zeros((3, 1)), b[kept])
     fit = polish(data, start, spread, steps=8, rounds=1, share=0.0)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from middeck.identification import estimate_response
+from middeck.identification.model.fit_options import FitOptions, decided
 from middeck.identification.order.order import Tried, choose, is_settled
 from middeck.identification.order.race import race, recommend_states
 from middeck.identification.order.thinning import take_lines, thin_lines
@@ -16,7 +17,6 @@ from middeck.identification.search.bounds import bound_theta, bounded
 from middeck.identification.search.polish import polish
 from middeck.identification.search.refine import weighted
 from middeck.identification.spectra.weights import Spread, spread_of
-from middeck.identification.start.choices import Choices, options_of
 from middeck.identification.start.pruning import prune
 from middeck.identification.start.start import Start, drive_vectors
 
@@ -111,7 +111,7 @@ def test_lines_are_left_out_only_where_the_response_is_smooth():
 def a_layout(period_s):
     return Layout(
         np.array([True, False]), np.array([0.0, np.pi / period_s]), np.array([0, 0]), 1, 1,
-        False, False, False, True, period_s,
+        FitOptions(constants="complex", direct=True, sample_hz=1.0 / period_s),
     )  # fmt: skip
 
 
@@ -162,7 +162,7 @@ def test_no_numpy_warning_on_a_short_band_with_too_many_states():
     noisy = Data(
         data.s, data.H + 0.3 * np.abs(data.H).mean() * rng.standard_normal(data.H.shape), data.weight
     )
-    options = options_of(measured, 12, Choices(256.0, None, None, None, False, False, 0, None))
+    options = decided(measured, FitOptions(states=12, sample_hz=256.0))
     # Warnings are errors in this suite.
     found = race(noisy, spread, options)
     assert np.isfinite(found.refined.theta).all()
@@ -171,7 +171,7 @@ def test_no_numpy_warning_on_a_short_band_with_too_many_states():
 def test_two_inputs_and_three_outputs_ask_for_ten_states():
     measured = estimate_response(gimbal_record.multisine(2, outputs=3, inputs=2), band_hz=(0.5, 20.0))
     data, spread = data_of(measured)
-    options = options_of(measured, 2, Choices(None, None, None, None, False, False, 0, None))
+    options = decided(measured, FitOptions())
     choice = recommend_states(measured, data, spread, options)
     assert choice.states == 10
     by_states = {t.states: t.held_out for t in choice.tried}
@@ -190,7 +190,7 @@ def test_input_vectors_follow_from_output_vectors_where_poles_are_close():
     H = np.einsum("om,lm,mi->oli", c, up, b) + np.einsum("om,lm,mi->oli", c.conj(), low, b.conj())
     data = Data(s, H + rng.standard_normal((4, 1, 3)), np.ones(H.shape))
     measured = estimate_response(gimbal_record.multisine(0, outputs=3, inputs=2))
-    options = options_of(measured, 8, Choices(None, "complex", False, True))
+    options = decided(measured, FitOptions(states=8, constants="complex", delay=False, direct=True))
     found = drive_vectors(data, options, poles, np.ones(4, dtype=bool), c)
     # Exact data: rounding times the condition of the close modes, some 1e6 with known output vectors.
     np.testing.assert_allclose(found, b, atol=1e-8)

@@ -3,20 +3,20 @@
 import numpy as np
 import pytest
 
+from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.problem.layout import unpack
 from middeck.identification.record_fit.growth import exchanges, grown
 from middeck.identification.record_fit.race import leader
 from middeck.identification.record_fit.search import refine_record
 from middeck.identification.record_fit.spectra import record_data
 from middeck.identification.record_fit.starts import start_of
-from middeck.identification.start.start import Options
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
 
 POLES = np.array([-0.01 + 0.5j, -0.02 + 1.5j])
 PAIR = np.array([True, True])
-FOUR = Options(4, False, False, False, True, 1.0)
-TWO = Options(2, False, False, False, True, 1.0)
+FOUR = FitOptions(states=4, sample_hz=1.0, constants="complex", direct=True)
+TWO = FitOptions(states=2, sample_hz=1.0, constants="complex", direct=True)
 
 
 @pytest.fixture(scope="module")

@@ -21,6 +21,7 @@ from middeck.identification.fit.standing import (
 from middeck.identification.fit.steady_line import SteadyLine
 from middeck.identification.fit.tidy import tidied
 from middeck.identification.model.checks import check_logarithms, check_response
+from middeck.identification.model.fit_options import Constants, Delay, FitOptions, decided
 from middeck.identification.model.held_response import folded_response
 from middeck.identification.model.measurement_model import MeasurementModel, model_response
 from middeck.identification.order.beyond import race_of_orders
@@ -37,7 +38,6 @@ from middeck.identification.search.doubts import (
 from middeck.identification.search.likelihood import likelihood_polish
 from middeck.identification.search.polish import Polished, logarithmic_polish, settle
 from middeck.identification.spectra.weights import Spread, excess_share, spread_of
-from middeck.identification.start.choices import Choices, Constants, Delay, options_of
 from middeck.identification.uncertainty.covariance import ModelCovariance, estimate_covariance
 from middeck.identification.uncertainty.parameters import Uncertainty, uncertainty_of
 from middeck.systems.hold import release_hold
@@ -176,26 +176,36 @@ def fit_response(
         If the response is constant, all noise or too short for so many states, if an output leads its
         input, or if no start could be refined.
     """
-    choices = Choices(
-        sample_hz, constants, delay, direct, residuals, full_rank, rigid, relative_degree, integrators
+    asked = FitOptions(
+        states=states,
+        sample_hz=sample_hz,
+        constants=constants,
+        delay=delay,
+        direct=direct,
+        residuals=residuals,
+        full_rank=full_rank,
+        rigid=rigid,
+        integrators=integrators,
+        relative_degree=relative_degree,
     )
-    if measured.hold_s and sample_hz is None:
-        return _fit_behind_hold(measured, measured.hold_s, states, choices, cost)
-    fit = fit_chosen(measured, states, choices, cost)
-    return fit if sample_hz is not None else marked(fit, measured.hold_s)
+    return fit_asked(measured, asked, cost)
 
 
-def _fit_behind_hold(
-    measured: FrequencyResponse, hold_s: float, states: int | None, choices: Choices, cost: Cost
-) -> FitResult:
-    """The fit without the hold of its inputs: that divided out, and what sampling folds back taken off.
+def fit_asked(measured: FrequencyResponse, asked: FitOptions, cost: Cost = "weighted") -> FitResult:
+    """`fit_response` with its options as one value.
 
-    The first fit tells what is folded back: some thousandths of the response at an eighth of the rate.
+    A hold of the inputs is divided out, and what sampling folds back is taken off; a first fit tells that:
+    some thousandths of the response at an eighth of the rate.
     """
-    first = fit_chosen(release_hold(measured), states, choices, cost).model
+    hold_s = measured.hold_s
+    if asked.sample_hz is not None:
+        return fit_lines(measured, asked, cost)
+    if not hold_s:
+        return marked(fit_lines(measured, asked, cost), hold_s)
+    first = fit_lines(release_hold(measured), asked, cost).model
     folded = folded_response(first, measured.frequency_hz, 1.0 / hold_s)
     alone = dataclasses.replace(measured, H=measured.H - folded)
-    return marked(fit_chosen(release_hold(alone), states, choices, cost), hold_s)
+    return marked(fit_lines(release_hold(alone), asked, cost), hold_s)
 
 
 def marked(fit: FitResult, hold_s: float | None) -> FitResult:
@@ -204,11 +214,9 @@ def marked(fit: FitResult, hold_s: float | None) -> FitResult:
     return dataclasses.replace(fit, model=model, covariance=dataclasses.replace(fit.covariance, model=model))
 
 
-def fit_chosen(
-    measured: FrequencyResponse, states: int | None, choices: Choices, cost: Cost = "weighted"
-) -> FitResult:
-    """`fit_response` with its options as one value."""
-    options = options_of(measured, states, choices)
+def fit_lines(measured: FrequencyResponse, asked: FitOptions, cost: Cost = "weighted") -> FitResult:
+    """The fit of a response as it is, whatever its inputs did between samples."""
+    options, states = decided(measured, asked), asked.states
     check_response(measured, count_unknowns(measured, options))
     if cost == "logarithmic" and measured.variance is None:
         raise FitError(
@@ -225,7 +233,7 @@ def fit_chosen(
     spread = spread_of(measured, relative=cost == "logarithmic")
     data = _first_data(measured, spread)
     if states is None:
-        best, reason = race_of_orders(measured, data, spread, options, choices)
+        best, reason = race_of_orders(measured, data, spread, options, asked)
     else:
         best, reason = race(data, spread, options), f"{states} states were asked for"
     followed = spread_to_follow(best, spread)

@@ -20,7 +20,7 @@ def model_of(
     point = unpack(layout, refined.theta)
     c = np.array([shapes(layout, point, x) for x in linear])
     poles, b = point.poles, point.b
-    if layout.full:
+    if layout.options.full_rank:
         poles, c, b = _by_rank(poles, c.reshape(len(c), -1, layout.copies))
     constant = constant_terms(layout, point, linear)
     each, beyond = point.delay_s[:, 0], None
@@ -37,7 +37,7 @@ def model_of(
         each,
         inputs,
         outputs,
-        1.0 / layout.period_s if layout.period_s else None,
+        layout.options.sample_hz,
         beyond,
         constant.rigid if layout.rigid_pivot else None,
         constant.integral if layout.integral_pivot else None,
@@ -47,12 +47,12 @@ def model_of(
 def structure_of(layout: Layout) -> Structure:
     """Which parts of the model were free."""
     return Structure(
-        layout.real_constants,
-        layout.with_delay,
-        layout.with_lower,
-        layout.with_direct,
-        common_delay=layout.delay_of == "common",
-        relative_degree_two=layout.relative_degree_two,
+        layout.options.real_constants,
+        bool(layout.options.delay_of),
+        layout.options.residuals,
+        bool(layout.options.direct),
+        common_delay=layout.options.delay_of == "common",
+        relative_degree_two=layout.options.zero_sum,
     )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from middeck.errors import ConfigError
 from middeck.identification.fit.fit_response import FitResult, fit_response
 from middeck.identification.impact.average import ImpactTest
+from middeck.identification.model.fit_options import usual_constants
 from middeck.identification.model.measurement_model import (
     MeasurementModel,
     damping_ratio,
@@ -17,7 +18,6 @@ from middeck.identification.model.measurement_model import (
     natural_hz,
 )
 from middeck.identification.record_fit.fit_record import fit_record
-from middeck.identification.start.choices import usual_constants
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.parameters import uncertainty_of
 from middeck.identification.uncertainty.unknowns import places_of, unknowns_of

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 from jaxtyping import Float
 
+from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.order.newcomer import Newcomer, find_newcomer
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.design import build_terms, residual_of
@@ -18,7 +19,7 @@ from middeck.identification.problem.layout import Point, unpack
 from middeck.identification.problem.own_transients import as_real
 from middeck.identification.search.polish import Polished
 from middeck.identification.spectra.weights import Spread
-from middeck.identification.start.start import Options, Start, start_at, start_from_point
+from middeck.identification.start.start import Start, start_at, start_from_point
 
 # Lines over which the residual's peak is looked for, as a share of the frequency: a mode of 1 % is so wide.
 PEAK_WIDTH = 0.01
@@ -29,7 +30,7 @@ HEAVIEST = 0.05
 
 
 def exchanges(
-    data: Data, options: Options, best: Polished, spread: Spread, *, at_any_rate: bool
+    data: Data, options: FitOptions, best: Polished, spread: Spread, *, at_any_rate: bool
 ) -> Iterator[Start]:
     """Starts that have one pair (or two real poles) of ``best`` replaced by the pair that would tell most.
 
@@ -50,13 +51,13 @@ def exchanges(
             yield _with(at_best, options, best, kept, peak)
 
 
-def grown(data: Data, options: Options, best: Polished, spread: Spread) -> Start:
+def grown(data: Data, options: FitOptions, best: Polished, spread: Spread) -> Start:
     """``best`` with one pair more, where it tells most."""
     at_best = dataclasses.replace(data, weight=1.0 / np.sqrt(spread.at(best.share)))
     return _with(at_best, options, best, np.arange(len(best.layout.pair)), _found_pole(at_best, best))
 
 
-def shrunk(data: Data, options: Options, best: Polished, spread: Spread) -> Start | None:
+def shrunk(data: Data, options: FitOptions, best: Polished, spread: Spread) -> Start | None:
     """``best`` without the pair that is missed least; None where it has no two."""
     layout = best.layout
     if layout.pairs < 2:
@@ -65,7 +66,7 @@ def shrunk(data: Data, options: Options, best: Polished, spread: Spread) -> Star
     point = unpack(layout, best.refined.theta)
     kept = np.delete(np.arange(len(layout.pair)), np.argmin(missed_modes(at_best, best)[: layout.pairs]))
     pair = np.asarray(layout.pair)[kept]
-    if layout.full:
+    if layout.options.full_rank:
         return start_at(at_best, options, point.poles[kept], pair, point.delay_s)
     return start_from_point(
         options, pair, Point(point.poles[kept], point.b[kept], point.delay_s, point.psi), layout.outputs
@@ -105,14 +106,14 @@ def _at_peak(data: Data, best: Polished) -> Newcomer:
     return Newcomer(_peak(data, best) * (-min(light, HEAVIEST) + 1j), np.zeros(0, dtype=complex), 0.0)
 
 
-def _with(data: Data, options: Options, best: Polished, kept: np.ndarray, new: Newcomer) -> Start:
+def _with(data: Data, options: FitOptions, best: Polished, kept: np.ndarray, new: Newcomer) -> Start:
     """Some of the modes, as they are, and a new pair."""
     layout = best.layout
     point = unpack(layout, best.refined.theta)
     poles, pair = point.poles[kept], np.asarray(layout.pair)[kept]
     place = int(np.sum(pair))
     poles, pair = np.insert(poles, place, new.pole), np.insert(pair, place, True)
-    if layout.full or not len(new.b):
+    if layout.options.full_rank or not len(new.b):
         return start_at(data, options, poles, pair, point.delay_s)
     b = np.insert(point.b[kept], place, new.b, axis=0)
     return start_from_point(options, pair, Point(poles, b, point.delay_s, point.psi), layout.outputs)

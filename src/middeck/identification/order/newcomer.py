@@ -72,7 +72,7 @@ def _by_input(x: Complex[np.ndarray, "row line input"]) -> Float[np.ndarray, "in
 
 def _grid(layout: Layout, data: Data, light: float, peak: float) -> Complex[np.ndarray, " candidate"]:
     first, last = np.imag(data.s[0]), np.imag(data.s[-1])
-    top = min(ABOVE * last, np.pi / layout.period_s) if layout.period_s else ABOVE * last
+    top = min(ABOVE * last, np.pi / layout.options.period_s) if layout.options.period_s else ABOVE * last
     found = [peak * np.array([-light + 1j])]
     for zeta in (max(light, LIGHTEST), *HEAVY):
         low, high = (first, last) if zeta < HEAVY[0] else (BELOW * first, top)
@@ -83,10 +83,10 @@ def _grid(layout: Layout, data: Data, light: float, peak: float) -> Complex[np.n
 
 def _terms_of(layout: Layout, poles: np.ndarray, s: np.ndarray) -> Complex[np.ndarray, "column line"]:
     """One column of each candidate with real constants, two with complex ones; one input."""
-    T = layout.period_s
+    T = layout.options.period_s
     q, pole = (np.exp(s * T), np.exp(poles * T)) if T else (s, poles)
     up, low = 1.0 / (q - pole[:, None]), 1.0 / (q - pole.conj()[:, None])
-    if layout.real_constants:
+    if layout.options.real_constants:
         return up * low
     return np.stack([up + low, 1j * (up - low)], axis=1).reshape(-1, len(s))
 

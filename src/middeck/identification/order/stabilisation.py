@@ -15,10 +15,11 @@ import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
 
 from middeck.errors import ConfigError, FitError
+from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.order.thinning import take_lines, thin_lines
 from middeck.identification.problem.data import Data
 from middeck.identification.spectra.weights import spread_of
-from middeck.identification.start.start import Options, upper_half, weighted_residues
+from middeck.identification.start.start import upper_half, weighted_residues
 from middeck.identification.start.subspace import block_rows, poles_of_orders
 from middeck.systems.response import FrequencyResponse
 from middeck.values import record
@@ -111,9 +112,8 @@ def stabilisation(
         raise ConfigError(
             f"the response reaches {measured.frequency_hz[-1]:.6g} Hz, beyond half of {sample_hz:.6g} Hz"
         )
-    period_s = 0.0 if sample_hz is None else 1.0 / sample_hz
     data = _some_lines(measured, orders[-1])
-    models = list(_models(data, period_s, orders))
+    models = list(_models(data, sample_hz, orders))
     flags = [np.zeros((len(models[0].poles), 3), dtype=bool)] + [
         _compare(before, now, frequency_tolerance, damping_tolerance, mac_tolerance)
         for before, now in pairwise(models)
@@ -135,7 +135,7 @@ def _some_lines(measured: FrequencyResponse, states: int) -> Data:
     return take_lines(data, spread, thin_lines(data, spread, states * (len(H) + H.shape[2])))[0]
 
 
-def _models(data: Data, period_s: float, orders: Sequence[int]) -> list[_Model]:
+def _models(data: Data, sample_hz: float | None, orders: Sequence[int]) -> list[_Model]:
     outputs = data.H.shape[0]
     rows = block_rows(data, orders[-1], ROWS)
     possible = [n for n in orders if n <= (rows - 1) * outputs]
@@ -143,8 +143,8 @@ def _models(data: Data, period_s: float, orders: Sequence[int]) -> list[_Model]:
         raise FitError(
             f"{len(data.s)} lines are too few for {orders[0]} states", hint="lower orders, or a longer period"
         )
-    options = Options(0, False, False, False, True, period_s)
-    delay_s = np.zeros((outputs, 1))
+    options = FitOptions(sample_hz=sample_hz, constants="complex", direct=True)
+    delay_s, period_s = np.zeros((outputs, 1)), options.period_s
     models: list[_Model] = []
     for states, found in zip(possible, poles_of_orders(data, period_s, possible, rows), strict=True):
         poles, pair = upper_half(found, period_s)

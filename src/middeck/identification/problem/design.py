@@ -67,8 +67,8 @@ def late_slopes(
     else:
         by_terms = slopes(layout, terms.point, terms.parts, x, data.s, data.drive * late[:, :, None])
     G[: len(by_terms)] = by_terms
-    if layout.with_delay:
-        first = len(by_terms) + (0 if layout.delay_of == "common" else output * late.shape[1])
+    if layout.options.delay_of:
+        first = len(by_terms) + (0 if layout.options.delay_of == "common" else output * late.shape[1])
         G[first : first + late.shape[1]] = _delay_slopes(layout, data, terms, x, late)
     if data.transient is not None:
         by_poles = transient_slopes(layout, terms.point, data.transient, data.s, t)

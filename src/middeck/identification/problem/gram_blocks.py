@@ -44,7 +44,7 @@ class Functions:
         size, last = self._of_poles, len(self.values) - 1
         found = np.zeros((len(weight), len(self.values), len(self.values)))
         found[:, :size, :size] = known[:, :-1, :-1]
-        if self._layout.with_direct:
+        if self._layout.options.direct:
             found[:, last, :size], found[:, :size, last] = known[:, -1, :-1], known[:, :-1, -1]
             found[:, last, last] = known[:, -1, -1]
         if len(rest := self._no_sums):
@@ -57,7 +57,7 @@ class Functions:
 
     @property
     def _of_poles(self) -> int:
-        kinds = 3 if self._layout.real_constants else 4
+        kinds = 3 if self._layout.options.real_constants else 4
         return kinds * self._layout.pairs + 2 * (len(self._layout.pair) - self._layout.pairs)
 
     @functools.cached_property
@@ -65,9 +65,11 @@ class Functions:
         """1/s^2, 1/s, and differences of twins that are all but one."""
         pairs = self._layout.pairs
         close = np.flatnonzero(close_twins(self._layout, self._terms.point.poles[:pairs]))
-        of_close = (np.arange(3 if self._layout.real_constants else 4)[:, None] * pairs + close).ravel()
+        of_close = (
+            np.arange(3 if self._layout.options.real_constants else 4)[:, None] * pairs + close
+        ).ravel()
         return np.concatenate(
-            [of_close, np.arange(self._of_poles, len(self.values) - self._layout.with_direct)]
+            [of_close, np.arange(self._of_poles, len(self.values) - bool(self._layout.options.direct))]
         )
 
     def _by_lines(self, weight: np.ndarray) -> Gram:

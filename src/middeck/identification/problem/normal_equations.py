@@ -59,13 +59,13 @@ def solve_normal(
         return None
     each = solved.x.reshape(-1, layout.columns)
     slopes = slope_factors(layout, terms.point, terms.parts, each)
-    if layout.relative_degree_two:
+    if layout.options.zero_sum:
         slopes += np.stack([tied.moved(one, columns) for one in each])
     late, late_place = _delay_slopes(layout, of, -s * solved.path)
     by_theta = _by_theta(shared, of, solve, free, _by_group(of, slopes), late, solved)
     cost = 0.5 * float(np.sum(_squares(solved.left)))
     gradient, gram = _added(layout, slopes.shape[1] + late_place, *by_theta)
-    terms_of = solved.x.reshape(len(solved.x), -1) * solve.lengths if not layout.relative_degree_two else 0.0
+    terms_of = solved.x.reshape(len(solved.x), -1) * solve.lengths if not layout.options.zero_sum else 0.0
     rounding = np.finfo(float).eps * np.hypot(np.linalg.norm(terms_of), np.linalg.norm(of.y))
     return Solved(each, cost, gradient, gram, solved.left, float(rounding))
 
@@ -175,12 +175,12 @@ def _delay_slopes(
 ) -> tuple[Complex[np.ndarray, "group delay column line"], Int[np.ndarray, "group delay"]]:
     """Weighted slopes by the delays of each group, and their places among all delays."""
     groups, paths, _ = rate.shape
-    if not layout.with_delay:
+    if not layout.options.delay_of:
         return np.zeros((groups, 0, *of.y.shape[1:]), dtype=complex), np.zeros((groups, 0), dtype=int)
     each = np.repeat(of.outputs, layout.inputs, axis=1)
-    if layout.delay_of == "path":
+    if layout.options.delay_of == "path":
         each = each * layout.inputs + np.arange(paths) % layout.inputs
-    each = np.zeros_like(each) if layout.delay_of == "common" else each
+    each = np.zeros_like(each) if layout.options.delay_of == "common" else each
     different = np.stack([np.unique(own) for own in each])
     own = different[:, :, None] == each[:, None]
     return np.stack([of.sum(rate * own[:, d, :, None]) for d in range(own.shape[1])], axis=1), different

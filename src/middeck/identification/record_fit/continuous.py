@@ -15,6 +15,7 @@ from jaxtyping import Float
 
 from middeck.errors import DataError, FitError
 from middeck.identification.fit.fit_response import FitResult
+from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.model.measurement_model import MeasurementModel, path_delay, rank_of
 from middeck.identification.order.order import is_settled, sizes
 from middeck.identification.problem.data import Data, Transient
@@ -25,7 +26,7 @@ from middeck.identification.record_fit.order import enough_samples, record_lengt
 from middeck.identification.record_fit.race import further, leader
 from middeck.identification.record_fit.search import RecordRun, Weighting, refine_record
 from middeck.identification.record_fit.starts import PastOfRecord, continuous_starts, past_of
-from middeck.identification.start.start import Options, Start, start_from_point
+from middeck.identification.start.start import Start, start_from_point
 from middeck.identification.uncertainty.parameters import distinct_poles
 from middeck.signals.record import Record
 
@@ -47,7 +48,7 @@ FIRST_STEPS = 3
 def fit_continuous(
     record: Record,
     data: Data,
-    options: Options,
+    options: FitOptions,
     local: Callable[[], FitResult],
     *,
     states: int | None,
@@ -69,7 +70,7 @@ def fit_continuous(
         if states is None and (short or first is None):
             options, reason = _choose_order(record, data, options, past)
         elif states is None and first is not None:
-            options = dataclasses.replace(options, states=_order(_start_of(first, options).layout))
+            options = options.sized(_order(_start_of(first, options).layout))
         starts += _prompt(record, continuous_starts(past, data, options))
         found = _led(record, data, starts, weighting)
     if found is None:
@@ -77,10 +78,10 @@ def fit_continuous(
     return *_finished(record, *found, weighting), reason
 
 
-def _terms_of(first: FitResult, options: Options) -> Options:
+def _terms_of(first: FitResult, options: FitOptions) -> FitOptions:
     """With the terms for modes outside the band that a response of no stated order has asked for."""
     structure = first.covariance.structure
-    return dataclasses.replace(options, with_lower=structure.with_lower, with_direct=structure.with_direct)
+    return dataclasses.replace(options, residuals=structure.with_lower, direct=structure.with_direct)
 
 
 def _order(layout: Layout) -> int:
@@ -169,27 +170,28 @@ def _held_out(record: Record, data: Data, best: RecordRun) -> RecordRun:
     return flat if of_flat < CLEARLY * of_best else best
 
 
-def _choose_order(record: Record, data: Data, options: Options, past: PastOfRecord) -> tuple[Options, str]:
+def _choose_order(
+    record: Record, data: Data, options: FitOptions, past: PastOfRecord
+) -> tuple[FitOptions, str]:
     """The order of the shortest description of the record, its transients counted, and why."""
     tried: list[tuple[int, float]] = []
-    still = 2 * options.rigid + options.integrators
     for states in sizes():
-        if not enough_samples(record, states + still):
+        if not enough_samples(record, states + options.at_zero):
             break
-        starts = _prompt(record, continuous_starts(past, data, dataclasses.replace(options, states=states)))
+        starts = _prompt(record, continuous_starts(past, data, options.sized(states)))
         if not starts:
             continue
         edged = dataclasses.replace(data, transient=_edges(record, starts))
         run = leader(edged, starts, "output")
         if run is None:
             continue
-        tried.append((states + still, record_length(edged, run)))
+        tried.append((states + options.at_zero, record_length(edged, run)))
         if is_settled([length for _, length in tried]):
             break
     if not tried:
         raise FitError("no order could be fitted", hint="a longer record, or say how many states")
     best = min(tried, key=lambda t: t[1])[0]
-    return dataclasses.replace(options, states=best - still), shortest_reason(tried)
+    return dataclasses.replace(options, states=best), shortest_reason(tried)
 
 
 def _edges(record: Record, starts: Sequence[Start]) -> Transient:
@@ -204,7 +206,7 @@ def _edges(record: Record, starts: Sequence[Start]) -> Transient:
     return Transient(1.0 / record.sample_hz, max(late, 1), 1)
 
 
-def _start_of(first: FitResult, options: Options) -> Start:
+def _start_of(first: FitResult, options: FitOptions) -> Start:
     """Layout and theta of a fitted model."""
     model = first.model
     modes = np.array(distinct_poles(model), dtype=int)

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import FitError
-from middeck.identification.fit.fit_response import FitResult, fit_chosen, marked
+from middeck.identification.fit.fit_response import FitResult, fit_lines, marked
 from middeck.identification.fit.standing import (
     checked_covariance,
     doubts_of_lines,
@@ -24,6 +24,7 @@ from middeck.identification.fit.standing import (
     standing_of_delays,
 )
 from middeck.identification.model.checks import check_record
+from middeck.identification.model.fit_options import Constants, Delay, FitOptions, decided
 from middeck.identification.model.held_response import folded_response
 from middeck.identification.model.measurement_model import MeasurementModel, model_response, natural_hz
 from middeck.identification.problem.data import Data
@@ -41,7 +42,6 @@ from middeck.identification.record_fit.steadiness import growth_score
 from middeck.identification.record_fit.tidy import Tidied, tidied
 from middeck.identification.search.doubts import causal_delay, doubts_of_deviations
 from middeck.identification.spectra import estimate_response
-from middeck.identification.start.choices import Choices, Constants, Delay, at_zero, options_of
 from middeck.identification.uncertainty.parameters import uncertainty_of
 from middeck.signals.excitation.driven import driven_band
 from middeck.signals.record import Record
@@ -120,28 +120,45 @@ def fit_record(
         If the record is shorter than the unknowns, if it is described no worse as noise alone (the delay may
         be longer than the record), if an output leads its input, or if no start could be refined.
     """
+    asked = FitOptions(
+        states=states,
+        constants=constants,
+        delay=delay,
+        direct=direct,
+        residuals=residuals,
+        full_rank=full_rank,
+        rigid=rigid,
+        integrators=integrators,
+        relative_degree=relative_degree,
+    )
+    return fit_samples(record, asked, sampled=sampled, band_hz=band_hz, weighting=weighting, tell=tell)
+
+
+def fit_samples(
+    record: Record,
+    asked: FitOptions,
+    *,
+    sampled: bool | None = None,
+    band_hz: tuple[float, float] | None = None,
+    weighting: Weighting | None = None,
+    tell: Callable[[str], None] = lambda _: None,
+) -> FitResult:
+    """`fit_record` with its options as one value."""
     check_record(record)
     refuse_growth(record)
-    measured = record
-    chosen = sampled is None
+    measured, chosen = record, sampled is None
     if sampled is None:
-        only_continuous = residuals or rigid or integrators or constants == "real" or delay
-        sampled = not (only_continuous or relative_degree == 2) and is_held(record, band_hz)
-    choices = Choices(
-        record.sample_hz if sampled else None,
-        constants, delay, direct, residuals, full_rank, rigid, relative_degree, integrators,
-    )  # fmt: skip
+        sampled = not asked.only_continuous and is_held(record, band_hz)
+    asked = dataclasses.replace(asked, sample_hz=record.sample_hz if sampled else None)
     record = (
         without_drift(record)
         if sampled
-        else without_trend(record, inputs=not (residuals or at_zero(choices)))
+        else without_trend(record, inputs=not (asked.residuals or asked.at_zero))
     )
     if band_hz is None and not sampled:
         inputs = record.u.reshape(len(record.u), -1, record.u.shape[3])
         band_hz = driven_band(inputs, record.sample_hz)
-    fit = functools.partial(
-        _fit, measured, band_hz=band_hz, states=states, choices=choices, weighting=weighting, tell=tell
-    )
+    fit = functools.partial(_fit, measured, band_hz=band_hz, asked=asked, weighting=weighting, tell=tell)
     if sampled:
         found = fit(record)
         why = "sampled, as the inputs drive all up to half the rate; " if chosen else ""
@@ -158,24 +175,23 @@ def _fit(
     record: Record,
     *,
     band_hz: tuple[float, float] | None,
-    states: int | None,
-    choices: Choices,
+    asked: FitOptions,
     weighting: Weighting | None,
     tell: Callable[[str], None],
 ) -> FitResult:
     """The fit of a record without drift, whose inputs are taken as they are; ``measured`` has its faults."""
-    sampled = choices.sample_hz is not None
+    sampled, states = asked.sample_hz is not None, asked.states
     data = record_data(record, band_hz, whole=sampled)
     lines = _lines(record, data, np.zeros((len(data.s), len(record.outputs), len(record.inputs)), complex))
-    options = options_of(lines, states, choices)
-    _check_length(record, options.states + at_zero(choices))
+    options = decided(lines, asked)
+    _check_length(record, options.moving + options.at_zero)
     with named_cause(measured):
         if sampled:
             run, reason = choose_record(
                 record, options, band_hz, states=states, weighting=weighting, tell=tell
             )
         else:
-            local = functools.partial(_local_fit, record, lines, states, choices)
+            local = functools.partial(_local_fit, record, lines, asked)
             data, run, reason = fit_continuous(
                 record, data, options, local, states=states, weighting=weighting
             )
@@ -224,15 +240,15 @@ def _lines(record: Record, data: Data, H: np.ndarray) -> FrequencyResponse:
     return FrequencyResponse(f, H, record.inputs, record.outputs, np.zeros(H.shape))
 
 
-def _local_fit(record: Record, lines: FrequencyResponse, states: int | None, choices: Choices) -> FitResult:
+def _local_fit(record: Record, lines: FrequencyResponse, asked: FitOptions) -> FitResult:
     """A fit of a local estimate of the response.
 
     Polynomials are fast, but do not follow a resonance narrower than their few lines: rational models tell
     an order, and start a record too short for polynomials.
     """
     band_hz = float(lines.frequency_hz[0]), float(lines.frequency_hz[-1])
-    fit = functools.partial(fit_chosen, states=states, choices=choices)
-    if states is not None:
+    fit = functools.partial(fit_lines, asked=asked)
+    if asked.states is not None:
         with contextlib.suppress(FitError):
             return fit(estimate_response(record, band_hz=band_hz, method="local polynomial"))
     return fit(estimate_response(record, band_hz=band_hz, method="local rational"))

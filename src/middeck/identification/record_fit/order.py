@@ -12,10 +12,10 @@ outputs, and that model is refined, and grown as long as its description gets sh
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Sequence
 
 from middeck.errors import FitError
+from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.order.order import description_length, is_settled, sizes
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.layout import Layout
@@ -26,7 +26,7 @@ from middeck.identification.record_fit.scout import is_large, scouted, with_outp
 from middeck.identification.record_fit.search import RecordRun, Weighting, refine_record
 from middeck.identification.record_fit.spectra import record_data
 from middeck.identification.record_fit.starts import Pasts, pasts_of, record_starts
-from middeck.identification.start.start import Options, Start
+from middeck.identification.start.start import Start
 from middeck.signals.record import Record
 
 # Rounds of noise and search of each model, and steps of each.
@@ -45,7 +45,7 @@ WEIGHED = {
 
 def choose_record(
     record: Record,
-    options: Options,
+    options: FitOptions,
     band_hz: tuple[float, float] | None,
     *,
     states: int | None,
@@ -70,7 +70,7 @@ def choose_record(
 def _searched(
     record: Record,
     data: Data,
-    options: Options,
+    options: FitOptions,
     kinds: tuple[Weighting, ...],
     states: int | None,
     tell: Callable[[str], None],
@@ -80,13 +80,13 @@ def _searched(
     if states is None:
         found, reason = _shortest(record, pasts, data, options, kinds, tell)
     else:
-        options = dataclasses.replace(options, states=states)
+        options = options.sized(states)
         found, reason = _grown_to(pasts, data, options, kinds, []), f"{states} states were asked for"
     if not found:
         return [], ""
-    options = dataclasses.replace(options, states=found[0].states)
+    options = options.sized(found[0].states)
     if kinds == NOISES:
-        tell(f"{options.states} states, all lines weighed alike")
+        tell(f"{options.moving} states, all lines weighed alike")
         found += _grown_to(pasts, data, options, ("flat",), found)
     return [_exchanged(data, options, run) for run in found], reason
 
@@ -94,7 +94,7 @@ def _searched(
 def _from_scout(
     record: Record,
     data: Data,
-    options: Options,
+    options: FitOptions,
     kinds: tuple[Weighting, ...],
     states: int | None,
     tell: Callable[[str], None],
@@ -122,10 +122,10 @@ def _refined(data: Data, layout: Layout, run: RecordRun) -> RecordRun | None:
     return refine_record(data, layout, run.refined.theta, run.weighting, rounds=ROUNDS, steps=STEPS)
 
 
-def _grown_while_shorter(record: Record, data: Data, options: Options, run: RecordRun) -> RecordRun:
+def _grown_while_shorter(record: Record, data: Data, options: FitOptions, run: RecordRun) -> RecordRun:
     """With pairs more where most is left, as long as the description of the record gets shorter."""
     while enough_samples(record, run.states + 2):
-        start = grown(data, dataclasses.replace(options, states=run.states + 2), run)
+        start = grown(data, options.sized(run.states + 2), run)
         more = start and refine_record(data, start.layout, start.theta, run.weighting, rounds=2, steps=STEPS)
         if more is None or record_length(data, more) >= record_length(data, run):
             break
@@ -137,7 +137,7 @@ def _shortest(
     record: Record,
     pasts: Pasts,
     data: Data,
-    options: Options,
+    options: FitOptions,
     kinds: tuple[Weighting, ...],
     tell: Callable[[str], None],
 ) -> tuple[list[RecordRun], str]:
@@ -152,7 +152,7 @@ def _shortest(
             break
         tell(f"{states} states")
         few = bool(tried) and tried[-1] is not min(tried, key=lambda t: t[1])
-        runs = _models(pasts, data, dataclasses.replace(options, states=states), kinds, runs, few=few)
+        runs = _models(pasts, data, options.sized(states), kinds, runs, few=few)
         if runs:
             tried.append((states, min(record_length(data, run) for run in runs), runs))
         if tried and is_settled([length for _, length, _ in tried]):
@@ -163,18 +163,18 @@ def _shortest(
 
 
 def _grown_to(
-    pasts: Pasts, data: Data, options: Options, kinds: tuple[Weighting, ...], others: list[RecordRun]
+    pasts: Pasts, data: Data, options: FitOptions, kinds: tuple[Weighting, ...], others: list[RecordRun]
 ) -> list[RecordRun]:
-    """Models of ``options.states`` states with each weighting, grown from orders just below."""
+    """Models of ``options.moving`` states with each weighting, grown from orders just below."""
     runs: list[RecordRun] = []
     for less in range(BELOW, 0, -2):
-        if options.states > less:
-            below = dataclasses.replace(options, states=options.states - less)
+        if options.moving > less:
+            below = options.sized(options.moving - less)
             runs = _models(pasts, data, below, kinds, runs)
     return _models(pasts, data, options, kinds, [*runs, *others])
 
 
-def _exchanged(data: Data, options: Options, run: RecordRun) -> RecordRun:
+def _exchanged(data: Data, options: FitOptions, run: RecordRun) -> RecordRun:
     """With modes elsewhere, as long as that pays."""
     while (other := leader(data, exchanges(data, options, run), run.weighting)) is not None:
         other = further(data, other, rounds=ROUNDS, steps=STEPS)
@@ -187,7 +187,7 @@ def _exchanged(data: Data, options: Options, run: RecordRun) -> RecordRun:
 def _models(
     pasts: Pasts,
     data: Data,
-    options: Options,
+    options: FitOptions,
     kinds: tuple[Weighting, ...],
     known: list[RecordRun],
     *,
@@ -195,7 +195,7 @@ def _models(
 ) -> list[RecordRun]:
     """The likeliest model with each weighting, from subspaces, from the order before and from each other."""
     starts = list(record_starts(pasts, data, options, few=few))
-    same = [run for run in known if run.states == options.states]
+    same = [run for run in known if run.states == options.moving]
     found: list[RecordRun] = []
     for weighting in kinds:
         before = [grown(data, options, run) for run in known if run.weighting == weighting]

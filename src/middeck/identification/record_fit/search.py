@@ -83,7 +83,7 @@ def _refined(data: Data, run: RecordRun, rounds: int, steps: int) -> RecordRun |
         r = residual_of(layout, data, found.theta, found.step.linear)
         v = _variance_of(r, data, layout, found.theta, weighting)
         likelihood = negative_log_likelihood(r, v)
-    if layout.period_s > 0.0 and _slow_reals(layout, data, found.theta) > 1:
+    if layout.options.period_s > 0.0 and _slow_reals(layout, data, found.theta) > 1:
         return None
     return RecordRun(layout, found, weighting, v, likelihood)
 
