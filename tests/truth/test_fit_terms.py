@@ -8,7 +8,7 @@ import pytest
 from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.problem.data import Data, Transient
 from middeck.identification.problem.design import build_terms, jacobian, residual_of
-from middeck.identification.problem.gram_blocks import Functions, hear
+from middeck.identification.problem.gram_blocks import Functions, weigh
 from middeck.identification.problem.layout import Layout, Point, pack
 from middeck.identification.problem.normal_equations import Solved, solve_normal
 from middeck.identification.search.refine import solve_by_qr, weighted
@@ -212,7 +212,7 @@ def test_normal_equations_are_those_of_qr(layout, experiments, transient, alike,
         data = dataclasses.replace(data, weight=np.repeat(data.weight[:, :, :1], data.H.shape[2], axis=2))
     terms = build_terms(layout, data, theta)
     shared = Functions(layout, data, terms, from_sums=from_sums)
-    heard = hear(layout, data, terms, shared)
+    heard = weigh(layout, data, terms, shared)
     found = [solve_normal(layout, data.s, terms, shared, of) for of in heard]
     assert [one.linear.shape[0] for one in found] == ([2] if data.drive is None else [1, 1])
     each = [solve_by_qr(layout, data, terms, o) for o in range(2)]
@@ -234,7 +234,7 @@ def test_a_coincident_pole_is_left_to_qr():
     theta[1], theta[4] = theta[0] + 1e-9, theta[3] + 1e-9
     terms = build_terms(layout, data, theta)
     shared = Functions(layout, data, terms)
-    assert solve_normal(layout, data.s, terms, shared, hear(layout, data, terms, shared)[0]) is None
+    assert solve_normal(layout, data.s, terms, shared, weigh(layout, data, terms, shared)[0]) is None
     assert weighted(layout, data, theta) is not None
 
 

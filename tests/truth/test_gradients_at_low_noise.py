@@ -7,7 +7,7 @@ from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.design import build_terms, late_columns, late_slopes
 from middeck.identification.problem.layout import Layout, Point, pack
-from middeck.identification.problem.own_transients import as_real
+from middeck.identification.problem.projection import as_real
 from middeck.identification.search.refine import by_normal_equations, weighted
 
 pytestmark = pytest.mark.kernels

@@ -39,7 +39,7 @@ FEWEST_LARGE, BEYOND, LEAP = 20, 12.0, 12.0
 # input does between samples.
 LEADS = 2
 # Deviations of a correlation from which it is an answer: the largest of 1e4 of noise is 4.
-HEARD = 7.0
+ANSWERED = 7.0
 # A delay is told from so many samples, and this share of the record.
 LONG, LONG_SHARE = 32, 0.02
 
@@ -263,7 +263,7 @@ def _long_delays(record: Record, U: np.ndarray, Y: np.ndarray) -> list[Place]:
     found: list[Place] = []
     count = U.shape[1]
     for o, port in enumerate(record.outputs):
-        heard = [k for u in U if u.any() for k in _heard(u, Y[o], count // 2)]
+        heard = [k for u in U if u.any() for k in _first_answers(u, Y[o], count // 2)]
         if not heard:
             continue
         first = min(heard)
@@ -276,6 +276,6 @@ def _long_delays(record: Record, U: np.ndarray, Y: np.ndarray) -> list[Place]:
     return found
 
 
-def _heard(u: Signal, y: Signal, most: int) -> list[int]:
+def _first_answers(u: Signal, y: Signal, most: int) -> list[int]:
     r = _correlation(u, y, 0, most)
-    return [int(np.argmax(np.abs(r) > HEARD))] if np.any(np.abs(r) > HEARD) else []
+    return [int(np.argmax(np.abs(r) > ANSWERED))] if np.any(np.abs(r) > ANSWERED) else []

@@ -10,22 +10,22 @@ from jaxtyping import Float
 
 from middeck.errors import FitError
 from middeck.identification.fit.fitted_model import model_of, structure_of
-from middeck.identification.fit.lacking_delay import name_lacking_delay
+from middeck.identification.fit.missing_delay import name_missing_delay
 from middeck.identification.fit.standing import (
     Standing,
+    SteadyLine,
     checked_covariance,
     doubts_of_standing,
     standing_of,
     standing_of_delays,
 )
-from middeck.identification.fit.steady_line import SteadyLine
 from middeck.identification.fit.tidy import tidied
 from middeck.identification.model.checks import check_logarithms, check_response
 from middeck.identification.model.fit_options import Constants, Delay, FitOptions, decided
 from middeck.identification.model.held_response import folded_response
 from middeck.identification.model.measurement_model import MeasurementModel, model_response
-from middeck.identification.order.beyond import race_of_orders
 from middeck.identification.order.order import EXPLAINED
+from middeck.identification.order.outside_band import choose_order
 from middeck.identification.order.race import count_unknowns, model_error, race, spread_to_follow
 from middeck.identification.problem.data import Data
 from middeck.identification.search.doubts import (
@@ -233,7 +233,7 @@ def fit_lines(measured: FrequencyResponse, asked: FitOptions, cost: Cost = "weig
     spread = spread_of(measured, relative=cost == "logarithmic")
     data = _first_data(measured, spread)
     if states is None:
-        best, reason = race_of_orders(measured, data, spread, options, asked)
+        best, reason = choose_order(measured, data, spread, options, asked)
     else:
         best, reason = race(data, spread, options), f"{states} states were asked for"
     followed = spread_to_follow(best, spread)
@@ -255,7 +255,7 @@ def _first_data(measured: FrequencyResponse, spread: Spread) -> Data:
 def _result(
     measured: FrequencyResponse, best: Polished, spread: Spread, followed: Spread, reason: str
 ) -> FitResult:
-    found = model_of(best.layout, best.refined, measured.inputs, measured.outputs)
+    found = model_of(best, measured.inputs, measured.outputs)
     covariance = estimate_covariance(
         found,
         structure_of(best.layout),
@@ -280,7 +280,7 @@ def _result(
     warnings += doubts_of_record(measured)
     excess = model_error(best, spread)
     doubts = doubts_of_model(measured, error, excess, residual)
-    warnings += name_lacking_delay(doubts, measured, covariance, error)
+    warnings += name_missing_delay(doubts, measured, covariance, error)
     warnings += doubts_of_deviations(measured, covariance)
     standing = standing_of(measured, covariance, holds=not doubts)
     # What all lines lack alike looks like a delay before it is most of what is left.

@@ -4,20 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from middeck.identification.model.descent import Refined
 from middeck.identification.model.measurement_model import RANK, MeasurementModel
-from middeck.identification.problem.layout import Layout, unpack
+from middeck.identification.problem.layout import Layout
 from middeck.identification.problem.terms import constant_terms, shapes
+from middeck.identification.search.run import Run
 from middeck.identification.uncertainty.unknowns import Structure
 from middeck.signals.ports import Port
 
 
-def model_of(
-    layout: Layout, refined: Refined, inputs: tuple[Port, ...], outputs: tuple[Port, ...]
-) -> MeasurementModel:
+def model_of(run: Run, inputs: tuple[Port, ...], outputs: tuple[Port, ...]) -> MeasurementModel:
     """The model at the end of a search, without transients; its delays may be negative."""
-    linear = refined.step.linear[:, : layout.columns]
-    point = unpack(layout, refined.theta)
+    layout, point = run.layout, run.start.point
+    linear = run.refined.step.linear[:, : layout.columns]
     c = np.array([shapes(layout, point, x) for x in linear])
     poles, b = point.poles, point.b
     if layout.options.full_rank:

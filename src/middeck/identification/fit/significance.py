@@ -7,8 +7,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Bool, Float
 
-from middeck.identification.problem.layout import Layout, Point, pack, unpack
-from middeck.identification.start.start import Start
+from middeck.identification.problem.layout import Point, Start, pack
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.unknowns import places_of, unknowns_of
 
@@ -41,9 +40,9 @@ def mode_significance(covariance: ModelCovariance) -> Float[np.ndarray, " mode"]
     return np.where(np.isfinite(found), found, 0.0)
 
 
-def with_split(layout: Layout, theta: Float[np.ndarray, " unknown"], m: int) -> Start:
+def with_split(start: Start, m: int) -> Start:
     """The same model with two modes in the place of pair ``m``, an eighth of its half-power width apart."""
-    point = unpack(layout, theta)
+    layout, point = start.layout, start.point
     at = np.insert(np.arange(len(layout.pair)), m, m)
     more = dataclasses.replace(
         layout,
@@ -57,11 +56,9 @@ def with_split(layout: Layout, theta: Float[np.ndarray, " unknown"], m: int) -> 
     return Start(more, pack(more, Point(poles, point.b[terms], point.delay_s, point.psi)))
 
 
-def without_modes(
-    layout: Layout, theta: Float[np.ndarray, " unknown"], dropped: Bool[np.ndarray, " mode"]
-) -> Start:
+def without_modes(start: Start, dropped: Bool[np.ndarray, " mode"]) -> Start:
     """The same model without some of its modes."""
-    point, kept = unpack(layout, theta), ~dropped
+    layout, point, kept = start.layout, start.point, ~dropped
     fewer = dataclasses.replace(
         layout,
         pair=np.asarray(layout.pair)[kept],

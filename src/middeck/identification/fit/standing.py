@@ -10,7 +10,6 @@ import numpy as np
 
 from middeck.errors import FitError
 from middeck.identification.fit.significance import DOUBTFUL, mode_significance
-from middeck.identification.fit.steady_line import SteadyLine
 from middeck.identification.model.measurement_model import natural_hz
 from middeck.identification.search.doubts import confounded_delays
 from middeck.identification.uncertainty.covariance import ModelCovariance
@@ -18,6 +17,7 @@ from middeck.identification.uncertainty.orthogonal import canonical_root
 from middeck.identification.uncertainty.parameters import distinct_poles, uncertainty_of
 from middeck.identification.uncertainty.unknowns import places_of
 from middeck.systems.response import FrequencyResponse
+from middeck.values import record
 
 # "sound": its deviations hold. "doubtful": it may be noise, or what the fit leaves is no noise. "unresolved":
 # one of two modes too close for their deviations to hold. "outside": not in the band, so that it stands for
@@ -30,6 +30,8 @@ ROUNDING = 1e-12
 APART = 6.0
 # Deviations of its residue above which a mode is known whatever is beside it.
 ALONE = 30.0
+# Mains are held within so much of their frequency, in any grid that a test hall is likely to be on.
+MAINS_HZ, MAINS_WITHIN = (50.0, 60.0), 0.005
 
 
 def checked_covariance(covariance: ModelCovariance) -> ModelCovariance:
@@ -136,3 +138,35 @@ def doubts_of_lines(lines: Sequence[SteadyLine]) -> list[str]:
         "no mode and was fitted beside them"
         for line in lines
     ]
+
+
+@record
+class SteadyLine:
+    """A sine that goes on through the record, not made by its inputs.
+
+    Parameters
+    ----------
+    hz:
+        Its frequency.
+    deviation_hz:
+        Standard deviation of that.
+    name:
+        "mains 50 Hz", "harmonic 3 of mains 50 Hz", or "steady line".
+    """
+
+    hz: float
+    deviation_hz: float
+    name: str
+
+
+def name_line(hz: float, deviation_hz: float) -> str:
+    """By the mains and its harmonics, within half a per cent.
+
+    >>> name_line(150.2, 0.01), name_line(43.0, 0.01), name_line(59.98, 0.01)
+    ('harmonic 3 of mains 50 Hz', 'steady line', 'mains 60 Hz')
+    """
+    for mains in MAINS_HZ:
+        order = max(round(hz / mains), 1)
+        if abs(hz - order * mains) <= MAINS_WITHIN * order * mains + deviation_hz:
+            return f"mains {mains:g} Hz" if order == 1 else f"harmonic {order} of mains {mains:g} Hz"
+    return "steady line"

@@ -65,7 +65,7 @@ def shed(
 
 
 def _significance(measured: FrequencyResponse, best: Polished, spread: Spread) -> Float[np.ndarray, " mode"]:
-    model = model_of(best.layout, best.refined, measured.inputs, measured.outputs)
+    model = model_of(best, measured.inputs, measured.outputs)
     covariance = estimate_covariance(
         model, structure_of(best.layout), measured, assumed=spread.at(best.share), noise=spread.variance
     )
@@ -77,7 +77,7 @@ def _without(
     data: Data, best: Polished, spread: Spread, dropped: Bool[np.ndarray, " mode"]
 ) -> Polished | None:
     """Refined without some modes, if its description is no longer."""
-    start = without_modes(best.layout, best.refined.theta, dropped)
+    start = without_modes(best.start, dropped)
     fewer = polish(data, start, spread, steps=STEPS, rounds=2, share=best.share)
     if fewer is None or _length(data, fewer) > _length(data, best):
         return None

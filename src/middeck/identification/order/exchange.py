@@ -12,14 +12,14 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.identification.model.fit_options import FitOptions
-from middeck.identification.order.newcomer import Newcomer, find_newcomer
+from middeck.identification.order.candidate import Candidate, find_candidate
 from middeck.identification.problem.data import Data
-from middeck.identification.problem.design import build_terms, residual_of
-from middeck.identification.problem.layout import Point, unpack
-from middeck.identification.problem.own_transients import as_real
+from middeck.identification.problem.design import build_terms
+from middeck.identification.problem.layout import Point, Start
+from middeck.identification.problem.projection import as_real
 from middeck.identification.search.polish import Polished
 from middeck.identification.spectra.weights import Spread
-from middeck.identification.start.start import Start, start_at, start_from_point
+from middeck.identification.start.start import start_at, start_from_point
 
 # Lines over which the residual's peak is looked for, as a share of the frequency: a mode of 1 % is so wide.
 PEAK_WIDTH = 0.01
@@ -63,7 +63,7 @@ def shrunk(data: Data, options: FitOptions, best: Polished, spread: Spread) -> S
     if layout.pairs < 2:
         return None
     at_best = dataclasses.replace(data, weight=1.0 / np.sqrt(spread.at(best.share)))
-    point = unpack(layout, best.refined.theta)
+    point = best.start.point
     kept = np.delete(np.arange(len(layout.pair)), np.argmin(missed_modes(at_best, best)[: layout.pairs]))
     pair = np.asarray(layout.pair)[kept]
     if layout.options.full_rank:
@@ -90,26 +90,26 @@ def missed_modes(data: Data, best: Polished) -> Float[np.ndarray, " mode"]:
     return missed
 
 
-def _found_pole(data: Data, best: Polished) -> Newcomer:
+def _found_pole(data: Data, best: Polished) -> Candidate:
     """The pair that would tell most; in records of experiments, one at the residual's peak."""
     at_peak = _at_peak(data, best)
     if data.drive is not None:
         return at_peak
     light, peak = -at_peak.pole.real / at_peak.pole.imag, at_peak.pole.imag
-    return find_newcomer(data, best, light, peak) or at_peak
+    return find_candidate(data, best, light, peak) or at_peak
 
 
-def _at_peak(data: Data, best: Polished) -> Newcomer:
+def _at_peak(data: Data, best: Polished) -> Candidate:
     """A pair at the residual's peak, damped as the others are in the median."""
-    pairs = unpack(best.layout, best.refined.theta).poles[: best.layout.pairs]
+    pairs = best.start.point.poles[: best.layout.pairs]
     light = float(np.median(-np.real(pairs) / np.abs(pairs))) if len(pairs) else PEAK_WIDTH
-    return Newcomer(_peak(data, best) * (-min(light, HEAVIEST) + 1j), np.zeros(0, dtype=complex), 0.0)
+    return Candidate(_peak(data, best) * (-min(light, HEAVIEST) + 1j), np.zeros(0, dtype=complex), 0.0)
 
 
-def _with(data: Data, options: FitOptions, best: Polished, kept: np.ndarray, new: Newcomer) -> Start:
+def _with(data: Data, options: FitOptions, best: Polished, kept: np.ndarray, new: Candidate) -> Start:
     """Some of the modes, as they are, and a new pair."""
     layout = best.layout
-    point = unpack(layout, best.refined.theta)
+    point = best.start.point
     poles, pair = point.poles[kept], np.asarray(layout.pair)[kept]
     place = int(np.sum(pair))
     poles, pair = np.insert(poles, place, new.pole), np.insert(pair, place, True)
@@ -121,9 +121,9 @@ def _with(data: Data, options: FitOptions, best: Polished, kept: np.ndarray, new
 
 def _peak(data: Data, best: Polished) -> float:
     """Angular frequency where most is left in a band as wide as a mode."""
-    r = residual_of(best.layout, data, best.refined.theta, best.refined.step.linear) * data.weight
+    r = best.residual(data) * data.weight
     power = np.concatenate([[0.0], np.cumsum(np.sum(np.abs(r) ** 2, axis=(0, 2)))])
-    omega = np.imag(data.s)
+    omega = data.omega
     low = np.searchsorted(omega, omega * (1.0 - PEAK_WIDTH))
     high = np.searchsorted(omega, omega * (1.0 + PEAK_WIDTH), side="right")
     inner = (low > 0) & (high < len(omega))

@@ -22,11 +22,11 @@ from middeck.identification.order.order import (
 )
 from middeck.identification.order.thinning import take_lines, thin_lines
 from middeck.identification.problem.data import Data
-from middeck.identification.problem.design import residual_of
+from middeck.identification.problem.layout import Start
 from middeck.identification.search.polish import Polished, polish
 from middeck.identification.search.refine import weighted
 from middeck.identification.spectra.weights import Spread
-from middeck.identification.start.start import Start, few_starts, starts
+from middeck.identification.start.start import few_starts, starts
 from middeck.systems.response import FrequencyResponse
 
 # Steps of all starts, of the best few of them, of the best, and of modes exchanged.
@@ -86,8 +86,7 @@ def _heats(part: Data, spread: Spread, started: list[tuple[Start, float | None]]
 
 
 def _further(part: Data, spread: Spread, run: Polished, steps: int) -> Polished:
-    start = Start(run.layout, run.refined.theta)
-    return polish(part, start, spread, steps=steps, rounds=1, share=run.share) or run
+    return polish(part, run.start, spread, steps=steps, rounds=1, share=run.share) or run
 
 
 def _negative_likelihood(run: Polished) -> float:
@@ -134,7 +133,7 @@ def recommend_states(
     runs: dict[int, tuple[Tried, Polished]] = {}
 
     def judge(run: Polished) -> Tried:
-        states = _states(run)
+        states = run.layout.states
         # Terms for modes outside the band are the same at each order, and dearer than poles there otherwise.
         sized = dataclasses.replace(options.sized(states), residuals=False, direct=False)
         unknowns = count_unknowns(measured, sized)
@@ -152,7 +151,7 @@ def recommend_states(
             break
         first = starts(part, sized) if lacking else few_starts(part, sized)
         best = _heats(part, some, _started(part, some, sized, best, first)) or best
-        if best is None or _states(best) != states:
+        if best is None or best.layout.states != states:
             continue
         best = _as_long_as_it_tells(part, some, best)
         judge(best)
@@ -217,14 +216,10 @@ def _as_long_as_it_tells(part: Data, spread: Spread, run: Polished) -> Polished:
     return run
 
 
-def _states(run: Polished) -> int:
-    return int(np.sum(np.where(run.layout.pair, 2, 1)))
-
-
 def _grown(part: Data, spread: Spread, options: FitOptions, best: Polished) -> tuple[Start, float] | None:
     """A start from the order before, a pair added at each peak of the residual."""
-    while (left := options.moving - _states(best)) > 0:
-        start = grown(part, options.sized(_states(best) + 2), best, spread)
+    while (left := options.moving - best.layout.states) > 0:
+        start = grown(part, options.sized(best.layout.states + 2), best, spread)
         if left <= 2:
             return start, best.share
         run = polish(part, start, spread, steps=1, rounds=1, share=best.share)
@@ -239,13 +234,13 @@ def _held_out(data: Data, spread: Spread, part: Data, some: Spread, best: Polish
 
     Those that were left out; where none were, it is refined on every other line and judged on the rest.
     """
-    unseen = np.setdiff1d(np.arange(len(data.s)), np.searchsorted(np.imag(data.s), np.imag(part.s)))
+    unseen = np.setdiff1d(np.arange(len(data.s)), np.searchsorted(data.omega, part.omega))
     run = best
     if not len(unseen):
         half, spread_of_half = take_lines(part, some, np.arange(0, len(part.s), 2))
         run = _further(half, spread_of_half, best, HELD_OUT_STEPS)
         unseen = np.arange(1, len(data.s), 2)
-    r = residual_of(run.layout, data, run.refined.theta, run.refined.step.linear)[:, unseen]
+    r = run.residual(data)[:, unseen]
     return float(np.sqrt(np.mean(np.abs(r) ** 2 / spread.at(1.0)[:, unseen])))
 
 

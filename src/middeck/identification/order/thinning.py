@@ -35,7 +35,7 @@ def thin_lines(data: Data, spread: Spread, unknowns: int = 0) -> Int[np.ndarray,
     even = _every(lines, step)
     if len(even) <= ENOUGH * wanted:
         return even
-    omega = np.imag(data.s)
+    omega = data.omega
     gap = WIDEST_GAP
     while (kept := _apart(omega, gap)).size < len(even):
         if len(kept) >= wanted and _restores(data, spread, kept):
@@ -61,7 +61,7 @@ def _apart(omega: np.ndarray, gap: float) -> Int[np.ndarray, " kept"]:
 
 
 def _restores(data: Data, spread: Spread, kept: np.ndarray) -> bool:
-    omega = np.imag(data.s)
+    omega = data.omega
     right = np.clip(np.searchsorted(omega[kept], omega, side="right"), 1, len(kept) - 1)
     left, right = kept[right - 1], kept[right]
     share = ((omega - omega[left]) / (omega[right] - omega[left]))[:, None]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Complex, Float
+from jaxtyping import Complex, Float, Int
 
 from middeck.values import record
 
@@ -54,3 +54,29 @@ class Data:
     drive: Complex[np.ndarray, "line input column"] | None = None
     transient: Transient | None = None
     mix: Complex[np.ndarray, "line output output"] | None = None
+
+    @property
+    def omega(self) -> Float[np.ndarray, " line"]:
+        """Angular frequencies [rad/s]."""
+        return np.imag(self.s)
+
+    @property
+    def spacing(self) -> float:
+        """Least distance of two lines [rad/s]."""
+        return float(np.min(np.diff(self.omega), initial=self.omega[-1]))
+
+    @property
+    def lines(self) -> Int[np.ndarray, " line"]:
+        """Numbers of the lines, counted from zero frequency."""
+        return np.round(self.omega / self.spacing).astype(int)
+
+    @property
+    def length_s(self) -> float:
+        """Length of a record with these lines [s]."""
+        return 2.0 * np.pi / self.spacing
+
+    @property
+    def period_s(self) -> float:
+        """Sampling period of a record with a transient [s]."""
+        assert self.transient is not None
+        return self.transient.period_s

@@ -140,7 +140,7 @@ class Together(NamedTuple):
         return found
 
 
-Heard = Alone | Together
+Weighted = Alone | Together
 
 
 def _rows_in_paths(A: np.ndarray) -> list[Int[np.ndarray, " row"]]:
@@ -148,7 +148,7 @@ def _rows_in_paths(A: np.ndarray) -> list[Int[np.ndarray, " row"]]:
     return [np.flatnonzero(rows) for rows in np.transpose(np.any(A, axis=(0, 3)))]
 
 
-def hear(layout: Layout, data: Data, terms: Terms, shared: Functions) -> list[Heard]:
+def weigh(layout: Layout, data: Data, terms: Terms, shared: Functions) -> list[Weighted]:
     """The weighted data and how paths are heard in them, in as few groups as err alone."""
     if data.mix is not None:
         return [_mixed(data, terms, shared, data.mix)]
@@ -195,7 +195,7 @@ def _blocks(shared: Functions, by: Complex[np.ndarray, "path column line"]) -> l
 
 
 def on_functions(
-    shared: Functions, of: Heard, v: Complex[np.ndarray, "group column line"]
+    shared: Functions, of: Weighted, v: Complex[np.ndarray, "group column line"]
 ) -> Float[np.ndarray, "group path function"]:
     """Inner products of weighted data with each function in each path."""
     return shared.products(of.back(v))

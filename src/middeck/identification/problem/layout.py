@@ -56,6 +56,11 @@ class Layout:
         return int(np.sum(self.pair))
 
     @property
+    def states(self) -> int:
+        """Order of the model but for poles at zero."""
+        return len(self.pair) + self.pairs
+
+    @property
     def copies(self) -> int:
         """Terms c b / (q - lambda) of each pole."""
         return self.inputs if self.options.full_rank else 1
@@ -199,6 +204,19 @@ def unpack(layout: Layout, theta: Float[np.ndarray, " unknown"]) -> Point:
         _delays_at(layout, theta[used + len(free_psi) :]),
         _rigid_vectors(layout, free_psi, theta[used : used + len(free_psi)]),
     )
+
+
+@record
+class Start:
+    """A layout and its theta: where a search begins, or has ended."""
+
+    layout: Layout
+    theta: Float[np.ndarray, " unknown"]
+
+    @functools.cached_property
+    def point(self) -> Point:
+        """theta unpacked."""
+        return unpack(self.layout, self.theta)
 
 
 def _input_vectors(layout: Layout, free: list[tuple[int, int, bool]], values: np.ndarray) -> np.ndarray:

@@ -19,9 +19,9 @@ from jaxtyping import Complex, Float, Int
 
 from middeck.identification.problem.design import Terms
 from middeck.identification.problem.factors import column_factors, slope_factors
-from middeck.identification.problem.gram_blocks import Functions, Heard, on_functions
+from middeck.identification.problem.gram_blocks import Functions, Weighted, on_functions
 from middeck.identification.problem.layout import Layout
-from middeck.identification.problem.ties import Tied
+from middeck.identification.problem.zero_sum import ZeroSum
 
 # Smallest pivot of the scaled normal equations: below it a correction gains less than four digits.
 WORST = 1e-12
@@ -47,10 +47,10 @@ class Solved(NamedTuple):
 
 
 def solve_normal(
-    layout: Layout, s: Complex[np.ndarray, " line"], terms: Terms, shared: Functions, of: Heard
+    layout: Layout, s: Complex[np.ndarray, " line"], terms: Terms, shared: Functions, of: Weighted
 ) -> Solved | None:
     """The outputs that are heard; None where the condition is too bad."""
-    columns, tied = column_factors(layout, terms.point), Tied(layout, terms.point)
+    columns, tied = column_factors(layout, terms.point), ZeroSum(layout, terms.point)
     free = tied.free(columns.reshape(len(columns), -1)).reshape(-1, *columns.shape[1:])
     free = _placed(free, of.outputs.shape[1])
     solve = _Normal.of(of.inner(free[None], free[None]))
@@ -80,7 +80,7 @@ class _Linear(NamedTuple):
 
 
 def _solve_linear(
-    shared: Functions, of: Heard, solve: _Normal, free: np.ndarray, columns: np.ndarray, tied: Tied
+    shared: Functions, of: Weighted, solve: _Normal, free: np.ndarray, columns: np.ndarray, tied: ZeroSum
 ) -> _Linear | None:
     """None where no correction makes what is left orthogonal to the columns."""
     groups, each = of.outputs.shape
@@ -101,7 +101,7 @@ def _solve_linear(
     return found if np.all(skew <= SKEW * rest + 10.0 * rounding) else None
 
 
-def _by_group(of: Heard, factors: np.ndarray) -> Float[np.ndarray, "group row path function"]:
+def _by_group(of: Weighted, factors: np.ndarray) -> Float[np.ndarray, "group row path function"]:
     """Factors [output, row, input, function] by the groups of outputs."""
     apart = np.swapaxes(factors.reshape(*of.outputs.shape, *factors.shape[1:]), 1, 2)
     return apart.reshape(*apart.shape[:2], -1, apart.shape[-1])
@@ -128,7 +128,7 @@ def _squares(v: Complex[np.ndarray, "group column line"]) -> Float[np.ndarray, "
 
 def _by_theta(
     shared: Functions,
-    of: Heard,
+    of: Weighted,
     solve: _Normal,
     free: np.ndarray,
     G: Float[np.ndarray, "group unknown path function"],
@@ -171,7 +171,7 @@ def _placed(factors: np.ndarray, outputs: int) -> Float[np.ndarray, "row path fu
 
 
 def _delay_slopes(
-    layout: Layout, of: Heard, rate: Complex[np.ndarray, "group path line"]
+    layout: Layout, of: Weighted, rate: Complex[np.ndarray, "group path line"]
 ) -> tuple[Complex[np.ndarray, "group delay column line"], Int[np.ndarray, "group delay"]]:
     """Weighted slopes by the delays of each group, and their places among all delays."""
     groups, paths, _ = rate.shape

@@ -16,6 +16,7 @@ from jaxtyping import Float
 
 from middeck.errors import FitError
 from middeck.identification.fit.fit_response import FitResult, fit_lines, marked
+from middeck.identification.fit.fitted_model import model_of
 from middeck.identification.fit.standing import (
     checked_covariance,
     doubts_of_lines,
@@ -29,16 +30,20 @@ from middeck.identification.model.held_response import folded_response
 from middeck.identification.model.measurement_model import MeasurementModel, model_response, natural_hz
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.design import residual_of
-from middeck.identification.record_fit.aliasing import FOLDED, folded_share
-from middeck.identification.record_fit.causes import causes_of, named_cause
+from middeck.identification.record_fit.causes import (
+    causes_of,
+    doubts_of_folding,
+    doubts_of_growth,
+    growth_score,
+    named_cause,
+)
 from middeck.identification.record_fit.continuous import fit_continuous
 from middeck.identification.record_fit.instability import refuse_growth
-from middeck.identification.record_fit.model import record_covariance, record_model
+from middeck.identification.record_fit.model import record_covariance
 from middeck.identification.record_fit.noise import negative_log_likelihood, noise_variance
 from middeck.identification.record_fit.order import choose_record
 from middeck.identification.record_fit.search import RecordRun, Weighting
 from middeck.identification.record_fit.spectra import record_data, without_drift, without_trend
-from middeck.identification.record_fit.steadiness import growth_score
 from middeck.identification.record_fit.tidy import Tidied, tidied
 from middeck.identification.search.doubts import causal_delay, doubts_of_deviations
 from middeck.identification.spectra import estimate_response
@@ -55,9 +60,6 @@ LEFT = 0.1
 HELD_ABOVE = 1.0 / 8.0
 # Inputs driven to this share of half the rate are driven all the way.
 NYQUIST = 0.95
-# Score of a residual that grows with the response above which it is no noise: noise passes it once in 4000,
-# if its power were normal over blocks.
-GROWS = 3.5
 # A decay rate times the record's length that is no more than the search allows at least, and lines between a
 # mode and a sine that may be its own motion.
 HARDLY, BESIDE = 0.15, 2.0
@@ -236,7 +238,7 @@ def _check_length(record: Record, states: int) -> None:
 
 def _lines(record: Record, data: Data, H: np.ndarray) -> FrequencyResponse:
     """A response on the lines that are fitted."""
-    f = np.imag(data.s) / (2.0 * np.pi)
+    f = data.omega / (2.0 * np.pi)
     return FrequencyResponse(f, H, record.inputs, record.outputs, np.zeros(H.shape))
 
 
@@ -259,10 +261,10 @@ def _result(measured: Record, record: Record, fit: Tidied, reason: str, score: n
     found = run.refined
     r = residual_of(run.layout, data, found.theta, found.step.linear)
     _refuse_noise(data, run)
-    fitted = record_model(run.layout, found, record)
+    fitted = model_of(run, record.inputs, record.outputs)
     covariance = checked_covariance(record_covariance(run, data, fitted))
     uncertainty = uncertainty_of(covariance)
-    lines = _lines(record, data, model_response(fitted, np.imag(data.s) / (2.0 * np.pi)))
+    lines = _lines(record, data, model_response(fitted, data.omega / (2.0 * np.pi)))
     if not np.isfinite(lines.H).all():
         raise FitError("the fitted response is not finite", hint="fewer states")
     delay_s, warnings = causal_delay(lines, fitted.delay_s, uncertainty)
@@ -270,8 +272,8 @@ def _result(measured: Record, record: Record, fit: Tidied, reason: str, score: n
     error = np.sqrt(np.sum(np.abs(r) ** 2, axis=(1, 2)) / np.sum(np.abs(data.H) ** 2, axis=(1, 2)))
     warnings += _doubts(run, record, error)
     warnings += doubts_of_deviations(lines, covariance, of_samples=True)
-    wrong = [*_growing(record, score), *_undamped(lines, model, fit)]
-    wrong += [] if model.sample_hz is not None else _folded(record)
+    wrong = [*doubts_of_growth(record, score), *_undamped(lines, model, fit)]
+    wrong += [] if model.sample_hz is not None else doubts_of_folding(record)
     wrong += causes_of(measured, data, run, _lead(fitted, uncertainty.delay_s), error)
     warnings += [*wrong, *doubts_of_lines(fit.lines)]
     standing = standing_of(lines, covariance, holds=not wrong)
@@ -296,28 +298,6 @@ def _lead(fitted: MeasurementModel, deviation: Float[np.ndarray, " output"]) -> 
     """By how many of its deviations each output leads its input; zero for one that does not."""
     leads = (fitted.delay_s < 0.0) & (deviation > 0.0)
     return np.divide(-fitted.delay_s, deviation, out=np.zeros(len(deviation)), where=leads)
-
-
-def _growing(record: Record, score: np.ndarray) -> list[str]:
-    """Outputs of which more is left while they move more: what is left is no noise."""
-    return [
-        f"output {port.name}: what the fit leaves grows with the response ({z:.0f} standard deviations of "
-        "noise), so that it is no noise: blows that scatter, a sensor that clips, an article that is not "
-        "linear or a wrong model; no stated deviation holds"
-        for port, z in zip(record.outputs, score, strict=True)
-        if z >= GROWS
-    ]
-
-
-def _folded(record: Record) -> list[str]:
-    """Inputs whose blows reach beyond half the sampling rate."""
-    return [
-        f"input {port.name}: at half the sampling rate its blows still have {share:.1%} of their largest "
-        "line: sampled without a filter, or too slowly, so that what is folded back is no response; no "
-        "stated deviation holds, that of a delay least; sample faster, or strike with a softer tip"
-        for port, share in zip(record.inputs, folded_share(record), strict=True)
-        if share > FOLDED
-    ]
 
 
 def _undamped(lines: FrequencyResponse, model: MeasurementModel, fit: Tidied) -> list[str]:
@@ -350,12 +330,10 @@ def _refuse_noise(data: Data, run: RecordRun) -> None:
 
     Description lengths 2 L + k ln n (Rissanen 1978), the noise smooth over lines in both.
     """
-    none = np.zeros(0, dtype=complex)
-    assert data.transient is not None
-    v = noise_variance(data.H, "output", data.s, none, data.transient.period_s)
+    v = noise_variance(data.H)
     alone = 2.0 * negative_log_likelihood(data.H, v)
-    r = residual_of(run.layout, data, run.refined.theta, run.refined.step.linear)
-    v = noise_variance(r, "output", data.s, none, data.transient.period_s)
+    r = run.residual(data)
+    v = noise_variance(r)
     unknowns = run.layout.size + run.refined.step.linear.size
     model = 2.0 * negative_log_likelihood(r, v) + unknowns * np.log(2.0 * data.H.size)
     if model >= alone:

@@ -11,8 +11,8 @@ import dataclasses
 import numpy as np
 
 from middeck.errors import DataError, NumericalError
+from middeck.identification.fit.fitted_model import model_of
 from middeck.identification.problem.data import Transient
-from middeck.identification.record_fit.model import record_model
 from middeck.identification.record_fit.search import RecordRun, refine_record
 from middeck.identification.record_fit.simulation import record_nrmse
 from middeck.identification.record_fit.spectra import cut_samples, record_data
@@ -41,10 +41,10 @@ def error_held_out(
     for seen, unseen in (((0, count - third), (count - third, count)), ((third, count), (0, third))):
         data = record_data(cut_samples(record, *seen), band_hz, whole=True)
         data = dataclasses.replace(data, transient=transient or data.transient)
-        part = refine_record(data, run.layout, run.refined.theta, run.weighting, rounds=1, steps=STEPS)
+        part = refine_record(data, run.start, run.weighting, rounds=1, steps=STEPS)
         if part is None:
             return np.inf
-        model = record_model(part.layout, part.refined, record)
+        model = model_of(part, record.inputs, record.outputs)
         try:
             left = record_nrmse(model, cut_samples(record, *unseen), state_share=STATE_SHARE)
         except (NumericalError, DataError):

@@ -12,21 +12,20 @@ outputs, and that model is refined, and grown as long as its description gets sh
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Sequence
 
 from middeck.errors import FitError
 from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.order.order import description_length, is_settled, sizes
 from middeck.identification.problem.data import Data
-from middeck.identification.problem.layout import Layout
+from middeck.identification.problem.layout import Start
 from middeck.identification.record_fit.growth import exchanges, grown
 from middeck.identification.record_fit.held_out import error_held_out
-from middeck.identification.record_fit.race import further, leader
-from middeck.identification.record_fit.scout import is_large, scouted, with_outputs
-from middeck.identification.record_fit.search import RecordRun, Weighting, refine_record
+from middeck.identification.record_fit.scout import is_large, scouted
+from middeck.identification.record_fit.search import RecordRun, Weighting, further, leader, refine_record
 from middeck.identification.record_fit.spectra import record_data
 from middeck.identification.record_fit.starts import Pasts, pasts_of, record_starts
-from middeck.identification.start.start import Start
 from middeck.signals.record import Record
 
 # Rounds of noise and search of each model, and steps of each.
@@ -61,7 +60,7 @@ def choose_record(
         raise FitError("no start could be refined", hint="a longer record, or fewer states")
     if weighting is not None:
         return found[0], reason
-    tell(f"{found[0].states} states, samples held out")
+    tell(f"{found[0].layout.states} states, samples held out")
     judged = [(error_held_out(record, band_hz, run), record_length(data, run), run) for run in found]
     error, _, best = min(judged, key=lambda t: t[:2])
     return best, f"{reason}; {WEIGHED[best.weighting]}: samples held out are simulated within {error:.2%}"
@@ -84,7 +83,7 @@ def _searched(
         found, reason = _grown_to(pasts, data, options, kinds, []), f"{states} states were asked for"
     if not found:
         return [], ""
-    options = options.sized(found[0].states)
+    options = options.sized(found[0].layout.states)
     if kinds == NOISES:
         tell(f"{options.moving} states, all lines weighed alike")
         found += _grown_to(pasts, data, options, ("flat",), found)
@@ -102,31 +101,30 @@ def _from_scout(
     """The models of a scout, refined with each weighting on all there is."""
     small, thin = scouted(record, data)
     first, reason = _searched(small, thin, options, kinds[:1], states, tell)
-    run = None if not first else _refined(data, with_outputs(first[0].layout, len(data.H)), first[0])
+    if not first:
+        return [], ""
+    # The layout of a model of the same poles and inputs: outputs share nothing else.
+    start = Start(dataclasses.replace(first[0].layout, outputs=len(data.H)), first[0].refined.theta)
+    run = refine_record(data, start, first[0].weighting, rounds=ROUNDS, steps=STEPS)
     if run is None:
         return [], ""
     if states is None:
-        tell(f"{run.states} states, on all lines")
+        tell(f"{run.layout.states} states, on all lines")
         run = _grown_while_shorter(record, data, options, run)
-        if run.states > first[0].states:
-            reason = (
-                f"{run.states} states have the shortest description; on the lines of a first search {reason}"
-            )
+        if run.layout.states > first[0].layout.states:
+            more = f"{run.layout.states} states have the shortest description"
+            reason = f"{more}; on the lines of a first search {reason}"
     tried: list[Weighting] = ["output", "motion", "flat"] if kinds == NOISES else []
     others: list[Weighting] = [w for w in tried if w != run.weighting]
-    more = (refine_record(data, run.layout, run.refined.theta, w, rounds=ROUNDS, steps=STEPS) for w in others)
+    more = (refine_record(data, run.start, w, rounds=ROUNDS, steps=STEPS) for w in others)
     return [run, *(other for other in more if other is not None)], reason
-
-
-def _refined(data: Data, layout: Layout, run: RecordRun) -> RecordRun | None:
-    return refine_record(data, layout, run.refined.theta, run.weighting, rounds=ROUNDS, steps=STEPS)
 
 
 def _grown_while_shorter(record: Record, data: Data, options: FitOptions, run: RecordRun) -> RecordRun:
     """With pairs more where most is left, as long as the description of the record gets shorter."""
-    while enough_samples(record, run.states + 2):
-        start = grown(data, options.sized(run.states + 2), run)
-        more = start and refine_record(data, start.layout, start.theta, run.weighting, rounds=2, steps=STEPS)
+    while enough_samples(record, run.layout.states + 2):
+        start = grown(data, options.sized(run.layout.states + 2), run)
+        more = start and refine_record(data, start, run.weighting, rounds=2, steps=STEPS)
         if more is None or record_length(data, more) >= record_length(data, run):
             break
         run = more
@@ -195,11 +193,11 @@ def _models(
 ) -> list[RecordRun]:
     """The likeliest model with each weighting, from subspaces, from the order before and from each other."""
     starts = list(record_starts(pasts, data, options, few=few))
-    same = [run for run in known if run.states == options.moving]
+    same = [run for run in known if run.layout.states == options.moving]
     found: list[RecordRun] = []
     for weighting in kinds:
         before = [grown(data, options, run) for run in known if run.weighting == weighting]
-        other = [Start(run.layout, run.refined.theta) for run in (*same, *found)]
+        other = [run.start for run in (*same, *found)]
         run = leader(data, [*starts, *other, *(start for start in before if start is not None)], weighting)
         if run is not None:
             found.append(further(data, run, rounds=ROUNDS, steps=STEPS))

@@ -15,7 +15,6 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.identification.problem.data import Data
-from middeck.identification.problem.layout import Layout
 from middeck.identification.record_fit.spectra import record_data
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
@@ -35,7 +34,7 @@ def scouted(record: Record, data: Data) -> tuple[Record, Data]:
     """The record with its principal outputs, and some of their lines."""
     mixed = _principal(record)
     kept = _strongest(data, max(LINES // data.H.shape[2], 1))
-    lines = np.imag(data.s) / (2.0 * np.pi)
+    lines = data.omega / (2.0 * np.pi)
     whole = data if mixed is record else record_data(mixed, (lines[0], lines[-1]), whole=True)
     drive = whole.drive
     assert drive is not None
@@ -43,11 +42,6 @@ def scouted(record: Record, data: Data) -> tuple[Record, Data]:
         whole, s=whole.s[kept], H=whole.H[:, kept], weight=whole.weight[:, kept], drive=drive[kept]
     )
     return mixed, thin
-
-
-def with_outputs(layout: Layout, outputs: int) -> Layout:
-    """The layout of a model of the same poles and inputs: outputs share nothing else."""
-    return dataclasses.replace(layout, outputs=outputs)
 
 
 def _principal(record: Record) -> Record:

@@ -13,11 +13,11 @@ from jaxtyping import Bool, Complex, Float
 
 from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.problem.data import Data
-from middeck.identification.problem.layout import Layout, Point, pack
+from middeck.identification.problem.layout import Layout, Point, Start, pack
 from middeck.identification.problem.terms import columns, fractions, shapes
 from middeck.identification.record_fit.subspace import PastFuture, Weighting, compress_past, record_poles
 from middeck.identification.search.refine import weighted
-from middeck.identification.start.start import Start, starts_from
+from middeck.identification.start.start import starts_from
 from middeck.signals.record import Record
 from middeck.values import record as frozen
 
@@ -83,7 +83,7 @@ class PastOfRecord:
 
 def past_of(record: Record, data: Data) -> PastOfRecord:
     """The triangles for `continuous_starts`, of samples no denser than the highest line of ``data`` needs."""
-    highest_hz = float(np.imag(data.s[-1])) / (2.0 * np.pi)
+    highest_hz = float(data.omega[-1]) / (2.0 * np.pi)
     thin = max(1, int(record.sample_hz / (DENSE * highest_hz)))
     u, y = _in_deviations(record.u), _in_deviations(record.y)
     if thin > 1:

@@ -36,7 +36,7 @@ Vector = Float[np.ndarray, " unknown"]
 def bound_theta(layout: Layout, data: Data, theta: Vector) -> Vector:
     """``theta`` with each pole where it may be."""
     modes, pairs, T = len(layout.pair), layout.pairs, layout.options.period_s
-    first, last = np.imag(data.s[0]), np.imag(data.s[-1])
+    first, last = data.omega[0], data.omega[-1]
     found = theta.copy()
     highest = BELOW_NYQUIST * np.pi / T if T else FASTEST * last
     found[modes : modes + pairs] = np.clip(

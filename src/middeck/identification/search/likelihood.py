@@ -85,7 +85,7 @@ def likelihood_polish(data: Data, start: Polished, covariance: ResponseCovarianc
         found = dataclasses.replace(found, theta=bound_theta(layout, mixed, found.theta))
         left = residual_of(layout, white, found.theta, found.step.linear)
         value = float(np.sum(np.abs(_mixed(mixed.mix, left)) ** 2) - 2.0 * _log_size(mixed.mix, left))
-        best = dataclasses.replace(best, refined=found, share=share, gram=found.step.gram, likelihood=value)
+        best = dataclasses.replace(best, refined=found, share=share, likelihood=value)
     return best
 
 

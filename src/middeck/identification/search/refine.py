@@ -26,11 +26,11 @@ from middeck.identification.problem.design import (
     late_slopes,
     model_of_output,
 )
-from middeck.identification.problem.gram_blocks import Functions, hear
+from middeck.identification.problem.gram_blocks import Functions, weigh
 from middeck.identification.problem.layout import Layout
 from middeck.identification.problem.normal_equations import Solved, solve_normal
-from middeck.identification.problem.own_transients import OwnTransients, as_real
-from middeck.identification.problem.ties import Tied
+from middeck.identification.problem.projection import TransientProjection, as_real
+from middeck.identification.problem.zero_sum import ZeroSum
 
 # Linear unknowns are not solved for where one column is the rest up to this share: coinciding poles.
 COINCIDENT = 1e-13
@@ -78,7 +78,7 @@ def _solve(layout: Layout, data: Data, terms: Terms, *, from_sums: bool) -> list
     ways = (True, False) if from_sums else (False,)
     for sums in ways if by_normal_equations(layout, data) else ():
         shared = Functions(layout, data, terms, from_sums=sums)
-        each = (solve_normal(layout, data.s, terms, shared, of) for of in hear(layout, data, terms, shared))
+        each = (solve_normal(layout, data.s, terms, shared, of) for of in weigh(layout, data, terms, shared))
         solved = _all_of(each)
         if solved is not None and data.mix is None and _rounding(solved) > ROUNDED:
             break
@@ -113,9 +113,9 @@ def by_normal_equations(layout: Layout, data: Data) -> bool:
 
 def solve_by_qr(layout: Layout, data: Data, terms: Terms, output: int) -> Solved | None:
     """One output by orthogonal columns, from Kaufman's Jacobian; None where two of them coincide."""
-    own = OwnTransients(terms.B, data.weight[output])
+    own = TransientProjection(terms.B, data.weight[output])
     X = late_columns(layout, data, terms, output)
-    A, tied = own.removed(X), Tied(layout, terms.point)
+    A, tied = own.removed(X), ZeroSum(layout, terms.point)
     free = tied.free(A)
     size = np.linalg.norm(free, axis=1)
     if not (np.isfinite(size).all() and size.all()):

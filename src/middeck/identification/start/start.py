@@ -20,13 +20,12 @@ from jaxtyping import Bool, Complex, Float
 from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.design import build_terms
-from middeck.identification.problem.layout import Layout, Point, pack
-from middeck.identification.problem.own_transients import as_real
+from middeck.identification.problem.layout import Layout, Point, Start, pack
+from middeck.identification.problem.projection import as_real
 from middeck.identification.problem.terms import columns, fractions, shapes
 from middeck.identification.start.pruning import prune
 from middeck.identification.start.subspace import block_rows, subspace_modes, subspace_poles
 from middeck.identification.start.vector_fitting import relocate
-from middeck.values import record
 
 # Size of the subspace as a multiple of the states kept, and its block rows as a multiple of the least.
 REAL_SIZES = tuple((size, rows) for size in (1.0, 1.5, 2.0) for rows in (1.5, 2.0, 3.0))
@@ -49,14 +48,6 @@ NARROW, FINER, HOPELESS = 2.0, 64, 3.0
 MOST_LINES = 2**15
 # Damping ratio above which a candidate is no mode of a structure but takes up delay or noise.
 HEAVY = 0.3
-
-
-@record
-class Start:
-    """A layout and a first theta."""
-
-    layout: Layout
-    theta: Float[np.ndarray, " unknown"]
 
 
 def starts(data: Data, options: FitOptions) -> Iterator[Start]:
@@ -344,7 +335,7 @@ def _best_delays(
     In a narrow band half a period more or less is little else than a change of sign, which constants take up:
     there the best delay from zero to half a period comes first, the best of all only if it leaves far less.
     """
-    omega = np.imag(data.s)
+    omega = data.omega
     weight = np.sqrt(np.mean(data.weight[output] ** 2, axis=1))
     target = data.H[output][:, inputs] * weight[:, None]
     products = _products(X * weight, target)

@@ -7,8 +7,7 @@ from jaxtyping import Complex, Float, Int
 
 from middeck.errors import ConfigError
 from middeck.identification.model.measurement_model import MeasurementModel, damping_ratio, natural_hz
-from middeck.identification.tracking.recovery import Recovery, Restart, first_recovery
-from middeck.identification.tracking.trust import WATCHED, is_trusted
+from middeck.identification.tracking.recovery import WATCHED, Recovery, Restart, first_recovery, is_trusted
 from middeck.identification.uncertainty.parameters import Uncertainty
 from middeck.values import record
 

@@ -19,16 +19,17 @@ from middeck.identification.tracking.follow import Followed, Tracking, log_place
 from middeck.identification.tracking.recovery import (
     BLOCK,
     BRIEF,
+    MEMORY,
     PATIENCE_S,
     Restart,
     healed,
     is_large,
     is_lost,
+    is_trusted,
     no_blocks,
     opening,
     patience,
 )
-from middeck.identification.tracking.trust import MEMORY, is_trusted
 
 # An innovation pulls no further than so many of its deviations: a spike is no news.
 CLIPPED = 5.0

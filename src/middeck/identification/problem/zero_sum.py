@@ -9,7 +9,7 @@ from middeck.identification.problem.layout import Layout, Point
 from middeck.identification.problem.terms import linear_of_terms
 
 
-class Tied:
+class ZeroSum:
     """The linear unknowns x of an output that obey C x = 0, with C as it is at a theta."""
 
     def __init__(self, layout: Layout, point: Point) -> None:

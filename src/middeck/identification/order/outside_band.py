@@ -22,14 +22,13 @@ from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.order.order import WORSE, OrderChoice, Tried
 from middeck.identification.order.race import race, recommend_states
 from middeck.identification.problem.data import Data
-from middeck.identification.problem.layout import unpack
 from middeck.identification.search.doubts import LEFT
 from middeck.identification.search.polish import Polished
 from middeck.identification.spectra.weights import Spread
 from middeck.systems.response import FrequencyResponse
 
 
-def race_of_orders(
+def choose_order(
     measured: FrequencyResponse, data: Data, spread: Spread, options: FitOptions, asked: FitOptions
 ) -> tuple[Polished, str]:
     """The model of the recommended order, and the reason for that."""
@@ -72,13 +71,13 @@ def _take(data: Data, spread: Spread, rivals: Sequence[_Rival]) -> tuple[OrderCh
 
 
 def _has_poles_beyond(best: Polished, data: Data) -> bool:
-    size = np.abs(unpack(best.layout, best.refined.theta).poles)
-    return bool(np.any((size < np.imag(data.s[0])) | (size > np.imag(data.s[-1]))))
+    size = np.abs(best.start.point.poles)
+    return bool(np.any((size < data.omega[0]) | (size > data.omega[-1])))
 
 
 def _leads(best: Polished, data: Data) -> bool:
     """Whether an output leads by more than it may be set to zero for: a tenth of a radian in the band."""
-    return bool(np.any(unpack(best.layout, best.refined.theta).delay_s * np.imag(data.s[-1]) < -LEFT))
+    return bool(np.any(best.start.point.delay_s * data.omega[-1] < -LEFT))
 
 
 def _with_terms(options: FitOptions, asked: FitOptions) -> Iterator[FitOptions]:

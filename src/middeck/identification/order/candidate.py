@@ -13,9 +13,9 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.identification.problem.data import Data
-from middeck.identification.problem.design import build_terms, residual_of
-from middeck.identification.problem.layout import Layout, unpack
-from middeck.identification.problem.own_transients import as_real
+from middeck.identification.problem.design import build_terms
+from middeck.identification.problem.layout import Layout
+from middeck.identification.problem.projection import as_real
 from middeck.identification.search.polish import Polished
 from middeck.values import record
 
@@ -30,7 +30,7 @@ NOTHING_NEW = 1e-6
 
 
 @record
-class Newcomer:
+class Candidate:
     """A pole [rad/s], its input vector, and by how much it would lower sum |weight residual|^2 at once."""
 
     pole: complex
@@ -38,17 +38,17 @@ class Newcomer:
     gain: float
 
 
-def find_newcomer(data: Data, best: Polished, light: float, peak: float) -> Newcomer | None:
+def find_candidate(data: Data, best: Polished, light: float, peak: float) -> Candidate | None:
     """The pair of poles that explains most of what ``best`` leaves, by the weights of ``data``.
 
     ``light`` is the damping ratio of narrow candidates, ``peak`` a frequency [rad/s] to be among them.
     """
-    layout, theta = best.layout, best.refined.theta
-    terms = build_terms(layout, data, theta)
+    layout = best.layout
+    terms = build_terms(layout, data, best.refined.theta)
     if terms is None:
         return None
-    late = np.exp(data.s[:, None] * unpack(layout, theta).delay_s.mean(axis=1)[:, None, None])
-    left = residual_of(layout, data, theta, best.refined.step.linear) * late
+    late = np.exp(data.s[:, None] * best.start.point.delay_s.mean(axis=1)[:, None, None])
+    left = best.residual(data) * late
     line = np.sqrt(np.mean(data.weight**2, axis=(0, 2)))
     level = np.sqrt(np.mean(data.weight**2, axis=(1, 2)) / np.mean(line**2))
     y = _by_input(left * level[:, None, None] * line[:, None])
@@ -71,7 +71,7 @@ def _by_input(x: Complex[np.ndarray, "row line input"]) -> Float[np.ndarray, "in
 
 
 def _grid(layout: Layout, data: Data, light: float, peak: float) -> Complex[np.ndarray, " candidate"]:
-    first, last = np.imag(data.s[0]), np.imag(data.s[-1])
+    first, last = data.omega[0], data.omega[-1]
     top = min(ABOVE * last, np.pi / layout.options.period_s) if layout.options.period_s else ABOVE * last
     found = [peak * np.array([-light + 1j])]
     for zeta in (max(light, LIGHTEST), *HEAVY):
@@ -96,7 +96,7 @@ def _most_told(
     F: Float[np.ndarray, "column number"],
     own: Float[np.ndarray, "input direction number"],
     y: Float[np.ndarray, "input output number"],
-) -> Newcomer | None:
+) -> Candidate | None:
     count, inputs = len(poles), len(y)
     each = len(F) // count
     of_each = (F / np.linalg.norm(F, axis=1)[:, None]).reshape(count, each, -1)
@@ -113,7 +113,7 @@ def _most_told(
     on_b = np.swapaxes(B, 1, 2) @ told
     gain = np.sum(on_b * np.linalg.solve(np.swapaxes(B, 1, 2) @ gram @ B, on_b), axis=(1, 2))
     k = int(np.argmax(gain))
-    return Newcomer(complex(poles[k]), b[k], float(gain[k])) if np.isfinite(gain[k]) else None
+    return Candidate(complex(poles[k]), b[k], float(gain[k])) if np.isfinite(gain[k]) else None
 
 
 def _products(

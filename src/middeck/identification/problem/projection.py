@@ -11,7 +11,7 @@ import scipy.linalg
 from jaxtyping import Complex, Float
 
 
-class OwnTransients:
+class TransientProjection:
     """Projection on what the transients ``B`` cannot follow, in the norm of ``weight``."""
 
     def __init__(

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from middeck.identification.model.fit_options import FitOptions
+from middeck.identification.order.candidate import find_candidate
 from middeck.identification.order.exchange import grown
-from middeck.identification.order.newcomer import find_newcomer
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.layout import unpack
 from middeck.identification.search.polish import polish
@@ -57,7 +57,7 @@ def _case(real: bool, missing: int):
 @pytest.mark.parametrize("missing", [0, 2])
 def test_promises_what_least_squares_gains(real, missing):
     data, _, options, fit, _ = _case(real, missing)
-    new = find_newcomer(data, fit, 0.01, 2.0 * np.pi * 9.0)
+    new = find_candidate(data, fit, 0.01, 2.0 * np.pi * 9.0)
     point = unpack(fit.layout, fit.refined.theta)
     start = start_at(
         data, options, np.append(point.poles, new.pole), np.ones(4, dtype=bool), np.zeros((3, 1)),

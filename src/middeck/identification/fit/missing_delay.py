@@ -21,7 +21,7 @@ MUCH = 0.5
 PERIODS, IN_PERIOD = 8, 16
 
 
-def name_lacking_delay(
+def name_missing_delay(
     doubts: list[str],
     measured: FrequencyResponse,
     covariance: ModelCovariance,
@@ -38,13 +38,13 @@ def name_lacking_delay(
     late = [
         f"output {port.name}: a delay of about {tau * 1e3:.3g} ms explains most of the {left:.1%} that the "
         "model leaves; fit it, with --delay output --relative-degree 1 (delay='output', relative_degree=1)"
-        for port, left, tau in zip(measured.outputs, error, lacking_delay(measured, model), strict=True)
+        for port, left, tau in zip(measured.outputs, error, missing_delay(measured, model), strict=True)
         if tau > 0.0
     ]
     return [*doubts, *late] if np.any(error > LEFT) else late or doubts
 
 
-def lacking_delay(measured: FrequencyResponse, model: MeasurementModel) -> Float[np.ndarray, " output"]:
+def missing_delay(measured: FrequencyResponse, model: MeasurementModel) -> Float[np.ndarray, " output"]:
     """Delay [s] that each output seems to lack; zero where none would help much.
 
     ``model`` is continuous and has no delay; a lead is not looked for.
