@@ -7,7 +7,7 @@ import pytest
 
 from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.problem.data import Data, Transient
-from middeck.identification.problem.design import build_terms, jacobian, residual_of
+from middeck.identification.problem.design import build_terms, late_columns, late_slopes, residual_of
 from middeck.identification.problem.gram_blocks import Functions, weigh
 from middeck.identification.problem.layout import Layout, Point, pack
 from middeck.identification.problem.normal_equations import Solved, solve_normal
@@ -77,6 +77,22 @@ case = pytest.mark.parametrize(("layout", "experiments", "transient"), CASES.val
 def differences(function, x, step):
     """Central differences along every entry, first axis."""
     return np.array([(function(x + d) - function(x - d)) / (2.0 * step) for d in step * np.eye(len(x))])
+
+
+def jacobian(layout, data, theta, linear):
+    """Derivative of E [unknown, output, line, column] by all unknowns: theta, then each output's linear ones.
+
+    Transients come last. Each as if free: where linear unknowns are tied, their rows are still there.
+    """
+    terms = build_terms(layout, data, theta)
+    shared, each = len(theta), linear.shape[1]
+    J = np.zeros((shared + linear.size, *data.H.shape), dtype=complex)
+    transients = np.einsum("ql,ek->eqlk", terms.B, np.eye(data.H.shape[2])).reshape(-1, *data.H.shape[1:])
+    for o in range(layout.outputs):
+        own = slice(shared + o * each, shared + (o + 1) * each)
+        J[:shared, o] = late_slopes(layout, data, terms, linear[o], o)
+        J[own, o] = np.concatenate([late_columns(layout, data, terms, o), transients])
+    return J
 
 
 @case

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from middeck.identification.faults.against import compare_with_reference
-from middeck.identification.faults.found import Found, placed
+from middeck.identification.faults.found import Found
 from middeck.identification.faults.levels import find_coarse_steps, find_drift, find_held, find_offset
 from middeck.identification.faults.pairs import find_pair_faults
 from middeck.identification.faults.periods import find_transient, find_unsteady_input
@@ -68,7 +68,7 @@ def detect_faults(record: Record, reference: FrequencyResponse | None = None) ->
             for e, x in enumerate(samples[..., k]):
                 answered = None if struck else driven[e] if side == "output" else []
                 faults = _channel_faults(x, port, side=side, periodic=record.periodic, driven=answered)
-                found += placed(faults, side, port.name, e)
+                found += [f.at(side, port, e) for f in faults]
     whole = not any(f.kind in ("gap", "dead") for f in found)
     if whole:
         found += find_pair_faults(record)

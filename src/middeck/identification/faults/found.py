@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from middeck.signals.fault import MOST_RUNS, Fault, Severity, Side
+from middeck.signals.ports import Port
 from middeck.values import record
 
 
@@ -18,10 +17,7 @@ class Found:
     what: str
     hint: str
 
-
-def placed(found: Sequence[Found], side: Side, channel: str, experiment: int | None) -> list[Fault]:
-    """As faults of a channel."""
-    return [
-        Fault(f.kind, f.severity, side, channel, experiment, f.samples[:MOST_RUNS], f.what, f.hint)
-        for f in found
-    ]
+    def at(self, side: Side, port: Port, experiment: int | None = None) -> Fault:
+        """As a fault of a channel."""
+        runs = self.samples[:MOST_RUNS]
+        return Fault(self.kind, self.severity, side, port.name, experiment, runs, self.what, self.hint)

@@ -25,25 +25,19 @@ FORCES = ("N", "N m", "Nm")
 
 def find_pair_faults(record: Record) -> list[Fault]:
     """Duplicated outputs, and signs and delays of collocated channels."""
-    flat = [
-        [np.moveaxis(x[..., k], 0, 0).reshape(len(x), -1) for k in range(x.shape[3])]
-        for x in (record.u, record.y)
-    ]
     inputs, outputs = (
-        list(zip(record.inputs, flat[0], strict=True)),
-        list(zip(record.outputs, flat[1], strict=True)),
+        [(port, x[..., k].reshape(len(x), -1)) for k, port in enumerate(ports)]
+        for ports, x in ((record.inputs, record.u), (record.outputs, record.y))
     )
     found: list[Fault] = []
     for k, (port, y) in enumerate(outputs):
         for other, z in outputs[:k]:
-            found += _place(port, _duplicate(y, z, other) or _collocated(record, port, y, other, z))
+            here = _duplicate(y, z, other) or _collocated(record, port, y, other, z)
+            found += [f.at("output", port) for f in here]
         for at, u in inputs:
-            found += _place(port, _duplicate(y, u, at) or _driven(record, port, y, at, u))
+            here = _duplicate(y, u, at) or _driven(record, port, y, at, u)
+            found += [f.at("output", port) for f in here]
     return found
-
-
-def _place(port: Port, found: list[Found]) -> list[Fault]:
-    return [Fault(f.kind, f.severity, "output", port.name, None, (), f.what, f.hint) for f in found]
 
 
 Runs = Float[np.ndarray, "experiment sample"]

@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from middeck.identification.faults.found import Found
 from middeck.signals.excitation.repetition import find_repetition
-from middeck.signals.fault import Fault, Side
+from middeck.signals.fault import Fault
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
 
@@ -54,18 +54,12 @@ def find_relation_faults(record: Record) -> list[Fault]:
         U, Y = np.array([whitened(x) for x in u]), np.array([whitened(x) for x in y])
         own = _shifts(record, U, Y)
         own = own or _residuals(record, u, y)
-        found += [_at(f, side, port, e) for f, side, port in own]
-        found += [_at(f, side, port, e) for f, side, port in _long_delays(record, U, Y)]
+        found += [f.at("output", port, e) for f, port in own]
+        found += [f.at("output", port, e) for f, port in _long_delays(record, U, Y)]
     return found
 
 
-Place = tuple[Found, Side, Port]
-
-
-def _at(found: Found, side: Side, port: Port, experiment: int) -> Fault:
-    return Fault(
-        found.kind, found.severity, side, port.name, experiment, found.samples, found.what, found.hint
-    )
+Place = tuple[Found, Port]
 
 
 def whitened(x: Signal) -> Signal:
@@ -100,7 +94,7 @@ def _shifts(record: Record, U: np.ndarray, Y: np.ndarray) -> list[Place]:
         tried = (_shift(u, y) for u in ([U] if len(U) == 1 else [U, *(one[None] for one in U)]))
         step = next((s for s in tried if s is not None), None)
         if step is not None:
-            found.append((_lost(record, *step), "output", record.outputs[o]))
+            found.append((_lost(record, *step), record.outputs[o]))
     return found
 
 
@@ -194,9 +188,9 @@ def _residuals(record: Record, u: np.ndarray, y: np.ndarray) -> list[Place]:
         if at is None and not repeated and float(left.std()) > FORETOLD:
             share = _told_later(x, own, after)
             if share is not None:
-                found.append((_fed_back(share), "output", port))
+                found.append((_fed_back(share), port))
         elif at is not None:
-            found.append((_joined(record, at + lags), "output", port))
+            found.append((_joined(record, at + lags), port))
     return found
 
 
@@ -272,7 +266,7 @@ def _long_delays(record: Record, U: np.ndarray, Y: np.ndarray) -> list[Place]:
                 f"answers {first} samples ({first / record.sample_hz:.4g} s) after the inputs, and not before"
             )
             hint = "shift the output by that before a fit; check triggers, and that it is this test's record"
-            found.append((Found("delay", "serious", (), what, hint), "output", port))
+            found.append((Found("delay", "serious", (), what, hint), port))
     return found
 
 

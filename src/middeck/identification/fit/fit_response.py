@@ -27,7 +27,7 @@ from middeck.identification.model.measurement_model import MeasurementModel, mod
 from middeck.identification.order.order import EXPLAINED
 from middeck.identification.order.outside_band import choose_order
 from middeck.identification.order.race import count_unknowns, model_error, race, spread_to_follow
-from middeck.identification.problem.data import Data
+from middeck.identification.problem.data import data_of
 from middeck.identification.search.doubts import (
     causal_delay,
     doubts_of_deviations,
@@ -37,7 +37,7 @@ from middeck.identification.search.doubts import (
 )
 from middeck.identification.search.likelihood import likelihood_polish
 from middeck.identification.search.polish import Polished, logarithmic_polish, settle
-from middeck.identification.spectra.weights import Spread, excess_share, spread_of
+from middeck.identification.spectra.weights import Spread, by_output, excess_share, spread_of
 from middeck.identification.uncertainty.covariance import ModelCovariance, estimate_covariance
 from middeck.identification.uncertainty.parameters import Uncertainty, uncertainty_of
 from middeck.systems.hold import release_hold
@@ -45,8 +45,6 @@ from middeck.systems.response import FrequencyResponse
 from middeck.values import record
 
 Cost = Literal["weighted", "likelihood", "logarithmic"]
-# The start is weighted as if the model left this share of the response's rms.
-FIRST_EXCESS = 0.03
 
 
 @record
@@ -231,7 +229,7 @@ def fit_lines(measured: FrequencyResponse, asked: FitOptions, cost: Cost = "weig
             hint="record two periods or more, or take cost 'weighted'",
         )
     spread = spread_of(measured, relative=cost == "logarithmic")
-    data = _first_data(measured, spread)
+    data = data_of(measured, spread)
     if states is None:
         best, reason = choose_order(measured, data, spread, options, asked)
     else:
@@ -245,11 +243,6 @@ def fit_lines(measured: FrequencyResponse, asked: FitOptions, cost: Cost = "weig
     if cost == "likelihood" and measured.covariance is not None:
         best, followed = likelihood_polish(data, best, measured.covariance), spread
     return _result(measured, best, spread, followed, reason)
-
-
-def _first_data(measured: FrequencyResponse, spread: Spread) -> Data:
-    weight = 1.0 / np.sqrt(spread.at(FIRST_EXCESS**2))
-    return Data(2j * np.pi * measured.frequency_hz, np.moveaxis(measured.H, 0, 1), weight)
 
 
 def _result(
@@ -273,7 +266,7 @@ def _result(
         raise FitError("the fitted response is not finite", hint="fewer states")
     refuse_a_lead(measured, found, model)
     if followed is not spread:
-        best = dataclasses.replace(best, share=excess_share(np.moveaxis(residual, 0, 1), spread))
+        best = dataclasses.replace(best, share=excess_share(by_output(residual), spread))
     error = np.sqrt(np.sum(r, axis=(0, 2)) / np.sum(np.abs(measured.H) ** 2, axis=(0, 2)))
     if not best.refined.converged:
         warnings.append(f"the search had not settled after {len(best.refined.history)} steps")

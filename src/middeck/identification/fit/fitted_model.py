@@ -57,7 +57,7 @@ def structure_of(layout: Layout) -> Structure:
 def _by_rank(poles: np.ndarray, residues: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Residues [output, pole, input] as terms c b, as many for each pole as its residue has rank."""
     found: list[tuple[complex, np.ndarray, np.ndarray]] = []
-    for pole, residue in zip(poles, np.moveaxis(residues, 1, 0), strict=True):
+    for pole, residue in zip(poles, residues.swapaxes(0, 1), strict=True):
         left, size, right = np.linalg.svd(residue)
         for k in range(max(1, int(np.sum(size > RANK * size[0])))):
             found.append((pole, size[k] * left[:, k], right[k]))

@@ -12,6 +12,7 @@ from jaxtyping import Complex, Float
 
 from middeck.identification.model.measurement_model import MeasurementModel, double_pole
 from middeck.identification.search.doubts import LEFT
+from middeck.identification.spectra.weights import by_output
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.systems.response import FrequencyResponse
 
@@ -52,7 +53,7 @@ def missing_delay(measured: FrequencyResponse, model: MeasurementModel) -> Float
     s = 2j * np.pi * measured.frequency_hz
     moving = _basis(model, s)
     with_direct = np.column_stack([moving, np.ones(len(s))])
-    found = [_of_output(s, moving, with_direct, H) for H in np.moveaxis(measured.H, 1, 0)]
+    found = [_of_output(s, moving, with_direct, H) for H in by_output(measured.H)]
     return np.array(found)
 
 

@@ -102,16 +102,16 @@ def _most_told(
     of_each = (F / np.linalg.norm(F, axis=1)[:, None]).reshape(count, each, -1)
     taken = _products(of_each, own)
     told = _products(of_each, y) - taken @ np.einsum("ial,iol->ao", own, y)
-    gram = NOTHING_NEW * np.eye(inputs * each) - taken @ np.swapaxes(taken, 1, 2)
-    alone = of_each @ np.swapaxes(of_each, 1, 2)
+    gram = NOTHING_NEW * np.eye(inputs * each) - taken @ taken.mT
+    alone = of_each @ of_each.mT
     for i in range(0, inputs * each, each):
         gram[:, i : i + each, i : i + each] += alone
     any_rank = np.linalg.solve(gram, told).reshape(count, inputs, each, -1)
     residue = any_rank[:, :, 0] + (1j * any_rank[:, :, 1] if each > 1 else 0.0)
     b = np.linalg.svd(residue)[0][:, :, 0].astype(complex)
     B = _times(b) if each > 1 else np.real(b)[:, :, None]
-    on_b = np.swapaxes(B, 1, 2) @ told
-    gain = np.sum(on_b * np.linalg.solve(np.swapaxes(B, 1, 2) @ gram @ B, on_b), axis=(1, 2))
+    on_b = B.mT @ told
+    gain = np.sum(on_b * np.linalg.solve(B.mT @ gram @ B, on_b), axis=(1, 2))
     k = int(np.argmax(gain))
     return Candidate(complex(poles[k]), b[k], float(gain[k])) if np.isfinite(gain[k]) else None
 

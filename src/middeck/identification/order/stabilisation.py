@@ -17,15 +17,14 @@ from jaxtyping import Bool, Complex, Float, Int
 from middeck.errors import ConfigError, FitError
 from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.order.thinning import take_lines, thin_lines
-from middeck.identification.problem.data import Data
+from middeck.identification.problem.data import Data, data_of
 from middeck.identification.spectra.weights import spread_of
 from middeck.identification.start.start import upper_half, weighted_residues
-from middeck.identification.start.subspace import block_rows, poles_of_orders
+from middeck.identification.start.subspace import block_rows, subspace_poles
 from middeck.systems.response import FrequencyResponse
 from middeck.values import record
 
-# As the starts of a fit: share of the rms that a model may leave, and block rows beyond the least.
-EXCESS = 0.03
+# As the starts of a fit: block rows beyond the least.
 ROWS = 1.5
 # A damping ratio beyond which a pole is no mode of a structure.
 HEAVY = 0.3
@@ -130,9 +129,8 @@ class _Model:
 
 def _some_lines(measured: FrequencyResponse, states: int) -> Data:
     spread = spread_of(measured, relative=False)
-    H = np.moveaxis(measured.H, 0, 1)
-    data = Data(2j * np.pi * measured.frequency_hz, H, 1.0 / np.sqrt(spread.at(EXCESS**2)))
-    return take_lines(data, spread, thin_lines(data, spread, states * (len(H) + H.shape[2])))[0]
+    data = data_of(measured, spread)
+    return take_lines(data, spread, thin_lines(data, spread, states * sum(measured.H.shape[1:])))[0]
 
 
 def _models(data: Data, sample_hz: float | None, orders: Sequence[int]) -> list[_Model]:
@@ -146,7 +144,7 @@ def _models(data: Data, sample_hz: float | None, orders: Sequence[int]) -> list[
     options = FitOptions(sample_hz=sample_hz, constants="complex", direct=True)
     delay_s, period_s = np.zeros((outputs, 1)), options.period_s
     models: list[_Model] = []
-    for states, found in zip(possible, poles_of_orders(data, period_s, possible, rows), strict=True):
+    for states, found in zip(possible, subspace_poles(data, period_s, possible, rows), strict=True):
         poles, pair = upper_half(found, period_s)
         residues = weighted_residues(data, options, poles, pair, delay_s)[0]
         light = pair & (-np.real(poles) < HEAVY * np.abs(poles))

@@ -5,7 +5,12 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Complex, Float, Int
 
+from middeck.identification.spectra.weights import Spread, by_output
+from middeck.systems.response import FrequencyResponse
 from middeck.values import record
+
+# A start is weighted as if the model left this share of the response's rms.
+FIRST_EXCESS = 0.03
 
 
 @record
@@ -80,3 +85,9 @@ class Data:
         """Sampling period of a record with a transient [s]."""
         assert self.transient is not None
         return self.transient.period_s
+
+
+def data_of(measured: FrequencyResponse, spread: Spread) -> Data:
+    """A response to be fitted, in the weights of a start."""
+    weight = 1.0 / np.sqrt(spread.at(FIRST_EXCESS**2))
+    return Data(2j * np.pi * measured.frequency_hz, by_output(measured.H), weight)

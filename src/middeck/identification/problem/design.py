@@ -123,31 +123,3 @@ def model_of_output(
     """E of one output: its response or spectra, transients included."""
     x, t = split_linear(layout, data, linear)
     return np.tensordot(x, late_columns(layout, data, terms, output), axes=1) + (t @ terms.B).T
-
-
-def jacobian(
-    layout: Layout,
-    data: Data,
-    theta: Float[np.ndarray, " unknown"],
-    linear: Float[np.ndarray, "output column"],
-) -> Complex[np.ndarray, "unknown output line column"]:
-    """Derivative of E by all unknowns: theta, then the linear ones of each output, transients' last.
-
-    Each as if free: where the layout ties linear unknowns (`ties`), their rows are still there.
-    """
-    terms = build_terms(layout, data, theta)
-    shared, each = len(theta), linear.shape[1]
-    J = np.zeros((shared + linear.size, *data.H.shape), dtype=complex)
-    if terms is None:
-        return np.full(J.shape, np.inf)
-    transients = _all_transients(terms.B, data.H.shape[2])
-    for o in range(layout.outputs):
-        own = slice(shared + o * each, shared + (o + 1) * each)
-        J[:shared, o] = late_slopes(layout, data, terms, linear[o], o)
-        J[own, o] = np.concatenate([late_columns(layout, data, terms, o), transients])
-    return J
-
-
-def _all_transients(B: np.ndarray, experiments: int) -> Complex[np.ndarray, "column line experiment"]:
-    """The transients' columns, each of one experiment only, experiment by experiment."""
-    return np.einsum("ql,ek->eqlk", B, np.eye(experiments)).reshape(-1, B.shape[1], experiments)

@@ -49,7 +49,7 @@ class Functions:
             found[:, last, last] = known[:, -1, -1]
         if len(rest := self._no_sums):
             rows = self.products(weight[:, None] * self.values[rest])
-            found[:, :, rest] = np.swapaxes(rows, 1, 2)
+            found[:, :, rest] = rows.mT
             if np.iscomplexobj(weight):
                 rows = self.products(weight[:, None].conj() * self.values[rest])
             found[:, rest] = rows
@@ -110,7 +110,7 @@ class Alone(NamedTuple):
         """Inner products of rows by their factors [group, row, path, function]."""
         found = np.zeros((len(self.y), A.shape[1], B.shape[1]))
         for i, (a, b) in enumerate(zip(_rows_in_paths(A), _rows_in_paths(B), strict=True)):
-            found[:, a[:, None], b] += A[:, a, i] @ self.grams[:, i] @ np.swapaxes(B[:, b, i], 1, 2)
+            found[:, a[:, None], b] += A[:, a, i] @ self.grams[:, i] @ B[:, b, i].mT
         return found
 
 
@@ -136,7 +136,7 @@ class Together(NamedTuple):
         of_a, of_b = _rows_in_paths(A), _rows_in_paths(B)
         for i, j, M in self.grams:
             a, b = of_a[i], of_b[j]
-            found[:, a[:, None], b] += A[:, a, i] @ M @ np.swapaxes(B[:, b, j], 1, 2)
+            found[:, a[:, None], b] += A[:, a, i] @ M @ B[:, b, j].mT
         return found
 
 
@@ -156,8 +156,8 @@ def weigh(layout: Layout, data: Data, terms: Terms, shared: Functions) -> list[W
     if data.drive is not None:
         drive = np.moveaxis(data.drive, 0, 2)
         return [_driven(data, drive, late[o], shared, o) for o in range(layout.outputs)]
-    w = np.ascontiguousarray(np.swapaxes(data.weight, 1, 2))
-    y = w * np.swapaxes(data.H, 1, 2)
+    w = np.ascontiguousarray(data.weight.mT)
+    y = w * data.H.mT
     grams = shared.grams((w**2).reshape(-1, w.shape[2]))
     return [Alone(y, w * late, grams.reshape(*w.shape[:2], *grams.shape[1:]), np.arange(len(w))[:, None])]
 

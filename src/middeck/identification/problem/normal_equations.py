@@ -141,11 +141,11 @@ def _by_theta(
     gram, cross = np.split(of.inner(G, np.concatenate([G, columns], axis=1)), [G.shape[1]], axis=2)
     if late.shape[1]:
         on_late = np.stack([on_functions(shared, of, late[:, d]) for d in range(late.shape[1])], axis=1)
-        with_late = _flat(G) @ np.swapaxes(_flat(on_late), 1, 2)
+        with_late = _flat(G) @ _flat(on_late).mT
         rows = np.ascontiguousarray(_flat(late)).view(float)
-        own = rows @ np.swapaxes(rows, 1, 2)
-        gram = np.block([[gram, with_late], [np.swapaxes(with_late, 1, 2), own]])
-        cross = np.concatenate([cross, _flat(on_late) @ np.swapaxes(_flat(free[None]), 1, 2)], axis=1)
+        own = rows @ rows.mT
+        gram = np.block([[gram, with_late], [with_late.mT, own]])
+        cross = np.concatenate([cross, _flat(on_late) @ _flat(free[None]).mT], axis=1)
         on_rest = rows @ _flat(solved.left).view(float)[:, :, None]
         gradient = np.concatenate([gradient, on_rest], axis=1)
     # What is left is orthogonal to the columns but for rounding, of which slopes along them would make much.
@@ -195,7 +195,7 @@ class _Normal:
     @classmethod
     def of(cls, gram: Float[np.ndarray, "group column column"]) -> _Normal | None:
         """None where columns are the others but for rounding."""
-        power = np.einsum("gnn->gn", gram)
+        power = np.linalg.diagonal(gram)
         if not np.isfinite(gram).all() or (power <= 0.0).any():
             return None
         size = 1.0 / np.sqrt(power)
@@ -203,7 +203,7 @@ class _Normal:
             factor = np.linalg.cholesky(gram * size[:, :, None] * size[:, None])
         except np.linalg.LinAlgError:
             return None
-        return cls(factor, size) if np.einsum("gnn->gn", factor).min() ** 2 > WORST else None
+        return cls(factor, size) if np.linalg.diagonal(factor).min() ** 2 > WORST else None
 
     def __call__(self, right: Float[np.ndarray, "group column"]) -> Float[np.ndarray, "group column"]:
         """The solution."""
@@ -223,9 +223,9 @@ class _Normal:
         self, gram: Float[np.ndarray, "group row row"], cross: Float[np.ndarray, "group row column"]
     ) -> Float[np.ndarray, "group row row"]:
         """The Gram matrix of rows without their parts along the columns, to rounding."""
-        right = np.swapaxes(cross * self._size[:, None], 1, 2)
+        right = (cross * self._size[:, None]).mT
         along = np.stack([_triangular(L, b, 1) for L, b in zip(self._factor, right, strict=True)])
-        rest = gram - np.swapaxes(along, 1, 2) @ along
+        rest = gram - along.mT @ along
         own = np.arange(rest.shape[1])
         rest[:, own, own] = np.maximum(rest[:, own, own], ROUNDING * np.abs(gram[:, own, own]))
         return rest

@@ -17,7 +17,8 @@ from middeck.identification.problem.layout import Layout, Point, Start, pack
 from middeck.identification.problem.terms import columns, fractions, shapes
 from middeck.identification.record_fit.subspace import PastFuture, Weighting, compress_past, record_poles
 from middeck.identification.search.refine import weighted
-from middeck.identification.start.start import starts_from
+from middeck.identification.start.start import starts_from, upper_half
+from middeck.identification.start.subspace import reflected
 from middeck.signals.record import Record
 from middeck.values import record as frozen
 
@@ -149,16 +150,9 @@ def inside_circle(
     >>> np.round(np.exp(poles), 6).tolist(), pair.tolist()
     ([0.5j, (0.5+0j)], [True, False])
     """
-    size = np.abs(z)
-    inside = np.clip(np.where(size > 1.0, 1.0 / np.maximum(size, 1.0), size), CENTRE, 1.0 - INSIDE)
-    direction = np.where(size > 0.0, z / np.where(size > 0.0, size, 1.0), 1.0)
-    p = np.log(direction * inside)
-    imag = np.abs(np.imag(p))
-    single = (imag < 1e-9) | (imag > np.pi * (1.0 - 1e-9))
-    up = p[~single & (np.imag(p) > 0.0)]
-    real = np.real(p[single]) + 1j * np.where(imag[single] < 1.0, 0.0, np.pi)
-    poles = np.concatenate([up[np.argsort(np.imag(up))], real])
-    return poles / period_s, np.arange(len(poles)) < len(up)
+    p = np.log(reflected(z, CENTRE, INSIDE))
+    poles, pair = upper_half(np.where(np.abs(np.imag(p)) < 1e-9, np.real(p), p), 1.0)
+    return poles / period_s, pair
 
 
 def start_of(

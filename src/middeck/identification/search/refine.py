@@ -69,7 +69,7 @@ def _residual(data: Data, solved: list[Solved]) -> Complex[np.ndarray, "output l
     left = [one.left for one in solved if one.left is not None]
     if data.mix is not None or len(left) < len(solved):
         return None
-    return np.swapaxes(np.concatenate(left), 1, 2) / data.weight
+    return np.concatenate(left).mT / data.weight
 
 
 def _solve(layout: Layout, data: Data, terms: Terms, *, from_sums: bool) -> list[Solved] | None:

@@ -163,7 +163,7 @@ def _sum(
             swing = widen(swing, z.reshape(-1, channels))
             level = z.mean(axis=1, keepdims=True) if centred else 0.0
             Z = np.fft.rfft((z - level) * taper[:, None], axis=1).transpose(1, 2, 0)
-            total += Z @ np.swapaxes(Z.conj(), 1, 2)
+            total += Z @ Z.conj().mT
             number += len(z)
     check_swing(swing, stream)
     return total, number

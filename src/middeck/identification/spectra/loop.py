@@ -140,12 +140,12 @@ def plant_scatter(found: ResponseScatter, outputs: int) -> ResponseScatter:
     beside = np.concatenate([np.broadcast_to(np.eye(outputs), (lines, outputs, outputs)), -G], axis=2)
 
     def at_input(R: np.ndarray) -> np.ndarray:
-        return np.swapaxes(W, 1, 2) @ R @ W.conj()
+        return W.mT @ R @ W.conj()
 
     inverse_power = at_input(found.inverse_power)
 
     def through(covariance: np.ndarray | None) -> np.ndarray | None:
-        return None if covariance is None else beside @ covariance @ np.swapaxes(beside.conj(), 1, 2)
+        return None if covariance is None else beside @ covariance @ beside.conj().mT
 
     noise, total = through(found.noise_covariance), through(found.total_covariance)
     return ResponseScatter(

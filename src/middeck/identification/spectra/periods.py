@@ -124,7 +124,7 @@ def _noise(moments: PeriodMoments, H: np.ndarray, keep: np.ndarray) -> np.ndarra
         return None
     lines, outputs, _ = H.shape
     beside = np.concatenate([-H, np.broadcast_to(np.eye(outputs), (lines, outputs, outputs))], axis=2)
-    left = beside @ moments.scatter[keep] @ np.swapaxes(beside.conj(), 1, 2)
+    left = beside @ moments.scatter[keep] @ beside.conj().mT
     return left / (moments.mean.shape[1] * (moments.periods - 1) * moments.periods)
 
 
@@ -180,7 +180,7 @@ def excited_lines(moments: PeriodMoments) -> np.ndarray:
     power = _input_power(moments)
     excited = power > FAINTEST**2 * power[1:].max()
     if moments.periods > 1:
-        diagonal = np.real(np.einsum("kzz->kz", moments.scatter))[:, : moments.inputs]
+        diagonal = np.linalg.diagonal(moments.scatter).real[:, : moments.inputs]
         scatter = np.sum(diagonal, axis=1) / (moments.periods * (moments.periods - 1))
         excited &= power > CLEAR_OF_NOISE * scatter
     return excited

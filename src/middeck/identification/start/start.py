@@ -106,7 +106,7 @@ def starts_from(data: Data, options: FitOptions, found: Complex[np.ndarray, " st
 def _sized_poles(data: Data, options: FitOptions, size: float, rows: float) -> np.ndarray | None:
     # An odd number of states asks for an odd number of real poles.
     order = options.moving + options.at_zero + 2 * round(0.5 * (size - 1.0) * options.moving)
-    return subspace_poles(data, options.period_s, states=order, rows=block_rows(data, order, rows))
+    return next(subspace_poles(data, options.period_s, [order], block_rows(data, order, rows)), None)
 
 
 def _complex_start(data: Data, options: FitOptions, found: np.ndarray) -> Start | None:

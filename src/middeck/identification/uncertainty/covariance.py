@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.identification.model.measurement_model import MeasurementModel, model_response
-from middeck.identification.spectra.weights import NEIGHBOURS
+from middeck.identification.spectra.weights import NEIGHBOURS, by_output
 from middeck.identification.uncertainty.entry_factors import (
     EntrySlopes,
     entry_factors,
@@ -134,12 +134,12 @@ def estimate_covariance(
     inverse, loose = inverse_root(F, ties(model, structure))
     inflation = np.maximum(np.linalg.norm(F, axis=0) * np.linalg.norm(inverse, axis=1), 1.0) ** 2
     W, free = np.split(inverse, [inverse.shape[1] - loose], axis=1)
-    residual = np.moveaxis(measured.H - model_response(model, measured.frequency_hz), 0, 1)
+    residual = by_output(measured.H - model_response(model, measured.frequency_hz))
     degrees, robust = _quality(measured, residual, noise, unknowns=len(W))
     root = np.sqrt(0.5) * W
     common = None if robust else common_noise(measured, 0.5 * degrees)
     if common is not None:
-        flat = (np.moveaxis(v, 1, 2).reshape(-1, len(s)) for v in (assumed, noise))
+        flat = (v.mT.reshape(-1, len(s)) for v in (assumed, noise))
         root = W @ root_of(common_scores(each.slopes(), W, common, *flat))
     if robust:
         root = W @ root_of(_scores_spread(each, residual, W), least=0.5)

@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float
 
 from middeck.errors import ConfigError
 from middeck.identification.model.measurement_model import MeasurementModel
-from middeck.identification.spectra.weights import NEIGHBOURS, spread_of
+from middeck.identification.spectra.weights import NEIGHBOURS, by_output, spread_of
 from middeck.identification.uncertainty.covariance import line_degrees
 from middeck.identification.uncertainty.parameters import check_level, joint_tail
 from middeck.signals.ports import Port
@@ -137,7 +137,7 @@ def compare_responses(
             "without a variance no difference can be judged", hint="records of two periods or more"
         )
     a, b = common_lines(before.frequency_hz, after.frequency_hz)
-    v = [np.moveaxis(spread_of(m, relative=False).variance, 0, 1) for m in (before, after)]
+    v = [by_output(spread_of(m, relative=False).variance) for m in (before, after)]
     v = [v[0][a], v[1][b]]
     difference = np.abs(after.H[b] - before.H[a])
     statistic = difference**2 / (v[0] + v[1])
