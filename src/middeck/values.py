@@ -15,7 +15,8 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from typing import Any, TypeVar, dataclass_transform, get_args, get_type_hints
+from collections.abc import Callable
+from typing import Any, TypeVar, dataclass_transform, get_args, get_type_hints, overload
 
 import jaxtyping
 import numpy as np
@@ -26,9 +27,23 @@ T = TypeVar("T")
 SHORT, LINE = 6, 100
 
 
+@overload
 @dataclass_transform(frozen_default=True)
-def record(cls: type[T]) -> type[T]:
-    """Make ``cls`` a frozen dataclass that locks its arrays and compares by value."""
+def record(cls: type[T]) -> type[T]: ...
+@overload
+@dataclass_transform(frozen_default=True)
+def record(*, kw_only: bool) -> Callable[[type[T]], type[T]]: ...
+def record(cls: type[T] | None = None, *, kw_only: bool = False) -> Any:
+    """Make ``cls`` a frozen dataclass that locks its arrays and compares by value.
+
+    ``@record(kw_only=True)``: fields are given by name only, as of records of five or more.
+    """
+    if cls is None:
+        return functools.partial(_recorded, kw_only=kw_only)
+    return _recorded(cls, kw_only=kw_only)
+
+
+def _recorded(cls: type[T], *, kw_only: bool) -> type[T]:
     namespace: Any = cls
     user_check = namespace.__dict__.get("__post_init__")
 
@@ -43,7 +58,7 @@ def record(cls: type[T]) -> type[T]:
     namespace.__reduce__ = _reduce
     if "__repr__" not in namespace.__dict__:
         namespace.__repr__ = _shown
-    return dataclasses.dataclass(frozen=True, eq=False, repr=False)(cls)
+    return dataclasses.dataclass(frozen=True, eq=False, repr=False, kw_only=kw_only)(cls)
 
 
 def _lock_arrays(self: Any) -> None:

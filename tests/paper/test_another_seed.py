@@ -24,7 +24,9 @@ def test_a_search_does_not_end_while_a_mode_is_lacking():
     measured = in_band(take_open_loop(bench, rng), sito.fit_band_hz)
     spread = spread_of(measured, relative=True)
     data = Data(
-        2j * np.pi * measured.frequency_hz, np.moveaxis(measured.H, 0, 1), 1.0 / np.sqrt(spread.at(1e-3))
+        s=2j * np.pi * measured.frequency_hz,
+        H=np.moveaxis(measured.H, 0, 1),
+        weight=1.0 / np.sqrt(spread.at(1e-3)),
     )
     options = decided(measured, FitOptions(delay="common", direct=False))
     choice = recommend_states(measured, data, spread, options)

@@ -31,7 +31,16 @@ POLES = -ZETA * W + 1j * W * np.sqrt(1.0 - ZETA**2)
 def a_model(**changes):
     """Three modes of a structure, force to displacement."""
     zero = np.zeros((2, 2))
-    model = MeasurementModel(POLES, PHI / (2j * POLES.imag), PSI.T, zero, zero, np.zeros(2), INPUTS, OUTPUTS)
+    model = MeasurementModel(
+        poles=POLES,
+        shapes=PHI / (2j * POLES.imag),
+        participation=PSI.T,
+        direct=zero,
+        lower=zero,
+        delay_s=np.zeros(2),
+        inputs=INPUTS,
+        outputs=OUTPUTS,
+    )
     return dataclasses.replace(model, **changes)
 
 

@@ -16,10 +16,15 @@ from middeck.identification.search.refine import solve_by_qr, weighted
 
 def a_layout(*, imag=0.0, rigid_pivot=(), integral_pivot=(), **options):
     return Layout(
-        np.array([True, True, False]), np.array([0.0, 0.0, imag]), np.array([0, 1, 0]), 2, 2,
-        FitOptions(**{"constants": "complex", "delay": True, "direct": True} | options),
-        rigid_pivot, integral_pivot,
-    )  # fmt: skip
+        pair=np.array([True, True, False]),
+        fixed_imag=np.array([0.0, 0.0, imag]),
+        pivot=np.array([0, 1, 0]),
+        inputs=2,
+        outputs=2,
+        options=FitOptions(**{"constants": "complex", "delay": True, "direct": True} | options),
+        rigid_pivot=rigid_pivot,
+        integral_pivot=integral_pivot,
+    )
 
 
 def a_problem(layout, experiments=3, transient=None, seed=0):
@@ -39,7 +44,9 @@ def a_problem(layout, experiments=3, transient=None, seed=0):
     delay_s = np.array([[0.01, 0.015], [0.02, 0.03]])[:, : max(layout.delays[1], 1)] * any(layout.delays)
     psi = np.array([[0.7, 1.0], [1.0, -0.4]])[: len(layout.powers)]
     point = Point(poles, b, delay_s, psi)
-    return Data(s, H, 1.0 + rng.random(H.shape), drive, transient), pack(layout, point)
+    return Data(s=s, H=H, weight=1.0 + rng.random(H.shape), drive=drive, transient=transient), pack(
+        layout, point
+    )
 
 
 EDGES = Transient(0.04, first=2, last=1)
@@ -168,16 +175,20 @@ def test_a_record_that_starts_in_motion_is_exact(delay_s, first):
     y[:first] += 10.0 * rng.standard_normal(first)
     Y = np.fft.fft(y)[1 : len(hz) + 1] / N
     layout = Layout(
-        np.array([True, True]),
-        np.zeros(2),
-        np.zeros(2, dtype=int),
-        1,
-        1,
-        FitOptions(constants="complex", delay=bool(delay_s)),
+        pair=np.array([True, True]),
+        fixed_imag=np.zeros(2),
+        pivot=np.zeros(2, dtype=int),
+        inputs=1,
+        outputs=1,
+        options=FitOptions(constants="complex", delay=bool(delay_s)),
     )
     theta = pack(layout, Point(POLES, np.ones((2, 1)), np.array([[delay_s]])))
     data = Data(
-        2j * np.pi * hz, Y[None, :, None], np.ones((1, len(hz), 1)), U[:, None, None], Transient(T, first)
+        s=2j * np.pi * hz,
+        H=Y[None, :, None],
+        weight=np.ones((1, len(hz), 1)),
+        drive=U[:, None, None],
+        transient=Transient(T, first),
     )
     step = weighted(layout, data, theta)
     r = residual_of(layout, data, theta, step.linear)
@@ -198,15 +209,21 @@ def test_a_held_input_of_any_kind_is_exact():
     U, Y = (np.fft.rfft(v)[1:-1] for v in (u, y))
     s = 2j * np.pi * np.fft.rfftfreq(N, T)[1:-1]
     layout = Layout(
-        np.array([True, True]),
-        np.zeros(2),
-        np.zeros(2, dtype=int),
-        1,
-        1,
-        FitOptions(constants="complex", direct=True, sample_hz=1.0 / T),
+        pair=np.array([True, True]),
+        fixed_imag=np.zeros(2),
+        pivot=np.zeros(2, dtype=int),
+        inputs=1,
+        outputs=1,
+        options=FitOptions(constants="complex", direct=True, sample_hz=1.0 / T),
     )
     theta = pack(layout, Point(POLES, np.ones((2, 1)), np.zeros((1, 1))))
-    data = Data(s, Y[None, :, None], np.ones((1, len(s), 1)), U[:, None, None], Transient(T))
+    data = Data(
+        s=s,
+        H=Y[None, :, None],
+        weight=np.ones((1, len(s), 1)),
+        drive=U[:, None, None],
+        transient=Transient(T),
+    )
     step = weighted(layout, data, theta)
     # Rounding of the recursion and of the transform.
     assert np.abs(residual_of(layout, data, theta, step.linear)).max() < 1e-11 * np.abs(Y).max()

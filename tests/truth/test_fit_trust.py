@@ -218,8 +218,11 @@ def test_a_close_pair_is_told_apart_without_a_third_mode():
 
 
 def test_splitting_and_dropping_modes_are_each_other_s_inverse():
-    one = np.ones(2, bool), np.zeros(2), np.zeros(2, int), 1, 1, FitOptions(constants="real", delay=True)
-    layout, poles = Layout(*one), 2.0 * np.pi * HZ * (-ZETA + 1j)
+    layout = Layout(
+        pair=np.ones(2, bool), fixed_imag=np.zeros(2), pivot=np.zeros(2, int), inputs=1, outputs=1,
+        options=FitOptions(constants="real", delay=True),
+    )  # fmt: skip
+    poles = 2.0 * np.pi * HZ * (-ZETA + 1j)
     theta = pack(layout, Point(poles, np.ones((2, 1)), np.full((1, 1), DELAY)))
     start = with_split(Start(layout, theta), 0)
     assert start.layout.pairs == 3

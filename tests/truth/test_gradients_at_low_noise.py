@@ -35,7 +35,7 @@ def case(seed, noise, close):
         outputs=PATHS, options=FitOptions(constants="real", delay=True),
     )  # fmt: skip
     theta = pack(layout, Point(p, b + 0j, np.full((PATHS, 1), 0.004)))
-    return layout, Data(s, H + size * (re + 1j * im), np.full(H.shape, 1.0 / size)), theta
+    return layout, Data(s=s, H=H + size * (re + 1j * im), weight=np.full(H.shape, 1.0 / size)), theta
 
 
 def projected(rows, on):

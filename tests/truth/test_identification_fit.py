@@ -26,9 +26,13 @@ LONG = os.environ.get("MIDDECK_LONG") == "1"
 
 def a_layout(*, imag=0.0, **options):
     return Layout(
-        np.array([True, True, False]), np.array([0.0, 0.0, imag]), np.array([0, 1, 0]), 2, 2,
-        FitOptions(**{"constants": "complex", "delay": True, "direct": True} | options),
-    )  # fmt: skip
+        pair=np.array([True, True, False]),
+        fixed_imag=np.array([0.0, 0.0, imag]),
+        pivot=np.array([0, 1, 0]),
+        inputs=2,
+        outputs=2,
+        options=FitOptions(**{"constants": "complex", "delay": True, "direct": True} | options),
+    )
 
 
 def a_problem(layout, seed=0):
@@ -41,7 +45,7 @@ def a_problem(layout, seed=0):
     b[2] = np.real(b[2])
     poles = np.array([-0.5 + 12j, -1.0 + 30j, -4.0 + 1j * layout.fixed_imag[2]])
     point = Point(poles, b, np.array([[0.01], [0.02]]) * bool(layout.options.delay))
-    return Data(s, H, 1.0 + rng.random((2, 30, 2))), point
+    return Data(s=s, H=H, weight=1.0 + rng.random((2, 30, 2))), point
 
 
 LAYOUTS = [
@@ -168,9 +172,15 @@ def test_the_papers_plant_has_thirteen_states():
 def test_one_delay_of_many_outputs_costs_one_approximation():
     zero = np.zeros((2, 1))
     model = MeasurementModel(
-        np.array([-0.1 + 6j]), np.array([[1j], [2j]]), np.array([[1.0]]), zero, zero,
-        np.array([0.01, 0.01]), gimbal_record.INPUTS[:1], gimbal_record.OUTPUTS[:2],
-    )  # fmt: skip
+        poles=np.array([-0.1 + 6j]),
+        shapes=np.array([[1j], [2j]]),
+        participation=np.array([[1.0]]),
+        direct=zero,
+        lower=zero,
+        delay_s=np.array([0.01, 0.01]),
+        inputs=gimbal_record.INPUTS[:1],
+        outputs=gimbal_record.OUTPUTS[:2],
+    )
     plant = measured_plant(model, pade_order=3)
     assert len(plant.system.A) == 5
     f = np.array([0.5, 1.0, 3.0])
@@ -180,11 +190,11 @@ def test_one_delay_of_many_outputs_costs_one_approximation():
 def test_sampled_model_equals_its_state_space():
     T = 0.01
     model = MeasurementModel(
-        np.array([-1.0 + 40j, -5.0, -30.0 + 1j * np.pi / T]),
-        np.array([[1 + 2j, 0.3, -0.2], [0.5 - 1j, 1.0, 0.7]]),
-        np.array([[1.0 + 0j, 0.5 - 0.3j], [1.0, 2.0], [0.4, 1.0]]),
-        np.array([[0.1, 0.2], [0.3, 0.4]]), np.zeros((2, 2)), np.zeros(2),
-        gimbal_record.INPUTS, gimbal_record.OUTPUTS[:2], 1.0 / T,
+        poles=np.array([-1.0 + 40j, -5.0, -30.0 + 1j * np.pi / T]),
+        shapes=np.array([[1 + 2j, 0.3, -0.2], [0.5 - 1j, 1.0, 0.7]]),
+        participation=np.array([[1.0 + 0j, 0.5 - 0.3j], [1.0, 2.0], [0.4, 1.0]]),
+        direct=np.array([[0.1, 0.2], [0.3, 0.4]]), lower=np.zeros((2, 2)), delay_s=np.zeros(2),
+        inputs=gimbal_record.INPUTS, outputs=gimbal_record.OUTPUTS[:2], sample_hz=1.0 / T,
     )  # fmt: skip
     f = np.linspace(0.0, 50.0, 40)
     system = sampled_statespace(model)

@@ -51,7 +51,9 @@ def test_held_out_error_of_a_stated_order(measured, states, level):
 def test_order_recommended(measured):
     spread = spread_of(measured, relative=False)
     data = Data(
-        2j * np.pi * measured.frequency_hz, np.moveaxis(measured.H, 0, 1), 1.0 / np.sqrt(spread.at(1e-3))
+        s=2j * np.pi * measured.frequency_hz,
+        H=np.moveaxis(measured.H, 0, 1),
+        weight=1.0 / np.sqrt(spread.at(1e-3)),
     )
     options = decided(measured, FitOptions(sample_hz=6400.0))
     choice = recommend_states(measured, data, spread, options)

@@ -109,13 +109,13 @@ def _covariance(known: Any, model: MeasurementModel, where: str) -> ModelCovaria
         raise DataError(f"degrees is {known['degrees']}; must be > 0, or null", where=where, hint=AGAIN)
     robust = _truth(known["robust"], f"{where}, robust")
     return ModelCovariance(
-        model,
-        structure,
-        root,
-        inflation,
-        float(degrees),
-        robust,
-        _count(known["loose"], root.shape[1], where),
+        model=model,
+        structure=structure,
+        root=root,
+        inflation=inflation,
+        degrees=float(degrees),
+        robust=robust,
+        loose=_count(known["loose"], root.shape[1], where),
     )
 
 

@@ -106,7 +106,11 @@ def _channel_faults(
     if is_dead(x):
         what = f"does not move: constant at {x[0]:.6g} {port.unit}".rstrip()
         dead = Found(
-            "dead", "unusable", ((0, len(x)),), what, "check cable and gain, or leave the channel out"
+            "dead",
+            what,
+            "check cable and gain, or leave the channel out",
+            severity="unusable",
+            samples=((0, len(x)),),
         )
         return gaps or [dead]
     levels = levels_of(x)

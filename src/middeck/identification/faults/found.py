@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import KW_ONLY
+
 from middeck.signals.fault import MOST_RUNS, Fault, Severity, Side
 from middeck.signals.ports import Port
 from middeck.values import record
@@ -9,13 +11,14 @@ from middeck.values import record
 
 @record
 class Found:
-    """Kind, severity, runs of samples, what and hint of a `Fault`."""
+    """Kind, what, hint, severity and runs of samples of a `Fault`."""
 
     kind: str
-    severity: Severity
-    samples: tuple[tuple[int, int], ...]
     what: str
     hint: str
+    _: KW_ONLY
+    severity: Severity = "serious"
+    samples: tuple[tuple[int, int], ...] = ()
 
     def at(self, side: Side, port: Port, experiment: int | None = None) -> Fault:
         """As a fault of a channel."""

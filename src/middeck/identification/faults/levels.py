@@ -29,7 +29,9 @@ def find_offset(x: Signal, unit: str, *, is_input: bool) -> list[Found]:
     if abs(level) <= SURE * np.sqrt(np.mean(lowest**2)):
         return []
     what = f"offset of {level:.3g} {unit}, {abs(level) / swing:.1f} times its swing".replace("  ", " ")
-    return [Found("offset", "note", (), what, "responses leave it out; check range and zero of the sensor")]
+    return [
+        Found("offset", what, "responses leave it out; check range and zero of the sensor", severity="note")
+    ]
 
 
 def find_drift(x: Signal, unit: str, *, period: int | None) -> list[Found]:
@@ -43,7 +45,7 @@ def find_drift(x: Signal, unit: str, *, period: int | None) -> list[Found]:
         "  ", " "
     )
     hint = "let sensors and article warm up; take the drift out before a fit of slow modes"
-    return [Found("drift", "serious", (), what, hint)]
+    return [Found("drift", what, hint)]
 
 
 def _trend(x: Signal, periods: int) -> tuple[float, float]:
@@ -72,7 +74,7 @@ def find_coarse_steps(x: Signal, levels: Levels) -> list[Found]:
         return []
     what = f"coarse steps of {step:.3g}: their noise is {noise:.1%} of the signal"
     hint = "amplify before the converter, or choose a smaller range"
-    return [Found("quantisation", "serious" if noise > TOO_COARSE else "note", (), what, hint)]
+    return [Found("quantisation", what, hint, severity="serious" if noise > TOO_COARSE else "note")]
 
 
 def find_held(x: Signal) -> list[Found]:
@@ -86,4 +88,4 @@ def find_held(x: Signal) -> list[Found]:
         return []
     what = f"moves at every {every}. sample only: recorded at a {every} times slower rate and held"
     hint = "resample all channels to the slower rate, or take the hold into account"
-    return [Found("held", "serious", (), what, hint)]
+    return [Found("held", what, hint)]

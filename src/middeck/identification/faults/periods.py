@@ -26,7 +26,11 @@ def find_transient(x: Signal, period: int) -> list[Found]:
         return []
     what = f"not steady: the first period differs from the last by {size:.1%} of the rms"
     hint = "leave the first period out, or wait longer before recording"
-    return [Found("transient", "serious" if size > SERIOUS else "note", ((0, period),), what, hint)]
+    return [
+        Found(
+            "transient", what, hint, severity="serious" if size > SERIOUS else "note", samples=((0, period),)
+        )
+    ]
 
 
 def _dies(rest: Signal) -> bool:
@@ -52,4 +56,4 @@ def find_unsteady_input(u: Signal, period: int) -> list[Found]:
     if scatter <= REPEATS * size:
         return []
     what = f"does not repeat: it scatters by {scatter / max(size, 1e-300):.0%} of its mean period"
-    return [Found("repeat", "unusable", (), what, "count the periods; record only steady ones")]
+    return [Found("repeat", what, "count the periods; record only steady ones", severity="unusable")]

@@ -55,7 +55,15 @@ def find_gaps(x: Signal) -> list[Found]:
         return []
     count = sum(b - a for a, b in runs)
     what = f"{count} samples are missing or no numbers, in {_times(runs)}, first at {runs[0][0]}"
-    return [Found("gap", "unusable", tuple(runs), what, "cut the record before the gap, or record it again")]
+    return [
+        Found(
+            "gap",
+            what,
+            "cut the record before the gap, or record it again",
+            severity="unusable",
+            samples=tuple(runs),
+        )
+    ]
 
 
 def is_dead(x: Signal) -> bool:
@@ -74,9 +82,7 @@ def find_clipping(x: Signal, levels: Levels) -> list[Found]:
     limits = sorted({float(f"{x[a]:.3g}") for a, _ in runs})
     at = " and ".join(f"{v:g}" for v in (limits[:1] + limits[-1:] if len(limits) > 1 else limits))
     what = f"clipped: {count} samples at the limits near {at}, in {_times(runs)}"
-    return [
-        Found("clipping", "serious", tuple(runs), what, "record it again with a wider range or less drive")
-    ]
+    return [Found("clipping", what, "record it again with a wider range or less drive", samples=tuple(runs))]
 
 
 def _exact_limits(x: Signal, step: float) -> Runs:
@@ -128,7 +134,7 @@ def find_dropouts(x: Signal, levels: Levels, *, period: int, is_input: bool) -> 
     hint = "check cable and transmission; cut the record there"
     if runs[-1][1] == len(x):
         hint = "the end may have been cut and padded: cut it off, or copy the record again"
-    return [Found("dropout", "serious", tuple(runs), what, hint)]
+    return [Found("dropout", what, hint, samples=tuple(runs))]
 
 
 def _leaps(x: Signal, run: tuple[int, int], step: float) -> bool:
@@ -153,7 +159,7 @@ def find_spikes(x: Signal, levels: Levels, driven: Runs | None = None) -> list[F
     largest = max(float(np.abs(x[a:b] - np.median(x)).max()) for a, b in runs)
     what = f"{len(runs)} spikes up to {largest:.3g}, first at {runs[0][0]}"
     hint = "check for loose contacts and switching nearby; repair the samples, or leave the period out"
-    return [Found("spike", "serious", tuple(runs), what, hint)]
+    return [Found("spike", what, hint, samples=tuple(runs))]
 
 
 def spike_runs(x: Signal, levels: Levels) -> Runs:

@@ -47,7 +47,7 @@ from middeck.values import record
 Cost = Literal["weighted", "likelihood", "logarithmic"]
 
 
-@record
+@record(kw_only=True)
 class FitResult:
     """A fitted model and how good it is.
 
@@ -281,15 +281,15 @@ def _result(
     of_delays = standing_of_delays(measured, covariance, holds=noise)
     warnings += doubts_of_standing(covariance, standing)
     return FitResult(
-        model,
-        2.0 * best.refined.step.cost / r.size,
-        error,
-        np.sqrt(best.share * np.mean(np.abs(measured.H) ** 2, axis=(0, 2))),
-        uncertainty,
-        dataclasses.replace(covariance, model=model),
-        np.array(best.refined.history),
-        reason,
-        tuple(warnings),
-        standing,
+        model=model,
+        cost=2.0 * best.refined.step.cost / r.size,
+        error=error,
+        excess=np.sqrt(best.share * np.mean(np.abs(measured.H) ** 2, axis=(0, 2))),
+        uncertainty=uncertainty,
+        covariance=dataclasses.replace(covariance, model=model),
+        history=np.array(best.refined.history),
+        order_reason=reason,
+        warnings=tuple(warnings),
+        standing=standing,
         delay_standing=of_delays,
     )

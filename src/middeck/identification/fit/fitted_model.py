@@ -27,28 +27,28 @@ def model_of(run: Run, inputs: tuple[Port, ...], outputs: tuple[Port, ...]) -> M
         # A path that leads is as prompt as can be: zero, as the output's delay is then (`causal_delay`).
         beyond = np.maximum(point.delay_s, 0.0) - np.maximum(each, 0.0)[:, None]
     return MeasurementModel(
-        poles,
-        c,
-        b,
-        constant.direct,
-        constant.lower,
-        each,
-        inputs,
-        outputs,
-        layout.options.sample_hz,
-        beyond,
-        constant.rigid if layout.rigid_pivot else None,
-        constant.integral if layout.integral_pivot else None,
+        poles=poles,
+        shapes=c,
+        participation=b,
+        direct=constant.direct,
+        lower=constant.lower,
+        delay_s=each,
+        inputs=inputs,
+        outputs=outputs,
+        sample_hz=layout.options.sample_hz,
+        path_delay_s=beyond,
+        rigid=constant.rigid if layout.rigid_pivot else None,
+        integral=constant.integral if layout.integral_pivot else None,
     )
 
 
 def structure_of(layout: Layout) -> Structure:
     """Which parts of the model were free."""
     return Structure(
-        layout.options.real_constants,
-        bool(layout.options.delay_of),
-        layout.options.residuals,
-        bool(layout.options.direct),
+        real_constants=layout.options.real_constants,
+        with_delay=bool(layout.options.delay_of),
+        with_lower=layout.options.residuals,
+        with_direct=bool(layout.options.direct),
         common_delay=layout.options.delay_of == "common",
         relative_degree_two=layout.options.zero_sum,
     )

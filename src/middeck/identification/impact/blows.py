@@ -36,7 +36,7 @@ BEFORE = 32
 STILL_RINGING = 0.3
 
 
-@frozen
+@frozen(kw_only=True)
 class Blow:
     """One blow.
 
@@ -144,7 +144,17 @@ def _blows(
         after_ms = 0.0 if hit is None else 1e3 * (hit - struck) / sample_hz
         place = f"{abs(after_ms):.3g} ms {'after' if after_ms > 0 else 'before'}"
         why = "" if hit is None else f"double hit: another of {force[hit] / force[struck]:.0%} {place}"
-        found.append(Blow(experiment, begins[k], struck, begins[k + 1], b, float(force[struck]), why))
+        found.append(
+            Blow(
+                experiment=experiment,
+                first=begins[k],
+                struck=struck,
+                last=begins[k + 1],
+                pulse_end=b,
+                peak=float(force[struck]),
+                rejected=why,
+            )
+        )
     return found
 
 

@@ -22,7 +22,7 @@ WEAKEST = 1e-8
 DAMPING, GROWTH = 1e-3, 2.0
 
 
-@record
+@record(kw_only=True)
 class Step:
     """Cost, normal equations and linear unknowns (the transients' last) at a theta; H - E if at hand."""
 

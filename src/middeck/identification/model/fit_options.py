@@ -16,7 +16,7 @@ Constants = Literal["real", "complex"]
 Delay = Literal["output", "path", "common"]
 
 
-@record
+@record(kw_only=True)
 class FitOptions:
     """The kind of model; see `fit_response`.
 
@@ -24,7 +24,6 @@ class FitOptions:
     constant term.
     """
 
-    _: dataclasses.KW_ONLY
     states: int | None = None
     sample_hz: float | None = None
     constants: Constants | None = None

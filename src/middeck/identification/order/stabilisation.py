@@ -33,7 +33,7 @@ SHARE = 0.5
 FEWEST = 3
 
 
-@record
+@record(kw_only=True)
 class Stabilisation:
     """Poles of all orders, those of one pair once, in rising order; real poles are left out.
 
@@ -188,16 +188,16 @@ def _result(models: list[_Model], flags: np.ndarray, by_hz: float, by_mac: float
     for k, c in enumerate(kept):
         cluster[c] = k
     return Stabilisation(
-        orders,
-        order,
-        natural_hz,
-        damping,
-        flags[:, 0],
-        flags[:, 1],
-        flags[:, 2],
-        cluster,
-        np.array([np.median(natural_hz[c]) for c in kept]),
-        np.array([np.median(damping[c]) for c in kept]),
+        orders=orders,
+        order=order,
+        natural_hz=natural_hz,
+        damping=damping,
+        stable_frequency=flags[:, 0],
+        stable_damping=flags[:, 1],
+        stable_shape=flags[:, 2],
+        cluster=cluster,
+        cluster_hz=np.array([np.median(natural_hz[c]) for c in kept]),
+        cluster_damping=np.array([np.median(damping[c]) for c in kept]),
     )
 
 

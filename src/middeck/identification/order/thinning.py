@@ -51,7 +51,9 @@ def _every(lines: int, step: int) -> Int[np.ndarray, " kept"]:
 def take_lines(data: Data, spread: Spread, kept: Int[np.ndarray, " kept"]) -> tuple[Data, Spread]:
     """Data and spread on some lines."""
     drive = None if data.drive is None else data.drive[kept]
-    part = Data(data.s[kept], data.H[:, kept], data.weight[:, kept], drive, data.transient)
+    part = Data(
+        s=data.s[kept], H=data.H[:, kept], weight=data.weight[:, kept], drive=drive, transient=data.transient
+    )
     return part, Spread(spread.variance[:, kept], spread.size[:, kept], spread.relative)
 
 

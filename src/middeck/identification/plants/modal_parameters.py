@@ -21,7 +21,7 @@ from middeck.signals.ports import Port
 from middeck.values import record
 
 
-@record
+@record(kw_only=True)
 class ModalParameters:
     """Modes in rising frequency; real poles and rigid modes are not among them.
 
@@ -77,8 +77,9 @@ def modal_parameters(
     Examples
     --------
     >>> zero = np.zeros((1, 1))                        # 1 / (4 (s^2 + ...)): a mass of 4 kg at 10 rad/s
-    >>> model = MeasurementModel(np.array([-0.1 + 10j]), np.array([[1 / 80j]]), np.ones((1, 1)), zero, zero,
-    ...     np.zeros(1), (Port("force", "N"),), (Port("tip", "m"),))
+    >>> model = MeasurementModel(
+    ...     poles=[-0.1 + 10j], shapes=[[1 / 80j]], participation=[[1.0]], direct=zero, lower=zero,
+    ...     delay_s=[0.0], inputs=(Port("force", "N"),), outputs=(Port("tip", "m"),))
     >>> round(float(modal_parameters(model, drive_point=("tip", "force")).modal_mass[0]), 9)
     4.0
     """
@@ -102,16 +103,16 @@ def modal_parameters(
     largest = np.argmax(np.abs(turned.real), axis=0)
     turned = turned * np.where(np.take_along_axis(turned.real, largest[None], axis=0) < 0.0, -1.0, 1.0)
     return ModalParameters(
-        natural_hz(model)[pairs],
-        damping_ratio(model)[pairs],
-        constants,
-        turned,
-        turned.real,
-        mass,
-        np.abs(np.sum(turned**2, axis=0)) ** 2 / np.sum(np.abs(turned) ** 2, axis=0) ** 2,
-        _mac(turned),
-        model.inputs,
-        model.outputs,
+        natural_hz=natural_hz(model)[pairs],
+        damping=damping_ratio(model)[pairs],
+        constants=constants,
+        shapes=turned,
+        real_shapes=turned.real,
+        modal_mass=mass,
+        complexity=np.abs(np.sum(turned**2, axis=0)) ** 2 / np.sum(np.abs(turned) ** 2, axis=0) ** 2,
+        mac=_mac(turned),
+        inputs=model.inputs,
+        outputs=model.outputs,
     )
 
 

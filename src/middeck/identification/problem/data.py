@@ -35,7 +35,7 @@ class Transient:
     steady: Complex[np.ndarray, "column line"] | None = None
 
 
-@record
+@record(kw_only=True)
 class Data:
     """What is fitted, at s = j omega.
 
@@ -90,4 +90,4 @@ class Data:
 def data_of(measured: FrequencyResponse, spread: Spread) -> Data:
     """A response to be fitted, in the weights of a start."""
     weight = 1.0 / np.sqrt(spread.at(FIRST_EXCESS**2))
-    return Data(2j * np.pi * measured.frequency_hz, by_output(measured.H), weight)
+    return Data(s=2j * np.pi * measured.frequency_hz, H=by_output(measured.H), weight=weight)

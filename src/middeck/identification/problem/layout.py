@@ -21,7 +21,7 @@ from middeck.identification.model.fit_options import FitOptions
 from middeck.values import record
 
 
-@record
+@record(kw_only=True)
 class Layout:
     """What the entries of theta are.
 

@@ -279,18 +279,18 @@ def _result(measured: Record, record: Record, fit: Tidied, reason: str, score: n
     standing = standing_of(lines, covariance, holds=not wrong)
     warnings += doubts_of_standing(covariance, standing)
     return FitResult(
-        model,
-        float(np.mean(np.abs(r) ** 2 / run.variance)),
-        error,
-        np.zeros(len(error)),
-        uncertainty,
-        dataclasses.replace(covariance, model=model),
-        np.array(found.history),
-        reason,
-        tuple(warnings),
-        standing,
-        fit.lines,
-        standing_of_delays(lines, covariance, holds=not wrong),
+        model=model,
+        cost=float(np.mean(np.abs(r) ** 2 / run.variance)),
+        error=error,
+        excess=np.zeros(len(error)),
+        uncertainty=uncertainty,
+        covariance=dataclasses.replace(covariance, model=model),
+        history=np.array(found.history),
+        order_reason=reason,
+        warnings=tuple(warnings),
+        standing=standing,
+        lines=fit.lines,
+        delay_standing=standing_of_delays(lines, covariance, holds=not wrong),
     )
 
 

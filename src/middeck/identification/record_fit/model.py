@@ -53,7 +53,15 @@ def record_covariance(run: RecordRun, data: Data, model: MeasurementModel) -> Mo
     root = np.hstack([canonical_root(W @ root_of(_scores_spread(each, W))), np.sqrt(0.5) * free])
     unknowns = size - len(held) + data.H.shape[0] * data.H.shape[2] * len(each.terms.B)
     degrees = float(2 * data.H.size - unknowns)
-    return ModelCovariance(model, structure, root, inflation, degrees, run.weighting == "flat", loose)
+    return ModelCovariance(
+        model=model,
+        structure=structure,
+        root=root,
+        inflation=inflation,
+        degrees=degrees,
+        robust=run.weighting == "flat",
+        loose=loose,
+    )
 
 
 class _Rows:

@@ -35,7 +35,7 @@ SLOW_REAL = 10.0
 HEAT, ROUNDS = 3, 2
 
 
-@record
+@record(kw_only=True)
 class RecordRun(Run):
     """A model refined on a record; its ``variance`` is, by the weighting, from what it leaves."""
 

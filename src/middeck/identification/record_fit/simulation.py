@@ -66,7 +66,9 @@ def simulate_record(
     >>> from middeck.signals.ports import Port
     >>> port = (Port("x", "1"),)
     >>> one = np.ones((1, 1))
-    >>> lag = MeasurementModel([np.log(0.5) + 0j], one, one, 0 * one, 0 * one, [0.0], port, port, 1.0)
+    >>> lag = MeasurementModel(
+    ...     poles=[np.log(0.5) + 0j], shapes=one, participation=one, direct=0 * one, lower=0 * one,
+    ...     delay_s=[0.0], inputs=port, outputs=port, sample_hz=1.0)
     >>> u = np.zeros((1, 1, 16, 1))
     >>> y = 0.5 ** np.arange(16.0).reshape(u.shape)            # y[k+1] = 0.5 y[k] + u[k], from y[0] = 1
     >>> u[..., 8:, :], y[..., 9:, :] = 1.0, 2.0 - 2.0 * 0.5 ** np.arange(1.0, 8.0).reshape(1, 1, 7, 1)

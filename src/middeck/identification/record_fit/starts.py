@@ -138,7 +138,7 @@ def _response_of(data: Data, wanted: FitOptions, poles: np.ndarray, pair: np.nda
     H = np.tensordot(step.linear[:, : layout.columns], X, axes=1)
     strength = np.sqrt(np.mean(np.abs(data.drive) ** 2, axis=2))
     weight = data.weight.mean(axis=2)[:, :, None] * strength
-    return Data(data.s, H, weight)
+    return Data(s=data.s, H=H, weight=weight)
 
 
 def inside_circle(
@@ -173,12 +173,12 @@ def _layout(
 ) -> Layout:
     assert data.drive is not None
     return Layout(
-        pair,
-        np.where(pair, 0.0, np.imag(poles)),
-        pivot,
-        data.drive.shape[1],
-        len(data.H),
-        options,
+        pair=pair,
+        fixed_imag=np.where(pair, 0.0, np.imag(poles)),
+        pivot=pivot,
+        inputs=data.drive.shape[1],
+        outputs=len(data.H),
+        options=options,
     )
 
 

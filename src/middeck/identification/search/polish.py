@@ -30,7 +30,7 @@ LITTLE_OF_NOISE = 1e-3
 FIRST_STEPS = 3
 
 
-@record
+@record(kw_only=True)
 class Polished(Run):
     """A fit of a response; ``share`` of the response's size is the variance beyond the measured one."""
 
@@ -107,7 +107,9 @@ def logarithmic_polish(data: Data, start: Polished, spread: Spread) -> Polished:
     E = data.H - start.residual(data)
     size = np.maximum(np.abs(E) ** 2, np.finfo(float).tiny)
     of_log = Spread(spread.variance / size, np.ones(size.shape))
-    again = Data(data.s, data.H, 1.0 / np.sqrt(of_log.at(excess_share(np.log(data.H / E), of_log))))
+    again = Data(
+        s=data.s, H=data.H, weight=1.0 / np.sqrt(of_log.at(excess_share(np.log(data.H / E), of_log)))
+    )
     found = search(bounded(layout, again, lambda x: logarithmic(layout, again, x)), theta)
     if found is None:
         return start

@@ -61,7 +61,7 @@ def weighted(
     gradient = np.sum([one.gradient for one in solved], axis=0)
     gram = np.sum([one.gram for one in solved], axis=0)
     linear = np.concatenate([one.linear for one in solved])
-    return Step(cost, gradient, gram, linear, _residual(data, solved))
+    return Step(cost=cost, gradient=gradient, gram=gram, linear=linear, residual=_residual(data, solved))
 
 
 def _residual(data: Data, solved: list[Solved]) -> Complex[np.ndarray, "output line column"] | None:
@@ -155,4 +155,4 @@ def logarithmic(layout: Layout, data: Data, theta: Float[np.ndarray, " unknown"]
         cost += 0.5 * float(residual @ residual)
         gradient[own] -= J @ residual
         gram[np.ix_(own, own)] += J @ J.T
-    return Step(cost, gradient, gram, linear) if np.isfinite(cost) else None
+    return Step(cost=cost, gradient=gradient, gram=gram, linear=linear) if np.isfinite(cost) else None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 
 import numpy as np
@@ -15,7 +14,7 @@ from middeck.identification.problem.layout import Layout, Start
 from middeck.values import record
 
 
-@record
+@record(kw_only=True)
 class Run:
     """A model at the end of a search.
 
@@ -25,7 +24,6 @@ class Run:
         Negative logarithm of the likelihood, up to a constant: sum of log v + |r|^2 / v.
     """
 
-    _: dataclasses.KW_ONLY
     layout: Layout
     refined: Refined
     likelihood: float

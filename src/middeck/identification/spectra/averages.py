@@ -28,7 +28,7 @@ WIDTHS_IN_PEAK = 3.0
 CLEAR_OF_NOISE = 25.0
 
 
-@frozen
+@frozen(kw_only=True)
 class Spectra:
     """Power and cross spectra, two-sided [unit^2/Hz].
 
@@ -104,14 +104,14 @@ def estimate_spectra(
     S = total / (segments * first.sample_hz * np.sum(taper**2))
     i = len(first.inputs)
     return Spectra(
-        np.fft.rfftfreq(size, 1.0 / first.sample_hz),
-        S[:, :i, :i],
-        S[:, i:, :i],
-        S[:, i:, i:],
-        first.inputs,
-        first.outputs,
-        averages,
-        0.0 if periodic else float(first.sample_hz * np.sum(taper**2) / np.sum(taper) ** 2),
+        frequency_hz=np.fft.rfftfreq(size, 1.0 / first.sample_hz),
+        S_uu=S[:, :i, :i],
+        S_yu=S[:, i:, :i],
+        S_yy=S[:, i:, i:],
+        inputs=first.inputs,
+        outputs=first.outputs,
+        averages=averages,
+        window_hz=0.0 if periodic else float(first.sample_hz * np.sum(taper**2) / np.sum(taper) ** 2),
     )
 
 
@@ -197,7 +197,7 @@ def doubts_of_window(found: ResponseScatter, spectra: Spectra) -> list[str]:
 
     Examples
     --------
-    >>>     >>> from middeck.identification.spectra.ratios import spectra_response
+    >>> from middeck.identification.spectra.ratios import spectra_response
     >>> from middeck.signals.ports import Port
     >>> from middeck.signals.record import Record
     >>> from scipy.signal import lfilter

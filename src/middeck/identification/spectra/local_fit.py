@@ -18,6 +18,8 @@ window solved again (Sanathanan and Koerner 1963), so that what is left is the n
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 from jaxtyping import Complex, Float, Inexact, Int
 
@@ -41,7 +43,7 @@ class LocalModel:
     rational: bool
 
 
-@frozen
+@frozen(kw_only=True)
 class LocalFit:
     """What the windows give, and how well they predict the line that they leave out.
 
@@ -89,20 +91,8 @@ def fit_windows(
     columns = TERMS * (U.shape[2] + (Y.shape[2] if model.rational else 1))
     some = max(16, AT_ONCE // ((2 * model.half + 1) * U.shape[1] * columns))
     parts = [_fit_some(U, Y, lines[k : k + some], model, reweigh) for k in range(0, len(lines), some)]
-    return LocalFit(
-        *(
-            np.concatenate([getattr(part, name) for part in parts])
-            for name in (
-                "H",
-                "variance",
-                "covariance",
-                "inverse_power",
-                "line_inverse_power",
-                "prediction",
-                "denominator",
-            )
-        )
-    )
+    names = [f.name for f in dataclasses.fields(LocalFit)]
+    return LocalFit(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
 
 
 def _fit_some(U: np.ndarray, Y: np.ndarray, lines: np.ndarray, model: LocalModel, reweigh: bool) -> LocalFit:
@@ -168,14 +158,14 @@ def _solve(
     inverse_power = A[:, :inputs, :inputs].conj()
     slope = theta[:, 1:]
     return LocalFit(
-        np.einsum("kcoi,kc->koi", theta, full),
-        variance_of(covariance, inverse_power)
+        H=np.einsum("kcoi,kc->koi", theta, full),
+        variance=variance_of(covariance, inverse_power)
         + np.real(np.einsum("ktoi,kts,ksoi->koi", slope, spread, slope.conj())),
-        covariance,
-        inverse_power,
-        _line_inverse_power(U),
-        _prediction(Q, X, A, left, own),
-        d if model.rational else np.zeros((count, ORDER)),
+        covariance=covariance,
+        inverse_power=inverse_power,
+        line_inverse_power=_line_inverse_power(U),
+        prediction=_prediction(Q, X, A, left, own),
+        denominator=d if model.rational else np.zeros((count, ORDER)),
     )
 
 

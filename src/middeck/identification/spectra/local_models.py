@@ -216,5 +216,14 @@ def _by_choice(
         of_line[here] = found.line_inverse_power
         dof[here] = freedom(models[k], experiments, inputs, outputs)
     return ResponseScatter(
-        frequency[lines], H, None, total, None, dof, None, covariance, inverse_power, of_line
+        frequency_hz=frequency[lines],
+        H=H,
+        noise=None,
+        total=total,
+        noise_dof=None,
+        total_dof=dof,
+        noise_covariance=None,
+        total_covariance=covariance,
+        inverse_power=inverse_power,
+        line_inverse_power=of_line,
     )

@@ -149,14 +149,14 @@ def plant_scatter(found: ResponseScatter, outputs: int) -> ResponseScatter:
 
     noise, total = through(found.noise_covariance), through(found.total_covariance)
     return ResponseScatter(
-        found.frequency_hz,
-        G,
-        None if noise is None else variance_of(noise, inverse_power),
-        None if total is None else variance_of(total, inverse_power),
-        found.noise_dof,
-        found.total_dof,
-        noise,
-        total,
-        inverse_power,
-        None if found.line_inverse_power is None else at_input(found.line_inverse_power),
+        frequency_hz=found.frequency_hz,
+        H=G,
+        noise=None if noise is None else variance_of(noise, inverse_power),
+        total=None if total is None else variance_of(total, inverse_power),
+        noise_dof=found.noise_dof,
+        total_dof=found.total_dof,
+        noise_covariance=noise,
+        total_covariance=total,
+        inverse_power=inverse_power,
+        line_inverse_power=None if found.line_inverse_power is None else at_input(found.line_inverse_power),
     )

@@ -23,7 +23,7 @@ CLIFF = 10.0
 POOLED_DOF = 12.0
 
 
-@frozen
+@frozen(kw_only=True)
 class PeriodMoments:
     """Mean and scatter of the spectra z = (u, y) over the periods of each experiment.
 
@@ -66,7 +66,13 @@ def period_moments(stream: RecordStream, *, keep: np.ndarray | None = None) -> P
             if p:
                 scatter += step[:, :, None] * step.conj()[:, None, :] * (p / (p + 1))
     check_swing(swing, stream)
-    return PeriodMoments(frequency[keep], stream.samples // stream.period, len(stream.inputs), mean, scatter)
+    return PeriodMoments(
+        frequency_hz=frequency[keep],
+        periods=stream.samples // stream.period,
+        inputs=len(stream.inputs),
+        mean=mean,
+        scatter=scatter,
+    )
 
 
 def scatter_of_periods(
@@ -93,15 +99,15 @@ def scatter_of_periods(
             noise, noise_dof = _pooled(noise, noise_dof)
         noise, total = (None if x is None else x + added for x in (noise, total))
     return ResponseScatter(
-        frequency[keep],
-        H,
-        None if noise is None else variance_of(noise, inverse_power),
-        None if total is None else variance_of(total, inverse_power),
-        None if noise is None else np.full(len(H), noise_dof),
-        None if total is None else np.full(len(H), float(dof)),
-        noise,
-        total,
-        inverse_power,
+        frequency_hz=frequency[keep],
+        H=H,
+        noise=None if noise is None else variance_of(noise, inverse_power),
+        total=None if total is None else variance_of(total, inverse_power),
+        noise_dof=None if noise is None else np.full(len(H), noise_dof),
+        total_dof=None if total is None else np.full(len(H), float(dof)),
+        noise_covariance=noise,
+        total_covariance=total,
+        inverse_power=inverse_power,
     )
 
 

@@ -79,15 +79,15 @@ def spectra_response(
     covariance = left * (spectra.averages / free)
     R = alone / spectra.averages
     return ResponseScatter(
-        spectra.frequency_hz[keep],
-        H,
-        None,
-        _variance(covariance, R),
-        None,
-        np.full(len(H), float(free)),
-        None,
-        covariance,
-        R.mean(axis=1),
+        frequency_hz=spectra.frequency_hz[keep],
+        H=H,
+        noise=None,
+        total=_variance(covariance, R),
+        noise_dof=None,
+        total_dof=np.full(len(H), float(free)),
+        noise_covariance=None,
+        total_covariance=covariance,
+        inverse_power=R.mean(axis=1),
     )
 
 

@@ -9,7 +9,7 @@ from middeck.systems.response import ResponseCovariance
 from middeck.values import record as frozen
 
 
-@frozen
+@frozen(kw_only=True)
 class ResponseScatter:
     """A measured response with what scatters it.
 

@@ -162,14 +162,14 @@ def start_from_point(
     psi = np.zeros((0, point.b.shape[1])) if point.psi is None else point.psi
     rigid = min(options.rigid, len(psi))
     layout = Layout(
-        pair,
-        np.where(pair, 0.0, np.imag(point.poles)),
-        np.argmax(np.abs(point.b), axis=1),
-        point.b.shape[1],
-        outputs,
-        options,
-        _largest(psi[:rigid]),
-        _largest(psi[rigid:]),
+        pair=pair,
+        fixed_imag=np.where(pair, 0.0, np.imag(point.poles)),
+        pivot=np.argmax(np.abs(point.b), axis=1),
+        inputs=point.b.shape[1],
+        outputs=outputs,
+        options=options,
+        rigid_pivot=_largest(psi[:rigid]),
+        integral_pivot=_largest(psi[rigid:]),
     )
     return Start(layout, pack(layout, point))
 
@@ -265,12 +265,12 @@ def _one_by_one(
 ) -> tuple[Layout, Point, Complex[np.ndarray, "column line"]]:
     """The columns of a single entry of H: every entry has residues of its own."""
     layout = Layout(
-        pair,
-        np.where(pair, 0.0, np.imag(poles)),
-        np.zeros(len(poles), dtype=int),
-        1,
-        1,
-        dataclasses.replace(
+        pair=pair,
+        fixed_imag=np.where(pair, 0.0, np.imag(poles)),
+        pivot=np.zeros(len(poles), dtype=int),
+        inputs=1,
+        outputs=1,
+        options=dataclasses.replace(
             options,
             delay=False,
             full_rank=False,

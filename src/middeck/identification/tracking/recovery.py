@@ -54,7 +54,7 @@ class Restart:
     opening: float
 
 
-@record
+@record(kw_only=True)
 class Recovery:
     """What is kept to begin again from.
 
@@ -97,9 +97,19 @@ def first_recovery(
     loudness: Float[np.ndarray, " input"],
 ) -> Recovery:
     """Before the first sample: the start is the good state."""
-    twice = np.tile(mean, (2, 1)), np.tile(variance, (2, 1))
+    blocks, seen = no_blocks()
     return Recovery(
-        np.zeros(WATCHED + 1), 0.0, 0, 0, *twice, np.zeros(2, dtype=int), loudness, (), *no_blocks()
+        products=np.zeros(WATCHED + 1),
+        weight=0.0,
+        lost=0,
+        tries=0,
+        mean=np.tile(mean, (2, 1)),
+        variance=np.tile(variance, (2, 1)),
+        taken=np.zeros(2, dtype=int),
+        loudness=loudness,
+        restarts=(),
+        blocks=blocks,
+        seen=seen,
     )
 
 

@@ -50,7 +50,7 @@ ROUNDING = 1e-9
 NO_SCATTER = 0.01
 
 
-@record
+@record(kw_only=True)
 class ModelCovariance:
     """How well the unknowns of a model are known, jointly.
 
@@ -144,7 +144,15 @@ def estimate_covariance(
     if robust:
         root = W @ root_of(_scores_spread(each, residual, W), least=0.5)
     root = np.hstack([canonical_root(root), np.sqrt(0.5) * free])
-    return ModelCovariance(model, structure, root, inflation, degrees, robust, loose)
+    return ModelCovariance(
+        model=model,
+        structure=structure,
+        root=root,
+        inflation=inflation,
+        degrees=degrees,
+        robust=robust,
+        loose=loose,
+    )
 
 
 class _Entries:
@@ -294,10 +302,17 @@ def as_exact(model: MeasurementModel) -> ModelCovariance:
     unit = np.where(model.is_pair, 1j, 1.0)
     constants = (model.shapes * unit)[:, :, None] * model.participation
     real = bool(np.all(np.abs(np.imag(constants)) <= ROUNDING * np.abs(constants)))
-    parts = (bool(np.any(part)) for part in (model.delay_s, model.lower, model.direct))
-    structure = Structure(real, *parts)
+    delay, lower, direct = (bool(np.any(part)) for part in (model.delay_s, model.lower, model.direct))
+    structure = Structure(real_constants=real, with_delay=delay, with_lower=lower, with_direct=direct)
     size = places_of(model, structure).size
-    return ModelCovariance(model, structure, np.zeros((size, size)), np.ones(size), np.inf, robust=False)
+    return ModelCovariance(
+        model=model,
+        structure=structure,
+        root=np.zeros((size, size)),
+        inflation=np.ones(size),
+        degrees=np.inf,
+        robust=False,
+    )
 
 
 def draw_errors(

@@ -34,7 +34,7 @@ OF_SIZE = 0.1
 RANK = 1e-9
 
 
-@record
+@record(kw_only=True)
 class ModeChange:
     """One mode in both fits.
 
@@ -75,7 +75,7 @@ class ModeChange:
         )
 
 
-@record
+@record(kw_only=True)
 class DelayChange:
     """The delay of one output in both fits [s], the deviation of the difference and its probability."""
 
@@ -95,7 +95,7 @@ class DelayChange:
         )
 
 
-@record
+@record(kw_only=True)
 class Drift:
     """What changed between two fits.
 
@@ -174,18 +174,18 @@ def compare_fits(before: ModelCovariance, after: ModelCovariance, *, level: floa
     counts = holm(compared.p, level)
     modes = len(pairs)
     return Drift(
-        tuple(
+        modes=tuple(
             _mode_change(before, after, compared, (k, modes + k), pair, counts)
             for k, pair in enumerate(pairs)
         ),
-        tuple(
+        delays=tuple(
             _delay_change(before, after, compared, 2 * modes + k, o, counts)
             for k, o in enumerate(_with_delay(before, after))
         ),
-        _alone(before.model, [a for a, _ in pairs]),
-        _alone(after.model, [b for _, b in pairs]),
-        compared.p_overall,
-        level,
+        only_before=_alone(before.model, [a for a, _ in pairs]),
+        only_after=_alone(after.model, [b for _, b in pairs]),
+        p_overall=compared.p_overall,
+        level=level,
     )
 
 
@@ -346,16 +346,16 @@ def _mode_change(
     poles, constants = tests
     deviation = [*compared.deviation[compared.groups[poles]], 0.0]
     return ModeChange(
-        pair[0],
-        pair[1],
-        f,
-        float(deviation[0]),
-        zeta,
-        float(deviation[1]),
-        float(compared.p[poles]),
-        float(compared.p[constants]),
-        bool(counts[poles]),
-        bool(counts[constants]),
+        before=pair[0],
+        after=pair[1],
+        frequency_hz=f,
+        frequency_std_hz=float(deviation[0]),
+        damping=zeta,
+        damping_std=float(deviation[1]),
+        p_pole=float(compared.p[poles]),
+        p_constants=float(compared.p[constants]),
+        moved=bool(counts[poles]),
+        reshaped=bool(counts[constants]),
     )
 
 
@@ -368,9 +368,9 @@ def _delay_change(
     counts: np.ndarray,
 ) -> DelayChange:
     return DelayChange(
-        before.model.outputs[o].name,
-        (float(before.model.delay_s[o]), float(after.model.delay_s[o])),
-        float(compared.deviation[compared.groups[test][0]]),
-        float(compared.p[test]),
-        bool(counts[test]),
+        output=before.model.outputs[o].name,
+        delay_s=(float(before.model.delay_s[o]), float(after.model.delay_s[o])),
+        delay_std_s=float(compared.deviation[compared.groups[test][0]]),
+        p=float(compared.p[test]),
+        changed=bool(counts[test]),
     )

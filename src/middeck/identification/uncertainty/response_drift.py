@@ -23,7 +23,7 @@ GAP = 3
 TRUSTED = 1.5
 
 
-@record
+@record(kw_only=True)
 class MovedBand:
     """Neighbouring lines on which an entry of the response changed.
 
@@ -45,7 +45,7 @@ class MovedBand:
     change: float
 
 
-@record
+@record(kw_only=True)
 class ResponseDrift:
     """Where two responses differ.
 
@@ -152,7 +152,9 @@ def compare_responses(
     change = difference / np.maximum(np.abs(before.H[a]), np.finfo(float).tiny)
     deviations = np.sqrt(2.0 * statistic / inflation)
     bands = _bands(f, moved, deviations, change, before.outputs, before.inputs)
-    return ResponseDrift(f, statistic, inflation, moved, bands, level)
+    return ResponseDrift(
+        frequency_hz=f, statistic=statistic, inflation=inflation, moved=moved, bands=bands, level=level
+    )
 
 
 def holm(p: Float[np.ndarray, " test"], level: float) -> Bool[np.ndarray, " test"]:
@@ -209,12 +211,12 @@ def _bands(
         k, o, i = np.unravel_index(np.argmax(deviations[group]), deviations[group].shape)
         bands.append(
             MovedBand(
-                float(f[group[0]]),
-                float(f[group[-1]]),
-                outputs[o].name,
-                inputs[i].name,
-                float(deviations[group][k, o, i]),
-                float(change[group][k, o, i]),
+                low_hz=float(f[group[0]]),
+                high_hz=float(f[group[-1]]),
+                output=outputs[o].name,
+                input=inputs[i].name,
+                deviations=float(deviations[group][k, o, i]),
+                change=float(change[group][k, o, i]),
             )
         )
     return tuple(bands)
