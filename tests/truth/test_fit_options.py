@@ -206,3 +206,14 @@ def _bound_hz(C, R):
 def test_options_that_exclude_each_other(options):
     with pytest.raises(ConfigError):
         fit_response(measured_of(a_model()), **{"states": 8, **options})
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"constants": "Real"}, {"delay": "outputs"}, {"relative_degree": 3}, {"cost": "log"}],
+    ids=lambda wrong: next(iter(wrong)),
+)
+def test_a_word_that_is_none_is_refused_with_those_there_are(wrong):
+    with pytest.raises(ConfigError, match=repr(next(iter(wrong.values())))) as refused:
+        fit_response(measured_of(a_model()), states=6, **wrong)
+    assert refused.value.hint.startswith("one of ")

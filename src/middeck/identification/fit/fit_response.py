@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from jaxtyping import Float
@@ -20,7 +20,7 @@ from middeck.identification.fit.standing import (
     standing_of_delays,
 )
 from middeck.identification.fit.tidy import tidied
-from middeck.identification.model.checks import check_logarithms, check_response
+from middeck.identification.model.checks import check_logarithms, check_response, check_word
 from middeck.identification.model.fit_options import Constants, Delay, FitOptions, decided
 from middeck.identification.model.held_response import folded_response
 from middeck.identification.model.measurement_model import MeasurementModel, model_response
@@ -214,6 +214,7 @@ def marked(fit: FitResult, hold_s: float | None) -> FitResult:
 
 def fit_lines(measured: FrequencyResponse, asked: FitOptions, cost: Cost = "weighted") -> FitResult:
     """The fit of a response as it is, whatever its inputs did between samples."""
+    check_word("cost", cost, get_args(Cost))
     options, states = decided(measured, asked), asked.states
     check_response(measured, count_unknowns(measured, options))
     if cost == "logarithmic" and measured.variance is None:

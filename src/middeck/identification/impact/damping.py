@@ -10,6 +10,7 @@ import numpy as np
 from middeck.errors import ConfigError
 from middeck.identification.fit.fit_response import FitResult, fit_response
 from middeck.identification.impact.average import ImpactTest
+from middeck.identification.model.checks import check_word
 from middeck.identification.model.fit_options import usual_constants
 from middeck.identification.model.measurement_model import (
     MeasurementModel,
@@ -48,6 +49,7 @@ def fit_impact(
     DataError, FitError
         As the fit does.
     """
+    check_word("of", of, ("samples", "response"))
     if of == "samples":
         first, last = (float(f) for f in test.response.frequency_hz[[0, -1]])
         return fit_record(test.blocks, band_hz=(first, last), **options)

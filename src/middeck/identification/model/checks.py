@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from jaxtyping import Float
 
-from middeck.errors import DataError, FitError
+from middeck.errors import ConfigError, DataError, FitError
 from middeck.signals.ports import Port
 from middeck.signals.record import Record, RecordStream
 from middeck.systems.response import FrequencyResponse
@@ -16,6 +18,15 @@ FEWEST_SAMPLES = 16
 ALL_NOISE = 1.2
 # A channel whose swing is within this share of its level is constant up to rounding.
 ROUNDING = 1e-13
+
+
+def check_word(what: str, word: object, words: Sequence[object]) -> None:
+    """Raise `ConfigError` for an option that is none of its ``words``; None is left to others.
+
+    >>> check_word("cost", "logarithmic", ("weighted", "logarithmic"))
+    """
+    if word is not None and word not in words:
+        raise ConfigError(f"{what} {word!r} is none", hint=f"one of {', '.join(map(str, words))}")
 
 
 def check_record(record: Record) -> None:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import dataclasses
 import re
 from collections.abc import Sequence
-from typing import Literal
+from typing import Literal, get_args
 
 from middeck.errors import ConfigError
+from middeck.identification.model.checks import check_word
 from middeck.signals.ports import Port
 from middeck.systems.response import FrequencyResponse
 from middeck.values import record
@@ -85,6 +86,9 @@ def decided(measured: FrequencyResponse, asked: FitOptions) -> FitOptions:
 
     Raises `ConfigError` for a combination that has no meaning.
     """
+    check_word("constants", asked.constants, get_args(Constants))
+    check_word("delay", asked.delay, (True, False, *get_args(Delay)))
+    check_word("relative_degree", asked.relative_degree, (0, 1, 2))
     constants = asked.constants or usual_constants(measured.outputs, asked.sample_hz)
     real = constants == "real"
     _check_sampled(measured, asked)

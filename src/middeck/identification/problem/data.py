@@ -81,6 +81,12 @@ class Data:
         return 2.0 * np.pi / self.spacing
 
     @property
+    def U(self) -> Complex[np.ndarray, "line input column"]:
+        """Spectra of a record's inputs: its ``drive``."""
+        assert self.drive is not None
+        return self.drive
+
+    @property
     def period_s(self) -> float:
         """Sampling period of a record with a transient [s]."""
         assert self.transient is not None

@@ -153,8 +153,7 @@ def _step_score(white: np.ndarray, response: np.ndarray, data: Data) -> float:
 
 def _told_by_inputs(white: Complex[np.ndarray, "line column"], data: Data) -> float:
     """The largest correlation with an input, earlier or later, in deviations of noise."""
-    assert data.drive is not None
-    U = np.moveaxis(data.drive, 1, 0)
+    U = np.moveaxis(data.U, 1, 0)
     size = np.sqrt(noise_variance(U))
     spread = np.sqrt(0.5 * np.sum(np.abs(white * U / size) ** 2, axis=(1, 2)))
     step = data.lines

@@ -24,7 +24,7 @@ from middeck.identification.fit.standing import (
     standing_of,
     standing_of_delays,
 )
-from middeck.identification.model.checks import check_record
+from middeck.identification.model.checks import check_record, check_word
 from middeck.identification.model.fit_options import Constants, Delay, FitOptions, decided
 from middeck.identification.model.held_response import folded_response
 from middeck.identification.model.measurement_model import MeasurementModel, model_response, natural_hz
@@ -42,7 +42,7 @@ from middeck.identification.record_fit.instability import refuse_growth
 from middeck.identification.record_fit.model import record_covariance
 from middeck.identification.record_fit.noise import negative_log_likelihood, noise_variance
 from middeck.identification.record_fit.order import choose_record
-from middeck.identification.record_fit.search import RecordRun, Weighting
+from middeck.identification.record_fit.search import WEIGHTINGS, RecordRun, Weighting
 from middeck.identification.record_fit.spectra import record_data, without_drift, without_trend
 from middeck.identification.record_fit.tidy import Tidied, tidied
 from middeck.identification.search.doubts import causal_delay, doubts_of_deviations
@@ -147,6 +147,7 @@ def fit_samples(
 ) -> FitResult:
     """`fit_record` with its options as one value."""
     check_record(record)
+    check_word("weighting", weighting, WEIGHTINGS)
     refuse_growth(record)
     measured, chosen = record, sampled is None
     if sampled is None:

@@ -105,12 +105,12 @@ def _slopes(
     layout: Layout, data: Data, found: Refined, model: MeasurementModel, structure: Structure, output: int
 ) -> Complex[np.ndarray, "unknown line column"]:
     """Derivative of an output's spectra by the unknowns of the model, through the transients' poles also."""
-    assert data.drive is not None
+    assert data.transient is not None
     at = places_of(model, structure)
     J = np.zeros((at.size, *data.H.shape[1:]), dtype=complex)
     for i in range(layout.inputs):
         entry = entry_slopes(model, structure, data.s, output, i)
-        J[entry.place] += entry.by[:, :, None] * data.drive[:, i]
+        J[entry.place] += entry.by[:, :, None] * data.U[:, i]
     _, t = split_linear(layout, data, found.step.linear[output])
     point = unpack(layout, found.theta)
     mode = np.array([int(np.argmax(model.poles == pole)) for pole in point.poles])

@@ -23,7 +23,14 @@ from middeck.identification.problem.layout import Start
 from middeck.identification.record_fit.growth import exchanges, grown
 from middeck.identification.record_fit.held_out import error_held_out
 from middeck.identification.record_fit.scout import is_large, scouted
-from middeck.identification.record_fit.search import RecordRun, Weighting, further, leader, refine_record
+from middeck.identification.record_fit.search import (
+    WEIGHTINGS,
+    RecordRun,
+    Weighting,
+    further,
+    leader,
+    refine_record,
+)
 from middeck.identification.record_fit.spectra import record_data
 from middeck.identification.record_fit.starts import Pasts, pasts_of, record_starts
 from middeck.signals.record import Record
@@ -114,8 +121,7 @@ def _from_scout(
         if run.layout.states > first[0].layout.states:
             more = f"{run.layout.states} states have the shortest description"
             reason = f"{more}; on the lines of a first search {reason}"
-    tried: list[Weighting] = ["output", "motion", "flat"] if kinds == NOISES else []
-    others: list[Weighting] = [w for w in tried if w != run.weighting]
+    others = [w for w in WEIGHTINGS if w != run.weighting] if kinds == NOISES else []
     more = (refine_record(data, run.start, w, rounds=ROUNDS, steps=STEPS) for w in others)
     return [run, *(other for other in more if other is not None)], reason
 

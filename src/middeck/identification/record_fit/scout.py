@@ -36,10 +36,8 @@ def scouted(record: Record, data: Data) -> tuple[Record, Data]:
     kept = _strongest(data, max(LINES // data.H.shape[2], 1))
     lines = data.omega / (2.0 * np.pi)
     whole = data if mixed is record else record_data(mixed, (lines[0], lines[-1]), whole=True)
-    drive = whole.drive
-    assert drive is not None
     thin = dataclasses.replace(
-        whole, s=whole.s[kept], H=whole.H[:, kept], weight=whole.weight[:, kept], drive=drive[kept]
+        whole, s=whole.s[kept], H=whole.H[:, kept], weight=whole.weight[:, kept], drive=whole.U[kept]
     )
     return mixed, thin
 

@@ -25,6 +25,7 @@ from middeck.values import record
 
 # "flat": one variance for each output, so that what is least is the error of the simulation itself.
 Weighting = Literal["flat"] | Noise
+WEIGHTINGS: tuple[Weighting, ...] = ("output", "motion", "flat")
 # A decay rate times the record's length below which free motion is no different from a steady one, and times
 # the sampling period above which it is over within a sample.
 SLOWEST, FASTEST = 0.1, 15.0

@@ -8,13 +8,13 @@ are either held or band-limited; a sampled model needs to know nothing of what i
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError, DataError, NumericalError
-from middeck.identification.model.checks import check_record
+from middeck.identification.model.checks import check_record, check_word
 from middeck.identification.model.held_response import held_response
 from middeck.identification.model.measurement_model import (
     RANK,
@@ -78,6 +78,7 @@ def simulate_record(
     True
     """
     check_record(record)
+    check_word("between", between, get_args(Between))
     _check(model, record, state_share)
     experiments, periods, samples, _ = record.u.shape
     count = periods * samples

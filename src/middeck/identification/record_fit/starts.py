@@ -121,8 +121,7 @@ def _response_of(data: Data, wanted: FitOptions, poles: np.ndarray, pair: np.nda
 
     Weighed as the data are, by how strong each input is on each line.
     """
-    assert data.drive is not None
-    inputs, outputs = data.drive.shape[1], len(data.H)
+    inputs, outputs = data.U.shape[1], len(data.H)
     options = FitOptions(
         constants="complex", direct=True, residuals=wanted.residuals or wanted.rigid > 0, full_rank=True
     )
@@ -136,7 +135,7 @@ def _response_of(data: Data, wanted: FitOptions, poles: np.ndarray, pair: np.nda
         return None
     X = columns(layout, point, fractions(layout, poles, data.s), data.s)
     H = np.tensordot(step.linear[:, : layout.columns], X, axes=1)
-    strength = np.sqrt(np.mean(np.abs(data.drive) ** 2, axis=2))
+    strength = np.sqrt(np.mean(np.abs(data.U) ** 2, axis=2))
     weight = data.weight.mean(axis=2)[:, :, None] * strength
     return Data(s=data.s, H=H, weight=weight)
 
@@ -171,12 +170,11 @@ def start_of(
 def _layout(
     data: Data, options: FitOptions, poles: np.ndarray, pair: np.ndarray, pivot: np.ndarray
 ) -> Layout:
-    assert data.drive is not None
     return Layout(
         pair=pair,
         fixed_imag=np.where(pair, 0.0, np.imag(poles)),
         pivot=pivot,
-        inputs=data.drive.shape[1],
+        inputs=data.U.shape[1],
         outputs=len(data.H),
         options=options,
     )
@@ -186,8 +184,7 @@ def _input_vectors(
     data: Data, options: FitOptions, poles: np.ndarray, pair: np.ndarray
 ) -> Complex[np.ndarray, "mode input"] | None:
     """The dominant right singular vector of each full residue, outputs weighed alike."""
-    assert data.drive is not None
-    inputs, outputs = data.drive.shape[1], len(data.H)
+    inputs, outputs = data.U.shape[1], len(data.H)
     if inputs == 1:
         return np.ones((len(poles), 1), dtype=complex)
     options = dataclasses.replace(options, full_rank=True)

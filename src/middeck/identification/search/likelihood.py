@@ -15,7 +15,6 @@ import functools
 from typing import Any
 
 import numpy as np
-import scipy.ndimage
 import scipy.optimize
 from jaxtyping import Complex, Float
 
@@ -90,7 +89,7 @@ def likelihood_polish(data: Data, start: Polished, covariance: ResponseCovarianc
 
 
 def _refuse_alike(C: Complex[np.ndarray, "line channel channel"], what: str, hint: str) -> None:
-    size = np.sqrt(np.linalg.diagonal(C).real)
+    size = np.sqrt(np.real(np.linalg.diagonal(C)))
     least = np.min(np.linalg.eigvalsh(C / size[:, :, None] / size[:, None, :]))
     if least < ALIKE:
         raise FitError(f"the noise of some {what} is that of the others", hint=f"{hint}, or cost 'weighted'")

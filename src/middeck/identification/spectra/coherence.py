@@ -69,7 +69,7 @@ def _power(spectra: Spectra) -> Float[np.ndarray, "line input"]:
 
 
 def _diagonal(S: np.ndarray) -> np.ndarray:
-    return np.linalg.diagonal(S).real
+    return np.real(np.linalg.diagonal(S))
 
 
 def _share(part: np.ndarray, whole: np.ndarray) -> np.ndarray:

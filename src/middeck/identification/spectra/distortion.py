@@ -107,5 +107,5 @@ def estimate_distortion(
 def _noise(moments: PeriodMoments, lines: np.ndarray, scale: float) -> np.ndarray | None:
     if moments.periods < 2:
         return None
-    outputs = np.linalg.diagonal(moments.scatter[lines]).real[:, moments.inputs :]
+    outputs = np.real(np.linalg.diagonal(moments.scatter[lines]))[:, moments.inputs :]
     return scale * outputs / (moments.mean.shape[1] * (moments.periods - 1) * moments.periods)

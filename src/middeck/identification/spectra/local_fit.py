@@ -194,7 +194,7 @@ def _line_inverse_power(U: Complex[np.ndarray, "estimate experiment input row"])
 
 def scaled_inverse(A: Complex[np.ndarray, "estimate a a"]) -> Complex[np.ndarray, "estimate a a"]:
     """Inverse of Gram matrices, scaled to a unit diagonal first."""
-    size = 1.0 / np.sqrt(np.maximum(np.linalg.diagonal(A).real, np.finfo(float).tiny))
+    size = 1.0 / np.sqrt(np.maximum(np.real(np.linalg.diagonal(A)), np.finfo(float).tiny))
     unit = A * size[:, :, None] * size[:, None, :] + RIDGE * np.eye(A.shape[1])
     return np.linalg.inv(unit) * size[:, :, None] * size[:, None, :]
 

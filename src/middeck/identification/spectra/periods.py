@@ -186,7 +186,7 @@ def excited_lines(moments: PeriodMoments) -> np.ndarray:
     power = _input_power(moments)
     excited = power > FAINTEST**2 * power[1:].max()
     if moments.periods > 1:
-        diagonal = np.linalg.diagonal(moments.scatter).real[:, : moments.inputs]
+        diagonal = np.real(np.linalg.diagonal(moments.scatter))[:, : moments.inputs]
         scatter = np.sum(diagonal, axis=1) / (moments.periods * (moments.periods - 1))
         excited &= power > CLEAR_OF_NOISE * scatter
     return excited

@@ -13,12 +13,13 @@ g the relative variances are (1 - g)/g, (1 - g)/g and (1 - g)(1 + 1/g)/2 over th
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from jaxtyping import Bool, Complex
 
 from middeck.errors import ConfigError, DataError
+from middeck.identification.model.checks import check_word
 from middeck.identification.spectra.averages import Spectra
 from middeck.identification.spectra.lines import (
     FAINTEST,
@@ -59,6 +60,7 @@ def spectra_response(
     Raises `DataError` for too few averages, inputs that are alike, or a band without excitation;
     `ConfigError` for H2 of fewer outputs than inputs.
     """
+    check_word("ratio", ratio, get_args(Ratio))
     wide = spectra.S_uu.shape[1]
     free = spectra.averages - wide
     if free <= 0:
@@ -169,4 +171,4 @@ _RATIOS = {"h1": _h1, "h2": _h2, "hv": _hv}
 
 
 def _amplitude(S: np.ndarray) -> np.ndarray:
-    return np.sqrt(np.maximum(np.linalg.diagonal(S).real, np.finfo(float).tiny))
+    return np.sqrt(np.maximum(np.real(np.linalg.diagonal(S)), np.finfo(float).tiny))

@@ -63,7 +63,7 @@ def variance_of(
     inverse_power: Complex[np.ndarray, "line input input"],
 ) -> Float[np.ndarray, "line output input"]:
     """C_oo R_ii of each line."""
-    outputs, inputs = (np.maximum(np.linalg.diagonal(x).real, 0.0) for x in (covariance, inverse_power))
+    outputs, inputs = (np.maximum(np.real(np.linalg.diagonal(x)), 0.0) for x in (covariance, inverse_power))
     return outputs[:, :, None] * inputs[:, None, :]
 
 

@@ -68,7 +68,9 @@ def by_output(x: np.ndarray) -> np.ndarray:
 def averaged(x: np.ndarray) -> np.ndarray:
     """Complex numbers of each line (first axis), averaged over neighbours."""
     width = min(2 * NEIGHBOURS + 1, len(x))
-    re, im = (scipy.ndimage.uniform_filter1d(p, width, axis=0, mode="mirror") for p in (x.real, x.imag))
+    re, im = (
+        scipy.ndimage.uniform_filter1d(p, width, axis=0, mode="mirror") for p in (np.real(x), np.imag(x))
+    )
     return re + 1j * im
 
 

@@ -53,7 +53,7 @@ def _is_common(between: np.ndarray, degrees: float) -> bool:
 
 
 def _normalised(raw: np.ndarray) -> Complex[np.ndarray, "line a a"]:
-    scale = np.sqrt(np.maximum(np.linalg.diagonal(raw).real, np.finfo(float).tiny))
+    scale = np.sqrt(np.maximum(np.real(np.linalg.diagonal(raw)), np.finfo(float).tiny))
     return raw / scale[:, :, None] / scale[:, None, :]
 
 
