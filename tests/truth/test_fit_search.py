@@ -100,7 +100,7 @@ def test_gram_from_sums_of_pairs_without_a_frequency():
     )
     data = Data(s=s, H=np.ones((1, 40, 1)), weight=np.ones((1, 40, 1)))
     terms, weight = build_terms(layout, data, theta), np.random.default_rng(0).random((1, 40))
-    sums, lines = (Functions(layout, data, terms, from_sums=way).grams(weight) for way in (True, False))
+    sums, lines = (Functions(terms, from_sums=way).grams(weight) for way in (True, False))
     size = np.sqrt(np.einsum("gnn->gn", lines))
     # Rounding of forty terms, times the distance of the lines over the decay rate of 0.4: some hundred.
     assert (np.abs(sums - lines) <= 1e-11 * size[:, :, None] * size[:, None]).all()

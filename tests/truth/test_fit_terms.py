@@ -7,7 +7,7 @@ import pytest
 
 from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.problem.data import Data, Transient
-from middeck.identification.problem.design import build_terms, late_columns, late_slopes, residual_of
+from middeck.identification.problem.design import build_terms, residual_of
 from middeck.identification.problem.gram_blocks import Functions, weigh
 from middeck.identification.problem.layout import Layout, Point, pack
 from middeck.identification.problem.normal_equations import Solved, solve_normal
@@ -97,8 +97,8 @@ def jacobian(layout, data, theta, linear):
     transients = np.einsum("ql,ek->eqlk", terms.B, np.eye(data.H.shape[2])).reshape(-1, *data.H.shape[1:])
     for o in range(layout.outputs):
         own = slice(shared + o * each, shared + (o + 1) * each)
-        J[:shared, o] = late_slopes(layout, data, terms, linear[o], o)
-        J[own, o] = np.concatenate([late_columns(layout, data, terms, o), transients])
+        J[:shared, o] = terms.slopes(linear[o], o)
+        J[own, o] = np.concatenate([terms.columns(o), transients])
     return J
 
 
@@ -244,11 +244,11 @@ def test_normal_equations_are_those_of_qr(layout, experiments, transient, alike,
     if alike:
         data = dataclasses.replace(data, weight=np.repeat(data.weight[:, :, :1], data.H.shape[2], axis=2))
     terms = build_terms(layout, data, theta)
-    shared = Functions(layout, data, terms, from_sums=from_sums)
-    heard = weigh(layout, data, terms, shared)
-    found = [solve_normal(layout, data.s, terms, shared, of) for of in heard]
+    shared = Functions(terms, from_sums=from_sums)
+    heard = weigh(terms, shared)
+    found = [solve_normal(terms, shared, of) for of in heard]
     assert [one.linear.shape[0] for one in found] == ([2] if data.drive is None else [1, 1])
-    each = [solve_by_qr(layout, data, terms, o) for o in range(2)]
+    each = [solve_by_qr(terms, o) for o in range(2)]
     for fast, exact in zip(found, [summed(each)] if data.drive is None else each, strict=True):
         # Conditions of 1e2 to 1e4: corrected once, the solution is good to rounding times that.
         np.testing.assert_allclose(fast.linear, exact.linear, rtol=1e-9, atol=1e-10)
@@ -266,8 +266,8 @@ def test_a_coincident_pole_is_left_to_qr():
     theta = theta.copy()
     theta[1], theta[4] = theta[0] + 1e-9, theta[3] + 1e-9
     terms = build_terms(layout, data, theta)
-    shared = Functions(layout, data, terms)
-    assert solve_normal(layout, data.s, terms, shared, weigh(layout, data, terms, shared)[0]) is None
+    shared = Functions(terms)
+    assert solve_normal(terms, shared, weigh(terms, shared)[0]) is None
     assert weighted(layout, data, theta) is not None
 
 

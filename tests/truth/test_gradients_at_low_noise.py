@@ -5,7 +5,7 @@ import pytest
 
 from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.problem.data import Data
-from middeck.identification.problem.design import build_terms, late_columns, late_slopes
+from middeck.identification.problem.design import build_terms
 from middeck.identification.problem.layout import Layout, Point, pack
 from middeck.identification.problem.projection import as_real
 from middeck.identification.search.refine import by_normal_equations, weighted
@@ -62,8 +62,8 @@ def test_the_step_is_right_to_a_hundredth_of_a_deviation(noise, close):
     gradient, gram = np.zeros(layout.size), np.zeros((layout.size, layout.size))
     for o in range(PATHS):
         weight = data.weight[o].astype(np.longdouble)
-        columns = as_real(late_columns(layout, data, terms, o)).astype(np.longdouble)
-        slopes = as_real(late_slopes(layout, data, terms, found.linear[o], o)).astype(np.longdouble)
+        columns = as_real(terms.columns(o)).astype(np.longdouble)
+        slopes = as_real(terms.slopes(found.linear[o], o)).astype(np.longdouble)
         heavy = np.repeat(weight.ravel(), 2)
         y = as_real(data.H[o][None]).astype(np.longdouble) * heavy
         left, G = projected(y, columns * heavy), projected(slopes * heavy, columns * heavy)

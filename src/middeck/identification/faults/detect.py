@@ -6,9 +6,15 @@ import numpy as np
 
 from middeck.identification.faults.against import compare_with_reference
 from middeck.identification.faults.found import Found
-from middeck.identification.faults.levels import find_coarse_steps, find_drift, find_held, find_offset
+from middeck.identification.faults.levels import (
+    find_coarse_steps,
+    find_drift,
+    find_held,
+    find_offset,
+    find_transient,
+    find_unsteady_input,
+)
 from middeck.identification.faults.pairs import find_pair_faults
-from middeck.identification.faults.periods import find_transient, find_unsteady_input
 from middeck.identification.faults.relation import find_relation_faults
 from middeck.identification.faults.runs import Runs, Signal, levels_of
 from middeck.identification.faults.samples import (

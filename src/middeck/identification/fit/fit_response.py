@@ -251,11 +251,7 @@ def _result(
 ) -> FitResult:
     found = model_of(best, measured.inputs, measured.outputs)
     covariance = estimate_covariance(
-        found,
-        structure_of(best.layout),
-        measured,
-        assumed=followed.at(best.share),
-        noise=spread.variance,
+        found, structure_of(best.layout), measured, assumed=followed.at(best.share), noise=spread.variance
     )
     covariance = checked_covariance(covariance)
     uncertainty = uncertainty_of(covariance)

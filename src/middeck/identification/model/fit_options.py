@@ -146,8 +146,7 @@ def _check_rigid(asked: FitOptions, most: int) -> None:
     for count, name in ((asked.rigid, "rigid modes"), (asked.integrators, "integrators")):
         if not 0 <= count <= most:
             raise ConfigError(
-                f"{count} {name} cannot be told apart",
-                hint=f"no more than inputs and outputs: {most} here",
+                f"{count} {name} cannot be told apart", hint=f"no more than inputs and outputs: {most} here"
             )
     if asked.integrators and asked.rigid:
         raise ConfigError(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 from jaxtyping import Complex, Float, Int
 
@@ -59,6 +61,14 @@ class Data:
     drive: Complex[np.ndarray, "line input column"] | None = None
     transient: Transient | None = None
     mix: Complex[np.ndarray, "line output output"] | None = None
+
+    @functools.cached_property
+    def weighted(
+        self,
+    ) -> tuple[Float[np.ndarray, "output column line"], Complex[np.ndarray, "output column line"]]:
+        """Weights, and H times them, lines last: the order of all sums over lines."""
+        w = np.ascontiguousarray(self.weight.mT)
+        return w, w * self.H.mT
 
     @property
     def omega(self) -> Float[np.ndarray, " line"]:

@@ -14,9 +14,8 @@ from jaxtyping import Complex, Float, Int
 
 from middeck.identification.problem.cauchy import cauchy_gram, close_twins
 from middeck.identification.problem.data import Data
-from middeck.identification.problem.design import Terms, late_of
+from middeck.identification.problem.design import Terms
 from middeck.identification.problem.factors import functions
-from middeck.identification.problem.layout import Layout
 
 # Weights whose Gram matrices are formed together: more would fill the memory.
 TOGETHER = 64
@@ -26,9 +25,9 @@ Gram = Float[np.ndarray, "function function"]
 class Functions:
     """The functions at one theta, and their Gram matrices: from sums (`cauchy`), or line by line."""
 
-    def __init__(self, layout: Layout, data: Data, terms: Terms, *, from_sums: bool = True) -> None:
-        self._layout, self._terms, self._from_sums = layout, terms, from_sums
-        self.values = functions(layout, terms.parts, data.s)
+    def __init__(self, terms: Terms, *, from_sums: bool = True) -> None:
+        self._layout, self._terms, self._from_sums = terms.layout, terms, from_sums
+        self.values = functions(terms.layout, terms.parts, terms.data.s)
         self.real = self.values.view(float)
 
     def grams(self, weight: np.ndarray) -> Float[np.ndarray, "weight function function"]:
@@ -148,33 +147,33 @@ def _rows_in_paths(A: np.ndarray) -> list[Int[np.ndarray, " row"]]:
     return [np.flatnonzero(rows) for rows in np.transpose(np.any(A, axis=(0, 3)))]
 
 
-def weigh(layout: Layout, data: Data, terms: Terms, shared: Functions) -> list[Weighted]:
+def weigh(terms: Terms, shared: Functions) -> list[Weighted]:
     """The weighted data and how paths are heard in them, in as few groups as err alone."""
+    data, outputs = terms.data, terms.layout.outputs
     if data.mix is not None:
-        return [_mixed(data, terms, shared, data.mix)]
-    late = np.stack([late_of(data, terms, o).T for o in range(layout.outputs)])
+        return [_mixed(terms, shared, data.mix)]
+    late = np.stack([terms.delay_factors(o).T for o in range(outputs)])
     if data.drive is not None:
         drive = np.moveaxis(data.drive, 0, 2)
-        return [_driven(data, drive, late[o], shared, o) for o in range(layout.outputs)]
-    w = np.ascontiguousarray(data.weight.mT)
-    y = w * data.H.mT
+        return [_driven(data, drive, late[o], shared, o) for o in range(outputs)]
+    w, y = data.weighted
     grams = shared.grams((w**2).reshape(-1, w.shape[2]))
     return [Alone(y, w * late, grams.reshape(*w.shape[:2], *grams.shape[1:]), np.arange(len(w))[:, None])]
 
 
 def _driven(data: Data, drive: np.ndarray, late: np.ndarray, shared: Functions, output: int) -> Together:
-    w = data.weight[output].T
-    y = w * data.H[output].T
+    w, y = (x[output] for x in data.weighted)
     # A delay common to all inputs is in none of their products, and would but round them to complex.
     heard = drive if len(late) == 1 else drive * late[:, None]
     return Together(y[None], w * drive * late[:, None], _blocks(shared, w * heard), np.array([[output]]))
 
 
-def _mixed(data: Data, terms: Terms, shared: Functions, mix: np.ndarray) -> Together:
+def _mixed(terms: Terms, shared: Functions, mix: np.ndarray) -> Together:
     """The data of all outputs, combined by ``mix`` [line, output, output]."""
+    data = terms.data
     outputs, lines, columns = data.H.shape
     drive = np.eye(columns, dtype=complex)[None] if data.drive is None else data.drive
-    late = np.stack([late_of(data, terms, o) for o in range(outputs)])
+    late = np.stack([terms.delay_factors(o) for o in range(outputs)])
     heard = np.broadcast_to(late[:, :, :, None] * drive, (outputs, lines, *drive.shape[1:]))
     by = np.einsum("qlk,lqo,olik->oiqkl", data.weight, mix, heard).reshape(-1, outputs * columns, lines)
     y = np.einsum("qlk,lqo,olk->qkl", data.weight, mix, data.H).reshape(1, -1, lines)

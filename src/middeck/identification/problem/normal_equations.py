@@ -46,10 +46,9 @@ class Solved(NamedTuple):
     rounding: float = 0.0
 
 
-def solve_normal(
-    layout: Layout, s: Complex[np.ndarray, " line"], terms: Terms, shared: Functions, of: Weighted
-) -> Solved | None:
-    """The outputs that are heard; None where the condition is too bad."""
+def solve_normal(terms: Terms, shared: Functions, of: Weighted) -> Solved | None:
+    """The outputs of a group; None where the condition is too bad."""
+    layout = terms.layout
     columns, tied = column_factors(layout, terms.point), ZeroSum(layout, terms.point)
     free = tied.free(columns.reshape(len(columns), -1)).reshape(-1, *columns.shape[1:])
     free = _placed(free, of.outputs.shape[1])
@@ -61,7 +60,7 @@ def solve_normal(
     slopes = slope_factors(layout, terms.point, terms.parts, each)
     if layout.options.zero_sum:
         slopes += np.stack([tied.moved(one, columns) for one in each])
-    late, late_place = _delay_slopes(layout, of, -s * solved.path)
+    late, late_place = _delay_slopes(layout, of, -terms.data.s * solved.path)
     by_theta = _by_theta(shared, of, solve, free, _by_group(of, slopes), late, solved)
     cost = 0.5 * float(np.sum(_squares(solved.left)))
     gradient, gram = _added(layout, slopes.shape[1] + late_place, *by_theta)

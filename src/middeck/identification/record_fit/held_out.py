@@ -25,10 +25,7 @@ STATE_SHARE = 0.5
 
 
 def error_held_out(
-    record: Record,
-    band_hz: tuple[float, float] | None,
-    run: RecordRun,
-    transient: Transient | None = None,
+    record: Record, band_hz: tuple[float, float] | None, run: RecordRun, transient: Transient | None = None
 ) -> float:
     """rms over both parts of the error of the simulation, over that of the outputs, outputs alike.
 

@@ -6,11 +6,9 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.identification.fit.fitted_model import structure_of
-from middeck.identification.model.descent import Refined
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.problem.data import Data
-from middeck.identification.problem.design import Terms, split_linear
-from middeck.identification.problem.layout import Layout, unpack
+from middeck.identification.problem.design import Terms
 from middeck.identification.problem.projection import TransientProjection, as_real
 from middeck.identification.problem.transient import transient_slopes
 from middeck.identification.record_fit.noise import likelier_variance
@@ -72,8 +70,18 @@ class _Rows:
         self.terms = Terms(run.layout, data, run.refined.theta)
 
     def of(self, output: int) -> tuple[Complex[np.ndarray, "unknown line column"], TransientProjection]:
-        """Of one output."""
-        J = _slopes(self.run.layout, self.data, self.run.refined, self.model, self.structure, output)
+        """Of one output, by the unknowns of the model, through the transients' poles also."""
+        model, data, layout, point = self.model, self.data, self.run.layout, self.terms.point
+        assert data.transient is not None
+        at = places_of(model, self.structure)
+        J = np.zeros((at.size, *data.H.shape[1:]), dtype=complex)
+        for i in range(layout.inputs):
+            entry = entry_slopes(model, self.structure, data.s, output, i)
+            J[entry.place] += entry.by[:, :, None] * data.U[:, i]
+        _, t = self.terms.split(self.run.refined.step.linear[output])
+        mode = np.array([int(np.argmax(model.poles == pole)) for pole in point.poles])
+        place = np.concatenate([at.sigma[mode], at.omega[mode[: layout.pairs]]])
+        J[place] += transient_slopes(layout, point, data.transient, data.s, t)
         return J, TransientProjection(self.terms.B, 1.0 / np.sqrt(self.run.variance[output]))
 
 
@@ -99,21 +107,3 @@ def _scores_spread(
         v = likelier_variance(residual[o, None], shape, left.T[None])[0]
         spread += Q @ ((rows * np.repeat(0.5 * (v / run.variance[o]).T, 2)) @ rows.T) @ Q.T
     return spread
-
-
-def _slopes(
-    layout: Layout, data: Data, found: Refined, model: MeasurementModel, structure: Structure, output: int
-) -> Complex[np.ndarray, "unknown line column"]:
-    """Derivative of an output's spectra by the unknowns of the model, through the transients' poles also."""
-    assert data.transient is not None
-    at = places_of(model, structure)
-    J = np.zeros((at.size, *data.H.shape[1:]), dtype=complex)
-    for i in range(layout.inputs):
-        entry = entry_slopes(model, structure, data.s, output, i)
-        J[entry.place] += entry.by[:, :, None] * data.U[:, i]
-    _, t = split_linear(layout, data, found.step.linear[output])
-    point = unpack(layout, found.theta)
-    mode = np.array([int(np.argmax(model.poles == pole)) for pole in point.poles])
-    place = np.concatenate([at.sigma[mode], at.omega[mode[: layout.pairs]]])
-    J[place] += transient_slopes(layout, point, data.transient, data.s, t)
-    return J

@@ -32,11 +32,7 @@ LARGEST = 50.0
 
 
 def simulate_record(
-    model: MeasurementModel,
-    record: Record,
-    *,
-    state_share: float = 1.0,
-    between: Between | None = None,
+    model: MeasurementModel, record: Record, *, state_share: float = 1.0, between: Between | None = None
 ) -> Float[np.ndarray, "experiment period sample output"]:
     """Outputs of the model for the record's inputs, the initial state fitted to the record's outputs.
 

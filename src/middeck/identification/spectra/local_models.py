@@ -218,11 +218,8 @@ def _by_choice(
     return ResponseScatter(
         frequency_hz=frequency[lines],
         H=H,
-        noise=None,
         total=total,
-        noise_dof=None,
         total_dof=dof,
-        noise_covariance=None,
         total_covariance=covariance,
         inverse_power=inverse_power,
         line_inverse_power=of_line,

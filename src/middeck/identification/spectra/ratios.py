@@ -83,11 +83,8 @@ def spectra_response(
     return ResponseScatter(
         frequency_hz=spectra.frequency_hz[keep],
         H=H,
-        noise=None,
         total=_variance(covariance, R),
-        noise_dof=None,
         total_dof=np.full(len(H), float(free)),
-        noise_covariance=None,
         total_covariance=covariance,
         inverse_power=R.mean(axis=1),
     )

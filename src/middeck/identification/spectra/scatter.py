@@ -41,12 +41,12 @@ class ResponseScatter:
 
     frequency_hz: Float[np.ndarray, " line"]
     H: Complex[np.ndarray, "line output input"]
-    noise: Float[np.ndarray, "line output input"] | None
-    total: Float[np.ndarray, "line output input"] | None
-    noise_dof: Float[np.ndarray, " line"] | None
-    total_dof: Float[np.ndarray, " line"] | None
-    noise_covariance: Complex[np.ndarray, "line output output"] | None
-    total_covariance: Complex[np.ndarray, "line output output"] | None
+    noise: Float[np.ndarray, "line output input"] | None = None
+    total: Float[np.ndarray, "line output input"] | None = None
+    noise_dof: Float[np.ndarray, " line"] | None = None
+    total_dof: Float[np.ndarray, " line"] | None = None
+    noise_covariance: Complex[np.ndarray, "line output output"] | None = None
+    total_covariance: Complex[np.ndarray, "line output output"] | None = None
     inverse_power: Complex[np.ndarray, "line input input"]
     line_inverse_power: Complex[np.ndarray, "line input input"] | None = None
 
