@@ -86,7 +86,7 @@ def _mean(phi):
 def test_a_point_that_is_not_driven_is_refused():
     with pytest.raises(FitError, match="not positive"):
         modal_parameters(model_of(proportional()), drive_point=("place 0", "force 2"))
-    with pytest.raises(ConfigError, match="no port"):
+    with pytest.raises(ConfigError, match="no output named"):
         modal_parameters(model_of(proportional()), drive_point=("tip", "force 2"))
 
 

@@ -1,4 +1,4 @@
-"""A record against a response that is known: signs, gains, swapped channels and delays."""
+"""Check a record against a known response: signs, gains, swapped channels and delays."""
 
 from __future__ import annotations
 

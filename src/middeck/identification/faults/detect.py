@@ -96,7 +96,7 @@ def _channels(samples: np.ndarray) -> list[Signal]:
 
 
 def _filled(x: Signal) -> Signal:
-    """Straight lines across what is missing."""
+    """Interpolate missing samples linearly."""
     good = np.isfinite(x)
     if good.all() or not good.any():
         return np.where(good, x, 0.0)

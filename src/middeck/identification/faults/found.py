@@ -1,4 +1,4 @@
-"""A fault before it is known in which channel it was found."""
+"""A fault without its channel, as the detectors return it."""
 
 from __future__ import annotations
 

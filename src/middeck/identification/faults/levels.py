@@ -25,7 +25,7 @@ REPEATS = 0.5
 
 
 def find_offset(x: Signal, unit: str, *, is_input: bool) -> list[Found]:
-    """A level large against the swing."""
+    """A mean that is large relative to the signal's rms."""
     level, swing = float(x.mean()), float(x.std())
     if abs(level) <= (OFFSET_INPUT if is_input else OFFSET_OUTPUT) * swing:
         return []
@@ -40,7 +40,7 @@ def find_offset(x: Signal, unit: str, *, is_input: bool) -> list[Found]:
 
 
 def find_drift(x: Signal, unit: str, *, period: int | None) -> list[Found]:
-    """A change from beginning to end that the signal's own slow motion does not explain."""
+    """A trend that the signal's own slow motion does not explain."""
     swing, periods = float(x.std()), 1 if period is None else len(x) // period
     change, sure = _trend(x, periods)
     least = (DRIFT if periods == 1 else PERIODIC_DRIFT) * swing
@@ -72,7 +72,7 @@ def _trend(x: Signal, periods: int) -> tuple[float, float]:
 
 
 def find_coarse_steps(x: Signal, levels: Levels) -> list[Found]:
-    """A converter whose steps are a good part of the signal."""
+    """Quantisation steps that are a large part of the signal."""
     step, swing = levels.step, float(x.std())
     noise = step / np.sqrt(12.0) / swing
     if noise <= COARSE:
@@ -83,7 +83,7 @@ def find_coarse_steps(x: Signal, levels: Levels) -> list[Found]:
 
 
 def find_held(x: Signal) -> list[Found]:
-    """A channel that moves at every n-th sample only."""
+    """A channel that changes at every n-th sample only."""
     moves = np.flatnonzero(np.diff(x))
     if len(moves) < 20:
         return []
@@ -97,7 +97,7 @@ def find_held(x: Signal) -> list[Found]:
 
 
 def find_transient(x: Signal, period: int) -> list[Found]:
-    """A first period that differs from the last by what decays."""
+    """A first period that differs from the last by a decaying transient."""
     rows = x.reshape(-1, period)
     if len(rows) < 2:
         return []
@@ -129,7 +129,7 @@ def _dies_over_periods(rows: np.ndarray) -> bool:
 
 
 def find_unsteady_input(u: Signal, period: int) -> list[Found]:
-    """An input that is said to repeat and does not."""
+    """An input declared periodic that does not repeat."""
     rows = u.reshape(-1, period)
     if len(rows) < 2:
         return []

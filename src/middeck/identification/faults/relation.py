@@ -63,7 +63,7 @@ Place = tuple[Found, Port]
 
 
 def whitened(x: Signal) -> Signal:
-    """What the past of a signal does not foretell of it, in its deviations; zero if next to nothing."""
+    """Linear prediction error of a signal, of unit rms; zero for a signal that is fully predictable."""
     x = x - x.mean()
     past = np.fft.irfft(np.abs(np.fft.rfft(x, 2 * len(x))) ** 2)[: PAST + 1]
     column = past[:-1] + np.eye(1, PAST)[0] * FLOOR * past[0]
@@ -87,7 +87,7 @@ def _correlation(u: Signal, y: Signal, first: int, last: int) -> Float[np.ndarra
 
 
 def _shifts(record: Record, U: np.ndarray, Y: np.ndarray) -> list[Place]:
-    """Where the answers of an output move against the inputs, whichever of the two lost samples."""
+    """Outputs whose response shifts in time against the inputs: either side lost samples."""
     found: list[Place] = []
     for o, y in enumerate(Y):
         # All inputs together tell most; where one alone lost samples, only it shows that.
@@ -121,7 +121,7 @@ def _shift(U: Float[np.ndarray, "input sample"], y: Signal) -> tuple[int, int] |
 
 
 def _lags(answers: Float[np.ndarray, "part input lag"]) -> Float[np.ndarray, " part"] | None:
-    """By how many samples each part's answer comes after that which most are like; NaN where it is not."""
+    """Lag of each part's response behind the one that most parts resemble; NaN where it resembles none."""
     size = np.sqrt(np.sum(answers**2, axis=(1, 2)))
     spectra = np.fft.rfft(answers, 2 * answers.shape[2], axis=2)
     cross = np.fft.irfft(np.einsum("ail,bil->abl", spectra, spectra.conj()), axis=2)
@@ -148,7 +148,7 @@ def _best_step(lags: Float[np.ndarray, " part"]) -> tuple[int, int] | None:
 
 
 def _where(U: np.ndarray, y: Signal, parts: list[slice], part: int, shift: int) -> int:
-    """The sample from which the answer is better explained as shifted."""
+    """The sample from which a shifted response explains the output better."""
     low, high = parts[max(part - 3, 0)].start, parts[min(part + 2, len(parts) - 1)].stop
     until = parts[max(part - 2, 0)].stop
     told = np.zeros_like(y)
@@ -165,7 +165,7 @@ def _where(U: np.ndarray, y: Signal, parts: list[slice], part: int, shift: int) 
 
 
 def _residuals(record: Record, u: np.ndarray, y: np.ndarray) -> list[Place]:
-    """What later inputs tell of the noise of outputs, and where a record does not go on as it was.
+    """Feedback (later inputs predict the output's noise) and joints (the record does not continue).
 
     Each output is explained by its own past and by the inputs until then. What is left is noise. No later
     input knows of it but through a loop (Sims 1972); a loop that acts within some samples and forgets is a
@@ -195,7 +195,7 @@ def _residuals(record: Record, u: np.ndarray, y: np.ndarray) -> list[Place]:
 
 
 def _alone(left: Signal) -> int | None:
-    """The first of the residuals that no noise has: those after are foretold from it, and wrong too."""
+    """The first residual too large for noise: those after it are predicted from it, and wrong too."""
     size = np.abs(left)
     at = int(np.argmax(size))
     rest = np.sort(np.delete(size, slice(max(at - 2, 0), at + PAST)))
@@ -217,7 +217,7 @@ def _joined(record: Record, at: int) -> Found:
 
 
 def _told_later(x: Signal, own: np.ndarray, after: np.ndarray) -> float | None:
-    """The share of what is left of ``x`` that later inputs tell; None where that may be chance."""
+    """Share of the residual of ``x`` that later inputs explain; None where that may be chance."""
     before, then = (float(np.sum(_left(x, rows) ** 2)) for rows in (own, np.vstack([own, after])))
     added, free = len(after), len(x) - len(own) - len(after)
     gain, share = (before - then) / max(then, 1e-300) * free, 1.0 - then / max(before, 1e-300)
@@ -239,7 +239,7 @@ def _fed_back(share: float) -> Found:
 def _beside(
     x: Float[np.ndarray, "channel sample"], shifts: range, first: int, count: int
 ) -> Float[np.ndarray, "row sample"]:
-    """The samples so many after (or before) each of ``count`` from ``first`` on."""
+    """``count`` samples from ``first`` on, shifted by each of ``shifts``."""
     return np.vstack([x[:, first + k : first + k + count] for k in shifts])
 
 
@@ -253,7 +253,7 @@ def _left(x: Signal, rows: Float[np.ndarray, "row sample"]) -> Signal:
 
 
 def _long_delays(record: Record, U: np.ndarray, Y: np.ndarray) -> list[Place]:
-    """Outputs that answer no input before many samples have passed."""
+    """Outputs that respond to no input within many samples."""
     found: list[Place] = []
     count = U.shape[1]
     for o, port in enumerate(record.outputs):

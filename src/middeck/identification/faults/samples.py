@@ -119,7 +119,7 @@ def _blurred_limits(x: Signal, step: float) -> Runs:
 
 
 def find_dropouts(x: Signal, levels: Levels, *, period: int, is_input: bool) -> list[Found]:
-    """Runs of one value that the signal enters or leaves by a leap."""
+    """Runs of one value that the signal enters or leaves with a jump."""
     low, high = x.min(), x.max()
     if np.mean(np.diff(x) == 0.0) > HELD and len(equal_runs(x, 2)) > 5 * len(equal_runs(x, STUCK)):
         return []
@@ -138,7 +138,7 @@ def find_dropouts(x: Signal, levels: Levels, *, period: int, is_input: bool) -> 
 
 
 def _leaps(x: Signal, run: tuple[int, int], step: float) -> bool:
-    """Whether the signal leaves its value by more than steps, and by as much as it usually moves."""
+    """Whether the jump exceeds the quantisation step and the usual change between samples."""
     a, b = run
     moves = np.abs(np.concatenate([np.diff(x[max(0, a - 50) : a]), np.diff(x[b : b + 50])]))
     usual = float(np.median(moves)) if len(moves) else 0.0
@@ -180,7 +180,7 @@ def spike_runs(x: Signal, levels: Levels) -> Runs:
 
 
 def _tail(x: Signal, runs: Runs) -> tuple[Signal, float]:
-    """What each sample has that those before it do not foretell, and what chance hardly makes of it.
+    """Linear prediction error of each sample, and the limit that chance hardly exceeds.
 
     The largest residuals of the rest are taken for a power law (Hill 1975): exact for heavy tails, and for
     lighter ones, exponential or normal, on the safe side.
@@ -236,7 +236,7 @@ def _most_beside(window: Signal, k: int) -> float:
 
 
 def _decays(x: Signal, run: tuple[int, int]) -> bool:
-    """Whether a run at an edge goes over into what follows, as free motion does, rather than ending."""
+    """Whether a run at an edge decays into what follows, as free motion does."""
     a, b = run
     if a <= BESIDE:
         inward = x[a : a + 2 * BESIDE + 3]
@@ -250,7 +250,7 @@ def _decays(x: Signal, run: tuple[int, int]) -> bool:
 
 
 def is_impact(x: Signal) -> bool:
-    """Whether a good part of the energy is in spikes, as of a hammer."""
+    """Whether much of the energy is in spikes, as with a hammer."""
     swing = x - np.median(x)
     energy = sum(float(np.sum(swing[a:b] ** 2)) for a, b in _outside_runs(x, 0.0))
     return energy > IMPACTS * float(np.sum(swing**2))

@@ -207,13 +207,13 @@ def fit_asked(measured: FrequencyResponse, asked: FitOptions, cost: Cost = "weig
 
 
 def marked(fit: FitResult, hold_s: float | None) -> FitResult:
-    """The fit, its model saying which hold was taken out."""
+    """The fit, the removed hold noted in its model."""
     model = dataclasses.replace(fit.model, hold_s=hold_s)
     return dataclasses.replace(fit, model=model, covariance=dataclasses.replace(fit.covariance, model=model))
 
 
 def fit_lines(measured: FrequencyResponse, asked: FitOptions, cost: Cost = "weighted") -> FitResult:
-    """The fit of a response as it is, whatever its inputs did between samples."""
+    """Fit a response as it is, whatever its inputs did between samples."""
     check_word("cost", cost, get_args(Cost))
     options, states = decided(measured, asked), asked.states
     check_response(measured, count_unknowns(measured, options))

@@ -1,4 +1,4 @@
-"""Whether a delay is what a fit without one lacks.
+"""Whether a fit without delays needs one.
 
 With the poles of the fit the rest is linear, and a delay only turns the data. So a delay is tried by least
 squares at hardly any cost, on each output's own: if its response, moved earlier, is followed much better
@@ -28,7 +28,7 @@ def name_missing_delay(
     covariance: ModelCovariance,
     error: Float[np.ndarray, " output"],
 ) -> list[str]:
-    """``doubts`` of how a model follows, where there are any, with the delays that it seems to lack.
+    """Add the delays that a poor model seems to need to its warnings, ``doubts``.
 
     They stand for the modes that it would else be said to lack, and beside outputs that it leaves mostly
     unexplained.
@@ -46,7 +46,7 @@ def name_missing_delay(
 
 
 def missing_delay(measured: FrequencyResponse, model: MeasurementModel) -> Float[np.ndarray, " output"]:
-    """Delay [s] that each output seems to lack; zero where none would help much.
+    """Delay [s] that each output seems to need; zero where none would help much.
 
     ``model`` is continuous and has no delay; a lead is not looked for.
     """
@@ -82,7 +82,7 @@ def _apart(x: Complex[np.ndarray, "line column"]) -> Float[np.ndarray, "row colu
 
 
 def _basis(model: MeasurementModel, s: np.ndarray) -> Complex[np.ndarray, "line column"]:
-    """Functions of which a path without delay and constant term is a real sum."""
+    """Basis functions of a path without delay and constant term; its coefficients are real."""
     poles = np.unique(model.poles)
     pair = np.imag(poles) != 0.0
     first, second = 1.0 / (s[:, None] - poles), 1.0 / (s[:, None] - poles.conj())

@@ -5,11 +5,10 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Complex, Float, Int
 
 from middeck.identification.problem.layout import Point, Start, pack
 from middeck.identification.uncertainty.covariance import ModelCovariance
-from middeck.identification.uncertainty.unknowns import places_of, unknowns_of
 
 # A residue that is fewer than so many of its deviations may be noise: the search puts the pole where noise
 # looks most like a mode, which a test at a given frequency (Wald 1943) does not know of.
@@ -23,10 +22,9 @@ def mode_significance(covariance: ModelCovariance) -> Float[np.ndarray, " mode"]
 
     About one for a mode that is none; zero for one of which the data tell nothing.
     """
-    model, at = covariance.model, places_of(covariance.model, covariance.structure)
-    x = unknowns_of(model, covariance.structure)
+    at, x = covariance.at, covariance.unknowns
     scale = np.sqrt(np.maximum(np.diag(covariance.matrix), np.finfo(float).tiny))
-    found = np.zeros(len(model.poles))
+    found = np.zeros(len(covariance.model.poles))
     for m in range(len(found)):
         own = at.c[:, m][at.c[:, m] >= 0]
         among = covariance.matrix[np.ix_(own, own)] / scale[own, None] / scale[own]
@@ -42,28 +40,22 @@ def mode_significance(covariance: ModelCovariance) -> Float[np.ndarray, " mode"]
 
 def with_split(start: Start, m: int) -> Start:
     """The same model with two modes in the place of pair ``m``, an eighth of its half-power width apart."""
-    layout, point = start.layout, start.point
-    at = np.insert(np.arange(len(layout.pair)), m, m)
-    more = dataclasses.replace(
-        layout,
-        pair=np.asarray(layout.pair)[at],
-        fixed_imag=layout.fixed_imag[at],
-        pivot=np.asarray(layout.pivot)[at],
-    )
-    poles = point.poles[at]
-    poles[m : m + 2] += 1j * np.array([1.0, -1.0]) * SPLIT * point.poles[m].real
-    terms = (at[:, None] * layout.copies + np.arange(layout.copies)).ravel()
-    return Start(more, pack(more, Point(poles, point.b[terms], point.delay_s, point.psi)))
+    at = np.insert(np.arange(len(start.layout.pair)), m, m)
+    poles = start.point.poles[at]
+    poles[m : m + 2] += 1j * np.array([1.0, -1.0]) * SPLIT * poles[m].real
+    return _with_modes(start, at, poles)
 
 
 def without_modes(start: Start, dropped: Bool[np.ndarray, " mode"]) -> Start:
     """The same model without some of its modes."""
-    layout, point, kept = start.layout, start.point, ~dropped
-    fewer = dataclasses.replace(
-        layout,
-        pair=np.asarray(layout.pair)[kept],
-        fixed_imag=layout.fixed_imag[kept],
-        pivot=np.asarray(layout.pivot)[kept],
-    )
-    terms = np.repeat(kept, layout.copies)
-    return Start(fewer, pack(fewer, Point(point.poles[kept], point.b[terms], point.delay_s, point.psi)))
+    kept = np.flatnonzero(~dropped)
+    return _with_modes(start, kept, start.point.poles[kept])
+
+
+def _with_modes(start: Start, at: Int[np.ndarray, " mode"], poles: Complex[np.ndarray, " mode"]) -> Start:
+    """Modes ``at`` these places of a model, with other poles."""
+    layout, point = start.layout, start.point
+    chosen = {name: np.asarray(getattr(layout, name))[at] for name in ("pair", "fixed_imag", "pivot")}
+    layout = dataclasses.replace(layout, **chosen)
+    terms = (at[:, None] * layout.copies + np.arange(layout.copies)).ravel()
+    return Start(layout, pack(layout, Point(poles, point.b[terms], point.delay_s, point.psi)))

@@ -1,4 +1,4 @@
-"""Whether the numbers of each mode of a fit may be believed."""
+"""Whether the parameters of each mode of a fit can be trusted."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from middeck.identification.search.doubts import confounded_delays
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.orthogonal import canonical_root
 from middeck.identification.uncertainty.parameters import distinct_poles, uncertainty_of
-from middeck.identification.uncertainty.unknowns import places_of
 from middeck.systems.response import FrequencyResponse
 from middeck.values import record
 
@@ -39,7 +38,7 @@ def checked_covariance(covariance: ModelCovariance) -> ModelCovariance:
 
     Raises `FitError` where it is not finite: then no number of the fit has a deviation.
     """
-    model, at = covariance.model, places_of(covariance.model, covariance.structure)
+    model, at = covariance.model, covariance.at
     if not np.isfinite(covariance.root).all():
         raise FitError(
             "the deviations are not finite: the data do not determine the model",
@@ -111,7 +110,7 @@ def _unresolved(covariance: ModelCovariance, significance: np.ndarray) -> np.nda
 
 
 def doubts_of_standing(covariance: ModelCovariance, standing: Sequence[Standing]) -> list[str]:
-    """What is said of modes that are doubtful by themselves, or two that are not told apart."""
+    """Warnings for doubtful modes and for modes that are not resolved."""
     model, significance = covariance.model, mode_significance(covariance)
     f = natural_hz(model)
     order = sorted(distinct_poles(model), key=lambda m: f[m])
@@ -132,7 +131,7 @@ def doubts_of_standing(covariance: ModelCovariance, standing: Sequence[Standing]
 
 
 def doubts_of_lines(lines: Sequence[SteadyLine]) -> list[str]:
-    """What was taken for hum."""
+    """Warnings for the sines that were taken for hum."""
     return [
         f"a sine at {line.hz:.6g} Hz ({line.name}) goes on through the record, which no input makes: it is "
         "no mode and was fitted beside them"
@@ -160,7 +159,7 @@ class SteadyLine:
 
 
 def name_line(hz: float, deviation_hz: float) -> str:
-    """By the mains and its harmonics, within half a per cent.
+    """Name a line after the mains and its harmonics, within half a per cent.
 
     >>> name_line(150.2, 0.01), name_line(43.0, 0.01), name_line(59.98, 0.01)
     ('harmonic 3 of mains 50 Hz', 'steady line', 'mains 60 Hz')

@@ -1,4 +1,4 @@
-"""A fit of a response without the modes that it can do without."""
+"""Remove the modes that a fit of a response does not need."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def shed(
     significance: Callable[[State], Float[np.ndarray, " mode"]],
     without: Callable[[State, Bool[np.ndarray, " mode"]], State | None],
 ) -> State:
-    """A fit without modes that it can do without: all that seem nothing at once, then one by one.
+    """Remove modes that a fit does not need: all insignificant ones at once, then one by one.
 
     ``significance`` has the deviations of each mode's residue; ``without`` the fit without some modes, or
     None where that is no better.

@@ -1,4 +1,4 @@
-"""Blows of a hammer in a record, and which of them are no use.
+"""Find the blows of a hammer in a record, and reject the unusable ones.
 
 A hammer pushes: what counts is force of the sign of the largest one. Pulses that follow each other much
 sooner than blows do are one blow that hit twice.
@@ -175,7 +175,7 @@ def _second_hit(
 
 
 def _judged(blows: list[Blow], sample_hz: float) -> list[Blow]:
-    """Weak blows, and those that were given little time."""
+    """Reject weak blows, and blows cut short."""
     peak = float(np.median([b.peak for b in blows]))
     length = float(np.median([b.last - b.first for b in blows]))
     found: list[Blow] = []
@@ -222,7 +222,7 @@ def _clipped(x: Float[np.ndarray, " sample"], low: float, high: float) -> list[t
 
 
 def _ringing(blows: list[Blow], y: np.ndarray) -> list[Blow]:
-    """Blows that are struck while the response is still large."""
+    """Reject blows struck while the response is still large."""
     found: list[Blow] = []
     for blow in blows:
         after = y[blow.experiment, blow.struck : blow.last]

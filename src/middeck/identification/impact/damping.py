@@ -21,7 +21,7 @@ from middeck.identification.model.measurement_model import (
 from middeck.identification.record_fit.fit_record import fit_record
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.parameters import uncertainty_of
-from middeck.identification.uncertainty.unknowns import places_of, unknowns_of
+from middeck.identification.uncertainty.unknowns import unknowns_of
 
 # Least decay rate that is left to a mode, as a share of its frequency, where noise makes it none or negative.
 LEAST = 1e-9
@@ -104,7 +104,7 @@ def _moved(
     covariance: ModelCovariance, bare: MeasurementModel, window_s: float, gain: np.ndarray
 ) -> ModelCovariance:
     """By the derivatives of the bare unknowns: logarithms of decay rates, output vectors, constants."""
-    at = places_of(covariance.model, covariance.structure)
+    at = covariance.at
     x = unknowns_of(bare, covariance.structure)
     J = np.eye(at.size)
     first, m = np.unique(at.sigma, return_index=True)

@@ -1,4 +1,4 @@
-"""Where one more mode would tell most, and with which input vector: a pursuit over a grid of poles.
+"""The mode that would improve a fit most, with its input vector: a pursuit over a grid of poles.
 
 The residual of a fit is projected on the terms of each candidate pole, less what linear unknowns of the fit
 can take up, and the rank-one part of the residue is taken. That finds what a peak of the residual does not

@@ -1,4 +1,4 @@
-"""Out of a local minimum: give up the mode that is missed least for the one that would tell most.
+"""Leave a local minimum: exchange the least needed mode for the one that would improve the fit most.
 
 A search from a subspace start can hold a mode that does little while two modes elsewhere are fitted by one.
 """
@@ -32,7 +32,7 @@ HEAVIEST = 0.05
 def exchanges(
     data: Data, options: FitOptions, best: Polished, spread: Spread, *, at_any_rate: bool
 ) -> Iterator[Start]:
-    """Starts that have one pair (or two real poles) of ``best`` replaced by the pair that would tell most.
+    """Starts with one pair (or two real poles) of ``best`` replaced by the pair that improves the fit most.
 
     Unless ``at_any_rate``, only where that tells more at once than what is given up; otherwise also by one at
     the residual's peak: what tells most at once may be a neighbour of a mode that is there already.

@@ -17,7 +17,7 @@ from jaxtyping import Complex, Float
 from middeck.errors import ConfigError, FitError
 from middeck.identification.fit.fit_response import FitResult
 from middeck.identification.model.measurement_model import MeasurementModel, damping_ratio, natural_hz
-from middeck.signals.ports import Port
+from middeck.signals.ports import Port, port_indices
 from middeck.values import record
 
 
@@ -95,7 +95,8 @@ def modal_parameters(
     if drive_point is None:
         shapes = shapes / np.max(np.abs(shapes), axis=0)
     else:
-        output, driven = _place(model.outputs, drive_point[0]), _place(model.inputs, drive_point[1])
+        output = port_indices(model.outputs, [drive_point[0]], "output")[0]
+        driven = port_indices(model.inputs, [drive_point[1]], "input")[0]
         at_point = _positive(np.real(constants[:, output, driven]), natural_hz(model)[pairs], drive_point)
         shapes = shapes / shapes[output] * np.sqrt(at_point)
         mass = 1.0 / at_point
@@ -123,13 +124,6 @@ def _constants(model: MeasurementModel, pairs: np.ndarray) -> Complex[np.ndarray
         # A held input: r / (s - p) is sampled to r (exp(p T) - 1) / p / (z - exp(p T)).
         residues = residues * (poles / np.expm1(poles / model.sample_hz))[:, None, None]
     return 2j * np.imag(poles)[:, None, None] * residues
-
-
-def _place(ports: tuple[Port, ...], name: str) -> int:
-    names = [p.name for p in ports]
-    if name not in names:
-        raise ConfigError(f"the model has no port {name}", hint="one of " + ", ".join(names))
-    return names.index(name)
 
 
 def _positive(at_point: np.ndarray, hz: np.ndarray, drive_point: tuple[str, str]) -> np.ndarray:

@@ -86,7 +86,7 @@ class Functions:
 
 
 class Alone(NamedTuple):
-    """Outputs that err alone, under inputs that are heard in a column each.
+    """Outputs with independent errors, each input in a column of its own.
 
     Weighted data ``y``; how the response of each path is heard in them, ``by``; Gram matrices of the paths;
     the outputs of each group.
@@ -114,7 +114,7 @@ class Alone(NamedTuple):
 
 
 class Together(NamedTuple):
-    """One group of outputs and inputs that are heard in the same columns; Gram matrices of pairs of paths."""
+    """One group of outputs and inputs that share columns; Gram matrices of pairs of paths."""
 
     y: Complex[np.ndarray, "group column line"]
     by: Complex[np.ndarray, "path column line"]
@@ -148,7 +148,7 @@ def _rows_in_paths(A: np.ndarray) -> list[Int[np.ndarray, " row"]]:
 
 
 def weigh(terms: Terms, shared: Functions) -> list[Weighted]:
-    """The weighted data and how paths are heard in them, in as few groups as err alone."""
+    """Weighted data and the paths that contribute to them, in groups of outputs with independent errors."""
     data, outputs = terms.data, terms.layout.outputs
     if data.mix is not None:
         return [_mixed(terms, shared, data.mix)]

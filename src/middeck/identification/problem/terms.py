@@ -61,7 +61,7 @@ def columns(
 
 
 def _along(b: np.ndarray, drive: np.ndarray | None) -> np.ndarray:
-    """What each vector of inputs makes of the drive: [mode, line (or 1), column]."""
+    """Input vectors times the drive: [mode, line (or 1), column]."""
     return b[:, None, :] if drive is None else np.moveaxis(b @ drive, 1, 0)
 
 

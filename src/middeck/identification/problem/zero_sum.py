@@ -1,4 +1,4 @@
-"""Linear unknowns that are tied: the residues of each path add up to zero (relative degree two)."""
+"""The constraint of relative degree two: the residues of each path add up to zero."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from middeck.identification.problem.terms import linear_of_terms
 
 
 class ZeroSum:
-    """The linear unknowns x of an output that obey C x = 0, with C as it is at a theta."""
+    """Linear unknowns x of an output under the constraint C x = 0, at one theta."""
 
     def __init__(self, layout: Layout, point: Point) -> None:
         self._layout = layout

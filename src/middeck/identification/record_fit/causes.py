@@ -1,4 +1,4 @@
-"""Why the numbers of a fit of a record do not hold: what it leaves still follows the inputs, or a fault.
+"""Why the deviations of a fit of a record do not hold: structure in its residual, or a fault.
 
 What is left of a model that holds is noise: no input, earlier or later, tells it (Ljung 1999, sec. 16.6), and
 no part of the record asks for another delay than the rest. Where it is not so, the faults of the record are
@@ -64,7 +64,7 @@ def causes_of(
     lead: Float[np.ndarray, " output"],
     left: Float[np.ndarray, " output"],
 ) -> list[str]:
-    """What is to be said of a fit whose numbers do not hold; empty where they do.
+    """Warnings for a fit whose deviations do not hold; empty where they do.
 
     ``record`` is as it was measured; ``lead`` is by how many of its deviations each output leads its input;
     ``left`` is what the fit leaves, over the output, in rms.

@@ -1,4 +1,4 @@
-"""How well a model simulates parts of a record that it was not fitted to.
+"""Simulation error of a model on parts of a record that it was not fitted to.
 
 It is refined on the first two thirds and simulates the last, and the other way round, as it will be used:
 only the initial state is fitted there, to half of the part, so that poles too slow to be seen do not pass.

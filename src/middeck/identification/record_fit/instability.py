@@ -1,4 +1,4 @@
-"""Records of an article that is not stable: what is free motion grows, and no stable model follows."""
+"""Refuse records of an unstable article: its free motion grows, and no stable model follows."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A large record in small: some of its lines and its principal outputs, on which an order is searched.
+"""A reduced record on which an order is searched: some of its lines and its principal outputs.
 
 The equations of a record hold line by line, transients included, so that any of its lines will do. Of each
 group of neighbours the one where the outputs are strongest is kept: resonances are among them, and the lines

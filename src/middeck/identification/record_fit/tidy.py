@@ -1,4 +1,4 @@
-"""A fit of a record without the modes that it can do without.
+"""Remove the modes and sines that a fit of a record does not need.
 
 An order is chosen from models that are refined for a few steps only. At the end, a mode whose residue is no
 more than noise may be left: it is given up if that shortens the description (Rissanen 1978). A pole that does

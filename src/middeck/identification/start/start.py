@@ -1,4 +1,4 @@
-"""Where a fit starts: from frequency-domain subspaces of several sizes; nothing to tune.
+"""Starts of a fit, from frequency-domain subspaces of several sizes; nothing to tune.
 
 The subspace (`subspace`) is mostly made larger than the fit, so that the extra poles take up delay, noise and
 modes that are not asked for, and the modes that would be missed most are kept (`pruning`).
@@ -65,7 +65,7 @@ def starts(data: Data, options: FitOptions) -> Iterator[Start]:
 
 
 def few_starts(data: Data, options: FitOptions) -> Iterator[Start]:
-    """A start or two that mostly do, for where many orders are compared.
+    """One or two starts, enough where many orders are compared.
 
     Modes far below a band that is mapped to the circle need the subspace's own vectors; in a sampled model's,
     the whole circle is even, and the first start will do.

@@ -1,4 +1,4 @@
-"""When a tracker has lost its modes, and from where it begins again.
+"""Detect that a tracker has lost its modes, and restart it from a good state.
 
 A filter that follows a wrong frequency is sure of it: its covariance is small, and corrections that are right
 come too late. Its innovations tell: large, and not white as they would be if only the noise had grown. If
@@ -56,7 +56,7 @@ class Restart:
 
 @record(kw_only=True)
 class Recovery:
-    """What is kept to begin again from.
+    """State from which a tracker restarts.
 
     Parameters
     ----------

@@ -222,7 +222,7 @@ def _inverse(F: Float[np.ndarray, "row unknown"]) -> tuple[np.ndarray, np.ndarra
 
 def _gain(covariance: ModelCovariance) -> Float[np.ndarray, "output mode input"]:
     model = covariance.model
-    at = places_of(model, covariance.structure)
+    at = covariance.at
     outputs, inputs = model.direct.shape
     gain = np.full((outputs, len(model.poles), inputs), np.inf)
     for o, m, i in np.ndindex(gain.shape):

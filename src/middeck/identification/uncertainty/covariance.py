@@ -34,7 +34,7 @@ from middeck.identification.uncertainty.orthogonal import (
     root_of,
     triangle,
 )
-from middeck.identification.uncertainty.unknowns import Structure, places_of, ties
+from middeck.identification.uncertainty.unknowns import Places, Structure, places_of, ties, unknowns_of
 from middeck.systems.response import FrequencyResponse
 from middeck.values import record
 
@@ -81,13 +81,23 @@ class ModelCovariance:
     loose: int = 0
 
     @functools.cached_property
+    def at(self) -> Places:
+        """Where each kind of unknown stands."""
+        return places_of(self.model, self.structure)
+
+    @functools.cached_property
+    def unknowns(self) -> Float[np.ndarray, " unknown"]:
+        """Their values."""
+        return unknowns_of(self.model, self.structure)
+
+    @functools.cached_property
     def matrix(self) -> Float[np.ndarray, "unknown unknown"]:
         """The covariance itself; large, but finite, where unknowns are not fixed."""
         return self.root @ self.root.T
 
     @property
     def fixed(self) -> Float[np.ndarray, "unknown direction"]:
-        """The root without what is loose."""
+        """The root without its loose columns."""
         return self.root[:, : self.root.shape[1] - self.loose]
 
     def deviation(self, slope: Float[np.ndarray, "row unknown"] | None = None) -> Float[np.ndarray, " row"]:
@@ -187,11 +197,11 @@ class _Entries:
         return self.factors[entry].functions(shared, self.s[lines]) / size
 
     def factor(self) -> Float[np.ndarray, "row unknown"]:
-        """Of the derivatives of all entries by all unknowns."""
+        """Orthogonal factor of the derivatives of all entries by all unknowns."""
         return factor_of(self._blocks())
 
     def _blocks(self) -> Iterator[Float[np.ndarray, "row unknown"]]:
-        """Those of one output at a time."""
+        """The derivatives of one output at a time."""
         functions: dict[tuple[int, int], np.ndarray] = {}
         for lines, shared in self.some_lines():
             for entry in self.factors:

@@ -20,7 +20,6 @@ from middeck.identification.uncertainty.parameters import (
     pole_slopes,
 )
 from middeck.identification.uncertainty.response_drift import holm
-from middeck.identification.uncertainty.unknowns import places_of
 from middeck.values import record
 
 # Modes farther apart than this factor are not taken for one mode that moved.
@@ -127,7 +126,7 @@ class Drift:
 
     @property
     def sentence(self) -> str:
-        """What changed and by how much, for people."""
+        """One sentence: what changed, and by how much."""
         moved = [m.sentence for m in self.modes if m.moved]
         reshaped = [f"{m.frequency_hz[0]:.4g} Hz" for m in self.modes if m.reshaped and not m.moved]
         parts = [f"{len(moved)} of {len(self.modes)} modes moved: {'; '.join(moved)}"] if moved else []
@@ -228,7 +227,7 @@ def _quantities(
     outputs: list[int],
 ) -> tuple[_Quantities, list[np.ndarray]]:
     """Frequency and damping, constants, delays; their derivatives, and which are tested together."""
-    at = places_of(of.model, of.structure)
+    at = of.at
     frequency, damping = pole_slopes(of)
     f, zeta = natural_hz(of.model), damping_ratio(of.model)
     rows: list[list[tuple[float, np.ndarray]]] = []
@@ -272,7 +271,7 @@ def _with_delay(before: ModelCovariance, after: ModelCovariance) -> list[int]:
 def _probability(
     change: np.ndarray, spreads: list[np.ndarray], degrees: tuple[float, float], group: np.ndarray
 ) -> float:
-    """Of so large a difference by chance: Hotelling's T^2 / k against F(k, degrees)."""
+    """Probability of so large a difference by chance: Hotelling's T^2 / k against F(k, degrees)."""
     if not len(group):
         return 1.0
     both = [spread[np.ix_(group, group)] for spread in spreads]

@@ -86,7 +86,7 @@ class ResponseDrift:
 
     @property
     def sentence(self) -> str:
-        """What moved, for people."""
+        """One sentence: what moved."""
         if not self.bands:
             return f"the response moved on none of {len(self.frequency_hz)} lines at the level {self.level:g}"
         parts = [

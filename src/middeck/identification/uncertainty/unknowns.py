@@ -125,7 +125,7 @@ def _pivot(model: MeasurementModel) -> np.ndarray:
 
 
 def unknowns_of(model: MeasurementModel, structure: Structure) -> Float[np.ndarray, " unknown"]:
-    """The vector of a model."""
+    """The vector of unknowns of a model."""
     at = places_of(model, structure)
     x = np.zeros(at.size)
     omega = np.imag(model.poles)
