@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from middeck.identification.faults.against import compare_with_reference
-from middeck.identification.faults.found import Found
 from middeck.identification.faults.levels import (
     find_coarse_steps,
     find_drift,
@@ -16,7 +15,7 @@ from middeck.identification.faults.levels import (
 )
 from middeck.identification.faults.pairs import find_pair_faults
 from middeck.identification.faults.relation import find_relation_faults
-from middeck.identification.faults.runs import Runs, Signal, levels_of
+from middeck.identification.faults.runs import Found, Runs, Signal, levels_of
 from middeck.identification.faults.samples import (
     find_clipping,
     find_dropouts,

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from middeck.identification.faults.found import Found
-from middeck.identification.faults.runs import Levels, Signal
+from middeck.identification.faults.runs import Found, Levels, Signal
 
 # Level over swing (rms) from which an offset is told: an output that never crosses zero much; a command may
 # have one by intention (a binary sequence of 0 and 1 has 1).

@@ -11,7 +11,7 @@ import scipy.linalg
 import scipy.signal
 from jaxtyping import Float
 
-from middeck.identification.faults.found import Found
+from middeck.identification.faults.runs import Found
 from middeck.signals.excitation.repetition import find_repetition
 from middeck.signals.fault import Fault
 from middeck.signals.ports import Port

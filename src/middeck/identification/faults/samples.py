@@ -9,8 +9,7 @@ import scipy.linalg
 import scipy.ndimage
 import scipy.signal
 
-from middeck.identification.faults.found import Found
-from middeck.identification.faults.runs import Levels, Runs, Signal, equal_runs, runs_of
+from middeck.identification.faults.runs import Found, Levels, Runs, Signal, equal_runs, runs_of
 
 # A channel whose swing is within this share of its level is constant up to rounding.
 ROUNDING = 1e-13

@@ -7,7 +7,7 @@ import numpy as np
 from middeck.identification.model.measurement_model import RANK, MeasurementModel
 from middeck.identification.problem.layout import Layout
 from middeck.identification.problem.terms import constant_terms, shapes
-from middeck.identification.search.run import Run
+from middeck.identification.search.polish import Run
 from middeck.identification.uncertainty.unknowns import Structure
 from middeck.signals.ports import Port
 
@@ -20,7 +20,7 @@ def model_of(run: Run, inputs: tuple[Port, ...], outputs: tuple[Port, ...]) -> M
     poles, b = point.poles, point.b
     if layout.options.full_rank:
         poles, c, b = _by_rank(poles, c.reshape(len(c), -1, layout.copies))
-    constant = constant_terms(layout, point, linear)
+    R, Q, L, D = constant_terms(layout, point, linear)
     each, beyond = point.delay_s[:, 0], None
     if point.delay_s.shape[1] > 1:
         each = np.min(point.delay_s, axis=1)
@@ -30,15 +30,15 @@ def model_of(run: Run, inputs: tuple[Port, ...], outputs: tuple[Port, ...]) -> M
         poles=poles,
         shapes=c,
         participation=b,
-        direct=constant.direct,
-        lower=constant.lower,
+        direct=D,
+        lower=L,
         delay_s=each,
         inputs=inputs,
         outputs=outputs,
         sample_hz=layout.options.sample_hz,
         path_delay_s=beyond,
-        rigid=constant.rigid if layout.rigid_pivot else None,
-        integral=constant.integral if layout.integral_pivot else None,
+        rigid=R if layout.rigid_pivot else None,
+        integral=Q if layout.integral_pivot else None,
     )
 
 

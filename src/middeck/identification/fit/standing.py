@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from middeck.errors import FitError
-from middeck.identification.fit.significance import DOUBTFUL, mode_significance
+from middeck.identification.fit.tidy import DOUBTFUL, mode_significance
 from middeck.identification.model.measurement_model import natural_hz
 from middeck.identification.search.doubts import confounded_delays
 from middeck.identification.uncertainty.covariance import ModelCovariance

@@ -75,24 +75,16 @@ def shapes(layout: Layout, point: Point, x: Float[np.ndarray, " column"]) -> Com
     return c
 
 
-@record
-class Constants:
-    """R of the rigid modes, Q of the integrators, L and D."""
-
-    rigid: Float[np.ndarray, "output input"]
-    integral: Float[np.ndarray, "output input"]
-    lower: Float[np.ndarray, "output input"]
-    direct: Float[np.ndarray, "output input"]
-
-
-def constant_terms(layout: Layout, point: Point, linear: Float[np.ndarray, "output column"]) -> Constants:
-    """What goes with powers of s, from the linear unknowns of each output."""
+def constant_terms(
+    layout: Layout, point: Point, linear: Float[np.ndarray, "output column"]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """R of rigid modes, Q of integrators, L and D [output, input], from the outputs' linear unknowns."""
     x = linear[:, layout.mode_columns : layout.columns]
     drifting, inputs = len(layout.powers), layout.inputs
     none = np.zeros((len(x), inputs))
     R, Q = (none, none) if point.psi is None else (x[:, own] @ point.psi[own] for own in layout.at_zero)
     L = x[:, drifting : drifting + inputs] if layout.options.residuals else none
-    return Constants(R, Q, L, x[:, -inputs:] if layout.options.direct else none)
+    return R, Q, L, x[:, -inputs:] if layout.options.direct else none
 
 
 def _powers(layout: Layout, s: np.ndarray) -> Complex[np.ndarray, "rigid line"]:

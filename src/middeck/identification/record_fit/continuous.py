@@ -20,8 +20,12 @@ from middeck.identification.model.measurement_model import MeasurementModel, pat
 from middeck.identification.order.order import is_settled, sizes
 from middeck.identification.problem.data import Data, Transient
 from middeck.identification.problem.layout import Point, Start
-from middeck.identification.record_fit.held_out import error_held_out
-from middeck.identification.record_fit.order import enough_samples, record_length, shortest_reason
+from middeck.identification.record_fit.order import (
+    enough_samples,
+    error_held_out,
+    record_length,
+    shortest_reason,
+)
 from middeck.identification.record_fit.search import RecordRun, Weighting, further, leader, refine_record
 from middeck.identification.record_fit.starts import PastOfRecord, continuous_starts, past_of
 from middeck.identification.start.start import start_from_point

@@ -24,7 +24,7 @@ from middeck.identification.fit.standing import (
     standing_of,
     standing_of_delays,
 )
-from middeck.identification.model.checks import check_record, check_word
+from middeck.identification.model.checks import check_record, check_word, refuse_growth
 from middeck.identification.model.fit_options import Constants, Delay, FitOptions, decided
 from middeck.identification.model.held_response import folded_response
 from middeck.identification.model.measurement_model import MeasurementModel, model_response, natural_hz
@@ -38,7 +38,6 @@ from middeck.identification.record_fit.causes import (
     named_cause,
 )
 from middeck.identification.record_fit.continuous import fit_continuous
-from middeck.identification.record_fit.instability import refuse_growth
 from middeck.identification.record_fit.model import record_covariance
 from middeck.identification.record_fit.noise import negative_log_likelihood, noise_variance
 from middeck.identification.record_fit.order import choose_record

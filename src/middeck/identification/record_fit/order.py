@@ -1,13 +1,15 @@
 """Order and weights of a sampled model: the shortest description, and samples held out.
 
 The order is that of the shortest description of the record by either kind of noise, transients counted among
-its unknowns. The weights at that order are those whose model simulates samples held out best (`held_out`):
-what a model of a real article leaves is more than noise, and the likeliest weights need not be those that
-simulate best. Both rules were chosen among others by their error on simulated records, with and without model
+its unknowns. The weights at that order are those whose model simulates samples held out best: what a model of a real article leaves is more than noise, and the likeliest weights need not be those that simulate best. Both rules were chosen among others by their error on simulated records, with and without model
 error (docs/explanation/one-long-record.md).
 
 A large record is scouted first (`scout`): the order is searched on some of its lines and its principal
 outputs, and that model is refined, and grown as long as its description gets shorter, on all of them.
+
+Held out: a model is refined on the first two thirds and simulates the last, and the other way round, as it
+will be used. Only the initial state is fitted there, to half of the part, so that poles too slow to be seen do
+not pass.
 """
 
 from __future__ import annotations
@@ -15,13 +17,15 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Sequence
 
-from middeck.errors import FitError
+import numpy as np
+
+from middeck.errors import DataError, FitError, NumericalError
+from middeck.identification.fit.fitted_model import model_of
 from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.order.order import description_length, is_settled, sizes
-from middeck.identification.problem.data import Data
+from middeck.identification.problem.data import Data, Transient
 from middeck.identification.problem.layout import Start
 from middeck.identification.record_fit.growth import exchanges, grown
-from middeck.identification.record_fit.held_out import error_held_out
 from middeck.identification.record_fit.scout import is_large, scouted
 from middeck.identification.record_fit.search import (
     WEIGHTINGS,
@@ -31,7 +35,8 @@ from middeck.identification.record_fit.search import (
     leader,
     refine_record,
 )
-from middeck.identification.record_fit.spectra import record_data
+from middeck.identification.record_fit.simulation import record_nrmse
+from middeck.identification.record_fit.spectra import cut_samples, record_data
 from middeck.identification.record_fit.starts import Pasts, pasts_of, record_starts
 from middeck.signals.record import Record
 
@@ -47,6 +52,10 @@ WEIGHED = {
     "output": "lines weighed by the noise of sensors",
     "motion": "lines weighed by the noise of forces",
 }
+# Steps from the model of all samples to that of a part.
+STEPS_HELD_OUT = 15
+# Share of the part held out to which the initial state is fitted.
+STATE_SHARE = 0.5
 
 
 def choose_record(
@@ -235,3 +244,29 @@ def enough_samples(record: Record, states: int) -> bool:
     outputs = record.y.shape[3]
     unknowns = states * (inputs + outputs + outputs * experiments) + inputs * outputs
     return unknowns < experiments * outputs * (2 * periods * samples // 3)
+
+
+def error_held_out(
+    record: Record, band_hz: tuple[float, float] | None, run: RecordRun, transient: Transient | None = None
+) -> float:
+    """rms over both parts of the error of the simulation, over that of the outputs, outputs alike.
+
+    ``transient`` has the free samples of a continuous model. Infinite where the model cannot be refined or
+    simulated.
+    """
+    count = record.u.shape[1] * record.u.shape[2]
+    third = count // 3
+    errors: list[float] = []
+    for seen, unseen in (((0, count - third), (count - third, count)), ((third, count), (0, third))):
+        data = record_data(cut_samples(record, *seen), band_hz, whole=True)
+        data = dataclasses.replace(data, transient=transient or data.transient)
+        part = refine_record(data, run.start, run.weighting, rounds=1, steps=STEPS_HELD_OUT)
+        if part is None:
+            return np.inf
+        model = model_of(part, record.inputs, record.outputs)
+        try:
+            left = record_nrmse(model, cut_samples(record, *unseen), state_share=STATE_SHARE)
+        except (NumericalError, DataError):
+            return np.inf
+        errors += list(left**2)
+    return float(np.sqrt(np.mean(errors)))

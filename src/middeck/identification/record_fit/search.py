@@ -19,8 +19,8 @@ from middeck.identification.record_fit.noise import (
     negative_log_likelihood,
     noise_variance,
 )
+from middeck.identification.search.polish import Run
 from middeck.identification.search.refine import weighted
-from middeck.identification.search.run import Run
 from middeck.values import record
 
 # "flat": one variance for each output, so that what is least is the error of the simulation itself.

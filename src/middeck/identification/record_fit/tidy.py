@@ -19,9 +19,8 @@ import scipy.ndimage
 from jaxtyping import Bool, Complex, Float
 
 from middeck.identification.fit.fitted_model import model_of
-from middeck.identification.fit.significance import mode_significance, with_split, without_modes
 from middeck.identification.fit.standing import SteadyLine, name_line
-from middeck.identification.fit.tidy import shed
+from middeck.identification.fit.tidy import mode_significance, shed, with_split, without_modes
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.layout import Start
 from middeck.identification.record_fit.model import record_covariance

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 
 import numpy as np
 from jaxtyping import Complex, Float
@@ -13,7 +14,6 @@ from middeck.identification.problem.design import residual_of
 from middeck.identification.problem.layout import Layout, Start
 from middeck.identification.search.bounds import bound_theta, bounded
 from middeck.identification.search.refine import by_normal_equations, logarithmic, weighted
-from middeck.identification.search.run import Run
 from middeck.identification.spectra.weights import Spread, excess_share
 from middeck.values import record
 
@@ -28,6 +28,30 @@ LITTLE = 1e-3
 LITTLE_OF_NOISE = 1e-3
 # Steps on the first weights, before any residual tells better ones.
 FIRST_STEPS = 3
+
+
+@record(kw_only=True)
+class Run:
+    """A model at the end of a search.
+
+    Parameters
+    ----------
+    likelihood:
+        Negative logarithm of the likelihood, up to a constant: sum of log v + |r|^2 / v.
+    """
+
+    layout: Layout
+    refined: Refined
+    likelihood: float
+
+    @functools.cached_property
+    def start(self) -> Start:
+        """From where it is refined further."""
+        return Start(self.layout, self.refined.theta)
+
+    def residual(self, data: Data) -> Complex[np.ndarray, "output line column"]:
+        """H - E, unweighted."""
+        return residual_of(self.layout, data, self.refined.theta, self.refined.step.linear)
 
 
 @record(kw_only=True)
