@@ -1,15 +1,17 @@
 """Order and weights of a sampled model: the shortest description, and samples held out.
 
 The order is that of the shortest description of the record by either kind of noise, transients counted among
-its unknowns. The weights at that order are those whose model simulates samples held out best: what a model of a real article leaves is more than noise, and the likeliest weights need not be those that simulate best. Both rules were chosen among others by their error on simulated records, with and without model
-error (docs/explanation/one-long-record.md).
+its unknowns. The weights at that order are those whose model simulates samples held out best: what a model of
+a real article leaves is more than noise, and the likeliest weights need not be those that simulate best. Both
+rules were chosen among others by their error on simulated records, with and without model error
+(docs/explanation/one-long-record.md).
 
 A large record is scouted first (`scout`): the order is searched on some of its lines and its principal
 outputs, and that model is refined, and grown as long as its description gets shorter, on all of them.
 
 Held out: a model is refined on the first two thirds and simulates the last, and the other way round, as it
-will be used. Only the initial state is fitted there, to half of the part, so that poles too slow to be seen do
-not pass.
+will be used. Only the initial state is fitted there, to half of the part, so that poles too slow to be seen
+do not pass.
 """
 
 from __future__ import annotations
