@@ -67,7 +67,7 @@ def test_long_records_within_records_are_shown_by_name() -> None:
 
 
 def test_fields_by_name_only_are_locked_and_come_back_from_a_file() -> None:
-    made = Named(first=1.0, second=[1.0, 2.0])
+    made = Named(first=1.0, second=np.array([1.0, 2.0]))
     again = pickle.loads(pickle.dumps(made))
     assert again == made
     assert not again.second.flags.writeable

@@ -130,9 +130,10 @@ def _from_scout(
         tell(f"{run.layout.states} states, on all lines")
         run = _grown_while_shorter(record, data, options, run)
         if run.layout.states > first[0].layout.states:
-            more = f"{run.layout.states} states have the shortest description"
-            reason = f"{more}; on the lines of a first search {reason}"
-    others = [w for w in WEIGHTINGS if w != run.weighting] if kinds == NOISES else []
+            shortest = f"{run.layout.states} states have the shortest description"
+            reason = f"{shortest}; on the lines of a first search {reason}"
+    tried: tuple[Weighting, ...] = WEIGHTINGS if kinds == NOISES else ()
+    others: list[Weighting] = [w for w in tried if w != run.weighting]
     more = (refine_record(data, run.start, w, rounds=ROUNDS, steps=STEPS) for w in others)
     return [run, *(other for other in more if other is not None)], reason
 
