@@ -2,7 +2,7 @@
 
 An order is chosen from models that are refined for a few steps only. At the end, a mode whose residue is no
 more than noise may be left: it is given up if that shortens the description (Rissanen 1978). A pole that does
-not decay within the record and that no input moves is given up for a sine (`steady_lines`).
+not decay within the record and that no input moves is given up for a sine.
 
 Hum and unbalance are sines in the outputs that no input makes. A pole without damping fits one as free
 motion, its residue noise, its decay the least that the search allows. The sine itself is a linear term of
