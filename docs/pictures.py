@@ -78,7 +78,14 @@ def measured(noise: float) -> tuple[md.FrequencyResponse, md.FitResult]:
     torque, angles = (md.Port("torque", "N m"),), (md.Port("base", "rad"), md.Port("tip", "rad"))
     none = np.zeros((2, 1))
     truth = md.MeasurementModel(
-        poles, shapes, np.array([[1.0], [0.8]]), none, none, np.full(2, 0.008), torque, angles
+        poles=poles,
+        shapes=shapes,
+        participation=np.array([[1.0], [0.8]]),
+        direct=none,
+        lower=none,
+        delay_s=np.full(2, 0.008),
+        inputs=torque,
+        outputs=angles,
     )
     rng = np.random.default_rng(2)
     signal = md.design_multisine((0.5, 16.0), 16.0, 128.0, md.Limits(rms=1.0), rng).u

@@ -8,17 +8,20 @@ fields of one record::
     class Gain:
         K: Float[np.ndarray, "input state"]
 
-    Gain(np.zeros(3))    # ValueError: Gain.K: shape (3,) does not fit 'input state'
+    Gain(np.zeros(3))    # ConfigError: Gain.K: shape (3,) does not fit 'input state'
 """
 
 from __future__ import annotations
 
 import dataclasses
 import functools
-from typing import Any, TypeVar, dataclass_transform, get_args, get_type_hints
+from collections.abc import Callable
+from typing import Any, TypeVar, dataclass_transform, get_args, get_type_hints, overload
 
 import jaxtyping
 import numpy as np
+
+from middeck.errors import ConfigError
 
 T = TypeVar("T")
 # Arrays of no more numbers and tuples of no more entries are shown as they are; of records within records,
@@ -26,9 +29,23 @@ T = TypeVar("T")
 SHORT, LINE = 6, 100
 
 
+@overload
 @dataclass_transform(frozen_default=True, field_specifiers=(dataclasses.field,))
-def record(cls: type[T]) -> type[T]:
-    """Make ``cls`` a frozen dataclass that locks its arrays and compares by value."""
+def record(cls: type[T]) -> type[T]: ...
+@overload
+@dataclass_transform(frozen_default=True, field_specifiers=(dataclasses.field,))
+def record(*, kw_only: bool) -> Callable[[type[T]], type[T]]: ...
+def record(cls: type[T] | None = None, *, kw_only: bool = False) -> Any:
+    """Make ``cls`` a frozen dataclass that locks its arrays and compares by value.
+
+    ``@record(kw_only=True)``: fields are given by name only, as of records of five or more.
+    """
+    if cls is None:
+        return functools.partial(_recorded, kw_only=kw_only)
+    return _recorded(cls, kw_only=kw_only)
+
+
+def _recorded(cls: type[T], *, kw_only: bool) -> type[T]:
     namespace: Any = cls
     user_check = namespace.__dict__.get("__post_init__")
 
@@ -43,7 +60,7 @@ def record(cls: type[T]) -> type[T]:
     namespace.__reduce__ = _reduce
     if "__repr__" not in namespace.__dict__:
         namespace.__repr__ = _shown
-    return dataclasses.dataclass(frozen=True, eq=False, repr=False)(cls)
+    return dataclasses.dataclass(frozen=True, eq=False, repr=False, kw_only=kw_only)(cls)
 
 
 def _lock_arrays(self: Any) -> None:
@@ -52,9 +69,15 @@ def _lock_arrays(self: Any) -> None:
         value = getattr(self, name)
         if value is None and optional:
             continue
-        array = _as_locked(value, spec)
+        where = f"{type(self).__name__}.{name}"
+        try:
+            array = _as_locked(value, spec)
+        except (ValueError, TypeError) as error:
+            raise ConfigError(
+                f"no array of numbers: {error}", where=where, hint="rows of one length"
+            ) from None
         if spec is not None:
-            _check_shape(f"{type(self).__name__}.{name}", array.shape, _names(spec.dim_str), sizes)
+            _check_shape(where, array.shape, _names(spec.dim_str), sizes)
         if array is not value:
             object.__setattr__(self, name, array)
 
@@ -92,8 +115,10 @@ def _check_shape(where: str, shape: tuple[int, ...], names: tuple[str, ...], siz
         known = (
             ", ".join(f"{d} = {sizes[d]}" for d in names if d in sizes) if len(names) == len(shape) else ""
         )
-        raise ValueError(
-            f"{where}: shape {shape} does not fit {' '.join(names)!r}" + (f" ({known})" if known else "")
+        raise ConfigError(
+            f"shape {shape} does not fit {' '.join(names)!r}" + (f" ({known})" if known else ""),
+            where=where,
+            hint="one axis for each word; a word stands for one size in the whole record",
         )
 
 
@@ -158,4 +183,8 @@ def _brief(value: Any) -> str:
 
 def _reduce(self: Any) -> tuple[Any, ...]:
     # Unpickled arrays are writable; going through the constructor locks them again.
-    return type(self), _fields(self)
+    return _made, (type(self), {f.name: getattr(self, f.name) for f in dataclasses.fields(self)})
+
+
+def _made(cls: type[T], fields: dict[str, Any]) -> T:
+    return cls(**fields)

@@ -87,12 +87,28 @@ def test_small_numbers_and_single_lines_read_well() -> None:
     )
     assert _change((2.0, 2.00000123), 1e-7) == ("+1.2e-06", "1.0e-07")
     move = ModeChange(
-        0, 0, (2.0, 2.000002), 1e-7, (0.01, 0.0100001), 1e-8, 1e-9, 0.5, moved=True, reshaped=False
+        before=0,
+        after=0,
+        frequency_hz=(2.0, 2.000002),
+        frequency_std_hz=1e-7,
+        damping=(0.01, 0.0100001),
+        damping_std=1e-8,
+        p_pole=1e-9,
+        p_constants=0.5,
+        moved=True,
+        reshaped=False,
     )
     assert "(+0.0001%, 20.0 deviations)" in move.sentence
     assert "by +1e-05%" in move.sentence
-    line = MovedBand(11.44, 11.44, "tip", "force", 5.0, 0.1)
-    found = ResponseDrift(np.array([11.44]), np.ones((1, 1, 1)), 1.0, np.ones((1, 1, 1), bool), (line,), 0.05)
+    line = MovedBand(low_hz=11.44, high_hz=11.44, output="tip", input="force", deviations=5.0, change=0.1)
+    found = ResponseDrift(
+        frequency_hz=np.array([11.44]),
+        statistic=np.ones((1, 1, 1)),
+        inflation=1.0,
+        moved=np.ones((1, 1, 1), bool),
+        bands=(line,),
+        level=0.05,
+    )
     assert found.sentence.startswith("the response moved at 11.44 Hz (tip from force by 10.0%")
 
 

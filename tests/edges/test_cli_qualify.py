@@ -46,7 +46,14 @@ def measured(late_s: float = 0.004) -> MeasurementModel:
     shapes = np.array([[1.0, -0.6, 0.8]]) / (2j * omega)
     poles = omega * (-0.01 + 1j)
     return MeasurementModel(
-        poles, shapes, np.array([[1.0], [0.7], [1.2]]), zero, zero, np.array([late_s]), (TORQUE,), (ANGLE,)
+        poles=poles,
+        shapes=shapes,
+        participation=np.array([[1.0], [0.7], [1.2]]),
+        direct=zero,
+        lower=zero,
+        delay_s=np.array([late_s]),
+        inputs=(TORQUE,),
+        outputs=(ANGLE,),
     )
 
 

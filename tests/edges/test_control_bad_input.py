@@ -257,9 +257,15 @@ def test_the_options_of_design(
     zero = np.zeros((1, 1))
     omega = 2.0 * np.pi * np.array([2.0])
     model = MeasurementModel(
-        omega * (-0.01 + 1j), np.array([[1.0]]) / (2j * omega), np.ones((1, 1)), zero, zero, np.zeros(1),
-        (TORQUE,), (ANGLE,),
-    )  # fmt: skip
+        poles=omega * (-0.01 + 1j),
+        shapes=np.array([[1.0]]) / (2j * omega),
+        participation=np.ones((1, 1)),
+        direct=zero,
+        lower=zero,
+        delay_s=np.zeros(1),
+        inputs=(TORQUE,),
+        outputs=(ANGLE,),
+    )
     write_model(tmp_path / "model.json", model)
     ended = middeck(capfd, "design", tmp_path / "model.json", *arguments)
     assert ended.code == 2

@@ -29,16 +29,28 @@ def fit(*, late_s: float = 1e-6, **changes: Any) -> ModelCovariance:
     poles = omega * (-0.01 + 1j)
     zero = np.zeros((3, 2))
     model = MeasurementModel(
-        poles, np.array([[1.0, 0.8, 0.5], [-0.6, 1.0, 0.9], [0.4, -0.7, 1.0]]) / (2j * omega),
-        np.array([[1.0, 0.5], [0.7, -1.0], [0.0, 1.0]]), zero, zero, 8e-3 + late_s * np.arange(3),
-        INPUTS, OUTPUTS,
-    )  # fmt: skip
+        poles=poles,
+        shapes=np.array([[1.0, 0.8, 0.5], [-0.6, 1.0, 0.9], [0.4, -0.7, 1.0]]) / (2j * omega),
+        participation=np.array([[1.0, 0.5], [0.7, -1.0], [0.0, 1.0]]),
+        direct=zero,
+        lower=zero,
+        delay_s=8e-3 + late_s * np.arange(3),
+        inputs=INPUTS,
+        outputs=OUTPUTS,
+    )
     model = dataclasses.replace(model, **changes)
-    structure = Structure(True, with_delay=True, with_lower=False, with_direct=False)
+    structure = Structure(real_constants=True, with_delay=True, with_lower=False, with_direct=False)
     at = places_of(model, structure)
     variance = np.full(at.size, 1e-6)
     variance[at.delay] = 2.5e-11
-    return ModelCovariance(model, structure, np.diag(np.sqrt(variance)), np.ones(at.size), np.inf, False)
+    return ModelCovariance(
+        model=model,
+        structure=structure,
+        root=np.diag(np.sqrt(variance)),
+        inflation=np.ones(at.size),
+        degrees=np.inf,
+        robust=False,
+    )
 
 
 def saved(tmp_path: Path, of: ModelCovariance, *, known: bool = True) -> Path:

@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from middeck.errors import DataError, FitError
+from middeck.errors import ConfigError, DataError, FitError
 from middeck.identification import estimate_response, fit_response, natural_hz, nrmse
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
@@ -67,7 +67,7 @@ def test_band_without_lines():
 
 def test_mismatched_lengths():
     record = a_record()
-    with pytest.raises(ValueError, match="sample = 256"):
+    with pytest.raises(ConfigError, match="sample = 256"):
         changed(record, y=record.y[:, :, :-1])
 
 

@@ -102,7 +102,16 @@ def test_modes_outside_the_band_are_one_sentence_and_narrow_ones_no_doubt_of_sam
     omega = 2.0 * np.pi * np.array([20.0, 5.0, 0.1])
     poles = omega * (-1e-4 + 1j)
     ports, one, zero = ((Port("u", "N"),), (Port("y", "m"),)), np.ones((1, 3)), np.zeros((1, 1))
-    model = MeasurementModel(poles, one + 0j, one.T + 0j, zero, zero, np.zeros(1), *ports)
+    model = MeasurementModel(
+        poles=poles,
+        shapes=one + 0j,
+        participation=one.T + 0j,
+        direct=zero,
+        lower=zero,
+        delay_s=np.zeros(1),
+        inputs=ports[0],
+        outputs=ports[1],
+    )
     known = as_exact(model)
     lines = np.arange(1.0, 10.0, 0.1)
     H = np.ones((len(lines), 1, 1), complex)

@@ -28,16 +28,17 @@ COMPLEX = st.complex_numbers(allow_nan=False, allow_infinity=False)
 def models(draw: st.DrawFn) -> MeasurementModel:
     modes, inputs, outputs = (draw(st.integers(1, 3)) for _ in range(3))
     return MeasurementModel(
-        draw(arrays(complex, (modes,), elements=COMPLEX)),
-        draw(arrays(complex, (outputs, modes), elements=COMPLEX)),
-        draw(arrays(complex, (modes, inputs), elements=COMPLEX)),
-        draw(arrays(float, (outputs, inputs), elements=FINITE)),
-        draw(arrays(float, (outputs, inputs), elements=FINITE)),
-        draw(arrays(float, (outputs,), elements=FINITE)),
-        tuple(Port(f"u{i}", "N m") for i in range(inputs)),
-        tuple(Port(f"y{o}", "rad") for o in range(outputs)),
-        draw(st.none() | st.floats(1e-3, 1e6)),
-        *(draw(st.none() | arrays(float, (outputs, inputs), elements=FINITE)) for _ in range(2)),
+        poles=draw(arrays(complex, (modes,), elements=COMPLEX)),
+        shapes=draw(arrays(complex, (outputs, modes), elements=COMPLEX)),
+        participation=draw(arrays(complex, (modes, inputs), elements=COMPLEX)),
+        direct=draw(arrays(float, (outputs, inputs), elements=FINITE)),
+        lower=draw(arrays(float, (outputs, inputs), elements=FINITE)),
+        delay_s=draw(arrays(float, (outputs,), elements=FINITE)),
+        inputs=tuple(Port(f"u{i}", "N m") for i in range(inputs)),
+        outputs=tuple(Port(f"y{o}", "rad") for o in range(outputs)),
+        sample_hz=draw(st.none() | st.floats(1e-3, 1e6)),
+        path_delay_s=draw(st.none() | arrays(float, (outputs, inputs), elements=FINITE)),
+        rigid=draw(st.none() | arrays(float, (outputs, inputs), elements=FINITE)),
     )
 
 
@@ -61,11 +62,28 @@ def fitted(*, double: bool = False, rigid: bool = False, degrees: float = np.inf
     zero, delay_s = np.zeros((3, 2)), np.array([0.01, 0.01, 0.02])
     ports = tuple(Port(f"u{i}", "N") for i in range(2)), tuple(Port(f"y{o}", "m") for o in range(3))
     R = np.outer([1.0, 0.5, -0.3], [2.0, 1.0]) if rigid else None
-    model = MeasurementModel(poles, c, b.T, zero, zero, delay_s, *ports, rigid=R)
-    structure = Structure(False, with_delay=True, with_lower=False, with_direct=False)
+    model = MeasurementModel(
+        poles=poles,
+        shapes=c,
+        participation=b.T,
+        direct=zero,
+        lower=zero,
+        delay_s=delay_s,
+        inputs=ports[0],
+        outputs=ports[1],
+        rigid=R,
+    )
+    structure = Structure(real_constants=False, with_delay=True, with_lower=False, with_direct=False)
     size = places_of(model, structure).size
     root = rng.standard_normal((size, size)) * np.exp(rng.uniform(-12.0, 6.0, size))[:, None]
-    return ModelCovariance(model, structure, root, rng.uniform(1.0, 9.0, size), degrees, robust=True)
+    return ModelCovariance(
+        model=model,
+        structure=structure,
+        root=root,
+        inflation=rng.uniform(1.0, 9.0, size),
+        degrees=degrees,
+        robust=True,
+    )
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,9 @@
 """Records on a screen: short arrays as they are, long ones by shape and kind."""
 
+import pickle
+
 import numpy as np
+import pytest
 from jaxtyping import Float
 
 from middeck.values import record
@@ -16,6 +19,12 @@ class Outer:
     name: str
     inner: tuple[Inner, ...]
     H: np.ndarray
+
+
+@record(kw_only=True)
+class Named:
+    first: float
+    second: Float[np.ndarray, " sample"]
 
 
 @record
@@ -55,3 +64,12 @@ def test_long_tuples_are_shown_by_their_ends() -> None:
 def test_long_records_within_records_are_shown_by_name() -> None:
     holder = Holder(Outer("a" * 100, (), np.zeros(1)), Inner(np.zeros(1)))
     assert repr(holder) == "Holder(one=Outer(...), other=Inner(x=array([0.])))"
+
+
+def test_fields_by_name_only_are_locked_and_come_back_from_a_file() -> None:
+    made = Named(first=1.0, second=np.array([1.0, 2.0]))
+    again = pickle.loads(pickle.dumps(made))
+    assert again == made
+    assert not again.second.flags.writeable
+    with pytest.raises(TypeError, match="positional"):
+        Named(1.0, [1.0, 2.0])  # type: ignore[misc]

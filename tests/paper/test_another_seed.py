@@ -3,10 +3,10 @@
 import numpy as np
 
 from middeck.files.studies import load_study
+from middeck.identification.model.fit_options import FitOptions, decided
 from middeck.identification.order.race import recommend_states
 from middeck.identification.problem.data import Data
 from middeck.identification.spectra.weights import spread_of
-from middeck.identification.start.choices import Choices, options_of
 from middeck.laboratory.article_rig import build_rig_article
 from middeck.laboratory.bench import build_bench, take_open_loop
 from middeck.study.chapters.two_sensor_control.chapter import TWO_SENSOR_CONTROL
@@ -24,9 +24,11 @@ def test_a_search_does_not_end_while_a_mode_is_lacking():
     measured = in_band(take_open_loop(bench, rng), sito.fit_band_hz)
     spread = spread_of(measured, relative=True)
     data = Data(
-        2j * np.pi * measured.frequency_hz, np.moveaxis(measured.H, 0, 1), 1.0 / np.sqrt(spread.at(1e-3))
+        s=2j * np.pi * measured.frequency_hz,
+        H=np.moveaxis(measured.H, 0, 1),
+        weight=1.0 / np.sqrt(spread.at(1e-3)),
     )
-    options = options_of(measured, 2, Choices(delay="common", direct=False))
+    options = decided(measured, FitOptions(delay="common", direct=False))
     choice = recommend_states(measured, data, spread, options)
     held_out = {t.states: t.held_out for t in choice.tried}
     # Eight modes in the band and friction, and a line in six of the bus's quieter than its noise.

@@ -17,7 +17,17 @@ def a_plant():
     rng = np.random.default_rng(7)
     c, b = (rng.standard_normal((2, 2)) + 1j * rng.standard_normal((2, 2)) for _ in "cb")
     direct = np.array([[0.2, 0.0], [0.1, -0.3]])
-    return MeasurementModel(POLES, c, b, direct, 0 * direct, np.zeros(2), U2, Y2, 1.0)
+    return MeasurementModel(
+        poles=POLES,
+        shapes=c,
+        participation=b,
+        direct=direct,
+        lower=0 * direct,
+        delay_s=np.zeros(2),
+        inputs=U2,
+        outputs=Y2,
+        sample_hz=1.0,
+    )
 
 
 def shaken(seed, count=400, *, experiments=1, noise=0.0, motion=0.0):

@@ -31,7 +31,16 @@ POLES = -ZETA * W + 1j * W * np.sqrt(1.0 - ZETA**2)
 def a_model(**changes):
     """Three modes of a structure, force to displacement."""
     zero = np.zeros((2, 2))
-    model = MeasurementModel(POLES, PHI / (2j * POLES.imag), PSI.T, zero, zero, np.zeros(2), INPUTS, OUTPUTS)
+    model = MeasurementModel(
+        poles=POLES,
+        shapes=PHI / (2j * POLES.imag),
+        participation=PSI.T,
+        direct=zero,
+        lower=zero,
+        delay_s=np.zeros(2),
+        inputs=INPUTS,
+        outputs=OUTPUTS,
+    )
     return dataclasses.replace(model, **changes)
 
 
@@ -197,3 +206,14 @@ def _bound_hz(C, R):
 def test_options_that_exclude_each_other(options):
     with pytest.raises(ConfigError):
         fit_response(measured_of(a_model()), **{"states": 8, **options})
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"constants": "Real"}, {"delay": "outputs"}, {"relative_degree": 3}, {"cost": "log"}],
+    ids=lambda wrong: next(iter(wrong)),
+)
+def test_a_word_that_is_none_is_refused_with_those_there_are(wrong):
+    with pytest.raises(ConfigError, match=repr(next(iter(wrong.values())))) as refused:
+        fit_response(measured_of(a_model()), states=6, **wrong)
+    assert refused.value.hint.startswith("one of ")

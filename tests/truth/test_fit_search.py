@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from middeck.identification.model.descent import SMALLEST_GAIN, Step, is_positive, search
+from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.design import build_terms
 from middeck.identification.problem.gram_blocks import Functions
@@ -17,7 +18,9 @@ NO_GRAM = np.array([[2.0, -9.0], [-9.0, 3.0]])
 
 def a_bowl(gram):
     def evaluate(x):
-        return Step(0.5 * float(x @ CURVATURE @ x), CURVATURE @ x, gram, np.zeros((1, 0)))
+        return Step(
+            cost=0.5 * float(x @ CURVATURE @ x), gradient=CURVATURE @ x, gram=gram, linear=np.zeros((1, 0))
+        )
 
     return evaluate
 
@@ -34,7 +37,7 @@ def test_an_indefinite_gram_is_formed_again_and_never_the_end(start):
 
 def test_what_is_not_finite_is_no_convergence():
     def evaluate(x):
-        return Step(1.0, np.full(2, np.nan), CURVATURE, np.zeros((1, 0)))
+        return Step(cost=1.0, gradient=np.full(2, np.nan), gram=CURVATURE, linear=np.zeros((1, 0)))
 
     assert not search(evaluate, np.ones(2), 10).converged
     assert not is_positive(np.full((2, 2), np.nan))
@@ -52,10 +55,18 @@ def damped_low_modes(seed, *, decades):
     H = np.einsum("on,kn,ni->oki", c, modes, b) * np.exp(-s * delay_s)[:, None]
     size = 1e-4 * np.sqrt(np.mean(np.abs(H) ** 2)) * (f / f[0]) ** -decades
     H = H + size[:, None] * (rng.standard_normal(H.shape) + 1j * rng.standard_normal(H.shape))
-    layout = Layout(np.ones(6, bool), np.zeros(6), np.zeros(6, int), 2, 2, True, True, False, False, 0.0)
+    options = FitOptions(constants="real", delay=True)
+    layout = Layout(
+        pair=np.ones(6, bool),
+        fixed_imag=np.zeros(6),
+        pivot=np.zeros(6, int),
+        inputs=2,
+        outputs=2,
+        options=options,
+    )
     theta = pack(layout, Point(poles, b, np.full((2, 1), delay_s), np.zeros((0, 2))))
     away = np.r_[np.ones(6), np.full(6, 0.003), np.ones(len(theta) - 14), 0.02, 0.02]
-    data = Data(s, H, np.broadcast_to(1.0 / size[:, None], H.shape), None, None)
+    data = Data(s=s, H=H, weight=np.broadcast_to(1.0 / size[:, None], H.shape), drive=None, transient=None)
     return layout, data, theta + 0.3 * away * rng.standard_normal(len(theta))
 
 
@@ -75,14 +86,21 @@ def test_damped_low_modes_under_weights_over_decades():
 def test_gram_from_sums_of_pairs_without_a_frequency():
     """Critically damped to the last digit: nothing divides by their frequency, and no warning is raised."""
     s = 2j * np.pi * np.linspace(0.5, 9.0, 40)
-    layout = Layout(np.ones(2, bool), np.zeros(2), np.zeros(2, int), 1, 1, True, False, False, False, 0.0)
+    layout = Layout(
+        pair=np.ones(2, bool),
+        fixed_imag=np.zeros(2),
+        pivot=np.zeros(2, int),
+        inputs=1,
+        outputs=1,
+        options=FitOptions(constants="real"),
+    )
     theta = pack(
         layout,
         Point(np.array([-3 + 1e-200j, -0.4 + 20j]), np.ones((2, 1)), np.zeros((1, 1)), np.zeros((0, 1))),
     )
-    data = Data(s, np.ones((1, 40, 1)), np.ones((1, 40, 1)))
+    data = Data(s=s, H=np.ones((1, 40, 1)), weight=np.ones((1, 40, 1)))
     terms, weight = build_terms(layout, data, theta), np.random.default_rng(0).random((1, 40))
-    sums, lines = (Functions(layout, data, terms, from_sums=way).grams(weight) for way in (True, False))
+    sums, lines = (Functions(terms, from_sums=way).grams(weight) for way in (True, False))
     size = np.sqrt(np.einsum("gnn->gn", lines))
     # Rounding of forty terms, times the distance of the lines over the decay rate of 0.4: some hundred.
     assert (np.abs(sums - lines) <= 1e-11 * size[:, :, None] * size[:, None]).all()

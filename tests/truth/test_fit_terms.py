@@ -5,21 +5,26 @@ import dataclasses
 import numpy as np
 import pytest
 
+from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.problem.data import Data, Transient
-from middeck.identification.problem.design import build_terms, jacobian, residual_of
-from middeck.identification.problem.gram_blocks import Functions, hear
+from middeck.identification.problem.design import build_terms, residual_of
+from middeck.identification.problem.gram_blocks import Functions, weigh
 from middeck.identification.problem.layout import Layout, Point, pack
 from middeck.identification.problem.normal_equations import Solved, solve_normal
 from middeck.identification.search.refine import solve_by_qr, weighted
 
 
-def a_layout(
-    *, real_constants=False, period_s=0.0, with_delay=True, with_lower=False, imag=0.0, direct=True, **more
-):
+def a_layout(*, imag=0.0, rigid_pivot=(), integral_pivot=(), **options):
     return Layout(
-        np.array([True, True, False]), np.array([0.0, 0.0, imag]), np.array([0, 1, 0]), 2, 2,
-        real_constants, with_delay, with_lower, direct, period_s, **more,
-    )  # fmt: skip
+        pair=np.array([True, True, False]),
+        fixed_imag=np.array([0.0, 0.0, imag]),
+        pivot=np.array([0, 1, 0]),
+        inputs=2,
+        outputs=2,
+        options=FitOptions(**{"constants": "complex", "delay": True, "direct": True} | options),
+        rigid_pivot=rigid_pivot,
+        integral_pivot=integral_pivot,
+    )
 
 
 def a_problem(layout, experiments=3, transient=None, seed=0):
@@ -33,26 +38,28 @@ def a_problem(layout, experiments=3, transient=None, seed=0):
     H = noise(2, 40, experiments or 2)
     b = noise(3, 2)
     b = b / b[np.arange(3), layout.pivot][:, None]
-    b = b if not layout.real_constants else b.real
+    b = b if not layout.options.real_constants else b.real
     b[2] = np.real(b[2])
     poles = np.array([-0.5 + 12j, -1.0 + 30j, -4.0 + 1j * layout.fixed_imag[2]])
-    delay_s = np.array([[0.01, 0.015], [0.02, 0.03]])[:, : max(layout.delays[1], 1)] * layout.with_delay
+    delay_s = np.array([[0.01, 0.015], [0.02, 0.03]])[:, : max(layout.delays[1], 1)] * any(layout.delays)
     psi = np.array([[0.7, 1.0], [1.0, -0.4]])[: len(layout.powers)]
     point = Point(poles, b, delay_s, psi)
-    return Data(s, H, 1.0 + rng.random(H.shape), drive, transient), pack(layout, point)
+    return Data(s=s, H=H, weight=1.0 + rng.random(H.shape), drive=drive, transient=transient), pack(
+        layout, point
+    )
 
 
 EDGES = Transient(0.04, first=2, last=1)
-PATH, COMMON = {"delay_of": "path"}, {"delay_of": "common"}
-TWO = {"direct": False, "relative_degree_two": True}
+PATH, COMMON = {"delay": "path"}, {"delay": "common"}
+TWO = {"direct": False, "relative_degree": 2}
 CASES = {
     "delays of paths": (a_layout(**PATH), None, None),
     "delays of paths, drive": (a_layout(**PATH), 3, EDGES),
     "one delay": (a_layout(**COMMON), None, None),
     "one delay, drive": (a_layout(**COMMON), 3, None),
-    "any residues": (a_layout(full=True), None, None),
-    "any residues, drive": (a_layout(full=True, **PATH), 3, EDGES),
-    "any real residues": (a_layout(full=True, real_constants=True), None, None),
+    "any residues": (a_layout(full_rank=True), None, None),
+    "any residues, drive": (a_layout(full_rank=True, **PATH), 3, EDGES),
+    "any real residues": (a_layout(full_rank=True, constants="real"), None, None),
     "rigid": (a_layout(rigid_pivot=(1,)), None, None),
     "rigid, drive": (a_layout(rigid_pivot=(1,)), 3, EDGES),
     "integrator": (a_layout(integral_pivot=(1,)), None, None),
@@ -60,16 +67,16 @@ CASES = {
     "rigid and integrator": (a_layout(rigid_pivot=(1,), integral_pivot=(0,)), None, None),
     "relative degree two": (a_layout(**TWO), None, None),
     "relative degree two, drive": (a_layout(**TWO), 3, EDGES),
-    "relative degree two, any residues": (a_layout(full=True, **TWO), None, None),
-    "relative degree two, real constants": (a_layout(real_constants=True, **TWO), None, None),
+    "relative degree two, any residues": (a_layout(full_rank=True, **TWO), None, None),
+    "relative degree two, real constants": (a_layout(constants="real", **TWO), None, None),
     "response": (a_layout(), None, None),
-    "response, real constants": (a_layout(real_constants=True, with_lower=True), None, None),
+    "response, real constants": (a_layout(constants="real", residuals=True), None, None),
     "drive": (a_layout(), 3, None),
-    "drive, real constants": (a_layout(real_constants=True, with_lower=True), 3, None),
-    "drive, sampled": (a_layout(period_s=0.04, with_delay=False, imag=np.pi / 0.04), 3, None),
+    "drive, real constants": (a_layout(constants="real", residuals=True), 3, None),
+    "drive, sampled": (a_layout(sample_hz=25.0, delay=False, imag=np.pi / 0.04), 3, None),
     "transient": (a_layout(), 3, EDGES),
-    "transient, drift": (a_layout(real_constants=True, with_lower=True), 3, EDGES),
-    "transient, sampled": (a_layout(period_s=0.04, with_delay=False, imag=np.pi / 0.04), 3, Transient(0.04)),
+    "transient, drift": (a_layout(constants="real", residuals=True), 3, EDGES),
+    "transient, sampled": (a_layout(sample_hz=25.0, delay=False, imag=np.pi / 0.04), 3, Transient(0.04)),
 }
 case = pytest.mark.parametrize(("layout", "experiments", "transient"), CASES.values(), ids=CASES)
 
@@ -77,6 +84,22 @@ case = pytest.mark.parametrize(("layout", "experiments", "transient"), CASES.val
 def differences(function, x, step):
     """Central differences along every entry, first axis."""
     return np.array([(function(x + d) - function(x - d)) / (2.0 * step) for d in step * np.eye(len(x))])
+
+
+def jacobian(layout, data, theta, linear):
+    """Derivative of E [unknown, output, line, column] by all unknowns: theta, then each output's linear ones.
+
+    Transients come last. Each as if free: where linear unknowns are tied, their rows are still there.
+    """
+    terms = build_terms(layout, data, theta)
+    shared, each = len(theta), linear.shape[1]
+    J = np.zeros((shared + linear.size, *data.H.shape), dtype=complex)
+    transients = np.einsum("ql,ek->eqlk", terms.B, np.eye(data.H.shape[2])).reshape(-1, *data.H.shape[1:])
+    for o in range(layout.outputs):
+        own = slice(shared + o * each, shared + (o + 1) * each)
+        J[:shared, o] = terms.slopes(linear[o], o)
+        J[own, o] = np.concatenate([terms.columns(o), transients])
+    return J
 
 
 @case
@@ -152,20 +175,20 @@ def test_a_record_that_starts_in_motion_is_exact(delay_s, first):
     y[:first] += 10.0 * rng.standard_normal(first)
     Y = np.fft.fft(y)[1 : len(hz) + 1] / N
     layout = Layout(
-        np.array([True, True]),
-        np.zeros(2),
-        np.zeros(2, dtype=int),
-        1,
-        1,
-        False,
-        bool(delay_s),
-        False,
-        False,
-        0.0,
+        pair=np.array([True, True]),
+        fixed_imag=np.zeros(2),
+        pivot=np.zeros(2, dtype=int),
+        inputs=1,
+        outputs=1,
+        options=FitOptions(constants="complex", delay=bool(delay_s)),
     )
     theta = pack(layout, Point(POLES, np.ones((2, 1)), np.array([[delay_s]])))
     data = Data(
-        2j * np.pi * hz, Y[None, :, None], np.ones((1, len(hz), 1)), U[:, None, None], Transient(T, first)
+        s=2j * np.pi * hz,
+        H=Y[None, :, None],
+        weight=np.ones((1, len(hz), 1)),
+        drive=U[:, None, None],
+        transient=Transient(T, first),
     )
     step = weighted(layout, data, theta)
     r = residual_of(layout, data, theta, step.linear)
@@ -186,10 +209,21 @@ def test_a_held_input_of_any_kind_is_exact():
     U, Y = (np.fft.rfft(v)[1:-1] for v in (u, y))
     s = 2j * np.pi * np.fft.rfftfreq(N, T)[1:-1]
     layout = Layout(
-        np.array([True, True]), np.zeros(2), np.zeros(2, dtype=int), 1, 1, False, False, False, True, T
+        pair=np.array([True, True]),
+        fixed_imag=np.zeros(2),
+        pivot=np.zeros(2, dtype=int),
+        inputs=1,
+        outputs=1,
+        options=FitOptions(constants="complex", direct=True, sample_hz=1.0 / T),
     )
     theta = pack(layout, Point(POLES, np.ones((2, 1)), np.zeros((1, 1))))
-    data = Data(s, Y[None, :, None], np.ones((1, len(s), 1)), U[:, None, None], Transient(T))
+    data = Data(
+        s=s,
+        H=Y[None, :, None],
+        weight=np.ones((1, len(s), 1)),
+        drive=U[:, None, None],
+        transient=Transient(T),
+    )
     step = weighted(layout, data, theta)
     # Rounding of the recursion and of the transform.
     assert np.abs(residual_of(layout, data, theta, step.linear)).max() < 1e-11 * np.abs(Y).max()
@@ -210,11 +244,11 @@ def test_normal_equations_are_those_of_qr(layout, experiments, transient, alike,
     if alike:
         data = dataclasses.replace(data, weight=np.repeat(data.weight[:, :, :1], data.H.shape[2], axis=2))
     terms = build_terms(layout, data, theta)
-    shared = Functions(layout, data, terms, from_sums=from_sums)
-    heard = hear(layout, data, terms, shared)
-    found = [solve_normal(layout, data.s, terms, shared, of) for of in heard]
+    shared = Functions(terms, from_sums=from_sums)
+    heard = weigh(terms, shared)
+    found = [solve_normal(terms, shared, of) for of in heard]
     assert [one.linear.shape[0] for one in found] == ([2] if data.drive is None else [1, 1])
-    each = [solve_by_qr(layout, data, terms, o) for o in range(2)]
+    each = [solve_by_qr(terms, o) for o in range(2)]
     for fast, exact in zip(found, [summed(each)] if data.drive is None else each, strict=True):
         # Conditions of 1e2 to 1e4: corrected once, the solution is good to rounding times that.
         np.testing.assert_allclose(fast.linear, exact.linear, rtol=1e-9, atol=1e-10)
@@ -227,13 +261,13 @@ def test_normal_equations_are_those_of_qr(layout, experiments, transient, alike,
 
 
 def test_a_coincident_pole_is_left_to_qr():
-    layout = a_layout(full=True)
+    layout = a_layout(full_rank=True)
     data, theta = a_problem(layout, None)
     theta = theta.copy()
     theta[1], theta[4] = theta[0] + 1e-9, theta[3] + 1e-9
     terms = build_terms(layout, data, theta)
-    shared = Functions(layout, data, terms)
-    assert solve_normal(layout, data.s, terms, shared, hear(layout, data, terms, shared)[0]) is None
+    shared = Functions(terms)
+    assert solve_normal(terms, shared, weigh(terms, shared)[0]) is None
     assert weighted(layout, data, theta) is not None
 
 
@@ -253,7 +287,7 @@ def test_mixed_outputs_are_solved_for_together(layout, experiments, transient):
     J = jacobian(layout, data, theta, step.linear)
     by = np.einsum("lqo,nolk->nqlk", mix, J) * data.weight
     slope = np.real(np.sum(by[len(theta) :].conj() * r, axis=(1, 2, 3)))
-    if layout.relative_degree_two:
+    if layout.options.zero_sum:
         return
     size = np.sqrt(np.sum(np.abs(by[len(theta) :]) ** 2, axis=(1, 2, 3)) * np.sum(np.abs(r) ** 2))
     assert (np.abs(slope) <= 1e-11 * size).all()

@@ -10,10 +10,11 @@ from struck_plant import FORCE, TIP, response, shaken, struck
 from middeck.errors import FitError
 from middeck.identification.faults import detect_faults
 from middeck.identification.fit.fit_response import fit_response
-from middeck.identification.fit.significance import mode_significance, with_split, without_modes
-from middeck.identification.fit.standing import checked_covariance
-from middeck.identification.fit.steady_line import name_line
+from middeck.identification.fit.standing import checked_covariance, name_line
+from middeck.identification.fit.tidy import mode_significance, with_split, without_modes
+from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.model.measurement_model import damping_ratio, natural_hz
+from middeck.identification.problem.layout import Layout, Point, Start, pack
 from middeck.identification.record_fit import continuous
 from middeck.identification.record_fit.fit_record import fit_record
 from middeck.signals.record import Record
@@ -217,24 +218,19 @@ def test_a_close_pair_is_told_apart_without_a_third_mode():
 
 
 def test_splitting_and_dropping_modes_are_each_other_s_inverse():
-    fit_layout = _layout_of_two()
-    layout, theta = fit_layout
-    start = with_split(layout, theta, 0)
+    layout = Layout(
+        pair=np.ones(2, bool), fixed_imag=np.zeros(2), pivot=np.zeros(2, int), inputs=1, outputs=1,
+        options=FitOptions(constants="real", delay=True),
+    )  # fmt: skip
+    poles = 2.0 * np.pi * HZ * (-ZETA + 1j)
+    theta = pack(layout, Point(poles, np.ones((2, 1)), np.full((1, 1), DELAY)))
+    start = with_split(Start(layout, theta), 0)
     assert start.layout.pairs == 3
-    again = without_modes(start.layout, start.theta, np.array([False, True, False]))
+    again = without_modes(start, np.array([False, True, False]))
     # Half the distance from the middle: an eighth of the decay rate.
     moved = again.theta - theta
     assert np.abs(np.exp(theta[2] + moved[2]) - np.exp(theta[2]) - 0.125 * np.exp(theta[0]) * -1.0) < 1e-9
     assert np.count_nonzero(np.abs(moved) > 1e-12) == 1
-
-
-def _layout_of_two():
-    from middeck.identification.problem.layout import Layout, Point, pack
-
-    layout = Layout(np.ones(2, bool), np.zeros(2), np.zeros(2, int), 1, 1, True, True, False, False, 0.0)
-    w = 2.0 * np.pi * HZ
-    poles = -ZETA * w + 1j * w
-    return layout, pack(layout, Point(poles, np.ones((2, 1)), np.full((1, 1), DELAY)))
 
 
 def test_no_deviation_is_less_than_rounding_and_none_is_not_a_number():

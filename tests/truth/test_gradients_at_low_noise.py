@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
+from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.problem.data import Data
-from middeck.identification.problem.design import build_terms, late_columns, late_slopes
+from middeck.identification.problem.design import build_terms
 from middeck.identification.problem.layout import Layout, Point, pack
-from middeck.identification.problem.own_transients import as_real
+from middeck.identification.problem.projection import as_real
 from middeck.identification.search.refine import by_normal_equations, weighted
 
 pytestmark = pytest.mark.kernels
@@ -31,11 +32,10 @@ def case(seed, noise, close):
     re, im = rng.standard_normal((2, *H.shape)) / np.sqrt(2.0)
     layout = Layout(
         pair=np.ones(MODES, bool), fixed_imag=np.zeros(MODES), pivot=np.zeros(MODES, int), inputs=PATHS,
-        outputs=PATHS, real_constants=True, with_delay=True, with_lower=False, with_direct=False,
-        period_s=0.0,
+        outputs=PATHS, options=FitOptions(constants="real", delay=True),
     )  # fmt: skip
     theta = pack(layout, Point(p, b + 0j, np.full((PATHS, 1), 0.004)))
-    return layout, Data(s, H + size * (re + 1j * im), np.full(H.shape, 1.0 / size)), theta
+    return layout, Data(s=s, H=H + size * (re + 1j * im), weight=np.full(H.shape, 1.0 / size)), theta
 
 
 def projected(rows, on):
@@ -62,8 +62,8 @@ def test_the_step_is_right_to_a_hundredth_of_a_deviation(noise, close):
     gradient, gram = np.zeros(layout.size), np.zeros((layout.size, layout.size))
     for o in range(PATHS):
         weight = data.weight[o].astype(np.longdouble)
-        columns = as_real(late_columns(layout, data, terms, o)).astype(np.longdouble)
-        slopes = as_real(late_slopes(layout, data, terms, found.linear[o], o)).astype(np.longdouble)
+        columns = as_real(terms.columns(o)).astype(np.longdouble)
+        slopes = as_real(terms.slopes(found.linear[o], o)).astype(np.longdouble)
         heavy = np.repeat(weight.ravel(), 2)
         y = as_real(data.H[o][None]).astype(np.longdouble) * heavy
         left, G = projected(y, columns * heavy), projected(slopes * heavy, columns * heavy)

@@ -15,6 +15,7 @@ from middeck.identification import (
     natural_hz,
     sampled_statespace,
 )
+from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.layout import Layout, Point, pack, unpack
 from middeck.identification.search.refine import logarithmic, weighted
@@ -24,11 +25,15 @@ from middeck.systems.response import FrequencyResponse, evaluate_plant, statespa
 LONG = os.environ.get("MIDDECK_LONG") == "1"
 
 
-def a_layout(*, real_constants=False, period_s=0.0, with_delay=True, with_lower=False, imag=0.0):
+def a_layout(*, imag=0.0, **options):
     return Layout(
-        np.array([True, True, False]), np.array([0.0, 0.0, imag]), np.array([0, 1, 0]), 2, 2,
-        real_constants, with_delay, with_lower, True, period_s,
-    )  # fmt: skip
+        pair=np.array([True, True, False]),
+        fixed_imag=np.array([0.0, 0.0, imag]),
+        pivot=np.array([0, 1, 0]),
+        inputs=2,
+        outputs=2,
+        options=FitOptions(**{"constants": "complex", "delay": True, "direct": True} | options),
+    )
 
 
 def a_problem(layout, seed=0):
@@ -37,18 +42,18 @@ def a_problem(layout, seed=0):
     H = rng.standard_normal((2, 30, 2)) + 1j * rng.standard_normal((2, 30, 2))
     b = rng.standard_normal((3, 2)) + 1j * rng.standard_normal((3, 2))
     b = b / b[np.arange(3), layout.pivot][:, None]
-    b = b if not layout.real_constants else b.real
+    b = b if not layout.options.real_constants else b.real
     b[2] = np.real(b[2])
     poles = np.array([-0.5 + 12j, -1.0 + 30j, -4.0 + 1j * layout.fixed_imag[2]])
-    point = Point(poles, b, np.array([[0.01], [0.02]]) * layout.with_delay)
-    return Data(s, H, 1.0 + rng.random((2, 30, 2))), point
+    point = Point(poles, b, np.array([[0.01], [0.02]]) * bool(layout.options.delay))
+    return Data(s=s, H=H, weight=1.0 + rng.random((2, 30, 2))), point
 
 
 LAYOUTS = [
     a_layout(),
-    a_layout(real_constants=True, with_lower=True),
-    a_layout(period_s=0.04, with_delay=False),
-    a_layout(period_s=0.04, with_delay=False, imag=np.pi / 0.04),
+    a_layout(constants="real", residuals=True),
+    a_layout(sample_hz=25.0, delay=False),
+    a_layout(sample_hz=25.0, delay=False, imag=np.pi / 0.04),
 ]
 
 
@@ -168,9 +173,15 @@ def test_the_papers_plant_has_thirteen_states():
 def test_one_delay_of_many_outputs_costs_one_approximation():
     zero = np.zeros((2, 1))
     model = MeasurementModel(
-        np.array([-0.1 + 6j]), np.array([[1j], [2j]]), np.array([[1.0]]), zero, zero,
-        np.array([0.01, 0.01]), gimbal_record.INPUTS[:1], gimbal_record.OUTPUTS[:2],
-    )  # fmt: skip
+        poles=np.array([-0.1 + 6j]),
+        shapes=np.array([[1j], [2j]]),
+        participation=np.array([[1.0]]),
+        direct=zero,
+        lower=zero,
+        delay_s=np.array([0.01, 0.01]),
+        inputs=gimbal_record.INPUTS[:1],
+        outputs=gimbal_record.OUTPUTS[:2],
+    )
     plant = approximate_delays(measured_plant(model), 3)
     assert len(plant.system.A) == 5
     f = np.array([0.5, 1.0, 3.0])
@@ -180,11 +191,11 @@ def test_one_delay_of_many_outputs_costs_one_approximation():
 def test_sampled_model_equals_its_state_space():
     T = 0.01
     model = MeasurementModel(
-        np.array([-1.0 + 40j, -5.0, -30.0 + 1j * np.pi / T]),
-        np.array([[1 + 2j, 0.3, -0.2], [0.5 - 1j, 1.0, 0.7]]),
-        np.array([[1.0 + 0j, 0.5 - 0.3j], [1.0, 2.0], [0.4, 1.0]]),
-        np.array([[0.1, 0.2], [0.3, 0.4]]), np.zeros((2, 2)), np.zeros(2),
-        gimbal_record.INPUTS, gimbal_record.OUTPUTS[:2], 1.0 / T,
+        poles=np.array([-1.0 + 40j, -5.0, -30.0 + 1j * np.pi / T]),
+        shapes=np.array([[1 + 2j, 0.3, -0.2], [0.5 - 1j, 1.0, 0.7]]),
+        participation=np.array([[1.0 + 0j, 0.5 - 0.3j], [1.0, 2.0], [0.4, 1.0]]),
+        direct=np.array([[0.1, 0.2], [0.3, 0.4]]), lower=np.zeros((2, 2)), delay_s=np.zeros(2),
+        inputs=gimbal_record.INPUTS, outputs=gimbal_record.OUTPUTS[:2], sample_hz=1.0 / T,
     )  # fmt: skip
     f = np.linspace(0.0, 50.0, 40)
     system = sampled_statespace(model)

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from middeck.identification import estimate_response, fit_response, nrmse
+from middeck.identification.model.fit_options import FitOptions, decided
 from middeck.identification.order.race import recommend_states
 from middeck.identification.problem.data import Data
 from middeck.identification.spectra.weights import spread_of
-from middeck.identification.start.choices import Choices, options_of
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
 
@@ -51,9 +51,11 @@ def test_held_out_error_of_a_stated_order(measured, states, level):
 def test_order_recommended(measured):
     spread = spread_of(measured, relative=False)
     data = Data(
-        2j * np.pi * measured.frequency_hz, np.moveaxis(measured.H, 0, 1), 1.0 / np.sqrt(spread.at(1e-3))
+        s=2j * np.pi * measured.frequency_hz,
+        H=np.moveaxis(measured.H, 0, 1),
+        weight=1.0 / np.sqrt(spread.at(1e-3)),
     )
-    options = options_of(measured, 2, Choices(6400.0, None, None, None, False, False, 0, None))
+    options = decided(measured, FitOptions(sample_hz=6400.0))
     choice = recommend_states(measured, data, spread, options)
     # Fourteen modes stand out of the response; beyond 50 states an order has more poles than peaks and dips.
     assert 28 <= choice.states <= 50

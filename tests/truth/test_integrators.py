@@ -30,7 +30,17 @@ Q = {1: 8.0 * np.outer([1.0, -0.2], [0.9, 0.5]), 2: np.array([[8.0, 1.0], [-2.0,
 
 def truth(rank=1):
     none = np.zeros((2, 2))
-    return MeasurementModel(POLES, C, PSI, none, none, np.zeros(2), INPUTS, OUTPUTS, integral=Q[rank])
+    return MeasurementModel(
+        poles=POLES,
+        shapes=C,
+        participation=PSI,
+        direct=none,
+        lower=none,
+        delay_s=np.zeros(2),
+        inputs=INPUTS,
+        outputs=OUTPUTS,
+        integral=Q[rank],
+    )
 
 
 def measured(rank=1, deviation=0.0, seed=0):
@@ -106,7 +116,15 @@ def test_held_inputs_are_integrated_exactly(delay_s):
     rng = np.random.default_rng(0)
     ports, one = ((Port("torque", "N m"),), (Port("rate", "rad/s"),)), np.ones((1, 1))
     wheel = MeasurementModel(
-        np.zeros(0), np.zeros((1, 0)), np.zeros((0, 1)), 0 * one, 0 * one, [delay_s], *ports, integral=one
+        poles=np.zeros(0),
+        shapes=np.zeros((1, 0)),
+        participation=np.zeros((0, 1)),
+        direct=0 * one,
+        lower=0 * one,
+        delay_s=[delay_s],
+        inputs=ports[0],
+        outputs=ports[1],
+        integral=one,
     )
     u = rng.standard_normal(200)
     fine = np.repeat(u, 100)

@@ -30,11 +30,17 @@ def a_model(*, outputs=3, inputs=2, delay_s=None, rigid=None, path_delay_s=None)
     pole = omega * (-zeta + 1j * np.sqrt(1.0 - zeta**2))
     zero = np.zeros((outputs, inputs))
     return MeasurementModel(
-        pole, gimbal_record.PHI[:outputs] / (2j * pole.imag), gimbal_record.PSI[:inputs].T, zero, zero,
-        gimbal_record.DELAY_S[:outputs] if delay_s is None else delay_s,
-        gimbal_record.INPUTS[:inputs], gimbal_record.OUTPUTS[:outputs],
-        path_delay_s=path_delay_s, rigid=rigid,
-    )  # fmt: skip
+        poles=pole,
+        shapes=gimbal_record.PHI[:outputs] / (2j * pole.imag),
+        participation=gimbal_record.PSI[:inputs].T,
+        direct=zero,
+        lower=zero,
+        delay_s=gimbal_record.DELAY_S[:outputs] if delay_s is None else delay_s,
+        inputs=gimbal_record.INPUTS[:inputs],
+        outputs=gimbal_record.OUTPUTS[:outputs],
+        path_delay_s=path_delay_s,
+        rigid=rigid,
+    )
 
 
 RIGID = np.outer([0.3, 0.5, -0.2], [1.0, 0.4])

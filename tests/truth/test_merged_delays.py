@@ -42,17 +42,28 @@ def covariance_of(delay_s, deviation_s, *, path_delay_s=None, degrees=np.inf):
     outputs, inputs = len(delay_s), 1 if path_delay_s is None else len(path_delay_s[0])
     zero = np.zeros((outputs, inputs))
     model = MeasurementModel(
-        np.array([-0.1 + 9j]), np.ones((outputs, 1)), np.ones((1, inputs)), zero, zero, delay_s,
-        tuple(Port(f"u{i}", "N") for i in range(inputs)), tuple(Port(f"y{o}", "m") for o in range(outputs)),
+        poles=np.array([-0.1 + 9j]),
+        shapes=np.ones((outputs, 1)),
+        participation=np.ones((1, inputs)),
+        direct=zero,
+        lower=zero,
+        delay_s=delay_s,
+        inputs=tuple(Port(f"u{i}", "N") for i in range(inputs)),
+        outputs=tuple(Port(f"y{o}", "m") for o in range(outputs)),
         path_delay_s=path_delay_s,
-    )  # fmt: skip
-    structure = Structure(False, with_delay=True, with_lower=False, with_direct=False)
+    )
+    structure = Structure(real_constants=False, with_delay=True, with_lower=False, with_direct=False)
     at = places_of(model, structure)
     variance = np.full(at.size, 1e-6)
     variance[at.delay] = np.square(deviation_s)
     variance[at.path[at.path >= 0]] = 1e-10
     return ModelCovariance(
-        model, structure, np.diag(np.sqrt(variance)), np.ones(at.size), degrees, robust=False
+        model=model,
+        structure=structure,
+        root=np.diag(np.sqrt(variance)),
+        inflation=np.ones(at.size),
+        degrees=degrees,
+        robust=False,
     )
 
 
@@ -109,7 +120,14 @@ def test_nothing_to_merge_leaves_the_model_as_it_is():
     far = covariance_of(np.array([8e-3, 9e-3]), np.full(2, 1e-5))
     structure = dataclasses.replace(far.structure, common_delay=True)
     size = places_of(far.model, structure).size
-    common = ModelCovariance(far.model, structure, 1e-3 * np.eye(size), np.ones(size), np.inf, robust=False)
+    common = ModelCovariance(
+        model=far.model,
+        structure=structure,
+        root=1e-3 * np.eye(size),
+        inflation=np.ones(size),
+        degrees=np.inf,
+        robust=False,
+    )
     for covariance in (far, common, as_exact(far.model), covariance_of([8e-3], [1e-5])):
         found = merge_delays(covariance)
         assert found.model is covariance.model

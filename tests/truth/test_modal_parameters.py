@@ -25,15 +25,15 @@ def model_of(C, sample_hz=None):
     held = 1.0 if sample_hz is None else np.expm1(poles[upper] / sample_hz) / poles[upper]
     zero = np.zeros((3, 3))
     return MeasurementModel(
-        poles[upper],
-        right[:3, upper] * held,
-        left[upper] @ B,
-        zero,
-        zero,
-        np.zeros(3),
-        INPUTS,
-        OUTPUTS,
-        sample_hz,
+        poles=poles[upper],
+        shapes=right[:3, upper] * held,
+        participation=left[upper] @ B,
+        direct=zero,
+        lower=zero,
+        delay_s=np.zeros(3),
+        inputs=INPUTS,
+        outputs=OUTPUTS,
+        sample_hz=sample_hz,
     )
 
 
@@ -86,14 +86,21 @@ def _mean(phi):
 def test_a_point_that_is_not_driven_is_refused():
     with pytest.raises(FitError, match="not positive"):
         modal_parameters(model_of(proportional()), drive_point=("place 0", "force 2"))
-    with pytest.raises(ConfigError, match="no port"):
+    with pytest.raises(ConfigError, match="no output named"):
         modal_parameters(model_of(proportional()), drive_point=("tip", "force 2"))
 
 
 def test_a_model_of_real_poles_has_no_mode():
     zero = np.zeros((1, 1))
     model = MeasurementModel(
-        np.array([-3.0 + 0j]), zero + 1.0, zero + 1.0, zero, zero, np.zeros(1), INPUTS[:1], OUTPUTS[:1]
+        poles=np.array([-3.0 + 0j]),
+        shapes=zero + 1.0,
+        participation=zero + 1.0,
+        direct=zero,
+        lower=zero,
+        delay_s=np.zeros(1),
+        inputs=INPUTS[:1],
+        outputs=OUTPUTS[:1],
     )
     with pytest.raises(ConfigError, match="no mode"):
         modal_parameters(model)

@@ -15,13 +15,13 @@ from middeck.identification.tracking.follow import FIRST_GAIN
 from middeck.identification.tracking.recovery import (
     BLOCK,
     BLOCKS,
+    WATCHED,
     healed,
     is_large,
     no_blocks,
     opening,
     patience,
 )
-from middeck.identification.tracking.trust import WATCHED
 from middeck.identification.uncertainty.parameters import Uncertainty
 from middeck.realtime.rig import build_linear_rig
 from middeck.signals.record import Record

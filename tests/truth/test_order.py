@@ -7,24 +7,24 @@ import numpy as np
 import pytest
 
 from middeck.identification import estimate_response
+from middeck.identification.model.fit_options import FitOptions, decided
 from middeck.identification.order.order import Tried, choose, is_settled
 from middeck.identification.order.race import race, recommend_states
 from middeck.identification.order.thinning import take_lines, thin_lines
 from middeck.identification.problem.data import Data
-from middeck.identification.problem.layout import Layout, Point, pack, unpack
+from middeck.identification.problem.layout import Layout, Point, Start, pack, unpack
 from middeck.identification.search.bounds import bound_theta, bounded
 from middeck.identification.search.polish import polish
 from middeck.identification.search.refine import weighted
 from middeck.identification.spectra.weights import Spread, spread_of
-from middeck.identification.start.choices import Choices, options_of
 from middeck.identification.start.pruning import prune
-from middeck.identification.start.start import Start, drive_vectors
+from middeck.identification.start.start import drive_vectors
 
 
 def data_of(measured):
     spread = spread_of(measured, relative=False)
     weight = 1.0 / np.sqrt(spread.at(1e-3))
-    return Data(2j * np.pi * measured.frequency_hz, np.moveaxis(measured.H, 0, 1), weight), spread
+    return Data(s=2j * np.pi * measured.frequency_hz, H=np.moveaxis(measured.H, 0, 1), weight=weight), spread
 
 
 def tried(*rows, excess=0.0):
@@ -94,7 +94,7 @@ def test_lines_are_left_out_only_where_the_response_is_smooth():
 
     def kept(zeta):
         H = np.sum(w**2 / (s**2 + 2.0 * zeta * w * s + w**2), axis=0)[None, :, None]
-        data = Data(s, np.repeat(H, 4, axis=2), np.ones((1, len(s), 4)))
+        data = Data(s=s, H=np.repeat(H, 4, axis=2), weight=np.ones((1, len(s), 4)))
         spread = Spread(np.zeros((1, len(s), 4)), np.ones((1, len(s), 4)))
         return data, thin_lines(data, spread)
 
@@ -110,9 +110,13 @@ def test_lines_are_left_out_only_where_the_response_is_smooth():
 
 def a_layout(period_s):
     return Layout(
-        np.array([True, False]), np.array([0.0, np.pi / period_s]), np.array([0, 0]), 1, 1,
-        False, False, False, True, period_s,
-    )  # fmt: skip
+        pair=np.array([True, False]),
+        fixed_imag=np.array([0.0, np.pi / period_s]),
+        pivot=np.array([0, 0]),
+        inputs=1,
+        outputs=1,
+        options=FitOptions(constants="complex", direct=True, sample_hz=1.0 / period_s),
+    )
 
 
 def test_a_pole_outside_the_band_stays_where_the_band_cannot_tell_it_from_less_damping():
@@ -123,7 +127,7 @@ def test_a_pole_outside_the_band_stays_where_the_band_cannot_tell_it_from_less_d
     z = np.exp(s * T)
     p = np.exp((-3.0 + 120j) * T)
     H = 1.0 / (z - p) + 1.0 / (z - p.conj()) + 0.1 / (z + 1.02) + 0.3
-    data = Data(s, H[None, :, None], np.full((1, 300, 1), 1e3))
+    data = Data(s=s, H=H[None, :, None], weight=np.full((1, 300, 1), 1e3))
     point = Point(
         np.array([-2.0 + 121j, -5.0 + 1j * np.pi / T]), np.ones((2, 1), dtype=complex), np.zeros((1, 1))
     )
@@ -139,7 +143,7 @@ def test_bounds_change_nothing_inside_them():
     layout = a_layout(0.01)
     rng = np.random.default_rng(0)
     s = 2j * np.pi * np.linspace(1.0, 45.0, 50)
-    data = Data(s, rng.standard_normal((1, 50, 1)) + 0j, np.ones((1, 50, 1)))
+    data = Data(s=s, H=rng.standard_normal((1, 50, 1)) + 0j, weight=np.ones((1, 50, 1)))
     point = Point(
         np.array([-2.0 + 121j, -50.0 + 100j * np.pi]), np.ones((2, 1), dtype=complex), np.zeros((1, 1))
     )
@@ -160,9 +164,11 @@ def test_no_numpy_warning_on_a_short_band_with_too_many_states():
     measured = estimate_response(gimbal_record.multisine(0), band_hz=(6.0, 10.0))
     data, spread = data_of(measured)
     noisy = Data(
-        data.s, data.H + 0.3 * np.abs(data.H).mean() * rng.standard_normal(data.H.shape), data.weight
+        s=data.s,
+        H=data.H + 0.3 * np.abs(data.H).mean() * rng.standard_normal(data.H.shape),
+        weight=data.weight,
     )
-    options = options_of(measured, 12, Choices(256.0, None, None, None, False, False, 0, None))
+    options = decided(measured, FitOptions(states=12, sample_hz=256.0))
     # Warnings are errors in this suite.
     found = race(noisy, spread, options)
     assert np.isfinite(found.refined.theta).all()
@@ -171,7 +177,7 @@ def test_no_numpy_warning_on_a_short_band_with_too_many_states():
 def test_two_inputs_and_three_outputs_ask_for_ten_states():
     measured = estimate_response(gimbal_record.multisine(2, outputs=3, inputs=2), band_hz=(0.5, 20.0))
     data, spread = data_of(measured)
-    options = options_of(measured, 2, Choices(None, None, None, None, False, False, 0, None))
+    options = decided(measured, FitOptions())
     choice = recommend_states(measured, data, spread, options)
     assert choice.states == 10
     by_states = {t.states: t.held_out for t in choice.tried}
@@ -188,9 +194,9 @@ def test_input_vectors_follow_from_output_vectors_where_poles_are_close():
     b = b / b[np.arange(4), np.argmax(np.abs(b), axis=1)][:, None]
     up, low = 1.0 / (s[:, None] - poles), 1.0 / (s[:, None] - poles.conj())
     H = np.einsum("om,lm,mi->oli", c, up, b) + np.einsum("om,lm,mi->oli", c.conj(), low, b.conj())
-    data = Data(s, H + rng.standard_normal((4, 1, 3)), np.ones(H.shape))
+    data = Data(s=s, H=H + rng.standard_normal((4, 1, 3)), weight=np.ones(H.shape))
     measured = estimate_response(gimbal_record.multisine(0, outputs=3, inputs=2))
-    options = options_of(measured, 8, Choices(None, "complex", False, True))
+    options = decided(measured, FitOptions(states=8, constants="complex", delay=False, direct=True))
     found = drive_vectors(data, options, poles, np.ones(4, dtype=bool), c)
     # Exact data: rounding times the condition of the close modes, some 1e6 with known output vectors.
     np.testing.assert_allclose(found, b, atol=1e-8)

@@ -3,20 +3,19 @@
 import numpy as np
 import pytest
 
+from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.problem.layout import unpack
 from middeck.identification.record_fit.growth import exchanges, grown
-from middeck.identification.record_fit.race import leader
-from middeck.identification.record_fit.search import refine_record
+from middeck.identification.record_fit.search import leader, refine_record
 from middeck.identification.record_fit.spectra import record_data
 from middeck.identification.record_fit.starts import start_of
-from middeck.identification.start.start import Options
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
 
 POLES = np.array([-0.01 + 0.5j, -0.02 + 1.5j])
 PAIR = np.array([True, True])
-FOUR = Options(4, False, False, False, True, 1.0)
-TWO = Options(2, False, False, False, True, 1.0)
+FOUR = FitOptions(states=4, sample_hz=1.0, constants="complex", direct=True)
+TWO = FitOptions(states=2, sample_hz=1.0, constants="complex", direct=True)
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +35,7 @@ def data():
 
 def fitted(data, options, poles):
     start = start_of(data, options, np.asarray(poles), np.full(len(poles), True))
-    return refine_record(data, start.layout, start.theta, "flat", rounds=2, steps=20)
+    return refine_record(data, start, "flat", rounds=2, steps=20)
 
 
 def frequencies(layout, theta):
@@ -70,5 +69,5 @@ def test_a_sampled_model_has_one_slow_real_pole_and_no_more(data):
         poles, pair = np.array([POLES[0], *slow]), np.array([True, False, False])
         start = start_of(data, FOUR, poles, pair)
         # No step: the poles stay where they are, 400 samples long.
-        run = refine_record(data, start.layout, start.theta, "flat", rounds=1, steps=0)
+        run = refine_record(data, start, "flat", rounds=1, steps=0)
         assert (run is not None) == allowed

@@ -7,7 +7,7 @@ from shaken_plant import POLES, pole_error, shaken
 
 from middeck.identification.model.measurement_model import damping_ratio, natural_hz
 from middeck.identification.record_fit.fit_record import fit_record
-from middeck.identification.record_fit.noise import noise_variance
+from middeck.identification.record_fit.noise import denominator, noise_variance
 
 
 def test_forces_that_shake_the_article_are_known_by_its_poles(campaign):
@@ -50,6 +50,6 @@ def test_noise_of_forces_is_smooth_once_their_poles_are_taken_out():
     poles = np.concatenate([POLES, POLES.conj()])
     A = np.prod(1.0 - np.exp(poles)[:, None] * np.exp(-s), axis=0)
     r = (rng.standard_normal((1, 499, 40)) + 1j * rng.standard_normal((1, 499, 40))) / A[:, None]
-    v = noise_variance(r, "motion", s, poles, 1.0)
+    v = noise_variance(r, denominator(s, poles, 1.0))
     # 40 experiments times 31 lines of a Hann window: the average scatters by 4 %.
     np.testing.assert_allclose(v[0, :, 0] * np.abs(A) ** 2 / 2.0, 1.0, atol=0.2)

@@ -198,6 +198,7 @@ def test_a_drifting_free_body_keeps_its_poles():
         {"integrators": 1, "relative_degree": 2},
         {"delay": "path", "sampled": True},
         {"states": 5, "constants": "real"},
+        {"weighting": "sensor"},
     ],
     ids=str,
 )

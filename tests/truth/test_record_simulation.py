@@ -20,7 +20,18 @@ def a_model(*, sample_hz=None, delay_s=(0.0, 0.0), rigid=None):
     b = rng.standard_normal((3, 2)) + 1j * rng.standard_normal((3, 2))
     c[:, 2], b[2] = c[:, 2].real, b[2].real
     direct = np.array([[0.3, 0.0], [0.0, -0.2]])
-    return MeasurementModel(poles, c, b, direct, 0 * direct, delay_s, U2, Y2, sample_hz, rigid=rigid)
+    return MeasurementModel(
+        poles=poles,
+        shapes=c,
+        participation=b,
+        direct=direct,
+        lower=0 * direct,
+        delay_s=delay_s,
+        inputs=U2,
+        outputs=Y2,
+        sample_hz=sample_hz,
+        rigid=rigid,
+    )
 
 
 def stepped(A, B, C, D, u, x):

@@ -17,10 +17,11 @@ PORTS = (Port("a", "N"), Port("b", "N")), (Port("x", "m"), Port("y", "m"))
 def a_model(sample_hz=None):
     zero = np.zeros((2, 2))
     return MeasurementModel(
-        np.array([-0.4 + 40j, -0.9 + 90j, -7.0 + 0j]),
-        np.array([[1.0 - 2.0j, 0.4j, 0.3], [0.5j, 1.0 + 0.2j, -1.0]]),
-        np.array([[1.0, 0.3 + 0.1j], [0.2, 1.0], [1.0, 1.0]]),
-        zero, zero, np.zeros(2), *PORTS, sample_hz,
+        poles=np.array([-0.4 + 40j, -0.9 + 90j, -7.0 + 0j]),
+        shapes=np.array([[1.0 - 2.0j, 0.4j, 0.3], [0.5j, 1.0 + 0.2j, -1.0]]),
+        participation=np.array([[1.0, 0.3 + 0.1j], [0.2, 1.0], [1.0, 1.0]]),
+        direct=zero, lower=zero, delay_s=np.zeros(2), inputs=PORTS[0], outputs=PORTS[1],
+        sample_hz=sample_hz,
     )  # fmt: skip
 
 

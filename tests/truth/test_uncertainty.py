@@ -49,13 +49,25 @@ def a_model(*, real=False, sample_hz=None, free=False):
     continuous = sample_hz is None
     lower, delay_s = rng.standard_normal((3, 2)) * continuous, np.array([0.01, 0.02, 0.03]) * continuous
     ports = gimbal_record.INPUTS, gimbal_record.OUTPUTS
-    model = MeasurementModel(poles, c, b, rng.standard_normal((3, 2)), lower, delay_s, *ports, sample_hz)
+    model = MeasurementModel(
+        poles=poles,
+        shapes=c,
+        participation=b,
+        direct=rng.standard_normal((3, 2)),
+        lower=lower,
+        delay_s=delay_s,
+        inputs=ports[0],
+        outputs=ports[1],
+        sample_hz=sample_hz,
+    )
     if free:
         paths = np.array([[0.0, 0.004], [0.003, 0.0], [0.0, 0.002]])
         model = dataclasses.replace(
             model, rigid=rng.standard_normal((3, 2)), path_delay_s=paths, lower=np.zeros((3, 2))
         )
-    return model, Structure(real, continuous, continuous and not free, True)
+    return model, Structure(
+        real_constants=real, with_delay=continuous, with_lower=continuous and not free, with_direct=True
+    )
 
 
 def a_full_rank_model():
@@ -118,14 +130,26 @@ def test_slopes_of_the_physical_parameters(model, structure):
 
     def physical(x):
         moved = ModelCovariance(
-            model_at(model, structure, x), structure, np.eye(len(x)), np.ones(len(x)), 9.0, False
+            model=model_at(model, structure, x),
+            structure=structure,
+            root=np.eye(len(x)),
+            inflation=np.ones(len(x)),
+            degrees=9.0,
+            robust=False,
         )
         return parameters_of(moved).values
 
     slopes = by_differences(physical, x)
     poles = 2 * len(modes)
     np.testing.assert_allclose(slopes[:, :poles], by_differences(values, x), atol=1e-7)
-    unit = ModelCovariance(model, structure, np.eye(len(x)), np.ones(len(x)), np.inf, False)
+    unit = ModelCovariance(
+        model=model,
+        structure=structure,
+        root=np.eye(len(x)),
+        inflation=np.ones(len(x)),
+        degrees=np.inf,
+        robust=False,
+    )
     # The covariance of independent unknowns of unit variance is the product of the slopes.
     expected = slopes.T @ slopes
     np.testing.assert_allclose(parameters_of(unit).covariance, expected, atol=1e-6 * np.abs(expected).max())
@@ -143,7 +167,14 @@ def test_slopes_of_modal_constants(model, structure):
         same = moved.poles == moved.poles[m]
         return 2j * moved.poles[m].imag * moved.shapes[o, same] @ moved.participation[same, i]
 
-    of = ModelCovariance(model, structure, np.eye(len(x)), np.ones(len(x)), np.inf, False)
+    of = ModelCovariance(
+        model=model,
+        structure=structure,
+        root=np.eye(len(x)),
+        inflation=np.ones(len(x)),
+        degrees=np.inf,
+        robust=False,
+    )
     value, by = modal_constant(of, at, 1, 2, 1)
     assert value == pytest.approx(constant(x), rel=1e-12)
     np.testing.assert_allclose(by, by_differences(constant, x), atol=1e-7 * np.abs(by).max())
@@ -366,10 +397,16 @@ def test_bounds_at_a_zero_of_the_response():
     poles = -zeta * 2.0 * np.pi * two_modes.HZ + 1j * omega
     zero = np.zeros((1, 1))
     model = MeasurementModel(
-        poles, two_modes.CONSTANTS[None] / (2j * omega), np.ones((2, 1)), zero, zero, np.zeros(1),
-        gimbal_record.INPUTS[:1], gimbal_record.OUTPUTS[:1],
-    )  # fmt: skip
-    structure = Structure(True, True, False, False)
+        poles=poles,
+        shapes=two_modes.CONSTANTS[None] / (2j * omega),
+        participation=np.ones((2, 1)),
+        direct=zero,
+        lower=zero,
+        delay_s=np.zeros(1),
+        inputs=gimbal_record.INPUTS[:1],
+        outputs=gimbal_record.OUTPUTS[:1],
+    )
+    structure = Structure(real_constants=True, with_delay=True, with_lower=False, with_direct=False)
     f = two_modes.LINES
     variance = np.full((1, len(f), 1), two_modes.NOISE**2)
     measured = FrequencyResponse(

@@ -23,7 +23,10 @@ pytestmark = pytest.mark.kernels
 
 PORTS = (Port("force", "N"),), (Port("way", "m"),)
 F = np.linspace(1.0, 12.0, 60)
-COMPLEX, REAL = Structure(False, False, False, True), Structure(True, True, False, False)
+COMPLEX, REAL = (
+    Structure(real_constants=False, with_delay=False, with_lower=False, with_direct=True),
+    Structure(real_constants=True, with_delay=True, with_lower=False, with_direct=False),
+)
 
 
 def model_of(hz, zeta, constants, *, real):

@@ -30,7 +30,7 @@ def far_start(highest):
 @pytest.mark.parametrize("period_s", [0.0, 0.05])
 def test_exact_data_give_the_exact_poles(period_s):
     s = 1j * np.linspace(0.2, 55.0, 400)
-    data = Data(s, response(s, POLES, period_s), np.ones((2, 400, 2)))
+    data = Data(s=s, H=response(s, POLES, period_s), weight=np.ones((2, 400, 2)))
     found = relocate(data, far_start(50.0), period_s, iterations=20)
     # Residues of order one and a hundred bandwidths between start and pole: rounding, amplified a little.
     np.testing.assert_allclose(np.sort_complex(found), np.sort_complex(POLES), rtol=1e-8)
@@ -42,7 +42,7 @@ def test_all_poles_are_stable_whatever_the_data(period_s):
     s = 1j * np.linspace(0.2, 55.0, 60)
     H = rng.standard_normal((1, 60, 1)) + 1j * rng.standard_normal((1, 60, 1))
     for k in range(1, 12):
-        found = relocate(Data(s, H, np.ones(H.shape)), far_start(50.0), period_s, iterations=k)
+        found = relocate(Data(s=s, H=H, weight=np.ones(H.shape)), far_start(50.0), period_s, iterations=k)
         assert np.real(found).max() < 0.0
         # Closed under conjugation: as many poles above the axis as below, counting pi / T as real.
         inner = np.abs(np.imag(found)) < (np.pi / period_s if period_s else np.inf) * (1.0 - 1e-9)
@@ -58,7 +58,9 @@ def test_noise_moves_poles_by_no_more_than_their_bandwidth():
     noisy = H + level * (rng.standard_normal(H.shape) + 1j * rng.standard_normal(H.shape)) / np.sqrt(2.0)
     omega = 2.0 * np.pi * np.linspace(0.5, 14.0, 7)
     start = np.concatenate([[-0.01 * w + 1j * w, -0.01 * w - 1j * w] for w in omega])
-    found = relocate(Data(2j * np.pi * f, noisy, np.ones(H.shape) / level), start, 0.0, iterations=12)
+    found = relocate(
+        Data(s=2j * np.pi * f, H=noisy, weight=np.ones(H.shape) / level), start, 0.0, iterations=12
+    )
     hz = np.abs(found[found.imag > 0.0]) / (2.0 * np.pi)
     # Two pairs are spare, for the delays; half the half-power bandwidth is 1 % of the frequency.
     for mode in gimbal_record.MODES_HZ:

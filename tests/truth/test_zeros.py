@@ -32,11 +32,15 @@ def modal_model(hz, phi, psi, zeta=0.01, delay_s=0.0, direct=0.0):
     pole = omega * (-zeta + 1j * np.sqrt(1.0 - zeta**2))
     outputs, inputs = len(phi), psi.shape[1]
     return MeasurementModel(
-        pole, phi / (2j * pole.imag), psi, np.full((outputs, inputs), direct), np.zeros((outputs, inputs)),
-        np.full(outputs, delay_s),
-        tuple(Port(f"u{i}", "N m") for i in range(inputs)),
-        tuple(Port(f"y{o}", "rad") for o in range(outputs)),
-    )  # fmt: skip
+        poles=pole,
+        shapes=phi / (2j * pole.imag),
+        participation=psi,
+        direct=np.full((outputs, inputs), direct),
+        lower=np.zeros((outputs, inputs)),
+        delay_s=np.full(outputs, delay_s),
+        inputs=tuple(Port(f"u{i}", "N m") for i in range(inputs)),
+        outputs=tuple(Port(f"y{o}", "rad") for o in range(outputs)),
+    )
 
 
 def gimbal_model():
@@ -166,7 +170,15 @@ def test_a_sampled_model_has_its_zeros_in_z():
     poles = np.log(p.astype(complex)) / T
     one = np.zeros((1, 1))
     model = MeasurementModel(
-        poles, r[None], np.ones((3, 1)), one, one, [0.0], (Port("u", ""),), (Port("y", ""),), 1.0 / T
+        poles=poles,
+        shapes=r[None],
+        participation=np.ones((3, 1)),
+        direct=one,
+        lower=one,
+        delay_s=[0.0],
+        inputs=(Port("u", ""),),
+        outputs=(Port("y", ""),),
+        sample_hz=1.0 / T,
     )
     found = path_zeros(model, "y", "u")
     numerator = sum(r[k] * np.poly(np.delete(p, k)) for k in range(3))
@@ -315,13 +327,53 @@ def test_refuses_what_is_no_model():
     port = Port("a", "")
     pair = np.array([-1.0 + 5.0j])
     with pytest.raises(ConfigError, match="zeros for"):
-        from_pole_zero_gain(PoleZeroGain(pair, np.array([-1.0, -2.0, -3.0]), 1.0, None, 0.0, port, port))
+        from_pole_zero_gain(
+            PoleZeroGain(
+                poles=pair,
+                zeros=np.array([-1.0, -2.0, -3.0]),
+                gain=1.0,
+                static_gain=None,
+                delay_s=0.0,
+                input=port,
+                output=port,
+            )
+        )
     with pytest.raises(ConfigError, match="coincide"):
-        from_pole_zero_gain(PoleZeroGain(np.repeat(pair, 2), np.zeros(0), 1.0, None, 0.0, port, port))
+        from_pole_zero_gain(
+            PoleZeroGain(
+                poles=np.repeat(pair, 2),
+                zeros=np.zeros(0),
+                gain=1.0,
+                static_gain=None,
+                delay_s=0.0,
+                input=port,
+                output=port,
+            )
+        )
     with pytest.raises(ConfigError, match="right half"):
-        from_pole_zero_gain(PoleZeroGain(-pair, np.zeros(0), 1.0, None, 0.0, port, port))
+        from_pole_zero_gain(
+            PoleZeroGain(
+                poles=-pair,
+                zeros=np.zeros(0),
+                gain=1.0,
+                static_gain=None,
+                delay_s=0.0,
+                input=port,
+                output=port,
+            )
+        )
     with pytest.raises(ConfigError, match="no rigid-body mode"):
-        from_pole_zero_gain(PoleZeroGain([0.0, 0.0], [-1.0], 1.0, None, 0.0, port, port))
+        from_pole_zero_gain(
+            PoleZeroGain(
+                poles=[0.0, 0.0],
+                zeros=[-1.0],
+                gain=1.0,
+                static_gain=None,
+                delay_s=0.0,
+                input=port,
+                output=port,
+            )
+        )
     with pytest.raises(ConfigError, match="one of payload"):
         path_zeros(gimbal_model(), "load", "gimbal")
 
@@ -336,9 +388,15 @@ def test_a_rate_and_an_acceleration_have_zeros_at_the_origin(rate: int):
     # s^2 / (s^2 + ...) has a direct term of one.
     direct = np.array([[gain.sum() if rate == 2 else 0.0]])
     model = MeasurementModel(
-        poles, shapes[None], np.ones((2, 1), dtype=complex), direct, np.zeros((1, 1)), np.zeros(1),
-        (Port("force", "N"),), (Port("motion", "m/s"),),
-    )  # fmt: skip
+        poles=poles,
+        shapes=shapes[None],
+        participation=np.ones((2, 1), dtype=complex),
+        direct=direct,
+        lower=np.zeros((1, 1)),
+        delay_s=np.zeros(1),
+        inputs=(Port("force", "N"),),
+        outputs=(Port("motion", "m/s"),),
+    )
     zeros = path_zeros(model, "motion", "force")
     # Two equal zeros come out of a pencil as far apart as the root of rounding.
     at_origin = np.abs(zeros.value) < 1e-6 * omega[0]

@@ -5,22 +5,21 @@ from __future__ import annotations
 import dataclasses
 import warnings as python_warnings
 from collections.abc import Callable, Sequence
-from typing import Literal, TypedDict
 
 from middeck.cli.blame import reading
 from middeck.cli.settings import FitSettings
 from middeck.errors import ConfigError
 from middeck.files.records import Columns, check_finite, join_records, read_record, split_periods
 from middeck.identification.faults import detect_faults
-from middeck.identification.fit.fit_response import FitResult, fit_response
-from middeck.identification.record_fit.fit_record import HELD_ABOVE, fit_record
+from middeck.identification.fit.fit_response import FitResult, fit_asked
+from middeck.identification.model.fit_options import FitOptions
+from middeck.identification.record_fit.fit_record import HELD_ABOVE, fit_samples
 from middeck.identification.spectra import (
     doubts_of_window,
     estimate_response,
     estimate_spectra,
     spectra_response,
 )
-from middeck.identification.start.choices import Constants, Delay
 from middeck.signals.excitation import cut_periods, recognise_excitation
 from middeck.signals.fault import Fault
 from middeck.signals.record import Record
@@ -97,10 +96,7 @@ def _fit_response(taken: Record, settings: FitSettings, seen: tuple[str, ...]) -
     seen = (*seen, *(str(one.message) for one in said))
     reaches = measured.frequency_hz[-1] > HELD_ABOVE * taken.sample_hz
     sampled = _is_sampled(settings, reaches=bool(reaches))
-    sample_hz = taken.sample_hz if sampled else None
-    fit = fit_response(
-        measured, states=settings.states, sample_hz=sample_hz, cost=settings.cost, **_kind(settings)
-    )
+    fit = fit_asked(measured, _asked(settings, taken.sample_hz if sampled else None), settings.cost)
     warnings = _chosen(settings, float(measured.frequency_hz[-1]), taken) if reaches else []
     if method in ("h1", "h2", "hv") and not taken.periodic:
         spectra = estimate_spectra(taken)
@@ -127,14 +123,7 @@ def _fit_record(
             hint="--method 'local rational' fits an estimated response instead",
         )
     _refuse_unlike(settings)
-    fit = fit_record(
-        taken,
-        states=settings.states,
-        sampled=settings.sampled,
-        band_hz=settings.band_hz,
-        tell=tell,
-        **_kind(settings),
-    )
+    fit = fit_samples(taken, _asked(settings), sampled=settings.sampled, band_hz=settings.band_hz, tell=tell)
     sampled = fit.model.sample_hz is not None
     band_hz = settings.band_hz or recognise_excitation(taken).band_hz
     reaches = not sampled and band_hz[1] > HELD_ABOVE * taken.sample_hz
@@ -143,27 +132,19 @@ def _fit_record(
     return Identified(taken, None, fit, (*seen, *warnings, *fit.warnings), shown_hz)
 
 
-class _Kind(TypedDict):
-    constants: Constants | None
-    delay: bool | Delay | None
-    residuals: bool
-    full_rank: bool
-    rigid: int
-    integrators: int
-    relative_degree: Literal[0, 1, 2] | None
-
-
-def _kind(settings: FitSettings) -> _Kind:
-    """The kind of model, in the words that both fits share."""
-    return {
-        "constants": settings.constants,
-        "delay": False if settings.delay == "none" else settings.delay,
-        "residuals": settings.residuals,
-        "full_rank": settings.full_rank,
-        "rigid": settings.rigid,
-        "integrators": settings.integrators,
-        "relative_degree": settings.relative_degree,
-    }
+def _asked(settings: FitSettings, sample_hz: float | None = None) -> FitOptions:
+    """The options that both fits share."""
+    return FitOptions(
+        states=settings.states,
+        sample_hz=sample_hz,
+        constants=settings.constants,
+        delay=False if settings.delay == "none" else settings.delay,
+        residuals=settings.residuals,
+        full_rank=settings.full_rank,
+        rigid=settings.rigid,
+        integrators=settings.integrators,
+        relative_degree=settings.relative_degree,
+    )
 
 
 def _only_continuous(settings: FitSettings) -> str:

@@ -8,7 +8,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from middeck.errors import DataError
+from middeck.errors import ConfigError, DataError
 from middeck.files.json_input import json_numbers, read_json
 from middeck.files.json_output import write_json
 from middeck.structure.correlation.measured_modes import MeasuredModes
@@ -34,9 +34,9 @@ def load_measured_modes(path: str | Path) -> MeasuredModes:
         return MeasuredModes(**values, **names, shape=shape)  # pyright: ignore[reportArgumentType]
     except DataError as error:
         raise DataError(error.what, where=str(path), hint=error.hint) from None
-    except ValueError as error:
+    except ConfigError as error:
         advice = "one value for each mode, one row of shapes for each channel"
-        raise DataError(str(error), where=str(path), hint=advice) from None
+        raise DataError(f"{error.where}: {error.what}", where=str(path), hint=advice) from None
 
 
 def write_measured_modes(path: str | Path, measured: MeasuredModes) -> None:

@@ -83,8 +83,8 @@ def _model(data: dict[str, Any], path: str) -> MeasurementModel:
     rate, hold_s = _rate(data["sample_hz"], path), _hold(data.get("hold_s"), path)
     try:
         model = MeasurementModel(**arrays, inputs=inputs, outputs=outputs, sample_hz=rate, hold_s=hold_s)
-    except ValueError as error:
-        raise DataError(str(error), where=path, hint=AGAIN) from None
+    except ConfigError as error:
+        raise DataError(f"{error.where}: {error.what}", where=path, hint=AGAIN) from None
     if model.direct.shape != (len(model.outputs), len(model.inputs)):
         raise DataError(
             f"{len(outputs)} outputs and {len(inputs)} inputs named, direct is {model.direct.shape}",
@@ -109,13 +109,13 @@ def _covariance(known: Any, model: MeasurementModel, where: str) -> ModelCovaria
         raise DataError(f"degrees is {known['degrees']}; must be > 0, or null", where=where, hint=AGAIN)
     robust = _truth(known["robust"], f"{where}, robust")
     return ModelCovariance(
-        model,
-        structure,
-        root,
-        inflation,
-        float(degrees),
-        robust,
-        _count(known["loose"], root.shape[1], where),
+        model=model,
+        structure=structure,
+        root=root,
+        inflation=inflation,
+        degrees=float(degrees),
+        robust=robust,
+        loose=_count(known["loose"], root.shape[1], where),
     )
 
 

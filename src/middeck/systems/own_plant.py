@@ -67,9 +67,9 @@ def make_plant(
         raise ConfigError(f"a sampling period of {period_s} s", hint="> 0 s, or None for a continuous plant")
     try:
         dynamics = StateSpace(**real) if period_s is None else SampledStateSpace(**real, period_s=period_s)
-    except ValueError as error:
+    except ConfigError as error:
         raise ConfigError(
-            f"the matrices do not fit: {error}", hint="A n x n, B n x m, C p x n, D p x m"
+            f"the matrices do not fit: {error.where}: {error.what}", hint="A n x n, B n x m, C p x n, D p x m"
         ) from None
     ports = _ports("u", inputs, real["B"].shape[1]), _ports("y", outputs, len(real["C"]))
     groups = tuple(w), tuple(u), tuple(z), tuple(y)

@@ -18,8 +18,8 @@ def build_foreign(matrices: Mapping[str, Any], period_s: float | None, what: str
         if period_s is None:
             return StateSpace(**real)
         return SampledStateSpace(**real, period_s=period_s)
-    except ValueError as error:
-        raise ConfigError(f"the matrices do not fit: {error}", where=what) from None
+    except ConfigError as error:
+        raise ConfigError(f"the matrices do not fit: {error.where}: {error.what}", where=what) from None
 
 
 def real_matrix(value: Any, where: str) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Faults of records: detected and told, not raised.
+"""Faults of records: found and reported, not raised.
 
 for fault in detect_faults(record):
     print(fault)

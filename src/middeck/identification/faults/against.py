@@ -1,4 +1,4 @@
-"""A record against a response that is known: signs, gains, swapped channels and delays."""
+"""Check a record against a known response: signs, gains, swapped channels and delays."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.errors import DataError
+from middeck.identification.faults.runs import Found
 from middeck.signals.fault import Fault
 from middeck.signals.record import Record
 from middeck.systems.response import FrequencyResponse
@@ -98,19 +99,16 @@ def _fit(
 
 
 def _judge(record: Record, gains: np.ndarray, explained: np.ndarray, delay: np.ndarray) -> list[Fault]:
-    names, found = [p.name for p in record.outputs], []
+    names, found = [p.name for p in record.outputs], list[Fault]()
     own = np.array([gains[o, o] for o in range(len(names))])  # output input
     swapped = set()
-    for o, name in enumerate(names):
+    for o in range(len(names)):
         row = int(explained[o].argmax())
         left, least = 1.0 - explained[o, o], 1.0 - explained[o, row]
         if row != o and left > LEFT and least < LESS * left and explained[o, row] > EXPLAINED:
             swapped.add(o)
-            found.append(
-                _fault(
-                    "swap", "output", name, f"looks like {names[row]} of the reference", "check the wiring"
-                )
-            )
+            what = f"looks like {names[row]} of the reference"
+            found.append(Found("swap", what, "check the wiring").at("output", record.outputs[o]))
     known = [o for o in range(len(names)) if o not in swapped and explained[o, o] > EXPLAINED]
     turned = [i for i in range(own.shape[1]) if known and np.all(own[known, i] < 0.0) and own.shape[1] > 1]
     # With one input, an output that alone is turned is at fault; if all are, it is the input.
@@ -118,25 +116,18 @@ def _judge(record: Record, gains: np.ndarray, explained: np.ndarray, delay: np.n
         turned = [0]
     for i in turned:
         what = "has the wrong sign against the reference, in all outputs"
-        found.append(_fault("sign", "input", record.inputs[i].name, what, "turn its sign"))
+        found.append(Found("sign", what, "turn its sign").at("input", record.inputs[i]))
     for o in known:
+        here: list[Found] = []
         gain = own[o] * np.where(np.isin(np.arange(own.shape[1]), turned), -1.0, 1.0)
         if np.mean(gain) < 0.0:
-            found.append(
-                _fault(
-                    "sign", "output", names[o], "has the wrong sign against the reference", "turn its sign"
-                )
-            )
+            here.append(Found("sign", "has the wrong sign against the reference", "turn its sign"))
         size = float(np.sqrt(np.mean(gain**2)))
         if not 1.0 / WRONG_GAIN < size < WRONG_GAIN:
             what = f"is {size:.3g} times what the reference says"
-            found.append(_fault("gain", "output", names[o], what, "check unit and calibration"))
+            here.append(Found("gain", what, "check unit and calibration"))
         if abs(delay[o]) * record.sample_hz > LATE:
             what = f"is {1e3 * delay[o]:.3g} ms later than the reference says"
-            found.append(_fault("delay", "output", names[o], what, "check triggers and filters"))
+            here.append(Found("delay", what, "check triggers and filters"))
+        found += [f.at("output", record.outputs[o]) for f in here]
     return found
-
-
-def _fault(kind: str, side: str, channel: str, what: str, hint: str) -> Fault:
-    where = "input" if side == "input" else "output"
-    return Fault(kind, "serious", where, channel, None, (), what, hint)

@@ -5,12 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from middeck.identification.faults.against import compare_with_reference
-from middeck.identification.faults.found import Found, placed
-from middeck.identification.faults.levels import find_coarse_steps, find_drift, find_held, find_offset
+from middeck.identification.faults.levels import (
+    find_coarse_steps,
+    find_drift,
+    find_held,
+    find_offset,
+    find_transient,
+    find_unsteady_input,
+)
 from middeck.identification.faults.pairs import find_pair_faults
-from middeck.identification.faults.periods import find_transient, find_unsteady_input
 from middeck.identification.faults.relation import find_relation_faults
-from middeck.identification.faults.runs import Runs, Signal, levels_of
+from middeck.identification.faults.runs import Found, Runs, Signal, levels_of
 from middeck.identification.faults.samples import (
     find_clipping,
     find_dropouts,
@@ -68,7 +73,7 @@ def detect_faults(record: Record, reference: FrequencyResponse | None = None) ->
             for e, x in enumerate(samples[..., k]):
                 answered = None if struck else driven[e] if side == "output" else []
                 faults = _channel_faults(x, port, side=side, periodic=record.periodic, driven=answered)
-                found += placed(faults, side, port.name, e)
+                found += [f.at(side, port, e) for f in faults]
     whole = not any(f.kind in ("gap", "dead") for f in found)
     if whole:
         found += find_pair_faults(record)
@@ -90,7 +95,7 @@ def _channels(samples: np.ndarray) -> list[Signal]:
 
 
 def _filled(x: Signal) -> Signal:
-    """Straight lines across what is missing."""
+    """Interpolate missing samples linearly."""
     good = np.isfinite(x)
     if good.all() or not good.any():
         return np.where(good, x, 0.0)
@@ -106,7 +111,11 @@ def _channel_faults(
     if is_dead(x):
         what = f"does not move: constant at {x[0]:.6g} {port.unit}".rstrip()
         dead = Found(
-            "dead", "unusable", ((0, len(x)),), what, "check cable and gain, or leave the channel out"
+            "dead",
+            what,
+            "check cable and gain, or leave the channel out",
+            severity="unusable",
+            samples=((0, len(x)),),
         )
         return gaps or [dead]
     levels = levels_of(x)

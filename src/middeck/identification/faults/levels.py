@@ -1,11 +1,10 @@
-"""Faults of level and scale: offset, drift, coarse steps, a channel held at a slower rate."""
+"""Faults of level, scale and period: offset, drift, coarse steps, slower rates, unsteady periods."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from middeck.identification.faults.found import Found
-from middeck.identification.faults.runs import Levels, Signal
+from middeck.identification.faults.runs import Found, Levels, Signal
 
 # Level over swing (rms) from which an offset is told: an output that never crosses zero much; a command may
 # have one by intention (a binary sequence of 0 and 1 has 1).
@@ -17,10 +16,15 @@ DRIFT, PERIODIC_DRIFT = 0.3, 0.1
 LINES, SURE = 10, 8.0
 # Noise of the steps over the signal (step / sqrt(12) / rms): 1 % is the noise of a good bench.
 COARSE, TOO_COARSE = 0.01, 0.1
+# First period less last one, over the rms of the signal, from which a transient is told; and how much of it
+# must die out from the first to the last quarter of a period, or from the first two to the last two periods.
+TRANSIENT, SERIOUS, DIES = 0.01, 0.1, 4.0
+# Scatter of the input over its periods, as a share of their mean.
+REPEATS = 0.5
 
 
 def find_offset(x: Signal, unit: str, *, is_input: bool) -> list[Found]:
-    """A level large against the swing."""
+    """A mean that is large relative to the signal's rms."""
     level, swing = float(x.mean()), float(x.std())
     if abs(level) <= (OFFSET_INPUT if is_input else OFFSET_OUTPUT) * swing:
         return []
@@ -29,11 +33,13 @@ def find_offset(x: Signal, unit: str, *, is_input: bool) -> list[Found]:
     if abs(level) <= SURE * np.sqrt(np.mean(lowest**2)):
         return []
     what = f"offset of {level:.3g} {unit}, {abs(level) / swing:.1f} times its swing".replace("  ", " ")
-    return [Found("offset", "note", (), what, "responses leave it out; check range and zero of the sensor")]
+    return [
+        Found("offset", what, "responses leave it out; check range and zero of the sensor", severity="note")
+    ]
 
 
 def find_drift(x: Signal, unit: str, *, period: int | None) -> list[Found]:
-    """A change from beginning to end that the signal's own slow motion does not explain."""
+    """A trend that the signal's own slow motion does not explain."""
     swing, periods = float(x.std()), 1 if period is None else len(x) // period
     change, sure = _trend(x, periods)
     least = (DRIFT if periods == 1 else PERIODIC_DRIFT) * swing
@@ -43,7 +49,7 @@ def find_drift(x: Signal, unit: str, *, period: int | None) -> list[Found]:
         "  ", " "
     )
     hint = "let sensors and article warm up; take the drift out before a fit of slow modes"
-    return [Found("drift", "serious", (), what, hint)]
+    return [Found("drift", what, hint)]
 
 
 def _trend(x: Signal, periods: int) -> tuple[float, float]:
@@ -65,18 +71,18 @@ def _trend(x: Signal, periods: int) -> tuple[float, float]:
 
 
 def find_coarse_steps(x: Signal, levels: Levels) -> list[Found]:
-    """A converter whose steps are a good part of the signal."""
+    """Quantisation steps that are a large part of the signal."""
     step, swing = levels.step, float(x.std())
     noise = step / np.sqrt(12.0) / swing
     if noise <= COARSE:
         return []
     what = f"coarse steps of {step:.3g}: their noise is {noise:.1%} of the signal"
     hint = "amplify before the converter, or choose a smaller range"
-    return [Found("quantisation", "serious" if noise > TOO_COARSE else "note", (), what, hint)]
+    return [Found("quantisation", what, hint, severity="serious" if noise > TOO_COARSE else "note")]
 
 
 def find_held(x: Signal) -> list[Found]:
-    """A channel that moves at every n-th sample only."""
+    """A channel that changes at every n-th sample only."""
     moves = np.flatnonzero(np.diff(x))
     if len(moves) < 20:
         return []
@@ -86,4 +92,49 @@ def find_held(x: Signal) -> list[Found]:
         return []
     what = f"moves at every {every}. sample only: recorded at a {every} times slower rate and held"
     hint = "resample all channels to the slower rate, or take the hold into account"
-    return [Found("held", "serious", (), what, hint)]
+    return [Found("held", what, hint)]
+
+
+def find_transient(x: Signal, period: int) -> list[Found]:
+    """A first period that differs from the last by a decaying transient."""
+    rows = x.reshape(-1, period)
+    if len(rows) < 2:
+        return []
+    rest = rows[0] - rows[-1]
+    rest = rest - rest.mean()
+    size = float(np.sqrt(np.mean(rest**2)) / x.std())
+    if size <= TRANSIENT or not (_dies(rest) or _dies_over_periods(rows)):
+        return []
+    what = f"not steady: the first period differs from the last by {size:.1%} of the rms"
+    hint = "leave the first period out, or wait longer before recording"
+    return [
+        Found(
+            "transient", what, hint, severity="serious" if size > SERIOUS else "note", samples=((0, period),)
+        )
+    ]
+
+
+def _dies(rest: Signal) -> bool:
+    quarter = len(rest) // 4
+    first, last = (float(np.sum(part**2)) for part in (rest[:quarter], rest[-quarter:]))
+    return first > DIES * last
+
+
+def _dies_over_periods(rows: np.ndarray) -> bool:
+    if len(rows) < 4:
+        return False
+    change = np.sum((np.diff(rows, axis=0) - np.diff(rows, axis=0).mean(axis=1, keepdims=True)) ** 2, axis=1)
+    return bool(change[0] > DIES * change[-1])
+
+
+def find_unsteady_input(u: Signal, period: int) -> list[Found]:
+    """An input declared periodic that does not repeat."""
+    rows = u.reshape(-1, period)
+    if len(rows) < 2:
+        return []
+    mean = rows.mean(axis=0)
+    scatter, size = float(np.sqrt(np.mean((rows - mean) ** 2))), float(mean.std())
+    if scatter <= REPEATS * size:
+        return []
+    what = f"does not repeat: it scatters by {scatter / max(size, 1e-300):.0%} of its mean period"
+    return [Found("repeat", what, "count the periods; record only steady ones", severity="unusable")]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from middeck.identification.faults.found import Found
+from middeck.identification.faults.runs import Found
 from middeck.signals.fault import Fault
 from middeck.signals.ports import Channel, Port
 from middeck.signals.record import Record
@@ -25,25 +25,19 @@ FORCES = ("N", "N m", "Nm")
 
 def find_pair_faults(record: Record) -> list[Fault]:
     """Duplicated outputs, and signs and delays of collocated channels."""
-    flat = [
-        [np.moveaxis(x[..., k], 0, 0).reshape(len(x), -1) for k in range(x.shape[3])]
-        for x in (record.u, record.y)
-    ]
     inputs, outputs = (
-        list(zip(record.inputs, flat[0], strict=True)),
-        list(zip(record.outputs, flat[1], strict=True)),
+        [(port, x[..., k].reshape(len(x), -1)) for k, port in enumerate(ports)]
+        for ports, x in ((record.inputs, record.u), (record.outputs, record.y))
     )
     found: list[Fault] = []
     for k, (port, y) in enumerate(outputs):
         for other, z in outputs[:k]:
-            found += _place(port, _duplicate(y, z, other) or _collocated(record, port, y, other, z))
+            here = _duplicate(y, z, other) or _collocated(record, port, y, other, z)
+            found += [f.at("output", port) for f in here]
         for at, u in inputs:
-            found += _place(port, _duplicate(y, u, at) or _driven(record, port, y, at, u))
+            here = _duplicate(y, u, at) or _driven(record, port, y, at, u)
+            found += [f.at("output", port) for f in here]
     return found
-
-
-def _place(port: Port, found: list[Found]) -> list[Fault]:
-    return [Fault(f.kind, f.severity, "output", port.name, None, (), f.what, f.hint) for f in found]
 
 
 Runs = Float[np.ndarray, "experiment sample"]
@@ -60,9 +54,7 @@ def _duplicate(y: Runs, z: Runs, other: Port) -> list[Found]:
     if abs(alike) < 1.0 - ONE_SIGNAL:
         return []
     how = "the same signal as" if alike > 0.0 else "the same signal, turned round, as"
-    return [
-        Found("duplicate", "serious", (), f"{how} {other.name}", "check the wiring; leave one of them out")
-    ]
+    return [Found("duplicate", f"{how} {other.name}", "check the wiring; leave one of them out")]
 
 
 def _collocated(record: Record, port: Port, y: Runs, other: Port, z: Runs) -> list[Found]:
@@ -73,13 +65,11 @@ def _collocated(record: Record, port: Port, y: Runs, other: Port, z: Runs) -> li
     lag, alike = _lag(sign * y, z)
     if alike < -ALIKE:
         what = f"has the opposite sign of {other.name}, at the same place (correlation {alike:.2f})"
-        return [
-            Found("sign", "serious", (), what, "one of the two is mounted or calibrated with the wrong sign")
-        ]
+        return [Found("sign", what, "one of the two is mounted or calibrated with the wrong sign")]
     if alike > ALIKE and abs(lag) > LATE:
         when = f"{abs(lag):.1f} samples ({abs(lag) / record.sample_hz:.3g} s)"
         what = f"{when} {'after' if lag > 0 else 'before'} {other.name}, at the same place"
-        return [Found("delay", "serious", (), what, "start the channels together, or shift one")]
+        return [Found("delay", what, "start the channels together, or shift one")]
     return []
 
 
@@ -119,7 +109,7 @@ def _driven(record: Record, port: Port, y: Runs, at: Port, u: Runs) -> list[Foun
         return []
     what = f"has the wrong sign against {at.name} there: the article gives off power ({share:.0%})"
     hint = f"turn the sign of the sensor or of {at.name}; a passive article takes power in"
-    return [Found("sign", "serious", (), what, hint)]
+    return [Found("sign", what, hint)]
 
 
 def _power_share(y: Runs, u: Runs, derivative: int) -> float:

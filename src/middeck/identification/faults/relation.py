@@ -11,9 +11,9 @@ import scipy.linalg
 import scipy.signal
 from jaxtyping import Float
 
-from middeck.identification.faults.found import Found
+from middeck.identification.faults.runs import Found
 from middeck.signals.excitation.repetition import find_repetition
-from middeck.signals.fault import Fault, Side
+from middeck.signals.fault import Fault
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
 
@@ -39,7 +39,7 @@ FEWEST_LARGE, BEYOND, LEAP = 20, 12.0, 12.0
 # input does between samples.
 LEADS = 2
 # Deviations of a correlation from which it is an answer: the largest of 1e4 of noise is 4.
-HEARD = 7.0
+ANSWERED = 7.0
 # A delay is told from so many samples, and this share of the record.
 LONG, LONG_SHARE = 32, 0.02
 
@@ -54,22 +54,16 @@ def find_relation_faults(record: Record) -> list[Fault]:
         U, Y = np.array([whitened(x) for x in u]), np.array([whitened(x) for x in y])
         own = _shifts(record, U, Y)
         own = own or _residuals(record, u, y)
-        found += [_at(f, side, port, e) for f, side, port in own]
-        found += [_at(f, side, port, e) for f, side, port in _long_delays(record, U, Y)]
+        found += [f.at("output", port, e) for f, port in own]
+        found += [f.at("output", port, e) for f, port in _long_delays(record, U, Y)]
     return found
 
 
-Place = tuple[Found, Side, Port]
-
-
-def _at(found: Found, side: Side, port: Port, experiment: int) -> Fault:
-    return Fault(
-        found.kind, found.severity, side, port.name, experiment, found.samples, found.what, found.hint
-    )
+Place = tuple[Found, Port]
 
 
 def whitened(x: Signal) -> Signal:
-    """What the past of a signal does not foretell of it, in its deviations; zero if next to nothing."""
+    """Linear prediction error of a signal, of unit rms; zero for a signal that is fully predictable."""
     x = x - x.mean()
     past = np.fft.irfft(np.abs(np.fft.rfft(x, 2 * len(x))) ** 2)[: PAST + 1]
     column = past[:-1] + np.eye(1, PAST)[0] * FLOOR * past[0]
@@ -93,14 +87,14 @@ def _correlation(u: Signal, y: Signal, first: int, last: int) -> Float[np.ndarra
 
 
 def _shifts(record: Record, U: np.ndarray, Y: np.ndarray) -> list[Place]:
-    """Where the answers of an output move against the inputs, whichever of the two lost samples."""
+    """Outputs whose response shifts in time against the inputs: either side lost samples."""
     found: list[Place] = []
     for o, y in enumerate(Y):
         # All inputs together tell most; where one alone lost samples, only it shows that.
         tried = (_shift(u, y) for u in ([U] if len(U) == 1 else [U, *(one[None] for one in U)]))
         step = next((s for s in tried if s is not None), None)
         if step is not None:
-            found.append((_lost(record, *step), "output", record.outputs[o]))
+            found.append((_lost(record, *step), record.outputs[o]))
     return found
 
 
@@ -111,7 +105,7 @@ def _lost(record: Record, near: int, shift: int) -> Found:
         f"samples were {here} there, or {there} in the inputs"
     )
     hint = "cut the record there and fit the longer part, or shift what follows; check buffers and clocks"
-    return Found("shift", "serious", ((max(near - 1, 0), near + 1),), what, hint)
+    return Found("shift", what, hint, samples=((max(near - 1, 0), near + 1),))
 
 
 def _shift(U: Float[np.ndarray, "input sample"], y: Signal) -> tuple[int, int] | None:
@@ -127,7 +121,7 @@ def _shift(U: Float[np.ndarray, "input sample"], y: Signal) -> tuple[int, int] |
 
 
 def _lags(answers: Float[np.ndarray, "part input lag"]) -> Float[np.ndarray, " part"] | None:
-    """By how many samples each part's answer comes after that which most are like; NaN where it is not."""
+    """Lag of each part's response behind the one that most parts resemble; NaN where it resembles none."""
     size = np.sqrt(np.sum(answers**2, axis=(1, 2)))
     spectra = np.fft.rfft(answers, 2 * answers.shape[2], axis=2)
     cross = np.fft.irfft(np.einsum("ail,bil->abl", spectra, spectra.conj()), axis=2)
@@ -154,7 +148,7 @@ def _best_step(lags: Float[np.ndarray, " part"]) -> tuple[int, int] | None:
 
 
 def _where(U: np.ndarray, y: Signal, parts: list[slice], part: int, shift: int) -> int:
-    """The sample from which the answer is better explained as shifted."""
+    """The sample from which a shifted response explains the output better."""
     low, high = parts[max(part - 3, 0)].start, parts[min(part + 2, len(parts) - 1)].stop
     until = parts[max(part - 2, 0)].stop
     told = np.zeros_like(y)
@@ -171,7 +165,7 @@ def _where(U: np.ndarray, y: Signal, parts: list[slice], part: int, shift: int) 
 
 
 def _residuals(record: Record, u: np.ndarray, y: np.ndarray) -> list[Place]:
-    """What later inputs tell of the noise of outputs, and where a record does not go on as it was.
+    """Feedback (later inputs predict the output's noise) and joints (the record does not continue).
 
     Each output is explained by its own past and by the inputs until then. What is left is noise. No later
     input knows of it but through a loop (Sims 1972); a loop that acts within some samples and forgets is a
@@ -194,14 +188,14 @@ def _residuals(record: Record, u: np.ndarray, y: np.ndarray) -> list[Place]:
         if at is None and not repeated and float(left.std()) > FORETOLD:
             share = _told_later(x, own, after)
             if share is not None:
-                found.append((_fed_back(share), "output", port))
+                found.append((_fed_back(share), port))
         elif at is not None:
-            found.append((_joined(record, at + lags), "output", port))
+            found.append((_joined(record, at + lags), port))
     return found
 
 
 def _alone(left: Signal) -> int | None:
-    """The first of the residuals that no noise has: those after are foretold from it, and wrong too."""
+    """The first residual too large for noise: those after it are predicted from it, and wrong too."""
     size = np.abs(left)
     at = int(np.argmax(size))
     rest = np.sort(np.delete(size, slice(max(at - 2, 0), at + PAST)))
@@ -219,11 +213,11 @@ def _joined(record: Record, at: int) -> Found:
         "were lost there, or two runs joined"
     )
     hint = "cut the record there: each part is a record of its own, with a state to begin with"
-    return Found("joint", "serious", ((at, at + 1),), what, hint)
+    return Found("joint", what, hint, samples=((at, at + 1),))
 
 
 def _told_later(x: Signal, own: np.ndarray, after: np.ndarray) -> float | None:
-    """The share of what is left of ``x`` that later inputs tell; None where that may be chance."""
+    """Share of the residual of ``x`` that later inputs explain; None where that may be chance."""
     before, then = (float(np.sum(_left(x, rows) ** 2)) for rows in (own, np.vstack([own, after])))
     added, free = len(after), len(x) - len(own) - len(after)
     gain, share = (before - then) / max(then, 1e-300) * free, 1.0 - then / max(before, 1e-300)
@@ -239,13 +233,13 @@ def _fed_back(share: float) -> Found:
         "fit from a signal outside the loop (--reference CHANNEL), or with the controller known: from the "
         "inputs directly one finds something between the plant and 1/K"
     )
-    return Found("feedback", "serious", (), what, hint)
+    return Found("feedback", what, hint)
 
 
 def _beside(
     x: Float[np.ndarray, "channel sample"], shifts: range, first: int, count: int
 ) -> Float[np.ndarray, "row sample"]:
-    """The samples so many after (or before) each of ``count`` from ``first`` on."""
+    """``count`` samples from ``first`` on, shifted by each of ``shifts``."""
     return np.vstack([x[:, first + k : first + k + count] for k in shifts])
 
 
@@ -259,11 +253,11 @@ def _left(x: Signal, rows: Float[np.ndarray, "row sample"]) -> Signal:
 
 
 def _long_delays(record: Record, U: np.ndarray, Y: np.ndarray) -> list[Place]:
-    """Outputs that answer no input before many samples have passed."""
+    """Outputs that respond to no input within many samples."""
     found: list[Place] = []
     count = U.shape[1]
     for o, port in enumerate(record.outputs):
-        heard = [k for u in U if u.any() for k in _heard(u, Y[o], count // 2)]
+        heard = [k for u in U if u.any() for k in _first_answers(u, Y[o], count // 2)]
         if not heard:
             continue
         first = min(heard)
@@ -272,10 +266,10 @@ def _long_delays(record: Record, U: np.ndarray, Y: np.ndarray) -> list[Place]:
                 f"answers {first} samples ({first / record.sample_hz:.4g} s) after the inputs, and not before"
             )
             hint = "shift the output by that before a fit; check triggers, and that it is this test's record"
-            found.append((Found("delay", "serious", (), what, hint), "output", port))
+            found.append((Found("delay", what, hint), port))
     return found
 
 
-def _heard(u: Signal, y: Signal, most: int) -> list[int]:
+def _first_answers(u: Signal, y: Signal, most: int) -> list[int]:
     r = _correlation(u, y, 0, most)
-    return [int(np.argmax(np.abs(r) > HEARD))] if np.any(np.abs(r) > HEARD) else []
+    return [int(np.argmax(np.abs(r) > ANSWERED))] if np.any(np.abs(r) > ANSWERED) else []

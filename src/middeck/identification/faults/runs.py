@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import KW_ONLY
+
 import numpy as np
 from jaxtyping import Bool, Float
 
+from middeck.signals.fault import MOST_RUNS, Fault, Severity, Side
+from middeck.signals.ports import Port
 from middeck.values import record
 
 Signal = Float[np.ndarray, " sample"]
@@ -59,3 +63,20 @@ def levels_of(x: Signal) -> Levels:
         if np.mean(np.abs(multiple - np.rint(multiple)) < 1e-3 + finest / step) > 0.9:
             return Levels(len(levels), float(f"{step:.6g}"))
     return Levels(len(levels), 0.0)
+
+
+@record
+class Found:
+    """Kind, what, hint, severity and runs of samples of a `Fault`."""
+
+    kind: str
+    what: str
+    hint: str
+    _: KW_ONLY
+    severity: Severity = "serious"
+    samples: tuple[tuple[int, int], ...] = ()
+
+    def at(self, side: Side, port: Port, experiment: int | None = None) -> Fault:
+        """As a fault of a channel."""
+        runs = self.samples[:MOST_RUNS]
+        return Fault(self.kind, self.severity, side, port.name, experiment, runs, self.what, self.hint)

@@ -9,8 +9,7 @@ import scipy.linalg
 import scipy.ndimage
 import scipy.signal
 
-from middeck.identification.faults.found import Found
-from middeck.identification.faults.runs import Levels, Runs, Signal, equal_runs, runs_of
+from middeck.identification.faults.runs import Found, Levels, Runs, Signal, equal_runs, runs_of
 
 # A channel whose swing is within this share of its level is constant up to rounding.
 ROUNDING = 1e-13
@@ -55,7 +54,15 @@ def find_gaps(x: Signal) -> list[Found]:
         return []
     count = sum(b - a for a, b in runs)
     what = f"{count} samples are missing or no numbers, in {_times(runs)}, first at {runs[0][0]}"
-    return [Found("gap", "unusable", tuple(runs), what, "cut the record before the gap, or record it again")]
+    return [
+        Found(
+            "gap",
+            what,
+            "cut the record before the gap, or record it again",
+            severity="unusable",
+            samples=tuple(runs),
+        )
+    ]
 
 
 def is_dead(x: Signal) -> bool:
@@ -74,9 +81,7 @@ def find_clipping(x: Signal, levels: Levels) -> list[Found]:
     limits = sorted({float(f"{x[a]:.3g}") for a, _ in runs})
     at = " and ".join(f"{v:g}" for v in (limits[:1] + limits[-1:] if len(limits) > 1 else limits))
     what = f"clipped: {count} samples at the limits near {at}, in {_times(runs)}"
-    return [
-        Found("clipping", "serious", tuple(runs), what, "record it again with a wider range or less drive")
-    ]
+    return [Found("clipping", what, "record it again with a wider range or less drive", samples=tuple(runs))]
 
 
 def _exact_limits(x: Signal, step: float) -> Runs:
@@ -113,7 +118,7 @@ def _blurred_limits(x: Signal, step: float) -> Runs:
 
 
 def find_dropouts(x: Signal, levels: Levels, *, period: int, is_input: bool) -> list[Found]:
-    """Runs of one value that the signal enters or leaves by a leap."""
+    """Runs of one value that the signal enters or leaves with a jump."""
     low, high = x.min(), x.max()
     if np.mean(np.diff(x) == 0.0) > HELD and len(equal_runs(x, 2)) > 5 * len(equal_runs(x, STUCK)):
         return []
@@ -128,11 +133,11 @@ def find_dropouts(x: Signal, levels: Levels, *, period: int, is_input: bool) -> 
     hint = "check cable and transmission; cut the record there"
     if runs[-1][1] == len(x):
         hint = "the end may have been cut and padded: cut it off, or copy the record again"
-    return [Found("dropout", "serious", tuple(runs), what, hint)]
+    return [Found("dropout", what, hint, samples=tuple(runs))]
 
 
 def _leaps(x: Signal, run: tuple[int, int], step: float) -> bool:
-    """Whether the signal leaves its value by more than steps, and by as much as it usually moves."""
+    """Whether the jump exceeds the quantisation step and the usual change between samples."""
     a, b = run
     moves = np.abs(np.concatenate([np.diff(x[max(0, a - 50) : a]), np.diff(x[b : b + 50])]))
     usual = float(np.median(moves)) if len(moves) else 0.0
@@ -153,7 +158,7 @@ def find_spikes(x: Signal, levels: Levels, driven: Runs | None = None) -> list[F
     largest = max(float(np.abs(x[a:b] - np.median(x)).max()) for a, b in runs)
     what = f"{len(runs)} spikes up to {largest:.3g}, first at {runs[0][0]}"
     hint = "check for loose contacts and switching nearby; repair the samples, or leave the period out"
-    return [Found("spike", "serious", tuple(runs), what, hint)]
+    return [Found("spike", what, hint, samples=tuple(runs))]
 
 
 def spike_runs(x: Signal, levels: Levels) -> Runs:
@@ -174,7 +179,7 @@ def spike_runs(x: Signal, levels: Levels) -> Runs:
 
 
 def _tail(x: Signal, runs: Runs) -> tuple[Signal, float]:
-    """What each sample has that those before it do not foretell, and what chance hardly makes of it.
+    """Linear prediction error of each sample, and the limit that chance hardly exceeds.
 
     The largest residuals of the rest are taken for a power law (Hill 1975): exact for heavy tails, and for
     lighter ones, exponential or normal, on the safe side.
@@ -230,7 +235,7 @@ def _most_beside(window: Signal, k: int) -> float:
 
 
 def _decays(x: Signal, run: tuple[int, int]) -> bool:
-    """Whether a run at an edge goes over into what follows, as free motion does, rather than ending."""
+    """Whether a run at an edge decays into what follows, as free motion does."""
     a, b = run
     if a <= BESIDE:
         inward = x[a : a + 2 * BESIDE + 3]
@@ -244,7 +249,7 @@ def _decays(x: Signal, run: tuple[int, int]) -> bool:
 
 
 def is_impact(x: Signal) -> bool:
-    """Whether a good part of the energy is in spikes, as of a hammer."""
+    """Whether much of the energy is in spikes, as with a hammer."""
     swing = x - np.median(x)
     energy = sum(float(np.sum(swing[a:b] ** 2)) for a, b in _outside_runs(x, 0.0))
     return energy > IMPACTS * float(np.sum(swing**2))

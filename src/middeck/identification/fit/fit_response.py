@@ -3,30 +3,31 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import FitError
 from middeck.identification.fit.fitted_model import model_of, structure_of
-from middeck.identification.fit.lacking_delay import name_lacking_delay
+from middeck.identification.fit.missing_delay import name_missing_delay
 from middeck.identification.fit.standing import (
     Standing,
+    SteadyLine,
     checked_covariance,
     doubts_of_standing,
     standing_of,
     standing_of_delays,
 )
-from middeck.identification.fit.steady_line import SteadyLine
 from middeck.identification.fit.tidy import tidied
-from middeck.identification.model.checks import check_logarithms, check_response
+from middeck.identification.model.checks import check_logarithms, check_response, check_word
+from middeck.identification.model.fit_options import Constants, Delay, FitOptions, decided
 from middeck.identification.model.held_response import folded_response
 from middeck.identification.model.measurement_model import MeasurementModel, model_response
-from middeck.identification.order.beyond import race_of_orders
 from middeck.identification.order.order import EXPLAINED
+from middeck.identification.order.outside_band import choose_order
 from middeck.identification.order.race import count_unknowns, model_error, race, spread_to_follow
-from middeck.identification.problem.data import Data
+from middeck.identification.problem.data import data_of
 from middeck.identification.search.doubts import (
     causal_delay,
     doubts_of_deviations,
@@ -36,8 +37,7 @@ from middeck.identification.search.doubts import (
 )
 from middeck.identification.search.likelihood import likelihood_polish
 from middeck.identification.search.polish import Polished, logarithmic_polish, settle
-from middeck.identification.spectra.weights import Spread, excess_share, spread_of
-from middeck.identification.start.choices import Choices, Constants, Delay, options_of
+from middeck.identification.spectra.weights import Spread, by_output, excess_share, spread_of
 from middeck.identification.uncertainty.covariance import ModelCovariance, estimate_covariance
 from middeck.identification.uncertainty.parameters import Uncertainty, uncertainty_of
 from middeck.systems.hold import release_hold
@@ -45,11 +45,9 @@ from middeck.systems.response import FrequencyResponse
 from middeck.values import record
 
 Cost = Literal["weighted", "likelihood", "logarithmic"]
-# The start is weighted as if the model left this share of the response's rms.
-FIRST_EXCESS = 0.03
 
 
-@record
+@record(kw_only=True)
 class FitResult:
     """A fitted model and how good it is.
 
@@ -176,39 +174,48 @@ def fit_response(
         If the response is constant, all noise or too short for so many states, if an output leads its
         input, or if no start could be refined.
     """
-    choices = Choices(
-        sample_hz, constants, delay, direct, residuals, full_rank, rigid, relative_degree, integrators
+    asked = FitOptions(
+        states=states,
+        sample_hz=sample_hz,
+        constants=constants,
+        delay=delay,
+        direct=direct,
+        residuals=residuals,
+        full_rank=full_rank,
+        rigid=rigid,
+        integrators=integrators,
+        relative_degree=relative_degree,
     )
-    if measured.hold_s and sample_hz is None:
-        return _fit_behind_hold(measured, measured.hold_s, states, choices, cost)
-    fit = fit_chosen(measured, states, choices, cost)
-    return fit if sample_hz is not None else marked(fit, measured.hold_s)
+    return fit_asked(measured, asked, cost)
 
 
-def _fit_behind_hold(
-    measured: FrequencyResponse, hold_s: float, states: int | None, choices: Choices, cost: Cost
-) -> FitResult:
-    """The fit without the hold of its inputs: that divided out, and what sampling folds back taken off.
+def fit_asked(measured: FrequencyResponse, asked: FitOptions, cost: Cost = "weighted") -> FitResult:
+    """`fit_response` with its options as one value.
 
-    The first fit tells what is folded back: some thousandths of the response at an eighth of the rate.
+    A hold of the inputs is divided out, and what sampling folds back is taken off; a first fit tells that:
+    some thousandths of the response at an eighth of the rate.
     """
-    first = fit_chosen(release_hold(measured), states, choices, cost).model
+    hold_s = measured.hold_s
+    if asked.sample_hz is not None:
+        return fit_lines(measured, asked, cost)
+    if not hold_s:
+        return marked(fit_lines(measured, asked, cost), hold_s)
+    first = fit_lines(release_hold(measured), asked, cost).model
     folded = folded_response(first, measured.frequency_hz, 1.0 / hold_s)
     alone = dataclasses.replace(measured, H=measured.H - folded)
-    return marked(fit_chosen(release_hold(alone), states, choices, cost), hold_s)
+    return marked(fit_lines(release_hold(alone), asked, cost), hold_s)
 
 
 def marked(fit: FitResult, hold_s: float | None) -> FitResult:
-    """The fit, its model saying which hold was taken out."""
+    """The fit, the removed hold noted in its model."""
     model = dataclasses.replace(fit.model, hold_s=hold_s)
     return dataclasses.replace(fit, model=model, covariance=dataclasses.replace(fit.covariance, model=model))
 
 
-def fit_chosen(
-    measured: FrequencyResponse, states: int | None, choices: Choices, cost: Cost = "weighted"
-) -> FitResult:
-    """`fit_response` with its options as one value."""
-    options = options_of(measured, states, choices)
+def fit_lines(measured: FrequencyResponse, asked: FitOptions, cost: Cost = "weighted") -> FitResult:
+    """Fit a response as it is, whatever its inputs did between samples."""
+    check_word("cost", cost, get_args(Cost))
+    options, states = decided(measured, asked), asked.states
     check_response(measured, count_unknowns(measured, options))
     if cost == "logarithmic" and measured.variance is None:
         raise FitError(
@@ -223,9 +230,9 @@ def fit_chosen(
             hint="record two periods or more, or take cost 'weighted'",
         )
     spread = spread_of(measured, relative=cost == "logarithmic")
-    data = _first_data(measured, spread)
+    data = data_of(measured, spread)
     if states is None:
-        best, reason = race_of_orders(measured, data, spread, options, choices)
+        best, reason = choose_order(measured, data, spread, options, asked)
     else:
         best, reason = race(data, spread, options), f"{states} states were asked for"
     followed = spread_to_follow(best, spread)
@@ -239,21 +246,12 @@ def fit_chosen(
     return _result(measured, best, spread, followed, reason)
 
 
-def _first_data(measured: FrequencyResponse, spread: Spread) -> Data:
-    weight = 1.0 / np.sqrt(spread.at(FIRST_EXCESS**2))
-    return Data(2j * np.pi * measured.frequency_hz, np.moveaxis(measured.H, 0, 1), weight)
-
-
 def _result(
     measured: FrequencyResponse, best: Polished, spread: Spread, followed: Spread, reason: str
 ) -> FitResult:
-    found = model_of(best.layout, best.refined, measured.inputs, measured.outputs)
+    found = model_of(best, measured.inputs, measured.outputs)
     covariance = estimate_covariance(
-        found,
-        structure_of(best.layout),
-        measured,
-        assumed=followed.at(best.share),
-        noise=spread.variance,
+        found, structure_of(best.layout), measured, assumed=followed.at(best.share), noise=spread.variance
     )
     covariance = checked_covariance(covariance)
     uncertainty = uncertainty_of(covariance)
@@ -265,14 +263,14 @@ def _result(
         raise FitError("the fitted response is not finite", hint="fewer states")
     refuse_a_lead(measured, found, model)
     if followed is not spread:
-        best = dataclasses.replace(best, share=excess_share(np.moveaxis(residual, 0, 1), spread))
+        best = dataclasses.replace(best, share=excess_share(by_output(residual), spread))
     error = np.sqrt(np.sum(r, axis=(0, 2)) / np.sum(np.abs(measured.H) ** 2, axis=(0, 2)))
     if not best.refined.converged:
         warnings.append(f"the search had not settled after {len(best.refined.history)} steps")
     warnings += doubts_of_record(measured)
     excess = model_error(best, spread)
     doubts = doubts_of_model(measured, error, excess, residual)
-    warnings += name_lacking_delay(doubts, measured, covariance, error)
+    warnings += name_missing_delay(doubts, measured, covariance, error)
     warnings += doubts_of_deviations(measured, covariance)
     standing = standing_of(measured, covariance, holds=not doubts)
     # What all lines lack alike looks like a delay before it is most of what is left.
@@ -280,15 +278,15 @@ def _result(
     of_delays = standing_of_delays(measured, covariance, holds=noise)
     warnings += doubts_of_standing(covariance, standing)
     return FitResult(
-        model,
-        2.0 * best.refined.step.cost / r.size,
-        error,
-        np.sqrt(best.share * np.mean(np.abs(measured.H) ** 2, axis=(0, 2))),
-        uncertainty,
-        dataclasses.replace(covariance, model=model),
-        np.array(best.refined.history),
-        reason,
-        tuple(warnings),
-        standing,
+        model=model,
+        cost=2.0 * best.refined.step.cost / r.size,
+        error=error,
+        excess=np.sqrt(best.share * np.mean(np.abs(measured.H) ** 2, axis=(0, 2))),
+        uncertainty=uncertainty,
+        covariance=dataclasses.replace(covariance, model=model),
+        history=np.array(best.refined.history),
+        order_reason=reason,
+        warnings=tuple(warnings),
+        standing=standing,
         delay_standing=of_delays,
     )

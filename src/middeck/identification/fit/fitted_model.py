@@ -4,62 +4,60 @@ from __future__ import annotations
 
 import numpy as np
 
-from middeck.identification.model.descent import Refined
 from middeck.identification.model.measurement_model import RANK, MeasurementModel
-from middeck.identification.problem.layout import Layout, unpack
+from middeck.identification.problem.layout import Layout
 from middeck.identification.problem.terms import constant_terms, shapes
+from middeck.identification.search.polish import Run
 from middeck.identification.uncertainty.unknowns import Structure
 from middeck.signals.ports import Port
 
 
-def model_of(
-    layout: Layout, refined: Refined, inputs: tuple[Port, ...], outputs: tuple[Port, ...]
-) -> MeasurementModel:
+def model_of(run: Run, inputs: tuple[Port, ...], outputs: tuple[Port, ...]) -> MeasurementModel:
     """The model at the end of a search, without transients; its delays may be negative."""
-    linear = refined.step.linear[:, : layout.columns]
-    point = unpack(layout, refined.theta)
+    layout, point = run.layout, run.start.point
+    linear = run.refined.step.linear[:, : layout.columns]
     c = np.array([shapes(layout, point, x) for x in linear])
     poles, b = point.poles, point.b
-    if layout.full:
+    if layout.options.full_rank:
         poles, c, b = _by_rank(poles, c.reshape(len(c), -1, layout.copies))
-    constant = constant_terms(layout, point, linear)
+    R, Q, L, D = constant_terms(layout, point, linear)
     each, beyond = point.delay_s[:, 0], None
     if point.delay_s.shape[1] > 1:
         each = np.min(point.delay_s, axis=1)
         # A path that leads is as prompt as can be: zero, as the output's delay is then (`causal_delay`).
         beyond = np.maximum(point.delay_s, 0.0) - np.maximum(each, 0.0)[:, None]
     return MeasurementModel(
-        poles,
-        c,
-        b,
-        constant.direct,
-        constant.lower,
-        each,
-        inputs,
-        outputs,
-        1.0 / layout.period_s if layout.period_s else None,
-        beyond,
-        constant.rigid if layout.rigid_pivot else None,
-        constant.integral if layout.integral_pivot else None,
+        poles=poles,
+        shapes=c,
+        participation=b,
+        direct=D,
+        lower=L,
+        delay_s=each,
+        inputs=inputs,
+        outputs=outputs,
+        sample_hz=layout.options.sample_hz,
+        path_delay_s=beyond,
+        rigid=R if layout.rigid_pivot else None,
+        integral=Q if layout.integral_pivot else None,
     )
 
 
 def structure_of(layout: Layout) -> Structure:
     """Which parts of the model were free."""
     return Structure(
-        layout.real_constants,
-        layout.with_delay,
-        layout.with_lower,
-        layout.with_direct,
-        common_delay=layout.delay_of == "common",
-        relative_degree_two=layout.relative_degree_two,
+        real_constants=layout.options.real_constants,
+        with_delay=bool(layout.options.delay_of),
+        with_lower=layout.options.residuals,
+        with_direct=bool(layout.options.direct),
+        common_delay=layout.options.delay_of == "common",
+        relative_degree_two=layout.options.zero_sum,
     )
 
 
 def _by_rank(poles: np.ndarray, residues: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Residues [output, pole, input] as terms c b, as many for each pole as its residue has rank."""
     found: list[tuple[complex, np.ndarray, np.ndarray]] = []
-    for pole, residue in zip(poles, np.moveaxis(residues, 1, 0), strict=True):
+    for pole, residue in zip(poles, residues.swapaxes(0, 1), strict=True):
         left, size, right = np.linalg.svd(residue)
         for k in range(max(1, int(np.sum(size > RANK * size[0])))):
             found.append((pole, size[k] * left[:, k], right[k]))

@@ -1,4 +1,4 @@
-"""Whether the numbers of each mode of a fit may be believed."""
+"""Whether the parameters of each mode of a fit can be trusted."""
 
 from __future__ import annotations
 
@@ -9,15 +9,14 @@ from typing import Literal
 import numpy as np
 
 from middeck.errors import FitError
-from middeck.identification.fit.significance import DOUBTFUL, mode_significance
-from middeck.identification.fit.steady_line import SteadyLine
+from middeck.identification.fit.tidy import DOUBTFUL, mode_significance
 from middeck.identification.model.measurement_model import natural_hz
 from middeck.identification.search.doubts import confounded_delays
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.orthogonal import canonical_root
 from middeck.identification.uncertainty.parameters import distinct_poles, uncertainty_of
-from middeck.identification.uncertainty.unknowns import places_of
 from middeck.systems.response import FrequencyResponse
+from middeck.values import record
 
 # "sound": its deviations hold. "doubtful": it may be noise, or what the fit leaves is no noise. "unresolved":
 # one of two modes too close for their deviations to hold. "outside": not in the band, so that it stands for
@@ -30,6 +29,8 @@ ROUNDING = 1e-12
 APART = 6.0
 # Deviations of its residue above which a mode is known whatever is beside it.
 ALONE = 30.0
+# Mains are held within so much of their frequency, in any grid that a test hall is likely to be on.
+MAINS_HZ, MAINS_WITHIN = (50.0, 60.0), 0.005
 
 
 def checked_covariance(covariance: ModelCovariance) -> ModelCovariance:
@@ -37,7 +38,7 @@ def checked_covariance(covariance: ModelCovariance) -> ModelCovariance:
 
     Raises `FitError` where it is not finite: then no number of the fit has a deviation.
     """
-    model, at = covariance.model, places_of(covariance.model, covariance.structure)
+    model, at = covariance.model, covariance.at
     if not np.isfinite(covariance.root).all():
         raise FitError(
             "the deviations are not finite: the data do not determine the model",
@@ -109,7 +110,7 @@ def _unresolved(covariance: ModelCovariance, significance: np.ndarray) -> np.nda
 
 
 def doubts_of_standing(covariance: ModelCovariance, standing: Sequence[Standing]) -> list[str]:
-    """What is said of modes that are doubtful by themselves, or two that are not told apart."""
+    """Warnings for doubtful modes and for modes that are not resolved."""
     model, significance = covariance.model, mode_significance(covariance)
     f = natural_hz(model)
     order = sorted(distinct_poles(model), key=lambda m: f[m])
@@ -130,9 +131,41 @@ def doubts_of_standing(covariance: ModelCovariance, standing: Sequence[Standing]
 
 
 def doubts_of_lines(lines: Sequence[SteadyLine]) -> list[str]:
-    """What was taken for hum."""
+    """Warnings for the sines that were taken for hum."""
     return [
         f"a sine at {line.hz:.6g} Hz ({line.name}) goes on through the record, which no input makes: it is "
         "no mode and was fitted beside them"
         for line in lines
     ]
+
+
+@record
+class SteadyLine:
+    """A sine that goes on through the record, not made by its inputs.
+
+    Parameters
+    ----------
+    hz:
+        Its frequency.
+    deviation_hz:
+        Standard deviation of that.
+    name:
+        "mains 50 Hz", "harmonic 3 of mains 50 Hz", or "steady line".
+    """
+
+    hz: float
+    deviation_hz: float
+    name: str
+
+
+def name_line(hz: float, deviation_hz: float) -> str:
+    """Name a line after the mains and its harmonics, within half a per cent.
+
+    >>> name_line(150.2, 0.01), name_line(43.0, 0.01), name_line(59.98, 0.01)
+    ('harmonic 3 of mains 50 Hz', 'steady line', 'mains 60 Hz')
+    """
+    for mains in MAINS_HZ:
+        order = max(round(hz / mains), 1)
+        if abs(hz - order * mains) <= MAINS_WITHIN * order * mains + deviation_hz:
+            return f"mains {mains:g} Hz" if order == 1 else f"harmonic {order} of mains {mains:g} Hz"
+    return "steady line"

@@ -1,20 +1,21 @@
-"""A fit of a response without the modes that it can do without."""
+"""Remove the modes that a fit of a response does not need."""
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from typing import TypeVar
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Complex, Float, Int
 
 from middeck.identification.fit.fitted_model import model_of, structure_of
-from middeck.identification.fit.significance import mode_significance, without_modes
 from middeck.identification.order.order import description_length
 from middeck.identification.problem.data import Data
+from middeck.identification.problem.layout import Point, Start, pack
 from middeck.identification.search.polish import Polished, polish
 from middeck.identification.spectra.weights import Spread
-from middeck.identification.uncertainty.covariance import estimate_covariance
+from middeck.identification.uncertainty.covariance import ModelCovariance, estimate_covariance
 from middeck.systems.response import FrequencyResponse
 
 # A mode of fewer deviations is worth a try without it; which of the two is better, lengths tell.
@@ -23,6 +24,11 @@ WORTH_A_TRY = 8.0
 NOTHING = 2.0
 STEPS = 10
 State = TypeVar("State")
+# A residue that is fewer than so many of its deviations may be noise: the search puts the pole where noise
+# looks most like a mode, which a test at a given frequency (Wald 1943) does not know of.
+DOUBTFUL = 4.0
+# Half the distance at which a mode is split, in its decay rates.
+SPLIT = 0.125
 
 
 def tidied(measured: FrequencyResponse, data: Data, best: Polished, spread: Spread) -> Polished:
@@ -39,7 +45,7 @@ def shed(
     significance: Callable[[State], Float[np.ndarray, " mode"]],
     without: Callable[[State, Bool[np.ndarray, " mode"]], State | None],
 ) -> State:
-    """A fit without modes that it can do without: all that seem nothing at once, then one by one.
+    """Remove modes that a fit does not need: all insignificant ones at once, then one by one.
 
     ``significance`` has the deviations of each mode's residue; ``without`` the fit without some modes, or
     None where that is no better.
@@ -65,7 +71,7 @@ def shed(
 
 
 def _significance(measured: FrequencyResponse, best: Polished, spread: Spread) -> Float[np.ndarray, " mode"]:
-    model = model_of(best.layout, best.refined, measured.inputs, measured.outputs)
+    model = model_of(best, measured.inputs, measured.outputs)
     covariance = estimate_covariance(
         model, structure_of(best.layout), measured, assumed=spread.at(best.share), noise=spread.variance
     )
@@ -77,7 +83,7 @@ def _without(
     data: Data, best: Polished, spread: Spread, dropped: Bool[np.ndarray, " mode"]
 ) -> Polished | None:
     """Refined without some modes, if its description is no longer."""
-    start = without_modes(best.layout, best.refined.theta, dropped)
+    start = without_modes(best.start, dropped)
     fewer = polish(data, start, spread, steps=STEPS, rounds=2, share=best.share)
     if fewer is None or _length(data, fewer) > _length(data, best):
         return None
@@ -86,3 +92,47 @@ def _without(
 
 def _length(data: Data, run: Polished) -> float:
     return description_length(run.likelihood, run.layout.unknowns, 2 * data.H.size)
+
+
+def mode_significance(covariance: ModelCovariance) -> Float[np.ndarray, " mode"]:
+    """Root mean square of each mode's output vector in units of its own covariance (Wald's statistic).
+
+    About one for a mode that is none; zero for one of which the data tell nothing.
+    """
+    at, x = covariance.at, covariance.unknowns
+    scale = np.sqrt(np.maximum(np.diag(covariance.matrix), np.finfo(float).tiny))
+    found = np.zeros(len(covariance.model.poles))
+    for m in range(len(found)):
+        own = at.c[:, m][at.c[:, m] >= 0]
+        among = covariance.matrix[np.ix_(own, own)] / scale[own, None] / scale[own]
+        z = x[own] / scale[own]
+        size, direction = np.linalg.eigh(among)
+        # Correlations of one up to rounding leave a direction of no variance, which tells nothing.
+        clear = size > len(own) * np.sqrt(np.finfo(float).eps)
+        found[m] = (
+            np.sqrt(np.mean(np.square(direction[:, clear].T @ z) / size[clear])) if clear.any() else 0.0
+        )
+    return np.where(np.isfinite(found), found, 0.0)
+
+
+def with_split(start: Start, m: int) -> Start:
+    """The same model with two modes in the place of pair ``m``, an eighth of its half-power width apart."""
+    at = np.insert(np.arange(len(start.layout.pair)), m, m)
+    poles = start.point.poles[at]
+    poles[m : m + 2] += 1j * np.array([1.0, -1.0]) * SPLIT * poles[m].real
+    return _with_modes(start, at, poles)
+
+
+def without_modes(start: Start, dropped: Bool[np.ndarray, " mode"]) -> Start:
+    """The same model without some of its modes."""
+    kept = np.flatnonzero(~dropped)
+    return _with_modes(start, kept, start.point.poles[kept])
+
+
+def _with_modes(start: Start, at: Int[np.ndarray, " mode"], poles: Complex[np.ndarray, " mode"]) -> Start:
+    """Modes ``at`` these places of a model, with other poles."""
+    layout, point = start.layout, start.point
+    chosen = {name: np.asarray(getattr(layout, name))[at] for name in ("pair", "fixed_imag", "pivot")}
+    layout = dataclasses.replace(layout, **chosen)
+    terms = (at[:, None] * layout.copies + np.arange(layout.copies)).ravel()
+    return Start(layout, pack(layout, Point(poles, point.b[terms], point.delay_s, point.psi)))

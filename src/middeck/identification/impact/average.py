@@ -35,7 +35,7 @@ PARTS = 16
 INCOHERENT = 0.9
 
 
-@frozen
+@frozen(kw_only=True)
 class ImpactTest:
     """Averaged response of an impact test.
 
@@ -118,7 +118,12 @@ def average_blows(
     kept = np.isin(spectra.frequency_hz, found.frequency_hz)
     coherence = ordinary_coherence(spectra)[kept, :, 0]
     return ImpactTest(
-        response, coherence, blocks, float(tau), blows, tuple(_warnings(record, coherence, blows))
+        response=response,
+        coherence=coherence,
+        blocks=blocks,
+        window_s=float(tau),
+        blows=blows,
+        warnings=tuple(_warnings(record, coherence, blows)),
     )
 
 
@@ -152,14 +157,14 @@ def _spectra(blocks: Record, window: Float[np.ndarray, "sample one"]) -> Spectra
     count, size = len(U), blocks.u.shape[2]
     scale = 1.0 / (count * size * blocks.sample_hz)
     return Spectra(
-        np.fft.rfftfreq(size, 1.0 / blocks.sample_hz),
-        scale * np.einsum("eki,ekj->kij", U, U.conj()),
-        scale * np.einsum("eko,eki->koi", Y, U.conj()),
-        scale * np.einsum("eko,ekp->kop", Y, Y.conj()),
-        blocks.inputs,
-        blocks.outputs,
-        float(count),
-        0.0,
+        frequency_hz=np.fft.rfftfreq(size, 1.0 / blocks.sample_hz),
+        S_uu=scale * np.einsum("eki,ekj->kij", U, U.conj()),
+        S_yu=scale * np.einsum("eko,eki->koi", Y, U.conj()),
+        S_yy=scale * np.einsum("eko,ekp->kop", Y, Y.conj()),
+        inputs=blocks.inputs,
+        outputs=blocks.outputs,
+        averages=float(count),
+        window_hz=0.0,
     )
 
 

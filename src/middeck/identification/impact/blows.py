@@ -1,4 +1,4 @@
-"""Blows of a hammer in a record, and which of them are no use.
+"""Find the blows of a hammer in a record, and reject the unusable ones.
 
 A hammer pushes: what counts is force of the sign of the largest one. Pulses that follow each other much
 sooner than blows do are one blow that hit twice.
@@ -36,7 +36,7 @@ BEFORE = 32
 STILL_RINGING = 0.3
 
 
-@frozen
+@frozen(kw_only=True)
 class Blow:
     """One blow.
 
@@ -144,7 +144,17 @@ def _blows(
         after_ms = 0.0 if hit is None else 1e3 * (hit - struck) / sample_hz
         place = f"{abs(after_ms):.3g} ms {'after' if after_ms > 0 else 'before'}"
         why = "" if hit is None else f"double hit: another of {force[hit] / force[struck]:.0%} {place}"
-        found.append(Blow(experiment, begins[k], struck, begins[k + 1], b, float(force[struck]), why))
+        found.append(
+            Blow(
+                experiment=experiment,
+                first=begins[k],
+                struck=struck,
+                last=begins[k + 1],
+                pulse_end=b,
+                peak=float(force[struck]),
+                rejected=why,
+            )
+        )
     return found
 
 
@@ -165,7 +175,7 @@ def _second_hit(
 
 
 def _judged(blows: list[Blow], sample_hz: float) -> list[Blow]:
-    """Weak blows, and those that were given little time."""
+    """Reject weak blows, and blows cut short."""
     peak = float(np.median([b.peak for b in blows]))
     length = float(np.median([b.last - b.first for b in blows]))
     found: list[Blow] = []
@@ -212,7 +222,7 @@ def _clipped(x: Float[np.ndarray, " sample"], low: float, high: float) -> list[t
 
 
 def _ringing(blows: list[Blow], y: np.ndarray) -> list[Blow]:
-    """Blows that are struck while the response is still large."""
+    """Reject blows struck while the response is still large."""
     found: list[Blow] = []
     for blow in blows:
         after = y[blow.experiment, blow.struck : blow.last]

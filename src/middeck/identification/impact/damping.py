@@ -10,6 +10,8 @@ import numpy as np
 from middeck.errors import ConfigError
 from middeck.identification.fit.fit_response import FitResult, fit_response
 from middeck.identification.impact.average import ImpactTest
+from middeck.identification.model.checks import check_word
+from middeck.identification.model.fit_options import usual_constants
 from middeck.identification.model.measurement_model import (
     MeasurementModel,
     damping_ratio,
@@ -17,10 +19,9 @@ from middeck.identification.model.measurement_model import (
     natural_hz,
 )
 from middeck.identification.record_fit.fit_record import fit_record
-from middeck.identification.start.choices import usual_constants
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.parameters import uncertainty_of
-from middeck.identification.uncertainty.unknowns import places_of, unknowns_of
+from middeck.identification.uncertainty.unknowns import unknowns_of
 
 # Least decay rate that is left to a mode, as a share of its frequency, where noise makes it none or negative.
 LEAST = 1e-9
@@ -48,6 +49,7 @@ def fit_impact(
     DataError, FitError
         As the fit does.
     """
+    check_word("of", of, ("samples", "response"))
     if of == "samples":
         first, last = (float(f) for f in test.response.frequency_hz[[0, -1]])
         return fit_record(test.blocks, band_hz=(first, last), **options)
@@ -102,7 +104,7 @@ def _moved(
     covariance: ModelCovariance, bare: MeasurementModel, window_s: float, gain: np.ndarray
 ) -> ModelCovariance:
     """By the derivatives of the bare unknowns: logarithms of decay rates, output vectors, constants."""
-    at = places_of(covariance.model, covariance.structure)
+    at = covariance.at
     x = unknowns_of(bare, covariance.structure)
     J = np.eye(at.size)
     first, m = np.unique(at.sigma, return_index=True)

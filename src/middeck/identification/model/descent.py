@@ -22,7 +22,7 @@ WEAKEST = 1e-8
 DAMPING, GROWTH = 1e-3, 2.0
 
 
-@record
+@record(kw_only=True)
 class Step:
     """Cost, normal equations and linear unknowns (the transients' last) at a theta; H - E if at hand."""
 
@@ -44,7 +44,7 @@ class Refined:
 
 
 def is_positive(gram: Float[np.ndarray, "unknown unknown"]) -> bool:
-    """Whether a Gram matrix is one but for rounding."""
+    """Whether the matrix is positive definite up to rounding."""
     if not np.isfinite(gram).all():
         return False
     size = np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))

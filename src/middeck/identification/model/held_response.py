@@ -1,4 +1,4 @@
-"""What a computer that holds its commands sees of a continuous measurement model."""
+"""Response of a continuous measurement model between held input samples and output samples."""
 
 from __future__ import annotations
 

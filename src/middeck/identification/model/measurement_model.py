@@ -14,7 +14,7 @@ RANK = 1e-10
 BELOW_NYQUIST = 0.98
 
 
-@record
+@record(kw_only=True)
 class MeasurementModel:
     """A transfer matrix by its poles and rank-one residues, with a delay for each output or path.
 
@@ -125,7 +125,7 @@ def rational_slope(
     return slope - 2.0 * double / s[:, None, None] ** 3 if np.any(double) else slope
 
 
-@record
+@record(kw_only=True)
 class _Terms:
     """The modes as ahead (q - Re lambda) / N + still / N, N = (q - lambda)(q - conj lambda).
 
@@ -155,12 +155,12 @@ def _terms(model: MeasurementModel, s: np.ndarray) -> _Terms:
         along = np.where(pair, (q[:, None] - np.real(pole)) * first * second, first)
     entries = int(model.direct.size)
     return _Terms(
-        along,
-        first * second,
-        first + second,
-        T * q if T else np.ones_like(q),
-        ahead.reshape(modes, entries),
-        still.reshape(modes, entries),
+        along=along,
+        both=first * second,
+        fall=first + second,
+        by_s=T * q if T else np.ones_like(q),
+        ahead=ahead.reshape(modes, entries),
+        still=still.reshape(modes, entries),
     )
 
 
@@ -198,7 +198,10 @@ def is_mode(model: MeasurementModel, sample_hz: float) -> Bool[np.ndarray, " mod
 
     >>> port, one = (Port("x", "1"),), np.ones((1, 2))
     >>> poles = np.log([0.9 * np.exp(0.5j), -0.3 + 0j])
-    >>> is_mode(MeasurementModel(poles, one, one.T, [[0.0]], [[0.0]], [0.0], port, port, 1.0), 1.0).tolist()
+    >>> model = MeasurementModel(
+    ...     poles=poles, shapes=one, participation=one.T, direct=[[0.0]], lower=[[0.0]], delay_s=[0.0],
+    ...     inputs=port, outputs=port, sample_hz=1.0)
+    >>> is_mode(model, 1.0).tolist()
     [True, False]
     """
     return natural_hz(model) < BELOW_NYQUIST * 0.5 * sample_hz

@@ -47,14 +47,14 @@ def model_of_plant(plant: Plant, *, delay_s: float = 0.0) -> MeasurementModel:
             hint="hold the rigid-body modes, damp all others, or leave the mode out",
         )
     return MeasurementModel(
-        poles,
-        c[rows],
-        b[:, columns],
-        direct[np.ix_(rows, columns)],
-        np.zeros((len(rows), len(columns))),
-        np.full(len(rows), delay_s),
-        tuple(plant.inputs[i] for i in columns),
-        tuple(plant.outputs[o] for o in rows),
+        poles=poles,
+        shapes=c[rows],
+        participation=b[:, columns],
+        direct=direct[np.ix_(rows, columns)],
+        lower=np.zeros((len(rows), len(columns))),
+        delay_s=np.full(len(rows), delay_s),
+        inputs=tuple(plant.inputs[i] for i in columns),
+        outputs=tuple(plant.outputs[o] for o in rows),
         path_delay_s=plant.delay_s[np.ix_(rows, columns)] if plant.delayed else None,
     )
 

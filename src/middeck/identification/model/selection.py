@@ -77,8 +77,9 @@ def scale_channels(model: MeasurementModel, scale: Mapping[str, tuple[float, str
     >>> from middeck.signals.ports import Port
     >>> port = (Port("angle", "rad"),)
     >>> one = np.ones((1, 1))
-    >>> static = MeasurementModel(np.zeros(0), np.zeros((1, 0)), np.zeros((0, 1)), one, 0.0 * one, [0.0],
-    ...                           (Port("torque", "N m"),), port)
+    >>> static = MeasurementModel(
+    ...     poles=np.zeros(0), shapes=np.zeros((1, 0)), participation=np.zeros((0, 1)), direct=one,
+    ...     lower=0.0 * one, delay_s=[0.0], inputs=(Port("torque", "N m"),), outputs=port)
     >>> scale_channels(static, {"angle": (1e3, "mrad")}).direct.tolist()
     [[1000.0]]
     """

@@ -1,4 +1,4 @@
-"""Out of a local minimum: give up the mode that is missed least for the one that would tell most.
+"""Leave a local minimum: exchange the least needed mode for the one that would improve the fit most.
 
 A search from a subspace start can hold a mode that does little while two modes elsewhere are fitted by one.
 """
@@ -11,14 +11,15 @@ from collections.abc import Iterator
 import numpy as np
 from jaxtyping import Float
 
-from middeck.identification.order.newcomer import Newcomer, find_newcomer
+from middeck.identification.model.fit_options import FitOptions
+from middeck.identification.order.candidate import Candidate, find_candidate
 from middeck.identification.problem.data import Data
-from middeck.identification.problem.design import build_terms, residual_of
-from middeck.identification.problem.layout import Point, unpack
-from middeck.identification.problem.own_transients import as_real
+from middeck.identification.problem.design import build_terms
+from middeck.identification.problem.layout import Point, Start
+from middeck.identification.problem.projection import as_real
 from middeck.identification.search.polish import Polished
 from middeck.identification.spectra.weights import Spread
-from middeck.identification.start.start import Options, Start, start_at, start_from_point
+from middeck.identification.start.start import start_at, start_from_point
 
 # Lines over which the residual's peak is looked for, as a share of the frequency: a mode of 1 % is so wide.
 PEAK_WIDTH = 0.01
@@ -29,9 +30,9 @@ HEAVIEST = 0.05
 
 
 def exchanges(
-    data: Data, options: Options, best: Polished, spread: Spread, *, at_any_rate: bool
+    data: Data, options: FitOptions, best: Polished, spread: Spread, *, at_any_rate: bool
 ) -> Iterator[Start]:
-    """Starts that have one pair (or two real poles) of ``best`` replaced by the pair that would tell most.
+    """Starts with one pair (or two real poles) of ``best`` replaced by the pair that improves the fit most.
 
     Unless ``at_any_rate``, only where that tells more at once than what is given up; otherwise also by one at
     the residual's peak: what tells most at once may be a neighbour of a mode that is there already.
@@ -50,22 +51,22 @@ def exchanges(
             yield _with(at_best, options, best, kept, peak)
 
 
-def grown(data: Data, options: Options, best: Polished, spread: Spread) -> Start:
+def grown(data: Data, options: FitOptions, best: Polished, spread: Spread) -> Start:
     """``best`` with one pair more, where it tells most."""
     at_best = dataclasses.replace(data, weight=1.0 / np.sqrt(spread.at(best.share)))
     return _with(at_best, options, best, np.arange(len(best.layout.pair)), _found_pole(at_best, best))
 
 
-def shrunk(data: Data, options: Options, best: Polished, spread: Spread) -> Start | None:
+def shrunk(data: Data, options: FitOptions, best: Polished, spread: Spread) -> Start | None:
     """``best`` without the pair that is missed least; None where it has no two."""
     layout = best.layout
     if layout.pairs < 2:
         return None
     at_best = dataclasses.replace(data, weight=1.0 / np.sqrt(spread.at(best.share)))
-    point = unpack(layout, best.refined.theta)
+    point = best.start.point
     kept = np.delete(np.arange(len(layout.pair)), np.argmin(missed_modes(at_best, best)[: layout.pairs]))
     pair = np.asarray(layout.pair)[kept]
-    if layout.full:
+    if layout.options.full_rank:
         return start_at(at_best, options, point.poles[kept], pair, point.delay_s)
     return start_from_point(
         options, pair, Point(point.poles[kept], point.b[kept], point.delay_s, point.psi), layout.outputs
@@ -89,30 +90,30 @@ def missed_modes(data: Data, best: Polished) -> Float[np.ndarray, " mode"]:
     return missed
 
 
-def _found_pole(data: Data, best: Polished) -> Newcomer:
+def _found_pole(data: Data, best: Polished) -> Candidate:
     """The pair that would tell most; in records of experiments, one at the residual's peak."""
     at_peak = _at_peak(data, best)
     if data.drive is not None:
         return at_peak
     light, peak = -at_peak.pole.real / at_peak.pole.imag, at_peak.pole.imag
-    return find_newcomer(data, best, light, peak) or at_peak
+    return find_candidate(data, best, light, peak) or at_peak
 
 
-def _at_peak(data: Data, best: Polished) -> Newcomer:
+def _at_peak(data: Data, best: Polished) -> Candidate:
     """A pair at the residual's peak, damped as the others are in the median."""
-    pairs = unpack(best.layout, best.refined.theta).poles[: best.layout.pairs]
+    pairs = best.start.point.poles[: best.layout.pairs]
     light = float(np.median(-np.real(pairs) / np.abs(pairs))) if len(pairs) else PEAK_WIDTH
-    return Newcomer(_peak(data, best) * (-min(light, HEAVIEST) + 1j), np.zeros(0, dtype=complex), 0.0)
+    return Candidate(_peak(data, best) * (-min(light, HEAVIEST) + 1j), np.zeros(0, dtype=complex), 0.0)
 
 
-def _with(data: Data, options: Options, best: Polished, kept: np.ndarray, new: Newcomer) -> Start:
+def _with(data: Data, options: FitOptions, best: Polished, kept: np.ndarray, new: Candidate) -> Start:
     """Some of the modes, as they are, and a new pair."""
     layout = best.layout
-    point = unpack(layout, best.refined.theta)
+    point = best.start.point
     poles, pair = point.poles[kept], np.asarray(layout.pair)[kept]
     place = int(np.sum(pair))
     poles, pair = np.insert(poles, place, new.pole), np.insert(pair, place, True)
-    if layout.full or not len(new.b):
+    if layout.options.full_rank or not len(new.b):
         return start_at(data, options, poles, pair, point.delay_s)
     b = np.insert(point.b[kept], place, new.b, axis=0)
     return start_from_point(options, pair, Point(poles, b, point.delay_s, point.psi), layout.outputs)
@@ -120,9 +121,9 @@ def _with(data: Data, options: Options, best: Polished, kept: np.ndarray, new: N
 
 def _peak(data: Data, best: Polished) -> float:
     """Angular frequency where most is left in a band as wide as a mode."""
-    r = residual_of(best.layout, data, best.refined.theta, best.refined.step.linear) * data.weight
+    r = best.residual(data) * data.weight
     power = np.concatenate([[0.0], np.cumsum(np.sum(np.abs(r) ** 2, axis=(0, 2)))])
-    omega = np.imag(data.s)
+    omega = data.omega
     low = np.searchsorted(omega, omega * (1.0 - PEAK_WIDTH))
     high = np.searchsorted(omega, omega * (1.0 + PEAK_WIDTH), side="right")
     inner = (low > 0) & (high < len(omega))

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from middeck.errors import DataError, FitError
+from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.order.exchange import exchanges, grown, shrunk
 from middeck.identification.order.order import (
     EXPLAINED,
@@ -21,11 +22,11 @@ from middeck.identification.order.order import (
 )
 from middeck.identification.order.thinning import take_lines, thin_lines
 from middeck.identification.problem.data import Data
-from middeck.identification.problem.design import residual_of
+from middeck.identification.problem.layout import Start
 from middeck.identification.search.polish import Polished, polish
 from middeck.identification.search.refine import weighted
 from middeck.identification.spectra.weights import Spread
-from middeck.identification.start.start import Options, Start, few_starts, starts
+from middeck.identification.start.start import few_starts, starts
 from middeck.systems.response import FrequencyResponse
 
 # Steps of all starts, of the best few of them, of the best, and of modes exchanged.
@@ -44,7 +45,7 @@ HELD_OUT_STEPS = 3
 LACKING = 0.2
 
 
-def race(data: Data, spread: Spread, options: Options) -> Polished:
+def race(data: Data, spread: Spread, options: FitOptions) -> Polished:
     """The likeliest of the starts, refined on some of the lines, then its exchanges.
 
     Successive halving: all starts take a few steps, the best of them a few more, and the best of those goes
@@ -54,7 +55,7 @@ def race(data: Data, spread: Spread, options: Options) -> Polished:
     best = _heats(part, some, [(start, None) for start in _hopeful(part, list(starts(part, options)))])
     if best is None:
         raise FitError(
-            f"no start for {options.states} states could be refined",
+            f"no start for {options.moving} states could be refined",
             hint="fewer states, a wider band or a longer period",
         )
     best = _further(part, some, best, LAST_STEPS)
@@ -85,8 +86,7 @@ def _heats(part: Data, spread: Spread, started: list[tuple[Start, float | None]]
 
 
 def _further(part: Data, spread: Spread, run: Polished, steps: int) -> Polished:
-    start = Start(run.layout, run.refined.theta)
-    return polish(part, start, spread, steps=steps, rounds=1, share=run.share) or run
+    return polish(part, run.start, spread, steps=steps, rounds=1, share=run.share) or run
 
 
 def _negative_likelihood(run: Polished) -> float:
@@ -94,7 +94,7 @@ def _negative_likelihood(run: Polished) -> float:
     return run.likelihood if np.isfinite(run.likelihood) else np.inf
 
 
-def _exchange(part: Data, spread: Spread, options: Options, best: Polished) -> Polished:
+def _exchange(part: Data, spread: Spread, options: FitOptions, best: Polished) -> Polished:
     """Exchange modes as long as that pays; where no excess is left, only as far as it promises to."""
     while True:
         large = model_error(best, spread) > WORTH_EXCHANGE
@@ -116,13 +116,13 @@ def model_error(best: Polished, spread: Spread) -> float:
     return float(best.share * np.mean(spread.size / spread.at(best.share)))
 
 
-def _some_lines(data: Data, spread: Spread, options: Options) -> tuple[Data, Spread]:
+def _some_lines(data: Data, spread: Spread, options: FitOptions) -> tuple[Data, Spread]:
     outputs, _, inputs = data.H.shape
-    return take_lines(data, spread, thin_lines(data, spread, options.states * (outputs + inputs)))
+    return take_lines(data, spread, thin_lines(data, spread, options.moving * (outputs + inputs)))
 
 
 def recommend_states(
-    measured: FrequencyResponse, data: Data, spread: Spread, options: Options
+    measured: FrequencyResponse, data: Data, spread: Spread, options: FitOptions
 ) -> OrderChoice:
     """The order that `choose` takes, each from the best of a few starts and of the order before.
 
@@ -133,9 +133,9 @@ def recommend_states(
     runs: dict[int, tuple[Tried, Polished]] = {}
 
     def judge(run: Polished) -> Tried:
-        states = _states(run)
+        states = run.layout.states
         # Terms for modes outside the band are the same at each order, and dearer than poles there otherwise.
-        sized = dataclasses.replace(options, states=states, with_lower=False, with_direct=False)
+        sized = dataclasses.replace(options.sized(states), residuals=False, direct=False)
         unknowns = count_unknowns(measured, sized)
         length = description_length(run.likelihood, unknowns, 2 * part.H.size)
         # Without a measured variance nothing tells noise from what the model lacks.
@@ -146,12 +146,12 @@ def recommend_states(
     best: Polished | None = None
     lacking, most = True, np.hypot(LACKING, _noise_of(spread))
     for states in sizes():
-        sized = dataclasses.replace(options, states=states)
+        sized = options.sized(states)
         if 2 * count_unknowns(measured, sized) > part.H.size:
             break
         first = starts(part, sized) if lacking else few_starts(part, sized)
         best = _heats(part, some, _started(part, some, sized, best, first)) or best
-        if best is None or _states(best) != states:
+        if best is None or best.layout.states != states:
             continue
         best = _as_long_as_it_tells(part, some, best)
         judge(best)
@@ -164,7 +164,7 @@ def recommend_states(
     shortest, best = min(runs.values(), key=lambda of: of[0].length)
     explained = any(t.excess <= EXPLAINED for t, _ in runs.values())
     while explained and shortest.states != max(runs) and shortest.states - 2 not in runs:
-        start = shrunk(part, dataclasses.replace(options, states=shortest.states - 2), best, some)
+        start = shrunk(part, options.sized(shortest.states - 2), best, some)
         best = (
             None if start is None else polish(part, start, some, steps=FEW_STEPS, rounds=1, share=best.share)
         )
@@ -178,9 +178,9 @@ def recommend_states(
     return choose([runs[states][0] for states in sorted(runs)])
 
 
-def _no_order(measured: FrequencyResponse, part: Data, options: Options) -> DataError | FitError:
+def _no_order(measured: FrequencyResponse, part: Data, options: FitOptions) -> DataError | FitError:
     """Why no order could be compared with another."""
-    unknowns = count_unknowns(measured, dataclasses.replace(options, states=2))
+    unknowns = count_unknowns(measured, options.sized(2))
     entries = part.H.shape[0] * part.H.shape[2]
     least = -(-2 * unknowns // entries)
     if len(part.s) >= least:
@@ -197,7 +197,7 @@ def _noise_of(spread: Spread) -> float:
 
 
 def _started(
-    part: Data, some: Spread, options: Options, best: Polished | None, first: Iterable[Start]
+    part: Data, some: Spread, options: FitOptions, best: Polished | None, first: Iterable[Start]
 ) -> list[tuple[Start, float | None]]:
     """Starts of an order: the hopeful of the first ones, and the order before grown."""
     started: list[tuple[Start, float | None]] = []
@@ -216,14 +216,10 @@ def _as_long_as_it_tells(part: Data, spread: Spread, run: Polished) -> Polished:
     return run
 
 
-def _states(run: Polished) -> int:
-    return int(np.sum(np.where(run.layout.pair, 2, 1)))
-
-
-def _grown(part: Data, spread: Spread, options: Options, best: Polished) -> tuple[Start, float] | None:
+def _grown(part: Data, spread: Spread, options: FitOptions, best: Polished) -> tuple[Start, float] | None:
     """A start from the order before, a pair added at each peak of the residual."""
-    while (left := options.states - _states(best)) > 0:
-        start = grown(part, dataclasses.replace(options, states=_states(best) + 2), best, spread)
+    while (left := options.moving - best.layout.states) > 0:
+        start = grown(part, options.sized(best.layout.states + 2), best, spread)
         if left <= 2:
             return start, best.share
         run = polish(part, start, spread, steps=1, rounds=1, share=best.share)
@@ -238,25 +234,25 @@ def _held_out(data: Data, spread: Spread, part: Data, some: Spread, best: Polish
 
     Those that were left out; where none were, it is refined on every other line and judged on the rest.
     """
-    unseen = np.setdiff1d(np.arange(len(data.s)), np.searchsorted(np.imag(data.s), np.imag(part.s)))
+    unseen = np.setdiff1d(np.arange(len(data.s)), np.searchsorted(data.omega, part.omega))
     run = best
     if not len(unseen):
         half, spread_of_half = take_lines(part, some, np.arange(0, len(part.s), 2))
         run = _further(half, spread_of_half, best, HELD_OUT_STEPS)
         unseen = np.arange(1, len(data.s), 2)
-    r = residual_of(run.layout, data, run.refined.theta, run.refined.step.linear)[:, unseen]
+    r = run.residual(data)[:, unseen]
     return float(np.sqrt(np.mean(np.abs(r) ** 2 / spread.at(1.0)[:, unseen])))
 
 
-def count_unknowns(measured: FrequencyResponse, options: Options) -> int:
+def count_unknowns(measured: FrequencyResponse, options: FitOptions) -> int:
     """Unknowns if all poles are pairs."""
     _, outputs, inputs = measured.H.shape
     each = 1 if options.real_constants else 2
-    per_pair = 2 + each * (outputs * inputs if options.full else outputs + inputs - 1)
-    delays = {"output": outputs, "path": outputs * inputs, "common": 1}[options.delay_of]
+    per_pair = 2 + each * (outputs * inputs if options.full_rank else outputs + inputs - 1)
+    delays = {"output": outputs, "path": outputs * inputs, "common": 1, None: 0}[options.delay_of]
     return (
-        -(-options.states // 2) * per_pair
+        -(-options.moving // 2) * per_pair
         + sum(n * (outputs + inputs - n) for n in (options.rigid, options.integrators))
-        + delays * options.with_delay
-        + outputs * inputs * (options.with_lower + options.with_direct - options.relative_degree_two)
+        + delays
+        + outputs * inputs * (options.residuals + bool(options.direct) - options.zero_sum)
     )

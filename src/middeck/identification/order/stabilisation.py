@@ -15,16 +15,16 @@ import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
 
 from middeck.errors import ConfigError, FitError
+from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.order.thinning import take_lines, thin_lines
-from middeck.identification.problem.data import Data
+from middeck.identification.problem.data import Data, data_of
 from middeck.identification.spectra.weights import spread_of
-from middeck.identification.start.start import Options, upper_half, weighted_residues
-from middeck.identification.start.subspace import block_rows, poles_of_orders
+from middeck.identification.start.start import upper_half, weighted_residues
+from middeck.identification.start.subspace import block_rows, subspace_poles
 from middeck.systems.response import FrequencyResponse
 from middeck.values import record
 
-# As the starts of a fit: share of the rms that a model may leave, and block rows beyond the least.
-EXCESS = 0.03
+# As the starts of a fit: block rows beyond the least.
 ROWS = 1.5
 # A damping ratio beyond which a pole is no mode of a structure.
 HEAVY = 0.3
@@ -33,7 +33,7 @@ SHARE = 0.5
 FEWEST = 3
 
 
-@record
+@record(kw_only=True)
 class Stabilisation:
     """Poles of all orders, those of one pair once, in rising order; real poles are left out.
 
@@ -111,9 +111,8 @@ def stabilisation(
         raise ConfigError(
             f"the response reaches {measured.frequency_hz[-1]:.6g} Hz, beyond half of {sample_hz:.6g} Hz"
         )
-    period_s = 0.0 if sample_hz is None else 1.0 / sample_hz
     data = _some_lines(measured, orders[-1])
-    models = list(_models(data, period_s, orders))
+    models = list(_models(data, sample_hz, orders))
     flags = [np.zeros((len(models[0].poles), 3), dtype=bool)] + [
         _compare(before, now, frequency_tolerance, damping_tolerance, mac_tolerance)
         for before, now in pairwise(models)
@@ -130,12 +129,11 @@ class _Model:
 
 def _some_lines(measured: FrequencyResponse, states: int) -> Data:
     spread = spread_of(measured, relative=False)
-    H = np.moveaxis(measured.H, 0, 1)
-    data = Data(2j * np.pi * measured.frequency_hz, H, 1.0 / np.sqrt(spread.at(EXCESS**2)))
-    return take_lines(data, spread, thin_lines(data, spread, states * (len(H) + H.shape[2])))[0]
+    data = data_of(measured, spread)
+    return take_lines(data, spread, thin_lines(data, spread, states * sum(measured.H.shape[1:])))[0]
 
 
-def _models(data: Data, period_s: float, orders: Sequence[int]) -> list[_Model]:
+def _models(data: Data, sample_hz: float | None, orders: Sequence[int]) -> list[_Model]:
     outputs = data.H.shape[0]
     rows = block_rows(data, orders[-1], ROWS)
     possible = [n for n in orders if n <= (rows - 1) * outputs]
@@ -143,10 +141,10 @@ def _models(data: Data, period_s: float, orders: Sequence[int]) -> list[_Model]:
         raise FitError(
             f"{len(data.s)} lines are too few for {orders[0]} states", hint="lower orders, or a longer period"
         )
-    options = Options(0, False, False, False, True, period_s)
-    delay_s = np.zeros((outputs, 1))
+    options = FitOptions(sample_hz=sample_hz, constants="complex", direct=True)
+    delay_s, period_s = np.zeros((outputs, 1)), options.period_s
     models: list[_Model] = []
-    for states, found in zip(possible, poles_of_orders(data, period_s, possible, rows), strict=True):
+    for states, found in zip(possible, subspace_poles(data, period_s, possible, rows), strict=True):
         poles, pair = upper_half(found, period_s)
         residues = weighted_residues(data, options, poles, pair, delay_s)[0]
         light = pair & (-np.real(poles) < HEAVY * np.abs(poles))
@@ -190,16 +188,16 @@ def _result(models: list[_Model], flags: np.ndarray, by_hz: float, by_mac: float
     for k, c in enumerate(kept):
         cluster[c] = k
     return Stabilisation(
-        orders,
-        order,
-        natural_hz,
-        damping,
-        flags[:, 0],
-        flags[:, 1],
-        flags[:, 2],
-        cluster,
-        np.array([np.median(natural_hz[c]) for c in kept]),
-        np.array([np.median(damping[c]) for c in kept]),
+        orders=orders,
+        order=order,
+        natural_hz=natural_hz,
+        damping=damping,
+        stable_frequency=flags[:, 0],
+        stable_damping=flags[:, 1],
+        stable_shape=flags[:, 2],
+        cluster=cluster,
+        cluster_hz=np.array([np.median(natural_hz[c]) for c in kept]),
+        cluster_damping=np.array([np.median(damping[c]) for c in kept]),
     )
 
 

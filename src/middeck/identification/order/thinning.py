@@ -35,7 +35,7 @@ def thin_lines(data: Data, spread: Spread, unknowns: int = 0) -> Int[np.ndarray,
     even = _every(lines, step)
     if len(even) <= ENOUGH * wanted:
         return even
-    omega = np.imag(data.s)
+    omega = data.omega
     gap = WIDEST_GAP
     while (kept := _apart(omega, gap)).size < len(even):
         if len(kept) >= wanted and _restores(data, spread, kept):
@@ -51,7 +51,9 @@ def _every(lines: int, step: int) -> Int[np.ndarray, " kept"]:
 def take_lines(data: Data, spread: Spread, kept: Int[np.ndarray, " kept"]) -> tuple[Data, Spread]:
     """Data and spread on some lines."""
     drive = None if data.drive is None else data.drive[kept]
-    part = Data(data.s[kept], data.H[:, kept], data.weight[:, kept], drive, data.transient)
+    part = Data(
+        s=data.s[kept], H=data.H[:, kept], weight=data.weight[:, kept], drive=drive, transient=data.transient
+    )
     return part, Spread(spread.variance[:, kept], spread.size[:, kept], spread.relative)
 
 
@@ -61,7 +63,7 @@ def _apart(omega: np.ndarray, gap: float) -> Int[np.ndarray, " kept"]:
 
 
 def _restores(data: Data, spread: Spread, kept: np.ndarray) -> bool:
-    omega = np.imag(data.s)
+    omega = data.omega
     right = np.clip(np.searchsorted(omega[kept], omega, side="right"), 1, len(kept) - 1)
     left, right = kept[right - 1], kept[right]
     share = ((omega - omega[left]) / (omega[right] - omega[left]))[:, None]

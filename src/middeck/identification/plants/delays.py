@@ -21,7 +21,7 @@ from middeck.identification.model.measurement_model import MeasurementModel, pat
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.model_set import LARGEST
 from middeck.identification.uncertainty.parameters import check_level, joint_tail
-from middeck.identification.uncertainty.unknowns import model_at, places_of, unknowns_of
+from middeck.identification.uncertainty.unknowns import model_at
 from middeck.values import record
 
 # Delays that are one and are kept apart cost fast poles, delays made one wrongly three deviations at most:
@@ -85,9 +85,9 @@ def merge_delays(covariance: ModelCovariance, *, level: float = LEVEL) -> Merged
     groups, merged_s, p = _coarsest(delay_s, spread, covariance.degrees, level)
     if len(groups) == len(delay_s):
         return unchanged
-    x = unknowns_of(model, covariance.structure)
+    x = covariance.unknowns
     moved = x - covariance.root @ by.T @ np.linalg.solve(spread, delay_s - merged_s)
-    decay = places_of(model, covariance.structure).sigma
+    decay = covariance.at.sigma
     if np.max(np.abs(moved - x)[decay], initial=0.0) > LARGEST:
         return unchanged
     merged = _with_delays(model_at(model, covariance.structure, moved), np.maximum(merged_s, 0.0))
@@ -98,7 +98,7 @@ def merge_delays(covariance: ModelCovariance, *, level: float = LEVEL) -> Merged
 
 def _delay_rows(covariance: ModelCovariance) -> Float[np.ndarray, "delay unknown"]:
     """Derivatives of every delay by the unknowns; no row where there is at most one delay."""
-    at = places_of(covariance.model, covariance.structure)
+    at = covariance.at
     if not covariance.structure.with_delay or covariance.structure.common_delay:
         return np.zeros((0, at.size))
     unit = np.eye(at.size)

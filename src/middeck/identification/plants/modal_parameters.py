@@ -17,11 +17,11 @@ from jaxtyping import Complex, Float
 from middeck.errors import ConfigError, FitError
 from middeck.identification.fit.fit_response import FitResult
 from middeck.identification.model.measurement_model import MeasurementModel, damping_ratio, natural_hz
-from middeck.signals.ports import Port
+from middeck.signals.ports import Port, port_indices
 from middeck.values import record
 
 
-@record
+@record(kw_only=True)
 class ModalParameters:
     """Modes in rising frequency; real poles and rigid modes are not among them.
 
@@ -77,8 +77,9 @@ def modal_parameters(
     Examples
     --------
     >>> zero = np.zeros((1, 1))                        # 1 / (4 (s^2 + ...)): a mass of 4 kg at 10 rad/s
-    >>> model = MeasurementModel(np.array([-0.1 + 10j]), np.array([[1 / 80j]]), np.ones((1, 1)), zero, zero,
-    ...     np.zeros(1), (Port("force", "N"),), (Port("tip", "m"),))
+    >>> model = MeasurementModel(
+    ...     poles=[-0.1 + 10j], shapes=[[1 / 80j]], participation=[[1.0]], direct=zero, lower=zero,
+    ...     delay_s=[0.0], inputs=(Port("force", "N"),), outputs=(Port("tip", "m"),))
     >>> round(float(modal_parameters(model, drive_point=("tip", "force")).modal_mass[0]), 9)
     4.0
     """
@@ -94,7 +95,8 @@ def modal_parameters(
     if drive_point is None:
         shapes = shapes / np.max(np.abs(shapes), axis=0)
     else:
-        output, driven = _place(model.outputs, drive_point[0]), _place(model.inputs, drive_point[1])
+        output = port_indices(model.outputs, [drive_point[0]], "output")[0]
+        driven = port_indices(model.inputs, [drive_point[1]], "input")[0]
         at_point = _positive(np.real(constants[:, output, driven]), natural_hz(model)[pairs], drive_point)
         shapes = shapes / shapes[output] * np.sqrt(at_point)
         mass = 1.0 / at_point
@@ -102,16 +104,16 @@ def modal_parameters(
     largest = np.argmax(np.abs(turned.real), axis=0)
     turned = turned * np.where(np.take_along_axis(turned.real, largest[None], axis=0) < 0.0, -1.0, 1.0)
     return ModalParameters(
-        natural_hz(model)[pairs],
-        damping_ratio(model)[pairs],
-        constants,
-        turned,
-        turned.real,
-        mass,
-        np.abs(np.sum(turned**2, axis=0)) ** 2 / np.sum(np.abs(turned) ** 2, axis=0) ** 2,
-        _mac(turned),
-        model.inputs,
-        model.outputs,
+        natural_hz=natural_hz(model)[pairs],
+        damping=damping_ratio(model)[pairs],
+        constants=constants,
+        shapes=turned,
+        real_shapes=turned.real,
+        modal_mass=mass,
+        complexity=np.abs(np.sum(turned**2, axis=0)) ** 2 / np.sum(np.abs(turned) ** 2, axis=0) ** 2,
+        mac=_mac(turned),
+        inputs=model.inputs,
+        outputs=model.outputs,
     )
 
 
@@ -122,13 +124,6 @@ def _constants(model: MeasurementModel, pairs: np.ndarray) -> Complex[np.ndarray
         # A held input: r / (s - p) is sampled to r (exp(p T) - 1) / p / (z - exp(p T)).
         residues = residues * (poles / np.expm1(poles / model.sample_hz))[:, None, None]
     return 2j * np.imag(poles)[:, None, None] * residues
-
-
-def _place(ports: tuple[Port, ...], name: str) -> int:
-    names = [p.name for p in ports]
-    if name not in names:
-        raise ConfigError(f"the model has no port {name}", hint="one of " + ", ".join(names))
-    return names.index(name)
 
 
 def _positive(at_point: np.ndarray, hz: np.ndarray, drive_point: tuple[str, str]) -> np.ndarray:

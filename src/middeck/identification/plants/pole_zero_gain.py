@@ -30,7 +30,7 @@ GAIN_AT = (1.0, 0.5, 2.0, 0.25, 4.0)
 ROUNDING = 1e-9
 
 
-@record
+@record(kw_only=True)
 class PoleZeroGain:
     """H = gain prod (q - zeros) / prod (q - poles) exp(-s delay), q = s, or exp(s T) of a sampled model.
 
@@ -74,14 +74,14 @@ def pole_zero_gain(model: MeasurementModel, output: str, input: str) -> PoleZero
     zeros = path_zeros(path, output, input).value
     poles = np.concatenate([path.poles, np.zeros(still)])
     return PoleZeroGain(
-        poles,
-        zeros,
-        _gain(path, poles, zeros),
-        None if still else float(np.real(rational_response(path, np.zeros(1))[0, 0, 0])),
-        float(path_delay(path)[0, 0]),
-        path.inputs[0],
-        path.outputs[0],
-        model.sample_hz,
+        poles=poles,
+        zeros=zeros,
+        gain=_gain(path, poles, zeros),
+        static_gain=None if still else float(np.real(rational_response(path, np.zeros(1))[0, 0, 0])),
+        delay_s=float(path_delay(path)[0, 0]),
+        input=path.inputs[0],
+        output=path.outputs[0],
+        sample_hz=model.sample_hz,
     )
 
 
@@ -110,15 +110,15 @@ def from_pole_zero_gain(form: PoleZeroGain) -> MeasurementModel:
     residues = np.where(is_single(modes, form.sample_hz), np.real(residues), residues)
     direct = form.gain if len(z) == len(p) else 0.0
     return MeasurementModel(
-        modes,
-        residues[None],
-        np.ones((len(modes), 1)),
-        np.array([[direct]]),
-        np.zeros((1, 1)),
-        np.array([form.delay_s]),
-        (form.input,),
-        (form.output,),
-        form.sample_hz,
+        poles=modes,
+        shapes=residues[None],
+        participation=np.ones((len(modes), 1)),
+        direct=np.array([[direct]]),
+        lower=np.zeros((1, 1)),
+        delay_s=np.array([form.delay_s]),
+        inputs=(form.input,),
+        outputs=(form.output,),
+        sample_hz=form.sample_hz,
         rigid=lasting if count > 1 else None,
         integral=lasting if count == 1 else None,
     )

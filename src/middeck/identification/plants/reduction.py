@@ -109,10 +109,7 @@ def _smaller(model: MeasurementModel) -> Iterator[tuple[MeasurementModel, float]
 
 def _kept(model: MeasurementModel, keep: np.ndarray) -> MeasurementModel:
     return dataclasses.replace(
-        model,
-        poles=model.poles[keep],
-        shapes=model.shapes[:, keep],
-        participation=model.participation[keep],
+        model, poles=model.poles[keep], shapes=model.shapes[:, keep], participation=model.participation[keep]
     )
 
 

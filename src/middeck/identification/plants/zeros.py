@@ -40,7 +40,7 @@ AT_ORIGIN = 1e-9
 STANDING = 1e-6
 
 
-@record
+@record(kw_only=True)
 class Zeros:
     """Zeros between some inputs and outputs.
 
@@ -133,12 +133,12 @@ def matrix_zeros(
     outputs_, inputs_ = (tuple(p.name for p in side) for side in (chosen.outputs, chosen.inputs))
     by = np.array([r[2] for r in refined], dtype=complex).reshape(-1, len(outputs_), len(inputs_))
     return Zeros(
-        value[order],
-        residual[order],
-        by[order] if regular else None,
-        inputs_,
-        outputs_,
-        model.sample_hz,
+        value=value[order],
+        residual=residual[order],
+        by_response=by[order] if regular else None,
+        inputs=inputs_,
+        outputs=outputs_,
+        sample_hz=model.sample_hz,
     )
 
 

@@ -86,8 +86,8 @@ def _with_one(sums: Sums) -> Float[np.ndarray, "weight function"]:
 
 def close_twins(layout: Layout, poles: Complex[np.ndarray, " pair"]) -> np.ndarray:
     """Pairs whose difference u - l would be rounding of their products."""
-    p = np.exp(poles * layout.period_s) if layout.period_s else poles
-    inside = 1.0 - np.abs(p) if layout.period_s else -np.real(p)
+    p = np.exp(poles * layout.options.period_s) if layout.options.period_s else poles
+    inside = 1.0 - np.abs(p) if layout.options.period_s else -np.real(p)
     return np.abs(np.imag(p)) < CLOSE * inside
 
 
@@ -103,9 +103,9 @@ def _sums(parts: Fractions, weight: np.ndarray) -> Sums:
 
 def _of_kernel(layout: Layout, poles: np.ndarray, sums: Sums, weight: np.ndarray) -> Sums:
     """Of g."""
-    if not layout.period_s:
+    if not layout.options.period_s:
         return sums
-    p = np.exp(poles * layout.period_s)
+    p = np.exp(poles * layout.options.period_s)
     total = np.sum(np.real(weight), axis=1)[:, None]
     return Sums(total + p * sums.value, sums.value + p * sums.slope)
 
@@ -113,11 +113,11 @@ def _of_kernel(layout: Layout, poles: np.ndarray, sums: Sums, weight: np.ndarray
 def _kernel(layout: Layout, first: np.ndarray, second: np.ndarray) -> Kernel:
     """Of the conjugate of a stable pole, or of the pole itself where its twin is conjugated."""
     total = first[:, None] + second
-    if not layout.period_s:
+    if not layout.options.period_s:
         plain = -1.0 / total
         return Kernel(plain, plain**2, plain**2, 2.0 * plain**3)
-    p, q = np.exp(first * layout.period_s)[:, None], np.exp(second * layout.period_s)
-    D = -1.0 / np.expm1(total * layout.period_s)
+    p, q = np.exp(first * layout.options.period_s)[:, None], np.exp(second * layout.options.period_s)
+    D = -1.0 / np.expm1(total * layout.options.period_s)
     return Kernel(D, q * D**2, p * D**2, D**2 + 2.0 * p * q * D**3)
 
 
@@ -127,7 +127,7 @@ def _own(
     """Of the functions that a layout has, from u + l, j(u - l) and squares as if all were pairs, and 1."""
     modes, pairs = len(poles), layout.pairs
     m, single = np.arange(pairs), np.arange(pairs, modes)
-    if not layout.real_constants:
+    if not layout.options.real_constants:
         if pairs == modes:
             return whole
         place = np.concatenate([*(k * modes + m for k in range(4)), single, 2 * modes + single, [4 * modes]])

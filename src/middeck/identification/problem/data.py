@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
-import numpy as np
-from jaxtyping import Complex, Float
+import functools
 
+import numpy as np
+from jaxtyping import Complex, Float, Int
+
+from middeck.identification.spectra.weights import Spread, by_output
+from middeck.systems.response import FrequencyResponse
 from middeck.values import record
+
+# A start is weighted as if the model left this share of the response's rms.
+FIRST_EXCESS = 0.03
 
 
 @record
@@ -30,7 +37,7 @@ class Transient:
     steady: Complex[np.ndarray, "column line"] | None = None
 
 
-@record
+@record(kw_only=True)
 class Data:
     """What is fitted, at s = j omega.
 
@@ -54,3 +61,49 @@ class Data:
     drive: Complex[np.ndarray, "line input column"] | None = None
     transient: Transient | None = None
     mix: Complex[np.ndarray, "line output output"] | None = None
+
+    @functools.cached_property
+    def weighted(
+        self,
+    ) -> tuple[Float[np.ndarray, "output column line"], Complex[np.ndarray, "output column line"]]:
+        """Weights, and H times them, lines last: the order of all sums over lines."""
+        w = np.ascontiguousarray(self.weight.mT)
+        return w, w * self.H.mT
+
+    @property
+    def omega(self) -> Float[np.ndarray, " line"]:
+        """Angular frequencies [rad/s]."""
+        return np.imag(self.s)
+
+    @property
+    def spacing(self) -> float:
+        """Least distance of two lines [rad/s]."""
+        return float(np.min(np.diff(self.omega), initial=self.omega[-1]))
+
+    @property
+    def lines(self) -> Int[np.ndarray, " line"]:
+        """Numbers of the lines, counted from zero frequency."""
+        return np.round(self.omega / self.spacing).astype(int)
+
+    @property
+    def length_s(self) -> float:
+        """Length of a record with these lines [s]."""
+        return 2.0 * np.pi / self.spacing
+
+    @property
+    def U(self) -> Complex[np.ndarray, "line input column"]:
+        """Spectra of a record's inputs: its ``drive``."""
+        assert self.drive is not None
+        return self.drive
+
+    @property
+    def period_s(self) -> float:
+        """Sampling period of a record with a transient [s]."""
+        assert self.transient is not None
+        return self.transient.period_s
+
+
+def data_of(measured: FrequencyResponse, spread: Spread) -> Data:
+    """A response to be fitted, in the weights of a start."""
+    weight = 1.0 / np.sqrt(spread.at(FIRST_EXCESS**2))
+    return Data(s=2j * np.pi * measured.frequency_hz, H=by_output(measured.H), weight=weight)

@@ -24,7 +24,7 @@ def functions(
     u, low, real = parts.upper[:pairs], parts.lower[:pairs], parts.upper[pairs:]
     found = np.empty((at.size, len(s)), dtype=complex)
     both, difference = u + low, u - low
-    if layout.real_constants:
+    if layout.options.real_constants:
         product = found[:pairs]
         np.multiply(u, low, out=product)
         np.multiply(product, both, out=found[pairs : 2 * pairs])
@@ -52,7 +52,7 @@ def column_factors(layout: Layout, point: Point) -> Float[np.ndarray, "column in
     pairs = layout.pairs * layout.copies
     b, of, first = point.b, at.mode[:pairs], at.first
     column = np.arange(pairs)
-    if layout.real_constants:
+    if layout.options.real_constants:
         C[column, :, of] = np.real(b[:pairs])
         used = pairs
     else:
@@ -68,10 +68,10 @@ def column_factors(layout: Layout, point: Point) -> Float[np.ndarray, "column in
         C[used, :, at.zero[row]] = psi
         used += 1
     each = np.arange(layout.inputs)
-    if layout.with_lower:
+    if layout.options.residuals:
         C[used + each, each, at.double] = 1.0
         used += layout.inputs
-    if layout.with_direct:
+    if layout.options.direct:
         C[used + each, each, at.constant] = 1.0
     return C
 
@@ -92,7 +92,7 @@ def slope_factors(
     # An index beside a slice puts its axis first.
     pair = np.moveaxis(z[:, :pairs], 1, 0)
     sigma, omega = np.real(point.poles)[:, None, None], np.imag(point.poles)[:pairs, None, None]
-    if layout.real_constants:
+    if layout.options.real_constants:
         C[:, m, :, pairs + m] = sigma[:pairs] * pair.real
         C[:, modes + m, :, 2 * pairs + m] = omega * pair.real
     else:
@@ -121,7 +121,7 @@ def _put_slopes_by_b(
     entry = np.where(part, 1j, 1.0) * c[:, mode]
     pair = mode < pairs
     C[:, k, i, np.where(pair, mode, at.first + mode - pairs)] = np.real(entry)
-    if not layout.real_constants:
+    if not layout.options.real_constants:
         C[:, k[pair], i[pair], pairs + mode[pair]] = np.imag(entry[:, pair])
 
 
@@ -133,12 +133,12 @@ class _Places:
 
     def __init__(self, layout: Layout) -> None:
         real = len(layout.pair) - layout.pairs
-        self.first = (3 if layout.real_constants else 4) * layout.pairs
+        self.first = (3 if layout.options.real_constants else 4) * layout.pairs
         self.mode = np.concatenate(
             [np.repeat(np.arange(layout.pairs), layout.copies), np.repeat(np.arange(real), layout.copies)]
         )
         self.double = self.first + 2 * real
-        self.single = self.double + int(layout.with_lower or bool(layout.rigid_pivot))
+        self.single = self.double + bool(layout.options.residuals or layout.rigid_pivot)
         self.zero = np.where(layout.powers == 2, self.double, self.single)
         self.constant = self.single + bool(layout.integral_pivot)
-        self.size = self.constant + int(layout.with_direct)
+        self.size = self.constant + bool(layout.options.direct)

@@ -14,9 +14,8 @@ from jaxtyping import Complex, Float, Int
 
 from middeck.identification.problem.cauchy import cauchy_gram, close_twins
 from middeck.identification.problem.data import Data
-from middeck.identification.problem.design import Terms, late_of
+from middeck.identification.problem.design import Terms
 from middeck.identification.problem.factors import functions
-from middeck.identification.problem.layout import Layout
 
 # Weights whose Gram matrices are formed together: more would fill the memory.
 TOGETHER = 64
@@ -26,9 +25,9 @@ Gram = Float[np.ndarray, "function function"]
 class Functions:
     """The functions at one theta, and their Gram matrices: from sums (`cauchy`), or line by line."""
 
-    def __init__(self, layout: Layout, data: Data, terms: Terms, *, from_sums: bool = True) -> None:
-        self._layout, self._terms, self._from_sums = layout, terms, from_sums
-        self.values = functions(layout, terms.parts, data.s)
+    def __init__(self, terms: Terms, *, from_sums: bool = True) -> None:
+        self._layout, self._terms, self._from_sums = terms.layout, terms, from_sums
+        self.values = functions(terms.layout, terms.parts, terms.data.s)
         self.real = self.values.view(float)
 
     def grams(self, weight: np.ndarray) -> Float[np.ndarray, "weight function function"]:
@@ -44,12 +43,12 @@ class Functions:
         size, last = self._of_poles, len(self.values) - 1
         found = np.zeros((len(weight), len(self.values), len(self.values)))
         found[:, :size, :size] = known[:, :-1, :-1]
-        if self._layout.with_direct:
+        if self._layout.options.direct:
             found[:, last, :size], found[:, :size, last] = known[:, -1, :-1], known[:, :-1, -1]
             found[:, last, last] = known[:, -1, -1]
         if len(rest := self._no_sums):
             rows = self.products(weight[:, None] * self.values[rest])
-            found[:, :, rest] = np.swapaxes(rows, 1, 2)
+            found[:, :, rest] = rows.mT
             if np.iscomplexobj(weight):
                 rows = self.products(weight[:, None].conj() * self.values[rest])
             found[:, rest] = rows
@@ -57,7 +56,7 @@ class Functions:
 
     @property
     def _of_poles(self) -> int:
-        kinds = 3 if self._layout.real_constants else 4
+        kinds = 3 if self._layout.options.real_constants else 4
         return kinds * self._layout.pairs + 2 * (len(self._layout.pair) - self._layout.pairs)
 
     @functools.cached_property
@@ -65,9 +64,11 @@ class Functions:
         """1/s^2, 1/s, and differences of twins that are all but one."""
         pairs = self._layout.pairs
         close = np.flatnonzero(close_twins(self._layout, self._terms.point.poles[:pairs]))
-        of_close = (np.arange(3 if self._layout.real_constants else 4)[:, None] * pairs + close).ravel()
+        of_close = (
+            np.arange(3 if self._layout.options.real_constants else 4)[:, None] * pairs + close
+        ).ravel()
         return np.concatenate(
-            [of_close, np.arange(self._of_poles, len(self.values) - self._layout.with_direct)]
+            [of_close, np.arange(self._of_poles, len(self.values) - bool(self._layout.options.direct))]
         )
 
     def _by_lines(self, weight: np.ndarray) -> Gram:
@@ -85,7 +86,7 @@ class Functions:
 
 
 class Alone(NamedTuple):
-    """Outputs that err alone, under inputs that are heard in a column each.
+    """Outputs with independent errors, each input in a column of its own.
 
     Weighted data ``y``; how the response of each path is heard in them, ``by``; Gram matrices of the paths;
     the outputs of each group.
@@ -108,12 +109,12 @@ class Alone(NamedTuple):
         """Inner products of rows by their factors [group, row, path, function]."""
         found = np.zeros((len(self.y), A.shape[1], B.shape[1]))
         for i, (a, b) in enumerate(zip(_rows_in_paths(A), _rows_in_paths(B), strict=True)):
-            found[:, a[:, None], b] += A[:, a, i] @ self.grams[:, i] @ np.swapaxes(B[:, b, i], 1, 2)
+            found[:, a[:, None], b] += A[:, a, i] @ self.grams[:, i] @ B[:, b, i].mT
         return found
 
 
 class Together(NamedTuple):
-    """One group of outputs and inputs that are heard in the same columns; Gram matrices of pairs of paths."""
+    """One group of outputs and inputs that share columns; Gram matrices of pairs of paths."""
 
     y: Complex[np.ndarray, "group column line"]
     by: Complex[np.ndarray, "path column line"]
@@ -134,11 +135,11 @@ class Together(NamedTuple):
         of_a, of_b = _rows_in_paths(A), _rows_in_paths(B)
         for i, j, M in self.grams:
             a, b = of_a[i], of_b[j]
-            found[:, a[:, None], b] += A[:, a, i] @ M @ np.swapaxes(B[:, b, j], 1, 2)
+            found[:, a[:, None], b] += A[:, a, i] @ M @ B[:, b, j].mT
         return found
 
 
-Heard = Alone | Together
+Weighted = Alone | Together
 
 
 def _rows_in_paths(A: np.ndarray) -> list[Int[np.ndarray, " row"]]:
@@ -146,33 +147,33 @@ def _rows_in_paths(A: np.ndarray) -> list[Int[np.ndarray, " row"]]:
     return [np.flatnonzero(rows) for rows in np.transpose(np.any(A, axis=(0, 3)))]
 
 
-def hear(layout: Layout, data: Data, terms: Terms, shared: Functions) -> list[Heard]:
-    """The weighted data and how paths are heard in them, in as few groups as err alone."""
+def weigh(terms: Terms, shared: Functions) -> list[Weighted]:
+    """Weighted data and the paths that contribute to them, in groups of outputs with independent errors."""
+    data, outputs = terms.data, terms.layout.outputs
     if data.mix is not None:
-        return [_mixed(data, terms, shared, data.mix)]
-    late = np.stack([late_of(data, terms, o).T for o in range(layout.outputs)])
+        return [_mixed(terms, shared, data.mix)]
+    late = np.stack([terms.delay_factors(o).T for o in range(outputs)])
     if data.drive is not None:
         drive = np.moveaxis(data.drive, 0, 2)
-        return [_driven(data, drive, late[o], shared, o) for o in range(layout.outputs)]
-    w = np.ascontiguousarray(np.swapaxes(data.weight, 1, 2))
-    y = w * np.swapaxes(data.H, 1, 2)
+        return [_driven(data, drive, late[o], shared, o) for o in range(outputs)]
+    w, y = data.weighted
     grams = shared.grams((w**2).reshape(-1, w.shape[2]))
     return [Alone(y, w * late, grams.reshape(*w.shape[:2], *grams.shape[1:]), np.arange(len(w))[:, None])]
 
 
 def _driven(data: Data, drive: np.ndarray, late: np.ndarray, shared: Functions, output: int) -> Together:
-    w = data.weight[output].T
-    y = w * data.H[output].T
+    w, y = (x[output] for x in data.weighted)
     # A delay common to all inputs is in none of their products, and would but round them to complex.
     heard = drive if len(late) == 1 else drive * late[:, None]
     return Together(y[None], w * drive * late[:, None], _blocks(shared, w * heard), np.array([[output]]))
 
 
-def _mixed(data: Data, terms: Terms, shared: Functions, mix: np.ndarray) -> Together:
+def _mixed(terms: Terms, shared: Functions, mix: np.ndarray) -> Together:
     """The data of all outputs, combined by ``mix`` [line, output, output]."""
+    data = terms.data
     outputs, lines, columns = data.H.shape
     drive = np.eye(columns, dtype=complex)[None] if data.drive is None else data.drive
-    late = np.stack([late_of(data, terms, o) for o in range(outputs)])
+    late = np.stack([terms.delay_factors(o) for o in range(outputs)])
     heard = np.broadcast_to(late[:, :, :, None] * drive, (outputs, lines, *drive.shape[1:]))
     by = np.einsum("qlk,lqo,olik->oiqkl", data.weight, mix, heard).reshape(-1, outputs * columns, lines)
     y = np.einsum("qlk,lqo,olk->qkl", data.weight, mix, data.H).reshape(1, -1, lines)
@@ -193,7 +194,7 @@ def _blocks(shared: Functions, by: Complex[np.ndarray, "path column line"]) -> l
 
 
 def on_functions(
-    shared: Functions, of: Heard, v: Complex[np.ndarray, "group column line"]
+    shared: Functions, of: Weighted, v: Complex[np.ndarray, "group column line"]
 ) -> Float[np.ndarray, "group path function"]:
     """Inner products of weighted data with each function in each path."""
     return shared.products(of.back(v))

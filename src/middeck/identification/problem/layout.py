@@ -13,17 +13,15 @@ modes' psi, whose product phi psi leaves a whole matrix free, a unit matrix is h
 from __future__ import annotations
 
 import functools
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Complex, Float, Int
 
+from middeck.identification.model.fit_options import FitOptions
 from middeck.values import record
 
-DelayOf = Literal["output", "path", "common"]
 
-
-@record
+@record(kw_only=True)
 class Layout:
     """What the entries of theta are.
 
@@ -35,22 +33,12 @@ class Layout:
         Imaginary part of the real poles [rad/s]: zero, or pi / T for one on the negative real axis of z.
     pivot:
         The input whose entry of b is held, for each mode.
-    real_constants:
-        Pairs are phi psi / ((s - p)(s - conj p)) with real phi and psi: no velocity in the residue.
-    with_delay, with_lower, with_direct:
-        Whether there are delays, a term 1/s^2 and a constant term.
-    period_s:
-        Sampling period, or zero in continuous time.
-    full:
-        Residues of any rank: each input has output vectors of its own, and there is no b.
-    rigid_pivot:
-        The inputs whose entries of psi are held, one for each rigid mode phi psi / s^2.
-    delay_of:
-        Whose delays they are: each output's, each path's, or one for all.
-    relative_degree_two:
-        The residues of each path add up to zero: the response falls with 1/s^2.
-    integral_pivot:
-        The inputs whose entries of psi are held, one for each integrator phi psi / s.
+    options:
+        The kind of model, decided. Real constants: pairs are phi psi / ((s - p)(s - conj p)), phi and psi
+        real. Full rank: each input has output vectors of its own, and there is no b.
+    rigid_pivot, integral_pivot:
+        The inputs whose entries of psi are held, one for each rigid mode phi psi / s^2 and each integrator
+        phi psi / s; how many there are may differ from the options.
     """
 
     pair: np.ndarray
@@ -58,15 +46,8 @@ class Layout:
     pivot: np.ndarray
     inputs: int
     outputs: int
-    real_constants: bool
-    with_delay: bool
-    with_lower: bool
-    with_direct: bool
-    period_s: float
-    full: bool = False
+    options: FitOptions
     rigid_pivot: tuple[int, ...] = ()
-    delay_of: DelayOf = "output"
-    relative_degree_two: bool = False
     integral_pivot: tuple[int, ...] = ()
 
     @functools.cached_property
@@ -75,21 +56,26 @@ class Layout:
         return int(np.sum(self.pair))
 
     @property
+    def states(self) -> int:
+        """Order of the model but for poles at zero."""
+        return len(self.pair) + self.pairs
+
+    @property
     def copies(self) -> int:
         """Terms c b / (q - lambda) of each pole."""
-        return self.inputs if self.full else 1
+        return self.inputs if self.options.full_rank else 1
 
     @functools.cached_property
     def free_b(self) -> list[tuple[int, int, bool]]:
         """(mode, input, is imaginary part) of each free entry of b, in the order of theta."""
-        if self.full:
+        if self.options.full_rank:
             return []
         return [
             (m, i, part)
             for m, pair in enumerate(self.pair)
             for i in range(self.inputs)
             if i != self.pivot[m]
-            for part in ((False, True) if pair and not self.real_constants else (False,))
+            for part in ((False, True) if pair and not self.options.real_constants else (False,))
         ]
 
     @functools.cached_property
@@ -121,14 +107,17 @@ class Layout:
     @property
     def delays(self) -> tuple[int, int]:
         """Delays that differ: over outputs, and over inputs."""
-        if not self.with_delay:
-            return 0, 0
-        each = {"output": (self.outputs, 1), "path": (self.outputs, self.inputs), "common": (1, 1)}
-        return each[self.delay_of]
+        each = {
+            "output": (self.outputs, 1),
+            "path": (self.outputs, self.inputs),
+            "common": (1, 1),
+            None: (0, 0),
+        }
+        return each[self.options.delay_of]
 
     def columns_of(self, mode: int) -> np.ndarray:
         """Places of a mode's linear unknowns among those of an output."""
-        each = (1 if self.real_constants else 2) * self.copies
+        each = (1 if self.options.real_constants else 2) * self.copies
         if self.pair[mode]:
             return np.arange(each * mode, each * (mode + 1))
         first = each * self.pairs + self.copies * (mode - self.pairs)
@@ -137,13 +126,13 @@ class Layout:
     @property
     def mode_columns(self) -> int:
         """Linear unknowns of all modes in one output: they come first."""
-        per_pair = 1 if self.real_constants else 2
+        per_pair = 1 if self.options.real_constants else 2
         return self.copies * (per_pair * self.pairs + len(self.pair) - self.pairs)
 
     @property
     def columns(self) -> int:
         """Linear unknowns of one output: modes, rigid modes, integrators, 1/s^2, constant."""
-        terms = self.inputs * (self.with_lower + self.with_direct)
+        terms = self.inputs * (self.options.residuals + bool(self.options.direct))
         return self.mode_columns + len(self.powers) + terms
 
     @property
@@ -155,7 +144,7 @@ class Layout:
     @property
     def unknowns(self) -> int:
         """All unknowns of the model: theta and the linear ones, less what ties these."""
-        ties = self.inputs if self.relative_degree_two else 0
+        ties = self.inputs if self.options.zero_sum else 0
         return self.size + self.outputs * (self.columns - ties)
 
 
@@ -195,7 +184,7 @@ def pack(layout: Layout, point: Point) -> Float[np.ndarray, " unknown"]:
 
 def _delays_of(layout: Layout, point: Point) -> np.ndarray:
     outputs, inputs = layout.delays
-    if layout.with_delay and layout.delay_of == "common":
+    if layout.options.delay_of == "common":
         return np.mean(point.delay_s, keepdims=True)
     return np.broadcast_to(point.delay_s[:outputs], (outputs, max(inputs, point.delay_s.shape[1])))[
         :, :inputs
@@ -217,9 +206,22 @@ def unpack(layout: Layout, theta: Float[np.ndarray, " unknown"]) -> Point:
     )
 
 
+@record
+class Start:
+    """A layout and its theta: where a search begins, or has ended."""
+
+    layout: Layout
+    theta: Float[np.ndarray, " unknown"]
+
+    @functools.cached_property
+    def point(self) -> Point:
+        """theta unpacked."""
+        return unpack(self.layout, self.theta)
+
+
 def _input_vectors(layout: Layout, free: list[tuple[int, int, bool]], values: np.ndarray) -> np.ndarray:
     modes = len(layout.pair)
-    if layout.full:
+    if layout.options.full_rank:
         return np.tile(np.eye(layout.inputs, dtype=complex), (modes, 1))
     b = np.zeros((modes, layout.inputs), dtype=complex)
     b[np.arange(modes), layout.pivot] = 1.0
@@ -238,7 +240,7 @@ def _rigid_vectors(layout: Layout, free: list[tuple[int, int]], values: np.ndarr
 
 
 def _delays_at(layout: Layout, values: np.ndarray) -> np.ndarray:
-    if not layout.with_delay:
+    if not layout.options.delay_of:
         return np.zeros((layout.outputs, 1))
     outputs, inputs = layout.delays
     return np.broadcast_to(values.reshape(outputs, inputs), (layout.outputs, inputs))

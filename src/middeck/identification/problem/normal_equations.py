@@ -19,9 +19,9 @@ from jaxtyping import Complex, Float, Int
 
 from middeck.identification.problem.design import Terms
 from middeck.identification.problem.factors import column_factors, slope_factors
-from middeck.identification.problem.gram_blocks import Functions, Heard, on_functions
+from middeck.identification.problem.gram_blocks import Functions, Weighted, on_functions
 from middeck.identification.problem.layout import Layout
-from middeck.identification.problem.ties import Tied
+from middeck.identification.problem.zero_sum import ZeroSum
 
 # Smallest pivot of the scaled normal equations: below it a correction gains less than four digits.
 WORST = 1e-12
@@ -46,11 +46,10 @@ class Solved(NamedTuple):
     rounding: float = 0.0
 
 
-def solve_normal(
-    layout: Layout, s: Complex[np.ndarray, " line"], terms: Terms, shared: Functions, of: Heard
-) -> Solved | None:
-    """The outputs that are heard; None where the condition is too bad."""
-    columns, tied = column_factors(layout, terms.point), Tied(layout, terms.point)
+def solve_normal(terms: Terms, shared: Functions, of: Weighted) -> Solved | None:
+    """The outputs of a group; None where the condition is too bad."""
+    layout = terms.layout
+    columns, tied = column_factors(layout, terms.point), ZeroSum(layout, terms.point)
     free = tied.free(columns.reshape(len(columns), -1)).reshape(-1, *columns.shape[1:])
     free = _placed(free, of.outputs.shape[1])
     solve = _Normal.of(of.inner(free[None], free[None]))
@@ -59,13 +58,13 @@ def solve_normal(
         return None
     each = solved.x.reshape(-1, layout.columns)
     slopes = slope_factors(layout, terms.point, terms.parts, each)
-    if layout.relative_degree_two:
+    if layout.options.zero_sum:
         slopes += np.stack([tied.moved(one, columns) for one in each])
-    late, late_place = _delay_slopes(layout, of, -s * solved.path)
+    late, late_place = _delay_slopes(layout, of, -terms.data.s * solved.path)
     by_theta = _by_theta(shared, of, solve, free, _by_group(of, slopes), late, solved)
     cost = 0.5 * float(np.sum(_squares(solved.left)))
     gradient, gram = _added(layout, slopes.shape[1] + late_place, *by_theta)
-    terms_of = solved.x.reshape(len(solved.x), -1) * solve.lengths if not layout.relative_degree_two else 0.0
+    terms_of = solved.x.reshape(len(solved.x), -1) * solve.lengths if not layout.options.zero_sum else 0.0
     rounding = np.finfo(float).eps * np.hypot(np.linalg.norm(terms_of), np.linalg.norm(of.y))
     return Solved(each, cost, gradient, gram, solved.left, float(rounding))
 
@@ -80,7 +79,7 @@ class _Linear(NamedTuple):
 
 
 def _solve_linear(
-    shared: Functions, of: Heard, solve: _Normal, free: np.ndarray, columns: np.ndarray, tied: Tied
+    shared: Functions, of: Weighted, solve: _Normal, free: np.ndarray, columns: np.ndarray, tied: ZeroSum
 ) -> _Linear | None:
     """None where no correction makes what is left orthogonal to the columns."""
     groups, each = of.outputs.shape
@@ -101,7 +100,7 @@ def _solve_linear(
     return found if np.all(skew <= SKEW * rest + 10.0 * rounding) else None
 
 
-def _by_group(of: Heard, factors: np.ndarray) -> Float[np.ndarray, "group row path function"]:
+def _by_group(of: Weighted, factors: np.ndarray) -> Float[np.ndarray, "group row path function"]:
     """Factors [output, row, input, function] by the groups of outputs."""
     apart = np.swapaxes(factors.reshape(*of.outputs.shape, *factors.shape[1:]), 1, 2)
     return apart.reshape(*apart.shape[:2], -1, apart.shape[-1])
@@ -128,7 +127,7 @@ def _squares(v: Complex[np.ndarray, "group column line"]) -> Float[np.ndarray, "
 
 def _by_theta(
     shared: Functions,
-    of: Heard,
+    of: Weighted,
     solve: _Normal,
     free: np.ndarray,
     G: Float[np.ndarray, "group unknown path function"],
@@ -141,11 +140,11 @@ def _by_theta(
     gram, cross = np.split(of.inner(G, np.concatenate([G, columns], axis=1)), [G.shape[1]], axis=2)
     if late.shape[1]:
         on_late = np.stack([on_functions(shared, of, late[:, d]) for d in range(late.shape[1])], axis=1)
-        with_late = _flat(G) @ np.swapaxes(_flat(on_late), 1, 2)
+        with_late = _flat(G) @ _flat(on_late).mT
         rows = np.ascontiguousarray(_flat(late)).view(float)
-        own = rows @ np.swapaxes(rows, 1, 2)
-        gram = np.block([[gram, with_late], [np.swapaxes(with_late, 1, 2), own]])
-        cross = np.concatenate([cross, _flat(on_late) @ np.swapaxes(_flat(free[None]), 1, 2)], axis=1)
+        own = rows @ rows.mT
+        gram = np.block([[gram, with_late], [with_late.mT, own]])
+        cross = np.concatenate([cross, _flat(on_late) @ _flat(free[None]).mT], axis=1)
         on_rest = rows @ _flat(solved.left).view(float)[:, :, None]
         gradient = np.concatenate([gradient, on_rest], axis=1)
     # What is left is orthogonal to the columns but for rounding, of which slopes along them would make much.
@@ -171,16 +170,16 @@ def _placed(factors: np.ndarray, outputs: int) -> Float[np.ndarray, "row path fu
 
 
 def _delay_slopes(
-    layout: Layout, of: Heard, rate: Complex[np.ndarray, "group path line"]
+    layout: Layout, of: Weighted, rate: Complex[np.ndarray, "group path line"]
 ) -> tuple[Complex[np.ndarray, "group delay column line"], Int[np.ndarray, "group delay"]]:
     """Weighted slopes by the delays of each group, and their places among all delays."""
     groups, paths, _ = rate.shape
-    if not layout.with_delay:
+    if not layout.options.delay_of:
         return np.zeros((groups, 0, *of.y.shape[1:]), dtype=complex), np.zeros((groups, 0), dtype=int)
     each = np.repeat(of.outputs, layout.inputs, axis=1)
-    if layout.delay_of == "path":
+    if layout.options.delay_of == "path":
         each = each * layout.inputs + np.arange(paths) % layout.inputs
-    each = np.zeros_like(each) if layout.delay_of == "common" else each
+    each = np.zeros_like(each) if layout.options.delay_of == "common" else each
     different = np.stack([np.unique(own) for own in each])
     own = different[:, :, None] == each[:, None]
     return np.stack([of.sum(rate * own[:, d, :, None]) for d in range(own.shape[1])], axis=1), different
@@ -195,7 +194,7 @@ class _Normal:
     @classmethod
     def of(cls, gram: Float[np.ndarray, "group column column"]) -> _Normal | None:
         """None where columns are the others but for rounding."""
-        power = np.einsum("gnn->gn", gram)
+        power = np.linalg.diagonal(gram)
         if not np.isfinite(gram).all() or (power <= 0.0).any():
             return None
         size = 1.0 / np.sqrt(power)
@@ -203,7 +202,7 @@ class _Normal:
             factor = np.linalg.cholesky(gram * size[:, :, None] * size[:, None])
         except np.linalg.LinAlgError:
             return None
-        return cls(factor, size) if np.einsum("gnn->gn", factor).min() ** 2 > WORST else None
+        return cls(factor, size) if np.linalg.diagonal(factor).min() ** 2 > WORST else None
 
     def __call__(self, right: Float[np.ndarray, "group column"]) -> Float[np.ndarray, "group column"]:
         """The solution."""
@@ -223,9 +222,9 @@ class _Normal:
         self, gram: Float[np.ndarray, "group row row"], cross: Float[np.ndarray, "group row column"]
     ) -> Float[np.ndarray, "group row row"]:
         """The Gram matrix of rows without their parts along the columns, to rounding."""
-        right = np.swapaxes(cross * self._size[:, None], 1, 2)
+        right = (cross * self._size[:, None]).mT
         along = np.stack([_triangular(L, b, 1) for L, b in zip(self._factor, right, strict=True)])
-        rest = gram - np.swapaxes(along, 1, 2) @ along
+        rest = gram - along.mT @ along
         own = np.arange(rest.shape[1])
         rest[:, own, own] = np.maximum(rest[:, own, own], ROUNDING * np.abs(gram[:, own, own]))
         return rest

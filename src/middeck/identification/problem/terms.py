@@ -20,7 +20,7 @@ class Fractions:
 
 def fractions(layout: Layout, poles: np.ndarray, s: Complex[np.ndarray, " line"]) -> Fractions:
     """The partial fractions at ``s`` = j omega."""
-    T = layout.period_s
+    T = layout.options.period_s
     q, pole = (np.exp(s * T), np.exp(poles * T)) if T else (s, poles)
     slope = T * pole if T else np.ones_like(pole)
     return Fractions(1.0 / (q - pole[:, None]), 1.0 / (q - pole.conj()[:, None]), slope)
@@ -38,7 +38,7 @@ def columns(
     X = np.empty((layout.columns, len(s), each_input.shape[2]), dtype=complex)
     up, low = (np.repeat(x, layout.copies, axis=0)[:, :, None] for x in (parts.upper, parts.lower))
     pairs = layout.pairs * layout.copies
-    if layout.real_constants:
+    if layout.options.real_constants:
         X[:pairs] = _along(np.real(point.b)[:pairs], drive) * (up * low)[:pairs]
         used = pairs
     else:
@@ -52,47 +52,39 @@ def columns(
     if point.psi is not None and len(point.psi):
         X[used : used + len(point.psi)] = _along(point.psi, drive) / _powers(layout, s)[:, :, None]
         used += len(point.psi)
-    if layout.with_lower:
+    if layout.options.residuals:
         X[used : used + layout.inputs] = each_input / (s**2)[None, :, None]
         used += layout.inputs
-    if layout.with_direct:
+    if layout.options.direct:
         X[used:] = each_input
     return X
 
 
 def _along(b: np.ndarray, drive: np.ndarray | None) -> np.ndarray:
-    """What each vector of inputs makes of the drive: [mode, line (or 1), column]."""
+    """Input vectors times the drive: [mode, line (or 1), column]."""
     return b[:, None, :] if drive is None else np.moveaxis(b @ drive, 1, 0)
 
 
 def shapes(layout: Layout, point: Point, x: Float[np.ndarray, " column"]) -> Complex[np.ndarray, " term"]:
     """The output vector c of one output from its linear unknowns, as residues of each term."""
     c = linear_of_terms(layout, x)
-    if layout.real_constants:
+    if layout.options.real_constants:
         # phi / ((s - p)(s - conj p)) has the residue phi / (2 j omega_d) at p.
         pairs = layout.pairs * layout.copies
         c[:pairs] /= 2j * np.repeat(np.imag(point.poles)[: layout.pairs], layout.copies)
     return c
 
 
-@record
-class Constants:
-    """R of the rigid modes, Q of the integrators, L and D."""
-
-    rigid: Float[np.ndarray, "output input"]
-    integral: Float[np.ndarray, "output input"]
-    lower: Float[np.ndarray, "output input"]
-    direct: Float[np.ndarray, "output input"]
-
-
-def constant_terms(layout: Layout, point: Point, linear: Float[np.ndarray, "output column"]) -> Constants:
-    """What goes with powers of s, from the linear unknowns of each output."""
+def constant_terms(
+    layout: Layout, point: Point, linear: Float[np.ndarray, "output column"]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """R of rigid modes, Q of integrators, L and D [output, input], from the outputs' linear unknowns."""
     x = linear[:, layout.mode_columns : layout.columns]
     drifting, inputs = len(layout.powers), layout.inputs
     none = np.zeros((len(x), inputs))
     R, Q = (none, none) if point.psi is None else (x[:, own] @ point.psi[own] for own in layout.at_zero)
-    L = x[:, drifting : drifting + inputs] if layout.with_lower else none
-    return Constants(R, Q, L, x[:, -inputs:] if layout.with_direct else none)
+    L = x[:, drifting : drifting + inputs] if layout.options.residuals else none
+    return R, Q, L, x[:, -inputs:] if layout.options.direct else none
 
 
 def _powers(layout: Layout, s: np.ndarray) -> Complex[np.ndarray, "rigid line"]:
@@ -137,7 +129,7 @@ def slopes(
 def linear_of_terms(layout: Layout, x: np.ndarray) -> Complex[np.ndarray, " term"]:
     """The linear unknowns of each term as one number: c, or phi."""
     pairs = layout.pairs * layout.copies
-    if layout.real_constants:
+    if layout.options.real_constants:
         return x[: layout.mode_columns].astype(complex)
     real = x[2 * pairs : layout.mode_columns].astype(complex)
     return np.concatenate([x[0 : 2 * pairs : 2] + 1j * x[1 : 2 * pairs : 2], real])
@@ -152,7 +144,7 @@ def _by_pole(
         up, low, slope = (np.repeat(x, layout.copies, axis=0) for x in (up, low, slope))
     factor, pairs = (c * slope)[:, None], layout.pairs * layout.copies
     upper, lower = factor * up, np.zeros_like(low)
-    if layout.real_constants:
+    if layout.options.real_constants:
         upper[:pairs] *= low[:pairs]
         lower[:pairs] = upper[:pairs] * low[:pairs]
     else:
@@ -166,6 +158,6 @@ def _by_b(layout: Layout, parts: Fractions, c: complex, m: int) -> tuple[np.ndar
     up, low = parts.upper[m], parts.lower[m]
     if not layout.pair[m]:
         return c * up, np.zeros_like(up)
-    if layout.real_constants:
+    if layout.options.real_constants:
         return c * up * low, np.zeros_like(up)
     return c * up, np.conj(c) * low

@@ -41,7 +41,7 @@ def transient_columns(
     poles[0 : 2 * pairs : 2] = up[:pairs] + low[:pairs]
     poles[1 : 2 * pairs : 2] = 1j * (up[:pairs] - low[:pairs])
     poles[2 * pairs :] = up[pairs:]
-    double = layout.with_lower or bool(layout.rigid_pivot)
+    double = layout.options.residuals or bool(layout.rigid_pivot)
     others = [_drift(transient, s, 2 if double else 1), _edges(transient, s)]
     steady = [] if transient.steady is None else [transient.steady]
     return np.concatenate([poles, _basis(*others, *steady)])

@@ -15,17 +15,20 @@ from jaxtyping import Float
 
 from middeck.errors import DataError, FitError
 from middeck.identification.fit.fit_response import FitResult
+from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.model.measurement_model import MeasurementModel, path_delay, rank_of
 from middeck.identification.order.order import is_settled, sizes
 from middeck.identification.problem.data import Data, Transient
-from middeck.identification.problem.design import residual_of
-from middeck.identification.problem.layout import Layout, Point, unpack
-from middeck.identification.record_fit.held_out import error_held_out
-from middeck.identification.record_fit.order import enough_samples, record_length, shortest_reason
-from middeck.identification.record_fit.race import further, leader
-from middeck.identification.record_fit.search import RecordRun, Weighting, refine_record
+from middeck.identification.problem.layout import Point, Start
+from middeck.identification.record_fit.order import (
+    enough_samples,
+    error_held_out,
+    record_length,
+    shortest_reason,
+)
+from middeck.identification.record_fit.search import RecordRun, Weighting, further, leader, refine_record
 from middeck.identification.record_fit.starts import PastOfRecord, continuous_starts, past_of
-from middeck.identification.start.start import Options, Start, start_from_point
+from middeck.identification.start.start import start_from_point
 from middeck.identification.uncertainty.parameters import distinct_poles
 from middeck.signals.record import Record
 
@@ -47,7 +50,7 @@ FIRST_STEPS = 3
 def fit_continuous(
     record: Record,
     data: Data,
-    options: Options,
+    options: FitOptions,
     local: Callable[[], FitResult],
     *,
     states: int | None,
@@ -69,7 +72,7 @@ def fit_continuous(
         if states is None and (short or first is None):
             options, reason = _choose_order(record, data, options, past)
         elif states is None and first is not None:
-            options = dataclasses.replace(options, states=_order(_start_of(first, options).layout))
+            options = options.sized(_start_of(first, options).layout.states)
         starts += _prompt(record, continuous_starts(past, data, options))
         found = _led(record, data, starts, weighting)
     if found is None:
@@ -77,15 +80,10 @@ def fit_continuous(
     return *_finished(record, *found, weighting), reason
 
 
-def _terms_of(first: FitResult, options: Options) -> Options:
+def _terms_of(first: FitResult, options: FitOptions) -> FitOptions:
     """With the terms for modes outside the band that a response of no stated order has asked for."""
     structure = first.covariance.structure
-    return dataclasses.replace(options, with_lower=structure.with_lower, with_direct=structure.with_direct)
-
-
-def _order(layout: Layout) -> int:
-    """States but for those at zero."""
-    return int(np.sum(np.where(layout.pair, 2, 1)))
+    return dataclasses.replace(options, residuals=structure.with_lower, direct=structure.with_direct)
 
 
 def _finished(
@@ -96,8 +94,8 @@ def _finished(
     Where the model has no value on those (a pole that decays within them stands for the same samples), it is
     refined on those that it was found on.
     """
-    edged = dataclasses.replace(data, transient=_edges(record, [Start(best.layout, best.refined.theta)]))
-    again = refine_record(edged, best.layout, best.refined.theta, best.weighting, rounds=1, steps=FIRST_STEPS)
+    edged = dataclasses.replace(data, transient=_edges(record, [best.start]))
+    again = refine_record(edged, best.start, best.weighting, rounds=1, steps=FIRST_STEPS)
     if again is not None:
         data, best = edged, again
     best = _settled(data, best, weighting)
@@ -115,7 +113,7 @@ def _attempt(local: Callable[[], FitResult]) -> tuple[FitResult | None, FitError
 def _prompt(record: Record, starts: Iterable[Start]) -> list[Start]:
     """Those whose delays leave no more samples free than can be solved for."""
     most = MOST_FREE / record.sample_hz
-    return [s for s in starts if float(unpack(s.layout, s.theta).delay_s.max()) < most]
+    return [s for s in starts if float(s.point.delay_s.max()) < most]
 
 
 def _led(
@@ -142,8 +140,7 @@ def _settled(data: Data, best: RecordRun, weighting: Weighting | None) -> Record
     best = further(data, best, rounds=ROUNDS, steps=STEPS)
     if weighting is not None:
         return best
-    theta = best.refined.theta
-    other = refine_record(data, best.layout, theta, "motion", rounds=1, steps=FIRST_STEPS)
+    other = refine_record(data, best.start, "motion", rounds=1, steps=FIRST_STEPS)
     if other is None or other.likelihood >= best.likelihood:
         return best
     return further(data, other, rounds=ROUNDS, steps=STEPS)
@@ -154,14 +151,14 @@ def _held_out(record: Record, data: Data, best: RecordRun) -> RecordRun:
 
     Only where much is left: that is more than noise, and weights that follow it may pass over strong lines.
     """
-    left = residual_of(best.layout, data, best.refined.theta, best.refined.step.linear)
+    left = best.residual(data)
     share = np.sum(np.abs(left) ** 2, axis=(1, 2)) / np.sum(np.abs(data.H) ** 2, axis=(1, 2))
     if np.max(share) <= POOR**2:
         return best
-    flat = refine_record(data, best.layout, best.refined.theta, "flat", rounds=ROUNDS, steps=STEPS)
+    flat = refine_record(data, best.start, "flat", rounds=ROUNDS, steps=STEPS)
     if flat is None:
         return best
-    lines = np.imag(data.s) / (2.0 * np.pi)
+    lines = data.omega / (2.0 * np.pi)
     of_best, of_flat = (
         error_held_out(record, (float(lines[0]), float(lines[-1])), run, data.transient)
         for run in (best, flat)
@@ -169,32 +166,33 @@ def _held_out(record: Record, data: Data, best: RecordRun) -> RecordRun:
     return flat if of_flat < CLEARLY * of_best else best
 
 
-def _choose_order(record: Record, data: Data, options: Options, past: PastOfRecord) -> tuple[Options, str]:
+def _choose_order(
+    record: Record, data: Data, options: FitOptions, past: PastOfRecord
+) -> tuple[FitOptions, str]:
     """The order of the shortest description of the record, its transients counted, and why."""
     tried: list[tuple[int, float]] = []
-    still = 2 * options.rigid + options.integrators
     for states in sizes():
-        if not enough_samples(record, states + still):
+        if not enough_samples(record, states + options.at_zero):
             break
-        starts = _prompt(record, continuous_starts(past, data, dataclasses.replace(options, states=states)))
+        starts = _prompt(record, continuous_starts(past, data, options.sized(states)))
         if not starts:
             continue
         edged = dataclasses.replace(data, transient=_edges(record, starts))
         run = leader(edged, starts, "output")
         if run is None:
             continue
-        tried.append((states + still, record_length(edged, run)))
+        tried.append((states + options.at_zero, record_length(edged, run)))
         if is_settled([length for _, length in tried]):
             break
     if not tried:
         raise FitError("no order could be fitted", hint="a longer record, or say how many states")
     best = min(tried, key=lambda t: t[1])[0]
-    return dataclasses.replace(options, states=best - still), shortest_reason(tried)
+    return dataclasses.replace(options, states=best), shortest_reason(tried)
 
 
 def _edges(record: Record, starts: Sequence[Start]) -> Transient:
     """Free samples: those that answer to inputs before the record, and one at the end for what is between."""
-    delay = float(np.median([unpack(s.layout, s.theta).delay_s.max() for s in starts]))
+    delay = float(np.median([s.point.delay_s.max() for s in starts]))
     late = int(np.ceil(delay * record.sample_hz)) + 1
     if late >= record.u.shape[1] * record.u.shape[2] // 2:
         raise FitError(
@@ -204,7 +202,7 @@ def _edges(record: Record, starts: Sequence[Start]) -> Transient:
     return Transient(1.0 / record.sample_hz, max(late, 1), 1)
 
 
-def _start_of(first: FitResult, options: Options) -> Start:
+def _start_of(first: FitResult, options: FitOptions) -> Start:
     """Layout and theta of a fitted model."""
     model = first.model
     modes = np.array(distinct_poles(model), dtype=int)

@@ -15,7 +15,8 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import FitError
-from middeck.identification.fit.fit_response import FitResult, fit_chosen, marked
+from middeck.identification.fit.fit_response import FitResult, fit_lines, marked
+from middeck.identification.fit.fitted_model import model_of
 from middeck.identification.fit.standing import (
     checked_covariance,
     doubts_of_lines,
@@ -23,25 +24,28 @@ from middeck.identification.fit.standing import (
     standing_of,
     standing_of_delays,
 )
-from middeck.identification.model.checks import check_record
+from middeck.identification.model.checks import check_record, check_word, refuse_growth
+from middeck.identification.model.fit_options import Constants, Delay, FitOptions, decided
 from middeck.identification.model.held_response import folded_response
 from middeck.identification.model.measurement_model import MeasurementModel, model_response, natural_hz
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.design import residual_of
-from middeck.identification.record_fit.aliasing import FOLDED, folded_share
-from middeck.identification.record_fit.causes import causes_of, named_cause
+from middeck.identification.record_fit.causes import (
+    causes_of,
+    doubts_of_folding,
+    doubts_of_growth,
+    growth_score,
+    named_cause,
+)
 from middeck.identification.record_fit.continuous import fit_continuous
-from middeck.identification.record_fit.instability import refuse_growth
-from middeck.identification.record_fit.model import record_covariance, record_model
+from middeck.identification.record_fit.model import record_covariance
 from middeck.identification.record_fit.noise import negative_log_likelihood, noise_variance
 from middeck.identification.record_fit.order import choose_record
-from middeck.identification.record_fit.search import RecordRun, Weighting
+from middeck.identification.record_fit.search import WEIGHTINGS, RecordRun, Weighting
 from middeck.identification.record_fit.spectra import record_data, without_drift, without_trend
-from middeck.identification.record_fit.steadiness import growth_score
 from middeck.identification.record_fit.tidy import Tidied, tidied
 from middeck.identification.search.doubts import causal_delay, doubts_of_deviations
 from middeck.identification.spectra import estimate_response
-from middeck.identification.start.choices import Choices, Constants, Delay, at_zero, options_of
 from middeck.identification.uncertainty.parameters import uncertainty_of
 from middeck.signals.excitation.driven import driven_band
 from middeck.signals.record import Record
@@ -55,9 +59,6 @@ LEFT = 0.1
 HELD_ABOVE = 1.0 / 8.0
 # Inputs driven to this share of half the rate are driven all the way.
 NYQUIST = 0.95
-# Score of a residual that grows with the response above which it is no noise: noise passes it once in 4000,
-# if its power were normal over blocks.
-GROWS = 3.5
 # A decay rate times the record's length that is no more than the search allows at least, and lines between a
 # mode and a sine that may be its own motion.
 HARDLY, BESIDE = 0.15, 2.0
@@ -120,28 +121,46 @@ def fit_record(
         If the record is shorter than the unknowns, if it is described no worse as noise alone (the delay may
         be longer than the record), if an output leads its input, or if no start could be refined.
     """
+    asked = FitOptions(
+        states=states,
+        constants=constants,
+        delay=delay,
+        direct=direct,
+        residuals=residuals,
+        full_rank=full_rank,
+        rigid=rigid,
+        integrators=integrators,
+        relative_degree=relative_degree,
+    )
+    return fit_samples(record, asked, sampled=sampled, band_hz=band_hz, weighting=weighting, tell=tell)
+
+
+def fit_samples(
+    record: Record,
+    asked: FitOptions,
+    *,
+    sampled: bool | None = None,
+    band_hz: tuple[float, float] | None = None,
+    weighting: Weighting | None = None,
+    tell: Callable[[str], None] = lambda _: None,
+) -> FitResult:
+    """`fit_record` with its options as one value."""
     check_record(record)
+    check_word("weighting", weighting, WEIGHTINGS)
     refuse_growth(record)
-    measured = record
-    chosen = sampled is None
+    measured, chosen = record, sampled is None
     if sampled is None:
-        only_continuous = residuals or rigid or integrators or constants == "real" or delay
-        sampled = not (only_continuous or relative_degree == 2) and is_held(record, band_hz)
-    choices = Choices(
-        record.sample_hz if sampled else None,
-        constants, delay, direct, residuals, full_rank, rigid, relative_degree, integrators,
-    )  # fmt: skip
+        sampled = not asked.only_continuous and is_held(record, band_hz)
+    asked = dataclasses.replace(asked, sample_hz=record.sample_hz if sampled else None)
     record = (
         without_drift(record)
         if sampled
-        else without_trend(record, inputs=not (residuals or at_zero(choices)))
+        else without_trend(record, inputs=not (asked.residuals or asked.at_zero))
     )
     if band_hz is None and not sampled:
         inputs = record.u.reshape(len(record.u), -1, record.u.shape[3])
         band_hz = driven_band(inputs, record.sample_hz)
-    fit = functools.partial(
-        _fit, measured, band_hz=band_hz, states=states, choices=choices, weighting=weighting, tell=tell
-    )
+    fit = functools.partial(_fit, measured, band_hz=band_hz, asked=asked, weighting=weighting, tell=tell)
     if sampled:
         found = fit(record)
         why = "sampled, as the inputs drive all up to half the rate; " if chosen else ""
@@ -158,24 +177,23 @@ def _fit(
     record: Record,
     *,
     band_hz: tuple[float, float] | None,
-    states: int | None,
-    choices: Choices,
+    asked: FitOptions,
     weighting: Weighting | None,
     tell: Callable[[str], None],
 ) -> FitResult:
     """The fit of a record without drift, whose inputs are taken as they are; ``measured`` has its faults."""
-    sampled = choices.sample_hz is not None
+    sampled, states = asked.sample_hz is not None, asked.states
     data = record_data(record, band_hz, whole=sampled)
     lines = _lines(record, data, np.zeros((len(data.s), len(record.outputs), len(record.inputs)), complex))
-    options = options_of(lines, states, choices)
-    _check_length(record, options.states + at_zero(choices))
+    options = decided(lines, asked)
+    _check_length(record, options.moving + options.at_zero)
     with named_cause(measured):
         if sampled:
             run, reason = choose_record(
                 record, options, band_hz, states=states, weighting=weighting, tell=tell
             )
         else:
-            local = functools.partial(_local_fit, record, lines, states, choices)
+            local = functools.partial(_local_fit, record, lines, asked)
             data, run, reason = fit_continuous(
                 record, data, options, local, states=states, weighting=weighting
             )
@@ -220,19 +238,19 @@ def _check_length(record: Record, states: int) -> None:
 
 def _lines(record: Record, data: Data, H: np.ndarray) -> FrequencyResponse:
     """A response on the lines that are fitted."""
-    f = np.imag(data.s) / (2.0 * np.pi)
+    f = data.omega / (2.0 * np.pi)
     return FrequencyResponse(f, H, record.inputs, record.outputs, np.zeros(H.shape))
 
 
-def _local_fit(record: Record, lines: FrequencyResponse, states: int | None, choices: Choices) -> FitResult:
+def _local_fit(record: Record, lines: FrequencyResponse, asked: FitOptions) -> FitResult:
     """A fit of a local estimate of the response.
 
     Polynomials are fast, but do not follow a resonance narrower than their few lines: rational models tell
     an order, and start a record too short for polynomials.
     """
     band_hz = float(lines.frequency_hz[0]), float(lines.frequency_hz[-1])
-    fit = functools.partial(fit_chosen, states=states, choices=choices)
-    if states is not None:
+    fit = functools.partial(fit_lines, asked=asked)
+    if asked.states is not None:
         with contextlib.suppress(FitError):
             return fit(estimate_response(record, band_hz=band_hz, method="local polynomial"))
     return fit(estimate_response(record, band_hz=band_hz, method="local rational"))
@@ -243,10 +261,10 @@ def _result(measured: Record, record: Record, fit: Tidied, reason: str, score: n
     found = run.refined
     r = residual_of(run.layout, data, found.theta, found.step.linear)
     _refuse_noise(data, run)
-    fitted = record_model(run.layout, found, record)
+    fitted = model_of(run, record.inputs, record.outputs)
     covariance = checked_covariance(record_covariance(run, data, fitted))
     uncertainty = uncertainty_of(covariance)
-    lines = _lines(record, data, model_response(fitted, np.imag(data.s) / (2.0 * np.pi)))
+    lines = _lines(record, data, model_response(fitted, data.omega / (2.0 * np.pi)))
     if not np.isfinite(lines.H).all():
         raise FitError("the fitted response is not finite", hint="fewer states")
     delay_s, warnings = causal_delay(lines, fitted.delay_s, uncertainty)
@@ -254,25 +272,25 @@ def _result(measured: Record, record: Record, fit: Tidied, reason: str, score: n
     error = np.sqrt(np.sum(np.abs(r) ** 2, axis=(1, 2)) / np.sum(np.abs(data.H) ** 2, axis=(1, 2)))
     warnings += _doubts(run, record, error)
     warnings += doubts_of_deviations(lines, covariance, of_samples=True)
-    wrong = [*_growing(record, score), *_undamped(lines, model, fit)]
-    wrong += [] if model.sample_hz is not None else _folded(record)
+    wrong = [*doubts_of_growth(record, score), *_undamped(lines, model, fit)]
+    wrong += [] if model.sample_hz is not None else doubts_of_folding(record)
     wrong += causes_of(measured, data, run, _lead(fitted, uncertainty.delay_s), error)
     warnings += [*wrong, *doubts_of_lines(fit.lines)]
     standing = standing_of(lines, covariance, holds=not wrong)
     warnings += doubts_of_standing(covariance, standing)
     return FitResult(
-        model,
-        float(np.mean(np.abs(r) ** 2 / run.variance)),
-        error,
-        np.zeros(len(error)),
-        uncertainty,
-        dataclasses.replace(covariance, model=model),
-        np.array(found.history),
-        reason,
-        tuple(warnings),
-        standing,
-        fit.lines,
-        standing_of_delays(lines, covariance, holds=not wrong),
+        model=model,
+        cost=float(np.mean(np.abs(r) ** 2 / run.variance)),
+        error=error,
+        excess=np.zeros(len(error)),
+        uncertainty=uncertainty,
+        covariance=dataclasses.replace(covariance, model=model),
+        history=np.array(found.history),
+        order_reason=reason,
+        warnings=tuple(warnings),
+        standing=standing,
+        lines=fit.lines,
+        delay_standing=standing_of_delays(lines, covariance, holds=not wrong),
     )
 
 
@@ -280,28 +298,6 @@ def _lead(fitted: MeasurementModel, deviation: Float[np.ndarray, " output"]) -> 
     """By how many of its deviations each output leads its input; zero for one that does not."""
     leads = (fitted.delay_s < 0.0) & (deviation > 0.0)
     return np.divide(-fitted.delay_s, deviation, out=np.zeros(len(deviation)), where=leads)
-
-
-def _growing(record: Record, score: np.ndarray) -> list[str]:
-    """Outputs of which more is left while they move more: what is left is no noise."""
-    return [
-        f"output {port.name}: what the fit leaves grows with the response ({z:.0f} standard deviations of "
-        "noise), so that it is no noise: blows that scatter, a sensor that clips, an article that is not "
-        "linear or a wrong model; no stated deviation holds"
-        for port, z in zip(record.outputs, score, strict=True)
-        if z >= GROWS
-    ]
-
-
-def _folded(record: Record) -> list[str]:
-    """Inputs whose blows reach beyond half the sampling rate."""
-    return [
-        f"input {port.name}: at half the sampling rate its blows still have {share:.1%} of their largest "
-        "line: sampled without a filter, or too slowly, so that what is folded back is no response; no "
-        "stated deviation holds, that of a delay least; sample faster, or strike with a softer tip"
-        for port, share in zip(record.inputs, folded_share(record), strict=True)
-        if share > FOLDED
-    ]
 
 
 def _undamped(lines: FrequencyResponse, model: MeasurementModel, fit: Tidied) -> list[str]:
@@ -334,12 +330,10 @@ def _refuse_noise(data: Data, run: RecordRun) -> None:
 
     Description lengths 2 L + k ln n (Rissanen 1978), the noise smooth over lines in both.
     """
-    none = np.zeros(0, dtype=complex)
-    assert data.transient is not None
-    v = noise_variance(data.H, "output", data.s, none, data.transient.period_s)
+    v = noise_variance(data.H)
     alone = 2.0 * negative_log_likelihood(data.H, v)
-    r = residual_of(run.layout, data, run.refined.theta, run.refined.step.linear)
-    v = noise_variance(r, "output", data.s, none, data.transient.period_s)
+    r = run.residual(data)
+    v = noise_variance(r)
     unknowns = run.layout.size + run.refined.step.linear.size
     model = 2.0 * negative_log_likelihood(r, v) + unknowns * np.log(2.0 * data.H.size)
     if model >= alone:

@@ -12,13 +12,13 @@ from collections.abc import Iterator
 import numpy as np
 from jaxtyping import Complex, Float
 
+from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.design import residual_of
-from middeck.identification.problem.layout import unpack
+from middeck.identification.problem.layout import Start
 from middeck.identification.record_fit.search import RecordRun
 from middeck.identification.record_fit.starts import start_of
 from middeck.identification.search.refine import weighted
-from middeck.identification.start.start import Options, Start
 
 # A new mode's damping ratio, and lines to either side over which the residual is averaged, as a share of all.
 DAMPING, WIDTH = 0.03, 0.01
@@ -26,23 +26,23 @@ DAMPING, WIDTH = 0.03, 0.01
 GIVEN_UP = 3
 
 
-def grown(data: Data, options: Options, run: RecordRun) -> Start | None:
-    """``run`` with pairs at the peaks of its residual until it has ``options.states``; None if it cannot."""
-    missing = options.states - run.states
+def grown(data: Data, options: FitOptions, run: RecordRun) -> Start | None:
+    """``run`` with pairs at the peaks of its residual until it has ``options.moving``; None if it cannot."""
+    missing = options.moving - run.layout.states
     if missing < 2 or missing % 2:
         return None
-    left = residual_of(run.layout, data, run.refined.theta, run.refined.step.linear)
-    return _with_peaks(data, options, Start(run.layout, run.refined.theta), left, missing // 2)
+    left = run.residual(data)
+    return _with_peaks(data, options, run.start, left, missing // 2)
 
 
-def exchanges(data: Data, options: Options, run: RecordRun) -> Iterator[Start]:
+def exchanges(data: Data, options: FitOptions, run: RecordRun) -> Iterator[Start]:
     """``run`` with one of the pairs that are missed least at the peak of what is left without it."""
     at = dataclasses.replace(data, weight=1.0 / np.sqrt(run.variance))
-    point, pair = unpack(run.layout, run.refined.theta), np.asarray(run.layout.pair)
+    point, pair = run.start.point, np.asarray(run.layout.pair)
     without: list[tuple[float, Start, np.ndarray]] = []
     for m in range(run.layout.pairs if len(pair) > 1 else 0):
         kept = np.arange(len(pair)) != m
-        b = None if run.layout.full else point.b[kept]
+        b = None if run.layout.options.full_rank else point.b[kept]
         start = start_of(data, options, point.poles[kept], pair[kept], b)
         step = None if start is None else weighted(start.layout, at, start.theta)
         if start is not None and step is not None:
@@ -55,10 +55,10 @@ def exchanges(data: Data, options: Options, run: RecordRun) -> Iterator[Start]:
 
 
 def _with_peaks(
-    data: Data, options: Options, start: Start, left: Complex[np.ndarray, "output line column"], count: int
+    data: Data, options: FitOptions, start: Start, left: Complex[np.ndarray, "output line column"], count: int
 ) -> Start | None:
     """A start with pairs more at the peaks of a residual, the input vectors of all as the record asks."""
-    point, pair = unpack(start.layout, start.theta), np.asarray(start.layout.pair)
+    point, pair = start.point, np.asarray(start.layout.pair)
     new = _peaks(data, left, count) * (1j - DAMPING)
     place = int(pair.sum())
     return start_of(data, options, np.insert(point.poles, place, new), np.insert(pair, [place] * count, True))
@@ -77,4 +77,4 @@ def _peaks(
     for _ in range(count):
         found.append(int(np.argmax(power)))
         power[max(found[-1] - half, 0) : found[-1] + half + 1] = 0.0
-    return np.imag(data.s)[sorted(found)]
+    return data.omega[sorted(found)]

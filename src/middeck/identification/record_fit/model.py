@@ -5,16 +5,14 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Complex, Float
 
-from middeck.identification.fit.fitted_model import model_of, structure_of
-from middeck.identification.model.descent import Refined
+from middeck.identification.fit.fitted_model import structure_of
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.problem.data import Data
-from middeck.identification.problem.design import Terms, residual_of, split_linear
-from middeck.identification.problem.layout import Layout, unpack
-from middeck.identification.problem.own_transients import OwnTransients, as_real
+from middeck.identification.problem.design import Terms
+from middeck.identification.problem.projection import TransientProjection, as_real
 from middeck.identification.problem.transient import transient_slopes
 from middeck.identification.record_fit.noise import likelier_variance
-from middeck.identification.record_fit.search import RecordRun, all_poles
+from middeck.identification.record_fit.search import RecordRun
 from middeck.identification.uncertainty.covariance import MOST_LEVERAGE, ModelCovariance
 from middeck.identification.uncertainty.entry_factors import entry_slopes
 from middeck.identification.uncertainty.orthogonal import (
@@ -25,12 +23,6 @@ from middeck.identification.uncertainty.orthogonal import (
     triangle,
 )
 from middeck.identification.uncertainty.unknowns import Structure, places_of, ties
-from middeck.signals.record import Record
-
-
-def record_model(layout: Layout, found: Refined, record: Record) -> MeasurementModel:
-    """Poles, modal vectors, constant terms and delays of a search's end; transients are no part of it."""
-    return model_of(layout, found, record.inputs, record.outputs)
 
 
 def record_covariance(run: RecordRun, data: Data, model: MeasurementModel) -> ModelCovariance:
@@ -59,7 +51,15 @@ def record_covariance(run: RecordRun, data: Data, model: MeasurementModel) -> Mo
     root = np.hstack([canonical_root(W @ root_of(_scores_spread(each, W))), np.sqrt(0.5) * free])
     unknowns = size - len(held) + data.H.shape[0] * data.H.shape[2] * len(each.terms.B)
     degrees = float(2 * data.H.size - unknowns)
-    return ModelCovariance(model, structure, root, inflation, degrees, run.weighting == "flat", loose)
+    return ModelCovariance(
+        model=model,
+        structure=structure,
+        root=root,
+        inflation=inflation,
+        degrees=degrees,
+        robust=run.weighting == "flat",
+        loose=loose,
+    )
 
 
 class _Rows:
@@ -69,10 +69,20 @@ class _Rows:
         self.run, self.data, self.model, self.structure = run, data, model, structure
         self.terms = Terms(run.layout, data, run.refined.theta)
 
-    def of(self, output: int) -> tuple[Complex[np.ndarray, "unknown line column"], OwnTransients]:
-        """Of one output."""
-        J = _slopes(self.run.layout, self.data, self.run.refined, self.model, self.structure, output)
-        return J, OwnTransients(self.terms.B, 1.0 / np.sqrt(self.run.variance[output]))
+    def of(self, output: int) -> tuple[Complex[np.ndarray, "unknown line column"], TransientProjection]:
+        """Of one output, by the unknowns of the model, through the transients' poles also."""
+        model, data, layout, point = self.model, self.data, self.run.layout, self.terms.point
+        assert data.transient is not None
+        at = places_of(model, self.structure)
+        J = np.zeros((at.size, *data.H.shape[1:]), dtype=complex)
+        for i in range(layout.inputs):
+            entry = entry_slopes(model, self.structure, data.s, output, i)
+            J[entry.place] += entry.by[:, :, None] * data.U[:, i]
+        _, t = self.terms.split(self.run.refined.step.linear[output])
+        mode = np.array([int(np.argmax(model.poles == pole)) for pole in point.poles])
+        place = np.concatenate([at.sigma[mode], at.omega[mode[: layout.pairs]]])
+        J[place] += transient_slopes(layout, point, data.transient, data.s, t)
+        return J, TransientProjection(self.terms.B, 1.0 / np.sqrt(self.run.variance[output]))
 
 
 def _scores_spread(
@@ -83,9 +93,8 @@ def _scores_spread(
     Degrees of freedom are counted on each line.
     """
     run, data = each.run, each.data
-    assert data.transient is not None
-    poles = all_poles(run.layout, run.refined.theta)
-    residual = residual_of(run.layout, data, run.refined.theta, run.refined.step.linear)
+    shape = run.denominator(data)
+    residual = run.residual(data)
     _, lines, columns = residual.shape
     spread = np.zeros((W.shape[1], W.shape[1]))
     for o in range(run.layout.outputs):
@@ -95,25 +104,6 @@ def _scores_spread(
         rows = R @ own.removed(J[at])
         followed = own.leverage() + np.sum(rows**2, axis=0).reshape(columns, -1)
         left = 1.0 - np.minimum(followed.reshape(columns, lines, 2).mean(axis=2), MOST_LEVERAGE)
-        v = likelier_variance(residual[o, None], left.T[None], data.s, poles, data.transient.period_s)[0]
+        v = likelier_variance(residual[o, None], shape, left.T[None])[0]
         spread += Q @ ((rows * np.repeat(0.5 * (v / run.variance[o]).T, 2)) @ rows.T) @ Q.T
     return spread
-
-
-def _slopes(
-    layout: Layout, data: Data, found: Refined, model: MeasurementModel, structure: Structure, output: int
-) -> Complex[np.ndarray, "unknown line column"]:
-    """Derivative of an output's spectra by the unknowns of the model, through the transients' poles also."""
-    assert data.drive is not None
-    assert data.transient is not None
-    at = places_of(model, structure)
-    J = np.zeros((at.size, *data.H.shape[1:]), dtype=complex)
-    for i in range(layout.inputs):
-        entry = entry_slopes(model, structure, data.s, output, i)
-        J[entry.place] += entry.by[:, :, None] * data.drive[:, i]
-    _, t = split_linear(layout, data, found.step.linear[output])
-    point = unpack(layout, found.theta)
-    mode = np.array([int(np.argmax(model.poles == pole)) for pole in point.poles])
-    place = np.concatenate([at.sigma[mode], at.omega[mode[: layout.pairs]]])
-    J[place] += transient_slopes(layout, point, data.transient, data.s, t)
-    return J

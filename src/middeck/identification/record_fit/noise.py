@@ -28,20 +28,17 @@ QUIETEST = 1e-6
 
 def noise_variance(
     residual: Complex[np.ndarray, "output line column"],
-    noise: Noise,
-    s: Complex[np.ndarray, " line"],
-    poles: Complex[np.ndarray, " pole"],
-    period_s: float,
+    shape: Float[np.ndarray, " line"] | None = None,
     left: Float[np.ndarray, "output line column"] | None = None,
 ) -> Float[np.ndarray, "output line column"]:
-    """Variance of each output on each line, common to all experiments.
+    """Variance of each output on each line, common to all experiments: of sensors, or of forces (``shape``).
 
-    ``poles`` [rad/s] are all of the model, conjugates included. ``left`` is the share of noise that the fit
-    leaves on each line, one less its leverage: without it the power is taken as it is.
+    ``shape`` is the model's `denominator`; ``left`` the share of noise that the fit leaves on each line, one
+    less its leverage: without it the power is taken as it is.
     """
-    shape = np.ones(len(s)) if noise == "output" else _denominator(s, poles, period_s)
+    shape = np.ones(residual.shape[1]) if shape is None else shape
     power = np.mean(np.abs(residual) ** 2, axis=2) * shape
-    half = max(1, min(HALF, int(SHARE * len(s))))
+    half = max(1, min(HALF, int(SHARE * len(shape))))
     smooth = np.array([_average(row, half) for row in power])
     if left is not None:
         smooth /= np.array([_average(row, half) for row in np.mean(left, axis=2)])
@@ -53,19 +50,18 @@ def noise_variance(
 
 def likelier_variance(
     residual: Complex[np.ndarray, "output line column"],
-    left: Float[np.ndarray, "output line column"],
-    s: Complex[np.ndarray, " line"],
-    poles: Complex[np.ndarray, " pole"],
-    period_s: float,
+    shape: Float[np.ndarray, " line"],
+    left: Float[np.ndarray, "output line column"] | None = None,
 ) -> Float[np.ndarray, "output line column"]:
-    """By the kind of noise that makes the residual likelier, degrees of freedom counted."""
-    kinds: tuple[Noise, Noise] = "output", "motion"
-    both = [noise_variance(residual, kind, s, poles, period_s, left) for kind in kinds]
+    """By the kind of noise that makes the residual likelier."""
+    both = noise_variance(residual, None, left), noise_variance(residual, shape, left)
     return min(both, key=lambda v: negative_log_likelihood(residual, v))
 
 
-def _denominator(s: np.ndarray, poles: np.ndarray, period_s: float) -> Float[np.ndarray, " line"]:
-    """|A|^2; a product of many small factors, so taken by logarithms."""
+def denominator(
+    s: Complex[np.ndarray, " line"], poles: Complex[np.ndarray, " pole"], period_s: float
+) -> Float[np.ndarray, " line"]:
+    """|A|^2 of all ``poles`` [rad/s] with their conjugates: many small factors, taken by logarithms."""
     factors = 1.0 - np.exp(poles * period_s)[:, None] * np.exp(-s * period_s)
     size = np.maximum(np.abs(factors), np.finfo(float).tiny)
     return np.exp(2.0 * np.sum(np.log(size), axis=0))

@@ -1,13 +1,17 @@
 """Order and weights of a sampled model: the shortest description, and samples held out.
 
 The order is that of the shortest description of the record by either kind of noise, transients counted among
-its unknowns. The weights at that order are those whose model simulates samples held out best (`held_out`):
-what a model of a real article leaves is more than noise, and the likeliest weights need not be those that
-simulate best. Both rules were chosen among others by their error on simulated records, with and without model
-error (docs/explanation/one-long-record.md).
+its unknowns. The weights at that order are those whose model simulates samples held out best: what a model of
+a real article leaves is more than noise, and the likeliest weights need not be those that simulate best. Both
+rules were chosen among others by their error on simulated records, with and without model error
+(docs/explanation/one-long-record.md).
 
 A large record is scouted first (`scout`): the order is searched on some of its lines and its principal
 outputs, and that model is refined, and grown as long as its description gets shorter, on all of them.
+
+Held out: a model is refined on the first two thirds and simulates the last, and the other way round, as it
+will be used. Only the initial state is fitted there, to half of the part, so that poles too slow to be seen
+do not pass.
 """
 
 from __future__ import annotations
@@ -15,18 +19,27 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Sequence
 
-from middeck.errors import FitError
+import numpy as np
+
+from middeck.errors import DataError, FitError, NumericalError
+from middeck.identification.fit.fitted_model import model_of
+from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.order.order import description_length, is_settled, sizes
-from middeck.identification.problem.data import Data
-from middeck.identification.problem.layout import Layout
+from middeck.identification.problem.data import Data, Transient
+from middeck.identification.problem.layout import Start
 from middeck.identification.record_fit.growth import exchanges, grown
-from middeck.identification.record_fit.held_out import error_held_out
-from middeck.identification.record_fit.race import further, leader
-from middeck.identification.record_fit.scout import is_large, scouted, with_outputs
-from middeck.identification.record_fit.search import RecordRun, Weighting, refine_record
-from middeck.identification.record_fit.spectra import record_data
+from middeck.identification.record_fit.scout import is_large, scouted
+from middeck.identification.record_fit.search import (
+    WEIGHTINGS,
+    RecordRun,
+    Weighting,
+    further,
+    leader,
+    refine_record,
+)
+from middeck.identification.record_fit.simulation import record_nrmse
+from middeck.identification.record_fit.spectra import cut_samples, record_data
 from middeck.identification.record_fit.starts import Pasts, pasts_of, record_starts
-from middeck.identification.start.start import Options, Start
 from middeck.signals.record import Record
 
 # Rounds of noise and search of each model, and steps of each.
@@ -41,11 +54,15 @@ WEIGHED = {
     "output": "lines weighed by the noise of sensors",
     "motion": "lines weighed by the noise of forces",
 }
+# Steps from the model of all samples to that of a part.
+STEPS_HELD_OUT = 15
+# Share of the part held out to which the initial state is fitted.
+STATE_SHARE = 0.5
 
 
 def choose_record(
     record: Record,
-    options: Options,
+    options: FitOptions,
     band_hz: tuple[float, float] | None,
     *,
     states: int | None,
@@ -61,7 +78,7 @@ def choose_record(
         raise FitError("no start could be refined", hint="a longer record, or fewer states")
     if weighting is not None:
         return found[0], reason
-    tell(f"{found[0].states} states, samples held out")
+    tell(f"{found[0].layout.states} states, samples held out")
     judged = [(error_held_out(record, band_hz, run), record_length(data, run), run) for run in found]
     error, _, best = min(judged, key=lambda t: t[:2])
     return best, f"{reason}; {WEIGHED[best.weighting]}: samples held out are simulated within {error:.2%}"
@@ -70,7 +87,7 @@ def choose_record(
 def _searched(
     record: Record,
     data: Data,
-    options: Options,
+    options: FitOptions,
     kinds: tuple[Weighting, ...],
     states: int | None,
     tell: Callable[[str], None],
@@ -80,13 +97,13 @@ def _searched(
     if states is None:
         found, reason = _shortest(record, pasts, data, options, kinds, tell)
     else:
-        options = dataclasses.replace(options, states=states)
+        options = options.sized(states)
         found, reason = _grown_to(pasts, data, options, kinds, []), f"{states} states were asked for"
     if not found:
         return [], ""
-    options = dataclasses.replace(options, states=found[0].states)
+    options = options.sized(found[0].layout.states)
     if kinds == NOISES:
-        tell(f"{options.states} states, all lines weighed alike")
+        tell(f"{options.moving} states, all lines weighed alike")
         found += _grown_to(pasts, data, options, ("flat",), found)
     return [_exchanged(data, options, run) for run in found], reason
 
@@ -94,7 +111,7 @@ def _searched(
 def _from_scout(
     record: Record,
     data: Data,
-    options: Options,
+    options: FitOptions,
     kinds: tuple[Weighting, ...],
     states: int | None,
     tell: Callable[[str], None],
@@ -102,31 +119,30 @@ def _from_scout(
     """The models of a scout, refined with each weighting on all there is."""
     small, thin = scouted(record, data)
     first, reason = _searched(small, thin, options, kinds[:1], states, tell)
-    run = None if not first else _refined(data, with_outputs(first[0].layout, len(data.H)), first[0])
+    if not first:
+        return [], ""
+    # The layout of a model of the same poles and inputs: outputs share nothing else.
+    start = Start(dataclasses.replace(first[0].layout, outputs=len(data.H)), first[0].refined.theta)
+    run = refine_record(data, start, first[0].weighting, rounds=ROUNDS, steps=STEPS)
     if run is None:
         return [], ""
     if states is None:
-        tell(f"{run.states} states, on all lines")
+        tell(f"{run.layout.states} states, on all lines")
         run = _grown_while_shorter(record, data, options, run)
-        if run.states > first[0].states:
-            reason = (
-                f"{run.states} states have the shortest description; on the lines of a first search {reason}"
-            )
-    tried: list[Weighting] = ["output", "motion", "flat"] if kinds == NOISES else []
+        if run.layout.states > first[0].layout.states:
+            shortest = f"{run.layout.states} states have the shortest description"
+            reason = f"{shortest}; on the lines of a first search {reason}"
+    tried: tuple[Weighting, ...] = WEIGHTINGS if kinds == NOISES else ()
     others: list[Weighting] = [w for w in tried if w != run.weighting]
-    more = (refine_record(data, run.layout, run.refined.theta, w, rounds=ROUNDS, steps=STEPS) for w in others)
+    more = (refine_record(data, run.start, w, rounds=ROUNDS, steps=STEPS) for w in others)
     return [run, *(other for other in more if other is not None)], reason
 
 
-def _refined(data: Data, layout: Layout, run: RecordRun) -> RecordRun | None:
-    return refine_record(data, layout, run.refined.theta, run.weighting, rounds=ROUNDS, steps=STEPS)
-
-
-def _grown_while_shorter(record: Record, data: Data, options: Options, run: RecordRun) -> RecordRun:
+def _grown_while_shorter(record: Record, data: Data, options: FitOptions, run: RecordRun) -> RecordRun:
     """With pairs more where most is left, as long as the description of the record gets shorter."""
-    while enough_samples(record, run.states + 2):
-        start = grown(data, dataclasses.replace(options, states=run.states + 2), run)
-        more = start and refine_record(data, start.layout, start.theta, run.weighting, rounds=2, steps=STEPS)
+    while enough_samples(record, run.layout.states + 2):
+        start = grown(data, options.sized(run.layout.states + 2), run)
+        more = start and refine_record(data, start, run.weighting, rounds=2, steps=STEPS)
         if more is None or record_length(data, more) >= record_length(data, run):
             break
         run = more
@@ -137,7 +153,7 @@ def _shortest(
     record: Record,
     pasts: Pasts,
     data: Data,
-    options: Options,
+    options: FitOptions,
     kinds: tuple[Weighting, ...],
     tell: Callable[[str], None],
 ) -> tuple[list[RecordRun], str]:
@@ -152,7 +168,7 @@ def _shortest(
             break
         tell(f"{states} states")
         few = bool(tried) and tried[-1] is not min(tried, key=lambda t: t[1])
-        runs = _models(pasts, data, dataclasses.replace(options, states=states), kinds, runs, few=few)
+        runs = _models(pasts, data, options.sized(states), kinds, runs, few=few)
         if runs:
             tried.append((states, min(record_length(data, run) for run in runs), runs))
         if tried and is_settled([length for _, length, _ in tried]):
@@ -163,18 +179,18 @@ def _shortest(
 
 
 def _grown_to(
-    pasts: Pasts, data: Data, options: Options, kinds: tuple[Weighting, ...], others: list[RecordRun]
+    pasts: Pasts, data: Data, options: FitOptions, kinds: tuple[Weighting, ...], others: list[RecordRun]
 ) -> list[RecordRun]:
-    """Models of ``options.states`` states with each weighting, grown from orders just below."""
+    """Models of ``options.moving`` states with each weighting, grown from orders just below."""
     runs: list[RecordRun] = []
     for less in range(BELOW, 0, -2):
-        if options.states > less:
-            below = dataclasses.replace(options, states=options.states - less)
+        if options.moving > less:
+            below = options.sized(options.moving - less)
             runs = _models(pasts, data, below, kinds, runs)
     return _models(pasts, data, options, kinds, [*runs, *others])
 
 
-def _exchanged(data: Data, options: Options, run: RecordRun) -> RecordRun:
+def _exchanged(data: Data, options: FitOptions, run: RecordRun) -> RecordRun:
     """With modes elsewhere, as long as that pays."""
     while (other := leader(data, exchanges(data, options, run), run.weighting)) is not None:
         other = further(data, other, rounds=ROUNDS, steps=STEPS)
@@ -187,7 +203,7 @@ def _exchanged(data: Data, options: Options, run: RecordRun) -> RecordRun:
 def _models(
     pasts: Pasts,
     data: Data,
-    options: Options,
+    options: FitOptions,
     kinds: tuple[Weighting, ...],
     known: list[RecordRun],
     *,
@@ -195,11 +211,11 @@ def _models(
 ) -> list[RecordRun]:
     """The likeliest model with each weighting, from subspaces, from the order before and from each other."""
     starts = list(record_starts(pasts, data, options, few=few))
-    same = [run for run in known if run.states == options.states]
+    same = [run for run in known if run.layout.states == options.moving]
     found: list[RecordRun] = []
     for weighting in kinds:
         before = [grown(data, options, run) for run in known if run.weighting == weighting]
-        other = [Start(run.layout, run.refined.theta) for run in (*same, *found)]
+        other = [run.start for run in (*same, *found)]
         run = leader(data, [*starts, *other, *(start for start in before if start is not None)], weighting)
         if run is not None:
             found.append(further(data, run, rounds=ROUNDS, steps=STEPS))
@@ -231,3 +247,29 @@ def enough_samples(record: Record, states: int) -> bool:
     outputs = record.y.shape[3]
     unknowns = states * (inputs + outputs + outputs * experiments) + inputs * outputs
     return unknowns < experiments * outputs * (2 * periods * samples // 3)
+
+
+def error_held_out(
+    record: Record, band_hz: tuple[float, float] | None, run: RecordRun, transient: Transient | None = None
+) -> float:
+    """rms over both parts of the error of the simulation, over that of the outputs, outputs alike.
+
+    ``transient`` has the free samples of a continuous model. Infinite where the model cannot be refined or
+    simulated.
+    """
+    count = record.u.shape[1] * record.u.shape[2]
+    third = count // 3
+    errors: list[float] = []
+    for seen, unseen in (((0, count - third), (count - third, count)), ((third, count), (0, third))):
+        data = record_data(cut_samples(record, *seen), band_hz, whole=True)
+        data = dataclasses.replace(data, transient=transient or data.transient)
+        part = refine_record(data, run.start, run.weighting, rounds=1, steps=STEPS_HELD_OUT)
+        if part is None:
+            return np.inf
+        model = model_of(part, record.inputs, record.outputs)
+        try:
+            left = record_nrmse(model, cut_samples(record, *unseen), state_share=STATE_SHARE)
+        except (NumericalError, DataError):
+            return np.inf
+        errors += list(left**2)
+    return float(np.sqrt(np.mean(errors)))

@@ -1,4 +1,4 @@
-"""A large record in small: some of its lines and its principal outputs, on which an order is searched.
+"""A reduced record on which an order is searched: some of its lines and its principal outputs.
 
 The equations of a record hold line by line, transients included, so that any of its lines will do. Of each
 group of neighbours the one where the outputs are strongest is kept: resonances are among them, and the lines
@@ -15,7 +15,6 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.identification.problem.data import Data
-from middeck.identification.problem.layout import Layout
 from middeck.identification.record_fit.spectra import record_data
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
@@ -35,19 +34,12 @@ def scouted(record: Record, data: Data) -> tuple[Record, Data]:
     """The record with its principal outputs, and some of their lines."""
     mixed = _principal(record)
     kept = _strongest(data, max(LINES // data.H.shape[2], 1))
-    lines = np.imag(data.s) / (2.0 * np.pi)
+    lines = data.omega / (2.0 * np.pi)
     whole = data if mixed is record else record_data(mixed, (lines[0], lines[-1]), whole=True)
-    drive = whole.drive
-    assert drive is not None
     thin = dataclasses.replace(
-        whole, s=whole.s[kept], H=whole.H[:, kept], weight=whole.weight[:, kept], drive=drive[kept]
+        whole, s=whole.s[kept], H=whole.H[:, kept], weight=whole.weight[:, kept], drive=whole.U[kept]
     )
     return mixed, thin
-
-
-def with_outputs(layout: Layout, outputs: int) -> Layout:
-    """The layout of a model of the same poles and inputs: outputs share nothing else."""
-    return dataclasses.replace(layout, outputs=outputs)
 
 
 def _principal(record: Record) -> Record:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Literal
 
 import numpy as np
@@ -12,57 +12,56 @@ from jaxtyping import Complex, Float
 from middeck.identification.model.descent import Refined, Step, search
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.design import residual_of
-from middeck.identification.problem.layout import Layout, unpack
-from middeck.identification.record_fit.noise import Noise, negative_log_likelihood, noise_variance
+from middeck.identification.problem.layout import Layout, Start
+from middeck.identification.record_fit.noise import (
+    Noise,
+    denominator,
+    negative_log_likelihood,
+    noise_variance,
+)
+from middeck.identification.search.polish import Run
 from middeck.identification.search.refine import weighted
 from middeck.values import record
 
 # "flat": one variance for each output, so that what is least is the error of the simulation itself.
 Weighting = Literal["flat"] | Noise
+WEIGHTINGS: tuple[Weighting, ...] = ("output", "motion", "flat")
 # A decay rate times the record's length below which free motion is no different from a steady one, and times
 # the sampling period above which it is over within a sample.
 SLOWEST, FASTEST = 0.1, 15.0
 # Of real poles with fewer decays over the record a sampled model has one: several make ramps and parabolas,
 # which fit any drift, and which no initial state brings to other samples.
 SLOW_REAL = 10.0
+# Steps of all starts, and of those that stay: twice as many each time, the noise estimated anew within.
+HEAT, ROUNDS = 3, 2
 
 
-@record
-class RecordRun:
-    """A model refined on a record.
+@record(kw_only=True)
+class RecordRun(Run):
+    """A model refined on a record; its ``variance`` is, by the weighting, from what it leaves."""
 
-    Parameters
-    ----------
-    variance:
-        Of each output on each line, by the weighting, from what this model leaves.
-    likelihood:
-        Negative logarithm of the likelihood, up to a constant.
-    """
-
-    layout: Layout
-    refined: Refined
     weighting: Weighting
     variance: Float[np.ndarray, "output line column"]
-    likelihood: float
 
-    @property
-    def states(self) -> int:
-        """Order of the model."""
-        return int(np.sum(np.where(self.layout.pair, 2, 1)))
+    def denominator(self, data: Data) -> Float[np.ndarray, " line"]:
+        """|A|^2 of its poles."""
+        return _denominator(data, self.start)
 
 
 def refine_record(
-    data: Data, layout: Layout, theta: np.ndarray, weighting: Weighting, *, rounds: int, steps: int
+    data: Data, start: Start, weighting: Weighting, *, rounds: int, steps: int
 ) -> RecordRun | None:
     """Search and estimate the noise in turn; None for no finite model, or one of several slow real poles."""
-    theta = np.clip(theta, *_bounds(layout, data))
+    layout = start.layout
+    theta = np.clip(start.theta, *_bounds(layout, data))
     first = weighted(layout, data, theta)
     if first is None:
         return None
     found = Refined(theta, first, (first.cost,), False)
     r = residual_of(layout, data, theta, first.linear)
     v = _variance_of(r, data, layout, theta, weighting)
-    return _refined(data, RecordRun(layout, found, weighting, v, np.inf), rounds, steps)
+    first_run = RecordRun(layout=layout, refined=found, weighting=weighting, variance=v, likelihood=np.inf)
+    return _refined(data, first_run, rounds, steps)
 
 
 def further(data: Data, run: RecordRun, *, rounds: int, steps: int) -> RecordRun:
@@ -83,9 +82,9 @@ def _refined(data: Data, run: RecordRun, rounds: int, steps: int) -> RecordRun |
         r = residual_of(layout, data, found.theta, found.step.linear)
         v = _variance_of(r, data, layout, found.theta, weighting)
         likelihood = negative_log_likelihood(r, v)
-    if layout.period_s > 0.0 and _slow_reals(layout, data, found.theta) > 1:
+    if layout.options.period_s > 0.0 and _slow_reals(layout, data, found.theta) > 1:
         return None
-    return RecordRun(layout, found, weighting, v, likelihood)
+    return dataclasses.replace(run, refined=found, variance=v, likelihood=likelihood)
 
 
 def _variance_of(
@@ -99,28 +98,21 @@ def _variance_of(
     if weighting == "flat":
         v = np.mean(np.abs(r) ** 2, axis=(1, 2), keepdims=True) + np.finfo(float).tiny
         return np.broadcast_to(v, r.shape)
-    assert data.transient is not None
-    return noise_variance(r, weighting, data.s, all_poles(layout, theta), data.transient.period_s)
+    return noise_variance(r, _denominator(data, Start(layout, theta)) if weighting == "motion" else None)
 
 
-def all_poles(layout: Layout, theta: np.ndarray) -> Complex[np.ndarray, " pole"]:
-    """Poles with their conjugates."""
-    p = unpack(layout, theta).poles
-    return np.concatenate([p, p[layout.pair].conj()])
-
-
-def _length_s(data: Data) -> float:
-    return 2.0 * np.pi / float(np.min(np.diff(np.imag(data.s)), initial=np.imag(data.s[-1])))
+def _denominator(data: Data, start: Start) -> Float[np.ndarray, " line"]:
+    p = start.point.poles
+    return denominator(data.s, np.concatenate([p, p[start.layout.pair].conj()]), data.period_s)
 
 
 def _slow_reals(layout: Layout, data: Data, theta: np.ndarray) -> int:
-    decays = np.exp(theta[layout.pairs : len(layout.pair)]) * _length_s(data)
+    decays = np.exp(theta[layout.pairs : len(layout.pair)]) * data.length_s
     return int(np.sum(decays < SLOW_REAL))
 
 
 def _bounds(layout: Layout, data: Data) -> tuple[np.ndarray, np.ndarray]:
-    assert data.transient is not None
-    period, length = data.transient.period_s, _length_s(data)
+    period, length = data.period_s, data.length_s
     low, high = np.full(layout.size, -np.inf), np.full(layout.size, np.inf)
     modes, pairs = len(layout.pair), layout.pairs
     low[: modes + pairs] = np.log(SLOWEST / length)
@@ -143,3 +135,35 @@ def _bounded(
         return dataclasses.replace(step, gradient=np.where(held, 0.0, step.gradient), gram=gram)
 
     return at
+
+
+def leader(data: Data, starts: Iterable[Start], weighting: Weighting) -> RecordRun | None:
+    """All starts take a few steps, the better half twice as many, and so on; None if none has a model."""
+    heats = [refine_record(data, s, weighting, rounds=1, steps=HEAT) for s in starts]
+    runs, steps = [run for run in heats if run is not None], HEAT
+    left = len(runs)
+    while left > 1:
+        left //= 2
+        runs = [further(data, run, rounds=ROUNDS, steps=steps) for run in _apart(runs)[:left]]
+        steps *= 2
+    return min(runs, key=lambda run: run.likelihood, default=None)
+
+
+def _apart(runs: Iterable[RecordRun]) -> list[RecordRun]:
+    """The likeliest first, without those that have come to where a likelier one is already."""
+    found: list[RecordRun] = []
+    for run in sorted(runs, key=lambda run: run.likelihood):
+        if not any(_meet(run, other) for other in found):
+            found.append(run)
+    return found
+
+
+def _meet(run: RecordRun, other: RecordRun) -> bool:
+    """Whether the data tell two models apart by less than one deviation."""
+    a, b = run.layout, other.layout
+    if not (np.array_equal(a.pair, b.pair) and np.array_equal(a.pivot, b.pivot)):
+        return False
+    if not np.array_equal(a.fixed_imag, b.fixed_imag):
+        return False
+    away = run.refined.theta - other.refined.theta
+    return float(away @ other.refined.step.gram @ away) < 1.0

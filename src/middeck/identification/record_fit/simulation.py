@@ -8,13 +8,13 @@ are either held or band-limited; a sampled model needs to know nothing of what i
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError, DataError, NumericalError
-from middeck.identification.model.checks import check_record
+from middeck.identification.model.checks import check_record, check_word
 from middeck.identification.model.held_response import held_response
 from middeck.identification.model.measurement_model import (
     RANK,
@@ -32,11 +32,7 @@ LARGEST = 50.0
 
 
 def simulate_record(
-    model: MeasurementModel,
-    record: Record,
-    *,
-    state_share: float = 1.0,
-    between: Between | None = None,
+    model: MeasurementModel, record: Record, *, state_share: float = 1.0, between: Between | None = None
 ) -> Float[np.ndarray, "experiment period sample output"]:
     """Outputs of the model for the record's inputs, the initial state fitted to the record's outputs.
 
@@ -66,7 +62,9 @@ def simulate_record(
     >>> from middeck.signals.ports import Port
     >>> port = (Port("x", "1"),)
     >>> one = np.ones((1, 1))
-    >>> lag = MeasurementModel([np.log(0.5) + 0j], one, one, 0 * one, 0 * one, [0.0], port, port, 1.0)
+    >>> lag = MeasurementModel(
+    ...     poles=[np.log(0.5) + 0j], shapes=one, participation=one, direct=0 * one, lower=0 * one,
+    ...     delay_s=[0.0], inputs=port, outputs=port, sample_hz=1.0)
     >>> u = np.zeros((1, 1, 16, 1))
     >>> y = 0.5 ** np.arange(16.0).reshape(u.shape)            # y[k+1] = 0.5 y[k] + u[k], from y[0] = 1
     >>> u[..., 8:, :], y[..., 9:, :] = 1.0, 2.0 - 2.0 * 0.5 ** np.arange(1.0, 8.0).reshape(1, 1, 7, 1)
@@ -76,6 +74,7 @@ def simulate_record(
     True
     """
     check_record(record)
+    check_word("between", between, get_args(Between))
     _check(model, record, state_share)
     experiments, periods, samples, _ = record.u.shape
     count = periods * samples

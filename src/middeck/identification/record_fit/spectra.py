@@ -43,11 +43,11 @@ def record_data(record: Record, band_hz: tuple[float, float] | None, *, whole: b
     level = np.sqrt(np.mean(np.abs(Y[:, keep]) ** 2, axis=(0, 1)))
     weight = np.broadcast_to(1.0 / level[:, None, None], (Y.shape[2], int(keep.sum()), experiments))
     return Data(
-        2j * np.pi * f[keep],
-        np.moveaxis(Y[:, keep], (0, 1, 2), (2, 1, 0)),
-        weight,
-        np.moveaxis(U[:, keep], 0, 2),
-        Transient(1.0 / record.sample_hz),
+        s=2j * np.pi * f[keep],
+        H=np.moveaxis(Y[:, keep], (0, 1, 2), (2, 1, 0)),
+        weight=weight,
+        drive=np.moveaxis(U[:, keep], 0, 2),
+        transient=Transient(1.0 / record.sample_hz),
     )
 
 

@@ -11,12 +11,14 @@ import numpy as np
 import scipy.signal
 from jaxtyping import Bool, Complex, Float
 
+from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.problem.data import Data
-from middeck.identification.problem.layout import Layout, Point, pack
+from middeck.identification.problem.layout import Layout, Point, Start, pack
 from middeck.identification.problem.terms import columns, fractions, shapes
 from middeck.identification.record_fit.subspace import PastFuture, Weighting, compress_past, record_poles
 from middeck.identification.search.refine import weighted
-from middeck.identification.start.start import Options, Start, starts_from
+from middeck.identification.start.start import starts_from, upper_half
+from middeck.identification.start.subspace import reflected
 from middeck.signals.record import Record
 from middeck.values import record as frozen
 
@@ -50,17 +52,17 @@ def pasts_of(record: Record) -> Pasts:
     return compressed
 
 
-def record_starts(pasts: Pasts, data: Data, options: Options, *, few: bool = False) -> Iterator[Start]:
-    """Sampled models of ``options.states`` states from several horizons, or the longest, and weightings."""
+def record_starts(pasts: Pasts, data: Data, options: FitOptions, *, few: bool = False) -> Iterator[Start]:
+    """Sampled models of ``options.moving`` states from several horizons, or the longest, and weightings."""
     outputs = len(data.H)
-    least = -(-options.states // outputs) + 1
+    least = -(-options.moving // outputs) + 1
     horizons = sorted({int(np.ceil(factor * least)) for factor in ROWS} | {max(LONG, least)})
     for rows in horizons[-1:] if few else horizons:
         past = pasts(rows)
         if past is None:
             continue
         for weighting in get_args(Weighting):
-            z = record_poles(past, weighting, options.states)
+            z = record_poles(past, weighting, options.moving)
             start = None if z is None else start_of(data, options, *inside_circle(z, options.period_s))
             if start is not None:
                 yield start
@@ -82,7 +84,7 @@ class PastOfRecord:
 
 def past_of(record: Record, data: Data) -> PastOfRecord:
     """The triangles for `continuous_starts`, of samples no denser than the highest line of ``data`` needs."""
-    highest_hz = float(np.imag(data.s[-1])) / (2.0 * np.pi)
+    highest_hz = float(data.omega[-1]) / (2.0 * np.pi)
     thin = max(1, int(record.sample_hz / (DENSE * highest_hz)))
     u, y = _in_deviations(record.u), _in_deviations(record.y)
     if thin > 1:
@@ -95,8 +97,8 @@ def past_of(record: Record, data: Data) -> PastOfRecord:
     return PastOfRecord(tuple(past for past in found if past is not None), thin / record.sample_hz)
 
 
-def continuous_starts(past: PastOfRecord, data: Data, options: Options) -> Iterator[Start]:
-    """Continuous models of ``options.states`` states, out of larger subspaces.
+def continuous_starts(past: PastOfRecord, data: Data, options: FitOptions) -> Iterator[Start]:
+    """Continuous models of ``options.moving`` states, out of larger subspaces.
 
     Delays need a response: that of the subspace's poles with the residues that the spectra ask for, of any
     rank and phase, so that they take up the delay at each resonance.
@@ -104,8 +106,8 @@ def continuous_starts(past: PastOfRecord, data: Data, options: Options) -> Itera
     for triangle in past.triangles:
         for weighting in CONTINUOUS:
             for size in SIZES:
-                still = 2 * options.rigid + options.integrators
-                z = record_poles(triangle, weighting, 2 * round(0.5 * size * options.states) + still)
+                order = 2 * round(0.5 * size * options.moving) + options.at_zero
+                z = record_poles(triangle, weighting, order)
                 if z is None:
                     continue
                 poles, pair = inside_circle(z, past.period_s)
@@ -114,15 +116,16 @@ def continuous_starts(past: PastOfRecord, data: Data, options: Options) -> Itera
                     yield from starts_from(seen, options, np.concatenate([poles, poles[pair].conj()]))
 
 
-def _response_of(data: Data, wanted: Options, poles: np.ndarray, pair: np.ndarray) -> Data | None:
+def _response_of(data: Data, wanted: FitOptions, poles: np.ndarray, pair: np.ndarray) -> Data | None:
     """The response with given poles, and those at zero that are wanted, that the spectra ask for.
 
     Weighed as the data are, by how strong each input is on each line.
     """
-    assert data.drive is not None
-    inputs, outputs = data.drive.shape[1], len(data.H)
-    options = Options(len(poles), False, False, wanted.with_lower or wanted.rigid > 0, True, 0.0)
-    layout = _layout(data, options, poles, pair, np.zeros(len(poles), dtype=int), full=True)
+    inputs, outputs = data.U.shape[1], len(data.H)
+    options = FitOptions(
+        constants="complex", direct=True, residuals=wanted.residuals or wanted.rigid > 0, full_rank=True
+    )
+    layout = _layout(data, options, poles, pair, np.zeros(len(poles), dtype=int))
     integral = tuple(range(inputs)) if wanted.integrators else ()
     layout = dataclasses.replace(layout, integral_pivot=integral)
     b, psi = np.tile(np.eye(inputs), (len(poles), 1)), np.eye(inputs)[: len(integral)]
@@ -132,9 +135,9 @@ def _response_of(data: Data, wanted: Options, poles: np.ndarray, pair: np.ndarra
         return None
     X = columns(layout, point, fractions(layout, poles, data.s), data.s)
     H = np.tensordot(step.linear[:, : layout.columns], X, axes=1)
-    strength = np.sqrt(np.mean(np.abs(data.drive) ** 2, axis=2))
+    strength = np.sqrt(np.mean(np.abs(data.U) ** 2, axis=2))
     weight = data.weight.mean(axis=2)[:, :, None] * strength
-    return Data(data.s, H, weight)
+    return Data(s=data.s, H=H, weight=weight)
 
 
 def inside_circle(
@@ -146,20 +149,13 @@ def inside_circle(
     >>> np.round(np.exp(poles), 6).tolist(), pair.tolist()
     ([0.5j, (0.5+0j)], [True, False])
     """
-    size = np.abs(z)
-    inside = np.clip(np.where(size > 1.0, 1.0 / np.maximum(size, 1.0), size), CENTRE, 1.0 - INSIDE)
-    direction = np.where(size > 0.0, z / np.where(size > 0.0, size, 1.0), 1.0)
-    p = np.log(direction * inside)
-    imag = np.abs(np.imag(p))
-    single = (imag < 1e-9) | (imag > np.pi * (1.0 - 1e-9))
-    up = p[~single & (np.imag(p) > 0.0)]
-    real = np.real(p[single]) + 1j * np.where(imag[single] < 1.0, 0.0, np.pi)
-    poles = np.concatenate([up[np.argsort(np.imag(up))], real])
-    return poles / period_s, np.arange(len(poles)) < len(up)
+    p = np.log(reflected(z, CENTRE, INSIDE))
+    poles, pair = upper_half(np.where(np.abs(np.imag(p)) < 1e-9, np.real(p), p), 1.0)
+    return poles / period_s, pair
 
 
 def start_of(
-    data: Data, options: Options, poles: np.ndarray, pair: np.ndarray, b: np.ndarray | None = None
+    data: Data, options: FitOptions, poles: np.ndarray, pair: np.ndarray, b: np.ndarray | None = None
 ) -> Start | None:
     """A start at given poles; without input vectors, those of the residues that the data ask for."""
     outputs = len(data.H)
@@ -167,38 +163,32 @@ def start_of(
         b = _input_vectors(data, options, poles, pair)
     if b is None:
         return None
-    layout = _layout(data, options, poles, pair, np.argmax(np.abs(b), axis=1), full=options.full)
+    layout = _layout(data, options, poles, pair, np.argmax(np.abs(b), axis=1))
     return Start(layout, pack(layout, Point(poles, b, np.zeros((outputs, 1)))))
 
 
 def _layout(
-    data: Data, options: Options, poles: np.ndarray, pair: np.ndarray, pivot: np.ndarray, *, full: bool
+    data: Data, options: FitOptions, poles: np.ndarray, pair: np.ndarray, pivot: np.ndarray
 ) -> Layout:
-    assert data.drive is not None
     return Layout(
-        pair,
-        np.where(pair, 0.0, np.imag(poles)),
-        pivot,
-        data.drive.shape[1],
-        len(data.H),
-        options.real_constants,
-        options.with_delay,
-        options.with_lower,
-        options.with_direct,
-        options.period_s,
-        full,
+        pair=pair,
+        fixed_imag=np.where(pair, 0.0, np.imag(poles)),
+        pivot=pivot,
+        inputs=data.U.shape[1],
+        outputs=len(data.H),
+        options=options,
     )
 
 
 def _input_vectors(
-    data: Data, options: Options, poles: np.ndarray, pair: np.ndarray
+    data: Data, options: FitOptions, poles: np.ndarray, pair: np.ndarray
 ) -> Complex[np.ndarray, "mode input"] | None:
     """The dominant right singular vector of each full residue, outputs weighed alike."""
-    assert data.drive is not None
-    inputs, outputs = data.drive.shape[1], len(data.H)
+    inputs, outputs = data.U.shape[1], len(data.H)
     if inputs == 1:
         return np.ones((len(poles), 1), dtype=complex)
-    layout = _layout(data, options, poles, pair, np.zeros(len(poles), dtype=int), full=True)
+    options = dataclasses.replace(options, full_rank=True)
+    layout = _layout(data, options, poles, pair, np.zeros(len(poles), dtype=int))
     point = Point(poles, np.tile(np.eye(inputs), (len(poles), 1)), np.zeros((outputs, 1)))
     step = weighted(layout, data, pack(layout, point))
     if step is None:

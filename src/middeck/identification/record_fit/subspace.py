@@ -48,9 +48,7 @@ class PastFuture:
 
 
 def compress_past(
-    u: Sequence[Float[np.ndarray, "sample input"]],
-    y: Sequence[Float[np.ndarray, "sample output"]],
-    rows: int,
+    u: Sequence[Float[np.ndarray, "sample input"]], y: Sequence[Float[np.ndarray, "sample output"]], rows: int
 ) -> PastFuture | None:
     """The triangle of all experiments; None where they are too short for so many rows.
 

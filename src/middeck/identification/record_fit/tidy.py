@@ -1,29 +1,31 @@
-"""A fit of a record without the modes that it can do without.
+"""Remove the modes and sines that a fit of a record does not need.
 
 An order is chosen from models that are refined for a few steps only. At the end, a mode whose residue is no
 more than noise may be left: it is given up if that shortens the description (Rissanen 1978). A pole that does
-not decay within the record and that no input moves is given up for a sine (`steady_lines`).
+not decay within the record and that no input moves is given up for a sine.
+
+Hum and unbalance are sines in the outputs that no input makes. A pole without damping fits one as free
+motion, its residue noise, its decay the least that the search allows. The sine itself is a linear term of
+each output and experiment, whose amplitude and phase may wander slowly (a parabola in time).
 """
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 
 import numpy as np
 import scipy.ndimage
 from jaxtyping import Bool, Complex, Float
 
-from middeck.identification.fit.significance import mode_significance, with_split, without_modes
-from middeck.identification.fit.steady_line import SteadyLine, name_line
-from middeck.identification.fit.tidy import shed
+from middeck.identification.fit.fitted_model import model_of
+from middeck.identification.fit.standing import SteadyLine, name_line
+from middeck.identification.fit.tidy import mode_significance, shed, with_split, without_modes
 from middeck.identification.problem.data import Data
-from middeck.identification.problem.design import residual_of
-from middeck.identification.problem.layout import unpack
-from middeck.identification.record_fit.model import record_covariance, record_model
+from middeck.identification.problem.layout import Start
+from middeck.identification.record_fit.model import record_covariance
 from middeck.identification.record_fit.order import record_length
 from middeck.identification.record_fit.search import RecordRun, refine_record
-from middeck.identification.record_fit.steady_lines import with_free_motion, with_line
-from middeck.identification.start.start import Start
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.parameters import uncertainty_of
 from middeck.signals.record import Record
@@ -39,6 +41,8 @@ ROUNDS, STEPS = 3, 20
 # of noise the largest is ln n means of it, or ln n / ln 2 medians.
 LINE_ABOVE, BESIDE = 15.0, 15
 MOST_LINES = 8
+# Powers of time in the amplitude.
+POWERS = 3
 
 
 @frozen
@@ -65,17 +69,17 @@ def tidied(record: Record, data: Data, run: RecordRun, *, sampled: bool) -> Tidi
 def covariance_of(record: Record, state: Tidied) -> ModelCovariance:
     """Of the unknowns of its model."""
     run = state.run
-    return record_covariance(run, state.data, record_model(run.layout, run.refined, record))
+    return record_covariance(run, state.data, model_of(run, record.inputs, record.outputs))
 
 
 def _without_sines(record: Record, state: Tidied) -> Tidied:
     """Poles that do not decay are given up for sines, the least damped first."""
-    length_s = _length_s(state.data)
+    length_s = state.data.length_s
     tried: list[float] = []
     while True:
         poles = _pairs(state.run)
         decay = -np.real(poles) * length_s
-        within = (np.imag(poles) >= np.imag(state.data.s[0])) & (np.imag(poles) <= np.imag(state.data.s[-1]))
+        within = (np.imag(poles) >= state.data.omega[0]) & (np.imag(poles) <= state.data.omega[-1])
         steady = [
             m
             for m in np.argsort(decay)
@@ -95,7 +99,7 @@ def _as_line(record: Record, state: Tidied, m: int) -> Tidied | None:
     return _better(
         state,
         with_line(state.data, omega),
-        without_modes(run.layout, run.refined.theta, np.arange(len(run.layout.pair)) == m),
+        without_modes(run.start, np.arange(len(run.layout.pair)) == m),
         (*state.lines, line),
     )
 
@@ -103,11 +107,11 @@ def _as_line(record: Record, state: Tidied, m: int) -> Tidied | None:
 def _without(state: Tidied, dropped: Bool[np.ndarray, " mode"]) -> Tidied | None:
     """Without some modes, or with their free motion alone, which no input is to move."""
     run = state.run
-    start = without_modes(run.layout, run.refined.theta, dropped)
+    start = without_modes(run.start, dropped)
     fewer = _better(state, state.data, start, state.lines)
     if fewer is not None:
         return fewer
-    poles = unpack(run.layout, run.refined.theta).poles[dropped]
+    poles = run.start.point.poles[dropped]
     return _better(state, with_free_motion(state.data, poles), start, state.lines)
 
 
@@ -116,7 +120,7 @@ def _with_pairs(state: Tidied) -> Tidied:
     m = 0
     while m < state.run.layout.pairs:
         run = state.run
-        found = _better(state, state.data, with_split(run.layout, run.refined.theta, m), state.lines)
+        found = _better(state, state.data, with_split(run.start, m), state.lines)
         state, m = (found, m + 2) if found and _is_pair(found, _pairs(run)[m], m) else (state, m + 1)
     return state
 
@@ -130,7 +134,7 @@ def _significance(record: Record, state: Tidied) -> Float[np.ndarray, " mode"]:
     """Of each pole of the layout."""
     covariance = covariance_of(record, state)
     found = mode_significance(covariance)
-    poles = unpack(state.run.layout, state.run.refined.theta).poles
+    poles = state.run.start.point.poles
     return np.array([found[covariance.model.poles == pole].max(initial=0.0) for pole in poles])
 
 
@@ -140,12 +144,10 @@ def _with_hidden_lines(state: Tidied) -> Tidied:
         omega = _highest_line(state)
         if omega is None:
             return state
-        hz, apart = omega / (2.0 * np.pi), 1.0 / _length_s(state.data)
+        hz, apart = omega / (2.0 * np.pi), 1.0 / state.data.length_s
         line = SteadyLine(hz, apart, name_line(hz, apart))
         run = state.run
-        found = _better(
-            state, with_line(state.data, omega), Start(run.layout, run.refined.theta), (*state.lines, line)
-        )
+        found = _better(state, with_line(state.data, omega), run.start, (*state.lines, line))
         if found is None:
             return state
         state = found
@@ -155,7 +157,7 @@ def _with_hidden_lines(state: Tidied) -> Tidied:
 def _highest_line(state: Tidied) -> float | None:
     """Where the residual stands highest above what is beside it; None if nowhere much."""
     run = state.run
-    r = residual_of(run.layout, state.data, run.refined.theta, run.refined.step.linear)
+    r = run.residual(state.data)
     power = np.mean(np.abs(r) ** 2, axis=2)
     size = min(2 * BESIDE + 1, power.shape[1])
     beside = scipy.ndimage.median_filter(power, size=(1, size), mode="reflect")
@@ -165,12 +167,12 @@ def _highest_line(state: Tidied) -> float | None:
         return None
     # Between the two highest lines, where the sine is (a sine's spectrum falls with the distance).
     beside_k = k + 1 if k + 1 < power.shape[1] and (k == 0 or power[o, k + 1] > power[o, k - 1]) else k - 1
-    a, b = np.sqrt(power[o, k]), np.sqrt(power[o, beside_k])
-    return float(np.imag(state.data.s[k] + (state.data.s[beside_k] - state.data.s[k]) * b / (a + b)))
+    a, b, omega = np.sqrt(power[o, k]), np.sqrt(power[o, beside_k]), state.data.omega
+    return float(omega[k] + (omega[beside_k] - omega[k]) * b / (a + b))
 
 
 def _pairs(run: RecordRun) -> Complex[np.ndarray, " pair"]:
-    return unpack(run.layout, run.refined.theta).poles[: run.layout.pairs]
+    return run.start.point.poles[: run.layout.pairs]
 
 
 def _among(frequency: float, tried: list[float], length_s: float) -> bool:
@@ -178,14 +180,44 @@ def _among(frequency: float, tried: list[float], length_s: float) -> bool:
     return any(abs(frequency - omega) < 0.5 * np.pi / length_s for omega in tried)
 
 
-def _length_s(data: Data) -> float:
-    return 2.0 * np.pi / float(np.min(np.diff(np.imag(data.s))))
-
-
 def _better(state: Tidied, data: Data, start: Start, lines: tuple[SteadyLine, ...]) -> Tidied | None:
     """A model refined from ``start``, if its description is no longer."""
     weighting = state.run.weighting
-    other = refine_record(data, start.layout, start.theta, weighting, rounds=ROUNDS, steps=STEPS)
+    other = refine_record(data, start, weighting, rounds=ROUNDS, steps=STEPS)
     if other is None or record_length(data, other) > record_length(state.data, state.run):
         return None
     return Tidied(data, other, lines)
+
+
+def with_line(data: Data, omega: float) -> Data:
+    """Data whose transients have a sine of ``omega`` [rad/s] in them."""
+    return _with(data, _sines(data, omega))
+
+
+def with_free_motion(data: Data, poles: Complex[np.ndarray, " pole"]) -> Data:
+    """Data whose transients have free motion of ``poles`` [rad/s] in them, which no input is to move."""
+    T = data.period_s
+    series = 1.0 / (1.0 - np.exp(poles[:, None] * T) * np.exp(-data.s * T))
+    mirrored = 1.0 / (1.0 - np.exp(poles.conj()[:, None] * T) * np.exp(-data.s * T))
+    pair = np.imag(poles) * T % np.pi != 0.0
+    return _with(data, _even(np.concatenate([series + mirrored, 1j * (series - mirrored)[pair]])))
+
+
+def _with(data: Data, spectra: Complex[np.ndarray, "column line"]) -> Data:
+    assert data.transient is not None
+    known = data.transient.steady
+    spectra = spectra if known is None else np.concatenate([known, spectra])
+    return dataclasses.replace(data, transient=dataclasses.replace(data.transient, steady=spectra))
+
+
+def _sines(data: Data, omega: float) -> Complex[np.ndarray, "column line"]:
+    """Discrete Fourier transforms of t^k cos and t^k sin over the record, to the mean square of one."""
+    count = round(data.length_s / data.period_s)
+    time = np.linspace(-1.0, 1.0, count, endpoint=False)
+    turning = np.exp(1j * omega * data.period_s * np.arange(count))
+    parts = [x * time**k for k in range(POWERS) for x in (np.real(turning), np.imag(turning))]
+    return _even(np.fft.rfft(parts, axis=1)[:, data.lines])
+
+
+def _even(spectra: Complex[np.ndarray, "column line"]) -> Complex[np.ndarray, "column line"]:
+    return spectra / np.sqrt(np.mean(np.abs(spectra) ** 2, axis=1, keepdims=True))

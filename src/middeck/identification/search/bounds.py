@@ -35,8 +35,8 @@ Vector = Float[np.ndarray, " unknown"]
 
 def bound_theta(layout: Layout, data: Data, theta: Vector) -> Vector:
     """``theta`` with each pole where it may be."""
-    modes, pairs, T = len(layout.pair), layout.pairs, layout.period_s
-    first, last = np.imag(data.s[0]), np.imag(data.s[-1])
+    modes, pairs, T = len(layout.pair), layout.pairs, layout.options.period_s
+    first, last = data.omega[0], data.omega[-1]
     found = theta.copy()
     highest = BELOW_NYQUIST * np.pi / T if T else FASTEST * last
     found[modes : modes + pairs] = np.clip(
@@ -45,7 +45,7 @@ def bound_theta(layout: Layout, data: Data, theta: Vector) -> Vector:
     omega = np.concatenate([np.exp(found[modes : modes + pairs]), layout.fixed_imag[pairs:]])
     outside = np.maximum(np.maximum(first - omega, omega - last), 0.0)
     of_complex = LEAST_DECAY_SAMPLED if T else LEAST_DECAY_COMPLEX
-    share = LEAST_DECAY_REAL if layout.real_constants else of_complex
+    share = LEAST_DECAY_REAL if layout.options.real_constants else of_complex
     least = np.maximum(share * outside, SLOWEST * first)
     most = DEADBEAT / T if T else FASTEST * last
     found[:modes] = np.clip(theta[:modes], np.log(least), np.log(np.maximum(most, least)))

@@ -1,4 +1,4 @@
-"""What a fit should not be trusted for: said with the result, since the result may still be of use."""
+"""Warnings that go with a fit: what it should not be trusted for."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from middeck.identification.model.measurement_model import (
 from middeck.identification.start.start import HEAVY, NARROW
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.parameters import Uncertainty, distinct_poles, uncertainty_of
-from middeck.identification.uncertainty.unknowns import places_of
 from middeck.systems.response import FrequencyResponse
 
 # A steady record of a test article repeats itself within a few per cent, sensor noise and weak
@@ -135,7 +134,7 @@ def _doubts_of_delays(measured: FrequencyResponse, covariance: ModelCovariance) 
 
 def confounded_delays(measured: FrequencyResponse, covariance: ModelCovariance) -> dict[int, str]:
     """Outputs whose delay is not known as its deviation says, and why."""
-    at = places_of(covariance.model, covariance.structure)
+    at = covariance.at
     found: dict[int, str] = {}
     standing = _stands_for_phase(measured, covariance.model)
     unknown = np.isinf(uncertainty_of(covariance).delay_s)

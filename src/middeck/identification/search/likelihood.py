@@ -15,7 +15,6 @@ import functools
 from typing import Any
 
 import numpy as np
-import scipy.ndimage
 import scipy.optimize
 from jaxtyping import Complex, Float
 
@@ -26,7 +25,7 @@ from middeck.identification.problem.design import residual_of
 from middeck.identification.search.bounds import bound_theta, bounded
 from middeck.identification.search.polish import Polished
 from middeck.identification.search.refine import weighted
-from middeck.identification.spectra.weights import NEIGHBOURS, ROUNDING
+from middeck.identification.spectra.weights import ROUNDING, averaged
 from middeck.systems.response import ResponseCovariance
 from middeck.values import record
 
@@ -56,12 +55,12 @@ def noise_of(data: Data, covariance: ResponseCovariance) -> Noise:
     """
     size = np.mean(np.abs(data.H) ** 2, axis=(1, 2))
     power = np.real(np.einsum("lii->l", covariance.inverse_power)) / covariance.inverse_power.shape[1]
-    C = _averaged(covariance.outputs * power[:, None, None]) + np.diag(ROUNDING * size)
+    C = averaged(covariance.outputs * power[:, None, None]) + np.diag(ROUNDING * size)
     _refuse_alike(C, "outputs", "leave out an output that is another, or record more periods")
     _refuse_alike(covariance.inverse_power, "inputs", "experiments with independent inputs")
     # Rows h of H with E[h^T conj(h)] = L L^H are white times L^-T.
     lower = np.linalg.cholesky(covariance.inverse_power / power[:, None, None])
-    return Noise(C, np.swapaxes(np.linalg.inv(lower), 1, 2), size)
+    return Noise(C, np.linalg.inv(lower).mT, size)
 
 
 def likelihood_polish(data: Data, start: Polished, covariance: ResponseCovariance) -> Polished:
@@ -85,24 +84,15 @@ def likelihood_polish(data: Data, start: Polished, covariance: ResponseCovarianc
         found = dataclasses.replace(found, theta=bound_theta(layout, mixed, found.theta))
         left = residual_of(layout, white, found.theta, found.step.linear)
         value = float(np.sum(np.abs(_mixed(mixed.mix, left)) ** 2) - 2.0 * _log_size(mixed.mix, left))
-        best = dataclasses.replace(best, refined=found, share=share, gram=found.step.gram, likelihood=value)
+        best = dataclasses.replace(best, refined=found, share=share, likelihood=value)
     return best
 
 
 def _refuse_alike(C: Complex[np.ndarray, "line channel channel"], what: str, hint: str) -> None:
-    size = np.sqrt(np.real(np.einsum("lii->li", C)))
+    size = np.sqrt(np.real(np.linalg.diagonal(C)))
     least = np.min(np.linalg.eigvalsh(C / size[:, :, None] / size[:, None, :]))
     if least < ALIKE:
         raise FitError(f"the noise of some {what} is that of the others", hint=f"{hint}, or cost 'weighted'")
-
-
-def _averaged(C: Complex[np.ndarray, "line output output"]) -> Complex[np.ndarray, "line output output"]:
-    width = min(2 * NEIGHBOURS + 1, len(C))
-    parts: list[Any] = [
-        scipy.ndimage.uniform_filter1d(part, width, axis=0, mode="mirror")
-        for part in (np.real(C), np.imag(C))
-    ]
-    return parts[0] + 1j * parts[1]
 
 
 def _white(rows: Complex[np.ndarray, "output line input"], noise: Noise) -> np.ndarray:

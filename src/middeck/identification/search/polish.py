@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 
 import numpy as np
 from jaxtyping import Complex, Float
@@ -10,11 +11,10 @@ from jaxtyping import Complex, Float
 from middeck.identification.model.descent import Refined, search
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.design import residual_of
-from middeck.identification.problem.layout import Layout
+from middeck.identification.problem.layout import Layout, Start
 from middeck.identification.search.bounds import bound_theta, bounded
 from middeck.identification.search.refine import by_normal_equations, logarithmic, weighted
 from middeck.identification.spectra.weights import Spread, excess_share
-from middeck.identification.start.start import Start
 from middeck.values import record
 
 # The weights have settled when the variance moves by less than this share on average.
@@ -30,25 +30,35 @@ LITTLE_OF_NOISE = 1e-3
 FIRST_STEPS = 3
 
 
-@record
-class Polished:
-    """A start refined, with what its last weights were made of.
+@record(kw_only=True)
+class Run:
+    """A model at the end of a search.
 
     Parameters
     ----------
-    share:
-        Of the response's size, the variance beyond the measured one.
-    gram:
-        Normal equations of theta at the end, the linear unknowns projected out.
     likelihood:
         Negative logarithm of the likelihood, up to a constant: sum of log v + |r|^2 / v.
     """
 
     layout: Layout
     refined: Refined
-    share: float
-    gram: Float[np.ndarray, "unknown unknown"]
     likelihood: float
+
+    @functools.cached_property
+    def start(self) -> Start:
+        """From where it is refined further."""
+        return Start(self.layout, self.refined.theta)
+
+    def residual(self, data: Data) -> Complex[np.ndarray, "output line column"]:
+        """H - E, unweighted."""
+        return residual_of(self.layout, data, self.refined.theta, self.refined.step.linear)
+
+
+@record(kw_only=True)
+class Polished(Run):
+    """A fit of a response; ``share`` of the response's size is the variance beyond the measured one."""
+
+    share: float
 
 
 def polish(
@@ -74,15 +84,14 @@ def polish(
         theta, before, share = found.theta, share, excess_share(_left(layout, data, found), spread)
         if abs(share - before) * np.mean(spread.size / v) <= SETTLED:
             break
-    return None if found is None else _polished(layout, data, found, spread, share, found.step.gram)
+    return None if found is None else _polished(layout, data, found, spread, share)
 
 
 def settle(data: Data, start: Polished, spread: Spread) -> Polished:
     """A polished start refined until nothing is gained that noise, or what the model lacks, leaves."""
     best = start
     for _ in range(MOST_CHUNKS):
-        again = Start(best.layout, best.refined.theta)
-        found = polish(data, again, spread, steps=CHUNK, rounds=1, share=best.share)
+        found = polish(data, best.start, spread, steps=CHUNK, rounds=1, share=best.share)
         if found is None:
             return best
         before, best = best, found
@@ -119,25 +128,21 @@ def logarithmic_polish(data: Data, start: Polished, spread: Spread) -> Polished:
     layout = start.layout
     theta = np.concatenate([start.refined.theta, start.refined.step.linear.ravel()])
     shared = len(start.refined.theta)
-    E = data.H - residual_of(layout, data, theta[:shared], start.refined.step.linear)
+    E = data.H - start.residual(data)
     size = np.maximum(np.abs(E) ** 2, np.finfo(float).tiny)
     of_log = Spread(spread.variance / size, np.ones(size.shape))
-    again = Data(data.s, data.H, 1.0 / np.sqrt(of_log.at(excess_share(np.log(data.H / E), of_log))))
+    again = Data(
+        s=data.s, H=data.H, weight=1.0 / np.sqrt(of_log.at(excess_share(np.log(data.H / E), of_log)))
+    )
     found = search(bounded(layout, again, lambda x: logarithmic(layout, again, x)), theta)
     if found is None:
         return start
     found = dataclasses.replace(found, theta=bound_theta(layout, again, found.theta))
-    gram = found.step.gram
-    linear = gram[shared:, shared:]
-    projected = (
-        gram[:shared, :shared] - gram[:shared, shared:] @ np.linalg.pinv(linear) @ gram[shared:, :shared]
-    )
     shorter = Refined(found.theta[:shared], found.step, found.history, found.converged)
-    return _polished(layout, data, shorter, spread, start.share, projected)
+    return _polished(layout, data, shorter, spread, start.share)
 
 
-def _polished(
-    layout: Layout, data: Data, found: Refined, spread: Spread, share: float, gram: np.ndarray
-) -> Polished:
+def _polished(layout: Layout, data: Data, found: Refined, spread: Spread, share: float) -> Polished:
     r, v = _left(layout, data, found), spread.at(share)
-    return Polished(layout, found, share, gram, float(np.sum(np.log(v) + np.abs(r) ** 2 / v)))
+    likelihood = float(np.sum(np.log(v) + np.abs(r) ** 2 / v))
+    return Polished(layout=layout, refined=found, share=share, likelihood=likelihood)

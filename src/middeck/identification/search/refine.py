@@ -3,7 +3,7 @@
 Least squares (`weighted`): the output vectors and the direct term are linear, so they are solved for
 exactly at each step and only theta is searched (variable projection, Golub and Pereyra 1973, with
 Kaufman's (1975) derivative). The outputs share nothing but theta, so each is a small problem of its own; its
-transients, one for each experiment, are projected out first (`own_transients`).
+transients, one for each experiment, are projected out first (`projection`).
 
 Logarithmic (`logarithmic`): log magnitude and phase, the cost of the paper's fit; nothing is linear then and
 all unknowns are searched together.
@@ -22,15 +22,12 @@ from middeck.identification.problem.data import Data
 from middeck.identification.problem.design import (
     Terms,
     build_terms,
-    late_columns,
-    late_slopes,
-    model_of_output,
 )
-from middeck.identification.problem.gram_blocks import Functions, hear
+from middeck.identification.problem.gram_blocks import Functions, weigh
 from middeck.identification.problem.layout import Layout
 from middeck.identification.problem.normal_equations import Solved, solve_normal
-from middeck.identification.problem.own_transients import OwnTransients, as_real
-from middeck.identification.problem.ties import Tied
+from middeck.identification.problem.projection import TransientProjection, as_real
+from middeck.identification.problem.zero_sum import ZeroSum
 
 # Linear unknowns are not solved for where one column is the rest up to this share: coinciding poles.
 COINCIDENT = 1e-13
@@ -52,7 +49,7 @@ def weighted(
     terms = build_terms(layout, data, theta)
     if terms is None:
         return None
-    solved = _solve(layout, data, terms, from_sums=from_sums)
+    solved = _solve(terms, from_sums=from_sums)
     if solved is None:
         return None
     cost = sum(one.cost for one in solved)
@@ -61,7 +58,7 @@ def weighted(
     gradient = np.sum([one.gradient for one in solved], axis=0)
     gram = np.sum([one.gram for one in solved], axis=0)
     linear = np.concatenate([one.linear for one in solved])
-    return Step(cost, gradient, gram, linear, _residual(data, solved))
+    return Step(cost=cost, gradient=gradient, gram=gram, linear=linear, residual=_residual(data, solved))
 
 
 def _residual(data: Data, solved: list[Solved]) -> Complex[np.ndarray, "output line column"] | None:
@@ -69,16 +66,16 @@ def _residual(data: Data, solved: list[Solved]) -> Complex[np.ndarray, "output l
     left = [one.left for one in solved if one.left is not None]
     if data.mix is not None or len(left) < len(solved):
         return None
-    return np.swapaxes(np.concatenate(left), 1, 2) / data.weight
+    return np.concatenate(left).mT / data.weight
 
 
-def _solve(layout: Layout, data: Data, terms: Terms, *, from_sums: bool) -> list[Solved] | None:
+def _solve(terms: Terms, *, from_sums: bool) -> list[Solved] | None:
     """All outputs: by normal equations from sums or else line by line where they pay, or by QR."""
-    solved = None
+    layout, data, solved = terms.layout, terms.data, None
     ways = (True, False) if from_sums else (False,)
     for sums in ways if by_normal_equations(layout, data) else ():
-        shared = Functions(layout, data, terms, from_sums=sums)
-        each = (solve_normal(layout, data.s, terms, shared, of) for of in hear(layout, data, terms, shared))
+        shared = Functions(terms, from_sums=sums)
+        each = (solve_normal(terms, shared, of) for of in weigh(terms, shared))
         solved = _all_of(each)
         if solved is not None and data.mix is None and _rounding(solved) > ROUNDED:
             break
@@ -86,7 +83,7 @@ def _solve(layout: Layout, data: Data, terms: Terms, *, from_sums: bool) -> list
             return solved
     if data.mix is not None:
         return solved
-    return _all_of(solve_by_qr(layout, data, terms, o) for o in range(layout.outputs))
+    return _all_of(solve_by_qr(terms, o) for o in range(layout.outputs))
 
 
 def _rounding(solved: list[Solved]) -> float:
@@ -111,11 +108,12 @@ def by_normal_equations(layout: Layout, data: Data) -> bool:
     return data.transient is None and numbers * (layout.columns + layout.size) ** 2 > SMALL
 
 
-def solve_by_qr(layout: Layout, data: Data, terms: Terms, output: int) -> Solved | None:
+def solve_by_qr(terms: Terms, output: int) -> Solved | None:
     """One output by orthogonal columns, from Kaufman's Jacobian; None where two of them coincide."""
-    own = OwnTransients(terms.B, data.weight[output])
-    X = late_columns(layout, data, terms, output)
-    A, tied = own.removed(X), Tied(layout, terms.point)
+    layout, data = terms.layout, terms.data
+    own = TransientProjection(terms.B, data.weight[output])
+    X = terms.columns(output)
+    A, tied = own.removed(X), ZeroSum(layout, terms.point)
     free = tied.free(A)
     size = np.linalg.norm(free, axis=1)
     if not (np.isfinite(size).all() and size.all()):
@@ -128,7 +126,7 @@ def solve_by_qr(layout: Layout, data: Data, terms: Terms, output: int) -> Solved
     x = tied.whole(np.asarray(scipy.linalg.solve_triangular(R, on_columns)) / size)
     t = own.unknowns(data.H[output] - np.tensordot(x, X, axes=1))
     linear = np.concatenate([x, t.ravel()])
-    G = own.removed(late_slopes(layout, data, terms, linear, output))
+    G = own.removed(terms.slopes(linear, output))
     gained = tied.moved(x, A)
     if isinstance(gained, np.ndarray):
         G[: len(gained)] += gained
@@ -145,14 +143,14 @@ def logarithmic(layout: Layout, data: Data, theta: Float[np.ndarray, " unknown"]
         return None
     cost, gradient, gram = 0.0, np.zeros(len(theta)), np.zeros((len(theta), len(theta)))
     for o in range(layout.outputs):
-        E = model_of_output(layout, data, terms, linear[o], o)
+        E = terms.response(linear[o], o)
         if not np.isfinite(E).all() or not E.all():
             return None
-        G = late_slopes(layout, data, terms, linear[o], o)
-        J = as_real(np.concatenate([G, late_columns(layout, data, terms, o)]) * (data.weight[o] / E)[None])
+        G = terms.slopes(linear[o], o)
+        J = as_real(np.concatenate([G, terms.columns(o)]) * (data.weight[o] / E)[None])
         residual = as_real((data.weight[o] * np.log(data.H[o] / E))[None])[0]
         own = np.r_[0:shared, shared + o * layout.columns : shared + (o + 1) * layout.columns]
         cost += 0.5 * float(residual @ residual)
         gradient[own] -= J @ residual
         gram[np.ix_(own, own)] += J @ J.T
-    return Step(cost, gradient, gram, linear) if np.isfinite(cost) else None
+    return Step(cost=cost, gradient=gradient, gram=gram, linear=linear) if np.isfinite(cost) else None

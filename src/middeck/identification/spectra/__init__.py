@@ -1,16 +1,11 @@
 """Frequency responses from records: whole periods, local models, averaged spectra; what scatters them."""
 
-from middeck.identification.spectra.averages import Spectra, estimate_spectra
-from middeck.identification.spectra.coherence import (
-    multiple_coherence,
-    ordinary_coherence,
-    partial_coherence,
-)
+from middeck.identification.spectra.averages import Spectra, doubts_of_window, estimate_spectra
+from middeck.identification.spectra.coherence import multiple_coherence, ordinary_coherence, partial_coherence
 from middeck.identification.spectra.distortion import Distortion, estimate_distortion
 from middeck.identification.spectra.estimate import Method, estimate_response, response_scatter
 from middeck.identification.spectra.ratios import Ratio, spectra_response
 from middeck.identification.spectra.scatter import ResponseScatter
-from middeck.identification.spectra.window_doubts import doubts_of_window
 
 __all__ = [
     "Distortion",

@@ -23,7 +23,7 @@ def multiple_coherence(spectra: Spectra) -> Float[np.ndarray, "line output"]:
     """S_yu S_uu^-1 S_uy / S_yy: the share that all inputs explain together."""
     _refuse_few(spectra, spectra.S_uu.shape[1])
     refuse_dependent(spectra)
-    explained = spectra.S_yu @ np.linalg.solve(spectra.S_uu, np.swapaxes(spectra.S_yu.conj(), 1, 2))
+    explained = spectra.S_yu @ np.linalg.solve(spectra.S_uu, spectra.S_yu.conj().mT)
     return _share(_diagonal(explained), _diagonal(spectra.S_yy))
 
 
@@ -37,7 +37,7 @@ def partial_coherence(spectra: Spectra) -> Float[np.ndarray, "line output input"
         others = np.delete(np.arange(inputs), i)
         S_jj = spectra.S_uu[:, others[:, None], others]
         S_ji = spectra.S_uu[:, others, i : i + 1]
-        S_jy = np.swapaxes(spectra.S_yu[:, :, others].conj(), 1, 2)
+        S_jy = spectra.S_yu[:, :, others].conj().mT
         by_input = np.linalg.solve(S_jj, S_ji)
         by_output = np.linalg.solve(S_jj, S_jy)
         S_yi = spectra.S_yu[:, :, i] - (spectra.S_yu[:, :, others] @ by_input)[:, :, 0]
@@ -69,7 +69,7 @@ def _power(spectra: Spectra) -> Float[np.ndarray, "line input"]:
 
 
 def _diagonal(S: np.ndarray) -> np.ndarray:
-    return np.real(np.einsum("kaa->ka", S))
+    return np.real(np.linalg.diagonal(S))
 
 
 def _share(part: np.ndarray, whole: np.ndarray) -> np.ndarray:

@@ -25,7 +25,7 @@ from middeck.signals.record import Record, RecordStream
 from middeck.values import record as frozen
 
 
-@frozen
+@frozen(kw_only=True)
 class Distortion:
     """Output power line by line, averaged over experiments: of excitation, distortion and noise.
 
@@ -96,16 +96,16 @@ def estimate_distortion(
     left = silent_outputs(moments, excited, lines)
     Y = np.where(excited[lines][:, None, None], moments.mean[lines][:, :, moments.inputs :], left)
     return Distortion(
-        moments.frequency_hz[lines],
-        kind,
-        scale * np.mean(np.abs(Y) ** 2, axis=1),
-        _noise(moments, lines, scale),
-        stream.outputs,
+        frequency_hz=moments.frequency_hz[lines],
+        kind=kind,
+        power=scale * np.mean(np.abs(Y) ** 2, axis=1),
+        noise=_noise(moments, lines, scale),
+        outputs=stream.outputs,
     )
 
 
 def _noise(moments: PeriodMoments, lines: np.ndarray, scale: float) -> np.ndarray | None:
     if moments.periods < 2:
         return None
-    outputs = np.real(np.einsum("kzz->kz", moments.scatter[lines]))[:, moments.inputs :]
+    outputs = np.real(np.linalg.diagonal(moments.scatter[lines]))[:, moments.inputs :]
     return scale * outputs / (moments.mean.shape[1] * (moments.periods - 1) * moments.periods)

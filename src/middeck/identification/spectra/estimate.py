@@ -106,12 +106,7 @@ def estimate_response(
     (2.0, -90.0)
     """
     found = response_scatter(
-        record,
-        band_hz=band_hz,
-        method=method,
-        reference=reference,
-        controller=controller,
-        segment=segment,
+        record, band_hz=band_hz, method=method, reference=reference, controller=controller, segment=segment
     )
     variance, covariance = trusted(found)
     hold_s = None if record.held is None else 1.0 / record.sample_hz if record.held else 0.0

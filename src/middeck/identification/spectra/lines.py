@@ -55,5 +55,5 @@ def solve_lines(
         )
     left, size, right = np.linalg.svd(U, full_matrices=False)
     refuse_alike(size[:, -1] * WORST_CONDITION <= size[:, 0], frequency)
-    pseudo = np.swapaxes(right.conj(), 1, 2) / size[:, None, :] @ np.swapaxes(left.conj(), 1, 2)
-    return np.swapaxes(pseudo @ Y, 1, 2), pseudo @ np.swapaxes(pseudo.conj(), 1, 2)
+    pseudo = right.conj().mT / size[:, None, :] @ left.conj().mT
+    return (pseudo @ Y).mT, pseudo @ pseudo.conj().mT

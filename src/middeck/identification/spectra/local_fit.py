@@ -18,6 +18,8 @@ window solved again (Sanathanan and Koerner 1963), so that what is left is the n
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 from jaxtyping import Complex, Float, Inexact, Int
 
@@ -41,7 +43,7 @@ class LocalModel:
     rational: bool
 
 
-@frozen
+@frozen(kw_only=True)
 class LocalFit:
     """What the windows give, and how well they predict the line that they leave out.
 
@@ -89,20 +91,8 @@ def fit_windows(
     columns = TERMS * (U.shape[2] + (Y.shape[2] if model.rational else 1))
     some = max(16, AT_ONCE // ((2 * model.half + 1) * U.shape[1] * columns))
     parts = [_fit_some(U, Y, lines[k : k + some], model, reweigh) for k in range(0, len(lines), some)]
-    return LocalFit(
-        *(
-            np.concatenate([getattr(part, name) for part in parts])
-            for name in (
-                "H",
-                "variance",
-                "covariance",
-                "inverse_power",
-                "line_inverse_power",
-                "prediction",
-                "denominator",
-            )
-        )
-    )
+    names = [f.name for f in dataclasses.fields(LocalFit)]
+    return LocalFit(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
 
 
 def _fit_some(U: np.ndarray, Y: np.ndarray, lines: np.ndarray, model: LocalModel, reweigh: bool) -> LocalFit:
@@ -129,19 +119,17 @@ def transient_basis(
     """Orthonormal rows that span the (weighted) transients of each window."""
     if weight is not None:
         span = (x[:, :, None] ** np.arange(TERMS)) * weight[:, :, None]
-        return np.swapaxes(np.linalg.qr(span)[0], 1, 2)
+        return np.linalg.qr(span)[0].mT
     # Unweighted, all windows with their line in the same place share one basis.
     _, first, back = np.unique(own, return_index=True, return_inverse=True)
-    return np.ascontiguousarray(np.swapaxes(np.linalg.qr(x[first][:, :, None] ** np.arange(TERMS))[0], 1, 2))[
-        back
-    ]
+    return np.ascontiguousarray(np.linalg.qr(x[first][:, :, None] ** np.arange(TERMS))[0].mT)[back]
 
 
 def beside(
     Q: Inexact[np.ndarray, "estimate term row"], X: Complex[np.ndarray, "estimate column row"]
 ) -> Complex[np.ndarray, "estimate column row"]:
     """What the transients leave of the rows of X."""
-    return X - (X @ np.swapaxes(Q.conj(), 1, 2)) @ Q
+    return X - (X @ Q.conj().mT) @ Q
 
 
 def _solve(
@@ -156,7 +144,7 @@ def _solve(
     outputs = Y.shape[2]
     Q = transient_basis(x, own, weight)
     X, Z = _columns(U, Y, x, Q, weight, ORDER if model.rational else 0)
-    Xh = np.swapaxes(X.conj(), 2, 3)
+    Xh = X.conj().mT
     A = scaled_inverse(np.sum(X @ Xh, axis=1))
     theta = np.sum(Z @ Xh, axis=1) @ A
     unexplained = (Z - theta[:, None] @ X).reshape(count, experiments, -1, outputs, x.shape[1])
@@ -165,19 +153,19 @@ def _solve(
     d, spread = _denominator(unexplained)
     full = np.concatenate([np.ones((count, 1)), d], axis=1)
     left = np.einsum("kecor,kc->keor", unexplained, full)
-    covariance = np.sum(left @ np.swapaxes(left.conj(), 2, 3), axis=1)
+    covariance = np.sum(left @ left.conj().mT, axis=1)
     covariance /= freedom(model, experiments, inputs, outputs)
     inverse_power = A[:, :inputs, :inputs].conj()
     slope = theta[:, 1:]
     return LocalFit(
-        np.einsum("kcoi,kc->koi", theta, full),
-        variance_of(covariance, inverse_power)
+        H=np.einsum("kcoi,kc->koi", theta, full),
+        variance=variance_of(covariance, inverse_power)
         + np.real(np.einsum("ktoi,kts,ksoi->koi", slope, spread, slope.conj())),
-        covariance,
-        inverse_power,
-        _line_inverse_power(U),
-        _prediction(Q, X, A, left, own),
-        d if model.rational else np.zeros((count, ORDER)),
+        covariance=covariance,
+        inverse_power=inverse_power,
+        line_inverse_power=_line_inverse_power(U),
+        prediction=_prediction(Q, X, A, left, own),
+        denominator=d if model.rational else np.zeros((count, ORDER)),
     )
 
 
@@ -200,13 +188,13 @@ def _columns(
 
 
 def _line_inverse_power(U: Complex[np.ndarray, "estimate experiment input row"]) -> np.ndarray:
-    power = np.sum(U @ np.swapaxes(U.conj(), 2, 3), axis=1) / U.shape[3]
+    power = np.sum(U @ U.conj().mT, axis=1) / U.shape[3]
     return scaled_inverse(power).conj()
 
 
 def scaled_inverse(A: Complex[np.ndarray, "estimate a a"]) -> Complex[np.ndarray, "estimate a a"]:
     """Inverse of Gram matrices, scaled to a unit diagonal first."""
-    size = 1.0 / np.sqrt(np.maximum(np.real(np.einsum("kaa->ka", A)), np.finfo(float).tiny))
+    size = 1.0 / np.sqrt(np.maximum(np.real(np.linalg.diagonal(A)), np.finfo(float).tiny))
     unit = A * size[:, :, None] * size[:, None, :] + RIDGE * np.eye(A.shape[1])
     return np.linalg.inv(unit) * size[:, :, None] * size[:, None, :]
 
@@ -221,7 +209,7 @@ def _denominator(
     if columns == 1:
         return d, inverse
     by_output = np.swapaxes(Z, 2, 3)
-    S = np.sum(by_output.conj() @ np.swapaxes(by_output, 3, 4), axis=1)
+    S = np.sum(by_output.conj() @ by_output.mT, axis=1)
     power = np.real(S[:, :, 0, 0])
     # Once with each output by its size, and once by what is left of it; more changes little.
     for _ in range(2):

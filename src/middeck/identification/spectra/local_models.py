@@ -132,7 +132,7 @@ def _excited(
     Q = transient_basis(x, own, None)
     window = np.moveaxis(U[rows], 1, 3)
     rough = beside(Q, window.reshape(len(lines), -1, 2 * half + 1)).reshape(window.shape)
-    power = np.linalg.eigvalsh(np.sum(rough @ np.swapaxes(rough.conj(), 2, 3), axis=1))
+    power = np.linalg.eigvalsh(np.sum(rough @ rough.conj().mT, axis=1))
     raw = np.sum(np.abs(window) ** 2, axis=(1, 2, 3))
     excited = power[:, -1] > FAINTEST**2 * raw.max()
     if not excited.any():
@@ -216,5 +216,11 @@ def _by_choice(
         of_line[here] = found.line_inverse_power
         dof[here] = freedom(models[k], experiments, inputs, outputs)
     return ResponseScatter(
-        frequency[lines], H, None, total, None, dof, None, covariance, inverse_power, of_line
+        frequency_hz=frequency[lines],
+        H=H,
+        total=total,
+        total_dof=dof,
+        total_covariance=covariance,
+        inverse_power=inverse_power,
+        line_inverse_power=of_line,
     )

@@ -140,23 +140,23 @@ def plant_scatter(found: ResponseScatter, outputs: int) -> ResponseScatter:
     beside = np.concatenate([np.broadcast_to(np.eye(outputs), (lines, outputs, outputs)), -G], axis=2)
 
     def at_input(R: np.ndarray) -> np.ndarray:
-        return np.swapaxes(W, 1, 2) @ R @ W.conj()
+        return W.mT @ R @ W.conj()
 
     inverse_power = at_input(found.inverse_power)
 
     def through(covariance: np.ndarray | None) -> np.ndarray | None:
-        return None if covariance is None else beside @ covariance @ np.swapaxes(beside.conj(), 1, 2)
+        return None if covariance is None else beside @ covariance @ beside.conj().mT
 
     noise, total = through(found.noise_covariance), through(found.total_covariance)
     return ResponseScatter(
-        found.frequency_hz,
-        G,
-        None if noise is None else variance_of(noise, inverse_power),
-        None if total is None else variance_of(total, inverse_power),
-        found.noise_dof,
-        found.total_dof,
-        noise,
-        total,
-        inverse_power,
-        None if found.line_inverse_power is None else at_input(found.line_inverse_power),
+        frequency_hz=found.frequency_hz,
+        H=G,
+        noise=None if noise is None else variance_of(noise, inverse_power),
+        total=None if total is None else variance_of(total, inverse_power),
+        noise_dof=found.noise_dof,
+        total_dof=found.total_dof,
+        noise_covariance=noise,
+        total_covariance=total,
+        inverse_power=inverse_power,
+        line_inverse_power=None if found.line_inverse_power is None else at_input(found.line_inverse_power),
     )

@@ -23,7 +23,7 @@ CLIFF = 10.0
 POOLED_DOF = 12.0
 
 
-@frozen
+@frozen(kw_only=True)
 class PeriodMoments:
     """Mean and scatter of the spectra z = (u, y) over the periods of each experiment.
 
@@ -66,7 +66,13 @@ def period_moments(stream: RecordStream, *, keep: np.ndarray | None = None) -> P
             if p:
                 scatter += step[:, :, None] * step.conj()[:, None, :] * (p / (p + 1))
     check_swing(swing, stream)
-    return PeriodMoments(frequency[keep], stream.samples // stream.period, len(stream.inputs), mean, scatter)
+    return PeriodMoments(
+        frequency_hz=frequency[keep],
+        periods=stream.samples // stream.period,
+        inputs=len(stream.inputs),
+        mean=mean,
+        scatter=scatter,
+    )
 
 
 def scatter_of_periods(
@@ -93,15 +99,15 @@ def scatter_of_periods(
             noise, noise_dof = _pooled(noise, noise_dof)
         noise, total = (None if x is None else x + added for x in (noise, total))
     return ResponseScatter(
-        frequency[keep],
-        H,
-        None if noise is None else variance_of(noise, inverse_power),
-        None if total is None else variance_of(total, inverse_power),
-        None if noise is None else np.full(len(H), noise_dof),
-        None if total is None else np.full(len(H), float(dof)),
-        noise,
-        total,
-        inverse_power,
+        frequency_hz=frequency[keep],
+        H=H,
+        noise=None if noise is None else variance_of(noise, inverse_power),
+        total=None if total is None else variance_of(total, inverse_power),
+        noise_dof=None if noise is None else np.full(len(H), noise_dof),
+        total_dof=None if total is None else np.full(len(H), float(dof)),
+        noise_covariance=noise,
+        total_covariance=total,
+        inverse_power=inverse_power,
     )
 
 
@@ -124,7 +130,7 @@ def _noise(moments: PeriodMoments, H: np.ndarray, keep: np.ndarray) -> np.ndarra
         return None
     lines, outputs, _ = H.shape
     beside = np.concatenate([-H, np.broadcast_to(np.eye(outputs), (lines, outputs, outputs))], axis=2)
-    left = beside @ moments.scatter[keep] @ np.swapaxes(beside.conj(), 1, 2)
+    left = beside @ moments.scatter[keep] @ beside.conj().mT
     return left / (moments.mean.shape[1] * (moments.periods - 1) * moments.periods)
 
 
@@ -180,7 +186,7 @@ def excited_lines(moments: PeriodMoments) -> np.ndarray:
     power = _input_power(moments)
     excited = power > FAINTEST**2 * power[1:].max()
     if moments.periods > 1:
-        diagonal = np.real(np.einsum("kzz->kz", moments.scatter))[:, : moments.inputs]
+        diagonal = np.real(np.linalg.diagonal(moments.scatter))[:, : moments.inputs]
         scatter = np.sum(diagonal, axis=1) / (moments.periods * (moments.periods - 1))
         excited &= power > CLEAR_OF_NOISE * scatter
     return excited

@@ -13,12 +13,13 @@ g the relative variances are (1 - g)/g, (1 - g)/g and (1 - g)(1 + 1/g)/2 over th
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from jaxtyping import Bool, Complex
 
 from middeck.errors import ConfigError, DataError
+from middeck.identification.model.checks import check_word
 from middeck.identification.spectra.averages import Spectra
 from middeck.identification.spectra.lines import (
     FAINTEST,
@@ -59,6 +60,7 @@ def spectra_response(
     Raises `DataError` for too few averages, inputs that are alike, or a band without excitation;
     `ConfigError` for H2 of fewer outputs than inputs.
     """
+    check_word("ratio", ratio, get_args(Ratio))
     wide = spectra.S_uu.shape[1]
     free = spectra.averages - wide
     if free <= 0:
@@ -74,20 +76,17 @@ def spectra_response(
     size = np.linalg.eigvalsh(S_uu)
     refuse_alike(size[:, 0] * WORST_CONDITION**2 <= size[:, -1], spectra.frequency_hz[keep])
     H, alone = _RATIOS[ratio](S_uu, S_yu, S_yy)
-    cross = H @ np.swapaxes(S_yu.conj(), 1, 2)
-    left = S_yy - cross - np.swapaxes(cross.conj(), 1, 2) + H @ S_uu @ np.swapaxes(H.conj(), 1, 2)
+    cross = H @ S_yu.conj().mT
+    left = S_yy - cross - cross.conj().mT + H @ S_uu @ H.conj().mT
     covariance = left * (spectra.averages / free)
     R = alone / spectra.averages
     return ResponseScatter(
-        spectra.frequency_hz[keep],
-        H,
-        None,
-        _variance(covariance, R),
-        None,
-        np.full(len(H), float(free)),
-        None,
-        covariance,
-        R.mean(axis=1),
+        frequency_hz=spectra.frequency_hz[keep],
+        H=H,
+        total=_variance(covariance, R),
+        total_dof=np.full(len(H), float(free)),
+        total_covariance=covariance,
+        inverse_power=R.mean(axis=1),
     )
 
 
@@ -101,7 +100,7 @@ def _variance(covariance: np.ndarray, R: np.ndarray) -> np.ndarray:
 
 def _h1(S_uu: np.ndarray, S_yu: np.ndarray, S_yy: np.ndarray) -> _Solved:
     # H S_uu = S_yu, and S_uu is its own conjugate transpose.
-    H = np.swapaxes(np.linalg.solve(S_uu, np.swapaxes(S_yu.conj(), 1, 2)).conj(), 1, 2)
+    H = np.linalg.solve(S_uu, S_yu.conj().mT).conj().mT
     return H, np.linalg.inv(S_uu).conj()[:, None]
 
 
@@ -113,9 +112,9 @@ def _h2(S_uu: np.ndarray, S_yu: np.ndarray, S_yy: np.ndarray) -> _Solved:
         )
     # H S_uy = S_yy, outputs scaled alike: least squares where there are more of them than inputs.
     scale = 1.0 / _amplitude(S_yy)
-    pseudo = np.linalg.pinv(np.swapaxes(S_yu.conj(), 1, 2) * scale[:, None, :])
+    pseudo = np.linalg.pinv(S_yu.conj().mT * scale[:, None, :])
     S_vv = S_yy * scale[:, :, None] * scale[:, None, :]
-    R = np.swapaxes(pseudo.conj(), 1, 2) @ S_vv @ pseudo
+    R = pseudo.conj().mT @ S_vv @ pseudo
     return (S_yy * scale[:, None, :]) @ pseudo, R.conj()[:, None]
 
 
@@ -161,12 +160,12 @@ def _smallest_scatter(
     # A second eigenvalue as small leaves the answer open: its scatter is beyond first order.
     gaps = np.maximum(values[:, 1:] - values[:, :1], np.finfo(float).eps)
     rest = vectors[:, :, 1:]
-    T = (rest[:, :-1] - ratio[:, :, None] * rest[:, -1:]) / gaps[:, None, :] @ np.swapaxes(rest.conj(), 1, 2)
-    return (T @ Q @ np.swapaxes(T.conj(), 1, 2)).conj()
+    T = (rest[:, :-1] - ratio[:, :, None] * rest[:, -1:]) / gaps[:, None, :] @ rest.conj().mT
+    return (T @ Q @ T.conj().mT).conj()
 
 
 _RATIOS = {"h1": _h1, "h2": _h2, "hv": _hv}
 
 
 def _amplitude(S: np.ndarray) -> np.ndarray:
-    return np.sqrt(np.maximum(np.real(np.einsum("kaa->ka", S)), np.finfo(float).tiny))
+    return np.sqrt(np.maximum(np.real(np.linalg.diagonal(S)), np.finfo(float).tiny))

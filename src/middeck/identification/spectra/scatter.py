@@ -9,7 +9,7 @@ from middeck.systems.response import ResponseCovariance
 from middeck.values import record as frozen
 
 
-@frozen
+@frozen(kw_only=True)
 class ResponseScatter:
     """A measured response with what scatters it.
 
@@ -41,12 +41,12 @@ class ResponseScatter:
 
     frequency_hz: Float[np.ndarray, " line"]
     H: Complex[np.ndarray, "line output input"]
-    noise: Float[np.ndarray, "line output input"] | None
-    total: Float[np.ndarray, "line output input"] | None
-    noise_dof: Float[np.ndarray, " line"] | None
-    total_dof: Float[np.ndarray, " line"] | None
-    noise_covariance: Complex[np.ndarray, "line output output"] | None
-    total_covariance: Complex[np.ndarray, "line output output"] | None
+    noise: Float[np.ndarray, "line output input"] | None = None
+    total: Float[np.ndarray, "line output input"] | None = None
+    noise_dof: Float[np.ndarray, " line"] | None = None
+    total_dof: Float[np.ndarray, " line"] | None = None
+    noise_covariance: Complex[np.ndarray, "line output output"] | None = None
+    total_covariance: Complex[np.ndarray, "line output output"] | None = None
     inverse_power: Complex[np.ndarray, "line input input"]
     line_inverse_power: Complex[np.ndarray, "line input input"] | None = None
 
@@ -63,7 +63,7 @@ def variance_of(
     inverse_power: Complex[np.ndarray, "line input input"],
 ) -> Float[np.ndarray, "line output input"]:
     """C_oo R_ii of each line."""
-    outputs, inputs = (np.maximum(np.real(np.einsum("kaa->ka", x)), 0.0) for x in (covariance, inverse_power))
+    outputs, inputs = (np.maximum(np.real(np.linalg.diagonal(x)), 0.0) for x in (covariance, inverse_power))
     return outputs[:, :, None] * inputs[:, None, :]
 
 

@@ -208,7 +208,9 @@ def _step(theta: np.ndarray, target: np.ndarray) -> Step | None:
         by_turn = -imag * a[m] - real * a[half + m]
         for row, slope in ((m, poles[m].real * by_p), (half + m, by_turn)):
             rows[row] = (slope - Q @ (Q.T @ slope)).ravel()
-    return Step(0.5 * float(np.sum(left**2)), -rows @ left.ravel(), rows @ rows.T, a)
+    return Step(
+        cost=0.5 * float(np.sum(left**2)), gradient=-rows @ left.ravel(), gram=rows @ rows.T, linear=a
+    )
 
 
 def _continued(

@@ -60,9 +60,23 @@ class Spread:
         return self if self.relative else Spread(EVEN * self.variance, self.size)
 
 
+def by_output(x: np.ndarray) -> np.ndarray:
+    """[line, output, input] as fits have it, [output, line, input]: each output is a problem of its own."""
+    return np.swapaxes(x, 0, 1)
+
+
+def averaged(x: np.ndarray) -> np.ndarray:
+    """Complex numbers of each line (first axis), averaged over neighbours."""
+    width = min(2 * NEIGHBOURS + 1, len(x))
+    re, im = (
+        scipy.ndimage.uniform_filter1d(p, width, axis=0, mode="mirror") for p in (np.real(x), np.imag(x))
+    )
+    return re + 1j * im
+
+
 def spread_of(measured: FrequencyResponse, *, relative: bool) -> Spread:
     """Variance averaged over neighbouring lines, and the size of the output or (relative) of the line."""
-    H = np.moveaxis(measured.H, 0, 1)
+    H = by_output(measured.H)
     power = np.broadcast_to(np.mean(np.abs(H) ** 2, axis=(1, 2), keepdims=True), H.shape)
     variance = _smooth(measured) + ROUNDING * power
     return Spread(variance, np.abs(H) ** 2 if relative else power, relative)
@@ -70,8 +84,8 @@ def spread_of(measured: FrequencyResponse, *, relative: bool) -> Spread:
 
 def _smooth(measured: FrequencyResponse) -> Float[np.ndarray, "output line input"]:
     if measured.variance is None:
-        return np.zeros(np.moveaxis(measured.H, 0, 1).shape)
-    v = np.moveaxis(measured.variance, 0, 1)
+        return np.zeros(by_output(measured.H).shape)
+    v = by_output(measured.variance)
     half = min(NEIGHBOURS, v.shape[1] - 1)
     padded = np.pad(v, ((0, 0), (half, half), (0, 0)), mode="reflect")
     total = np.cumsum(np.pad(padded, ((0, 0), (1, 0), (0, 0))), axis=1)

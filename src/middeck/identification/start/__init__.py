@@ -1,1 +1,1 @@
-"""Where a search begins: options, subspaces, vector fitting, starts."""
+"""Where a search begins: subspaces, vector fitting, starts."""

@@ -1,4 +1,4 @@
-"""Where a fit starts: from frequency-domain subspaces of several sizes; nothing to tune.
+"""Starts of a fit, from frequency-domain subspaces of several sizes; nothing to tune.
 
 The subspace (`subspace`) is mostly made larger than the fit, so that the extra poles take up delay, noise and
 modes that are not asked for, and the modes that would be missed most are kept (`pruning`).
@@ -10,21 +10,22 @@ vectors, and input vectors follow from those (`drive_vectors`).
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
 
 import numpy as np
 import scipy.linalg
 from jaxtyping import Bool, Complex, Float
 
+from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.design import build_terms
-from middeck.identification.problem.layout import DelayOf, Layout, Point, pack
-from middeck.identification.problem.own_transients import as_real
+from middeck.identification.problem.layout import Layout, Point, Start, pack
+from middeck.identification.problem.projection import as_real
 from middeck.identification.problem.terms import columns, fractions, shapes
 from middeck.identification.start.pruning import prune
 from middeck.identification.start.subspace import block_rows, subspace_modes, subspace_poles
 from middeck.identification.start.vector_fitting import relocate
-from middeck.values import record
 
 # Size of the subspace as a multiple of the states kept, and its block rows as a multiple of the least.
 REAL_SIZES = tuple((size, rows) for size in (1.0, 1.5, 2.0) for rows in (1.5, 2.0, 3.0))
@@ -49,32 +50,7 @@ MOST_LINES = 2**15
 HEAVY = 0.3
 
 
-@record
-class Options:
-    """What kind of model is fitted; see `fit_response`. Poles at zero are not among the ``states``."""
-
-    states: int
-    real_constants: bool
-    with_delay: bool
-    with_lower: bool
-    with_direct: bool
-    period_s: float
-    full: bool = False
-    rigid: int = 0
-    delay_of: DelayOf = "output"
-    relative_degree_two: bool = False
-    integrators: int = 0
-
-
-@record
-class Start:
-    """A layout and a first theta."""
-
-    layout: Layout
-    theta: Float[np.ndarray, " unknown"]
-
-
-def starts(data: Data, options: Options) -> Iterator[Start]:
+def starts(data: Data, options: FitOptions) -> Iterator[Start]:
     """First guesses, from several sizes of the subspace."""
     for size, rows in REAL_SIZES if options.real_constants else COMPLEX_SIZES:
         found = _sized_poles(data, options, size, rows)
@@ -88,8 +64,8 @@ def starts(data: Data, options: Options) -> Iterator[Start]:
             yield from _own_start(data, options, rows)
 
 
-def few_starts(data: Data, options: Options) -> Iterator[Start]:
-    """A start or two that mostly do, for where many orders are compared.
+def few_starts(data: Data, options: FitOptions) -> Iterator[Start]:
+    """One or two starts, enough where many orders are compared.
 
     Modes far below a band that is mapped to the circle need the subspace's own vectors; in a sampled model's,
     the whole circle is even, and the first start will do.
@@ -101,15 +77,14 @@ def few_starts(data: Data, options: Options) -> Iterator[Start]:
         yield from _own_start(data, options, OWN_ROWS[-1])
 
 
-def _has_vectors(data: Data, options: Options) -> bool:
-    at_zero = options.rigid + options.integrators
-    return data.drive is None and data.H.shape[2] > 1 and not options.full and not at_zero
+def _has_vectors(data: Data, options: FitOptions) -> bool:
+    return data.drive is None and data.H.shape[2] > 1 and not options.full_rank and not options.at_zero
 
 
-def _own_start(data: Data, options: Options, factor: float) -> Iterator[Start]:
+def _own_start(data: Data, options: FitOptions, factor: float) -> Iterator[Start]:
     """The subspace model of the right size as it is, its input vectors by least squares."""
-    rows = block_rows(data, options.states, factor)
-    found = subspace_modes(data, options.period_s, states=options.states, rows=rows)
+    rows = block_rows(data, options.moving, factor)
+    found = subspace_modes(data, options.period_s, states=options.moving, rows=rows)
     if found is None:
         return
     poles, pair = upper_half(found[0], options.period_s)
@@ -118,7 +93,7 @@ def _own_start(data: Data, options: Options, factor: float) -> Iterator[Start]:
     yield start_at(data, options, poles, pair, np.zeros((len(data.H), 1)), b)
 
 
-def starts_from(data: Data, options: Options, found: Complex[np.ndarray, " state"]) -> Iterator[Start]:
+def starts_from(data: Data, options: FitOptions, found: Complex[np.ndarray, " state"]) -> Iterator[Start]:
     """Starts (or none) at the modes among candidate poles ``found`` that would be missed most."""
     if options.real_constants:
         yield from _real_starts(data, options, found)
@@ -128,20 +103,19 @@ def starts_from(data: Data, options: Options, found: Complex[np.ndarray, " state
         yield start
 
 
-def _sized_poles(data: Data, options: Options, size: float, rows: float) -> np.ndarray | None:
+def _sized_poles(data: Data, options: FitOptions, size: float, rows: float) -> np.ndarray | None:
     # An odd number of states asks for an odd number of real poles.
-    more = 2 * round(0.5 * (size - 1.0) * options.states)
-    order = options.states + more + 2 * options.rigid + options.integrators
-    return subspace_poles(data, options.period_s, states=order, rows=block_rows(data, order, rows))
+    order = options.moving + options.at_zero + 2 * round(0.5 * (size - 1.0) * options.moving)
+    return next(subspace_poles(data, options.period_s, [order], block_rows(data, order, rows)), None)
 
 
-def _complex_start(data: Data, options: Options, found: np.ndarray) -> Start | None:
+def _complex_start(data: Data, options: FitOptions, found: np.ndarray) -> Start | None:
     """The strongest poles of the subspace, each with the rank-one part of its residue."""
     poles, pair = upper_half(found, options.period_s)
     prompt = np.zeros((len(data.H), 1))
     start = start_at(data, options, poles, pair, prompt)
     states = [int(n) for n in np.where(pair, 2, 1)]
-    if sum(states) == options.states:
+    if sum(states) == options.moving:
         return start
     layout = start.layout
     terms = build_terms(layout, data, start.theta)
@@ -149,7 +123,7 @@ def _complex_start(data: Data, options: Options, found: np.ndarray) -> Start | N
         return None
     line, level = _weights_alike(data)
     modes = [layout.columns_of(m) for m in range(len(pair))]
-    kept = prune(as_real(terms.X * line).T, as_real(data.H * level * line).T, modes, states, options.states)
+    kept = prune(as_real(terms.X * line).T, as_real(data.H * level * line).T, modes, states, options.moving)
     return None if kept is None else start_at(data, options, poles[kept], pair[kept], prompt)
 
 
@@ -169,7 +143,7 @@ def upper_half(
 
 def start_at(
     data: Data,
-    options: Options,
+    options: FitOptions,
     poles: np.ndarray,
     pair: np.ndarray,
     delay_s: np.ndarray,
@@ -181,26 +155,21 @@ def start_at(
     return start_from_point(options, pair, Point(poles, b, delay_s, psi), len(data.H))
 
 
-def start_from_point(options: Options, pair: Bool[np.ndarray, " mode"], point: Point, outputs: int) -> Start:
+def start_from_point(
+    options: FitOptions, pair: Bool[np.ndarray, " mode"], point: Point, outputs: int
+) -> Start:
     """A start at a point whose vectors have any scale."""
     psi = np.zeros((0, point.b.shape[1])) if point.psi is None else point.psi
     rigid = min(options.rigid, len(psi))
     layout = Layout(
-        pair,
-        np.where(pair, 0.0, np.imag(point.poles)),
-        np.argmax(np.abs(point.b), axis=1),
-        point.b.shape[1],
-        outputs,
-        options.real_constants,
-        options.with_delay,
-        options.with_lower,
-        options.with_direct,
-        options.period_s,
-        options.full,
-        _largest(psi[:rigid]),
-        options.delay_of,
-        options.relative_degree_two,
-        _largest(psi[rigid:]),
+        pair=pair,
+        fixed_imag=np.where(pair, 0.0, np.imag(point.poles)),
+        pivot=np.argmax(np.abs(point.b), axis=1),
+        inputs=point.b.shape[1],
+        outputs=outputs,
+        options=options,
+        rigid_pivot=_largest(psi[:rigid]),
+        integral_pivot=_largest(psi[rigid:]),
     )
     return Start(layout, pack(layout, point))
 
@@ -211,7 +180,7 @@ def _largest(psi: Float[np.ndarray, "row input"]) -> tuple[int, ...]:
 
 
 def _input_vectors(
-    data: Data, options: Options, poles: np.ndarray, pair: np.ndarray, delay_s: np.ndarray
+    data: Data, options: FitOptions, poles: np.ndarray, pair: np.ndarray, delay_s: np.ndarray
 ) -> tuple[Complex[np.ndarray, "mode input"], Float[np.ndarray, "rigid input"]]:
     """b and psi: the dominant right singular vectors of full residue matrices, of 1/s^2 and 1/s also."""
     inputs = data.H.shape[2]
@@ -232,7 +201,7 @@ def _scaled(b: Complex[np.ndarray, "mode input"]) -> Complex[np.ndarray, "mode i
 
 
 def drive_vectors(
-    data: Data, options: Options, poles: np.ndarray, pair: np.ndarray, shapes: np.ndarray
+    data: Data, options: FitOptions, poles: np.ndarray, pair: np.ndarray, shapes: np.ndarray
 ) -> Complex[np.ndarray, "mode input"]:
     """b of given poles and output vectors ``shapes`` [output, mode], by least squares on all outputs."""
     layout, _, X = _one_by_one(data, options, poles, pair)
@@ -263,7 +232,7 @@ def drive_vectors(
 
 
 def weighted_residues(
-    data: Data, options: Options, poles: np.ndarray, pair: np.ndarray, delay_s: np.ndarray
+    data: Data, options: FitOptions, poles: np.ndarray, pair: np.ndarray, delay_s: np.ndarray
 ) -> tuple[
     Complex[np.ndarray, "mode output input"],
     Float[np.ndarray, "output input"],
@@ -286,26 +255,28 @@ def weighted_residues(
         residues[:, o] = level * np.array([shapes(layout, point, x[:, i]) for i in range(inputs)]).T
         if layout.integral_pivot:
             single[o] = level * x[at]
-        if layout.with_lower:
+        if layout.options.residuals:
             double[o] = level * x[at + len(layout.integral_pivot)]
     return residues, double, single
 
 
 def _one_by_one(
-    data: Data, options: Options, poles: np.ndarray, pair: np.ndarray
+    data: Data, options: FitOptions, poles: np.ndarray, pair: np.ndarray
 ) -> tuple[Layout, Point, Complex[np.ndarray, "column line"]]:
     """The columns of a single entry of H: every entry has residues of its own."""
     layout = Layout(
-        pair,
-        np.where(pair, 0.0, np.imag(poles)),
-        np.zeros(len(poles), dtype=int),
-        1,
-        1,
-        options.real_constants,
-        False,
-        options.with_lower or options.rigid > 0,
-        options.with_direct,
-        options.period_s,
+        pair=pair,
+        fixed_imag=np.where(pair, 0.0, np.imag(poles)),
+        pivot=np.zeros(len(poles), dtype=int),
+        inputs=1,
+        outputs=1,
+        options=dataclasses.replace(
+            options,
+            delay=False,
+            full_rank=False,
+            relative_degree=None,
+            residuals=options.residuals or options.rigid > 0,
+        ),
         integral_pivot=(0,) if options.integrators else (),
     )
     point = Point(
@@ -317,9 +288,9 @@ def _one_by_one(
     return layout, point, columns(layout, point, fractions(layout, poles, data.s), data.s)[:, :, 0]
 
 
-def _real_starts(data: Data, options: Options, found: np.ndarray) -> Iterator[Start]:
+def _real_starts(data: Data, options: FitOptions, found: np.ndarray) -> Iterator[Start]:
     """The strongest oscillating modes among the candidates, at the best delays of each output."""
-    wanted = options.states // 2
+    wanted = options.moving // 2
     light = (np.imag(found) > 0.0) & (-np.real(found) < HEAVY * np.abs(found))
     poles = found[light]
     poles = poles[np.argsort(np.imag(poles))]
@@ -333,17 +304,17 @@ def _real_starts(data: Data, options: Options, found: np.ndarray) -> Iterator[St
     for delay_s in _first_delays(data, options, X):
         prompt = np.moveaxis(data.H * np.exp(data.s[:, None] * delay_s[:, None]) * level * line, 1, 2)
         targets = as_real(prompt.reshape(-1, len(data.s))[:, :, None])
-        kept = prune(rows, targets.T, modes, [2] * len(poles), options.states)
+        kept = prune(rows, targets.T, modes, [2] * len(poles), options.moving)
         if kept is not None:
             yield start_at(data, options, poles[kept], pair[kept], delay_s)
 
 
 def _first_delays(
-    data: Data, options: Options, X: Complex[np.ndarray, "column line"]
+    data: Data, options: FitOptions, X: Complex[np.ndarray, "column line"]
 ) -> Iterator[Float[np.ndarray, "output path"]]:
     """The best delays, the shortest that may do first; then those that explain far more, if any."""
     outputs, _, inputs = data.H.shape
-    if not options.with_delay:
+    if not options.delay_of:
         yield np.zeros((outputs, 1))
         return
     groups = [[i] for i in range(inputs)] if options.delay_of == "path" else [list(range(inputs))]
@@ -364,7 +335,7 @@ def _best_delays(
     In a narrow band half a period more or less is little else than a change of sign, which constants take up:
     there the best delay from zero to half a period comes first, the best of all only if it leaves far less.
     """
-    omega = np.imag(data.s)
+    omega = data.omega
     weight = np.sqrt(np.mean(data.weight[output] ** 2, axis=1))
     target = data.H[output][:, inputs] * weight[:, None]
     products = _products(X * weight, target)

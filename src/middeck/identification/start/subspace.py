@@ -24,25 +24,10 @@ def block_rows(data: Data, order: int, factor: float) -> int:
 
 
 def subspace_poles(
-    data: Data, period_s: float, *, states: int, rows: int
-) -> Complex[np.ndarray, " state"] | None:
-    """Stable poles [rad/s] of the subspace model; None where the lines are too few for its size."""
-    outputs = data.H.shape[0]
-    if (rows - 1) * outputs < states:
-        return None
-    return next(poles_of_orders(data, period_s, [states], rows))
-
-
-def poles_of_orders(
     data: Data, period_s: float, orders: Sequence[int], rows: int
 ) -> Iterator[Complex[np.ndarray, " state"]]:
-    """The same for several orders, from one factorisation of so many block rows."""
-    outputs = data.H.shape[0]
-    q, a = _circle(data.s, period_s)
-    whole = _observability(data, q, rows)
-    for states in orders:
-        basis = whole[:, :states]
-        A = np.linalg.lstsq(basis[:-outputs], basis[outputs:], rcond=None)[0]
+    """Stable poles [rad/s] of the subspace models of some orders; none where the lines are too few."""
+    for A, _, a in _realised(data, period_s, orders, rows):
         yield _to_plane(np.linalg.eigvals(A), a, period_s)
 
 
@@ -50,14 +35,25 @@ def subspace_modes(
     data: Data, period_s: float, *, states: int, rows: int
 ) -> tuple[Complex[np.ndarray, " state"], Complex[np.ndarray, "output state"]] | None:
     """Poles and output vectors of the subspace model; None where the lines are too few for its size."""
+    for A, C, a in _realised(data, period_s, [states], rows):
+        z, shapes = np.linalg.eig(A)
+        return _to_plane(z, a, period_s), (C @ shapes) / _output_levels(data)[:, None]
+    return None
+
+
+def _realised(
+    data: Data, period_s: float, orders: Sequence[int], rows: int
+) -> Iterator[tuple[np.ndarray, np.ndarray, float]]:
+    """A and C of several orders, and the scale of the map, from one factorisation of so many block rows."""
     outputs = data.H.shape[0]
-    if (rows - 1) * outputs < states:
-        return None
+    possible = [states for states in orders if states <= (rows - 1) * outputs]
+    if not possible:
+        return
     q, a = _circle(data.s, period_s)
-    basis = _observability(data, q, rows)[:, :states]
-    A = np.linalg.lstsq(basis[:-outputs], basis[outputs:], rcond=None)[0]
-    z, shapes = np.linalg.eig(A)
-    return _to_plane(z, a, period_s), (basis[:outputs] @ shapes) / _output_levels(data)[:, None]
+    whole = _observability(data, q, rows)
+    for states in possible:
+        basis = whole[:, :states]
+        yield np.linalg.lstsq(basis[:-outputs], basis[outputs:], rcond=None)[0], basis[:outputs], a
 
 
 def _output_levels(data: Data) -> Float[np.ndarray, " output"]:
@@ -87,8 +83,18 @@ def _observability(data: Data, q: np.ndarray, rows: int) -> Float[np.ndarray, "r
 
 
 def _to_plane(z: np.ndarray, a: float, period_s: float) -> Complex[np.ndarray, " state"]:
-    size = np.abs(z)
-    # Reflected into the circle, and kept off it and off its centre, where a pole has no finite decay.
-    inside = np.clip(np.where(size > 1.0, 1.0 / np.maximum(size, 1.0), size), 1e-6, 1.0 - 1e-6)
-    z = (np.where(size > 0.0, z / np.where(size > 0.0, size, 1.0), 1.0) * inside).astype(complex)
+    z = reflected(z)
     return np.log(z) / period_s if period_s else a * (z - 1.0) / (z + 1.0)
+
+
+def reflected(
+    z: Complex[np.ndarray, " state"], centre: float = 1e-6, rim: float = 1e-6
+) -> Complex[np.ndarray, " state"]:
+    """Reflected into the unit circle, and kept off it and off its centre, where a pole has no finite decay.
+
+    >>> reflected(np.array([2.0j, 1.0, 0.0]), 1e-3, 1e-3).tolist()
+    [0.5j, (0.999+0j), (0.001+0j)]
+    """
+    size = np.abs(z)
+    inside = np.clip(np.where(size > 1.0, 1.0 / np.maximum(size, 1.0), size), centre, 1.0 - rim)
+    return (np.where(size > 0.0, z / np.where(size > 0.0, size, 1.0), 1.0) * inside).astype(complex)

@@ -7,8 +7,7 @@ from jaxtyping import Complex, Float, Int
 
 from middeck.errors import ConfigError
 from middeck.identification.model.measurement_model import MeasurementModel, damping_ratio, natural_hz
-from middeck.identification.tracking.recovery import Recovery, Restart, first_recovery
-from middeck.identification.tracking.trust import WATCHED, is_trusted
+from middeck.identification.tracking.recovery import WATCHED, Recovery, Restart, first_recovery, is_trusted
 from middeck.identification.uncertainty.parameters import Uncertainty
 from middeck.values import record
 
@@ -21,7 +20,7 @@ ROUNDING = 1e-9
 FIRST_FREQUENCY, FIRST_DAMPING, FIRST_GAIN = 0.005, 0.2, 0.05
 
 
-@record
+@record(kw_only=True)
 class Drift:
     """How parameters are thought to move.
 
@@ -48,7 +47,7 @@ class Drift:
             raise ConfigError(f"drifts {each}", hint="finite numbers of zero or more")
 
 
-@record
+@record(kw_only=True)
 class Followed:
     """What does not change while it is followed.
 
@@ -79,7 +78,7 @@ class Followed:
     drift: Drift
 
 
-@record
+@record(kw_only=True)
 class Tracking:
     """Modal parameters as known after so many samples, with all that is needed to go on.
 
@@ -234,18 +233,18 @@ def start_tracking(
         [np.log(np.abs(model.poles)), np.log(damping_ratio(model)), np.zeros(outputs * modes)]
     )
     return Tracking(
-        followed,
-        0,
-        np.concatenate([np.zeros(2 * modes * groups), parameters]),
-        np.diag(deviation**2),
-        np.zeros((int(followed.whole.max()) + 2, len(model.inputs))),
-        np.zeros(2 * modes),
-        np.zeros(2 * modes),
-        np.zeros(WATCHED + 1),
-        np.zeros((WATCHED, outputs)),
-        0.0,
-        np.zeros(modes, dtype=int),
-        first_recovery(parameters, known_by**2, rms**2),
+        followed=followed,
+        samples=0,
+        mean=np.concatenate([np.zeros(2 * modes * groups), parameters]),
+        covariance=np.diag(deviation**2),
+        past=np.zeros((int(followed.whole.max()) + 2, len(model.inputs))),
+        corrections=np.zeros(2 * modes),
+        chance=np.zeros(2 * modes),
+        products=np.zeros(WATCHED + 1),
+        late=np.zeros((WATCHED, outputs)),
+        weight=0.0,
+        jumps=np.zeros(modes, dtype=int),
+        recovery=first_recovery(parameters, known_by**2, rms**2),
     )
 
 
@@ -286,9 +285,18 @@ def _followed(
     residue = np.einsum("om,mi->omi", model.shapes, model.participation)
     real = bool(np.all(np.abs(residue.real) <= ROUNDING * np.abs(residue).max(initial=0.0)))
     return Followed(
-        T, model.shapes / loss, model.participation, model.direct, model.poles, real,
-        np.asarray(group).ravel(), whole, samples - whole, noise, drift,
-    )  # fmt: skip
+        T=T,
+        shapes=model.shapes / loss,
+        participation=model.participation,
+        direct=model.direct,
+        poles=model.poles,
+        real_constants=real,
+        group=np.asarray(group).ravel(),
+        whole=whole,
+        part=samples - whole,
+        noise_rms=noise,
+        drift=drift,
+    )
 
 
 def _check(model: MeasurementModel, sample_hz: float, noise: np.ndarray, rms: np.ndarray) -> None:

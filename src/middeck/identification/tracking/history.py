@@ -14,7 +14,7 @@ from middeck.signals.record import Record
 from middeck.values import record
 
 
-@record
+@record(kw_only=True)
 class Tracked:
     """Modal parameters at the end of each block.
 
@@ -76,15 +76,15 @@ def track_modes(state: Tracking, measured: Record, *, block: int = 256) -> Track
         return np.array([getattr(s, name) for s in states])
 
     return Tracked(
-        column("time_s"),
-        column("natural_hz"),
-        column("frequency_std_hz"),
-        column("damping"),
-        column("damping_std"),
-        column("trusted"),
-        column("jumps"),
-        np.array([len(s.restarts) for s in states]),
-        states[-1],
+        time_s=column("time_s"),
+        natural_hz=column("natural_hz"),
+        frequency_std_hz=column("frequency_std_hz"),
+        damping=column("damping"),
+        damping_std=column("damping_std"),
+        trusted=column("trusted"),
+        jumps=column("jumps"),
+        restarts=np.array([len(s.restarts) for s in states]),
+        state=states[-1],
     )
 
 

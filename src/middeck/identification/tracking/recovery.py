@@ -1,10 +1,13 @@
-"""When a tracker has lost its modes, and from where it begins again.
+"""Detect that a tracker has lost its modes, and restart it from a good state.
 
 A filter that follows a wrong frequency is sure of it: its covariance is small, and corrections that are right
 come too late. Its innovations tell: large, and not white as they would be if only the noise had grown. If
 that lasts, parameters are set back to those of the last time when all was well and the motion to not known.
 Frequencies are then opened by a jump, and by twice and four times that where the try before found nothing:
 a wide opening finds a mode from farther off, and more often its neighbour.
+
+If the model holds, what an output brings that was not foreseen is white and as large as stated (Mehra 1970).
+The means of its products at lags 0 to 16 are kept with a memory of a thousand samples.
 """
 
 from __future__ import annotations
@@ -12,9 +15,10 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float, Int
 
-from middeck.identification.tracking.trust import MEMORY, WATCHED, is_trusted
 from middeck.values import record
 
+WATCHED = 16  # lags: half a cycle of a mode at a thirtieth of the rate
+MEMORY = 1024  # samples
 # Memory [samples] of the products that it is judged by: a fourth of that of `trusted`, to see a try succeed.
 BRIEF = 256
 # Late innovations are also kept in blocks of samples, eight of them as long as the memory of `trusted`:
@@ -27,6 +31,8 @@ TOO_LARGE, TOO_COLOURED = 1.5, 0.5
 PATIENCE_S = 6.0
 # Openings that are tried one after the other, in jumps.
 OPENINGS = (1.0, 2.0, 4.0)
+# Standard deviations by which a mean may be off: once in a million for one of them.
+LIMIT = 5.0
 
 
 @record
@@ -48,9 +54,9 @@ class Restart:
     opening: float
 
 
-@record
+@record(kw_only=True)
 class Recovery:
-    """What is kept to begin again from.
+    """State from which a tracker restarts.
 
     Parameters
     ----------
@@ -91,9 +97,19 @@ def first_recovery(
     loudness: Float[np.ndarray, " input"],
 ) -> Recovery:
     """Before the first sample: the start is the good state."""
-    twice = np.tile(mean, (2, 1)), np.tile(variance, (2, 1))
+    blocks, seen = no_blocks()
     return Recovery(
-        np.zeros(WATCHED + 1), 0.0, 0, 0, *twice, np.zeros(2, dtype=int), loudness, (), *no_blocks()
+        products=np.zeros(WATCHED + 1),
+        weight=0.0,
+        lost=0,
+        tries=0,
+        mean=np.tile(mean, (2, 1)),
+        variance=np.tile(variance, (2, 1)),
+        taken=np.zeros(2, dtype=int),
+        loudness=loudness,
+        restarts=(),
+        blocks=blocks,
+        seen=seen,
     )
 
 
@@ -158,3 +174,15 @@ def opening(tries: int) -> float:
 def patience(tries: int) -> float:
     """Time [s] before the next restart, longer with each round: what never works is tried less often."""
     return PATIENCE_S * (1 + tries // len(OPENINGS))
+
+
+def is_trusted(products: Float[np.ndarray, " lag"], weight: float, outputs: int) -> bool:
+    """Whether size and whiteness are those of chance; True before anything can be said."""
+    if weight < 0.1:
+        return True
+    means = products / weight
+    # Samples of even weight that scatter as much, (sum w)^2 / sum w^2: 2 M in the end.
+    count = 2.0 * MEMORY * outputs * weight / (2.0 - weight)
+    size = (means[0] - 1.0) / np.sqrt(2.0 / count)
+    white = count * np.sum((means[1:] / max(means[0], np.finfo(float).tiny)) ** 2)
+    return bool(abs(size) < LIMIT and (white - WATCHED) < LIMIT * np.sqrt(2.0 * WATCHED))

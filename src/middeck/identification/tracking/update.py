@@ -19,16 +19,17 @@ from middeck.identification.tracking.follow import Followed, Tracking, log_place
 from middeck.identification.tracking.recovery import (
     BLOCK,
     BRIEF,
+    MEMORY,
     PATIENCE_S,
     Restart,
     healed,
     is_large,
     is_lost,
+    is_trusted,
     no_blocks,
     opening,
     patience,
 )
-from middeck.identification.tracking.trust import MEMORY, is_trusted
 
 # An innovation pulls no further than so many of its deviations: a spike is no news.
 CLIPPED = 5.0
@@ -210,7 +211,7 @@ class _Work:
         self.cov = 0.5 * (P + P.T)
 
     def look_for_jumps(self) -> None:
-        """Modes whose corrections go one way, and their neighbours, are found again from large deviations."""
+        """Widen the deviations of modes whose corrections go one way, and of their neighbours."""
         away = (np.abs(self.sums) > JUMPED * np.sqrt(self.chance)).reshape(2, self.modes).any(axis=0)
         if not away.any():
             return
@@ -236,7 +237,7 @@ class _Work:
         self.jumps[m] += 1
 
     def _open_motion(self, m: int) -> None:
-        """What was foreseen with the old frequency until the jump was noticed has the wrong phase."""
+        """Open the modal states: predictions with the old frequency have drifted in phase."""
         places = m + self.modes * np.arange(self.groups)
         size = self.x[places] ** 2 + self.x[places + self.states] ** 2
         for at in (places, places + self.states):

@@ -35,7 +35,7 @@ from middeck.values import record
 ROUNDING = 1e-9
 
 
-@record
+@record(kw_only=True)
 class ExpectedAccuracy:
     """What a test of so many periods would say, if its noise is all that disturbs it.
 
@@ -111,15 +111,18 @@ def expected_accuracy(
     U = np.moveaxis(np.fft.rfft(u, axis=1)[:, lines], 1, 0)
     s = 2j * np.pi * lines * sample_hz / samples
     F = factor_of(_blocks(model, structure, s, U, samples * noise**2 / periods))
-    covariance = ModelCovariance(model, structure, *_inverse(F), float("inf"), False)
+    root, inflation = _inverse(F)
+    covariance = ModelCovariance(
+        model=model, structure=structure, root=root, inflation=inflation, degrees=float("inf"), robust=False
+    )
     scored = np.imag(s) / (2.0 * np.pi) if scored_hz is None else np.asarray(scored_hz, dtype=float)
     return ExpectedAccuracy(
-        covariance,
-        uncertainty_of(covariance),
-        _gain(covariance),
-        _error(covariance, scored),
-        periods,
-        len(u) * periods * samples / sample_hz,
+        covariance=covariance,
+        uncertainty=uncertainty_of(covariance),
+        gain=_gain(covariance),
+        error=_error(covariance, scored),
+        periods=periods,
+        duration_s=len(u) * periods * samples / sample_hz,
     )
 
 
@@ -160,7 +163,12 @@ def structure_of(model: MeasurementModel) -> Structure:
     real = model.sample_hz is None and bool(
         np.all(np.abs(residue.real) <= ROUNDING * np.abs(residue).max(initial=0.0))
     )
-    return Structure(real, real, bool(np.any(model.lower)), bool(np.any(model.direct)) or not real)
+    return Structure(
+        real_constants=real,
+        with_delay=real,
+        with_lower=bool(np.any(model.lower)),
+        with_direct=bool(np.any(model.direct)) or not real,
+    )
 
 
 def _samples(command: Excitation | Record) -> tuple[np.ndarray, np.ndarray, float]:
@@ -214,7 +222,7 @@ def _inverse(F: Float[np.ndarray, "row unknown"]) -> tuple[np.ndarray, np.ndarra
 
 def _gain(covariance: ModelCovariance) -> Float[np.ndarray, "output mode input"]:
     model = covariance.model
-    at = places_of(model, covariance.structure)
+    at = covariance.at
     outputs, inputs = model.direct.shape
     gain = np.full((outputs, len(model.poles), inputs), np.inf)
     for o, m, i in np.ndindex(gain.shape):

@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.identification.model.measurement_model import MeasurementModel, model_response
-from middeck.identification.spectra.weights import NEIGHBOURS
+from middeck.identification.spectra.weights import NEIGHBOURS, by_output
 from middeck.identification.uncertainty.entry_factors import (
     EntrySlopes,
     entry_factors,
@@ -34,7 +34,7 @@ from middeck.identification.uncertainty.orthogonal import (
     root_of,
     triangle,
 )
-from middeck.identification.uncertainty.unknowns import Structure, places_of, ties
+from middeck.identification.uncertainty.unknowns import Places, Structure, places_of, ties, unknowns_of
 from middeck.systems.response import FrequencyResponse
 from middeck.values import record
 
@@ -50,7 +50,7 @@ ROUNDING = 1e-9
 NO_SCATTER = 0.01
 
 
-@record
+@record(kw_only=True)
 class ModelCovariance:
     """How well the unknowns of a model are known, jointly.
 
@@ -81,13 +81,23 @@ class ModelCovariance:
     loose: int = 0
 
     @functools.cached_property
+    def at(self) -> Places:
+        """Where each kind of unknown stands."""
+        return places_of(self.model, self.structure)
+
+    @functools.cached_property
+    def unknowns(self) -> Float[np.ndarray, " unknown"]:
+        """Their values."""
+        return unknowns_of(self.model, self.structure)
+
+    @functools.cached_property
     def matrix(self) -> Float[np.ndarray, "unknown unknown"]:
         """The covariance itself; large, but finite, where unknowns are not fixed."""
         return self.root @ self.root.T
 
     @property
     def fixed(self) -> Float[np.ndarray, "unknown direction"]:
-        """The root without what is loose."""
+        """The root without its loose columns."""
         return self.root[:, : self.root.shape[1] - self.loose]
 
     def deviation(self, slope: Float[np.ndarray, "row unknown"] | None = None) -> Float[np.ndarray, " row"]:
@@ -134,17 +144,25 @@ def estimate_covariance(
     inverse, loose = inverse_root(F, ties(model, structure))
     inflation = np.maximum(np.linalg.norm(F, axis=0) * np.linalg.norm(inverse, axis=1), 1.0) ** 2
     W, free = np.split(inverse, [inverse.shape[1] - loose], axis=1)
-    residual = np.moveaxis(measured.H - model_response(model, measured.frequency_hz), 0, 1)
+    residual = by_output(measured.H - model_response(model, measured.frequency_hz))
     degrees, robust = _quality(measured, residual, noise, unknowns=len(W))
     root = np.sqrt(0.5) * W
     common = None if robust else common_noise(measured, 0.5 * degrees)
     if common is not None:
-        flat = (np.moveaxis(v, 1, 2).reshape(-1, len(s)) for v in (assumed, noise))
+        flat = (v.mT.reshape(-1, len(s)) for v in (assumed, noise))
         root = W @ root_of(common_scores(each.slopes(), W, common, *flat))
     if robust:
         root = W @ root_of(_scores_spread(each, residual, W), least=0.5)
     root = np.hstack([canonical_root(root), np.sqrt(0.5) * free])
-    return ModelCovariance(model, structure, root, inflation, degrees, robust, loose)
+    return ModelCovariance(
+        model=model,
+        structure=structure,
+        root=root,
+        inflation=inflation,
+        degrees=degrees,
+        robust=robust,
+        loose=loose,
+    )
 
 
 class _Entries:
@@ -179,11 +197,11 @@ class _Entries:
         return self.factors[entry].functions(shared, self.s[lines]) / size
 
     def factor(self) -> Float[np.ndarray, "row unknown"]:
-        """Of the derivatives of all entries by all unknowns."""
+        """Orthogonal factor of the derivatives of all entries by all unknowns."""
         return factor_of(self._blocks())
 
     def _blocks(self) -> Iterator[Float[np.ndarray, "row unknown"]]:
-        """Those of one output at a time."""
+        """The derivatives of one output at a time."""
         functions: dict[tuple[int, int], np.ndarray] = {}
         for lines, shared in self.some_lines():
             for entry in self.factors:
@@ -294,10 +312,17 @@ def as_exact(model: MeasurementModel) -> ModelCovariance:
     unit = np.where(model.is_pair, 1j, 1.0)
     constants = (model.shapes * unit)[:, :, None] * model.participation
     real = bool(np.all(np.abs(np.imag(constants)) <= ROUNDING * np.abs(constants)))
-    parts = (bool(np.any(part)) for part in (model.delay_s, model.lower, model.direct))
-    structure = Structure(real, *parts)
+    delay, lower, direct = (bool(np.any(part)) for part in (model.delay_s, model.lower, model.direct))
+    structure = Structure(real_constants=real, with_delay=delay, with_lower=lower, with_direct=direct)
     size = places_of(model, structure).size
-    return ModelCovariance(model, structure, np.zeros((size, size)), np.ones(size), np.inf, robust=False)
+    return ModelCovariance(
+        model=model,
+        structure=structure,
+        root=np.zeros((size, size)),
+        inflation=np.ones(size),
+        degrees=np.inf,
+        robust=False,
+    )
 
 
 def draw_errors(

@@ -20,7 +20,6 @@ from middeck.identification.uncertainty.parameters import (
     pole_slopes,
 )
 from middeck.identification.uncertainty.response_drift import holm
-from middeck.identification.uncertainty.unknowns import places_of
 from middeck.values import record
 
 # Modes farther apart than this factor are not taken for one mode that moved.
@@ -34,7 +33,7 @@ OF_SIZE = 0.1
 RANK = 1e-9
 
 
-@record
+@record(kw_only=True)
 class ModeChange:
     """One mode in both fits.
 
@@ -75,7 +74,7 @@ class ModeChange:
         )
 
 
-@record
+@record(kw_only=True)
 class DelayChange:
     """The delay of one output in both fits [s], the deviation of the difference and its probability."""
 
@@ -95,7 +94,7 @@ class DelayChange:
         )
 
 
-@record
+@record(kw_only=True)
 class Drift:
     """What changed between two fits.
 
@@ -127,7 +126,7 @@ class Drift:
 
     @property
     def sentence(self) -> str:
-        """What changed and by how much, for people."""
+        """One sentence: what changed, and by how much."""
         moved = [m.sentence for m in self.modes if m.moved]
         reshaped = [f"{m.frequency_hz[0]:.4g} Hz" for m in self.modes if m.reshaped and not m.moved]
         parts = [f"{len(moved)} of {len(self.modes)} modes moved: {'; '.join(moved)}"] if moved else []
@@ -174,18 +173,18 @@ def compare_fits(before: ModelCovariance, after: ModelCovariance, *, level: floa
     counts = holm(compared.p, level)
     modes = len(pairs)
     return Drift(
-        tuple(
+        modes=tuple(
             _mode_change(before, after, compared, (k, modes + k), pair, counts)
             for k, pair in enumerate(pairs)
         ),
-        tuple(
+        delays=tuple(
             _delay_change(before, after, compared, 2 * modes + k, o, counts)
             for k, o in enumerate(_with_delay(before, after))
         ),
-        _alone(before.model, [a for a, _ in pairs]),
-        _alone(after.model, [b for _, b in pairs]),
-        compared.p_overall,
-        level,
+        only_before=_alone(before.model, [a for a, _ in pairs]),
+        only_after=_alone(after.model, [b for _, b in pairs]),
+        p_overall=compared.p_overall,
+        level=level,
     )
 
 
@@ -228,7 +227,7 @@ def _quantities(
     outputs: list[int],
 ) -> tuple[_Quantities, list[np.ndarray]]:
     """Frequency and damping, constants, delays; their derivatives, and which are tested together."""
-    at = places_of(of.model, of.structure)
+    at = of.at
     frequency, damping = pole_slopes(of)
     f, zeta = natural_hz(of.model), damping_ratio(of.model)
     rows: list[list[tuple[float, np.ndarray]]] = []
@@ -272,7 +271,7 @@ def _with_delay(before: ModelCovariance, after: ModelCovariance) -> list[int]:
 def _probability(
     change: np.ndarray, spreads: list[np.ndarray], degrees: tuple[float, float], group: np.ndarray
 ) -> float:
-    """Of so large a difference by chance: Hotelling's T^2 / k against F(k, degrees)."""
+    """Probability of so large a difference by chance: Hotelling's T^2 / k against F(k, degrees)."""
     if not len(group):
         return 1.0
     both = [spread[np.ix_(group, group)] for spread in spreads]
@@ -346,16 +345,16 @@ def _mode_change(
     poles, constants = tests
     deviation = [*compared.deviation[compared.groups[poles]], 0.0]
     return ModeChange(
-        pair[0],
-        pair[1],
-        f,
-        float(deviation[0]),
-        zeta,
-        float(deviation[1]),
-        float(compared.p[poles]),
-        float(compared.p[constants]),
-        bool(counts[poles]),
-        bool(counts[constants]),
+        before=pair[0],
+        after=pair[1],
+        frequency_hz=f,
+        frequency_std_hz=float(deviation[0]),
+        damping=zeta,
+        damping_std=float(deviation[1]),
+        p_pole=float(compared.p[poles]),
+        p_constants=float(compared.p[constants]),
+        moved=bool(counts[poles]),
+        reshaped=bool(counts[constants]),
     )
 
 
@@ -368,9 +367,9 @@ def _delay_change(
     counts: np.ndarray,
 ) -> DelayChange:
     return DelayChange(
-        before.model.outputs[o].name,
-        (float(before.model.delay_s[o]), float(after.model.delay_s[o])),
-        float(compared.deviation[compared.groups[test][0]]),
-        float(compared.p[test]),
-        bool(counts[test]),
+        output=before.model.outputs[o].name,
+        delay_s=(float(before.model.delay_s[o]), float(after.model.delay_s[o])),
+        delay_std_s=float(compared.deviation[compared.groups[test][0]]),
+        p=float(compared.p[test]),
+        changed=bool(counts[test]),
     )

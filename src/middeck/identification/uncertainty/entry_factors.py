@@ -15,13 +15,7 @@ import numpy as np
 from jaxtyping import Complex, Float, Int
 
 from middeck.identification.model.measurement_model import MeasurementModel
-from middeck.identification.uncertainty.unknowns import (
-    Places,
-    Structure,
-    constants_of,
-    part_of,
-    places_of,
-)
+from middeck.identification.uncertainty.unknowns import Places, Structure, constants_of, part_of, places_of
 from middeck.values import record
 
 
@@ -35,11 +29,7 @@ class EntrySlopes:
 
 
 def entry_slopes(
-    model: MeasurementModel,
-    structure: Structure,
-    s: Complex[np.ndarray, " line"],
-    output: int,
-    input: int,
+    model: MeasurementModel, structure: Structure, s: Complex[np.ndarray, " line"], output: int, input: int
 ) -> EntrySlopes:
     """H_oi and its derivatives at ``s``, which need not lie on the imaginary axis."""
     entry = entry_factors(model, structure, places_of(model, structure), output, input)

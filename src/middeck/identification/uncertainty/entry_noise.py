@@ -11,10 +11,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-import scipy.ndimage
 from jaxtyping import Complex, Float
 
-from middeck.identification.spectra.weights import NEIGHBOURS
+from middeck.identification.spectra.weights import averaged
 from middeck.identification.uncertainty.entry_factors import EntrySlopes
 from middeck.systems.response import FrequencyResponse
 
@@ -34,13 +33,8 @@ def common_noise(measured: FrequencyResponse, degrees: float) -> Complex[np.ndar
     """
     if measured.covariance is None:
         return None
-    width = min(2 * NEIGHBOURS + 1, len(measured.H))
-    raw = measured.covariance.outputs
-    re, im = (
-        scipy.ndimage.uniform_filter1d(part, width, axis=0, mode="mirror")
-        for part in (np.real(raw), np.imag(raw))
-    )
-    between, inputs = _normalised(re + 1j * im), _normalised(measured.covariance.inverse_power)
+    between = _normalised(averaged(measured.covariance.outputs))
+    inputs = _normalised(measured.covariance.inverse_power)
     if not _is_common(between, degrees):
         between = np.broadcast_to(np.eye(between.shape[1], dtype=complex), between.shape)
         if np.abs(inputs - np.eye(inputs.shape[1])).max() < SAME:
@@ -59,7 +53,7 @@ def _is_common(between: np.ndarray, degrees: float) -> bool:
 
 
 def _normalised(raw: np.ndarray) -> Complex[np.ndarray, "line a a"]:
-    scale = np.sqrt(np.maximum(np.real(np.einsum("kaa->ka", raw)), np.finfo(float).tiny))
+    scale = np.sqrt(np.maximum(np.real(np.linalg.diagonal(raw)), np.finfo(float).tiny))
     return raw / scale[:, :, None] / scale[:, None, :]
 
 

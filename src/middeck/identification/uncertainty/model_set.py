@@ -8,7 +8,7 @@ from middeck.errors import ConfigError
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.uncertainty.covariance import ModelCovariance, draw_errors
 from middeck.identification.uncertainty.response_drift import check_channels
-from middeck.identification.uncertainty.unknowns import model_at, places_of, unknowns_of
+from middeck.identification.uncertainty.unknowns import model_at
 
 # Deviation of the logarithm of a decay rate, and of a delay's phase [rad] at the highest mode, beyond which a
 # linearised covariance says nothing of the ends of its distribution.
@@ -45,7 +45,7 @@ def sample_models(
     _check(covariances, count)
     shares = [len(range(k, count, len(covariances))) for k in range(len(covariances))]
     return tuple(
-        model_at(of.model, of.structure, unknowns_of(of.model, of.structure) + error)
+        model_at(of.model, of.structure, of.unknowns + error)
         for of, share in zip(covariances, shares, strict=True)
         for error in draw_errors(of, share, rng).T
     )
@@ -65,7 +65,7 @@ def _check(covariances: tuple[ModelCovariance, ...], count: int) -> None:
 def _check_known(of: ModelCovariance) -> None:
     """Raise `ConfigError` where a draw would leave all that the fit can say: its covariance is that of small
     errors."""
-    at, deviation = places_of(of.model, of.structure), of.deviation()
+    at, deviation = of.at, of.deviation()
     size = np.abs(of.model.poles)
     late = np.where(at.delay >= 0, deviation[at.delay], 0.0) * size.max()
     for kind, errors, names in (

@@ -12,8 +12,8 @@ from middeck.errors import ConfigError
 from middeck.identification.model.measurement_model import MeasurementModel, damping_ratio, natural_hz
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.entry_factors import entry_slopes
-from middeck.identification.uncertainty.unknowns import Places, places_of
-from middeck.signals.ports import Port
+from middeck.identification.uncertainty.unknowns import Places
+from middeck.signals.ports import port_indices
 from middeck.values import record
 
 
@@ -117,7 +117,7 @@ def uncertainty_of(covariance: ModelCovariance) -> Uncertainty:
     model = covariance.model
     f, zeta = natural_hz(model), damping_ratio(model)
     frequency, damping = (covariance.deviation(by) for by in pole_slopes(covariance))
-    at = places_of(model, covariance.structure)
+    at = covariance.at
     delay = np.where(at.delay >= 0, covariance.deviation()[at.delay], 0.0)
     frequency = _determined(frequency, f)
     return Uncertainty(
@@ -132,7 +132,7 @@ def pole_slopes(
 ) -> tuple[Float[np.ndarray, "mode unknown"], Float[np.ndarray, "mode unknown"]]:
     """Derivatives of natural frequencies [Hz] and damping ratios by the unknowns."""
     model = covariance.model
-    at = places_of(model, covariance.structure)
+    at = covariance.at
     sigma, omega, size = -np.real(model.poles), np.imag(model.poles), np.abs(model.poles)
     frequency, damping = np.zeros((2, len(size), at.size))
     mode = np.arange(len(size))
@@ -147,7 +147,7 @@ def pole_slopes(
 def parameters_of(covariance: ModelCovariance) -> Parameters:
     """All physical parameters, their values and their joint covariance."""
     model = covariance.model
-    at = places_of(model, covariance.structure)
+    at = covariance.at
     frequency, damping = pole_slopes(covariance)
     modes = distinct_poles(model)
     residue_names, residues, by = residue_slopes(covariance)
@@ -196,7 +196,7 @@ def residue_slopes(
 ) -> tuple[list[str], Float[np.ndarray, " number"], Float[np.ndarray, "number unknown"]]:
     """Names, values and derivatives of modal constants or of the parts of complex residues."""
     model = covariance.model
-    at = places_of(model, covariance.structure)
+    at = covariance.at
     names: list[str] = []
     values: list[float] = []
     rows: list[np.ndarray] = []
@@ -272,7 +272,8 @@ def zero_deviation(
         For an unknown port.
     """
     model = _without_delay(covariance.model)
-    o, i = (_named(ports, name) for ports, name in ((model.outputs, output), (model.inputs, input)))
+    channels = (model.outputs, output), (model.inputs, input)
+    o, i = (port_indices(ports, [name], "channel")[0] for ports, name in channels)
     z = np.asarray(zeros, dtype=complex)
     # H is analytic: an imaginary step has no cancellation, and its error goes with its square.
     step = 1e-4 * np.abs(z).clip(min=np.finfo(float).tiny)
@@ -294,13 +295,6 @@ def _without_delay(model: MeasurementModel) -> MeasurementModel:
     """Of the same zeros: exp(-s tau) is a factor of both derivatives, and beyond all floats at a far zero."""
     path = None if model.path_delay_s is None else np.zeros_like(model.path_delay_s)
     return dataclasses.replace(model, delay_s=np.zeros_like(model.delay_s), path_delay_s=path)
-
-
-def _named(ports: tuple[Port, ...], name: str) -> int:
-    names = [p.name for p in ports]
-    if name not in names:
-        raise ConfigError(f"no channel named {name!r}", hint=f"one of {', '.join(names)}")
-    return names.index(name)
 
 
 def stated(deviation: Float[np.ndarray, " number"]) -> list[float | None]:

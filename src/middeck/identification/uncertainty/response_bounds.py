@@ -27,7 +27,7 @@ DRAWS = 2000
 FLAT = 1e-6
 
 
-@record
+@record(kw_only=True)
 class ResponseBounds:
     """Where the true response lies with probability ``level``, on each line alone or on all together.
 
@@ -127,7 +127,16 @@ def _bounds(
         low[:, o, i] = np.maximum(np.abs(entry.H) - along, 0.0)
         high[:, o, i] = np.abs(entry.H) + along
         phase[:, o, i] = np.where(around, np.pi, across)
-    return ResponseBounds(np.asarray(frequency_hz), H, axes, low, high, phase, level, simultaneous)
+    return ResponseBounds(
+        frequency_hz=np.asarray(frequency_hz),
+        H=H,
+        axes=axes,
+        magnitude_low=low,
+        magnitude_high=high,
+        phase_error=phase,
+        level=level,
+        simultaneous=simultaneous,
+    )
 
 
 def _bands(

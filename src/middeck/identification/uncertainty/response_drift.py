@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float
 
 from middeck.errors import ConfigError
 from middeck.identification.model.measurement_model import MeasurementModel
-from middeck.identification.spectra.weights import NEIGHBOURS, spread_of
+from middeck.identification.spectra.weights import NEIGHBOURS, by_output, spread_of
 from middeck.identification.uncertainty.covariance import line_degrees
 from middeck.identification.uncertainty.parameters import check_level, joint_tail
 from middeck.signals.ports import Port
@@ -23,7 +23,7 @@ GAP = 3
 TRUSTED = 1.5
 
 
-@record
+@record(kw_only=True)
 class MovedBand:
     """Neighbouring lines on which an entry of the response changed.
 
@@ -45,7 +45,7 @@ class MovedBand:
     change: float
 
 
-@record
+@record(kw_only=True)
 class ResponseDrift:
     """Where two responses differ.
 
@@ -86,7 +86,7 @@ class ResponseDrift:
 
     @property
     def sentence(self) -> str:
-        """What moved, for people."""
+        """One sentence: what moved."""
         if not self.bands:
             return f"the response moved on none of {len(self.frequency_hz)} lines at the level {self.level:g}"
         parts = [
@@ -137,7 +137,7 @@ def compare_responses(
             "without a variance no difference can be judged", hint="records of two periods or more"
         )
     a, b = common_lines(before.frequency_hz, after.frequency_hz)
-    v = [np.moveaxis(spread_of(m, relative=False).variance, 0, 1) for m in (before, after)]
+    v = [by_output(spread_of(m, relative=False).variance) for m in (before, after)]
     v = [v[0][a], v[1][b]]
     difference = np.abs(after.H[b] - before.H[a])
     statistic = difference**2 / (v[0] + v[1])
@@ -152,7 +152,9 @@ def compare_responses(
     change = difference / np.maximum(np.abs(before.H[a]), np.finfo(float).tiny)
     deviations = np.sqrt(2.0 * statistic / inflation)
     bands = _bands(f, moved, deviations, change, before.outputs, before.inputs)
-    return ResponseDrift(f, statistic, inflation, moved, bands, level)
+    return ResponseDrift(
+        frequency_hz=f, statistic=statistic, inflation=inflation, moved=moved, bands=bands, level=level
+    )
 
 
 def holm(p: Float[np.ndarray, " test"], level: float) -> Bool[np.ndarray, " test"]:
@@ -209,12 +211,12 @@ def _bands(
         k, o, i = np.unravel_index(np.argmax(deviations[group]), deviations[group].shape)
         bands.append(
             MovedBand(
-                float(f[group[0]]),
-                float(f[group[-1]]),
-                outputs[o].name,
-                inputs[i].name,
-                float(deviations[group][k, o, i]),
-                float(change[group][k, o, i]),
+                low_hz=float(f[group[0]]),
+                high_hz=float(f[group[-1]]),
+                output=outputs[o].name,
+                input=inputs[i].name,
+                deviations=float(deviations[group][k, o, i]),
+                change=float(change[group][k, o, i]),
             )
         )
     return tuple(bands)

@@ -20,7 +20,7 @@ from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.values import record
 
 
-@record
+@record(kw_only=True)
 class Structure:
     """Which parts of a model were free in its fit.
 
@@ -37,14 +37,14 @@ class Structure:
     """
 
     real_constants: bool
-    with_delay: bool
-    with_lower: bool
-    with_direct: bool
+    with_delay: bool = False
+    with_lower: bool = False
+    with_direct: bool = False
     common_delay: bool = False
     relative_degree_two: bool = False
 
 
-@record
+@record(kw_only=True)
 class Places:
     """Where each kind of unknown stands in the vector; -1 where it is not free.
 
@@ -98,7 +98,19 @@ def places_of(model: MeasurementModel, structure: Structure) -> Places:
         found.append(place)
     sigma, omega, b, c, rigid, integral, lower, direct, delay, path = found
     delay = delay[:1].repeat(outputs) if structure.common_delay else delay
-    return Places(sigma[first], omega[first], b, c, rigid, integral, lower, direct, delay, path, used)
+    return Places(
+        sigma=sigma[first],
+        omega=omega[first],
+        b=b,
+        c=c,
+        rigid=rigid,
+        integral=integral,
+        lower=lower,
+        direct=direct,
+        delay=delay,
+        path=path,
+        size=used,
+    )
 
 
 def _free_paths(model: MeasurementModel, structure: Structure) -> Bool[np.ndarray, "output input"]:
@@ -113,7 +125,7 @@ def _pivot(model: MeasurementModel) -> np.ndarray:
 
 
 def unknowns_of(model: MeasurementModel, structure: Structure) -> Float[np.ndarray, " unknown"]:
-    """The vector of a model."""
+    """The vector of unknowns of a model."""
     at = places_of(model, structure)
     x = np.zeros(at.size)
     omega = np.imag(model.poles)

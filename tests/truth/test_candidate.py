@@ -5,14 +5,15 @@ import dataclasses
 import numpy as np
 import pytest
 
+from middeck.identification.model.fit_options import FitOptions
+from middeck.identification.order.candidate import find_candidate
 from middeck.identification.order.exchange import grown
-from middeck.identification.order.newcomer import find_newcomer
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.layout import unpack
 from middeck.identification.search.polish import polish
 from middeck.identification.search.refine import weighted
 from middeck.identification.spectra.weights import Spread
-from middeck.identification.start.start import Options, start_at
+from middeck.identification.start.start import start_at
 
 NOISE = 1e-3
 
@@ -42,9 +43,9 @@ def _case(real: bool, missing: int):
             H += np.einsum("o,s,i->osi", c[:, m], up, b[m])
             H += np.einsum("o,s,i->osi", c[:, m].conj(), low, b[m].conj())
     H += NOISE * (rng.standard_normal(H.shape) + 1j * rng.standard_normal(H.shape)) / np.sqrt(2.0)
-    data = Data(s, H, np.full(H.shape, 1.0 / NOISE))
+    data = Data(s=s, H=H, weight=np.full(H.shape, 1.0 / NOISE))
     spread = Spread(np.full(H.shape, NOISE**2), np.ones(H.shape))
-    options = Options(6, real, False, False, not real, 0.0)
+    options = FitOptions(states=6, constants="real" if real else "complex", delay=False, direct=not real)
     kept = np.delete(np.arange(4), missing)
     start = start_at(data, options, POLES[kept], np.ones(3, dtype=bool), np.zeros((3, 1)), b[kept])
     fit = polish(data, start, spread, steps=8, rounds=1, share=0.0)
@@ -56,7 +57,7 @@ def _case(real: bool, missing: int):
 @pytest.mark.parametrize("missing", [0, 2])
 def test_promises_what_least_squares_gains(real, missing):
     data, _, options, fit, _ = _case(real, missing)
-    new = find_newcomer(data, fit, 0.01, 2.0 * np.pi * 9.0)
+    new = find_candidate(data, fit, 0.01, 2.0 * np.pi * 9.0)
     point = unpack(fit.layout, fit.refined.theta)
     start = start_at(
         data, options, np.append(point.poles, new.pole), np.ones(4, dtype=bool), np.zeros((3, 1)),

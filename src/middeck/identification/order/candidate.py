@@ -1,4 +1,4 @@
-"""Where one more mode would tell most, and with which input vector: a pursuit over a grid of poles.
+"""The mode that would improve a fit most, with its input vector: a pursuit over a grid of poles.
 
 The residual of a fit is projected on the terms of each candidate pole, less what linear unknowns of the fit
 can take up, and the rank-one part of the residue is taken. That finds what a peak of the residual does not
@@ -13,9 +13,9 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.identification.problem.data import Data
-from middeck.identification.problem.design import build_terms, residual_of
-from middeck.identification.problem.layout import Layout, unpack
-from middeck.identification.problem.own_transients import as_real
+from middeck.identification.problem.design import build_terms
+from middeck.identification.problem.layout import Layout
+from middeck.identification.problem.projection import as_real
 from middeck.identification.search.polish import Polished
 from middeck.values import record
 
@@ -30,7 +30,7 @@ NOTHING_NEW = 1e-6
 
 
 @record
-class Newcomer:
+class Candidate:
     """A pole [rad/s], its input vector, and by how much it would lower sum |weight residual|^2 at once."""
 
     pole: complex
@@ -38,17 +38,17 @@ class Newcomer:
     gain: float
 
 
-def find_newcomer(data: Data, best: Polished, light: float, peak: float) -> Newcomer | None:
+def find_candidate(data: Data, best: Polished, light: float, peak: float) -> Candidate | None:
     """The pair of poles that explains most of what ``best`` leaves, by the weights of ``data``.
 
     ``light`` is the damping ratio of narrow candidates, ``peak`` a frequency [rad/s] to be among them.
     """
-    layout, theta = best.layout, best.refined.theta
-    terms = build_terms(layout, data, theta)
+    layout = best.layout
+    terms = build_terms(layout, data, best.refined.theta)
     if terms is None:
         return None
-    late = np.exp(data.s[:, None] * unpack(layout, theta).delay_s.mean(axis=1)[:, None, None])
-    left = residual_of(layout, data, theta, best.refined.step.linear) * late
+    late = np.exp(data.s[:, None] * best.start.point.delay_s.mean(axis=1)[:, None, None])
+    left = best.residual(data) * late
     line = np.sqrt(np.mean(data.weight**2, axis=(0, 2)))
     level = np.sqrt(np.mean(data.weight**2, axis=(1, 2)) / np.mean(line**2))
     y = _by_input(left * level[:, None, None] * line[:, None])
@@ -71,8 +71,8 @@ def _by_input(x: Complex[np.ndarray, "row line input"]) -> Float[np.ndarray, "in
 
 
 def _grid(layout: Layout, data: Data, light: float, peak: float) -> Complex[np.ndarray, " candidate"]:
-    first, last = np.imag(data.s[0]), np.imag(data.s[-1])
-    top = min(ABOVE * last, np.pi / layout.period_s) if layout.period_s else ABOVE * last
+    first, last = data.omega[0], data.omega[-1]
+    top = min(ABOVE * last, np.pi / layout.options.period_s) if layout.options.period_s else ABOVE * last
     found = [peak * np.array([-light + 1j])]
     for zeta in (max(light, LIGHTEST), *HEAVY):
         low, high = (first, last) if zeta < HEAVY[0] else (BELOW * first, top)
@@ -83,10 +83,10 @@ def _grid(layout: Layout, data: Data, light: float, peak: float) -> Complex[np.n
 
 def _terms_of(layout: Layout, poles: np.ndarray, s: np.ndarray) -> Complex[np.ndarray, "column line"]:
     """One column of each candidate with real constants, two with complex ones; one input."""
-    T = layout.period_s
+    T = layout.options.period_s
     q, pole = (np.exp(s * T), np.exp(poles * T)) if T else (s, poles)
     up, low = 1.0 / (q - pole[:, None]), 1.0 / (q - pole.conj()[:, None])
-    if layout.real_constants:
+    if layout.options.real_constants:
         return up * low
     return np.stack([up + low, 1j * (up - low)], axis=1).reshape(-1, len(s))
 
@@ -96,24 +96,24 @@ def _most_told(
     F: Float[np.ndarray, "column number"],
     own: Float[np.ndarray, "input direction number"],
     y: Float[np.ndarray, "input output number"],
-) -> Newcomer | None:
+) -> Candidate | None:
     count, inputs = len(poles), len(y)
     each = len(F) // count
     of_each = (F / np.linalg.norm(F, axis=1)[:, None]).reshape(count, each, -1)
     taken = _products(of_each, own)
     told = _products(of_each, y) - taken @ np.einsum("ial,iol->ao", own, y)
-    gram = NOTHING_NEW * np.eye(inputs * each) - taken @ np.swapaxes(taken, 1, 2)
-    alone = of_each @ np.swapaxes(of_each, 1, 2)
+    gram = NOTHING_NEW * np.eye(inputs * each) - taken @ taken.mT
+    alone = of_each @ of_each.mT
     for i in range(0, inputs * each, each):
         gram[:, i : i + each, i : i + each] += alone
     any_rank = np.linalg.solve(gram, told).reshape(count, inputs, each, -1)
     residue = any_rank[:, :, 0] + (1j * any_rank[:, :, 1] if each > 1 else 0.0)
     b = np.linalg.svd(residue)[0][:, :, 0].astype(complex)
     B = _times(b) if each > 1 else np.real(b)[:, :, None]
-    on_b = np.swapaxes(B, 1, 2) @ told
-    gain = np.sum(on_b * np.linalg.solve(np.swapaxes(B, 1, 2) @ gram @ B, on_b), axis=(1, 2))
+    on_b = B.mT @ told
+    gain = np.sum(on_b * np.linalg.solve(B.mT @ gram @ B, on_b), axis=(1, 2))
     k = int(np.argmax(gain))
-    return Newcomer(complex(poles[k]), b[k], float(gain[k])) if np.isfinite(gain[k]) else None
+    return Candidate(complex(poles[k]), b[k], float(gain[k])) if np.isfinite(gain[k]) else None
 
 
 def _products(

@@ -1,4 +1,4 @@
-"""Linear unknowns that are tied: the residues of each path add up to zero (relative degree two)."""
+"""The constraint of relative degree two: the residues of each path add up to zero."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from middeck.identification.problem.layout import Layout, Point
 from middeck.identification.problem.terms import linear_of_terms
 
 
-class Tied:
-    """The linear unknowns x of an output that obey C x = 0, with C as it is at a theta."""
+class ZeroSum:
+    """Linear unknowns x of an output under the constraint C x = 0, at one theta."""
 
     def __init__(self, layout: Layout, point: Point) -> None:
         self._layout = layout
@@ -38,16 +38,14 @@ class Tied:
 
 def _ties(layout: Layout, point: Point) -> Float[np.ndarray, "tie column"]:
     """What must vanish, as a matrix on the linear unknowns of an output: the sum of residues of each path."""
-    if not layout.relative_degree_two:
+    if not layout.options.zero_sum:
         return np.zeros((0, layout.columns))
     C = np.zeros((layout.inputs, layout.columns))
     pairs = layout.pairs * layout.copies
     b = point.b[:pairs]
-    if not layout.real_constants:
-        C[:, 0 : 2 * pairs : 2] = 2.0 * np.real(b).T
-        C[:, 1 : 2 * pairs : 2] = -2.0 * np.imag(b).T
-    used = pairs if layout.real_constants else 2 * pairs
-    C[:, used : layout.mode_columns] = np.real(point.b[pairs:]).T
+    C[:, 0 : 2 * pairs : 2] = 2.0 * np.real(b).T
+    C[:, 1 : 2 * pairs : 2] = -2.0 * np.imag(b).T
+    C[:, 2 * pairs : layout.mode_columns] = np.real(point.b[pairs:]).T
     return C
 
 
@@ -57,6 +55,5 @@ def _tie_slopes(layout: Layout, x: Float[np.ndarray, " column"]) -> Float[np.nda
     c = linear_of_terms(layout, x)
     for k, (m, i, part) in enumerate(layout.free_b):
         weight = 2.0 if layout.pair[m] else 1.0
-        weight = 0.0 if layout.pair[m] and layout.real_constants else weight
         found[len(layout.pair) + layout.pairs + k, i] = weight * (-c[m].imag if part else c[m].real)
     return found

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from middeck.identification.fit.fit_response import fit_response
-from middeck.identification.fit.lacking_delay import lacking_delay
+from middeck.identification.fit.missing_delay import missing_delay
 from middeck.signals.ports import Port
 from middeck.systems.response import FrequencyResponse
 
@@ -40,7 +40,7 @@ def test_a_lacking_delay_is_named_in_place_of_modes():
     assert [w.split(":")[0] for w in said] == ["output hub", "output tip"]
     assert not any("modes it lacks" in w for w in fitted.warnings)
     # The poles are those of a model without the delay; a twentieth of it is enough for a hint.
-    np.testing.assert_allclose(lacking_delay(rates(), fitted.model), DELAY, rtol=0.05)
+    np.testing.assert_allclose(missing_delay(rates(), fitted.model), DELAY, rtol=0.05)
     as_told = fit_response(rates(), states=5, integrators=1, delay="output", relative_degree=1)
     # Four deviations of a delay that the fit knows itself.
     assert np.all(np.abs(as_told.model.delay_s - DELAY) < 4.0 * as_told.uncertainty.delay_s)
@@ -50,7 +50,7 @@ def test_a_lacking_delay_is_named_in_place_of_modes():
 
 def test_only_the_output_that_is_late_is_named():
     fitted = fit_response(rates((0.0, DELAY)), states=5, integrators=1)
-    tau = lacking_delay(rates((0.0, DELAY)), fitted.model)
+    tau = missing_delay(rates((0.0, DELAY)), fitted.model)
     assert tau[0] == 0.0
     assert tau[1] == pytest.approx(DELAY, rel=0.05)  # as above
     assert [w.split(":")[0] for w in hints(fitted)] == ["output tip"]

@@ -1,4 +1,4 @@
-"""Weighted rows as real numbers, with each experiment's own transient projected out of them.
+"""Project each experiment's own transient out of weighted rows of real numbers.
 
 The transient of an experiment is in none of the others, so that its linear unknowns are eliminated column by
 column (with one QR factorisation where all columns have one weight) before those of the model are solved for.
@@ -11,7 +11,7 @@ import scipy.linalg
 from jaxtyping import Complex, Float
 
 
-class OwnTransients:
+class TransientProjection:
     """Projection on what the transients ``B`` cannot follow, in the norm of ``weight``."""
 
     def __init__(

@@ -1,4 +1,4 @@
-"""Whether a delay is what a fit without one lacks.
+"""Whether a fit without delays needs one.
 
 With the poles of the fit the rest is linear, and a delay only turns the data. So a delay is tried by least
 squares at hardly any cost, on each output's own: if its response, moved earlier, is followed much better
@@ -12,6 +12,7 @@ from jaxtyping import Complex, Float
 
 from middeck.identification.model.measurement_model import MeasurementModel, double_pole
 from middeck.identification.search.doubts import LEFT
+from middeck.identification.spectra.weights import by_output
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.systems.response import FrequencyResponse
 
@@ -21,13 +22,13 @@ MUCH = 0.5
 PERIODS, IN_PERIOD = 8, 16
 
 
-def name_lacking_delay(
+def name_missing_delay(
     doubts: list[str],
     measured: FrequencyResponse,
     covariance: ModelCovariance,
     error: Float[np.ndarray, " output"],
 ) -> list[str]:
-    """``doubts`` of how a model follows, where there are any, with the delays that it seems to lack.
+    """Add the delays that a poor model seems to need to its warnings, ``doubts``.
 
     They stand for the modes that it would else be said to lack, and beside outputs that it leaves mostly
     unexplained.
@@ -38,21 +39,21 @@ def name_lacking_delay(
     late = [
         f"output {port.name}: a delay of about {tau * 1e3:.3g} ms explains most of the {left:.1%} that the "
         "model leaves; fit it, with --delay output --relative-degree 1 (delay='output', relative_degree=1)"
-        for port, left, tau in zip(measured.outputs, error, lacking_delay(measured, model), strict=True)
+        for port, left, tau in zip(measured.outputs, error, missing_delay(measured, model), strict=True)
         if tau > 0.0
     ]
     return [*doubts, *late] if np.any(error > LEFT) else late or doubts
 
 
-def lacking_delay(measured: FrequencyResponse, model: MeasurementModel) -> Float[np.ndarray, " output"]:
-    """Delay [s] that each output seems to lack; zero where none would help much.
+def missing_delay(measured: FrequencyResponse, model: MeasurementModel) -> Float[np.ndarray, " output"]:
+    """Delay [s] that each output seems to need; zero where none would help much.
 
     ``model`` is continuous and has no delay; a lead is not looked for.
     """
     s = 2j * np.pi * measured.frequency_hz
     moving = _basis(model, s)
     with_direct = np.column_stack([moving, np.ones(len(s))])
-    found = [_of_output(s, moving, with_direct, H) for H in np.moveaxis(measured.H, 1, 0)]
+    found = [_of_output(s, moving, with_direct, H) for H in by_output(measured.H)]
     return np.array(found)
 
 
@@ -81,7 +82,7 @@ def _apart(x: Complex[np.ndarray, "line column"]) -> Float[np.ndarray, "row colu
 
 
 def _basis(model: MeasurementModel, s: np.ndarray) -> Complex[np.ndarray, "line column"]:
-    """Functions of which a path without delay and constant term is a real sum."""
+    """Basis functions of a path without delay and constant term; its coefficients are real."""
     poles = np.unique(model.poles)
     pair = np.imag(poles) != 0.0
     first, second = 1.0 / (s[:, None] - poles), 1.0 / (s[:, None] - poles.conj())

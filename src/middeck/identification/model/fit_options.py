@@ -1,0 +1,173 @@
+"""What a fit looks for: one set of options, as it is asked for and as it is decided."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Sequence
+from typing import Literal, get_args
+
+from middeck.errors import ConfigError
+from middeck.identification.model.checks import check_word
+from middeck.signals.ports import Port
+from middeck.systems.response import FrequencyResponse
+from middeck.values import record
+
+Constants = Literal["real", "complex"]
+Delay = Literal["output", "path", "common"]
+
+
+@record(kw_only=True)
+class FitOptions:
+    """The kind of model; see `fit_response`.
+
+    None is left to the data (`decided`). Once decided, ``residuals`` is the term 1/s^2 alone, ``direct`` the
+    constant term.
+    """
+
+    states: int | None = None
+    sample_hz: float | None = None
+    constants: Constants | None = None
+    delay: bool | Delay | None = None
+    direct: bool | None = None
+    residuals: bool = False
+    full_rank: bool = False
+    rigid: int = 0
+    integrators: int = 0
+    relative_degree: Literal[0, 1, 2] | None = None
+
+    @property
+    def at_zero(self) -> int:
+        """States of the poles at zero.
+
+        >>> FitOptions(rigid=2).at_zero
+        4
+        """
+        return 2 * self.rigid + self.integrators
+
+    @property
+    def moving(self) -> int:
+        """States beside those at zero."""
+        return (self.states or 0) - self.at_zero
+
+    def sized(self, moving: int) -> FitOptions:
+        """The same with so many states beside those at zero."""
+        return dataclasses.replace(self, states=moving + self.at_zero)
+
+    @property
+    def real_constants(self) -> bool:
+        """Whether pairs have real modal constants."""
+        return self.constants == "real"
+
+    @property
+    def delay_of(self) -> Delay | None:
+        """Whose delays there are: each output's, each path's or one for all; None without."""
+        return self.delay if isinstance(self.delay, str) else "output" if self.delay else None
+
+    @property
+    def only_continuous(self) -> bool:
+        """Whether anything is asked for that a sampled model does not have."""
+        asked = self.delay or self.residuals or self.at_zero or self.relative_degree == 2
+        return bool(self.real_constants or asked)
+
+    @property
+    def period_s(self) -> float:
+        """Sampling period, or zero in continuous time."""
+        return 0.0 if self.sample_hz is None else 1.0 / self.sample_hz
+
+    @property
+    def zero_sum(self) -> bool:
+        """Whether complex residues of each path add up to zero: the response falls with 1/s^2."""
+        return self.relative_degree == 2 and not self.real_constants
+
+
+def decided(measured: FrequencyResponse, asked: FitOptions) -> FitOptions:
+    """The options of a search: nothing left open, the least order where none is given.
+
+    Raises `ConfigError` for a combination that has no meaning.
+    """
+    check_word("constants", asked.constants, get_args(Constants))
+    check_word("delay", asked.delay, (True, False, *get_args(Delay)))
+    check_word("relative_degree", asked.relative_degree, (0, 1, 2))
+    constants = asked.constants or usual_constants(measured.outputs, asked.sample_hz)
+    real = constants == "real"
+    _check_sampled(measured, asked)
+    _check_rigid(asked, min(measured.H.shape[1:]))
+    still = asked.at_zero
+    states = still + 2 if asked.states is None else asked.states
+    if states <= still:
+        raise ConfigError(f"a model of {states} states cannot be fitted", hint=f"{still + 1} states or more")
+    if real and (states - still) % 2:
+        raise ConfigError(
+            f"{states} states, {still} of them at zero, are no whole number of modes",
+            hint="one more, for an even number beside those at zero, or constants='complex'",
+        )
+    return dataclasses.replace(
+        asked,
+        states=states,
+        constants=constants,
+        delay=real if asked.delay is None else asked.delay,
+        direct=_with_direct(asked, real=real),
+        full_rank=asked.full_rank and measured.H.shape[2] > 1,
+    )
+
+
+def usual_constants(outputs: Sequence[Port], sample_hz: float | None) -> Constants:
+    """Real ones of relative degree two, but for a sampled model and for rates and accelerations.
+
+    >>> usual_constants([Port("tip", "m")], None), usual_constants([Port("tip", "m/s^2")], None)
+    ('real', 'complex')
+    """
+    return "complex" if sample_hz is not None or any(is_rate(p) for p in outputs) else "real"
+
+
+def is_rate(port: Port) -> bool:
+    """Whether the unit is that of a velocity or an acceleration: no modal constant of degree two fits it."""
+    return port.unit.strip() in ("g", "gn", "g0") or bool(re.search(r"/\s*s(\^?2|²)?$", port.unit.strip()))
+
+
+def _check_sampled(measured: FrequencyResponse, asked: FitOptions) -> None:
+    if asked.sample_hz is None:
+        return
+    if asked.only_continuous:
+        raise ConfigError(
+            "a sampled model has complex constants, no separate delay, no residual terms, no rigid modes or "
+            "integrators and no relative degree two",
+            hint="leave these out, or fit a continuous model",
+        )
+    if measured.frequency_hz[-1] >= 0.5 * asked.sample_hz:
+        raise ConfigError(
+            f"the response reaches {measured.frequency_hz[-1]:.6g} Hz, beyond half of "
+            f"{asked.sample_hz:.6g} Hz"
+        )
+
+
+def _check_rigid(asked: FitOptions, most: int) -> None:
+    for count, name in ((asked.rigid, "rigid modes"), (asked.integrators, "integrators")):
+        if not 0 <= count <= most:
+            raise ConfigError(
+                f"{count} {name} cannot be told apart", hint=f"no more than inputs and outputs: {most} here"
+            )
+    if asked.integrators and asked.rigid:
+        raise ConfigError(
+            "rigid modes and integrators are both free motion: their states would be one, told twice",
+            hint="fit outputs that are angles or ways apart from those that are rates",
+        )
+    if asked.integrators and asked.relative_degree == 2:
+        raise ConfigError("an integrator has relative degree one", hint="leave out one of them")
+    if asked.rigid and asked.residuals:
+        raise ConfigError(
+            "rigid modes and the residual of modes below the band are both 1/s^2",
+            hint="rigid, or residuals; direct=True stands for the modes above",
+        )
+
+
+def _with_direct(asked: FitOptions, *, real: bool) -> bool:
+    if asked.relative_degree is None:
+        return asked.residuals or (not real if asked.direct is None else asked.direct)
+    if asked.relative_degree and (asked.residuals or asked.direct):
+        raise ConfigError(
+            f"a constant term has relative degree zero, not {asked.relative_degree}",
+            hint="leave out direct and residuals, or relative_degree",
+        )
+    return asked.relative_degree == 0
