@@ -70,8 +70,8 @@ def _run_block(system: HybridSystem, e: Array, rng: np.random.Generator, start: 
     tick = Tick(system, start)
     windows = _pairs(issued)[: len(e)]
     parts = zip(
-        digital[:-1], counts, digital[1:, :states], rows, commands, (offset / count).tolist(), e.tolist(), new,
-        windows, noise, strict=True,
+        digital[:-1], counts, digital[1:, :states], rows, commands, (offset / count).tolist(), e.tolist(),
+        new, windows, noise, strict=True,
     )  # fmt: skip
     for now, reading, kept, row, command, off, excitation, torque, window, white in parts:
         tick.read(off, reading)
