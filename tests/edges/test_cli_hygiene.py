@@ -20,16 +20,26 @@ Capture = pytest.CaptureFixture[str]
 HEAVY = ("numpy", "scipy", "pydantic", "matplotlib", "rich")
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["--version"], *([verb, "--help"] for verb in VERBS)])
-def test_help_and_version_import_nothing_heavy(arguments: list[str]) -> None:
+LIGHT = [["--help"], ["--version"], *([verb, "--help"] for verb in VERBS)]
+
+
+@pytest.fixture(scope="module")
+def imported() -> list[str]:
+    """Heavy modules and exit code after each of `LIGHT` in turn, in one process."""
     code = f"""
 import sys
 from middeck.cli.main import execute
-code = execute({arguments!r}, lambda: False)
-print([m for m in {HEAVY!r} if m in sys.modules], code)
+for arguments in {LIGHT!r}:
+    code = execute(arguments, lambda: False)
+    print("ended", [m for m in {HEAVY!r} if m in sys.modules], code)
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.splitlines()[-1] == "[] 0"
+    return [line for line in done.stdout.splitlines() if line.startswith("ended ")]
+
+
+@pytest.mark.parametrize("arguments", LIGHT)
+def test_help_and_version_import_nothing_heavy(arguments: list[str], imported: list[str]) -> None:
+    assert imported[LIGHT.index(arguments)] == "ended [] 0"
 
 
 @pytest.mark.parametrize("arguments", [["--help"], *([verb, "--help"] for verb in VERBS)])
