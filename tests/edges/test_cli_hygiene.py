@@ -9,12 +9,14 @@ import shlex
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import middeck as package
 from cli_runner import ROOT, as_process, middeck, script
 from middeck.cli.app import VERBS
+from middeck.cli.fitting import identify
 
 Capture = pytest.CaptureFixture[str]
 HEAVY = ("numpy", "scipy", "pydantic", "matplotlib", "rich")
@@ -59,9 +61,21 @@ def examples(text: str) -> list[list[str]]:
     return [shlex.split(line)[1:] for line in below.splitlines() if line.strip().startswith("middeck")]
 
 
+FITTED: dict[str, Any] = {}
+
+
+def identify_once(*asked: Any) -> Any:
+    """What examples of several verbs ask for alike is fitted once."""
+    known = str(asked[:3])
+    if known not in FITTED:
+        FITTED[known] = identify(*asked)
+    return FITTED[known]
+
+
 @pytest.fixture
 def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder with the project's documents and data, where examples may write."""
+    monkeypatch.setattr("middeck.cli.fitting.identify", identify_once)
     for name in ("articles", "environments", "studies", "data"):
         (tmp_path / name).symlink_to(ROOT / name)
     monkeypatch.chdir(tmp_path)
