@@ -1,7 +1,6 @@
 """One law for several plants: gradients, what one model must give, the frozen case, structure, bad input."""
 
 import dataclasses
-import os
 
 import numpy as np
 import pytest
@@ -38,9 +37,6 @@ from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
 from middeck.systems.response import statespace_response
 from middeck.systems.statespace import StateSpace
-
-
-LONG = os.environ.get("MIDDECK_LONG") == "1"
 
 
 def random_plant(seed, states=6, w=2, u=2, z=2, y=3):
@@ -146,7 +142,7 @@ def test_three_models_hold_the_whole_grid_at_little_loss(three_models):
 def test_smaller_orders_lose_little(three_models, order, loss):
     small = design_multimodel(
         reference_plant(), WEIGHTS, AUTHORITY, uncertainty=TOGETHER, structure=Structure(order),
-        tolerance=1e-6 if LONG else 1e-4,
+        tolerance=1e-6,
     )  # fmt: skip
     assert len(small.system.A) == small.order == order
     assert outcomes(small).db[0] <= outcomes(three_models).db[0] + loss
