@@ -1,6 +1,7 @@
 """One thread for BLAS, seeded campaigns, and skips that CI does not allow."""
 
 import datetime
+import gc
 import json
 import os
 import shutil
@@ -14,6 +15,10 @@ import pytest  # noqa: E402
 from hypothesis import settings  # noqa: E402
 
 from middeck.files.studies import load_study  # noqa: E402
+
+# Tests make many values and few cycles; what was imported has none to be looked for.
+gc.freeze()
+gc.set_threshold(50_000, 20, 20)
 
 LONG = os.environ.get("MIDDECK_LONG") == "1"
 SEED = 1993
@@ -40,6 +45,8 @@ def campaign():
 
 # They take the paper's study, and stay on one worker so that it runs once.
 PAPER = {"tests/edges/test_numbers.py", "tests/edges/test_report.py", "tests/paper/test_study_claims.py"}
+# They fit the same simulated gimbals, once (`gimbal_fits`, `two_modes`).
+GIMBAL = {f"tests/truth/test_{n}.py" for n in ("drift", "model_set", "uncertainty", "uncertainty_campaign")}
 
 
 @pytest.hookimpl(optionalhook=True)
@@ -50,7 +57,7 @@ def pytest_xdist_make_scheduler(config, log):
     class ByFile(LoadScopeScheduling):
         def _split_scope(self, nodeid):
             file = nodeid.partition("::")[0]
-            return "paper" if file in PAPER else file
+            return "paper" if file in PAPER else "gimbal" if file in GIMBAL else file
 
     return ByFile(config, log)
 

@@ -16,7 +16,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Callable
-from typing import Any, TypeVar, dataclass_transform, get_args, get_type_hints, overload
+from typing import Any, NamedTuple, TypeVar, dataclass_transform, get_args, get_type_hints, overload
 
 import jaxtyping
 import numpy as np
@@ -63,77 +63,82 @@ def _recorded(cls: type[T], *, kw_only: bool) -> type[T]:
     return dataclasses.dataclass(frozen=True, eq=False, repr=False, kw_only=kw_only)(cls)
 
 
+class _ArrayField(NamedTuple):
+    """What the annotation of an array says: kind of number, and a name or a fixed size of each dimension."""
+
+    name: str
+    optional: bool
+    kinds: frozenset[type]
+    dims: tuple[str | int, ...] | None
+
+
 def _lock_arrays(self: Any) -> None:
-    sizes: dict[str, int] = {}
-    for name, (spec, optional) in _array_fields(type(self)).items():
-        value = getattr(self, name)
-        if value is None and optional:
+    sizes: dict[str | int, int] = {}
+    for field in _array_fields(type(self)):
+        value = getattr(self, field.name)
+        if value is None and field.optional:
             continue
-        where = f"{type(self).__name__}.{name}"
         try:
-            array = _as_locked(value, spec)
+            array = _as_locked(value, field.kinds)
         except (ValueError, TypeError) as error:
             raise ConfigError(
-                f"no array of numbers: {error}", where=where, hint="rows of one length"
+                f"no array of numbers: {error}",
+                where=f"{type(self).__name__}.{field.name}",
+                hint="rows of one length",
             ) from None
-        if spec is not None:
-            _check_shape(where, array.shape, _names(spec.dim_str), sizes)
+        if field.dims is not None:
+            fits = len(field.dims) == array.ndim
+            for dim, size in zip(field.dims, array.shape, strict=False):
+                fits = fits and size == (sizes.setdefault(dim, size) if type(dim) is str else dim)
+            if not fits:
+                raise _misfit(type(self).__name__, field, array.shape, sizes)
         if array is not value:
-            object.__setattr__(self, name, array)
+            object.__setattr__(self, field.name, array)
 
 
-def _as_locked(value: Any, spec: Any) -> np.ndarray:
-    dtype = _kind(value, () if spec is None else spec.dtypes)
+def _as_locked(value: Any, kinds: frozenset[type]) -> np.ndarray:
+    """Float, complex, either of them as it comes (an ``Inexact`` annotation), or anything."""
+    if len(kinds) == 2:
+        dtype = np.result_type(np.asarray(value), float)
+    else:
+        (dtype,) = kinds or (None,)
     # One that is locked and no view of what is not, as those of other records are, needs no copy.
     locked = type(value) is np.ndarray and not value.flags.writeable and value.base is None
-    if locked and dtype in (None, value.dtype):
+    if locked and (dtype is None or value.dtype == dtype):
         return value
     array = np.array(value, dtype=dtype)
     array.setflags(write=False)
     return array
 
 
-@functools.cache
-def _names(dims: str) -> tuple[str, ...]:
-    return tuple(dims.split())
-
-
-def _kind(value: Any, dtypes: tuple[str, ...]) -> Any:
-    """Float, complex, either of them as it comes (an ``Inexact`` annotation), or anything."""
-    real, imaginary = "float64" in dtypes, "complex128" in dtypes
-    if real and imaginary:
-        return np.result_type(np.asarray(value), float)
-    return complex if imaginary else float if real else None
-
-
-def _check_shape(where: str, shape: tuple[int, ...], names: tuple[str, ...], sizes: dict[str, int]) -> None:
-    fits = len(names) == len(shape)
-    for dim, size in zip(names, shape, strict=False):
-        fixed = int(dim) if dim.isdigit() else sizes.setdefault(dim, size)
-        fits = fits and fixed == size
-    if not fits:
-        known = (
-            ", ".join(f"{d} = {sizes[d]}" for d in names if d in sizes) if len(names) == len(shape) else ""
-        )
-        raise ConfigError(
-            f"shape {shape} does not fit {' '.join(names)!r}" + (f" ({known})" if known else ""),
-            where=where,
-            hint="one axis for each word; a word stands for one size in the whole record",
-        )
+def _misfit(
+    owner: str, field: _ArrayField, shape: tuple[int, ...], sizes: dict[str | int, int]
+) -> ConfigError:
+    dims = field.dims or ()
+    known = ", ".join(f"{d} = {sizes[d]}" for d in dims if d in sizes) if len(dims) == len(shape) else ""
+    written = repr(" ".join(map(str, dims)))
+    return ConfigError(
+        f"shape {shape} does not fit {written}" + (f" ({known})" if known else ""),
+        where=f"{owner}.{field.name}",
+        hint="one axis for each word; a word stands for one size in the whole record",
+    )
 
 
 @functools.cache
-def _array_fields(cls: type) -> dict[str, tuple[Any, bool]]:
-    """Name to (jaxtyping annotation or None for a bare ndarray, may be None)."""
-    found: dict[str, tuple[Any, bool]] = {}
+def _array_fields(cls: type) -> tuple[_ArrayField, ...]:
+    found: dict[str, _ArrayField] = {}
     for name, hint in get_type_hints(cls).items():
         options = get_args(hint) or (hint,)
         for option in options:
             if isinstance(option, type) and issubclass(option, jaxtyping.AbstractArray):
-                found[name] = (option, type(None) in options)
+                spec: Any = option
+                kinds = {"float64": float, "complex128": complex}
+                given = frozenset(kinds[k] for k in spec.dtypes if k in kinds)
+                dims = tuple(int(d) if d.isdigit() else d for d in spec.dim_str.split())
+                found[name] = _ArrayField(name, type(None) in options, given, dims)
             elif option is np.ndarray:
-                found[name] = (None, type(None) in options)
-    return found
+                found[name] = _ArrayField(name, type(None) in options, frozenset(), None)
+    return tuple(found.values())
 
 
 def _fields(self: Any) -> tuple[Any, ...]:

@@ -49,9 +49,10 @@ def test_budget(capfd: Capture, tmp_path: Path) -> None:
 
 def test_path(capfd: Capture, tmp_path: Path) -> None:
     drawing = tmp_path / "path.svg"
-    ask = ("path", DM, "--through", "moon,1.5", "--devices", "retuned", "--count", 12)
+    coarse = "mesh.elements_per_strut=1"
+    ask = ("path", DM, "--through", "moon,1.5", "--devices", "retuned", "--count", 12, "--set", coarse)
     found = document(capfd, *ask, "--figure", drawing)
-    structure, lab = md.load_case(DM, LAB)
+    structure, lab = md.load_case(DM, LAB, [coarse])
     places = [find_place(n, lab.gravity) for n in ("moon", "1.5")]
     expected = follow_gravity(structure, lab, places, devices=DeviceRule.RETUNED, count=12)
     assert found["schema"] == "middeck.path/1"
@@ -84,7 +85,16 @@ def test_unstable_path_is_an_answer(capfd: Capture, tmp_path: Path) -> None:
     assert "unstable where the path begins" in ended.out
 
 
-def test_branches_past_a_veering_are_marked_and_the_release_is_told(capfd: Capture) -> None:
+def test_branches_past_a_veering_are_marked_and_the_release_is_told(
+    capfd: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    known: dict[str, Any] = {}  # the path is followed once, and told twice
+
+    def once(structure: Any, lab: Any, places: Any, **more: Any) -> Any:
+        ways = str([p.name for p in places])
+        return known.get(ways) or known.setdefault(ways, follow_gravity(structure, lab, places, **more))
+
+    monkeypatch.setattr("middeck.structure.gravity.path.follow_gravity", once)
     coarse = ("--count", 12, "--set", "mesh.elements_per_strut=1")
     found = document(capfd, "path", DM, "--through", "earth,orbit", *coarse)
     veered = {name for e in found["events"] if e["what"] == "veering" for name in e["modes"]}

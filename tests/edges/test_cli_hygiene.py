@@ -9,27 +9,39 @@ import shlex
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import middeck as package
 from cli_runner import ROOT, as_process, middeck, script
 from middeck.cli.app import VERBS
+from middeck.cli.fitting import identify
 
 Capture = pytest.CaptureFixture[str]
 HEAVY = ("numpy", "scipy", "pydantic", "matplotlib", "rich")
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["--version"], *([verb, "--help"] for verb in VERBS)])
-def test_help_and_version_import_nothing_heavy(arguments: list[str]) -> None:
+LIGHT = [["--help"], ["--version"], *([verb, "--help"] for verb in VERBS)]
+
+
+@pytest.fixture(scope="module")
+def imported() -> list[str]:
+    """Heavy modules and exit code after each of `LIGHT` in turn, in one process."""
     code = f"""
 import sys
 from middeck.cli.main import execute
-code = execute({arguments!r}, lambda: False)
-print([m for m in {HEAVY!r} if m in sys.modules], code)
+for arguments in {LIGHT!r}:
+    code = execute(arguments, lambda: False)
+    print("ended", [m for m in {HEAVY!r} if m in sys.modules], code)
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.splitlines()[-1] == "[] 0"
+    return [line for line in done.stdout.splitlines() if line.startswith("ended ")]
+
+
+@pytest.mark.parametrize("arguments", LIGHT)
+def test_help_and_version_import_nothing_heavy(arguments: list[str], imported: list[str]) -> None:
+    assert imported[LIGHT.index(arguments)] == "ended [] 0"
 
 
 @pytest.mark.parametrize("arguments", [["--help"], *([verb, "--help"] for verb in VERBS)])
@@ -49,9 +61,21 @@ def examples(text: str) -> list[list[str]]:
     return [shlex.split(line)[1:] for line in below.splitlines() if line.strip().startswith("middeck")]
 
 
+FITTED: dict[str, Any] = {}
+
+
+def identify_once(*asked: Any) -> Any:
+    """What examples of several verbs ask for alike is fitted once."""
+    known = str(asked[:3])
+    if known not in FITTED:
+        FITTED[known] = identify(*asked)
+    return FITTED[known]
+
+
 @pytest.fixture
 def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder with the project's documents and data, where examples may write."""
+    monkeypatch.setattr("middeck.cli.fitting.identify", identify_once)
     for name in ("articles", "environments", "studies", "data"):
         (tmp_path / name).symlink_to(ROOT / name)
     monkeypatch.chdir(tmp_path)

@@ -34,6 +34,9 @@ SHIPPED = json.loads(files("middeck.study").joinpath("numbers.schema.json").read
 # Each case sets what cannot touch another: Figures 4 to 7 stand on [control], the others on their own tables.
 # A shorter period and a slower computer on the rig: fewer lines and less time, in every case.
 SHORT = ("siso.period_s=16", "siso.periods=2", "rig.rest_s=2", "rig.sample_hz=250")
+if not LONG:  # fewer states and smaller designs too
+    SHORT += ("rig.sample_hz=200", "sito.states=16")
+    SHORT += ("sito.smaller_states=[10]", "sito.smaller_bands_hz=[[0.6, 12]]")
 CASES = {
     "moon": (
         "constants.gravity=1.62",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import os
 
 import numpy as np
 import pytest
@@ -39,6 +40,7 @@ WITH_ROLL = [(f"n{i}", d) for i in range(1, 6) for d in ("x", "y", "z", "rx")] +
 FLEXIBLE = range(10, 18)
 PERFECT = MeasurementNoise(0.0, 0.0)
 ORION = find_profile("orion-adequate")
+RUNS = 2000 if os.environ.get("MIDDECK_LONG") == "1" else 500  # in whose deviations chances are judged
 
 
 def solved(*overrides: str) -> Modes:
@@ -195,7 +197,7 @@ def test_probability_of_one_frequency_criterion_in_closed_form(lab: Modes, noise
     expected = (below(1.0 / (1.0 - limit)) - below(1.0 / (1.0 + limit))) ** modes
     measured = measure_modes(lab, TRANSLATIONS, chosen=[10, 12, 13, 16][:modes])
     profile = one(Quantity.FREQUENCY_ERROR, limit)
-    found = correlate(lab, measured, profile, noise=MeasurementNoise(noise, 0.0), runs=2000)
+    found = correlate(lab, measured, profile, noise=MeasurementNoise(noise, 0.0), runs=RUNS)
     assert within(found.probability, expected)
     assert found.findings[0].probability == found.probability
 
@@ -205,7 +207,7 @@ def test_probability_of_one_mac_criterion_in_closed_form(lab: Modes):
     limit, noise = 0.999, 0.03
     measured = measure_modes(lab, [("n2", "y"), ("n4", "y")], chosen=[10])
     a = np.real(measured.shape[:, 0])
-    found = correlate(lab, measured, one(Quantity.MAC, limit), noise=MeasurementNoise(0.0, noise), runs=2000)
+    found = correlate(lab, measured, one(Quantity.MAC, limit), noise=MeasurementNoise(0.0, noise), runs=RUNS)
     # Along and across the shape, in units of its length, which is sqrt(2) times its rms.
     s = noise / math.sqrt(2.0)
     along = 1.0 + s * np.linspace(-8.0, 8.0, 4001)

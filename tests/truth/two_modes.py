@@ -40,9 +40,16 @@ def as_response(H, variance):
 
 
 @functools.cache
+def _drawn(periods):
+    return np.random.default_rng(periods), []
+
+
 def fits(draws, periods):
-    rng = np.random.default_rng(periods)
-    return [fit_response(measure(rng, periods=periods), states=4) for _ in range(draws)]
+    """The first ``draws`` of one sequence, each fitted once."""
+    rng, found = _drawn(periods)
+    while len(found) < draws:
+        found.append(fit_response(measure(rng, periods=periods), states=4))
+    return found[:draws]
 
 
 def in_order(parameters):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from middeck.errors import NumericalError
@@ -12,50 +14,58 @@ MOST_ITERATIONS = 100
 """A root between brackets takes 60 halvings at most; Newton's method takes three or four."""
 
 
-def balance_torques(
-    elements: list[tuple[JointElement, ...]],
-    inner: list[list[float]],
-    begin: list[float],
-    free: list[float],
-    compliance: list[list[float]],
-    guess: list[float],
-) -> list[float]:
+class Balance:
     """Mean torques T with end = free - compliance T and T = T(end), joint after joint until none moves.
 
     A monotone law and a symmetric positive compliance are the gradient of a convex function, on which
     descent along one coordinate after the other converges. One joint is done in one go.
     """
-    if len(elements) == 1:
-        return [_balance_one(elements[0], inner[0], begin[0], free[0], compliance[0][0])[0]]
-    torque = list(guess)
-    for _ in range(MOST_ITERATIONS):
-        moved = 0.0
-        for j, parts in enumerate(elements):
-            row, others = compliance[j], 0.0
-            for i, other in enumerate(torque):
-                if i != j:
-                    others += row[i] * other
-            own = row[j]
-            new, end = _balance_one(parts, inner[j], begin[j], free[j] - others, own)
-            # Rounding of the end angle, seen as a torque.
-            noise = 4e-16 * (abs(end) + abs(begin[j])) / own
-            change = abs(new - torque[j]) - 1e-14 * abs(new) - noise
-            moved = change if change > moved else moved
-            torque[j] = new
-        if moved <= 0.0:
-            return torque
-    raise NumericalError(
-        "the torques of the joints' elements do not settle within a step", hint="take a shorter internal step"
-    )
+
+    def __init__(self, elements: Sequence[tuple[JointElement, ...]], compliance: list[list[float]]) -> None:
+        self.joints = [
+            (j, parts, _only_friction(parts), row[j], [(i, c) for i, c in enumerate(row) if i != j])
+            for j, (parts, row) in enumerate(zip(elements, compliance, strict=True))
+        ]
+
+    def solve(
+        self, inner: list[list[float]], begin: list[float], free: list[float], guess: list[float]
+    ) -> list[float]:
+        """The torques from the elements' states, where the joints begin and where they would end freely."""
+        torque = guess.copy()
+        alone = len(torque) == 1
+        for _ in range(MOST_ITERATIONS):
+            settled = True
+            for j, parts, friction, own, others in self.joints:
+                pushed = 0.0
+                for i, coefficient in others:
+                    pushed += coefficient * torque[i]
+                left = free[j] - pushed
+                if friction is not None:
+                    new = friction.balance(begin[j], left, inner[j][0], own)
+                else:
+                    new = _balance_one(parts, inner[j], begin[j], left, own)
+                change = abs(new - torque[j])
+                if change > 0.0:
+                    torque[j] = new
+                    # Rounding of the end angle, seen as a torque.
+                    noise = 4e-16 * (abs(left - own * new) + abs(begin[j])) / own
+                    settled = settled and change <= 1e-14 * abs(new) + noise
+            if settled or alone:
+                return torque
+        raise NumericalError(
+            "the torques of the joints' elements do not settle within a step",
+            hint="take a shorter internal step",
+        )
+
+
+def _only_friction(parts: tuple[JointElement, ...]) -> Friction | None:
+    return parts[0] if len(parts) == 1 and isinstance(parts[0], Friction) else None
 
 
 def _balance_one(
     parts: tuple[JointElement, ...], states: list[float], begin: float, free: float, compliance: float
-) -> tuple[float, float]:
-    """Mean torque and end angle of one joint: the bracketed root of a function of slope one or more."""
-    if len(parts) == 1 and isinstance(parts[0], Friction):
-        torque = parts[0].balance(begin, free, states[0], compliance)
-        return torque, free - compliance * torque
+) -> float:
+    """Mean torque of one joint: the bracketed root of a function of slope one or more."""
     low, high = -np.inf, np.inf
     end = free
     torque = 0.0
@@ -76,4 +86,4 @@ def _balance_one(
         if abs(new - end) <= 4e-16 * (abs(end) + abs(begin)):
             break
         end = new
-    return torque, end
+    return torque

@@ -113,17 +113,20 @@ class Friction:
 
         Where it slips on the way W, T = T_c - lost/W and W = free way - compliance T: a quadratic in W.
         """
-        k, begin, way = self.stiffness, self.stiffness * (start - state), free - start
-        torque = (begin + 0.5 * k * way) / (1.0 + 0.5 * k * compliance)
+        k, slip = self.stiffness, self.slip_torque
+        half, begin, way = 0.5 * k, k * (start - state), free - start
+        torque = (begin + half * way) / (1.0 + half * compliance)
         gone = way - compliance * torque
-        sign = math.copysign(1.0, gone)
-        if sign * (begin + k * gone) <= self.slip_torque:
+        sign = 1.0 if gone > 0.0 else -1.0
+        if sign * (begin + k * gone) <= slip:
             return torque
-        room = max((self.slip_torque - sign * begin) / k, 0.0)
-        lost = 0.5 * k * room * room
-        slack = sign * way - compliance * self.slip_torque
+        room = (slip - sign * begin) / k
+        if room <= 0.0:
+            return sign * slip
+        lost = half * room * room
+        slack = sign * way - compliance * slip
         slipped = 0.5 * (slack + math.sqrt(slack * slack + 4.0 * compliance * lost))
-        return sign * (self.slip_torque - lost / slipped) if slipped > 0.0 else sign * self.slip_torque
+        return sign * (slip - lost / slipped) if slipped > 0.0 else sign * slip
 
     def stored_energy(self, angle: float, state: float) -> float:
         """Energy [J] in the presliding spring."""

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError, NumericalError
-from middeck.joints.balance import balance_torques
+from middeck.joints.balance import Balance
 from middeck.joints.element import JointElement
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
@@ -119,8 +119,8 @@ def simulate_joints(
     start = start_at_rest(stepper) if start is None else start
     u = np.asarray(u, dtype=float)
     A, push, rows = (np.ascontiguousarray(m) for m in (stepper.sampled.A, stepper.push, stepper.angle))
-    compliance: list[list[float]] = (rows @ push).tolist()
     elements = [j.elements for j in stepper.joints]
+    balance = Balance(elements, (rows @ push).tolist())
     inner = _by_joint(stepper, start.elements)
     drive = u @ stepper.sampled.B.T
     states = np.empty((len(u) + 1, len(A)))
@@ -137,7 +137,7 @@ def simulate_joints(
             if at_once:
                 answers[k] = stepper.direct @ _torques(elements, begin, inner)
             free: list[float] = (rows @ x).tolist()
-            torque = balance_torques(elements, inner, begin, free, compliance, torque)
+            torque = balance.solve(inner, begin, free, torque)
             x -= push @ np.array(torque)
             begin = (rows @ x).tolist()
             inner = [_settle(parts, a, s) for parts, a, s in zip(elements, begin, inner, strict=True)]

@@ -6,6 +6,7 @@ import io
 import re
 from html import escape
 
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from middeck.plot.style import house_style
@@ -26,7 +27,8 @@ def svg_text(figure: Figure, *, key: str, title: str, description: str) -> str:
     """
     with house_style(**{"svg.hashsalt": key}):
         buffer = io.StringIO()
-        figure.savefig(buffer, format="svg", metadata=NO_METADATA)
+        # Laid out and drawn in one go; `savefig` would draw twice.
+        FigureCanvasSVG(figure).print_svg(buffer, metadata=NO_METADATA)
     body = SHEET.sub("", buffer.getvalue()[buffer.getvalue().index("<svg") :], count=1)
     body = _lean(body)
     body = re.sub(r'\b(id="|href="#|url\(#)', rf"\g<1>{key}-", body)

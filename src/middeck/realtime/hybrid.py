@@ -60,7 +60,7 @@ def _run_block(system: HybridSystem, e: Array, rng: np.random.Generator, start: 
     step = computer.step.copy()
     step[:, states:] *= count
     shift = step[:, states:] @ (start.trim / count)
-    trims = bool(shift.any())
+    trims, compute = bool(shift.any()), step.dot
     issued = np.vstack([start.issued, np.empty_like(e)])
     new = issued[len(start.issued) :]
     rows = np.empty((len(e), len(step)))
@@ -70,16 +70,16 @@ def _run_block(system: HybridSystem, e: Array, rng: np.random.Generator, start: 
     tick = Tick(system, start)
     windows = _pairs(issued)[: len(e)]
     parts = zip(
-        digital[:-1], counts, digital[1:, :states], rows, commands, offset / count, e, new, windows, noise,
-        strict=True,
+        digital[:-1], counts, digital[1:, :states], rows, commands, (offset / count).tolist(), e.tolist(),
+        new, windows, noise, strict=True,
     )  # fmt: skip
     for now, reading, kept, row, command, off, excitation, torque, window, white in parts:
         tick.read(off, reading)
-        np.dot(step, now, out=row)
+        compute(now, row)
         if trims:
-            np.subtract(row, shift, out=row)
+            np.subtract(row, shift, row)
         kept[:] = row[:states]
-        tick.limit(command, excitation, torque)
+        tick.limit(command.tolist(), excitation, torque)
         tick.move(window, white)
     momentum = np.subtract.accumulate(np.vstack([start.momentum, new]))[1:]
     end = HybridState(

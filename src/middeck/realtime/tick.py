@@ -1,45 +1,67 @@
-"""One tick of a hybrid simulation: read, limit, move."""
+"""One tick of a hybrid simulation: read, limit, move.
+
+Channels are few: plain numbers are faster than arrays for all but the states.
+"""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from middeck.joints.simulation import balance_torques
+from middeck.joints.balance import Balance
 from middeck.realtime.hybrid_state import HybridState, HybridSystem
-from middeck.realtime.motors import EXACT
+from middeck.realtime.motors import EXACT, MotorBank
+from middeck.realtime.readout import Readout
 
 Array = np.ndarray
+WHOLE = 2.0**53
+"""From here on every number is whole."""
+
+
+class _Input(NamedTuple):
+    """Limits of one motor; counts below ``whole`` are rounded, none where it has no converter."""
+
+    step: float
+    per_step: float
+    whole: float
+    slew: float
+    lower: float
+    upper: float
+    momentum: float
+
+
+class _Output(NamedTuple):
+    """Ends of one converter's range, in its counts; those below ``whole`` are rounded."""
+
+    lower: float
+    upper: float
+    whole: float
 
 
 class Tick:
     """Buffers and matrices of one block; `read`, `limit` and `move` are the three parts of a tick."""
 
     def __init__(self, system: HybridSystem, start: HybridState) -> None:
-        plant, motors, readout = system.plant, system.motors, system.readout
+        plant, readout = system.plant, system.readout
         self.x = start.x.copy()
-        self.momentum, self.previous = start.momentum, start.issued[-1]
-        self.motors = motors
-        self.per_step = 1.0 / motors.step
-        self.converts = bool(np.any(motors.step > EXACT))
-        # Both ways at once: one addition instead of two.
-        self.slew = _both_ways(motors.slew)
-        self.room = _both_ways(motors.momentum)
-        self.ends = np.empty((2, len(self.momentum)))
-        self.low, self.high = self.ends
-        self.counts = bool(np.any(readout.step > EXACT))
-        self.range = _both_ways(readout.range / readout.step)
-        self.steps = [np.ascontiguousarray(a) for a in plant.step]
-        self.drives = [np.ascontiguousarray(b) for b in plant.drive]
-        self.first = np.vstack([self.steps[0], plant.read / readout.step[:, None]])
-        self.ahead = np.empty(len(self.first))
-        self.after_first, self.sampled = np.split(self.ahead, [len(self.steps[0])])
+        self.momentum, self.previous = start.momentum.tolist(), start.issued[-1].tolist()
+        self.motors, self.sensors = _inputs(system.motors), _outputs(readout)
+        self.size = len(self.x)
+        first = np.vstack([plant.step[0], plant.read / readout.step[:, None]])
+        self.ahead = np.empty(len(first))
+        self.after_first, self.sampled = np.split(self.ahead, [len(plant.step[0])])
+        self.look = first.dot
+        self.steps = [np.ascontiguousarray(a).dot for a in plant.step]
+        self.drives = [np.ascontiguousarray(b).dot for b in plant.drive]
         self.noisy = plant.noise.shape[1] > 0
         self.elements = [j.elements for j in system.joints]
         values = iter(start.joints.tolist())
         self.inner = [[next(values) for _ in parts] for parts in self.elements]
-        self.push = [np.ascontiguousarray(p) for p in plant.push]
+        self.push = [np.ascontiguousarray(p).dot for p in plant.push]
         self.held, self.pushed = np.zeros(len(self.elements)), np.empty(len(self.x))
         self.compliance: list[list[list[float]]] = [(plant.angle @ p).tolist() for p in plant.push]
+        self.balance = [Balance(self.elements, rows) for rows in self.compliance]
         self.angles: list[float] = (plant.angle @ self.x).tolist()
         self.torque = [0.0] * len(self.elements)
 
@@ -47,68 +69,71 @@ class Tick:
         """State of every joint element in order."""
         return np.array([s for row in self.inner for s in row], dtype=float)
 
-    def read(self, offset: Array, reading: Array) -> None:
+    def read(self, offset: list[float], reading: Array) -> None:
         """What the sensors give now, in counts; and the states after the first internal step."""
-        np.dot(self.first, self.x, out=self.ahead)
-        np.add(self.sampled, offset, out=reading)
-        if self.range is not None:
-            np.maximum(reading, self.range[0], out=reading)
-            np.minimum(reading, self.range[1], out=reading)
-        if self.counts:
-            np.rint(reading, out=reading)
+        self.look(self.x, self.ahead)
+        read = self.sampled.tolist()
+        for i, (lower, upper, whole) in enumerate(self.sensors):
+            counts = _within(read[i] + offset[i], lower, upper)
+            reading[i] = round(counts) if -whole < counts < whole else counts
 
-    def limit(self, law: Array, excitation: Array, torque: Array) -> None:
+    def limit(self, law: list[float], excitation: list[float], torque: Array) -> None:
         """What the motors give for law and excitation together."""
-        motors, low, high = self.motors, self.low, self.high
-        np.add(law, excitation, out=torque)
-        if self.converts:
-            np.multiply(torque, self.per_step, out=torque)
-            np.rint(torque, out=torque)
-            np.multiply(torque, motors.step, out=torque)
-        if self.slew is not None:
-            np.add(self.previous, self.slew, out=self.ends)
-            np.maximum(torque, low, out=torque)
-            np.minimum(torque, high, out=torque)
-        np.maximum(torque, motors.lower, out=torque)
-        np.minimum(torque, motors.upper, out=torque)
-        if self.room is not None:
-            np.add(self.momentum, self.room, out=self.ends)
-            np.maximum(torque, low, out=torque)
-            np.minimum(torque, high, out=torque)
-            self.momentum = self.momentum - torque
-        self.previous = torque
+        for i, (step, per_step, whole, slew, lower, upper, room) in enumerate(self.motors):
+            wanted, last, stored = law[i] + excitation[i], self.previous[i], self.momentum[i]
+            counts = wanted * per_step
+            if -whole < counts < whole:
+                wanted = round(counts) * step
+            wanted = _within(wanted, last - slew, last + slew)
+            wanted = _within(wanted, lower, upper)
+            wanted = _within(wanted, stored - room, stored + room)
+            self.momentum[i] = stored - wanted
+            self.previous[i] = torque[i] = wanted
 
     def move(self, window: Array, noise: Array) -> None:
         """The continuous part to the next tick."""
         ahead = self.after_first
         for j, drive in enumerate(self.drives):
             if j:
-                ahead = np.dot(self.steps[j], self.x)
-            after = np.dot(drive, window)
-            np.add(after, ahead, out=after)
-            self.x = after[: len(self.x)]
+                ahead = self.steps[j](self.x)
+            after = drive(window)
+            np.add(after, ahead, after)
+            self.x = after[: self.size]
             if self.elements:
-                self._rub(j, after[len(self.x) :].tolist())
+                self._rub(j, after[self.size :].tolist())
         if self.noisy:
-            np.add(self.x, noise, out=self.x)
+            np.add(self.x, noise, self.x)
 
     def _rub(self, j: int, free: list[float]) -> None:
         """Torques of the joints, held over this step, and where their angles end."""
-        compliance = self.compliance[j]
-        self.torque = balance_torques(self.elements, self.inner, self.angles, free, compliance, self.torque)
-        self.held[:] = self.torque
-        np.dot(self.push[j], self.held, out=self.pushed)
-        np.subtract(self.x, self.pushed, out=self.x)
-        # Few joints: plain numbers are faster than arrays.
-        for joint, (end, row) in enumerate(zip(free, compliance, strict=True)):
-            for coefficient, torque in zip(row, self.torque, strict=True):
+        self.torque = torques = self.balance[j].solve(self.inner, self.angles, free, self.torque)
+        for joint, row in enumerate(self.compliance[j]):
+            self.held[joint] = torques[joint]
+            end = free[joint]
+            for coefficient, torque in zip(row, torques, strict=True):
                 end -= coefficient * torque
             self.angles[joint] = end
             states = self.inner[joint]
             for i, part in enumerate(self.elements[joint]):
                 states[i] = part.resist(end, states[i])[1]
+        self.push[j](self.held, self.pushed)
+        np.subtract(self.x, self.pushed, self.x)
 
 
-def _both_ways(limit: Array) -> Array | None:
-    """A limit downwards and upwards; None where no channel has one."""
-    return np.stack([-limit, limit]) if np.isfinite(limit).any() else None
+def _inputs(motors: MotorBank) -> list[_Input]:
+    whole = np.where(motors.step > EXACT, WHOLE, 0.0)
+    columns = (
+        motors.step, 1.0 / motors.step, whole, motors.slew, motors.lower, motors.upper, motors.momentum
+    )  # fmt: skip
+    return [_Input(*row) for row in np.column_stack(columns).tolist()]
+
+
+def _outputs(readout: Readout) -> list[_Output]:
+    reach = readout.range / readout.step
+    whole = np.where(readout.step > EXACT, WHOLE, 0.0)
+    return [_Output(*row) for row in np.column_stack([-reach, reach, whole]).tolist()]
+
+
+def _within(value: float, low: float, high: float) -> float:
+    """``value`` between two ends; what is no number stays so."""
+    return low if value < low else high if value > high else value

@@ -34,10 +34,10 @@ def factorise(K: sp.csr_array) -> Factor | None:
     """
     diagonal = np.abs(K.diagonal())
     scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
-    S = sp.diags_array(scale)
+    scaled = np.repeat(scale, np.diff(K.indptr)) * K.data * scale[K.indices]
     try:
         lu = spla.splu(
-            sp.csc_matrix(S @ K @ S),
+            sp.csc_array(sp.csr_array((scaled, K.indices, K.indptr), shape=K.shape)),
             permc_spec="MMD_AT_PLUS_A",
             diag_pivot_thresh=0.0,
             options={"SymmetricMode": True, "Equil": False},

@@ -58,12 +58,12 @@ class Pattern(NamedTuple):
                     value = value * (jacobian[part.left] * jacobian[part.right])
                 data += _sums(part.slot, value, count)
         # Symmetric by construction; the mean removes the rounding.
-        K = sp.csr_array((0.5 * (data + data[self.mirror]), self.indices, self.indptr), shape=(size, size))
-        if not np.any(K.data == 0.0):
-            return K
-        own = K.copy()
-        own.eliminate_zeros()
-        return own
+        values = 0.5 * (data + data[self.mirror])
+        there = values != 0.0
+        if np.all(there):
+            return sp.csr_array((values, self.indices, self.indptr), shape=(size, size))
+        indptr = np.concatenate([[0], np.cumsum(there)])[self.indptr].astype(self.indptr.dtype)
+        return sp.csr_array((values[there], self.indices[there], indptr), shape=(size, size))
 
 
 def _sums(slot: np.ndarray, value: np.ndarray, count: int) -> np.ndarray:

@@ -58,7 +58,7 @@ def largest_other(matrix: Float[np.ndarray, "n n"]) -> Float[np.ndarray, " n"]:
 
 def _generalised_mass(a: Shapes, mass: np.ndarray) -> np.ndarray:
     # The mass of a SEREP is semi-definite: rounding may leave -1e-17 where there is none.
-    return np.maximum(np.real(np.einsum("im,ij,jm->m", np.conj(a), mass, a, optimize=True)), 0.0)
+    return np.maximum(np.sum(np.real(np.conj(a) * (mass @ a)), axis=0), 0.0)
 
 
 def _over(part: np.ndarray, whole: np.ndarray) -> np.ndarray:

@@ -27,7 +27,7 @@ from middeck.structure.modes.kinds import SMALL
 from middeck.structure.modes.repeated import repeated
 from middeck.structure.modes.rounding import rounding, separate_rigid
 from middeck.structure.modes.solve import Modes
-from middeck.structure.rest.statics import dynamic_coordinates
+from middeck.structure.rest.statics import dynamic_coordinates, restrict
 
 # A shape of which another holds more than half (this, squared) cannot be a second one's as well.
 HALF_SHAPE = float(np.sqrt(0.5))
@@ -94,7 +94,7 @@ def spectrum_at(
 
 def _pairs(model: Model, K: sp.csr_array, M: sp.csr_array, count: int, soft: np.ndarray | None) -> Eigenpairs:
     active = dynamic_coordinates(model)
-    stiffness, mass = K[active][:, active], M[active][:, active]
+    stiffness, mass = restrict(K, active), restrict(M, active)
     small = order(stiffness) <= max(SMALL, 4 * (count + SPARE))
     pairs = solve_all(stiffness, mass, soft) if small else solve_lowest(stiffness, mass, count + SPARE, soft)
     if pairs is None:

@@ -39,20 +39,28 @@ def refit_left(
     start = np.log(np.concatenate([np.abs(real), damped, second])[:, 0])
     size = float(np.linalg.norm(data))
 
-    def model(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The path, and its derivative by the logarithms of the gain, real zeros, a and b."""
+    squared = s**2
+
+    def factors(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The path, s over its real zeros, and its pairs."""
         z, a, b = np.split(np.exp(theta[1:, None]), np.cumsum([len(real), len(pairs)]))
-        quadratic = 1.0 + (a * s + s**2) / b
-        H = np.exp(theta[0]) * rest * np.prod(1.0 + s / z, axis=0) * np.prod(quadratic, axis=0)
-        by = [np.ones((1, len(s))), -(s / z) / (1.0 + s / z), a * s / b / quadratic, 1.0 / quadratic - 1.0]
-        return H, H * np.concatenate(by)
+        over, quadratic = s / z, 1.0 + (a * s + squared) / b
+        H = np.exp(theta[0]) * rest * np.prod(1.0 + over, axis=0) * np.prod(quadratic, axis=0)
+        return H, over, quadratic
+
+    def derivative(theta: np.ndarray) -> np.ndarray:
+        """By the logarithms of the gain, real zeros, a and b."""
+        H, over, quadratic = factors(theta)
+        _, a, b = np.split(np.exp(theta[1:, None]), np.cumsum([len(real), len(pairs)]))
+        by = [np.ones((1, len(s))), -over / (1.0 + over), a * s / b / quadratic, 1.0 / quadratic - 1.0]
+        return H * np.concatenate(by)
 
     def left(sign: float) -> float:
         def residual(theta: np.ndarray) -> np.ndarray:
-            return ((sign * model(theta)[0] - data) / size).view(float)
+            return ((sign * factors(theta)[0] - data) / size).view(float)
 
         def slope(theta: np.ndarray) -> np.ndarray:
-            return np.ascontiguousarray(sign * model(theta)[1] / size).view(float).T
+            return np.ascontiguousarray(sign * derivative(theta) / size).view(float).T
 
         least_squares: Any = scipy.optimize.least_squares
         found = least_squares(residual, np.concatenate([[0.0], start]), jac=slope, max_nfev=STEPS)
