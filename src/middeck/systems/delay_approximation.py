@@ -29,10 +29,10 @@ def approximate_delays(plant: Plant, order: int) -> Plant:
     A delay common to all paths is put on the side with fewer channels; what an input or an output is delayed
     beyond that needs states of its own. Delays that are not a sum of one for the input and one for the output
     (`is_sum`) give each channel of the smaller side the states on its paths once more, but for integrators
-    (rigid modes, in modal form or mixed with others): those are kept once, with the integrators that such
-    delays add to them (`middeck.systems.delayed_integrators`), and come last. States: those of the inputs'
-    delays (named "delay"), the plant's, those of the outputs' delays. Modes of the plant that no port moves
-    or sees stand apart by exact zeros (`silence_inert`).
+    (rigid modes, in modal form or mixed with others): those are kept once, reached and seen or not, with the
+    integrators that such delays add to them (`middeck.systems.delayed_integrators`), and come last. States:
+    those of the inputs' delays (named "delay"), the plant's, those of the outputs' delays. Modes of the plant
+    that no port moves or sees stand apart by exact zeros (`silence_inert`).
 
     A plant without delays stays as it is.
 
@@ -44,15 +44,43 @@ def approximate_delays(plant: Plant, order: int) -> Plant:
     if not plant.delayed:
         return plant
     on_time = remove_delays(plant)
-    modal = silence_inert(plant.dynamics) if isinstance(plant.dynamics, ModalSystem) else None
-    if not is_sum(plant.delay_s, SAME_DELAY_S):
-        parts = _part_states(on_time.system, name_states(plant)) if modal is None else _part_modes(modal)
-        if len(parts.residues):
-            system, names = _approximate_parts(parts, plant.delay_s, order)
-            return dataclasses.replace(on_time, dynamics=system, state_names=names)
+    modal = None if plant.modal is None else silence_inert(plant.modal)
     whole = on_time.system if modal is None else modal_to_statespace(modal)
-    system, names = _approximated(whole, name_states(plant), plant.delay_s, order)
+    system, names = _approximate(whole, modal, name_states(plant), plant.delay_s, order)
     return dataclasses.replace(on_time, dynamics=system, state_names=names)
+
+
+def _approximate(
+    whole: StateSpace, modal: ModalSystem | None, names: tuple[str, ...], delay_s: np.ndarray, order: int
+) -> Named:
+    if is_sum(delay_s, SAME_DELAY_S):
+        return _approximated(whole, names, delay_s, order)
+    if modal is not None:
+        parts, apart = _part_modes(modal), None
+    else:
+        alone = _joined_to_no_port(whole)
+        parts, apart = _part_states(*_states(whole, names, ~alone)), _states(whole, names, alone)
+    if len(parts.residues):
+        system, kept = _approximate_parts(parts, delay_s, order)
+    else:
+        moving = dataclasses.replace(parts.moving, D=parts.moving.D + parts.direct)
+        system, kept = _approximated(moving, parts.names, delay_s, order)
+    if apart is None or not len(apart[1]):
+        return system, kept
+    return add(system, apart[0]), (*kept, *apart[1])
+
+
+def _states(system: StateSpace, names: tuple[str, ...], which: np.ndarray) -> Named:
+    """Some of the states, without the direct term where they meet no port."""
+    D = system.D if np.any(system.B[which]) or np.any(system.C[:, which]) or which.all() else 0.0 * system.D
+    part = StateSpace(system.A[np.ix_(which, which)], system.B[which], system.C[:, which], D)
+    return part, tuple(name for name, there in zip(names, which, strict=True) if there)
+
+
+def _joined_to_no_port(system: StateSpace) -> np.ndarray:
+    """States that act on none of those that ports reach or see, nor they on them: inert, by exact zeros."""
+    joined = np.any(system.B, axis=1) | np.any(system.C, axis=0)
+    return ~_spread((system.A != 0.0) | (system.A.T != 0.0), joined)
 
 
 def evaluate_approximation(
@@ -85,8 +113,8 @@ Named = tuple[StateSpace, tuple[str, ...]]
 def _approximate_parts(parts: _Parts, delay_s: np.ndarray, order: int) -> Named:
     """Copies of what moves, as each channel is delayed; integrators once, and last."""
     banks = [_bank(delay_s, i, order) for i in range(delay_s.shape[1])]
-    integrals, count = approximate_delayed_integrators(parts.residues, parts.direct, banks)
-    names = (*(parts.still,) * count, *("delay",) * (len(integrals.A) - count))
+    integrals, count = approximate_delayed_integrators(parts.residues, parts.still, parts.direct, banks)
+    names = (*(parts.at_rest,) * count, *("delay",) * (len(integrals.A) - count))
     if not len(parts.moving.A):
         return integrals, names
     copies, others = _approximated(parts.moving, parts.names, delay_s, order)
@@ -95,10 +123,11 @@ def _approximate_parts(parts: _Parts, delay_s: np.ndarray, order: int) -> Named:
 
 @record
 class _Parts:
-    """Integrators as residues, with a name for them all; what moves, without direct term; that term."""
+    """Integrators as residues and as a system, with a name for them all; what moves; the direct term."""
 
     residues: Float[np.ndarray, "chain output input"]
-    still: str
+    still: StateSpace
+    at_rest: str
     moving: StateSpace
     names: tuple[str, ...]
     direct: Float[np.ndarray, "output input"]
@@ -110,7 +139,8 @@ def _part_modes(modal: ModalSystem) -> _Parts:
     rows = output_rows(still)
     residues = np.array([rows.rate @ still.psi, rows.position @ still.psi])[: 2 * bool(rigid.any())]
     rest = modal_to_statespace(dataclasses.replace(moving, direct=None))
-    return _Parts(residues, ", ".join(still.names), rest, _doubled(moving.names), rows.direct)
+    chains = modal_to_statespace(dataclasses.replace(still, phi_acceleration=None, direct=None))
+    return _Parts(residues, chains, ", ".join(still.names), rest, _doubled(moving.names), rows.direct)
 
 
 def _part_states(system: StateSpace, names: tuple[str, ...]) -> _Parts:
@@ -118,12 +148,13 @@ def _part_states(system: StateSpace, names: tuple[str, ...]) -> _Parts:
     parted = part_integrators(system)
     if not len(parted.residues):
         rest = StateSpace(system.A, system.B, system.C, none)
-        return _Parts(parted.residues, "", rest, names, system.D)
+        return _Parts(parted.residues, parted.still, "", rest, names, system.D)
     share = np.sum(parted.states**2, axis=1)
     # A tenth: traces of rounding name nothing.
-    still = ", ".join(dict.fromkeys(names[i] for i in np.flatnonzero(share > 0.1)))
+    at_rest = ", ".join(dict.fromkeys(names[i] for i in np.flatnonzero(share > 0.1)))
     rest = StateSpace(parted.moving.A, parted.moving.B, parted.moving.C, none)
-    return _Parts(parted.residues, still, rest, tuple(names[i] for i in parted.leading), system.D)
+    own = tuple(names[i] for i in parted.leading)
+    return _Parts(parted.residues, parted.still, at_rest, rest, own, system.D)
 
 
 def _bank(delay_s: np.ndarray, i: int, order: int) -> StateSpace:

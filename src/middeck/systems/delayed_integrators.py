@@ -23,12 +23,15 @@ from middeck.systems.statespace import StateSpace, add
 
 def approximate_delayed_integrators(
     residues: Float[np.ndarray, "chain output input"],
+    still: StateSpace,
     direct: Float[np.ndarray, "output input"],
     banks: Sequence[StateSpace],
 ) -> tuple[StateSpace, int]:
     """The sum of R_k / s^k and ``direct``, each path with its P; and how many states, the first, integrate.
 
-    ``banks`` hold, input by input, P to each output.
+    ``banks`` hold, input by input, P to each output. Where ``still``, which has the same residues, has more
+    states than they ask for, it is kept whole: an integrator that no input moves, or no output sees, is for
+    a design to refuse.
     """
     late = np.array(residues)
     behind: list[StateSpace] = []
@@ -44,7 +47,9 @@ def approximate_delayed_integrators(
             late[:count, :, i] += further.T * residues[k + 1 :, :, i]
         drive = np.arange(len(banks))[None] == i
         behind.append(StateSpace(bank.A, bank.B * drive, rest, direct[:, [i]] * bank.D * drive))
-    whole = integrals = realise_residues(late)
+    unmoved = len(still.A) > len(realise_residues(residues).A)
+    integrals = add(still, realise_residues(late - residues)) if unmoved else realise_residues(late)
+    whole = integrals
     for each in behind:
         whole = add(whole, each)
     return whole, len(integrals.A)

@@ -17,7 +17,7 @@ from jaxtyping import Float, Int
 from middeck.systems.balancing import balance
 from middeck.systems.modal import ModalSystem, modal_to_statespace, output_rows, select_modes
 from middeck.systems.resolvent import balance_states
-from middeck.systems.statespace import StateSpace, add
+from middeck.systems.statespace import StateSpace, add, gain_system
 from middeck.values import record
 
 REST = 1e-11
@@ -37,6 +37,8 @@ class PartedSystem:
     ----------
     residues:
         R_1, R_2, ...: with as many as the longest chain of integrators.
+    still:
+        What integrates, as a system: C_s (s I - A_s)^-1 B_s is the sum of R_k / s^k.
     states:
         An orthonormal basis of the states that integrate.
     leading:
@@ -46,6 +48,7 @@ class PartedSystem:
     """
 
     residues: Float[np.ndarray, "chain output input"]
+    still: StateSpace
     states: Float[np.ndarray, "state still"]
     leading: Int[np.ndarray, " moving"]
     moving: StateSpace
@@ -59,21 +62,24 @@ def part_integrators(system: StateSpace) -> PartedSystem:
     [0.0, 2.0]
     """
     outputs, inputs = system.D.shape
+    nothing = gain_system(np.zeros((outputs, inputs)))
+    none = np.zeros((0, outputs, inputs))
     if not len(system.A):
-        return PartedSystem(np.zeros((0, outputs, inputs)), np.zeros((0, 0)), np.zeros(0, dtype=int), system)
+        return PartedSystem(none, nothing, np.zeros((0, 0)), np.zeros(0, dtype=int), system)
     _, unit = balance(system.A)
     balanced = balance_states(system)
     turn, sizes = _chains(balanced.A)
     n = sum(sizes)
     if not n:
         every = np.arange(len(system.A))
-        return PartedSystem(np.zeros((0, outputs, inputs)), np.zeros((len(every), 0)), every, system)
+        return PartedSystem(none, nothing, np.zeros((len(every), 0)), every, system)
     A, B, C = turn.T @ balanced.A @ turn, turn.T @ balanced.B, balanced.C @ turn
     chain = _strictly_upper(A[:n, :n], sizes)
     # (1, 0; mix, 1) takes the coupling between both parts out.
     mix = np.asarray(sla.solve_sylvester(chain, -A[n:, n:], -A[:n, n:])) if n < len(A) else A[:n, n:]
     moving = StateSpace(A[n:, n:], B[n:], C[:, n:] + C[:, :n] @ mix, system.D)
     into = B[:n] - mix @ B[n:]
+    still = StateSpace(chain, into, C[:, :n], nothing.D)
     seen, residues = C[:, :n], np.zeros((len(sizes), outputs, inputs))
     # What rounding may leave of nothing, beside all that the output reads and the input drives.
     floor = np.outer(np.linalg.norm(C, axis=1), np.linalg.norm(np.vstack([into, B]), axis=0))
@@ -82,8 +88,8 @@ def part_integrators(system: StateSpace) -> PartedSystem:
         value = seen @ into
         residues[k] = np.where(np.abs(value) > NOTHING * floor, value, 0.0)
         seen, floor = seen @ chain, floor * pace
-    still, _ = np.linalg.qr(unit[:, None] * turn[:, :n])
-    return PartedSystem(residues, still, _leading(turn[:, n:]), moving)
+    basis, _ = np.linalg.qr(unit[:, None] * turn[:, :n])
+    return PartedSystem(residues, still, basis, _leading(turn[:, n:]), moving)
 
 
 def _leading(turn: np.ndarray) -> Int[np.ndarray, " moving"]:
