@@ -353,7 +353,7 @@ def test_matrices_of_any_origin(tmp_path: Path) -> None:
         ({"Ts": -1.0}, "Ts: its time base is sampled, of no period"),
         ({"Ts": -2.0}, "a sampling period of -2 s"),
         ({"E": np.array([[2.0]])}, "E: a descriptor matrix"),
-        ({"InputDelay": np.array([0.01, 0.02])}, "InputDelay: 2 delays for 1"),
+        ({"InputDelay": np.array([0.01, 0.02])}, "InputDelay: delays of shape (1, 2)"),
         ({"OutputDelay": 2.0, "Ts": 0.1}, "OutputDelay: a delay of a sampled system"),
         ({"IODelay": 0.01, "Kind": "compensator"}, "IODelay: a delay of a compensator"),
         ({"InternalDelay": np.array([0.0, 0.01])}, "InternalDelay: a delay"),

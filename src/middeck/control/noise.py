@@ -5,14 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from middeck.control.h2.noise_rms import NoiseOutcome, integrate_noise
-from middeck.control.law.compensator import Compensator
+from middeck.control.law.compensator import Compensator, arrange_ports
 from middeck.control.lqg import LQGWeights
 from middeck.control.sampled import measure_sampled_loop
 from middeck.systems.plant import Plant
+from middeck.systems.stability import GROWTH_LIMIT
 
 
 def measure_noise_rms(plant: Plant, compensator: Compensator, weights: LQGWeights) -> NoiseOutcome:
     """Outputs and commands under the process and sensor noise of ``weights``, delays and hold exact.
+
+    Weights and noises are in the order of the plant's groups z, u and y, whatever the compensator's order.
 
     A continuous compensator's by an integral over frequency after stability is decided (`decide_stability`);
     a sampled one's over all time, between the samples too.
@@ -24,8 +27,14 @@ def measure_noise_rms(plant: Plant, compensator: Compensator, weights: LQGWeight
     NumericalError
         Where stability cannot be decided.
     """
-    if compensator.period_s is None:
-        return integrate_noise(plant, compensator, weights)
-    found = measure_sampled_loop(plant, compensator, weights, 1.0)
+    law = arrange_ports(compensator, plant)
+    if law.period_s is None:
+        return integrate_noise(plant, law, weights)
+    found = measure_sampled_loop(plant, law, weights, 1.0)
+    slowest = np.abs(found.poles).max(initial=0.0)
+    if not slowest < np.exp(
+        -GROWTH_LIMIT * law.period_s
+    ):  # it does not decay, whether noise drives it or not
+        return NoiseOutcome(found.stable, np.inf, np.inf)
     effort = float(np.sqrt(np.sum(weights.input * found.control_rms**2)))
     return NoiseOutcome(found.stable, found.metric, effort)

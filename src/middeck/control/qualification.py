@@ -121,7 +121,9 @@ def _try(
 
 
 def align_plant(plant: Plant, compensator: Compensator) -> Plant:
-    """The plant whose groups u and y are the compensator's ports, in its order; inert modes left out.
+    """The plant whose groups u and y are the compensator's ports, in its own order where it has them.
+
+    Inert modes are left out.
 
     Raises `ConfigError` naming the ports that the plant does not have.
     """
@@ -143,6 +145,9 @@ def align_plant(plant: Plant, compensator: Compensator) -> Plant:
                 hint="scale one of them",
             )
     u, y = (tuple(port.name for port in side) for side in (compensator.outputs, compensator.inputs))
+    # Weights go by the plant's own groups where these are the compensator's ports.
+    u = plant.u if sorted(plant.u) == sorted(u) else u
+    y = plant.y if sorted(plant.y) == sorted(y) else y
     # Before delays are approximated: the modes of what comes of that are no longer told apart.
     return partition_modes(dataclasses.replace(plant, u=u, y=y)).active
 

@@ -78,10 +78,10 @@ def sample_delayed(
             f"delays of shape {delay_s.shape} for {system.D.shape} outputs and inputs, or one is negative",
             hint="one delay of zero or more for each path",
         )
-    late = _tidy(delay_s / period_s)
+    late = tidy_samples(delay_s / period_s)
     split = split_delays(late)
     if is_sum(late):
-        return _sample(system, period_s, _tidy(split.input_s), _tidy(split.output_s))
+        return _sample(system, period_s, tidy_samples(split.input_s), tidy_samples(split.output_s))
     alone = [
         _sample(StateSpace(system.A, system.B[:, [i]], system.C, system.D[:, [i]]), period_s,
                 np.zeros(1), late[:, i])
@@ -99,7 +99,7 @@ def _side_by_side(alone: list[SampledStateSpace], states: int) -> SampledStateSp
     return SampledStateSpace(A[np.ix_(order, order)], B[order], C[:, order], D, alone[0].period_s)
 
 
-def _tidy(samples: np.ndarray) -> np.ndarray:
+def tidy_samples(samples: np.ndarray) -> np.ndarray:
     """Whole numbers of samples where they are meant: decimals are not exact in binary."""
     nearest = np.round(samples)
     return np.where(np.abs(samples - nearest) < WHOLE, nearest, samples)
@@ -109,16 +109,18 @@ def _sample(system: StateSpace, period_s: float, a: np.ndarray, b: np.ndarray) -
     """``a`` and ``b`` in samples."""
     choices = np.unique(np.concatenate([[0.0], b]))
     beta = min(choices, key=lambda level: _count(a, b, level))
-    ahead = _tidy(beta - b)
+    ahead = tidy_samples(beta - b)
     waiting = np.ceil(np.maximum(-ahead, 0.0)).astype(int)
-    alpha = _tidy(a + beta)
-    rows = [_look_ahead(system, period_s, alpha, eta) for eta in _tidy(ahead + waiting)]
+    alpha = tidy_samples(a + beta)
+    rows = [_look_ahead(system, period_s, alpha, eta) for eta in tidy_samples(ahead + waiting)]
     step = _look_ahead(system, period_s, alpha, 1.0)
-    return _assemble(system, period_s, step, rows, alpha, _tidy(ahead + waiting), waiting)
+    return _assemble(system, period_s, step, rows, alpha, tidy_samples(ahead + waiting), waiting)
 
 
 def _count(a: np.ndarray, b: np.ndarray, beta: float) -> float:
-    return float(np.sum(np.ceil(_tidy(a + beta))) + np.sum(np.ceil(np.maximum(_tidy(b - beta), 0.0))))
+    return float(
+        np.sum(np.ceil(tidy_samples(a + beta))) + np.sum(np.ceil(np.maximum(tidy_samples(b - beta), 0.0)))
+    )
 
 
 @record
@@ -187,7 +189,7 @@ def _assemble(
     for o, ahead in enumerate(rows):
         on_state, on_input = weights(ahead, system.C[[o]])
         for i in range(m):  # the direct term reads the input that is held at kT + eta
-            age = int(np.ceil(_tidy(alpha[i] - eta[o])))
+            age = int(np.ceil(tidy_samples(alpha[i] - eta[o])))
             if age > 0:
                 on_state[0, first[i] + age - 1] += system.D[o, i]
             else:

@@ -70,6 +70,14 @@ def feedback(plant: System, law: System, drives: Sequence[int], reads: Sequence[
 
 
 def beside(first: System, second: System) -> System:
-    """Two systems that know nothing of each other, as one."""
+    """Two systems that know nothing of each other, as one.
+
+    Raises `ConfigError` for a continuous system beside a sampled one, and for two periods.
+    """
+    periods = [getattr(each, "period_s", None) for each in (first, second)]
+    if periods[0] != periods[1] and (None in periods or abs(periods[0] - periods[1]) > 1e-12 * periods[0]):
+        raise ConfigError(
+            f"systems of periods {periods[0]} and {periods[1]} s in one loop", hint="sample both alike"
+        )
     A, B, C, D = (np.asarray(sla.block_diag(getattr(first, k), getattr(second, k))) for k in "ABCD")
     return dataclasses.replace(first, A=A, B=B, C=C, D=D)

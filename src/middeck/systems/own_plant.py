@@ -61,41 +61,103 @@ def make_plant(
     >>> body.inputs[0].unit, body.system.D.tolist()
     ('N m', [[0.0]])
     """
-    real = {name: _real(name, value) for name, value in (("A", A), ("B", B), ("C", C))}
-    real["D"] = np.zeros((len(real["C"]), real["B"].shape[1])) if D is None else _real("D", D)
-    if period_s is not None and not (np.isfinite(period_s) and period_s > 0.0):
-        raise ConfigError(f"a sampling period of {period_s} s", hint="> 0 s, or None for a continuous plant")
+    real = {name: _matrix(name, value) for name, value in (("A", A), ("B", B), ("C", C))}
+    shape = len(real["C"]), real["B"].shape[1]
+    real["D"] = np.zeros(shape) if D is None else _matrix("D", D)
+    period = None if period_s is None else _period(period_s)
     try:
-        dynamics = StateSpace(**real) if period_s is None else SampledStateSpace(**real, period_s=period_s)
+        dynamics = StateSpace(**real) if period is None else SampledStateSpace(**real, period_s=period)
     except ConfigError as error:
         raise ConfigError(
-            f"the matrices do not fit: {error.where}: {error.what}", hint="A n x n, B n x m, C p x n, D p x m"
+            f"the matrices do not fit: {error.where}: {error.what}",
+            where="make_plant",
+            hint="A n x n, B n x m, C p x n, D p x m",
         ) from None
-    ports = _ports("u", inputs, real["B"].shape[1]), _ports("y", outputs, len(real["C"]))
-    groups = tuple(w), tuple(u), tuple(z), tuple(y)
-    plant = Plant(dynamics, *ports, *groups, tuple(state_names))
-    return delay_plant(plant, delay_s) if np.any(delay_s) else plant
+    ports = _ports("inputs", "u", inputs, shape[1]), _ports("outputs", "y", outputs, shape[0])
+    groups = (_names(what, names) for what, names in (("w", w), ("u", u), ("z", z), ("y", y)))
+    plant = Plant(dynamics, *ports, *groups, _names("state_names", state_names))
+    late = _delays(delay_s, shape)
+    return delay_plant(plant, late) if np.any(late) else plant
 
 
-def _real(name: str, value: Any) -> np.ndarray:
-    matrix = np.asarray(value)
-    if matrix.ndim != 2 or matrix.dtype.kind not in "fiub" or not np.isfinite(matrix).all():
+def _numbers(name: str, value: Any) -> np.ndarray:
+    try:
+        array = np.asarray(value)
+    except ValueError:
+        array = np.empty(0, dtype=object)
+    if np.ma.isMaskedArray(value) or array.dtype.kind not in "fiu" or not np.isfinite(array).all():
         raise ConfigError(
-            f"{name} is no matrix of finite real numbers", hint=f"{name}=[[...]], rows within brackets"
+            f"{name} is not of finite real numbers, in rows of one length", where="make_plant",
+            hint=f"{name}=[[1.0, 0.0], [0.0, 1.0]] or a plain array, no text, complex or sparse numbers",
+        )  # fmt: skip
+    return array.astype(float)
+
+
+def _matrix(name: str, value: Any) -> np.ndarray:
+    matrix = _numbers(name, value)
+    if matrix.ndim != 2:
+        raise ConfigError(
+            f"{name} has {matrix.ndim} dimensions", where="make_plant", hint=f"two: {name}=[[...], [...]]"
         )
-    return matrix.astype(float)
+    return matrix
 
 
-def _ports(letter: str, given: Sequence[Port | str], count: int) -> tuple[Port, ...]:
-    if not given:
-        return name_ports(letter, count)
-    return tuple(port if isinstance(port, Port) else _port(port) for port in given)
+def _delays(delay_s: Any, shape: tuple[int, int]) -> np.ndarray:
+    late = _numbers("delay_s", delay_s)
+    if late.ndim and late.shape != shape:
+        raise ConfigError(
+            f"delay_s has shape {late.shape}", where="make_plant",
+            hint=f"one number, or {shape[0]} rows of outputs with {shape[1]} columns of inputs",
+        )  # fmt: skip
+    return late
 
 
-def _port(text: str) -> Port:
-    name, bracket, unit = text.partition("[")
-    if bracket and not unit.endswith("]"):
-        raise ConfigError(f"a port {text!r}", hint="a name and its unit, as 'torque [N m]'")
+def _period(period_s: Any) -> float:
+    if isinstance(period_s, bool) or not isinstance(period_s, int | float | np.floating | np.integer):
+        raise ConfigError("period_s is not one number", where="make_plant", hint="seconds, or None")
+    if not (np.isfinite(period_s) and period_s > 0.0):
+        raise ConfigError(
+            f"a sampling period of {period_s} s", where="make_plant", hint="> 0 s, or None if continuous"
+        )
+    return float(period_s)
+
+
+def _names(what: str, names: Any) -> tuple[str, ...]:
+    if (
+        isinstance(names, str)
+        or not isinstance(names, Sequence)
+        or not all(isinstance(n, str) for n in names)
+    ):
+        raise ConfigError(f"{what} is not a list of names", where="make_plant", hint=f'{what}=["angle"]')
+    return tuple(names)
+
+
+def _ports(side: str, letter: str, given: Any, count: int) -> tuple[Port, ...]:
+    if isinstance(given, str | Port) or not isinstance(given, Sequence):
+        raise ConfigError(
+            f"{side} is not a list of ports",
+            where="make_plant",
+            hint=f'{side}=["torque [N m]"], or Port(...)',
+        )
+    ports = tuple(_port(side, each) for each in given) or name_ports(letter, count)
+    names = [port.name for port in ports]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise ConfigError(f"two {side} named {', '.join(twice)}", where="make_plant", hint="a name for each")
+    return ports
+
+
+def _port(side: str, given: Any) -> Port:
+    if isinstance(given, Port):
+        return given
+    name, bracket, unit = given.partition("[") if isinstance(given, str) else ("", "", "")
+    closed = unit.endswith("]") and unit.count("]") == 1 if bracket else "]" not in name
+    if not name.strip() or not closed:
+        raise ConfigError(
+            f"{given!r} is no port",
+            where=f"make_plant, {side}",
+            hint="a name and its unit, as 'torque [N m]'",
+        )
     return Port(name.strip(), unit.removesuffix("]").strip())
 
 

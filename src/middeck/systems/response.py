@@ -72,7 +72,8 @@ def evaluate_plant(plant: Plant, frequency_hz: Float[np.ndarray, " line"]) -> Fr
         else statespace_response(dynamics, omega)
     )
     H = on_time * np.exp(-1j * omega[:, None, None] * plant.delay_s) if plant.delayed else on_time
-    return FrequencyResponse(np.asarray(frequency_hz, dtype=float), H, plant.inputs, plant.outputs)
+    f = np.asarray(frequency_hz, dtype=float)
+    return FrequencyResponse(f, H, plant.inputs, plant.outputs, hold_s=plant.period_s or 0.0)
 
 
 def in_band(response: FrequencyResponse, band_hz: tuple[float, float]) -> FrequencyResponse:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
-from middeck.systems.delayed_sampling import is_sum, sample_delayed
+from middeck.systems.delayed_sampling import is_sum, sample_delayed, tidy_samples
 from middeck.systems.plant import Plant, name_states, remove_delays
 
 
@@ -23,6 +23,6 @@ def sample_plant(plant: Plant, period_s: float) -> Plant:
     ('state 0', 'delay', 'delay')
     """
     system = sample_delayed(remove_delays(plant).system, period_s, plant.delay_s)
-    modes = name_states(plant) * (1 if is_sum(plant.delay_s / period_s) else len(plant.inputs))
+    modes = name_states(plant) * (1 if is_sum(tidy_samples(plant.delay_s / period_s)) else len(plant.inputs))
     names = (*modes, *("delay",) * (len(system.A) - len(modes)))
     return dataclasses.replace(remove_delays(plant), dynamics=system, state_names=names)

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.control.analysis.closed_response import closed_response
-from middeck.control.analysis.loop import approximate_halves, close_channels, form_loop
+from middeck.control.analysis.loop import FeedbackLoop, approximate_halves, close_channels, loop_path
 from middeck.control.analysis.stability import decide_loop
 from middeck.control.law.compensator import Compensator, idle_compensator
 from middeck.control.loop.closed_loop import close_loop
@@ -64,7 +64,13 @@ def _delayed_rms(
     plant: Plant, compensator: Compensator, performance: Performance
 ) -> Float[np.ndarray, " zu"]:
     """Of the outputs z, then of the commands."""
-    loop = form_loop(plant, compensator)
+    system = compensator.system  # a sampled compensator is refused whether its loop is stable or not
+    require_one_each(
+        "intensities",
+        len(performance.intensity),
+        tuple(plant.inputs[i] for i in plant.input_indices(plant.w)),
+    )
+    loop = FeedbackLoop(loop_path(plant, compensator), system)
     if not decide_loop(loop).stable:
         return np.full(len(plant.z) + len(compensator.outputs), np.inf)
     # The integrand peaks where the loop does; the approximation says where, and no more.

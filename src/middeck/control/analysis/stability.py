@@ -78,8 +78,7 @@ def decide_stability(plant: Plant, law: Compensator) -> LoopStability:
     Examples
     --------
     >>> from middeck.control.law.compensator import Compensator
-    >>> from middeck.systems.delay_approximation import delay_plant
-    >>> from middeck.systems.plant import Plant
+    >>> from middeck.systems.plant import Plant, delay_plant
     >>> from middeck.signals.ports import Port
     >>> from middeck.systems.statespace import StateSpace, gain_system
     >>> force, way = Port("force", "N"), Port("way", "m")

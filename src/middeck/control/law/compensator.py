@@ -11,7 +11,13 @@ from middeck.errors import ConfigError
 from middeck.signals.ports import Port
 from middeck.systems.plant import Plant
 from middeck.systems.response import FrequencyResponse, statespace_response
-from middeck.systems.statespace import LinearSystem, SampledStateSpace, StateSpace, gain_system
+from middeck.systems.statespace import (
+    LinearSystem,
+    SampledStateSpace,
+    StateSpace,
+    gain_system,
+    select_paths,
+)
 from middeck.values import record
 
 
@@ -76,6 +82,27 @@ class Compensator:
         return self.dynamics
 
 
+def arrange_ports(compensator: Compensator, plant: Plant) -> Compensator:
+    """The same law with its ports in the order of the plant's groups y and u.
+
+    Raises `ConfigError` where they are not the same ports.
+    """
+    reads, drives = (tuple(p.name for p in side) for side in (compensator.inputs, compensator.outputs))
+    if sorted(reads) != sorted(plant.y) or sorted(drives) != sorted(plant.u):
+        raise ConfigError(
+            f"the compensator reads {', '.join(reads)} and drives {', '.join(drives)}; the plant's groups y "
+            f"and u are {', '.join(plant.y)} and {', '.join(plant.u)}",
+            hint="group_ports(plant, u=, y=) with the compensator's ports; weights go by these groups",
+        )
+    columns, rows = [reads.index(name) for name in plant.y], [drives.index(name) for name in plant.u]
+    return dataclasses.replace(
+        compensator,
+        dynamics=select_paths(compensator.dynamics, columns, rows),
+        inputs=tuple(compensator.inputs[i] for i in columns),
+        outputs=tuple(compensator.outputs[i] for i in rows),
+    )
+
+
 def measured_ports(plant: Plant) -> tuple[Port, ...]:
     """The ports a compensator of ``plant`` reads: its group y."""
     return tuple(plant.outputs[i] for i in plant.output_indices(plant.y))
@@ -98,4 +125,5 @@ def evaluate_compensator(
     """The compensator's frequency response at ``frequency_hz``."""
     frequency_hz = np.asarray(frequency_hz, dtype=float)
     H = statespace_response(compensator.dynamics, 2.0 * np.pi * frequency_hz)
-    return FrequencyResponse(frequency_hz, H, compensator.inputs, compensator.outputs)
+    held = compensator.period_s or 0.0
+    return FrequencyResponse(frequency_hz, H, compensator.inputs, compensator.outputs, hold_s=held)

@@ -15,7 +15,7 @@ from jaxtyping import Bool
 from middeck.systems.inert_modes import inert_modes
 from middeck.systems.modal import select_modes
 from middeck.systems.plant import Plant, name_states, remove_delays
-from middeck.systems.stability import none_grows
+from middeck.systems.stability import GROWTH_LIMIT, none_grows
 from middeck.systems.statespace import StateSpace
 from middeck.values import record
 
@@ -40,13 +40,14 @@ def partition_modes(plant: Plant) -> ModePartition:
     """Set aside the modes that are neither reachable from any input nor observed by any output.
 
     Of modal dynamics by `inert_modes`, of a state space those states of one name that are joined to no other
-    state and no port, by exact zeros, and do not grow. A mode that is only unreachable, or only unobserved,
-    stays: a design then refuses it by name.
+    state and no port, by exact zeros; of either those that do not grow. A mode that is only unreachable, or
+    only unobserved, stays: a design then refuses it by name.
     """
     modal = plant.modal
     if modal is None:
         return _partition_states(plant, remove_delays(plant).system)
-    inert = inert_modes(modal)
+    # One that grows is for a verdict and a design to name.
+    inert = inert_modes(modal) & ~(-modal.zeta * modal.omega > GROWTH_LIMIT)
     names = tuple(name for name, out in zip(modal.names, inert, strict=True) if out)
     active = dataclasses.replace(plant, dynamics=select_modes(modal, ~inert)) if names else plant
     return ModePartition(active, names)

@@ -88,6 +88,12 @@ def predict_closed_loop_response(
         raise ConfigError(
             "plant and compensator are given on different lines", hint="evaluate both on one grid"
         )
+    held, period = plant.hold_s, compensator.hold_s
+    if held is not None and period is not None and held != period:
+        raise ConfigError(
+            f"the plant's response has a hold of {held:g} s, the compensator's period is {period:g} s",
+            hint="sample_plant(plant, period_s) for a sampled compensator, nothing sampled for another",
+        )
     u = port_indices(plant.inputs, [p.name for p in compensator.outputs], "input")
     y = port_indices(plant.outputs, [p.name for p in compensator.inputs], "output")
     G, K = plant.H, compensator.H

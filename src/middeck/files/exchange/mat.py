@@ -193,18 +193,31 @@ def _build(
         )
     if kind == "compensator":
         return _compensator(found, plant, where)
-    plant = delay_plant(plant, _delays(found, where, system.D.shape)) if late else plant
+    rows, columns = system.D.shape
+    plant = delay_plant(plant, _delays(found, where, (rows, columns))) if late else plant
     return group_ports(plant, **{group: _texts(found, group) for group in GROUPS})
 
 
 def _delays(found: Mapping[str, np.ndarray], where: str, shape: tuple[int, int]) -> np.ndarray:
     """Of each path [s]; InputDelay one for each input, OutputDelay one for each output, or one for all."""
+    if "IODelay" in found and "ioDelay" in found:
+        raise DataError(
+            "the delays of the paths twice", where=f"{where}, IODelay", hint="ioDelay is the older name"
+        )
     total = np.zeros(shape)
     for name, form in zip(DELAYS, ((1, shape[1]), (shape[0], 1), shape, shape), strict=True):
-        value = np.asarray(found.get(name, 0.0), dtype=float)
-        if value.size not in (1, form[0] * form[1]):
-            raise DataError(f"{value.size} delays for {form[0] * form[1]}", where=f"{where}, {name}")
-        total = total + (value.reshape(form) if value.size > 1 else float(value.ravel()[0]))
+        if not np.size(found.get(name, ())):
+            continue
+        value = np.atleast_2d(real_matrix(found[name], name))
+        if value.size == 1:
+            value = np.full(form, value.item())
+        elif 1 in form and value.shape == form[::-1]:  # a vector may lie either way
+            value = value.reshape(form)
+        if value.shape != form:
+            raise DataError(
+                f"delays of shape {value.shape}", where=f"{where}, {name}", hint=f"one number, or {form}"
+            )
+        total = total + value
     return total
 
 

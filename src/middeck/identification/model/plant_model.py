@@ -46,16 +46,18 @@ def model_of_plant(plant: Plant, *, delay_s: float = 0.0) -> MeasurementModel:
             where=f"pole at {np.abs(poles[np.argmax(np.real(poles))]) / (2.0 * np.pi):.4g} Hz",
             hint="hold the rigid-body modes, damp all others, or leave the mode out",
         )
+    own = plant.delay_s[np.ix_(rows, columns)]
+    beyond = own - own.min(axis=1, keepdims=True, initial=np.inf)
     return MeasurementModel(
         poles=poles,
         shapes=c[rows],
         participation=b[:, columns],
         direct=direct[np.ix_(rows, columns)],
         lower=np.zeros((len(rows), len(columns))),
-        delay_s=np.full(len(rows), delay_s),
+        delay_s=own.min(axis=1, initial=np.inf) + delay_s,
         inputs=tuple(plant.inputs[i] for i in columns),
         outputs=tuple(plant.outputs[o] for o in rows),
-        path_delay_s=plant.delay_s[np.ix_(rows, columns)] if plant.delayed else None,
+        path_delay_s=beyond if np.any(beyond) else None,
     )
 
 
