@@ -9,7 +9,7 @@ import numpy as np
 
 from measured.rows import row
 from middeck.systems.modal import ModalSystem, modal_to_statespace
-from middeck.systems.norms import band_rms
+from middeck.systems.rms import band_rms
 from middeck.systems.statespace import StateSpace
 
 CASE = "band_rms"

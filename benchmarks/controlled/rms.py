@@ -15,7 +15,7 @@ from middeck.control.lqg import LQGWeights, design_lqg
 from middeck.signals.ports import Port
 from middeck.systems.delay_approximation import approximate_delays
 from middeck.systems.modal import ModalSystem, modal_to_statespace
-from middeck.systems.norms import band_rms
+from middeck.systems.rms import band_rms
 from middeck.systems.plant import Plant, delay_plant
 
 CASE, REPEATS = "rms", 5

@@ -15,7 +15,7 @@ from middeck.control.loop.participation import find_participation
 from middeck.control.loop.performance import Performance, loop_metric, loop_rms
 from middeck.control.lqg import design_filter, design_lqg
 from middeck.signals.ports import Port
-from middeck.systems.norms import band_rms_by_quadrature
+from middeck.systems.rms import band_rms_by_quadrature
 from middeck.systems.plant import Plant
 from middeck.systems.statespace import StateSpace, gain_system
 

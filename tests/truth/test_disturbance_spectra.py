@@ -19,7 +19,7 @@ from middeck.control.lqg import (
 )
 from middeck.errors import ConfigError, DataError
 from middeck.signals.ports import Port
-from middeck.systems.norms import band_rms
+from middeck.systems.rms import band_rms
 from middeck.systems.plant import Plant
 from middeck.systems.resolvent import by_solving
 from middeck.systems.statespace import StateSpace

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from middeck.errors import ConfigError
 from middeck.systems import norms
-from middeck.systems.norms import band_rms, band_rms_by_quadrature
+from middeck.systems.rms import band_rms, band_rms_by_quadrature
 from middeck.systems.statespace import StateSpace, gain_system
 
 BAND = (0.1, 60.0)

@@ -17,7 +17,7 @@ from middeck.structure.model.article import AttachPoint, Damping
 from middeck.structure.model.environment import AnchoredSpring, Device, DeviceKind, Environment, Suspension
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
-from middeck.structure.rest.tuning import environment_loads, tune_suspension
+from middeck.structure.rest.suspension_tuning import environment_loads, tune_suspension
 from middeck.structure.suspension.device_friction import estimate_rest_band, sweep_device_amplitude
 from structure_builders import GRAVITY, TUBE, body, lab, member, node, rigid_bar, structure
 

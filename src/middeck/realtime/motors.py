@@ -18,6 +18,8 @@ from middeck.values import record
 
 EXACT = 2.0**-100
 """Step of a converter that has none: a power of two, by which scaling is exact."""
+WHOLE = 2.0**53
+"""From here on every number is whole."""
 
 
 @record
@@ -102,3 +104,47 @@ def gather_motors(motors: Sequence[Motor], period_s: float) -> MotorBank:
         np.array([m.resolution or EXACT for m in motors]),
         np.array([np.inf if r is None else r.inertia * r.speed_limit / period_s for r in rotors]),
     )
+
+
+class _Limits(NamedTuple):
+    """Limits of one motor; counts below ``whole`` are rounded, none where it has no converter."""
+
+    step: float
+    per_step: float
+    whole: float
+    slew: float
+    lower: float
+    upper: float
+    momentum: float
+
+
+class LimitedMotors:
+    """The motors from tick to tick: what each gave last, and the momentum stored in its rotor."""
+
+    def __init__(
+        self, motors: MotorBank, previous: Float[np.ndarray, " input"], momentum: Float[np.ndarray, " input"]
+    ) -> None:
+        whole = np.where(motors.step > EXACT, WHOLE, 0.0)
+        columns = (
+            motors.step, 1.0 / motors.step, whole, motors.slew, motors.lower, motors.upper, motors.momentum
+        )  # fmt: skip
+        self.limits = [_Limits(*row) for row in np.column_stack(columns).tolist()]
+        self.previous, self.momentum = previous.tolist(), momentum.tolist()
+
+    def drive(self, law: list[float], excitation: list[float], torque: np.ndarray) -> None:
+        """What the motors give for law and excitation together: rounded, then limited in slew, torque, speed."""
+        for i, (step, per_step, whole, slew, lower, upper, room) in enumerate(self.limits):
+            wanted, last, stored = law[i] + excitation[i], self.previous[i], self.momentum[i]
+            counts = wanted * per_step
+            if -whole < counts < whole:
+                wanted = round(counts) * step
+            wanted = within(wanted, last - slew, last + slew)
+            wanted = within(wanted, lower, upper)
+            wanted = within(wanted, stored - room, stored + room)
+            self.momentum[i] = stored - wanted
+            self.previous[i] = torque[i] = wanted
+
+
+def within(value: float, low: float, high: float) -> float:
+    """``value`` between two ends; what is no number stays so."""
+    return low if value < low else high if value > high else value

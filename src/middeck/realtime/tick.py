@@ -11,24 +11,10 @@ import numpy as np
 
 from middeck.joints.balance import Balance
 from middeck.realtime.hybrid_state import HybridState, HybridSystem
-from middeck.realtime.motors import EXACT, MotorBank
+from middeck.realtime.motors import EXACT, WHOLE, LimitedMotors, within
 from middeck.realtime.readout import Readout
 
 Array = np.ndarray
-WHOLE = 2.0**53
-"""From here on every number is whole."""
-
-
-class _Input(NamedTuple):
-    """Limits of one motor; counts below ``whole`` are rounded, none where it has no converter."""
-
-    step: float
-    per_step: float
-    whole: float
-    slew: float
-    lower: float
-    upper: float
-    momentum: float
 
 
 class _Output(NamedTuple):
@@ -40,13 +26,13 @@ class _Output(NamedTuple):
 
 
 class Tick:
-    """Buffers and matrices of one block; `read`, `limit` and `move` are the three parts of a tick."""
+    """Buffers and matrices of one block; `read`, `limit` (of the motors) and `move` are a tick."""
 
     def __init__(self, system: HybridSystem, start: HybridState) -> None:
         plant, readout = system.plant, system.readout
         self.x = start.x.copy()
-        self.momentum, self.previous = start.momentum.tolist(), start.issued[-1].tolist()
-        self.motors, self.sensors = _inputs(system.motors), _outputs(readout)
+        self.limit = LimitedMotors(system.motors, start.issued[-1], start.momentum).drive
+        self.sensors = _outputs(readout)
         self.size = len(self.x)
         first = np.vstack([plant.step[0], plant.read / readout.step[:, None]])
         self.ahead = np.empty(len(first))
@@ -74,21 +60,8 @@ class Tick:
         self.look(self.x, self.ahead)
         read = self.sampled.tolist()
         for i, (lower, upper, whole) in enumerate(self.sensors):
-            counts = _within(read[i] + offset[i], lower, upper)
+            counts = within(read[i] + offset[i], lower, upper)
             reading[i] = round(counts) if -whole < counts < whole else counts
-
-    def limit(self, law: list[float], excitation: list[float], torque: Array) -> None:
-        """What the motors give for law and excitation together."""
-        for i, (step, per_step, whole, slew, lower, upper, room) in enumerate(self.motors):
-            wanted, last, stored = law[i] + excitation[i], self.previous[i], self.momentum[i]
-            counts = wanted * per_step
-            if -whole < counts < whole:
-                wanted = round(counts) * step
-            wanted = _within(wanted, last - slew, last + slew)
-            wanted = _within(wanted, lower, upper)
-            wanted = _within(wanted, stored - room, stored + room)
-            self.momentum[i] = stored - wanted
-            self.previous[i] = torque[i] = wanted
 
     def move(self, window: Array, noise: Array) -> None:
         """The continuous part to the next tick."""
@@ -120,20 +93,7 @@ class Tick:
         np.subtract(self.x, self.pushed, self.x)
 
 
-def _inputs(motors: MotorBank) -> list[_Input]:
-    whole = np.where(motors.step > EXACT, WHOLE, 0.0)
-    columns = (
-        motors.step, 1.0 / motors.step, whole, motors.slew, motors.lower, motors.upper, motors.momentum
-    )  # fmt: skip
-    return [_Input(*row) for row in np.column_stack(columns).tolist()]
-
-
 def _outputs(readout: Readout) -> list[_Output]:
     reach = readout.range / readout.step
     whole = np.where(readout.step > EXACT, WHOLE, 0.0)
     return [_Output(*row) for row in np.column_stack([-reach, reach, whole]).tolist()]
-
-
-def _within(value: float, low: float, high: float) -> float:
-    """``value`` between two ends; what is no number stays so."""
-    return low if value < low else high if value > high else value

@@ -27,6 +27,7 @@ def to_scipy(value: Exchangeable, *, negative_feedback: bool = False) -> Any:
 
     The sign of a compensator is that of this house, u = K y added; ``negative_feedback=True`` gives -K.
 
+    >>> from middeck.systems.statespace import StateSpace
     >>> to_scipy(StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]])).A
     array([[-1.]])
     """

@@ -14,7 +14,7 @@ from middeck.structure.assembly.energy import Loads
 from middeck.structure.elements.rotations import rotation_exp
 from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.structure.rest.statics import scale_loads
-from middeck.structure.rest.tuning import environment_loads, tune_suspension
+from middeck.structure.rest.suspension_tuning import environment_loads, tune_suspension
 from middeck.values import record
 
 # [m/s^2]. Earth: standard acceleration of gravity, exact (CODATA). Moon, Mars: surface gravity of NASA's

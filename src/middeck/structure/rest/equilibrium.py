@@ -24,7 +24,7 @@ from middeck.structure.rest.statics import (
     settle,
     static_coordinates,
 )
-from middeck.structure.rest.tuning import TunedSuspension, environment_loads, tune_suspension
+from middeck.structure.rest.suspension_tuning import TunedSuspension, environment_loads, tune_suspension
 from middeck.values import record
 
 FAR_TURN = np.radians(30.0)  # three times what an unlevelled article rolls

@@ -28,7 +28,7 @@ from middeck.structure.rest.pinned import (
     support_forces,
 )
 from middeck.structure.rest.statics import static_coordinates
-from middeck.structure.rest.tuning import pinned_loads, pinned_points
+from middeck.structure.rest.suspension_tuning import pinned_loads, pinned_points
 from middeck.structure.sensitivity.patches import (
     STEP,
     Patch,

@@ -17,7 +17,7 @@ from middeck.structure.assembly.energy import Assembly, Loads, assemble, device_
 from middeck.structure.model.article import JointState, Structure
 from middeck.structure.modes.stiff_members import check_beside_devices
 from middeck.structure.rest.equilibrium import Equilibrium
-from middeck.structure.rest.tuning import TunedSuspension, environment_loads, tune_suspension
+from middeck.structure.rest.suspension_tuning import TunedSuspension, environment_loads, tune_suspension
 from middeck.structure.sensitivity.parameters import Parameter
 from middeck.structure.sensitivity.patches import (
     STEP,

@@ -28,7 +28,7 @@ from middeck.structure.assembly.energy import assemble, mass_matrix
 from middeck.structure.modes.solve import Modes
 from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.structure.rest.statics import dynamic_coordinates
-from middeck.structure.rest.tuning import environment_loads
+from middeck.structure.rest.suspension_tuning import environment_loads
 from middeck.structure.sensitivity.frequencies import group_modes
 from middeck.structure.sensitivity.parameters import Parameter
 from middeck.structure.sensitivity.patches import derivative, follow, perturb_whole
