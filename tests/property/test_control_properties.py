@@ -11,8 +11,8 @@ from middeck.control.loop.closed_loop import close_loop
 from middeck.control.lqg import LQGWeights, design_filter, design_lqg
 from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
-from middeck.systems.rms import band_rms
 from middeck.systems.plant import Plant
+from middeck.systems.rms import band_rms
 from middeck.systems.statespace import StateSpace
 
 BAND = (0.05, 20.0)

@@ -12,9 +12,9 @@ from middeck.errors import ConfigError
 from middeck.realtime.rig import build_linear_rig, close_sampled_loop
 from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem, modal_response, modal_to_statespace, output_rows, select_modes
-from middeck.systems.rms import band_rms, band_rms_by_quadrature
 from middeck.systems.plant import Plant
 from middeck.systems.response import statespace_response
+from middeck.systems.rms import band_rms, band_rms_by_quadrature
 from middeck.systems.sampling import sample_dynamics
 from middeck.systems.statespace import SampledStateSpace
 

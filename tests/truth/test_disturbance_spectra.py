@@ -19,9 +19,9 @@ from middeck.control.lqg import (
 )
 from middeck.errors import ConfigError, DataError
 from middeck.signals.ports import Port
-from middeck.systems.rms import band_rms
 from middeck.systems.plant import Plant
 from middeck.systems.resolvent import by_solving
+from middeck.systems.rms import band_rms
 from middeck.systems.statespace import StateSpace
 from middeck.systems.transmission_zeros import transmission_zeros
 

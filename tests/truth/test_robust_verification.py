@@ -50,9 +50,9 @@ from middeck.systems.delay import pade
 from middeck.systems.delay_approximation import approximate_delays
 from middeck.systems.delayed_sampling import sample_delayed
 from middeck.systems.modal import ModalSystem, modal_to_statespace
-from middeck.systems.rms import band_rms
 from middeck.systems.plant import Plant, delay_plant, remove_delays
 from middeck.systems.response import evaluate_plant, statespace_response
+from middeck.systems.rms import band_rms
 from middeck.systems.sampling import tustin
 from middeck.systems.statespace import StateSpace
 

@@ -132,7 +132,7 @@ class LimitedMotors:
         self.previous, self.momentum = previous.tolist(), momentum.tolist()
 
     def drive(self, law: list[float], excitation: list[float], torque: np.ndarray) -> None:
-        """What the motors give for law and excitation together: rounded, then limited in slew, torque, speed."""
+        """What the motors give for law and excitation together: rounded, then limited."""
         for i, (step, per_step, whole, slew, lower, upper, room) in enumerate(self.limits):
             wanted, last, stored = law[i] + excitation[i], self.previous[i], self.momentum[i]
             counts = wanted * per_step

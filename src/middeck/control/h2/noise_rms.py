@@ -15,8 +15,8 @@ from middeck.control.analysis.stability import decide_loop
 from middeck.control.h2.generalized_plant import generalize, square_root
 from middeck.control.law.compensator import Compensator
 from middeck.control.lqg import LQGWeights
-from middeck.systems.rms import response_rms
 from middeck.systems.plant import Plant, remove_delays
+from middeck.systems.rms import response_rms
 from middeck.systems.stability import GROWTH_LIMIT
 from middeck.systems.statespace import poles
 from middeck.values import record

@@ -13,8 +13,8 @@ from middeck.control.law.partition import partition_modes
 from middeck.control.loop.closed_loop import ClosedLoop, close_loop
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
-from middeck.systems.rms import band_rms
 from middeck.systems.plant import Plant, name_states
+from middeck.systems.rms import band_rms
 from middeck.systems.statespace import StateSpace
 from middeck.values import record
 

@@ -27,8 +27,8 @@ from middeck.structure.plants.damping import damped_kinds
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.plants.port_rows import RATE
 from middeck.systems.modal import select_modes
-from middeck.systems.rms import band_rms_by_quadrature
 from middeck.systems.plant import Plant, require_modal
+from middeck.systems.rms import band_rms_by_quadrature
 from middeck.systems.stability import GROWTH_LIMIT
 from middeck.values import record
 
