@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from middeck.errors import ConfigError
-from middeck.systems import norms
+from middeck.systems import rms as norms
 from middeck.systems.rms import band_rms, band_rms_by_quadrature
 from middeck.systems.statespace import StateSpace, gain_system
 
