@@ -89,7 +89,7 @@ def broken_ratio(loop: FeedbackLoop, at: At) -> Ratio:
     """L at each channel as a function of s, all from one inverse of what goes round.
 
     With P = K G, S = (1 - P)^-1 and r the other channels, L_i = -(P_ii + P_ir (1 - P_rr)^-1 P_ri) is
-    -(S P)_ii / S_ii term by term: no cancellation where the loop is strong, as 1 / S_ii - 1 would have.
+    -(S P)_ii / S_ii term by term: no cancellation where the loop is weak, as 1 / S_ii - 1 would have.
     """
     halves = evaluate_halves(loop)
     # A channel's loop is the same whichever others are named: each end has an inverse of its own size.
