@@ -10,7 +10,7 @@ import scipy.linalg as sla
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
-from middeck.systems.statespace import System
+from middeck.systems.statespace import SampledStateSpace, System
 
 AMPLIFIED = 1e12
 """By so much an algebraic loop would amplify rounding: to a thousandth and more."""
@@ -74,10 +74,11 @@ def beside(first: System, second: System) -> System:
 
     Raises `ConfigError` for a continuous system beside a sampled one, and for two periods.
     """
-    periods = [getattr(each, "period_s", None) for each in (first, second)]
-    if periods[0] != periods[1] and (None in periods or abs(periods[0] - periods[1]) > 1e-12 * periods[0]):
+    one, other = (each.period_s if isinstance(each, SampledStateSpace) else 0.0 for each in (first, second))
+    if abs(one - other) > 1e-12 * one:
         raise ConfigError(
-            f"systems of periods {periods[0]} and {periods[1]} s in one loop", hint="sample both alike"
+            f"systems of periods {one:g} and {other:g} s in one loop (0: continuous)",
+            hint="sample both alike",
         )
     A, B, C, D = (np.asarray(sla.block_diag(getattr(first, k), getattr(second, k))) for k in "ABCD")
     return dataclasses.replace(first, A=A, B=B, C=C, D=D)
