@@ -22,6 +22,7 @@ from middeck.control.robust.sampled_loops import sampled_outcomes
 from middeck.errors import ConfigError
 from middeck.systems.delay_approximation import approximate_delays
 from middeck.systems.plant import Plant, remove_delays
+from middeck.systems.stability import GROWTH_LIMIT
 from middeck.values import record
 
 
@@ -164,6 +165,9 @@ def _approximated(
     order = max((n for n in orders if n <= MOST_PADE), default=LEAST_PADE)
     models = [generalize(approximate_delays(p, order), weights, 1.0) for p in plants]
     values, rms, control = _rms(models, [law] * len(models))
+    # A root at rest drifts, whether noise drives it or not; on which side of the axis it lies is rounding.
+    drifts = np.array([np.real(v).max(initial=-np.inf) > -GROWTH_LIMIT for v in values], dtype=bool)
+    rms[drifts] = control[drifts] = np.inf
     stable = settled(exact_growth(plants, law, values))
     found = [NoiseOutcome(bool(a), float(b), float(c)) for a, b, c in zip(stable, rms, control, strict=True)]
     for i, plant in enumerate(plants):

@@ -60,7 +60,8 @@ def sampled_outcomes(
         values, X = sampled_covariances(
             np.array([loops[i].A for i in group]), np.array([loops[i].Q for i in group])
         )
-        stable[group] = np.abs(values).max(axis=1) <= np.exp(GROWTH_LIMIT * period)
+        # A root at rest drifts: on which side of the circle it lies is rounding.
+        stable[group] = np.abs(values).max(axis=1) < np.exp(-GROWTH_LIMIT * period)
         rms[group] = np.linalg.norm(row_rms(np.array([loops[i].outputs for i in group]), X), axis=1)
         moved = row_rms(np.array([loops[i].inputs for i in group]), X)
         noise = np.array([loops[i].input_noise for i in group])
