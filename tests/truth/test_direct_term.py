@@ -28,17 +28,37 @@ def system(hz=(0.0, 0.3, 7.0, 45.0), outputs=2, inputs=2, zeta=0.02):
     phi, rate, acceleration = rng.standard_normal((3, outputs, n))
     psi, direct = rng.standard_normal((n, inputs)), rng.standard_normal((outputs, inputs))
     names = tuple(f"mode {i}" for i in range(n))
-    return ModalSystem(omega, np.where(omega > 0, zeta, 0.0), psi, phi, rate, names, acceleration, direct)
+    return ModalSystem(
+        omega=omega,
+        zeta=np.where(omega > 0, zeta, 0.0),
+        psi=psi,
+        phi=phi,
+        phi_rate=rate,
+        names=names,
+        phi_acceleration=acceleration,
+        direct=direct,
+    )
 
 
 def plant(modal):
     ports = tuple(Port(f"u{i}", "N m") for i in range(2)), tuple(Port(f"y{i}", "m/s^2") for i in range(2))
-    return Plant(modal, *ports, ("u0",), ("u1",), ("y0",), ("y1",))
+    return Plant(
+        dynamics=modal, inputs=ports[0], outputs=ports[1], w=("u0",), u=("u1",), z=("y0",), y=("y1",)
+    )
 
 
 def test_one_mode_in_closed_form():
     # q'' + 2 zeta w0 q' + w0^2 q = psi u and y = a q'' + d u: at resonance q'' = j psi u / (2 zeta).
-    modal = ModalSystem([3.0], [0.05], [[2.0]], [[0.0]], [[0.0]], ("m",), [[1.5]], [[0.25]])
+    modal = ModalSystem(
+        omega=[3.0],
+        zeta=[0.05],
+        psi=[[2.0]],
+        phi=[[0.0]],
+        phi_rate=[[0.0]],
+        names=("m",),
+        phi_acceleration=[[1.5]],
+        direct=[[0.25]],
+    )
     H = modal_response(modal, np.array([3.0, 3e8]))[:, 0, 0]
     # One division; far above, q'' is the force itself to (w0/w)^2 = 1e-16 and damping 1e-9.
     np.testing.assert_allclose(H[0], 1.5 * 2.0 * 1j / 0.1 + 0.25, rtol=1e-14)
@@ -128,13 +148,15 @@ def test_a_held_input_comes_through_at_once_or_after_the_delay(delay_s):
 
 def test_a_rig_without_delay_is_refused_by_name():
     rig = build_linear_rig(plant(system(hz=(7.0,))), sample_hz=500.0, delay_s=0.001, noise_rms=np.zeros(2))
-    law = SampledStateSpace(np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((2, 0)), np.eye(2), 0.002)
+    law = SampledStateSpace(np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((2, 0)), np.eye(2), period_s=0.002)
     with pytest.raises(ConfigError, match="within the sample"):
         close_sampled_loop(rig.sampled, law)
 
 
 def test_white_noise_straight_onto_the_cost_is_refused_by_name():
-    weights = LQGWeights(np.ones(1), np.ones(1), ("u0",), np.eye(1), np.ones(1))
+    weights = LQGWeights(
+        output=np.ones(1), input=np.ones(1), disturbed=("u0",), process=np.eye(1), sensor=np.ones(1)
+    )
     with pytest.raises(ConfigError, match="infinite"):
         design_lqg(plant(system(hz=(0.3, 7.0))), weights, 1.0)
 
@@ -145,7 +167,9 @@ def test_lqg_with_direct_terms_keeps_the_separation_of_poles():
     quiet = np.array(modal.direct)
     quiet[0, 0] -= rows[0, 0]  # no white noise straight onto z
     design = plant(dataclasses.replace(modal, direct=quiet))
-    weights = LQGWeights(np.ones(1), np.ones(1), ("u0",), np.eye(1), np.ones(1))
+    weights = LQGWeights(
+        output=np.ones(1), input=np.ones(1), disturbed=("u0",), process=np.eye(1), sensor=np.ones(1)
+    )
     law = design_lqg(design, weights, 10.0)
     got = np.sort_complex(close_loop(design, law).poles)
     expected = np.sort_complex(np.concatenate([law.regulator.poles, law.estimator.poles]))

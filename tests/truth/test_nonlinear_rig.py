@@ -30,7 +30,13 @@ def plant():
     joint = np.array([0.8, 3.0, 1.1, 0.4])
     bus = np.array([0.3, 0.2, -0.4, 0.2])
     psi, phi = np.stack([bus, joint], axis=1), np.stack([joint, bus])
-    return Plant(ModalSystem(omega, np.full(4, 0.2), psi, phi, 0.0 * phi, tuple("abcd")), *PORTS)
+    return Plant(
+        dynamics=ModalSystem(
+            omega=omega, zeta=np.full(4, 0.2), psi=psi, phi=phi, phi_rate=0.0 * phi, names=tuple("abcd")
+        ),
+        inputs=PORTS[0],
+        outputs=PORTS[1],
+    )
 
 
 def at(*elements):
@@ -136,7 +142,7 @@ def test_what_has_not_settled_is_one_run_and_no_period(plant):
 
 def test_a_free_wheel_with_friction_runs_though_it_has_no_linear_steady_state():
     wheel = StateSpace([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]])
-    plant = Plant(wheel, PORTS[0][:1], PORTS[1][:1])
+    plant = Plant(dynamics=wheel, inputs=PORTS[0][:1], outputs=PORTS[1][:1])
     rig = build_nonlinear_rig(
         plant, [JointElements("base", "pri_rel_z", (Friction(0.5, 200.0, viscous=2.0),))],
         sample_hz=RATE, delay_s=DELAY, noise_rms=np.zeros(1),

@@ -24,7 +24,13 @@ def plant():
     omega = 2.0 * np.pi * np.array([0.9, 1.3, 1.8, 7.2, 9.4, 58.0])
     shape = np.array([[0.3, 1.0, 0.8, 0.55, 0.6, 0.4]])
     zeta = np.full(6, 0.02)
-    return Plant(ModalSystem(omega, zeta, shape.T, shape, 0.0 * shape, tuple("abcdef")), *PORTS)
+    return Plant(
+        dynamics=ModalSystem(
+            omega=omega, zeta=zeta, psi=shape.T, phi=shape, phi_rate=0.0 * shape, names=tuple("abcdef")
+        ),
+        inputs=PORTS[0],
+        outputs=PORTS[1],
+    )
 
 
 @pytest.fixture(scope="module")
@@ -105,7 +111,8 @@ def test_prediction_from_the_open_loop_equals_the_measured_closed_loop(plant):
     hz, H = measured(run_open_loop(quiet, excite(), periods=1, rng=np.random.default_rng(0)))
     K = statespace_response(law, 2.0 * np.pi * hz)
     predicted = predict_closed_loop_response(
-        FrequencyResponse(hz, H[:, None, None], *PORTS), FrequencyResponse(hz, K, PORTS[1], PORTS[0])
+        FrequencyResponse(frequency_hz=hz, H=H[:, None, None], inputs=PORTS[0], outputs=PORTS[1]),
+        FrequencyResponse(frequency_hz=hz, H=K, inputs=PORTS[1], outputs=PORTS[0]),
     )
     run = run_closed_loop(quiet, law, excite(), periods=1, rng=np.random.default_rng(0))
     _, closed = measured(run.record)
@@ -124,11 +131,13 @@ def test_an_unstable_run_is_a_value_with_a_cause(rig):
 def test_stability_margin_of_pure_gain_and_delay():
     # Integrator 1/s, gain -k: held for T and delayed by 4.5 T it is T (z + 1) / (2 z^5 (z - 1)), so the phase
     # is -180 degrees where 5 T w = pi/2, and the gain limit there (2/T) tan(w T / 2).
-    plant = Plant(StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]), *PORTS)
+    plant = Plant(dynamics=StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]), inputs=PORTS[0], outputs=PORTS[1])
     rig = build_linear_rig(plant, sample_hz=RATE, delay_s=DELAY, noise_rms=np.zeros(1))
 
     def stable(gain):
-        law = SampledStateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[-gain]], 1.0 / RATE)
+        law = SampledStateSpace(
+            np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[-gain]], period_s=1.0 / RATE
+        )
         return is_stable(close_sampled_loop(rig.sampled, law))
 
     low, high = 1.0, 1000.0
@@ -143,9 +152,9 @@ def test_rates_delays_and_sizes_that_do_not_fit_are_refused(plant, rig):
     with pytest.raises(ConfigError, match="hold"):
         build_linear_rig(plant, sample_hz=RATE, delay_s=0.0005, noise_rms=np.zeros(1))
     law = damper(0.1)
-    slow = SampledStateSpace(law.A, law.B, law.C, law.D, 0.01)
+    slow = SampledStateSpace(law.A, law.B, law.C, law.D, period_s=0.01)
     with pytest.raises(ConfigError, match=r"at 0\.01 s"):
         close_sampled_loop(rig.sampled, slow)
-    direct = SampledStateSpace([[0.5]], [[1.0]], [[1.0]], [[1.0]], 1.0 / RATE)
+    direct = SampledStateSpace([[0.5]], [[1.0]], [[1.0]], [[1.0]], period_s=1.0 / RATE)
     with pytest.raises(ConfigError, match="within the sample"):
         close_sampled_loop(direct, law)

@@ -33,7 +33,7 @@ class JointElements:
     elements: tuple[JointElement, ...]
 
 
-@record
+@record(kw_only=True)
 class JointStepper:
     """A plant at a fixed internal step, ready to be stepped with the elements of its joints.
 
@@ -91,7 +91,7 @@ def build_joint_stepper(
     angle[:, :states] = pushed.C[rows]
     direct = pushed.D[:, columns]
     check_collocated(angle @ push, direct[rows], joints)
-    return JointStepper(sampled, push, angle, direct, tuple(joints))
+    return JointStepper(sampled=sampled, push=push, angle=angle, direct=direct, joints=tuple(joints))
 
 
 def start_at_rest(stepper: JointStepper) -> JointStates:
@@ -110,7 +110,7 @@ def simulate_joints(
     >>> from middeck.joints.friction import Friction
     >>> from middeck.signals.ports import Port
     >>> wheel = StateSpace([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]])
-    >>> plant = Plant(wheel, (Port("t", "N m"),), (Port("a", "rad"),))
+    >>> plant = Plant(dynamics=wheel, inputs=(Port("t", "N m"),), outputs=(Port("a", "rad"),))
     >>> stuck = JointElements("t", "a", (Friction(slip_torque=2.0, stiffness=1e4, viscous=10.0),))
     >>> y, _ = simulate_joints(build_joint_stepper(plant, [stuck], step_s=0.01), np.ones((2000, 1)))
     >>> bool(np.isclose(y[-1, 0], 1e-4, rtol=1e-6))   # held by the presliding spring

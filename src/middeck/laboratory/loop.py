@@ -33,7 +33,7 @@ class RigView:
     H: Complex[np.ndarray, "line output input"]
 
 
-@record
+@record(kw_only=True)
 class RigLoop:
     """One law on one bench.
 
@@ -69,7 +69,7 @@ class RigLoop:
 def view_rig(bench: Bench) -> RigView:
     """Linearise the rig of ``bench`` and evaluate it once for all laws."""
     rig = bench.rig
-    plant = Plant(linearise_rig(rig).sampled, rig.inputs, rig.outputs)
+    plant = Plant(dynamics=linearise_rig(rig).sampled, inputs=rig.inputs, outputs=rig.outputs)
     f = _lines(bench)
     return RigView(bench, plant, f, evaluate_plant(plant, f).H)
 

@@ -31,7 +31,7 @@ CHORD = 1e-3
 square of that, a hundred-thousandth of the half-width of a mode of 1 % damping."""
 
 
-@record
+@record(kw_only=True)
 class Ageing:
     """How a rig's plant goes on from where it is switched on.
 
@@ -69,7 +69,7 @@ def plan_ageing(plant: Plant, drifts: Sequence[Drift], age_s: float, wiring: Wir
         return None
     ticks = max(int(TURN / fastest / wiring.period_s), 1)
     pieces = max(int(CHORD / change.max() / (ticks * wiring.period_s)), 1)
-    return Ageing(plant, tuple(drifts), age_s, wiring, ticks, pieces)
+    return Ageing(plant=plant, drifts=tuple(drifts), age_s=age_s, wiring=wiring, ticks=ticks, pieces=pieces)
 
 
 def simulate_ageing(

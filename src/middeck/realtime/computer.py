@@ -59,10 +59,14 @@ def integrators(sensors: Sequence[Sensor], period_s: float) -> SampledStateSpace
     select = np.eye(len(sensors))[gyro]
     n = len(select)
     D = np.diag(np.where(gyro, 0.5 * period_s, 1.0))
-    return SampledStateSpace(np.eye(n), period_s * select, select.T, D, period_s)
+    return SampledStateSpace(np.eye(n), period_s * select, select.T, D, period_s=period_s)
 
 
 def _no_law(inputs: int, outputs: int, period_s: float) -> SampledStateSpace:
     return SampledStateSpace(
-        np.zeros((0, 0)), np.zeros((0, outputs)), np.zeros((inputs, 0)), np.zeros((inputs, outputs)), period_s
+        np.zeros((0, 0)),
+        np.zeros((0, outputs)),
+        np.zeros((inputs, 0)),
+        np.zeros((inputs, outputs)),
+        period_s=period_s,
     )

@@ -15,7 +15,7 @@ from middeck.values import record
 FULL = 1.0 - 1e-9  # part of a limit from which on it counts as reached: rounding
 
 
-@record
+@record(kw_only=True)
 class RunEvents:
     """Shares of the ticks in which a limit was reached, settling included.
 
@@ -98,10 +98,10 @@ class EventCounter:
         """All that was counted."""
         ticks = max(self._ticks, 1)
         return RunEvents(
-            self._saturated / ticks,
-            self._slewed / ticks,
-            self._full / ticks,
-            self._clipped / ticks,
-            self._speed,
-            stopped_s,
+            saturated=self._saturated / ticks,
+            slewed=self._slewed / ticks,
+            rotor_full=self._full / ticks,
+            clipped=self._clipped / ticks,
+            peak_speed_rad_s=self._speed,
+            stopped_s=stopped_s,
         )

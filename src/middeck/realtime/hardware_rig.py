@@ -36,7 +36,7 @@ from middeck.values import record
 BLOCK = 2048  # ticks simulated in one go; nothing depends on it
 
 
-@record
+@record(kw_only=True)
 class HardwareRig:
     """A sampled test article with its motors, sensors and joints; see `build_hardware_rig`."""
 
@@ -106,16 +106,27 @@ def build_hardware_rig(
             hint="sample faster, or filter higher",
         )
     wiring = Wiring(
-        tuple(motors), tuple(sensors.items()), tuple(joints), 1.0 / sample_hz, steps, late - slowest,
-        slowest - lags,
-    )  # fmt: skip
+        inputs=tuple(motors),
+        sensors=tuple(sensors.items()),
+        joints=tuple(joints),
+        period_s=1.0 / sample_hz,
+        steps=steps,
+        command_delay_s=late - slowest,
+        wait_s=slowest - lags,
+    )
     continuous = build_hybrid_plant(age_plant(plant, drifts, age_s), wiring)
     inputs = tuple(plant.inputs[i] for i in plant.input_indices(tuple(motors)))
     outputs = tuple(plant.outputs[i] for i in plant.output_indices(tuple(sensors)))
     return HardwareRig(
-        continuous, tuple(motors.values()), tuple(sensors.values()), tuple(joints), sample_hz, inputs,
-        outputs, plan_ageing(plant, drifts, age_s, wiring),
-    )  # fmt: skip
+        plant=continuous,
+        motors=tuple(motors.values()),
+        sensors=tuple(sensors.values()),
+        joints=tuple(joints),
+        sample_hz=sample_hz,
+        inputs=inputs,
+        outputs=outputs,
+        ageing=plan_ageing(plant, drifts, age_s, wiring),
+    )
 
 
 def law_on_rig(rig: HardwareRig, law: Law | None) -> SampledStateSpace | None:
@@ -127,11 +138,11 @@ def connect_law(rig: HardwareRig, law: SampledStateSpace | None) -> HybridSystem
     """The rig with a law in its computer, or with none."""
     period_s = 1.0 / rig.sample_hz
     return HybridSystem(
-        rig.plant,
-        build_computer(rig.sensors, law, len(rig.inputs), period_s),
-        gather_motors(rig.motors, period_s),
-        gather_readout(rig.sensors, period_s),
-        rig.joints,
+        plant=rig.plant,
+        computer=build_computer(rig.sensors, law, len(rig.inputs), period_s),
+        motors=gather_motors(rig.motors, period_s),
+        readout=gather_readout(rig.sensors, period_s),
+        joints=rig.joints,
     )
 
 

@@ -101,15 +101,29 @@ def run_hardware_closed_loop(
             if stop is not None:
                 return _stopped(rig, u, taken, stop[1])
     except NumericalError as error:
-        return Run(None, None, f"diverged: {error}", events=taken.counter.total(), partial=taken.partial(u))
+        return Run(
+            record=None,
+            control=None,
+            cause=f"diverged: {error}",
+            events=taken.counter.total(),
+            partial=taken.partial(u),
+        )
     measured, control, torque = (
         x[settle * len(u) :].reshape(periods, len(u), x.shape[1]) for x in taken.joined()
     )
     gyro = np.array([isinstance(s, Gyro) for s in rig.sensors], dtype=bool)
     y = remove_ramps(measured, gyro)
     repeated = np.broadcast_to(u, (periods, *u.shape))
-    record = Record(rig.sample_hz, repeated[None], y[None], rig.inputs, rig.outputs, True, held=True)
-    return Run(record, control, "", torque, taken.counter.total())
+    record = Record(
+        sample_hz=rig.sample_hz,
+        u=repeated[None],
+        y=y[None],
+        inputs=rig.inputs,
+        outputs=rig.outputs,
+        periodic=True,
+        held=True,
+    )
+    return Run(record=record, control=control, cause="", torque=torque, events=taken.counter.total())
 
 
 def remove_ramps(
@@ -187,7 +201,15 @@ class _Taken:
         measured = self.joined()[0]
         given = np.resize(u, (1, 1, len(measured), u.shape[1]))
         rig = self.rig
-        return Record(rig.sample_hz, given, measured[None, None], rig.inputs, rig.outputs, False, held=True)
+        return Record(
+            sample_hz=rig.sample_hz,
+            u=given,
+            y=measured[None, None],
+            inputs=rig.inputs,
+            outputs=rig.outputs,
+            periodic=False,
+            held=True,
+        )
 
 
 def _stopped(rig: HardwareRig, u: np.ndarray, taken: _Taken, output: int) -> Run:
@@ -199,7 +221,9 @@ def _stopped(rig: HardwareRig, u: np.ndarray, taken: _Taken, output: int) -> Run
         f"stopped: {port.name} at {where[-1]:.3g} {port.unit} after {time_s:.3g} s, mostly at "
         f"{_strongest_hz(where, rig.sample_hz):.3g} Hz"
     )
-    return Run(None, None, cause, events=taken.counter.total(time_s), partial=taken.partial(u))
+    return Run(
+        record=None, control=None, cause=cause, events=taken.counter.total(time_s), partial=taken.partial(u)
+    )
 
 
 def _strongest_hz(x: Float[np.ndarray, " sample"], sample_hz: float) -> float:

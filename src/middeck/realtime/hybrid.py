@@ -83,9 +83,15 @@ def _run_block(system: HybridSystem, e: Array, rng: np.random.Generator, start: 
         tick.move(window, white)
     momentum = np.subtract.accumulate(np.vstack([start.momentum, new]))[1:]
     end = HybridState(
-        tick.x, digital[-1, :states].copy(), issued[len(e) :], momentum[-1], tick.joint_states(), bias,
-        start.trim, start.tick + len(e),
-    )  # fmt: skip
+        x=tick.x,
+        computer=digital[-1, :states].copy(),
+        issued=issued[len(e) :],
+        momentum=momentum[-1],
+        joints=tick.joint_states(),
+        bias=bias,
+        trim=start.trim,
+        tick=start.tick + len(e),
+    )
     return HybridBlock(rows[:, states:answer], counts * count, commands, new, momentum, end)
 
 

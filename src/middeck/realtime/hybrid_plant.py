@@ -23,7 +23,7 @@ from middeck.systems.statespace import StateSpace
 from middeck.values import record
 
 
-@record
+@record(kw_only=True)
 class HybridPlant:
     """One tick of the continuous part, in internal steps.
 
@@ -54,7 +54,7 @@ class HybridPlant:
     noise: Float[np.ndarray, "state white"]
 
 
-@record
+@record(kw_only=True)
 class Wiring:
     """What stands between a computer and a plant, and when.
 
@@ -111,9 +111,14 @@ def build_hybrid_plant(plant: Plant, wiring: Wiring) -> HybridPlant:
     noise = np.zeros((size, len(root)))
     noise[[*filtered.moved, *heads[list(looks)]]] = root
     return HybridPlant(
-        np.array(step), np.array(drive), np.array(push), angle, _read_rows(filtered.system, chains, size),
-        clock.late, noise,
-    )  # fmt: skip
+        step=np.array(step),
+        drive=np.array(drive),
+        push=np.array(push),
+        angle=angle,
+        read=_read_rows(filtered.system, chains, size),
+        late=clock.late,
+        noise=noise,
+    )
 
 
 class _Clock:

@@ -15,7 +15,7 @@ from middeck.realtime.readout import Readout
 from middeck.values import record
 
 
-@record
+@record(kw_only=True)
 class HybridState:
     """Where a simulation stands.
 
@@ -68,7 +68,7 @@ def cut_block(block: HybridBlock, ticks: int) -> HybridBlock:
     return HybridBlock(*(x[:ticks] for x in block[:-1]), state=block.state)
 
 
-@record
+@record(kw_only=True)
 class HybridSystem:
     """Everything that a hybrid simulation needs; `middeck.realtime.hardware_rig` builds one."""
 

@@ -24,7 +24,7 @@ def place_law(
     law that is not sampled.
 
     >>> y, u = Port("y", "rad"), Port("u", "N m")
-    >>> lag = SampledStateSpace([[0.5]], [[1.0]], [[1.0]], [[-2.0]], 0.1)
+    >>> lag = SampledStateSpace([[0.5]], [[1.0]], [[1.0]], [[-2.0]], period_s=0.1)
     >>> place_law(Compensator(lag, (y,), (u,)), (Port("v", "N m"), u), (y,), 0.1).D.tolist()
     [[0.0], [-2.0]]
     """
@@ -35,7 +35,7 @@ def place_law(
     columns = port_indices(outputs, [p.name for p in law.inputs], "output of the rig")
     into, out = np.eye(len(outputs))[columns], np.eye(len(inputs))[:, rows]
     s = law.sampled
-    placed = SampledStateSpace(s.A, s.B @ into, out @ s.C, out @ s.D @ into, s.period_s)
+    placed = SampledStateSpace(s.A, s.B @ into, out @ s.C, out @ s.D @ into, period_s=s.period_s)
     check_law(placed, len(inputs), len(outputs), period_s)
     return placed
 

@@ -24,16 +24,22 @@ def linearise_rig(rig: HardwareRig) -> LinearRig:
     rows = gyro_sums(rig)
     p, n = len(rig.outputs), len(sums.A)
     if rows is not None:
-        sampled = SampledStateSpace(A, B, sums.C @ rows + sums.D @ read, np.zeros((p, m)), period_s)
+        sampled = SampledStateSpace(A, B, sums.C @ rows + sums.D @ read, np.zeros((p, m)), period_s=period_s)
     else:
         sampled = SampledStateSpace(
             np.block([[A, np.zeros((len(A), n))], [sums.B @ read, sums.A]]),
             np.vstack([B, np.zeros((n, m))]),
             np.hstack([sums.D @ read, sums.C]),
             np.zeros((p, m)),
-            period_s,
+            period_s=period_s,
         )
-    return LinearRig(sampled, rig.sample_hz, np.zeros(p), rig.inputs, rig.outputs)
+    return LinearRig(
+        sampled=sampled,
+        sample_hz=rig.sample_hz,
+        noise_rms=np.zeros(p),
+        inputs=rig.inputs,
+        outputs=rig.outputs,
+    )
 
 
 def gyro_sums(rig: HardwareRig) -> Float[np.ndarray, "gyro state"] | None:

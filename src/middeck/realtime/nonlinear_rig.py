@@ -24,7 +24,7 @@ STEADY = 1e-6
 a thousandth."""
 
 
-@record
+@record(kw_only=True)
 class NonlinearRig:
     """A sampled test article whose joints rub, stick or knock.
 
@@ -66,7 +66,14 @@ def build_nonlinear_rig(
     stepper = build_joint_stepper(
         plant, joints, step_s=1.0 / (sample_hz * steps), delay_s=pure_delay(sample_hz, delay_s)
     )
-    return NonlinearRig(stepper, steps, sample_hz, noise_rms, plant.inputs, plant.outputs)
+    return NonlinearRig(
+        stepper=stepper,
+        steps=steps,
+        sample_hz=sample_hz,
+        noise_rms=noise_rms,
+        inputs=plant.inputs,
+        outputs=plant.outputs,
+    )
 
 
 def run_nonlinear_open_loop(
@@ -101,7 +108,15 @@ def run_nonlinear_open_loop(
     y, taken = clean + noise, np.broadcast_to(u, (periods, *u.shape))
     if not steady:
         y, taken = y.reshape(1, -1, y.shape[2]), taken.reshape(1, -1, u.shape[1])
-    return Record(rig.sample_hz, taken[None], y[None], rig.inputs, rig.outputs, steady, held=True)
+    return Record(
+        sample_hz=rig.sample_hz,
+        u=taken[None],
+        y=y[None],
+        inputs=rig.inputs,
+        outputs=rig.outputs,
+        periodic=steady,
+        held=True,
+    )
 
 
 def _is_steady(periods: Float[np.ndarray, "period sample output"]) -> bool:

@@ -26,7 +26,7 @@ from middeck.systems.statespace import SampledStateSpace
 from middeck.values import record
 
 
-@record
+@record(kw_only=True)
 class LinearRig:
     """A sampled test article.
 
@@ -49,7 +49,7 @@ class LinearRig:
     outputs: tuple[Port, ...]
 
 
-@record
+@record(kw_only=True)
 class Run:
     """What came of a closed-loop experiment.
 
@@ -86,7 +86,9 @@ def build_linear_rig(
     `ConfigError` if less than that is left.
     """
     sampled = sample_dynamics(plant.rational, 1.0 / sample_hz, pure_delay(sample_hz, delay_s))
-    return LinearRig(sampled, sample_hz, noise_rms, plant.inputs, plant.outputs)
+    return LinearRig(
+        sampled=sampled, sample_hz=sample_hz, noise_rms=noise_rms, inputs=plant.inputs, outputs=plant.outputs
+    )
 
 
 def pure_delay(sample_hz: float, delay_s: float) -> float:
@@ -113,7 +115,15 @@ def run_open_loop(
     clean, _ = simulate(rig.sampled, excitation, start)
     noise = rng.standard_normal((periods, *clean.shape)) * rig.noise_rms
     u = np.broadcast_to(excitation, (periods, *np.shape(excitation)))
-    return Record(rig.sample_hz, u[None], (clean + noise)[None], rig.inputs, rig.outputs, True, held=True)
+    return Record(
+        sample_hz=rig.sample_hz,
+        u=u[None],
+        y=(clean + noise)[None],
+        inputs=rig.inputs,
+        outputs=rig.outputs,
+        periodic=True,
+        held=True,
+    )
 
 
 def close_sampled_loop(plant: SampledStateSpace, law: SampledStateSpace) -> SampledStateSpace:
@@ -153,7 +163,7 @@ def run_closed_loop(
     placed = place_law(law, rig.inputs, rig.outputs, 1.0 / rig.sample_hz)
     loop = close_sampled_loop(rig.sampled, placed)
     if not is_stable(loop):
-        return Run(None, None, _explain(loop))
+        return Run(record=None, control=None, cause=_explain(loop))
     outputs = len(rig.outputs)
     quiet = np.hstack([excitation, np.zeros((len(excitation), outputs))])
     state = find_periodic_state(loop, quiet)
@@ -165,9 +175,15 @@ def run_closed_loop(
     samples = np.array(rows)
     u = np.broadcast_to(excitation, (periods, *np.shape(excitation)))
     taken = Record(
-        rig.sample_hz, u[None], samples[None, ..., :outputs], rig.inputs, rig.outputs, True, held=True
+        sample_hz=rig.sample_hz,
+        u=u[None],
+        y=samples[None, ..., :outputs],
+        inputs=rig.inputs,
+        outputs=rig.outputs,
+        periodic=True,
+        held=True,
     )
-    return Run(taken, samples[..., outputs:], "")
+    return Run(record=taken, control=samples[..., outputs:], cause="")
 
 
 def _explain(loop: SampledStateSpace) -> str:

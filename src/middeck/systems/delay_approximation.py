@@ -121,7 +121,7 @@ def _approximate_parts(parts: _Parts, delay_s: np.ndarray, order: int) -> Named:
     return add(copies, integrals), (*others, *names)
 
 
-@record
+@record(kw_only=True)
 class _Parts:
     """Integrators as residues and as a system, with a name for them all; what moves; the direct term."""
 
@@ -140,7 +140,14 @@ def _part_modes(modal: ModalSystem) -> _Parts:
     residues = np.array([rows.rate @ still.psi, rows.position @ still.psi])[: 2 * bool(rigid.any())]
     rest = modal_to_statespace(dataclasses.replace(moving, direct=None))
     chains = modal_to_statespace(dataclasses.replace(still, phi_acceleration=None, direct=None))
-    return _Parts(residues, chains, ", ".join(still.names), rest, _doubled(moving.names), rows.direct)
+    return _Parts(
+        residues=residues,
+        still=chains,
+        at_rest=", ".join(still.names),
+        moving=rest,
+        names=_doubled(moving.names),
+        direct=rows.direct,
+    )
 
 
 def _part_states(system: StateSpace, names: tuple[str, ...]) -> _Parts:
@@ -148,13 +155,22 @@ def _part_states(system: StateSpace, names: tuple[str, ...]) -> _Parts:
     parted = part_integrators(system)
     if not len(parted.residues):
         rest = StateSpace(system.A, system.B, system.C, none)
-        return _Parts(parted.residues, parted.still, "", rest, names, system.D)
+        return _Parts(
+            residues=parted.residues,
+            still=parted.still,
+            at_rest="",
+            moving=rest,
+            names=names,
+            direct=system.D,
+        )
     share = np.sum(parted.states**2, axis=1)
     # A tenth: traces of rounding name nothing.
     at_rest = ", ".join(dict.fromkeys(names[i] for i in np.flatnonzero(share > 0.1)))
     rest = StateSpace(parted.moving.A, parted.moving.B, parted.moving.C, none)
     own = tuple(names[i] for i in parted.leading)
-    return _Parts(parted.residues, parted.still, at_rest, rest, own, system.D)
+    return _Parts(
+        residues=parted.residues, still=parted.still, at_rest=at_rest, moving=rest, names=own, direct=system.D
+    )
 
 
 def _bank(delay_s: np.ndarray, i: int, order: int) -> StateSpace:

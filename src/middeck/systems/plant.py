@@ -19,7 +19,7 @@ def _none() -> np.ndarray:
     return np.zeros((0, 0))
 
 
-@record
+@record(kw_only=True)
 class Plant:
     """A linear time-invariant model between named inputs and outputs, continuous or sampled.
 
@@ -192,7 +192,8 @@ def delay_plant(plant: Plant, delay_s: float | Float[np.ndarray, "output input"]
     Raises `ConfigError` where a delay would be negative, and for a sampled plant.
 
     >>> lag = StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
-    >>> delay_plant(Plant(lag, (Port("force", "N"),), (Port("way", "m"),)), 0.01).delay_s.tolist()
+    >>> delay_plant(Plant(dynamics=lag, inputs=(Port("force", "N"),), outputs=(Port("way", "m"),)),
+    ...     0.01).delay_s.tolist()
     [[0.01]]
     """
     return dataclasses.replace(plant, delay_s=plant.delay_s + delay_s)
@@ -202,9 +203,9 @@ def select_ports(plant: Plant, inputs: Sequence[str], outputs: Sequence[str]) ->
     """The plant from ``inputs`` to ``outputs``, by name, in the form of the whole; groups are dropped."""
     columns, rows = plant.input_indices(inputs), plant.output_indices(outputs)
     return Plant(
-        _select(plant.dynamics, columns, rows),
-        tuple(plant.inputs[i] for i in columns),
-        tuple(plant.outputs[i] for i in rows),
+        dynamics=_select(plant.dynamics, columns, rows),
+        inputs=tuple(plant.inputs[i] for i in columns),
+        outputs=tuple(plant.outputs[i] for i in rows),
         state_names=plant.state_names,
         delay_s=plant.delay_s[np.ix_(rows, columns)],
     )

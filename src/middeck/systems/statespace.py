@@ -31,7 +31,7 @@ class SampledStateSpace:
     B: Float[np.ndarray, "state input"]
     C: Float[np.ndarray, "output state"]
     D: Float[np.ndarray, "output input"]
-    period_s: float
+    period_s: float = dataclasses.field(kw_only=True)
 
 
 LinearSystem = StateSpace | SampledStateSpace

@@ -126,4 +126,6 @@ def evaluate_compensator(
     frequency_hz = np.asarray(frequency_hz, dtype=float)
     H = statespace_response(compensator.dynamics, 2.0 * np.pi * frequency_hz)
     held = compensator.period_s or 0.0
-    return FrequencyResponse(frequency_hz, H, compensator.inputs, compensator.outputs, hold_s=held)
+    return FrequencyResponse(
+        frequency_hz=frequency_hz, H=H, inputs=compensator.inputs, outputs=compensator.outputs, hold_s=held
+    )

@@ -21,7 +21,7 @@ from middeck.systems.statespace import SampledStateSpace, poles, select_paths
 from middeck.values import record
 
 
-@record
+@record(kw_only=True)
 class SampledOutcome:
     """What a sampled loop does; unstable is an expected outcome, not an error.
 
@@ -72,7 +72,9 @@ def measure_sampled_loop(
     covariance = _covariance(held, law, loop) if stable else None
     if covariance is None:
         nz, nu = np.full(len(held.z), np.inf), np.full(len(held.inputs), np.inf)
-        return SampledOutcome(stable, values, nz, nz, nu, np.inf, np.inf)
+        return SampledOutcome(
+            stable=stable, poles=values, rms=nz, rms_at_samples=nz, control_rms=nu, metric=np.inf, cost=np.inf
+        )
     n = len(held.system.A)
     mean = _mean_within(held, covariance)
     first = held.segments[0].start @ covariance @ held.segments[0].start.T
@@ -80,7 +82,15 @@ def measure_sampled_loop(
     control = np.sqrt(np.diag(covariance)[n:])
     metric = float(np.linalg.norm(weights.output * rms))
     cost = metric**2 + float(np.sum(weights.input * control**2)) / authority
-    return SampledOutcome(True, values, rms, at_samples, control, metric, cost)
+    return SampledOutcome(
+        stable=True,
+        poles=values,
+        rms=rms,
+        rms_at_samples=at_samples,
+        control_rms=control,
+        metric=metric,
+        cost=cost,
+    )
 
 
 def arrange_law(held: HeldPlant, compensator: Compensator) -> SampledStateSpace:
@@ -91,7 +101,7 @@ def arrange_law(held: HeldPlant, compensator: Compensator) -> SampledStateSpace:
     columns = _places(compensator.inputs, held.outputs, "measurement")
     rows = _places(compensator.outputs, held.inputs, "control input")
     s = compensator.sampled
-    law = SampledStateSpace(s.A, s.B[:, columns], s.C[rows], s.D[np.ix_(rows, columns)], s.period_s)
+    law = SampledStateSpace(s.A, s.B[:, columns], s.C[rows], s.D[np.ix_(rows, columns)], period_s=s.period_s)
     if abs(law.period_s - held.system.period_s) > 1e-12 * law.period_s:
         raise ConfigError(f"a law of {law.period_s} s on a plant held over {held.system.period_s} s")
     if np.any(held.system.D) and np.any(law.D):
