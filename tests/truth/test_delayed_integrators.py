@@ -47,7 +47,7 @@ def test_rigid_modes_behind_delays_that_are_no_sums_are_kept_once(delay_s: list[
         phi_acceleration=shapes[2],
         direct=rng.standard_normal(late.shape),
     )
-    ports = (tuple(Port(f"{side}{i}", "1") for i in range(n)) for side, n in (("u", inputs), ("y", outputs)))
+    ports = [tuple(Port(f"{side}{i}", "1") for i in range(n)) for side, n in (("u", inputs), ("y", outputs))]
     plant = Plant(dynamics=modal, inputs=ports[0], outputs=ports[1])
     near = approximate_delays(delay_plant(plant, late), 4)
     f = np.array([1e-3, 0.1, 2.0])

@@ -551,5 +551,5 @@ def test_disturbances_that_belong_together_must_be_late_together():
 def test_other_ports_are_named():
     law = design_sampled_lqg(cases.late_gimbal(), cases.gimbal_weights(), 100.0, 0.01)
     other = dataclasses.replace(law, inputs=(Port("rate", "rad/s"),))
-    with pytest.raises(ConfigError, match="measurement named 'angle'"):
+    with pytest.raises(ConfigError, match="reads rate and drives torque"):
         measure_sampled_loop(cases.late_gimbal(), other, cases.gimbal_weights(), 100.0)

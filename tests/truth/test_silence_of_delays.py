@@ -20,11 +20,11 @@ from middeck.control.sampled import design_sampled_lqg, emulate
 from middeck.errors import ConfigError, NotStabilisableError
 from middeck.identification.uncertainty.accuracy import expected_accuracy
 from middeck.signals.record import Record
-from middeck.systems.delay_approximation import approximate_delays
+from middeck.systems.delay_approximation import approximate_delays, evaluate_approximation
 from middeck.systems.modal import ModalSystem
 from middeck.systems.own_plant import make_plant
 from middeck.systems.plant import Plant, delay_plant, group_ports, name_states
-from middeck.systems.response import evaluate_plant
+from middeck.systems.response import evaluate_plant, statespace_response
 from middeck.systems.sampled_plant import sample_plant
 from middeck.systems.statespace import StateSpace
 
@@ -165,3 +165,18 @@ def test_an_inert_mode_that_grows_is_no_stable_loop() -> None:
     for each in (plant, dense, delay_plant(plant, 0.02), delay_plant(plant, UNLIKE)):
         assert not decide_stability(each, LAW).stable
         assert not decide_stability(each, emulate(LAW, 0.01)).stable
+
+
+def test_a_direct_term_stays_where_no_state_meets_a_port() -> None:
+    through = np.array([[1.0, -2.0], [0.5, 3.0]])
+    plant = dataclasses.replace(
+        PLANT,
+        dynamics=StateSpace([[-1.0]], np.zeros((1, 2)), np.zeros((2, 1)), through),
+        state_names=("alone",),
+        delay_s=UNLIKE,
+    )
+    near = approximate_delays(plant, 4)
+    s = 1j * np.array([0.1, 1.0])
+    turn = evaluate_approximation(UNLIKE, 4, s)
+    np.testing.assert_allclose(statespace_response(near.system, s.imag), through * turn, rtol=1e-12)
+    assert near.state_names[-1] == "alone"

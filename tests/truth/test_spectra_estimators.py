@@ -1,5 +1,7 @@
 """H1, H2, Hv, coherences and their sums over blocks, against identities, closed forms and scipy.signal."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 import scipy.signal
@@ -115,7 +117,7 @@ def test_whole_periods_read_in_blocks_need_the_memory_of_one():
             yield period, 3.0 * period + noise
 
     stream = stream_record(record_of(np.zeros((1, 1, 2, 1)), np.zeros((1, 1, 2, 1)), periodic=True))
-    long = type(stream)(HZ, stream.inputs, stream.outputs, 400 * 256, 1, 256, pieces)
+    long = dataclasses.replace(stream, samples=400 * 256, experiments=1, period=256, pieces=pieces)
     found = estimate_response(long)
     assert set(largest) == {256}
     # Noise 0.1 over 400 periods and a white input: 0.005 on each line on average.

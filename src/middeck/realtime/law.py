@@ -9,7 +9,7 @@ import numpy as np
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port, port_indices
-from middeck.systems.statespace import SampledStateSpace
+from middeck.systems.statespace import SampledStateSpace, same_period
 
 Law = SampledStateSpace | Compensator
 
@@ -42,7 +42,7 @@ def place_law(
 
 def check_law(law: SampledStateSpace, inputs: int, outputs: int, period_s: float) -> None:
     """Raise `ConfigError` unless ``law`` has the rig's sizes and period."""
-    if law.D.shape != (inputs, outputs) or abs(law.period_s - period_s) > 1e-12 * period_s:
+    if law.D.shape != (inputs, outputs) or not same_period(law.period_s, period_s):
         raise ConfigError(
             f"the law has {law.D.shape} outputs and inputs at {law.period_s} s, the rig wants "
             f"{(inputs, outputs)} at {period_s} s",

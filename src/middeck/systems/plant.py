@@ -14,6 +14,8 @@ from middeck.systems.modal import ModalSystem, modal_to_statespace, select_chann
 from middeck.systems.statespace import SampledStateSpace, StateSpace, select_paths
 from middeck.values import record
 
+Dynamics = ModalSystem | StateSpace | SampledStateSpace
+
 
 def _none() -> np.ndarray:
     return np.zeros((0, 0))
@@ -48,7 +50,7 @@ class Plant:
         shape, negative, not finite, or of a sampled plant.
     """
 
-    dynamics: ModalSystem | StateSpace | SampledStateSpace
+    dynamics: Dynamics
     inputs: tuple[Port, ...]
     outputs: tuple[Port, ...]
     w: tuple[str, ...] = ()
@@ -61,11 +63,8 @@ class Plant:
     def __post_init__(self) -> None:
         for group in ("w", "u", "z", "y"):
             require_names(getattr(self, group), group)
-        ports, states, sizes = (
-            (len(self.outputs), len(self.inputs)),
-            _states(self.dynamics),
-            _ports(self.dynamics),
-        )
+        ports = len(self.outputs), len(self.inputs)
+        states, sizes = _states(self.dynamics), _ports(self.dynamics)
         if sizes != ports:
             raise ConfigError(
                 f"{ports[0]} outputs and {ports[1]} inputs named, the dynamics has {sizes[0]} and {sizes[1]}",
@@ -143,14 +142,14 @@ class Plant:
         return port_indices(self.outputs, names, "output")
 
 
-def _ports(dynamics: ModalSystem | StateSpace | SampledStateSpace) -> tuple[int, int]:
+def _ports(dynamics: Dynamics) -> tuple[int, int]:
     if isinstance(dynamics, ModalSystem):
         return len(dynamics.phi), dynamics.psi.shape[1]
     rows, columns = dynamics.D.shape
     return rows, columns
 
 
-def _states(dynamics: ModalSystem | StateSpace | SampledStateSpace) -> int:
+def _states(dynamics: Dynamics) -> int:
     return 2 * len(dynamics.omega) if isinstance(dynamics, ModalSystem) else len(dynamics.A)
 
 
@@ -211,9 +210,7 @@ def select_ports(plant: Plant, inputs: Sequence[str], outputs: Sequence[str]) ->
     )
 
 
-def _select(
-    dynamics: ModalSystem | StateSpace | SampledStateSpace, columns: list[int], rows: list[int]
-) -> ModalSystem | StateSpace | SampledStateSpace:
+def _select(dynamics: Dynamics, columns: list[int], rows: list[int]) -> Dynamics:
     if isinstance(dynamics, ModalSystem):
         return select_channels(dynamics, columns, rows)
     return select_paths(dynamics, columns, rows)

@@ -39,6 +39,11 @@ LinearSystem = StateSpace | SampledStateSpace
 System = TypeVar("System", bound=LinearSystem)
 
 
+def same_period(one_s: float, other_s: float) -> bool:
+    """Whether two periods [s] are one but for rounding."""
+    return abs(one_s - other_s) <= 1e-12 * one_s
+
+
 def gain_system(D: Float[np.ndarray, "output input"]) -> StateSpace:
     """A system without states: y = D u."""
     outputs, inputs = np.shape(D)

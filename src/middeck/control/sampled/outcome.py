@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from jaxtyping import Complex, Float
 
-from middeck.control.law.compensator import Compensator
+from middeck.control.law.compensator import Compensator, arrange_ports
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.riccati import solve_discrete_lyapunov
 from middeck.control.sampled.held import HeldPlant, hold_plant
 from middeck.control.sampled.integrals import spread_noise
 from middeck.errors import ConfigError
-from middeck.signals.ports import Port, port_indices
 from middeck.systems.feedback import feedback
 from middeck.systems.plant import Plant
 from middeck.systems.stability import is_stable
-from middeck.systems.statespace import SampledStateSpace, poles, select_paths
+from middeck.systems.statespace import SampledStateSpace, poles, same_period, select_paths
 from middeck.values import record
 
 
@@ -98,28 +95,19 @@ def arrange_law(held: HeldPlant, compensator: Compensator) -> SampledStateSpace:
 
     Raises `ConfigError` for other ports, another period, and a loop within the sample.
     """
-    columns = _places(compensator.inputs, held.outputs, "measurement")
-    rows = _places(compensator.outputs, held.inputs, "control input")
-    s = compensator.sampled
-    law = SampledStateSpace(s.A, s.B[:, columns], s.C[rows], s.D[np.ix_(rows, columns)], period_s=s.period_s)
-    if abs(law.period_s - held.system.period_s) > 1e-12 * law.period_s:
-        raise ConfigError(f"a law of {law.period_s} s on a plant held over {held.system.period_s} s")
+    measured, driven = ([p.name for p in side] for side in (held.outputs, held.inputs))
+    law = arrange_ports(compensator, measured, driven).sampled
+    if not same_period(law.period_s, held.system.period_s):
+        raise ConfigError(
+            f"a law of {law.period_s} s on a plant held over {held.system.period_s} s",
+            hint="emulate(law, period_s), or hold the plant over the law's period",
+        )
     if np.any(held.system.D) and np.any(law.D):
         raise ConfigError(
             "the plant answers within the sample in which it is commanded, and so does the law",
             hint="the plant's true delay, or a law without a direct term (the predictor form)",
         )
     return law
-
-
-def _places(given: Sequence[Port], wanted: Sequence[Port], what: str) -> list[int]:
-    places = port_indices(given, [p.name for p in wanted], what)
-    if len(given) != len(wanted):
-        raise ConfigError(
-            f"the compensator has {len(given)} ports where the plant has {len(wanted)} of this {what}",
-            hint="the plant's groups u and y must be those of the compensator",
-        )
-    return places
 
 
 def _close(held: HeldPlant, law: SampledStateSpace) -> SampledStateSpace:
