@@ -73,12 +73,15 @@ def make_plant(
             where="make_plant",
             hint="A n x n, B n x m, C p x n, D p x m",
         ) from None
-    named = {"w": w, "u": u, "z": z, "y": y, "state_names": state_names}
     plant = Plant(
         dynamics=dynamics,
         inputs=_ports("inputs", "u", inputs, shape[1]),
         outputs=_ports("outputs", "y", outputs, shape[0]),
-        **{name: _names(name, value) for name, value in named.items()},
+        w=_names("w", w),
+        u=_names("u", u),
+        z=_names("z", z),
+        y=_names("y", y),
+        state_names=_names("state_names", state_names),
     )
     late = _delays(delay_s, shape)
     return delay_plant(plant, late) if np.any(late) else plant
