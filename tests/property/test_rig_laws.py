@@ -8,13 +8,13 @@ import numpy as np
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from middeck.joints.attachment import JointElements
 from middeck.joints.deadband import Deadband
 from middeck.joints.friction import Friction
-from middeck.joints.simulation import JointElements
-from middeck.realtime.hardware_rig import build_hardware_rig, connect_law, measure_bias
-from middeck.realtime.hybrid import simulate_hybrid
 from middeck.realtime.motors import Motor, Rotor
+from middeck.realtime.rig import build_rig
 from middeck.realtime.sensors import Encoder, Sampler
+from middeck.realtime.simulation import simulate_rig, switch_on
 from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
@@ -36,15 +36,14 @@ def random_plant(rng, joints):
 
 
 def rig_of(plant, motor=Motor(), sensor=Sampler(), **more):  # noqa: B008
-    return build_hardware_rig(
+    return build_rig(
         plant, motors={p.name: motor for p in plant.inputs}, sensors={p.name: sensor for p in plant.outputs},
         sample_hz=RATE, delay_s=0.004, **more,
     )  # fmt: skip
 
 
 def run(rig, u):
-    rng = np.random.default_rng(0)
-    (block,) = simulate_hybrid(connect_law(rig, None), [u], rng, measure_bias(rig, None, 0.0, rng))
+    (block,) = simulate_rig(rig, None, [u], np.random.default_rng(0))
     return block
 
 
@@ -123,12 +122,11 @@ def test_left_alone_a_rig_never_gains_energy(seed, joints, steps):
         for p in plant.inputs
     ]
     rig = rig_of(plant, joints=parts, steps=steps)
-    system = connect_law(rig, None)
     omega = plant.dynamics.omega
     scale, size = np.where(omega > 0.0, omega, 1.0), 2 * len(omega)
     rng0 = np.random.default_rng(0)
     state = dataclasses.replace(
-        measure_bias(rig, None, 0.0, rng0), x=0.05 * rng.normal(size=rig.plant.angle.shape[1])
+        switch_on(rig, None, 0.0, rng0), x=0.05 * rng.normal(size=rig.plant.angle.shape[1])
     )
 
     def energy(state):
@@ -143,7 +141,7 @@ def test_left_alone_a_rig_never_gains_energy(seed, joints, steps):
 
     found = []
     for _ in range(60):
-        (block,) = simulate_hybrid(system, [np.zeros((1, joints))], rng0, state)
+        (block,) = simulate_rig(rig, None, [np.zeros((1, joints))], rng0, state)
         state = block.state
         found.append(energy(state))
     assume(found[0] > 1e-9)

@@ -13,9 +13,9 @@ from middeck.files.documents import load_environment, load_structure
 from middeck.files.rig_build import build_rig_settings
 from middeck.files.studies import load_study
 from middeck.files.study_form import RigForm
+from middeck.joints.attachment import add_viscous
 from middeck.joints.deadband import Deadband
 from middeck.joints.friction import Friction
-from middeck.joints.simulation import add_viscous
 from middeck.laboratory.article import rig_article_plant
 from middeck.laboratory.article_rig import build_article_rig, build_rig_article
 from middeck.laboratory.linear_test import rig_plant, run_rig_experiment

@@ -23,7 +23,7 @@ class RigSettings:
     encoder, gyro:
         What reads a joint angle, and an inertial one.
     noise_share:
-        White noise at the outputs of the linear rig, as a share of the rms of each.
+        White noise at the outputs of the rig of Figure 6, as a share of the rms of each.
     rest_s:
         Rest before a run, in which the gyros' biases are measured.
     modes_hz, mesh_factor, shear:

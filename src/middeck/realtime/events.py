@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
-from middeck.realtime.hybrid_state import HybridBlock, HybridSystem
+from middeck.realtime.rig import Rig
+from middeck.realtime.rig_state import RigBlock
 from middeck.signals.ports import Port, port_indices
 from middeck.values import record
 
 FULL = 1.0 - 1e-9  # part of a limit from which on it counts as reached: rounding
 
 
-@record
+@record(kw_only=True)
 class RunEvents:
     """Shares of the ticks in which a limit was reached, settling included.
 
@@ -71,16 +72,15 @@ def find_stop(measured: Float[np.ndarray, "sample output"], limits: np.ndarray) 
 class EventCounter:
     """Adds up the events of a run, block by block."""
 
-    def __init__(self, system: HybridSystem, inertia: Mapping[int, float], period_s: float) -> None:
-        self._system, self._inertia, self._period_s = system, inertia, period_s
-        self._ticks = 0
-        m, p = system.computer.commands, system.computer.outputs
+    def __init__(self, rig: Rig) -> None:
+        self._rig, self._ticks = rig, 0
+        m, p = len(rig.inputs), len(rig.outputs)
         self._saturated, self._slewed, self._full = np.zeros((3, m))
         self._clipped, self._speed = np.zeros(p), np.zeros(m)
 
-    def add(self, block: HybridBlock, before: Float[np.ndarray, " input"]) -> None:
+    def add(self, block: RigBlock, before: Float[np.ndarray, " input"]) -> None:
         """Count one block; ``before`` is the torque issued just before it."""
-        motors, readout = self._system.motors, self._system.readout
+        motors, readout = self._rig.bank, self._rig.readout
         torque = block.torque
         self._ticks += len(torque)
         at_limit = (torque >= motors.upper * FULL) | (torque <= motors.lower * FULL)
@@ -90,18 +90,19 @@ class EventCounter:
         full = np.abs(block.momentum) >= motors.momentum * FULL
         self._full += full.sum(axis=0)
         self._clipped += (np.abs(block.readings) >= readout.range * FULL - readout.step).sum(axis=0)
-        for i, inertia in self._inertia.items():
-            speed = float(np.abs(block.momentum[:, i]).max(initial=0.0)) * self._period_s / inertia
-            self._speed[i] = max(self._speed[i], speed)
+        for i, motor in enumerate(self._rig.motors):
+            if motor.rotor is not None:
+                impulse = float(np.abs(block.momentum[:, i]).max(initial=0.0)) * self._rig.period_s
+                self._speed[i] = max(self._speed[i], impulse / motor.rotor.inertia)
 
     def total(self, stopped_s: float | None = None) -> RunEvents:
         """All that was counted."""
         ticks = max(self._ticks, 1)
         return RunEvents(
-            self._saturated / ticks,
-            self._slewed / ticks,
-            self._full / ticks,
-            self._clipped / ticks,
-            self._speed,
-            stopped_s,
+            saturated=self._saturated / ticks,
+            slewed=self._slewed / ticks,
+            rotor_full=self._full / ticks,
+            clipped=self._clipped / ticks,
+            peak_speed_rad_s=self._speed,
+            stopped_s=stopped_s,
         )

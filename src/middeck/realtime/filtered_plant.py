@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from middeck.control.sampled.integrals import spread_noise
 from middeck.errors import ConfigError
-from middeck.joints.simulation import JointElements, add_viscous
+from middeck.joints.attachment import JointElements, add_viscous
 from middeck.realtime.sensor_filters import anti_alias, sensor_filter
 from middeck.realtime.sensors import Gyro, Sensor
 from middeck.systems.modal import ModalSystem, modal_to_statespace
@@ -20,11 +20,15 @@ from middeck.systems.statespace import StateSpace
 
 
 class FilteredPlant(NamedTuple):
-    """A plant behind its sensors' filters: torques of the motors, then of the joints; and noise in it."""
+    """From the torques of the motors, then of the joints, to what is sampled; and the noise in the filters.
+
+    ``noise`` is the root of its intensity on the states, one column for each sensor; ``moved`` are the states
+    of the filters behind it.
+    """
 
     system: StateSpace
-    noise: np.ndarray  # root of the intensity of the noise on the states, a column for each
-    moved: list[int]  # states of the filters behind it
+    noise: np.ndarray
+    moved: list[int]
 
 
 def filter_outputs(
@@ -38,44 +42,47 @@ def filter_outputs(
     system = modal_to_statespace(dynamics) if isinstance(dynamics, ModalSystem) else dynamics
     columns = [*plant.input_indices(inputs), *plant.input_indices([j.torque for j in joints])]
     B = system.B[:, columns]
+    D = system.D[:, columns]
     filters = [sensor_filter(sensor) for _, sensor in sensors]
     n, extra = len(system.A), sum(len(f.A) for f in filters)
-    A, rows = np.zeros((n + extra, n + extra)), np.zeros((len(filters), n + extra))
+    A, C = np.zeros((n + extra, n + extra)), np.zeros((len(filters), n + extra))
+    B, through = np.vstack([B, np.zeros((extra, B.shape[1]))]), np.zeros((len(filters), B.shape[1]))
     moved: list[int] = []
     A[:n, :n] = system.A
     noise = np.zeros((n + extra, len(filters)))
     first = n
     for o, ((name, sensor), f) in enumerate(zip(sensors, filters, strict=True)):
-        c = _reading(plant, system, B, name, sensor)
+        row = plant.output_indices([name])[0]
+        c, d, jump = _reading(system.C[row], D[row], system.A, B[:n], isinstance(sensor, Gyro))
+        if np.any(jump) and np.any(f.D):
+            raise ConfigError(
+                f"output {name!r} answers a command at once: its rate is infinite",
+                where="sensors",
+                hint="a gyro with a finite bandwidth_hz or anti_alias_hz, or no direct term (static=False)",
+            )
         last = first + len(f.A)
+        # Behind a filter a jump of the angle is a jump of its states: they are counted from there.
         A[first:last, :n], A[first:last, first:last] = f.B @ c[None], f.A
-        rows[o, :n], rows[o, first:last] = f.D[0, 0] * c, f.C[0]
+        B[first:last] = f.B @ d[None] + f.A @ f.B @ jump[None]
+        C[o, :n], C[o, first:last] = f.D[0, 0] * c, f.C[0]
+        through[o] = f.D[0, 0] * d + f.C[0] @ f.B * jump
         if isinstance(sensor, Gyro) and sensor.noise > 0.0:
             into = anti_alias(sensor.anti_alias_hz).B[:, 0]
             noise[last - len(into) : last, o] = sensor.noise * into
             moved += range(last - len(into), last)
         first = last
-    padded = np.vstack([B, np.zeros((extra, B.shape[1]))])
-    return FilteredPlant(StateSpace(A, padded, rows, np.zeros((len(rows), len(columns)))), noise, moved)
+    return FilteredPlant(StateSpace(A, B, C, through), noise, moved)
 
 
-def _reading(plant: Plant, system: StateSpace, B: np.ndarray, name: str, sensor: Sensor) -> np.ndarray:
-    """Row of the states that a sensor reads: the output, or for a gyro its rate."""
-    row = plant.output_indices([name])[0]
-    c = system.C[row]
-    steps = np.any(system.D[row]) or (isinstance(sensor, Gyro) and np.any(_at_once(c, B)))
-    if steps:
-        raise ConfigError(
-            f"output {name!r} answers a command at once",
-            where="sensors",
-            hint="angles of a plant without residual flexibility (static=False)",
-        )
-    return c @ system.A if isinstance(sensor, Gyro) else c
-
-
-def _at_once(c: np.ndarray, B: np.ndarray) -> np.ndarray:
-    """c B beyond rounding: what an angle's rate would jump by."""
-    return np.abs(c @ B) > 1e-12 * (np.abs(c) @ np.abs(B))
+def _reading(
+    c: np.ndarray, d: np.ndarray, A: np.ndarray, B: np.ndarray, rate: bool
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rows of states, inputs and rates of inputs that a sensor reads: the output c x + d u, or its rate."""
+    if not rate:
+        return c, d, 0.0 * d
+    at_once = c @ B
+    # Rounding of an angle's rows is no answer.
+    return c @ A, np.where(np.abs(at_once) > 1e-12 * (np.abs(c) @ np.abs(B)), at_once, 0.0), d
 
 
 def sample_noise(

@@ -12,7 +12,7 @@ from middeck.realtime.sensors import Encoder, Gyro, Sampler, Sensor
 from middeck.values import record
 
 
-@record
+@record(kw_only=True)
 class Readout:
     """What converters and encoders make of the sampled outputs, one entry each.
 
@@ -45,4 +45,4 @@ def gather_readout(sensors: Sequence[Sensor], period_s: float) -> Readout:
                 if np.isinf(sensor.anti_alias_hz):
                     noise[i] = sensor.noise / np.sqrt(period_s)
     gyro = np.array([isinstance(s, Gyro) for s in sensors], dtype=bool)
-    return Readout(step, reach, noise, bias, walk, gyro)
+    return Readout(step=step, range=reach, noise_rms=noise, bias=bias, walk=walk, gyro=gyro)
