@@ -16,7 +16,7 @@ from middeck.realtime.sensor_filters import anti_alias, sensor_filter
 from middeck.realtime.sensors import Gyro, Sensor
 from middeck.systems.modal import ModalSystem, modal_to_statespace
 from middeck.systems.plant import Plant
-from middeck.systems.statespace import StateSpace
+from middeck.systems.statespace import StateSpace, select_paths
 
 
 class FilteredPlant(NamedTuple):
@@ -39,21 +39,21 @@ def filter_outputs(
 ) -> FilteredPlant:
     """``plant`` with the torques of motors and joints as inputs and what ``sensors`` sample as outputs."""
     dynamics = add_viscous(plant, joints)
-    system = modal_to_statespace(dynamics) if isinstance(dynamics, ModalSystem) else dynamics
-    columns = [*plant.input_indices(inputs), *plant.input_indices([j.torque for j in joints])]
-    B = system.B[:, columns]
-    D = system.D[:, columns]
+    system = select_paths(
+        modal_to_statespace(dynamics) if isinstance(dynamics, ModalSystem) else dynamics,
+        plant.input_indices([*inputs, *(j.torque for j in joints)]),
+        plant.output_indices([name for name, _ in sensors]),
+    )
     filters = [sensor_filter(sensor) for _, sensor in sensors]
     n, extra = len(system.A), sum(len(f.A) for f in filters)
     A, C = np.zeros((n + extra, n + extra)), np.zeros((len(filters), n + extra))
-    B, through = np.vstack([B, np.zeros((extra, B.shape[1]))]), np.zeros((len(filters), B.shape[1]))
+    B, D = np.zeros((n + extra, system.B.shape[1])), np.zeros(system.D.shape)
     moved: list[int] = []
-    A[:n, :n] = system.A
+    A[:n, :n], B[:n] = system.A, system.B
     noise = np.zeros((n + extra, len(filters)))
     first = n
     for o, ((name, sensor), f) in enumerate(zip(sensors, filters, strict=True)):
-        row = plant.output_indices([name])[0]
-        c, d, jump = _reading(system.C[row], D[row], system.A, B[:n], isinstance(sensor, Gyro))
+        c, d, jump = _reading(system, o, isinstance(sensor, Gyro))
         if np.any(jump) and np.any(f.D):
             raise ConfigError(
                 f"output {name!r} answers a command at once: its rate is infinite",
@@ -65,24 +65,24 @@ def filter_outputs(
         A[first:last, :n], A[first:last, first:last] = f.B @ c[None], f.A
         B[first:last] = f.B @ d[None] + f.A @ f.B @ jump[None]
         C[o, :n], C[o, first:last] = f.D[0, 0] * c, f.C[0]
-        through[o] = f.D[0, 0] * d + f.C[0] @ f.B * jump
+        D[o] = f.D[0, 0] * d + f.C[0] @ f.B * jump
         if isinstance(sensor, Gyro) and sensor.noise > 0.0:
             into = anti_alias(sensor.anti_alias_hz).B[:, 0]
             noise[last - len(into) : last, o] = sensor.noise * into
             moved += range(last - len(into), last)
         first = last
-    return FilteredPlant(StateSpace(A, B, C, through), noise, moved)
+    return FilteredPlant(StateSpace(A, B, C, D), noise, moved)
 
 
-def _reading(
-    c: np.ndarray, d: np.ndarray, A: np.ndarray, B: np.ndarray, rate: bool
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _reading(system: StateSpace, output: int, rate: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Rows of states, inputs and rates of inputs that a sensor reads: the output c x + d u, or its rate."""
+    c, d = system.C[output], system.D[output]
     if not rate:
         return c, d, 0.0 * d
-    at_once = c @ B
+    at_once = c @ system.B
     # Rounding of an angle's rows is no answer.
-    return c @ A, np.where(np.abs(at_once) > 1e-12 * (np.abs(c) @ np.abs(B)), at_once, 0.0), d
+    rounding = 1e-12 * (np.abs(c) @ np.abs(system.B))
+    return c @ system.A, np.where(np.abs(at_once) > rounding, at_once, 0.0), d
 
 
 def sample_noise(

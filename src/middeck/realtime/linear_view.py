@@ -24,13 +24,19 @@ def linearise_rig(rig: Rig) -> Plant:
     A, B, read = _without_sums(rig)
     sums = integrators(rig.sensors, rig.period_s)
     rows = gyro_sums(rig)
-    n, through = len(sums.A), np.zeros((len(rig.outputs), len(rig.inputs)))
+    D = np.zeros((len(rig.outputs), len(rig.inputs)))
     if rows is not None:
-        C = sums.C @ rows + sums.D @ read
+        sampled = SampledStateSpace(A, B, sums.C @ rows + sums.D @ read, D, rig.period_s)
     else:
-        A = np.block([[A, np.zeros((len(A), n))], [sums.B @ read, sums.A]])
-        B, C = np.vstack([B, np.zeros((n, B.shape[1]))]), np.hstack([sums.D @ read, sums.C])
-    return Plant(SampledStateSpace(A, B, C, through, rig.period_s), rig.inputs, rig.outputs)
+        n = len(sums.A)
+        sampled = SampledStateSpace(
+            np.block([[A, np.zeros((len(A), n))], [sums.B @ read, sums.A]]),
+            np.vstack([B, np.zeros((n, B.shape[1]))]),
+            np.hstack([sums.D @ read, sums.C]),
+            D,
+            rig.period_s,
+        )
+    return Plant(sampled, rig.inputs, rig.outputs)
 
 
 def close_rig(rig: Rig, law: SampledStateSpace) -> SampledStateSpace:

@@ -9,7 +9,6 @@ leaves in blocks, and memory does not grow with its length.
 from __future__ import annotations
 
 import dataclasses
-import sys
 from collections.abc import Iterable, Iterator
 
 import numpy as np
@@ -51,11 +50,11 @@ def simulate_rig(
     placed = place_law(law, rig.inputs, rig.outputs, rig.period_s)
     state = switch_on(rig, law, 0.0, rng) if start is None else start
     computer, loop = build_computer(rig.sensors, placed), close_rig(rig, placed) if rig.linear else None
-    held_at = follow_ageing(rig.ageing) if rig.ageing else lambda _: (rig.plant, sys.maxsize)
+    held_at = None if rig.ageing is None else follow_ageing(rig.ageing)
     for block in excitation:
         left = _check_excitation(block, len(rig.inputs))
         while len(left):
-            plant, ticks = held_at(state.tick)
+            plant, ticks = (rig.plant, len(left)) if held_at is None else held_at(state.tick)
             e, left = left[:ticks], left[ticks:]
             done = (
                 _run_ticks(rig, plant, computer, e, rng, state)
