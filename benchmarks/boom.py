@@ -33,7 +33,15 @@ E, G, RHO = 70e9, 27e9, 2700.0
 OUTER, INNER = 0.040, 0.036
 AREA = np.pi * (OUTER**2 - INNER**2) / 4.0
 SECOND = np.pi * (OUTER**4 - INNER**4) / 64.0
-SECTION = Section(E * AREA, 2.0 * G * SECOND, E * SECOND, E * SECOND, RHO * AREA, RHO * SECOND, RHO * SECOND)
+SECTION = Section(
+    EA=E * AREA,
+    GJ=2.0 * G * SECOND,
+    EI_y=E * SECOND,
+    EI_z=E * SECOND,
+    rho_A=RHO * AREA,
+    rho_I_y=RHO * SECOND,
+    rho_I_z=RHO * SECOND,
+)
 # Width and bays in cells, and elements a strut, by the number of degrees of freedom that they make, about.
 SIZES = {"1e3": (1, 16, 2), "1e4": (2, 32, 2), "1e5": (5, 80, 2), "1e6": (7, 420, 2)}
 
@@ -130,15 +138,34 @@ def structure_of_boom(boom: Boom) -> tuple[Structure, Environment]:
     span = np.abs(boom.joints[boom.struts[:, 1]] - boom.joints[boom.struts[:, 0]])
     vertical = (span[:, 0] == 0.0) & (span[:, 1] == 0.0)
     members = tuple(
-        Member(f"m{i}", names[a], names[b], SECTION, boom.elements, along_z if v else up)
+        Member(
+            name=f"m{i}",
+            start=names[a],
+            end=names[b],
+            section=SECTION,
+            elements=boom.elements,
+            up=along_z if v else up,
+        )
         for i, ((a, b), v) in enumerate(zip(boom.struts.tolist(), vertical.tolist(), strict=True))
     )
     attach = tuple(AttachPoint(f"a{j}", names[j], np.zeros(3)) for j in boom.spring_joint.tolist())
     springs = tuple(
-        AnchoredSpring(f"s{j}", f"a{j}", anchor, k, FREE_LENGTH)
+        AnchoredSpring(name=f"s{j}", attach=f"a{j}", anchor=anchor, stiffness=k, free_length=FREE_LENGTH)
         for j, anchor, k in zip(
             boom.spring_joint.tolist(), boom.spring_anchor, boom.spring_stiffness.tolist(), strict=True
         )
     )
-    article = Structure("boom", nodes, members, (), (), attach, (), (), Damping(0.01, 0.03))
-    return article, Environment("springs", np.array([0.0, -GRAVITY, 0.0]), None, springs)
+    article = Structure(
+        title="boom",
+        nodes=nodes,
+        members=members,
+        joints=(),
+        springs=(),
+        attach_points=attach,
+        actuators=(),
+        sensors=(),
+        damping=Damping(flexible=0.01, suspension=0.03),
+    )
+    return article, Environment(
+        title="springs", gravity=np.array([0.0, -GRAVITY, 0.0]), suspension=None, springs=springs
+    )

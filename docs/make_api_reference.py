@@ -6,6 +6,8 @@ import inspect
 import sys
 from pathlib import Path
 
+from made_page import write_or_check
+
 import middeck
 
 PAGE = Path(__file__).parent / "reference" / "api.md"
@@ -90,13 +92,7 @@ def sentence_of(value: object) -> str:
 
 def main(arguments: list[str]) -> int:
     """Write the page, or compare it; 1 where it is stale."""
-    text = page()
-    if "--check" not in arguments:
-        PAGE.write_text(text, encoding="utf-8")
-    elif not PAGE.is_file() or PAGE.read_text(encoding="utf-8") != text:
-        print(f"{PAGE} is stale: run {Path(__file__).name}")
-        return 1
-    return 0
+    return write_or_check(PAGE, page(), arguments, Path(__file__).name)
 
 
 if __name__ == "__main__":

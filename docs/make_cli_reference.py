@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 from click.testing import CliRunner
+from made_page import write_or_check
 
 from middeck.cli.app import VERBS, app
 
@@ -34,13 +35,7 @@ def page() -> str:
 
 def main(arguments: list[str]) -> int:
     """Write the page, or compare it; 1 where it is stale."""
-    text = page()
-    if "--check" not in arguments:
-        PAGE.write_text(text, encoding="utf-8")
-    elif not PAGE.is_file() or PAGE.read_text(encoding="utf-8") != text:
-        print(f"{PAGE.name} is stale: run docs/make_cli_reference.py", file=sys.stderr)
-        return 1
-    return 0
+    return write_or_check(PAGE, page(), arguments, Path(__file__).name)
 
 
 if __name__ == "__main__":

@@ -95,7 +95,7 @@ def measured(noise: float) -> tuple[md.FrequencyResponse, md.FitResult]:
     y = np.fft.irfft(np.einsum("koi,eki->eko", H, np.fft.rfft(signal, axis=1)), signal.shape[1], axis=1)
     u, y = (np.repeat(x[:, None], 3, axis=1) for x in (signal, y))
     y = y + noise * rng.standard_normal(y.shape)
-    record = md.Record(128.0, u, y, torque, angles, periodic=True)
+    record = md.Record(sample_hz=128.0, u=u, y=y, inputs=torque, outputs=angles, periodic=True)
     response = md.estimate_response(record, band_hz=(0.5, 16.0))
     return response, md.fit_response(response, states=4)
 
@@ -162,7 +162,9 @@ def orders() -> Figure:
 def margins() -> Figure:
     """Nyquist plot of the gimbal's loop with its gain and phase margins and the disk margin."""
     plant = md.delay_plant(md.build_plant(hung(), count=12, **GIMBAL, **GROUPS), 0.010)
-    weights = md.LQGWeights([1.0], [1.0], ("pri_rel_z",), [[1e-4]], [4e-10])
+    weights = md.LQGWeights(
+        output=[1.0], input=[1.0], disturbed=("pri_rel_z",), process=[[1e-4]], sensor=[4e-10]
+    )
     law = md.design_lqg(md.approximate_delays(plant, 3), weights, 1e2)
     return nyquist(md.trace_return_ratio(plant, law), md.measure_margins(plant, law))
 

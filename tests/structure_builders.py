@@ -28,7 +28,7 @@ GRAVITY = np.array([0.0, -9.80665, 0.0])
 NONE = Body(0.0, np.zeros(3), np.zeros((3, 3)))
 # EI 100, GJ 80, EA 1e6, 0.5 kg/m: the tube of the suspended bus; no rotary inertia, so that Euler-Bernoulli
 # closed forms hold exactly; the polar inertia is split over both.
-TUBE = Section(1e6, 80.0, 100.0, 100.0, 0.5, 0.0, 0.0)
+TUBE = Section(EA=1e6, GJ=80.0, EI_y=100.0, EI_z=100.0, rho_A=0.5, rho_I_y=0.0, rho_I_z=0.0)
 
 
 def body(
@@ -56,22 +56,29 @@ def structure(
     sensors: Sequence[Sensor] = (),
 ) -> Structure:
     return Structure(
-        "test",
-        tuple(nodes),
-        tuple(members),
-        tuple(joints),
-        tuple(springs),
-        tuple(attach),
-        tuple(actuators),
-        tuple(sensors),
-        Damping(0.01, 0.03),
+        title="test",
+        nodes=tuple(nodes),
+        members=tuple(members),
+        joints=tuple(joints),
+        springs=tuple(springs),
+        attach_points=tuple(attach),
+        actuators=tuple(actuators),
+        sensors=tuple(sensors),
+        damping=Damping(flexible=0.01, suspension=0.03),
     )
 
 
 def member(
     start: str, end: str, section: Section, elements: int, up: Sequence[float] = (0.0, 1.0, 0.0)
 ) -> Member:
-    return Member(f"{start}-{end}", start, end, section, elements, np.array(up, dtype=float))
+    return Member(
+        name=f"{start}-{end}",
+        start=start,
+        end=end,
+        section=section,
+        elements=elements,
+        up=np.array(up, dtype=float),
+    )
 
 
 def straight_beam(section: Section, length: float, elements: int, offset: float = 0.0) -> Structure:
@@ -93,13 +100,19 @@ def springs_above(
     """Equal vertical springs to anchors ``height`` above the given points."""
     rise = np.array([0.0, height, 0.0])
     return tuple(
-        AnchoredSpring(f"spring {n}", n, np.array(p) + rise, stiffness, free_length)
+        AnchoredSpring(
+            name=f"spring {n}",
+            attach=n,
+            anchor=np.array(p) + rise,
+            stiffness=stiffness,
+            free_length=free_length,
+        )
         for n, p in points.items()
     )
 
 
 def lab(*springs: AnchoredSpring, gravity: np.ndarray = GRAVITY) -> Environment:
-    return Environment("springs", gravity, None, tuple(springs))
+    return Environment(title="springs", gravity=gravity, suspension=None, springs=tuple(springs))
 
 
 def clamped_matrices(

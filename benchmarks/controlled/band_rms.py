@@ -40,7 +40,14 @@ def _free_body() -> ModalSystem:
     omega = np.concatenate([np.zeros(3), 2.0 * np.pi * np.geomspace(0.3, 50.0, 20)])
     psi, phi = rng.standard_normal((23, 2)), rng.standard_normal((3, 23))
     zeta = np.where(omega > 0.0, 0.01, 0.0)
-    return ModalSystem(omega, zeta, psi, phi, np.zeros_like(phi), tuple(f"mode {k}" for k in range(23)))
+    return ModalSystem(
+        omega=omega,
+        zeta=zeta,
+        psi=psi,
+        phi=phi,
+        phi_rate=np.zeros_like(phi),
+        names=tuple(f"mode {k}" for k in range(23)),
+    )
 
 
 def _turned(system: StateSpace) -> StateSpace:

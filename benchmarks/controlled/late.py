@@ -47,8 +47,12 @@ def _slow_sampled() -> list[dict]:
     """0.02 rad/s at 50 Hz: an integrator whose delay margin, thousands of periods, has a closed form."""
     crossover, period = 0.02, 0.02
     u, y = (Port("u", "N"),), (Port("y", "m"),)
-    plant = Plant(StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]), u, y, u=("u",), y=("y",))
-    gain = SampledStateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[-crossover]], period)
+    plant = Plant(
+        dynamics=StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]), inputs=u, outputs=y, u=("u",), y=("y",)
+    )
+    gain = SampledStateSpace(
+        np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[-crossover]], period_s=period
+    )
     law = Compensator(gain, y, u, method="gain")
     margins, taken = _timed(lambda: measure_margins(plant, law))
     found = margins.loops[0].delay_limit_s / period
@@ -91,11 +95,20 @@ def _many_plants() -> list[dict]:
     omega = 2.0 * np.pi * np.geomspace(1.0, 600.0, 10)
     names = tuple(f"mode {k}" for k in range(10))
     shape = rng.standard_normal((2, 2, 10))
-    modal = ModalSystem(omega, np.full(10, 0.01), shape[0].T, shape[1], 0.0 * shape[1], names)
+    modal = ModalSystem(
+        omega=omega,
+        zeta=np.full(10, 0.01),
+        psi=shape[0].T,
+        phi=shape[1],
+        phi_rate=0.0 * shape[1],
+        names=names,
+    )
     inputs, outputs = (Port("w", "N"), Port("u", "N")), (Port("z", "m"), Port("y", "m"))
-    plant = Plant(modal, inputs, outputs, ("w",), ("u",), ("z",), ("y",))
+    plant = Plant(dynamics=modal, inputs=inputs, outputs=outputs, w=("w",), u=("u",), z=("z",), y=("y",))
     law = Compensator(StateSpace([[-20.0]], [[20.0]], [[-0.05]], [[0.0]]), outputs[1:], inputs[1:])
-    weights = LQGWeights(np.ones(1), np.ones(1), ("w",), np.eye(1), np.array([1e-6]))
+    weights = LQGWeights(
+        output=np.ones(1), input=np.ones(1), disturbed=("w",), process=np.eye(1), sensor=np.array([1e-6])
+    )
     late = delay_plant(plant, np.array([[0.0, 0.0], [0.02, 0.02]]))
     found, taken = _timed(lambda: measure_noise_rms(late, law, weights))
     K = law.system
@@ -137,7 +150,9 @@ def _many_channels(modes: int, states: int, gain: float) -> tuple[Plant, Compens
     omega = 2.0 * np.pi * np.exp(rng.uniform(np.log(0.3), np.log(20.0), modes))
     psi, phi = rng.standard_normal((modes, 9)), rng.standard_normal((9, modes))
     names = tuple(f"mode {k}" for k in range(modes))
-    modal = ModalSystem(omega, np.full(modes, 0.01), psi, phi, 0.0 * phi, names)
+    modal = ModalSystem(
+        omega=omega, zeta=np.full(modes, 0.01), psi=psi, phi=phi, phi_rate=0.0 * phi, names=names
+    )
     inputs, outputs = (tuple(Port(f"{side}{k}", "") for k in range(9)) for side in "uy")
     system = StateSpace(
         -np.diag(rng.uniform(5.0, 60.0, states)),
@@ -145,4 +160,4 @@ def _many_channels(modes: int, states: int, gain: float) -> tuple[Plant, Compens
         gain * rng.standard_normal((9, states)),
         np.zeros((9, 9)),
     )
-    return Plant(modal, inputs, outputs), Compensator(system, outputs, inputs)
+    return Plant(dynamics=modal, inputs=inputs, outputs=outputs), Compensator(system, outputs, inputs)

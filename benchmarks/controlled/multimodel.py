@@ -158,7 +158,7 @@ def _weak_lqg(plant: Any) -> Compensator:
 
 def _robust(plant: Any) -> dict[str, Compensator]:
     """Against what the unseen plants may have."""
-    modes, plants = Uncertainty(UNSEEN.shifts), candidates()
+    modes, plants = Uncertainty(shifts=UNSEEN.shifts), candidates()
     return {
         "sensitivity-weighted": design_sensitivity_weighted(plant, WEIGHTS, AUTHORITY, uncertainty=modes),
         "Popov": design_popov(plant, WEIGHTS, AUTHORITY, uncertainty=modes),
@@ -231,7 +231,8 @@ def _simple() -> list[dict[str, Any]]:
     psd = _disturbance_psd(plant, control)
     weights, performance = design_weights(control, psd), _performance(control, psd)
     box = Uncertainty(
-        tuple(ModeShift((name,), 0.01) for name in SIMPLE_MODES), finish=partial(close_inner_loop, pd=pd)
+        shifts=tuple(ModeShift((name,), 0.01) for name in SIMPLE_MODES),
+        finish=partial(close_inner_loop, pd=pd),
     )
     ask = partial(_call, bare, weights, SIMPLE_AUTHORITY, uncertainty=box)
     designs = {

@@ -50,7 +50,14 @@ def _modes(path: Any) -> ModalSystem:
     m = len(A) // 2
     omega = np.sqrt(-np.diag(A[m:, :m]))
     zeta = -np.diag(A[m:, m:]) / (2.0 * omega)
-    return ModalSystem(omega, zeta, B[m:], C[:, :m], C[:, m:], tuple(f"mode {k}" for k in range(m)))
+    return ModalSystem(
+        omega=omega,
+        zeta=zeta,
+        psi=B[m:],
+        phi=C[:, :m],
+        phi_rate=C[:, m:],
+        names=tuple(f"mode {k}" for k in range(m)),
+    )
 
 
 def _turned(modal: ModalSystem) -> StateSpace:

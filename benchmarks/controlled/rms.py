@@ -47,16 +47,31 @@ def _free_body() -> Any:
     omega, ones = np.append(0.0, OMEGA), np.ones((6, 1))
     shape = np.append(0.5, PHI)[None]
     zeta = np.append(0.0, np.full(5, ZETA))
-    return modal_to_statespace(ModalSystem(omega, zeta, ones, shape, 0.0 * shape, ("rigid", *"abcde")))
+    return modal_to_statespace(
+        ModalSystem(
+            omega=omega, zeta=zeta, psi=ones, phi=shape, phi_rate=0.0 * shape, names=("rigid", *"abcde")
+        )
+    )
 
 
 def _reference() -> tuple[Plant, Any]:
     """The nominal LQG of the multi-model reference case."""
-    modes = ModalSystem(OMEGA, np.full(5, ZETA), np.ones((5, 1)), np.vstack([PHI, PHI]), np.zeros((2, 5)),
-                        tuple("abcde"))  # fmt: skip
+    modes = ModalSystem(
+        omega=OMEGA,
+        zeta=np.full(5, ZETA),
+        psi=np.ones((5, 1)),
+        phi=np.vstack([PHI, PHI]),
+        phi_rate=np.zeros((2, 5)),
+        names=tuple("abcde"),
+    )
     ports = (Port("u", "N"),), (Port("z", "m"), Port("y", "m"))
-    plant = delay_plant(Plant(modes, *ports, ("u",), ("u",), ("z",), ("y",)), np.array([[0.0], [DELAY]]))
-    weights = LQGWeights(np.ones(1), np.ones(1), ("u",), np.eye(1), np.array([1e-6]))
+    plant = delay_plant(
+        Plant(dynamics=modes, inputs=ports[0], outputs=ports[1], w=("u",), u=("u",), z=("z",), y=("y",)),
+        np.array([[0.0], [DELAY]]),
+    )
+    weights = LQGWeights(
+        output=np.ones(1), input=np.ones(1), disturbed=("u",), process=np.eye(1), sensor=np.array([1e-6])
+    )
     return plant, design_lqg(approximate_delays(plant, 3), weights, 100.0)
 
 

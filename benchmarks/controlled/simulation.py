@@ -41,7 +41,7 @@ def rows(options: Any) -> list[dict]:
     loop = feedback(held, law, range(INPUTS), range(OUTPUTS))
     # Disturbed at the inputs; the measured outputs.
     system = SampledStateSpace(
-        loop.A, loop.B[:, :INPUTS], loop.C[:OUTPUTS], loop.D[:OUTPUTS, :INPUTS], PERIOD_S
+        loop.A, loop.B[:, :INPUTS], loop.C[:OUTPUTS], loop.D[:OUTPUTS, :INPUTS], period_s=PERIOD_S
     )
     assert is_stable(system)
     seconds, y, peak = _ours(system)
@@ -69,20 +69,35 @@ def _plant() -> Plant:
     psi = rng.standard_normal((MODES, INPUTS))
     phi = np.vstack([psi.T, rng.standard_normal((OUTPUTS - INPUTS, MODES))])
     names = tuple(f"mode {k}" for k in range(MODES))
-    modal = ModalSystem(omega, np.full(MODES, 0.01), psi, phi, np.zeros_like(phi), names)
+    modal = ModalSystem(
+        omega=omega, zeta=np.full(MODES, 0.01), psi=psi, phi=phi, phi_rate=np.zeros_like(phi), names=names
+    )
     inputs = tuple(Port(f"u{i}", "N m") for i in range(INPUTS))
     outputs = tuple(Port(f"y{i}", "rad") for i in range(OUTPUTS))
     u, y = tuple(p.name for p in inputs), tuple(p.name for p in outputs)
-    return Plant(modal, inputs, outputs, w=u, u=u, z=y, y=y)
+    return Plant(dynamics=modal, inputs=inputs, outputs=outputs, w=u, u=u, z=y, y=y)
 
 
 def _law(plant: Plant) -> SampledStateSpace:
     """An LQG of 40 states on the 20 lowest modes, of an authority that the other ten let live."""
     modal = plant.dynamics
     assert isinstance(modal, ModalSystem)
-    design = Plant(select_modes(modal, np.arange(KEPT_MODES)), plant.inputs, plant.outputs,
-                   plant.w, plant.u, plant.z, plant.y)  # fmt: skip
-    weights = LQGWeights(np.ones(OUTPUTS), np.ones(INPUTS), plant.u, np.eye(INPUTS), np.full(OUTPUTS, 1e-2))
+    design = Plant(
+        dynamics=select_modes(modal, np.arange(KEPT_MODES)),
+        inputs=plant.inputs,
+        outputs=plant.outputs,
+        w=plant.w,
+        u=plant.u,
+        z=plant.z,
+        y=plant.y,
+    )
+    weights = LQGWeights(
+        output=np.ones(OUTPUTS),
+        input=np.ones(INPUTS),
+        disturbed=plant.u,
+        process=np.eye(INPUTS),
+        sensor=np.full(OUTPUTS, 1e-2),
+    )
     return tustin(design_lqg(design, weights, 1e-2).system, PERIOD_S)
 
 
@@ -114,7 +129,7 @@ def _ours(system: SampledStateSpace) -> tuple[float, np.ndarray, float]:
 
 def _hybrid(plant: Plant, law: SampledStateSpace) -> list[dict]:
     """Saturation, slew, converters and encoders at every tick; then one rubbing joint besides."""
-    motors = {p.name: Motor(1.0, slew_limit=300.0, resolution=1e-4) for p in plant.inputs}
+    motors = {p.name: Motor(torque_limit=1.0, slew_limit=300.0, resolution=1e-4) for p in plant.inputs}
     sensors = {p.name: Encoder(1e-5) for p in plant.outputs}
     rub = JointElements("u0", "y0", (Friction(0.05, 50.0, 0.01),))
     made = []

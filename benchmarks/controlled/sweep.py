@@ -65,16 +65,25 @@ def _plant(shift: float) -> Plant:
     nothing = np.zeros_like(phi)
     # Collocated angles and rates for the PD loops; lines of sight, not quite collocated, to be controlled.
     modal = ModalSystem(
-        omega, zeta, psi, np.vstack([psi.T, nothing, phi]), np.vstack([nothing, psi.T, nothing]),
-        tuple(f"mode {k}" for k in range(RIGID + FLEXIBLE)),
-    )  # fmt: skip
+        omega=omega,
+        zeta=zeta,
+        psi=psi,
+        phi=np.vstack([psi.T, nothing, phi]),
+        phi_rate=np.vstack([nothing, psi.T, nothing]),
+        names=tuple(f"mode {k}" for k in range(RIGID + FLEXIBLE)),
+    )
     loops = tuple(f"joint {k}" for k in range(RIGID))
     seen = tuple(f"line {k}" for k in range(RIGID))
     outputs = [Port(n, "rad") for n in loops] + [Port(f"{n}_rate", "rad/s") for n in loops]
     plant = Plant(
-        modal, tuple(Port(n, "N m") for n in loops), (*outputs, *(Port(n, "rad") for n in seen)),
-        w=loops[INPUTS:], u=loops[:INPUTS], z=seen[:INPUTS], y=(*seen, *(f"{n}_rate" for n in loops)),
-    )  # fmt: skip
+        dynamics=modal,
+        inputs=tuple(Port(n, "N m") for n in loops),
+        outputs=(*outputs, *(Port(n, "rad") for n in seen)),
+        w=loops[INPUTS:],
+        u=loops[:INPUTS],
+        z=seen[:INPUTS],
+        y=(*seen, *(f"{n}_rate" for n in loops)),
+    )
     w0 = 2.0 * np.pi * 0.1
     return close_inner_loop(plant, PDLoops(loops, np.full(RIGID, w0**2 / 5.0), np.full(RIGID, w0 / 5.0)))
 
@@ -83,7 +92,9 @@ def _weights() -> LQGWeights:
     names = tuple(f"joint {k}" for k in (*range(INPUTS, RIGID), *range(INPUTS)))
     process = INTENSITY * np.diag([1.0] * (RIGID - INPUTS) + [1e-5] * INPUTS)
     sensor = np.array([4e-10] * RIGID + [4e-8] * RIGID)
-    return LQGWeights(np.ones(INPUTS), np.ones(INPUTS), names, process, sensor)
+    return LQGWeights(
+        output=np.ones(INPUTS), input=np.ones(INPUTS), disturbed=names, process=process, sensor=sensor
+    )
 
 
 def _sweep(plants: dict[str, Plant]) -> AuthoritySweep:

@@ -46,7 +46,14 @@ def load(data: Path, arm: str, inputs: int) -> tuple[Record, Record]:
         tuple(Port(f"{name}{k + 1}", "1") for k in range(x.shape[1])) for name, x in (("u", u), ("y", y))
     ]
     first, second = (
-        Record(SAMPLE_HZ, u[None, None, part], y[None, None, part], ports[0], ports[1], periodic=False)
+        Record(
+            sample_hz=SAMPLE_HZ,
+            u=u[None, None, part],
+            y=y[None, None, part],
+            inputs=ports[0],
+            outputs=ports[1],
+            periodic=False,
+        )
         for part in (slice(0, half), slice(half, None))
     )
     return first, second

@@ -84,7 +84,9 @@ def record(article: Truth, seed: int) -> Record:
     u, y = (np.fft.irfft(X, n=SAMPLES, axis=1) for X in (U, Y))
     u, y = (np.repeat(x[:, None] / u.std(), PERIODS, axis=1) for x in (u, y))
     y = y + NOISE * np.sqrt(np.mean(y**2, axis=(0, 1, 2))) * rng.standard_normal(y.shape)
-    return Record(SAMPLE_HZ, u, y, article.inputs, article.outputs, periodic=True)
+    return Record(
+        sample_hz=SAMPLE_HZ, u=u, y=y, inputs=article.inputs, outputs=article.outputs, periodic=True
+    )
 
 
 def error_bound(article: Truth) -> float:

@@ -37,7 +37,7 @@ def load(data: Path, amplitude: int, part: str) -> Record:
     u, y = (np.load(data / f"{x}_{amplitude}mV_{part}.npy").transpose(2, 3, 0, 1) for x in "uy")
     inputs = tuple(Port(f"piezo {i}", "V") for i in (1, 2, 3))
     outputs = tuple(Port(f"displacement {i}", "m") for i in (1, 2, 3))
-    return Record(SAMPLE_HZ, u, y, inputs, outputs, periodic=True)
+    return Record(sample_hz=SAMPLE_HZ, u=u, y=y, inputs=inputs, outputs=outputs, periodic=True)
 
 
 def _errors(

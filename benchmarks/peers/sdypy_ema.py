@@ -32,8 +32,8 @@ def main(source: str, target: str) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         fit = EMA.Model(
-            frf / size,
-            freq,
+            structure=frf / size,
+            frames=freq,
             lower=f[0],
             upper=f[-1],
             pol_order_high=int(given["order"]),

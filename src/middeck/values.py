@@ -27,6 +27,8 @@ T = TypeVar("T")
 # Arrays of no more numbers and tuples of no more entries are shown as they are; of records within records,
 # those whose call is no longer than a line.
 SHORT, LINE = 6, 100
+# The most fields that a record takes by position: A, B, C, D.
+POSITIONAL = 4
 
 
 @overload
@@ -38,7 +40,8 @@ def record(*, kw_only: bool) -> Callable[[type[T]], type[T]]: ...
 def record(cls: type[T] | None = None, *, kw_only: bool = False) -> Any:
     """Make ``cls`` a frozen dataclass that locks its arrays and compares by value.
 
-    ``@record(kw_only=True)``: fields are given by name only, as of records of five or more.
+    ``@record(kw_only=True)``: fields are given by name only. Raises `TypeError` for a class of five or more
+    fields that could be given by position: nobody can read such a call.
     """
     if cls is None:
         return functools.partial(_recorded, kw_only=kw_only)
@@ -60,7 +63,11 @@ def _recorded(cls: type[T], *, kw_only: bool) -> type[T]:
     namespace.__reduce__ = _reduce
     if "__repr__" not in namespace.__dict__:
         namespace.__repr__ = _shown
-    return dataclasses.dataclass(frozen=True, eq=False, repr=False, kw_only=kw_only)(cls)
+    made = dataclasses.dataclass(frozen=True, eq=False, repr=False, kw_only=kw_only)(cls)
+    by_position = sum(f.init and not f.kw_only for f in dataclasses.fields(namespace))
+    if by_position > POSITIONAL:
+        raise TypeError(f"{cls.__name__}: {by_position} fields by position: write @record(kw_only=True)")
+    return made
 
 
 class _ArrayField(NamedTuple):

@@ -25,7 +25,7 @@ def loop(name: str) -> tuple[Plant, Compensator]:
     count = len(system.D)
     u = tuple(Port(f"u{i}", "N") for i in range(count))
     y = tuple(Port(f"y{i}", "m/s") for i in range(count))
-    return Plant(system, u, y), Compensator(gain_system(-np.eye(count)), y, u)
+    return Plant(dynamics=system, inputs=u, outputs=y), Compensator(gain_system(-np.eye(count)), y, u)
 
 
 def test_gain_phase_and_sensitivity() -> None:

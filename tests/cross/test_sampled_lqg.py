@@ -19,14 +19,34 @@ UNIT = 2.0 * np.pi * 3.0
 def late_gimbal():
     omega = 2.0 * np.pi * np.array([1.1, 1.7, 7.0, 8.8, 9.4])
     phi = UNIT**2 * np.array([[1.0, 0.6, 0.6, 0.8, 0.7]])
-    modal = ModalSystem(omega, np.full(5, 0.01), np.ones((5, 1)), phi, np.zeros((1, 5)), tuple("abcde"))
+    modal = ModalSystem(
+        omega=omega,
+        zeta=np.full(5, 0.01),
+        psi=np.ones((5, 1)),
+        phi=phi,
+        phi_rate=np.zeros((1, 5)),
+        names=tuple("abcde"),
+    )
     ports = (Port("torque", "N m"),), (Port("angle", "rad"),)
-    return delay_plant(Plant(modal, *ports, ("torque",), ("torque",), ("angle",), ("angle",)), 0.010)
+    return delay_plant(
+        Plant(
+            dynamics=modal,
+            inputs=ports[0],
+            outputs=ports[1],
+            w=("torque",),
+            u=("torque",),
+            z=("angle",),
+            y=("angle",),
+        ),
+        0.010,
+    )
 
 
 @pytest.mark.parametrize("row", NUMBERS, ids=lambda row: f"{row['rate_hz']:g} Hz")
 def test_gains(row):
-    weights = LQGWeights([1.0], [1.0], ("torque",), [[1.0 / UNIT]], [1e-6 / UNIT])
+    weights = LQGWeights(
+        output=[1.0], input=[1.0], disturbed=("torque",), process=[[1.0 / UNIT]], sensor=[1e-6 / UNIT]
+    )
     law = design_sampled_lqg(late_gimbal(), weights, 100.0, 1.0 / row["rate_hz"])
     # Both solvers keep ten digits of a pencil whose poles reach from 0 to 0.99 on states that differ in size.
     for found, theirs in ((law.regulator.gain, row["K"]), (law.estimator.gain, row["L"])):

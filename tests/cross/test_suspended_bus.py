@@ -46,7 +46,15 @@ CASE = _case()
 
 def bus(variant: dict[str, Any], elements: int) -> Structure:
     tube = Section(
-        CASE.EA, CASE.GJ, CASE.EI, CASE.EI, CASE.MASS_PER_LENGTH, CASE.RHO_I, CASE.RHO_I, CASE.KGA, CASE.KGA
+        EA=CASE.EA,
+        GJ=CASE.GJ,
+        EI_y=CASE.EI,
+        EI_z=CASE.EI,
+        rho_A=CASE.MASS_PER_LENGTH,
+        rho_I_y=CASE.RHO_I,
+        rho_I_z=CASE.RHO_I,
+        GA_y=CASE.KGA,
+        GA_z=CASE.KGA,
     )
     nodes = [
         build.node(f"n{i}", (x, 0.0, 0.0), build.body(mass, CASE.BODY_CG, inertia))
@@ -62,14 +70,22 @@ def bus(variant: dict[str, Any], elements: int) -> Structure:
 def gimbal(variant: dict[str, Any]) -> tuple[Joint, ...]:
     payload = build.body(CASE.PAYLOAD_MASS, CASE.PAYLOAD_CG, CASE.PAYLOAD_INERTIA)
     carrier = f"n{CASE.PAYLOAD_BODY}"
-    state = (
-        (JointState.SPRUNG, CASE.MOTOR_STIFFNESS, variant["angle"])
+    motor: dict[str, Any] = (
+        {"state": JointState.SPRUNG, "stiffness": CASE.MOTOR_STIFFNESS, "target": variant["angle"]}
         if variant["motor_springs"]
-        else (JointState.FREE, 0.0, 0.0)
+        else {}
     )
 
     def joint(name: str, parent: str, axis: int, body: Body) -> Joint:
-        return Joint(name, parent, np.zeros(3), np.eye(3)[axis], variant["angle"], body, *state)
+        return Joint(
+            name=name,
+            parent=parent,
+            offset=np.zeros(3),
+            axis=np.eye(3)[axis],
+            angle=variant["angle"],
+            body=body,
+            **motor,
+        )
 
     return joint("stage", carrier, 0, build.NONE), joint("payload", "stage", 2, payload)
 
@@ -78,10 +94,18 @@ def environment(variant: dict[str, Any]) -> Environment:
     if not variant["gravity"]:
         return Environment.orbit()
     springs = tuple(
-        AnchoredSpring(f"s{i}", f"a{i}", np.array([x, CASE.ANCHOR_HEIGHT, 0.0]), k, CASE.SPRING_FREE_LENGTH)
+        AnchoredSpring(
+            name=f"s{i}",
+            attach=f"a{i}",
+            anchor=np.array([x, CASE.ANCHOR_HEIGHT, 0.0]),
+            stiffness=k,
+            free_length=CASE.SPRING_FREE_LENGTH,
+        )
         for i, (x, k) in enumerate(zip(CASE.BODY_X, CASE.SPRING_STIFFNESS, strict=True))
     )
-    return Environment("bus", np.array([0.0, -CASE.GRAVITY, 0.0]), None, springs)
+    return Environment(
+        title="bus", gravity=np.array([0.0, -CASE.GRAVITY, 0.0]), suspension=None, springs=springs
+    )
 
 
 def frequencies(variant: dict[str, Any], elements: int) -> np.ndarray:

@@ -60,7 +60,10 @@ def responses(even: bool) -> FrequencyResponse:
     # Two outputs without a place: only their names tell them apart.
     outputs = (Port("tip", "m/s^2", tip), Port("left", "rad"), Port("right", "m"))
     return FrequencyResponse(
-        lines, H, (Port("shaker", "N", Channel(node="1", direction="+x")), Port("u", "V")), outputs
+        frequency_hz=lines,
+        H=H,
+        inputs=(Port("shaker", "N", Channel(node="1", direction="+x")), Port("u", "V")),
+        outputs=outputs,
     )
 
 

@@ -21,7 +21,14 @@ Builder = Callable[[Path], Path]
 def good_record(samples: int = 64, hz: float = 500.0) -> Record:
     rng = np.random.default_rng(3)
     u, y = rng.standard_normal((2, 1, samples, 1)), rng.standard_normal((2, 1, samples, 2))
-    return Record(hz, u, y, (Port("torque", "N m"),), (Port("a", "rad"), Port("b", "rad/s")), False)
+    return Record(
+        sample_hz=hz,
+        u=u,
+        y=y,
+        inputs=(Port("torque", "N m"),),
+        outputs=(Port("a", "rad"), Port("b", "rad/s")),
+        periodic=False,
+    )
 
 
 def written(folder: Path, suffix: str, *, ascii: bool = False) -> Path:

@@ -42,7 +42,15 @@ def test_it_shows_what_is_asked_for(curves):
 
 def test_a_slide_is_drawn_in_its_own_units():
     """Millimetres and N/m; a joint that turns has degrees and N m/rad."""
-    rail = Joint("rail", "base", np.zeros(3), np.array([1.0, 0.0, 0.0]), 0.0, body(2.0), slides=True)
+    rail = Joint(
+        name="rail",
+        parent="base",
+        offset=np.zeros(3),
+        axis=np.array([1.0, 0.0, 0.0]),
+        angle=0.0,
+        body=body(2.0),
+        slides=True,
+    )
     parts = structure([node("base", (0, 0, 0), body(5.0, inertia=(0.1,) * 3))], joints=[rail])
     modes = md.solve_modes(md.solve_equilibrium(parts, md.Environment.orbit()))
     A = np.geomspace(1e-4, 1e-2, 9)

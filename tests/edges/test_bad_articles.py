@@ -21,7 +21,7 @@ from middeck.structure.rest.equilibrium import solve_equilibrium
 from structure_builders import GRAVITY, body, member, node, structure
 
 SIMPLE = ROOT / "articles/mace-simple.toml"
-TUBE = Section(1e6, 80.0, 100.0, 100.0, 0.5, 1e-4, 1e-4)
+TUBE = Section(EA=1e6, GJ=80.0, EI_y=100.0, EI_z=100.0, rho_A=0.5, rho_I_y=1e-4, rho_I_z=1e-4)
 X = np.eye(3)[0]
 Capture = pytest.CaptureFixture[str]
 
@@ -32,13 +32,23 @@ def bus(payload_y: float = -0.2, **joint) -> Structure:
         for n, x in (("a", 0.0), ("b", 1.0))
     ]
     payload = Joint(
-        "pay", "a", np.array([0, -0.05, 0]), X, 0.0, body(3.0, (0, payload_y, 0), (0.02,) * 3), **joint
+        name="pay",
+        parent="a",
+        offset=np.array([0, -0.05, 0]),
+        axis=X,
+        angle=0.0,
+        body=body(3.0, (0, payload_y, 0), (0.02,) * 3),
+        **joint,
     )
     attach = [AttachPoint(n, n, np.array([0, 0.02, 0])) for n in "ab"]
     return structure(nodes, [member("a", "b", TUBE, 3)], [payload], attach=attach)
 
 
-LAB = Environment("lab", GRAVITY, Suspension(("a", "b"), ("xyz", "yz"), 4.0, 0.25))
+LAB = Environment(
+    title="lab",
+    gravity=GRAVITY,
+    suspension=Suspension(attach=("a", "b"), held=("xyz", "yz"), cable_length=4.0, bounce_hz=0.25),
+)
 
 
 def test_a_pivot_through_the_centre_of_mass_is_named_as_neutral():
@@ -56,8 +66,10 @@ def test_what_gravity_holds_and_what_orbit_leaves_free_are_no_findings():
 
 def weak(stiffness: float) -> Environment:
     """Two devices of 40 N each under an article of 132 N: it falls until their springs carry the rest."""
-    devices = (Device(f"at {n}", n, force=40.0, stiffness=stiffness, cable_length=4.0) for n in "ab")
-    return Environment("weak", GRAVITY, devices=tuple(devices))
+    devices = (
+        Device(name=f"at {n}", attach=n, force=40.0, stiffness=stiffness, cable_length=4.0) for n in "ab"
+    )
+    return Environment(title="weak", gravity=GRAVITY, devices=tuple(devices))
 
 
 def test_a_load_path_that_diverges_says_where_and_at_which_load():

@@ -42,14 +42,31 @@ def test_sections(field: str, value: float):
 
 @pytest.mark.parametrize("stiffness", [NAN, -50.0, np.inf])
 def test_springs_and_joints(stiffness: float):
-    hinge = Joint("h", "b", np.zeros(3), Z, 0.0, body(1.0, inertia=(0.1,) * 3), JointState.SPRUNG, stiffness)
+    hinge = Joint(
+        name="h",
+        parent="b",
+        offset=np.zeros(3),
+        axis=Z,
+        angle=0.0,
+        body=body(1.0, inertia=(0.1,) * 3),
+        state=JointState.SPRUNG,
+        stiffness=stiffness,
+    )
     for parts, name in (
-        (bus(springs=[Spring("tie", "a", "b", stiffness, 0.2)]), "spring 'tie'"),
+        (
+            bus(springs=[Spring(name="tie", start="a", end="b", stiffness=stiffness, free_length=0.2)]),
+            "spring 'tie'",
+        ),
         (bus(joints=[hinge]), "joint 'h'"),
     ):
         with pytest.raises(ConfigError, match=name):
             solve_equilibrium(parts, Environment.orbit())
-    tied = Environment("tied", np.zeros(3), None, (AnchoredSpring("k", "a", Z, stiffness, 0.5),))
+    tied = Environment(
+        title="tied",
+        gravity=np.zeros(3),
+        suspension=None,
+        springs=(AnchoredSpring(name="k", attach="a", anchor=Z, stiffness=stiffness, free_length=0.5),),
+    )
     with pytest.raises(ConfigError, match="spring 'k'"):
         solve_equilibrium(bus(), tied)
 
@@ -59,11 +76,17 @@ def test_places():
     with pytest.raises(ConfigError, match="attach point 'a'"):
         solve_equilibrium(bus(attach=lost), Environment.orbit())
     up = np.array([0.0, NAN, 0.0])
-    hung = Environment("hung", GRAVITY, None, (), (Device("d", "a", force=10.0, stiffness=5.0, anchor=up),))
+    hung = Environment(
+        title="hung",
+        gravity=GRAVITY,
+        suspension=None,
+        springs=(),
+        devices=(Device(name="d", attach="a", force=10.0, stiffness=5.0, anchor=up),),
+    )
     with pytest.raises(ConfigError, match="device 'd'"):
         solve_equilibrium(bus(), hung)
     with pytest.raises(ConfigError, match="gravity"):
-        solve_equilibrium(bus(), Environment("odd", np.array([0.0, NAN, 0.0])))
+        solve_equilibrium(bus(), Environment(title="odd", gravity=np.array([0.0, NAN, 0.0])))
 
 
 def test_directions_that_are_held():

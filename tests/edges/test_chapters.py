@@ -51,8 +51,19 @@ def toy(name: str, stream: int, needs=()) -> Chapter:
         stream=stream,
         needs=needs,
         compute=lambda study, rng, *values: (*values, float(rng.random())),
-        entries=(Entry(name, lambda outcome: {"warnings": [f"{name} warns"]}, name, name),),
-        drawings=(Drawing(name, name, lambda outcome: None, lambda figures: f"It is {name}."),),
+        entries=(
+            Entry(
+                key=name,
+                numbers=lambda outcome: {"warnings": [f"{name} warns"]},
+                claims_at=name,
+                warnings_at=name,
+            ),
+        ),
+        drawings=(
+            Drawing(
+                key=name, title=name, draw=lambda outcome: None, sentence=lambda figures: f"It is {name}."
+            ),
+        ),
         result=lambda figures: Line(f"{name} came out.", name),
         shortfalls=lambda figures: [Line(f"{name} falls short.", name)],
     )

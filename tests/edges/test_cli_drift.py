@@ -32,7 +32,17 @@ def write(
     u, y = (np.fft.irfft(x, n=SAMPLES)[None, None, :, None] for x in (lines, lines * G))
     u, y = np.repeat(u, periods, axis=1), np.repeat(y, periods, axis=1)
     y = y + 0.01 * y.std() * rng.standard_normal(y.shape)
-    write_record(path, Record(HZ, u, y, (Port("torque", "N m"),), (Port(output, "rad"),), True))
+    write_record(
+        path,
+        Record(
+            sample_hz=HZ,
+            u=u,
+            y=y,
+            inputs=(Port("torque", "N m"),),
+            outputs=(Port(output, "rad"),),
+            periodic=True,
+        ),
+    )
     return path
 
 

@@ -153,7 +153,14 @@ def record(samples: int = 64, hz: float = 64.0) -> Record:
     u = np.tile(np.random.default_rng(5).standard_normal((1, 1, samples, 1)), (1, 2, 1, 1))
     y = np.fft.irfft(np.fft.rfft(u, axis=2) / (1.0 + 0.2j * np.arange(samples // 2 + 1)[:, None]), axis=2)
     y = y + 1e-3 * np.random.default_rng(6).standard_normal(y.shape)
-    return Record(hz, u, y, (Port("torque", "N m"),), (Port("angle", "rad"),), True)
+    return Record(
+        sample_hz=hz,
+        u=u,
+        y=y,
+        inputs=(Port("torque", "N m"),),
+        outputs=(Port("angle", "rad"),),
+        periodic=True,
+    )
 
 
 def saved(path: Path, **changes: Any) -> Path:

@@ -192,7 +192,14 @@ def shaken() -> Record:
     f = np.fft.rfftfreq(256, 1.0 / 64.0)[:, None]
     H = np.exp(-2j * np.pi * f / 32.0) / (1.0 - (f / 6.0) ** 2 + 0.1j * f / 6.0)
     y = np.fft.irfft(np.fft.rfft(u, axis=2) * H, axis=2)
-    return Record(64.0, u, y, (Port("torque", "N m"),), (Port("angle", "rad"),), True)
+    return Record(
+        sample_hz=64.0,
+        u=u,
+        y=y,
+        inputs=(Port("torque", "N m"),),
+        outputs=(Port("angle", "rad"),),
+        periodic=True,
+    )
 
 
 def test_a_fit_is_written_as_its_ending_says(tmp_path: Path, capfd: Capture) -> None:

@@ -33,7 +33,14 @@ def run(last_hz: float) -> Record:
     lines = np.where((f > 0.0) & (f <= last_hz), np.exp(2j * np.pi * rng.random(len(f))), 0.0)
     u, y = (np.tile(np.fft.irfft(x, n=SAMPLES), PERIODS)[None, None, :, None] for x in (lines, lines * G))
     y = y + 1e-3 * y.std() * rng.standard_normal(y.shape)
-    return Record(HZ, u, y, (Port("torque", "N m"),), (Port("angle", "rad"),), False)
+    return Record(
+        sample_hz=HZ,
+        u=u,
+        y=y,
+        inputs=(Port("torque", "N m"),),
+        outputs=(Port("angle", "rad"),),
+        periodic=False,
+    )
 
 
 def as_csv(path: Path, record: Record) -> Path:
@@ -87,7 +94,9 @@ def test_a_record_without_periods_is_fitted_by_its_samples(tmp_path: Path, capfd
     whole = run(30.0)
     keep = slice(SAMPLES // 3, 2 * SAMPLES)
     u, y = (x.reshape(1, 1, -1, 1)[:, :, keep] for x in (whole.u, whole.y))
-    part = Record(whole.sample_hz, u, y, whole.inputs, whole.outputs, periodic=False)
+    part = Record(
+        sample_hz=whole.sample_hz, u=u, y=y, inputs=whole.inputs, outputs=whole.outputs, periodic=False
+    )
     write_record(tmp_path / "part.npz", part)
     ended = middeck(capfd, "identify", tmp_path / "part.npz", "--states", 8, "--continuous", "--json")
     found = json.loads(ended.out)
@@ -104,7 +113,17 @@ def test_a_cost_that_a_fit_of_samples_does_not_have_is_refused(
     whole = load_record(files[1])
     noise = np.random.default_rng(0).standard_normal(whole.u.shape)
     path = files[0].parent / "noise.npz"
-    write_record(path, Record(whole.sample_hz, noise, whole.y, whole.inputs, whole.outputs, periodic=False))
+    write_record(
+        path,
+        Record(
+            sample_hz=whole.sample_hz,
+            u=noise,
+            y=whole.y,
+            inputs=whole.inputs,
+            outputs=whole.outputs,
+            periodic=False,
+        ),
+    )
     ended = middeck(capfd, "identify", path, "--cost", "logarithmic", "--states", 8)
     assert (ended.code, ended.out) == (2, "")
     assert "likelihood" in ended.err
@@ -142,7 +161,10 @@ def test_both_fits_take_the_same_options(
     u, y = (np.fft.irfft(X, n=4 * samples)[samples : 2 * samples][None, None, :, None] for X in (U, G * U))
     y = y + 1e-3 * y.std() * rng.standard_normal(y.shape)
     ports = (Port("torque", "N m"),), (Port("angle", "rad"),)
-    write_record(tmp_path / "part.npz", Record(rate, u, y, *ports, periodic=False))
+    write_record(
+        tmp_path / "part.npz",
+        Record(sample_hz=rate, u=u, y=y, inputs=ports[0], outputs=ports[1], periodic=False),
+    )
     path, model_file = tmp_path / "part.npz", tmp_path / "model.json"
     asked = ("--method", method, "--band", "0.5,6.5", "--continuous", "-o", model_file, "--json")
     ended = middeck(capfd, "identify", path, *options, *asked)

@@ -34,8 +34,8 @@ from middeck.systems.statespace import gain_system
 
 Capture = pytest.CaptureFixture[str]
 TORQUE, ANGLE = Port("torque", "N m"), Port("angle", "rad", Channel(node="7"))
-GROUPS = (("torque",), ("torque",), ("angle",), ("angle",))
-WEIGHTS = LQGWeights([1.0], [1.0], ("torque",), [[1e-4]], [4e-10])
+GROUPS = {"w": ("torque",), "u": ("torque",), "z": ("angle",), "y": ("angle",)}
+WEIGHTS = LQGWeights(output=[1.0], input=[1.0], disturbed=("torque",), process=[[1e-4]], sensor=[4e-10])
 DEFAULTS = ("--angle-noise", 2e-5, "--disturbance", 1e-2)
 
 
@@ -58,7 +58,7 @@ def measured(late_s: float = 0.004) -> MeasurementModel:
 
 
 def plant(late_s: float = 0.004) -> Plant:
-    w, u, z, y = GROUPS
+    w, u, z, y = GROUPS.values()
     return measured_plant(measured(late_s), w=w, u=u, z=z, y=y)
 
 
@@ -88,7 +88,13 @@ def test_a_compensator_comes_back_with_ports_and_how_it_was_made(tmp_path: Path)
     write_compensator(tmp_path / "law.json", made)
     back = load_compensator(tmp_path / "law.json")
     assert back == StoredCompensator(
-        made.system, made.inputs, made.outputs, made.authority, made.cost, made.inert, method="LQGCompensator"
+        dynamics=made.system,
+        inputs=made.inputs,
+        outputs=made.outputs,
+        authority=made.authority,
+        cost=made.cost,
+        inert=made.inert,
+        method="LQGCompensator",
     )
     write_compensator(tmp_path / "again.json", back)
     assert load_compensator(tmp_path / "again.json") == back
@@ -111,7 +117,9 @@ def test_a_law_without_states_and_one_of_an_earlier_version(tmp_path: Path) -> N
     document = json.loads(file.read_text())
     del document["made"], document["period_s"]
     file.write_text(json.dumps(document))
-    assert load_compensator(file) == StoredCompensator(gain.system, gain.inputs, gain.outputs)
+    assert load_compensator(file) == StoredCompensator(
+        dynamics=gain.system, inputs=gain.inputs, outputs=gain.outputs
+    )
 
 
 @pytest.mark.parametrize(
@@ -181,10 +189,14 @@ def free(seen: float) -> Plant:
     """A rigid mode that nothing drives, seen or not, beside two that bend."""
     omega = 2.0 * np.pi * np.array([0.0, 2.0, 5.0])
     modal = ModalSystem(
-        omega, [0.0, 0.01, 0.01], [[0.0], [1.0], [0.7]], [[seen, 1.0, -0.6]], np.zeros((1, 3)),
-        ("rotation z", "a", "b"),
-    )  # fmt: skip
-    return Plant(modal, (TORQUE,), (ANGLE,), *GROUPS)
+        omega=omega,
+        zeta=[0.0, 0.01, 0.01],
+        psi=[[0.0], [1.0], [0.7]],
+        phi=[[seen, 1.0, -0.6]],
+        phi_rate=np.zeros((1, 3)),
+        names=("rotation z", "a", "b"),
+    )
+    return Plant(dynamics=modal, inputs=(TORQUE,), outputs=(ANGLE,), **GROUPS)
 
 
 def test_what_nothing_holds_is_named_and_not_stable_at_any_rate() -> None:

@@ -19,7 +19,11 @@ from middeck.signals.ports import Channel, Port
 from middeck.signals.record import Record
 
 Capture = pytest.CaptureFixture[str]
-TIP = Port("tip", "m", Channel("12", "+z", "sensor", 9.81, "V", "2026-01-31"))
+TIP = Port(
+    "tip",
+    "m",
+    Channel(node="12", direction="+z", role="sensor", gain=9.81, raw_unit="V", calibrated="2026-01-31"),
+)
 
 
 def bench() -> Record:
@@ -32,7 +36,7 @@ def bench() -> Record:
         np.fft.irfft(x)[None, None, :, None].repeat(2, 1) for x in (U, U * 900.0 / (s**2 + 3.0 * s + 900.0))
     )
     y = y + 1e-3 * y.std() * rng.standard_normal(y.shape)
-    return Record(64.0, u, y, (Port("force", "N"),), (TIP,), True)
+    return Record(sample_hz=64.0, u=u, y=y, inputs=(Port("force", "N"),), outputs=(TIP,), periodic=True)
 
 
 @pytest.fixture

@@ -183,7 +183,13 @@ def test_identify_then_design(tmp_path: Path, capfd: Capture) -> None:
     plant = md.approximate_delays(
         md.measured_plant(path, w=["piezo_1"], u=["piezo_1"], z=["position_1"], y=["position_1"]), 3
     )
-    weights = md.LQGWeights(np.ones(1), np.ones(1), ("piezo_1",), np.array([[0.01]]), np.array([1e-14]))
+    weights = md.LQGWeights(
+        output=np.ones(1),
+        input=np.ones(1),
+        disturbed=("piezo_1",),
+        process=np.array([[0.01]]),
+        sensor=np.array([1e-14]),
+    )
     written = json.loads(law.read_text())
     assert written["schema"] == "middeck.compensator/1"
     assert (written["inputs"], written["outputs"]) == (
@@ -218,7 +224,10 @@ def test_without_states_the_recommended_order_is_taken(tmp_path: Path, capfd: Ca
     y = np.fft.irfft(np.fft.rfft(u, axis=2) / (1.0 - (f / 20.0) ** 2 + 0.1j * f / 20.0), axis=2)
     y = y + 1e-3 * np.random.default_rng(2).standard_normal(y.shape)
     ports = (Port("torque", "N m"),), (Port("angle", "rad"),)
-    md.write_record(tmp_path / "one.npz", Record(256.0, u, y, *ports, True))
+    md.write_record(
+        tmp_path / "one.npz",
+        Record(sample_hz=256.0, u=u, y=y, inputs=ports[0], outputs=ports[1], periodic=True),
+    )
     ended = middeck(capfd, "identify", tmp_path / "one.npz", "--band", "5,60", "--continuous", "--json")
     assert (ended.code, ended.err) == (0, "")
     found = json.loads(ended.out)

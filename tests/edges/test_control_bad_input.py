@@ -48,7 +48,7 @@ GOOD: dict[str, Any] = {
     "process": [[1e-4]],
     "sensor": [4e-10],
 }
-APART = Uncertainty((ModeShift(("c",), 0.02),))
+APART = Uncertainty(shifts=(ModeShift(("c",), 0.02),))
 DESIGNS: dict[str, Callable[[Any, LQGWeights, float], Any]] = {
     "LQG": design_lqg,
     "sampled": lambda plant, weights, authority: design_sampled_lqg(plant, weights, authority, 0.004),
@@ -68,10 +68,22 @@ def plant(
 ) -> Plant:
     """Three modes, "a", "b" and "c", from a torque to an angle."""
     modal = ModalSystem(
-        2.0 * np.pi * np.array(hz), np.where(np.array(hz) > 0.0, zeta, 0.0), np.array(psi)[:, None],
-        np.array([phi]), np.zeros((1, 3)), ("a", "b", "c"),
-    )  # fmt: skip
-    return Plant(modal, (TORQUE,), (ANGLE,), ("torque",), ("torque",), ("angle",), ("angle",))
+        omega=2.0 * np.pi * np.array(hz),
+        zeta=np.where(np.array(hz) > 0.0, zeta, 0.0),
+        psi=np.array(psi)[:, None],
+        phi=np.array([phi]),
+        phi_rate=np.zeros((1, 3)),
+        names=("a", "b", "c"),
+    )
+    return Plant(
+        dynamics=modal,
+        inputs=(TORQUE,),
+        outputs=(ANGLE,),
+        w=("torque",),
+        u=("torque",),
+        z=("angle",),
+        y=("angle",),
+    )
 
 
 def refused(run: Callable[[], Any], kind: type[MiddeckError], says: str) -> MiddeckError:
@@ -221,7 +233,7 @@ def test_ports_that_do_not_exist() -> None:
         assert "motor" in error.hint
     refused(lambda: dataclasses.replace(plant(), y=("nose",)), ConfigError, "no output named 'nose'")
     refused(lambda: close_inner_loop(plant(), PDLoops(("neck",), [1.0], [1.0])), ConfigError, "'neck'")
-    shifted = Uncertainty((ModeShift(("q",), 0.02),))
+    shifted = Uncertainty(shifts=(ModeShift(("q",), 0.02),))
     refused(
         lambda: design_multimodel(plant(), weights, 1e3, uncertainty=shifted),
         ConfigError,

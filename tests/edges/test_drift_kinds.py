@@ -48,7 +48,7 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> str:
     y = y + 0.01 * y.std() * rng.standard_normal(y.shape)
     ports = (Port("a", "N"), Port("b", "N")), (Port("c", "m"), Port("d", "m"))
     path = tmp_path_factory.mktemp("record") / "record.npz"
-    write_record(path, Record(HZ, u, y, *ports, True))
+    write_record(path, Record(sample_hz=HZ, u=u, y=y, inputs=ports[0], outputs=ports[1], periodic=True))
     return str(path)
 
 

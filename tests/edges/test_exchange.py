@@ -46,19 +46,28 @@ ANGLE, RATE = Port("payload angle", "rad"), Port("payload_rate", "rad/s")
 def plant() -> Plant:
     """Two modes, two inputs, two outputs, a dot and a space in names, a transducer behind one port."""
     modal = ModalSystem(
-        [3.0, 20.0],
-        [0.01, 0.02],
-        [[1.0, 0.3], [0.7, -1.0]],
-        [[1.0, 0.4], [0.0, 0.0]],
-        [[0.0, 0.0], [1.0, 0.4]],
-        ("bending 1", "bending 2"),
+        omega=[3.0, 20.0],
+        zeta=[0.01, 0.02],
+        psi=[[1.0, 0.3], [0.7, -1.0]],
+        phi=[[1.0, 0.4], [0.0, 0.0]],
+        phi_rate=[[0.0, 0.0], [1.0, 0.4]],
+        names=("bending 1", "bending 2"),
     )
-    groups = ("shaker",), ("motor.z",), ("payload angle",), ("payload angle", "payload_rate")
-    return Plant(modal, (TORQUE, FORCE), (ANGLE, RATE), *groups)
+    return Plant(
+        dynamics=modal,
+        inputs=(TORQUE, FORCE),
+        outputs=(ANGLE, RATE),
+        w=("shaker",),
+        u=("motor.z",),
+        z=("payload angle",),
+        y=("payload angle", "payload_rate"),
+    )
 
 
 def law() -> Compensator:
-    weights = LQGWeights([1.0], [1.0], ("shaker",), [[1.0]], [1e-4, 1e-4])
+    weights = LQGWeights(
+        output=[1.0], input=[1.0], disturbed=("shaker",), process=[[1.0]], sensor=[1e-4, 1e-4]
+    )
     return design_lqg(plant(), weights, 10.0)
 
 
@@ -149,7 +158,7 @@ def test_sampled_systems_keep_their_period(library: Any) -> None:
 
 def test_names_that_another_program_numbered_are_its_own(library: Any) -> None:
     bare = StateSpace(np.diag([-1.0, -2.0]), np.ones((2, 1)), np.ones((1, 2)), np.zeros((1, 1)))
-    named = Plant(bare, (FORCE,), (ANGLE,), state_names=("tank #2", "tank #3"))
+    named = Plant(dynamics=bare, inputs=(FORCE,), outputs=(ANGLE,), state_names=("tank #2", "tank #3"))
     assert from_control(to_control(named)).state_names == ("tank #2", "tank #3")
     assert from_control(to_control(bare)).state_names == ()
 
@@ -157,9 +166,9 @@ def test_names_that_another_program_numbered_are_its_own(library: Any) -> None:
 def test_ports_that_python_control_would_mix_up(library: Any) -> None:
     gain = gain_system(np.eye(2))
     with pytest.raises(ConfigError, match="two inputs named shaker"):
-        to_control(Plant(gain, (FORCE, FORCE), (ANGLE, RATE)))
+        to_control(Plant(dynamics=gain, inputs=(FORCE, FORCE), outputs=(ANGLE, RATE)))
     with pytest.raises(ConfigError, match="stands for a dot"):
-        to_control(Plant(gain, (Port("a·b", ""), FORCE), (ANGLE, RATE)))
+        to_control(Plant(dynamics=gain, inputs=(Port("a·b", ""), FORCE), outputs=(ANGLE, RATE)))
 
 
 def ratio(num: list[float], den: list[float], **changes: Any) -> Any:
@@ -297,7 +306,13 @@ def test_a_compensator_comes_back_from_a_mat_file(negative: bool, tmp_path: Path
     write_mat(tmp_path / "law.mat", made, negative_feedback=negative)
     back = load_mat(tmp_path / "law.mat")
     assert back == StoredCompensator(
-        made.system, made.inputs, made.outputs, made.authority, made.cost, made.inert, method="LQGCompensator"
+        dynamics=made.system,
+        inputs=made.inputs,
+        outputs=made.outputs,
+        authority=made.authority,
+        cost=made.cost,
+        inert=made.inert,
+        method="LQGCompensator",
     )
     contents = scipy.io.loadmat(tmp_path / "law.mat")
     np.testing.assert_array_equal(contents["C"], -made.system.C if negative else made.system.C)
@@ -310,7 +325,13 @@ def test_a_sampled_compensator_too(tmp_path: Path) -> None:
     made = sampled_law()
     write_mat(tmp_path / "law.mat", made)
     assert load_mat(tmp_path / "law.mat") == StoredCompensator(
-        made.sampled, made.inputs, made.outputs, None, None, (), method="Tustin"
+        dynamics=made.sampled,
+        inputs=made.inputs,
+        outputs=made.outputs,
+        authority=None,
+        cost=None,
+        inert=(),
+        method="Tustin",
     )
 
 
@@ -336,7 +357,7 @@ def test_matrices_of_any_origin(tmp_path: Path) -> None:
     found = load_mat(tmp_path / "a.mat", variable="G")
     assert isinstance(found, Plant)
     assert [p.name for p in found.inputs] == ["u1", "u2"]
-    same(found.sampled, SampledStateSpace(A, B, C, D, 0.1))
+    same(found.sampled, SampledStateSpace(A, B, C, D, period_s=0.1))
     scipy.io.savemat(tmp_path / "b.mat", {"A": A, "B": B, "C": C, "D": D, "InputName": "torque"})
     with pytest.raises(DataError, match="1 names and 1 units for 2 inputs"):
         load_mat(tmp_path / "b.mat", period_s=0.0)

@@ -83,8 +83,12 @@ def test_commands_are_written_and_read_back_exactly(tmp_path: Path):
 
 
 def test_the_accuracy_of_a_test_is_printed(tmp_path: Path):
-    mode = ModalSystem([2.0 * np.pi * 5.0], [0.01], [[1.0]], [[1.0]], [[0.0]], ("bounce",))
-    model = model_of_plant(Plant(mode, (Port("torque", "N m"),), (Port("payload", "rad"),)), delay_s=0.01)
+    mode = ModalSystem(
+        omega=[2.0 * np.pi * 5.0], zeta=[0.01], psi=[[1.0]], phi=[[1.0]], phi_rate=[[0.0]], names=("bounce",)
+    )
+    model = model_of_plant(
+        Plant(dynamics=mode, inputs=(Port("torque", "N m"),), outputs=(Port("payload", "rad"),)), delay_s=0.01
+    )
     write_model(tmp_path / "model.json", model)
     wanted = ["--rms", 1, "--model", tmp_path / "model.json", "--noise", "1e-3", "--periods", 4]
     found = document(*MULTISINE, *wanted)["expected"]

@@ -19,12 +19,19 @@ def a_record(*, inputs=(U,), experiments=1, samples=256, periodic=True):
     rng = np.random.default_rng(0)
     u = np.repeat(rng.standard_normal((experiments, 1, samples, len(inputs))), 2, axis=1)
     y = np.roll(u.sum(axis=3, keepdims=True), 1, axis=2)
-    return Record(100.0, u, y, tuple(inputs), (Y,), periodic)
+    return Record(sample_hz=100.0, u=u, y=y, inputs=tuple(inputs), outputs=(Y,), periodic=periodic)
 
 
 def changed(record, **arrays):
     fields = {"u": record.u, "y": record.y, **arrays}
-    return Record(record.sample_hz, fields["u"], fields["y"], record.inputs, record.outputs, record.periodic)
+    return Record(
+        sample_hz=record.sample_hz,
+        u=fields["u"],
+        y=fields["y"],
+        inputs=record.inputs,
+        outputs=record.outputs,
+        periodic=record.periodic,
+    )
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])
@@ -73,7 +80,9 @@ def test_mismatched_lengths():
 
 def a_response(H, variance=None):
     H = np.asarray(H, dtype=complex)[:, None, None]
-    return FrequencyResponse(0.1 * np.arange(1, len(H) + 1), H, (U,), (Y,), variance)
+    return FrequencyResponse(
+        frequency_hz=0.1 * np.arange(1, len(H) + 1), H=H, inputs=(U,), outputs=(Y,), variance=variance
+    )
 
 
 def test_a_constant_response():
@@ -135,7 +144,9 @@ def test_simulating_a_record_of_other_inputs():
     record = a_record()
     s = 2j * np.pi * 0.1 * np.arange(1, 200)
     model = fit_response(a_response(1.0 / (s**2 + 0.4 * s + 400.0)), states=2).model
-    other = Record(record.sample_hz, record.u, record.y, (V,), (Y,), periodic=True)
+    other = Record(
+        sample_hz=record.sample_hz, u=record.u, y=record.y, inputs=(V,), outputs=(Y,), periodic=True
+    )
     with pytest.raises(DataError, match="the record has the inputs wheel"):
         nrmse(model, other)
 
@@ -240,7 +251,13 @@ def test_an_output_without_the_others_modes_is_flagged():
     size = 0.01 * np.sqrt(np.mean(np.abs(H) ** 2, axis=0, keepdims=True))
     noise = (rng.standard_normal((*H.shape, 2)) @ np.array([1.0, 1j])) * size / np.sqrt(2.0)
     ports = (Port("force", "N"),), (Port("y1", "m"), Port("y2", "m"))
-    measured = FrequencyResponse(f, H + noise, *ports, np.broadcast_to(size**2, H.shape).copy())
+    measured = FrequencyResponse(
+        frequency_hz=f,
+        H=H + noise,
+        inputs=ports[0],
+        outputs=ports[1],
+        variance=np.broadcast_to(size**2, H.shape).copy(),
+    )
     fit = fit_response(measured, states=4)
     assert fit.model.delay_s.min() > 0.0
     assert any("output y1: the model leaves 10% of the response unexplained" in w for w in fit.warnings)
@@ -255,7 +272,13 @@ def test_an_acceleration_takes_complex_constants():
     size = 0.01 * np.sqrt(np.mean(np.abs(H) ** 2))
     noise = np.random.default_rng(1).standard_normal((len(f), 2)) @ np.array([1.0, 1j]) * size / np.sqrt(2.0)
     ports = (Port("force", "N"),), (Port("tip", "m/s^2"),)
-    measured = FrequencyResponse(f, (H + noise)[:, None, None], *ports, np.full((len(f), 1, 1), size**2))
+    measured = FrequencyResponse(
+        frequency_hz=f,
+        H=(H + noise)[:, None, None],
+        inputs=ports[0],
+        outputs=ports[1],
+        variance=np.full((len(f), 1, 1), size**2),
+    )
     fitted = fit_response(measured, states=6)
     found = np.sort(natural_hz(fitted.model))
     # A hundredth of the half-power bandwidth of 1 % damping.

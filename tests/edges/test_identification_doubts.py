@@ -24,7 +24,14 @@ PERIODS, SAMPLE_HZ = 4, 128.0
 def shaken():
     """Two modes, 3.2 and 11.5 Hz at 1 %, four steady periods of 32 s with 0.1 % noise."""
     omega = 2.0 * np.pi * np.array([3.2, 11.5])
-    modal = ModalSystem(omega, [0.01, 0.01], [[1.0], [0.7]], [[1.0, 0.8]], [[0.0, 0.0]], ("a", "b"))
+    modal = ModalSystem(
+        omega=omega,
+        zeta=[0.01, 0.01],
+        psi=[[1.0], [0.7]],
+        phi=[[1.0, 0.8]],
+        phi_rate=[[0.0, 0.0]],
+        names=("a", "b"),
+    )
     rng = np.random.default_rng(5)
     u = random_multisine((0.5, 14.0), 32.0, SAMPLE_HZ, 1.0, rng)[:, None]
     sampled = sample_dynamics(modal, 1.0 / SAMPLE_HZ, 0.005)
@@ -35,7 +42,14 @@ def shaken():
 
 def fit(u, y):
     ports = (Port("force", "N"),), (Port("tip", "m"),)
-    record = Record(SAMPLE_HZ, np.broadcast_to(u, (1, PERIODS, *u.shape)), y[None], *ports, True)
+    record = Record(
+        sample_hz=SAMPLE_HZ,
+        u=np.broadcast_to(u, (1, PERIODS, *u.shape)),
+        y=y[None],
+        inputs=ports[0],
+        outputs=ports[1],
+        periodic=True,
+    )
     return fit_response(estimate_response(record, band_hz=(0.5, 14.0)), states=4)
 
 
@@ -67,7 +81,9 @@ def test_an_unsteady_period_is_doubted(shaken):
 def test_the_logarithmic_cost_wants_a_variance(shaken):
     u, y = shaken
     ports = (Port("force", "N"),), (Port("tip", "m"),)
-    once = Record(SAMPLE_HZ, u[None, None], y[None, :1], *ports, True)
+    once = Record(
+        sample_hz=SAMPLE_HZ, u=u[None, None], y=y[None, :1], inputs=ports[0], outputs=ports[1], periodic=True
+    )
     with pytest.raises(FitError, match="two periods"):
         fit_response(estimate_response(once, band_hz=(0.5, 14.0)), states=4, cost="logarithmic")
 
@@ -75,7 +91,14 @@ def test_the_logarithmic_cost_wants_a_variance(shaken):
 def test_a_model_worse_than_none_is_refused(shaken):
     u, y = shaken
     ports = (Port("force", "N"),), (Port("tip", "m"),)
-    record = Record(SAMPLE_HZ, np.broadcast_to(u, (1, PERIODS, *u.shape)), y[None], *ports, True)
+    record = Record(
+        sample_hz=SAMPLE_HZ,
+        u=np.broadcast_to(u, (1, PERIODS, *u.shape)),
+        y=y[None],
+        inputs=ports[0],
+        outputs=ports[1],
+        periodic=True,
+    )
     measured = estimate_response(record, band_hz=(0.5, 14.0))
     with pytest.raises(FitError, match="3 times the response") as caught:
         doubts_of_model(measured, np.array([3.0]), 1.0, 2.0 * measured.H)
@@ -87,7 +110,9 @@ def test_a_small_part_of_the_rms_says_on_which_lines_it_is_most():
     f, H = np.arange(1.0, 101.0), np.ones((100, 1, 1), complex)
     H[70:] = 1e-6
     ports = (Port("force", "N"),), (Port("tip", "m"),)
-    measured = FrequencyResponse(f, H, *ports, np.full(H.shape, 1e-18))
+    measured = FrequencyResponse(
+        frequency_hz=f, H=H, inputs=ports[0], outputs=ports[1], variance=np.full(H.shape, 1e-18)
+    )
     wrong = np.where(np.arange(100) < 70, 0.0, 0.9e-6)[:, None, None] + 0j
     error = np.sqrt(np.sum(np.abs(wrong) ** 2) / np.sum(np.abs(H) ** 2))
     (told,) = doubts_of_model(measured, np.array([error]), 1.0, wrong)
@@ -115,7 +140,9 @@ def test_modes_outside_the_band_are_one_sentence_and_narrow_ones_no_doubt_of_sam
     known = as_exact(model)
     lines = np.arange(1.0, 10.0, 0.1)
     H = np.ones((len(lines), 1, 1), complex)
-    measured = FrequencyResponse(lines, H, *ports, variance=np.ones(H.shape))
+    measured = FrequencyResponse(
+        frequency_hz=lines, H=H, inputs=ports[0], outputs=ports[1], variance=np.ones(H.shape)
+    )
     of_lines = doubts_of_deviations(measured, known)
     assert [w for w in of_lines if "outside" in w] == [
         "modes at 0.1, 20 Hz: they lie outside the band 1-9.9 Hz, and stand for whatever is there"

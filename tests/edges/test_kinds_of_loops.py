@@ -18,15 +18,24 @@ from middeck.systems.modal import ModalSystem
 from middeck.systems.mode_shift import shift_modes
 from middeck.systems.plant import Plant
 
-MODES = ModalSystem([3.0, 9.0], [0.01, 0.01], [[1.0], [0.5]], [[1.0, 0.5]], [[0.0, 0.0]], ("a", "b"))
-GROUPS = ("u",), ("u",), ("y",), ("y",)
-PLANT = Plant(MODES, (Port("u", "N"),), (Port("y", "m"),), *GROUPS)
+MODES = ModalSystem(
+    omega=[3.0, 9.0],
+    zeta=[0.01, 0.01],
+    psi=[[1.0], [0.5]],
+    phi=[[1.0, 0.5]],
+    phi_rate=[[0.0, 0.0]],
+    names=("a", "b"),
+)
+GROUPS = {"w": ("u",), "u": ("u",), "z": ("y",), "y": ("y",)}
+PLANT = Plant(dynamics=MODES, inputs=(Port("u", "N"),), outputs=(Port("y", "m"),), **GROUPS)
 LATE = md.delay_plant(PLANT, 0.02)
-WEIGHTS = md.LQGWeights(np.ones(1), np.ones(1), ("u",), np.eye(1), np.array([1e-4]))
+WEIGHTS = md.LQGWeights(
+    output=np.ones(1), input=np.ones(1), disturbed=("u",), process=np.eye(1), sensor=np.array([1e-4])
+)
 LAW = md.design_lqg(PLANT, WEIGHTS, 10.0)
 SAMPLED = md.emulate(LAW, 0.05)
 BAND = md.Performance(np.ones(1), np.eye(1), (0.0, 5.0))
-BOX = md.Uncertainty((md.ModeShift(("a",), 0.02),))
+BOX = md.Uncertainty(shifts=(md.ModeShift(("a",), 0.02),))
 HERE = np.zeros((1, 1))
 
 

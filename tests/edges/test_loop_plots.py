@@ -17,17 +17,17 @@ from middeck.systems.statespace import gain_system
 
 FORCE, WAY, RATE = Port("force", "N"), Port("way", "m"), Port("rate", "m/s")
 MODES = ModalSystem(
-    [0.0, 9.0],
-    [0.0, 0.02],
-    [[1.0], [0.5]],
-    [[1.0, 0.5], [0.0, 0.0]],
-    [[0.0, 0.0], [1.0, 0.5]],
-    ("body", "one"),
+    omega=[0.0, 9.0],
+    zeta=[0.0, 0.02],
+    psi=[[1.0], [0.5]],
+    phi=[[1.0, 0.5], [0.0, 0.0]],
+    phi_rate=[[0.0, 0.0], [1.0, 0.5]],
+    names=("body", "one"),
 )
 
 
 def looked_at(delay_s: float) -> tuple[ReturnRatio, Margins]:
-    late = delay_plant(Plant(MODES, (FORCE,), (WAY, RATE)), delay_s)
+    late = delay_plant(Plant(dynamics=MODES, inputs=(FORCE,), outputs=(WAY, RATE)), delay_s)
     law = Compensator(gain_system(np.array([[-2.0, -1.5]])), (WAY, RATE), (FORCE,))
     return trace_return_ratio(late, law), measure_margins(late, law)
 

@@ -63,7 +63,7 @@ def test_what_does_not_fit_is_refused_by_name(wrong: dict[str, Any], says: str) 
 
 
 def test_a_loop_has_one_time() -> None:
-    one, other = (SampledStateSpace([[0.5]], [[1.0]], [[1.0]], [[0.0]], T) for T in (0.1, 0.2))
+    one, other = (SampledStateSpace([[0.5]], [[1.0]], [[1.0]], [[0.0]], period_s=T) for T in (0.1, 0.2))
     with pytest.raises(ConfigError, match=r"systems of periods 0\.1 and 0\.2 s"):
         feedback(one, other, [0], [0])
     with pytest.raises(ConfigError, match=r"systems of periods 0 and 0\.1 s"):

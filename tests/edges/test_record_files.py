@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import h5py
@@ -30,6 +31,12 @@ from middeck.signals.record import Record
 RNG = np.random.default_rng(4)
 MATRIX = RNG.standard_normal((50, 3))
 DAISY = name_columns(["u [N m]"], ["y1", "y2 [m/s^2]"], sample_hz=10.0)
+
+
+def a_record(signals, inputs, outputs, periodic=False) -> Record:
+    return Record(
+        sample_hz=4.0, u=signals[0], y=signals[1], inputs=inputs, outputs=outputs, periodic=periodic
+    )
 
 
 def mat_5(path: Path) -> None:
@@ -113,7 +120,7 @@ def test_a_file_of_channels_beside_the_record(tmp_path: Path) -> None:
         'calibrated = "2026-01-31"\n[[channel]]\ncolumn = 1\nname = "torque"\nside = "input"\n'
     )
     record = load_record(tmp_path / "a.mat")
-    tip = Channel("12", "+z", "sensor", 9.81, "V", "2026-01-31")
+    tip = Channel(node="12", direction="+z", role="sensor", gain=9.81, raw_unit="V", calibrated="2026-01-31")
     assert record.outputs == (Port("tip", "m/s^2", tip),)
     assert record.inputs == (Port("torque", ""),)
 
@@ -129,14 +136,21 @@ def test_channels_that_the_file_names_are_only_described(tmp_path: Path) -> None
 
 def test_the_transducer_goes_with_its_port(tmp_path: Path) -> None:
     """From the record through response and model to the model's file."""
-    tip = Port("tip", "m", Channel("12", "+z", "sensor", 9.81, "V", "2026-01-31"))
+    tip = Port(
+        "tip",
+        "m",
+        Channel(node="12", direction="+z", role="sensor", gain=9.81, raw_unit="V", calibrated="2026-01-31"),
+    )
     f = np.fft.rfftfreq(256, 1.0 / 64.0)
     s = 2j * np.pi * f
     U = np.where((f > 0) & (f < 20.0), np.exp(2j * np.pi * RNG.random(len(f))), 0.0)
     u, y = (np.fft.irfft(x)[None, None, :, None].repeat(2, 1) for x in (U, U * 900 / (s**2 + 3 * s + 900)))
     y = y + 1e-3 * y.std() * RNG.standard_normal(y.shape)
     model = fit_response(
-        estimate_response(Record(64.0, u, y, (Port("u", "N"),), (tip,), True)), states=2
+        estimate_response(
+            Record(sample_hz=64.0, u=u, y=y, inputs=(Port("u", "N"),), outputs=(tip,), periodic=True)
+        ),
+        states=2,
     ).model
     assert model.outputs == (tip,)
     write_model(tmp_path / "model.json", model)
@@ -145,7 +159,7 @@ def test_the_transducer_goes_with_its_port(tmp_path: Path) -> None:
 
 def test_matlab_drops_axes_of_one(tmp_path: Path) -> None:
     """One output: u(1,1,:,1) is saved as an array of three axes."""
-    record = Record(4.0, *RNG.standard_normal((2, 1, 1, 9, 1)), (Port("u", "V"),), (Port("y", "m"),), False)
+    record = a_record(RNG.standard_normal((2, 1, 1, 9, 1)), (Port("u", "V"),), (Port("y", "m"),))
     write_record(tmp_path / "r.mat", record)
     contents = scipy.io.loadmat(tmp_path / "r.mat")
     kept = {k: v for k, v in contents.items() if not k.startswith("__")}
@@ -154,7 +168,7 @@ def test_matlab_drops_axes_of_one(tmp_path: Path) -> None:
 
 
 def test_own_layout_in_matlab_7_3(tmp_path: Path) -> None:
-    record = Record(4.0, *RNG.standard_normal((2, 2, 3, 9, 2)),
+    record = a_record(RNG.standard_normal((2, 2, 3, 9, 2)),
                     (Port("a", "V"), Port("bb", "N m")), (Port("c", "m"), Port("d", "")), True)  # fmt: skip
     path = tmp_path / "r.mat"
     with h5py.File(path, "w", userblock_size=512) as archive:
@@ -210,7 +224,16 @@ def test_missing_lines_of_csv_are_a_gap(tmp_path: Path) -> None:
 def universal(path: Path, runs: list[tuple[str, Place, int, str, np.ndarray]], *, first: float = 0.0) -> Path:
     with open(path, "ab") as stream:
         for text, place, quantity, unit, x in runs:
-            header = Header((text, "", "", "", ""), 1, place, Place("", 0, 0), 17, "s", quantity, unit)
+            header = Header(
+                texts=(text, "", "", "", ""),
+                kind=1,
+                response=place,
+                reference=Place("", 0, 0),
+                axis=17,
+                axis_unit="s",
+                quantity=quantity,
+                unit=unit,
+            )
             write_58(stream, header, first, 1.0 / 6000.0, x, binary=True)
     return path
 
@@ -250,10 +273,10 @@ def test_experiments_of_unlike_lengths(tmp_path: Path) -> None:
 
 
 def test_a_campaign_refuses_other_rates_and_channels(tmp_path: Path) -> None:
-    base = Record(4.0, *RNG.standard_normal((2, 1, 1, 9, 1)), (Port("u", "V"),), (Port("y", "m"),), False)
+    base = a_record(RNG.standard_normal((2, 1, 1, 9, 1)), (Port("u", "V"),), (Port("y", "m"),))
     for k, changed in enumerate((
-        Record(5.0, base.u, base.y, base.inputs, base.outputs, False),
-        Record(4.0, base.u, base.y, base.inputs, (Port("z", "m"),), False),
+        dataclasses.replace(base, sample_hz=5.0),
+        dataclasses.replace(base, outputs=(Port("z", "m"),)),
     )):  # fmt: skip
         paths = [tmp_path / f"a{k}.npz", tmp_path / f"b{k}.npz"]
         write_record(paths[0], base)
@@ -266,7 +289,7 @@ def test_a_sensor_calibrated_anew_is_the_same_channel(tmp_path: Path) -> None:
     x = RNG.standard_normal((2, 1, 1, 9, 1))
     for name, date in (("a.npz", "2026-01-31"), ("b.npz", "2026-06-30")):
         port = Port("y", "m", Channel(node="1", direction="+z", gain=2.0, calibrated=date))
-        write_record(tmp_path / name, Record(4.0, *x, (Port("u", "V"),), (port,), False))
+        write_record(tmp_path / name, a_record(x, (Port("u", "V"),), (port,)))
     joined = load_records([tmp_path / "a.npz", tmp_path / "b.npz"])
     assert joined.u.shape == (2, 1, 9, 1)
 
@@ -275,7 +298,7 @@ def test_what_a_universal_file_cannot_hold(tmp_path: Path) -> None:
     x = RNG.standard_normal((2, 1, 1, 9, 1))
     for port in (Port("y" * 81, "m"), Port("y", "m", Channel(direction="radial")), Port("y", "m" * 21)):
         with pytest.raises(DataError) as caught:
-            write_record(tmp_path / "r.uff", Record(4.0, *x, (Port("u", "V"),), (port,), False))
+            write_record(tmp_path / "r.uff", a_record(x, (Port("u", "V"),), (port,)))
         assert caught.value.hint
     assert list(tmp_path.iterdir()) == [], "half a file was left"
 
@@ -283,7 +306,7 @@ def test_what_a_universal_file_cannot_hold(tmp_path: Path) -> None:
 def test_what_csv_cannot_hold(tmp_path: Path) -> None:
     x = RNG.standard_normal((2, 2, 1, 9, 1))
     with pytest.raises(DataError, match="2 experiments do not fit"):
-        write_record(tmp_path / "r.csv", Record(4.0, *x, (Port("u", "V"),), (Port("y", "m"),), False))
+        write_record(tmp_path / "r.csv", a_record(x, (Port("u", "V"),), (Port("y", "m"),)))
 
 
 def test_responses_that_lack_one_or_are_none(tmp_path: Path) -> None:
@@ -291,9 +314,22 @@ def test_responses_that_lack_one_or_are_none(tmp_path: Path) -> None:
     H = RNG.standard_normal(9) + 1j * RNG.standard_normal(9)
     with open(path, "wb") as stream:
         for output, at in ((1, 1), (2, 1), (2, 2)):
-            ends = Place("", output, 3), Place("", at, 3)
             write_58(
-                stream, Header(("H", "", "", "", ""), 4, *ends, 18, "Hz", 8, "m"), 1.0, 0.5, H, binary=False
+                stream,
+                Header(
+                    texts=("H", "", "", "", ""),
+                    kind=4,
+                    response=Place("", output, 3),
+                    reference=Place("", at, 3),
+                    axis=18,
+                    axis_unit="Hz",
+                    quantity=8,
+                    unit="m",
+                ),
+                1.0,
+                0.5,
+                H,
+                binary=False,
             )
     with pytest.raises(DataError, match="no response between them") as caught:
         load_response(path)

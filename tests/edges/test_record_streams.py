@@ -53,8 +53,28 @@ def ramp() -> tuple[np.ndarray, np.ndarray]:
 def test_a_stream_needs_less_than_its_record(tmp_path: Path, suffix: str) -> None:
     u, y = ramp()
     long, short = tmp_path / f"long{suffix}", tmp_path / f"short{suffix}"
-    write_record(long, Record(HZ, u[None, None, :, None], y[None, None, :, None], *PORTS, False))
-    write_record(short, Record(HZ, u[None, None, :9, None], y[None, None, :9, None], *PORTS, False))
+    write_record(
+        long,
+        Record(
+            sample_hz=HZ,
+            u=u[None, None, :, None],
+            y=y[None, None, :, None],
+            inputs=PORTS[0],
+            outputs=PORTS[1],
+            periodic=False,
+        ),
+    )
+    write_record(
+        short,
+        Record(
+            sample_hz=HZ,
+            u=u[None, None, :9, None],
+            y=y[None, None, :9, None],
+            inputs=PORTS[0],
+            outputs=PORTS[1],
+            periodic=False,
+        ),
+    )
     command = [sys.executable, "-c", WITHIN, str(long), str(ALLOWED), str(short)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
@@ -69,7 +89,7 @@ def test_a_stream_needs_less_than_its_record(tmp_path: Path, suffix: str) -> Non
 def test_a_night_of_csv_becomes_hdf5(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     rng = np.random.default_rng(0)
     u, y = rng.standard_normal((2, 1, 1, 20_000, 1))
-    record = Record(HZ, u, y, *PORTS, periodic=False)
+    record = Record(sample_hz=HZ, u=u, y=y, inputs=PORTS[0], outputs=PORTS[1], periodic=False)
     write_record(tmp_path / "night.csv", record)
     ended = middeck(capfd, "record", tmp_path / "night.csv", "-o", tmp_path / "night.h5", "--stream")
     assert (ended.code, ended.err) == (0, "")
@@ -80,7 +100,9 @@ def test_blocks_of_a_part_of_the_channels(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     u, y = rng.standard_normal((2, 1, 3, 10, 2))
     ports = (Port("a", "N"), Port("b", "N")), (Port("c", "m"), Port("d", "m"))
-    write_record(tmp_path / "r.uff", Record(HZ, u, y, *ports, periodic=True))
+    write_record(
+        tmp_path / "r.uff", Record(sample_hz=HZ, u=u, y=y, inputs=ports[0], outputs=ports[1], periodic=True)
+    )
     (tmp_path / "r.uff.toml").write_text(
         '[[channel]]\nname = "d"\nside = "output"\n[[channel]]\nname = "b"\nside = "input"\n'
     )
@@ -94,13 +116,31 @@ def test_blocks_of_a_part_of_the_channels(tmp_path: Path) -> None:
 
 
 def test_an_experiment_that_is_not_there(tmp_path: Path) -> None:
-    write_record(tmp_path / "r.h5", Record(HZ, *np.ones((2, 1, 1, 9, 1)), *PORTS, False))
+    write_record(
+        tmp_path / "r.h5",
+        Record(
+            sample_hz=HZ,
+            u=np.ones((1, 1, 9, 1)),
+            y=np.ones((1, 1, 9, 1)),
+            inputs=PORTS[0],
+            outputs=PORTS[1],
+            periodic=False,
+        ),
+    )
     with pytest.raises(DataError, match="no experiment 1") as caught:
         next(open_record(tmp_path / "r.h5").blocks(4, experiment=1))
     assert "counted from 0, there are 1" in caught.value.hint
 
 
 def test_a_stream_that_ends_early_says_so() -> None:
-    stream = RecordStream(HZ, *PORTS, 10, 1, None, lambda e, n: iter([(np.ones((4, 1)), np.ones((4, 1)))]))
+    stream = RecordStream(
+        sample_hz=HZ,
+        inputs=PORTS[0],
+        outputs=PORTS[1],
+        samples=10,
+        experiments=1,
+        period=None,
+        pieces=lambda e, n: iter([(np.ones((4, 1)), np.ones((4, 1)))]),
+    )
     with pytest.raises(DataError, match="truncated: 4 of 10 samples"):
         list(stream.blocks(3))

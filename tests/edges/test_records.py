@@ -24,7 +24,14 @@ FINITE = st.floats(allow_nan=False, allow_infinity=False)
 def sample_record(samples: int = 20, hz: float = 500.0) -> Record:
     rng = np.random.default_rng(3)
     u, y = rng.standard_normal((2, 3, samples, 1)), rng.standard_normal((2, 3, samples, 2))
-    return Record(hz, u, y, (Port("torque", "N m"),), (Port("a", "rad"), Port("b", "rad/s")), True)
+    return Record(
+        sample_hz=hz,
+        u=u,
+        y=y,
+        inputs=(Port("torque", "N m"),),
+        outputs=(Port("a", "rad"), Port("b", "rad/s")),
+        periodic=True,
+    )
 
 
 def rewritten(path: Path, **changes: Any) -> Path:

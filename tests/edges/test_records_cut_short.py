@@ -21,7 +21,14 @@ FORMATS = {"fixed": "%.6f", "all digits": "%.17g", "exponents": "%.6e"}
 def a_record() -> Record:
     u, v = np.random.default_rng(3).standard_normal((2, 1, 1, 300, 1))
     y = lfilter([0.0, 1.0], [1.0, -1.6, 0.95], u, axis=2) + 1e-2 * v
-    return Record(100.0, u, y * 1e-3, (Port("torque", "N m"),), (Port("angle", "rad"),), periodic=False)
+    return Record(
+        sample_hz=100.0,
+        u=u,
+        y=y * 1e-3,
+        inputs=(Port("torque", "N m"),),
+        outputs=(Port("angle", "rad"),),
+        periodic=False,
+    )
 
 
 def written(path: Path, style: str) -> bytes:

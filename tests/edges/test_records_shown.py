@@ -73,3 +73,13 @@ def test_fields_by_name_only_are_locked_and_come_back_from_a_file() -> None:
     assert not again.second.flags.writeable
     with pytest.raises(TypeError, match="positional"):
         Named(1.0, [1.0, 2.0])  # type: ignore[misc]
+
+
+def test_five_fields_are_given_by_name() -> None:
+    def of(count: int) -> type:
+        return type("Many", (), {"__annotations__": dict.fromkeys("abcdefgh"[:count], float)})
+
+    assert record(of(4))(1.0, 2.0, 3.0, 4.0).d == 4.0
+    with pytest.raises(TypeError, match="Many: 5 fields by position"):
+        record(of(5))
+    assert record(kw_only=True)(of(5))(a=1.0, b=2.0, c=3.0, d=4.0, e=5.0).e == 5.0

@@ -25,7 +25,7 @@ from middeck.structure.modes.solve import solve_modes
 from middeck.structure.rest.equilibrium import node_rotations, solve_equilibrium
 from structure_builders import GRAVITY, body, lab, member, node, rigid_bar, springs_above, structure
 
-TUBE = Section(1e6, 80.0, 100.0, 100.0, 0.5, 1e-4, 1e-4)
+TUBE = Section(EA=1e6, GJ=80.0, EI_y=100.0, EI_z=100.0, rho_A=0.5, rho_I_y=1e-4, rho_I_z=1e-4)
 X, Z = np.eye(3)[0], np.eye(3)[2]
 
 
@@ -34,18 +34,29 @@ def bus(cg_y: float = -0.05, payload_y: float = -0.2) -> Structure:
         node(n, (x, 0, 0), body(5.0, (0, cg_y, 0), (0.1, 0.1, 0.1)), 0.05)
         for n, x in (("a", 0.0), ("b", 1.0))
     ]
-    payload = Joint("p", "a", np.array([0, -0.05, 0]), X, 0.0, body(3.0, (0, payload_y, 0), (0.02,) * 3))
+    payload = Joint(
+        name="p",
+        parent="a",
+        offset=np.array([0, -0.05, 0]),
+        axis=X,
+        angle=0.0,
+        body=body(3.0, (0, payload_y, 0), (0.02,) * 3),
+    )
     attach = [AttachPoint(n, n, np.array([0, 0.02, 0])) for n in "ab"]
     return structure(nodes, [member("a", "b", TUBE, 3)], [payload], attach=attach)
 
 
 def cables(held=("xyz", "yz"), attach=("a", "b"), gravity=GRAVITY) -> Environment:
-    return Environment("lab", gravity, Suspension(attach, held, 4.0, 0.25))
+    return Environment(
+        title="lab",
+        gravity=gravity,
+        suspension=Suspension(attach=attach, held=held, cable_length=4.0, bounce_hz=0.25),
+    )
 
 
 def test_gravity_and_nothing_to_hang_from():
     with pytest.raises(EquilibriumError, match="nothing to hang from") as error:
-        solve_equilibrium(bus(), Environment("bare", GRAVITY))
+        solve_equilibrium(bus(), Environment(title="bare", gravity=GRAVITY))
     assert "'bare'" in error.value.where
     assert "orbit" in error.value.hint
 
@@ -108,7 +119,10 @@ def test_unknown_attach_point_is_a_fault_of_the_environment():
         solve_equilibrium(bus(), cables(attach=("a", "c")))
     assert "a, b" in error.value.hint
     with pytest.raises(ConfigError, match="no attach point 'd'"):
-        solve_equilibrium(bus(), lab(AnchoredSpring("s", "d", np.zeros(3), 1.0, 1.0)))
+        solve_equilibrium(
+            bus(),
+            lab(AnchoredSpring(name="s", attach="d", anchor=np.zeros(3), stiffness=1.0, free_length=1.0)),
+        )
 
 
 def test_disconnected_part_is_named_whatever_the_environment():
@@ -118,7 +132,9 @@ def test_disconnected_part_is_named_whatever_the_environment():
     for environment in (Environment.orbit(), cables()):
         with pytest.raises(ConfigError, match="no member or spring joins node 'd', 'e' to the rest"):
             solve_equilibrium(parts, environment)
-    whole = dataclasses.replace(parts, springs=(Spring("s", "d", "a", 10.0, 1.0),))
+    whole = dataclasses.replace(
+        parts, springs=(Spring(name="s", start="d", end="a", stiffness=10.0, free_length=1.0),)
+    )
     assert solve_equilibrium(whole, Environment.orbit()).converged
 
 
@@ -130,18 +146,36 @@ def test_what_a_joint_carries_is_joined_by_a_spring_to_it():
     broken = dataclasses.replace(parts, nodes=(*parts.nodes, alone), attach_points=attach)
     with pytest.raises(ConfigError, match="joins node 'c'"):
         mesh_structure(broken)
-    mesh_structure(dataclasses.replace(broken, springs=(Spring("s", "p", "c", 10.0, 1.0),)))
+    mesh_structure(
+        dataclasses.replace(
+            broken, springs=(Spring(name="s", start="p", end="c", stiffness=10.0, free_length=1.0),)
+        )
+    )
 
 
 def test_spring_whose_ends_coincide():
     bar = rigid_bar(2.0, 1.0, (0.1, 0.2, 0.3))
     with pytest.raises(EquilibriumError, match="ends of a spring coincide"):
-        solve_equilibrium(bar, lab(AnchoredSpring("s", "left", np.array([-0.5, 0, 0]), 10.0, 1.0)))
+        solve_equilibrium(
+            bar,
+            lab(
+                AnchoredSpring(
+                    name="s", attach="left", anchor=np.array([-0.5, 0, 0]), stiffness=10.0, free_length=1.0
+                )
+            ),
+        )
 
 
 def test_motion_without_mass_or_stiffness_is_named():
     """A free axis that carries nothing."""
-    empty = Joint("idle", "bar", np.zeros(3), X, 0.0, Body(0.0, np.zeros(3), np.zeros((3, 3))))
+    empty = Joint(
+        name="idle",
+        parent="bar",
+        offset=np.zeros(3),
+        axis=X,
+        angle=0.0,
+        body=Body(0.0, np.zeros(3), np.zeros((3, 3))),
+    )
     parts = dataclasses.replace(rigid_bar(2.0, 1.0, (0.1, 0.2, 0.3)), joints=(empty,))
     with pytest.raises(NumericalError, match="neither mass nor stiffness") as error:
         solve_modes(solve_equilibrium(parts, Environment.orbit()))
@@ -174,12 +208,14 @@ BROKEN = {
     "negative or not a number": changed_joint(body=body(-1.0)),
     "'p' carries a body": changed_joint(body=body(1.0, inertia=(-0.1, 0.1, 0.1))),
     "'p' carries": changed_joint(body=body(np.nan)),
-    "port 't' names joint 'a'": with_ports(Actuator("t", "a", None)),
-    "port 'r' names frame 'zz'": with_ports(Sensor("r", "zz", Z, "a")),
-    "sensor 'r' names frame 'zz'": with_ports(Sensor("r", "a", Z, "zz")),
-    "actuator 't' is there twice": with_ports(Actuator("t", "a", Z), Actuator("t", "a", X)),
+    "port 't' names joint 'a'": with_ports(Actuator(name="t", frame="a", axis=None)),
+    "port 'r' names frame 'zz'": with_ports(Sensor(name="r", frame="zz", axis=Z, axis_frame="a")),
+    "sensor 'r' names frame 'zz'": with_ports(Sensor(name="r", frame="a", axis=Z, axis_frame="zz")),
+    "actuator 't' is there twice": with_ports(
+        Actuator(name="t", frame="a", axis=Z), Actuator(name="t", frame="a", axis=X)
+    ),
     "spring 's' names attach point 'zz'": dataclasses.replace(
-        bus(), springs=(Spring("s", "a", "zz", 1.0, 1.0),)
+        bus(), springs=(Spring(name="s", start="a", end="zz", stiffness=1.0, free_length=1.0),)
     ),
     "frame 'a' is there twice": changed_joint(name="a"),
     "attach point 'c' names frame 'zz'": dataclasses.replace(

@@ -59,7 +59,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (path / "drawing.svg").write_text("<svg/>")
     (path / "table.csv").write_text("a,b\n1,2\n")
     y = np.random.default_rng(1).standard_normal((1, 1, 32, 1))
-    write_record(path / "record.npz", Record(8.0, y, y, (Port("u", "N"),), (Port("y", "m"),), False))
+    write_record(
+        path / "record.npz",
+        Record(sample_hz=8.0, u=y, y=y, inputs=(Port("u", "N"),), outputs=(Port("y", "m"),), periodic=False),
+    )
     (path / "folder.toml").mkdir()
     return path
 

@@ -16,7 +16,9 @@ from middeck.systems.rms import band_rms
 from middeck.systems.statespace import StateSpace
 
 BAND = (0.05, 20.0)
-WEIGHTS = LQGWeights(np.ones(2), np.ones(2), ("a", "b"), np.eye(2), np.full(2, 1e-4))
+WEIGHTS = LQGWeights(
+    output=np.ones(2), input=np.ones(2), disturbed=("a", "b"), process=np.eye(2), sensor=np.full(2, 1e-4)
+)
 
 
 def random_plant(seed, modes=5, rigid=1):
@@ -24,9 +26,19 @@ def random_plant(seed, modes=5, rigid=1):
     omega = np.concatenate([np.zeros(rigid), 2.0 * np.pi * np.sort(rng.uniform(0.2, 10.0, modes - rigid))])
     psi, phi = rng.standard_normal((modes, 2)), rng.standard_normal((2, modes))
     names = tuple(f"mode {i}" for i in range(modes))
-    modal = ModalSystem(omega, np.where(omega > 0.0, 0.01, 0.0), psi, phi, 0.0 * phi, names)
+    modal = ModalSystem(
+        omega=omega, zeta=np.where(omega > 0.0, 0.01, 0.0), psi=psi, phi=phi, phi_rate=0.0 * phi, names=names
+    )
     ports = (Port("a", "N"), Port("b", "N")), (Port("x", "m"), Port("y", "m"))
-    return Plant(modal, *ports, ("a", "b"), ("a", "b"), ("x", "y"), ("x", "y"))
+    return Plant(
+        dynamics=modal,
+        inputs=ports[0],
+        outputs=ports[1],
+        w=("a", "b"),
+        u=("a", "b"),
+        z=("x", "y"),
+        y=("x", "y"),
+    )
 
 
 @settings(max_examples=15, deadline=None)

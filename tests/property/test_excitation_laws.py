@@ -22,7 +22,7 @@ def test_a_repeated_signal_is_found_wherever_the_record_begins(seed, period, per
     rng = np.random.default_rng(seed)
     whole = scale * np.tile(rng.standard_normal(period), periods)
     u = whole[int(rng.integers(period)) :][None, None, :, None]
-    run = Record(1.0, u, u, (Port("u", "V"),), (Port("y", "V"),), False)
+    run = Record(sample_hz=1.0, u=u, y=u, inputs=(Port("u", "V"),), outputs=(Port("y", "V"),), periodic=False)
     found = recognise_excitation(run)
     assert found.period == period
     cut = cut_periods(run, found)

@@ -30,12 +30,14 @@ def with_ports(parts: Structure, seed: int) -> Structure:
     axes = [unit(rng) for _ in PORTS]
     pairs = list(zip(PORTS, places, axes, strict=True))
     point, along, where = 0.2 * unit(rng), unit(rng), frames[int(rng.integers(len(frames)))]
-    force = Actuator("f", where, along, ActuatorKind.FORCE, point)
-    feel = Sensor("f", where, along, "", SensorKind.ACCELEROMETER, point)
+    force = Actuator(name="f", frame=where, axis=along, kind=ActuatorKind.FORCE, offset=point)
+    feel = Sensor(
+        name="f", frame=where, axis=along, axis_frame="", kind=SensorKind.ACCELEROMETER, offset=point
+    )
     return dataclasses.replace(
         parts,
-        actuators=(*(Actuator(n, f, a) for n, f, a in pairs), force),
-        sensors=(*(Sensor(n, f, a, f) for n, f, a in pairs), feel),
+        actuators=(*(Actuator(name=n, frame=f, axis=a) for n, f, a in pairs), force),
+        sensors=(*(Sensor(name=n, frame=f, axis=a, axis_frame=f) for n, f, a in pairs), feel),
     )
 
 

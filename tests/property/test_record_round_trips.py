@@ -40,7 +40,14 @@ def records(draw: st.DrawFn, experiments: int = 3) -> Record:
     shape = (e, p if periodic else 1, n + 1)
     u = draw(arrays(float, (*shape, i), elements=FINITE))
     y = draw(arrays(float, (*shape, o), elements=FINITE))
-    return Record(draw(st.sampled_from([1.0, 6000.0, 1024.0, 1e3 / 3.0])), u, y, *ports, periodic)
+    return Record(
+        sample_hz=draw(st.sampled_from([1.0, 6000.0, 1024.0, 1e3 / 3.0])),
+        u=u,
+        y=y,
+        inputs=ports[0],
+        outputs=ports[1],
+        periodic=periodic,
+    )
 
 
 def streamed(path: Path, record: Record, size: int) -> None:

@@ -24,7 +24,9 @@ from middeck.systems.stability import growth_rates
 from middeck.systems.statespace import StateSpace, poles
 
 SEEDS = st.integers(0, 10_000)
-WEIGHTS = LQGWeights(np.ones(2), np.ones(2), ("a", "b"), np.eye(2), np.full(2, 1e-4))
+WEIGHTS = LQGWeights(
+    output=np.ones(2), input=np.ones(2), disturbed=("a", "b"), process=np.eye(2), sensor=np.full(2, 1e-4)
+)
 
 
 def random_system(seed, modes=5):
@@ -44,9 +46,19 @@ def random_plant(seed, modes=5):
     omega = np.concatenate([[0.0], 2.0 * np.pi * np.sort(rng.uniform(0.2, 10.0, modes - 1))])
     psi, phi = rng.standard_normal((modes, 2)), rng.standard_normal((2, modes))
     names = tuple(f"mode {i}" for i in range(modes))
-    modal = ModalSystem(omega, np.where(omega > 0.0, 0.01, 0.0), psi, phi, 0.0 * phi, names)
+    modal = ModalSystem(
+        omega=omega, zeta=np.where(omega > 0.0, 0.01, 0.0), psi=psi, phi=phi, phi_rate=0.0 * phi, names=names
+    )
     ports = (Port("a", "N"), Port("b", "N")), (Port("x", "m"), Port("y", "m"))
-    return Plant(modal, *ports, ("a", "b"), ("a", "b"), ("x", "y"), ("x", "y"))
+    return Plant(
+        dynamics=modal,
+        inputs=ports[0],
+        outputs=ports[1],
+        w=("a", "b"),
+        u=("a", "b"),
+        z=("x", "y"),
+        y=("x", "y"),
+    )
 
 
 @settings(deadline=None)

@@ -30,9 +30,15 @@ def random_plant(rng, joints):
     omega = 2.0 * np.pi * np.concatenate([[0.0], 10.0 ** rng.uniform(-0.5, 1.6, count)])
     phi = rng.normal(size=(joints, count + 1))
     names = tuple(f"mode {i}" for i in range(count + 1))
-    modal = ModalSystem(omega, np.zeros(count + 1), phi.T, phi, 0.0 * phi, names)
+    modal = ModalSystem(
+        omega=omega, zeta=np.zeros(count + 1), psi=phi.T, phi=phi, phi_rate=0.0 * phi, names=names
+    )
     ports = [f"joint {i}" for i in range(joints)]
-    return Plant(modal, tuple(Port(p, "N m") for p in ports), tuple(Port(p, "rad") for p in ports))
+    return Plant(
+        dynamics=modal,
+        inputs=tuple(Port(p, "N m") for p in ports),
+        outputs=tuple(Port(p, "rad") for p in ports),
+    )
 
 
 def rig_of(plant, motor=Motor(), sensor=Sampler(), **more):  # noqa: B008
@@ -53,7 +59,13 @@ def test_a_motor_keeps_its_limits_whatever_is_commanded(seed, holding, slews, tu
     rng = np.random.default_rng(seed)
     limit, slew = 10.0 ** rng.uniform(-2.0, 1.0, 2) * [1.0, 100.0]
     rotor = Rotor(0.006, float(10.0 ** rng.uniform(-1.0, 2.5))) if turns else None
-    motor = Motor(limit, holding * limit, slew if slews else np.inf, 2.0 * limit / 2**BITS, rotor)
+    motor = Motor(
+        torque_limit=limit,
+        holding=holding * limit,
+        slew_limit=slew if slews else np.inf,
+        resolution=2.0 * limit / 2**BITS,
+        rotor=rotor,
+    )
     # From far below the limit to far above it, and steps.
     u = limit * 10.0 ** rng.uniform(-3.0, 2.0) * np.where(rng.random(300) < 0.5, 1.0, rng.normal(size=300))
     block = run(rig_of(random_plant(rng, 1), motor), u[:, None])
@@ -82,9 +94,9 @@ def test_limits_and_converters_change_nothing_the_second_time(seed):
     u = 2.0 * limit * rng.normal(size=(200, 1))
     plant = random_plant(rng, 1)
     for motor in (
-        Motor(limit, resolution=2.0 * limit / 2**BITS),
-        Motor(limit, slew_limit=50.0 * limit),
-        Motor(limit, rotor=Rotor(0.006, limit / 0.006 * 0.05)),
+        Motor(torque_limit=limit, resolution=2.0 * limit / 2**BITS),
+        Motor(torque_limit=limit, slew_limit=50.0 * limit),
+        Motor(torque_limit=limit, rotor=Rotor(0.006, limit / 0.006 * 0.05)),
     ):
         once = run(rig_of(plant, motor), u).torque
         again = run(rig_of(plant, motor), once).torque

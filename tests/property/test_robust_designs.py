@@ -17,7 +17,9 @@ from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
 from middeck.systems.statespace import StateSpace
 
-WEIGHTS = LQGWeights(np.ones(2), np.ones(2), ("a", "b"), np.eye(2), np.full(2, 1e-3))
+WEIGHTS = LQGWeights(
+    output=np.ones(2), input=np.ones(2), disturbed=("a", "b"), process=np.eye(2), sensor=np.full(2, 1e-3)
+)
 
 
 def random_plant(seed, modes=3):
@@ -25,9 +27,19 @@ def random_plant(seed, modes=3):
     omega = np.sort(rng.uniform(1.0, 10.0, modes))
     psi, phi = rng.standard_normal((modes, 2)), rng.standard_normal((2, modes))
     names = tuple(f"mode {i}" for i in range(modes))
-    modal = ModalSystem(omega, np.full(modes, 0.02), psi, phi, 0.0 * phi, names)
+    modal = ModalSystem(
+        omega=omega, zeta=np.full(modes, 0.02), psi=psi, phi=phi, phi_rate=0.0 * phi, names=names
+    )
     ports = (Port("a", "N"), Port("b", "N")), (Port("x", "m"), Port("y", "m"))
-    return Plant(modal, *ports, ("a", "b"), ("a", "b"), ("x", "y"), ("x", "y"))
+    return Plant(
+        dynamics=modal,
+        inputs=ports[0],
+        outputs=ports[1],
+        w=("a", "b"),
+        u=("a", "b"),
+        z=("x", "y"),
+        y=("x", "y"),
+    )
 
 
 @settings(max_examples=20, deadline=None)

@@ -20,7 +20,7 @@ from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.structure.rest.statics import static_coordinates
 from structure_builders import GRAVITY, body, member, node, structure
 
-TUBE = Section(1e6, 80.0, 90.0, 110.0, 0.5, 1e-4, 2e-4)
+TUBE = Section(EA=1e6, GJ=80.0, EI_y=90.0, EI_z=110.0, rho_A=0.5, rho_I_y=1e-4, rho_I_z=2e-4)
 X, Y, Z = np.eye(3)
 
 
@@ -55,9 +55,18 @@ def random_tree(seed: int, nodes: int, joints: int, states=(JointState.FREE,)) -
         carrier = frames[int(rng.integers(len(frames)))]
         state = states[int(rng.integers(len(states)))]
         found.append(
-            Joint(f"j{j}", carrier, 0.1 * unit(rng), unit(rng), 0.5 * rng.standard_normal(),
-                  random_body(rng, 0.5 + rng.random()), state, 5.0, 0.3)
-        )  # fmt: skip
+            Joint(
+                name=f"j{j}",
+                parent=carrier,
+                offset=0.1 * unit(rng),
+                axis=unit(rng),
+                angle=0.5 * rng.standard_normal(),
+                body=random_body(rng, 0.5 + rng.random()),
+                state=state,
+                stiffness=5.0,
+                target=0.3,
+            )
+        )
         frames.append(f"j{j}")
     attach = [AttachPoint(f, f, 0.05 * rng.standard_normal(3)) for f in frames]
     return structure(parts, members, found, (), attach)
@@ -98,7 +107,13 @@ def springs_from(parts: Structure, seed: int) -> tuple[AnchoredSpring, ...]:
     places = {n.name: n.position for n in parts.nodes}
     lift = np.array([0.0, 4.0, 0.0])
     return tuple(
-        AnchoredSpring(f"s{i}", n, places[n] + lift + 0.5 * rng.standard_normal(3), 60.0, 2.0)
+        AnchoredSpring(
+            name=f"s{i}",
+            attach=n,
+            anchor=places[n] + lift + 0.5 * rng.standard_normal(3),
+            stiffness=60.0,
+            free_length=2.0,
+        )
         for i, n in enumerate(ends)
     )
 
@@ -132,7 +147,7 @@ def rotated_lab(env: Environment, R: np.ndarray) -> Environment:
 @pytest.mark.parametrize("seed", range(4))
 def test_rotating_article_gravity_and_springs_together_changes_nothing(seed: int):
     parts = random_tree(seed, 3, 2, (JointState.SPRUNG,))
-    env = Environment("lab", GRAVITY, None, springs_from(parts, seed))
+    env = Environment(title="lab", gravity=GRAVITY, suspension=None, springs=springs_from(parts, seed))
     R = rotation_exp(2.0 * np.random.default_rng(seed).standard_normal(3))
     rest, turned = solve_equilibrium(parts, env), solve_equilibrium(rotated(parts, R), rotated_lab(env, R))
     assert rest.converged
@@ -151,14 +166,27 @@ def hung_bus() -> Structure:
         node(n, (x, 0, 0), body(m, (0.01, -0.05, 0.02), (0.1, 0.2, 0.3)), 0.05)
         for n, x, m in (("a", 0.0, 5.0), ("b", 1.0, 8.0), ("c", 2.0, 6.0))
     ]
-    payload = Joint("p", "a", np.array([0, -0.05, 0]), X, 0.4, body(3.0, (0, -0.2, 0), (0.02, 0.01, 0.02)))
+    payload = Joint(
+        name="p",
+        parent="a",
+        offset=np.array([0, -0.05, 0]),
+        axis=X,
+        angle=0.4,
+        body=body(3.0, (0, -0.2, 0), (0.02, 0.01, 0.02)),
+    )
     attach = [AttachPoint(n, n, np.array([0, 0.02, 0.01 * i])) for i, n in enumerate("abc")]
     members = [member("a", "b", TUBE, 3), member("b", "c", TUBE, 3)]
     return structure(nodes, members, [payload], attach=attach)
 
 
 def hung_lab(factor: float = 1.0) -> Environment:
-    return Environment("lab", factor * GRAVITY, Suspension(("a", "b", "c"), ("yz", "xyz", "yz"), 4.0, 0.25))
+    return Environment(
+        title="lab",
+        gravity=factor * GRAVITY,
+        suspension=Suspension(
+            attach=("a", "b", "c"), held=("yz", "xyz", "yz"), cable_length=4.0, bounce_hz=0.25
+        ),
+    )
 
 
 def test_rotating_article_gravity_and_suspension_together_changes_nothing():
@@ -182,7 +210,7 @@ def test_rotating_article_gravity_and_suspension_together_changes_nothing():
 def test_no_gravity_and_no_springs_is_orbit():
     parts = hung_bus()
     orbit = solve_modes(solve_equilibrium(parts, Environment.orbit()))
-    nothing = solve_modes(solve_equilibrium(parts, Environment("nothing", np.zeros(3))))
+    nothing = solve_modes(solve_equilibrium(parts, Environment(title="nothing", gravity=np.zeros(3))))
     assert nothing.omega == pytest.approx(orbit.omega, rel=0, abs=0)
 
 
@@ -215,7 +243,9 @@ def test_nothing_compares_to_itself_as_anything_else():
 def test_tangent_at_rest_is_the_derivative_of_the_force(seed: int):
     """Where the gradient is zero, charts do not matter: every coordinate, loaded gimbals included."""
     parts = random_tree(seed, 3, 2, (JointState.FREE, JointState.SPRUNG))
-    rest = solve_equilibrium(parts, Environment("lab", GRAVITY, None, springs_from(parts, seed)))
+    rest = solve_equilibrium(
+        parts, Environment(title="lab", gravity=GRAVITY, suspension=None, springs=springs_from(parts, seed))
+    )
     active = static_coordinates(rest.model)
     K = assemble(rest.model, rest.config, rest.loads).tangent.toarray()
     rng = np.random.default_rng(seed)
@@ -269,7 +299,9 @@ def test_preloaded_ring_keeps_its_rigid_modes():
     places = {a.name: a.offset + next(n.position for n in parts.nodes if n.name == a.frame)
               for a in parts.attach_points if a.frame.startswith("n")}  # fmt: skip
     apart = float(np.linalg.norm(places["n3"] - places["n0"]))
-    strung = dataclasses.replace(parts, springs=(Spring("s", "n0", "n3", 300.0, 0.8 * apart),))
+    strung = dataclasses.replace(
+        parts, springs=(Spring(name="s", start="n0", end="n3", stiffness=300.0, free_length=0.8 * apart),)
+    )
     modes = solve_modes(solve_equilibrium(strung, Environment.orbit()))
     assert modes.kind.count("rigid") == 7
     assert modes.rigid_residual < 1e-9

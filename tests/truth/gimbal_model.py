@@ -15,10 +15,16 @@ NAMES = ("first", "second", "third", "fourth", "fifth")
 def plant(outputs=1, inputs=1):
     phi = gimbal_record.PHI[:outputs]
     modal = ModalSystem(
-        2.0 * np.pi * gimbal_record.MODES_HZ, np.full(5, gimbal_record.ZETA), gimbal_record.PSI[:inputs].T,
-        phi, np.zeros_like(phi), NAMES,
-    )  # fmt: skip
-    return Plant(modal, gimbal_record.INPUTS[:inputs], gimbal_record.OUTPUTS[:outputs])
+        omega=2.0 * np.pi * gimbal_record.MODES_HZ,
+        zeta=np.full(5, gimbal_record.ZETA),
+        psi=gimbal_record.PSI[:inputs].T,
+        phi=phi,
+        phi_rate=np.zeros_like(phi),
+        names=NAMES,
+    )
+    return Plant(
+        dynamics=modal, inputs=gimbal_record.INPUTS[:inputs], outputs=gimbal_record.OUTPUTS[:outputs]
+    )
 
 
 def model(outputs=1, inputs=1):

@@ -42,7 +42,7 @@ def multisine(seed, *, outputs=1, inputs=1, noise=0.01, extra=(), samples=16384,
     u, y = (np.fft.irfft(X, n=samples, axis=1) for X in (U, np.einsum("koi,eki->eko", H, U)))
     u, y = (np.repeat(x[:, None] / u.std(), periods, axis=1) for x in (u, y))
     y = y + noise * np.sqrt(np.mean(y**2, axis=(0, 1, 2))) * rng.standard_normal(y.shape)
-    return Record(256.0, u, y, INPUTS[:inputs], OUTPUTS[:outputs], periodic=True)
+    return Record(sample_hz=256.0, u=u, y=y, inputs=INPUTS[:inputs], outputs=OUTPUTS[:outputs], periodic=True)
 
 
 def complex_error(E, truth):
@@ -62,4 +62,4 @@ def random_record(seed, *, samples=49152, noise=0.01, hz=(0.1, 60.0)):
     u, y = (np.fft.irfft(X, n=long)[samples : 2 * samples] for X in (U, Y))
     u, y = (x[None, None, :, None] / u.std() for x in (u, y))
     y = y + noise * np.sqrt(np.mean(y**2)) * rng.standard_normal(y.shape)
-    return Record(256.0, u, y, INPUTS[:1], OUTPUTS[:1], periodic=False)
+    return Record(sample_hz=256.0, u=u, y=y, inputs=INPUTS[:1], outputs=OUTPUTS[:1], periodic=False)

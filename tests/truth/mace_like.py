@@ -35,7 +35,13 @@ def pd_loops() -> PDLoops:
 def weights(intensity: float, process_ratio: float = 1e-5) -> LQGWeights:
     process = intensity * np.diag([1.0, 1.0] + 5 * [process_ratio])
     sensor = np.concatenate([np.full(7, 2e-5**2), np.full(7, 2e-4**2)])
-    return LQGWeights(METRIC_WEIGHTS, np.ones(5), (*DISTURBANCES, *CONTROLS), process, sensor)
+    return LQGWeights(
+        output=METRIC_WEIGHTS,
+        input=np.ones(5),
+        disturbed=(*DISTURBANCES, *CONTROLS),
+        process=process,
+        sensor=sensor,
+    )
 
 
 def _rotations(rng: np.random.Generator) -> np.ndarray:
@@ -75,13 +81,19 @@ def build(environment: str, part: str = "all", seed: int = 3) -> Plant:
     collocated = np.vstack([rigid, flexible])
     phi = _sensed_from_collocated(collocated, extra)
     keep = {"all": slice(None), "rigid": slice(10), "flexible": slice(10, None)}[part]
-    shapes = np.vstack([phi, np.zeros_like(phi)])[:, keep], np.vstack([np.zeros_like(phi), phi])[:, keep]
-    modal = ModalSystem(omega[keep], zeta[keep], collocated[keep], *shapes, tuple(names[keep]))
+    modal = ModalSystem(
+        omega=omega[keep],
+        zeta=zeta[keep],
+        psi=collocated[keep],
+        phi=np.vstack([phi, np.zeros_like(phi)])[:, keep],
+        phi_rate=np.vstack([np.zeros_like(phi), phi])[:, keep],
+        names=tuple(names[keep]),
+    )
     outputs = tuple(Port(n, "rad") for n in SENSED) + tuple(Port(f"{n}_rate", "rad/s") for n in SENSED)
     return Plant(
-        modal,
-        tuple(Port(n, "N m") for n in LOOPS),
-        outputs,
+        dynamics=modal,
+        inputs=tuple(Port(n, "N m") for n in LOOPS),
+        outputs=outputs,
         w=DISTURBANCES,
         u=CONTROLS,
         z=METRIC,

@@ -56,8 +56,8 @@ def record(seed, seconds, *, hz=None, zeta=None, outputs=1, noise=0.01, inputs=1
         y[:, o] = phi[o] @ np.array(modes)
     rms = noise * np.sqrt(np.mean(y**2, axis=0))
     y = y + rms * rng.standard_normal(y.shape)
-    taken = Record(RATE, u[None, None], y[None, None], gimbal_record.INPUTS[:inputs],
-                   gimbal_record.OUTPUTS[:outputs], False)  # fmt: skip
+    taken = Record(sample_hz=RATE, u=u[None, None], y=y[None, None], inputs=gimbal_record.INPUTS[:inputs],
+                   outputs=gimbal_record.OUTPUTS[:outputs], periodic=False)  # fmt: skip
     return taken, rms
 
 

@@ -12,19 +12,28 @@ UNIT_S = 1.0 / (2.0 * np.pi * 3.0)  # seconds in a unit of time
 HZ = np.array([1.1, 1.7, 7.0, 8.8, 9.4])
 NAMES = tuple(f"{hz} Hz" for hz in HZ)
 AUTHORITY = 100.0
-WEIGHTS = LQGWeights(np.ones(1), np.ones(1), ("w",), np.eye(1), np.array([1e-6]))
-TOGETHER = Uncertainty((ModeShift(NAMES[3:], 0.02),))
-APART = Uncertainty((ModeShift(NAMES[3:4], 0.02), ModeShift(NAMES[4:], 0.02)))
-UNSEEN = Uncertainty(tuple(ModeShift((name,), 0.02) for name in NAMES), damping=0.5, gain=0.1, delay=0.1)
+WEIGHTS = LQGWeights(
+    output=np.ones(1), input=np.ones(1), disturbed=("w",), process=np.eye(1), sensor=np.array([1e-6])
+)
+TOGETHER = Uncertainty(shifts=(ModeShift(NAMES[3:], 0.02),))
+APART = Uncertainty(shifts=(ModeShift(NAMES[3:4], 0.02), ModeShift(NAMES[4:], 0.02)))
+UNSEEN = Uncertainty(
+    shifts=tuple(ModeShift((name,), 0.02) for name in NAMES), damping=0.5, gain=0.1, delay=0.1
+)
 
 
 def reference_plant() -> Plant:
     phi = np.array([1.0, 0.6, 0.6, 0.8, 0.7])
     modal = ModalSystem(
-        HZ / 3.0, np.full(5, 0.01), np.ones((5, 2)), np.stack([phi, phi]), np.zeros((2, 5)), NAMES
+        omega=HZ / 3.0,
+        zeta=np.full(5, 0.01),
+        psi=np.ones((5, 2)),
+        phi=np.stack([phi, phi]),
+        phi_rate=np.zeros((2, 5)),
+        names=NAMES,
     )
     ports = (Port("w", "N"), Port("u", "N")), (Port("z", "m"), Port("y", "m"))
-    plant = Plant(modal, *ports, ("w",), ("u",), ("z",), ("y",))
+    plant = Plant(dynamics=modal, inputs=ports[0], outputs=ports[1], w=("w",), u=("u",), z=("z",), y=("y",))
     late = 0.010 / UNIT_S
     return delay_plant(plant, np.array([[0.0, 0.0], [late, late]]))
 

@@ -20,10 +20,17 @@ def gimbal(more_hz=(), more_shape=()):
     phi = UNIT**2 * np.concatenate([SHAPE, more_shape])[None]
     names = tuple(f"{f:g} Hz" for f in omega / (2.0 * np.pi))
     modal = ModalSystem(
-        omega, np.full(len(omega), 0.01), np.ones((len(omega), 1)), phi, np.zeros_like(phi), names
+        omega=omega,
+        zeta=np.full(len(omega), 0.01),
+        psi=np.ones((len(omega), 1)),
+        phi=phi,
+        phi_rate=np.zeros_like(phi),
+        names=names,
     )
     force, angle = (Port("torque", "N m"),), (Port("angle", "rad"),)
-    return Plant(modal, force, angle, ("torque",), ("torque",), ("angle",), ("angle",))
+    return Plant(
+        dynamics=modal, inputs=force, outputs=angle, w=("torque",), u=("torque",), z=("angle",), y=("angle",)
+    )
 
 
 def late_gimbal():
@@ -31,7 +38,9 @@ def late_gimbal():
 
 
 def gimbal_weights():
-    return LQGWeights([1.0], [1.0], ("torque",), [[1.0 / UNIT]], [1e-6 / UNIT])
+    return LQGWeights(
+        output=[1.0], input=[1.0], disturbed=("torque",), process=[[1.0 / UNIT]], sensor=[1e-6 / UNIT]
+    )
 
 
 def tangled():
@@ -46,10 +55,20 @@ def tangled():
     system = StateSpace(A, rng.standard_normal((4, 3)), rng.standard_normal((4, 4)), D)
     inputs = tuple(Port(name, "N") for name in ("u1", "u2", "w1"))
     outputs = tuple(Port(name, "m") for name in ("z1", "z2", "y1", "y2"))
-    plant = Plant(system, inputs, outputs, ("w1",), ("u1", "u2"), ("z1", "z2"), ("y1", "y2"))
+    plant = Plant(
+        dynamics=system,
+        inputs=inputs,
+        outputs=outputs,
+        w=("w1",),
+        u=("u1", "u2"),
+        z=("z1", "z2"),
+        y=("y1", "y2"),
+    )
     of_input, of_output = np.array([0.13, 0.045, 0.02]), np.array([0.01, 0.07, 0.0, 0.235])
     return delay_plant(plant, of_input + of_output[:, None])
 
 
 def tangled_weights():
-    return LQGWeights([1.0, 2.0], [1.0, 0.5], ("w1",), [[0.3]], [0.01, 0.02])
+    return LQGWeights(
+        output=[1.0, 2.0], input=[1.0, 0.5], disturbed=("w1",), process=[[0.3]], sensor=[0.01, 0.02]
+    )

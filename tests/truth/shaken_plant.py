@@ -34,13 +34,15 @@ def shaken(seed, count=400, *, experiments=1, noise=0.0, motion=0.0):
     """Records of the plant at rest before, with sensor noise or forces beside the inputs."""
     rng = np.random.default_rng(seed)
     u = rng.standard_normal((experiments, 1, count + 200, 2))
-    blank = Record(1.0, u + motion * rng.standard_normal(u.shape), u, U2, Y2, periodic=False)
+    blank = Record(
+        sample_hz=1.0, u=u + motion * rng.standard_normal(u.shape), y=u, inputs=U2, outputs=Y2, periodic=False
+    )
     y = simulate_record(
         a_plant(), dataclasses.replace(blank, y=rng.standard_normal(u.shape)), state_share=0.05
     )
     y = y + noise * rng.standard_normal(y.shape)
     # The first samples are cut: the record begins in motion.
-    return Record(1.0, u[:, :, 200:], y[:, :, 200:], U2, Y2, periodic=False)
+    return Record(sample_hz=1.0, u=u[:, :, 200:], y=y[:, :, 200:], inputs=U2, outputs=Y2, periodic=False)
 
 
 def pole_error(model):

@@ -53,4 +53,11 @@ def run_of(made, *, periods=3, noise=0.0, leave_out=0, seed=1):
     u = command.reshape(len(made.u), -1, made.u.shape[2])[:, leave_out:]
     u = u + noise * u.std() * rng.standard_normal(u.shape)
     inputs = tuple(Port(f"u{i}", "V") for i in range(u.shape[2]))
-    return Record(made.sample_hz, u[:, None], 0.5 * u[:, None, :, :1], inputs, (Port("y", "m"),), False)
+    return Record(
+        sample_hz=made.sample_hz,
+        u=u[:, None],
+        y=0.5 * u[:, None, :, :1],
+        inputs=inputs,
+        outputs=(Port("y", "m"),),
+        periodic=False,
+    )

@@ -59,7 +59,7 @@ def draw(rng: np.random.Generator) -> Case:
 
 def _section(EI: float) -> Section:
     """A tube of 4 cm; massless."""
-    return Section(EI / 4e-4, 0.8 * EI, EI, EI, 0.0, 0.0, 0.0)
+    return Section(EA=EI / 4e-4, GJ=0.8 * EI, EI_y=EI, EI_z=EI, rho_A=0.0, rho_I_y=0.0, rho_I_z=0.0)
 
 
 def article_of(
@@ -72,13 +72,13 @@ def article_of(
         for n, x, m, J in zip("abc", case.at, case.mass, case.inertia, strict=True)
     ]
     members = [
-        Member(f"{s}-{e}", s, e, section, 1, R @ up)
+        Member(name=f"{s}-{e}", start=s, end=e, section=section, elements=1, up=R @ up)
         for s, e, section, up in zip("ab", "bc", case.section, _ups(case), strict=True)
     ]
     feet = enumerate(zip(case.tied, case.offset, strict=True))
     points = [AttachPoint(f"p{i}", "abc"[b], R @ o) for i, (b, o) in feet]
     springs = [
-        AnchoredSpring(f"s{i}", f"p{i}", R @ x + origin, k, free)
+        AnchoredSpring(name=f"s{i}", attach=f"p{i}", anchor=R @ x + origin, stiffness=k, free_length=free)
         for i, (x, k, free) in enumerate(zip(case.anchor, case.stiffness, case.free, strict=True))
     ]
     return structure(nodes, members, attach=points), lab(*springs, gravity=R @ GRAVITY)

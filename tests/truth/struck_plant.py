@@ -51,4 +51,11 @@ def shaken(plant, count, rate, band_hz, *, noise, seed=0):
 def _record(U, Y, size, count, rate, noise, seed):
     u, y = (np.fft.irfft(X, size)[:count] for X in (U, Y))
     y = y + noise * y.std() * np.random.default_rng(seed).standard_normal(count)
-    return Record(rate, u[None, None, :, None], y[None, None, :, None], (FORCE,), (TIP,), periodic=False)
+    return Record(
+        sample_hz=rate,
+        u=u[None, None, :, None],
+        y=y[None, None, :, None],
+        inputs=(FORCE,),
+        outputs=(TIP,),
+        periodic=False,
+    )

@@ -30,7 +30,7 @@ from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.systems.modal import modal_response, output_rows
 from structure_builders import GRAVITY, body, lab, member, node, structure
 
-TUBE = Section(1e6, 80.0, 100.0, 100.0, 0.5, 1e-4, 1e-4)
+TUBE = Section(EA=1e6, GJ=80.0, EI_y=100.0, EI_z=100.0, rho_A=0.5, rho_I_y=1e-4, rho_I_z=1e-4)
 X, Y, Z = np.eye(3)
 G = 9.80665
 UNDAMPED = Damping()
@@ -38,7 +38,14 @@ ALL = 10**6
 
 
 def accelerometer(name: str, frame: str, axis: np.ndarray, offset=(0.0, 0.0, 0.0)) -> Sensor:
-    return Sensor(name, frame, axis, "", SensorKind.ACCELEROMETER, np.array(offset, dtype=float))
+    return Sensor(
+        name=name,
+        frame=frame,
+        axis=axis,
+        axis_frame="",
+        kind=SensorKind.ACCELEROMETER,
+        offset=np.array(offset, dtype=float),
+    )
 
 
 def response(modes: Modes, hz: np.ndarray, outputs, inputs, **kw) -> np.ndarray:
@@ -51,10 +58,10 @@ def response(modes: Modes, hz: np.ndarray, outputs, inputs, **kw) -> np.ndarray:
 
 def free_body() -> Structure:
     m, inertia = 2.0, (0.3, 0.2, 0.1)
-    push = Actuator("push", "a", X, ActuatorKind.FORCE, np.array([0.0, 0.5, 0.0]))
+    push = Actuator(name="push", frame="a", axis=X, kind=ActuatorKind.FORCE, offset=np.array([0.0, 0.5, 0.0]))
     sensors = accelerometer("x", "a", X, (0.0, 0.5, 0.0)), accelerometer("y", "a", Y, (0.4, 0.0, 0.0))
     parts = node("a", (1, 2, 3), body(m, inertia=inertia))
-    return structure([parts], (), (), (), (), [push, Actuator("turn", "a", Z)], sensors)
+    return structure([parts], (), (), (), (), [push, Actuator(name="turn", frame="a", axis=Z)], sensors)
 
 
 def test_a_free_body_answers_at_once_and_alike_at_all_frequencies():
@@ -80,12 +87,15 @@ REST = M * G / 500.0  # stretch of the upright spring
 def pendulum(k: float, r: float) -> tuple[Structure, Environment]:
     """Weight at ``ARM`` below the pivot, accelerometers along x and y at ``r`` below it."""
     springs = [("up", RISE * Y, 500.0, RISE - REST), ("x", X, k, 1.0), ("z", Z, k, 1.0)]
-    anchors = tuple(AnchoredSpring(n, "pivot", p, stiff, free) for n, p, stiff, free in springs)
+    anchors = tuple(
+        AnchoredSpring(name=n, attach="pivot", anchor=p, stiffness=stiff, free_length=free)
+        for n, p, stiff, free in springs
+    )
     bob = node("bob", (0, 0, 0), body(M, (0.0, -ARM, 0.0), (0.3, 0.1, INERTIA)))
     sensors = [accelerometer("across", "bob", X, (0, -r, 0)), accelerometer("along", "bob", Y, (0, -r, 0))]
-    sensors.append(Sensor("angle", "bob", Z, "bob"))
+    sensors.append(Sensor(name="angle", frame="bob", axis=Z, axis_frame="bob"))
     attach = [AttachPoint("pivot", "bob", np.zeros(3))]
-    parts = structure([bob], (), (), (), attach, [Actuator("turn", "bob", Z)], sensors)
+    parts = structure([bob], (), (), (), attach, [Actuator(name="turn", frame="bob", axis=Z)], sensors)
     return parts, lab(*anchors)
 
 
@@ -134,19 +144,36 @@ def bus(gravity=GRAVITY) -> tuple[Structure, Environment]:
         node(n, (x, 0, 0), body(4.0, (0, -0.05, 0.01), (0.1, 0.2, 0.3)), 0.05)
         for n, x in (("a", 0.0), ("b", 1.0))
     ]
-    payload = Joint("p", "b", np.array([0, -0.05, 0]), X, 0.7, body(2.0, (0, -0.2, 0), (0.1,) * 3))
+    payload = Joint(
+        name="p",
+        parent="b",
+        offset=np.array([0, -0.05, 0]),
+        axis=X,
+        angle=0.7,
+        body=body(2.0, (0, -0.2, 0), (0.1,) * 3),
+    )
     slanted, place = np.array([0.48, 0.6, 0.64]), np.array([0.1, -0.05, 0.2])
     sensors = [
         accelerometer("bus", "a", slanted, place),
         accelerometer("payload", "p", slanted, place),
-        *(Sensor(f"a{n}", "a", e, "a") for n, e in zip("xyz", np.eye(3), strict=True)),
-        *(Sensor(f"p{n}", "p", e, "p") for n, e in zip("xyz", np.eye(3), strict=True)),
+        *(
+            Sensor(name=f"a{n}", frame="a", axis=e, axis_frame="a")
+            for n, e in zip("xyz", np.eye(3), strict=True)
+        ),
+        *(
+            Sensor(name=f"p{n}", frame="p", axis=e, axis_frame="p")
+            for n, e in zip("xyz", np.eye(3), strict=True)
+        ),
     ]
-    actuators = [Actuator("wheel", "a", Z), Actuator("motor", "p", None)]
-    actuators.append(Actuator("shake", "a", slanted, ActuatorKind.FORCE, place))
+    actuators = [Actuator(name="wheel", frame="a", axis=Z), Actuator(name="motor", frame="p", axis=None)]
+    actuators.append(Actuator(name="shake", frame="a", axis=slanted, kind=ActuatorKind.FORCE, offset=place))
     attach = [AttachPoint(n, n, np.array([0, 0.02, 0])) for n in "ab"]
     parts = structure(nodes, [member("a", "b", TUBE, 3)], [payload], (), attach, actuators, sensors)
-    return parts, Environment("lab", gravity, Suspension(("a", "b"), ("xyz", "yz"), 4.0, 0.25))
+    return parts, Environment(
+        title="lab",
+        gravity=gravity,
+        suspension=Suspension(attach=("a", "b"), held=("xyz", "yz"), cable_length=4.0, bounce_hz=0.25),
+    )
 
 
 ACTUATORS = ["wheel", "motor", "shake"]
@@ -209,7 +236,9 @@ def test_constant_offset(hanging: Modes):
     assert (none, np.signbit(none)) == (0.0, False)
     up = structure([node("a", (0, 0, 0), body(1.0, inertia=(1, 1, 1)))], sensors=[accelerometer("s", "a", Y)])
     held = dataclasses.replace(up, attach_points=(AttachPoint("t", "a", np.array([0, 0.1, 0])),))
-    rest = solve_equilibrium(held, lab(AnchoredSpring("s", "t", 2.0 * Y, 20.0, 1.0)))
+    rest = solve_equilibrium(
+        held, lab(AnchoredSpring(name="s", attach="t", anchor=2.0 * Y, stiffness=20.0, free_length=1.0))
+    )
     assert accelerometer_offset(rest, "s") == pytest.approx(G, rel=1e-12)  # one g, upwards
     with pytest.raises(ConfigError, match="no accelerometer"):
         accelerometer_offset(hanging.equilibrium, "ax")
@@ -270,10 +299,12 @@ def rotated(parts: Structure, environment: Environment, R: np.ndarray) -> tuple[
 def test_rotating_article_and_gravity_together_changes_nothing():
     parts = bus()[0]
     springs = tuple(
-        AnchoredSpring(f"s{n}", n, p + np.array([0.1, 4.0, 0.2]), 60.0, 2.0)
+        AnchoredSpring(
+            name=f"s{n}", attach=n, anchor=p + np.array([0.1, 4.0, 0.2]), stiffness=60.0, free_length=2.0
+        )
         for n, p in (("a", 0 * X), ("b", X))
     )
-    upright = Environment("springs", GRAVITY, None, springs)
+    upright = Environment(title="springs", gravity=GRAVITY, suspension=None, springs=springs)
     R = rotation_exp(np.array([0.7, -1.1, 0.4]))
     turned, down = rotated(parts, upright, R)
     moved = tuple(dataclasses.replace(s, anchor=R @ s.anchor) for s in springs)
@@ -288,15 +319,15 @@ def test_rotating_article_and_gravity_together_changes_nothing():
 
 def test_bad_ports_are_refused():
     with pytest.raises(ConfigError, match="needs an axis"):
-        Sensor("s", "a", None, "", SensorKind.ACCELEROMETER)
+        Sensor(name="s", frame="a", axis=None, axis_frame="", kind=SensorKind.ACCELEROMETER)
     with pytest.raises(ConfigError, match="needs an axis"):
-        Actuator("f", "a", None, ActuatorKind.FORCE)
+        Actuator(name="f", frame="a", axis=None, kind=ActuatorKind.FORCE)
     with pytest.raises(ConfigError, match="fixed to its own frame 'a'"):
-        Sensor("s", "a", X, "b", SensorKind.ACCELEROMETER)
+        Sensor(name="s", frame="a", axis=X, axis_frame="b", kind=SensorKind.ACCELEROMETER)
     with pytest.raises(ConfigError, match="has no offset"):
-        Sensor("s", "a", X, "a", offset=np.array([0.0, 1.0, 0.0]))
+        Sensor(name="s", frame="a", axis=X, axis_frame="a", offset=np.array([0.0, 1.0, 0.0]))
     with pytest.raises(ConfigError, match="has no offset"):
-        Actuator("t", "a", X, offset=np.array([0.0, 1.0, 0.0]))
+        Actuator(name="t", frame="a", axis=X, offset=np.array([0.0, 1.0, 0.0]))
     modes = solve_modes(solve_equilibrium(free_body(), Environment.orbit()))
     with pytest.raises(ConfigError, match="'x' has no rate"):
         build_plant(modes, inputs=["push"], outputs=["x_rate"])

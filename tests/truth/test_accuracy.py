@@ -37,14 +37,16 @@ def test_a_plant_becomes_the_model_of_a_perfect_test():
     )
     plant = gimbal_model.plant(3, 2)
     # The same through eigenvalues of its state space; their condition costs a few digits.
-    by_states = model_of_plant(Plant(plant.system, plant.inputs, plant.outputs))
+    by_states = model_of_plant(Plant(dynamics=plant.system, inputs=plant.inputs, outputs=plant.outputs))
     late = np.exp(-2j * np.pi * f[:, None] * gimbal_record.DELAY_S)[:, :, None]
     np.testing.assert_allclose(model_response(by_states, f) * late, truth, atol=1e-9 * np.abs(truth).max())
     assert structure_of(gimbal_model.model()).real_constants
-    rigid = ModalSystem([0.0], [0.0], [[1.0]], [[1.0]], [[0.0]], ("free",))
+    rigid = ModalSystem(omega=[0.0], zeta=[0.0], psi=[[1.0]], phi=[[1.0]], phi_rate=[[0.0]], names=("free",))
     for dynamics in (rigid, StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]])):
         with pytest.raises(ConfigError):
-            model_of_plant(Plant(dynamics, gimbal_record.INPUTS[:1], gimbal_record.OUTPUTS[:1]))
+            model_of_plant(
+                Plant(dynamics=dynamics, inputs=gimbal_record.INPUTS[:1], outputs=gimbal_record.OUTPUTS[:1])
+            )
 
 
 def test_the_bound_of_the_benchmark_is_expected_before_its_test():
@@ -73,8 +75,8 @@ def test_one_mode_has_the_closed_form():
     constant is real, which the structure says. Hence var(w_d) = N s^2 / (2 a^2 (N/2)^2 P) / that sum.
     """
     w, zeta, K, rate, period, sigma_y = 2.0 * np.pi * 5.0, 0.01, 3.0, 100.0, 400.0, 1e-3
-    modal = ModalSystem([w], [zeta], [[K]], [[1.0]], [[0.0]], ("one",))
-    plant = Plant(modal, gimbal_record.INPUTS[:1], gimbal_record.OUTPUTS[:1])
+    modal = ModalSystem(omega=[w], zeta=[zeta], psi=[[K]], phi=[[1.0]], phi_rate=[[0.0]], names=("one",))
+    plant = Plant(dynamics=modal, inputs=gimbal_record.INPUTS[:1], outputs=gimbal_record.OUTPUTS[:1])
     made = design_multisine((1.0, 20.0), period, rate, Limits(rms=1.0), RNG(0))
     model = model_of_plant(plant)
     structure = dataclasses.replace(structure_of(model), with_delay=False)

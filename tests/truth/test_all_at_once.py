@@ -22,8 +22,8 @@ from rig_checks import on_rig
 
 RATE, DELAY, STEPS = 500.0, 0.0103, 2
 NAMES = ("bus_z", "pri_rel_z")
-WHEEL = Motor(0.5, slew_limit=80.0, resolution=1.0 / 2**12, rotor=Rotor(0.006, 20.0))
-GIMBAL = Motor(0.4, holding=0.15, slew_limit=60.0, resolution=0.8 / 2**10)
+WHEEL = Motor(torque_limit=0.5, slew_limit=80.0, resolution=1.0 / 2**12, rotor=Rotor(0.006, 20.0))
+GIMBAL = Motor(torque_limit=0.4, holding=0.15, slew_limit=60.0, resolution=0.8 / 2**10)
 STEP = 2.0 * np.pi / 2**16
 RUB = JointElements("pri_rel_z", "pri_rel_z", (Friction(0.02, 2.0, 0.005),))
 
@@ -32,14 +32,22 @@ RUB = JointElements("pri_rel_z", "pri_rel_z", (Friction(0.02, 2.0, 0.005),))
 def plant():
     omega = 2.0 * np.pi * np.array([0.9, 1.3, 7.2, 31.0])
     shape = np.array([[0.3, 0.2, -0.4, 0.2], [0.8, 3.0, 1.1, 0.4]])
-    modal = ModalSystem(omega, np.full(4, 0.02), shape.T, shape, 0.0 * shape, tuple("abcd"))
-    return Plant(modal, tuple(Port(n, "N m") for n in NAMES), tuple(Port(n, "rad") for n in NAMES))
+    modal = ModalSystem(
+        omega=omega, zeta=np.full(4, 0.02), psi=shape.T, phi=shape, phi_rate=0.0 * shape, names=tuple("abcd")
+    )
+    return Plant(
+        dynamics=modal,
+        inputs=tuple(Port(n, "N m") for n in NAMES),
+        outputs=tuple(Port(n, "rad") for n in NAMES),
+    )
 
 
 @pytest.fixture(scope="module")
 def law():
     """A little of everything: one state, cross paths, a direct term."""
-    return SampledStateSpace([[0.9]], [[0.1, 0.2]], [[-0.5], [-1.5]], [[-3.0, 0.4], [0.2, -2.0]], 1.0 / RATE)
+    return SampledStateSpace(
+        [[0.9]], [[0.1, 0.2]], [[-0.5], [-1.5]], [[-3.0, 0.4], [0.2, -2.0]], period_s=1.0 / RATE
+    )
 
 
 @pytest.fixture(scope="module")

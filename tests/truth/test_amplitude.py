@@ -23,15 +23,15 @@ from rig_checks import run_through
 from structure_builders import body, node, structure
 
 J, KP = 0.062, 3.9  # a payload of 5 kg hanging 8 cm below its axis
-UNDAMPED = md.Damping(0.0, 0.0)
+UNDAMPED = md.Damping(flexible=0.0, suspension=0.0)
 BEARING = Friction(slip_torque=0.002, stiffness=2.0)
 
 
 @pytest.fixture(scope="module")
 def pendulum():
     """A payload on a spring as its weight would be, on a base that hardly moves."""
-    hinge = Joint("hinge", "base", np.zeros(3), np.array([0.0, 0.0, 1.0]), 0.0,
-                  body(1.0, inertia=(J, J, J)), JointState.SPRUNG, KP)  # fmt: skip
+    hinge = Joint(name="hinge", parent="base", offset=np.zeros(3), axis=np.array([0.0, 0.0, 1.0]), angle=0.0,
+                  body=body(1.0, inertia=(J, J, J)), state=JointState.SPRUNG, stiffness=KP)  # fmt: skip
     base = node("base", (0.0, 0.0, 0.0), body(1e9, inertia=(1e9, 1e9, 1e9)))
     return md.solve_modes(md.solve_equilibrium(structure([base], joints=[hinge]), md.Environment.orbit()))
 
@@ -88,9 +88,11 @@ def decay(strength, amplitude, slip_angle):
     element = Friction(strength * KP * slip_angle, strength * KP)
     w = np.sqrt(KP / J)
     one = np.array([[1.0 / np.sqrt(J)]])
-    modal = ModalSystem(np.array([w]), np.zeros(1), one, np.vstack([one, 0.0 * one]),
-                        np.vstack([0.0 * one, one]), ("pendulum",))  # fmt: skip
-    plant = Plant(modal, (Port("t", "N m"),), (Port("a", "rad"), Port("a_rate", "rad/s")))
+    modal = ModalSystem(omega=np.array([w]), zeta=np.zeros(1), psi=one, phi=np.vstack([one, 0.0 * one]),
+                        phi_rate=np.vstack([0.0 * one, one]), names=("pendulum",))  # fmt: skip
+    plant = Plant(
+        dynamics=modal, inputs=(Port("t", "N m"),), outputs=(Port("a", "rad"), Port("a_rate", "rad/s"))
+    )
     h = 2.0 * np.pi / w / 2000
     joint = JointElements("t", "a", (element,))
     rig = build_rig(plant, joints=[joint], sample_hz=1.0 / h, delay_s=0.5 * h)
@@ -215,7 +217,9 @@ def test_modes_that_hardly_couple_cross_and_those_that_do_veer():
     pole, k = np.array([1.0, 2.0, 3.0]), 5.0
     gear = Deadband(gap=1e-9, stiffness=k)  # at 1e5 rad short of its flank by 1e-14
     for angle, rises in (([1.0, 1e-6, 1e-6], True), ([1.0, 1.0, 1.0], False)):
-        system = JointSystem(pole, np.array(angle), np.zeros(3), np.arange(3), 0.0)
+        system = JointSystem(
+            pole=pole, angle=np.array(angle), zeta=np.zeros(3), mode=np.arange(3), flexibility=0.0
+        )
         (damped,) = follow_damped(system, [gear], np.array([1e5]), np.arange(3))
         lam, shapes = solve_undamped(system, k, 3)
         pairs = pair_undamped(damped, shapes)

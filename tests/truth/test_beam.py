@@ -21,7 +21,9 @@ from structure_builders import TUBE, clamped_matrices, member, newton, node, str
 
 L = 2.0
 EI, GJ, EA, RHO = TUBE.EI_y, TUBE.GJ, TUBE.EA, TUBE.rho_A
-UNEQUAL = Section(2e4, 30.0, 50.0, 80.0, 0.5, 2e-4, 3e-4, 4e4, 3e4)
+UNEQUAL = Section(
+    EA=2e4, GJ=30.0, EI_y=50.0, EI_z=80.0, rho_A=0.5, rho_I_y=2e-4, rho_I_z=3e-4, GA_y=4e4, GA_z=3e4
+)
 
 
 def frequencies(model: Model, count: int, fixed=range(6), load=None, config=None) -> np.ndarray:
@@ -130,7 +132,7 @@ def test_beam_is_the_same_from_either_end():
 @pytest.mark.parametrize("elements", [1, 3])
 def test_cantilever_under_small_loads(elements: int):
     """Linear closed forms are exact for cubic elements on any mesh."""
-    section = Section(EA, GJ, 50.0, 80.0, RHO, 0.0, 0.0)
+    section = Section(EA=EA, GJ=GJ, EI_y=50.0, EI_z=80.0, rho_A=RHO, rho_I_y=0.0, rho_I_z=0.0)
     model = mesh_structure(straight_beam(section, L, elements))
     K, _, keep = clamped_matrices(model)
     right_end = np.arange(6, 12)
@@ -212,7 +214,7 @@ def bent_rod_tip(radius: float, angle: float, EA: float, EI: float, GJ: float, f
 def test_forty_five_degree_bend():
     """Bathe and Bolourchi 1979: radius 100, unit square section, force 600 out of the plane."""
     radius, angle, E = 100.0, np.pi / 4, 1e7
-    section = Section(E, E / 12, E / 12, E / 12, 1.0, 0.1, 0.1)
+    section = Section(EA=E, GJ=E / 12, EI_y=E / 12, EI_z=E / 12, rho_A=1.0, rho_I_y=0.1, rho_I_z=0.1)
     tips = []
     for elements in (32, 64):
         turns = np.linspace(0.0, angle, elements + 1)

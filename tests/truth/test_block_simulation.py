@@ -33,7 +33,9 @@ def modes(zeta, low, high, count=8, inputs=2, outputs=3, delay=0.0, seed=0):
     omega = 2.0 * np.pi * np.geomspace(low, high, count) if high else np.zeros(count)
     psi, phi = rng.standard_normal((count, inputs)), rng.standard_normal((outputs, count))
     names = tuple(map(str, range(count)))
-    modal = ModalSystem(omega, np.full(count, zeta), psi, phi, 0.1 * phi, names)
+    modal = ModalSystem(
+        omega=omega, zeta=np.full(count, zeta), psi=psi, phi=phi, phi_rate=0.1 * phi, names=names
+    )
     return sample_dynamics(modal, 1e-3, delay)
 
 
@@ -43,7 +45,7 @@ def grows():
     A = 0.9 * np.eye(n) + 0.5 * np.diag(np.ones(n - 1), 1)
     rng = np.random.default_rng(2)
     return SampledStateSpace(
-        A, rng.standard_normal((n, 1)), rng.standard_normal((2, n)), np.ones((2, 1)), 1.0
+        A, rng.standard_normal((n, 1)), rng.standard_normal((2, n)), np.ones((2, 1)), period_s=1.0
     )
 
 
@@ -86,7 +88,14 @@ def test_a_block_is_as_good_as_stepping_over_a_long_run():
 
 def test_rigid_modes_grow_as_they_should():
     """A unit torque held on a free inertia: angle (kT)^2/2, rate kT, to rounding of the sum."""
-    modal = ModalSystem(np.zeros(1), np.zeros(1), [[1.0]], [[1.0], [0.0]], [[0.0], [1.0]], ("spin",))
+    modal = ModalSystem(
+        omega=np.zeros(1),
+        zeta=np.zeros(1),
+        psi=[[1.0]],
+        phi=[[1.0], [0.0]],
+        phi_rate=[[0.0], [1.0]],
+        names=("spin",),
+    )
     y, _ = simulate(sample_dynamics(modal, 0.01), np.ones((5000, 1)))
     t = 0.01 * np.arange(5000)
     np.testing.assert_allclose(y, np.stack([0.5 * t**2, t], axis=1), rtol=0.0, atol=1e-12 * t[-1] ** 2)
@@ -97,7 +106,11 @@ def test_badly_scaled_states_do_not_shorten_the_block():
     well = modes(0.01, 0.3, 60.0)
     units = np.logspace(-6.0, 6.0, len(well.A))
     badly = SampledStateSpace(
-        well.A * units[:, None] / units, well.B * units[:, None], well.C / units, well.D, well.period_s
+        well.A * units[:, None] / units,
+        well.B * units[:, None],
+        well.C / units,
+        well.D,
+        period_s=well.period_s,
     )
     u = np.random.default_rng(3).standard_normal((SAMPLES, 2))
     length = [simulation._write_out(s, SAMPLES).through.shape for s in (well, badly)]
@@ -106,7 +119,7 @@ def test_badly_scaled_states_do_not_shorten_the_block():
 
 
 def test_what_grows_at_once_is_stepped():
-    system = SampledStateSpace([[100.0]], [[1.0]], [[1.0]], [[0.0]], 1.0)
+    system = SampledStateSpace([[100.0]], [[1.0]], [[1.0]], [[0.0]], period_s=1.0)
     u = np.ones((100, 1))
     assert simulation._write_out(system, len(u)) is None
     y, _ = simulate(system, u)
@@ -126,7 +139,7 @@ def test_short_inputs(samples):
 
 def test_no_states_is_a_gain():
     D = np.array([[2.0, -1.0]])
-    gain = SampledStateSpace(np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((1, 0)), D, 1.0)
+    gain = SampledStateSpace(np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((1, 0)), D, period_s=1.0)
     u = np.random.default_rng(5).standard_normal((500, 2))
     np.testing.assert_allclose(simulate(gain, u)[0], u @ D.T)
 

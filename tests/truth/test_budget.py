@@ -29,7 +29,7 @@ from middeck.structure.rest.equilibrium import solve_equilibrium
 from structure_builders import GRAVITY, body, lab, member, node, rigid_bar, spin, structure
 
 G = 9.80665
-TUBE = Section(1e6, 80.0, 100.0, 100.0, 0.5, 1e-4, 1e-4)
+TUBE = Section(EA=1e6, GJ=80.0, EI_y=100.0, EI_z=100.0, rho_A=0.5, rho_I_y=1e-4, rho_I_z=1e-4)
 SUSPENSION, STIFFNESS, DEFORMATION = range(3)
 
 
@@ -45,15 +45,32 @@ def hung_bus():
         for n, x, m in (("a", 0.0, 4.0), ("b", 1.0, 6.0), ("c", 2.0, 3.0))
     ]
     payload = Joint(
-        "p", "a", np.array([0, -0.05, 0]), np.eye(3)[0], 0.4, body(2.0, (0, -0.1, 0), (0.02, 0.01, 0.02))
+        name="p",
+        parent="a",
+        offset=np.array([0, -0.05, 0]),
+        axis=np.eye(3)[0],
+        angle=0.4,
+        body=body(2.0, (0, -0.1, 0), (0.02, 0.01, 0.02)),
     )
     attach = [AttachPoint(n, n, np.array([0.0, 0.05, 0.0])) for n in "abc"]
     members = [member("a", "b", TUBE, 3), member("b", "c", TUBE, 3)]
-    return structure(nodes, members, [payload], [Spring("string", "a", "b", 300.0, 0.8)], attach)
+    return structure(
+        nodes,
+        members,
+        [payload],
+        [Spring(name="string", start="a", end="b", stiffness=300.0, free_length=0.8)],
+        attach,
+    )
 
 
 def cables(bounce_hz: float = 0.3) -> Environment:
-    return Environment("lab", GRAVITY, Suspension(("a", "b", "c"), ("yz", "xyz", "yz"), 3.0, bounce_hz))
+    return Environment(
+        title="lab",
+        gravity=GRAVITY,
+        suspension=Suspension(
+            attach=("a", "b", "c"), held=("yz", "xyz", "yz"), cable_length=3.0, bounce_hz=bounce_hz
+        ),
+    )
 
 
 @pytest.fixture(scope="module")
@@ -133,7 +150,13 @@ def test_bar_on_two_cables(h: float):
     """Springs, T/l and m g h in every corner; what hangs where it was drawn is not deformed."""
     m, a, length, bounce, Ix, Iy, Iz = 6.0, 1.0, 3.0, 0.3, 0.3, 2.1, 2.0
     bar = rigid_bar(m, 2 * a, (Ix, Iy, Iz), attach_y=h)
-    env = Environment("lab", GRAVITY, Suspension(("left", "right"), ("xyz", "yz"), length, bounce))
+    env = Environment(
+        title="lab",
+        gravity=GRAVITY,
+        suspension=Suspension(
+            attach=("left", "right"), held=("xyz", "yz"), cable_length=length, bounce_hz=bounce
+        ),
+    )
     found = build_budget(*both(bar, env))
     k, t = m * (2 * np.pi * bounce) ** 2, m * G / length
     for S, g, D in itertools.product((0, 1), repeat=3):
@@ -161,14 +184,24 @@ def ground(*more, nodes=(), members=(), joints=(), springs=()):
     corners = {f"{x:+d}{z:+d}": (float(x), 0.0, float(z)) for x in (-1, 1) for z in (-1, 1)}
     attach = [AttachPoint(n, "base", np.array(p)) for n, p in corners.items()]
     base = node("base", (0, 0, 0), body(1e7, inertia=(1e7,) * 3))
-    held = [AnchoredSpring(n, n, np.add(p, (0.0, 2.0, 0.0)), 1e10, 2.0) for n, p in corners.items()]
+    held = [
+        AnchoredSpring(name=n, attach=n, anchor=np.add(p, (0.0, 2.0, 0.0)), stiffness=1e10, free_length=2.0)
+        for n, p in corners.items()
+    ]
     return structure([base, *nodes], members, joints, springs, [*attach, *more]), lab(*held)
 
 
 def test_payload_pendulum_is_all_stiffness():
     """m g d / (I + m d^2) comes of the weight alone: no device touches it, and the base does not tilt."""
     m, d, inertia = 5.0, 0.08, 0.03
-    payload = Joint("p", "base", np.zeros(3), np.eye(3)[2], 0.0, body(m, (0, -d, 0), (1, 1, inertia)))
+    payload = Joint(
+        name="p",
+        parent="base",
+        offset=np.zeros(3),
+        axis=np.eye(3)[2],
+        angle=0.0,
+        body=body(m, (0, -d, 0), (1, 1, inertia)),
+    )
     found = build_budget(*both(*ground(joints=[payload])))
     names = [found.lab.name[j] for j in found.pairs[:, 1]]
     row = names.index("payload pendulum p")
@@ -183,7 +216,7 @@ def test_payload_pendulum_is_all_stiffness():
 def test_hinged_beam_in_tension_is_all_stiffness(weight: float):
     """Hinged at the base, guided at its loaded foot: omega^2 gains N (n pi / L)^2 / rho A, whatever EI."""
     L, mass = 2.0, weight / G
-    string = Section(1e7, 80.0, 100.0, 100.0, 0.01, 0.0, 0.0)
+    string = Section(EA=1e7, GJ=80.0, EI_y=100.0, EI_z=100.0, rho_A=0.01, rho_I_y=0.0, rho_I_z=0.0)
     nodes = [node("top", (0, 0, 0)), node("foot", (0, -L, 0), spin(mass, (0.0, 0.1, 0.0)))]
     far = 1e3  # springs so long that they do not turn
     ties = {"top": [(far, 0, 0), (0, far, 0), (0, 0, far)], "foot": [(far, -L, 0), (0, -L, far)]}
@@ -193,7 +226,7 @@ def test_hinged_beam_in_tension_is_all_stiffness(weight: float):
         for anchor in anchors:
             name = f"{end} {len(springs)}"
             attach.append(AttachPoint(name, "base", np.array(anchor, dtype=float)))
-            springs.append(Spring(name, name, end, 1e9, far))
+            springs.append(Spring(name=name, start=name, end=end, stiffness=1e9, free_length=far))
     beam = member("top", "foot", string, 12, up=(1, 0, 0))
     found = build_budget(*both(*ground(*attach, nodes=nodes, members=[beam], springs=springs)), count=14)
     for n in (1, 2):
@@ -237,12 +270,21 @@ def test_heading_is_no_deformation(turn: float):
     """Anchors turned about the vertical turn a rigid bar with them; it hangs as it was drawn, elsewhere."""
     bar = rigid_bar(6.0, 2.0, (0.3, 2.1, 2.0), attach_y=0.3)
     down = solve_equilibrium(
-        bar, Environment("lab", GRAVITY, Suspension(("left", "right"), ("xyz", "yz"), 3, 0.3))
+        bar,
+        Environment(
+            title="lab",
+            gravity=GRAVITY,
+            suspension=Suspension(
+                attach=("left", "right"), held=("xyz", "yz"), cable_length=3, bounce_hz=0.3
+            ),
+        ),
     )
     about = rotation_exp(np.array([0.0, turn, 0.0]))
     lines = zip(("left", "right"), down.loads.anchor, down.suspension.stiffness, strict=True)
-    devices = tuple(Device(n, n, force=3.0 * G, stiffness=k, anchor=about @ a) for n, a, k in lines)
-    found = build_budget(*both(bar, Environment("lab", GRAVITY, devices=devices)))
+    devices = tuple(
+        Device(name=n, attach=n, force=3.0 * G, stiffness=k, anchor=about @ a) for n, a, k in lines
+    )
+    found = build_budget(*both(bar, Environment(title="lab", gravity=GRAVITY, devices=devices)))
     # Rounding, of shapes that have turned; the force of 1e-9 of the weight that is left tilts by no more.
     assert found.match[:, 0, 0, 1] == pytest.approx(np.ones(6), abs=1e-7)
     assert found.share_hz[:, DEFORMATION] == pytest.approx(np.zeros(6), abs=1e-6)
@@ -252,11 +294,18 @@ def test_a_tilt_is_a_deformation():
     """Gravity sees it: an article that hangs askew stands otherwise under its weight than it was drawn."""
     bar = rigid_bar(6.0, 2.0, (0.3, 2.1, 2.0), attach_y=0.3)
     drawn = solve_equilibrium(
-        bar, Environment("lab", GRAVITY, Suspension(("left", "right"), ("xyz", "yz"), 3, 0.3))
+        bar,
+        Environment(
+            title="lab",
+            gravity=GRAVITY,
+            suspension=Suspension(
+                attach=("left", "right"), held=("xyz", "yz"), cable_length=3, bounce_hz=0.3
+            ),
+        ),
     )
     lines = zip(("left", "right"), drawn.loads.anchor, (32.0, 28.0), strict=True)
-    devices = tuple(Device(n, n, force=f, stiffness=10.0, anchor=a) for n, a, f in lines)
-    found = build_budget(*both(bar, Environment("lab", GRAVITY, devices=devices)))
+    devices = tuple(Device(name=n, attach=n, force=f, stiffness=10.0, anchor=a) for n, a, f in lines)
+    found = build_budget(*both(bar, Environment(title="lab", gravity=GRAVITY, devices=devices)))
     assert np.abs(found.share_hz[:, DEFORMATION]).max() > 1e-4
 
 

@@ -15,7 +15,7 @@ B = np.array([0.0, 0.5])
 A = np.array([1.0, -2.0 * 1.2 * np.cos(0.8), 1.2**2])
 K = np.array([-2.35, 1.9])
 CONTROLLER = SampledStateSpace(
-    np.zeros((1, 1)), np.ones((1, 1)), np.full((1, 1), K[1]), np.full((1, 1), K[0]), 1.0
+    np.zeros((1, 1)), np.ones((1, 1)), np.full((1, 1), K[1]), np.full((1, 1), K[0]), period_s=1.0
 )
 NOISE = 0.3
 SEEDS = 15
@@ -46,11 +46,18 @@ def cut(seed, *, samples=4096, noise=NOISE, experiments=1):
 
 
 def named(r, u, y, *, periodic=False):
-    return Record(1.0, np.concatenate([r, u], axis=3), y, NAMES[:2], NAMES[2:], periodic=periodic)
+    return Record(
+        sample_hz=1.0,
+        u=np.concatenate([r, u], axis=3),
+        y=y,
+        inputs=NAMES[:2],
+        outputs=NAMES[2:],
+        periodic=periodic,
+    )
 
 
 def bare(u, y, *, periodic=False):
-    return Record(1.0, u, y, NAMES[1:2], NAMES[2:], periodic=periodic)
+    return Record(sample_hz=1.0, u=u, y=y, inputs=NAMES[1:2], outputs=NAMES[2:], periodic=periodic)
 
 
 def test_the_direct_estimate_is_where_theory_has_it():
@@ -143,14 +150,23 @@ def test_two_inputs_and_two_references():
         y[:, k] = (mix @ u[:, k - 1] if k else 0.0) + v[:, k]
         u[:, k] = r[:, k] - 0.4 * y[:, k]
     ports = tuple(Port(n, "V") for n in ("r1", "r2", "u1", "u2")), (Port("y1", "V"), Port("y2", "V"))
-    record = Record(1.0, np.concatenate([r, u]).T[None, None], y.T[None, None], *ports, periodic=False)
+    record = Record(
+        sample_hz=1.0,
+        u=np.concatenate([r, u]).T[None, None],
+        y=y.T[None, None],
+        inputs=ports[0],
+        outputs=ports[1],
+        periodic=False,
+    )
     found = response_scatter(record, reference=("r1", "r2"), band_hz=(0.05, 0.45))
     truth = mix * np.exp(-2j * np.pi * found.frequency_hz)[:, None, None]
     z2 = np.abs(found.H - truth) ** 2 / found.total
     # Some forty independent windows of four entries; choosing windows flatters by a tenth.
     assert np.mean(z2) == pytest.approx(1.1, rel=0.3)
     K = gain_system(-0.4 * np.eye(2))
-    plain = Record(1.0, record.u[..., 2:], record.y, ports[0][2:], ports[1], periodic=False)
+    plain = Record(
+        sample_hz=1.0, u=record.u[..., 2:], y=record.y, inputs=ports[0][2:], outputs=ports[1], periodic=False
+    )
     by_controller = estimate_response(plain, controller=K, band_hz=(0.05, 0.45))
     np.testing.assert_allclose(by_controller.H, found.H, rtol=1e-6, atol=1e-9)
 
@@ -172,7 +188,14 @@ def test_what_cannot_be_told_is_refused():
         estimate_response(record, reference=r[:, :, 1:])
     with pytest.raises(DataError, match="the reference has the shape"):
         estimate_response(record, reference=r[0])
-    twins = Record(1.0, u, np.concatenate([y, u], axis=3), NAMES[1:2], (NAMES[2], NAMES[1]), periodic=False)
+    twins = Record(
+        sample_hz=1.0,
+        u=u,
+        y=np.concatenate([y, u], axis=3),
+        inputs=NAMES[1:2],
+        outputs=(NAMES[2], NAMES[1]),
+        periodic=False,
+    )
     with pytest.raises(ConfigError, match="u is an input and an output"):
         estimate_response(twins, reference=("u",))
     with pytest.raises(ConfigError, match="no channel named 'nobody'"):
@@ -181,7 +204,7 @@ def test_what_cannot_be_told_is_refused():
         estimate_response(record, reference=("u",))
     with pytest.raises(ConfigError, match="1 inputs and 2 outputs"):
         estimate_response(record, controller=gain_system(np.ones((2, 1))))
-    slow = SampledStateSpace(CONTROLLER.A, CONTROLLER.B, CONTROLLER.C, CONTROLLER.D, 2.0)
+    slow = SampledStateSpace(CONTROLLER.A, CONTROLLER.B, CONTROLLER.C, CONTROLLER.D, period_s=2.0)
     with pytest.raises(ConfigError, match="sampled every 2 s"):
         estimate_response(record, controller=slow)
     feedback = bare(
@@ -205,7 +228,7 @@ def test_an_integrator_in_the_controller_is_no_obstacle():
     y, r = rng.standard_normal((2, 4, 1, 128, 1))
     integrator = StateSpace(np.zeros((1, 1)), np.ones((1, 1)), -np.ones((1, 1)), np.zeros((1, 1)))
     found = estimate_response(
-        Record(1.0, r, y + r, NAMES[1:2], NAMES[2:], periodic=False),
+        Record(sample_hz=1.0, u=r, y=y + r, inputs=NAMES[1:2], outputs=NAMES[2:], periodic=False),
         controller=integrator,
         method="h1",
         segment=32,

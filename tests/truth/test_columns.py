@@ -30,9 +30,20 @@ def clamped(
     EA: float = 1e6,
 ) -> Equilibrium:
     """A beam of length 1 from the origin, ``weight`` in EI at its tip or along it, gravity out of plumb."""
-    section = Section(EA, 8.0, 1.2 * EI, EI, weight * EI / G if own else 1e-6, 0.0, 0.0)
+    section = Section(
+        EA=EA,
+        GJ=8.0,
+        EI_y=1.2 * EI,
+        EI_z=EI,
+        rho_A=weight * EI / G if own else 1e-6,
+        rho_I_y=0.0,
+        rho_I_z=0.0,
+    )
     attach = [AttachPoint(f"p{i}", "a", np.array(o, dtype=float)) for i, o in enumerate(CROSS)]
-    springs = (AnchoredSpring(p.name, p.name, p.offset, k, 0.0) for p in attach)
+    springs = (
+        AnchoredSpring(name=p.name, attach=p.name, anchor=p.offset, stiffness=k, free_length=0.0)
+        for p in attach
+    )
     nodes = [node("a", (0, 0, 0)), node("b", tip, body(0.0 if own else weight * EI / G))]
     parts = structure(
         nodes, [member("a", "b", section, 10, up=(1, 0, 0) if tip[1] else (0, 1, 0))], attach=attach

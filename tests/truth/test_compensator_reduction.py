@@ -192,9 +192,11 @@ def test_stability_is_that_with_the_delay_and_not_with_its_approximation(tau):
     # A notch keeps a 150 Hz mode out of the loop; cut to one state the law meets it, 9 to 16 radians late.
     omega, corner = 2.0 * np.pi * 150.0, 2.0 * np.pi * 20.0
     gain = 1.6 * 0.02 * omega**2 * 150.0 / 20.0
-    fast = ModalSystem([omega], [0.01], [[1.0]], [[gain]], [[0.0]], ("fast",))
+    fast = ModalSystem(
+        omega=[omega], zeta=[0.01], psi=[[1.0]], phi=[[gain]], phi_rate=[[0.0]], names=("fast",)
+    )
     u, y = (Port("u", "N"),), (Port("y", "m"),)
-    late = delay_plant(Plant(fast, u, y, w=("u",), u=("u",), z=("y",), y=("y",)), tau)
+    late = delay_plant(Plant(dynamics=fast, inputs=u, outputs=y, w=("u",), u=("u",), z=("y",), y=("y",)), tau)
     lag = StateSpace([[-corner]], [[corner]], [[-1.0]], [[0.0]])
     law = Compensator(series(notch(150.0, 0.1, 0.02), lag), y, u)
     found = reduce_compensator(law, late, 1, method="balanced", homotopy=False)

@@ -27,7 +27,16 @@ def third_order():
     A = -np.eye(3) + np.diag(np.ones(2), 1)
     ports = (Port("f", "N"),), (Port("x", "m"),)
     system = StateSpace(A, np.eye(3)[:, 2:], np.eye(3)[:1], [[0.0]])
-    return Plant(system, *ports, ("f",), ("f",), ("x",), ("x",), state_names=("first", "second", "third"))
+    return Plant(
+        dynamics=system,
+        inputs=ports[0],
+        outputs=ports[1],
+        w=("f",),
+        u=("f",),
+        z=("x",),
+        y=("x",),
+        state_names=("first", "second", "third"),
+    )
 
 
 def gain_law(authority):
@@ -92,7 +101,20 @@ def test_participation_of_uncoupled_modes_is_all_one_mode():
     ports = (Port("f", "N"),), (Port("x", "m"),)
     system = StateSpace(A, np.ones((4, 1)), np.ones((1, 4)), [[0.0]])
     names = ("slow", "slow", "fast", "fast")
-    part = find_participation(leave_open(Plant(system, *ports, ("f",), ("f",), ("x",), ("x",), names)))
+    part = find_participation(
+        leave_open(
+            Plant(
+                dynamics=system,
+                inputs=ports[0],
+                outputs=ports[1],
+                w=("f",),
+                u=("f",),
+                z=("x",),
+                y=("x",),
+                state_names=names,
+            )
+        )
+    )
     assert part.names == ("slow", "fast")
     np.testing.assert_allclose(part.shares, [1.0, 0.0], atol=1e-14)
 

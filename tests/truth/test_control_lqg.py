@@ -31,12 +31,24 @@ INTENSITY = 2e-6
 def scalar_plant(a):
     ports = (Port("w", "N"), Port("u", "N")), (Port("x", "m"),)
     return Plant(
-        StateSpace([[a]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]]), *ports, ("w",), ("u",), ("x",), ("x",)
+        dynamics=StateSpace([[a]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]]),
+        inputs=ports[0],
+        outputs=ports[1],
+        w=("w",),
+        u=("u",),
+        z=("x",),
+        y=("x",),
     )
 
 
 def scalar_weights(process, sensor):
-    return LQGWeights(np.ones(1), np.ones(1), ("w",), np.array([[process]]), np.array([sensor]))
+    return LQGWeights(
+        output=np.ones(1),
+        input=np.ones(1),
+        disturbed=("w",),
+        process=np.array([[process]]),
+        sensor=np.array([sensor]),
+    )
 
 
 @pytest.fixture(scope="module")
@@ -106,7 +118,13 @@ def test_direct_terms_are_part_of_the_design():
     ports = (Port("w", "N"), Port("u", "N")), (Port("z", "m"), Port("y", "m"))
     C = [[1.0], [1.0]]
     plain = Plant(
-        StateSpace([[0.4]], [[1.0, 1.0]], C, [[0.0, 0.5], [0.0, 0.0]]), *ports, ("w",), ("u",), ("z",), ("y",)
+        dynamics=StateSpace([[0.4]], [[1.0, 1.0]], C, [[0.0, 0.5], [0.0, 0.0]]),
+        inputs=ports[0],
+        outputs=ports[1],
+        w=("w",),
+        u=("u",),
+        z=("z",),
+        y=("y",),
     )
     direct = dataclasses.replace(
         plain, dynamics=StateSpace([[0.4]], [[1.0, 1.0]], C, [[0.0, 0.5], [0.0, 0.2]])
@@ -126,7 +144,13 @@ def test_direct_terms_are_part_of_the_design():
 def test_noise_straight_into_z_is_refused():
     ports = (Port("w", "N"), Port("u", "N")), (Port("x", "m"),)
     plant = Plant(
-        StateSpace([[0.4]], [[1.0, 1.0]], [[1.0]], [[1.0, 0.0]]), *ports, ("w",), ("u",), ("x",), ("x",)
+        dynamics=StateSpace([[0.4]], [[1.0, 1.0]], [[1.0]], [[1.0, 0.0]]),
+        inputs=ports[0],
+        outputs=ports[1],
+        w=("w",),
+        u=("u",),
+        z=("x",),
+        y=("x",),
     )
     with pytest.raises(ConfigError, match="infinite"):
         design_lqg(plant, scalar_weights(1.0, 1.0), 1.0)
@@ -137,7 +161,9 @@ def test_weights_that_make_no_sense_are_refused():
         scalar_weights(1.0, 0.0)
     with pytest.raises(ConfigError, match="semidefinite"):
         scalar_weights(-1.0, 1.0)
-    weights = LQGWeights(np.ones(2), np.ones(1), ("w",), np.eye(1), np.ones(1))
+    weights = LQGWeights(
+        output=np.ones(2), input=np.ones(1), disturbed=("w",), process=np.eye(1), sensor=np.ones(1)
+    )
     with pytest.raises(ConfigError, match="2 output weights for 1"):
         design_lqg(scalar_plant(1.0), weights, 1.0)
     for authority in (0.0, -1.0, np.nan, np.inf):
@@ -218,7 +244,9 @@ def test_translations_are_set_aside_of_a_late_plant_too():
 def test_a_growing_part_that_meets_no_port_stays():
     apart = StateSpace(np.diag([-1.0, -2.0, 0.5]), [[1.0], [0.0], [0.0]], [[1.0, 0.0, 0.0]], [[0.0]])
     ports = (Port("u", "N"),), (Port("y", "m"),)
-    part = partition_modes(Plant(apart, *ports, state_names=("lag", "idle", "grows")))
+    part = partition_modes(
+        Plant(dynamics=apart, inputs=ports[0], outputs=ports[1], state_names=("lag", "idle", "grows"))
+    )
     assert part.inert == ("idle",)
     assert part.active.state_names == ("lag", "grows")
 
@@ -247,10 +275,21 @@ def test_an_unreachable_but_observed_free_mode_is_named():
 
 
 def test_a_reachable_but_unmeasured_free_mode_is_named():
-    modal = ModalSystem(np.zeros(2), np.zeros(2), np.eye(2), np.eye(2), np.zeros((2, 2)), ("surge", "yaw"))
+    modal = ModalSystem(
+        omega=np.zeros(2),
+        zeta=np.zeros(2),
+        psi=np.eye(2),
+        phi=np.eye(2),
+        phi_rate=np.zeros((2, 2)),
+        names=("surge", "yaw"),
+    )
     ports = (Port("a", "N"), Port("b", "N")), (Port("a", "m"), Port("b", "m"))
-    plant = Plant(modal, *ports, ("a",), ("a", "b"), ("a", "b"), ("a",))
-    weights = LQGWeights(np.ones(2), np.ones(2), ("a",), np.eye(1), np.ones(1))
+    plant = Plant(
+        dynamics=modal, inputs=ports[0], outputs=ports[1], w=("a",), u=("a", "b"), z=("a", "b"), y=("a",)
+    )
+    weights = LQGWeights(
+        output=np.ones(2), input=np.ones(2), disturbed=("a",), process=np.eye(1), sensor=np.ones(1)
+    )
     with pytest.raises(NotStabilisableError, match=r"no measurement in y sees it.*yaw"):
         design_filter(plant, weights)
 
@@ -259,9 +298,16 @@ def test_pd_on_one_free_mode():
     # Inertia J under torque -(kp angle + kd rate): s^2 + kd/J s + kp/J.
     J, kp, kd = 4.0, 0.3, 1.1
     modal = ModalSystem(
-        [0.0], [0.0], [[1 / np.sqrt(J)]], [[1 / np.sqrt(J)], [0.0]], [[0.0], [1 / np.sqrt(J)]], ("spin",)
+        omega=[0.0],
+        zeta=[0.0],
+        psi=[[1 / np.sqrt(J)]],
+        phi=[[1 / np.sqrt(J)], [0.0]],
+        phi_rate=[[0.0], [1 / np.sqrt(J)]],
+        names=("spin",),
     )
-    plant = Plant(modal, (Port("bus", "N m"),), (Port("bus", "rad"), Port("bus_rate", "rad/s")))
+    plant = Plant(
+        dynamics=modal, inputs=(Port("bus", "N m"),), outputs=(Port("bus", "rad"), Port("bus_rate", "rad/s"))
+    )
     closed = close_inner_loop(plant, PDLoops(("bus",), np.array([kp]), np.array([kd])))
     np.testing.assert_allclose(
         np.sort_complex(np.linalg.eigvals(closed.system.A)),
@@ -298,7 +344,7 @@ def test_closed_loop_of_scalars_with_direct_terms():
     G = StateSpace([[-1.0]], [[1.0]], [[2.0]], [[1.0]])
     K = StateSpace([[-5.0]], [[1.0]], [[9.0]], [[-2.0]])
     port = (Port("f", "N"),), (Port("x", "m"),)
-    plant = Plant(G, *port, ("f",), ("f",), ("x",), ("x",))
+    plant = Plant(dynamics=G, inputs=port[0], outputs=port[1], w=("f",), u=("f",), z=("x",), y=("x",))
     law = Compensator(K, (Port("x", "m"),), (Port("f", "N"),))
     loop = close_loop(plant, law)
     omega = np.array([0.0, 0.3, 2.0, 50.0])
@@ -324,7 +370,9 @@ def test_prediction_line_by_line_equals_the_closed_loop(orbit):
 
 def test_a_loop_without_solution_is_refused():
     port = (Port("f", "N"),), (Port("x", "m"),)
-    plant = Plant(gain_system([[2.0]]), *port, ("f",), ("f",), ("x",), ("x",))
+    plant = Plant(
+        dynamics=gain_system([[2.0]]), inputs=port[0], outputs=port[1], w=("f",), u=("f",), z=("x",), y=("x",)
+    )
     with pytest.raises(ConfigError, match="no solution"):
         close_loop(plant, Compensator(gain_system([[0.5]]), (Port("x", "m"),), (Port("f", "N"),)))
 

@@ -257,16 +257,18 @@ def modal_plant():
     omega, psi = np.array([0.0, 2.0, 20.0, 200.0]), np.array([[1.0], [0.5], [0.8], [2.0]])
     phi = np.array([[1.0, 0.5, 0.8, 2.0], [0.0, 0.0, 0.0, 0.0]])
     modal = ModalSystem(
-        omega,
-        np.array([0.0, 0.01, 0.01, 0.01]),
-        psi,
-        phi,
-        0.0 * phi,
-        ("rigid", "low", "middle", "high"),
-        phi[::-1],
+        omega=omega,
+        zeta=np.array([0.0, 0.01, 0.01, 0.01]),
+        psi=psi,
+        phi=phi,
+        phi_rate=0.0 * phi,
+        names=("rigid", "low", "middle", "high"),
+        phi_acceleration=phi[::-1],
     )
     ports = (Port("u", "N"),), (Port("x", "m"), Port("a", "m/s^2"))
-    return Plant(modal, *ports, ("u",), ("u",), ("x",), ("x", "a"))
+    return Plant(
+        dynamics=modal, inputs=ports[0], outputs=ports[1], w=("u",), u=("u",), z=("x",), y=("x", "a")
+    )
 
 
 def test_modes_of_a_modal_plant_stay_modal_and_leave_their_limits():

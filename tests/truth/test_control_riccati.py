@@ -110,8 +110,12 @@ def test_states_that_no_noise_drives_spoil_nothing(order, noise):
     omega = 2.0 * np.pi * np.array([0.3, 2.0, 9.0])
     psi = np.array([[1.0, 1.0], [1.0, -1.0], [0.5, 1.0]])
     phi = np.array([[1.0, 0.8, 0.3], [0.9, -0.5, 0.6]])
-    modes = ModalSystem(omega, np.full(3, 0.01), psi, phi, np.zeros((2, 3)), tuple("abc"))
-    plant = Plant(modes, (Port("u", "N"), Port("w", "N")), (Port("z", "m"), Port("y", "m")))
+    modes = ModalSystem(
+        omega=omega, zeta=np.full(3, 0.01), psi=psi, phi=phi, phi_rate=np.zeros((2, 3)), names=tuple("abc")
+    )
+    plant = Plant(
+        dynamics=modes, inputs=(Port("u", "N"), Port("w", "N")), outputs=(Port("z", "m"), Port("y", "m"))
+    )
     late = approximate_delays(delay_plant(plant, 0.0075), order).system
     Q, R = 1e-8 * late.B[:, 1:] @ late.B[:, 1:].T, np.array([[noise]])
     C = late.C[1:]
@@ -175,7 +179,13 @@ def test_a_newton_step_near_the_axis_is_judged_by_its_residual_without_a_warning
     modes = md.solve_modes(md.solve_equilibrium(*md.load_case(DM, LAB)))
     u, y = ["pri_rel_z"], ["pri_in_z"]
     plant = md.build_plant(modes, inputs=u, outputs=y, count=12, w=u, u=u, z=y, y=y)
-    weights = md.LQGWeights(np.ones(1), np.ones(1), tuple(u), np.array([[1e-4]]), np.array([4e-10]))
+    weights = md.LQGWeights(
+        output=np.ones(1),
+        input=np.ones(1),
+        disturbed=tuple(u),
+        process=np.array([[1e-4]]),
+        sensor=np.array([4e-10]),
+    )
     regulator = md.design_lqg(plant, weights, 1e24).regulator
     assert regulator.residual < 1e-12  # rounding leaves 1e-15 to 1e-12
     assert regulator.poles.real.max() < 0.0

@@ -110,8 +110,23 @@ def test_a_travelling_shape_has_no_collinear_phases():
 
 def test_channels_read_translations_rotations_angles_and_travels():
     """A unit of each coordinate of a body with a hinged arm and a slide on it, as the channels see it."""
-    hinge = Joint("h", "a", np.array([0.5, 0, 0]), np.eye(3)[2], 0.0, body(1.0, inertia=(0.1,) * 3))
-    slide = Joint("s", "a", np.zeros(3), np.eye(3)[1], 0.0, body(1.0, inertia=(0.1,) * 3), slides=True)
+    hinge = Joint(
+        name="h",
+        parent="a",
+        offset=np.array([0.5, 0, 0]),
+        axis=np.eye(3)[2],
+        angle=0.0,
+        body=body(1.0, inertia=(0.1,) * 3),
+    )
+    slide = Joint(
+        name="s",
+        parent="a",
+        offset=np.zeros(3),
+        axis=np.eye(3)[1],
+        angle=0.0,
+        body=body(1.0, inertia=(0.1,) * 3),
+        slides=True,
+    )
     parts = structure([node("a", (1, 2, 3), body(2.0, inertia=(0.1,) * 3))], joints=[hinge, slide])
     modes = solve_modes(solve_equilibrium(parts, Environment.orbit()))
     model = modes.equilibrium.model
@@ -129,7 +144,7 @@ def test_channels_read_translations_rotations_angles_and_travels():
 
 def massless_frame() -> Modes:
     """Bodies on massless, bent beams: all inertia is at the four nodes."""
-    tube = Section(1e6, 80.0, 100.0, 70.0, 0.0, 0.0, 0.0)
+    tube = Section(EA=1e6, GJ=80.0, EI_y=100.0, EI_z=70.0, rho_A=0.0, rho_I_y=0.0, rho_I_z=0.0)
     places = ((0, 0, 0), (1, 0, 0), (1, 0.8, 0), (1, 0.8, 0.9))
     nodes = [
         node(n, x, body(1.0 + i, (0.01, 0.02, -0.03), (0.02, 0.03, 0.04)))
@@ -184,7 +199,7 @@ def by_partition(modes: Modes, improved: bool) -> np.ndarray:
 @pytest.mark.parametrize("reduction", [Reduction.GUYAN, Reduction.IRS])
 def test_static_reductions_equal_the_partitioned_formulas(reduction: Reduction):
     nodes = [node(n, (x, 0, 0), body(1.0, (0.1, 0, 0.05), (0.1,) * 3)) for n, x in (("a", 0.0), ("b", 1.3))]
-    tube = Section(1e6, 80.0, 100.0, 100.0, 0.5, 1e-4, 1e-4)
+    tube = Section(EA=1e6, GJ=80.0, EI_y=100.0, EI_z=100.0, rho_A=0.5, rho_I_y=1e-4, rho_I_z=1e-4)
     modes = solve_modes(solve_equilibrium(structure(nodes, [member("a", "b", tube, 5)]), Environment.orbit()))
     at = every_channel(modes.equilibrium.model)
     mass = reduce_mass(modes, seen_by(modes, at), reduction).mass
@@ -211,7 +226,7 @@ def test_irs_is_nearer_to_the_modes_than_guyan(lab: Modes):
 def test_the_condition_of_a_sensor_set_is_one_for_orthogonal_sights():
     """Two free bodies on a rod: each channel sees one of them; together or apart, they move as much."""
     nodes = [node(n, (x, 0, 0), body(2.0, inertia=(0.1,) * 3)) for n, x in (("a", 0.0), ("b", 1.0))]
-    tube = Section(1e6, 80.0, 100.0, 100.0, 0.0, 0.0, 0.0)
+    tube = Section(EA=1e6, GJ=80.0, EI_y=100.0, EI_z=100.0, rho_A=0.0, rho_I_y=0.0, rho_I_z=0.0)
     modes = solve_modes(solve_equilibrium(structure(nodes, [member("a", "b", tube, 1)]), Environment.orbit()))
     both = [modes.name.index("translation x"), modes.name.index("first axial")]
     rows = seen_by(modes, [("a", "x"), ("b", "x")])
@@ -242,7 +257,7 @@ def test_a_free_article_gives_all_to_its_rigid_modes(lab: Modes):
 
 
 # It bends about its own y, along z, long before it does anything else.
-CANTILEVER = Section(1e8, 80.0, 1.0, 1e4, 0.5, 1e-6, 1e-6)
+CANTILEVER = Section(EA=1e8, GJ=80.0, EI_y=1.0, EI_z=1e4, rho_A=0.5, rho_I_y=1e-6, rho_I_z=1e-6)
 
 
 def clamped(beam, stiffness: float = 1e9):
@@ -250,12 +265,22 @@ def clamped(beam, stiffness: float = 1e9):
     corners = [np.array(p, dtype=float) for p in ((1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1))]
     points = [AttachPoint(f"c{i}", "a", c) for i, c in enumerate(corners)]
     springs = [
-        AnchoredSpring(f"{p.name}{axis}", p.name, p.offset + step, stiffness, 1.0)
+        AnchoredSpring(
+            name=f"{p.name}{axis}",
+            attach=p.name,
+            anchor=p.offset + step,
+            stiffness=stiffness,
+            free_length=1.0,
+        )
         for p in points
         for axis, step in zip("xyz", np.eye(3), strict=True)
     ]
     held = dataclasses.replace(beam, attach_points=tuple(points))
-    return solve_modes(solve_equilibrium(held, Environment("clamp", np.zeros(3), None, tuple(springs))))
+    return solve_modes(
+        solve_equilibrium(
+            held, Environment(title="clamp", gravity=np.zeros(3), suspension=None, springs=tuple(springs))
+        )
+    )
 
 
 def test_effective_masses_of_a_cantilever():

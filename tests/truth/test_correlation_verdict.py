@@ -53,7 +53,11 @@ def lab() -> Modes:
 
 
 def one(quantity: Quantity, limit: float, group: Group = Group.ALL) -> Profile:
-    return Profile("one", "one", (Criterion(quantity, group, limit, "this test", recalled=False),))
+    return Profile(
+        "one",
+        "one",
+        (Criterion(quantity=quantity, group=group, limit=limit, source="this test", recalled=False),),
+    )
 
 
 def correlate(modes: Modes, measured: MeasuredModes, profile: Profile = ORION, **options) -> Correlation:
@@ -135,7 +139,13 @@ def test_modes_without_a_partner_are_named_and_spoil_the_verdict(lab: Modes):
 def test_alike_shapes_octaves_apart_are_no_pair():
     """One channel sees every shape alike; the frequencies keep them apart."""
     hz = np.array([1.0, 5.0])
-    model = Candidates(hz, np.ones((1, 2)), np.eye(1), np.zeros(2, dtype=bool), np.ones(2, dtype=bool))
+    model = Candidates(
+        frequency_hz=hz,
+        shape=np.ones((1, 2)),
+        mass=np.eye(1),
+        significant=np.zeros(2, dtype=bool),
+        flexible=np.ones(2, dtype=bool),
+    )
     found = evaluate_shapes(model, np.array([5.2, 1.1]), np.ones((1, 2), dtype=complex))
     assert found.pairs.tolist() == [[1, 0], [0, 1]]
 

@@ -30,8 +30,8 @@ from middeck.structure.rest.equilibrium import Equilibrium, solve_equilibrium
 from middeck.structure.rest.statics import dynamic_coordinates
 from structure_builders import GRAVITY, body, member, node, structure
 
-TUBE = Section(1e6, 80.0, 100.0, 100.0, 0.5, 1e-4, 1e-4)
-SOFT = Section(3e5, 20.0, 30.0, 40.0, 0.3, 1e-4, 1e-4)
+TUBE = Section(EA=1e6, GJ=80.0, EI_y=100.0, EI_z=100.0, rho_A=0.5, rho_I_y=1e-4, rho_I_z=1e-4)
+SOFT = Section(EA=3e5, GJ=20.0, EI_y=30.0, EI_z=40.0, rho_A=0.3, rho_I_y=1e-4, rho_I_z=1e-4)
 X, Y, Z = np.eye(3)
 
 
@@ -57,8 +57,14 @@ def on_a_spring(m: float = 2.0, k: float = 50.0) -> Modes:
     parts = structure(
         [node("a", (0, 0, 0), body(m, inertia=(0.1, 0.1, 0.1)))], attach=[AttachPoint("p", "a", np.zeros(3))]
     )
-    spring = AnchoredSpring("s", "p", np.array([0.0, 2.0, 0.0]), k, 2.0)
-    return solve_modes(solve_equilibrium(parts, Environment("spring", np.zeros(3), None, (spring,))))
+    spring = AnchoredSpring(
+        name="s", attach="p", anchor=np.array([0.0, 2.0, 0.0]), stiffness=k, free_length=2.0
+    )
+    return solve_modes(
+        solve_equilibrium(
+            parts, Environment(title="spring", gravity=np.zeros(3), suspension=None, springs=(spring,))
+        )
+    )
 
 
 def test_damper_beside_a_spring_to_ground():
@@ -82,7 +88,13 @@ def test_damper_beside_a_spring_between_two_bodies():
     places = {"a": 0.0, "b": 1.0}
     nodes = [node(n, (x, 0, 0), body(2.0 + x, inertia=(0.1, 0.1, 0.1))) for n, x in places.items()]
     attach = [AttachPoint(n, n, np.zeros(3)) for n in places]
-    modes = orbit_modes(structure(nodes, springs=[Spring("s", "a", "b", 80.0, 1.0)], attach=attach))
+    modes = orbit_modes(
+        structure(
+            nodes,
+            springs=[Spring(name="s", start="a", end="b", stiffness=80.0, free_length=1.0)],
+            attach=attach,
+        )
+    )
     found = estimate_damping(modes, Damping(dampers=(Damper(DamperPlace.SPRING, "s", 0.9),)))
     omega = np.sqrt(80.0 * (1 / 2.0 + 1 / 3.0))
     assert modes.omega[-1] == pytest.approx(omega, rel=1e-10)
@@ -92,7 +104,15 @@ def test_damper_beside_a_spring_between_two_bodies():
 
 def test_damper_at_a_sprung_joint():
     payload = Joint(
-        "p", "a", np.zeros(3), X, 0.3, body(2.0, inertia=(0.3, 0.2, 0.2)), JointState.SPRUNG, 7.0, 0.3
+        name="p",
+        parent="a",
+        offset=np.zeros(3),
+        axis=X,
+        angle=0.3,
+        body=body(2.0, inertia=(0.3, 0.2, 0.2)),
+        state=JointState.SPRUNG,
+        stiffness=7.0,
+        target=0.3,
     )
     modes = orbit_modes(structure([node("a", (0, 0, 0), body(1.0, inertia=(0.2, 0.1, 0.1)))], (), [payload]))
     found = estimate_damping(modes, Damping(dampers=(Damper(DamperPlace.JOINT, "p", 0.05),)))
@@ -156,7 +176,11 @@ def test_energy_held_by_gravity_is_not_lost():
     ]
     attach = [AttachPoint(n, n, np.array([0, 0.02, 0])) for n in "ab"]
     parts = structure(nodes, [member("a", "b", SOFT, 3)], (), (), attach)
-    lab = Environment("lab", GRAVITY, Suspension(("a", "b"), ("xyz", "yz"), 4.0, 0.25))
+    lab = Environment(
+        title="lab",
+        gravity=GRAVITY,
+        suspension=Suspension(attach=("a", "b"), held=("xyz", "yz"), cable_length=4.0, bounce_hz=0.25),
+    )
     modes = solve_modes(solve_equilibrium(parts, lab))
     eta = 0.01
     found = estimate_damping(modes, Damping(loss_factor=(("a-b", eta),)))
@@ -178,12 +202,20 @@ def two_bars(c: float, k: float) -> tuple[Modes, Damping]:
     places = {"a": 0.0, "b": 1.0}
     nodes = [node(n, (x, 0, 0), body(2.0, inertia=(0.1, 0.1, 0.1))) for n, x in places.items()]
     attach = [AttachPoint(n, n, np.zeros(3)) for n in places]
-    parts = structure(nodes, springs=[Spring("between", "a", "b", k, 1.0)], attach=attach)
+    parts = structure(
+        nodes,
+        springs=[Spring(name="between", start="a", end="b", stiffness=k, free_length=1.0)],
+        attach=attach,
+    )
     springs = tuple(
-        AnchoredSpring(n, n, np.array([x + s, 0.0, 0.0]), 50.0, 1.0)
+        AnchoredSpring(name=n, attach=n, anchor=np.array([x + s, 0.0, 0.0]), stiffness=50.0, free_length=1.0)
         for (n, x), s in zip(places.items(), (-1, 1), strict=True)
     )
-    modes = solve_modes(solve_equilibrium(parts, Environment("springs", np.zeros(3), None, springs)))
+    modes = solve_modes(
+        solve_equilibrium(
+            parts, Environment(title="springs", gravity=np.zeros(3), suspension=None, springs=springs)
+        )
+    )
     return modes, Damping(dampers=(Damper(DamperPlace.DEVICE, "a", c),))
 
 
@@ -223,7 +255,9 @@ def test_equal_frequencies_are_coupled_without_limit():
 
 
 def test_a_damper_on_a_rigid_mode_is_warned_about():
-    payload = Joint("p", "a", np.zeros(3), X, 0.3, body(2.0, inertia=(0.3, 0.2, 0.2)))
+    payload = Joint(
+        name="p", parent="a", offset=np.zeros(3), axis=X, angle=0.3, body=body(2.0, inertia=(0.3, 0.2, 0.2))
+    )
     modes = orbit_modes(structure([node("a", (0, 0, 0), body(1.0, inertia=(0.2, 0.1, 0.1)))], (), [payload]))
     found = estimate_damping(modes, Damping(dampers=(Damper(DamperPlace.JOINT, "p", 0.05),)))
     assert not found.zeta.any()
@@ -270,7 +304,7 @@ def test_sources_add_up_and_a_mode_of_its_own_stands_alone():
 
 def test_by_kind_is_what_it_was():
     modes = orbit_modes(beam(TUBE))
-    found = estimate_damping(modes, Damping(0.02, 0.1, 0.0))
+    found = estimate_damping(modes, Damping(flexible=0.02, suspension=0.1, rigid=0.0))
     assert found.zeta.tolist() == [0.0] * 6 + [0.02] * (len(modes.omega) - 6)
 
 
@@ -297,7 +331,15 @@ def test_what_cannot_be_is_refused(damping: Damping, message: str):
 
 
 def test_a_damper_at_a_fixed_axis_is_refused():
-    payload = Joint("p", "a", np.zeros(3), X, 0.3, body(2.0, inertia=(0.3, 0.2, 0.2)), JointState.LOCKED)
+    payload = Joint(
+        name="p",
+        parent="a",
+        offset=np.zeros(3),
+        axis=X,
+        angle=0.3,
+        body=body(2.0, inertia=(0.3, 0.2, 0.2)),
+        state=JointState.LOCKED,
+    )
     modes = orbit_modes(structure([node("a", (0, 0, 0), body(1.0, inertia=(0.2, 0.1, 0.1)))], (), [payload]))
     with pytest.raises(ConfigError, match="'p', which is locked"):
         estimate_damping(modes, Damping(dampers=(Damper(DamperPlace.JOINT, "p", 0.05),)))
@@ -308,7 +350,7 @@ def test_a_damper_at_a_fixed_axis_is_refused():
     [
         (lambda: Damping(flexible=1.0), ">= 0 and < 1"),
         (lambda: Damping(by_mode=((0, -0.1),)), ">= 0 and < 1"),
-        (lambda: Damping(0.01, 0.03, table=TABLE), "by kind and from a table"),
+        (lambda: Damping(flexible=0.01, suspension=0.03, table=TABLE), "by kind and from a table"),
         (lambda: Damping(loss_factor=(("a", -1.0),)), "negative"),
         (lambda: Damping(dampers=(Damper(DamperPlace.JOINT, "p", np.nan),)), "not finite"),
         (lambda: DampingTable(np.array([1.0, 1.0]), np.array([0.1, 0.1])), "ascending"),

@@ -31,9 +31,19 @@ from middeck.systems.statespace import SampledStateSpace, StateSpace, gain_syste
 
 ROOT = Path(__file__).parents[2]
 FORCE, WAY, RATE = Port("force", "N"), Port("way", "m"), Port("rate", "m/s")
-INTEGRATOR = Plant(StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]), (FORCE,), (WAY,), u=("force",), y=("way",))
+INTEGRATOR = Plant(
+    dynamics=StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]),
+    inputs=(FORCE,),
+    outputs=(WAY,),
+    u=("force",),
+    y=("way",),
+)
 BODY = Plant(
-    ModalSystem([0.0], [0.0], [[1.0]], [[1.0], [0.0]], [[0.0], [1.0]], ("body",)), (FORCE,), (WAY, RATE)
+    dynamics=ModalSystem(
+        omega=[0.0], zeta=[0.0], psi=[[1.0]], phi=[[1.0], [0.0]], phi_rate=[[0.0], [1.0]], names=("body",)
+    ),
+    inputs=(FORCE,),
+    outputs=(WAY, RATE),
 )
 
 LONG = os.environ.get("MIDDECK_LONG") == "1"
@@ -78,9 +88,16 @@ def test_modes_that_the_loop_does_not_move_count() -> None:
     """One that the measurement does not see and that grows makes the whole unstable."""
     for zeta, stable in ((0.01, True), (-0.01, False)):
         modes = ModalSystem(
-            [1.0, 3.0], [0.02, zeta], [[1.0], [1.0]], [[0.1, 0.0], [0.0, 1.0]], np.zeros((2, 2)), ("a", "b")
+            omega=[1.0, 3.0],
+            zeta=[0.02, zeta],
+            psi=[[1.0], [1.0]],
+            phi=[[0.1, 0.0], [0.0, 1.0]],
+            phi_rate=np.zeros((2, 2)),
+            names=("a", "b"),
         )
-        plant = Plant(modes, (FORCE,), (WAY, Port("other", "m")), w=("force",), z=("other",))
+        plant = Plant(
+            dynamics=modes, inputs=(FORCE,), outputs=(WAY, Port("other", "m")), w=("force",), z=("other",)
+        )
         found = decide_stability(delay_plant(plant, 0.1), gain(0.05))
         assert found.stable is stable
         if not stable:
@@ -93,11 +110,27 @@ def test_modes_that_coincide_and_that_the_loop_does_not_move() -> None:
     omega, zeta = np.array([0.0, 0.0, 0.0, 5.0, 5.0, 5.0]), np.array([0.0, 0.0, 0.0, 0.01, 0.01, 0.01])
     psi = np.array([[1.0], [0.0], [1.0], [1.0], [0.0], [1.0]])
     phi = np.array([[0.1, 1.0, 0.0, 0.2, 1.0, 0.0]])
-    plant = Plant(ModalSystem(omega, zeta, psi, phi, 0.1 * phi, tuple("abcdef")), (FORCE,), (WAY,))
+    plant = Plant(
+        dynamics=ModalSystem(
+            omega=omega, zeta=zeta, psi=psi, phi=phi, phi_rate=0.1 * phi, names=tuple("abcdef")
+        ),
+        inputs=(FORCE,),
+        outputs=(WAY,),
+    )
     found = decide_stability(delay_plant(plant, 0.05), gain(1.0))
     # The moved modes alone decay; what stays at zero neither decays nor grows.
-    moved = Plant(ModalSystem(omega[[0, 3]], zeta[[0, 3]], psi[[0, 3]], phi[:, [0, 3]], 0.1 * phi[:, [0, 3]],
-                              ("a", "d")), (FORCE,), (WAY,))  # fmt: skip
+    moved = Plant(
+        dynamics=ModalSystem(
+            omega=omega[[0, 3]],
+            zeta=zeta[[0, 3]],
+            psi=psi[[0, 3]],
+            phi=phi[:, [0, 3]],
+            phi_rate=0.1 * phi[:, [0, 3]],
+            names=("a", "d"),
+        ),
+        inputs=(FORCE,),
+        outputs=(WAY,),
+    )
     assert decide_stability(delay_plant(moved, 0.05), gain(1.0)).margin > 0.0
     assert found.stable
     assert found.margin == 0.0
@@ -109,7 +142,13 @@ def test_an_article_whose_law_estimates_modes_that_it_hardly_moves() -> None:
     hung, orbit = (
         gimbal_loop(load_environment(ROOT / "environments" / f"{e}.toml")) for e in ("lab", "orbit")
     )
-    weights = LQGWeights(np.ones(1), np.ones(1), ("pri_rel_z",), 1e-4 * np.eye(1), np.array([4e-10]))
+    weights = LQGWeights(
+        output=np.ones(1),
+        input=np.ones(1),
+        disturbed=("pri_rel_z",),
+        process=1e-4 * np.eye(1),
+        sensor=np.array([4e-10]),
+    )
     law = design_lqg(approximate_delays(hung, 3), weights, 1e5)
     found = decide_stability(hung, law)
     assert found.stable
@@ -147,11 +186,17 @@ def test_many_modes_agree_with_a_fine_approximation() -> None:
         n = 6
         omega = 2.0 * np.pi * rng.uniform(0.3, 20.0, n)
         modes = ModalSystem(
-            omega, np.full(n, 0.01), rng.standard_normal((n, 2)), rng.standard_normal((2, n)),
-            np.zeros((2, n)), tuple("abcdef"),
-        )  # fmt: skip
+            omega=omega,
+            zeta=np.full(n, 0.01),
+            psi=rng.standard_normal((n, 2)),
+            phi=rng.standard_normal((2, n)),
+            phi_rate=np.zeros((2, n)),
+            names=tuple("abcdef"),
+        )
         ports = (Port("u1", "N"), Port("u2", "N")), (Port("y1", "m"), Port("y2", "m"))
-        late = delay_plant(Plant(modes, *ports), rng.uniform(0.0, 0.02, (2, 2)))
+        late = delay_plant(
+            Plant(dynamics=modes, inputs=ports[0], outputs=ports[1]), rng.uniform(0.0, 0.02, (2, 2))
+        )
         law = StateSpace(
             [[-20.0]], rng.standard_normal((1, 2)), 300.0 * rng.standard_normal((2, 1)), np.zeros((2, 2))
         )
@@ -171,12 +216,12 @@ def _closed(late: Plant, law: Compensator, order: int) -> np.ndarray:
 @pytest.mark.parametrize(("k", "stable"), [(0.8, True), (1.2, False)])
 def test_direct_terms_with_a_delay(k: float, stable: bool) -> None:
     """1 + k exp(-s tau) = 0 has the chain Re s = log(k)/tau."""
-    through = Plant(gain_system(np.ones((1, 1))), (FORCE,), (WAY,))
+    through = Plant(dynamics=gain_system(np.ones((1, 1))), inputs=(FORCE,), outputs=(WAY,))
     assert decide_stability(delay_plant(through, 0.1), gain(k)).stable is stable
 
 
 def test_direct_terms_late_by_different_times_are_refused_where_it_matters() -> None:
-    through = Plant(gain_system(np.ones((2, 1))), (FORCE,), (WAY, RATE))
+    through = Plant(dynamics=gain_system(np.ones((2, 1))), inputs=(FORCE,), outputs=(WAY, RATE))
     late = delay_plant(through, np.array([[0.1], [0.2]]))
     assert decide_stability(late, gain(0.4, 0.4)).stable
     with pytest.raises(NumericalError, match="direct term"):
@@ -187,7 +232,7 @@ def test_without_delay_and_sampled_by_eigenvalues() -> None:
     found = decide_stability(INTEGRATOR, gain(2.0))
     assert (found.pole, found.damping) == (-2.0 + 0.0j, 1.0)
     sampled = make_plant([[1.0]], [[1.0]], [[1.0]], period_s=0.1)
-    law = SampledStateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[-0.5]], 0.1)
+    law = SampledStateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[-0.5]], period_s=0.1)
     compensator = Compensator(law, sampled.outputs, sampled.inputs)
     assert decide_stability(sampled, compensator).margin == pytest.approx(-np.log(0.5) / 0.1, rel=1e-12)
 
@@ -235,11 +280,17 @@ class WeakLoop:
     def build(self, g: float) -> tuple[Plant, Compensator]:
         n = len(self.omega)
         modes = ModalSystem(
-            self.omega, self.zeta, np.ones((n, 1)), self.amplitude[None], np.zeros((1, n)),
-            tuple(f"mode {k}" for k in range(n)),
-        )  # fmt: skip
+            omega=self.omega,
+            zeta=self.zeta,
+            psi=np.ones((n, 1)),
+            phi=self.amplitude[None],
+            phi_rate=np.zeros((1, n)),
+            names=tuple(f"mode {k}" for k in range(n)),
+        )
         law = StateSpace([[-self.wl]], [[self.wl]], [[g]], [[0.0]])
-        return delay_plant(Plant(modes, (FORCE,), (WAY,)), self.tau), Compensator(law, (WAY,), (FORCE,))
+        return delay_plant(Plant(dynamics=modes, inputs=(FORCE,), outputs=(WAY,)), self.tau), Compensator(
+            law, (WAY,), (FORCE,)
+        )
 
 
 def _check_weak(loop: WeakLoop, g: float) -> bool:

@@ -38,11 +38,17 @@ def test_rigid_modes_behind_delays_that_are_no_sums_are_kept_once(delay_s: list[
     psi, shapes = rng.standard_normal((4, inputs)), rng.standard_normal((3, outputs, 4))
     psi[3], shapes[:, :, 3] = 0.0, 0.0
     modal = ModalSystem(
-        omega, np.where(omega > 0.0, 0.01, 0.0), psi, shapes[0], shapes[1], ("x", "turn", "bend", "away"),
-        shapes[2], rng.standard_normal(late.shape),
-    )  # fmt: skip
-    ports = (tuple(Port(f"{side}{i}", "1") for i in range(n)) for side, n in (("u", inputs), ("y", outputs)))
-    plant = Plant(modal, *ports)
+        omega=omega,
+        zeta=np.where(omega > 0.0, 0.01, 0.0),
+        psi=psi,
+        phi=shapes[0],
+        phi_rate=shapes[1],
+        names=("x", "turn", "bend", "away"),
+        phi_acceleration=shapes[2],
+        direct=rng.standard_normal(late.shape),
+    )
+    ports = [tuple(Port(f"{side}{i}", "1") for i in range(n)) for side, n in (("u", inputs), ("y", outputs))]
+    plant = Plant(dynamics=modal, inputs=ports[0], outputs=ports[1])
     near = approximate_delays(delay_plant(plant, late), 4)
     f = np.array([1e-3, 0.1, 2.0])
     # What a channel of the smaller side has in common is put there.
@@ -67,8 +73,15 @@ def test_a_rigid_body_whose_paths_are_late_each_by_its_own_time() -> None:
     """Two forces, position and rate: 1 + g h / s^2 + g^2 det k (e^-s(t11 + t22) - e^-s(t12 + t21)) / s^3."""
     tau, k = np.array([[0.05, 0.3], [0.4, 0.1]]), np.array([[1.0, 0.9], [0.5, 0.6]])
     forces = (Port("a", "N"), Port("b", "N"))
-    body = ModalSystem([0.0], [0.0], [[1.0, 1.0]], [[1.0], [0.0]], [[0.0], [1.0]], ("body",))
-    late = delay_plant(Plant(body, forces, (WAY, RATE)), tau)
+    body = ModalSystem(
+        omega=[0.0],
+        zeta=[0.0],
+        psi=[[1.0, 1.0]],
+        phi=[[1.0], [0.0]],
+        phi_rate=[[0.0], [1.0]],
+        names=("body",),
+    )
+    late = delay_plant(Plant(dynamics=body, inputs=forces, outputs=(WAY, RATE)), tau)
 
     def terms(s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         e = np.exp(-s * tau[:, :, None])
@@ -96,10 +109,27 @@ def test_a_rigid_body_whose_paths_are_late_each_by_its_own_time() -> None:
 def test_designs_hold_a_rigid_body_whose_paths_are_late_each_by_its_own_time() -> None:
     """The cost that a design promises is what its loop costs with exact delays."""
     forces = (Port("a", "N"), Port("b", "N"))
-    body = ModalSystem([0.0], [0.0], [[1.0, 1.0]], [[1.0], [0.0]], [[0.0], [1.0]], ("body",))
-    plant = Plant(body, forces, (WAY, RATE), ("a", "b"), ("a", "b"), ("way",), ("way", "rate"))
+    body = ModalSystem(
+        omega=[0.0],
+        zeta=[0.0],
+        psi=[[1.0, 1.0]],
+        phi=[[1.0], [0.0]],
+        phi_rate=[[0.0], [1.0]],
+        names=("body",),
+    )
+    plant = Plant(
+        dynamics=body,
+        inputs=forces,
+        outputs=(WAY, RATE),
+        w=("a", "b"),
+        u=("a", "b"),
+        z=("way",),
+        y=("way", "rate"),
+    )
     late = delay_plant(plant, np.array([[0.05, 0.3], [0.4, 0.1]]))
-    weights = LQGWeights([1.0], [1.0, 1.0], ("a", "b"), np.eye(2), [1e-2, 1e-2])
+    weights = LQGWeights(
+        output=[1.0], input=[1.0, 1.0], disturbed=("a", "b"), process=np.eye(2), sensor=[1e-2, 1e-2]
+    )
     for order, error in ((3, 1e-4), (10, 1e-6)):
         law = design_lqg(approximate_delays(late, order), weights, 1.0)
         found = measure_noise_rms(late, law, weights)

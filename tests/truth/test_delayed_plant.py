@@ -16,14 +16,18 @@ from middeck.systems.statespace import gain_system
 
 HZ = np.array([0.3, 1.0, 3.0, 9.0])
 MODES = ModalSystem(
-    [6.0, 40.0],
-    [0.01, 0.02],
-    [[1.0, 0.4], [0.7, -1.0]],
-    [[1.0, 0.5], [0.2, -0.8], [0.3, 0.9]],
-    np.zeros((3, 2)),
-    ("one", "two"),
+    omega=[6.0, 40.0],
+    zeta=[0.01, 0.02],
+    psi=[[1.0, 0.4], [0.7, -1.0]],
+    phi=[[1.0, 0.5], [0.2, -0.8], [0.3, 0.9]],
+    phi_rate=np.zeros((3, 2)),
+    names=("one", "two"),
 )
-PLANT = Plant(MODES, (Port("a", "N"), Port("b", "N")), (Port("p", "m"), Port("q", "m"), Port("r", "m")))
+PLANT = Plant(
+    dynamics=MODES,
+    inputs=(Port("a", "N"), Port("b", "N")),
+    outputs=(Port("p", "m"), Port("q", "m"), Port("r", "m")),
+)
 SUM = np.array([[0.010, 0.013], [0.012, 0.015], [0.011, 0.014]])
 NO_SUM = np.array([[0.010, 0.013], [0.012, 0.010], [0.011, 0.014]])
 
@@ -79,7 +83,11 @@ def test_what_stands_for_a_delay_is_evaluated_as_it_is_built(shape: tuple[int, i
     late = late if sums else rng.uniform(0.0, 0.1, shape)
     late[0, 0] = 0.0 if not sums else late[0, 0]
     inputs = tuple(Port(f"u{i}", "N") for i in range(columns))
-    ones = Plant(gain_system(np.ones(shape)), inputs, tuple(Port(f"y{i}", "m") for i in range(rows)))
+    ones = Plant(
+        dynamics=gain_system(np.ones(shape)),
+        inputs=inputs,
+        outputs=tuple(Port(f"y{i}", "m") for i in range(rows)),
+    )
     s = rng.uniform(-1.0, 1.0, 12) + 1j * rng.uniform(0.1, 200.0, 12)
     built = by_solving(approximate_delays(delay_plant(ones, late), 9).system)(s)
     np.testing.assert_allclose(evaluate_approximation(late, 9, s), built, atol=1e-11)

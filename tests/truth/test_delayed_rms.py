@@ -23,10 +23,20 @@ from middeck.systems.statespace import StateSpace, gain_system
 FORCE, WAY, SEEN = Port("force", "N"), Port("way", "m"), Port("seen", "m")
 GROUPS = {"w": ("force",), "u": ("force",), "z": ("way",), "y": ("seen",)}
 INTEGRATOR = Plant(
-    StateSpace([[0.0]], [[1.0]], [[1.0], [1.0]], [[0.0], [0.0]]), (FORCE,), (WAY, SEEN), **GROUPS
+    dynamics=StateSpace([[0.0]], [[1.0]], [[1.0], [1.0]], [[0.0], [0.0]]),
+    inputs=(FORCE,),
+    outputs=(WAY, SEEN),
+    **GROUPS,
 )
-MODES = ModalSystem([6.0, 25.0], [0.01, 0.02], [[1.0], [1.0]], [[1.0, 0.6]] * 2, np.zeros((2, 2)), ("a", "b"))
-STRUCTURE = Plant(MODES, (FORCE,), (WAY, SEEN), **GROUPS)
+MODES = ModalSystem(
+    omega=[6.0, 25.0],
+    zeta=[0.01, 0.02],
+    psi=[[1.0], [1.0]],
+    phi=[[1.0, 0.6]] * 2,
+    phi_rate=np.zeros((2, 2)),
+    names=("a", "b"),
+)
+STRUCTURE = Plant(dynamics=MODES, inputs=(FORCE,), outputs=(WAY, SEEN), **GROUPS)
 LAG = Compensator(StateSpace([[-8.0]], [[1.0]], [[30.0]], [[0.0]]), (SEEN,), (FORCE,))
 WHITE = np.array([[0.5]])
 

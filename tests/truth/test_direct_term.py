@@ -33,17 +33,37 @@ def system(hz=(0.0, 0.3, 7.0, 45.0), outputs=2, inputs=2, zeta=0.02):
     phi, rate, acceleration = rng.standard_normal((3, outputs, n))
     psi, direct = rng.standard_normal((n, inputs)), rng.standard_normal((outputs, inputs))
     names = tuple(f"mode {i}" for i in range(n))
-    return ModalSystem(omega, np.where(omega > 0, zeta, 0.0), psi, phi, rate, names, acceleration, direct)
+    return ModalSystem(
+        omega=omega,
+        zeta=np.where(omega > 0, zeta, 0.0),
+        psi=psi,
+        phi=phi,
+        phi_rate=rate,
+        names=names,
+        phi_acceleration=acceleration,
+        direct=direct,
+    )
 
 
 def plant(modal):
     ports = tuple(Port(f"u{i}", "N m") for i in range(2)), tuple(Port(f"y{i}", "m/s^2") for i in range(2))
-    return Plant(modal, *ports, ("u0",), ("u1",), ("y0",), ("y1",))
+    return Plant(
+        dynamics=modal, inputs=ports[0], outputs=ports[1], w=("u0",), u=("u1",), z=("y0",), y=("y1",)
+    )
 
 
 def test_one_mode_in_closed_form():
     # q'' + 2 zeta w0 q' + w0^2 q = psi u and y = a q'' + d u: at resonance q'' = j psi u / (2 zeta).
-    modal = ModalSystem([3.0], [0.05], [[2.0]], [[0.0]], [[0.0]], ("m",), [[1.5]], [[0.25]])
+    modal = ModalSystem(
+        omega=[3.0],
+        zeta=[0.05],
+        psi=[[2.0]],
+        phi=[[0.0]],
+        phi_rate=[[0.0]],
+        names=("m",),
+        phi_acceleration=[[1.5]],
+        direct=[[0.25]],
+    )
     H = modal_response(modal, np.array([3.0, 3e8]))[:, 0, 0]
     # One division; far above, q'' is the force itself to (w0/w)^2 = 1e-16 and damping 1e-9.
     np.testing.assert_allclose(H[0], 1.5 * 2.0 * 1j / 0.1 + 0.25, rtol=1e-14)
@@ -145,7 +165,7 @@ def test_a_rig_without_delay_is_refused_by_name():
 @pytest.mark.parametrize("ticks", [False, True], ids=["in blocks", "tick by tick"])
 def test_a_rig_reads_accelerations_as_the_sampled_plant_does(delay_s, ticks):
     modal = system(hz=(0.3, 7.0, 45.0))
-    motors = {f"u{i}": Motor(1e9 if ticks else np.inf) for i in range(2)}
+    motors = {f"u{i}": Motor(torque_limit=1e9 if ticks else np.inf) for i in range(2)}
     rig = build_rig(plant(modal), sample_hz=500.0, delay_s=delay_s + 0.001, motors=motors)
     assert rig.linear != ticks
     u = np.random.default_rng(1).standard_normal((700, 2))
@@ -166,21 +186,29 @@ SENSORS = {
 @pytest.mark.parametrize("steps", [1, 3])
 def test_residual_flexibility_is_a_mode_without_end(sensor, steps):
     """A direct term d is a mode of w -> oo with d w^2 = phi psi: the difference falls as 1/w."""
-    soft = ModalSystem([9.0], [0.02], [[1.0]], [[1.0], [0.7]], np.zeros((2, 1)), ("m",))
+    soft = ModalSystem(
+        omega=[9.0], zeta=[0.02], psi=[[1.0]], phi=[[1.0], [0.7]], phi_rate=np.zeros((2, 1)), names=("m",)
+    )
     direct = np.array([[0.004], [0.003]])  # a third of the static 1/81
     u, error = np.random.default_rng(2).standard_normal((300, 1)), []
 
     def taken(modal):
         ports = (Port("u", "N m"),), (Port("y", "rad"), Port("slow", "rad"))
         sensors = {"y": sensor, "slow": Gyro(bandwidth_hz=30.0, anti_alias_hz=150.0)}
-        rig = build_rig(Plant(modal, *ports), sample_hz=500.0, delay_s=0.0117, sensors=sensors, steps=steps)
+        rig = build_rig(
+            Plant(dynamics=modal, inputs=ports[0], outputs=ports[1]),
+            sample_hz=500.0,
+            delay_s=0.0117,
+            sensors=sensors,
+            steps=steps,
+        )
         return run_through(rig, None, u)["readings"]
 
     exact = taken(dataclasses.replace(soft, direct=direct))
     for w in (2e5, 2e6):
         fast = ModalSystem(
-            [9.0, w], [0.02, 1.0], [[1.0], [w]], np.hstack([soft.phi, direct * w]), np.zeros((2, 2)),
-            ("m", "fast"),
+            omega=[9.0, w], zeta=[0.02, 1.0], psi=[[1.0], [w]],
+            phi=np.hstack([soft.phi, direct * w]), phi_rate=np.zeros((2, 2)), names=("m", "fast"),
         )  # fmt: skip
         error.append(np.abs(taken(fast) - exact).max(axis=0) / np.abs(exact).max(axis=0))
     # Filters of 200 Hz are 1256 / w; the encoder counts in 1e-12 rad.
@@ -191,7 +219,9 @@ def test_residual_flexibility_is_a_mode_without_end(sensor, steps):
 
 
 def test_white_noise_straight_onto_the_cost_is_refused_by_name():
-    weights = LQGWeights(np.ones(1), np.ones(1), ("u0",), np.eye(1), np.ones(1))
+    weights = LQGWeights(
+        output=np.ones(1), input=np.ones(1), disturbed=("u0",), process=np.eye(1), sensor=np.ones(1)
+    )
     with pytest.raises(ConfigError, match="infinite"):
         design_lqg(plant(system(hz=(0.3, 7.0))), weights, 1.0)
 
@@ -202,7 +232,9 @@ def test_lqg_with_direct_terms_keeps_the_separation_of_poles():
     quiet = np.array(modal.direct)
     quiet[0, 0] -= rows[0, 0]  # no white noise straight onto z
     design = plant(dataclasses.replace(modal, direct=quiet))
-    weights = LQGWeights(np.ones(1), np.ones(1), ("u0",), np.eye(1), np.ones(1))
+    weights = LQGWeights(
+        output=np.ones(1), input=np.ones(1), disturbed=("u0",), process=np.eye(1), sensor=np.ones(1)
+    )
     law = design_lqg(design, weights, 10.0)
     got = np.sort_complex(close_loop(design, law).poles)
     expected = np.sort_complex(np.concatenate([law.regulator.poles, law.estimator.poles]))

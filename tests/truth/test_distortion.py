@@ -36,7 +36,9 @@ def record_of(u, y, rng, *, periods=4, noise=NOISE):
     """Periods [experiment, sample] repeated, with noise on the outputs."""
     u, y = (np.repeat(x[:, None, :, None], periods, axis=1) for x in (u, y))
     y = y + noise * rng.standard_normal(y.shape)
-    return Record(float(N), u, y, (Port("u", "V"),), (Port("y", "V"),), periodic=True)
+    return Record(
+        sample_hz=float(N), u=u, y=y, inputs=(Port("u", "V"),), outputs=(Port("y", "V"),), periodic=True
+    )
 
 
 def two_sided(lines):
@@ -164,7 +166,16 @@ def test_records_without_silent_lines_are_told_what_to_do():
     with pytest.raises(DataError, match="even lines are excited"):
         estimate_distortion(full)
     with pytest.raises(DataError, match="periodic records only"):
-        estimate_distortion(Record(1.0, full.u[:, :1], full.y[:, :1], full.inputs, full.outputs, False))
+        estimate_distortion(
+            Record(
+                sample_hz=1.0,
+                u=full.u[:, :1],
+                y=full.y[:, :1],
+                inputs=full.inputs,
+                outputs=full.outputs,
+                periodic=False,
+            )
+        )
     u = multisines(rng, np.arange(1, 400, 2), 2)
     found = estimate_distortion(record_of(u, polynomial(u), rng))
     with pytest.raises(DataError, match="no silent odd line"):

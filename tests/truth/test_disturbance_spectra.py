@@ -99,7 +99,13 @@ def one_mode():
         [[0.0, omega], [-omega, -0.04 * omega]], [[0.0, 0.0], [0.3, 1.0]], [[1.0, 0.0]], [[0.0, 0.0]]
     )
     return Plant(
-        system, (Port("w", "N"), Port("u", "N")), (Port("x", "m"),), ("w", "u"), ("u",), ("x",), ("x",)
+        dynamics=system,
+        inputs=(Port("w", "N"), Port("u", "N")),
+        outputs=(Port("x", "m"),),
+        w=("w", "u"),
+        u=("u",),
+        z=("x",),
+        y=("x",),
     )
 
 
@@ -127,7 +133,13 @@ def test_noises_stand_where_their_disturbances_stood():
 def test_a_design_for_a_spectrum_costs_what_its_coloured_loop_does():
     wheel = line_filter(5.5, 0.2, 2.0)
     plant = one_mode()
-    asked = LQGWeights(np.ones(1), np.ones(1), ("w", "u"), np.diag([0.5, 3.0]), np.array([1e-4]))
+    asked = LQGWeights(
+        output=np.ones(1),
+        input=np.ones(1),
+        disturbed=("w", "u"),
+        process=np.diag([0.5, 3.0]),
+        sensor=np.array([1e-4]),
+    )
     law = design_lqg(plant, asked, 100.0, shaping=Shaping(colours=(("u", wheel),)))
     plain = design_lqg(plant, asked, 100.0)
 

@@ -194,7 +194,13 @@ def test_responses_that_cannot_be_compared():
 def test_only_common_lines_are_compared():
     rng = np.random.default_rng(11)
     one, two = (two_modes.measure(rng) for _ in range(2))
-    half = FrequencyResponse(two.frequency_hz[::2], two.H[::2], two.inputs, two.outputs, two.variance[::2])
+    half = FrequencyResponse(
+        frequency_hz=two.frequency_hz[::2],
+        H=two.H[::2],
+        inputs=two.inputs,
+        outputs=two.outputs,
+        variance=two.variance[::2],
+    )
     np.testing.assert_allclose(compare_responses(one, half).frequency_hz, one.frequency_hz[::2])
     np.testing.assert_allclose(compare_responses(half, one).frequency_hz, one.frequency_hz[::2])
     assert gimbal_record.INPUTS[0].name in {p.name for p in half.inputs}

@@ -38,7 +38,13 @@ def plant_of(hz, zeta, gain):
     shape = np.array([gain], dtype=float)
     names = tuple("abc")[:n]
     omega = 2.0 * np.pi * np.array(hz)
-    return Plant(ModalSystem(omega, np.full(n, zeta), shape.T, shape, 0.0 * shape, names), *PORTS)
+    return Plant(
+        dynamics=ModalSystem(
+            omega=omega, zeta=np.full(n, zeta), psi=shape.T, phi=shape, phi_rate=0.0 * shape, names=names
+        ),
+        inputs=PORTS[0],
+        outputs=PORTS[1],
+    )
 
 
 def rig_of(plant, drifts=(), age_s=0.0, sensor=Sampler(), motor=Motor(), **more):  # noqa: B008
@@ -167,9 +173,17 @@ def test_between_knots_it_lies_on_the_chord():
 def test_where_blocks_are_cut_and_how_long_it_rests_makes_no_other_motion():
     """A rest ages it; so does where the drift began."""
     drift, plant = Drift(("b",), 20.0, 10.0), plant_of([1.3, 7.0], 0.02, [1.0, 0.7])
-    sensor = Gyro(100.0, 2e-4, 1e-3, 1e-4, 200.0, 1e-4, 5.0)
+    sensor = Gyro(
+        bandwidth_hz=100.0,
+        noise=2e-4,
+        bias=1e-3,
+        bias_walk=1e-4,
+        anti_alias_hz=200.0,
+        resolution=1e-4,
+        range=5.0,
+    )
     joints = [JointElements("torque", "angle", (Friction(0.01, 2.0, 0.01),))]
-    rig = rig_of(plant, [drift], sensor=sensor, motor=Motor(2.0, resolution=1e-3), joints=joints)
+    rig = rig_of(plant, [drift], sensor=sensor, motor=Motor(torque_limit=2.0, resolution=1e-3), joints=joints)
     u = np.random.default_rng(1).standard_normal((1200, 1))
     taken = [measured(rig, u, size) for size in (100, 777, 1200)]
     assert np.array_equal(taken[0], taken[1])
@@ -243,7 +257,7 @@ def test_drifts_that_cannot_be_are_refused():
     with pytest.raises(ConfigError, match="an article nan s old"):
         rig_of(plant, [Drift(("a",), 1.0, 1.0)], np.nan)
     with pytest.raises(ConfigError, match="only a plant in modal form"):
-        rig_of(Plant(plant.system, *PORTS), [Drift(("a",), 1.0, 1.0)])
+        rig_of(Plant(dynamics=plant.system, inputs=PORTS[0], outputs=PORTS[1]), [Drift(("a",), 1.0, 1.0)])
     with pytest.raises(ConfigError, match="a rest of -1"):
         switch_on(rig_of(plant), None, -1.0, np.random.default_rng(0))
     # It is found when it comes to it.

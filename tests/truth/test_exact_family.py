@@ -33,17 +33,30 @@ def plant_of(rng: np.random.Generator) -> Plant:
     omega, zeta = np.sort(rng.uniform(0.5, 6.0, modes)), 10.0 ** rng.uniform(-3.0, -1.0, modes)
     psi, phi = rng.standard_normal((modes, nu + 1)), rng.standard_normal((ny + 1, modes))
     rate = rng.standard_normal((ny + 1, modes)) if rng.random() < 0.4 else np.zeros((ny + 1, modes))
-    modal = ModalSystem(omega, zeta, psi, phi, rate, tuple(f"mode {k}" for k in range(modes)))
+    modal = ModalSystem(
+        omega=omega,
+        zeta=zeta,
+        psi=psi,
+        phi=phi,
+        phi_rate=rate,
+        names=tuple(f"mode {k}" for k in range(modes)),
+    )
     into, out = ports("i", nu + 1, "N"), ports("o", ny + 1, "m")
     names_u, names_y = (tuple(p.name for p in side[1:]) for side in (into, out))
-    plant = Plant(modal, into, out, ("i0",), names_u, ("o0",), names_y)
+    plant = Plant(dynamics=modal, inputs=into, outputs=out, w=("i0",), u=names_u, z=("o0",), y=names_y)
     late = rng.uniform(0.0, 3.0, (ny + 1, nu + 1)) / omega[0]
     return delay_plant(plant, late if rng.random() < 0.5 else np.full(late.shape, late[0, 0]))
 
 
 def weights_of(plant: Plant) -> LQGWeights:
     inside = remove_delays(plant)
-    return LQGWeights(np.ones(1), np.ones(len(inside.u)), ("i0",), np.eye(1), np.full(len(inside.y), 1e-4))
+    return LQGWeights(
+        output=np.ones(1),
+        input=np.ones(len(inside.u)),
+        disturbed=("i0",),
+        process=np.eye(1),
+        sensor=np.full(len(inside.y), 1e-4),
+    )
 
 
 def scaled(law: Compensator, gain: float) -> Compensator:

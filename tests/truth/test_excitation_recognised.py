@@ -46,14 +46,21 @@ def test_inputs_that_are_not_orthogonal_are_told():
     rng = np.random.default_rng(0)
     each = [design_multisine((1.0, 60.0), 2.0, 256.0, Limits(rms=1.0), rng) for _ in range(4)]
     u = np.stack([np.concatenate([each[i].u[0], each[i + 1].u[0]], axis=1) for i in (0, 2)])
-    run = Record(256.0, np.stack([u, u], axis=1), u[:, None].repeat(2, axis=1), *_ports(2, 2), True)
+    run = Record(
+        sample_hz=256.0,
+        u=np.stack([u, u], axis=1),
+        y=u[:, None].repeat(2, axis=1),
+        **_ports(2, 2),
+        periodic=True,
+    )
     found = recognise_excitation(run)
     assert found.orthogonality is not None
     assert not found.orthogonal
 
 
 def _ports(inputs, outputs):
-    return tuple(tuple(Port(f"{s}{i}", "V") for i in range(n)) for s, n in (("u", inputs), ("y", outputs)))
+    named = {"inputs": ("u", inputs), "outputs": ("y", outputs)}
+    return {group: tuple(Port(f"{s}{i}", "V") for i in range(n)) for group, (s, n) in named.items()}
 
 
 def test_the_mirror_and_the_gimbal_are_recognised():
@@ -73,7 +80,14 @@ def test_the_mirror_and_the_gimbal_are_recognised():
 
 def _as_one_run(measured):
     u, y = (x.reshape(len(x), 1, -1, x.shape[3]) for x in (measured.u, measured.y))
-    return Record(measured.sample_hz, u, y, measured.inputs, measured.outputs, False)
+    return Record(
+        sample_hz=measured.sample_hz,
+        u=u,
+        y=y,
+        inputs=measured.inputs,
+        outputs=measured.outputs,
+        periodic=False,
+    )
 
 
 def test_one_period_of_odd_lines_is_seen_in_its_two_halves():
@@ -87,11 +101,13 @@ def test_one_period_of_odd_lines_is_seen_in_its_two_halves():
 def a_run_from_rest(noise, periods=6):
     """A mode of 3 Hz and 1 % under the compact multisine: its transient dies by exp(-1.5) a period."""
     made = BANK["compact"]
-    modal = ModalSystem([2.0 * np.pi * 3.0], [0.01], [[1.0]], [[1.0]], [[0.0]], ("mode",))
+    modal = ModalSystem(
+        omega=[2.0 * np.pi * 3.0], zeta=[0.01], psi=[[1.0]], phi=[[1.0]], phi_rate=[[0.0]], names=("mode",)
+    )
     u = np.tile(made.u[0], (periods, 1))
     y, _ = simulate(sample_dynamics(modal, 1.0 / 256.0), u)
     y += noise * y.std() * np.random.default_rng(0).standard_normal(y.shape)
-    return Record(256.0, u[None, None], y[None, None], *_ports(1, 1), False)
+    return Record(sample_hz=256.0, u=u[None, None], y=y[None, None], **_ports(1, 1), periodic=False)
 
 
 @pytest.mark.kernels
@@ -112,7 +128,7 @@ def test_unsteady_periods_are_left_out(noise, first):
 def test_a_start_before_the_signal_is_left_out():
     made = BANK["random"]
     u = np.concatenate([np.zeros((300, 1)), *[made.u[0]] * 4])
-    run = Record(256.0, u[None, None], u[None, None], *_ports(1, 1), False)
+    run = Record(sample_hz=256.0, u=u[None, None], y=u[None, None], **_ports(1, 1), periodic=False)
     cut = cut_periods(run)
     assert cut.u.shape[1:3] == (4, 2048)
     np.testing.assert_array_equal(cut.u[0, 0], made.u[0])
@@ -122,12 +138,16 @@ def test_what_does_not_repeat_is_not_cut():
     with pytest.raises(DataError, match="does not repeat"):
         cut_periods(run_of(BANK["noise"]))
     run = run_of(BANK["noise"])
-    silent = Record(256.0, 0.0 * run.u, run.y, run.inputs, run.outputs, False)
+    silent = Record(
+        sample_hz=256.0, u=0.0 * run.u, y=run.y, inputs=run.inputs, outputs=run.outputs, periodic=False
+    )
     assert recognise_excitation(silent).kind == "silence"
     broken = np.array(run.u)
     broken[0, 0, 5] = np.nan
     with pytest.raises(DataError, match="not finite"):
-        recognise_excitation(Record(256.0, broken, run.y, run.inputs, run.outputs, False))
+        recognise_excitation(
+            Record(sample_hz=256.0, u=broken, y=run.y, inputs=run.inputs, outputs=run.outputs, periodic=False)
+        )
 
 
 @pytest.mark.long
@@ -147,5 +167,5 @@ def test_noise_is_never_called_periodic(campaign):
         # A record of a few correlation times cannot tell.
         if width * samples < 20.0:
             continue
-        run = Record(1.0, u[None, None], u[None, None], *_ports(1, 1), False)
+        run = Record(sample_hz=1.0, u=u[None, None], y=u[None, None], **_ports(1, 1), periodic=False)
         assert recognise_excitation(run).period is None, seed

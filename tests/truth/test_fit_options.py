@@ -49,7 +49,13 @@ def measured_of(model, deviation=0.0, seed=0):
     noise = np.random.default_rng(seed).standard_normal((2, *H.shape)) / np.sqrt(2.0)
     size = deviation * np.sqrt(np.mean(np.abs(H) ** 2))
     variance = np.full(H.shape, size**2) if deviation else None
-    return FrequencyResponse(F, H + size * (noise[0] + 1j * noise[1]), INPUTS, OUTPUTS, variance)
+    return FrequencyResponse(
+        frequency_hz=F,
+        H=H + size * (noise[0] + 1j * noise[1]),
+        inputs=INPUTS,
+        outputs=OUTPUTS,
+        variance=variance,
+    )
 
 
 def error_of(model, truth):
@@ -150,7 +156,14 @@ def test_likelihood_reaches_the_bound_where_outputs_share_their_noise():
     deviation = _bound_hz(C, R)
     found = {"weighted": [], "likelihood": []}
     for noise in lower @ (re + 1j * im) @ right.T:
-        measured = FrequencyResponse(F, H + noise, INPUTS, OUTPUTS, variance, covariance)
+        measured = FrequencyResponse(
+            frequency_hz=F,
+            H=H + noise,
+            inputs=INPUTS,
+            outputs=OUTPUTS,
+            variance=variance,
+            covariance=covariance,
+        )
         for cost, errors in found.items():
             model = fit_response(measured, states=6, delay="common", cost=cost).model
             errors.append((np.sort(natural_hz(model)) - HZ) / deviation)

@@ -98,7 +98,7 @@ def a_response(seed, kind):
     if kind == "distorted":
         H = H * (1.0 + 10.0 ** rng.uniform(-2.0, -1.0) * draw[1])
     H, variance = (H + size * draw[0])[:, None, None], np.full((300, 1, 1), size**2)
-    return FrequencyResponse(f, H, (FORCE,), (TIP,), variance), delay_s
+    return FrequencyResponse(frequency_hz=f, H=H, inputs=(FORCE,), outputs=(TIP,), variance=variance), delay_s
 
 
 @pytest.mark.parametrize("kind", ["clean", "above", "below", "distorted"])
@@ -141,7 +141,15 @@ def in_a_loop(count, seed=7):
         x = poles * x + u[k] + rng.standard_normal()
     y += 0.01 * rng.standard_normal(count)
     ports = (FORCE,), (TIP,)
-    return Record(RATE, u[None, None, :, None], y[None, None, :, None], *ports, periodic=False, held=True)
+    return Record(
+        sample_hz=RATE,
+        u=u[None, None, :, None],
+        y=y[None, None, :, None],
+        inputs=ports[0],
+        outputs=ports[1],
+        periodic=False,
+        held=True,
+    )
 
 
 def test_feedback_in_a_record_is_said_and_no_mode_is_sound():
@@ -174,7 +182,14 @@ def test_a_record_that_grows_is_refused():
     u, n = rng.standard_normal(800), np.arange(800)
     pole = np.exp((0.7 + 2j * np.pi * 5.0) / RATE)
     y = np.imag(np.convolve(u, pole**n)[:800])
-    record = Record(RATE, u[None, None, :, None], y[None, None, :, None], (FORCE,), (TIP,), periodic=False)
+    record = Record(
+        sample_hz=RATE,
+        u=u[None, None, :, None],
+        y=y[None, None, :, None],
+        inputs=(FORCE,),
+        outputs=(TIP,),
+        periodic=False,
+    )
     with pytest.raises(FitError, match="unstable"):
         fit_record(record)
 
@@ -185,7 +200,13 @@ def test_a_mode_that_noise_may_have_made_is_doubtful():
     H = response(*PLANT, 2j * np.pi * f)
     sigma = 0.02 * np.sqrt(np.mean(np.abs(H) ** 2))
     H = H + sigma * (rng.standard_normal(400) + 1j * rng.standard_normal(400)) / np.sqrt(2.0)
-    measured = FrequencyResponse(f, H[:, None, None], (FORCE,), (TIP,), np.full((400, 1, 1), sigma**2))
+    measured = FrequencyResponse(
+        frequency_hz=f,
+        H=H[:, None, None],
+        inputs=(FORCE,),
+        outputs=(TIP,),
+        variance=np.full((400, 1, 1), sigma**2),
+    )
     asked = fit_response(measured, states=6)
     found = dict(zip(np.round(natural_hz(asked.model), 1), asked.standing, strict=True))
     assert [standing for hz, standing in found.items() if hz in HZ] == ["sound", "sound"]
@@ -203,7 +224,13 @@ def test_two_modes_that_the_record_does_not_part_are_unresolved():
     H = response(*near, 2j * np.pi * f)
     sigma = 0.01 * np.sqrt(np.mean(np.abs(H) ** 2))
     H = H + sigma * (rng.standard_normal(400) + 1j * rng.standard_normal(400)) / np.sqrt(2.0)
-    measured = FrequencyResponse(f, H[:, None, None], (FORCE,), (TIP,), np.full((400, 1, 1), sigma**2))
+    measured = FrequencyResponse(
+        frequency_hz=f,
+        H=H[:, None, None],
+        inputs=(FORCE,),
+        outputs=(TIP,),
+        variance=np.full((400, 1, 1), sigma**2),
+    )
     fit = fit_response(measured, states=4)
     assert "sound" not in fit.standing or not any(s == "unresolved" for s in fit.standing)
     assert any(
@@ -236,7 +263,10 @@ def test_splitting_and_dropping_modes_are_each_other_s_inverse():
 def test_no_deviation_is_less_than_rounding_and_none_is_not_a_number():
     f = np.linspace(1.0, 40.0, 200)
     H = response(*PLANT, 2j * np.pi * f)[:, None, None]
-    fit = fit_response(FrequencyResponse(f, H, (FORCE,), (TIP,), np.zeros(H.shape)), states=4)
+    fit = fit_response(
+        FrequencyResponse(frequency_hz=f, H=H, inputs=(FORCE,), outputs=(TIP,), variance=np.zeros(H.shape)),
+        states=4,
+    )
     assert np.all(fit.uncertainty.natural_hz >= 0.9e-12 * natural_hz(fit.model))
     broken = dataclasses.replace(fit.covariance, root=np.full(fit.covariance.root.shape, np.nan))
     with pytest.raises(FitError, match="not finite"):

@@ -24,7 +24,9 @@ from structure_builders import (
     structure,
 )
 
-TUBE = Section(2e4, 30.0, 50.0, 80.0, 0.5, 2e-4, 3e-4, 4e4, 3e4)
+TUBE = Section(
+    EA=2e4, GJ=30.0, EI_y=50.0, EI_z=80.0, rho_A=0.5, rho_I_y=2e-4, rho_I_z=3e-4, GA_y=4e4, GA_z=3e4
+)
 UNEQUAL = (0.03, 0.01, 0.02)
 X, Z = np.eye(3)[0], np.eye(3)[2]
 
@@ -37,18 +39,32 @@ def gimballed_model() -> Model:
         node("b", (1, 0.2, 0), body(1.0, (0.0, -0.05, 0.02), UNEQUAL), size=0.06),
     ]
     joints = [
-        Joint("g1", "a", np.array([0.0, -0.1, 0.05]), X, 0.5, body(0.5, (0, 0.01, 0))),
-        Joint("g2", "g1", np.array([0.03, 0.0, 0.02]), axis, -0.3, body(1.5, (0.05, -0.2, 0.1), UNEQUAL)),
         Joint(
-            "g3",
-            "b",
-            np.array([0, 0.1, 0]),
-            np.array([0, 0, 1.0]),
-            0.2,
-            body(1.0),
-            JointState.SPRUNG,
-            3.0,
-            0.1,
+            name="g1",
+            parent="a",
+            offset=np.array([0.0, -0.1, 0.05]),
+            axis=X,
+            angle=0.5,
+            body=body(0.5, (0, 0.01, 0)),
+        ),
+        Joint(
+            name="g2",
+            parent="g1",
+            offset=np.array([0.03, 0.0, 0.02]),
+            axis=axis,
+            angle=-0.3,
+            body=body(1.5, (0.05, -0.2, 0.1), UNEQUAL),
+        ),
+        Joint(
+            name="g3",
+            parent="b",
+            offset=np.array([0, 0.1, 0]),
+            axis=np.array([0, 0, 1.0]),
+            angle=0.2,
+            body=body(1.0),
+            state=JointState.SPRUNG,
+            stiffness=3.0,
+            target=0.1,
         ),
     ]
     attach = [
@@ -56,7 +72,7 @@ def gimballed_model() -> Model:
         AttachPoint("arm", "g2", np.array([0.1, 0.0, -0.1])),
         AttachPoint("far", "b", np.array([0, 0.05, 0])),
     ]
-    springs = [Spring("s", "arm", "far", 40.0, 0.7)]
+    springs = [Spring(name="s", start="arm", end="far", stiffness=40.0, free_length=0.7)]
     return mesh_structure(structure(nodes, [member("a", "b", TUBE, 2)], joints, springs, attach))
 
 
@@ -64,7 +80,13 @@ def loads_of(model: Model) -> Loads:
     anchors = np.array([[0.1, 3.0, 0.2], [1.0, 3.0, -0.3]])
     at = model.attach_point[[0, 2]]
     law = SpringLaw(np.array([20.0, 10.0]), np.array([5.0, 4.0]), np.array([2.5, 2.8]))
-    return Loads(GRAVITY + np.array([1.0, 0.0, 2.0]), anchors, at, law, np.zeros(len(at)))
+    return Loads(
+        gravity=GRAVITY + np.array([1.0, 0.0, 2.0]),
+        anchor=anchors,
+        attach_point=at,
+        law=law,
+        mass=np.zeros(len(at)),
+    )
 
 
 def energy_along(model: Model, config, loads, direction):
@@ -163,12 +185,12 @@ def test_compound_pendulum_with_offset_mass(angle: float):
     """Held at ``angle`` by a constant torque m g d sin(angle): omega^2 = m g d cos(angle) / (I + m d^2)."""
     m, d, inertia = 5.0, 0.08, 0.03
     joint = Joint(
-        "p",
-        "n",
-        np.array([0.1, -0.05, 0.2]),
-        np.array([0, 0, 1.0]),
-        angle,
-        body(m, (0, -d, 0), (1, 1, inertia)),
+        name="p",
+        parent="n",
+        offset=np.array([0.1, -0.05, 0.2]),
+        axis=np.array([0, 0, 1.0]),
+        angle=angle,
+        body=body(m, (0, -d, 0), (1, 1, inertia)),
     )
     model = mesh_structure(structure([node("n", (1, 2, 3), body(1.0))], joints=[joint]))
     none = no_loads()
@@ -184,8 +206,22 @@ def test_double_compound_pendulum():
     m, d, inertia, arm = np.array([2.0, 3.0]), np.array([0.3, 0.2]), np.array([0.05, 0.04]), 0.5
     g = 9.80665
     joints = [
-        Joint("p1", "n", np.zeros(3), Z, 0.0, body(m[0], (0, -d[0], 0), (0.1, 0.1, inertia[0]))),
-        Joint("p2", "p1", np.array([0, -arm, 0]), Z, 0.0, body(m[1], (0, -d[1], 0), (0.1, 0.1, inertia[1]))),
+        Joint(
+            name="p1",
+            parent="n",
+            offset=np.zeros(3),
+            axis=Z,
+            angle=0.0,
+            body=body(m[0], (0, -d[0], 0), (0.1, 0.1, inertia[0])),
+        ),
+        Joint(
+            name="p2",
+            parent="p1",
+            offset=np.array([0, -arm, 0]),
+            axis=Z,
+            angle=0.0,
+            body=body(m[1], (0, -d[1], 0), (0.1, 0.1, inertia[1])),
+        ),
     ]
     model = mesh_structure(structure([node("n", (0, 0, 0), body(1.0))], joints=joints))
     none = no_loads()
@@ -204,8 +240,15 @@ def test_spherical_pendulum_with_gimbal_under_load():
     """Two crossed axes at 45 degrees: a moment through the inner axis stiffens the outer one as it must."""
     m, d, g = 5.0, 0.08, 9.80665
     joints = [
-        Joint("x", "n", np.zeros(3), X, np.pi / 4, Body(0.0, np.zeros(3), np.zeros((3, 3)))),
-        Joint("z", "x", np.zeros(3), Z, 0.0, body(m, (0, -d, 0), UNEQUAL)),
+        Joint(
+            name="x",
+            parent="n",
+            offset=np.zeros(3),
+            axis=X,
+            angle=np.pi / 4,
+            body=Body(0.0, np.zeros(3), np.zeros((3, 3))),
+        ),
+        Joint(name="z", parent="x", offset=np.zeros(3), axis=Z, angle=0.0, body=body(m, (0, -d, 0), UNEQUAL)),
     ]
     model = mesh_structure(structure([node("n", (0, 0, 0), body(1.0))], joints=joints))
     none = no_loads()

@@ -37,7 +37,16 @@ CARRIER, STIFF, ARM = 1.0, 1e8, 1.0
 
 def payload(state: JointState = JointState.FREE, **more) -> Structure:
     """One axis along x in a carrier that is as good as fixed, its payload hanging a distance D below."""
-    joint = Joint("p", "base", np.zeros(3), X, 0.0, body(M, (0, -D, 0), INERTIA), state, **more)
+    joint = Joint(
+        name="p",
+        parent="base",
+        offset=np.zeros(3),
+        axis=X,
+        angle=0.0,
+        body=body(M, (0, -D, 0), INERTIA),
+        state=state,
+        **more,
+    )
     points = {
         f"{sign}{axis}": ARM * s * np.eye(3)[i]
         for i, axis in enumerate("xyz")
@@ -47,8 +56,8 @@ def payload(state: JointState = JointState.FREE, **more) -> Structure:
         [node("base", (0, 0, 0), body(CARRIER, inertia=(CARRIER,) * 3))],
         joints=[joint],
         attach=[AttachPoint(name, "base", at) for name, at in points.items()],
-        actuators=[Actuator("motor", "p", None)],
-        sensors=[Sensor("angle", "p", None)],
+        actuators=[Actuator(name="motor", frame="p", axis=None)],
+        sensors=[Sensor(name="angle", frame="p", axis=None)],
     )
 
 
@@ -57,10 +66,13 @@ def held(gravity: np.ndarray = GRAVITY) -> Environment:
     parts = payload()
     rise = -(CARRIER + M) * gravity / (6.0 * STIFF)
     return Environment(
-        "foundation",
-        gravity,
+        title="foundation",
+        gravity=gravity,
         springs=tuple(
-            AnchoredSpring(p.name, p.name, p.offset + rise, STIFF, 0.0) for p in parts.attach_points
+            AnchoredSpring(
+                name=p.name, attach=p.name, anchor=p.offset + rise, stiffness=STIFF, free_length=0.0
+            )
+            for p in parts.attach_points
         ),
     )
 
@@ -183,8 +195,17 @@ def test_neighbours_that_were_reached_by_different_ways_are_one_family():
 
 def two_axes() -> Structure:
     parts = payload()
-    stage = Joint("x", "base", np.zeros(3), X, 0.0, Body(0.0, np.zeros(3), np.zeros((3, 3))))
-    inner = Joint("z", "x", np.zeros(3), Z, 0.0, body(M, (0, -D, 0), INERTIA))
+    stage = Joint(
+        name="x",
+        parent="base",
+        offset=np.zeros(3),
+        axis=X,
+        angle=0.0,
+        body=Body(0.0, np.zeros(3), np.zeros((3, 3))),
+    )
+    inner = Joint(
+        name="z", parent="x", offset=np.zeros(3), axis=Z, angle=0.0, body=body(M, (0, -D, 0), INERTIA)
+    )
     return dataclasses.replace(parts, joints=(stage, inner), actuators=(), sensors=())
 
 
@@ -230,7 +251,14 @@ def test_in_orbit_nothing_is_held_and_all_stays_free():
 
 def test_a_point_without_a_rest_state_does_not_lose_the_others():
     """A light carrier on one cable, its second unloaded as the payload swings over to the other side."""
-    arm = Joint("arm", "base", np.zeros(3), Z, 0.0, body(6.0, (0, -1.0, 0), (0.3, 0.3, 0.3)))
+    arm = Joint(
+        name="arm",
+        parent="base",
+        offset=np.zeros(3),
+        axis=Z,
+        angle=0.0,
+        body=body(6.0, (0, -1.0, 0), (0.3, 0.3, 0.3)),
+    )
     parts = structure(
         [node("base", (0, 0, 0), body(2.0, inertia=(0.2,) * 3))],
         joints=[arm],

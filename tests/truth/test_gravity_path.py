@@ -24,7 +24,7 @@ G = 9.80665
 X, Y, Z = np.eye(3)
 # Of the springs that tie a base to the ground [N/m]: it gives way by 1e-8 of what it carries.
 STIFF = 1e8
-TUBE = Section(1e6, 80.0, 100.0, 100.0, 0.5, 1e-4, 1e-4)
+TUBE = Section(EA=1e6, GJ=80.0, EI_y=100.0, EI_z=100.0, rho_A=0.5, rho_I_y=1e-4, rho_I_z=1e-4)
 
 
 def at(size: float) -> Place:
@@ -43,7 +43,9 @@ def on_a_base(*joints: Joint, nodes=(), members=()) -> tuple[Structure, Environm
     attach = [AttachPoint(n, "base", np.array(p)) for n, p in corners.items()]
     base = node("base", (0, 0, 0), body(10.0, inertia=(10.0,) * 3))
     springs = [
-        AnchoredSpring(f"{n} {a}", n, np.array(p) + 2.0 * e, STIFF, 2.0)
+        AnchoredSpring(
+            name=f"{n} {a}", attach=n, anchor=np.array(p) + 2.0 * e, stiffness=STIFF, free_length=2.0
+        )
         for n, p in corners.items()
         for a, e in zip("xyz", (X, Y, Z), strict=True)
     ]
@@ -52,7 +54,16 @@ def on_a_base(*joints: Joint, nodes=(), members=()) -> tuple[Structure, Environm
 
 def hinge(name: str, axis: np.ndarray, cg, inertia, spring: float = 0.0, parent: str = "base") -> Joint:
     state = JointState.SPRUNG if spring else JointState.FREE
-    return Joint(name, parent, np.zeros(3), axis, 0.0, body(2.0, cg, inertia), state, spring)
+    return Joint(
+        name=name,
+        parent=parent,
+        offset=np.zeros(3),
+        axis=axis,
+        angle=0.0,
+        body=body(2.0, cg, inertia),
+        state=state,
+        stiffness=spring,
+    )
 
 
 def branch(path: GravityPath, name: str) -> np.ndarray:
@@ -74,7 +85,11 @@ def hung_body() -> Structure:
 
 
 def one_cable(gravity=GRAVITY, bounce_hz=0.25) -> Environment:
-    return Environment("lab", gravity, Suspension(("hook",), ("xyz",), 1.5, bounce_hz))
+    return Environment(
+        title="lab",
+        gravity=gravity,
+        suspension=Suspension(attach=("hook",), held=("xyz",), cable_length=1.5, bounce_hz=bounce_hz),
+    )
 
 
 def double_pendulum(gravity: float, inertia: float, length: float = 1.5) -> np.ndarray:
@@ -123,8 +138,15 @@ def test_each_branch_keeps_its_law():
 @pytest.mark.parametrize("rule", DeviceRule)
 def test_a_spring_kept_is_shorter_in_less_gravity_and_one_retuned_is_not(rule: DeviceRule):
     """Unstretched where drawn: kept, l = L - (g_0 - g) / (2 pi f)^2; tuned anew, its loaded length is L."""
-    hung = Suspension(("hook",), ("xyz",), 1.5, 0.5, DeviceKind.SPRING)
-    path = follow_gravity(hung_body(), Environment("lab", GRAVITY, hung), [EARTH, at(1.0)], devices=rule)
+    hung = Suspension(
+        attach=("hook",), held=("xyz",), cable_length=1.5, bounce_hz=0.5, kind=DeviceKind.SPRING
+    )
+    path = follow_gravity(
+        hung_body(),
+        Environment(title="lab", gravity=GRAVITY, suspension=hung),
+        [EARTH, at(1.0)],
+        devices=rule,
+    )
     for g, omega2 in zip(path.size, path.omega2, strict=True):
         length = 1.5 - (G - g) / (2 * np.pi * 0.5) ** 2 * (rule is DeviceRule.KEPT)
         expected = [*double_pendulum(g, 0.05, length), *double_pendulum(g, 0.09, length), np.pi**2]
@@ -137,14 +159,27 @@ def flexible_bus() -> Structure:
         node(n, (x, 0, 0), body(m, (0.01, -0.05, 0.02), (0.1, 0.2, 0.15)), 0.05)
         for n, x, m in (("a", 0.0, 4.0), ("b", 1.0, 6.0), ("c", 2.0, 3.0))
     ]
-    payload = Joint("p", "a", np.array([0, -0.05, 0]), X, 0.4, body(2.0, (0, -0.1, 0), (0.02, 0.01, 0.02)))
+    payload = Joint(
+        name="p",
+        parent="a",
+        offset=np.array([0, -0.05, 0]),
+        axis=X,
+        angle=0.4,
+        body=body(2.0, (0, -0.1, 0), (0.02, 0.01, 0.02)),
+    )
     attach = [AttachPoint(n, n, np.array([0.0, 0.05, 0.0])) for n in "abc"]
     members = [member("a", "b", TUBE, 2), member("b", "c", TUBE, 2)]
     return structure(nodes, members, [payload], attach=attach)
 
 
 def three_cables(gravity=GRAVITY, bounce_hz: float = 0.2) -> Environment:
-    return Environment("lab", gravity, Suspension(("a", "b", "c"), ("yz", "xyz", "yz"), 3.0, bounce_hz))
+    return Environment(
+        title="lab",
+        gravity=gravity,
+        suspension=Suspension(
+            attach=("a", "b", "c"), held=("yz", "xyz", "yz"), cable_length=3.0, bounce_hz=bounce_hz
+        ),
+    )
 
 
 def test_retuned_at_each_gravity_is_an_environment_of_its_own():
@@ -371,7 +406,7 @@ def test_payload_above_a_free_axis_is_reported_not_raised():
 
 def column(elements: int, length: float = 2.0, up: float = 1.0):
     """A slender mast clamped to the base; EI and rho A differ between its planes only by rotary inertia."""
-    mast = Section(1e6, 8.0, 4.0, 5.0, 0.5, 0.0, 0.0)
+    mast = Section(EA=1e6, GJ=8.0, EI_y=4.0, EI_z=5.0, rho_A=0.5, rho_I_y=0.0, rho_I_z=0.0)
     foot_and_tip = [node("tip", (0, up * length, 0))]
     return on_a_base(nodes=foot_and_tip, members=[member("base", "tip", mast, elements, up=(1, 0, 0))])
 
@@ -431,9 +466,16 @@ def test_shallow_truss_snaps_through_at_its_limit_load():
         [node("m", (0, h, 0), body(1.0, inertia=(0.1, 0.1, 0.1)))],
         attach=[AttachPoint("m", "m", np.zeros(3))],
     )
-    legs = [AnchoredSpring(f"leg {x:+d}", "m", np.array([x * a, 0, 0]), k, free) for x in (-1, 1)]
+    legs = [
+        AnchoredSpring(
+            name=f"leg {x:+d}", attach="m", anchor=np.array([x * a, 0, 0]), stiffness=k, free_length=free
+        )
+        for x in (-1, 1)
+    ]
     # What holds it sideways is so long that it has no say in height.
-    guides = [AnchoredSpring("guide", "m", np.array([0, h, 1e3]), 1e4, 1e3)]
+    guides = [
+        AnchoredSpring(name="guide", attach="m", anchor=np.array([0, h, 1e3]), stiffness=1e4, free_length=1e3)
+    ]
     length = (free * a**2) ** (1 / 3)
     low = np.sqrt(length**2 - a**2)
     critical = 2 * k * low * (free / length - 1.0)
@@ -456,8 +498,8 @@ def test_cable_that_goes_slack_ends_the_path():
     )
     force, length = 0.5 * m * G / np.cos(lean), reach / np.cos(lean)
     anchor = {n: np.array([x + np.sign(x) * reach * np.tan(lean), reach, 0]) for n, x in points.items()}
-    devices = tuple(Device(n, n, force=force, stiffness=k, anchor=anchor[n]) for n in points)
-    env = Environment("lab", GRAVITY, None, (), devices)
+    devices = tuple(Device(name=n, attach=n, force=force, stiffness=k, anchor=anchor[n]) for n in points)
+    env = Environment(title="lab", gravity=GRAVITY, suspension=None, springs=(), devices=devices)
     path = follow_gravity(bar, env, [EARTH, tilt_place(EARTH, np.radians(60.0), Z)])
     event = path.events[-1]
     assert (event.kind, event.name) == (EventKind.SLACK, ("left",))
@@ -496,8 +538,19 @@ def test_paths_that_go_nowhere():
 def test_a_cable_that_goes_slack_ends_the_path_and_keeps_its_stations(rule):
     """A spring below one end pushes 5 N: with less than that of weight there, a cable would have to push."""
     parts = rigid_bar(2.0, 2.0, (0.1, 0.8, 0.8))
-    below = AnchoredSpring("below", "left", np.array([-1.0, -1000.0, 0.0]), 0.005, 2000.0)
-    hung = Environment("hung", GRAVITY, Suspension(("left", "right"), ("xyz", "yz"), 4.0, 0.25), (below,))
+    below = AnchoredSpring(
+        name="below",
+        attach="left",
+        anchor=np.array([-1.0, -1000.0, 0.0]),
+        stiffness=0.005,
+        free_length=2000.0,
+    )
+    hung = Environment(
+        title="hung",
+        gravity=GRAVITY,
+        suspension=Suspension(attach=("left", "right"), held=("xyz", "yz"), cable_length=4.0, bounce_hz=0.25),
+        springs=(below,),
+    )
     path = follow_gravity(
         parts, hung, [Place("earth", GRAVITY), Place("little", 0.1 * GRAVITY)], devices=rule
     )

@@ -24,13 +24,18 @@ PIN = 1e7  # N/m, of no free length: the same in all directions
 
 
 def hung_chain(EI: float, elements: int) -> Modes:
-    cable = Section(EA, 1e-2, EI, EI, RHO, 1e-9, 1e-9)
+    cable = Section(EA=EA, GJ=1e-2, EI_y=EI, EI_z=EI, rho_A=RHO, rho_I_y=1e-9, rho_I_z=1e-9)
     parts = structure(
         [node("top", (0, 0, 0)), node("end", (0, -LENGTH, 0))],
         [member("top", "end", cable, elements, up=(1, 0, 0))],
         attach=[AttachPoint("top", "top", np.zeros(3))],
     )
-    return solve_modes(solve_equilibrium(parts, lab(AnchoredSpring("pin", "top", np.zeros(3), PIN, 0.0))))
+    return solve_modes(
+        solve_equilibrium(
+            parts,
+            lab(AnchoredSpring(name="pin", attach="top", anchor=np.zeros(3), stiffness=PIN, free_length=0.0)),
+        )
+    )
 
 
 def swings(modes: Modes, count: int) -> np.ndarray:
@@ -68,10 +73,13 @@ def test_a_column_under_its_own_weight_buckles_by_name():
         f"foot {i}": 0.3 * np.array(p) for i, p in enumerate(([1, 0, 0], [-1, 0, 0], [0, 0, 1], [0, 0, -1]))
     }
     foot = [AttachPoint(name, "foot", p) for name, p in corners.items()]
-    pins = [AnchoredSpring(name, name, p, PIN, 0.0) for name, p in corners.items()]
+    pins = [
+        AnchoredSpring(name=name, attach=name, anchor=p, stiffness=PIN, free_length=0.0)
+        for name, p in corners.items()
+    ]
 
     def stand(EI: float) -> Modes:
-        column = Section(EA, 1e3, EI, EI, RHO, 1e-9, 1e-9)
+        column = Section(EA=EA, GJ=1e3, EI_y=EI, EI_z=EI, rho_A=RHO, rho_I_y=1e-9, rho_I_z=1e-9)
         parts = structure(
             [node("foot", (0, 0, 0)), node("top", (0, LENGTH, 0))],
             [member("foot", "top", column, 8, up=(1, 0, 0))],

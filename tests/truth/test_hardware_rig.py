@@ -41,7 +41,13 @@ def plant():
     omega = 2.0 * np.pi * np.array([0.9, 1.3, 7.2, 31.0])
     joint, bus = np.array([0.8, 3.0, 1.1, 0.4]), np.array([0.3, 0.2, -0.4, 0.2])
     psi, phi = np.stack([bus, joint], axis=1), np.stack([bus, joint])
-    return Plant(ModalSystem(omega, np.full(4, 0.02), psi, phi, 0.0 * phi, tuple("abcd")), INPUTS, OUTPUTS)
+    return Plant(
+        dynamics=ModalSystem(
+            omega=omega, zeta=np.full(4, 0.02), psi=psi, phi=phi, phi_rate=0.0 * phi, names=tuple("abcd")
+        ),
+        inputs=INPUTS,
+        outputs=OUTPUTS,
+    )
 
 
 def rig_of(plant, motors=None, sensors=None, **more):
@@ -69,7 +75,10 @@ def noise(samples=3000, seed=0, inputs=2):
 @pytest.mark.parametrize("ticks", [False, True], ids=["in blocks", "tick by tick"])
 def test_with_nothing_switched_on_it_is_the_sampled_plant(plant, steps, delay, ticks):
     u, law, exact = noise(), damper(), exactly_sampled(plant, delay)
-    far = {"base": Motor(1e9), "pri_rel_z": Motor(1e9)}  # limits that nothing reaches
+    far = {
+        "base": Motor(torque_limit=1e9),
+        "pri_rel_z": Motor(torque_limit=1e9),
+    }  # limits that nothing reaches
     rig = rig_of(plant, motors=far if ticks else None, steps=steps, delay_s=delay)
     assert rig.linear != ticks
     loop = feedback(exact, law, range(2), range(2))
@@ -152,7 +161,18 @@ def test_the_linear_view_of_a_gyro_is_what_it_sums(plant, free):
 
 
 def test_blocks_and_seeds_make_the_same_numbers(plant):
-    sensors = {"bus_z": Gyro(100.0, 2e-4, 1e-3, 1e-4, 200.0, 1e-4, 5.0), "pri_rel_z": Sampler(1e-3)}
+    sensors = {
+        "bus_z": Gyro(
+            bandwidth_hz=100.0,
+            noise=2e-4,
+            bias=1e-3,
+            bias_walk=1e-4,
+            anti_alias_hz=200.0,
+            resolution=1e-4,
+            range=5.0,
+        ),
+        "pri_rel_z": Sampler(1e-3),
+    }
     rig = rig_of(plant, sensors=sensors)
     taken = [run_through(rig, damper(), noise(), np.random.default_rng(5), size) for size in (100, 777, 3000)]
     for other in taken[1:]:
@@ -201,7 +221,7 @@ def test_a_steady_start_is_steady(plant, closed, sensor, delay):
 
 def test_an_unstable_loop_is_stopped_and_says_where(plant):
     """Positive rate feedback drives the mode at 1.3 Hz: the motor saturates, the angle passes its stop."""
-    rig = rig_of(plant, motors={"base": Motor(0.2), "pri_rel_z": Motor(0.2)})
+    rig = rig_of(plant, motors={"base": Motor(torque_limit=0.2), "pri_rel_z": Motor(torque_limit=0.2)})
     law = damper(-0.2)
     u = 0.01 * noise(1000)
     taken = {}
@@ -231,7 +251,9 @@ def test_an_unstable_loop_is_stopped_and_says_where(plant):
 
 
 def test_a_loop_without_limits_that_overflows_has_a_cause(plant):
-    law = SampledStateSpace(np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((2, 0)), 1e6 * np.eye(2), 1.0 / RATE)
+    law = SampledStateSpace(
+        np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((2, 0)), 1e6 * np.eye(2), period_s=1.0 / RATE
+    )
     rig = rig_of(plant, sensors={"bus_z": Encoder(1e-9), "pri_rel_z": Encoder(1e-9)})
     with np.errstate(over="ignore", invalid="ignore"):
         run = run_closed_loop(
@@ -245,8 +267,8 @@ def test_a_loop_without_limits_that_overflows_has_a_cause(plant):
 def test_a_law_that_overflows_behind_a_limited_motor_has_a_cause_too(plant):
     """The motor's limit keeps the plant finite; the law's own state doubles every tick."""
     B = np.array([[1.0, 0.0]])
-    law = SampledStateSpace([[2.0]], B, 1e-3 * B.T, np.zeros((2, 2)), 1.0 / RATE)
-    rig = rig_of(plant, motors={"base": Motor(0.1), "pri_rel_z": Motor(0.1)})
+    law = SampledStateSpace([[2.0]], B, 1e-3 * B.T, np.zeros((2, 2)), period_s=1.0 / RATE)
+    rig = rig_of(plant, motors={"base": Motor(torque_limit=0.1), "pri_rel_z": Motor(torque_limit=0.1)})
     with np.errstate(over="ignore", invalid="ignore"):
         run = run_closed_loop(
             rig, on_rig(rig, law), noise(600), periods=8, rng=np.random.default_rng(0), settle=0
@@ -283,7 +305,7 @@ def test_settings_that_cannot_be_are_refused(plant):
     with pytest.raises(ConfigError, match="two entries"):
         rig_of(plant, joints=[rub, rub])
     with pytest.raises(ConfigError, match="all that the motor gives"):
-        Motor(1.0, holding=-1.5)
+        Motor(torque_limit=1.0, holding=-1.5)
     with pytest.raises(ConfigError, match="rotor"):
         Rotor(0.0, 300.0)
     with pytest.raises(ConfigError, match="a gain of nan"):

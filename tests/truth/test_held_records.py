@@ -81,7 +81,9 @@ def as_sampled(of: Article, period_s: float) -> SampledStateSpace:
     for age, column in ((d, newer), (d + 1, after @ step(fraction)[1])):
         at = A[:n, n + age - 1 : n + age] if age else B[:n]
         at += column
-    return SampledStateSpace(A, B, np.hstack([of.C, np.zeros((1, d + 1))]), np.zeros((1, 1)), period_s)
+    return SampledStateSpace(
+        A, B, np.hstack([of.C, np.zeros((1, d + 1))]), np.zeros((1, 1)), period_s=period_s
+    )
 
 
 def response(of: SampledStateSpace, hz: np.ndarray) -> np.ndarray:
@@ -99,7 +101,15 @@ def multisine(of: SampledStateSpace, seed: int, *, held: bool | None = True) -> 
     Y[on] = response(of, hz[on]) * U[on]
     u, y = (np.repeat(np.fft.irfft(X, n)[None], 3, axis=0) for x, X in (("u", U), ("y", Y)))
     y = y + NOISE * y.std() * rng.standard_normal(y.shape)
-    return Record(1.0 / of.period_s, u[None, ..., None], y[None, ..., None], *PORTS, True, held)
+    return Record(
+        sample_hz=1.0 / of.period_s,
+        u=u[None, ..., None],
+        y=y[None, ..., None],
+        inputs=PORTS[0],
+        outputs=PORTS[1],
+        periodic=True,
+        held=held,
+    )
 
 
 def noise_run(of: SampledStateSpace, seed: int) -> Record:
@@ -111,7 +121,15 @@ def noise_run(of: SampledStateSpace, seed: int) -> Record:
         y[k] = (of.C @ x)[0]
         x = of.A @ x + of.B[:, 0] * u[k]
     y = y + NOISE * y.std() * rng.standard_normal(n)
-    return Record(1.0 / of.period_s, u[None, None, :, None], y[None, None, :, None], *PORTS, False, True)
+    return Record(
+        sample_hz=1.0 / of.period_s,
+        u=u[None, None, :, None],
+        y=y[None, None, :, None],
+        inputs=PORTS[0],
+        outputs=PORTS[1],
+        periodic=False,
+        held=True,
+    )
 
 
 def fitted(taken: Record, of: Article) -> FitResult:
@@ -126,7 +144,7 @@ def lead(gain: float, period_s: float) -> Compensator:
     a, b, w = 2.0 * np.pi * 2.0, 2.0 * np.pi * 20.0, 2.0 / period_s
     pole, zero = (w - b) / (w + b), (w - a) / (w + a)
     k = -gain * (b / a) * (w + a) / (w + b)
-    system = SampledStateSpace([[pole]], [[1.0]], [[k * (pole - zero)]], [[k]], period_s)
+    system = SampledStateSpace([[pole]], [[1.0]], [[k * (pole - zero)]], [[k]], period_s=period_s)
     return Compensator(system, PORTS[1], PORTS[0], method="lead")
 
 
@@ -233,7 +251,15 @@ def test_a_released_record_has_the_released_response() -> None:
 @pytest.mark.parametrize("ending", ["npz", "h5", "mat", "uff"])
 @pytest.mark.parametrize("held", [True, False, None])
 def test_files_keep_the_word(ending: str, held: bool | None, tmp_path: Path) -> None:
-    taken = Record(64.0, np.ones((1, 1, 8, 1)), np.arange(8.0).reshape(1, 1, 8, 1), *PORTS, False, held)
+    taken = Record(
+        sample_hz=64.0,
+        u=np.ones((1, 1, 8, 1)),
+        y=np.arange(8.0).reshape(1, 1, 8, 1),
+        inputs=PORTS[0],
+        outputs=PORTS[1],
+        periodic=False,
+        held=held,
+    )
     file = tmp_path / f"run.{ending}"
     write_record(file, taken)
     assert (load_record(file).held, open_record(file).held) == (held, held)

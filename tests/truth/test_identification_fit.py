@@ -95,7 +95,10 @@ def test_pack_and_unpack_are_inverse(layout):
 def test_exact_data_give_the_exact_model():
     f = np.arange(0.2, 30.0, 0.02)
     measured = FrequencyResponse(
-        f, gimbal_record.response(f, 3, 2), gimbal_record.INPUTS, gimbal_record.OUTPUTS
+        frequency_hz=f,
+        H=gimbal_record.response(f, 3, 2),
+        inputs=gimbal_record.INPUTS,
+        outputs=gimbal_record.OUTPUTS,
     )
     model = fit_response(measured, states=10).model
     order = np.argsort(natural_hz(model))
@@ -145,7 +148,11 @@ def test_stated_deviations_are_those_of_the_fits():
     for _ in range(draws):
         noise = deviation * (rng.standard_normal(len(f)) + 1j * rng.standard_normal(len(f))) / np.sqrt(2.0)
         noisy = FrequencyResponse(
-            f, (H + noise)[:, None, None], gimbal_record.INPUTS[:1], gimbal_record.OUTPUTS[:1], variance
+            frequency_hz=f,
+            H=(H + noise)[:, None, None],
+            inputs=gimbal_record.INPUTS[:1],
+            outputs=gimbal_record.OUTPUTS[:1],
+            variance=variance,
         )
         fits.append(fit_response(noisy, states=4))
     order = [np.argsort(natural_hz(r.model)) for r in fits]
@@ -204,7 +211,9 @@ def test_sampled_model_equals_its_state_space():
     np.testing.assert_allclose(
         statespace_response(system, 2 * np.pi * f), model_response(model, f), rtol=1e-12, atol=1e-12
     )
-    measured = FrequencyResponse(f[1:-1], model_response(model, f[1:-1]), model.inputs, model.outputs)
+    measured = FrequencyResponse(
+        frequency_hz=f[1:-1], H=model_response(model, f[1:-1]), inputs=model.inputs, outputs=model.outputs
+    )
     again = fit_response(measured, states=4, sample_hz=1.0 / T)
     # Exact data: only the number of reweighting rounds limits the fit.
     assert again.error.max() < 1e-6
@@ -231,9 +240,12 @@ def test_logarithmic_cost_holds_the_weak_mode_that_least_squares_gives_up():
     rng = np.random.default_rng(0)
     noisy = H + noise * (rng.standard_normal(len(f)) + 1j * rng.standard_normal(len(f))) / np.sqrt(2.0)
     measured = FrequencyResponse(
-        f, noisy[:, None, None], gimbal_record.INPUTS[:1], gimbal_record.OUTPUTS[:1],
-        np.full((len(f), 1, 1), noise**2),
-    )  # fmt: skip
+        frequency_hz=f,
+        H=noisy[:, None, None],
+        inputs=gimbal_record.INPUTS[:1],
+        outputs=gimbal_record.OUTPUTS[:1],
+        variance=np.full((len(f), 1, 1), noise**2),
+    )
     fitted = fit_response(measured, states=8, cost="logarithmic")
     found = np.sort(natural_hz(fitted.model))
     # 8.67 Hz is 30 times weaker than 9.42 Hz times its distance: to a tenth of its half-power bandwidth.

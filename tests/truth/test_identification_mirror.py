@@ -23,7 +23,14 @@ def load(part):
             tuple(Port(str(n), str(u)) for n, u in zip(z[f"{s}_names"], z[f"{s}_units"], strict=True))
             for s in ("input", "output")
         )
-        return Record(float(z["sample_hz"]), z["u"], z["y"], inputs, outputs, bool(z["periodic"]))
+        return Record(
+            sample_hz=float(z["sample_hz"]),
+            u=z["u"],
+            y=z["y"],
+            inputs=inputs,
+            outputs=outputs,
+            periodic=bool(z["periodic"]),
+        )
 
 
 LEVELS = [(28, [0.042, 0.056, 0.048]), (40, [0.036, 0.040, 0.035])]

@@ -41,7 +41,9 @@ def test_noise_variance_has_the_units_of_parseval():
     N, P, s = 4096, 8, 0.1
     u = np.repeat(rng.standard_normal((1, 1, N, 1)), P, axis=1)
     y = u + s * rng.standard_normal(u.shape)
-    found = response_scatter(Record(1.0, u, y, (Port("u", "V"),), (Port("y", "V"),), periodic=True))
+    found = response_scatter(
+        Record(sample_hz=1.0, u=u, y=y, inputs=(Port("u", "V"),), outputs=(Port("y", "V"),), periodic=True)
+    )
     U2 = np.abs(np.fft.rfft(u[0, 0, :, 0]))[1:-1] ** 2
     ratio = found.noise[:, 0, 0] * P * U2 / (N * s**2)
     # chi-square with 14 degrees of freedom over 2047 lines: its mean scatters by sqrt(2/14/2047) = 0.8 %.
@@ -57,7 +59,9 @@ def test_total_variance_sees_the_distortion_that_the_noise_variance_does_not():
     u = np.fft.irfft(U, n=N, axis=1)
     u = np.repeat((u / u.std())[:, None, :, None], 2, axis=1)
     y = u + 0.1 * u**3
-    found = response_scatter(Record(1.0, u, y, (Port("u", "V"),), (Port("y", "V"),), periodic=True))
+    found = response_scatter(
+        Record(sample_hz=1.0, u=u, y=y, inputs=(Port("u", "V"),), outputs=(Port("y", "V"),), periodic=True)
+    )
     # The cube of a Gaussian signal acts as a gain of 3 (Bussgang 1952): 1 + 0.1 * 3. A multisine is Gaussian
     # up to 1/lines, and the 24 experiments average the rest.
     mean = found.H[:, 0, 0].mean()
@@ -72,7 +76,11 @@ def test_total_variance_sees_the_distortion_that_the_noise_variance_does_not():
 def test_measured_noisy_inputs_do_not_add_lines():
     record = gimbal_record.multisine(2, hz=(1.0, 20.0))
     noisy = record.u + 1e-3 * np.random.default_rng(0).standard_normal(record.u.shape)
-    found = estimate_response(Record(256.0, noisy, record.y, record.inputs, record.outputs, periodic=True))
+    found = estimate_response(
+        Record(
+            sample_hz=256.0, u=noisy, y=record.y, inputs=record.inputs, outputs=record.outputs, periodic=True
+        )
+    )
     outside = (found.frequency_hz < 1.0 - 1e-9) | (found.frequency_hz > 20.0 + 1e-9)
     # A line of noise passes the test of one in a hundred with 4 degrees of freedom: below 0.1 % of them.
     assert outside.sum() <= 8

@@ -104,7 +104,9 @@ def test_taking_a_window_out_is_exact_with_its_covariance():
     tau, f = 0.5, np.linspace(1.0, 30.0, 300)
     H = response(*PLANT, 2j * np.pi * f + 1.0 / tau)[:, None, None]
     variance = np.full(H.shape, 1e-8 * np.mean(np.abs(H) ** 2))
-    fit = fit_response(FrequencyResponse(f, H, (FORCE,), (TIP,), variance), states=4)
+    fit = fit_response(
+        FrequencyResponse(frequency_hz=f, H=H, inputs=(FORCE,), outputs=(TIP,), variance=variance), states=4
+    )
     bare = without_window(fit, tau)
     w = 2.0 * np.pi * HZ
     poles = -ZETA * w + 1j * w * np.sqrt(1.0 - ZETA**2)
@@ -133,7 +135,11 @@ def test_taking_a_window_out_is_exact_with_its_covariance():
 def test_a_window_leaves_no_poles_at_zero_as_they_are():
     f = np.linspace(1.0, 30.0, 100)
     H = response(*PLANT, 2j * np.pi * f)[:, None, None]
-    fit = fit_response(FrequencyResponse(f, H, (FORCE,), (TIP,), None), states=4, residuals=True)
+    fit = fit_response(
+        FrequencyResponse(frequency_hz=f, H=H, inputs=(FORCE,), outputs=(TIP,), variance=None),
+        states=4,
+        residuals=True,
+    )
     with pytest.raises(ConfigError, match="poles at zero"):
         without_window(fit, 1.0)
     assert without_window(fit, np.inf) is fit

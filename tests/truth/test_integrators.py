@@ -48,7 +48,9 @@ def measured(rank=1, deviation=0.0, seed=0):
     re, im = np.random.default_rng(seed).standard_normal((2, *H.shape)) / np.sqrt(2.0)
     size = deviation * np.sqrt(np.mean(np.abs(H) ** 2))
     variance = np.full(H.shape, size**2) if deviation else None
-    return FrequencyResponse(F, H + size * (re + 1j * im), INPUTS, OUTPUTS, variance)
+    return FrequencyResponse(
+        frequency_hz=F, H=H + size * (re + 1j * im), inputs=INPUTS, outputs=OUTPUTS, variance=variance
+    )
 
 
 @pytest.mark.parametrize("rank", [1, 2])
@@ -130,7 +132,12 @@ def test_held_inputs_are_integrated_exactly(delay_s):
     fine = np.repeat(u, 100)
     y = scipy.signal.lfilter([0.0, 1e-4], [1.0, -1.0], np.r_[np.zeros(round(delay_s * 1e4)), fine])
     record = Record(
-        100.0, u[None, None, :, None], y[: 100 * len(u) : 100][None, None, :, None], *ports, periodic=False
+        sample_hz=100.0,
+        u=u[None, None, :, None],
+        y=y[: 100 * len(u) : 100][None, None, :, None],
+        inputs=ports[0],
+        outputs=ports[1],
+        periodic=False,
     )
     # Rounding of the transform and of the sum.
     assert record_nrmse(wheel, record, between="hold").max() < 1e-10

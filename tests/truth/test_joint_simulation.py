@@ -30,8 +30,15 @@ TORQUE, ANGLE = Port("gimbal", "N m"), Port("gimbal", "rad")
 def pendulum(zeta=0.0):
     """One joint: inertia J and pendulum stiffness KP."""
     one = np.array([[1.0 / np.sqrt(J)]])
-    modal = ModalSystem(np.array([np.sqrt(KP / J)]), np.array([zeta]), one, one, 0.0 * one, ("pendulum",))
-    return Plant(modal, (TORQUE,), (ANGLE,))
+    modal = ModalSystem(
+        omega=np.array([np.sqrt(KP / J)]),
+        zeta=np.array([zeta]),
+        psi=one,
+        phi=one,
+        phi_rate=0.0 * one,
+        names=("pendulum",),
+    )
+    return Plant(dynamics=modal, inputs=(TORQUE,), outputs=(ANGLE,))
 
 
 def two_joints():
@@ -39,7 +46,13 @@ def two_joints():
     omega = 2.0 * np.pi * np.array([0.0, 0.9, 1.7, 6.0, 31.0])
     phi = np.random.default_rng(2).normal(size=(2, 5))
     ports = tuple(Port(n, "N m") for n in "ab"), tuple(Port(n, "rad") for n in "ab")
-    return Plant(ModalSystem(omega, np.zeros(5), phi.T, phi, 0.0 * phi, tuple("vwxyz")), *ports)
+    return Plant(
+        dynamics=ModalSystem(
+            omega=omega, zeta=np.zeros(5), psi=phi.T, phi=phi, phi_rate=0.0 * phi, names=tuple("vwxyz")
+        ),
+        inputs=ports[0],
+        outputs=ports[1],
+    )
 
 
 def at(*elements):
@@ -196,9 +209,19 @@ def test_an_accelerometer_feels_the_elements_at_once():
     phi, rates, accelerations = (np.zeros((3, 1)) for _ in range(3))
     phi[0] = rates[1] = accelerations[2] = modal.phi[0, 0]
     ports = (ANGLE, Port("gimbal_rate", "rad/s"), Port("gimbal_acceleration", "rad/s^2"))
-    full = ModalSystem(modal.omega, modal.zeta, modal.psi, phi, rates, modal.names, accelerations)
+    full = ModalSystem(
+        omega=modal.omega,
+        zeta=modal.zeta,
+        psi=modal.psi,
+        phi=phi,
+        phi_rate=rates,
+        names=modal.names,
+        phi_acceleration=accelerations,
+    )
     element = Friction(slip_torque=0.004, stiffness=2.0, viscous=0.02)
-    rig = rig_of(Plant(full, (TORQUE,), ports), [at(element, GEAR)], 0.005, delay_s=0.005)
+    rig = rig_of(
+        Plant(dynamics=full, inputs=(TORQUE,), outputs=ports), [at(element, GEAR)], 0.005, delay_s=0.005
+    )
     u = 0.2 * np.sin(0.03 * np.arange(1500))[:, None]
     y = run_through(rig, None, u)["measured"]
     state, torque = 0.0, []
@@ -219,8 +242,16 @@ def test_an_accelerometer_that_waits_converges_with_the_internal_step(element):
     one = np.full((1, 1), 1.0 / np.sqrt(J))
     phi, accelerations = np.vstack([one, one, 0.0 * one]), np.vstack([0.0 * one, 0.0 * one, one])
     names = ("gimbal", "inertial", "acceleration")
-    modal = ModalSystem([np.sqrt(KP / J)], [0.05], one, phi, 0.0 * phi, ("pendulum",), accelerations)
-    plant = Plant(modal, (TORQUE,), tuple(Port(n, "rad") for n in names))
+    modal = ModalSystem(
+        omega=[np.sqrt(KP / J)],
+        zeta=[0.05],
+        psi=one,
+        phi=phi,
+        phi_rate=0.0 * phi,
+        names=("pendulum",),
+        phi_acceleration=accelerations,
+    )
+    plant = Plant(dynamics=modal, inputs=(TORQUE,), outputs=tuple(Port(n, "rad") for n in names))
     u = 0.2 * np.sin(0.05 * np.arange(300))[:, None]
 
     def acceleration(joints, steps):
@@ -246,6 +277,8 @@ def test_ports_that_are_not_of_one_joint_are_refused():
         rig_of(plant, [JointElements("a", "a", ()), JointElements("a", "b", ())], 0.01)
     with pytest.raises(ConfigError, match="no input named 'c'"):
         rig_of(plant, [JointElements("c", "a", (GEAR,))], 0.01)
-    direct = Plant(StateSpace([[-1.0]], [[1.0]], [[1.0]], [[1.0]]), (TORQUE,), (ANGLE,))
+    direct = Plant(
+        dynamics=StateSpace([[-1.0]], [[1.0]], [[1.0]], [[1.0]]), inputs=(TORQUE,), outputs=(ANGLE,)
+    )
     with pytest.raises(ConfigError, match="without delay"):
         rig_of(direct, [at(GEAR)], 0.01, delay_s=0.01)

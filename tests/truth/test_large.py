@@ -17,7 +17,7 @@ from middeck.structure.modes.solve import solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from structure_builders import body, lab, member, node, springs_above, structure
 
-TUBE = Section(2e6, 300.0, 400.0, 400.0, 0.5, 1e-4, 1e-4)
+TUBE = Section(EA=2e6, GJ=300.0, EI_y=400.0, EI_z=400.0, rho_A=0.5, rho_I_y=1e-4, rho_I_z=1e-4)
 
 
 def ladder(bays: int, elements: int):

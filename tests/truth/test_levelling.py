@@ -34,7 +34,11 @@ def lopsided():
 
 
 def cables(attach=("left", "right"), held=("xyz", "yz")) -> Environment:
-    return Environment("lab", GRAVITY, Suspension(attach, held, 4.0, 0.25))
+    return Environment(
+        title="lab",
+        gravity=GRAVITY,
+        suspension=Suspension(attach=attach, held=held, cable_length=4.0, bounce_hz=0.25),
+    )
 
 
 def pendant():
@@ -46,8 +50,8 @@ def pendant():
 
 
 def one_cable() -> Environment:
-    carried = Device("d", "hook", force=2.0 * 9.80665, stiffness=20.0, cable_length=3.0)
-    return Environment("lab", GRAVITY, None, (), (carried,))
+    carried = Device(name="d", attach="hook", force=2.0 * 9.80665, stiffness=20.0, cable_length=3.0)
+    return Environment(title="lab", gravity=GRAVITY, suspension=None, springs=(), devices=(carried,))
 
 
 # What the statics' 1e-9 of the weight does to a tilt: over a centre of mass 0.1 m or more below.

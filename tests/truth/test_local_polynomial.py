@@ -36,7 +36,7 @@ def cut_record(seed, *, samples, noise=0.0, outputs=1, inputs=1, experiments=1):
     u, y = (x[:, None, :samples] / u.std() for x in (u, y))
     y = y + noise * np.sqrt(np.mean(y**2, axis=(0, 1, 2))) * rng.standard_normal(y.shape)
     ports = gimbal_record.INPUTS[:inputs], gimbal_record.OUTPUTS[:outputs]
-    return Record(HZ, u, y, *ports, periodic=False)
+    return Record(sample_hz=HZ, u=u, y=y, inputs=ports[0], outputs=ports[1], periodic=False)
 
 
 def error_within(found, low, high):
@@ -93,11 +93,11 @@ def test_error_falls_with_the_third_power_of_the_spacing_of_lines():
         u = np.random.default_rng(3).standard_normal(2 * samples)
         y = lfilter([1.0], [1.0, -1.2, 0.72], u)
         record = Record(
-            1.0,
-            u[None, None, samples:, None],
-            y[None, None, samples:, None],
-            (Port("u", ""),),
-            (Port("y", ""),),
+            sample_hz=1.0,
+            u=u[None, None, samples:, None],
+            y=y[None, None, samples:, None],
+            inputs=(Port("u", ""),),
+            outputs=(Port("y", ""),),
             periodic=False,
         )
         U, Y = (np.fft.rfft(x[0, 0], axis=0)[:, None, :] for x in (record.u, record.y))
@@ -173,7 +173,12 @@ def test_ringing_from_before_the_record_is_a_transient():
     y = record.y + ringing[None, None, :, None]
     local, periodic = (
         error_within(
-            estimate_response(Record(HZ, record.u, y, record.inputs, record.outputs, p), band_hz=(0.3, 30.0)),
+            estimate_response(
+                Record(
+                    sample_hz=HZ, u=record.u, y=y, inputs=record.inputs, outputs=record.outputs, periodic=p
+                ),
+                band_hz=(0.3, 30.0),
+            ),
             0.3,
             30.0,
         )
@@ -191,11 +196,11 @@ def test_periods_that_are_not_steady_yet():
     t = np.arange(3 * 4096) / HZ
     ringing = np.exp(-0.01 * 2.0 * np.pi * 1.2 * t) * np.cos(2.0 * np.pi * 1.2 * t) * 3.0 * steady.y.std()
     record = Record(
-        HZ,
-        steady.u,
-        steady.y + ringing.reshape(1, 3, 4096, 1),
-        steady.inputs,
-        steady.outputs,
+        sample_hz=HZ,
+        u=steady.u,
+        y=steady.y + ringing.reshape(1, 3, 4096, 1),
+        inputs=steady.inputs,
+        outputs=steady.outputs,
         periodic=True,
     )
     stream = stream_record(record)  # read in pieces, periods are averaged as they are
@@ -211,7 +216,14 @@ def test_periods_that_are_not_steady_yet():
 def test_too_short_a_record_says_how_many_lines_it_takes():
     rng = np.random.default_rng(0)
     u = rng.standard_normal((1, 1, 20, 1))
-    record = Record(1.0, u, 2.0 * u + u**2, (Port("u", "V"),), (Port("y", "V"),), periodic=False)
+    record = Record(
+        sample_hz=1.0,
+        u=u,
+        y=2.0 * u + u**2,
+        inputs=(Port("u", "V"),),
+        outputs=(Port("y", "V"),),
+        periodic=False,
+    )
     with pytest.raises(DataError, match="9 lines are too few for a local model of 11"):
         estimate_response(record)
 
@@ -226,11 +238,11 @@ def test_a_band_without_excitation_is_refused():
 def test_inputs_that_are_copies_are_refused():
     record = cut_record(1, samples=2048)
     twice = Record(
-        HZ,
-        np.concatenate([record.u, -3.0 * record.u], axis=3),
-        record.y,
-        gimbal_record.INPUTS,
-        record.outputs,
+        sample_hz=HZ,
+        u=np.concatenate([record.u, -3.0 * record.u], axis=3),
+        y=record.y,
+        inputs=gimbal_record.INPUTS,
+        outputs=record.outputs,
         periodic=False,
     )
     with pytest.raises(DataError, match="cannot be told apart"):
@@ -242,11 +254,13 @@ def test_a_blow_is_as_smooth_as_a_transient():
     u = np.zeros((1, 1, 1024, 1))
     u[0, 0, 0] = 1.0
     y = lfilter([1.0], [1.0, -1.2, 0.72], u, axis=2) + 0.01 * rng.standard_normal(u.shape)
-    record = Record(1.0, u, y, (Port("u", "N"),), (Port("y", "m"),), periodic=False)
+    record = Record(
+        sample_hz=1.0, u=u, y=y, inputs=(Port("u", "N"),), outputs=(Port("y", "m"),), periodic=False
+    )
     with pytest.raises(DataError, match="as smooth as a transient"):
         estimate_response(record)
     # What the hint says: from rest to rest it is one period.
-    whole = Record(1.0, u, y, record.inputs, record.outputs, periodic=True)
+    whole = Record(sample_hz=1.0, u=u, y=y, inputs=record.inputs, outputs=record.outputs, periodic=True)
     found = response_scatter(whole)
     assert np.abs(found.H[255, 0, 0] - 1.0 / (1.0 - 1.2 * (-1j) - 0.72)) < 1.0
 
@@ -261,7 +275,14 @@ def test_units_do_not_matter_and_nothing_overflows(method):
     record = cut_record(9, samples=1024, noise=0.01)
     found = estimate_response(record, method=method)
     for size in (1e-120, 1e120):
-        other = Record(HZ, record.u, size * record.y, record.inputs, record.outputs, periodic=False)
+        other = Record(
+            sample_hz=HZ,
+            u=record.u,
+            y=size * record.y,
+            inputs=record.inputs,
+            outputs=record.outputs,
+            periodic=False,
+        )
         scaled = estimate_response(other, method=method)
         # Rounding of the scaled samples, as far as the condition of a window carries it.
         np.testing.assert_allclose(scaled.H, size * found.H, rtol=1e-6)
@@ -274,7 +295,10 @@ def test_what_is_exact_stays_finite(method):
     u = np.random.default_rng(10).standard_normal((1, 1, 64, 1))
     for y in (2.0 * u, u * 0.0 + np.arange(64.0)[:, None]):
         found = estimate_response(
-            Record(1.0, u, y, (Port("u", "V"),), (Port("y", "V"),), periodic=False), method=method
+            Record(
+                sample_hz=1.0, u=u, y=y, inputs=(Port("u", "V"),), outputs=(Port("y", "V"),), periodic=False
+            ),
+            method=method,
         )
         assert np.isfinite(found.H).all()
         assert np.isfinite(found.variance).all()
@@ -288,7 +312,9 @@ def test_a_sum_over_lines_is_as_certain_as_its_data():
         rng = np.random.default_rng(seed)
         u = rng.standard_normal((2, 1, 256, 1))
         y = 2.0 * u + 0.5 * rng.standard_normal(u.shape)
-        record = Record(1.0, u, y, (Port("u", ""),), (Port("y", ""),), periodic=False)
+        record = Record(
+            sample_hz=1.0, u=u, y=y, inputs=(Port("u", ""),), outputs=(Port("y", ""),), periodic=False
+        )
         found = response_scatter(record, method="local polynomial")
         variance, _ = trusted(found)
         gains.append(np.sum(found.H / variance) / np.sum(1.0 / variance))
@@ -318,7 +344,14 @@ def test_periods_that_are_not_steady_are_streamed_too():
     u = np.tile(rng.standard_normal(256), 6)[None, None, :, None]
     y = lfilter([1.0], [1.0, -1.8, 0.9], u, axis=2)
     ports = gimbal_record.INPUTS[:1], gimbal_record.OUTPUTS[:1]
-    record = Record(HZ, u.reshape(1, 6, 256, 1), y.reshape(1, 6, 256, 1), *ports, periodic=True)
+    record = Record(
+        sample_hz=HZ,
+        u=u.reshape(1, 6, 256, 1),
+        y=y.reshape(1, 6, 256, 1),
+        inputs=ports[0],
+        outputs=ports[1],
+        periodic=True,
+    )
     held = response_scatter(record, method="local rational", band_hz=(20.0, 60.0))
     read = response_scatter(stream_record(record), method="local rational", band_hz=(20.0, 60.0))
     assert np.array_equal(read.frequency_hz, held.frequency_hz)
@@ -336,7 +369,15 @@ def drawn_as_read(samples, blocks):
             y, state = lfilter([1.0], [1.0, -1.8, 0.9], u, zi=state)
             yield u[:, None], y[:, None]
 
-    return RecordStream(HZ, gimbal_record.INPUTS[:1], gimbal_record.OUTPUTS[:1], samples, 1, None, pieces)
+    return RecordStream(
+        sample_hz=HZ,
+        inputs=gimbal_record.INPUTS[:1],
+        outputs=gimbal_record.OUTPUTS[:1],
+        samples=samples,
+        experiments=1,
+        period=None,
+        pieces=pieces,
+    )
 
 
 def test_a_record_longer_than_memory_takes_that_of_its_band():

@@ -37,11 +37,13 @@ def free_body(rng: np.random.Generator) -> Plant:
     zeta = np.append(np.zeros(rigid), 10.0 ** rng.uniform(-2.5, -1.0, bending))
     psi = rng.standard_normal((rigid + bending, ports))
     names = tuple(f"mode {k}" for k in range(rigid + bending))
-    modal = ModalSystem(omega, zeta, psi, psi.T, np.zeros_like(psi.T), names)
+    modal = ModalSystem(
+        omega=omega, zeta=zeta, psi=psi, phi=psi.T, phi_rate=np.zeros_like(psi.T), names=names
+    )
     forces, ways = (tuple(Port(f"{name}{i}", "1") for i in range(ports)) for name in "fw")
     u, y = (tuple(p.name for p in side) for side in (forces, ways))
     late = rng.uniform(0.0, 10.0 ** rng.uniform(-2.5, -0.5), (ports, ports))
-    return delay_plant(Plant(modal, forces, ways, u, u, y, y), late)
+    return delay_plant(Plant(dynamics=modal, inputs=forces, outputs=ways, w=u, u=u, z=y, y=y), late)
 
 
 def mixed(delayed: Plant, rng: np.random.Generator) -> Plant:
@@ -55,7 +57,13 @@ def mixed(delayed: Plant, rng: np.random.Generator) -> Plant:
 
 def weigh(delayed: Plant) -> LQGWeights:
     ports = len(delayed.u)
-    return LQGWeights(np.ones(ports), np.ones(ports), delayed.u, np.eye(ports), np.full(ports, 1e-2))
+    return LQGWeights(
+        output=np.ones(ports),
+        input=np.ones(ports),
+        disturbed=delayed.u,
+        process=np.eye(ports),
+        sensor=np.full(ports, 1e-2),
+    )
 
 
 @pytest.mark.parametrize("seed", range(200 if LONG else 3))
@@ -94,8 +102,20 @@ def test_rms_from_zero_of_integrators_of_any_order(chain: int, tau: float) -> No
     A, B = np.diag(np.ones(chain - 1), 1), np.eye(chain)[:, [-1]]
     C = np.eye(1, chain)
     system = StateSpace(A, B, np.vstack([C, C]), np.zeros((2, 1)))
-    plant = Plant(system, (FORCE,), (WAY, SEEN), ("force",), ("force",), ("way",), ("seen",))
-    law = design_lqg(plant, LQGWeights([1.0], [1.0], ("force",), np.eye(1), [1e-2]), 1.0)
+    plant = Plant(
+        dynamics=system,
+        inputs=(FORCE,),
+        outputs=(WAY, SEEN),
+        w=("force",),
+        u=("force",),
+        z=("way",),
+        y=("seen",),
+    )
+    law = design_lqg(
+        plant,
+        LQGWeights(output=[1.0], input=[1.0], disturbed=("force",), process=np.eye(1), sensor=[1e-2]),
+        1.0,
+    )
     rms = [
         measure_rms(delay_plant(plant, tau), law, Performance(np.ones(1), np.eye(1), (low, 10.0)))
         for low in (0.0, 1e-6)
@@ -125,15 +145,30 @@ def test_a_pole_that_grows_slowly_still_grows() -> None:
     assert not is_stable(system)
     E = np.eye(4) + 0.01 * A + 0.5e-4 * A @ A
     E[2, 2] = np.exp(1e-6)
-    assert not is_stable(SampledStateSpace(turn.T @ E @ turn, system.B, system.C, system.D, 0.01))
+    assert not is_stable(SampledStateSpace(turn.T @ E @ turn, system.B, system.C, system.D, period_s=0.01))
 
 
 def test_an_integrator_pair_that_no_sensor_sees_drifts_and_no_more() -> None:
     """Mixed with others, its part in the measurement is rounding: of either sign, and no spring."""
     for seed in range(12):
         rng = np.random.default_rng([9, seed])
-        modes = ModalSystem([0.0, 3.0], [0.0, 0.02], [[1.0], [1.0]], [[0.0, 1.0]], [[0.0, 0.0]], ("x", "b"))
-        plant = Plant(modes, (FORCE,), (SEEN,), ("force",), ("force",), ("seen",), ("seen",))
+        modes = ModalSystem(
+            omega=[0.0, 3.0],
+            zeta=[0.0, 0.02],
+            psi=[[1.0], [1.0]],
+            phi=[[0.0, 1.0]],
+            phi_rate=[[0.0, 0.0]],
+            names=("x", "b"),
+        )
+        plant = Plant(
+            dynamics=modes,
+            inputs=(FORCE,),
+            outputs=(SEEN,),
+            w=("force",),
+            u=("force",),
+            z=("seen",),
+            y=("seen",),
+        )
         law = Compensator(StateSpace([[-2.0]], [[1.0]], [[1.0]], [[0.0]]), (SEEN,), (FORCE,))
         for tau in (0.0, 0.05):
             found = decide_stability(mixed(delay_plant(plant, tau), rng), law)
@@ -142,9 +177,26 @@ def test_an_integrator_pair_that_no_sensor_sees_drifts_and_no_more() -> None:
 
 
 def test_allowed_shifts_of_a_plant_whose_states_have_no_names() -> None:
-    modes = ModalSystem([0.0, 3.0, 8.0], [0.0, 0.01, 0.01], [[1.0], [1.0], [1.0]], [[1.0, 1.0, -1.0]],
-                        np.zeros((1, 3)), ("body", "first", "second"))  # fmt: skip
-    plant = delay_plant(Plant(modes, (FORCE,), (SEEN,), ("force",), ("force",), ("seen",), ("seen",)), 0.01)
+    modes = ModalSystem(
+        omega=[0.0, 3.0, 8.0],
+        zeta=[0.0, 0.01, 0.01],
+        psi=[[1.0], [1.0], [1.0]],
+        phi=[[1.0, 1.0, -1.0]],
+        phi_rate=np.zeros((1, 3)),
+        names=("body", "first", "second"),
+    )
+    plant = delay_plant(
+        Plant(
+            dynamics=modes,
+            inputs=(FORCE,),
+            outputs=(SEEN,),
+            w=("force",),
+            u=("force",),
+            z=("seen",),
+            y=("seen",),
+        ),
+        0.01,
+    )
     law = design_lqg(approximate_delays(plant, 3), weigh(plant), 30.0)
     named = find_allowed_shifts(plant, law, most=0.04, step=0.02)
     found = find_allowed_shifts(mixed(plant, np.random.default_rng(1)), law, most=0.04, step=0.02)

@@ -35,11 +35,25 @@ def oscillator(D=((0.0, 0.0), (0.0, 0.0))):
     A = sla.block_diag(*[np.array([[0.0, w], [-w, -0.02 * w]]) for w in omega])
     B = np.array([[0.0, 0.0], [1.0, 0.7], [0.0, 0.0], [0.5, -1.0]])
     C = np.array([[1.0, 0.0, 0.4, 0.0], [0.8, 0.0, -1.0, 0.0]])
-    return Plant(StateSpace(A, B, C, D), *PORTS, ("w",), ("u",), ("z",), ("y",))
+    return Plant(
+        dynamics=StateSpace(A, B, C, D),
+        inputs=PORTS[0],
+        outputs=PORTS[1],
+        w=("w",),
+        u=("u",),
+        z=("z",),
+        y=("y",),
+    )
 
 
 def weights(process=2.0, sensor=1e-2, inputs=0.7):
-    return LQGWeights(np.array([1.3]), np.array([inputs]), ("w",), np.array([[process]]), np.array([sensor]))
+    return LQGWeights(
+        output=np.array([1.3]),
+        input=np.array([inputs]),
+        disturbed=("w",),
+        process=np.array([[process]]),
+        sensor=np.array([sensor]),
+    )
 
 
 def covariance_cost(A, B, C, D, law, W, V, N, Q, R):
@@ -56,10 +70,22 @@ def covariance_cost(A, B, C, D, law, W, V, N, Q, R):
 def test_correlated_noise_of_a_scalar(cross):
     # 2 a s + W - (s + N)^2 / V = 0: with h = s + N, h^2/V - 2 a h + 2 a N - W = 0.
     a, W, V = 0.7, 3.0, 0.1
-    plant = Plant(StateSpace([[a]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]]), PORTS[0], (Port("x", "m"),),
-                  ("w",), ("u",), ("x",), ("x",))  # fmt: skip
+    plant = Plant(
+        dynamics=StateSpace([[a]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]]),
+        inputs=PORTS[0],
+        outputs=(Port("x", "m"),),
+        w=("w",),
+        u=("u",),
+        z=("x",),
+        y=("x",),
+    )
     shaping = Shaping(cross=np.array([[cross]]))
-    law = design_lqg(plant, LQGWeights([1.0], [1.0], ("w",), [[W]], [V]), 4.0, shaping=shaping)
+    law = design_lqg(
+        plant,
+        LQGWeights(output=[1.0], input=[1.0], disturbed=("w",), process=[[W]], sensor=[V]),
+        4.0,
+        shaping=shaping,
+    )
     h = V * a + np.sqrt((V * a) ** 2 - V * (2.0 * a * cross - W))
     # Three states in all, well conditioned: a few roundings.
     assert law.system.B[0, 0] == pytest.approx(h / V, rel=1e-12)
@@ -125,14 +151,14 @@ def test_filters_at_ports_are_the_augmented_plant():
     s = by_hand(plant, colour, on_z, on_u)
     ports = PORTS[0], (Port("z", "m"), Port("cu", "N"), Port("y", "m"))
     # The same cost written as a plain one: the weighed control is one more output, u itself costs nothing.
-    plain = Plant(s, *ports, ("w",), ("u",), ("z", "cu"), ("y",))
+    plain = Plant(dynamics=s, inputs=ports[0], outputs=ports[1], w=("w",), u=("u",), z=("z", "cu"), y=("y",))
     tiny = 1e-9
     asked = LQGWeights(
-        np.array([1.3, np.sqrt(0.7 / authority)]),
-        np.array([tiny]),
-        ("w",),
-        np.array([[2.0]]),
-        np.array([1e-2]),
+        output=np.array([1.3, np.sqrt(0.7 / authority)]),
+        input=np.array([tiny]),
+        disturbed=("w",),
+        process=np.array([[2.0]]),
+        sensor=np.array([1e-2]),
     )
     expected = design_lqg(plain, asked, authority)
     # The tiny weight changes the gain by tiny/authority over R = 0.02.
@@ -181,7 +207,9 @@ def test_several_noises_make_one_colour():
     s = plant.system
     ports = (Port("w", "N"), Port("v", "N"), Port("u", "N")), PORTS[1]
     system = StateSpace(s.A, s.B[:, [0, 0, 1]], s.C, np.zeros((2, 3)))
-    twice = Plant(system, *ports, ("w", "v"), ("u",), ("z",), ("y",))
+    twice = Plant(
+        dynamics=system, inputs=ports[0], outputs=ports[1], w=("w", "v"), u=("u",), z=("z",), y=("y",)
+    )
     asked = dataclasses.replace(weights(), disturbed=("w", "v"), process=2.0 * np.eye(2))
     expected = design_lqg(twice, asked, 3.0, shaping=Shaping(colours=(("w", one), ("v", two))))
     assert law.cost == pytest.approx(expected.cost, rel=1e-12)
@@ -283,7 +311,14 @@ def test_what_makes_no_sense_is_refused():
 
 def test_an_integral_that_no_input_moves_is_named():
     # A rate has no response at rest: its integral cannot be held.
-    modal = ModalSystem([2.0], [0.01], [[1.0, 1.0]], [[1.0], [0.0]], [[0.0], [1.0]], ("bending",))
-    plant = Plant(modal, *PORTS, ("w",), ("u",), ("z",), ("y",))
+    modal = ModalSystem(
+        omega=[2.0],
+        zeta=[0.01],
+        psi=[[1.0, 1.0]],
+        phi=[[1.0], [0.0]],
+        phi_rate=[[0.0], [1.0]],
+        names=("bending",),
+    )
+    plant = Plant(dynamics=modal, inputs=PORTS[0], outputs=PORTS[1], w=("w",), u=("u",), z=("z",), y=("y",))
     with pytest.raises(NotStabilisableError, match="integral of y"):
         design_lqg(plant, weights(), 1.0, shaping=Shaping(integral=(("y", 1.0),)))

@@ -24,9 +24,13 @@ from middeck.systems.sampled_plant import sample_plant
 from middeck.systems.statespace import SampledStateSpace, StateSpace, gain_system
 
 FORCE, WAY, RATE = Port("force", "N"), Port("way", "m"), Port("rate", "m/s")
-INTEGRATOR = Plant(StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]), (FORCE,), (WAY,))
+INTEGRATOR = Plant(dynamics=StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]), inputs=(FORCE,), outputs=(WAY,))
 BODY = Plant(
-    ModalSystem([0.0], [0.0], [[1.0]], [[1.0], [0.0]], [[0.0], [1.0]], ("body",)), (FORCE,), (WAY, RATE)
+    dynamics=ModalSystem(
+        omega=[0.0], zeta=[0.0], psi=[[1.0]], phi=[[1.0], [0.0]], phi_rate=[[0.0], [1.0]], names=("body",)
+    ),
+    inputs=(FORCE,),
+    outputs=(WAY, RATE),
 )
 
 
@@ -72,7 +76,11 @@ def test_conditional_stability_has_a_gain_margin_downwards() -> None:
     """L = k (s + 1)^2 / s^3: at w = 1, L = -2 k... stable for k > 1/2."""
     k = 3.0
     A = np.diag([1.0, 1.0], 1)
-    triple = Plant(StateSpace(A, [[0.0], [0.0], [1.0]], [[1.0, 2.0, 1.0]], [[0.0]]), (FORCE,), (WAY,))
+    triple = Plant(
+        dynamics=StateSpace(A, [[0.0], [0.0], [1.0]], [[1.0, 2.0, 1.0]], [[0.0]]),
+        inputs=(FORCE,),
+        outputs=(WAY,),
+    )
     margins = measure_margins(triple, gain(k))
     assert margins.stable
     assert margins.loops[0].gain == pytest.approx([0.5 / k], rel=1e-12)
@@ -86,16 +94,30 @@ def test_no_light_mode_is_missed(zeta: float) -> None:
     omega = 2.0 * np.pi * np.geomspace(0.3, 60.0, 12)
     # A gain of 3 at each peak: modes far apart do not add to that.
     psi = (6.0 * zeta * omega**2)[:, None]
-    modes = ModalSystem(omega, np.full(12, zeta), psi, np.ones((1, 12)), np.zeros((1, 12)), ("m",) * 12)
-    one = measure_margins(Plant(modes, (FORCE,), (WAY,)), gain(1.0)).loops[0]
+    modes = ModalSystem(
+        omega=omega,
+        zeta=np.full(12, zeta),
+        psi=psi,
+        phi=np.ones((1, 12)),
+        phi_rate=np.zeros((1, 12)),
+        names=("m",) * 12,
+    )
+    one = measure_margins(Plant(dynamics=modes, inputs=(FORCE,), outputs=(WAY,)), gain(1.0)).loops[0]
     near = np.abs(one.phase_hz[:, None] * 2.0 * np.pi / omega - 1.0) < 6.0 * zeta
     assert np.array_equal(near.sum(axis=0), np.full(12, 2))
     assert one.sensitivity.gain > 1.0
 
 
 def test_delayed_modes_agree_with_a_brute_force_grid() -> None:
-    modes = ModalSystem([6.0, 40.0], [0.02, 0.01], [[1.0], [0.7]], [[30.0, 50.0]], [[0.0, 0.0]], ("a", "b"))
-    late = delay_plant(Plant(modes, (FORCE,), (WAY,)), 0.02)
+    modes = ModalSystem(
+        omega=[6.0, 40.0],
+        zeta=[0.02, 0.01],
+        psi=[[1.0], [0.7]],
+        phi=[[30.0, 50.0]],
+        phi_rate=[[0.0, 0.0]],
+        names=("a", "b"),
+    )
+    late = delay_plant(Plant(dynamics=modes, inputs=(FORCE,), outputs=(WAY,)), 0.02)
     one = measure_margins(late, gain(1.0)).loops[0]
     w = np.linspace(0.01, 400.0, 2_000_001)
     L = trace_return_ratio(late, gain(1.0), frequency_hz=w / 2.0 / np.pi).L[:, 0]
@@ -110,7 +132,7 @@ def test_delayed_modes_agree_with_a_brute_force_grid() -> None:
 
 def test_a_steady_gain_that_turns_the_sign_counts() -> None:
     """-1/(s + 1) under k: a real pole reaches the origin at the factor that makes k/(s + 1) one."""
-    lag = Plant(StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]]), (FORCE,), (WAY,))
+    lag = Plant(dynamics=StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]]), inputs=(FORCE,), outputs=(WAY,))
     margins = measure_margins(lag, gain(-0.25))
     assert margins.loops[0].gain == pytest.approx([4.0], rel=1e-14)
     assert margins.loops[0].gain_hz.tolist() == [0.0]
@@ -123,11 +145,13 @@ def test_a_real_pole_through_rest_counts_though_another_loop_holds_the_integrato
 ) -> None:
     """x' = u1 + u2, u1 = -3 k x, u2 = x: stable for k above a third, whatever the delay."""
     plant = Plant(
-        StateSpace([[0.0]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]]), (FORCE, Port("more", "N")), (WAY,)
+        dynamics=StateSpace([[0.0]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]]),
+        inputs=(FORCE, Port("more", "N")),
+        outputs=(WAY,),
     )
     K = np.array([[-3.0], [1.0]])
     if sampled:
-        law = SampledStateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((2, 0)), K, 0.05)
+        law = SampledStateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((2, 0)), K, period_s=0.05)
         held = sample_plant(delay_plant(plant, tau), 0.05)
         one = measure_margins(held, Compensator(law, (WAY,), plant.inputs)).loops[0]
     else:
@@ -141,9 +165,17 @@ def test_a_rigid_body_held_by_one_sensor_and_pushed_by_another() -> None:
     """PD from the way, 0.4 of the way fed back the wrong way round: k - 0.4 must stay positive."""
     away = Port("encoder", "m")
     twice = Plant(
-        ModalSystem([0.0], [0.0], [[1.0]], [[1.0], [0.0], [1.0]], [[0.0], [1.0], [0.0]], ("body",)),
-        (FORCE,), (WAY, RATE, away),
-    )  # fmt: skip
+        dynamics=ModalSystem(
+            omega=[0.0],
+            zeta=[0.0],
+            psi=[[1.0]],
+            phi=[[1.0], [0.0], [1.0]],
+            phi_rate=[[0.0], [1.0], [0.0]],
+            names=("body",),
+        ),
+        inputs=(FORCE,),
+        outputs=(WAY, RATE, away),
+    )
     law = Compensator(gain_system([[-1.0, -1.0, 0.4]]), (WAY, RATE, away), (FORCE,))
     way, rate, encoder = measure_margins(twice, law, at="outputs").loops
     assert way.gain_limits[0] == pytest.approx(0.4, rel=1e-9)
@@ -153,7 +185,7 @@ def test_a_rigid_body_held_by_one_sensor_and_pushed_by_another() -> None:
 
 def test_a_real_pole_through_infinity_counts() -> None:
     """1/(s + 1) - 1/2 under u = -k y: the pole is at -1 - k/(1 - k/2)."""
-    plant = Plant(StateSpace([[-1.0]], [[1.0]], [[1.0]], [[-0.5]]), (FORCE,), (WAY,))
+    plant = Plant(dynamics=StateSpace([[-1.0]], [[1.0]], [[1.0]], [[-0.5]]), inputs=(FORCE,), outputs=(WAY,))
     one = measure_margins(plant, gain(1.0)).loops[0]
     assert one.gain_limits == pytest.approx((0.0, 2.0), rel=1e-12)
     assert one.gain_hz.tolist() == [np.inf]
@@ -163,7 +195,7 @@ def test_sampled_integrator() -> None:
     """z+ = z - k z: L = k/(z - 1), real at z = -1: factor 2/k; unit gain where 2 sin(w T / 2) = k."""
     T, k = 0.01, 0.5
     plant = make_plant([[1.0]], [[1.0]], [[1.0]], period_s=T)
-    law = SampledStateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[-k]], T)
+    law = SampledStateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[-k]], period_s=T)
     margins = measure_margins(plant, Compensator(law, plant.outputs, plant.inputs))
     one = margins.loops[0]
     assert margins.stable
@@ -177,7 +209,7 @@ def test_sampled_integrator() -> None:
 def test_sampled_margins_approach_the_continuous_ones() -> None:
     """A hold of T is a delay of T/2 to first order, an error of (w T)^2/24 of it to second."""
     T = 1e-4
-    law = SampledStateSpace(np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((1, 0)), [[-2.0, -0.7]], T)
+    law = SampledStateSpace(np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((1, 0)), [[-2.0, -0.7]], period_s=T)
     compensator = Compensator(law, BODY.outputs, BODY.inputs)
     sampled = measure_margins(BODY, compensator, delays=False).loops[0]
     late = measure_margins(delay_plant(BODY, T / 2.0), gain(2.0, 0.7)).loops[0]
@@ -189,7 +221,7 @@ def satellite(a: float) -> tuple[Plant, Compensator]:
     """A spinning body, (Seiler, Packard and Gahinet 2020): T = 1/(s + 1) [[1, a], [-a, 1]] under u = -y."""
     A, C = np.array([[0.0, a], [-a, 0.0]]), np.array([[1.0, a], [-a, 1.0]])
     ports = (Port("u1", "N m"), Port("u2", "N m")), (Port("y1", "rad/s"), Port("y2", "rad/s"))
-    plant = Plant(StateSpace(A, np.eye(2), C, np.zeros((2, 2))), *ports)
+    plant = Plant(dynamics=StateSpace(A, np.eye(2), C, np.zeros((2, 2))), inputs=ports[0], outputs=ports[1])
     return plant, Compensator(gain_system(-np.eye(2)), ports[1], ports[0])
 
 
@@ -267,7 +299,9 @@ def test_a_root_on_a_line_is_minus_one_where_it_is_seen() -> None:
     """1/(s + 1) under -2, and beside it -1 at rest by itself: only the loop that has the root tells."""
     A, law = -np.eye(2), np.diag([0.5, 1.0])
     ports = (Port("u1", "N"), Port("u2", "N")), (Port("y1", "m"), Port("y2", "m"))
-    lags = Plant(StateSpace(A, np.eye(2), np.eye(2), np.zeros((2, 2))), *ports)
+    lags = Plant(
+        dynamics=StateSpace(A, np.eye(2), np.eye(2), np.zeros((2, 2))), inputs=ports[0], outputs=ports[1]
+    )
     held = Compensator(gain_system(law), ports[1], ports[0])
     at_rest = trace_return_ratio(lags, held, frequency_hz=np.array([0.0])).L[0]
     # With the second loop on its limit, the first one's ratio is that of a difference without meaning.
@@ -287,7 +321,9 @@ def test_ratio_of_one_loop_is_the_return_difference_of_all_over_that_of_the_othe
     delay = rng.uniform(0.0, 0.1, (ny, ny))
     law = Compensator(gain_system(rng.standard_normal((ny, ny))), y, u)
     f = np.array([0.0, 0.1, 1.0, 10.0])
-    L = trace_return_ratio(delay_plant(Plant(system, u, y), delay), law, at=at, frequency_hz=f).L
+    L = trace_return_ratio(
+        delay_plant(Plant(dynamics=system, inputs=u, outputs=y), delay), law, at=at, frequency_hz=f
+    ).L
     for k, s in enumerate(2j * np.pi * f):
         G = (system.C @ np.linalg.solve(s * np.eye(n) - A, system.B)) * np.exp(-s * delay)
         round_all = {"inputs": [law.system.D @ G], "outputs": [G @ law.system.D]}
@@ -302,7 +338,9 @@ def test_ratio_of_one_loop_is_the_return_difference_of_all_over_that_of_the_othe
 def test_bad_pairs_are_refused() -> None:
     with pytest.raises(ConfigError, match="a continuous compensator on a sampled plant"):
         measure_margins(sample_plant(INTEGRATOR, 0.1), gain(1.0))
-    slower = Compensator(SampledStateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]], 0.2), (WAY,), (FORCE,))
+    slower = Compensator(
+        SampledStateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]], period_s=0.2), (WAY,), (FORCE,)
+    )
     with pytest.raises(ConfigError, match=r"0\.2 s on a plant sampled every 0\.1 s"):
         measure_margins(sample_plant(INTEGRATOR, 0.1), slower)
     with pytest.raises(ConfigError, match="broken at"):
@@ -345,7 +383,7 @@ def test_scaling_is_the_structured_singular_value_for_three_channels() -> None:
 )
 def test_a_loop_that_keeps_its_gain_at_infinite_frequency_bears_no_delay(system, k, limit) -> None:
     """A delay makes it neutral: a chain of roots at log(gain)/delay (Hale and Verduyn Lunel 1993)."""
-    plant = Plant(system, (FORCE,), (WAY,))
+    plant = Plant(dynamics=system, inputs=(FORCE,), outputs=(WAY,))
     law = Compensator(gain_system(np.array([[-k]])), (WAY,), (FORCE,))
     for at in ("inputs", "outputs"):
         loop = measure_margins(plant, law, at=at).loops[0]
@@ -361,7 +399,7 @@ def test_two_loops_whose_direct_terms_turn_against_each_other() -> None:
     through = np.array([[0.9, 0.9], [-0.9, -0.9]]) + 0.3 * np.eye(2)
     ports = (Port("a", "N"), Port("b", "N")), (Port("c", "m"), Port("d", "m"))
     law = Compensator(gain_system(np.eye(2)), ports[1], ports[0])
-    late = delay_plant(Plant(gain_system(through), *ports), 0.1)
+    late = delay_plant(Plant(dynamics=gain_system(through), inputs=ports[0], outputs=ports[1]), 0.1)
     assert decide_stability(late, law).stable
     # The margins would list crossings that repeat without end: asked for here is the rule alone.
     assert bears_no_delay(form_loop(late, law), "inputs").tolist() == [True, True]

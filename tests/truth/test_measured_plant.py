@@ -252,7 +252,9 @@ def test_what_no_path_reaches_is_kept_once():
     )  # fmt: skip
     ports = (Port("a", "N"), Port("b", "N")), (Port("c", "m"), Port("d", "m"))
     late = np.array([[0.01, 0.02], [0.02, 0.01]])
-    plant = Plant(system, *ports, state_names=("one", "two", "lost"), delay_s=late)
+    plant = Plant(
+        dynamics=system, inputs=ports[0], outputs=ports[1], state_names=("one", "two", "lost"), delay_s=late
+    )
     names = approximate_delays(plant, 2).state_names
     assert [names.count(name) for name in ("one", "two", "lost")] == [1, 1, 1]
     hz = np.array([0.1, 1.0])

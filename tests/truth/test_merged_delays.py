@@ -34,7 +34,13 @@ def measure(seed, delay_s):
     modes = 1.0 / (s[:, None] ** 2 + 0.02 * w * s[:, None] + w**2)
     H = np.exp(-s[:, None] * np.asarray(delay_s)) * (modes @ SHAPES.T)
     H = H + NOISE * np.sqrt(0.5) * (rng.standard_normal((60, 3)) + 1j * rng.standard_normal((60, 3)))
-    return FrequencyResponse(LINES, H[:, :, None], *PORTS, np.full((60, 3, 1), NOISE**2))
+    return FrequencyResponse(
+        frequency_hz=LINES,
+        H=H[:, :, None],
+        inputs=PORTS[0],
+        outputs=PORTS[1],
+        variance=np.full((60, 3, 1), NOISE**2),
+    )
 
 
 def covariance_of(delay_s, deviation_s, *, path_delay_s=None, degrees=np.inf):

@@ -27,7 +27,11 @@ def modes_in(parts: Structure, environment: Environment | None = None, count: in
 def test_error_of_a_free_beam_in_bending_torsion_and_along(elements: int):
     """Bending against the characteristic roots, bars against n pi: errors of the orders h^4 and h^2."""
     EA, GJ, EI, rho_A, L = 1e6, 80.0, 100.0, 0.5, 2.0
-    modes = modes_in(straight_beam(Section(EA, GJ, EI, EI, rho_A, 1e-7, 1e-7), L, elements))
+    modes = modes_in(
+        straight_beam(
+            Section(EA=EA, GJ=GJ, EI_y=EI, EI_z=EI, rho_A=rho_A, rho_I_y=1e-7, rho_I_z=1e-7), L, elements
+        )
+    )
     error = estimate_mesh_error(modes)
     bending = np.repeat(FREE**2, 2) * np.sqrt(EI / (rho_A * L**4))
     found = [m for m, name in enumerate(modes.name) if "bending" in name][:4]
@@ -71,7 +75,11 @@ def test_the_two_articles_are_meshed_finely_enough_and_one_element_a_strut_is_no
 
 def test_a_mesh_that_lacks_modes_says_from_where_on(tmp_path: Path):
     """One element has two modes of bending in each plane; of more it knows nothing."""
-    modes = modes_in(straight_beam(Section(1e6, 80.0, 100.0, 100.0, 0.5, 1e-4, 1e-4), 2.0, 1))
+    modes = modes_in(
+        straight_beam(
+            Section(EA=1e6, GJ=80.0, EI_y=100.0, EI_z=100.0, rho_A=0.5, rho_I_y=1e-4, rho_I_z=1e-4), 2.0, 1
+        )
+    )
     error = estimate_mesh_error(modes)
     assert np.isinf(error[-1])
     (said,) = mesh_warnings(modes, 12)

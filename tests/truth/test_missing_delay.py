@@ -27,7 +27,13 @@ def rates(delay_s=(DELAY, DELAY), *, modes=2, noise=1e-3):
     re, im = np.random.default_rng(4).standard_normal((2, *H.shape)) / np.sqrt(2.0)
     ports = tuple(Port(name, "rad/s") for name in ("hub", "tip"))
     variance = np.broadcast_to(size**2, H.shape).copy()
-    return FrequencyResponse(F, H + size * (re + 1j * im), (Port("torque", "N m"),), ports, variance)
+    return FrequencyResponse(
+        frequency_hz=F,
+        H=H + size * (re + 1j * im),
+        inputs=(Port("torque", "N m"),),
+        outputs=ports,
+        variance=variance,
+    )
 
 
 def hints(fitted):

@@ -20,7 +20,7 @@ from middeck.structure.rest.statics import dynamic_coordinates
 from middeck.systems.modal import modal_response
 from structure_builders import GRAVITY, body, member, node, structure
 
-TUBE = Section(1e6, 80.0, 100.0, 100.0, 0.5, 1e-4, 1e-4)
+TUBE = Section(EA=1e6, GJ=80.0, EI_y=100.0, EI_z=100.0, rho_A=0.5, rho_I_y=1e-4, rho_I_z=1e-4)
 X, Y, Z = np.eye(3)
 PORTS = ("wheel", "tilted", "motor")
 ALL = 1000
@@ -32,23 +32,37 @@ def article(state: JointState = JointState.FREE, angle: float = 0.7):
         node(n, (x, 0, 0), body(4.0, (0, -0.05, 0.01), (0.1, 0.2, 0.3)), 0.05)
         for n, x in (("a", 0.0), ("b", 1.0))
     ]
-    payload = Joint("p", "b", np.array([0, -0.05, 0]), X, angle, body(2.0, (0, -0.2, 0), (0.1,) * 3), state)
+    payload = Joint(
+        name="p",
+        parent="b",
+        offset=np.array([0, -0.05, 0]),
+        axis=X,
+        angle=angle,
+        body=body(2.0, (0, -0.2, 0), (0.1,) * 3),
+        state=state,
+    )
     slanted = np.array([0.6, 0.0, 0.8])
     attach = [AttachPoint(n, n, np.array([0, 0.02, 0])) for n in "ab"]
-    actuators = [Actuator("wheel", "a", Z), Actuator("tilted", "a", slanted), Actuator("motor", "p", None)]
+    actuators = [
+        Actuator(name="wheel", frame="a", axis=Z),
+        Actuator(name="tilted", frame="a", axis=slanted),
+        Actuator(name="motor", frame="p", axis=None),
+    ]
     sensors = [
-        Sensor("wheel", "a", Z, "a"),
-        Sensor("tilted", "a", slanted, "a"),
-        Sensor("motor", "p", None),
-        Sensor("payload", "p", Z, "p"),
-        Sensor("across", "p", Z, "b"),
+        Sensor(name="wheel", frame="a", axis=Z, axis_frame="a"),
+        Sensor(name="tilted", frame="a", axis=slanted, axis_frame="a"),
+        Sensor(name="motor", frame="p", axis=None),
+        Sensor(name="payload", frame="p", axis=Z, axis_frame="p"),
+        Sensor(name="across", frame="p", axis=Z, axis_frame="b"),
     ]
     return structure(nodes, [member("a", "b", TUBE, 3)], [payload], (), attach, actuators, sensors)
 
 
 def lab_modes(**kw) -> Modes:
-    suspension = Suspension(("a", "b"), ("xyz", "yz"), 4.0, 0.25)
-    return solve_modes(solve_equilibrium(article(**kw), Environment("lab", GRAVITY, suspension)))
+    suspension = Suspension(attach=("a", "b"), held=("xyz", "yz"), cable_length=4.0, bounce_hz=0.25)
+    return solve_modes(
+        solve_equilibrium(article(**kw), Environment(title="lab", gravity=GRAVITY, suspension=suspension))
+    )
 
 
 def orbit_modes(**kw) -> Modes:
@@ -125,9 +139,14 @@ def test_rigid_gain_is_the_inverse_inertia():
 
 def test_rigid_gain_of_a_motor_between_free_bodies():
     """Two free bodies on a common principal axis: 1/I1 + 1/I2 at the joint angle."""
-    payload = Joint("p", "a", np.zeros(3), X, 0.3, body(2.0, inertia=(0.3, 0.2, 0.2)))
+    payload = Joint(
+        name="p", parent="a", offset=np.zeros(3), axis=X, angle=0.3, body=body(2.0, inertia=(0.3, 0.2, 0.2))
+    )
     base = node("a", (0, 0, 0), body(1.0, inertia=(0.2, 0.1, 0.1)))
-    ports = [Actuator("motor", "p", None)], [Sensor("motor", "p", None), Sensor("base", "a", X, "a")]
+    ports = (
+        [Actuator(name="motor", frame="p", axis=None)],
+        [Sensor(name="motor", frame="p", axis=None), Sensor(name="base", frame="a", axis=X, axis_frame="a")],
+    )
     modes = solve_modes(
         solve_equilibrium(structure([base], (), [payload], (), (), *ports), Environment.orbit())
     )
@@ -151,7 +170,7 @@ def test_rates_are_derivatives_of_angles():
 def test_damping_goes_by_rank_or_by_energy():
     """By energy a pendulum that bends its carrier a little has less than the suspension's ratio."""
     modes = lab_modes()
-    ranked = Damping(0.01, 0.03, by_rank=True)
+    ranked = Damping(flexible=0.01, suspension=0.03, by_rank=True)
     lab = build_plant(modes, inputs=PORTS, outputs=PORTS, count=12, damping=ranked)
     assert lab.dynamics.zeta == pytest.approx([0.03] * 7 + [0.01] * 5)
     strain = modes.strain_share[:12]
@@ -200,7 +219,7 @@ def test_a_plant_without_inputs_or_outputs_is_an_empty_one():
 def test_a_sensor_named_with_rate_in_its_own_name():
     """A sensor called ``turn_rate`` is an angle sensor of that name; its rate is ``turn_rate_rate``."""
     parts = article()
-    parts = dataclasses.replace(parts, sensors=(Sensor("turn_rate", "a", Z, "a"),))
+    parts = dataclasses.replace(parts, sensors=(Sensor(name="turn_rate", frame="a", axis=Z, axis_frame="a"),))
     modes = solve_modes(solve_equilibrium(parts, Environment.orbit()))
     plant = build_plant(modes, inputs=["wheel"], outputs=["turn_rate", "turn_rate_rate"], count=8)
     assert np.any(plant.dynamics.phi[0] != 0.0)

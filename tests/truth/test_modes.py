@@ -26,7 +26,7 @@ from structure_builders import (
 
 G = 9.80665
 Z = np.array([0.0, 0.0, 1.0])
-TUBE = Section(1e6, 80.0, 100.0, 100.0, 0.5, 1e-4, 1e-4)
+TUBE = Section(EA=1e6, GJ=80.0, EI_y=100.0, EI_z=100.0, rho_A=0.5, rho_I_y=1e-4, rho_I_z=1e-4)
 
 
 def modes_of(parts, environment=None) -> Modes:
@@ -89,19 +89,28 @@ def test_two_spring_bar_hung_above_its_centre(h: float):
 @pytest.mark.parametrize("bounce_hz", [0.1, 0.25])
 def test_a_suspension_tuned_to_its_load_bounces_at_its_frequency(bounce_hz: float):
     bar = rigid_bar(7.0, 2.0, (0.3, 2.0, 2.0), attach_y=0.1)
-    suspension = Suspension(("left", "right"), ("xyz", "yz"), 4.0, bounce_hz)
-    omega = named(modes_of(bar, Environment("lab", GRAVITY, suspension)))
+    suspension = Suspension(
+        attach=("left", "right"), held=("xyz", "yz"), cable_length=4.0, bounce_hz=bounce_hz
+    )
+    omega = named(modes_of(bar, Environment(title="lab", gravity=GRAVITY, suspension=suspension)))
     assert omega["bounce"] == pytest.approx(2 * np.pi * bounce_hz, rel=1e-8)
     assert omega["yaw"] == pytest.approx(np.sqrt(7.0 * G / (4.0 * 2.0)), rel=1e-8)
 
 
 def test_stiff_article_keeps_its_soft_suspension():
     """A gap of 1e9 between two omega^2 is no sign of rigid-body modes: these pendulums are real."""
-    stiff = Section(1e9, 1e6, 1e6, 1e6, 1.0, 1e-3, 1e-3)
+    stiff = Section(EA=1e9, GJ=1e6, EI_y=1e6, EI_z=1e6, rho_A=1.0, rho_I_y=1e-3, rho_I_z=1e-3)
     nodes = [node(n, (x, 0, 0), body(1, (0, -0.1, 0), (1e-2,) * 3)) for n, x in (("a", 0.0), ("b", 0.5))]
     attach = [AttachPoint(n, n, np.array([0, 0.02, 0])) for n in "ab"]
     parts = structure(nodes, [member("a", "b", stiff, 2)], attach=attach)
-    modes = modes_of(parts, Environment("lab", GRAVITY, Suspension(("a", "b"), ("xyz", "yz"), 100.0, 0.25)))
+    modes = modes_of(
+        parts,
+        Environment(
+            title="lab",
+            gravity=GRAVITY,
+            suspension=Suspension(attach=("a", "b"), held=("xyz", "yz"), cable_length=100.0, bounce_hz=0.25),
+        ),
+    )
     assert modes.kind[:6] == ("suspension",) * 6
     assert modes.kind[6] == "flexible"
     assert modes.omega[0] == pytest.approx(np.sqrt(G / 100.1), rel=5e-3)  # cg 0.12 m below a 100 m cable
@@ -113,7 +122,16 @@ def test_stiff_article_keeps_its_soft_suspension():
 
 def two_discs(state: JointState, stiffness: float = 0.0, gap: float = 0.0):
     """Two coaxial discs, inertias 0.2 and 0.3 kg m^2 about z, hinged on their common axis."""
-    hinge = Joint("h", "a", np.zeros(3), Z, 0.0, body(2.0, (0, gap, 0), (0.2, 0.2, 0.3)), state, stiffness)
+    hinge = Joint(
+        name="h",
+        parent="a",
+        offset=np.zeros(3),
+        axis=Z,
+        angle=0.0,
+        body=body(2.0, (0, gap, 0), (0.2, 0.2, 0.3)),
+        state=state,
+        stiffness=stiffness,
+    )
     return structure([node("a", (0.3, 0.2, 0.1), body(1.0, inertia=(0.1, 0.1, 0.2)))], joints=[hinge])
 
 
@@ -130,7 +148,15 @@ def test_locked_or_driven_hinge_is_a_weld(state: JointState):
     nodes = [node("a", (0, 0, 0), body(1.0, (0, 0.1, 0), (0.1, 0.2, 0.3)))]
     end = node("b", (1, 0, 0), body(0.5, inertia=(0.01, 0.01, 0.01)))
     beam = member("a", "b", TUBE, 4)
-    arm = Joint("h", "b", np.array([0.2, 0, 0]), Z, 0.0, body(2.0, (0, -0.3, 0), (0.1,) * 3), state)
+    arm = Joint(
+        name="h",
+        parent="b",
+        offset=np.array([0.2, 0, 0]),
+        axis=Z,
+        angle=0.0,
+        body=body(2.0, (0, -0.3, 0), (0.1,) * 3),
+        state=state,
+    )
     hinged = modes_of(structure([*nodes, end], [beam], [arm]))
     m, r = 2.5, np.array([0.2, -0.3, 0.0]) * 2.0 / 2.5
     inertia = 0.11 * np.eye(3)
@@ -147,11 +173,27 @@ def test_locked_or_driven_hinge_is_a_weld(state: JointState):
 def test_free_gimbal_swings_under_its_constant_holding_torque():
     """On a heavy, stiffly held carrier: omega^2 = m g d cos(angle) / (I + m d^2)."""
     m, d, inertia, angle = 5.0, 0.08, 0.03, np.pi / 4
-    payload = Joint("p", "bar", np.zeros(3), Z, angle, body(m, (0, -d, 0), (1, 1, inertia)))
+    payload = Joint(
+        name="p",
+        parent="bar",
+        offset=np.zeros(3),
+        axis=Z,
+        angle=angle,
+        body=body(m, (0, -d, 0), (1, 1, inertia)),
+    )
     heavy = rigid_bar(1e7, 2.0, (1e7, 1e7, 1e7), attach_y=0.5)
     corners = [AttachPoint(f"c{i}", "bar", np.array([x, 0.5, z])) for i, (x, z) in enumerate(CORNERS)]
     parts = dataclasses.replace(heavy, joints=(payload,), attach_points=tuple(corners))
-    springs = [AnchoredSpring(c.name, c.name, c.offset + np.array([0, 2.0, 0]), 1e9, 1.9) for c in corners]
+    springs = [
+        AnchoredSpring(
+            name=c.name,
+            attach=c.name,
+            anchor=c.offset + np.array([0, 2.0, 0]),
+            stiffness=1e9,
+            free_length=1.9,
+        )
+        for c in corners
+    ]
     modes = modes_of(parts, lab(*springs))
     pendulum = modes.omega[modes.name.index("payload pendulum p")]
     # The carrier gives way by 1e-6 of the payload's motion; it also tilts by that under the torque.
@@ -174,7 +216,13 @@ def test_single_free_body_has_six_rigid_modes():
 
 def test_free_flywheel_of_no_mass_keeps_its_inertia():
     wheel = Joint(
-        "w", "a", np.zeros(3), np.eye(3)[0], 0.0, body(0.0, inertia=(0.1, 0.05, 0.05)), JointState.FREE
+        name="w",
+        parent="a",
+        offset=np.zeros(3),
+        axis=np.eye(3)[0],
+        angle=0.0,
+        body=body(0.0, inertia=(0.1, 0.05, 0.05)),
+        state=JointState.FREE,
     )
     parts = structure([node("a", (0, 0, 0), body(2.0, inertia=(0.1, 0.2, 0.3)))], joints=[wheel])
     assert modes_of(parts).kind == ("rigid",) * 7
@@ -199,7 +247,7 @@ def test_pretensioned_free_body_keeps_six_rigid_modes(share: float):
     ]
     attach = [AttachPoint(n, n, np.array([0.0, 0.1, 0.05])) for n in "ac"]
     apart = float(np.linalg.norm(np.array([2.0, 0.0, 0.2])))
-    string = Spring("s", "a", "c", 200.0, share * apart)
+    string = Spring(name="s", start="a", end="c", stiffness=200.0, free_length=share * apart)
     parts = structure(nodes, [member("a", "b", TUBE, 3), member("b", "c", TUBE, 3)], [], [string], attach)
     unstrung = dataclasses.replace(parts, springs=(dataclasses.replace(string, free_length=apart),))
     modes, slack = modes_of(parts), modes_of(unstrung)
@@ -213,7 +261,9 @@ def test_strain_of_springs_counts():
     """Two bodies on a spring alone: all energy is in the spring, and the mode says so."""
     nodes = [node(n, (x, 0, 0), body(2.0, inertia=(0.1,) * 3)) for n, x in (("a", 0.0), ("b", 1.0))]
     attach = [AttachPoint(n, n, np.zeros(3)) for n in "ab"]
-    parts = structure(nodes, attach=attach, springs=[Spring("s", "a", "b", 50.0, 1.0)])
+    parts = structure(
+        nodes, attach=attach, springs=[Spring(name="s", start="a", end="b", stiffness=50.0, free_length=1.0)]
+    )
     modes = modes_of(parts)
     assert modes.name[-1] == "first spring"
     assert modes.omega[-1] == pytest.approx(np.sqrt(50.0), rel=1e-10)
@@ -229,9 +279,9 @@ def hung_beam() -> Modes:
         dataclasses.replace(n, body=body(2.0, (0, -0.05, 0.01), (0.1, 0.2, 0.3))) for n in parts.nodes
     )
     attach = tuple(AttachPoint(n.name, n.name, np.array([0, 0.02, 0])) for n in nodes)
-    suspension = Suspension(("a", "b"), ("xyz", "yz"), 4.0, 0.25)
+    suspension = Suspension(attach=("a", "b"), held=("xyz", "yz"), cable_length=4.0, bounce_hz=0.25)
     parts = dataclasses.replace(parts, nodes=nodes, attach_points=attach)
-    return modes_of(parts, Environment("lab", GRAVITY, suspension))
+    return modes_of(parts, Environment(title="lab", gravity=GRAVITY, suspension=suspension))
 
 
 def test_shapes_are_mass_orthonormal_and_frequencies_ascend():
@@ -267,19 +317,26 @@ def test_the_one_rigid_mode_of_a_body_on_one_cable_is_its_yaw(state: JointState)
     axes = ((0.3, 0.0, 0.1), np.eye(3)[0]), ((-0.2, 0.0, 0.1), Z), ((0.0, 0.0, -0.3), np.eye(3)[0])
     joints = [
         Joint(
-            f"p{i}",
-            "a",
-            np.array(at),
-            axis,
-            0.0,
-            body(1.0 + i, (0.01, -0.2, 0.02), (0.02, 0.03, 0.04)),
-            state,
+            name=f"p{i}",
+            parent="a",
+            offset=np.array(at),
+            axis=axis,
+            angle=0.0,
+            body=body(1.0 + i, (0.01, -0.2, 0.02), (0.02, 0.03, 0.04)),
+            state=state,
         )
         for i, (at, axis) in enumerate(axes)
     ]
     carrier = node("a", (0.3, 0.2, 0.1), body(4.0, (0.02, -0.05, 0.03), (0.2, 0.3, 0.25)))
     parts = structure([carrier], joints=joints, attach=[AttachPoint("a", "a", np.array([0.05, 0.3, 0.02]))])
-    modes = modes_of(parts, Environment("lab", GRAVITY, Suspension(("a",), ("xyz",), 3.0, 0.3)))
+    modes = modes_of(
+        parts,
+        Environment(
+            title="lab",
+            gravity=GRAVITY,
+            suspension=Suspension(attach=("a",), held=("xyz",), cable_length=3.0, bounce_hz=0.3),
+        ),
+    )
     assert modes.kind.count("rigid") == 1
     assert modes.name[0] == "rotation y"
     turn = modes.shapes[3:6, 0] / np.abs(modes.shapes[3:6, 0]).max()

@@ -25,18 +25,27 @@ RATE, DELAY = 500.0, 0.010
 T = 1.0 / RATE
 INERTIA = 0.5
 NOISE = 2e-4
-SHEET = Gyro(100.0, NOISE, 1e-3, 1e-5, 200.0)
+SHEET = Gyro(bandwidth_hz=100.0, noise=NOISE, bias=1e-3, bias_walk=1e-5, anti_alias_hz=200.0)
 
 
 def free_body(viscous=0.0):
     """A free inertia with one torque and one angle."""
-    modal = ModalSystem(np.zeros(1), np.zeros(1), [[INERTIA**-0.5]], [[INERTIA**-0.5]], [[0.0]], ("spin",))
-    return Plant(modal, (Port("bus_z", "N m"),), (Port("bus_z", "rad"),))
+    modal = ModalSystem(
+        omega=np.zeros(1),
+        zeta=np.zeros(1),
+        psi=[[INERTIA**-0.5]],
+        phi=[[INERTIA**-0.5]],
+        phi_rate=[[0.0]],
+        names=("spin",),
+    )
+    return Plant(dynamics=modal, inputs=(Port("bus_z", "N m"),), outputs=(Port("bus_z", "rad"),))
 
 
 def oscillator(zeta=0.01, hz=1.3):
-    modal = ModalSystem([2.0 * np.pi * hz], [zeta], [[1.0]], [[1.0]], [[0.0]], ("swing",))
-    return Plant(modal, (Port("bus_z", "N m"),), (Port("bus_z", "rad"),))
+    modal = ModalSystem(
+        omega=[2.0 * np.pi * hz], zeta=[zeta], psi=[[1.0]], phi=[[1.0]], phi_rate=[[0.0]], names=("swing",)
+    )
+    return Plant(dynamics=modal, inputs=(Port("bus_z", "N m"),), outputs=(Port("bus_z", "rad"),))
 
 
 def rig_of(plant, motor=Motor(), sensor=Sampler(), **more):  # noqa: B008
@@ -46,7 +55,7 @@ def rig_of(plant, motor=Motor(), sensor=Sampler(), **more):  # noqa: B008
 
 
 def gain(value):
-    return SampledStateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[value]], T)
+    return SampledStateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[value]], period_s=T)
 
 
 def run_through(rig, u, law=None):
@@ -60,7 +69,7 @@ def run_through(rig, u, law=None):
 def test_a_wheel_gives_its_momentum_to_the_bus_and_no_more():
     rotor = Rotor(0.006, 300.0)
     u = np.full(4000, 0.4)
-    taken = run_through(rig_of(free_body(), Motor(0.5, rotor=rotor)), u)
+    taken = run_through(rig_of(free_body(), Motor(torque_limit=0.5, rotor=rotor)), u)
     torque = taken["torque"]
     # Momentum of the rotor is minus the integral of its torque, tick by tick; rounding of 4000 sums.
     np.testing.assert_allclose(taken["momentum"] * T, -np.cumsum(torque) * T, rtol=0.0, atol=1e-12)
@@ -75,7 +84,7 @@ def test_a_wheel_gives_its_momentum_to_the_bus_and_no_more():
 
 
 def test_a_full_rotor_still_runs_down():
-    motor = Motor(0.5, rotor=Rotor(0.006, 300.0))
+    motor = Motor(torque_limit=0.5, rotor=Rotor(0.006, 300.0))
     u = np.concatenate([np.full(3000, 0.5), np.full(1000, -0.5)])
     torque = run_through(rig_of(free_body(), motor), u)["torque"]
     assert abs(torque[2999]) < 1e-12
@@ -83,7 +92,7 @@ def test_a_full_rotor_still_runs_down():
 
 
 def test_events_of_a_wheel_are_counted():
-    rig = rig_of(free_body(), Motor(0.5, slew_limit=100.0, rotor=Rotor(0.006, 300.0)))
+    rig = rig_of(free_body(), Motor(torque_limit=0.5, slew_limit=100.0, rotor=Rotor(0.006, 300.0)))
     u = np.full((2500, 1), 2.0)
     run = run_open_loop(rig, u, periods=1, rng=np.random.default_rng(0), settle=0)
     # 0.2 N m a tick up to 0.5; then 0.5 N m fill what is left of 1.8 N m s.
@@ -98,7 +107,7 @@ def test_events_of_a_wheel_are_counted():
 
 
 def test_disturbance_and_control_share_the_saturation_and_holding_counts():
-    motor = Motor(0.6, holding=0.3)
+    motor = Motor(torque_limit=0.6, holding=0.3)
     rng = np.random.default_rng(1)
     u = np.sin(8.0 * T * np.arange(3000)) + rng.standard_normal(3000)
     taken = run_through(rig_of(oscillator(0.2), motor), u, gain(-60.0))
@@ -153,7 +162,13 @@ def at_rest(rig, ticks, seed=0, rest_s=0.0, chosen="readings"):
 
 
 def test_gyro_noise_has_its_spectrum_behind_the_filter():
-    readings = at_rest(rig_of(oscillator(), sensor=Gyro(100.0, NOISE, 0.0, 0.0, 200.0)), 100_000)
+    readings = at_rest(
+        rig_of(
+            oscillator(),
+            sensor=Gyro(bandwidth_hz=100.0, noise=NOISE, bias=0.0, bias_walk=0.0, anti_alias_hz=200.0),
+        ),
+        100_000,
+    )
     hz, density = scipy.signal.welch(readings, RATE, nperseg=1024)
     # White noise through Butterworth's filter, folded at half the rate; welch counts both sides as one.
     images = np.arange(-200, 201)[:, None] * RATE + hz[None]
@@ -174,7 +189,10 @@ def test_gyro_without_a_filter_has_the_noise_of_its_band():
 
 def test_integrated_noise_walks():
     """The angle that white rate noise of intensity S leaves has the variance S t."""
-    rig = rig_of(oscillator(), sensor=Gyro(100.0, NOISE, 0.0, 0.0, 200.0))
+    rig = rig_of(
+        oscillator(),
+        sensor=Gyro(bandwidth_hz=100.0, noise=NOISE, bias=0.0, bias_walk=0.0, anti_alias_hz=200.0),
+    )
     angle = at_rest(rig, 30_000, chosen="measured").reshape(200, 150)
     steps = angle[:, -1] - angle[:, 0]
     # 200 pieces of 0.3 s; the filter ties their ends together for some milliseconds only. The rms is known to
@@ -231,7 +249,7 @@ def test_records_of_the_sheets_gyro_serve_identification():
     u = np.fft.irfft(spectrum, samples)[:, None]
     run = run_open_loop(rig, u, periods=periods, rng=rng, settle=4, rest_s=10.0)
     clean = run_open_loop(
-        rig_of(plant, sensor=Gyro(100.0, anti_alias_hz=200.0)), u, periods=1, rng=rng, settle=4
+        rig_of(plant, sensor=Gyro(bandwidth_hz=100.0, anti_alias_hz=200.0)), u, periods=1, rng=rng, settle=4
     )
     Y, Y0 = (np.fft.rfft(r.record.y[0].mean(axis=0)[:, 0])[lines] for r in (run, clean))
     hz = lines * RATE / samples
@@ -267,7 +285,7 @@ def test_friction_only_takes_energy_and_stops_the_joint_where_it_must():
 
 
 def test_a_closed_loop_through_everything_runs_and_is_the_same_twice():
-    motor = Motor(0.5, slew_limit=50.0, resolution=1e-5, rotor=Rotor(0.006, 300.0))
+    motor = Motor(torque_limit=0.5, slew_limit=50.0, resolution=1e-5, rotor=Rotor(0.006, 300.0))
     joints = [JointElements("bus_z", "bus_z", (Friction(0.002, 2.0, 0.001),))]
     rig = rig_of(oscillator(), motor, SHEET, joints=joints)
     u = 0.05 * np.random.default_rng(6).standard_normal((1000, 1))
@@ -284,10 +302,10 @@ def test_a_closed_loop_through_everything_runs_and_is_the_same_twice():
 
 def test_named_modes_drift_with_age_and_only_they():
     modal = ModalSystem(
-        2.0 * np.pi * np.array([1.0, 8.8, 9.3]), np.full(3, 0.01), np.ones((3, 1)), np.ones((1, 3)),
-        np.zeros((1, 3)), ("first", "second", "third"),
+        omega=2.0 * np.pi * np.array([1.0, 8.8, 9.3]), zeta=np.full(3, 0.01),
+        psi=np.ones((3, 1)), phi=np.ones((1, 3)), phi_rate=np.zeros((1, 3)), names=("first", "second", "third"),
     )  # fmt: skip
-    plant = Plant(modal, (Port("u", "N m"),), (Port("y", "rad"),))
+    plant = Plant(dynamics=modal, inputs=(Port("u", "N m"),), outputs=(Port("y", "rad"),))
     pair = nearest_modes(plant, 9.0)
     assert pair == ("second", "third")
     drift = Drift(pair, 2.0, 1000.0)

@@ -53,12 +53,21 @@ def random_plant(seed, states=6, w=2, u=2, z=2, y=3):
     outputs = tuple(Port(f"o{k}", "m") for k in range(z + y))
     names = [p.name for p in inputs], [p.name for p in outputs]
     plant = Plant(
-        system, inputs, outputs, tuple(names[0][:w]), tuple(names[0][w:]), tuple(names[1][:z]),
-        tuple(names[1][z:]),
-    )  # fmt: skip
+        dynamics=system,
+        inputs=inputs,
+        outputs=outputs,
+        w=tuple(names[0][:w]),
+        u=tuple(names[0][w:]),
+        z=tuple(names[1][:z]),
+        y=tuple(names[1][z:]),
+    )
     G = rng.standard_normal((w, w))
     weights = LQGWeights(
-        rng.uniform(0.5, 2.0, z), rng.uniform(0.5, 2.0, u), plant.w, G @ G.T, rng.uniform(0.1, 1.0, y)
+        output=rng.uniform(0.5, 2.0, z),
+        input=rng.uniform(0.5, 2.0, u),
+        disturbed=plant.w,
+        process=G @ G.T,
+        sensor=rng.uniform(0.1, 1.0, y),
     )
     return plant, weights
 
@@ -176,9 +185,16 @@ def test_more_states_than_the_plant_do_not_hurt(three_models):
 def one_mode(omega=2.0, zeta=0.01, names=("mode",)):
     n = len(names)
     omega = np.broadcast_to(omega, n)
-    modal = ModalSystem(omega, np.full(n, zeta), np.ones((n, 2)), np.ones((2, n)), np.zeros((2, n)), names)
+    modal = ModalSystem(
+        omega=omega,
+        zeta=np.full(n, zeta),
+        psi=np.ones((n, 2)),
+        phi=np.ones((2, n)),
+        phi_rate=np.zeros((2, n)),
+        names=names,
+    )
     ports = (Port("w", "N"), Port("u", "N")), (Port("z", "m"), Port("y", "m"))
-    return Plant(modal, *ports, ("w",), ("u",), ("z",), ("y",))
+    return Plant(dynamics=modal, inputs=ports[0], outputs=ports[1], w=("w",), u=("u",), z=("z",), y=("y",))
 
 
 def test_order_one_is_as_good_as_all_laws_of_one_state():
@@ -211,8 +227,22 @@ def test_decentralised_law_of_two_separate_plants_is_two_lqg_laws():
     )
     inputs = tuple(Port(f"{p.name}{k}", p.unit) for k in (1, 2) for p in alone[0].inputs)
     outputs = tuple(Port(f"{p.name}{k}", p.unit) for k in (1, 2) for p in alone[0].outputs)
-    plant = Plant(joined, inputs, outputs, ("w1", "w2"), ("u1", "u2"), ("z1", "z2"), ("y1", "y2"))
-    weights = LQGWeights(np.ones(2), np.ones(2), ("w1", "w2"), np.eye(2), np.full(2, 1e-3))
+    plant = Plant(
+        dynamics=joined,
+        inputs=inputs,
+        outputs=outputs,
+        w=("w1", "w2"),
+        u=("u1", "u2"),
+        z=("z1", "z2"),
+        y=("y1", "y2"),
+    )
+    weights = LQGWeights(
+        output=np.ones(2),
+        input=np.ones(2),
+        disturbed=("w1", "w2"),
+        process=np.eye(2),
+        sensor=np.full(2, 1e-3),
+    )
     stations = Station(("y1",), ("u1",), 2), Station(("y2",), ("u2",), 2)
     law = design_multimodel(plant, weights, 4.0, uncertainty=(), structure=Structure(stations=stations))
     single = dataclasses.replace(WEIGHTS, sensor=np.array([1e-3]))
@@ -279,7 +309,7 @@ def test_a_box_with_a_loop_closed_after_the_shift(three_models):
             ),
         )
 
-    box = Uncertainty((ModeShift(("mode",), 0.1),), finish=spring)
+    box = Uncertainty(shifts=(ModeShift(("mode",), 0.1),), finish=spring)
     found = finished_plants(plant, box, np.array([[1.0]]))[0]
     by_hand = spring(shift_modes(plant, {"mode": 1.1}))
     np.testing.assert_array_equal(found.system.A, by_hand.system.A)
@@ -297,7 +327,7 @@ def test_bad_input_is_named():
         return design_multimodel(plant, weights, authority, uncertainty=uncertainty, **more)
 
     with pytest.raises(ConfigError, match=r"no mode named '8\.9 Hz'"):
-        design(Uncertainty((ModeShift(("8.9 Hz",), 0.02),)))
+        design(Uncertainty(shifts=(ModeShift(("8.9 Hz",), 0.02),)))
     with pytest.raises(ConfigError, match="authority"):
         design(authority=0.0)
     with pytest.raises(ConfigError, match="2 output weights for 1 ports"):
@@ -314,7 +344,7 @@ def test_bad_input_is_named():
     with pytest.raises(ConfigError, match="an order of 0"):
         Structure(0)
     with pytest.raises(ConfigError, match="shifted twice"):
-        Uncertainty((ModeShift(("a",), 0.1), ModeShift(("a",), 0.1)))
+        Uncertainty(shifts=(ModeShift(("a",), 0.1), ModeShift(("a",), 0.1)))
     with pytest.raises(ConfigError, match="random generator"):
         corner_positions(TOGETHER, count=3)
     with pytest.raises(ConfigError, match="not in the plant's group y"):

@@ -35,7 +35,13 @@ def plant():
     joint = np.array([0.8, 3.0, 1.1, 0.4])
     bus = np.array([0.3, 0.2, -0.4, 0.2])
     psi, phi = np.stack([bus, joint], axis=1), np.stack([joint, bus])
-    return Plant(ModalSystem(omega, np.full(4, 0.2), psi, phi, 0.0 * phi, tuple("abcd")), *PORTS)
+    return Plant(
+        dynamics=ModalSystem(
+            omega=omega, zeta=np.full(4, 0.2), psi=psi, phi=phi, phi_rate=0.0 * phi, names=tuple("abcd")
+        ),
+        inputs=PORTS[0],
+        outputs=PORTS[1],
+    )
 
 
 def at(*elements):
@@ -140,7 +146,7 @@ def test_what_has_not_settled_is_found_by_who_compares_the_periods(plant):
 
 def test_a_free_wheel_with_friction_runs_though_it_has_no_linear_steady_state():
     wheel = StateSpace([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]])
-    plant = Plant(wheel, PORTS[0][:1], PORTS[1][:1])
+    plant = Plant(dynamics=wheel, inputs=PORTS[0][:1], outputs=PORTS[1][:1])
     rig = quiet_rig(plant, [JointElements("base", "pri_rel_z", (Friction(0.5, 200.0, viscous=2.0),))])
     u = 0.4 * np.sin(2.0 * np.pi * np.arange(500) / 500)[:, None]
     taken = run(rig, u, 2, settle=19)

@@ -342,7 +342,14 @@ def test_a_model_that_does_not_hold_is_not_trusted(wrong):
 def test_a_record_taken_while_the_test_runs():
     """The motion at the start is unknown: judged by the rms of what moved the article before."""
     taken, noise = moving_gimbal.record(4, 22.0)
-    cut = Record(RATE, taken.u[:, :, 2560:], taken.y[:, :, 2560:], taken.inputs, taken.outputs, False)
+    cut = Record(
+        sample_hz=RATE,
+        u=taken.u[:, :, 2560:],
+        y=taken.y[:, :, 2560:],
+        inputs=taken.inputs,
+        outputs=taken.outputs,
+        periodic=False,
+    )
     state = start_tracking(
         moving_gimbal.model(), sample_hz=RATE, noise_rms=noise, input_rms=1.0, known=WELL_KNOWN
     )

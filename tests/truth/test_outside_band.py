@@ -32,7 +32,13 @@ def test_modes_outside_a_narrow_band_are_no_poles(seed, constants):
     H = structure(2j * np.pi * f, (8.2, 9.4, 1.0, 3.0, 25.0, 40.0), (1, -1, 1, -1, 1, -1))[:, None, None]
     size = 0.01 * np.sqrt(np.mean(np.abs(H) ** 2))
     re, im = np.random.default_rng(seed).standard_normal((2, *H.shape)) / np.sqrt(2.0)
-    measured = FrequencyResponse(f, H + size * (re + 1j * im), *PORTS, np.full(H.shape, size**2))
+    measured = FrequencyResponse(
+        frequency_hz=f,
+        H=H + size * (re + 1j * im),
+        inputs=PORTS[0],
+        outputs=PORTS[1],
+        variance=np.full(H.shape, size**2),
+    )
     fitted = fit_response(measured, constants=constants, delay=False)
     hz = natural_hz(fitted.model)
     assert fitted.model.states == 4
@@ -49,7 +55,9 @@ def test_what_is_said_of_the_constant_term_stands():
     f = np.arange(7.0, 11.0, 0.05)
     H = structure(2j * np.pi * f, (8.2, 1.0, 25.0), (1, -1, 1))[:, None, None]
     re, im = np.random.default_rng(0).standard_normal((2, *H.shape)) * 1e-2
-    measured = FrequencyResponse(f, H + re + 1j * im, *PORTS, np.full(H.shape, 2e-4))
+    measured = FrequencyResponse(
+        frequency_hz=f, H=H + re + 1j * im, inputs=PORTS[0], outputs=PORTS[1], variance=np.full(H.shape, 2e-4)
+    )
     fitted = fit_response(measured, direct=False, delay=False)
     assert not fitted.model.direct.any()
     assert not fitted.model.lower.any()
@@ -63,7 +71,13 @@ def late(low, high, *, free=0.0, delay_s=0.0113, seed=1, lines=200, noise=5e-3):
     H = ((modes + free / s) * np.exp(-s * delay_s))[:, None, None]
     size = noise * np.mean(np.abs(H))
     re, im = np.random.default_rng(seed).standard_normal((2, *H.shape)) / np.sqrt(2.0)
-    return FrequencyResponse(f, H + size * (re + 1j * im), *PORTS, np.full(H.shape, size**2))
+    return FrequencyResponse(
+        frequency_hz=f,
+        H=H + size * (re + 1j * im),
+        inputs=PORTS[0],
+        outputs=PORTS[1],
+        variance=np.full(H.shape, size**2),
+    )
 
 
 @pytest.mark.parametrize("seed", [1, 2] if LONG else [1])
@@ -116,7 +130,7 @@ def distorted(seed, cubic, samples=2048, rate_hz=256.0):
     y = np.fft.irfft(np.fft.rfft(u + cubic * u**3) * G, n=samples)
     u, y = (np.tile(x, (1, 3, 1))[..., None] for x in (u, y))
     y = y + 1e-3 * y.std() * rng.standard_normal(y.shape)
-    return Record(rate_hz, u, y, *PORTS, periodic=True)
+    return Record(sample_hz=rate_hz, u=u, y=y, inputs=PORTS[0], outputs=PORTS[1], periodic=True)
 
 
 @pytest.mark.kernels
@@ -147,7 +161,9 @@ def test_an_order_that_meets_lines_kept_out_worse_than_a_smaller_one_is_not_reco
 def test_too_few_lines_to_choose_an_order_are_refused_with_how_many_it_takes(lines, options, least):
     f = np.linspace(7.0, 11.0, lines)
     H = structure(2j * np.pi * f, (9.0,), (1.0,))[:, None, None]
-    measured = FrequencyResponse(f, H, *PORTS, np.full(H.shape, 1e-6))
+    measured = FrequencyResponse(
+        frequency_hz=f, H=H, inputs=PORTS[0], outputs=PORTS[1], variance=np.full(H.shape, 1e-6)
+    )
     with pytest.raises(DataError, match=f"{lines} lines are too few") as error:
         fit_response(measured, **options)
     assert f"{least} lines or more" in error.value.hint

@@ -24,7 +24,7 @@ def loop_of(A, B, C):
     inputs = tuple(Port(f"w{i}", "N") for i in range(np.shape(B)[1]))
     outputs = tuple(Port(f"z{i}", "rad") for i in range(len(C)))
     w, z = tuple(p.name for p in inputs), tuple(p.name for p in outputs)
-    return leave_open(Plant(system, inputs, outputs, w=w, z=z))
+    return leave_open(Plant(dynamics=system, inputs=inputs, outputs=outputs, w=w, z=z))
 
 
 def two_modes():

@@ -39,7 +39,7 @@ def posed():
     plant = reference_plant()
     model = generalize(without_delays(plant), WEIGHTS, AUTHORITY)
     law = law_of(design_multimodel(plant, WEIGHTS, AUTHORITY, uncertainty=TOGETHER, tolerance=1e-6))
-    small = Uncertainty((ModeShift(NAMES[3:4], 0.002), ModeShift(NAMES[4:], 0.002)))
+    small = Uncertainty(shifts=(ModeShift(NAMES[3:4], 0.002), ModeShift(NAMES[4:], 0.002)))
     directions = shift_directions(plant, without_delays(plant), small)
     return model, law, directions, first_multipliers(model, law, directions)
 
@@ -150,8 +150,16 @@ def two_modes(**outputs):
     """Two modes of 2 %, u beside w; what z and y read is given as rows of the modal form."""
     zero = np.zeros((2, 2))
     rows = {"phi": zero, "phi_rate": zero} | {name: np.array(row) for name, row in outputs.items()}
-    modal = ModalSystem([2.3, 9.0], [0.02, 0.02], [[0.8], [0.3]], names=("b", "c"), **rows)
-    return Plant(modal, (Port("u", "N"),), (Port("z", ""), Port("y", "")), ("u",), ("u",), ("z",), ("y",))
+    modal = ModalSystem(omega=[2.3, 9.0], zeta=[0.02, 0.02], psi=[[0.8], [0.3]], names=("b", "c"), **rows)
+    return Plant(
+        dynamics=modal,
+        inputs=(Port("u", "N"),),
+        outputs=(Port("z", ""), Port("y", "")),
+        w=("u",),
+        u=("u",),
+        z=("z",),
+        y=("y",),
+    )
 
 
 def as_states(plant):
@@ -160,7 +168,9 @@ def as_states(plant):
 
 ANGLES = two_modes(phi=[[0.6, 0.2], [0.6, 0.2]])
 RATES = two_modes(phi=[[0.6, 0.2], [0.0, 0.0]], phi_rate=[[0.0, 0.0], [0.6, 0.2]])
-PLAIN = LQGWeights(np.ones(1), np.ones(1), ("u",), np.eye(1), np.ones(1))
+PLAIN = LQGWeights(
+    output=np.ones(1), input=np.ones(1), disturbed=("u",), process=np.eye(1), sensor=np.ones(1)
+)
 
 
 @pytest.mark.parametrize(
@@ -168,7 +178,7 @@ PLAIN = LQGWeights(np.ones(1), np.ones(1), ("u",), np.eye(1), np.ones(1))
 )
 def test_the_bound_holds_where_control_leaves_the_damping_to_the_plant(plant, width, authority):
     # A shift takes 2 zeta omega along: at the lower end the cost is higher by half its width for that alone.
-    box = Uncertainty((ModeShift(("b",), width), ModeShift(("c",), width)))
+    box = Uncertainty(shifts=(ModeShift(("b",), width), ModeShift(("c",), width)))
     found = design_popov(plant, PLAIN, authority, uncertainty=box, tolerance=1e-3)
     worst = costs_in(box, plant, PLAIN, authority, found, np.random.default_rng(0)).max()
     # Damping and stiffness are free of each other in the bound, and dampings may vary with time.
@@ -176,7 +186,7 @@ def test_the_bound_holds_where_control_leaves_the_damping_to_the_plant(plant, wi
 
 
 def test_an_acceleration_of_an_uncertain_mode_has_no_bound():
-    box = Uncertainty((ModeShift(("b",), 0.02),))
+    box = Uncertainty(shifts=(ModeShift(("b",), 0.02),))
     for row in ([[0.0, 0.0], [0.6, 0.2]], [[0.6, 0.2], [0.0, 0.0]]):
         other = np.array(row)[::-1]
         plant = two_modes(phi=other, phi_acceleration=row)
@@ -193,6 +203,6 @@ def test_bad_input_is_named():
         return design_popov(reference_plant(), WEIGHTS, authority, uncertainty=box)
 
     with pytest.raises(ConfigError, match="no mode is uncertain"):
-        popov(Uncertainty(()))
+        popov(Uncertainty(shifts=()))
     with pytest.raises(NumericalError, match="covers the box"):
-        popov(Uncertainty((ModeShift(NAMES[3:], 0.6),)))
+        popov(Uncertainty(shifts=(ModeShift(NAMES[3:], 0.6),)))

@@ -23,7 +23,18 @@ def of(u: np.ndarray, y: np.ndarray) -> list[Fault]:
     inputs, outputs = (
         tuple(Port(f"{letter}{k}", "V") for k in range(x.shape[1])) for letter, x in (("u", u), ("y", y))
     )
-    return [*detect_faults(Record(100.0, u[None, None], y[None, None], inputs, outputs, periodic=False))]
+    return [
+        *detect_faults(
+            Record(
+                sample_hz=100.0,
+                u=u[None, None],
+                y=y[None, None],
+                inputs=inputs,
+                outputs=outputs,
+                periodic=False,
+            )
+        )
+    ]
 
 
 def a_run(seed: int) -> tuple[np.ndarray, np.ndarray, np.random.Generator, int]:

@@ -26,7 +26,9 @@ def a_record(seed, *, noise, colour, samples=1000):
         y = y + 2.0 * np.real(c * lfilter([0.0, 1.0], [1.0, -p], u.astype(complex)))
     e = lfilter([1.0], [1.0, -colour], rng.standard_normal(len(u))) * np.sqrt(1.0 - colour**2)
     u, y = (x[None, None, BEFORE:, None] for x in (u, y + noise * y.std() * e))
-    return Record(1.0, u, y, (Port("u", "N m"),), (Port("y", "rad"),), periodic=False)
+    return Record(
+        sample_hz=1.0, u=u, y=y, inputs=(Port("u", "N m"),), outputs=(Port("y", "rad"),), periodic=False
+    )
 
 
 # By default the held-out samples choose the weights, and choose flat ones here; it is slow, so fewer seeds.

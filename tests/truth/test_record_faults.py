@@ -73,7 +73,19 @@ def test_nothing_is_found_in_clean_records(kind: str, noise: float, campaign: Ca
         y += noise * y.std(axis=0) * rng.standard_normal(y.shape)
         u = u + 0.1 * noise * u.std() * rng.standard_normal(u.shape)
         ports = (Port("torque", "N m"),), (Port("angle", "rad"), Port("rate", "rad/s"))
-        assert detect_faults(Record(HZ, u[None, None, :, None], y[None, None], *ports, False)) == ()
+        assert (
+            detect_faults(
+                Record(
+                    sample_hz=HZ,
+                    u=u[None, None, :, None],
+                    y=y[None, None],
+                    inputs=ports[0],
+                    outputs=ports[1],
+                    periodic=False,
+                )
+            )
+            == ()
+        )
 
 
 def test_nothing_is_found_in_clean_gimbals(campaign: Callable[[int], range]) -> None:
@@ -194,7 +206,16 @@ def test_spikes_are_found_at_the_very_edges(colour: str, size: float) -> None:
     for k in (*range(16), 1000, *range(2032, 2048)):
         y = x.copy()
         y[k] += size * x.std()
-        found = detect_faults(Record(HZ, u[None, None, :, None], y[None, None, :, None], *ports, False))
+        found = detect_faults(
+            Record(
+                sample_hz=HZ,
+                u=u[None, None, :, None],
+                y=y[None, None, :, None],
+                inputs=ports[0],
+                outputs=ports[1],
+                periodic=False,
+            )
+        )
         assert [(f.channel, f.kind, f.samples) for f in found] == [("angle", "spike", ((k, k + 1),))], k
 
 
@@ -208,7 +229,16 @@ def test_spikes_at_the_edges_are_found_in_motion_of_any_phase() -> None:
         for k in (0, 1, 1498, 1499):
             y = x.copy()
             y[k] += rng.choice([-12.0, 12.0]) * x.std()
-            found = detect_faults(Record(HZ, u[None, None, :, None], y[None, None, :, None], *ports, False))
+            found = detect_faults(
+                Record(
+                    sample_hz=HZ,
+                    u=u[None, None, :, None],
+                    y=y[None, None, :, None],
+                    inputs=ports[0],
+                    outputs=ports[1],
+                    periodic=False,
+                )
+            )
             assert ("spike", ((k, k + 1),)) in [(f.kind, f.samples) for f in found], k
 
 
@@ -219,7 +249,16 @@ def test_a_release_at_the_first_sample_is_no_spike(decay: float) -> None:
     y = scipy.signal.lfilter([1.0], [1.0, -decay], u)
     y += 100.0 * decay ** np.arange(2048) + 1e-2 * rng.standard_normal(2048)
     ports = (Port("torque", "N m"),), (Port("rate", "rad/s"),)
-    found = detect_faults(Record(HZ, u[None, None, :, None], y[None, None, :, None], *ports, False))
+    found = detect_faults(
+        Record(
+            sample_hz=HZ,
+            u=u[None, None, :, None],
+            y=y[None, None, :, None],
+            inputs=ports[0],
+            outputs=ports[1],
+            periodic=False,
+        )
+    )
     assert [f for f in found if f.kind == "spike"] == []
 
 
@@ -246,7 +285,16 @@ def test_spikes_are_found_among_heavy_tails(measured: str, campaign: Callable[[i
         # of neighbours limits what is found.
         y[k] += (12.0 if measured == "resonance" else 60.0) * y.std()
         ports = (Port("torque", "N m"),), (Port("angle", "rad"),)
-        found = detect_faults(Record(HZ, u[None, None, :, None], y[None, None, :, None], *ports, False))
+        found = detect_faults(
+            Record(
+                sample_hz=HZ,
+                u=u[None, None, :, None],
+                y=y[None, None, :, None],
+                inputs=ports[0],
+                outputs=ports[1],
+                periodic=False,
+            )
+        )
         assert [(f.channel, f.kind, f.samples) for f in found] == [("angle", "spike", ((k, k + 1),))]
 
 
@@ -257,7 +305,16 @@ def test_an_answer_to_a_spike_of_the_input_is_none_of_its_own() -> None:
     y = np.roll(u, 1) + 1e-2 * rng.standard_normal(SAMPLES)
     y[5000] += 25.0
     ports = (Port("torque", "N m"),), (Port("rate", "rad/s^2"),)
-    found = detect_faults(Record(HZ, u[None, None, :, None], y[None, None, :, None], *ports, False))
+    found = detect_faults(
+        Record(
+            sample_hz=HZ,
+            u=u[None, None, :, None],
+            y=y[None, None, :, None],
+            inputs=ports[0],
+            outputs=ports[1],
+            periodic=False,
+        )
+    )
     assert {(f.channel, f.kind, f.samples) for f in found} == {
         ("torque", "spike", ((3000, 3001),)),
         ("rate", "spike", ((5000, 5001),)),
@@ -275,7 +332,9 @@ LINES = np.linspace(0.05, 65.0, 20_000)
 
 def reference(outputs: int, inputs: int) -> FrequencyResponse:
     H = gimbal_record.response(LINES, outputs, inputs)
-    return FrequencyResponse(LINES, H, gimbal_record.INPUTS[:inputs], gimbal_record.OUTPUTS[:outputs])
+    return FrequencyResponse(
+        frequency_hz=LINES, H=H, inputs=gimbal_record.INPUTS[:inputs], outputs=gimbal_record.OUTPUTS[:outputs]
+    )
 
 
 def against(

@@ -37,7 +37,7 @@ def a_structure(seed, samples, *, noise=0.01):
     Y = np.exp(-s * STRUCTURE_DELAY_S) * np.einsum("om,km,im,ki->ko", phi, modes, psi, U)
     u, y = (np.fft.irfft(X, n=4 * samples, axis=0)[samples : 2 * samples] for X in (U, Y))
     y = y / y.std(axis=0) + noise * rng.standard_normal(y.shape)
-    return Record(256.0, u[None, None], y[None, None], U2, Y2, periodic=False)
+    return Record(sample_hz=256.0, u=u[None, None], y=y[None, None], inputs=U2, outputs=Y2, periodic=False)
 
 
 STRUCTURE_HZ, STRUCTURE_DELAY_S = np.array([2.5, 9.0, 9.6]), 0.007
@@ -71,6 +71,6 @@ def test_what_cannot_be_fitted_is_refused():
 def test_noise_alone_is_refused():
     rng = np.random.default_rng(1)
     u, y = rng.standard_normal((2, 1, 1, 600, 1))
-    noise = Record(1.0, u, y, U2[:1], Y2[:1], periodic=False)
+    noise = Record(sample_hz=1.0, u=u, y=y, inputs=U2[:1], outputs=Y2[:1], periodic=False)
     with pytest.raises(FitError, match="noise"):
         fit_record(noise, states=4, sampled=True, weighting="flat")

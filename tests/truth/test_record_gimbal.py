@@ -35,7 +35,14 @@ def test_a_record_cut_from_a_long_periodic_run_takes_its_start_from_its_samples(
     u, y = (np.tile(np.fft.irfft(X, n=period), 22)[keep] for X in (U, U * G))
     y = y + 0.01 * y.std() * rng.standard_normal(y.shape)
     ports = (Port("torque", "N m"),), (Port("angle", "rad"),)
-    taken = Record(rate, u[None, None, :, None], y[None, None, :, None], *ports, periodic=False)
+    taken = Record(
+        sample_hz=rate,
+        u=u[None, None, :, None],
+        y=y[None, None, :, None],
+        inputs=ports[0],
+        outputs=ports[1],
+        periodic=False,
+    )
     fitted = fit_record(taken, states=8, band_hz=(0.5, 45.0))
     deviation = fitted.uncertainty.natural_hz
     order = np.argsort(natural_hz(fitted.model))

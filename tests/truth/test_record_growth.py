@@ -29,7 +29,9 @@ def data():
         x = np.exp(POLES) * x + u[k]
     y += 0.01 * y.std() * rng.standard_normal(600)
     u, y = u[None, None, 200:, None], y[None, None, 200:, None]
-    record = Record(1.0, u, y, (Port("u", "V"),), (Port("y", "m"),), periodic=False)
+    record = Record(
+        sample_hz=1.0, u=u, y=y, inputs=(Port("u", "V"),), outputs=(Port("y", "m"),), periodic=False
+    )
     return record_data(record, None, whole=True)
 
 

@@ -42,7 +42,9 @@ def moving(seed, samples=1024, *, rigid=None, integrators=None, paths=None, nois
         # A free body that also drifts, as none of the sines above does.
         y = y + np.linspace(0.3, 1.0, samples)[:, None] * rigid[:, 0] * y.std()
     y = y + noise * y.std(axis=0) * rng.standard_normal(y.shape)
-    return Record(RATE_HZ, u[None, None], y[None, None], INPUTS, OUTPUTS, periodic=False)
+    return Record(
+        sample_hz=RATE_HZ, u=u[None, None], y=y[None, None], inputs=INPUTS, outputs=OUTPUTS, periodic=False
+    )
 
 
 def deviations(fitted):

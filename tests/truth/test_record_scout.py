@@ -26,7 +26,14 @@ def held(seed, *, samples=1500, outputs=6):
     y = np.real(c @ motion).T
     y = y + NOISE * y.std(axis=0) * rng.standard_normal(y.shape)
     ports = (Port("u", "N"),), tuple(Port(f"y{k}", "m") for k in range(outputs))
-    return Record(1.0, u[None, None, :, None], y[None, None], *ports, periodic=False)
+    return Record(
+        sample_hz=1.0,
+        u=u[None, None, :, None],
+        y=y[None, None],
+        inputs=ports[0],
+        outputs=ports[1],
+        periodic=False,
+    )
 
 
 def test_a_large_record_has_the_order_and_poles_of_its_truth_and_scores_without_offsets():

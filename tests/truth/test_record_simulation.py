@@ -61,7 +61,7 @@ def real_form(model, T):
 
 
 def a_record(y, u, rate=100.0):
-    return Record(rate, u[None, None], y[None, None], U2, Y2, periodic=False)
+    return Record(sample_hz=rate, u=u[None, None], y=y[None, None], inputs=U2, outputs=Y2, periodic=False)
 
 
 def test_a_sampled_model_is_its_recursion_from_any_state():

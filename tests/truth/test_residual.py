@@ -24,8 +24,10 @@ from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.systems.modal import modal_response, output_rows
 from structure_builders import GRAVITY, body, member, node, spin, structure
 
-TUBE = Section(1e6, 80.0, 100.0, 100.0, 0.5, 1e-4, 1e-4)
-BARE = Section(1e6, 80.0, 100.0, 100.0, 0.5, 0.0, 0.0)  # no rotary inertia: Bernoulli's closed forms
+TUBE = Section(EA=1e6, GJ=80.0, EI_y=100.0, EI_z=100.0, rho_A=0.5, rho_I_y=1e-4, rho_I_z=1e-4)
+BARE = Section(
+    EA=1e6, GJ=80.0, EI_y=100.0, EI_z=100.0, rho_A=0.5, rho_I_y=0.0, rho_I_z=0.0
+)  # no rotary inertia: Bernoulli's closed forms
 X, Y, Z = np.eye(3)
 PORTS = ("wheel", "tilted", "motor")
 ALL = 10**6
@@ -38,27 +40,38 @@ def article():
         node(n, (x, 0, 0), body(4.0, (0, -0.05, 0.01), (0.1, 0.2, 0.3)), 0.05)
         for n, x in (("a", 0.0), ("b", 1.0))
     ]
-    payload = Joint("p", "b", np.array([0, -0.05, 0]), X, 0.7, body(2.0, (0, -0.2, 0), (0.1,) * 3))
+    payload = Joint(
+        name="p",
+        parent="b",
+        offset=np.array([0, -0.05, 0]),
+        axis=X,
+        angle=0.7,
+        body=body(2.0, (0, -0.2, 0), (0.1,) * 3),
+    )
     slanted, tip = np.array([0.6, 0.0, 0.8]), np.array([0.02, -0.1, 0.03])
     attach = [AttachPoint(n, n, np.array([0, 0.02, 0])) for n in "ab"]
     actuators = [
-        Actuator("wheel", "a", Z),
-        Actuator("tilted", "b", slanted),
-        Actuator("motor", "p", None),
-        Actuator("push", "b", slanted, ActuatorKind.FORCE, tip),
+        Actuator(name="wheel", frame="a", axis=Z),
+        Actuator(name="tilted", frame="b", axis=slanted),
+        Actuator(name="motor", frame="p", axis=None),
+        Actuator(name="push", frame="b", axis=slanted, kind=ActuatorKind.FORCE, offset=tip),
     ]
     sensors = [
-        Sensor("wheel", "a", Z, "a"),
-        Sensor("tilted", "b", slanted, "b"),
-        Sensor("motor", "p", None),
-        Sensor("feel", "b", slanted, "", SensorKind.ACCELEROMETER, tip),
+        Sensor(name="wheel", frame="a", axis=Z, axis_frame="a"),
+        Sensor(name="tilted", frame="b", axis=slanted, axis_frame="b"),
+        Sensor(name="motor", frame="p", axis=None),
+        Sensor(
+            name="feel", frame="b", axis=slanted, axis_frame="", kind=SensorKind.ACCELEROMETER, offset=tip
+        ),
     ]
     return structure(nodes, [member("a", "b", TUBE, 4)], [payload], (), attach, actuators, sensors)
 
 
 def lab_modes() -> Modes:
-    suspension = Suspension(("a", "b"), ("xyz", "yz"), 4.0, 0.25)
-    return solve_modes(solve_equilibrium(article(), Environment("lab", GRAVITY, suspension)))
+    suspension = Suspension(attach=("a", "b"), held=("xyz", "yz"), cable_length=4.0, bounce_hz=0.25)
+    return solve_modes(
+        solve_equilibrium(article(), Environment(title="lab", gravity=GRAVITY, suspension=suspension))
+    )
 
 
 def orbit_modes() -> Modes:
@@ -122,14 +135,20 @@ def on_springs(k: float, d: float):
     places = {"y1": d * X, "y2": -d * X, "x1": d * Z, "x2": -d * Z, "z1": d * Y, "z2": -d * Y}
     attach = [AttachPoint(n, "root", p) for n, p in places.items()]
     along = {"x": X, "y": Y, "z": Z}
-    springs = tuple(AnchoredSpring(n, n, p + along[n[0]], k, 1.0) for n, p in places.items())
+    springs = tuple(
+        AnchoredSpring(name=n, attach=n, anchor=p + along[n[0]], stiffness=k, free_length=1.0)
+        for n, p in places.items()
+    )
     nodes = [node("root", (0, 0, 0), body(3.0, inertia=(0.1, 0.1, 0.1))), node("tip", (2.0, 0, 0))]
     ports = (
-        [Actuator("moment", "tip", Z)],
-        [Sensor("turn", "tip", Z, "tip"), Sensor("root", "root", Z, "root")],
+        [Actuator(name="moment", frame="tip", axis=Z)],
+        [
+            Sensor(name="turn", frame="tip", axis=Z, axis_frame="tip"),
+            Sensor(name="root", frame="root", axis=Z, axis_frame="root"),
+        ],
     )
     beam = structure(nodes, [member("root", "tip", BARE, 3)], (), (), attach, *ports)
-    return beam, Environment("springs", np.zeros(3), None, springs)
+    return beam, Environment(title="springs", gravity=np.zeros(3), suspension=None, springs=springs)
 
 
 @pytest.mark.parametrize("count", [0, 6, 10])
@@ -147,7 +166,13 @@ def free_beam_gain(elements: int) -> np.ndarray:
     nodes = [node("a", (0, 0, 0)), node("b", (2.0, 0, 0))]
     # A bare line has no inertia about itself: give it some, it does not take part.
     nodes[0] = node("a", (0, 0, 0), spin(0.0, (1e-3, 0.0, 0.0)))
-    ports = [Actuator("m", "b", Z)], [Sensor("b", "b", Z, "b"), Sensor("a", "a", Z, "a")]
+    ports = (
+        [Actuator(name="m", frame="b", axis=Z)],
+        [
+            Sensor(name="b", frame="b", axis=Z, axis_frame="b"),
+            Sensor(name="a", frame="a", axis=Z, axis_frame="a"),
+        ],
+    )
     beam = structure(nodes, [member("a", "b", BARE, elements)], (), (), (), *ports)
     modes = solve_modes(solve_equilibrium(beam, Environment.orbit()))
     return build_plant(modes, inputs=["m"], outputs=["b", "a"], count=6, static=True).dynamics.direct[:, 0]
@@ -214,7 +239,13 @@ def test_the_effect_on_a_free_structure_is_stated_at_a_frequency():
 
 def test_an_uncoupled_pair_has_no_relative_error():
     nodes = [node(n, (x, 0, 0), body(1.0, inertia=(0.1, 0.1, 0.1))) for n, x in (("a", 0.0), ("b", 1.0))]
-    ports = [Actuator("t", "a", Z)], [Sensor("z", "b", Z, "b"), Sensor("x", "b", X, "b")]
+    ports = (
+        [Actuator(name="t", frame="a", axis=Z)],
+        [
+            Sensor(name="z", frame="b", axis=Z, axis_frame="b"),
+            Sensor(name="x", frame="b", axis=X, axis_frame="b"),
+        ],
+    )
     beam = structure(nodes, [member("a", "b", TUBE, 2)], (), (), (), *ports)
     modes = solve_modes(solve_equilibrium(beam, Environment.orbit()))
     found = compare_static_gain(modes, inputs=["t"], outputs=["z", "x"], count=8)
@@ -237,7 +268,8 @@ def test_a_resonance_and_a_rigid_body_are_refused():
     with pytest.raises(NumericalError, match=f"frequency of mode {modes.name[8]!r}"):
         compare_static_gain(modes, inputs=PORTS, outputs=PORTS, count=7, frequency_hz=resonance)
     bar = structure(
-        [node("a", (0, 0, 0), body(1.0, inertia=(0.1, 0.1, 0.1)))], sensors=[Sensor("z", "a", Z, "a")]
+        [node("a", (0, 0, 0), body(1.0, inertia=(0.1, 0.1, 0.1)))],
+        sensors=[Sensor(name="z", frame="a", axis=Z, axis_frame="a")],
     )
     alone = solve_modes(solve_equilibrium(bar, Environment.orbit()))
     with pytest.raises(ConfigError, match="0 Hz"):

@@ -86,7 +86,7 @@ def test_sampled_systems_and_no_states():
     period = 0.01
     A = sla.expm(turned(resonators(np.array([3.0, 40.0]), 0.01)).A * period)
     system = SampledStateSpace(
-        A, RNG.standard_normal((4, 1)), RNG.standard_normal((2, 4)), np.ones((2, 1)), period
+        A, RNG.standard_normal((4, 1)), RNG.standard_normal((2, 4)), np.ones((2, 1)), period_s=period
     )
     omega = np.geomspace(0.1, 300.0, 100)
     p = np.exp(1j * omega * period)

@@ -28,7 +28,13 @@ def plant():
     omega = 2.0 * np.pi * np.array([0.9, 1.3, 1.8, 7.2, 9.4, 58.0])
     shape = np.array([[0.3, 1.0, 0.8, 0.55, 0.6, 0.4]])
     zeta = np.full(6, 0.02)
-    return Plant(ModalSystem(omega, zeta, shape.T, shape, 0.0 * shape, tuple("abcdef")), *PORTS)
+    return Plant(
+        dynamics=ModalSystem(
+            omega=omega, zeta=zeta, psi=shape.T, phi=shape, phi_rate=0.0 * shape, names=tuple("abcdef")
+        ),
+        inputs=PORTS[0],
+        outputs=PORTS[1],
+    )
 
 
 def rig_of(plant, noise_rms=0.0, delay_s=DELAY):
@@ -123,7 +129,8 @@ def test_prediction_from_the_open_loop_equals_the_measured_closed_loop(plant):
     hz, H = measured(run(quiet, None, excite(), 1).record)
     K = statespace_response(law, 2.0 * np.pi * hz)
     predicted = predict_closed_loop_response(
-        FrequencyResponse(hz, H[:, None, None], *PORTS), FrequencyResponse(hz, K, PORTS[1], PORTS[0])
+        FrequencyResponse(frequency_hz=hz, H=H[:, None, None], inputs=PORTS[0], outputs=PORTS[1]),
+        FrequencyResponse(frequency_hz=hz, H=K, inputs=PORTS[1], outputs=PORTS[0]),
     )
     _, closed = measured(run(quiet, law, excite(), 1).record)
     assert np.abs(H).max() > 1.2 * np.abs(closed).max()  # the law does something
@@ -141,11 +148,13 @@ def test_an_unstable_run_is_a_value_with_a_cause(rig):
 def test_stability_margin_of_pure_gain_and_delay():
     # Integrator 1/s, gain -k: held for T and delayed by 4.5 T it is T (z + 1) / (2 z^5 (z - 1)), so the phase
     # is -180 degrees where 5 T w = pi/2, and the gain limit there (2/T) tan(w T / 2).
-    plant = Plant(StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]), *PORTS)
+    plant = Plant(dynamics=StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]), inputs=PORTS[0], outputs=PORTS[1])
     rig = rig_of(plant)
 
     def stable(gain):
-        law = SampledStateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[-gain]], 1.0 / RATE)
+        law = SampledStateSpace(
+            np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[-gain]], period_s=1.0 / RATE
+        )
         return is_stable(close_rig(rig, law))
 
     low, high = 1.0, 1000.0
@@ -157,7 +166,11 @@ def test_stability_margin_of_pure_gain_and_delay():
 
 
 def test_a_rigid_body_has_no_steady_state_to_begin_in_unless_a_loop_holds_it():
-    body = Plant(StateSpace([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]]), *PORTS)
+    body = Plant(
+        dynamics=StateSpace([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]]),
+        inputs=PORTS[0],
+        outputs=PORTS[1],
+    )
     rig, u = rig_of(body), excite() + 0.1
     with pytest.raises(ConfigError, match="no periodic steady state"):
         run(rig, None, u, 1)
@@ -171,6 +184,6 @@ def test_rates_and_delays_that_do_not_fit_are_refused(plant, rig):
     with pytest.raises(ConfigError, match="hold"):
         rig_of(plant, delay_s=0.0005)
     law = damper(0.1)
-    slow = SampledStateSpace(law.A, law.B, law.C, law.D, 0.01)
+    slow = SampledStateSpace(law.A, law.B, law.C, law.D, period_s=0.01)
     with pytest.raises(ConfigError, match=r"at 0\.01 s"):
         run(rig, slow, excite(), 1)

@@ -28,15 +28,20 @@ def _plant() -> Plant:
     shape = np.array([[1.0, 0.3], [-0.6, 0.9]])
     rows = np.array([[1.0, 0.3], [-0.6, 0.9], [-1.6, 0.6]])
     modal = ModalSystem(
-        2.0 * np.pi * np.array([1.0, 4.0]), np.full(2, 0.02), shape, rows, 0.0 * rows, ("a", "b")
+        omega=2.0 * np.pi * np.array([1.0, 4.0]),
+        zeta=np.full(2, 0.02),
+        psi=shape,
+        phi=rows,
+        phi_rate=0.0 * rows,
+        names=("a", "b"),
     )
-    return Plant(modal, INPUTS, OUTPUTS)
+    return Plant(dynamics=modal, inputs=INPUTS, outputs=OUTPUTS)
 
 
 def _rig() -> Rig:
     return build_rig(
         _plant(),
-        motors={"wheel": Motor(5.0), "gimbal": Motor(5.0)},
+        motors={"wheel": Motor(torque_limit=5.0), "gimbal": Motor(torque_limit=5.0)},
         sensors={"bus": Gyro(noise=1e-4), "payload": Gyro(noise=1e-4), "encoder": Encoder(1e-5)},
         sample_hz=RATE_HZ,
         delay_s=0.01,
@@ -54,7 +59,7 @@ def _by_hand(sampled: Compensator) -> Compensator:
     s = sampled.sampled
     B = np.column_stack([s.B[:, 1], 0.0 * s.B[:, 0], s.B[:, 0]])
     D = np.array([[0.0, 0.0, 0.0], [s.D[0, 1], 0.0, s.D[0, 0]]])
-    system = SampledStateSpace(s.A, B, np.vstack([0.0 * s.C, s.C]), D, s.period_s)
+    system = SampledStateSpace(s.A, B, np.vstack([0.0 * s.C, s.C]), D, period_s=s.period_s)
     return Compensator(system, OUTPUTS, INPUTS)
 
 

@@ -28,14 +28,22 @@ def plant_of(frequency_hz: tuple[float, ...], sign: tuple[float, ...]) -> Plant:
     """Unit modes from a torque to an angle, residues of the given signs."""
     count = len(frequency_hz)
     modal = ModalSystem(
-        2.0 * np.pi * np.array(frequency_hz),
-        np.full(count, ZETA),
-        np.ones((count, 1)),
-        np.array([sign]),
-        np.zeros((1, count)),
-        tuple(f"mode {k}" for k in range(count)),
+        omega=2.0 * np.pi * np.array(frequency_hz),
+        zeta=np.full(count, ZETA),
+        psi=np.ones((count, 1)),
+        phi=np.array([sign]),
+        phi_rate=np.zeros((1, count)),
+        names=tuple(f"mode {k}" for k in range(count)),
     )
-    return Plant(modal, (Port("u", "N m"),), (Port("y", "rad"),), ("u",), ("u",), ("y",), ("y",))
+    return Plant(
+        dynamics=modal,
+        inputs=(Port("u", "N m"),),
+        outputs=(Port("y", "rad"),),
+        w=("u",),
+        u=("u",),
+        z=("y",),
+        y=("y",),
+    )
 
 
 @pytest.mark.parametrize(("near", "moved"), [(9.0, {1, 2}), (1.0, {0, 1}), (30.0, {2, 3})])
@@ -59,7 +67,9 @@ def view_of(plant: Plant) -> RigView:
     """A bench without limits, steps and noise, its excitation on the lines of one second."""
     rig = build_rig(plant, sample_hz=SAMPLE_HZ, delay_s=0.5 / SAMPLE_HZ)
     period = np.zeros((round(SAMPLE_HZ), 1))
-    return view_rig(Bench(rig, period, period, 1, 0.0, (1.0, 40.0)))
+    return view_rig(
+        Bench(rig=rig, open_loop=period, closed_loop=period, periods=1, rest_s=0.0, band_hz=(1.0, 40.0))
+    )
 
 
 def compensator_of(law: StateSpace) -> Compensator:

@@ -25,16 +25,25 @@ from middeck.systems.response import statespace_response
 from middeck.systems.sampling import sample_dynamics, tustin
 from middeck.systems.statespace import StateSpace
 
-WEIGHTS = LQGWeights(np.ones(1), np.ones(1), ("w",), np.eye(1), np.array([1e-3]))
+WEIGHTS = LQGWeights(
+    output=np.ones(1), input=np.ones(1), disturbed=("w",), process=np.eye(1), sensor=np.array([1e-3])
+)
 NAMES = ("low", "high")
 PERIOD = 0.1  # twenty samples in a period of the faster mode
 
 
 def oscillator(late=0.0):
     phi = np.array([[1.0, 0.6], [1.0, 0.8]])
-    modal = ModalSystem(np.array([1.0, 3.0]), np.full(2, 0.01), phi.T, phi, np.zeros((2, 2)), NAMES)
+    modal = ModalSystem(
+        omega=np.array([1.0, 3.0]),
+        zeta=np.full(2, 0.01),
+        psi=phi.T,
+        phi=phi,
+        phi_rate=np.zeros((2, 2)),
+        names=NAMES,
+    )
     ports = (Port("w", "N"), Port("u", "N")), (Port("z", "m"), Port("y", "m"))
-    plant = Plant(modal, *ports, ("w",), ("u",), ("z",), ("y",))
+    plant = Plant(dynamics=modal, inputs=ports[0], outputs=ports[1], w=("w",), u=("u",), z=("z",), y=("y",))
     return delay_plant(plant, np.array([[0.0, 0.0], [late, late]])) if late else plant
 
 
@@ -91,7 +100,7 @@ def test_rms_is_nearly_that_of_the_samples():
 
 
 def test_the_law_for_the_worst_of_many_is_that_for_all():
-    box = Uncertainty(tuple(ModeShift((name,), 0.02) for name in NAMES))
+    box = Uncertainty(shifts=tuple(ModeShift((name,), 0.02) for name in NAMES))
     steps = np.linspace(-1.0, 1.0, 5)
     plants = finished_plants(oscillator(), box, np.array([[a, b] for a in steps for b in steps]))
     law, chosen = design_for_worst(oscillator(), WEIGHTS, 1.0, candidates=plants, tolerance=1e-5)
@@ -114,8 +123,35 @@ def test_what_makes_no_sense_is_refused():
     plant = oscillator()
     with pytest.raises(ConfigError, match="disturbs and controls"):
         plant_as_sampled(
-            Plant(plant.dynamics, plant.inputs, plant.outputs, ("u",), ("u",), ("z",), ("y",)), 0.1
+            Plant(
+                dynamics=plant.dynamics,
+                inputs=plant.inputs,
+                outputs=plant.outputs,
+                w=("u",),
+                u=("u",),
+                z=("z",),
+                y=("y",),
+            ),
+            0.1,
         )
-    half = ModalSystem([np.pi], [0.0], [[1.0, 1.0]], [[1.0], [1.0]], [[0.0], [0.0]], ("half",))
+    half = ModalSystem(
+        omega=[np.pi],
+        zeta=[0.0],
+        psi=[[1.0, 1.0]],
+        phi=[[1.0], [1.0]],
+        phi_rate=[[0.0], [0.0]],
+        names=("half",),
+    )
     with pytest.raises(ConfigError, match="half the rate of 1 Hz"):
-        plant_as_sampled(Plant(half, plant.inputs, plant.outputs, ("w",), ("u",), ("z",), ("y",)), 1.0)
+        plant_as_sampled(
+            Plant(
+                dynamics=half,
+                inputs=plant.inputs,
+                outputs=plant.outputs,
+                w=("w",),
+                u=("u",),
+                z=("z",),
+                y=("y",),
+            ),
+            1.0,
+        )

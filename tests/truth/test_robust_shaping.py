@@ -32,7 +32,13 @@ from middeck.systems.plant import Plant
 from middeck.systems.statespace import StateSpace
 
 NAMES = ("low", "high")
-WEIGHTS = LQGWeights(np.array([1.3]), np.array([0.7]), ("w",), np.array([[2.0]]), np.array([1e-2]))
+WEIGHTS = LQGWeights(
+    output=np.array([1.3]),
+    input=np.array([0.7]),
+    disturbed=("w",),
+    process=np.array([[2.0]]),
+    sensor=np.array([1e-2]),
+)
 AUTHORITY = 10.0
 
 
@@ -56,16 +62,23 @@ ALL = dataclasses.replace(FILTERS, integral=INTEGRAL.integral)
 def oscillator():
     """Two modes between (w, u) and (z, y), not collocated."""
     phi, psi = np.array([[1.0, 0.4], [0.8, -1.0]]), np.array([[1.0, 0.7], [0.5, -1.0]])
-    modal = ModalSystem(np.array([1.0, 3.0]), np.full(2, 0.01), psi, phi, np.zeros((2, 2)), NAMES)
+    modal = ModalSystem(
+        omega=np.array([1.0, 3.0]),
+        zeta=np.full(2, 0.01),
+        psi=psi,
+        phi=phi,
+        phi_rate=np.zeros((2, 2)),
+        names=NAMES,
+    )
     ports = (Port("w", "N"), Port("u", "N")), (Port("z", "m"), Port("y", "m"))
-    return Plant(modal, *ports, ("w",), ("u",), ("z",), ("y",))
+    return Plant(dynamics=modal, inputs=ports[0], outputs=ports[1], w=("w",), u=("u",), z=("z",), y=("y",))
 
 
 def box(width):
-    return Uncertainty(tuple(ModeShift((name,), width) for name in NAMES))
+    return Uncertainty(shifts=tuple(ModeShift((name,), width) for name in NAMES))
 
 
-LOW = Uncertainty((ModeShift(("low",), 0.01),))
+LOW = Uncertainty(shifts=(ModeShift(("low",), 0.01),))
 
 
 @pytest.mark.parametrize("shaping", [FILTERS, INTEGRAL, ALL])

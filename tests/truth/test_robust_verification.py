@@ -59,9 +59,14 @@ from middeck.systems.statespace import StateSpace
 
 def two_modes(rates=0.0):
     modal = ModalSystem(
-        [3.0, 8.0], [0.02, 0.05], [[1.0, 0.5], [0.3, -1.0]], [[1.0, 0.7]], [[rates, 0.0]], ("a", "b")
+        omega=[3.0, 8.0],
+        zeta=[0.02, 0.05],
+        psi=[[1.0, 0.5], [0.3, -1.0]],
+        phi=[[1.0, 0.7]],
+        phi_rate=[[rates, 0.0]],
+        names=("a", "b"),
     )
-    return Plant(modal, (Port("i", "N"), Port("j", "N")), (Port("o", "m"),))
+    return Plant(dynamics=modal, inputs=(Port("i", "N"), Port("j", "N")), outputs=(Port("o", "m"),))
 
 
 def as_blocks(plant, seed):
@@ -153,7 +158,7 @@ def integrator_loop(delay_s, gain):
     """y' = u, u = -gain / (0.001 s + 1) y(t - delay): nearly x' = -gain x(t - delay)."""
     system = StateSpace([[0.0]], [[1.0, 1.0]], [[1.0], [1.0]], np.zeros((2, 2)))
     ports = (Port("w", "N"), Port("u", "N")), (Port("z", "m"), Port("y", "m"))
-    plant = Plant(system, *ports, ("w",), ("u",), ("z",), ("y",))
+    plant = Plant(dynamics=system, inputs=ports[0], outputs=ports[1], w=("w",), u=("u",), z=("z",), y=("y",))
     law = Law([[-1e5]], [[1e5]], [[-gain]])
     return delay_plant(plant, np.array([[0.0, 0.0], [delay_s, delay_s]])), law
 
@@ -199,18 +204,26 @@ def test_rms_with_a_delay_is_that_of_quadrature_with_the_exact_one():
     assert found.db[0] == pytest.approx(20.0 * np.log10(rms / open_rms), abs=1e-4)
 
 
-QUIET = LQGWeights(np.ones(1), np.ones(1), ("w",), np.eye(1), np.array([1e-30]))
+QUIET = LQGWeights(
+    output=np.ones(1), input=np.ones(1), disturbed=("w",), process=np.eye(1), sensor=np.array([1e-30])
+)
 
 
 def fast_mode(hz, gain, delay_s=0.010):
     """One mode of 0.3 %, and a first-order law at 400 Hz: omega tau is 2.5 at 40 Hz and 25 at 400 Hz."""
     omega = 2.0 * np.pi * hz
     modal = ModalSystem(
-        [omega], [0.003], np.ones((1, 2)), np.full((2, 1), omega**2), np.zeros((2, 1)), ("a",)
+        omega=[omega],
+        zeta=[0.003],
+        psi=np.ones((1, 2)),
+        phi=np.full((2, 1), omega**2),
+        phi_rate=np.zeros((2, 1)),
+        names=("a",),
     )
     ports = (Port("w", "N"), Port("u", "N")), (Port("z", "m"), Port("y", "m"))
     plant = delay_plant(
-        Plant(modal, *ports, ("w",), ("u",), ("z",), ("y",)), np.array([[0.0, 0.0], [delay_s, delay_s]])
+        Plant(dynamics=modal, inputs=ports[0], outputs=ports[1], w=("w",), u=("u",), z=("z",), y=("y",)),
+        np.array([[0.0, 0.0], [delay_s, delay_s]]),
     )
     corner = 2.0 * np.pi * 400.0
     law = StateSpace([[-corner]], [[corner]], [[gain]], [[0.0]])
@@ -379,11 +392,20 @@ def fast_and_slow():
     """Two modes under two measurements, and a law for them."""
     phi = np.array([[1.0, 0.4], [1.0, -0.6]])
     modal = ModalSystem(
-        2.0 * np.pi * np.array([1.0, 3.0]), [0.02, 0.02], [[1.0, 0.5], [0.3, 1.0]], phi, 0.0 * phi, ("a", "b")
+        omega=2.0 * np.pi * np.array([1.0, 3.0]),
+        zeta=[0.02, 0.02],
+        psi=[[1.0, 0.5], [0.3, 1.0]],
+        phi=phi,
+        phi_rate=0.0 * phi,
+        names=("a", "b"),
     )
     ports = (Port("w", ""), Port("u", "")), (Port("y", ""), Port("x", ""))
-    plant = Plant(modal, *ports, ("w",), ("u",), ("y",), ("y", "x"))
-    weights = LQGWeights(np.ones(1), np.ones(1), ("w",), np.eye(1), np.full(2, 1e-4))
+    plant = Plant(
+        dynamics=modal, inputs=ports[0], outputs=ports[1], w=("w",), u=("u",), z=("y",), y=("y", "x")
+    )
+    weights = LQGWeights(
+        output=np.ones(1), input=np.ones(1), disturbed=("w",), process=np.eye(1), sensor=np.full(2, 1e-4)
+    )
     return plant, weights, design_lqg(approximate_delays(delay_plant(plant, 0.004), 3), weights, 3e2)
 
 
@@ -413,12 +435,14 @@ def test_a_fast_filter_before_the_sampler_does_no_harm(corner_hz):
 def test_a_plant_that_control_alone_holds_improves_without_bound():
     A = StateSpace([[0.5]], [[1.0, 1.0]], [[1.0], [1.0]], np.zeros((2, 2)))
     plant = dataclasses.replace(integrator_loop(0.0, 1.0)[0], dynamics=A)
-    weights = LQGWeights(np.ones(1), np.ones(1), ("w",), np.eye(1), np.array([0.1]))
+    weights = LQGWeights(
+        output=np.ones(1), input=np.ones(1), disturbed=("w",), process=np.eye(1), sensor=np.array([0.1])
+    )
     found = outcomes_on([plant], design_lqg(plant, weights, 1.0), weights)[0]
     assert found.stable[0]
     assert found.db[0] == -np.inf
     assert np.isfinite(found.rms[0])
-    box = Uncertainty(())
+    box = Uncertainty(shifts=())
     assert (
         verify_robustness(
             plant, design_lqg(plant, weights, 1.0), weights, uncertainty=box, positions=np.zeros((3, 0))

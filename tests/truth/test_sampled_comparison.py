@@ -148,10 +148,10 @@ def test_channels_of_margins_have_names(at):
 
 def test_an_open_loop_without_end_is_no_obstacle():
     # A rigid body: its metric without control is infinite, its control is not.
-    modal = ModalSystem([0.0], [0.0], [[1.0]], [[1.0]], [[0.0]], ("rigid",))
+    modal = ModalSystem(omega=[0.0], zeta=[0.0], psi=[[1.0]], phi=[[1.0]], phi_rate=[[0.0]], names=("rigid",))
     ports = (Port("t", "N m"),), (Port("a", "rad"),)
-    plant = Plant(modal, *ports, ("t",), ("t",), ("a",), ("a",))
-    weights = LQGWeights([1.0], [1.0], ("t",), [[1.0]], [1e-6])
+    plant = Plant(dynamics=modal, inputs=ports[0], outputs=ports[1], w=("t",), u=("t",), z=("a",), y=("a",))
+    weights = LQGWeights(output=[1.0], input=[1.0], disturbed=("t",), process=[[1.0]], sensor=[1e-6])
     found = compare_sampling(plant, weights, 1.0, (20.0, 50.0), pade_order=2)
     assert found.open_metric == np.inf
     assert all(row.outcome.stable for row in found.rows)
@@ -187,14 +187,23 @@ def test_where_aliases_are():
 def pointing_plant(share):
     """A rigid body, to be held at some 4 Hz, and a mode that 100 Hz folds to 3 Hz; 2 ms late."""
     omega = 2.0 * np.pi * np.array([0.0, 97.0])
-    modal = ModalSystem(omega, [0.0, 0.002], [[1.0], [1.0]], [[1.0, share]], [[0.0, 0.0]], ("rigid", "panel"))
+    modal = ModalSystem(
+        omega=omega,
+        zeta=[0.0, 0.002],
+        psi=[[1.0], [1.0]],
+        phi=[[1.0, share]],
+        phi_rate=[[0.0, 0.0]],
+        names=("rigid", "panel"),
+    )
     torque, angle = (Port("t", "N m"),), (Port("a", "rad"),)
-    return delay_plant(Plant(modal, torque, angle, ("t",), ("t",), ("a",), ("a",)), 0.002)
+    return delay_plant(
+        Plant(dynamics=modal, inputs=torque, outputs=angle, w=("t",), u=("t",), z=("a",), y=("a",)), 0.002
+    )
 
 
 def test_the_filter_takes_an_alias_out_of_the_loop():
     T, authority = 0.01, 1e6
-    weights = LQGWeights([1.0], [1.0], ("t",), [[1e-4]], [1e-10])
+    weights = LQGWeights(output=[1.0], input=[1.0], disturbed=("t",), process=[[1e-4]], sensor=[1e-10])
     whole = pointing_plant(400.0)
     rigid = dataclasses.replace(remove_delays(whole), dynamics=select_modes(whole.dynamics, np.array([0])))
     plain = delay_plant(rigid, whole.delay_s)
@@ -217,7 +226,7 @@ def test_the_filter_takes_an_alias_out_of_the_loop():
 def test_a_design_that_knows_the_mode_needs_no_filter():
     # Sampled exactly, a mode beyond half the rate is one like any other.
     T, authority = 0.01, 1e6
-    weights = LQGWeights([1.0], [1.0], ("t",), [[1e-4]], [1e-10])
+    weights = LQGWeights(output=[1.0], input=[1.0], disturbed=("t",), process=[[1e-4]], sensor=[1e-10])
     whole = pointing_plant(400.0)
     law = design_sampled_lqg(whole, weights, authority, T, "current")
     found = measure_sampled_loop(whole, law, weights, authority)
@@ -252,9 +261,17 @@ def test_performance_is_read_in_front_of_the_filter():
 def test_filtered_noise_may_reach_a_measurement_directly():
     # An accelerometer beside the motor reads the torque's noise: behind a filter it can be sampled.
     ports = (Port("t", "N m"),), (Port("a", "rad"), Port("acc", "rad/s^2"))
-    modal = ModalSystem([6.0], [0.01], [[1.0]], [[1.0], [0.0]], [[0.0], [0.0]], ("mode",), [[0.0], [1.0]])
-    plant = Plant(modal, *ports, ("t",), ("t",), ("a",), ("acc",))
-    weights = LQGWeights([1.0], [1.0], ("t",), [[1e-2]], [1e-6])
+    modal = ModalSystem(
+        omega=[6.0],
+        zeta=[0.01],
+        psi=[[1.0]],
+        phi=[[1.0], [0.0]],
+        phi_rate=[[0.0], [0.0]],
+        names=("mode",),
+        phi_acceleration=[[0.0], [1.0]],
+    )
+    plant = Plant(dynamics=modal, inputs=ports[0], outputs=ports[1], w=("t",), u=("t",), z=("a",), y=("acc",))
+    weights = LQGWeights(output=[1.0], input=[1.0], disturbed=("t",), process=[[1e-2]], sensor=[1e-6])
     with pytest.raises(ConfigError, match="filter_measurements"):
         design_sampled_lqg(plant, weights, 100.0, 0.01)
     filtered = filter_measurements(plant, roll_off(30.0, 2))

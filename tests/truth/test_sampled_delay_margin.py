@@ -31,16 +31,23 @@ def law(gain, *, waits, period=PERIOD):
     """u[k] = gain y[k], or a period later."""
     parts = (np.zeros((1, 1)), np.ones((1, 1)), [[gain]], np.zeros((1, 1)))
     now = (np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[gain]])
-    return Compensator(SampledStateSpace(*(parts if waits else now), period), Y, U, method="gain")
+    return Compensator(SampledStateSpace(*(parts if waits else now), period_s=period), Y, U, method="gain")
 
 
 def plant_of(dynamics):
-    return Plant(dynamics, U, Y, w=("u",), u=("u",), z=("y",), y=("y",))
+    return Plant(dynamics=dynamics, inputs=U, outputs=Y, w=("u",), u=("u",), z=("y",), y=("y",))
 
 
 def mode(hz, gain):
     omega = 2.0 * np.pi * hz
-    return ModalSystem([omega], [0.01], [[1.0]], [[gain * 0.02 * omega**2]], [[0.0]], ("panel",))
+    return ModalSystem(
+        omega=[omega],
+        zeta=[0.01],
+        psi=[[1.0]],
+        phi=[[gain * 0.02 * omega**2]],
+        phi_rate=[[0.0]],
+        names=("panel",),
+    )
 
 
 def limit_of(plant, one, **options):
@@ -148,11 +155,18 @@ def drawn(seed):
     zeta = 10.0 ** rng.uniform(-2.0, -0.3, modes)
     shape = rng.standard_normal((2, n, modes))
     names = tuple(f"mode {k}" for k in range(modes))
-    modal = ModalSystem(omega, zeta, omega[:, None] * shape[0].T, shape[1], 0.0 * shape[1], names)
+    modal = ModalSystem(
+        omega=omega,
+        zeta=zeta,
+        psi=omega[:, None] * shape[0].T,
+        phi=shape[1],
+        phi_rate=0.0 * shape[1],
+        names=names,
+    )
     u, y = (tuple(Port(f"{side}{i}", "") for i in range(n)) for side in "uy")
     gain = 10.0 ** rng.uniform(-1.0, 0.7) * zeta.mean() * omega.mean() * rng.standard_normal((n, n))
-    now = SampledStateSpace(np.zeros((0, 0)), np.zeros((0, n)), np.zeros((n, 0)), gain, PERIOD)
-    plant = Plant(modal, u, y, u=tuple(p.name for p in u), y=tuple(p.name for p in y))
+    now = SampledStateSpace(np.zeros((0, 0)), np.zeros((0, n)), np.zeros((n, 0)), gain, period_s=PERIOD)
+    plant = Plant(dynamics=modal, inputs=u, outputs=y, u=tuple(p.name for p in u), y=tuple(p.name for p in y))
     return delay_plant(plant, rng.uniform(0.0, 2.0 * PERIOD, (n, n))), Compensator(now, y, u, method="gain")
 
 

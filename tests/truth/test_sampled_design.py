@@ -32,7 +32,13 @@ FORMS = ("predictor", "current")
 def walk():
     ports = (Port("push", "N"),), (Port("way", "m"),)
     return Plant(
-        StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]), *ports, ("push",), ("push",), ("way",), ("way",)
+        dynamics=StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]),
+        inputs=ports[0],
+        outputs=ports[1],
+        w=("push",),
+        u=("push",),
+        z=("way",),
+        y=("way",),
     )
 
 
@@ -41,7 +47,7 @@ def walk():
 def test_random_walk_in_closed_form(T, rho):
     # x' = u + w: the mean of x^2 over a period is x^2 + T x u + T^2 u^2 / 3 + T / 2. The regulator's equation
     # becomes X^2 = rho / T^2 + 1/12; the filter's P^2 / (P + 1/T) = T for noise of unit intensities.
-    weights = LQGWeights([1.0], [1.0], ("push",), [[1.0]], [1.0])
+    weights = LQGWeights(output=[1.0], input=[1.0], disturbed=("push",), process=[[1.0]], sensor=[1.0])
     X, P = np.sqrt(rho / T**2 + 1.0 / 12.0), (T + np.sqrt(T**2 + 4.0)) / 2.0
     weight = rho + T**2 / 3.0 + T**2 * X
     K = T * (X + 0.5) / weight
@@ -359,7 +365,7 @@ def test_unstable_loop_is_a_value():
 
 
 def test_a_walk_that_nothing_holds_has_no_rms():
-    weights = LQGWeights([1.0], [1.0], ("push",), [[1.0]], [1.0])
+    weights = LQGWeights(output=[1.0], input=[1.0], disturbed=("push",), process=[[1.0]], sensor=[1.0])
     law = design_sampled_lqg(walk(), weights, 1.0, 0.1)
     still = dataclasses.replace(law.sampled, C=0.0 * law.sampled.C)
     found = measure_sampled_loop(
@@ -388,12 +394,20 @@ def test_modes_that_nothing_sees_or_reaches_are_named(torque, angle, message):
     # A rigid turn beside the modes, in a draught.
     modal = cases.gimbal().dynamics
     more = ModalSystem(
-        np.append(modal.omega, 0.0), np.append(modal.zeta, 0.0),
-        np.block([[modal.psi, np.zeros((5, 1))], [np.array([[torque, 1.0]])]]),
-        np.hstack([modal.phi, [[angle]]]), np.zeros((1, 6)), (*modal.names, "turn"),
+        omega=np.append(modal.omega, 0.0), zeta=np.append(modal.zeta, 0.0),
+        psi=np.block([[modal.psi, np.zeros((5, 1))], [np.array([[torque, 1.0]])]]),
+        phi=np.hstack([modal.phi, [[angle]]]), phi_rate=np.zeros((1, 6)), names=(*modal.names, "turn"),
     )  # fmt: skip
     ports = (Port("torque", "N m"), Port("draught", "N m")), (Port("angle", "rad"),)
-    plant = Plant(more, *ports, ("torque",), ("torque",), ("angle",), ("angle",))
+    plant = Plant(
+        dynamics=more,
+        inputs=ports[0],
+        outputs=ports[1],
+        w=("torque",),
+        u=("torque",),
+        z=("angle",),
+        y=("angle",),
+    )
     weights = dataclasses.replace(cases.gimbal_weights(), disturbed=("torque", "draught"), process=np.eye(2))
     with pytest.raises(NotStabilisableError, match=f"{message}.*turn"):
         design_sampled_lqg(plant, weights, 100.0, 0.01)
@@ -411,10 +425,20 @@ def test_any_plant_with_any_delays(seed, late_in, late_out, form):
     A = rng.standard_normal((4, 4)) - 1.0 * np.eye(4)
     inputs, outputs = (tuple(Port(name, "N") for name in side.split()) for side in ("u1 u2 w1", "y1 y2"))
     system = StateSpace(A, rng.standard_normal((4, 3)), rng.standard_normal((2, 4)), np.zeros((2, 3)))
-    plant = Plant(system, inputs, outputs, ("w1",), ("u1", "u2"), ("y1", "y2"), ("y1", "y2"))
+    plant = Plant(
+        dynamics=system,
+        inputs=inputs,
+        outputs=outputs,
+        w=("w1",),
+        u=("u1", "u2"),
+        z=("y1", "y2"),
+        y=("y1", "y2"),
+    )
     delay_s = T * (np.array([*late_in, 0.0]) + np.array(late_out)[:, None])
     delayed = delay_plant(plant, delay_s)
-    weights = LQGWeights([1.0, 1.0], [1.0, 1.0], ("w1",), [[1.0]], [0.1, 0.1])
+    weights = LQGWeights(
+        output=[1.0, 1.0], input=[1.0, 1.0], disturbed=("w1",), process=[[1.0]], sensor=[0.1, 0.1]
+    )
     omega = np.array([0.1, 1.0, 10.0])
     mine = statespace_response(hold_plant(delayed, weights, T).system, omega)
     control = StateSpace(A, system.B[:, :2], system.C, np.zeros((2, 2)))
@@ -428,9 +452,9 @@ def test_any_plant_with_any_delays(seed, late_in, late_out, form):
 def test_a_walk_under_a_gain_is_a_closed_form_at_the_samples_and_between_them():
     # x+ = (1 - k T) x - k T v + w; after t within a period (1 - k t) x - k t v and noise of variance t.
     T, k, r = 0.4, 1.5, 0.3
-    law = SampledStateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[-k]], T)
+    law = SampledStateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[-k]], period_s=T)
     plant = walk()
-    weights = LQGWeights([1.0], [1.0], ("push",), [[1.0]], [r])
+    weights = LQGWeights(output=[1.0], input=[1.0], disturbed=("push",), process=[[1.0]], sensor=[r])
     held = Compensator(law, plant.outputs, plant.inputs, method="gain")
     found = measure_sampled_loop(plant, held, weights, 1.0)
     at_samples = (T + k**2 * T * r) / (1.0 - (1.0 - k * T) ** 2)
@@ -443,10 +467,27 @@ def test_a_walk_under_a_gain_is_a_closed_form_at_the_samples_and_between_them():
 def test_single_late_paths_keep_the_phase_of_a_fast_mode():
     # 12.5 radians late on one path alone: order 8 is wrong there by a tenth, order 16 right to 1e-9.
     ports = (Port("u1", "N"), Port("u2", "N")), (Port("y1", "m"), Port("y2", "m"))
-    modal = ModalSystem([250.0], [0.01], [[1.0, 0.5]], [[1.0], [0.7]], np.zeros((2, 1)), ("fast",))
-    plant = Plant(modal, *ports, ("u1",), ("u1", "u2"), ("y1",), ("y1", "y2"))
+    modal = ModalSystem(
+        omega=[250.0],
+        zeta=[0.01],
+        psi=[[1.0, 0.5]],
+        phi=[[1.0], [0.7]],
+        phi_rate=np.zeros((2, 1)),
+        names=("fast",),
+    )
+    plant = Plant(
+        dynamics=modal,
+        inputs=ports[0],
+        outputs=ports[1],
+        w=("u1",),
+        u=("u1", "u2"),
+        z=("y1",),
+        y=("y1", "y2"),
+    )
     delay_s, T = np.array([[0.0, 0.0], [0.0, 0.05]]), 0.002
-    weights = LQGWeights([1.0], [1.0, 1.0], ("u1",), [[1.0]], [1.0, 1.0])
+    weights = LQGWeights(
+        output=[1.0], input=[1.0, 1.0], disturbed=("u1",), process=[[1.0]], sensor=[1.0, 1.0]
+    )
     omega = np.array([240.0, 250.0, 260.0])
     mine = statespace_response(hold_plant(delay_plant(plant, delay_s), weights, T).system, omega)
     theirs = statespace_response(sample_delayed(plant.system, T, delay_s), omega)
@@ -510,5 +551,5 @@ def test_disturbances_that_belong_together_must_be_late_together():
 def test_other_ports_are_named():
     law = design_sampled_lqg(cases.late_gimbal(), cases.gimbal_weights(), 100.0, 0.01)
     other = dataclasses.replace(law, inputs=(Port("rate", "rad/s"),))
-    with pytest.raises(ConfigError, match="measurement named 'angle'"):
+    with pytest.raises(ConfigError, match="reads rate and drives torque"):
         measure_sampled_loop(cases.late_gimbal(), other, cases.gimbal_weights(), 100.0)

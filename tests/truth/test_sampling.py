@@ -26,12 +26,12 @@ def modes(hz=(0.0, 0.3, 7.0, 45.0, 190.0), outputs=2, inputs=2, zeta=0.02):
     omega = 2.0 * np.pi * np.array(hz)
     n = len(omega)
     return ModalSystem(
-        omega,
-        np.full(n, zeta),
-        rng.standard_normal((n, inputs)),
-        rng.standard_normal((outputs, n)),
-        0.1 * rng.standard_normal((outputs, n)),
-        tuple(f"mode {i}" for i in range(n)),
+        omega=omega,
+        zeta=np.full(n, zeta),
+        psi=rng.standard_normal((n, inputs)),
+        phi=rng.standard_normal((outputs, n)),
+        phi_rate=0.1 * rng.standard_normal((outputs, n)),
+        names=tuple(f"mode {i}" for i in range(n)),
     )
 
 
@@ -161,7 +161,7 @@ def test_growth_rates_of_a_sampled_system_are_those_of_the_continuous():
         np.sort_complex(poles(modal_to_statespace(modal))),
         rtol=1e-9,  # log of a pole within 1e-4 of one
     )
-    assert growth_rates(SampledStateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]], T)).real == -np.inf
+    assert growth_rates(SampledStateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]], period_s=T)).real == -np.inf
 
 
 def test_bad_times_are_refused():

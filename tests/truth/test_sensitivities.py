@@ -109,9 +109,30 @@ def all_kinds_of_springs() -> tuple[Structure, Environment]:
     x, y, z = np.eye(3)
     arm = build.body(0.7, (0.02, -0.2, 0.01), (0.01, 0.004, 0.01))
     joints = [
-        Joint("swing", "a", -0.05 * y, x, 0.1, arm, JointState.SPRUNG, 3.0, 0.2),
-        Joint("crane", "b", -0.05 * y, z, 0.0, arm, JointState.DRIVEN, target=0.3),
-        Joint("bob", "crane", -0.1 * y, x, 0.0, arm, JointState.LOCKED),
+        Joint(
+            name="swing",
+            parent="a",
+            offset=-0.05 * y,
+            axis=x,
+            angle=0.1,
+            body=arm,
+            state=JointState.SPRUNG,
+            stiffness=3.0,
+            target=0.2,
+        ),
+        Joint(
+            name="crane",
+            parent="b",
+            offset=-0.05 * y,
+            axis=z,
+            angle=0.0,
+            body=arm,
+            state=JointState.DRIVEN,
+            target=0.3,
+        ),
+        Joint(
+            name="bob", parent="crane", offset=-0.1 * y, axis=x, angle=0.0, body=arm, state=JointState.LOCKED
+        ),
     ]
     attach = [
         build.AttachPoint(n, f, np.array(p))
@@ -122,16 +143,28 @@ def all_kinds_of_springs() -> tuple[Structure, Environment]:
             ("tip", "crane", (0.05, -0.1, 0.0)),
         )
     ]
-    own = [build.Spring("stay", "left", "tip", 40.0, 0.8)]
+    own = [build.Spring(name="stay", start="left", end="tip", stiffness=40.0, free_length=0.8)]
     article = build.structure(bar, [build.member("a", "b", build.TUBE, 2)], joints, own, attach)
     spring = DeviceKind.SPRING
     hangers = (
-        Device("tuned", "left", spring, held="xyz", bounce_hz=0.5, cable_length=2.0, moving_mass=0.1),
-        Device("other", "right", held="yz", bounce_hz=0.4, anchor=np.array([1.2, 3.0, 0.1])),
-        Device("given", "third", force=8.0, stiffness=60.0, anchor=np.array([1.0, 2.0, 0.3])),
+        Device(
+            name="tuned",
+            attach="left",
+            kind=spring,
+            held="xyz",
+            bounce_hz=0.5,
+            cable_length=2.0,
+            moving_mass=0.1,
+        ),
+        Device(name="other", attach="right", held="yz", bounce_hz=0.4, anchor=np.array([1.2, 3.0, 0.1])),
+        Device(name="given", attach="third", force=8.0, stiffness=60.0, anchor=np.array([1.0, 2.0, 0.3])),
     )
-    tie = AnchoredSpring("tie", "right", np.array([1.1, 1.4, 0.4]), 30.0, 0.9)
-    return article, Environment("mixed", np.array([0.1, -9.7, 0.2]), None, (tie,), hangers)
+    tie = AnchoredSpring(
+        name="tie", attach="right", anchor=np.array([1.1, 1.4, 0.4]), stiffness=30.0, free_length=0.9
+    )
+    return article, Environment(
+        title="mixed", gravity=np.array([0.1, -9.7, 0.2]), suspension=None, springs=(tie,), devices=hangers
+    )
 
 
 SPRINGS = [
@@ -179,7 +212,11 @@ def test_pendulum():
         [build.node("ball", (0, 0, 0), build.body(2.0, inertia=(0.1, 0.2, 0.3)))],
         attach=[build.AttachPoint("top", "ball", np.zeros(3))],
     )
-    place = Environment("lab", build.GRAVITY, Suspension(("top",), ("xyz",), 4.0, 0.4))
+    place = Environment(
+        title="lab",
+        gravity=build.GRAVITY,
+        suspension=Suspension(attach=("top",), held=("xyz",), cable_length=4.0, bounce_hz=0.4),
+    )
     modes = solve(article, place)
     names = ["environment.cable_length", "environment.gravity.y", "environment.bounce_hz", "node.ball.mass"]
     found = differentiate_frequencies(modes, find_parameters(article, place, names))
@@ -345,11 +382,11 @@ def test_transfer_function_of_equal_frequencies():
     beam = dataclasses.replace(
         beam,
         actuators=(
-            build.Actuator("torque", "a", np.array([0.0, 0.0, 1.0])),
-            build.Actuator("twist", "b", np.array([0.6, 0.8, 0.0])),
+            build.Actuator(name="torque", frame="a", axis=np.array([0.0, 0.0, 1.0])),
+            build.Actuator(name="twist", frame="b", axis=np.array([0.6, 0.8, 0.0])),
         ),
-        sensors=(build.Sensor("turn", "b", np.array([0.0, 0.6, 0.8]), "b"),),
-        damping=Damping(0.01),
+        sensors=(build.Sensor(name="turn", frame="b", axis=np.array([0.0, 0.6, 0.8]), axis_frame="b"),),
+        damping=Damping(flexible=0.01),
     )
     orbit = Environment.orbit()
     p = find_parameters(beam, orbit, ["node.b.inertia.zz"])[0]
@@ -404,7 +441,7 @@ def test_ratios_that_follow_the_shapes():
         Damper(DamperPlace.SPRING, "stay", 0.5),
         Damper(DamperPlace.DEVICE, "left", 0.7),
     )
-    given = Damping(0.01, loss_factor=(("a-b", 0.03),), dampers=dampers, by_mode=((4, 0.02),))
+    given = Damping(flexible=0.01, loss_factor=(("a-b", 0.03),), dampers=dampers, by_mode=((4, 0.02),))
     article = dataclasses.replace(article, damping=given)
     own = ["damping.loss_factor.a-b", "damping.spring.stay.c", "damping.mode.4"]
     parameters = find_parameters(article, place, [*own, "node.b.mass", "spring.stay.stiffness"])

@@ -84,7 +84,7 @@ def test_it_holds_what_lqg_does_not():
 
 
 def test_a_plant_that_lqg_holds_needs_no_strength():
-    small = Uncertainty((ModeShift(NAMES[3:], 1e-6),))
+    small = Uncertainty(shifts=(ModeShift(NAMES[3:], 1e-6),))
     law = design_sensitivity_weighted(reference_plant(), WEIGHTS, AUTHORITY, uncertainty=small)
     lqg = design_lqg(without_delays(reference_plant()), WEIGHTS, AUTHORITY)
     assert law.costs[0] == pytest.approx(lqg.cost, rel=1e-6)
@@ -96,10 +96,10 @@ def test_bad_input_is_named():
         return design_sensitivity_weighted(reference_plant(), WEIGHTS, AUTHORITY, uncertainty=box, **more)
 
     with pytest.raises(ConfigError, match="no mode is uncertain"):
-        design(Uncertainty(()))
+        design(Uncertainty(shifts=()))
     with pytest.raises(ConfigError, match="a strength of -1"):
         design(TOGETHER, strength=-1.0)
     with pytest.raises(NumericalError, match="at no strength"):
         design_sensitivity_weighted(
-            reference_plant(), WEIGHTS, 1e8, uncertainty=Uncertainty((ModeShift(NAMES, 0.5),))
+            reference_plant(), WEIGHTS, 1e8, uncertainty=Uncertainty(shifts=(ModeShift(NAMES, 0.5),))
         )

@@ -20,11 +20,11 @@ from middeck.control.sampled import design_sampled_lqg, emulate
 from middeck.errors import ConfigError, NotStabilisableError
 from middeck.identification.uncertainty.accuracy import expected_accuracy
 from middeck.signals.record import Record
-from middeck.systems.delay_approximation import approximate_delays
+from middeck.systems.delay_approximation import approximate_delays, evaluate_approximation
 from middeck.systems.modal import ModalSystem
 from middeck.systems.own_plant import make_plant
 from middeck.systems.plant import Plant, delay_plant, group_ports, name_states
-from middeck.systems.response import evaluate_plant
+from middeck.systems.response import evaluate_plant, statespace_response
 from middeck.systems.sampled_plant import sample_plant
 from middeck.systems.statespace import StateSpace
 
@@ -35,7 +35,13 @@ C = np.array([[1.0, 0.0, 0.2, 0.0], [0.4, 0.0, 1.0, 0.0]])
 PORTS = {"inputs": ["f1", "f2"], "outputs": ["y1", "y2"]}
 GROUPS = {"w": ["f1", "f2"], "u": ["f1", "f2"], "z": ["y1", "y2"], "y": ["y1", "y2"]}
 UNLIKE = np.array([[0.01, 0.03], [0.07, 0.02]])
-WEIGHTS = LQGWeights([1.0, 2.0], [0.1, 5.0], ("f1", "f2"), np.diag([1.0, 0.5]), [0.01, 3.0])
+WEIGHTS = LQGWeights(
+    output=[1.0, 2.0],
+    input=[0.1, 5.0],
+    disturbed=("f1", "f2"),
+    process=np.diag([1.0, 0.5]),
+    sensor=[0.01, 3.0],
+)
 PLANT = make_plant(A[:4, :4], B, C, **PORTS, **GROUPS)
 LAW = Compensator(
     StateSpace(np.diag([-3.0, -5.0]), [[1.0, 0.2], [0.0, 1.0]], [[-1.0, 0.3], [0.2, -0.8]], np.zeros((2, 2))),
@@ -80,11 +86,14 @@ def test_an_inert_integrator_stays_apart_by_name():
 def test_rigid_modes_that_two_forces_cannot_hold_are_refused_behind_unlike_delays():
     rng = np.random.default_rng(0)
     modal = ModalSystem(
-        [0.0, 0.0, 0.0, 5.0], [0.0, 0.0, 0.0, 0.02], rng.normal(size=(4, 2)), rng.normal(size=(2, 4)),
-        np.zeros((2, 4)), ("x", "y", "turn", "bend"),
-    )  # fmt: skip
-    groups = ("f1", "f2"), ("f1", "f2"), ("y1", "y2"), ("y1", "y2")
-    plant = delay_plant(Plant(modal, PLANT.inputs, PLANT.outputs, *groups), UNLIKE)
+        omega=[0.0, 0.0, 0.0, 5.0],
+        zeta=[0.0, 0.0, 0.0, 0.02],
+        psi=rng.normal(size=(4, 2)),
+        phi=rng.normal(size=(2, 4)),
+        phi_rate=np.zeros((2, 4)),
+        names=("x", "y", "turn", "bend"),
+    )
+    plant = delay_plant(dataclasses.replace(PLANT, dynamics=modal, state_names=()), UNLIKE)
     with pytest.raises(NotStabilisableError):
         design_lqg(approximate_delays(plant, 3), WEIGHTS, 1.0)
 
@@ -108,7 +117,15 @@ def test_weights_go_by_the_plants_groups_whatever_the_order_of_the_law(delay_s: 
 def test_a_common_delay_of_a_plant_is_one_delay_of_each_output() -> None:
     rng = np.random.default_rng(3)
     u = rng.standard_normal((2, 1, 500, 2))
-    taken = Record(50.0, u, np.zeros((2, 1, 500, 2)), PLANT.inputs, PLANT.outputs, True, held=True)
+    taken = Record(
+        sample_hz=50.0,
+        u=u,
+        y=np.zeros((2, 1, 500, 2)),
+        inputs=PLANT.inputs,
+        outputs=PLANT.outputs,
+        periodic=True,
+        held=True,
+    )
     own = expected_accuracy(delay_plant(PLANT, 0.02), taken, 1e-3)
     told = expected_accuracy(PLANT, taken, 1e-3, delay_s=0.02)
     np.testing.assert_allclose(own.error, told.error, rtol=1e-9)
@@ -136,15 +153,30 @@ def test_the_rms_refuses_alike_with_delays_and_without() -> None:
 
 def test_an_inert_mode_that_grows_is_no_stable_loop() -> None:
     modal = ModalSystem(
-        [2.0, 5.0],
-        [0.05, -0.01],
-        [[1.0, 0.3], [0.0, 0.0]],
-        [[1.0, 0.0], [0.4, 0.0]],
-        np.zeros((2, 2)),
-        ("a", "b"),
+        omega=[2.0, 5.0],
+        zeta=[0.05, -0.01],
+        psi=[[1.0, 0.3], [0.0, 0.0]],
+        phi=[[1.0, 0.0], [0.4, 0.0]],
+        phi_rate=np.zeros((2, 2)),
+        names=("a", "b"),
     )
-    plant = Plant(modal, PLANT.inputs, PLANT.outputs, *(tuple(g) for g in GROUPS.values()))
+    plant = dataclasses.replace(PLANT, dynamics=modal, state_names=())
     dense = dataclasses.replace(plant, dynamics=plant.system, state_names=name_states(plant))
     for each in (plant, dense, delay_plant(plant, 0.02), delay_plant(plant, UNLIKE)):
         assert not decide_stability(each, LAW).stable
         assert not decide_stability(each, emulate(LAW, 0.01)).stable
+
+
+def test_a_direct_term_stays_where_no_state_meets_a_port() -> None:
+    through = np.array([[1.0, -2.0], [0.5, 3.0]])
+    plant = dataclasses.replace(
+        PLANT,
+        dynamics=StateSpace([[-1.0]], np.zeros((1, 2)), np.zeros((2, 1)), through),
+        state_names=("alone",),
+        delay_s=UNLIKE,
+    )
+    near = approximate_delays(plant, 4)
+    s = 1j * np.array([0.1, 1.0])
+    turn = evaluate_approximation(UNLIKE, 4, s)
+    np.testing.assert_allclose(statespace_response(near.system, s.imag), through * turn, rtol=1e-12)
+    assert near.state_names[-1] == "alone"

@@ -44,7 +44,9 @@ from structure_builders import (
     structure,
 )
 
-TUBE = Section(2e4, 30.0, 50.0, 80.0, 0.5, 2e-4, 3e-4, 4e4, 3e4)
+TUBE = Section(
+    EA=2e4, GJ=30.0, EI_y=50.0, EI_z=80.0, rho_A=0.5, rho_I_y=2e-4, rho_I_z=3e-4, GA_y=4e4, GA_z=3e4
+)
 UNEQUAL = (0.03, 0.01, 0.02)
 X, Z = np.eye(3)[0], np.eye(3)[2]
 G = 9.80665
@@ -63,13 +65,36 @@ def sliding_model() -> Model:
     def slide(name: str, parent: str, offset, axis, at: float, rest: float) -> Joint:
         mass = body(0.7, (0.01, 0.02, -0.03), UNEQUAL)
         return Joint(
-            name, parent, np.array(offset), axis, at, mass, JointState.SPRUNG, 30.0, rest, slides=True
+            name=name,
+            parent=parent,
+            offset=np.array(offset),
+            axis=axis,
+            angle=at,
+            body=mass,
+            state=JointState.SPRUNG,
+            stiffness=30.0,
+            target=rest,
+            slides=True,
         )
 
     joints = [
-        Joint("t1", "a", np.array([0.0, -0.1, 0.05]), X, 0.5, body(0.5, (0, 0.01, 0))),
+        Joint(
+            name="t1",
+            parent="a",
+            offset=np.array([0.0, -0.1, 0.05]),
+            axis=X,
+            angle=0.5,
+            body=body(0.5, (0, 0.01, 0)),
+        ),
         slide("s1", "t1", [0.03, 0.0, 0.02], tilted, 0.2, -0.1),
-        Joint("t2", "s1", np.array([0.0, 0.05, 0.1]), Z, -0.4, body(1.5, (0.05, -0.2, 0.1), UNEQUAL)),
+        Joint(
+            name="t2",
+            parent="s1",
+            offset=np.array([0.0, 0.05, 0.1]),
+            axis=Z,
+            angle=-0.4,
+            body=body(1.5, (0.05, -0.2, 0.1), UNEQUAL),
+        ),
         slide("s2", "b", [0.0, 0.1, 0.0], Z, -0.1, 0.0),
         slide("s3", "s2", [0.1, 0.0, 0.0], tilted, 0.3, 0.2),
     ]
@@ -84,7 +109,13 @@ def sliding_model() -> Model:
 def loads_of(model: Model) -> Loads:
     anchors = np.array([[0.1, 3.0, 0.2], [1.0, 2.0, -0.3], [0.4, 2.5, 0.3]])
     law = SpringLaw(np.array([20.0, 10.0, 15.0]), np.array([5.0, 4.0, 6.0]), np.array([2.5, 2.0, 2.2]))
-    return Loads(GRAVITY + np.array([1.0, 0.0, 2.0]), anchors, model.attach_point, law, np.zeros(3))
+    return Loads(
+        gravity=GRAVITY + np.array([1.0, 0.0, 2.0]),
+        anchor=anchors,
+        attach_point=model.attach_point,
+        law=law,
+        mass=np.zeros(3),
+    )
 
 
 def ahead(model: Model, config: Configuration, direction: np.ndarray) -> Configuration:
@@ -169,7 +200,16 @@ def test_a_mass_on_a_tilted_slide_slides_by_its_weight_over_its_spring(tilt: flo
     m, k, rest = 0.8, 120.0, 0.01
     axis = np.array([np.cos(tilt), -np.sin(tilt), 0.0])
     slide = Joint(
-        "pm", "n", np.array([0.1, 0.2, 0.3]), axis, 0.0, body(m), JointState.SPRUNG, k, rest, slides=True
+        name="pm",
+        parent="n",
+        offset=np.array([0.1, 0.2, 0.3]),
+        axis=axis,
+        angle=0.0,
+        body=body(m),
+        state=JointState.SPRUNG,
+        stiffness=k,
+        target=rest,
+        slides=True,
     )
     model = mesh_structure(structure([node("n", (0, 0, 0), body(1.0))], joints=[slide]))
     loads = dataclasses.replace(no_loads(), gravity=GRAVITY)
@@ -186,15 +226,15 @@ def pendulum(
     height: float = HEIGHT, c: float = 0.0, travel=(-np.inf, np.inf), rest: float = 0.0
 ) -> Structure:
     slide = Joint(
-        "pm",
-        "bus",
-        np.array([0.0, -height, 0.0]),
-        X,
-        0.0,
-        body(MOVING),
-        JointState.SPRUNG,
-        SPRING,
-        rest,
+        name="pm",
+        parent="bus",
+        offset=np.array([0.0, -height, 0.0]),
+        axis=X,
+        angle=0.0,
+        body=body(MOVING),
+        state=JointState.SPRUNG,
+        stiffness=SPRING,
+        target=rest,
         slides=True,
         travel=travel,
     )
@@ -202,8 +242,11 @@ def pendulum(
         [node("bus", (0, 0, 0), body(HUNG, (0, -DEPTH, 0), (0.5, 0.2, INERTIA)))],
         joints=[slide],
         attach=[AttachPoint("hook", "bus", np.zeros(3))],
-        actuators=[Actuator("drive", "pm", None)],
-        sensors=[Sensor("tilt", "bus", Z, "bus"), Sensor("stroke", "pm", None)],
+        actuators=[Actuator(name="drive", frame="pm", axis=None)],
+        sensors=[
+            Sensor(name="tilt", frame="bus", axis=Z, axis_frame="bus"),
+            Sensor(name="stroke", frame="pm", axis=None),
+        ],
     )
     dampers = (Damper(DamperPlace.JOINT, "pm", c),) if c else ()
     return dataclasses.replace(parts, damping=Damping(dampers=dampers))
@@ -213,7 +256,9 @@ def hung_from_a_point(gravity: float):
     """A spring of no free length pulls its point back alike in all directions."""
     above = (HUNG + MOVING) * gravity / HOLD
     return lab(
-        AnchoredSpring("hold", "hook", np.array([0.0, above, 0.0]), HOLD, 0.0),
+        AnchoredSpring(
+            name="hold", attach="hook", anchor=np.array([0.0, above, 0.0]), stiffness=HOLD, free_length=0.0
+        ),
         gravity=np.array([0.0, -gravity, 0.0]),
     )
 
@@ -273,7 +318,14 @@ def test_no_reaction_at_zero_frequency_in_orbit_and_the_weight_of_the_mass_on_th
 def test_held_the_slide_hands_the_weight_component_of_its_mass_to_the_structure():
     """Static: the spring's force k x on the carrier per unit of tilt is the weight m g along the slide."""
     slide = pendulum().joints[0]
-    pivot = Joint("pivot", "fixed", np.zeros(3), Z, 0.0, body(HUNG, (0, -DEPTH, 0), (0.5, 0.2, INERTIA)))
+    pivot = Joint(
+        name="pivot",
+        parent="fixed",
+        offset=np.zeros(3),
+        axis=Z,
+        angle=0.0,
+        body=body(HUNG, (0, -DEPTH, 0), (0.5, 0.2, INERTIA)),
+    )
     parts = structure(
         [node("fixed", (0, 0, 0), NONE)], joints=[pivot, dataclasses.replace(slide, parent="pivot")]
     )
@@ -378,8 +430,8 @@ def test_a_file_says_what_a_proof_mass_is(tmp_path, spring: str):
     assert parts.damping.dampers == (
         Damper(DamperPlace.JOINT, "pm", pytest.approx(2 * 0.3 * 0.4 * 2 * np.pi * 2.0)),
     )
-    assert parts.actuators[-1] == Actuator("pm_rel", "pm", None)
-    assert parts.sensors[-1] == Sensor("pm_rel", "pm", None)
+    assert parts.actuators[-1] == Actuator(name="pm_rel", frame="pm", axis=None)
+    assert parts.sensors[-1] == Sensor(name="pm_rel", frame="pm", axis=None)
 
 
 BROKEN = {

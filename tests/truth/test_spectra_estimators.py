@@ -1,5 +1,7 @@
 """H1, H2, Hv, coherences and their sums over blocks, against identities, closed forms and scipy.signal."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 import scipy.signal
@@ -31,7 +33,14 @@ def record_of(u, y, *, periodic=False):
     """From [experiment, sample, channel] or, of a periodic one, [experiment, period, sample, channel]."""
     if u.ndim == 3:
         u, y = u[:, None], y[:, None]
-    return Record(HZ, u, y, ports("u", u.shape[3]), ports("y", y.shape[3]), periodic=periodic)
+    return Record(
+        sample_hz=HZ,
+        u=u,
+        y=y,
+        inputs=ports("u", u.shape[3]),
+        outputs=ports("y", y.shape[3]),
+        periodic=periodic,
+    )
 
 
 def filtered(rng, *, samples, inputs=2, outputs=3, output_noise=0.0, input_noise=0.0, experiments=1):
@@ -108,7 +117,7 @@ def test_whole_periods_read_in_blocks_need_the_memory_of_one():
             yield period, 3.0 * period + noise
 
     stream = stream_record(record_of(np.zeros((1, 1, 2, 1)), np.zeros((1, 1, 2, 1)), periodic=True))
-    long = type(stream)(HZ, stream.inputs, stream.outputs, 400 * 256, 1, 256, pieces)
+    long = dataclasses.replace(stream, samples=400 * 256, experiments=1, period=256, pieces=pieces)
     found = estimate_response(long)
     assert set(largest) == {256}
     # Noise 0.1 over 400 periods and a white input: 0.005 on each line on average.
@@ -296,11 +305,13 @@ def test_a_stream_is_checked_while_it_is_read():
     record = filtered(np.random.default_rng(11), samples=1000)
     y = record.y.copy()
     y[..., 1] = 0.25
-    dead = Record(HZ, record.u, y, record.inputs, record.outputs, periodic=False)
+    dead = Record(sample_hz=HZ, u=record.u, y=y, inputs=record.inputs, outputs=record.outputs, periodic=False)
     with pytest.raises(DataError, match=r"output y1: the channel is constant at 0\.25 V"):
         estimate_response(stream_record(dead), method="h1")
     y[0, 0, 700, 1] = np.nan
-    broken = Record(HZ, record.u, y, record.inputs, record.outputs, periodic=False)
+    broken = Record(
+        sample_hz=HZ, u=record.u, y=y, inputs=record.inputs, outputs=record.outputs, periodic=False
+    )
     with pytest.raises(DataError, match="not finite"):
         estimate_response(stream_record(broken), method="h1")
     with pytest.raises(DataError, match="not finite"):

@@ -43,7 +43,13 @@ def test_noise_alone_has_no_mode():
     rng = np.random.default_rng(0)
     f = np.arange(0.1, 20.0, 0.05)
     H = rng.standard_normal((len(f), 3, 2)) + 1j * rng.standard_normal((len(f), 3, 2))
-    noise = FrequencyResponse(f, H, gimbal_record.INPUTS, gimbal_record.OUTPUTS, np.full(H.shape, 2.0))
+    noise = FrequencyResponse(
+        frequency_hz=f,
+        H=H,
+        inputs=gimbal_record.INPUTS,
+        outputs=gimbal_record.OUTPUTS,
+        variance=np.full(H.shape, 2.0),
+    )
     found = stabilisation(noise)
     assert len(found.cluster_hz) == 0
 
@@ -59,7 +65,11 @@ def test_what_cannot_be_is_refused(measured, options):
 
 def test_too_few_lines(measured):
     few = FrequencyResponse(
-        measured.frequency_hz[:3], measured.H[:3], measured.inputs, measured.outputs, measured.variance[:3]
+        frequency_hz=measured.frequency_hz[:3],
+        H=measured.H[:3],
+        inputs=measured.inputs,
+        outputs=measured.outputs,
+        variance=measured.variance[:3],
     )
     with pytest.raises(FitError):
         stabilisation(few, orders=(20, 22))

@@ -42,7 +42,7 @@ def a_record(seed, *, periods, samples, noise, start, outputs=2, experiments=1):
         q = np.exp(2j * np.pi * f / HZ)[:, None, None]
         return np.sum(c / (q - z) + c.conj() / (q - z.conj()), axis=2)
 
-    return Record(HZ, u[..., :1], y, *ports, periodic=True), response
+    return Record(sample_hz=HZ, u=u[..., :1], y=y, inputs=ports[0], outputs=ports[1], periodic=True), response
 
 
 CASES = [(2, 512), (3, 512), (4, 256), (6, 256), (20, 256)]
@@ -76,7 +76,7 @@ def test_nothing_is_said_of_steady_periods(periods, samples, campaign):
 def test_a_run_that_is_not_said_to_be_periodic_is_estimated_alike():
     record, response = a_record(5, periods=6, samples=512, noise=1e-3, start=True)
     u, y = (x.reshape(1, 1, -1, x.shape[3]) for x in (record.u, record.y))
-    run = Record(HZ, u, y, record.inputs, record.outputs, periodic=False)
+    run = Record(sample_hz=HZ, u=u, y=y, inputs=record.inputs, outputs=record.outputs, periodic=False)
     with pytest.warns(UserWarning, match="begin with a transient"):
         found = estimate_response(run)
     np.testing.assert_allclose(np.diff(found.frequency_hz), HZ / 512)  # its excited lines and no other

@@ -27,7 +27,7 @@ from structure_builders import (
 )
 
 G = 9.80665
-TUBE = Section(1e6, 80.0, 100.0, 100.0, 0.5, 1e-4, 1e-4)
+TUBE = Section(EA=1e6, GJ=80.0, EI_y=100.0, EI_z=100.0, rho_A=0.5, rho_I_y=1e-4, rho_I_z=1e-4)
 
 
 def hung_bus(payload_angle: float = 0.3, state: JointState = JointState.FREE, **joint):
@@ -35,8 +35,8 @@ def hung_bus(payload_angle: float = 0.3, state: JointState = JointState.FREE, **
     nodes = [node(n, (x, 0, 0), body(m, (0, -0.05, 0), (0.1, 0.1, 0.1)), 0.05) for n, x, m in
              (("a", 0.0, 5.0), ("b", 1.0, 10.0), ("c", 2.0, 5.0))]  # fmt: skip
     payload = Joint(
-        "p", "a", np.array([0, -0.05, 0]), np.array([1.0, 0, 0]), payload_angle,
-        body(3.0, (0, -0.2, 0), (0.02, 0.01, 0.02)), state, **joint,
+        name="p", parent="a", offset=np.array([0, -0.05, 0]), axis=np.array([1.0, 0, 0]), angle=payload_angle,
+        body=body(3.0, (0, -0.2, 0), (0.02, 0.01, 0.02)), state=state, **joint,
     )  # fmt: skip
     attach = [AttachPoint(n, n, np.array([0, 0.02, 0])) for n in "abc"]
     members = [member("a", "b", TUBE, 4), member("b", "c", TUBE, 4)]
@@ -44,7 +44,11 @@ def hung_bus(payload_angle: float = 0.3, state: JointState = JointState.FREE, **
 
 
 def cables(bounce_hz: float = 0.25, gravity=GRAVITY, held=("yz", "xyz", "yz")) -> Environment:
-    return Environment("lab", gravity, Suspension(("a", "b", "c"), held, 4.0, bounce_hz))
+    return Environment(
+        title="lab",
+        gravity=gravity,
+        suspension=Suspension(attach=("a", "b", "c"), held=held, cable_length=4.0, bounce_hz=bounce_hz),
+    )
 
 
 def test_pinned_reactions_carry_the_weight_and_its_moments():
@@ -131,7 +135,9 @@ def test_cable_under_an_off_centre_load_leans_through_the_centre_of_mass():
         [node("bar", (0, 0, 0), body(2.0, (0.3, -0.1, 0.2), (0.1, 0.2, 0.3)))],
         attach=[AttachPoint("hook", "bar", np.array([0.0, 0.1, 0.0]))],
     )
-    spring = AnchoredSpring("s", "hook", np.array([0.0, 2.1, 0.0]), 100.0, 1.8)
+    spring = AnchoredSpring(
+        name="s", attach="hook", anchor=np.array([0.0, 2.1, 0.0]), stiffness=100.0, free_length=1.8
+    )
     rest = solve_equilibrium(bar, lab(spring))
     cg = rest.config.x[0] + rest.config.R[0] @ [0.3, -0.1, 0.2]
     assert rest.converged
@@ -142,7 +148,10 @@ def test_cable_under_an_off_centre_load_leans_through_the_centre_of_mass():
 def test_spring_of_no_free_length_is_linear_at_zero_length():
     """Its two ends may coincide; it sinks by mg/2k."""
     k, m = 400.0, 2.0
-    springs = [AnchoredSpring(n, n, np.array([x, 0, 0]), k, 0.0) for n, x in (("left", -0.5), ("right", 0.5))]
+    springs = [
+        AnchoredSpring(name=n, attach=n, anchor=np.array([x, 0, 0]), stiffness=k, free_length=0.0)
+        for n, x in (("left", -0.5), ("right", 0.5))
+    ]
     rest = solve_equilibrium(rigid_bar(m, 1.0, (0.1, 0.2, 0.3)), lab(*springs))
     assert rest.converged
     assert rest.config.x[0, 1] == pytest.approx(-m * G / (2 * k), rel=1e-9)
@@ -155,7 +164,9 @@ def test_hanging_heavy_beam_stretches_by_half_its_weight():
     nodes = [node("a", (0, 0, 0)), node("b", (0, -L, 0))]
     attach = [AttachPoint("a", "a", np.zeros(3))]
     parts = structure(nodes, [member("a", "b", soft, 8, up=(1, 0, 0))], attach=attach)
-    spring = AnchoredSpring("s", "a", np.array([0.0, 1.0, 0.0]), 100.0, 0.9)
+    spring = AnchoredSpring(
+        name="s", attach="a", anchor=np.array([0.0, 1.0, 0.0]), stiffness=100.0, free_length=0.9
+    )
     rest = solve_equilibrium(parts, lab(spring))
     stretch = rest.config.x[0, 1] - rest.config.x[1, 1] - L
     assert rest.tension[0] == pytest.approx(0.5 * L * G, rel=1e-9)
@@ -178,7 +189,7 @@ def test_supports_that_hold_one_motion_twice_share_it():
 
 def test_light_stiff_article_far_from_the_origin_settles():
     """Rounding of positions in a steel strut is 1e-7 of this weight; it must count as rest."""
-    steel = Section(2e7, 160.0, 200.0, 200.0, 0.78, 8e-6, 8e-6)
+    steel = Section(EA=2e7, GJ=160.0, EI_y=200.0, EI_z=200.0, rho_A=0.78, rho_I_y=8e-6, rho_I_z=8e-6)
     nodes = [node(n, x, body(0.1, inertia=(1e-4,) * 3)) for n, x in (("a", (10, 0, 0)), ("b", (11, 0.3, 0)))]
     rest = solve_equilibrium(structure(nodes, [member("a", "b", steel, 40)]), Environment.orbit())
     assert rest.converged

@@ -75,7 +75,9 @@ def test_a_weight_on_a_soft_spring_sinks_anywhere():
             [node("n", (x, 0, 0), body(0.02, inertia=(1e-5,) * 3))],
             attach=[AttachPoint("p", "n", np.zeros(3))],
         )
-        spring = AnchoredSpring("s", "p", np.array([x, 1.0, 0.0]), 0.5, 1.0)
+        spring = AnchoredSpring(
+            name="s", attach="p", anchor=np.array([x, 1.0, 0.0]), stiffness=0.5, free_length=1.0
+        )
         rest = solve_equilibrium(parts, lab(spring))
         assert rest.converged
         assert (rest.config.x - rest.model.rest.x)[0] == pytest.approx([0.0, -0.02 * G / 0.5, 0.0], abs=1e-9)
@@ -83,15 +85,22 @@ def test_a_weight_on_a_soft_spring_sinks_anywhere():
 
 def test_what_a_thread_holds_is_not_rigid():
     """Three zero-length springs on a steel link: omega^2 goes with their stiffness, to 1e-9 N/m and below."""
-    steel = Section(1e8, 8e3, 1e4, 1e4, 0.5, 0.0, 0.0)
+    steel = Section(EA=1e8, GJ=8e3, EI_y=1e4, EI_z=1e4, rho_A=0.5, rho_I_y=0.0, rho_I_z=0.0)
     nodes = [node(n, x, body(1.0, inertia=(1e-2,) * 3)) for n, x in (("a", (0, 0, 0)), ("b", (0.01, 0, 0)))]
     offsets = ((0.3, 0.0, 0.0), (0.0, 0.4, 0.1), (-0.2, -0.1, 0.3))
     attach = [AttachPoint(f"p{i}", "a", np.array(o)) for i, o in enumerate(offsets)]
     parts = structure(nodes, [member("a", "b", steel, 1)], attach=attach)
 
     def omega(k: float) -> np.ndarray:
-        ties = tuple(AnchoredSpring(p.name, p.name, p.offset, k, 0.0) for p in attach)
-        modes = solve_modes(solve_equilibrium(parts, Environment("threads", np.zeros(3), None, ties)))
+        ties = tuple(
+            AnchoredSpring(name=p.name, attach=p.name, anchor=p.offset, stiffness=k, free_length=0.0)
+            for p in attach
+        )
+        modes = solve_modes(
+            solve_equilibrium(
+                parts, Environment(title="threads", gravity=np.zeros(3), suspension=None, springs=ties)
+            )
+        )
         assert modes.kind[:6] == ("suspension",) * 6
         return modes.omega[:6] / np.sqrt(k)
 
@@ -111,8 +120,16 @@ def test_a_closed_ring_of_short_stiff_members_turns_as_one_body(times: float, x:
         for i, t in enumerate(turns)
     ]
     steel, bus = (
-        Section(times * 1e8, times * 8e4, times * 1e5, times * 1e5, 0.0, 0.0, 0.0),
-        Section(1e7, 8e3, 1e4, 1e4, 0.0, 0.0, 0.0),
+        Section(
+            EA=times * 1e8,
+            GJ=times * 8e4,
+            EI_y=times * 1e5,
+            EI_z=times * 1e5,
+            rho_A=0.0,
+            rho_I_y=0.0,
+            rho_I_z=0.0,
+        ),
+        Section(EA=1e7, GJ=8e3, EI_y=1e4, EI_z=1e4, rho_A=0.0, rho_I_y=0.0, rho_I_z=0.0),
     )
     nodes = [node("a", (x, 0, 0), body(2.0, inertia=(0.02,) * 3)), *ring]
     links = [member(f"r{i}", f"r{(i + 1) % 12}", steel, 1, up=(0, 0, 1)) for i in range(12)]
@@ -123,7 +140,9 @@ def test_a_closed_ring_of_short_stiff_members_turns_as_one_body(times: float, x:
     def hung(nodes, links):
         attach = [AttachPoint(n, f, np.array(o)) for n, (f, o) in points.items()]
         ties = tuple(
-            AnchoredSpring(n, n, places[f] + np.array(o) + [0, 3, 0], 10.0, 2.0)
+            AnchoredSpring(
+                name=n, attach=n, anchor=places[f] + np.array(o) + [0, 3, 0], stiffness=10.0, free_length=2.0
+            )
             for n, (f, o) in points.items()
         )
         return structure(nodes, links, attach=attach), lab(*ties)
@@ -158,8 +177,12 @@ def test_supports_of_any_stiffness_settle(k: float):
     ]
     parts = structure([node("a", (0, 0, 0), body(2.0, inertia=(0.1,) * 3))], attach=attach)
     ties = (
-        AnchoredSpring("s", "p", np.array([0.03, 0.6, 0.02]), k, 0.5),
-        AnchoredSpring("t", "q", np.array([-0.1, 0.6, 0.05]), k, 0.45),
+        AnchoredSpring(
+            name="s", attach="p", anchor=np.array([0.03, 0.6, 0.02]), stiffness=k, free_length=0.5
+        ),
+        AnchoredSpring(
+            name="t", attach="q", anchor=np.array([-0.1, 0.6, 0.05]), stiffness=k, free_length=0.45
+        ),
     )
     rest = solve_equilibrium(parts, lab(*ties))
     assert rest.converged
@@ -176,13 +199,19 @@ def test_a_cantilever_bends_like_the_elastica(load: float):
     """P L^2/EI of 1 to 10 on a support of 1e9 N/m: 30 to 81 % deflection (Mattiasson 1981), in tens."""
     deflection = {1.0: (0.05643324, 0.30172077), 3.0: (0.25442, 0.60325), 10.0: (0.55500, 0.81061)}
     EI = 10.0
-    section = Section(1e6, 8.0, EI, EI, 1e-6, 0.0, 0.0)
+    section = Section(EA=1e6, GJ=8.0, EI_y=EI, EI_z=EI, rho_A=1e-6, rho_I_y=0.0, rho_I_z=0.0)
     arms = ((0, 0, 0), (0.1, 0, 0), (0, 0.1, 0), (0, 0, 0.1))
     attach = [AttachPoint(f"p{i}", "a", np.array(o, dtype=float)) for i, o in enumerate(arms)]
     nodes = [node("a", (0, 0, 0)), node("b", (1, 0, 0), body(load * EI / G))]
     parts = structure(nodes, [member("a", "b", section, 10, up=(0, 0, 1))], attach=attach)
     rest = solve_equilibrium(
-        parts, lab(*(AnchoredSpring(p.name, p.name, p.offset, 1e9, 0.0) for p in attach))
+        parts,
+        lab(
+            *(
+                AnchoredSpring(name=p.name, attach=p.name, anchor=p.offset, stiffness=1e9, free_length=0.0)
+                for p in attach
+            )
+        ),
     )
     assert rest.converged
     assert len(rest.history) <= 60
@@ -194,12 +223,12 @@ def test_a_cantilever_bends_like_the_elastica(load: float):
 @pytest.mark.parametrize("depth", [0.5, 0.1] if LONG else [0.1])
 def test_a_cable_drawn_as_a_v_settles(depth: float):
     """In tens of steps, and symmetric; the lowest point rises above the V's."""
-    cable = Section(1e5, 1e-3, 1e-3, 1e-3, 0.05, 0.0, 0.0)
+    cable = Section(EA=1e5, GJ=1e-3, EI_y=1e-3, EI_z=1e-3, rho_A=0.05, rho_I_y=0.0, rho_I_z=0.0)
     nodes = [node(n, x) for n, x in (("a", (0, 0, 0)), ("c", (1, -depth, 0)), ("b", (2, 0, 0)))]
     attach = [AttachPoint(n, n, np.zeros(3)) for n in "ab"]
     links = [member("a", "c", cable, 8, up=(0, 0, 1)), member("c", "b", cable, 8, up=(0, 0, 1))]
     ties = [
-        AnchoredSpring(n, n, np.array(x, dtype=float), 1e9, 0.0)
+        AnchoredSpring(name=n, attach=n, anchor=np.array(x, dtype=float), stiffness=1e9, free_length=0.0)
         for n, x in (("a", (0, 0, 0)), ("b", (2, 0, 0)))
     ]
     rest = solve_equilibrium(structure(nodes, links, attach=attach), lab(*ties, gravity=GRAVITY))

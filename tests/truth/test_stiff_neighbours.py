@@ -34,7 +34,7 @@ def with_link(case: Case, ratio: float, carries: float | None = None) -> Case:
     length = max(float(np.linalg.norm(way)), 0.1)  # the softest link is then no thread
     at = np.vstack([case.at[:2], case.at[1] + length * way / np.linalg.norm(way)])
     EI, weak = (r * case.stiffness.sum() * length**3 / 12.0 for r in (ratio, carries or ratio))
-    link = Section(EI / 4e-4, 0.8 * EI, EI, EI, 0.0, 0.0, 0.0)
+    link = Section(EA=EI / 4e-4, GJ=0.8 * EI, EI_y=EI, EI_z=EI, rho_A=0.0, rho_I_y=0.0, rho_I_z=0.0)
     least = min(1.0, BEND * 2.0 * weak / (G * length**2) / case.mass[2])
     light = np.array([1.0, 1.0, least])
     section = (case.section[0], link)
@@ -98,7 +98,7 @@ def rubbing(case: Case) -> Equilibrium:
     pull = case.mass.sum() * G / 4.0
     rub = Friction(0.05, 1e4)
     devices = tuple(
-        Device(s.name, s.attach, force=pull, stiffness=s.stiffness, anchor=s.anchor, friction=rub)
+        Device(name=s.name, attach=s.attach, force=pull, stiffness=s.stiffness, anchor=s.anchor, friction=rub)
         for s in lab.springs
     )
     return solve_equilibrium(article, dataclasses.replace(lab, springs=(), devices=devices))

@@ -21,9 +21,11 @@ from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.structure.summary.summary import summarise
 from structure_builders import body, member, node, straight_beam, structure
 
-TUBE = Section(2e4, 30.0, 50.0, 80.0, 0.5, 2e-4, 3e-4)
+TUBE = Section(EA=2e4, GJ=30.0, EI_y=50.0, EI_z=80.0, rho_A=0.5, rho_I_y=2e-4, rho_I_z=3e-4)
 # Aluminium tube, 40 x 2 mm.
-ALUMINIUM = Section(1.67e7, 4.7e3, 6.05e3, 6.05e3, 0.645, 2.3e-4, 2.3e-4)
+ALUMINIUM = Section(
+    EA=1.67e7, GJ=4.7e3, EI_y=6.05e3, EI_z=6.05e3, rho_A=0.645, rho_I_y=2.3e-4, rho_I_z=2.3e-4
+)
 
 
 def tilted_article() -> Structure:
@@ -33,11 +35,25 @@ def tilted_article() -> Structure:
         node("b", (1, 0.2, 0.3), body(1.0, (0.0, -0.05, 0.02), (0.03, 0.02, 0.02)), size=0.06),
         node("c", (0.5, 1.0, -0.4)),
     ]
-    turned = Joint("g", "a", np.array([0, -0.1, 0.05]), np.eye(3)[0], 0.5, body(0.5, (0, 0.01, 0)))
+    turned = Joint(
+        name="g",
+        parent="a",
+        offset=np.array([0, -0.1, 0.05]),
+        axis=np.eye(3)[0],
+        angle=0.5,
+        body=body(0.5, (0, 0.01, 0)),
+    )
     full = Body(
         1.5, np.array([0.05, -0.2, 0.1]), np.array([[3.0, 0.4, 0.1], [0.4, 2.0, 0.2], [0.1, 0.2, 2.5]]) / 100
     )
-    inner = Joint("h", "g", np.array([0.03, 0, 0.02]), np.array([0.6, 0.0, 0.8]), -0.7, full)
+    inner = Joint(
+        name="h",
+        parent="g",
+        offset=np.array([0.03, 0, 0.02]),
+        axis=np.array([0.6, 0.0, 0.8]),
+        angle=-0.7,
+        body=full,
+    )
     return structure(nodes, [member("a", "b", TUBE, 2), member("b", "c", TUBE, 3)], [turned, inner])
 
 
@@ -65,7 +81,9 @@ def test_size_is_that_of_everything_that_has_a_place():
 
 
 def test_scale_of_a_uniform_beam_is_its_first_free_free_frequency():
-    beam = straight_beam(Section(1e6, 80.0, 100.0, 130.0, 0.5, 0.0, 0.0), 2.0, 4)
+    beam = straight_beam(
+        Section(EA=1e6, GJ=80.0, EI_y=100.0, EI_z=130.0, rho_A=0.5, rho_I_y=0.0, rho_I_z=0.0), 2.0, 4
+    )
     found = summarise(beam)
     assert found.bending_hz == pytest.approx(22.3733 / (2 * np.pi) * np.sqrt(100 / 0.5) / 4.0, rel=1e-5)
     assert found.slenderness == pytest.approx((50.0, 50.0))  # 0.5 m of sqrt(100/1e6)
@@ -112,7 +130,9 @@ def first_frequency(elements: int) -> float:
 
 
 def sliced_beam(elements: int) -> Structure:
-    return straight_beam(Section(1e6, 80.0, 100.0, 130.0, 0.5, 1e-5, 1e-5), 2.0, elements)
+    return straight_beam(
+        Section(EA=1e6, GJ=80.0, EI_y=100.0, EI_z=130.0, rho_A=0.5, rho_I_y=1e-5, rho_I_z=1e-5), 2.0, elements
+    )
 
 
 def test_slicing_costs_digits_as_the_summary_says():

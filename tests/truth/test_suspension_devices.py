@@ -41,18 +41,20 @@ def bar(*more: AttachPoint):
 
 
 def tuned(**each) -> Environment:
-    suspension = Suspension(("left", "right"), ("xyz", "yz"), LENGTH, BOUNCE, **each)
-    return Environment("lab", GRAVITY, suspension)
+    suspension = Suspension(
+        attach=("left", "right"), held=("xyz", "yz"), cable_length=LENGTH, bounce_hz=BOUNCE, **each
+    )
+    return Environment(title="lab", gravity=GRAVITY, suspension=suspension)
 
 
 def hung(*devices: Device, springs: tuple[AnchoredSpring, ...] = ()) -> Environment:
-    return Environment("lab", GRAVITY, None, springs, devices)
+    return Environment(title="lab", gravity=GRAVITY, suspension=None, springs=springs, devices=devices)
 
 
 def device(name: str, attach: str, **given) -> Device:
     """Tuned unless it is given a force."""
     base = {"bounce_hz": BOUNCE, "cable_length": LENGTH} | given
-    return Device(name, attach, held=base.pop("held", "" if "force" in base else "xyz"), **base)
+    return Device(name=name, attach=attach, held=base.pop("held", "" if "force" in base else "xyz"), **base)
 
 
 def named(environment: Environment, parts=None) -> dict[str, float]:
@@ -108,7 +110,13 @@ def test_unequal_loads_sink_by_the_same_way():
     ]
     attach = [AttachPoint(n, n, np.array([0, 0.02, 0])) for n in "ab"]
     parts = structure(nodes, [member("a", "b", TUBE, 4)], attach=attach)
-    environment = Environment("lab", GRAVITY, Suspension(("a", "b"), ("xyz", "yz"), LENGTH, BOUNCE, SPRING))
+    environment = Environment(
+        title="lab",
+        gravity=GRAVITY,
+        suspension=Suspension(
+            attach=("a", "b"), held=("xyz", "yz"), cable_length=LENGTH, bounce_hz=BOUNCE, kind=SPRING
+        ),
+    )
     rest = solve_equilibrium(parts, environment)
     assert rest.tension[1] > 2.0 * rest.tension[0]
     sunk = rest.config.x[:2, 1]
@@ -147,9 +155,12 @@ def test_two_slanted_cables_hold_a_point_across_by_their_slope():
     )
     slope, length, k = np.radians(30.0), 2.0, 30.0
     anchors = [length * np.array([s * np.sin(slope), np.cos(slope), 0.0]) for s in (-1.0, 1.0)]
-    environment = hung(*(
-        Device(n, "p", held="xyz", stiffness=k, anchor=a) for n, a in zip("ab", anchors, strict=True)
-    ))  # fmt: skip
+    environment = hung(
+        *(
+            Device(name=n, attach="p", held="xyz", stiffness=k, anchor=a)
+            for n, a in zip("ab", anchors, strict=True)
+        )
+    )
     rest = solve_equilibrium(point, environment)
     R = 5.0 * G / (2.0 * np.cos(slope))
     assert rest.tension == pytest.approx(R, rel=1e-9)
@@ -174,7 +185,9 @@ def test_given_forces_act_while_the_others_are_tuned():
 def test_springs_act_while_devices_are_tuned():
     """A weak tie that pulls down by 3 N is borne by the devices, which leave the bar where it was drawn."""
     middle = AttachPoint("middle", "bar", np.zeros(3))
-    tie = AnchoredSpring("tie", "middle", np.array([0.0, -2.0, 0.0]), 3.0, 1.0)
+    tie = AnchoredSpring(
+        name="tie", attach="middle", anchor=np.array([0.0, -2.0, 0.0]), stiffness=3.0, free_length=1.0
+    )
     ends = (device("l", "left"), device("r", "right", held="yz"))
     rest = solve_equilibrium(bar(middle), hung(*ends, springs=(tie,)))
     assert rest.tension == pytest.approx([0.5 * (MASS * G + 3.0)] * 2 + [3.0], abs=1e-9 * MASS * G)
@@ -190,14 +203,23 @@ def test_a_slack_device_is_named_and_a_spring_may_push():
         attach=[AttachPoint(n, "bar", np.array([x, 0.0, 0.0])) for n, x in points.items()],
     )
     springs = tuple(
-        AnchoredSpring(n, n, np.array([points[n], 2.0, 0.0]), k, 1.9)
+        AnchoredSpring(name=n, attach=n, anchor=np.array([points[n], 2.0, 0.0]), stiffness=k, free_length=1.9)
         for n, k in (("mid", 1000.0), ("right", 100.0))
     )
-    far = Device("far device", "far", SPRING, force=5.0, stiffness=1.0, anchor=np.array([-1.0, 2.0, 0.0]))
+    far = Device(
+        name="far device",
+        attach="far",
+        kind=SPRING,
+        force=5.0,
+        stiffness=1.0,
+        anchor=np.array([-1.0, 2.0, 0.0]),
+    )
     with pytest.raises(EquilibriumError, match="slack at equilibrium: the cable of 'far device'") as error:
         solve_equilibrium(parts, hung(far, springs=springs))
     assert error.value.data["tension_n"]["far device"] < 0.0
-    pushed = AnchoredSpring("far spring", "far", np.array([-1.0, 2.0, 0.0]), 1.0, 2.0)
+    pushed = AnchoredSpring(
+        name="far spring", attach="far", anchor=np.array([-1.0, 2.0, 0.0]), stiffness=1.0, free_length=2.0
+    )
     assert solve_equilibrium(parts, lab(*springs, pushed)).tension[2] < 0.0
 
 
@@ -318,11 +340,13 @@ def test_devices_that_cannot_be(given: dict):
 
 
 def test_a_spring_longer_than_its_cable_is_refused():
-    short = Suspension(("left", "right"), ("xyz", "yz"), 3.9, BOUNCE, SPRING)
+    short = Suspension(
+        attach=("left", "right"), held=("xyz", "yz"), cable_length=3.9, bounce_hz=BOUNCE, kind=SPRING
+    )
     with pytest.raises(
         ConfigError, match=r"is 3.974 m longer than free, more than its loaded length of 3.9 m"
     ):
-        solve_equilibrium(bar(), Environment("lab", GRAVITY, short))
+        solve_equilibrium(bar(), Environment(title="lab", gravity=GRAVITY, suspension=short))
 
 
 def test_an_anchor_below_cannot_be_tuned_and_one_at_the_article_has_no_direction():
@@ -339,10 +363,17 @@ def test_an_anchor_below_cannot_be_tuned_and_one_at_the_article_has_no_direction
 def test_without_gravity_only_given_devices_can_be():
     still = np.zeros(3)
     with pytest.raises(EquilibriumError, match="device 'd', tuned to its load, needs gravity"):
-        solve_equilibrium(bar(), Environment("orbit", still, None, (), (device("d", "left"),)))
+        solve_equilibrium(
+            bar(),
+            Environment(
+                title="orbit", gravity=still, suspension=None, springs=(), devices=(device("d", "left"),)
+            ),
+        )
     pull = [
-        Device(n, n, force=2.0, stiffness=5.0, anchor=np.array([s * 3.0, 0.0, 0.0]))
+        Device(name=n, attach=n, force=2.0, stiffness=5.0, anchor=np.array([s * 3.0, 0.0, 0.0]))
         for n, s in (("left", -1.0), ("right", 1.0))
     ]
-    rest = solve_equilibrium(bar(), Environment("tethered", still, None, (), tuple(pull)))
+    rest = solve_equilibrium(
+        bar(), Environment(title="tethered", gravity=still, suspension=None, springs=(), devices=tuple(pull))
+    )
     assert rest.tension == pytest.approx(2.0)

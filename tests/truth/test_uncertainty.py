@@ -188,7 +188,9 @@ def test_the_covariance_is_the_inverse_of_fishers_information():
     H = model_response(model, F) + np.moveaxis(
         np.sqrt(variance) * two_modes.circular(rng, variance.shape), 0, 1
     )
-    measured = FrequencyResponse(F, H, *(model.inputs, model.outputs), np.full(H.shape, 1e-4))
+    measured = FrequencyResponse(
+        frequency_hz=F, H=H, inputs=model.inputs, outputs=model.outputs, variance=np.full(H.shape, 1e-4)
+    )
     found = estimate_covariance(model, structure, measured, assumed=variance, noise=variance)
     J = by_differences(
         lambda x: model_response(model_at(model, structure, x), F), unknowns_of(model, structure)
@@ -221,7 +223,11 @@ def test_what_was_held_has_no_deviation():
     np.testing.assert_allclose(held.T, by_differences(sums, x), atol=1e-7)
     variance = np.full((3, len(F), 2), 1e-4)
     measured = FrequencyResponse(
-        F, model_response(model, F), model.inputs, model.outputs, np.full((len(F), 3, 2), 1e-4)
+        frequency_hz=F,
+        H=model_response(model, F),
+        inputs=model.inputs,
+        outputs=model.outputs,
+        variance=np.full((len(F), 3, 2), 1e-4),
     )
     found = estimate_covariance(model, structure, measured, assumed=variance, noise=variance).matrix
     free = estimate_covariance(
@@ -243,7 +249,11 @@ def test_degrees_of_a_variance_from_its_scatter(degrees):
     smooth = 1.0 + 0.5 * np.sin(f / 200.0)
     v = smooth * rng.gamma(degrees, 1.0 / degrees, len(f))
     measured = FrequencyResponse(
-        f, np.ones((len(f), 1, 1)), gimbal_record.INPUTS[:1], gimbal_record.OUTPUTS[:1], v[:, None, None]
+        frequency_hz=f,
+        H=np.ones((len(f), 1, 1)),
+        inputs=gimbal_record.INPUTS[:1],
+        outputs=gimbal_record.OUTPUTS[:1],
+        variance=v[:, None, None],
     )
     # 2000 lines give the variance of a logarithm to 5 %, three of those; two terms of its series to 7 % at 1.
     assert line_degrees(measured) == pytest.approx(degrees, rel=0.15)
@@ -360,9 +370,13 @@ def test_noise_that_two_outputs_have_in_common():
         mean = periods.mean(axis=0)
         C = np.einsum("kol,kpl->lop", periods - mean, (periods - mean).conj()) / 6.0
         measured = FrequencyResponse(
-            two_modes.LINES, mean.T[:, :, None], gimbal_record.INPUTS[:1], gimbal_record.OUTPUTS[:2],
-            np.real(np.einsum("loo->lo", C))[:, :, None], ResponseCovariance(C, np.ones((len(s), 1, 1))),
-        )  # fmt: skip
+            frequency_hz=two_modes.LINES,
+            H=mean.T[:, :, None],
+            inputs=gimbal_record.INPUTS[:1],
+            outputs=gimbal_record.OUTPUTS[:2],
+            variance=np.real(np.einsum("loo->lo", C))[:, :, None],
+            covariance=ResponseCovariance(C, np.ones((len(s), 1, 1))),
+        )
         fit = fit_response(measured, states=4)
         assert not fit.covariance.robust
         order = np.argsort(natural_hz(fit.model))
@@ -410,7 +424,11 @@ def test_bounds_at_a_zero_of_the_response():
     f = two_modes.LINES
     variance = np.full((1, len(f), 1), two_modes.NOISE**2)
     measured = FrequencyResponse(
-        f, model_response(model, f) + 0.0, model.inputs, model.outputs, np.moveaxis(variance, 0, 1)
+        frequency_hz=f,
+        H=model_response(model, f) + 0.0,
+        inputs=model.inputs,
+        outputs=model.outputs,
+        variance=np.moveaxis(variance, 0, 1),
     )
     covariance = estimate_covariance(model, structure, measured, assumed=variance, noise=variance)
     w = np.sqrt((0.8 * (1.2) ** 2 + 1.7**2) / 1.8)

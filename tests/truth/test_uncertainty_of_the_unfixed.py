@@ -44,7 +44,9 @@ def model_of(hz, zeta, constants, *, real):
 
 def measured_of(model, noise):
     H = model_response(model, F)
-    return FrequencyResponse(F, H, *PORTS, np.full(H.shape, noise**2))
+    return FrequencyResponse(
+        frequency_hz=F, H=H, inputs=PORTS[0], outputs=PORTS[1], variance=np.full(H.shape, noise**2)
+    )
 
 
 def found_of(model, structure, noise):

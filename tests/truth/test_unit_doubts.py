@@ -82,8 +82,17 @@ def test_environments_in_other_units_are_doubted():
         dataclasses.replace(lab, gravity=lab.gravity / 0.3048),
         dataclasses.replace(lab, gravity=lab.gravity * 1e3),
         dataclasses.replace(lab, suspension=dataclasses.replace(lab.suspension, cable_length=4000.0)),
-        dataclasses.replace(lab, devices=(Device("d", "n1", force=1e6, stiffness=100.0, cable_length=4.0),)),
-        dataclasses.replace(lab, springs=(AnchoredSpring("s", "n1", np.array([0, 4.0, 0]), 1e-4, 3.0),)),
+        dataclasses.replace(
+            lab, devices=(Device(name="d", attach="n1", force=1e6, stiffness=100.0, cable_length=4.0),)
+        ),
+        dataclasses.replace(
+            lab,
+            springs=(
+                AnchoredSpring(
+                    name="s", attach="n1", anchor=np.array([0, 4.0, 0]), stiffness=1e-4, free_length=3.0
+                ),
+            ),
+        ),
     ]
     for environment in changed:
         said = doubt_environment(parts, environment)

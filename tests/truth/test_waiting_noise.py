@@ -23,9 +23,15 @@ SLOWER = [39.99, 35.0, 20.0, 8.0, *WHOLE]
 
 
 def _rig(*others: Sensor, alias_hz: float = ALIAS_HZ, steps: int = 1) -> Rig:
-    modal = ModalSystem(2.0 * np.pi * np.array([1.0]), np.array([0.05]), np.ones((1, 1)), np.ones((3, 1)),
-                        np.zeros((3, 1)), ("a",))  # fmt: skip
-    plant = Plant(modal, (Port("t", "N m"),), tuple(Port(n, "rad") for n in "abc"))
+    modal = ModalSystem(
+        omega=[2.0 * np.pi],
+        zeta=[0.05],
+        psi=[[1.0]],
+        phi=np.ones((3, 1)),
+        phi_rate=np.zeros((3, 1)),
+        names=("a",),
+    )
+    plant = Plant(dynamics=modal, inputs=(Port("t", "N m"),), outputs=tuple(Port(n, "rad") for n in "abc"))
     sensors = dict(zip("abc", (Gyro(noise=NOISE, anti_alias_hz=alias_hz), *others), strict=False))
     return build_rig(plant, sensors=sensors, sample_hz=RATE_HZ, delay_s=0.1, steps=steps)
 

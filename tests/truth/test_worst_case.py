@@ -36,14 +36,16 @@ FORCE, WAY, SEEN = Port("force", "N"), Port("way", "m"), Port("seen", "m")
 MODES = ("1.1 Hz", "1.7 Hz", "7 Hz", "8.8 Hz", "9.4 Hz")
 OMEGA = np.array([1.1, 1.7, 7.0, 8.8, 9.4]) / 3.0
 PLANT = Plant(
-    ModalSystem(
-        OMEGA, np.full(5, 0.01), np.array([[1.0, 0.6, 0.6, 0.8, 0.7]]).T,
-        np.ones((2, 5)), np.zeros((2, 5)), MODES,
+    dynamics=ModalSystem(
+        omega=OMEGA, zeta=np.full(5, 0.01), psi=np.array([[1.0, 0.6, 0.6, 0.8, 0.7]]).T,
+        phi=np.ones((2, 5)), phi_rate=np.zeros((2, 5)), names=MODES,
     ),
-    (FORCE,), (WAY, SEEN), ("force",), ("force",), ("way",), ("seen",),
+    inputs=(FORCE,), outputs=(WAY, SEEN), w=("force",), u=("force",), z=("way",), y=("seen",),
 )  # fmt: skip
 LATE = delay_plant(PLANT, np.array([[0.0], [0.010 * 2.0 * np.pi * 3.0]]))
-WEIGHTS = LQGWeights(np.ones(1), np.ones(1), ("force",), np.eye(1), np.array([1e-6]))
+WEIGHTS = LQGWeights(
+    output=np.ones(1), input=np.ones(1), disturbed=("force",), process=np.eye(1), sensor=np.array([1e-6])
+)
 LAW = design_lqg(approximate_delays(LATE, 3), WEIGHTS, 100.0)
 
 
@@ -69,8 +71,10 @@ def test_a_light_mode_late_by_many_turns_is_ranked_with_its_own_phase() -> None:
     Late by 25 radians, all that an approximation of order 8 can turn: it sees no limit below.
     """
     omega, zeta, tau, k = 1250.0, 1e-5, 0.02, 100.0
-    modal = ModalSystem([omega], [zeta], [[1.0]], [[1.0]], [[0.0]], ("fast",))
-    late = delay_plant(Plant(modal, (FORCE,), (SEEN,)), np.array([[tau]]))
+    modal = ModalSystem(
+        omega=[omega], zeta=[zeta], psi=[[1.0]], phi=[[1.0]], phi_rate=[[0.0]], names=("fast",)
+    )
+    late = delay_plant(Plant(dynamics=modal, inputs=(FORCE,), outputs=(SEEN,)), np.array([[tau]]))
     law = Compensator(gain_system(np.array([[-k]])), (SEEN,), (FORCE,))
     (found,) = find_allowed_shifts(late, law, most=0.2)
 
@@ -96,15 +100,15 @@ def test_a_shift_without_limit_and_a_loop_unstable_from_the_start() -> None:
 def test_worst_stability_over_a_box_by_brute_force() -> None:
     """Where the box is just unstable the search says so; just inside, it does not."""
     apart = (ModeShift(("8.8 Hz",), 0.02), ModeShift(("9.4 Hz",), 0.02))
-    found = find_worst_case(LATE, LAW, Uncertainty(apart))
+    found = find_worst_case(LATE, LAW, Uncertainty(shifts=apart))
     assert not found.stability.stable
     assert found.unstable_corners == 0.25
-    small = Uncertainty(tuple(dataclasses.replace(s, half_width=0.002) for s in apart))
+    small = Uncertainty(shifts=tuple(dataclasses.replace(s, half_width=0.002) for s in apart))
     assert find_worst_case(LATE, LAW, small).stability.stable
 
 
 def test_worst_rms_over_a_box_by_brute_force() -> None:
-    box = Uncertainty((ModeShift(("7 Hz",), 0.002), ModeShift(("8.8 Hz", "9.4 Hz"), 0.005)))
+    box = Uncertainty(shifts=(ModeShift(("7 Hz",), 0.002), ModeShift(("8.8 Hz", "9.4 Hz"), 0.005)))
     performance = Performance(np.ones(1), np.eye(1), (0.001, 2.0))
     found = find_worst_case(LATE, LAW, box, performance=performance)
     grid = np.stack(np.meshgrid(*[np.linspace(-1.0, 1.0, 4)] * 2), axis=-1).reshape(-1, 2)
@@ -119,14 +123,16 @@ def test_worst_rms_over_a_box_by_brute_force() -> None:
 
 def test_search_leaves_the_corners_where_the_worst_is_inside() -> None:
     """A box wide enough for the notch of a law to be met inside only: the mode at its worst shift."""
-    quiet = ModalSystem([1.0], [0.01], [[1.0]], [[1.0], [1.0]], [[0.0], [0.0]], ("one",))
+    quiet = ModalSystem(
+        omega=[1.0], zeta=[0.01], psi=[[1.0]], phi=[[1.0], [1.0]], phi_rate=[[0.0], [0.0]], names=("one",)
+    )
     plant = dataclasses.replace(PLANT, dynamics=quiet)
     # A law with a light pole at 1.1: the mode meets it amid the box, at neither end nor the middle.
     at = 1.1 / (2.0 * np.pi)
     law = Compensator(second_order_section(at, 0.02, at, 0.004), (SEEN,), (FORCE,))
     small = dataclasses.replace(law.system, C=law.system.C * -0.01, D=law.system.D * -0.01)
     law = dataclasses.replace(law, dynamics=small)
-    box = Uncertainty((ModeShift(("one",), 0.2),))
+    box = Uncertainty(shifts=(ModeShift(("one",), 0.2),))
     performance = Performance(np.ones(1), np.eye(1), (0.01, 1.0))
     found = find_worst_case(plant, law, box, performance=performance)
     grid = np.linspace(-1.0, 1.0, 201)[:, None]
@@ -172,8 +178,17 @@ def test_participation_of_every_pole() -> None:
 def test_two_coupled_modes_share_a_pole_as_their_eigenvectors_say(k: float) -> None:
     """Two modes of w1, w2 joined by a spring: (1 - s, s), tan 2a = 2 k / (w2^2 - w1^2), s = sin^2 a."""
     w = np.array([2.0, 3.0])
-    modal = ModalSystem(w, np.zeros(2), np.ones((2, 1)), [[1.0, 1.0]], [[0.0, 0.0]], ("slow", "fast"))
-    plant = Plant(modal, (FORCE,), (WAY,), ("force",), ("force",), ("way",), ("way",))
+    modal = ModalSystem(
+        omega=w,
+        zeta=np.zeros(2),
+        psi=np.ones((2, 1)),
+        phi=[[1.0, 1.0]],
+        phi_rate=[[0.0, 0.0]],
+        names=("slow", "fast"),
+    )
+    plant = Plant(
+        dynamics=modal, inputs=(FORCE,), outputs=(WAY,), w=("force",), u=("force",), z=("way",), y=("way",)
+    )
     # u = -k (q1 + q2): each mode stiffer by k, and k between them.
     loop = close_loop(plant, Compensator(gain_system(np.array([[-k]])), (WAY,), (FORCE,)))
     a = 0.5 * np.arctan2(2.0 * k, w[1] ** 2 - w[0] ** 2)

@@ -141,12 +141,12 @@ def test_more_outputs_than_inputs_have_no_zeros_unless_all_share_one():
     omega = HZ * np.array([1.0, 2.5, 4.0])
     rates = modal_to_statespace(
         ModalSystem(
-            omega,
-            0.02 * np.ones(3),
-            rng.standard_normal((3, 1)),
-            np.zeros((2, 3)),
-            rng.standard_normal((2, 3)),
-            ("a", "b", "c"),
+            omega=omega,
+            zeta=0.02 * np.ones(3),
+            psi=rng.standard_normal((3, 1)),
+            phi=np.zeros((2, 3)),
+            phi_rate=rng.standard_normal((2, 3)),
+            names=("a", "b", "c"),
         )
     )
     # Rates of positions: a zero at the origin in every path.

@@ -36,7 +36,9 @@ def measure(rng, *, periods=3, noise=NOISE):
 def as_response(H, variance):
     variance = None if variance is None else np.asarray(variance)[:, None, None]
     ports = gimbal_record.INPUTS[:1], gimbal_record.OUTPUTS[:1]
-    return FrequencyResponse(LINES, H[:, None, None], *ports, variance)
+    return FrequencyResponse(
+        frequency_hz=LINES, H=H[:, None, None], inputs=ports[0], outputs=ports[1], variance=variance
+    )
 
 
 @functools.cache

@@ -31,7 +31,7 @@ from middeck.values import record
 FEWEST_PERIODS = 2
 
 
-@record
+@record(kw_only=True)
 class Identified:
     """A fit and its data; ``measured`` is None where the record itself was fitted."""
 
@@ -101,7 +101,9 @@ def _fit_response(taken: Record, settings: FitSettings, seen: tuple[str, ...]) -
     if method in ("h1", "h2", "hv") and not taken.periodic:
         spectra = estimate_spectra(taken)
         warnings += doubts_of_window(spectra_response(spectra, method), spectra)
-    return Identified(taken, _as_fitted(measured, fit), fit, (*seen, *warnings, *fit.warnings))
+    return Identified(
+        record=taken, measured=_as_fitted(measured, fit), fit=fit, warnings=(*seen, *warnings, *fit.warnings)
+    )
 
 
 def _faults(taken: Record) -> list[str]:
@@ -129,7 +131,9 @@ def _fit_record(
     reaches = not sampled and band_hz[1] > HELD_ABOVE * taken.sample_hz
     warnings = _chosen(settings, band_hz[1], taken, of_samples=True) if reaches else []
     shown_hz = settings.band_hz if sampled else band_hz
-    return Identified(taken, None, fit, (*seen, *warnings, *fit.warnings), shown_hz)
+    return Identified(
+        record=taken, measured=None, fit=fit, warnings=(*seen, *warnings, *fit.warnings), asked_hz=shown_hz
+    )
 
 
 def _asked(settings: FitSettings, sample_hz: float | None = None) -> FitOptions:

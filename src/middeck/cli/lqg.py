@@ -19,7 +19,7 @@ from middeck.values import record
 FAR_APART = 1e4
 
 
-@record
+@record(kw_only=True)
 class DesignedLoop:
     """A compensator, the loop it makes, and the rms of each output in the band without and with it.
 
@@ -37,12 +37,24 @@ def design_loop(plant: Plant, settings: LoopSettings, band_hz: tuple[float, floa
     """LQG with equal weights on all measured outputs and on all control inputs; the rms is of ``band_hz``."""
     intensity = settings.disturbance_nm_per_rthz**2 * np.eye(len(plant.u))
     noise = np.full(len(plant.y), settings.angle_noise_rad_per_rthz**2)
-    weights = LQGWeights(np.ones(len(plant.z)), np.ones(len(plant.u)), plant.w, intensity, noise)
+    weights = LQGWeights(
+        output=np.ones(len(plant.z)),
+        input=np.ones(len(plant.u)),
+        disturbed=plant.w,
+        process=intensity,
+        sensor=noise,
+    )
     compensator = _designed(plant, weights, 10.0**settings.log10_authority)
     loop = close_loop(plant, compensator)
     performance = Performance(np.ones(len(plant.z)), intensity, band_hz)
     rms_open = loop_rms(leave_open(plant), performance)
-    return DesignedLoop(compensator, loop, band_hz, rms_open, loop_rms(loop, performance))
+    return DesignedLoop(
+        compensator=compensator,
+        loop=loop,
+        band_hz=band_hz,
+        rms_open=rms_open,
+        rms_closed=loop_rms(loop, performance),
+    )
 
 
 def _designed(plant: Plant, weights: LQGWeights, authority: float) -> LQGCompensator:

@@ -27,14 +27,12 @@ def measure_noise_rms(plant: Plant, compensator: Compensator, weights: LQGWeight
     NumericalError
         Where stability cannot be decided.
     """
-    law = arrange_ports(compensator, plant)
+    law = arrange_ports(compensator, plant.y, plant.u)
     if law.period_s is None:
         return integrate_noise(plant, law, weights)
     found = measure_sampled_loop(plant, law, weights, 1.0)
-    slowest = np.abs(found.poles).max(initial=0.0)
-    if not slowest < np.exp(
-        -GROWTH_LIMIT * law.period_s
-    ):  # it does not decay, whether noise drives it or not
+    decays = np.abs(found.poles).max(initial=0.0) < np.exp(-GROWTH_LIMIT * law.period_s)
+    if not decays:  # whether noise drives it or not
         return NoiseOutcome(found.stable, np.inf, np.inf)
     effort = float(np.sqrt(np.sum(weights.input * found.control_rms**2)))
     return NoiseOutcome(found.stable, found.metric, effort)

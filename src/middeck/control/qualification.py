@@ -22,7 +22,7 @@ from middeck.values import record
 CONTINUOUS = "continuous"
 
 
-@record
+@record(kw_only=True)
 class Qualified:
     """What one plant does under one form of a compensator.
 
@@ -176,7 +176,16 @@ def sampled_forms(compensator: Compensator, rates_hz: Sequence[float]) -> tuple[
 def _row(tried: _Tried, law: Compensator, weights: LQGWeights) -> Qualified:
     """One form on one plant; what cannot be decided is said in its row and takes no other row along."""
     setting = f"{1.0 / law.period_s:g} Hz" if law.period_s else CONTINUOUS
-    unknown = Qualified(tried.name, setting, None, np.inf, np.inf, np.inf, (), tried.unheld)
+    unknown = Qualified(
+        plant=tried.name,
+        setting=setting,
+        stability=None,
+        rms=np.inf,
+        control_rms=np.inf,
+        db=np.inf,
+        loops=(),
+        unheld=tried.unheld,
+    )
     if tried.unheld:
         return unknown
     try:
@@ -187,7 +196,15 @@ def _row(tried: _Tried, law: Compensator, weights: LQGWeights) -> Qualified:
     except NumericalError as error:
         return dataclasses.replace(unknown, undecided=error.what)
     db = decibels(noise.rms, tried.reference)
-    return Qualified(tried.name, setting, margins.stability, noise.rms, noise.control_rms, db, margins.loops)
+    return Qualified(
+        plant=tried.name,
+        setting=setting,
+        stability=margins.stability,
+        rms=noise.rms,
+        control_rms=noise.control_rms,
+        db=db,
+        loops=margins.loops,
+    )
 
 
 def _unheld(plant: Plant) -> tuple[str, ...]:

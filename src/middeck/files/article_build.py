@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import TypedDict
 
 import numpy as np
 from jaxtyping import Float
@@ -46,7 +47,13 @@ def build_structure(form: ArticleForm) -> Structure:
     nodes = tuple(_node(n) for n in form.node)
     actuators, sensors = default_ports(form)
     listed_a = tuple(
-        Actuator(a.name, a.frame, _unit(a.axis), ActuatorKind(a.kind), np.array(a.offset_m))
+        Actuator(
+            name=a.name,
+            frame=a.frame,
+            axis=_unit(a.axis),
+            kind=ActuatorKind(a.kind),
+            offset=np.array(a.offset_m),
+        )
         for a in form.actuator
     )
     return Structure(
@@ -59,7 +66,13 @@ def build_structure(form: ArticleForm) -> Structure:
             *(_proof_mass(p) for p in form.proof_mass),
         ),
         springs=tuple(
-            Spring(s.name or f"{s.from_}-{s.to}", s.from_, s.to, s.stiffness_n_per_m, s.free_length_m)
+            Spring(
+                name=s.name or f"{s.from_}-{s.to}",
+                start=s.from_,
+                end=s.to,
+                stiffness=s.stiffness_n_per_m,
+                free_length=s.free_length_m,
+            )
             for s in form.spring
         ),
         attach_points=_attach_points(form),
@@ -72,7 +85,14 @@ def build_structure(form: ArticleForm) -> Structure:
 def _sensor(form: SensorForm) -> Sensor:
     axis_frame = (form.axis_frame or form.frame) if form.axis else ""
     kind = SensorKind(form.kind)
-    return Sensor(form.name, form.frame, _unit(form.axis), axis_frame, kind, np.array(form.offset_m))
+    return Sensor(
+        name=form.name,
+        frame=form.frame,
+        axis=_unit(form.axis),
+        axis_frame=axis_frame,
+        kind=kind,
+        offset=np.array(form.offset_m),
+    )
 
 
 def default_ports(form: ArticleForm) -> tuple[tuple[Actuator, ...], tuple[Sensor, ...]]:
@@ -87,15 +107,20 @@ def default_ports(form: ArticleForm) -> tuple[tuple[Actuator, ...], tuple[Sensor
     sensors: list[Sensor] = []
     if form.wheel_node is not None:
         for letter, axis in AXES.items():
-            actuators.append(Actuator(f"bus_{letter}", form.wheel_node, axis))
-            sensors.append(Sensor(f"bus_{letter}", form.wheel_node, axis, form.wheel_node))
+            actuators.append(Actuator(name=f"bus_{letter}", frame=form.wheel_node, axis=axis))
+            sensors.append(
+                Sensor(name=f"bus_{letter}", frame=form.wheel_node, axis=axis, axis_frame=form.wheel_node)
+            )
     for g in form.gimbal:
-        sensors += [Sensor(f"{g.name}_in_{a}", f"{g.name}_z", AXES[a], f"{g.name}_x") for a in "xz"]
-        sensors += [Sensor(f"{g.name}_rel_{a}", f"{g.name}_{a}", None) for a in "xz"]
-        actuators += [Actuator(f"{g.name}_rel_{a}", f"{g.name}_{a}", None) for a in "xz"]
+        sensors += [
+            Sensor(name=f"{g.name}_in_{a}", frame=f"{g.name}_z", axis=AXES[a], axis_frame=f"{g.name}_x")
+            for a in "xz"
+        ]
+        sensors += [Sensor(name=f"{g.name}_rel_{a}", frame=f"{g.name}_{a}", axis=None) for a in "xz"]
+        actuators += [Actuator(name=f"{g.name}_rel_{a}", frame=f"{g.name}_{a}", axis=None) for a in "xz"]
     for joint in (*form.revolute, *form.proof_mass):
-        sensors.append(Sensor(f"{joint.name}_rel", joint.name, None))
-        actuators.append(Actuator(f"{joint.name}_rel", joint.name, None))
+        sensors.append(Sensor(name=f"{joint.name}_rel", frame=joint.name, axis=None))
+        actuators.append(Actuator(name=f"{joint.name}_rel", frame=joint.name, axis=None))
     return tuple(actuators), tuple(sensors)
 
 
@@ -108,7 +133,18 @@ def tube_section(section: SectionForm, material: MaterialForm) -> Section:
     G = E / (2.0 * (1.0 + material.nu))
     GA = np.inf if section.shear is None else section.shear * G * area
     EI, rho_I = E * second_moment, rho * second_moment
-    return Section(E * area, 2.0 * G * second_moment, EI, EI, rho * area, rho_I, rho_I, GA, GA, rho)
+    return Section(
+        EA=E * area,
+        GJ=2.0 * G * second_moment,
+        EI_y=EI,
+        EI_z=EI,
+        rho_A=rho * area,
+        rho_I_y=rho_I,
+        rho_I_z=rho_I,
+        GA_y=GA,
+        GA_z=GA,
+        density=rho,
+    )
 
 
 def _section(form: SectionForm, materials: dict[str, MaterialForm]) -> Section:
@@ -169,12 +205,12 @@ def _gimbal(form: GimbalForm) -> tuple[Joint, Joint]:
     x, limit = f"{form.name}_x", _limit(form.torque_limit_nm)
     return (
         Joint(
-            x, form.node, np.array(form.offset_m), AXES["x"], outer[0], stage, *outer[1:],
-            travel=_travel(form.travel_x_deg), torque_limit=limit,
+            name=x, parent=form.node, offset=np.array(form.offset_m), axis=AXES["x"], body=stage,
+            **outer, travel=_travel(form.travel_x_deg), torque_limit=limit,
         ),
         Joint(
-            f"{form.name}_z", x, np.zeros(3), AXES["z"], inner[0], payload, *inner[1:],
-            travel=_travel(form.travel_z_deg), torque_limit=limit,
+            name=f"{form.name}_z", parent=x, offset=np.zeros(3), axis=AXES["z"], body=payload,
+            **inner, travel=_travel(form.travel_z_deg), torque_limit=limit,
         ),
     )  # fmt: skip
 
@@ -185,8 +221,8 @@ def _revolute(form: RevoluteForm) -> Joint:
     target = form.rest_deg if form.state == "sprung" else form.command_deg
     nominal = _axis(form.state, form.angle_deg, form.stiffness_nm_per_rad, target)
     return Joint(
-        form.name, form.parent, np.array(form.offset_m), axis, nominal[0], body, *nominal[1:],
-        travel=_travel(form.travel_deg), torque_limit=_limit(form.torque_limit_nm),
+        name=form.name, parent=form.parent, offset=np.array(form.offset_m), axis=axis, body=body,
+        **nominal, travel=_travel(form.travel_deg), torque_limit=_limit(form.torque_limit_nm),
     )  # fmt: skip
 
 
@@ -203,15 +239,15 @@ def _proof_mass(form: ProofMassForm) -> Joint:
     """A slide of a point mass, at rest where its spring and, in gravity, its weight put it."""
     axis = np.array(form.axis) / np.linalg.norm(form.axis)
     return Joint(
-        form.name,
-        form.node,
-        np.array(form.offset_m),
-        axis,
-        0.0,
-        _body(form.mass_kg, (0.0, 0.0, 0.0), None),
-        JointState.SPRUNG,
-        _spring_of(form),
-        form.rest_m,
+        name=form.name,
+        parent=form.node,
+        offset=np.array(form.offset_m),
+        axis=axis,
+        angle=0.0,
+        body=_body(form.mass_kg, (0.0, 0.0, 0.0), None),
+        state=JointState.SPRUNG,
+        stiffness=_spring_of(form),
+        target=form.rest_m,
         slides=True,
         travel=(-np.inf, np.inf) if form.travel_m is None else form.travel_m,
     )
@@ -235,12 +271,21 @@ def _damping(form: ArticleForm) -> Damping:
     return dataclasses.replace(damping, dampers=(*damping.dampers, *own))
 
 
-def _axis(
-    state: str, angle_deg: float, stiffness: float | None, target_deg: float | None
-) -> tuple[float, JointState, float, float]:
-    """Nominal angle [rad], state, stiffness [N m/rad] and target [rad], which by default is nominal."""
+class _Axis(TypedDict):
+    angle: float  # nominal [rad]
+    state: JointState
+    stiffness: float  # [N m/rad]
+    target: float  # [rad], by default the nominal angle
+
+
+def _axis(state: str, angle_deg: float, stiffness: float | None, target_deg: float | None) -> _Axis:
     target = angle_deg if target_deg is None else target_deg
-    return float(np.deg2rad(angle_deg)), JointState(state), stiffness or 0.0, float(np.deg2rad(target))
+    return {
+        "angle": float(np.deg2rad(angle_deg)),
+        "state": JointState(state),
+        "stiffness": stiffness or 0.0,
+        "target": float(np.deg2rad(target)),
+    }
 
 
 def _attach_points(form: ArticleForm) -> tuple[AttachPoint, ...]:

@@ -22,7 +22,7 @@ COMPENSATOR_SCHEMA = "middeck.compensator/1"
 AGAIN = "write the compensator again"
 
 
-@record
+@record(kw_only=True)
 class StoredCompensator(Compensator):
     """A compensator as stored in a file.
 
@@ -96,7 +96,15 @@ def build_stored(
     method, inert = str(known.get("method") or ""), tuple(map(str, known.get("inert") or ()))
     authority, cost = (_optional(known.get(name), f"{where}, made.{name}") for name in ("authority", "cost"))
     system = build_system(matrices, period_s, (len(inputs), len(outputs)), where)
-    return StoredCompensator(system, inputs, outputs, authority, cost, inert, method=method)
+    return StoredCompensator(
+        dynamics=system,
+        inputs=inputs,
+        outputs=outputs,
+        authority=authority,
+        cost=cost,
+        inert=inert,
+        method=method,
+    )
 
 
 def _optional(value: Any, where: str) -> float | None:
@@ -127,4 +135,4 @@ def build_system(
         return StateSpace(A, B, C, D)
     if not (math.isfinite(period_s) and period_s > 0.0):
         raise DataError(f"a sampling period of {period_s:g} s", where=where, hint="> 0 s, or none")
-    return SampledStateSpace(A, B, C, D, period_s)
+    return SampledStateSpace(A, B, C, D, period_s=period_s)

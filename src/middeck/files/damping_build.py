@@ -19,14 +19,14 @@ def build_damping(form: ArticleForm) -> Damping:
     flexible = 0.0 if "flexible" not in given and (d.table or lossy) else d.flexible
     suspension = 0.0 if "suspension" not in given and d.table else d.suspension
     return Damping(
-        flexible,
-        suspension,
-        d.rigid,
-        _table(d),
-        _loss_factors(form),
-        tuple(_damper(device) for device in d.device),
-        tuple((int(key) if key.isdigit() else key, ratio) for key, ratio in d.mode.items()),
-        d.rule == "rank",
+        flexible=flexible,
+        suspension=suspension,
+        rigid=d.rigid,
+        table=_table(d),
+        loss_factor=_loss_factors(form),
+        dampers=tuple(_damper(device) for device in d.device),
+        by_mode=tuple((int(key) if key.isdigit() else key, ratio) for key, ratio in d.mode.items()),
+        by_rank=d.rule == "rank",
     )
 
 

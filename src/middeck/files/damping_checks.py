@@ -30,17 +30,21 @@ def _table(damping: Table) -> Iterator[Finding]:
         return
     for key in (k for k in ("flexible", "suspension", "rule") if k in damping):
         message = "a ratio or rule beside a table that holds for every mode"
-        yield Finding(("damping", key), message, show(damping[key]), "leave out one of the two")
+        yield Finding(
+            path=("damping", key), message=message, value=show(damping[key]), hint="leave out one of the two"
+        )
     f, ratio = (cast("Table", table).get(key) for key in ("frequency_hz", "ratio"))
     if not isinstance(f, list) or not isinstance(ratio, list):
         return
     frequencies, ratios = cast("list[Any]", f), cast("list[Any]", ratio)
     if len(frequencies) != len(ratios):
         message = f"{len(ratios)} ratios for {len(frequencies)} frequencies; must be one each"
-        yield Finding(("damping", "table", "ratio"), message)
+        yield Finding(path=("damping", "table", "ratio"), message=message)
     numbers = all(isinstance(x, int | float) for x in frequencies)
     if numbers and any(b <= a for a, b in itertools.pairwise(frequencies)):
-        yield Finding(("damping", "table", "frequency_hz"), "must ascend, in Hz", show(frequencies))
+        yield Finding(
+            path=("damping", "table", "frequency_hz"), message="must ascend, in Hz", value=show(frequencies)
+        )
 
 
 def _loss_factors(damping: Table, known: Mapping[str, Sequence[str]]) -> Iterator[Finding]:
@@ -58,16 +62,20 @@ def _devices(damping: Table, known: Mapping[str, Sequence[str]]) -> Iterator[Fin
         device, path = cast("Table", item), ("damping", "device", i)
         places = [p for p in PLACES if p in device]
         if len(places) != 1:
-            yield Finding(path, f"names {len(places)} places; must be one", hint="joint, spring or attach")
+            yield Finding(
+                path=path, message=f"names {len(places)} places; must be one", hint="joint, spring or attach"
+            )
             continue
         (place,) = places
         yield from _unknown((*path, place), device[place], place, known)
         wanted, other = KEY[place], next(k for k in KEY.values() if k != KEY[place])
         if other in device:
             message = f"a damper at a {WORDS.get(place, place)} has {wanted} instead"
-            yield Finding((*path, other), message, show(device[other]))
+            yield Finding(path=(*path, other), message=message, value=show(device[other]))
         elif wanted not in device:
-            yield Finding((*path, wanted), f"missing; a damper at a {WORDS.get(place, place)} needs it")
+            yield Finding(
+                path=(*path, wanted), message=f"missing; a damper at a {WORDS.get(place, place)} needs it"
+            )
 
 
 def _unknown(
@@ -76,4 +84,4 @@ def _unknown(
     if isinstance(name, str) and name not in known[key]:
         word = WORDS.get(key, key)
         hint = nearest(name, known[key]) or f"define a {word} first"
-        yield Finding(path, f"no {word} of this name", show(name), hint)
+        yield Finding(path=path, message=f"no {word} of this name", value=show(name), hint=hint)

@@ -76,27 +76,43 @@ def read_source(path: str | Path, kind: Kind | None = None) -> Source:
     try:
         raw = Path(path).read_bytes()
     except IsADirectoryError:
-        raise_fault(Fault(file, 0, "", "is a folder, not a file", hint=f"one of the files in {file}"))
+        raise_fault(
+            Fault(
+                file=file,
+                line=0,
+                key="",
+                message="is a folder, not a file",
+                hint=f"one of the files in {file}",
+            )
+        )
     except OSError as error:
-        raise_fault(Fault(file, 0, "", f"cannot be read: {error.strerror}", hint="check the path"))
+        raise_fault(
+            Fault(
+                file=file, line=0, key="", message=f"cannot be read: {error.strerror}", hint="check the path"
+            )
+        )
     wanted = CHANNELS if kind is None else _a(kind)
     strange = stray(path, wanted, (EMPTY, TOML, TEXT, NOT_UTF8, *([] if kind else DOCUMENTS)))
     if strange:
-        raise_fault(Fault(file, 0, "", strange, hint=f"{wanted} in this place"))
+        raise_fault(Fault(file=file, line=0, key="", message=strange, hint=f"{wanted} in this place"))
     try:
         text = raw.decode("utf-8-sig").replace("\r\n", "\n")
     except UnicodeDecodeError as error:
         line = raw[: error.start].count(b"\n") + 1
-        raise_fault(Fault(file, line, "", "not UTF-8 text", hint="save the file as UTF-8"))
+        raise_fault(
+            Fault(file=file, line=line, key="", message="not UTF-8 text", hint="save the file as UTF-8")
+        )
     if not text.strip():
-        raise_fault(Fault(file, 1, "", "the file is empty", hint=f"{wanted} in this place"))
+        raise_fault(
+            Fault(file=file, line=1, key="", message="the file is empty", hint=f"{wanted} in this place")
+        )
     try:
         return Source(file, tomllib.loads(text), key_lines(text))
     except tomllib.TOMLDecodeError as error:
         found = re.search(r"line (\d+)", str(error))
         line = int(found.group(1)) if found else text.rstrip().count("\n") + 1
         line, what, cure = explain(text, line, str(error))
-        raise_fault(Fault(file, line, "", f"not valid TOML: {what}", hint=cure))
+        raise_fault(Fault(file=file, line=line, key="", message=f"not valid TOML: {what}", hint=cure))
 
 
 def _a(kind: Kind) -> str:
@@ -129,9 +145,18 @@ def place_in(source: Source, changed: Mapping[KeyPath, str], finding: Finding) -
     for end in range(len(finding.path), 0, -1):
         setter = changed.get(finding.path[:end])
         if setter:
-            return Fault(f"--set {setter}", 0, key, finding.message, finding.value, finding.hint)
+            return Fault(
+                file=f"--set {setter}",
+                line=0,
+                key=key,
+                message=finding.message,
+                value=finding.value,
+                hint=finding.hint,
+            )
     line = line_of(source.lines, finding.path)
-    return Fault(source.file, line, key, finding.message, finding.value, finding.hint)
+    return Fault(
+        file=source.file, line=line, key=key, message=finding.message, value=finding.value, hint=finding.hint
+    )
 
 
 def check(
@@ -200,7 +225,11 @@ def _check_case(article: str | Path, environment: str | Path, overrides: Sequenc
     if (looks_like(article), looks_like(around)) == (ENVIRONMENT, ARTICLE):
         raise_fault(
             Fault(
-                f"{article}, {around}", 0, "", "environment and article are swapped", hint="the article first"
+                file=f"{article}, {around}",
+                line=0,
+                key="",
+                message="environment and article are swapped",
+                hint="the article first",
             )
         )
     body, surroundings = read_sources([article, around], ["article", "environment"])

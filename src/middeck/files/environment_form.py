@@ -109,7 +109,11 @@ def joint_findings(form: EnvironmentForm, attach_points: list[str], article: str
     devices = [(("device", i, "attach"), device.attach) for i, device in enumerate(form.device)]
     springs = [(("spring", i, "attach"), spring.attach) for i, spring in enumerate(form.spring)]
     return [
-        Finding(path, f"article {article!r} has no attach point {name!r}", hint=nearest(name, attach_points))
+        Finding(
+            path=path,
+            message=f"article {article!r} has no attach point {name!r}",
+            hint=nearest(name, attach_points),
+        )
         for path, name in (*used, *devices, *springs)
         if name not in attach_points
     ]
@@ -123,17 +127,19 @@ def build_environment(form: EnvironmentForm) -> Environment:
         gravity = form.constants.gravity_m_s2 * direction / np.linalg.norm(direction)
     springs = tuple(
         AnchoredSpring(
-            s.name or default_name(s.attach),
-            s.attach,
-            np.array(s.anchor_m),
-            s.stiffness_n_per_m,
-            s.free_length_m,
+            name=s.name or default_name(s.attach),
+            attach=s.attach,
+            anchor=np.array(s.anchor_m),
+            stiffness=s.stiffness_n_per_m,
+            free_length=s.free_length_m,
         )
         for s in form.spring
     )
     devices = tuple(_device(d) for d in form.device)
     suspension = None if form.suspension is None else _suspension(form.suspension)
-    return Environment(form.name, gravity + 0.0, suspension, springs, devices)  # + 0.0: no negative zeros
+    return Environment(
+        title=form.name, gravity=gravity + 0.0, suspension=suspension, springs=springs, devices=devices
+    )  # + 0.0: no negative zeros
 
 
 def default_name(attach: str) -> str:
@@ -143,29 +149,29 @@ def default_name(attach: str) -> str:
 
 def _suspension(cables: CablesForm) -> Suspension:
     return Suspension(
-        tuple(cables.held),
-        tuple(cables.held.values()),
-        cables.cable_length_m,
-        cables.bounce_hz,
-        DeviceKind(cables.device),
-        cables.moving_mass_kg,
-        _friction(cables.friction_n, cables.presliding_m),
+        attach=tuple(cables.held),
+        held=tuple(cables.held.values()),
+        cable_length=cables.cable_length_m,
+        bounce_hz=cables.bounce_hz,
+        kind=DeviceKind(cables.device),
+        moving_mass=cables.moving_mass_kg,
+        friction=_friction(cables.friction_n, cables.presliding_m),
     )
 
 
 def _device(d: DeviceForm) -> Device:
     return Device(
-        d.name,
-        d.attach,
-        DeviceKind(d.kind),
-        d.force_n,
-        d.held or "",
-        d.stiffness_n_per_m,
-        d.bounce_hz,
-        d.cable_length_m,
-        None if d.anchor_m is None else np.array(d.anchor_m),
-        d.moving_mass_kg,
-        _friction(d.friction_n, d.presliding_m),
+        name=d.name,
+        attach=d.attach,
+        kind=DeviceKind(d.kind),
+        force=d.force_n,
+        held=d.held or "",
+        stiffness=d.stiffness_n_per_m,
+        bounce_hz=d.bounce_hz,
+        cable_length=d.cable_length_m,
+        anchor=None if d.anchor_m is None else np.array(d.anchor_m),
+        moving_mass=d.moving_mass_kg,
+        friction=_friction(d.friction_n, d.presliding_m),
     )
 
 

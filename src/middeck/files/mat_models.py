@@ -15,5 +15,5 @@ def write_mat_model(path: str | Path, model: MeasurementModel) -> None:
 
     Terms in 1/s^2 of modes below the band are states. The model itself is in the JSON file of `write_model`.
     """
-    plant = Plant(rational_statespace(model), model.inputs, model.outputs)
+    plant = Plant(dynamics=rational_statespace(model), inputs=model.inputs, outputs=model.outputs)
     write_mat(path, delay_plant(plant, path_delay(model)))

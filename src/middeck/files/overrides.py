@@ -78,7 +78,7 @@ def _parse_value(key: str, written: str) -> Any:
 
 
 def _fault(key: str, message: str, hint: str) -> Fault:
-    return Fault("--set", 0, key, message, hint=hint)
+    return Fault(file="--set", line=0, key=key, message=message, hint=hint)
 
 
 def reach(data: Any, annotation: Any, segments: Sequence[str]) -> tuple[Reach, Path]:

@@ -54,7 +54,7 @@ class Case:
     surroundings: Environment
 
 
-@record
+@record(kw_only=True)
 class Study:
     """All that a study needs, read and checked.
 
@@ -125,9 +125,21 @@ def load_study(path: str | Path, overrides: Sequence[str] = ()) -> Study:
     )
     inputs = tuple((Path(os.path.relpath(f, base)).as_posix(), sha256_of(f)) for f in files)
     return Study(
-        form.title, form.seed, cases, form.control, build_rig_settings(form.rig), build_loop_test(form.siso),
-        form.figure_6, form.siso, form.sito, form.mirror, records[0], records[1], inputs, tuple(overrides),
-    )  # fmt: skip
+        title=form.title,
+        seed=form.seed,
+        cases=cases,
+        control=form.control,
+        rig=build_rig_settings(form.rig),
+        loop_test=build_loop_test(form.siso),
+        figure_6=form.figure_6,
+        siso=form.siso,
+        sito=form.sito,
+        mirror=form.mirror,
+        train_file=records[0],
+        test_file=records[1],
+        inputs=inputs,
+        overrides=tuple(overrides),
+    )
 
 
 def study_rules(data: dict[str, Any]) -> list[Finding]:
@@ -148,7 +160,9 @@ def _raise_missing(source: Source, data: Any, changed: dict[KeyPath, str], base:
         wanted += [((table, name), file) for name, file in _references(data, table)]
     advice = "a path from the study file's own folder"
     missing = [(key, file) for key, file in wanted if not (base / file).is_file()]
-    findings = (Finding(key, "no such file", show(file), advice) for key, file in missing)
+    findings = (
+        Finding(path=key, message="no such file", value=show(file), hint=advice) for key, file in missing
+    )
     raise_faults([place_in(source, changed, finding) for finding in findings])
 
 

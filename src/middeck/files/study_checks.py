@@ -34,10 +34,10 @@ def _metric(data: Table) -> Iterator[Finding]:
     for i, name in enumerate(_names(data, "control", "metric")):
         if known and name not in known:
             yield Finding(
-                ("control", "metric", i),
-                "neither among angles nor among pd_loops: no output of the plant",
-                show(name),
-                nearest(name, known),
+                path=("control", "metric", i),
+                message="neither among angles nor among pd_loops: no output of the plant",
+                value=show(name),
+                hint=nearest(name, known),
             )
 
 
@@ -46,10 +46,10 @@ def _loops(data: Table) -> Iterator[Finding]:
     for i, name in enumerate(_names(data, "control", "pd_loops")):
         if known and name not in known:
             yield Finding(
-                ("control", "pd_loops", i),
-                "neither among inputs nor among disturbances: no input of the plant",
-                show(name),
-                "add it to one of them, or leave its loop out",
+                path=("control", "pd_loops", i),
+                message="neither among inputs nor among disturbances: no input of the plant",
+                value=show(name),
+                hint="add it to one of them, or leave its loop out",
             )
 
 
@@ -70,7 +70,12 @@ def _hold(data: Table) -> Iterator[Finding]:
     sample_hz, delay_s = _number(data, "rig", "sample_hz"), _number(data, "rig", "delay_s")
     if sample_hz and delay_s is not None and delay_s < (1.0 - ROUNDING) * 0.5 / sample_hz:
         message = f"must be >= {0.5 / sample_hz:g} s, the hold's own half sample at {sample_hz:g} Hz"
-        yield Finding(("rig", "delay_s"), message, show(delay_s), "a longer delay or a higher sample_hz")
+        yield Finding(
+            path=("rig", "delay_s"),
+            message=message,
+            value=show(delay_s),
+            hint="a longer delay or a higher sample_hz",
+        )
 
 
 def _excitation(data: Table) -> Iterator[Finding]:
@@ -80,11 +85,16 @@ def _excitation(data: Table) -> Iterator[Finding]:
         samples = period_s * sample_hz
         if abs(samples - round(samples)) > ROUNDING * samples:
             message = f"{samples:g} samples at rig.sample_hz = {sample_hz:g} Hz; must be a whole number"
-            yield Finding(("siso", "period_s"), message, show(period_s))
+            yield Finding(path=("siso", "period_s"), message=message, value=show(period_s))
     last = _number(data, "siso", "band_hz", 1)
     if sample_hz and last is not None and last >= 0.5 * sample_hz:
         message = f"must end below half of rig.sample_hz = {sample_hz:g} Hz"
-        yield Finding(("siso", "band_hz", 1), message, show(last), "a narrower band or a higher sample_hz")
+        yield Finding(
+            path=("siso", "band_hz", 1),
+            message=message,
+            value=show(last),
+            hint="a narrower band or a higher sample_hz",
+        )
 
 
 def fixed_axes(form: StudyForm, article: str, structure: Structure, data: Table) -> Iterator[Finding]:
@@ -98,9 +108,11 @@ def fixed_axes(form: StudyForm, article: str, structure: Structure, data: Table)
             continue
         seen.add(joint.name)
         yield Finding(
-            _state_of(data, joint.name), f"{key} of the study drives {port!r}: this axis must turn",
-            show(joint.state.value), f'"free" or "sprung", or leave the port out of {key}',
-        )  # fmt: skip
+            path=_state_of(data, joint.name),
+            message=f"{key} of the study drives {port!r}: this axis must turn",
+            value=show(joint.state.value),
+            hint=f'"free" or "sprung", or leave the port out of {key}',
+        )
 
 
 def _driven(form: StudyForm, article: str) -> list[tuple[str, str]]:

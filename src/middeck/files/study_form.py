@@ -213,14 +213,14 @@ def _one_each(table: Table, names: str, keys: list[str], where: str = "control")
             count, needed = len(cast("list[Any]", given)), len(cast("list[Any]", wanted))
             if count != needed:
                 message = f"{count} values for the {needed} {names}; must be one each"
-                yield Finding((where, key), message, show(given))
+                yield Finding(path=(where, key), message=message, value=show(given))
 
 
 def _ascending(data: Table, table: str, key: str) -> Iterator[Finding]:
     band = _table(data, table).get(key)
     match band:
         case [int() | float() as low, int() | float() as high] if not low < high:
-            yield Finding((table, key), "must ascend, [lowest, highest] in Hz", show(band))
+            yield Finding(path=(table, key), message="must ascend, [lowest, highest] in Hz", value=show(band))
         case _:
             return
 
@@ -229,14 +229,14 @@ def _levels(control: Table) -> Iterator[Finding]:
     first, last = control.get("log10_authority_first"), control.get("log10_authority_last")
     if isinstance(first, int | float) and isinstance(last, int | float) and not first < last:
         message = f"must be > log10_authority_first = {first:g}"
-        yield Finding(("control", "log10_authority_last"), message, show(last))
+        yield Finding(path=("control", "log10_authority_last"), message=message, value=show(last))
 
 
 def _weighed(control: Table) -> Iterator[Finding]:
     match control.get("metric_weights"):
         case [_, *_] as weights if all(w == 0 for w in cast("list[Any]", weights)):
             message = "every weight is zero; at least one must be > 0"
-            yield Finding(("control", "metric_weights"), message, show(weights))
+            yield Finding(path=("control", "metric_weights"), message=message, value=show(weights))
         case _:
             return
 
@@ -249,7 +249,7 @@ def _two_rates(data: Table) -> Iterator[Finding]:
         case list() as given:
             message = "must be two rates: a payload's (Figure 6a), then the bus's (Figure 6b)"
             advice = "names of sensors that end in _rate"
-            yield Finding(("figure_6", "outputs"), message, show(given), advice)
+            yield Finding(path=("figure_6", "outputs"), message=message, value=show(given), hint=advice)
         case _:
             return
 
@@ -257,7 +257,7 @@ def _two_rates(data: Table) -> Iterator[Finding]:
 def _even(data: Table, table: str) -> Iterator[Finding]:
     states = _table(data, table).get("states")
     if isinstance(states, int) and states % 2:
-        yield Finding((table, "states"), "must be even: two for each mode", show(states))
+        yield Finding(path=(table, "states"), message="must be even: two for each mode", value=show(states))
 
 
 def _smaller(data: Table) -> Iterator[Finding]:
@@ -265,12 +265,16 @@ def _smaller(data: Table) -> Iterator[Finding]:
     table = _table(data, "sito")
     for k, states in enumerate(_list(table, "smaller_states")):
         if isinstance(states, int) and states % 2:
-            yield Finding(("sito", "smaller_states", k), "must be even: two for each mode", show(states))
+            yield Finding(
+                path=("sito", "smaller_states", k),
+                message="must be even: two for each mode",
+                value=show(states),
+            )
     for k, band in enumerate(_list(table, "smaller_bands_hz")):
         match band:
             case [int() | float() as low, int() | float() as high] if not low < high:
                 where = ("sito", "smaller_bands_hz", k)
-                yield Finding(where, "must ascend, [lowest, highest] in Hz", show(band))
+                yield Finding(path=where, message="must ascend, [lowest, highest] in Hz", value=show(band))
             case _:
                 pass
 
@@ -288,7 +292,7 @@ def _two_sensors(data: Table) -> Iterator[Finding]:
             return
         case list():
             message = "must be two sensors (Figures 10a and 10b), neither of them siso.sensor"
-            yield Finding(("sito", "sensors"), message, show(given))
+            yield Finding(path=("sito", "sensors"), message=message, value=show(given))
         case _:
             return
 
@@ -300,10 +304,12 @@ def _rubs(data: Table) -> Iterator[Finding]:
     if _is_positive(coulomb) and "gimbal_presliding_deg" not in rig:
         advice = "how far a gimbal gives before it slips, studies/mace-1993.toml has 0.05; or no friction, 0"
         where = ("rig", "gimbal_friction_nm")
-        yield Finding(where, "needs 'gimbal_presliding_deg' beside it", show(coulomb), advice)
+        yield Finding(
+            path=where, message="needs 'gimbal_presliding_deg' beside it", value=show(coulomb), hint=advice
+        )
     if _is_positive(viscous) and coulomb == 0:
         where, message = ("rig", "gimbal_viscous_nms_per_rad"), "has no effect where gimbal_friction_nm is 0"
-        yield Finding(where, message, show(viscous), "0, or give gimbal_friction_nm")
+        yield Finding(path=where, message=message, value=show(viscous), hint="0, or give gimbal_friction_nm")
 
 
 def _is_positive(value: Any) -> bool:
@@ -315,7 +321,12 @@ def _gap(data: Table) -> Iterator[Finding]:
     rig, pair = _table(data, "rig"), ("gimbal_deadband_deg", "gimbal_flank_nm_per_rad")
     for key, other in (pair, pair[::-1]):
         if key in rig and other not in rig:
-            yield Finding(("rig", key), f"given without {other}", show(rig[key]), "give both or neither")
+            yield Finding(
+                path=("rig", key),
+                message=f"given without {other}",
+                value=show(rig[key]),
+                hint="give both or neither",
+            )
 
 
 def _documents(data: Table) -> Iterator[Finding]:
@@ -324,10 +335,15 @@ def _documents(data: Table) -> Iterator[Finding]:
     for table, key in wanted:
         name, known = _table(data, table).get(key), _table(data, key)
         if isinstance(name, str) and known and name not in known:
-            yield Finding((table, key), f"no {key} of this name in [{key}]", show(name), nearest(name, known))
+            yield Finding(
+                path=(table, key),
+                message=f"no {key} of this name in [{key}]",
+                value=show(name),
+                hint=nearest(name, known),
+            )
     for key in ("orbit", "lab"):
         if _table(data, "environment") and key not in _table(data, "environment"):
-            yield Finding(("environment", key), "missing: the path of an environment file")
+            yield Finding(path=("environment", key), message="missing: the path of an environment file")
 
 
 def port_findings(form: StudyForm, ports: dict[str, tuple[list[str], list[str]]]) -> list[Finding]:
@@ -357,7 +373,9 @@ def port_findings(form: StudyForm, ports: dict[str, tuple[list[str], list[str]]]
         ),
     ]
     return [
-        Finding(path, "the article has no such port", show(name), nearest(name, known))
+        Finding(
+            path=path, message="the article has no such port", value=show(name), hint=nearest(name, known)
+        )
         for path, name, known in wanted
         if name not in known
     ]

@@ -129,7 +129,11 @@ def _tie(structure: Structure, environment: Environment, frequency_hz: float) ->
     stiffness = structure.mass * (2.0 * np.pi * frequency_hz) ** 2
     springs = tuple(
         AnchoredSpring(
-            f"umbilical {letter}", point.name, at + UMBILICAL_LENGTH * axis, stiffness, UMBILICAL_LENGTH
+            name=f"umbilical {letter}",
+            attach=point.name,
+            anchor=at + UMBILICAL_LENGTH * axis,
+            stiffness=stiffness,
+            free_length=UMBILICAL_LENGTH,
         )
         for letter, axis in zip("xyz", np.eye(3), strict=True)
     )

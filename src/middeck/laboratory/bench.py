@@ -29,7 +29,7 @@ SETTLE = 2  # unrecorded periods of a run
 SATURATED = 1e-3
 
 
-@record
+@record(kw_only=True)
 class Bench:
     """A rig, one period of the torque command in open and in closed loop, and the number of periods."""
 
@@ -76,7 +76,14 @@ def build_bench(
         pair = nearest_modes(rig_article_plant(article, inputs=inputs, outputs=sensors), test.pair_shift_hz)
         drifts = (Drift(pair, shift_percent, 1.0),)
     rig = build_article_rig(article, settings, inputs=inputs, outputs=sensors, drifts=drifts, age_s=1.0)
-    return Bench(rig, equal[:, None], falling.u[0], test.periods, settings.rest_s, test.band_hz)
+    return Bench(
+        rig=rig,
+        open_loop=equal[:, None],
+        closed_loop=falling.u[0],
+        periods=test.periods,
+        rest_s=settings.rest_s,
+        band_hz=test.band_hz,
+    )
 
 
 def take_open_loop(bench: Bench, rng: np.random.Generator) -> FrequencyResponse:

@@ -20,7 +20,7 @@ Factors = tuple[tuple[str, float], ...]
 ThreeFactors = tuple[tuple[str, tuple[float, float, float]], ...]
 
 
-@record
+@record(kw_only=True)
 class HiddenErrors:
     """Factors by which a rig's article differs from the sheet; all one for none.
 

@@ -6,6 +6,7 @@ true delay. No design uses it; it shows the effect of a drift without a run.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 
 import numpy as np
@@ -35,7 +36,7 @@ class RigView:
     H: Complex[np.ndarray, "line output input"]
 
 
-@record
+@record(kw_only=True)
 class RigLoop:
     """One law on one bench.
 
@@ -61,30 +62,37 @@ class RigLoop:
     stable: bool
     growth_hz: float
     growth_rad_s: float
-    improvement_db: float | None
-    gain_margin_db: float | None
-    gain_margin_hz: float | None
-    phase_margin_deg: float | None
-    phase_margin_hz: float | None
+    improvement_db: float | None = None
+    gain_margin_db: float | None = None
+    gain_margin_hz: float | None = None
+    phase_margin_deg: float | None = None
+    phase_margin_hz: float | None = None
 
 
 def view_rig(bench: Bench) -> RigView:
     """Linearise the rig of ``bench`` and evaluate it once for all laws."""
-    plant, f = linearise_rig(bench.rig), _lines(bench)
+    rig = bench.rig
+    plant = Plant(dynamics=linearise_rig(rig).sampled, inputs=rig.inputs, outputs=rig.outputs)
+    f = _lines(bench)
     return RigView(bench, plant, f, evaluate_plant(plant, f).H)
 
 
 def judge_loop(view: RigView, compensator: Compensator, percent: float) -> RigLoop:
     """The law on the rig of ``view``; its one input is where the loop is broken."""
     fastest = fastest_pole(view, compensator)
-    grows = abs(fastest.imag) / (2.0 * np.pi), fastest.real
-    if fastest.real > GROWTH_LIMIT:
-        return RigLoop(percent, False, *grows, None, None, None, None, None)
+    found = RigLoop(
+        percent=percent,
+        stable=not fastest.real > GROWTH_LIMIT,
+        growth_hz=abs(fastest.imag) / (2.0 * np.pi),
+        growth_rad_s=fastest.real,
+    )
+    if not found.stable:
+        return found
     K = statespace_response(_placed(view, compensator), 2.0 * np.pi * view.frequency_hz)
     opened = view.H[:, 0, 0]
     closed = opened / (1.0 - np.einsum("fuy,fyu->f", K, view.H))  # u = K y is added
     better = float(20.0 * np.log10(np.linalg.norm(closed) / np.linalg.norm(opened)))
-    return RigLoop(percent, True, *grows, better, *_margins(view, compensator))
+    return dataclasses.replace(found, improvement_db=better, **_margins(view, compensator))
 
 
 def fastest_pole(view: RigView, compensator: Compensator) -> complex:
@@ -105,15 +113,17 @@ def judge_loops(views: Mapping[float, RigView], compensator: Compensator) -> tup
     return tuple(judge_loop(view, compensator, percent) for percent, view in views.items())
 
 
-def _margins(
-    view: RigView, compensator: Compensator
-) -> tuple[float | None, float | None, float | None, float | None]:
-    """Gain margin [dB] and where [Hz], phase margin [deg] and where, of the loop broken at the one input."""
+def _margins(view: RigView, compensator: Compensator) -> dict[str, float | None]:
+    """The least gain and phase margin of the loop broken at the one input."""
     (loop,) = measure_margins(view.plant, emulate(compensator, view.bench.rig.period_s)).loops
-    return (
-        *_least(np.abs(20.0 * np.log10(loop.gain)), loop.gain_hz),
-        *_least(np.abs(np.degrees(loop.phase_rad)), loop.phase_hz),
-    )
+    gain_db, gain_hz = _least(np.abs(20.0 * np.log10(loop.gain)), loop.gain_hz)
+    phase_deg, phase_hz = _least(np.abs(np.degrees(loop.phase_rad)), loop.phase_hz)
+    return {
+        "gain_margin_db": gain_db,
+        "gain_margin_hz": gain_hz,
+        "phase_margin_deg": phase_deg,
+        "phase_margin_hz": phase_hz,
+    }
 
 
 def _least(margin: np.ndarray, where: np.ndarray) -> tuple[float | None, float | None]:

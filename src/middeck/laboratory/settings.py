@@ -8,7 +8,7 @@ from middeck.realtime.sensors import Encoder, Gyro
 from middeck.values import record
 
 
-@record
+@record(kw_only=True)
 class RigSettings:
     """A simulated rig, whatever article it carries.
 
@@ -51,7 +51,7 @@ class RigSettings:
     hidden_seed: int | None
 
 
-@record
+@record(kw_only=True)
 class LoopTest:
     """Experiments with one motor, in open and in closed loop.
 

@@ -53,4 +53,4 @@ def integrators(sensors: Sequence[Sensor], period_s: float) -> SampledStateSpace
     select = np.eye(len(sensors))[gyro]
     n = len(select)
     D = np.diag(np.where(gyro, 0.5 * period_s, 1.0))
-    return SampledStateSpace(np.eye(n), period_s * select, select.T, D, period_s)
+    return SampledStateSpace(np.eye(n), period_s * select, select.T, D, period_s=period_s)

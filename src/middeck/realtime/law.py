@@ -9,7 +9,7 @@ import numpy as np
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port, port_indices
-from middeck.systems.statespace import SampledStateSpace
+from middeck.systems.statespace import SampledStateSpace, same_period
 
 
 def place_law(
@@ -21,22 +21,22 @@ def place_law(
     the rig lacks, another period, or a compensator that is not sampled.
 
     >>> y, u = Port("y", "rad"), Port("u", "N m")
-    >>> lag = SampledStateSpace([[0.5]], [[1.0]], [[1.0]], [[-2.0]], 0.1)
+    >>> lag = SampledStateSpace([[0.5]], [[1.0]], [[1.0]], [[-2.0]], period_s=0.1)
     >>> place_law(Compensator(lag, (y,), (u,)), (Port("v", "N m"), u), (y,), 0.1).D.tolist()
     [[0.0], [-2.0]]
     """
     if law is None:
         p, m = len(outputs), len(inputs)
         return SampledStateSpace(
-            np.zeros((0, 0)), np.zeros((0, p)), np.zeros((m, 0)), np.zeros((m, p)), period_s
+            np.zeros((0, 0)), np.zeros((0, p)), np.zeros((m, 0)), np.zeros((m, p)), period_s=period_s
         )
     rows = port_indices(inputs, [p.name for p in law.outputs], "input of the rig")
     columns = port_indices(outputs, [p.name for p in law.inputs], "output of the rig")
     into, out = np.eye(len(outputs))[columns], np.eye(len(inputs))[:, rows]
     s = law.sampled
-    if abs(s.period_s - period_s) > 1e-12 * period_s:
+    if not same_period(s.period_s, period_s):
         raise ConfigError(
             f"the compensator is sampled at {s.period_s} s, the rig at {period_s} s",
             hint="emulate(compensator, period_s) of the continuous design has the rig's period",
         )
-    return SampledStateSpace(s.A, s.B @ into, out @ s.C, out @ s.D @ into, period_s)
+    return SampledStateSpace(s.A, s.B @ into, out @ s.C, out @ s.D @ into, period_s=period_s)

@@ -26,7 +26,7 @@ def linearise_rig(rig: Rig) -> Plant:
     rows = gyro_sums(rig)
     D = np.zeros((len(rig.outputs), len(rig.inputs)))
     if rows is not None:
-        sampled = SampledStateSpace(A, B, sums.C @ rows + sums.D @ read, D, rig.period_s)
+        sampled = SampledStateSpace(A, B, sums.C @ rows + sums.D @ read, D, period_s=rig.period_s)
     else:
         n = len(sums.A)
         sampled = SampledStateSpace(
@@ -34,9 +34,9 @@ def linearise_rig(rig: Rig) -> Plant:
             np.vstack([B, np.zeros((n, B.shape[1]))]),
             np.hstack([sums.D @ read, sums.C]),
             D,
-            rig.period_s,
+            period_s=rig.period_s,
         )
-    return Plant(sampled, rig.inputs, rig.outputs)
+    return Plant(dynamics=sampled, inputs=rig.inputs, outputs=rig.outputs)
 
 
 def close_rig(rig: Rig, law: SampledStateSpace) -> SampledStateSpace:

@@ -42,7 +42,7 @@ class Rotor:
             )
 
 
-@record
+@record(kw_only=True)
 class Motor:
     """What stands between a torque command and the torque [N m] (a force [N] where the input is one).
 

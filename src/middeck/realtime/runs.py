@@ -137,7 +137,15 @@ def run_closed_loop(
     )
     y = remove_ramps(measured, rig.readout.gyro)
     given = np.broadcast_to(u, (periods, *u.shape))
-    record = Record(rig.sample_hz, given[None], y[None], rig.inputs, rig.outputs, True, held=True)
+    record = Record(
+        sample_hz=rig.sample_hz,
+        u=given[None],
+        y=y[None],
+        inputs=rig.inputs,
+        outputs=rig.outputs,
+        periodic=True,
+        held=True,
+    )
     return Run(record=record, control=control, torque=torque, events=taken.counter.total())
 
 
@@ -212,7 +220,15 @@ class _Taken:
         measured = self.joined()[0]
         given = np.resize(u, (1, 1, len(measured), u.shape[1]))
         rig = self.rig
-        return Record(rig.sample_hz, given, measured[None, None], rig.inputs, rig.outputs, False, held=True)
+        return Record(
+            sample_hz=rig.sample_hz,
+            u=given,
+            y=measured[None, None],
+            inputs=rig.inputs,
+            outputs=rig.outputs,
+            periodic=False,
+            held=True,
+        )
 
 
 def _explain(loop: SampledStateSpace) -> str:

@@ -35,7 +35,7 @@ class Encoder:
         _refuse_gain("Encoder", self.gain)
 
 
-@record
+@record(kw_only=True)
 class Gyro:
     """A rate gyro behind an anti-alias filter, whose samples the computer adds up to an angle.
 

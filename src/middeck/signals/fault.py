@@ -12,7 +12,7 @@ Side = Literal["input", "output"]
 MOST_RUNS = 100
 
 
-@record
+@record(kw_only=True)
 class Fault:
     """One thing wrong with one channel of a record.
 

@@ -11,7 +11,7 @@ from middeck.values import record
 Role = Literal["", "sensor", "actuator"]
 
 
-@record
+@record(kw_only=True)
 class Channel:
     """The transducer behind a port, as far as it is known; empty texts and None stand for unknown.
 

@@ -14,7 +14,7 @@ from middeck.values import record
 Samples = Float[np.ndarray, "sample channel"]
 
 
-@record
+@record(kw_only=True)
 class Record:
     """Sampled inputs and outputs.
 
@@ -66,7 +66,7 @@ class Campaign:
                 )
 
 
-@record
+@record(kw_only=True)
 class RecordStream:
     """A record read piece by piece, so that it may be longer than memory.
 
@@ -118,7 +118,8 @@ def stream_record(whole: Record) -> RecordStream:
     """A record in memory as a stream.
 
     >>> ports = (Port("u", "V"),), (Port("y", "m"),)
-    >>> whole = Record(2.0, np.zeros((1, 1, 5, 1)), np.ones((1, 1, 5, 1)), *ports, periodic=False)
+    >>> whole = Record(sample_hz=2.0, u=np.zeros((1, 1, 5, 1)), y=np.ones((1, 1, 5, 1)), inputs=ports[0],
+    ...     outputs=ports[1], periodic=False)
     >>> [y[:, 0].tolist() for u, y in stream_record(whole).blocks(3)]
     [[1.0, 1.0, 1.0], [1.0, 1.0]]
     """
@@ -130,14 +131,14 @@ def stream_record(whole: Record) -> RecordStream:
 
     period = samples if whole.periodic else None
     return RecordStream(
-        whole.sample_hz,
-        whole.inputs,
-        whole.outputs,
-        periods * samples,
-        experiments,
-        period,
-        pieces,
-        whole.held,
+        sample_hz=whole.sample_hz,
+        inputs=whole.inputs,
+        outputs=whole.outputs,
+        samples=periods * samples,
+        experiments=experiments,
+        period=period,
+        pieces=pieces,
+        held=whole.held,
     )
 
 

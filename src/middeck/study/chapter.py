@@ -28,7 +28,7 @@ def claims_within(entry: Numbers) -> list[Claim]:
     return entry.get("claims", [])
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Entry(Generic[T]):
     """One entry of ``figures`` in numbers.json, and the drawings where its claims and warnings stand."""
 
@@ -39,7 +39,7 @@ class Entry(Generic[T]):
     claims: Callable[[Numbers], list[Claim]] = claims_within
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Drawing(Generic[T]):
     """One drawing, the one sentence that it is there to show, and what stands under it on the page.
 

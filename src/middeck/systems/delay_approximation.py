@@ -22,6 +22,9 @@ from middeck.values import record
 # Delays that differ by less [s] are one: far below what any record can tell.
 SAME_DELAY_S = 1e-12
 
+Named = tuple[StateSpace, tuple[str, ...]]
+"""A system and what its states belong to."""
+
 
 def approximate_delays(plant: Plant, order: int) -> Plant:
     """The plant with a Pade approximation of ``order`` states for each delay that stands alone.
@@ -54,7 +57,7 @@ def _approximate(
     whole: StateSpace, modal: ModalSystem | None, names: tuple[str, ...], delay_s: np.ndarray, order: int
 ) -> Named:
     if is_sum(delay_s, SAME_DELAY_S):
-        return _approximated(whole, names, delay_s, order)
+        return _late_channels(whole, names, delay_s, order)
     if modal is not None:
         parts, apart = _part_modes(modal), None
     else:
@@ -64,16 +67,15 @@ def _approximate(
         system, kept = _approximate_parts(parts, delay_s, order)
     else:
         moving = dataclasses.replace(parts.moving, D=parts.moving.D + parts.direct)
-        system, kept = _approximated(moving, parts.names, delay_s, order)
-    if apart is None or not len(apart[1]):
+        system, kept = _by_channel(moving, parts.names, delay_s, order)
+    if apart is None:
         return system, kept
-    return add(system, apart[0]), (*kept, *apart[1])
+    inert, others = apart
+    return add(system, dataclasses.replace(inert, D=np.zeros_like(inert.D))), (*kept, *others)
 
 
 def _states(system: StateSpace, names: tuple[str, ...], which: np.ndarray) -> Named:
-    """Some of the states, without the direct term where they meet no port."""
-    D = system.D if np.any(system.B[which]) or np.any(system.C[:, which]) or which.all() else 0.0 * system.D
-    part = StateSpace(system.A[np.ix_(which, which)], system.B[which], system.C[:, which], D)
+    part = StateSpace(system.A[np.ix_(which, which)], system.B[which], system.C[:, which], system.D)
     return part, tuple(name for name, there in zip(names, which, strict=True) if there)
 
 
@@ -107,9 +109,6 @@ def _evaluate_sum(delay_s: np.ndarray, order: int, s: np.ndarray) -> np.ndarray:
     return after[:, :, None] * before[:, None, :]
 
 
-Named = tuple[StateSpace, tuple[str, ...]]
-
-
 def _approximate_parts(parts: _Parts, delay_s: np.ndarray, order: int) -> Named:
     """Copies of what moves, as each channel is delayed; integrators once, and last."""
     banks = [_bank(delay_s, i, order) for i in range(delay_s.shape[1])]
@@ -117,11 +116,11 @@ def _approximate_parts(parts: _Parts, delay_s: np.ndarray, order: int) -> Named:
     names = (*(parts.at_rest,) * count, *("delay",) * (len(integrals.A) - count))
     if not len(parts.moving.A):
         return integrals, names
-    copies, others = _approximated(parts.moving, parts.names, delay_s, order)
+    copies, others = _by_channel(parts.moving, parts.names, delay_s, order)
     return add(copies, integrals), (*others, *names)
 
 
-@record
+@record(kw_only=True)
 class _Parts:
     """Integrators as residues and as a system, with a name for them all; what moves; the direct term."""
 
@@ -140,7 +139,14 @@ def _part_modes(modal: ModalSystem) -> _Parts:
     residues = np.array([rows.rate @ still.psi, rows.position @ still.psi])[: 2 * bool(rigid.any())]
     rest = modal_to_statespace(dataclasses.replace(moving, direct=None))
     chains = modal_to_statespace(dataclasses.replace(still, phi_acceleration=None, direct=None))
-    return _Parts(residues, chains, ", ".join(still.names), rest, _doubled(moving.names), rows.direct)
+    return _Parts(
+        residues=residues,
+        still=chains,
+        at_rest=", ".join(still.names),
+        moving=rest,
+        names=_doubled(moving.names),
+        direct=rows.direct,
+    )
 
 
 def _part_states(system: StateSpace, names: tuple[str, ...]) -> _Parts:
@@ -148,17 +154,26 @@ def _part_states(system: StateSpace, names: tuple[str, ...]) -> _Parts:
     parted = part_integrators(system)
     if not len(parted.residues):
         rest = StateSpace(system.A, system.B, system.C, none)
-        return _Parts(parted.residues, parted.still, "", rest, names, system.D)
+        return _Parts(
+            residues=parted.residues,
+            still=parted.still,
+            at_rest="",
+            moving=rest,
+            names=names,
+            direct=system.D,
+        )
     share = np.sum(parted.states**2, axis=1)
     # A tenth: traces of rounding name nothing.
     at_rest = ", ".join(dict.fromkeys(names[i] for i in np.flatnonzero(share > 0.1)))
     rest = StateSpace(parted.moving.A, parted.moving.B, parted.moving.C, none)
     own = tuple(names[i] for i in parted.leading)
-    return _Parts(parted.residues, parted.still, at_rest, rest, own, system.D)
+    return _Parts(
+        residues=parted.residues, still=parted.still, at_rest=at_rest, moving=rest, names=own, direct=system.D
+    )
 
 
 def _bank(delay_s: np.ndarray, i: int, order: int) -> StateSpace:
-    """What stands for the delays from input ``i`` to each output, path by path as in `_approximated`."""
+    """What stands for the delays from input ``i`` to each output, path by path as in `_by_channel`."""
     if delay_s.shape[1] <= delay_s.shape[0]:
         return _late_channels(gain_system(np.ones((len(delay_s), 1))), (), delay_s[:, [i]], order)[0]
     common = delay_s.min(axis=1)
@@ -171,10 +186,8 @@ def _doubled(names: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(name for name in names for _ in range(2))
 
 
-def _approximated(system: StateSpace, names: tuple[str, ...], delay_s: np.ndarray, order: int) -> Named:
-    if is_sum(delay_s, SAME_DELAY_S):
-        return _late_channels(system, names, delay_s, order)
-    # One channel of the smaller side at a time: its paths are delayed by one side's delays alone.
+def _by_channel(system: StateSpace, names: tuple[str, ...], delay_s: np.ndarray, order: int) -> Named:
+    """One channel of the smaller side at a time: its paths are delayed by one side's delays alone."""
     by_input = delay_s.shape[1] <= delay_s.shape[0]
     whole, count = slice(None), min(delay_s.shape)
     channels = [(whole, [k]) if by_input else ([k], whole) for k in range(count)]
@@ -207,10 +220,7 @@ def _spread(acts: np.ndarray, start: np.ndarray) -> np.ndarray:
 
 
 def _join_channels(parts: Sequence[Named], *, by_input: bool) -> Named:
-    """Systems of one input each, their outputs added, or of one output each, driven by the same inputs.
-
-    Each part is a system and what its states belong to.
-    """
+    """Systems of one input each, their outputs added, or of one output each, driven by the same inputs."""
     systems = [system for system, _ in parts]
     side_by_side, stacked = (_block, np.hstack) if by_input else (np.vstack, _block)
     joined = StateSpace(

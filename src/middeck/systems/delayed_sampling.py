@@ -96,7 +96,7 @@ def _side_by_side(alone: list[SampledStateSpace], states: int) -> SampledStateSp
     C, D = (np.hstack([getattr(s, name) for s in alone]) for name in "CD")
     first = np.concatenate([np.arange(len(s.A)) < states for s in alone])
     order = np.concatenate([np.flatnonzero(first), np.flatnonzero(~first)])
-    return SampledStateSpace(A[np.ix_(order, order)], B[order], C[:, order], D, alone[0].period_s)
+    return SampledStateSpace(A[np.ix_(order, order)], B[order], C[:, order], D, period_s=alone[0].period_s)
 
 
 def tidy_samples(samples: np.ndarray) -> np.ndarray:
@@ -201,4 +201,4 @@ def _assemble(
         for k in range(1, waiting[o]):
             A[chain[o] + k, chain[o] + k - 1] = 1.0
         C[o, chain[o] + waiting[o] - 1] = 1.0
-    return SampledStateSpace(A, B, C, D, period_s)
+    return SampledStateSpace(A, B, C, D, period_s=period_s)

@@ -10,7 +10,7 @@ import scipy.linalg as sla
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
-from middeck.systems.statespace import SampledStateSpace, System
+from middeck.systems.statespace import SampledStateSpace, System, same_period
 
 AMPLIFIED = 1e12
 """By so much an algebraic loop would amplify rounding: to a thousandth and more."""
@@ -32,8 +32,8 @@ def close_static(system: System, gain: Float[np.ndarray, "input output"]) -> Sys
 def _solve_direct(loop: Float[np.ndarray, "input input"]) -> Float[np.ndarray, "input input"]:
     """(1 - loop)^-1, refused where rounding of the direct terms is amplified, whatever their units.
 
-    The spectral radius of |(1 - L)^-1| (1 + |L|) is the least condition over all scalings of the channels
-    (Bauer 1963, Numerische Mathematik 5).
+    The spectral radius of |(1 - L)^-1| (1 + |L|): the componentwise condition (Skeel 1979, Journal of the ACM
+    26), least over all scalings of the channels (Bauer 1963, Numerische Mathematik 5).
     """
     one = np.eye(len(loop))
     if not np.any(loop):
@@ -75,7 +75,7 @@ def beside(first: System, second: System) -> System:
     Raises `ConfigError` for a continuous system beside a sampled one, and for two periods.
     """
     one, other = (each.period_s if isinstance(each, SampledStateSpace) else 0.0 for each in (first, second))
-    if abs(one - other) > 1e-12 * one:
+    if not same_period(one, other):
         raise ConfigError(
             f"systems of periods {one:g} and {other:g} s in one loop (0: continuous)",
             hint="sample both alike",

@@ -29,7 +29,7 @@ RANK = 1e-10
 """The same of residues, row by row and column by column scaled: what is left out changes no entry by more."""
 
 
-@record
+@record(kw_only=True)
 class PartedSystem:
     """C (s I - A)^-1 B + D as the sum of R_k / s^k, k = 1, 2, ..., and of what moves.
 
@@ -65,14 +65,22 @@ def part_integrators(system: StateSpace) -> PartedSystem:
     nothing = gain_system(np.zeros((outputs, inputs)))
     none = np.zeros((0, outputs, inputs))
     if not len(system.A):
-        return PartedSystem(none, nothing, np.zeros((0, 0)), np.zeros(0, dtype=int), system)
+        return PartedSystem(
+            residues=none,
+            still=nothing,
+            states=np.zeros((0, 0)),
+            leading=np.zeros(0, dtype=int),
+            moving=system,
+        )
     _, unit = balance(system.A)
     balanced = balance_states(system)
     turn, sizes = _chains(balanced.A)
     n = sum(sizes)
     if not n:
         every = np.arange(len(system.A))
-        return PartedSystem(none, nothing, np.zeros((len(every), 0)), every, system)
+        return PartedSystem(
+            residues=none, still=nothing, states=np.zeros((len(every), 0)), leading=every, moving=system
+        )
     A, B, C = turn.T @ balanced.A @ turn, turn.T @ balanced.B, balanced.C @ turn
     chain = _strictly_upper(A[:n, :n], sizes)
     # (1, 0; mix, 1) takes the coupling between both parts out.
@@ -89,7 +97,9 @@ def part_integrators(system: StateSpace) -> PartedSystem:
         residues[k] = np.where(np.abs(value) > NOTHING * floor, value, 0.0)
         seen, floor = seen @ chain, floor * pace
     basis, _ = np.linalg.qr(unit[:, None] * turn[:, :n])
-    return PartedSystem(residues, still, basis, _leading(turn[:, n:]), moving)
+    return PartedSystem(
+        residues=residues, still=still, states=basis, leading=_leading(turn[:, n:]), moving=moving
+    )
 
 
 def _leading(turn: np.ndarray) -> Int[np.ndarray, " moving"]:

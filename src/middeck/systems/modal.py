@@ -18,7 +18,7 @@ from middeck.systems.statespace import StateSpace
 from middeck.values import record
 
 
-@record
+@record(kw_only=True)
 class ModalSystem:
     """A sum of modes: y = phi q + phi_rate q' + phi_acceleration q'' + direct u.
 
@@ -65,14 +65,14 @@ def select_modes(modal: ModalSystem, keep: np.ndarray) -> ModalSystem:
     """
     index = np.arange(len(modal.omega))[keep]
     return ModalSystem(
-        modal.omega[index],
-        modal.zeta[index],
-        modal.psi[index],
-        modal.phi[:, index],
-        modal.phi_rate[:, index],
-        tuple(modal.names[i] for i in index),
-        None if modal.phi_acceleration is None else modal.phi_acceleration[:, index],
-        modal.direct,
+        omega=modal.omega[index],
+        zeta=modal.zeta[index],
+        psi=modal.psi[index],
+        phi=modal.phi[:, index],
+        phi_rate=modal.phi_rate[:, index],
+        names=tuple(modal.names[i] for i in index),
+        phi_acceleration=None if modal.phi_acceleration is None else modal.phi_acceleration[:, index],
+        direct=modal.direct,
     )
 
 
@@ -92,7 +92,8 @@ def select_channels(modal: ModalSystem, inputs: Sequence[int], outputs: Sequence
 def output_rows(modal: ModalSystem) -> OutputRows:
     """The outputs with q'' put in by the equation of motion; what is left of it on u is direct.
 
-    >>> spring = ModalSystem([2.0], [0.0], [[3.0]], [[0.0]], [[0.0]], ("bounce",), [[1.0]])
+    >>> spring = ModalSystem(omega=[2.0], zeta=[0.0], psi=[[3.0]], phi=[[0.0]], phi_rate=[[0.0]],
+    ...     names=("bounce",), phi_acceleration=[[1.0]])
     >>> rows = output_rows(spring)                                      # y = q'' = 3 u - 4 q
     >>> rows.position.tolist(), rows.direct.tolist()
     ([[-4.0]], [[3.0]])

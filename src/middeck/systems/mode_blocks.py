@@ -30,7 +30,8 @@ def part_modes(plant: Plant) -> Plant:
     --------
     >>> from middeck.signals.ports import Port
     >>> light = StateSpace([[0.0, 1.0], [-4.0, -0.1]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]])
-    >>> part_modes(Plant(light, (Port("force", "N"),), (Port("way", "m"),))).state_names
+    >>> part_modes(Plant(dynamics=light, inputs=(Port("force", "N"),), outputs=(Port("way",
+    ...     "m"),))).state_names
     ('mode 1, 0.3183 Hz', 'mode 1, 0.3183 Hz')
     """
     parted = part_integrators(remove_delays(plant).system)

@@ -40,8 +40,9 @@ def shift_modes(
     Examples
     --------
     >>> from middeck.signals.ports import Port
-    >>> modal = ModalSystem([2.0], [0.01], [[1.0]], [[1.0]], [[0.0]], ("bending",))
-    >>> plant = Plant(modal, (Port("force", "N"),), (Port("way", "m"),))
+    >>> modal = ModalSystem(omega=[2.0], zeta=[0.01], psi=[[1.0]], phi=[[1.0]], phi_rate=[[0.0]],
+    ...     names=("bending",))
+    >>> plant = Plant(dynamics=modal, inputs=(Port("force", "N"),), outputs=(Port("way", "m"),))
     >>> shift_modes(plant, {"bending": 1.02}).dynamics.omega
     array([2.04])
     """
@@ -95,7 +96,7 @@ def _shift_blocks(
     return StateSpace(A, system.B, system.C, system.D)
 
 
-@record
+@record(kw_only=True)
 class ModeCoordinates:
     """The two states of a mode as q'' + 2 zeta omega q' + omega^2 q = what ``push`` is worth.
 
@@ -125,7 +126,9 @@ def mode_coordinates(A: np.ndarray, B: np.ndarray, index: np.ndarray, name: str)
         raise ConfigError(f"{name!r} does not oscillate: it has no frequency to shift")
     omega, aside = float(np.sqrt(squared)), np.array([-push[1], push[0]])
     position = aside / float(aside @ block @ push)
-    return ModeCoordinates(push, position, position @ block, omega, decay / omega)
+    return ModeCoordinates(
+        push=push, position=position, rate=position @ block, omega=omega, zeta=decay / omega
+    )
 
 
 def _refuse_accelerations(

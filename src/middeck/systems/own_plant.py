@@ -73,9 +73,16 @@ def make_plant(
             where="make_plant",
             hint="A n x n, B n x m, C p x n, D p x m",
         ) from None
-    ports = _ports("inputs", "u", inputs, shape[1]), _ports("outputs", "y", outputs, shape[0])
-    groups = _names("w", w), _names("u", u), _names("z", z), _names("y", y)
-    plant = Plant(dynamics, *ports, *groups, _names("state_names", state_names))
+    plant = Plant(
+        dynamics=dynamics,
+        inputs=_ports("inputs", "u", inputs, shape[1]),
+        outputs=_ports("outputs", "y", outputs, shape[0]),
+        w=_names("w", w),
+        u=_names("u", u),
+        z=_names("z", z),
+        y=_names("y", y),
+        state_names=_names("state_names", state_names),
+    )
     late = _delays(delay_s, shape)
     return delay_plant(plant, late) if np.any(late) else plant
 

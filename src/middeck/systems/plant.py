@@ -14,12 +14,14 @@ from middeck.systems.modal import ModalSystem, modal_to_statespace, select_chann
 from middeck.systems.statespace import SampledStateSpace, StateSpace, select_paths
 from middeck.values import record
 
+Dynamics = ModalSystem | StateSpace | SampledStateSpace
+
 
 def _none() -> np.ndarray:
     return np.zeros((0, 0))
 
 
-@record
+@record(kw_only=True)
 class Plant:
     """A linear time-invariant model between named inputs and outputs, continuous or sampled.
 
@@ -48,7 +50,7 @@ class Plant:
         shape, negative, not finite, or of a sampled plant.
     """
 
-    dynamics: ModalSystem | StateSpace | SampledStateSpace
+    dynamics: Dynamics
     inputs: tuple[Port, ...]
     outputs: tuple[Port, ...]
     w: tuple[str, ...] = ()
@@ -61,11 +63,8 @@ class Plant:
     def __post_init__(self) -> None:
         for group in ("w", "u", "z", "y"):
             require_names(getattr(self, group), group)
-        ports, states, sizes = (
-            (len(self.outputs), len(self.inputs)),
-            _states(self.dynamics),
-            _ports(self.dynamics),
-        )
+        ports = len(self.outputs), len(self.inputs)
+        states, sizes = _states(self.dynamics), _ports(self.dynamics)
         if sizes != ports:
             raise ConfigError(
                 f"{ports[0]} outputs and {ports[1]} inputs named, the dynamics has {sizes[0]} and {sizes[1]}",
@@ -143,14 +142,14 @@ class Plant:
         return port_indices(self.outputs, names, "output")
 
 
-def _ports(dynamics: ModalSystem | StateSpace | SampledStateSpace) -> tuple[int, int]:
+def _ports(dynamics: Dynamics) -> tuple[int, int]:
     if isinstance(dynamics, ModalSystem):
         return len(dynamics.phi), dynamics.psi.shape[1]
     rows, columns = dynamics.D.shape
     return rows, columns
 
 
-def _states(dynamics: ModalSystem | StateSpace | SampledStateSpace) -> int:
+def _states(dynamics: Dynamics) -> int:
     return 2 * len(dynamics.omega) if isinstance(dynamics, ModalSystem) else len(dynamics.A)
 
 
@@ -192,7 +191,8 @@ def delay_plant(plant: Plant, delay_s: float | Float[np.ndarray, "output input"]
     Raises `ConfigError` where a delay would be negative, and for a sampled plant.
 
     >>> lag = StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
-    >>> delay_plant(Plant(lag, (Port("force", "N"),), (Port("way", "m"),)), 0.01).delay_s.tolist()
+    >>> delay_plant(Plant(dynamics=lag, inputs=(Port("force", "N"),), outputs=(Port("way", "m"),)),
+    ...     0.01).delay_s.tolist()
     [[0.01]]
     """
     return dataclasses.replace(plant, delay_s=plant.delay_s + delay_s)
@@ -202,17 +202,15 @@ def select_ports(plant: Plant, inputs: Sequence[str], outputs: Sequence[str]) ->
     """The plant from ``inputs`` to ``outputs``, by name, in the form of the whole; groups are dropped."""
     columns, rows = plant.input_indices(inputs), plant.output_indices(outputs)
     return Plant(
-        _select(plant.dynamics, columns, rows),
-        tuple(plant.inputs[i] for i in columns),
-        tuple(plant.outputs[i] for i in rows),
+        dynamics=_select(plant.dynamics, columns, rows),
+        inputs=tuple(plant.inputs[i] for i in columns),
+        outputs=tuple(plant.outputs[i] for i in rows),
         state_names=plant.state_names,
         delay_s=plant.delay_s[np.ix_(rows, columns)],
     )
 
 
-def _select(
-    dynamics: ModalSystem | StateSpace | SampledStateSpace, columns: list[int], rows: list[int]
-) -> ModalSystem | StateSpace | SampledStateSpace:
+def _select(dynamics: Dynamics, columns: list[int], rows: list[int]) -> Dynamics:
     if isinstance(dynamics, ModalSystem):
         return select_channels(dynamics, columns, rows)
     return select_paths(dynamics, columns, rows)

@@ -28,7 +28,7 @@ BITS, EXACT_STATES = 22, 512
 """512 products of two factors of 22 bits are summed without rounding in the 53 bits of a double."""
 
 
-@record
+@record(kw_only=True)
 class PoleForm:
     """C (p I - A)^-1 B = C_poles (p I - diag(values))^-1 B_poles.
 
@@ -66,7 +66,9 @@ def refine_poles(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> PoleForm | None
     np.fill_diagonal(change, 0.0)
     together = ~(np.abs(change) < SEPARATE)
     change[together] = 0.0
-    form = PoleForm(values + np.diag(mixed), Bv - change @ Bv, Cv + Cv @ change, upper, single)
+    form = PoleForm(
+        values=values + np.diag(mixed), B=Bv - change @ Bv, C=Cv + Cv @ change, upper=upper, single=single
+    )
     return _parted(form, mixed, together) if together.any() else form
 
 
@@ -122,4 +124,4 @@ def _parted(form: PoleForm, mixed: np.ndarray, together: np.ndarray) -> PoleForm
             return None
         values[group] = values[group[0]] + inner
         Cv[:, group], Bv[group] = Cv[:, group] @ turn, np.linalg.solve(turn, Bv[group])
-    return PoleForm(values, Bv, Cv, form.upper, form.single)
+    return PoleForm(values=values, B=Bv, C=Cv, upper=form.upper, single=form.single)

@@ -30,7 +30,7 @@ class ResponseCovariance:
     inverse_power: Complex[np.ndarray, "line input input"]
 
 
-@record
+@record(kw_only=True)
 class FrequencyResponse:
     """Complex response H[line, output, input] at ``frequency_hz``.
 
@@ -73,7 +73,9 @@ def evaluate_plant(plant: Plant, frequency_hz: Float[np.ndarray, " line"]) -> Fr
     )
     H = on_time * np.exp(-1j * omega[:, None, None] * plant.delay_s) if plant.delayed else on_time
     f = np.asarray(frequency_hz, dtype=float)
-    return FrequencyResponse(f, H, plant.inputs, plant.outputs, hold_s=plant.period_s or 0.0)
+    return FrequencyResponse(
+        frequency_hz=f, H=H, inputs=plant.inputs, outputs=plant.outputs, hold_s=plant.period_s or 0.0
+    )
 
 
 def in_band(response: FrequencyResponse, band_hz: tuple[float, float]) -> FrequencyResponse:
@@ -81,4 +83,10 @@ def in_band(response: FrequencyResponse, band_hz: tuple[float, float]) -> Freque
     f = response.frequency_hz
     keep = (f >= band_hz[0]) & (f <= band_hz[1])
     variance = None if response.variance is None else response.variance[keep]
-    return FrequencyResponse(f[keep], response.H[keep], response.inputs, response.outputs, variance)
+    return FrequencyResponse(
+        frequency_hz=f[keep],
+        H=response.H[keep],
+        inputs=response.inputs,
+        outputs=response.outputs,
+        variance=variance,
+    )

@@ -18,7 +18,7 @@ def sample_plant(plant: Plant, period_s: float) -> Plant:
     >>> from middeck.systems.plant import delay_plant
     >>> from middeck.systems.statespace import StateSpace
     >>> lag = StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
-    >>> plant = Plant(lag, (Port("force", "N"),), (Port("way", "m"),))
+    >>> plant = Plant(dynamics=lag, inputs=(Port("force", "N"),), outputs=(Port("way", "m"),))
     >>> sample_plant(delay_plant(plant, 0.015), 0.01).state_names
     ('state 0', 'delay', 'delay')
     """

@@ -59,7 +59,7 @@ def tustin(system: StateSpace, period_s: float) -> SampledStateSpace:
     A = np.linalg.solve(left, np.eye(n) + half)
     B = np.linalg.solve(left, system.B) * np.sqrt(period_s)
     C = np.linalg.solve(left.T, system.C.T).T * np.sqrt(period_s)
-    return SampledStateSpace(A, B, C, system.D + 0.5 * C @ system.B * np.sqrt(period_s), period_s)
+    return SampledStateSpace(A, B, C, system.D + 0.5 * C @ system.B * np.sqrt(period_s), period_s=period_s)
 
 
 def split_delay(samples: float) -> tuple[int, float]:
@@ -132,4 +132,4 @@ def _append_delay(
         Dd = system.D
     for age in range(2, depth + 1):
         Ad[past(age), past(age - 1)] = np.eye(m)
-    return SampledStateSpace(Ad, Bd, Cd, Dd, period_s)
+    return SampledStateSpace(Ad, Bd, Cd, Dd, period_s=period_s)

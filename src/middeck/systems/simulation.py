@@ -26,7 +26,7 @@ LONGEST = 256
 CHUNK = 1 << 16  # samples at a time: what a block needs beside its input and output stays below this
 
 
-@record
+@record(kw_only=True)
 class _Blocks:
     """A system written out over L samples, its states scaled.
 
@@ -53,7 +53,7 @@ def simulate(
     Raises `ConfigError` for an input of other channels or a start of another size.
 
     >>> import numpy as np
-    >>> y, x = simulate(SampledStateSpace([[0.5]], [[1.0]], [[1.0]], [[0.0]], 1.0), np.ones((3, 1)))
+    >>> y, x = simulate(SampledStateSpace([[0.5]], [[1.0]], [[1.0]], [[0.0]], period_s=1.0), np.ones((3, 1)))
     >>> y.ravel(), x
     (array([0. , 1. , 1.5]), array([1.75]))
     """
@@ -75,7 +75,7 @@ def stream(
     """`simulate` for an input that comes in pieces and may be longer than memory: the outputs in pieces.
 
     >>> import numpy as np
-    >>> sums = SampledStateSpace([[1.0]], [[1.0]], [[1.0]], [[0.0]], 1.0)
+    >>> sums = SampledStateSpace([[1.0]], [[1.0]], [[1.0]], [[0.0]], period_s=1.0)
     >>> [y.ravel().tolist() for y in stream(sums, (np.ones((2, 1)) for _ in range(2)))]
     [[0.0, 1.0], [2.0, 3.0]]
     """

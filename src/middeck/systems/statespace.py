@@ -31,12 +31,17 @@ class SampledStateSpace:
     B: Float[np.ndarray, "state input"]
     C: Float[np.ndarray, "output state"]
     D: Float[np.ndarray, "output input"]
-    period_s: float
+    period_s: float = dataclasses.field(kw_only=True)
 
 
 LinearSystem = StateSpace | SampledStateSpace
 """Either, where what is computed is the same or the system's period says what it means."""
 System = TypeVar("System", bound=LinearSystem)
+
+
+def same_period(one_s: float, other_s: float) -> bool:
+    """Whether two periods [s] are one but for rounding."""
+    return abs(one_s - other_s) <= 1e-12 * one_s
 
 
 def gain_system(D: Float[np.ndarray, "output input"]) -> StateSpace:

@@ -123,7 +123,12 @@ def _section(sheet: Sheet, length: float) -> Section:
     E, rho = material["E"], material["rho"]
     G = E / (2 * (1 + material["nu"]))
     return Section(
-        length, float(E * area), float(E * second), float(2 * G * second), float(rho * area), rho * second
+        EA=length,
+        GJ=float(E * area),
+        EI_y=float(E * second),
+        EI_z=float(2 * G * second),
+        rho_A=float(rho * area),
+        rho_I_y=rho * second,
     )
 
 

@@ -128,7 +128,9 @@ def _qualify(
     u, y = (tuple(port.name for port in side) for side in (law.outputs, law.inputs))
     intensity = given["disturbance"] ** 2 * np.eye(len(u))
     noise = np.full(len(y), given["angle_noise"] ** 2)
-    weights = LQGWeights(np.ones(len(y)), np.ones(len(u)), u, intensity, noise)
+    weights = LQGWeights(
+        output=np.ones(len(y)), input=np.ones(len(u)), disturbed=u, process=intensity, sensor=noise
+    )
     rates = tuple(rate for rates in given["rates_hz"] for rate in rates)
     found = qualify_compensator(law, plants, weights, rates_hz=rates)
     return law, found, allowed, say_hold(gathered, law, weights, rates, delay_s)

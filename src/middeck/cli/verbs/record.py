@@ -161,7 +161,9 @@ def _expected(reference: str, taken: Record) -> FrequencyResponse:
         return load_response(reference)
     model = load_model(reference)
     lines = np.fft.rfftfreq(taken.u.shape[2], 1.0 / taken.sample_hz)[1:-1]
-    return FrequencyResponse(lines, model_response(model, lines), model.inputs, model.outputs)
+    return FrequencyResponse(
+        frequency_hz=lines, H=model_response(model, lines), inputs=model.inputs, outputs=model.outputs
+    )
 
 
 def describe(taken: Record, excitation: Recognised | None, faults: tuple[Fault, ...]) -> dict[str, Any]:

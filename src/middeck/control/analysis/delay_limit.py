@@ -38,7 +38,7 @@ AT_ONCE = 2**16
 PRECISION = 1e-10
 
 
-@record
+@record(kw_only=True)
 class UnitGain:
     """A loop delayed by a part of a period, as whole periods of further delay will find it.
 
@@ -105,11 +105,11 @@ def _unit_gain(
     order = np.argsort(found.omega, kind="stable")
     above = np.abs(L[:, 0]) > 1.0
     return UnitGain(
-        decide_loop(loop).growing,
-        found.omega[order] * compensator.sampled.period_s,
-        np.mod(np.angle(found.L[order]) + np.pi, 2.0 * np.pi),
-        (np.arange(len(order)) % 2 == 0) == bool(above[0]),
-        bool(above[-1]),
+        growing=decide_loop(loop).growing,
+        angle=found.omega[order] * compensator.sampled.period_s,
+        lag=np.mod(np.angle(found.L[order]) + np.pi, 2.0 * np.pi),
+        falling=(np.arange(len(order)) % 2 == 0) == bool(above[0]),
+        open_end=bool(above[-1]),
     )
 
 

@@ -20,7 +20,7 @@ CANCELLED = 1e-8
 """A zero as near as this to a pole of the law itself is none: that state is not in the path."""
 
 
-@record
+@record(kw_only=True)
 class Inversion:
     """A zero of the law beside a pole of the plant.
 
@@ -75,7 +75,16 @@ def find_inversion(plant: Plant, law: Compensator, *, within: float = 0.1) -> tu
 def _pair(mode: str, reads: str, drives: str, pole: complex, zeros: np.ndarray) -> Inversion:
     zero = complex(zeros[np.argmin(np.abs(zeros - pole))])
     distance = abs(zero - pole) / abs(pole)
-    return Inversion(mode, reads, drives, pole, zero, distance, _damping(pole), _damping(zero))
+    return Inversion(
+        mode=mode,
+        reads=reads,
+        drives=drives,
+        pole=pole,
+        zero=zero,
+        distance=distance,
+        pole_damping=_damping(pole),
+        zero_damping=_damping(zero),
+    )
 
 
 def _damping(s: complex) -> float:

@@ -9,19 +9,18 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Complex, Float
 
-from middeck.control.law.classical import close_static
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import approximation_order
 from middeck.control.law.partition import partition_modes
 from middeck.errors import ConfigError
 from middeck.systems.delay_approximation import approximate_delays
-from middeck.systems.feedback import beside
+from middeck.systems.feedback import beside, close_static
 from middeck.systems.integrators import part_integrators
 from middeck.systems.modal import ModalSystem, output_rows, select_modes
 from middeck.systems.plant import Plant, select_ports
 from middeck.systems.resolvent import Resolvent, balance_states, by_schur_form
 from middeck.systems.sampled_plant import sample_plant
-from middeck.systems.statespace import LinearSystem, StateSpace, select_paths
+from middeck.systems.statespace import LinearSystem, StateSpace, same_period, select_paths
 from middeck.values import record
 
 At = Literal["inputs", "outputs", "both"]
@@ -90,7 +89,7 @@ def form_loop(plant: Plant, compensator: Compensator) -> FeedbackLoop:
         return FeedbackLoop(path, compensator.system)
     if plant.period_s is None:
         return FeedbackLoop(sample_plant(path, period), compensator.sampled)
-    if abs(period - plant.period_s) > 1e-12 * period:
+    if not same_period(period, plant.period_s):
         raise ConfigError(
             f"a compensator of {period} s on a plant sampled every {plant.period_s} s",
             hint="the continuous plant, or the compensator at the plant's rate",

@@ -35,7 +35,7 @@ class Peak:
     frequency_hz: float
 
 
-@record
+@record(kw_only=True)
 class LoopMargins:
     """What one loop bears before it lies on the stability limit, the others closed as they are.
 
@@ -159,7 +159,8 @@ def measure_margins(
     >>> from middeck.signals.ports import Port
     >>> from middeck.systems.statespace import StateSpace, gain_system
     >>> force, way = Port("force", "N"), Port("way", "m")
-    >>> integrator = Plant(StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]), (force,), (way,))
+    >>> integrator = Plant(dynamics=StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]), inputs=(force,),
+    ...     outputs=(way,))
     >>> P = Compensator(gain_system(np.array([[-1.0]])), (way,), (force,))
     >>> one = measure_margins(delay_plant(integrator, 0.1), P).loops[0]
     >>> one.gain_limits[1].__round__(9), one.phase_limit_rad.__round__(9)    # pi/(2 tau), pi/2 - tau
@@ -227,15 +228,15 @@ def _describe(
     S, T = (Peak(gain, w / turn) for w, gain in at_peaks[:2])
     worst, skewed = at_peaks[2]
     return LoopMargins(
-        name,
-        gain[order],
-        gain_at[order] / turn,
-        np.where(lag > np.pi, lag - turn, lag),
-        at / turn,
-        lag / at,
-        S,
-        T,
-        disk_from_peak(skewed if stable else np.inf, worst),
+        channel=name,
+        gain=gain[order],
+        gain_hz=gain_at[order] / turn,
+        phase_rad=np.where(lag > np.pi, lag - turn, lag),
+        phase_hz=at / turn,
+        delay_s=lag / at,
+        sensitivity=S,
+        complementary=T,
+        disk=disk_from_peak(skewed if stable else np.inf, worst),
     )
 
 

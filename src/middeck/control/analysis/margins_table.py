@@ -21,7 +21,8 @@ def margins_table(margins: Margins) -> str:
     >>> from middeck.signals.ports import Port
     >>> from middeck.systems.statespace import StateSpace, gain_system
     >>> force, way = Port("force", "N"), Port("way", "m")
-    >>> integrator = Plant(StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]), (force,), (way,))
+    >>> integrator = Plant(dynamics=StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]), inputs=(force,),
+    ...     outputs=(way,))
     >>> law = Compensator(gain_system(np.array([[-2.0]])), (way,), (force,))
     >>> print(margins_table(measure_margins(integrator, law)))
     broken at  gain dB  at Hz  phase deg  at Hz   delay ms  disk   max |S|  at Hz

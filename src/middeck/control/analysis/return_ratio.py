@@ -71,7 +71,7 @@ def trace_return_ratio(
     >>> from middeck.signals.ports import Port
     >>> from middeck.systems.statespace import StateSpace, gain_system
     >>> force, way = Port("force", "N"), Port("way", "m")
-    >>> lag = Plant(StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]]), (force,), (way,))
+    >>> lag = Plant(dynamics=StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]]), inputs=(force,), outputs=(way,))
     >>> P = Compensator(gain_system(np.array([[-2.0]])), (way,), (force,))
     >>> trace_return_ratio(lag, P, frequency_hz=np.array([0.0])).L.real
     array([[2.]])

@@ -18,7 +18,7 @@ from middeck.systems.stability import GROWTH_LIMIT
 from middeck.values import record
 
 
-@record
+@record(kw_only=True)
 class AllowedShift:
     """The shifts of one mode's frequency, in parts of it, at which the loop first becomes unstable.
 
@@ -118,9 +118,9 @@ def _allowed(
     resolution: float,
 ) -> AllowedShift:
     if not decide_loop(form_loop(plant_at(0.0), law)).stable:
-        return AllowedShift(mode, 0.0, 0.0, 0.0, 0.0)
+        return AllowedShift(mode=mode, down=0.0, up=0.0, down_hz=0.0, up_hz=0.0)
     ends = [_first(plant_at, law, sign, most, step, resolution) for sign in (-1.0, 1.0)]
-    return AllowedShift(mode, ends[0][0], ends[1][0], ends[0][1], ends[1][1])
+    return AllowedShift(mode=mode, down=ends[0][0], up=ends[1][0], down_hz=ends[0][1], up_hz=ends[1][1])
 
 
 def _first(

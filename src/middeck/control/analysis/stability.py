@@ -32,7 +32,7 @@ REACH = 0.1
 """How far left of the axis roots are counted, times the longest delay: a wave changes by a tenth there."""
 
 
-@record
+@record(kw_only=True)
 class LoopStability:
     """Whether a loop is stable, and by how much.
 
@@ -82,7 +82,8 @@ def decide_stability(plant: Plant, law: Compensator) -> LoopStability:
     >>> from middeck.signals.ports import Port
     >>> from middeck.systems.statespace import StateSpace, gain_system
     >>> force, way = Port("force", "N"), Port("way", "m")
-    >>> integrator = Plant(StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]), (force,), (way,))
+    >>> integrator = Plant(dynamics=StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]), inputs=(force,),
+    ...     outputs=(way,))
     >>> P = Compensator(gain_system(np.array([[-1.0]])), (way,), (force,))
     >>> [decide_stability(delay_plant(integrator, tau), P).stable for tau in (1.57, 1.58)]     # pi / 2
     [True, False]
@@ -97,7 +98,14 @@ def decide_loop(loop: FeedbackLoop) -> LoopStability:
         return _outcome(np.concatenate([loop_poles(loop), unmoved]))
     if direct_gain(loop) >= 1.0:
         # A neutral equation: a chain of roots on or right of the axis (Hale and Verduyn Lunel 1993).
-        return LoopStability(False, complex(np.inf, np.inf), np.inf, -np.inf, 0.0, -1)
+        return LoopStability(
+            stable=False,
+            pole=complex(np.inf, np.inf),
+            frequency_hz=np.inf,
+            margin=-np.inf,
+            damping=0.0,
+            growing=-1,
+        )
     loop, unmoved = _split_unmoved(loop)
     halves, open_poles, reach = evaluate_halves(loop), find_open_poles(loop), _reach(loop)
     found, counted = 0, None
@@ -165,11 +173,18 @@ def largest_growth(rates: Complex[np.ndarray, " root"]) -> float:
 
 def _outcome(roots: Complex[np.ndarray, " root"]) -> LoopStability:
     if not len(roots):
-        return LoopStability(True, complex(-np.inf, 0.0), 0.0, np.inf, 1.0, 0)
+        return LoopStability(
+            stable=True, pole=complex(-np.inf, 0.0), frequency_hz=0.0, margin=np.inf, damping=1.0, growing=0
+        )
     lead = complex(roots[np.argmax(np.real(roots))])
     pole = complex(lead.real, abs(lead.imag))
     damping = -pole.real / abs(pole) if 0.0 < abs(pole) < np.inf else float(pole.real < 0.0)
     growing = int(np.sum(np.real(roots) > GROWTH_LIMIT))
     return LoopStability(
-        none_grows(roots), pole, pole.imag / (2.0 * np.pi), -pole.real, float(damping), growing
+        stable=none_grows(roots),
+        pole=pole,
+        frequency_hz=pole.imag / (2.0 * np.pi),
+        margin=-pole.real,
+        damping=float(damping),
+        growing=growing,
     )

@@ -36,7 +36,7 @@ UNSTABLE = 1e6
 Objective = Callable[[Float[np.ndarray, " parameter"]], float]
 
 
-@record
+@record(kw_only=True)
 class WorstCase:
     """The worst that was found in a box of plants.
 
@@ -115,9 +115,14 @@ def find_worst_case(
         nominal = _exact_metric(plant_at(positions[0]), compensator, performance)
         metric = _exact_metric(plant_at(worst), compensator, performance)
     return WorstCase(
-        parameter_names(uncertainty), worst, stability, metric, nominal,
-        float(np.mean(near[1:] >= UNSTABLE)), count.plants,
-    )  # fmt: skip
+        parameters=parameter_names(uncertainty),
+        position=worst,
+        stability=stability,
+        metric=metric,
+        nominal_metric=nominal,
+        unstable_corners=float(np.mean(near[1:] >= UNSTABLE)),
+        tried=count.plants,
+    )
 
 
 @dataclasses.dataclass

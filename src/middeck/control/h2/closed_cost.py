@@ -27,7 +27,7 @@ class Law:
     C: Float[np.ndarray, "u law"]
 
 
-@record
+@record(kw_only=True)
 class LawCost:
     """The cost of a model under a law, its gradient, and what scales the law's coordinates.
 
@@ -71,13 +71,13 @@ def evaluate_cost(model: GeneralizedPlant, law: Law) -> LawCost:
     A, B, C = closed_matrices(model, law)
     form = _stable_form(A)
     if form is None:
-        return LawCost(np.inf)
+        return LawCost(cost=np.inf)
     T, into, out = form
     X = into @ _solve_triangular(T, out @ B, transposed=False) @ into.T
     P = out.T @ _solve_triangular(T, (C @ into).T, transposed=True) @ out
     cost = float(np.sum((C @ X) * C))
     if not np.isfinite(cost):
-        return LawCost(np.inf)
+        return LawCost(cost=np.inf)
     return law_gradient(model, law, cost, X, P, (P @ X, P @ B, C @ X))
 
 
@@ -93,14 +93,14 @@ def law_gradient(
     PX, PB, CX = halves
     n, through = len(model.A), model.D22 @ law.C
     return LawCost(
-        cost,
-        2.0 * PX[n:, n:],
-        2.0 * (PX[n:, :n] @ model.C2.T + PX[n:, n:] @ through.T + PB[n:] @ model.D21.T),
-        2.0 * (model.B2.T @ PX[:n, n:] + (law.B @ model.D22).T @ PX[n:, n:] + model.D12.T @ CX[:, n:]),
-        X[n:, n:],
-        P[n:, n:],
-        np.sum((model.C2 @ X[:n, :n]) * model.C2, axis=1),
-        np.sum((model.B2.T @ P[:n, :n]) * model.B2.T, axis=1),
+        cost=cost,
+        A=2.0 * PX[n:, n:],
+        B=2.0 * (PX[n:, :n] @ model.C2.T + PX[n:, n:] @ through.T + PB[n:] @ model.D21.T),
+        C=2.0 * (model.B2.T @ PX[:n, n:] + (law.B @ model.D22).T @ PX[n:, n:] + model.D12.T @ CX[:, n:]),
+        covariance=X[n:, n:],
+        worth=P[n:, n:],
+        measured=np.sum((model.C2 @ X[:n, :n]) * model.C2, axis=1),
+        pushed=np.sum((model.B2.T @ P[:n, :n]) * model.B2.T, axis=1),
     )
 
 

@@ -26,7 +26,7 @@ INNER = 1e-3
 """Part of the price and of the noise that is put on the free law itself where filters are fixed."""
 
 
-@record
+@record(kw_only=True)
 class GeneralizedPlant:
     """One model of a design, see the module.
 
@@ -73,11 +73,11 @@ def generalize(
     # The plant's states first, then weights on ports, then colours.
     turn = np.roll(np.arange(n), -sum(len(colour.A) for _, colour in shaping.colours))
     model = GeneralizedPlant(
-        m.A[np.ix_(turn, turn)],
-        np.hstack([m.noise, np.zeros((n, len(m.sensor)))])[turn] @ noise,
-        m.control[turn],
-        np.vstack([m.C1, effort * m.shaped, np.zeros((nu + held, n))])[:, turn],
-        np.vstack(
+        A=m.A[np.ix_(turn, turn)],
+        B1=np.hstack([m.noise, np.zeros((n, len(m.sensor)))])[turn] @ noise,
+        B2=m.control[turn],
+        C1=np.vstack([m.C1, effort * m.shaped, np.zeros((nu + held, n))])[:, turn],
+        D12=np.vstack(
             [
                 m.D12,
                 effort * m.shaped_through,
@@ -85,10 +85,10 @@ def generalize(
                 np.zeros((held, nu)),
             ]
         ),
-        m.C2[:, turn],
-        np.hstack([m.D21, np.eye(len(m.sensor))]) @ noise,
-        m.D22,
-        tuple(zip(m.integral, m.integral_weight.tolist(), strict=True)),
+        C2=m.C2[:, turn],
+        D21=np.hstack([m.D21, np.eye(len(m.sensor))]) @ noise,
+        D22=m.D22,
+        integrals=tuple(zip(m.integral, m.integral_weight.tolist(), strict=True)),
     )
     if before is None and after is None:
         return model
@@ -144,14 +144,14 @@ def _filter_measurements(m: GeneralizedPlant, f: StateSpace) -> GeneralizedPlant
         raise ConfigError(f"a filter of {f.D.shape} before the compensator, for {len(m.C2)} measurements")
     n, k = len(m.A), len(f.A)
     return GeneralizedPlant(
-        np.block([[m.A, np.zeros((n, k))], [f.B @ m.C2, f.A]]),
-        np.vstack([m.B1, f.B @ m.D21]),
-        np.vstack([m.B2, f.B @ m.D22]),
-        np.hstack([m.C1, np.zeros((len(m.C1), k))]),
-        m.D12,
-        np.hstack([f.D @ m.C2, f.C]),
-        f.D @ m.D21,
-        f.D @ m.D22,
+        A=np.block([[m.A, np.zeros((n, k))], [f.B @ m.C2, f.A]]),
+        B1=np.vstack([m.B1, f.B @ m.D21]),
+        B2=np.vstack([m.B2, f.B @ m.D22]),
+        C1=np.hstack([m.C1, np.zeros((len(m.C1), k))]),
+        D12=m.D12,
+        C2=np.hstack([f.D @ m.C2, f.C]),
+        D21=f.D @ m.D21,
+        D22=f.D @ m.D22,
     )
 
 
@@ -160,12 +160,12 @@ def _filter_commands(m: GeneralizedPlant, f: StateSpace) -> GeneralizedPlant:
         raise ConfigError(f"a filter of {f.D.shape} after the compensator, for {m.B2.shape[1]} inputs")
     n, k = len(m.A), len(f.A)
     return GeneralizedPlant(
-        np.block([[m.A, m.B2 @ f.C], [np.zeros((k, n)), f.A]]),
-        np.vstack([m.B1, np.zeros((k, m.B1.shape[1]))]),
-        np.vstack([m.B2 @ f.D, f.B]),
-        np.hstack([m.C1, m.D12 @ f.C]),
-        m.D12 @ f.D,
-        np.hstack([m.C2, m.D22 @ f.C]),
-        m.D21,
-        m.D22 @ f.D,
+        A=np.block([[m.A, m.B2 @ f.C], [np.zeros((k, n)), f.A]]),
+        B1=np.vstack([m.B1, np.zeros((k, m.B1.shape[1]))]),
+        B2=np.vstack([m.B2 @ f.D, f.B]),
+        C1=np.hstack([m.C1, m.D12 @ f.C]),
+        D12=m.D12 @ f.D,
+        C2=np.hstack([m.C2, m.D22 @ f.C]),
+        D21=m.D21,
+        D22=m.D22 @ f.D,
     )

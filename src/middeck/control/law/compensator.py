@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -82,19 +83,19 @@ class Compensator:
         return self.dynamics
 
 
-def arrange_ports(compensator: Compensator, plant: Plant) -> Compensator:
-    """The same law with its ports in the order of the plant's groups y and u.
+def arrange_ports(compensator: Compensator, y: Sequence[str], u: Sequence[str]) -> Compensator:
+    """The same law with its ports in the order of a plant's groups ``y`` and ``u``.
 
     Raises `ConfigError` where they are not the same ports.
     """
     reads, drives = (tuple(p.name for p in side) for side in (compensator.inputs, compensator.outputs))
-    if sorted(reads) != sorted(plant.y) or sorted(drives) != sorted(plant.u):
+    if sorted(reads) != sorted(y) or sorted(drives) != sorted(u):
         raise ConfigError(
             f"the compensator reads {', '.join(reads)} and drives {', '.join(drives)}; the plant's groups y "
-            f"and u are {', '.join(plant.y)} and {', '.join(plant.u)}",
+            f"and u are {', '.join(y)} and {', '.join(u)}",
             hint="group_ports(plant, u=, y=) with the compensator's ports; weights go by these groups",
         )
-    columns, rows = [reads.index(name) for name in plant.y], [drives.index(name) for name in plant.u]
+    columns, rows = [reads.index(name) for name in y], [drives.index(name) for name in u]
     return dataclasses.replace(
         compensator,
         dynamics=select_paths(compensator.dynamics, columns, rows),
@@ -126,4 +127,6 @@ def evaluate_compensator(
     frequency_hz = np.asarray(frequency_hz, dtype=float)
     H = statespace_response(compensator.dynamics, 2.0 * np.pi * frequency_hz)
     held = compensator.period_s or 0.0
-    return FrequencyResponse(frequency_hz, H, compensator.inputs, compensator.outputs, hold_s=held)
+    return FrequencyResponse(
+        frequency_hz=frequency_hz, H=H, inputs=compensator.inputs, outputs=compensator.outputs, hold_s=held
+    )

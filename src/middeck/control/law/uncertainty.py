@@ -44,7 +44,7 @@ class ModeShift:
             raise ConfigError(f"modes shifted by {self.half_width:g} of their frequency: between 0 and 1")
 
 
-@record
+@record(kw_only=True)
 class Uncertainty:
     """A box of plants around a nominal one.
 
@@ -63,7 +63,7 @@ class Uncertainty:
 
     Examples
     --------
-    >>> apart = Uncertainty((ModeShift(("a",), 0.02), ModeShift(("b",), 0.02)), gain=0.1)
+    >>> apart = Uncertainty(shifts=(ModeShift(("a",), 0.02), ModeShift(("b",), 0.02)), gain=0.1)
     >>> parameter_names(apart)
     ('frequency of a', 'frequency of b', 'gain')
     """
@@ -132,7 +132,7 @@ def finished_plants(
 def end_positions(uncertainty: Uncertainty) -> Float[np.ndarray, "plant parameter"]:
     """The middle, and both ends of each parameter alone: 1 + 2 n plants.
 
-    >>> end_positions(Uncertainty((ModeShift(("a", "b"), 0.02),))).ravel().tolist()
+    >>> end_positions(Uncertainty(shifts=(ModeShift(("a", "b"), 0.02),))).ravel().tolist()
     [0.0, -1.0, 1.0]
     """
     n = len(parameter_names(uncertainty))

@@ -20,7 +20,7 @@ Design = Callable[[float], Compensator]
 """From authority to compensator; e.g. ``functools.partial(design_lqg, plant, weights, kalman=kalman)``."""
 
 
-@record
+@record(kw_only=True)
 class AuthoritySweep:
     """The metric of each plant at each authority.
 
@@ -45,7 +45,7 @@ class AuthoritySweep:
     compensator_stable: Bool[np.ndarray, " level"]
 
 
-@record
+@record(kw_only=True)
 class FirstInstability:
     """The lowest authority found unstable, and who takes part.
 
@@ -88,11 +88,13 @@ def sweep_authority(
     loops = {name: [close_loop(plant, law) for law in laws] for name, plant in on.items()}
     metric = np.array([[loop_metric(loop, performance) for loop in row] for row in loops.values()])
     return AuthoritySweep(
-        np.asarray(levels, dtype=float),
-        tuple(on),
-        20.0 * np.log10(metric.reshape(len(on), len(laws)) / reference),
-        np.array([[loop.stable for loop in row] for row in loops.values()]).reshape(len(on), len(laws)),
-        np.array([is_stable(law.system) for law in laws], dtype=bool),
+        authority=np.asarray(levels, dtype=float),
+        plants=tuple(on),
+        db=20.0 * np.log10(metric.reshape(len(on), len(laws)) / reference),
+        stable=np.array([[loop.stable for loop in row] for row in loops.values()]).reshape(
+            len(on), len(laws)
+        ),
+        compensator_stable=np.array([is_stable(law.system) for law in laws], dtype=bool),
     )
 
 
@@ -130,10 +132,10 @@ def _describe(design: Design, plant: Plant, log10_authority: float) -> FirstInst
     part = find_participation(close_loop(plant, design(10.0**log10_authority)))
     lead = int(np.argmax(part.shares))
     return FirstInstability(
-        log10_authority,
-        part.pole,
-        part.pole.imag / (2.0 * np.pi),
-        part.names[lead],
-        float(part.shares[lead] / part.shares.sum()),
-        part.compensator,
+        log10_authority=log10_authority,
+        pole=part.pole,
+        frequency_hz=part.pole.imag / (2.0 * np.pi),
+        mode_name=part.names[lead],
+        participation=float(part.shares[lead] / part.shares.sum()),
+        compensator_share=part.compensator,
     )

@@ -17,7 +17,7 @@ from middeck.systems.statespace import StateSpace, select_paths
 from middeck.values import record
 
 
-@record
+@record(kw_only=True)
 class ClosedLoop:
     """From w to z with the compensator at work; unstable is an expected outcome, not an error.
 
@@ -60,13 +60,13 @@ def close_loop(plant: Plant, compensator: Compensator) -> ClosedLoop:
     joined = select_paths(feedback(active.system, law, u, y), w, z)
     values = growth_rates(joined)
     return ClosedLoop(
-        joined,
-        tuple(active.inputs[i] for i in w),
-        tuple(active.outputs[i] for i in z),
-        name_states(active),
-        values,
-        none_grows(values),
-        part.inert,
+        system=joined,
+        inputs=tuple(active.inputs[i] for i in w),
+        outputs=tuple(active.outputs[i] for i in z),
+        state_names=name_states(active),
+        poles=values,
+        stable=none_grows(values),
+        inert=part.inert,
     )
 
 
@@ -99,4 +99,4 @@ def predict_closed_loop_response(
     G, K = plant.H, compensator.H
     return_difference = np.eye(len(u)) - K @ G[:, y][:, :, u]
     T = G + G[:, :, u] @ np.linalg.solve(return_difference, K @ G[:, y])
-    return FrequencyResponse(plant.frequency_hz, T, plant.inputs, plant.outputs)
+    return FrequencyResponse(frequency_hz=plant.frequency_hz, H=T, inputs=plant.inputs, outputs=plant.outputs)

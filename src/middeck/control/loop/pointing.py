@@ -52,7 +52,7 @@ class PointingWindow:
             )
 
 
-@record
+@record(kw_only=True)
 class PointingBudget:
     """Root mean squares of each output, in its unit; ``inf`` for an unstable loop.
 
@@ -91,7 +91,7 @@ def budget_pointing(loop: ClosedLoop, performance: Performance, window: Pointing
     >>> from middeck.signals.ports import Port
     >>> from middeck.systems.statespace import StateSpace
     >>> lag = StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
-    >>> plant = Plant(lag, (Port("w", "N"),), (Port("z", "rad"),), w=("w",), z=("z",))
+    >>> plant = Plant(dynamics=lag, inputs=(Port("w", "N"),), outputs=(Port("z", "rad"),), w=("w",), z=("z",))
     >>> disturbance = Performance(np.ones(1), np.eye(1), (0.0, 100.0))
     >>> budget = budget_pointing(leave_open(plant), disturbance, PointingWindow(0.1, 10.0))
     >>> round(float(budget.relative[0] / budget.absolute[0]), 3)            # slower than the window
@@ -100,10 +100,11 @@ def budget_pointing(loop: ClosedLoop, performance: Performance, window: Pointing
     names = tuple(port.name for port in loop.outputs)
     absolute = loop_rms(loop, performance)
     if not loop.stable:
-        return PointingBudget(names, window, *4 * [np.full(len(names), np.inf)])
-    weights = mean_weight, relative_weight, drift_weight
+        unbounded = np.full(len(names), np.inf)
+        parts = dict.fromkeys(("absolute", "mean", "relative", "drift"), unbounded)
+        return PointingBudget(outputs=names, window=window, **parts)
     cuts = _cuts(window, performance.band_hz)
-    parts = [
+    mean, relative, drift = (
         weighed_rms(
             loop.system,
             performance.intensity,
@@ -111,9 +112,11 @@ def budget_pointing(loop: ClosedLoop, performance: Performance, window: Pointing
             lambda omega, weight=weight: weight(omega / (2.0 * np.pi), window),
             cuts,
         )
-        for weight in weights
-    ]
-    return PointingBudget(names, window, absolute, *parts)
+        for weight in (mean_weight, relative_weight, drift_weight)
+    )
+    return PointingBudget(
+        outputs=names, window=window, absolute=absolute, mean=mean, relative=relative, drift=drift
+    )
 
 
 def mean_weight(

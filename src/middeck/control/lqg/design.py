@@ -22,7 +22,7 @@ from middeck.values import record
 AUTHORITY = "1/rho > 0, as 10"
 
 
-@record
+@record(kw_only=True)
 class LQGCompensator(Compensator):
     """A compensator that knows how it was made.
 
@@ -93,7 +93,15 @@ def design_lqg(
     ports = measured_ports(active), driven_ports(active)
     names = (*model.names, *model.integral_names)
     return LQGCompensator(
-        law, *ports, authority, regulator.solution, kalman.solution, cost, part.inert, names
+        dynamics=law,
+        inputs=ports[0],
+        outputs=ports[1],
+        authority=authority,
+        regulator=regulator.solution,
+        estimator=kalman.solution,
+        cost=cost,
+        inert=part.inert,
+        state_names=names,
     )
 
 

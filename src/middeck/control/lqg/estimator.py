@@ -14,7 +14,7 @@ from middeck.systems.plant import Plant
 from middeck.values import record
 
 
-@record
+@record(kw_only=True)
 class KalmanFilter:
     """The stationary filter of a plant; the same at every control authority.
 
@@ -41,7 +41,14 @@ def design_filter(plant: Plant, weights: LQGWeights, shaping: Shaping | None = N
     part = partition_modes(plant)
     model = pose_problem(part.active, weights, shaping or Shaping())
     solution = estimate_states(model)
-    return KalmanFilter(solution.gain.T, solution, part.inert, model.process, model.sensor, model.cross)
+    return KalmanFilter(
+        gain=solution.gain.T,
+        solution=solution,
+        inert=part.inert,
+        process=model.process,
+        sensor=model.sensor,
+        cross=model.cross,
+    )
 
 
 def estimate_states(model: LQGProblem) -> RiccatiSolution:

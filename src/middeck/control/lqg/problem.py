@@ -14,7 +14,7 @@ from middeck.systems.statespace import StateSpace, gain_system, series
 from middeck.values import record
 
 
-@record
+@record(kw_only=True)
 class LQGProblem:
     """x' = A x + noise w + control u, cost z'z + u' plain u / authority, y = C2 x + D21 w + D22 u + v.
 
@@ -91,15 +91,15 @@ def pose_problem(plant: Plant, weights: LQGWeights, shaping: Shaping) -> LQGProb
         *_name_filters("weight on", plant.u, on_inputs),
     )
     return LQGProblem(
-        whole.A, whole.B[:, :n_w], whole.B[:, n_w:],
-        scale * whole.C[z], scale * whole.D[z, :n_w], scale * whole.D[z, n_w:],
-        effort * whole.C[s], effort * whole.D[s, n_w:],
-        np.where([weight is None for weight in on_inputs], weights.input, 0.0),
-        whole.C[y], whole.D[y, :n_w], whole.D[y, n_w:],
-        process, weights.sensor, cross, names,
-        tuple(plant.y.index(name) for name, _ in shaping.integral),
-        np.array([weight for _, weight in shaping.integral]),
-        tuple(f"integral of {name}" for name, _ in shaping.integral),
+        A=whole.A, noise=whole.B[:, :n_w], control=whole.B[:, n_w:],
+        C1=scale * whole.C[z], D11=scale * whole.D[z, :n_w], D12=scale * whole.D[z, n_w:],
+        shaped=effort * whole.C[s], shaped_through=effort * whole.D[s, n_w:],
+        plain=np.where([weight is None for weight in on_inputs], weights.input, 0.0),
+        C2=whole.C[y], D21=whole.D[y, :n_w], D22=whole.D[y, n_w:],
+        process=process, sensor=weights.sensor, cross=cross, names=names,
+        integral=tuple(plant.y.index(name) for name, _ in shaping.integral),
+        integral_weight=np.array([weight for _, weight in shaping.integral]),
+        integral_names=tuple(f"integral of {name}" for name, _ in shaping.integral),
     )  # fmt: skip
 
 

@@ -16,7 +16,7 @@ PortFilters = tuple[tuple[str, StateSpace], ...]
 """Port name and the filter at it."""
 
 
-@record
+@record(kw_only=True)
 class Shaping:
     """Dynamic weights, coloured disturbances, integral action and correlated noise of one design.
 

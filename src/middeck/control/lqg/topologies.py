@@ -20,7 +20,7 @@ Topology = tuple[Sequence[str], Sequence[str]]
 """Names of the inputs that are driven and of the outputs that are read: SISO one each, SITO one and two."""
 
 
-@record
+@record(kw_only=True)
 class TopologyTable:
     """What each topology reaches at each authority.
 
@@ -73,9 +73,13 @@ def compare_topologies(
         stable.append([loop.stable for loop in loops])
         order.append(len(laws[0].system.A))
     return TopologyTable(
-        tuple(topologies), np.asarray(levels, dtype=float), np.array(db), np.array(control),
-        np.array(stable), np.array(order, dtype=int),
-    )  # fmt: skip
+        names=tuple(topologies),
+        authority=np.asarray(levels, dtype=float),
+        db=np.array(db),
+        control_rms=np.array(control),
+        stable=np.array(stable),
+        order=np.array(order, dtype=int),
+    )
 
 
 def select_weights(plant: Plant, weights: LQGWeights, part: Plant) -> LQGWeights:

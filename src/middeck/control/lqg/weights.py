@@ -11,7 +11,7 @@ from middeck.signals.ports import require_names
 from middeck.values import record
 
 
-@record
+@record(kw_only=True)
 class LQGWeights:
     """What a design is asked to minimise, and against what noise: E[z' W^2 z + rho u' diag(input) u].
 

@@ -81,7 +81,14 @@ def reduce_balanced(
     whole = out_of_sizes(add(parts.kept, reduced), input_size, output_size)
     method = "balanced truncation" if rest == "truncate" else "balanced residualisation"
     return Reduction(
-        whole, len(whole.A), method, kept, hankel, bound_of(hankel, len(reduced.A)), peak.gain, peak.omega
+        system=whole,
+        order=len(whole.A),
+        method=method,
+        kept=kept,
+        hankel=hankel,
+        bound=bound_of(hankel, len(reduced.A)),
+        error=peak.gain,
+        error_omega=peak.omega,
     )
 
 

@@ -118,17 +118,17 @@ def _report(
     smaller = Compensator(system, compensator.inputs, compensator.outputs)
     peak = peak_gain(in_sizes(remainder, loops[0].output_size, loops[0].input_size))
     return ReducedCompensator(
-        system,
-        compensator.inputs,
-        compensator.outputs,
-        len(system.A),
-        found.steps,
-        candidate.hankel,
-        candidate.bound if cut else None,
-        peak.gain,
-        _loop_errors(parts.rest, remainder, loops),
-        _stable(smaller, plants),
-        _cost_ratios(parts.rest, law, loops),
+        dynamics=system,
+        inputs=compensator.inputs,
+        outputs=compensator.outputs,
+        order=len(system.A),
+        steps=found.steps,
+        hankel=candidate.hankel,
+        bound=candidate.bound if cut else None,
+        error=peak.gain,
+        loop_error=_loop_errors(parts.rest, remainder, loops),
+        stable=_stable(smaller, plants),
+        cost_ratio=_cost_ratios(parts.rest, law, loops),
         method=found.method,
     )
 

@@ -76,9 +76,15 @@ def absorb(model: GeneralizedPlant, beside: StateSpace) -> GeneralizedPlant:
     closed = feedback(plant, beside, range(nw, nw + nu), range(nz, nz + ny))
     w, u, z, y = slice(nw), slice(nw, nw + nu), slice(nz), slice(nz, nz + ny)
     return GeneralizedPlant(
-        closed.A, closed.B[:, w], closed.B[:, u], closed.C[z], closed.D[z, u], closed.C[y], closed.D[y, w],
-        closed.D[y, u],
-    )  # fmt: skip
+        A=closed.A,
+        B1=closed.B[:, w],
+        B2=closed.B[:, u],
+        C1=closed.C[z],
+        D12=closed.D[z, u],
+        C2=closed.C[y],
+        D21=closed.D[y, w],
+        D22=closed.D[y, u],
+    )
 
 
 def response_in_loop(model: GeneralizedPlant, law: StateSpace) -> StateSpace:
@@ -129,7 +135,9 @@ def _without_direct(plant: Plant) -> tuple[str, ...]:
 
 def _unit_weights(plant: Plant) -> LQGWeights:
     ones = [np.ones(len(group)) for group in (plant.z, plant.u, plant.y)]
-    return LQGWeights(ones[0], ones[1], plant.w, np.eye(len(plant.w)), ones[2])
+    return LQGWeights(
+        output=ones[0], input=ones[1], disturbed=plant.w, process=np.eye(len(plant.w)), sensor=ones[2]
+    )
 
 
 def _weights_of_loop(plant: Plant, model: GeneralizedPlant, law: Law, unit: LQGWeights) -> LQGWeights:

@@ -89,9 +89,16 @@ def _of_modal(
         left = dataclasses.replace(left, D=left.D - limit[np.ix_(ports[1], ports[0])])
     peak = peak_gain(left, band)
     return ReducedPlant(
-        dataclasses.replace(plant, dynamics=smaller), 2 * len(smaller.omega), _words(static), smaller.names,
-        gone.names, shares, None, peak.gain, peak.omega / (2.0 * np.pi),
-    )  # fmt: skip
+        plant=dataclasses.replace(plant, dynamics=smaller),
+        order=2 * len(smaller.omega),
+        method=_words(static),
+        kept=smaller.names,
+        dropped=gone.names,
+        hankel=shares,
+        bound=None,
+        error=peak.gain,
+        error_hz=peak.omega / (2.0 * np.pi),
+    )
 
 
 def _words(static: bool) -> str:
@@ -162,10 +169,16 @@ def _of_statespace(
     peak = peak_gain(_between(dataclasses.replace(gone, D=gone.D - limit), *ports), band)
     states = tuple(f"modal {i}" for i in range(len(smaller.A)))
     return ReducedPlant(
-        dataclasses.replace(plant, dynamics=smaller, state_names=states), len(smaller.A), _words(static),
-        _pole_names(values[keep]), _pole_names(values[~keep]), shares, None, peak.gain,
-        peak.omega / (2.0 * np.pi),
-    )  # fmt: skip
+        plant=dataclasses.replace(plant, dynamics=smaller, state_names=states),
+        order=len(smaller.A),
+        method=_words(static),
+        kept=_pole_names(values[keep]),
+        dropped=_pole_names(values[~keep]),
+        hankel=shares,
+        bound=None,
+        error=peak.gain,
+        error_hz=peak.omega / (2.0 * np.pi),
+    )
 
 
 def _static_limit(gone: StateSpace, above: np.ndarray) -> Float[np.ndarray, "output input"]:

@@ -50,9 +50,16 @@ def reduce_plant(
     smaller = dataclasses.replace(active, dynamics=whole, state_names=states)
     kept = (*names, *(f"kept {i}" for i in range(found.kept)))
     return ReducedPlant(
-        smaller, len(whole.A), found.method, kept, (), found.hankel, found.bound, found.error,
-        found.error_omega / (2.0 * np.pi),
-    )  # fmt: skip
+        plant=smaller,
+        order=len(whole.A),
+        method=found.method,
+        kept=kept,
+        dropped=(),
+        hankel=found.hankel,
+        bound=found.bound,
+        error=found.error,
+        error_hz=found.error_omega / (2.0 * np.pi),
+    )
 
 
 def _set_rigid_aside(plant: Plant) -> tuple[StateSpace, tuple[str, ...], StateSpace]:

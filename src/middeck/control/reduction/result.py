@@ -17,7 +17,7 @@ Rest = Literal["truncate", "residualise"]
 residualisation at zero frequency; both have the same bound."""
 
 
-@record
+@record(kw_only=True)
 class Reduction:
     """A system of lower order.
 
@@ -52,7 +52,7 @@ class Reduction:
     error_omega: float
 
 
-@record
+@record(kw_only=True)
 class ReducedPlant:
     """A plant of lower order with the same ports.
 
@@ -84,7 +84,7 @@ class ReducedPlant:
     error_hz: float
 
 
-@record
+@record(kw_only=True)
 class ReducedCompensator(Compensator):
     """A compensator of lower order that knows what it replaces.
 

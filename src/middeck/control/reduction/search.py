@@ -20,7 +20,7 @@ Best = Literal["best"]
 ORDER_OF_TRIAL: tuple[Method, ...] = ("performance", "stability", "coprime", "balanced")
 
 
-@record
+@record(kw_only=True)
 class Trial:
     """Where one method led: the law, its first cut, whether it holds all plants, and the words for it."""
 
@@ -78,7 +78,7 @@ def _try(
         found = polish_law([loop.model for loop in loops], proper_law(law))
         law = law if found is None else _with_law(law, found)
         steps.append(f"{method}: the cost descended")
-    return Trial(law, method, candidate, holds, tuple(steps))
+    return Trial(law=law, method=method, candidate=candidate, holds=holds, steps=tuple(steps))
 
 
 def _words(end: Withdrawal) -> str:

@@ -65,7 +65,16 @@ def reduce_weighted(
     difference = difference if after is None else series(difference, after)
     peak = peak_gain(difference)
     whole = add(parts.kept, reduced)
-    return Reduction(whole, len(whole.A), method, kept, hankel, None, peak.gain, peak.omega)
+    return Reduction(
+        system=whole,
+        order=len(whole.A),
+        method=method,
+        kept=kept,
+        hankel=hankel,
+        bound=None,
+        error=peak.gain,
+        error_omega=peak.omega,
+    )
 
 
 def _cut(

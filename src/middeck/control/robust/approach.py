@@ -176,7 +176,15 @@ def _withdraw_discount(models: Sequence[GeneralizedPlant], stations: Stations, l
         if found is None:
             break
         law = shifted(found[0], -rate)
-        history.append(Stage(0.0, 1.0, rate, found[1].value, found[1].evaluations))
+        history.append(
+            Stage(
+                size=0.0,
+                authority_ratio=1.0,
+                discount=rate,
+                cost=found[1].value,
+                evaluations=found[1].evaluations,
+            )
+        )
     raise NumericalError(
         f"no law of {len(law.A)} states was found that stabilises",
         hint="a higher order, or a law to start from: start=",
@@ -202,5 +210,7 @@ def _step(
             history=arrival.history,
         )  # fmt: skip
     law, descent = found
-    leg = Stage(size, ratio, 0.0, descent.value, descent.evaluations)
+    leg = Stage(
+        size=size, authority_ratio=ratio, discount=0.0, cost=descent.value, evaluations=descent.evaluations
+    )
     return Arrival(law, descent.gradient, (*arrival.history, leg))

@@ -15,7 +15,7 @@ from middeck.systems.plant import Plant
 from middeck.values import record
 
 
-@record
+@record(kw_only=True)
 class ComparedDesign:
     """One design in one setting.
 
@@ -75,21 +75,25 @@ def compare_designs(
 
 def _row(name: str, order: int, whole: PlantOutcomes) -> ComparedDesign:
     unseen = PlantOutcomes(
-        whole.setting, whole.stable[1:], whole.rms[1:], whole.db[1:], whole.control_rms[1:]
+        setting=whole.setting,
+        stable=whole.stable[1:],
+        rms=whole.rms[1:],
+        db=whole.db[1:],
+        control_rms=whole.control_rms[1:],
     )
     return ComparedDesign(
-        name,
-        whole.setting,
-        order,
-        float(whole.db[0]),
-        float(whole.control_rms[0]),
-        stable_share(unseen),
-        worst_db(unseen),
-        _median(unseen.db, unseen.stable),
-        _median(unseen.control_rms, unseen.stable),
-        float(whole.rms[0]),
-        float(unseen.rms[unseen.stable].max()) if unseen.stable.any() else np.inf,
-        _median(unseen.rms, unseen.stable),
+        name=name,
+        setting=whole.setting,
+        order=order,
+        nominal_db=float(whole.db[0]),
+        nominal_control_rms=float(whole.control_rms[0]),
+        stable_share=stable_share(unseen),
+        worst_db=worst_db(unseen),
+        median_db=_median(unseen.db, unseen.stable),
+        median_control_rms=_median(unseen.control_rms, unseen.stable),
+        nominal_rms=float(whole.rms[0]),
+        worst_rms=float(unseen.rms[unseen.stable].max()) if unseen.stable.any() else np.inf,
+        median_rms=_median(unseen.rms, unseen.stable),
     )
 
 

@@ -20,7 +20,7 @@ PATIENCE = 10
 """Steps over which the decrease is watched."""
 
 
-@record
+@record(kw_only=True)
 class Descent:
     """Where a descent ended.
 
@@ -64,7 +64,7 @@ def descend(
         if len(values) > PATIENCE and values[-1 - PATIENCE] - value < tolerance * abs(value):
             break
     relative = float(np.linalg.norm(gradient) / abs(value)) if np.isfinite(value) and value else np.inf
-    return Descent(x, value, relative, tuple(values), evaluations)
+    return Descent(x=x, value=value, gradient=relative, values=tuple(values), evaluations=evaluations)
 
 
 def _direction(inverse: np.ndarray | None, gradient: np.ndarray) -> np.ndarray:

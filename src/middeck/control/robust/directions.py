@@ -27,7 +27,7 @@ MISSED, ROUNDING = 1e-6, 1e-9
 """Parts of what a shift changes, and of the response, by which they may differ."""
 
 
-@record
+@record(kw_only=True)
 class Directions:
     """Where what is uncertain enters, one column and row for each number.
 
@@ -91,14 +91,21 @@ def _directions(plant: Plant, finished: Plant, uncertainty: Uncertainty, *, damp
                 dampings.append((into, -2.0 * at.zeta * at.omega * rate, -h, h, group))
     columns, out, low, high, group = zip(*rows, *dampings, strict=True)
     stiff = np.arange(len(group)) < len(rows)
-    return Directions(np.array(columns).T, np.array(out), np.array(low), np.array(high), group, stiff)
+    return Directions(
+        into=np.array(columns).T,
+        out=np.array(out),
+        low=np.array(low),
+        high=np.array(high),
+        group=group,
+        stiff=stiff,
+    )
 
 
 def _require_whole(
     plant: Plant, finished: Plant, uncertainty: Uncertainty, found: Directions, end: float
 ) -> None:
     """That at an end of the box the directions make the plant that the box means."""
-    box = Uncertainty(uncertainty.shifts, finish=uncertainty.finish)
+    box = Uncertainty(shifts=uncertainty.shifts, finish=uncertainty.finish)
     there = finished_plants(plant, box, np.full((1, len(box.shifts)), end))[0]
     meant, nominal = (partition_modes(without_delays(p)).active for p in (there, finished))
     delta = found.low if end < 0.0 else found.high

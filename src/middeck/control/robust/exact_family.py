@@ -67,7 +67,7 @@ class _Poles:
     direct: Float[np.ndarray, "output input"]
 
 
-@dataclass(frozen=True)  # holds a function, so no value to compare
+@dataclass(frozen=True, kw_only=True)  # holds a function, so no value to compare
 class FamilyLaw:
     """A law prepared for many plants, with the weights and noise of the rms; ``unstable`` is P."""
 
@@ -94,14 +94,14 @@ def family_law(compensator: Compensator, weights: LQGWeights) -> FamilyLaw | Non
     noise[: len(root), : len(root)] = root
     noise[len(root) :, len(root) :] = np.diag(np.sqrt(weights.sensor))
     return FamilyLaw(
-        tuple(p.name for p in compensator.inputs),
-        tuple(p.name for p in compensator.outputs),
-        _Poles(values.astype(complex), size, np.zeros(system.D.shape)),
-        int(np.sum(np.real(values) > 0.0)),
-        resolve(compensator.system),
-        weights,
-        noise,
-        np.concatenate([weights.output, np.sqrt(weights.input)]),
+        inputs=tuple(p.name for p in compensator.inputs),
+        outputs=tuple(p.name for p in compensator.outputs),
+        law=_Poles(values.astype(complex), size, np.zeros(system.D.shape)),
+        unstable=int(np.sum(np.real(values) > 0.0)),
+        evaluate=resolve(compensator.system),
+        weights=weights,
+        noise=noise,
+        weight=np.concatenate([weights.output, np.sqrt(weights.input)]),
     )
 
 
@@ -136,12 +136,12 @@ def _path(modal: ModalSystem, delay_s: np.ndarray, rows: Sequence[int], columns:
 def _part(modal: ModalSystem, rows: Sequence[int], columns: Sequence[int]) -> ModalSystem:
     seen = output_rows(modal)
     return ModalSystem(
-        modal.omega,
-        modal.zeta,
-        modal.psi[:, columns],
-        seen.position[rows],
-        seen.rate[rows],
-        modal.names,
+        omega=modal.omega,
+        zeta=modal.zeta,
+        psi=modal.psi[:, columns],
+        phi=seen.position[rows],
+        phi_rate=seen.rate[rows],
+        names=modal.names,
         direct=seen.direct[np.ix_(rows, columns)],
     )
 

@@ -26,7 +26,7 @@ from middeck.systems.stability import GROWTH_LIMIT
 from middeck.values import record
 
 
-@record
+@record(kw_only=True)
 class PlantOutcomes:
     """What each plant did under one form of the compensator.
 
@@ -187,7 +187,7 @@ def _outcomes(
     db = np.where(np.isfinite(rms), np.where(np.isfinite(reference), 0.0, -np.inf), np.inf)
     both = np.isfinite(rms) & np.isfinite(reference) & (rms > 0.0) & (reference > 0.0)
     db[both] = 20.0 * np.log10(rms[both] / reference[both])
-    return PlantOutcomes(setting, stable, rms, db, control)
+    return PlantOutcomes(setting=setting, stable=stable, rms=rms, db=db, control_rms=control)
 
 
 def _rms(

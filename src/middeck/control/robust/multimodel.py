@@ -32,7 +32,7 @@ POWERS: dict[str, tuple[float, ...]] = {"mean": (1.0,), "maximum": (4.0, 16.0, 6
 """Exponents of the blend, one after the other: the last is at most the 64th root of N under the maximum."""
 
 
-@record
+@record(kw_only=True)
 class MultiModelCompensator(RobustCompensator):
     """A multi-model compensator with the weight (dual variable) of each model.
 
@@ -112,16 +112,16 @@ def _result(problem: Problem, arrival: Arrival, over: Over) -> MultiModelCompens
     multipliers = blend(costs, POWERS[over][-1])[1]
     part = partition_modes(problem.nominal)
     return MultiModelCompensator(
-        whole_law(arrival.law, problem.structure),
-        measured_ports(part.active),
-        driven_ports(part.active),
-        problem.authority,
-        len(arrival.law.A) - len(problem.shaping.integral),
-        float(costs.mean() if over == "mean" else costs.max()),
-        costs,
-        arrival.gradient,
-        arrival.history,
-        part.inert,
-        over,
-        multipliers / multipliers.sum(),
+        dynamics=whole_law(arrival.law, problem.structure),
+        inputs=measured_ports(part.active),
+        outputs=driven_ports(part.active),
+        authority=problem.authority,
+        order=len(arrival.law.A) - len(problem.shaping.integral),
+        cost=float(costs.mean() if over == "mean" else costs.max()),
+        costs=costs,
+        gradient=arrival.gradient,
+        history=arrival.history,
+        inert=part.inert,
+        over=over,
+        multipliers=multipliers / multipliers.sum(),
     )

@@ -42,7 +42,7 @@ FURTHEST = 20.0
 """Logarithms of the multipliers are held within so many of where they began."""
 
 
-@record
+@record(kw_only=True)
 class PopovCompensator(RobustCompensator):
     """A law whose ``cost`` bounds that of every plant whose modes lie in the box, in frequency alone.
 
@@ -61,7 +61,7 @@ class PopovCompensator(RobustCompensator):
     multipliers: Multipliers
 
 
-@record
+@record(kw_only=True)
 class _Place:
     law: Law
     multipliers: Multipliers
@@ -155,7 +155,7 @@ def _covering_starts(
         law, history = arrival.law, (*history, *arrival.history)
         found = _covering_multipliers(model, law, directions)
         if found is not None:
-            yield _Place(law, found, np.inf, np.inf, history)
+            yield _Place(law=law, multipliers=found, bound=np.inf, gradient=np.inf, history=history)
 
 
 def _covering_multipliers(model: GeneralizedPlant, law: Law, directions: Directions) -> Multipliers | None:
@@ -175,7 +175,9 @@ def _widened(uncertainty: Uncertainty, widening: float) -> Uncertainty | None:
     apart = [(mode, s.half_width * widening) for s in uncertainty.shifts for mode in s.modes]
     if max(width for _, width in apart) > WIDEST:
         return None
-    return Uncertainty(tuple(ModeShift((mode,), width) for mode, width in apart), finish=uncertainty.finish)
+    return Uncertainty(
+        shifts=tuple(ModeShift((mode,), width) for mode, width in apart), finish=uncertainty.finish
+    )
 
 
 def _improve(
@@ -212,23 +214,32 @@ def _improve(
 
     begun = np.concatenate([np.zeros(2 * modes), pack(law, free) / scale])
     descent = descend(objective, begun, tolerance=tolerance)
-    leg = Stage(1.0, 1.0, 0.0, descent.value, descent.evaluations)
-    return _Place(*at(descent.x), descent.value, descent.gradient, (*place.history, leg))
+    leg = Stage(
+        size=1.0, authority_ratio=1.0, discount=0.0, cost=descent.value, evaluations=descent.evaluations
+    )
+    law, multipliers = at(descent.x)
+    return _Place(
+        law=law,
+        multipliers=multipliers,
+        bound=descent.value,
+        gradient=descent.gradient,
+        history=(*place.history, leg),
+    )
 
 
 def _result(problem: Problem, directions: Directions, place: _Place) -> PopovCompensator:
     part = partition_modes(problem.nominal)
     return PopovCompensator(
-        whole_law(place.law, problem.structure),
-        measured_ports(part.active),
-        driven_ports(part.active),
-        problem.authority,
-        len(place.law.A) - len(problem.shaping.integral),
-        place.bound,
-        true_costs(problem, place.law),
-        place.gradient,
-        place.history,
-        part.inert,
-        directions,
-        place.multipliers,
+        dynamics=whole_law(place.law, problem.structure),
+        inputs=measured_ports(part.active),
+        outputs=driven_ports(part.active),
+        authority=problem.authority,
+        order=len(place.law.A) - len(problem.shaping.integral),
+        cost=place.bound,
+        costs=true_costs(problem, place.law),
+        gradient=place.gradient,
+        history=place.history,
+        inert=part.inert,
+        directions=directions,
+        multipliers=place.multipliers,
     )

@@ -82,7 +82,7 @@ def evaluate_bound(
 
 
 def _infinite(modes: int) -> Bound:
-    return Bound(LawCost(np.inf), np.zeros(modes), np.zeros(modes))
+    return Bound(LawCost(cost=np.inf), np.zeros(modes), np.zeros(modes))
 
 
 def first_multipliers(model: GeneralizedPlant, law: Law, directions: Directions) -> Multipliers | None:

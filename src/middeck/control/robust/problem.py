@@ -30,7 +30,7 @@ from middeck.values import record
 Plants = Sequence[Plant]
 
 
-@record
+@record(kw_only=True)
 class Problem:
     """What is asked for.
 
@@ -72,13 +72,29 @@ def pose_problem(
             there = finished_plants(plant, uncertainty, size * places if size else places[:1])
             return tuple(without_delays(each) for each in there)
 
-        problem = Problem(grown(0.0)[0], grown, True, weights, authority, structure, shaping)
+        problem = Problem(
+            nominal=grown(0.0)[0],
+            plants_at=grown,
+            growing=True,
+            weights=weights,
+            authority=authority,
+            structure=structure,
+            shaping=shaping,
+        )
     else:
         if positions is not None:
             raise ConfigError("positions belong to an Uncertainty, and plants are given one by one")
         given = tuple(without_delays(p) for p in (plant, *uncertainty))
         _same_groups(given)
-        problem = Problem(given[0], lambda _: given, False, weights, authority, structure, shaping)
+        problem = Problem(
+            nominal=given[0],
+            plants_at=lambda _: given,
+            growing=False,
+            weights=weights,
+            authority=authority,
+            structure=structure,
+            shaping=shaping,
+        )
     for each in problem.plants_at(1.0):
         _require_stabilisable(each, shaping)
     _require_a_cost(weights, shaping)

@@ -9,7 +9,7 @@ from middeck.control.law.compensator import Compensator
 from middeck.values import record
 
 
-@record
+@record(kw_only=True)
 class Stage:
     """One leg of the way to a design.
 
@@ -34,7 +34,7 @@ class Stage:
     evaluations: int
 
 
-@record
+@record(kw_only=True)
 class RobustCompensator(Compensator):
     """A compensator made for more than one plant.
 

@@ -28,7 +28,7 @@ GRID = 1e-6
 """Part of a period to which delays are rounded: turns a signal of half the rate by 1.6e-6 rad at most."""
 
 
-@record
+@record(kw_only=True)
 class _SampledLoop:
     """x+ = A x + noise of covariance Q; rows give the weighted outputs and the weighted inputs."""
 
@@ -100,11 +100,11 @@ def _close(
     W, R = weights.output[:, None], np.sqrt(weights.input)[:, None]
     through = closed.D[nz + ny :, nu:]
     return _SampledLoop(
-        closed.A,
-        noise,
-        W * closed.C[:nz],
-        R * closed.C[nz + ny :],
-        weights.input * np.sum((through @ sensor) * through, axis=1),
+        A=closed.A,
+        Q=noise,
+        outputs=W * closed.C[:nz],
+        inputs=R * closed.C[nz + ny :],
+        input_noise=weights.input * np.sum((through @ sensor) * through, axis=1),
     )
 
 

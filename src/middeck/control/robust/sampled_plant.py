@@ -34,7 +34,8 @@ def plant_as_sampled(plant: Plant, period_s: float) -> Plant:
     --------
     >>> from middeck.signals.ports import Port
     >>> lag = StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
-    >>> plant = Plant(lag, (Port("u", "N"),), (Port("y", "m"),), (), ("u",), (), ("y",))
+    >>> plant = Plant(dynamics=lag, inputs=(Port("u", "N"),), outputs=(Port("y", "m"),), w=(), u=("u",),
+    ...     z=(), y=("y",))
     >>> round(float(plant_as_sampled(plant, 0.1).system.A[0, 0]), 4)  # -tanh(T/2) / (T/2)
     -0.9992
     """
@@ -55,8 +56,8 @@ def plant_as_sampled(plant: Plant, period_s: float) -> Plant:
     D = system.D.copy()
     D[[n in active.z for n in rows], : len(inputs)] = 0.0
     return Plant(
-        StateSpace(system.A, system.B, system.C, D), (*inputs, *commands), outputs,
-        active.w, active.u, active.z, active.y,
+        dynamics=StateSpace(system.A, system.B, system.C, D), inputs=(*inputs, *commands), outputs=outputs,
+        w=active.w, u=active.u, z=active.z, y=active.y,
     )  # fmt: skip
 
 

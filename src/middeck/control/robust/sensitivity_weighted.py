@@ -37,7 +37,7 @@ FINER = 7
 """Strengths tried between the neighbours of the best rung: steps of a fifth."""
 
 
-@record
+@record(kw_only=True)
 class SensitivityWeightedCompensator(RobustCompensator):
     """An LQG compensator of a cost with sensitivities.
 
@@ -98,7 +98,7 @@ def _best_strength(models: Sequence[GeneralizedPlant], directions: Directions, t
         law = _solve(models[0], directions, strength)[0]
         found = evaluate_models(models, law)
         cost = np.inf if found is None else float(np.mean([each.cost for each in found]))
-        tried.append(Stage(strength, 1.0, 0.0, cost, 1))
+        tried.append(Stage(size=strength, authority_ratio=1.0, discount=0.0, cost=cost, evaluations=1))
         return cost
 
     costs = [mean_cost(strength) for strength in RUNGS]
@@ -164,17 +164,17 @@ def _result(
     law, regulator, estimator, cost = _solve(models[0], directions, strength)
     part = partition_modes(problem.nominal)
     return SensitivityWeightedCompensator(
-        whole_law(law, problem.structure),
-        measured_ports(part.active),
-        driven_ports(part.active),
-        problem.authority,
-        len(models[0].A),
-        cost,
-        np.array([evaluate_cost(model, law).cost for model in models]),
-        max(regulator.residual, estimator.residual),
-        tried,
-        part.inert,
-        strength,
-        regulator,
-        estimator,
+        dynamics=whole_law(law, problem.structure),
+        inputs=measured_ports(part.active),
+        outputs=driven_ports(part.active),
+        authority=problem.authority,
+        order=len(models[0].A),
+        cost=cost,
+        costs=np.array([evaluate_cost(model, law).cost for model in models]),
+        gradient=max(regulator.residual, estimator.residual),
+        history=tried,
+        inert=part.inert,
+        strength=strength,
+        regulator=regulator,
+        estimator=estimator,
     )

@@ -174,8 +174,8 @@ def _alone(model: GeneralizedPlant, station: tuple[list[int], list[int], int]) -
     y, u, order = station
     seen = np.any(model.D21[y] != 0.0, axis=0) | np.any(model.B1 != 0.0, axis=0)
     part = GeneralizedPlant(
-        model.A, model.B1[:, seen], model.B2[:, u], model.C1, model.D12[:, u], model.C2[y],
-        model.D21[y][:, seen], model.D22[y][:, u],
+        A=model.A, B1=model.B1[:, seen], B2=model.B2[:, u], C1=model.C1, D12=model.D12[:, u], C2=model.C2[y],
+        D21=model.D21[y][:, seen], D22=model.D22[y][:, u],
     )  # fmt: skip
     law = lqg_law(part)
     if order >= len(law.A):

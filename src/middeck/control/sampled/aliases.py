@@ -19,7 +19,7 @@ from middeck.systems.statespace import StateSpace
 from middeck.values import record
 
 
-@record
+@record(kw_only=True)
 class Alias:
     """A mode beyond half the rate, as the computer meets it.
 
@@ -113,16 +113,16 @@ def find_aliases(
         outcome = loop_of(np.append(below, k))
         found.append(
             Alias(
-                modal.names[k],
-                omega / (2.0 * np.pi),
-                seen / (2.0 * np.pi),
-                decay / float(np.hypot(seen, decay)) if decay else 0.0,
-                1.0
+                name=modal.names[k],
+                frequency_hz=omega / (2.0 * np.pi),
+                alias_hz=seen / (2.0 * np.pi),
+                damping=decay / float(np.hypot(seen, decay)) if decay else 0.0,
+                filter_gain=1.0
                 if antialias is None
                 else float(np.abs(statespace_response(antialias, np.array([omega]))[0, 0, 0])),
-                float(np.abs(np.linalg.eigvals(ratio[0] @ ratio[1])).max(initial=0.0)),
-                outcome.stable,
-                outcome.metric,
+                loop_gain=float(np.abs(np.linalg.eigvals(ratio[0] @ ratio[1])).max(initial=0.0)),
+                stable=outcome.stable,
+                metric=outcome.metric,
             )
         )
     return AliasReport(1.0 / period, tuple(found), loop_of(below), loop_of(np.arange(len(modal.omega))))

@@ -26,7 +26,8 @@ def filter_measurements(plant: Plant, section: StateSpace) -> Plant:
     >>> from middeck.control.shaping import roll_off
     >>> from middeck.signals.ports import Port
     >>> lag = StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
-    >>> plant = Plant(lag, (Port("f", "N"),), (Port("x", "m"),), ("f",), ("f",), ("x",), ("x",))
+    >>> plant = Plant(dynamics=lag, inputs=(Port("f", "N"),), outputs=(Port("x", "m"),), w=("f",),
+    ...     u=("f",), z=("x",), y=("x",))
     >>> filtered = filter_measurements(plant, roll_off(40.0, 2))
     >>> filtered.z, filtered.y, name_states(filtered)
     (('x_unfiltered',), ('x',), ('state 0', 'anti-alias', 'anti-alias'))

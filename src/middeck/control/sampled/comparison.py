@@ -22,7 +22,7 @@ from middeck.values import record
 FORMS: tuple[Form, ...] = ("current", "predictor")
 
 
-@record
+@record(kw_only=True)
 class SamplingRow:
     """One law at one rate.
 
@@ -101,7 +101,9 @@ def compare_sampling(
         for name, law in zip(names, laws, strict=True):
             outcome = measure_sampled_loop(plant, law, weights, authority)
             margins = measure_margins(plant, law, delays=False) if outcome.stable else None
-            rows.append(SamplingRow(name, float(rate), law, outcome, margins))
+            rows.append(
+                SamplingRow(method=name, rate_hz=float(rate), law=law, outcome=outcome, margins=margins)
+            )
     idle = emulate(idle_compensator(plant), 1.0 / float(rates_hz[0]), "hold")
     open_loop = measure_sampled_loop(plant, idle, weights, authority)
     return SamplingComparison(tuple(rows), open_loop.metric, continuous.cost)

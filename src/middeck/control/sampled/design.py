@@ -26,7 +26,7 @@ from middeck.values import record
 Form = Literal["predictor", "current"]
 
 
-@record
+@record(kw_only=True)
 class SampledLQG(Compensator):
     """A sampled compensator that knows how it was made.
 
@@ -101,9 +101,10 @@ def design_sampled_lqg(
     >>> from middeck.signals.ports import Port
     >>> from middeck.systems.statespace import StateSpace
     >>> push, way = (Port("push", "N"),), (Port("way", "m"),)
-    >>> walk = Plant(StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]), push, way, w=("push",), u=("push",),
+    >>> walk = Plant(dynamics=StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]), inputs=push, outputs=way,
+    ...     w=("push",), u=("push",),
     ...              z=("way",), y=("way",))
-    >>> weights = LQGWeights([1.0], [1.0], ("push",), [[1.0]], [1.0])
+    >>> weights = LQGWeights(output=[1.0], input=[1.0], disturbed=("push",), process=[[1.0]], sensor=[1.0])
     >>> early, late = (design_sampled_lqg(walk, weights, 1.0, 0.1, form) for form in ("current", "predictor"))
     >>> 2.0 < early.cost < late.cost                                   # continuous: 2
     True
@@ -137,9 +138,18 @@ def design_sampled_lqg(
     weight = price.R + system.B.T @ regulator.X @ system.B
     cost = np.sum(regulator.X * held.noise) + np.sum((regulator.gain @ error) * (weight @ regulator.gain))
     return SampledLQG(
-        law, held.outputs, held.inputs, authority, form, regulator, estimator,
-        float(cost) + price.noise, price.noise, held.inert, method=f"direct, {form}",
-    )  # fmt: skip
+        dynamics=law,
+        inputs=held.outputs,
+        outputs=held.inputs,
+        authority=authority,
+        form=form,
+        regulator=regulator,
+        estimator=estimator,
+        cost=float(cost) + price.noise,
+        noise_cost=price.noise,
+        inert=held.inert,
+        method=f"direct, {form}",
+    )
 
 
 def _join(
@@ -154,10 +164,10 @@ def _join(
     P, L = estimator.X, estimator.gain.T
     if form == "predictor":
         law = SampledStateSpace(
-            A - B @ K - L @ C + L @ D @ K, L, -K, np.zeros((len(K), len(C))), plant.period_s
+            A - B @ K - L @ C + L @ D @ K, L, -K, np.zeros((len(K), len(C))), period_s=plant.period_s
         )
         return law, P
     M = np.linalg.solve(C @ P @ C.T + sensor, C @ P).T
     rest = np.eye(len(A)) - M @ C
     step = A - B @ K
-    return SampledStateSpace(step @ rest, step @ M, -K @ rest, -K @ M, plant.period_s), rest @ P
+    return SampledStateSpace(step @ rest, step @ M, -K @ rest, -K @ M, period_s=plant.period_s), rest @ P

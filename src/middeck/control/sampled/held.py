@@ -22,7 +22,7 @@ MOST_LATE = 200
 """Periods of delay: half a second at 400 Hz. Each is a state, and a design takes their number cubed."""
 
 
-@record
+@record(kw_only=True)
 class HeldPlant:
     """A plant under held inputs: between samples, and from sample to sample.
 
@@ -82,14 +82,14 @@ def hold_plant(plant: Plant, weights: LQGWeights, period_s: float) -> HeldPlant:
     control = subsystem(active, active.u, (*active.z, *active.y))
     noise = subsystem(active, weights.disturbed, active.y)
     between = Between(
-        control.A,
-        control.B,
-        noise.B @ weights.process @ noise.B.T,
-        control.C[len(active.z) :],
-        control.D[len(active.z) :],
-        _in_samples(timed.input_s, period_s),
-        _in_samples(timed.output_s, period_s),
-        period_s,
+        A=control.A,
+        B=control.B,
+        V=noise.B @ weights.process @ noise.B.T,
+        C=control.C[len(active.z) :],
+        D=control.D[len(active.z) :],
+        late_in=_in_samples(timed.input_s, period_s),
+        late_out=_in_samples(timed.output_s, period_s),
+        period_s=period_s,
     )
     system, added, segments = follow_period(between)
     names = name_states(active)
@@ -97,18 +97,18 @@ def hold_plant(plant: Plant, weights: LQGWeights, period_s: float) -> HeldPlant:
     generator = np.vstack([np.hstack([control.A, control.B]), np.zeros((m, len(names) + m))])
     nz = len(active.z)
     return HeldPlant(
-        system,
-        added,
-        weights.sensor / period_s,
-        generator,
-        segments,
-        np.hstack([control.C[:nz], control.D[:nz]]),
-        spread_noise(control.A, between.V, period_s).dwell / period_s,
-        driven_ports(active),
-        measured_ports(active),
-        tuple(active.outputs[i] for i in active.output_indices(active.z)),
-        (*names, *("delay",) * (len(system.A) - len(names))),
-        part.inert,
+        system=system,
+        noise=added,
+        sensor=weights.sensor / period_s,
+        generator=generator,
+        segments=segments,
+        performance=np.hstack([control.C[:nz], control.D[:nz]]),
+        dwell=spread_noise(control.A, between.V, period_s).dwell / period_s,
+        inputs=driven_ports(active),
+        outputs=measured_ports(active),
+        z=tuple(active.outputs[i] for i in active.output_indices(active.z)),
+        state_names=(*names, *("delay",) * (len(system.A) - len(names))),
+        inert=part.inert,
     )
 
 

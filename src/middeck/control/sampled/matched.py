@@ -37,7 +37,7 @@ def match_roots(system: StateSpace, period_s: float, omega: float) -> SampledSta
         raise ConfigError("a law that is zero has no gain to match", hint="leave it out")
     ratio = wanted / have
     gain = float(np.copysign(abs(ratio[1]), ratio[0].real))
-    return SampledStateSpace(chain.A, chain.B, gain * chain.C, gain * chain.D, period_s)
+    return SampledStateSpace(chain.A, chain.B, gain * chain.C, gain * chain.D, period_s=period_s)
 
 
 def _beside(roots: np.ndarray, omega: float, rate: float) -> float:
@@ -61,7 +61,7 @@ def _in_series(below: list[Roots], above: list[Roots], period_s: float) -> Sampl
     """Each group of poles with the nearest zeros that are no more than they, pairs first."""
     left = list(above)
     system = SampledStateSpace(
-        np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.ones((1, 1)), period_s
+        np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.ones((1, 1)), period_s=period_s
     )
     for group in sorted(below, key=len, reverse=True):
         fits = [k for k, other in enumerate(left) if len(other) <= len(group)]
@@ -83,7 +83,7 @@ def _section(p: Roots, r: Roots) -> SampledStateSpace:
         step = [[p[0].real, 1.0], [0.0, p[1].real]]
         read = [((p[0] - r[0]) * (p[0] - r[1])).real, (p[0] + p[1] - r[0] - r[1]).real]
     drive = np.eye(len(p))[:, -1:]
-    return SampledStateSpace(np.array(step), drive, np.array([read]), np.ones((1, 1)), 1.0)
+    return SampledStateSpace(np.array(step), drive, np.array([read]), np.ones((1, 1)), period_s=1.0)
 
 
 def _after(first: SampledStateSpace, second: SampledStateSpace) -> SampledStateSpace:
@@ -93,5 +93,5 @@ def _after(first: SampledStateSpace, second: SampledStateSpace) -> SampledStateS
         np.vstack([first.B, second.B @ first.D]),
         np.hstack([second.D @ first.C, second.C]),
         second.D @ first.D,
-        first.period_s,
+        period_s=first.period_s,
     )

@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from jaxtyping import Complex, Float
 
-from middeck.control.law.compensator import Compensator
+from middeck.control.law.compensator import Compensator, arrange_ports
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.riccati import solve_discrete_lyapunov
 from middeck.control.sampled.held import HeldPlant, hold_plant
 from middeck.control.sampled.integrals import spread_noise
 from middeck.errors import ConfigError
-from middeck.signals.ports import Port, port_indices
 from middeck.systems.feedback import feedback
 from middeck.systems.plant import Plant
 from middeck.systems.stability import is_stable
-from middeck.systems.statespace import SampledStateSpace, poles, select_paths
+from middeck.systems.statespace import SampledStateSpace, poles, same_period, select_paths
 from middeck.values import record
 
 
-@record
+@record(kw_only=True)
 class SampledOutcome:
     """What a sampled loop does; unstable is an expected outcome, not an error.
 
@@ -72,7 +69,9 @@ def measure_sampled_loop(
     covariance = _covariance(held, law, loop) if stable else None
     if covariance is None:
         nz, nu = np.full(len(held.z), np.inf), np.full(len(held.inputs), np.inf)
-        return SampledOutcome(stable, values, nz, nz, nu, np.inf, np.inf)
+        return SampledOutcome(
+            stable=stable, poles=values, rms=nz, rms_at_samples=nz, control_rms=nu, metric=np.inf, cost=np.inf
+        )
     n = len(held.system.A)
     mean = _mean_within(held, covariance)
     first = held.segments[0].start @ covariance @ held.segments[0].start.T
@@ -80,7 +79,15 @@ def measure_sampled_loop(
     control = np.sqrt(np.diag(covariance)[n:])
     metric = float(np.linalg.norm(weights.output * rms))
     cost = metric**2 + float(np.sum(weights.input * control**2)) / authority
-    return SampledOutcome(True, values, rms, at_samples, control, metric, cost)
+    return SampledOutcome(
+        stable=True,
+        poles=values,
+        rms=rms,
+        rms_at_samples=at_samples,
+        control_rms=control,
+        metric=metric,
+        cost=cost,
+    )
 
 
 def arrange_law(held: HeldPlant, compensator: Compensator) -> SampledStateSpace:
@@ -88,28 +95,19 @@ def arrange_law(held: HeldPlant, compensator: Compensator) -> SampledStateSpace:
 
     Raises `ConfigError` for other ports, another period, and a loop within the sample.
     """
-    columns = _places(compensator.inputs, held.outputs, "measurement")
-    rows = _places(compensator.outputs, held.inputs, "control input")
-    s = compensator.sampled
-    law = SampledStateSpace(s.A, s.B[:, columns], s.C[rows], s.D[np.ix_(rows, columns)], s.period_s)
-    if abs(law.period_s - held.system.period_s) > 1e-12 * law.period_s:
-        raise ConfigError(f"a law of {law.period_s} s on a plant held over {held.system.period_s} s")
+    measured, driven = ([p.name for p in side] for side in (held.outputs, held.inputs))
+    law = arrange_ports(compensator, measured, driven).sampled
+    if not same_period(law.period_s, held.system.period_s):
+        raise ConfigError(
+            f"a law of {law.period_s} s on a plant held over {held.system.period_s} s",
+            hint="emulate(law, period_s), or hold the plant over the law's period",
+        )
     if np.any(held.system.D) and np.any(law.D):
         raise ConfigError(
             "the plant answers within the sample in which it is commanded, and so does the law",
             hint="the plant's true delay, or a law without a direct term (the predictor form)",
         )
     return law
-
-
-def _places(given: Sequence[Port], wanted: Sequence[Port], what: str) -> list[int]:
-    places = port_indices(given, [p.name for p in wanted], what)
-    if len(given) != len(wanted):
-        raise ConfigError(
-            f"the compensator has {len(given)} ports where the plant has {len(wanted)} of this {what}",
-            hint="the plant's groups u and y must be those of the compensator",
-        )
-    return places
 
 
 def _close(held: HeldPlant, law: SampledStateSpace) -> SampledStateSpace:

@@ -29,7 +29,7 @@ class Segment:
     start: Float[np.ndarray, "held all"]
 
 
-@record
+@record(kw_only=True)
 class Between:
     """x' = A x + B u + noise of intensity V, seen by C and D; inputs and measurements delayed by samples."""
 
@@ -43,7 +43,7 @@ class Between:
     period_s: float
 
 
-@record
+@record(kw_only=True)
 class _Layout:
     """Where the sampled states are: the plant's, past inputs, waiting measurements; then the new inputs."""
 
@@ -71,7 +71,7 @@ def follow_period(between: Between) -> tuple[SampledStateSpace, np.ndarray, tupl
     depth, waiting = np.ceil(between.late_in).astype(int), np.ceil(between.late_out).astype(int)
     first = n + np.concatenate([[0], np.cumsum(depth)])
     chain = int(first[-1]) + np.concatenate([[0], np.cumsum(waiting)])
-    layout = _Layout(n, first, chain, int(chain[-1]), m)
+    layout = _Layout(states=n, first=first, chain=chain, size=int(chain[-1]), inputs=m)
     looks = waiting - between.late_out
     x = np.eye(n, layout.size + m)
     spread = np.zeros((n, n))
@@ -149,6 +149,6 @@ def _assemble(
         read[o] = 0.0
         read[o, end - 1] = 1.0
     system = SampledStateSpace(
-        both[:, :size], both[:, size:], read[:, :size], read[:, size:], between.period_s
+        both[:, :size], both[:, size:], read[:, :size], read[:, size:], period_s=between.period_s
     )
     return system, added, tuple(segments)

@@ -183,7 +183,7 @@ def _build(
     inputs = _ports(found, "Input", name_ports("u", D.shape[-1]), where)
     outputs = _ports(found, "Output", name_ports("y", len(D)), where)
     system = build_system(matrices, period, (len(inputs), len(outputs)), where)
-    plant = Plant(system, inputs, outputs, state_names=_texts(found, "StateName"))
+    plant = Plant(dynamics=system, inputs=inputs, outputs=outputs, state_names=_texts(found, "StateName"))
     kind, late = _text(found, "Kind"), [name for name in DELAYS if np.any(found.get(name, 0.0))]
     if late and (kind == "compensator" or period is not None):
         raise DataError(

@@ -52,10 +52,10 @@ def _as_plant(value: Exchangeable) -> Plant:
         case Plant():
             return dataclasses.replace(value, dynamics=matrices_of(value), state_names=name_states(value))
         case Compensator():
-            return Plant(value.dynamics, value.inputs, value.outputs)
+            return Plant(dynamics=value.dynamics, inputs=value.inputs, outputs=value.outputs)
         case StateSpace() | SampledStateSpace():
             outputs, inputs = value.D.shape
-            return Plant(value, name_ports("u", inputs), name_ports("y", outputs))
+            return Plant(dynamics=value, inputs=name_ports("u", inputs), outputs=name_ports("y", outputs))
         case _:  # pyright: ignore[reportUnnecessaryComparison]
             raise ConfigError(
                 f"a {type(value).__name__} cannot be exchanged", hint="a system, a plant or a compensator"

@@ -79,7 +79,7 @@ def from_control(system: Any, *, like: Sequence[Port] = (), period_s: float | No
     states = getattr(system, "state_labels", ()) if hasattr(system, "A") else ()
     own = tuple(f"x[{i}]" for i in range(len(found.A)))
     names = () if tuple(states) == own else _without_numbers(states)
-    return Plant(found, inputs, outputs, state_names=names)
+    return Plant(dynamics=found, inputs=inputs, outputs=outputs, state_names=names)
 
 
 def _library() -> Any:

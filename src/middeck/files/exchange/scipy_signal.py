@@ -70,7 +70,7 @@ def from_scipy(
     found = _matrices(system, period, what)
     rows, columns = found.D.shape
     ports = tuple(inputs) or name_ports("u", columns), tuple(outputs) or name_ports("y", rows)
-    return Plant(found, *ports, state_names=tuple(state_names))
+    return Plant(dynamics=found, inputs=ports[0], outputs=ports[1], state_names=tuple(state_names))
 
 
 def _matrices(system: Any, period: float | None, what: str) -> LinearSystem:

@@ -20,7 +20,7 @@ from middeck.values import record
 Side = Literal["", "input", "output"]
 
 
-@record
+@record(kw_only=True)
 class NamedColumn:
     """One channel and its description; ``number`` counts the columns of the file from one."""
 
@@ -96,7 +96,12 @@ def _column(text: str, side: Side) -> NamedColumn:
     if found is None:
         raise ConfigError(f"{text!r} names no column", hint="write NAME, NAME [UNIT] or NUMBER=NAME [UNIT]")
     number, name, unit = found.groups()
-    return NamedColumn(name, side, None if unit is None else unit.strip(), int(number) if number else None)
+    return NamedColumn(
+        name=name,
+        side=side,
+        unit=None if unit is None else unit.strip(),
+        number=int(number) if number else None,
+    )
 
 
 def columns_beside(file: Path) -> Columns | None:
@@ -121,4 +126,6 @@ def columns_beside(file: Path) -> Columns | None:
 def _described(form: ChannelForm, where: str) -> NamedColumn:
     keys = ("node", "direction", "role", "gain", "raw_unit", "calibrated")
     channel = build_channel({k: getattr(form, k) for k in keys}, where)
-    return NamedColumn(form.name, form.side or "", form.unit, form.column, channel)
+    return NamedColumn(
+        name=form.name, side=form.side or "", unit=form.unit, number=form.column, channel=channel
+    )

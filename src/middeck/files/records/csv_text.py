@@ -33,7 +33,7 @@ ADVICE = "the first line must read like: time [s],u:torque [N m],y:angle [rad]"
 Row = tuple[int, list[str]]
 
 
-@record
+@record(kw_only=True)
 class Opening:
     """What stands before the numbers.
 
@@ -74,7 +74,14 @@ def read_csv(file: Path, variable: str) -> Raw:
         what = f"{len(table)} samples are not {periods} whole periods"
         raise DataError(what, where=str(file), hint="the file may be truncated; mend its line of periods")
     x = tuple(column.reshape(1, periods, -1) for column in table.T)
-    return Raw(rate, opening.heads, x, opening.periods is not None, faults, share)
+    return Raw(
+        sample_hz=rate,
+        heads=opening.heads,
+        x=x,
+        periodic=opening.periods is not None,
+        faults=faults,
+        rate_share=share,
+    )
 
 
 def write_csv(path: Path, stream: RecordStream) -> None:
@@ -159,7 +166,12 @@ def _opening(line: str, number: int, told: dict[str, Any], file: Path) -> Openin
     periods, samples = (_whole(told, key, where) for key in ("periods", "samples"))
     if all(map(_is_number, cells)):
         return Opening(
-            number - 1, tuple(Head("", None, "") for _ in cells), False, periods, separator, samples
+            line=number - 1,
+            heads=tuple(Head("", None, "") for _ in cells),
+            timed=False,
+            periods=periods,
+            separator=separator,
+            samples=samples,
         )
     heads = [_head(cell, k, told, where) for k, cell in enumerate(cells)]
     timed = heads[0].name.lower() in ("time", "t")
@@ -167,7 +179,14 @@ def _opening(line: str, number: int, told: dict[str, Any], file: Path) -> Openin
         raise DataError(f"the first column is {cells[0]!r}, not time [s]", where=where, hint=ADVICE)
     if any(h.side for h in heads) and not timed:
         raise DataError(f"the first column is {cells[0]!r}, not time [s]", where=where, hint=ADVICE)
-    return Opening(number, tuple(heads[timed:]), timed, periods, separator, samples)
+    return Opening(
+        line=number,
+        heads=tuple(heads[timed:]),
+        timed=timed,
+        periods=periods,
+        separator=separator,
+        samples=samples,
+    )
 
 
 def _whole(told: dict[str, Any], key: str, where: str) -> int | None:
@@ -310,7 +329,17 @@ def _with_gaps(
     what = f"{missing} time stamps are missing, the first at {time[0] + step * runs[0][0]:.6g} s"
     hint = "cut the record before the gap, or record it again"
     faults = tuple(
-        Fault("gap", "unusable", h.side or "output", h.name, 0, runs[:100], what, hint) for h in heads
+        Fault(
+            kind="gap",
+            severity="unusable",
+            side=h.side or "output",
+            channel=h.name,
+            experiment=0,
+            samples=runs[:100],
+            what=what,
+            hint=hint,
+        )
+        for h in heads
     )
     return rate_of(step, len(time), digit), whole, faults
 
@@ -335,7 +364,9 @@ def head_csv(file: Path) -> tuple[Raw, tuple[int, int, int]]:
     periods = opening.periods or 1
     shape = (1, periods, count // periods)
     x = tuple(np.broadcast_to(0.0, shape) for _ in opening.heads)
-    return Raw(rate, opening.heads, x, opening.periods is not None, rate_share=share), shape
+    return Raw(
+        sample_hz=rate, heads=opening.heads, x=x, periodic=opening.periods is not None, rate_share=share
+    ), shape
 
 
 def pieces_csv(file: Path, sample_hz: float | None, size: int) -> Iterator[np.ndarray]:

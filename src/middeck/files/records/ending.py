@@ -38,7 +38,18 @@ def cut_short(file: Path, heads: Sequence[Head], separator: str) -> tuple[Fault,
     hint = "copy or record it again; a file that is whole ends its last line"
     last = heads[-1]
     severity = "serious" if short else "note"
-    return (Fault("truncated", severity, last.side or "output", last.name, 0, (), what, hint),)
+    return (
+        Fault(
+            kind="truncated",
+            severity=severity,
+            side=last.side or "output",
+            channel=last.name,
+            experiment=0,
+            samples=(),
+            what=what,
+            hint=hint,
+        ),
+    )
 
 
 def is_short(cell: str, others: Sequence[str]) -> bool:

@@ -163,5 +163,9 @@ def build_raw(arrays: Mapping[str, Any], where: str) -> Raw:
     x = tuple(np.moveaxis(u, 3, 0)) + tuple(np.moveaxis(y, 3, 0))
     rate = read_rate(arrays["sample_hz"], where)
     return Raw(
-        rate, heads[0] + heads[1], x, read_flag(arrays, "periodic", where), held=read_held(arrays, where)
+        sample_hz=rate,
+        heads=heads[0] + heads[1],
+        x=x,
+        periodic=read_flag(arrays, "periodic", where),
+        held=read_held(arrays, where),
     )

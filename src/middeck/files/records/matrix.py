@@ -27,4 +27,4 @@ def raw_matrix(matrix: np.ndarray, file: Path) -> Raw:
             hint="transpose it"
         )  # fmt: skip
     heads = tuple(Head("", None, "") for _ in range(columns))
-    return Raw(None, heads, tuple(x[None, None].astype(float) for x in matrix.T))
+    return Raw(sample_hz=None, heads=heads, x=tuple(x[None, None].astype(float) for x in matrix.T))

@@ -27,7 +27,7 @@ class Head:
     channel: Channel | None = None
 
 
-@dataclass(frozen=True)  # views of what was read, not copies
+@dataclass(frozen=True, kw_only=True)  # views of what was read, not copies
 class Raw:
     """Channels as read: for each head an array (experiment, period, sample).
 
@@ -65,7 +65,15 @@ def build_record(raw: Raw, columns: Columns | None, where: str) -> Record:
         np.stack([raw.x[k] for k in side], axis=-1) if side else np.empty((*shape, 0))
         for side in (chosen.u, chosen.y)
     )
-    return Record(rate, u, y, chosen.inputs, chosen.outputs, raw.periodic, raw.held)
+    return Record(
+        sample_hz=rate,
+        u=u,
+        y=y,
+        inputs=chosen.inputs,
+        outputs=chosen.outputs,
+        periodic=raw.periodic,
+        held=raw.held,
+    )
 
 
 def sampling_rate(raw: Raw, columns: Columns | None, where: str) -> float:
@@ -88,7 +96,7 @@ def choose(heads: tuple[Head, ...], columns: Columns | None, where: str) -> Chos
         picks = [(_position(heads, c, n, where), c) for n, c in enumerate(named)]
     else:
         told = {_position(heads, c, n, where): c for n, c in enumerate(named)}
-        picks = [(k, told.get(k, NamedColumn(h.name, ""))) for k, h in enumerate(heads)]
+        picks = [(k, told.get(k, NamedColumn(name=h.name, side=""))) for k, h in enumerate(heads)]
     sides: dict[str, list[tuple[int, Port]]] = {"input": [], "output": [], "": []}
     for k, column in picks:
         side = column.side or heads[k].side

@@ -65,7 +65,13 @@ def stream_uff(file: Path, columns: Columns | None) -> RecordStream:
             hint="cut them to one length; load_campaign takes them",
         )
     first = runs[0]
-    raw = Raw(first.sample_hz, first.heads, (), first.periods is not None, held=first.held)
+    raw = Raw(
+        sample_hz=first.sample_hz,
+        heads=first.heads,
+        x=(),
+        periodic=first.periods is not None,
+        held=first.held,
+    )
     chosen = choose(first.heads, columns, str(file))
 
     def pieces(experiment: int, size: int) -> Pieces:
@@ -103,4 +109,13 @@ def _stream(
         return pieces(experiment, size)
 
     count = periods * samples
-    return RecordStream(rate, chosen.inputs, chosen.outputs, count, experiments, period, placed, raw.held)
+    return RecordStream(
+        sample_hz=rate,
+        inputs=chosen.inputs,
+        outputs=chosen.outputs,
+        samples=count,
+        experiments=experiments,
+        period=period,
+        pieces=placed,
+        held=raw.held,
+    )

@@ -36,7 +36,7 @@ WHOLE = 1 << 20
 EVEN = 1e-12
 
 
-@record
+@record(kw_only=True)
 class Run:
     """One experiment: a data set for each channel, the samples that they share, and their rate [Hz]."""
 
@@ -69,7 +69,14 @@ def raw_run(file: Path, run: Run) -> Raw:
     columns = [np.concatenate(list(pieces_channel(file, run, k, WHOLE))) for k in range(len(run.sets))]
     periods = run.periods or 1
     x = tuple(c.reshape(1, periods, -1) for c in columns)
-    return Raw(run.sample_hz, run.heads, x, run.periods is not None, run.faults, held=run.held)
+    return Raw(
+        sample_hz=run.sample_hz,
+        heads=run.heads,
+        x=x,
+        periodic=run.periods is not None,
+        faults=run.faults,
+        held=run.held,
+    )
 
 
 def pieces_channel(file: Path, run: Run, channel: int, size: int) -> Iterator[np.ndarray]:
@@ -196,7 +203,16 @@ def _run(heads: tuple[Head, ...], sets: tuple[Dataset, ...], file: Path) -> Run:
         raise DataError(what, where=str(file), hint="the channels were not recorded together")
     faults = _cut_faults(heads, sets, whole, samples)
     count, held = None if periods is None else int(periods), _told(sets[0], "held")
-    return Run(heads, sets, whole, samples, rates[0], count, None if held is None else bool(held), faults)
+    return Run(
+        heads=heads,
+        sets=sets,
+        skips=whole,
+        samples=samples,
+        sample_hz=rates[0],
+        periods=count,
+        held=None if held is None else bool(held),
+        faults=faults,
+    )
 
 
 def _cut_faults(
@@ -209,7 +225,18 @@ def _cut_faults(
         if skip or end:
             what = f"begins {skip} samples before and ends {end} after what all channels have: cut"
             hint = "check that the channels were triggered together"
-            found.append(Fault("starts", "note", head.side or "output", head.name, None, (), what, hint))
+            found.append(
+                Fault(
+                    kind="starts",
+                    severity="note",
+                    side=head.side or "output",
+                    channel=head.name,
+                    experiment=None,
+                    samples=(),
+                    what=what,
+                    hint=hint,
+                )
+            )
     return tuple(found)
 
 
@@ -252,7 +279,16 @@ def _header(port: Port, ours: str, side: str, where: str) -> Header:
     quantity = FORCE if side == "input" and port.unit in ("N", "N m") else QUANTITY.get(port.unit, 1)
     texts = (port.name, "NONE", "NONE", ours, _known(channel))
     place = _place(channel, f"{where}, channel {port.name}")
-    return Header(texts, TIME, place, Place("", 0, 0), 17, "s", quantity, port.unit)
+    return Header(
+        texts=texts,
+        kind=TIME,
+        response=place,
+        reference=Place("", 0, 0),
+        axis=17,
+        axis_unit="s",
+        quantity=quantity,
+        unit=port.unit,
+    )
 
 
 def _known(channel: Channel) -> str:
@@ -306,7 +342,7 @@ def read_response(file: Path) -> FrequencyResponse:
         _end(at, d.unit or units.get(d.quantity, ""), d.texts[4], file)
         for at, d in zip(outputs, firsts, strict=True)
     )
-    return FrequencyResponse(lines[kept], H[kept], into, out)
+    return FrequencyResponse(frequency_hz=lines[kept], H=H[kept], inputs=into, outputs=out)
 
 
 End = tuple[Place, str]  # with the name of the port, where the file is ours
@@ -368,4 +404,15 @@ def _response_header(output: Port, at: Port, told: str, where: str) -> Header:
     texts = (output.name, at.name, _known(ends[1]), f"{OURS} response{told}", _known(ends[0]))
     divisor = FORCE if at.unit in ("N", "N m") else QUANTITY.get(at.unit, 0)
     quantity = QUANTITY.get(output.unit, 0)
-    return Header(texts, RESPONSE, places[0], places[1], 18, "Hz", quantity, output.unit, divisor, at.unit)
+    return Header(
+        texts=texts,
+        kind=RESPONSE,
+        response=places[0],
+        reference=places[1],
+        axis=18,
+        axis_unit="Hz",
+        quantity=quantity,
+        unit=output.unit,
+        divisor=divisor,
+        divisor_unit=at.unit,
+    )

@@ -43,7 +43,7 @@ OTHER_ABSCISSAS = ("ms", "msec", "us", "µs", "min", "kHz", "MHz", "rad/s", "rpm
 SEARCHED = 1_000_000
 
 
-@record
+@record(kw_only=True)
 class Dataset:
     """One data set 58: its header, and where its numbers stand.
 
@@ -219,21 +219,21 @@ def _dataset(lines: list[str], begin: int, order: Literal["", "<", ">"], start: 
     if count < 1 or (even and not (step is not None and step > 0.0)):
         raise DataError(f"{count} values by steps of {step}", where=where, hint=AGAIN)
     return Dataset(
-        begin,
-        tuple(t.strip() for t in lines[:5]),
-        kind,
-        _place(function, 31, where),
-        _place(function, 56, where),
-        data,
-        count,
-        _number(form, 30, 43, where, "the abscissa minimum"),
-        step,
-        form[43:56].strip(),
-        _whole(ordinate, 0, 10, where, "the ordinate's quantity"),
-        _label(ordinate),
-        _label(denominator),
-        order,
-        start,
+        line=begin,
+        texts=tuple(t.strip() for t in lines[:5]),
+        kind=kind,
+        response=_place(function, 31, where),
+        reference=_place(function, 56, where),
+        ordinate=data,
+        count=count,
+        first=_number(form, 30, 43, where, "the abscissa minimum"),
+        step=step,
+        step_text=form[43:56].strip(),
+        quantity=_whole(ordinate, 0, 10, where, "the ordinate's quantity"),
+        unit=_label(ordinate),
+        divisor_unit=_label(denominator),
+        order=order,
+        start=start,
         size=0,
     )
 

@@ -13,7 +13,7 @@ from middeck.values import record
 REAL, COMPLEX = 4, 6  # double precision
 
 
-@record
+@record(kw_only=True)
 class Header:
     """Header of a data set 58: see `middeck.files.records.uff58.Dataset`."""
 

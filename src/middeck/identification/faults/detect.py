@@ -58,7 +58,8 @@ def detect_faults(record: Record, reference: FrequencyResponse | None = None) ->
     >>> rng = np.random.default_rng(0)
     >>> u, y = rng.standard_normal((1, 1, 500, 1)), rng.standard_normal((1, 1, 500, 1))
     >>> y[0, 0, 200] = 40.0
-    >>> record = Record(100.0, u, y, (Port("force", "N"),), (Port("tip", "m"),), periodic=False)
+    >>> record = Record(sample_hz=100.0, u=u, y=y, inputs=(Port("force", "N"),), outputs=(Port("tip",
+    ...     "m"),), periodic=False)
     >>> [(f.channel, f.kind, f.samples) for f in detect_faults(record)]
     [('tip', 'spike', ((200, 201),))]
     """
@@ -111,9 +112,9 @@ def _channel_faults(
     if is_dead(x):
         what = f"does not move: constant at {x[0]:.6g} {port.unit}".rstrip()
         dead = Found(
-            "dead",
-            what,
-            "check cable and gain, or leave the channel out",
+            kind="dead",
+            what=what,
+            hint="check cable and gain, or leave the channel out",
             severity="unusable",
             samples=((0, len(x)),),
         )

@@ -34,7 +34,12 @@ def find_offset(x: Signal, unit: str, *, is_input: bool) -> list[Found]:
         return []
     what = f"offset of {level:.3g} {unit}, {abs(level) / swing:.1f} times its swing".replace("  ", " ")
     return [
-        Found("offset", what, "responses leave it out; check range and zero of the sensor", severity="note")
+        Found(
+            kind="offset",
+            what=what,
+            hint="responses leave it out; check range and zero of the sensor",
+            severity="note",
+        )
     ]
 
 
@@ -49,7 +54,7 @@ def find_drift(x: Signal, unit: str, *, period: int | None) -> list[Found]:
         "  ", " "
     )
     hint = "let sensors and article warm up; take the drift out before a fit of slow modes"
-    return [Found("drift", what, hint)]
+    return [Found(kind="drift", what=what, hint=hint)]
 
 
 def _trend(x: Signal, periods: int) -> tuple[float, float]:
@@ -78,7 +83,9 @@ def find_coarse_steps(x: Signal, levels: Levels) -> list[Found]:
         return []
     what = f"coarse steps of {step:.3g}: their noise is {noise:.1%} of the signal"
     hint = "amplify before the converter, or choose a smaller range"
-    return [Found("quantisation", what, hint, severity="serious" if noise > TOO_COARSE else "note")]
+    return [
+        Found(kind="quantisation", what=what, hint=hint, severity="serious" if noise > TOO_COARSE else "note")
+    ]
 
 
 def find_held(x: Signal) -> list[Found]:
@@ -92,7 +99,7 @@ def find_held(x: Signal) -> list[Found]:
         return []
     what = f"moves at every {every}. sample only: recorded at a {every} times slower rate and held"
     hint = "resample all channels to the slower rate, or take the hold into account"
-    return [Found("held", what, hint)]
+    return [Found(kind="held", what=what, hint=hint)]
 
 
 def find_transient(x: Signal, period: int) -> list[Found]:
@@ -109,7 +116,11 @@ def find_transient(x: Signal, period: int) -> list[Found]:
     hint = "leave the first period out, or wait longer before recording"
     return [
         Found(
-            "transient", what, hint, severity="serious" if size > SERIOUS else "note", samples=((0, period),)
+            kind="transient",
+            what=what,
+            hint=hint,
+            severity="serious" if size > SERIOUS else "note",
+            samples=((0, period),),
         )
     ]
 
@@ -137,4 +148,8 @@ def find_unsteady_input(u: Signal, period: int) -> list[Found]:
     if scatter <= REPEATS * size:
         return []
     what = f"does not repeat: it scatters by {scatter / max(size, 1e-300):.0%} of its mean period"
-    return [Found("repeat", what, "count the periods; record only steady ones", severity="unusable")]
+    return [
+        Found(
+            kind="repeat", what=what, hint="count the periods; record only steady ones", severity="unusable"
+        )
+    ]

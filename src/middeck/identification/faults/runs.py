@@ -65,7 +65,7 @@ def levels_of(x: Signal) -> Levels:
     return Levels(len(levels), 0.0)
 
 
-@record
+@record(kw_only=True)
 class Found:
     """Kind, what, hint, severity and runs of samples of a `Fault`."""
 
@@ -79,4 +79,13 @@ class Found:
     def at(self, side: Side, port: Port, experiment: int | None = None) -> Fault:
         """As a fault of a channel."""
         runs = self.samples[:MOST_RUNS]
-        return Fault(self.kind, self.severity, side, port.name, experiment, runs, self.what, self.hint)
+        return Fault(
+            kind=self.kind,
+            severity=self.severity,
+            side=side,
+            channel=port.name,
+            experiment=experiment,
+            samples=runs,
+            what=self.what,
+            hint=self.hint,
+        )

@@ -109,12 +109,26 @@ def average_blows(
     answer = np.stack([y[b.experiment, b.first : b.first + size] - levels[b.experiment] for b in good])
     tau = _time_constant(answer, record.sample_hz) if window_s is None else window_s
     window = np.exp(-(np.arange(size) - BEFORE) / (record.sample_hz * tau))[:, None]
-    ports = record.inputs, record.outputs
-    blocks = Record(record.sample_hz, force[:, None], answer[:, None], *ports, periodic=False)
+    blocks = Record(
+        sample_hz=record.sample_hz,
+        u=force[:, None],
+        y=answer[:, None],
+        inputs=record.inputs,
+        outputs=record.outputs,
+        periodic=False,
+    )
     spectra = _spectra(blocks, window)
     band_hz = _useful(spectra) if band_hz is None else band_hz
     found = spectra_response(spectra, ratio, band_hz=band_hz)
-    response = FrequencyResponse(found.frequency_hz, found.H, *ports, *trusted(found))
+    variance, covariance = trusted(found)
+    response = FrequencyResponse(
+        frequency_hz=found.frequency_hz,
+        H=found.H,
+        inputs=record.inputs,
+        outputs=record.outputs,
+        variance=variance,
+        covariance=covariance,
+    )
     kept = np.isin(spectra.frequency_hz, found.frequency_hz)
     coherence = ordinary_coherence(spectra)[kept, :, 0]
     return ImpactTest(

@@ -29,8 +29,10 @@ def model_of_plant(plant: Plant, *, delay_s: float = 0.0) -> MeasurementModel:
     Examples
     --------
     >>> from middeck.signals.ports import Port
-    >>> mode = ModalSystem([10.0], [0.01], [[2.0]], [[3.0]], [[0.0]], ("bounce",))
-    >>> model = model_of_plant(Plant(mode, (Port("force", "N"),), (Port("way", "m"),)))
+    >>> mode = ModalSystem(omega=[10.0], zeta=[0.01], psi=[[2.0]], phi=[[3.0]], phi_rate=[[0.0]],
+    ...     names=("bounce",))
+    >>> model = model_of_plant(Plant(dynamics=mode, inputs=(Port("force", "N"),), outputs=(Port("way",
+    ...     "m"),)))
     >>> model.poles.round(4).tolist()
     [(-0.1+9.9995j)]
     """

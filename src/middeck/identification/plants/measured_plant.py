@@ -39,6 +39,14 @@ def measured_plant(
             "a sampled model has no continuous plant",
             hint="fit it without sample_hz, or take sampled_statespace",
         )
-    groups = tuple(w), tuple(u), tuple(z), tuple(y)
-    dynamics, names, delay_s = modal_statespace(model), state_names(model), path_delay(model)
-    return Plant(dynamics, model.inputs, model.outputs, *groups, names, delay_s)
+    return Plant(
+        dynamics=modal_statespace(model),
+        inputs=model.inputs,
+        outputs=model.outputs,
+        w=tuple(w),
+        u=tuple(u),
+        z=tuple(z),
+        y=tuple(y),
+        state_names=state_names(model),
+        delay_s=path_delay(model),
+    )

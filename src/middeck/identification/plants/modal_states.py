@@ -32,7 +32,7 @@ def sampled_statespace(model: MeasurementModel) -> SampledStateSpace:
             hint="sample_plant(measured_plant(model), period_s)",
         )
     A, B, C = _modal_blocks(model, np.exp(model.poles / model.sample_hz))
-    return SampledStateSpace(A, B, C, model.direct, 1.0 / model.sample_hz)
+    return SampledStateSpace(A, B, C, model.direct, period_s=1.0 / model.sample_hz)
 
 
 def modal_statespace(model: MeasurementModel) -> StateSpace:
@@ -49,7 +49,7 @@ def rational_statespace(model: MeasurementModel) -> StateSpace | SampledStateSpa
     """All of the model but its delays, with 1/s^2 as two states for each direction of L."""
     if model.sample_hz is not None:
         A, B, C = _modal_blocks(model, np.exp(model.poles / model.sample_hz))
-        return SampledStateSpace(A, B, C, model.direct, 1.0 / model.sample_hz)
+        return SampledStateSpace(A, B, C, model.direct, period_s=1.0 / model.sample_hz)
     modes = StateSpace(*_modal_blocks(model, model.poles), model.direct)
     double = double_pole(model)
     modes = _beside(modes, double, DOUBLE) if np.any(double) else modes

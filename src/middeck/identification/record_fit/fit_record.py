@@ -239,7 +239,9 @@ def _check_length(record: Record, states: int) -> None:
 def _lines(record: Record, data: Data, H: np.ndarray) -> FrequencyResponse:
     """A response on the lines that are fitted."""
     f = data.omega / (2.0 * np.pi)
-    return FrequencyResponse(f, H, record.inputs, record.outputs, np.zeros(H.shape))
+    return FrequencyResponse(
+        frequency_hz=f, H=H, inputs=record.inputs, outputs=record.outputs, variance=np.zeros(H.shape)
+    )
 
 
 def _local_fit(record: Record, lines: FrequencyResponse, asked: FitOptions) -> FitResult:

@@ -69,7 +69,7 @@ def simulate_record(
     >>> y = 0.5 ** np.arange(16.0).reshape(u.shape)            # y[k+1] = 0.5 y[k] + u[k], from y[0] = 1
     >>> u[..., 8:, :], y[..., 9:, :] = 1.0, 2.0 - 2.0 * 0.5 ** np.arange(1.0, 8.0).reshape(1, 1, 7, 1)
     >>> y[..., 9:, :] += 0.5 ** np.arange(9.0, 16.0).reshape(1, 1, 7, 1)
-    >>> record = Record(1.0, u, y, port, port, periodic=False)
+    >>> record = Record(sample_hz=1.0, u=u, y=y, inputs=port, outputs=port, periodic=False)
     >>> bool(np.allclose(simulate_record(lag, record, state_share=0.2), y))
     True
     """

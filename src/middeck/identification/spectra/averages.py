@@ -85,7 +85,8 @@ def estimate_spectra(
     --------
     >>> rng = np.random.default_rng(0)
     >>> u = rng.standard_normal((1, 1, 4096, 1))
-    >>> S = estimate_spectra(Record(10.0, u, 2 * u, (Port("u", "V"),), (Port("y", "m"),), periodic=False))
+    >>> S = estimate_spectra(Record(sample_hz=10.0, u=u, y=2 * u, inputs=(Port("u", "V"),),
+    ...     outputs=(Port("y", "m"),), periodic=False))
     >>> len(S.frequency_hz), round(float(np.mean(S.S_uu.real)) * 10.0, 1)   # two-sided: sum S df = variance
     (129, 1.0)
     """
@@ -203,7 +204,8 @@ def doubts_of_window(found: ResponseScatter, spectra: Spectra) -> list[str]:
     >>> from scipy.signal import lfilter
     >>> u = np.random.default_rng(0).standard_normal((1, 1, 65536, 1))
     >>> y = lfilter([1.0], [1.0, -1.9, 0.9975], u, axis=2)          # a mode 1 % of the sampling rate wide
-    >>> S = estimate_spectra(Record(1.0, u, y, (Port("u", ""),), (Port("y", ""),), periodic=False))
+    >>> S = estimate_spectra(Record(sample_hz=1.0, u=u, y=y, inputs=(Port("u", ""),), outputs=(Port("y",
+    ...     ""),), periodic=False))
     >>> len(doubts_of_window(spectra_response(S), S))
     1
     """

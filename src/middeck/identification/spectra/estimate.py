@@ -100,7 +100,8 @@ def estimate_response(
     >>> u = np.random.default_rng(0).standard_normal((1, 2, 64, 1))
     >>> u[:, 1] = u[:, 0]                                   # two periods of one signal
     >>> y = 2.0 * np.roll(u, 1, axis=2)                     # a gain of two, one sample late
-    >>> G = estimate_response(Record(64.0, u, y, (Port("u", "V"),), (Port("y", "m"),), periodic=True))
+    >>> G = estimate_response(Record(sample_hz=64.0, u=u, y=y, inputs=(Port("u", "V"),), outputs=(Port("y",
+    ...     "m"),), periodic=True))
     >>> quarter = G.H[15, 0, 0]                             # at 16 Hz, a quarter of the sampling rate
     >>> round(float(abs(quarter)), 9), round(float(np.angle(quarter, deg=True)), 9)
     (2.0, -90.0)
@@ -110,8 +111,15 @@ def estimate_response(
     )
     variance, covariance = trusted(found)
     hold_s = None if record.held is None else 1.0 / record.sample_hz if record.held else 0.0
+    inputs, outputs = plant_ports(record, reference)
     return FrequencyResponse(
-        found.frequency_hz, found.H, *plant_ports(record, reference), variance, covariance, hold_s
+        frequency_hz=found.frequency_hz,
+        H=found.H,
+        inputs=inputs,
+        outputs=outputs,
+        variance=variance,
+        covariance=covariance,
+        hold_s=hold_s,
     )
 
 

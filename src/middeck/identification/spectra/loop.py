@@ -64,7 +64,14 @@ def from_channels(record: Record | RecordStream, names: Sequence[str]) -> Record
     inputs, outputs = tuple(ports[k] for k in picked), tuple(ports[k] for k in left)
     if isinstance(record, Record):
         z = np.concatenate([record.u, record.y], axis=3)
-        return Record(record.sample_hz, z[..., picked], z[..., left], inputs, outputs, record.periodic)
+        return Record(
+            sample_hz=record.sample_hz,
+            u=z[..., picked],
+            y=z[..., left],
+            inputs=inputs,
+            outputs=outputs,
+            periodic=record.periodic,
+        )
     source = record
 
     def pieces(experiment: int, size: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
@@ -73,7 +80,13 @@ def from_channels(record: Record | RecordStream, names: Sequence[str]) -> Record
             yield z[:, picked], z[:, left]
 
     return RecordStream(
-        source.sample_hz, inputs, outputs, source.samples, source.experiments, source.period, pieces
+        sample_hz=source.sample_hz,
+        inputs=inputs,
+        outputs=outputs,
+        samples=source.samples,
+        experiments=source.experiments,
+        period=source.period,
+        pieces=pieces,
     )
 
 
@@ -86,7 +99,14 @@ def from_signal(record: Record, reference: Float[np.ndarray, "experiment period 
         )
     ports = tuple(Port(f"reference {k + 1}", "") for k in range(reference.shape[3]))
     z = np.concatenate([record.y, record.u], axis=3)
-    return Record(record.sample_hz, reference, z, ports, (*record.outputs, *record.inputs), record.periodic)
+    return Record(
+        sample_hz=record.sample_hz,
+        u=reference,
+        y=z,
+        inputs=ports,
+        outputs=(*record.outputs, *record.inputs),
+        periodic=record.periodic,
+    )
 
 
 def from_controller(record: Record, controller: Controller) -> Record:

@@ -32,7 +32,8 @@ def zoomed_lines(
     >>> from middeck.signals.ports import Port
     >>> from middeck.signals.record import Record, stream_record
     >>> u, y = np.random.default_rng(0).standard_normal((2, 1, 1, 9000, 1))
-    >>> stream = stream_record(Record(1.0, u, y, (Port("u", ""),), (Port("y", ""),), periodic=False))
+    >>> stream = stream_record(Record(sample_hz=1.0, u=u, y=y, inputs=(Port("u", ""),), outputs=(Port("y",
+    ...     ""),), periodic=False))
     >>> bool(np.allclose(zoomed_lines(stream, 700, 50)[:, 0, 0], np.fft.rfft(u[0, 0, :, 0])[700:750]))
     True
     """

@@ -53,7 +53,14 @@ def design_mls(
     u = scale_to_limits(u, limits, sample_hz, periodic=True)
     last = int(HALF_POWER * len(bits)) if hold > 1 else (len(bits) - 1) // 2
     what = f"maximum length sequence of 2^{order} - 1 bits at {sample_hz / hold:.6g} Hz"
-    return Excitation("binary", what, sample_hz, u, np.arange(1, max(1, last) + 1), True)
+    return Excitation(
+        kind="binary",
+        what=what,
+        sample_hz=sample_hz,
+        u=u,
+        lines=np.arange(1, max(1, last) + 1),
+        periodic=True,
+    )
 
 
 def design_binary(
@@ -82,7 +89,7 @@ def design_binary(
     u = scale_to_limits(spread_signs(best, inputs), limits, sample_hz, periodic=True)
     what = f"binary signal with {share:.0%} of its power on {len(lines)} lines from "
     what += f"{lines[0] / period_s:.6g} to {lines[-1] / period_s:.6g} Hz"
-    return Excitation("binary", what, sample_hz, u, lines, True)
+    return Excitation(kind="binary", what=what, sample_hz=sample_hz, u=u, lines=lines, periodic=True)
 
 
 def _swap(lines: np.ndarray, samples: int, rng: np.random.Generator) -> Float[np.ndarray, " sample"]:

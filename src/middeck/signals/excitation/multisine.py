@@ -97,7 +97,7 @@ def design_multisine(
     what += f"{lines[-1] / period_s:.6g} Hz"
     if inputs > 1:
         what += f", orthogonal for {inputs} inputs over {inputs} experiments"
-    return Excitation("multisine", what, sample_hz, u, lines, True)
+    return Excitation(kind="multisine", what=what, sample_hz=sample_hz, u=u, lines=lines, periodic=True)
 
 
 def _amplitudes(

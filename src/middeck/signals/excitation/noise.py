@@ -41,7 +41,9 @@ def design_noise(
     u = scale_to_limits(u, limits, sample_hz, periodic=False)
     first, last = band_lines(band_hz, duration_s, sample_hz)
     what = f"Gaussian noise from {band_hz[0]:.6g} to {band_hz[1]:.6g} Hz, {duration_s:.6g} s, not repeated"
-    return Excitation("noise", what, sample_hz, u, np.arange(first, last + 1), False)
+    return Excitation(
+        kind="noise", what=what, sample_hz=sample_hz, u=u, lines=np.arange(first, last + 1), periodic=False
+    )
 
 
 def design_burst(
@@ -72,7 +74,14 @@ def design_burst(
     first, last = band_lines(band_hz, period_s, sample_hz)
     what = f"burst of Gaussian noise from {band_hz[0]:.6g} to {band_hz[1]:.6g} Hz, {on / sample_hz:.6g} s of "
     what += f"each {period_s:.6g} s"
-    return Excitation("burst random", what, sample_hz, u, np.arange(first, last + 1), True)
+    return Excitation(
+        kind="burst random",
+        what=what,
+        sample_hz=sample_hz,
+        u=u,
+        lines=np.arange(first, last + 1),
+        periodic=True,
+    )
 
 
 def _gaussian(

@@ -26,7 +26,7 @@ STEADY = 2.0
 ORTHOGONAL = 0.05
 
 
-@record
+@record(kw_only=True)
 class Recognised:
     """What an input signal is.
 
@@ -90,7 +90,8 @@ def recognise_excitation(measured: Record) -> Recognised:
 
     >>> from middeck.signals.ports import Port
     >>> u = np.tile(np.random.default_rng(0).standard_normal(50), 3)[None, None, :, None]
-    >>> run = Record(10.0, u, 2.0 * u, (Port("u", "N"),), (Port("y", "m"),), False)
+    >>> run = Record(sample_hz=10.0, u=u, y=2.0 * u, inputs=(Port("u", "N"),), outputs=(Port("y", "m"),),
+    ...     periodic=False)
     >>> found = recognise_excitation(run)
     >>> found.period, found.periods, found.steady_from
     (50, 3, 0)
@@ -110,18 +111,18 @@ def _not_repeated(u: np.ndarray, sample_hz: float) -> Recognised:
     band = driven_band(u, sample_hz)
     kind = name_kind(u, None)
     return Recognised(
-        kind,
-        f"{kind}, not repeated within the record" if kind != "silence" else "silence",
-        None,
-        0,
-        0,
-        0,
-        None,
-        lines,
-        band,
-        _crest(u),
-        False,
-        _orthogonality(np.fft.rfft(u, axis=1), lines),
+        kind=kind,
+        what=f"{kind}, not repeated within the record" if kind != "silence" else "silence",
+        period=None,
+        periods=0,
+        offset=0,
+        steady_from=0,
+        scatter=None,
+        lines=lines,
+        band_hz=band,
+        crest_factor=_crest(u),
+        odd=False,
+        orthogonality=_orthogonality(np.fft.rfft(u, axis=1), lines),
     )
 
 
@@ -144,18 +145,18 @@ def _repeated(u: np.ndarray, y: np.ndarray, found: Repetition, sample_hz: float)
     what = f"{called}, {blocks.shape[1]} period{many} of {period} samples ({period / sample_hz:.6g} s)"
     what += f", {'odd lines' if odd else 'lines'} from {band[0]:.6g} to {band[1]:.6g} Hz"
     return Recognised(
-        kind,
-        what,
-        period,
-        blocks.shape[1],
-        u.shape[1] - blocks.shape[1] * period,
-        steady_from,
-        found.scatter,
-        lines,
-        band,
-        _crest(mean),
-        odd,
-        _orthogonality(np.fft.rfft(centred, axis=1), lines),
+        kind=kind,
+        what=what,
+        period=period,
+        periods=blocks.shape[1],
+        offset=u.shape[1] - blocks.shape[1] * period,
+        steady_from=steady_from,
+        scatter=found.scatter,
+        lines=lines,
+        band_hz=band,
+        crest_factor=_crest(mean),
+        odd=odd,
+        orthogonality=_orthogonality(np.fft.rfft(centred, axis=1), lines),
     )
 
 

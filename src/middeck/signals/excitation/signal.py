@@ -9,7 +9,7 @@ from middeck.errors import ConfigError
 from middeck.values import record
 
 
-@record
+@record(kw_only=True)
 class Excitation:
     """A designed test signal.
 

@@ -54,7 +54,14 @@ def design_sweep(
     u = spread_signs(np.sin(2.0 * np.pi * cycles), inputs)
     u = scale_to_limits(u, limits, sample_hz, periodic=True)
     what = f"{law} sweep from {low:.6g} to {high:.6g} Hz in {period_s:.6g} s"
-    return Excitation("swept sine", what, sample_hz, u, np.arange(first, last + 1), True)
+    return Excitation(
+        kind="swept sine",
+        what=what,
+        sample_hz=sample_hz,
+        u=u,
+        lines=np.arange(first, last + 1),
+        periodic=True,
+    )
 
 
 def design_stepped_sine(
@@ -84,4 +91,4 @@ def design_stepped_sine(
     lines = np.unique(cycles * len(cycles))
     what = f"{len(cycles)} sines from {cycles.min() / dwell_s:.6g} to {cycles.max() / dwell_s:.6g} Hz, "
     what += f"{dwell_s:.6g} s each"
-    return Excitation("stepped sine", what, sample_hz, u, lines, True)
+    return Excitation(kind="stepped sine", what=what, sample_hz=sample_hz, u=u, lines=lines, periodic=True)

@@ -53,7 +53,7 @@ from middeck.values import record
 CHUNK = 1024
 
 
-@record
+@record(kw_only=True)
 class Loads:
     """Loads of the environment: gravity [m/s^2], and springs from anchors (in W) to attach points.
 
@@ -67,7 +67,7 @@ class Loads:
     mass: Inexact[np.ndarray, " device"]
 
 
-@record
+@record(kw_only=True)
 class Assembly:
     """The potential at one configuration.
 
@@ -105,7 +105,13 @@ class TangentParts(NamedTuple):
 def no_loads() -> Loads:
     """Orbit: no gravity, no devices."""
     none = np.zeros(0)
-    return Loads(np.zeros(3), np.zeros((0, 3)), none.astype(int), SpringLaw(none, none, none), none)
+    return Loads(
+        gravity=np.zeros(3),
+        anchor=np.zeros((0, 3)),
+        attach_point=none.astype(int),
+        law=SpringLaw(none, none, none),
+        mass=none,
+    )
 
 
 def assemble(
@@ -144,11 +150,13 @@ def assemble_carried(
     state = _inside_state(model, at, inside, None if inner is None else inner.beam[inside.rows])
     A, bent = _inside_motion(model, at, inside, state)
     return Assembly(
-        outside.energy + float(np.sum(state.energy)),
-        T.T @ outside.gradient + A.T @ state.gradient.ravel(),
-        _symmetric(sp.csr_array(T.T @ outside.tangent @ T + turning + _sandwich(A, state.hessian) + bent)),
-        sp.csr_array(outside.jacobian @ T),
-        outside.tension,
+        energy=outside.energy + float(np.sum(state.energy)),
+        gradient=T.T @ outside.gradient + A.T @ state.gradient.ravel(),
+        tangent=_symmetric(
+            sp.csr_array(T.T @ outside.tangent @ T + turning + _sandwich(A, state.hessian) + bent)
+        ),
+        jacobian=sp.csr_array(outside.jacobian @ T),
+        tension=outside.tension,
     )
 
 
@@ -302,7 +310,9 @@ def _assembled(
     joint_energy, joint_gradient, hinges = _sprung_joints(model, config)
     g = J.T @ gradient.ravel() + joint_gradient
     K = model.pattern.matrix(J.data, blocks, hinges)
-    return Assembly(total.energy + joint_energy, g, K, J, total.tension)
+    return Assembly(
+        energy=total.energy + joint_energy, gradient=g, tangent=K, jacobian=J, tension=total.tension
+    )
 
 
 def _turning(model: Model, at: _At, gradient: np.ndarray) -> dict[str, np.ndarray]:

@@ -21,7 +21,7 @@ from middeck.structure.model.member_mesh import cut_members, member_geometry
 from middeck.values import record
 
 
-@record
+@record(kw_only=True)
 class Model:
     """A meshed structure, undeformed. Every array of poses indexes ``points``.
 
@@ -138,7 +138,7 @@ def lay_out(structure: Structure) -> Model:
 
 def select_beams(beams: BeamProperties, rows: slice | np.ndarray) -> BeamProperties:
     """The properties of some of the elements."""
-    return BeamProperties(*(getattr(beams, f.name)[rows] for f in dataclasses.fields(beams)))
+    return BeamProperties(**{f.name: getattr(beams, f.name)[rows] for f in dataclasses.fields(beams)})
 
 
 def _has_inertia(body: Body) -> bool:
@@ -148,9 +148,9 @@ def _has_inertia(body: Body) -> bool:
 def _frame_tree(structure: Structure, roots: int, index: dict[str, int]) -> FrameTree:
     joints = structure.joints
     return FrameTree(
-        roots,
-        np.array([index[j.parent] for j in joints], dtype=int),
-        np.array([j.offset for j in joints]).reshape(-1, 3),
-        np.array([j.axis for j in joints]).reshape(-1, 3),
-        np.array([j.slides for j in joints], dtype=bool),
+        roots=roots,
+        parent=np.array([index[j.parent] for j in joints], dtype=int),
+        offset=np.array([j.offset for j in joints]).reshape(-1, 3),
+        axis=np.array([j.axis for j in joints]).reshape(-1, 3),
+        slides=np.array([j.slides for j in joints], dtype=bool),
     )

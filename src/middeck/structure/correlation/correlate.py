@@ -33,7 +33,7 @@ from middeck.values import record
 RUNS = 1000
 
 
-@record
+@record(kw_only=True)
 class Finding:
     """Result of one criterion.
 
@@ -59,7 +59,7 @@ class Finding:
     expected: Float[np.ndarray, "3"] | None
 
 
-@record
+@record(kw_only=True)
 class Correlation:
     """A model and a test, compared and judged.
 
@@ -148,20 +148,20 @@ def correlate_modes(
     unpaired = tuple(sorted(set(range(len(measured.frequency_hz))) - set(pairs[:, 1].tolist())))
     unmeasured = _unmeasured(modes, measured, pairs)
     return Correlation(
-        modes,
-        measured,
-        profile,
-        index,
-        pairs,
-        found,
-        reduced,
-        phase_collinearity(measured.shape),
-        effective,
-        findings,
-        unpaired,
-        unmeasured,
-        correct.overall,
-        (*units, *_warnings(modes, measured, profile, findings, unpaired, unmeasured)),
+        modes=modes,
+        measured=measured,
+        profile=profile,
+        candidates=index,
+        pairs=pairs,
+        evaluation=found,
+        reduced=reduced,
+        phase_collinearity=phase_collinearity(measured.shape),
+        effective_mass=effective,
+        findings=findings,
+        unpaired=unpaired,
+        unmeasured=unmeasured,
+        probability=correct.overall,
+        warnings=(*units, *_warnings(modes, measured, profile, findings, unpaired, unmeasured)),
     )
 
 
@@ -206,7 +206,9 @@ def _model(
     significant = np.any(effective.fraction[index] > profile.significant_fraction, axis=1)
     flexible = np.array([modes.kind[i] == "flexible" for i in index])
     hz = modes.frequency_hz[index]
-    first = Candidates(hz, shape, np.eye(channels), significant, flexible)
+    first = Candidates(
+        frequency_hz=hz, shape=shape, mass=np.eye(channels), significant=significant, flexible=flexible
+    )
     pairs = evaluate_shapes(first, measured.frequency_hz, measured.shape).pairs
     if not len(pairs):
         raise ConfigError(
@@ -214,7 +216,9 @@ def _model(
             hint="; ".join((*units, "check nodes, directions and frequencies")),
         )
     reduced = reduce_mass(modes, rows, reduction, [int(i) for i in index[pairs[:, 0]]])
-    return Candidates(hz, shape, reduced.mass, significant, flexible), reduced
+    return Candidates(
+        frequency_hz=hz, shape=shape, mass=reduced.mass, significant=significant, flexible=flexible
+    ), reduced
 
 
 def _findings(
@@ -237,13 +241,13 @@ def _findings(
         )
         findings.append(
             Finding(
-                criterion,
-                tuple(names),
-                values,
-                float(worst[c]) if len(values) else None,
-                bool(passed[c]),
-                correct.of(c),
-                correct.expected(c),
+                criterion=criterion,
+                items=tuple(names),
+                values=values,
+                worst=float(worst[c]) if len(values) else None,
+                passed=bool(passed[c]),
+                probability=correct.of(c),
+                expected=correct.expected(c),
             )
         )
     return tuple(findings)

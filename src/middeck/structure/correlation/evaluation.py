@@ -24,7 +24,7 @@ from middeck.values import record
 WINDOW = 2.0
 
 
-@record
+@record(kw_only=True)
 class Candidates:
     """The model at the channels: the modes that a measured one may be paired with.
 
@@ -39,7 +39,7 @@ class Candidates:
     flexible: Bool[np.ndarray, " candidate"]
 
 
-@record
+@record(kw_only=True)
 class Evaluation:
     """Comparison of the test with the model; rows of matrices are the model's, columns the test's.
 
@@ -78,12 +78,12 @@ def evaluate_shapes(
     ours, theirs = pairs.T
     a, b = model.shape[:, ours], shape[:, theirs]
     return Evaluation(
-        pairs,
-        model.frequency_hz[ours] / frequency_hz[theirs] - 1.0,
-        mac,
-        coordinate_assurance(a, b),
-        orthogonality(a, b, model.mass),
-        orthogonality(shape, shape, model.mass),
+        pairs=pairs,
+        frequency_error=model.frequency_hz[ours] / frequency_hz[theirs] - 1.0,
+        mac=mac,
+        comac=coordinate_assurance(a, b),
+        cross_orthogonality=orthogonality(a, b, model.mass),
+        self_orthogonality=orthogonality(shape, shape, model.mass),
     )
 
 

@@ -24,7 +24,7 @@ STRAIGHT = (*AXES[:3], TRAVEL)
 COUNT = 26
 
 
-@record
+@record(kw_only=True)
 class MeasuredModes:
     """Modes identified in a test.
 
@@ -160,19 +160,19 @@ def measure_modes(
     damping = estimate_damping(modes, count=int(index.max(initial=0)) + 1).zeta[index]
     hz = modes.frequency_hz[index]
     if noise is None:
-        return MeasuredModes(hz, damping, node, direction, shape)
+        return MeasuredModes(frequency_hz=hz, damping=damping, node=node, direction=direction, shape=shape)
     if rng is None:
         raise ConfigError("noise without a random generator", hint="rng=np.random.default_rng(seed)")
     hz_std, shape_std = noise.frequency * hz, noise.shape * sort_rms(direction, shape)
     return MeasuredModes(
-        hz + hz_std * rng.standard_normal(hz.shape),
-        damping,
-        node,
-        direction,
-        shape + shape_std * rng.standard_normal(shape.shape),
-        hz_std,
-        None,
-        shape_std,
+        frequency_hz=hz + hz_std * rng.standard_normal(hz.shape),
+        damping=damping,
+        node=node,
+        direction=direction,
+        shape=shape + shape_std * rng.standard_normal(shape.shape),
+        frequency_std_hz=hz_std,
+        damping_std=None,
+        shape_std=shape_std,
     )
 
 

@@ -46,7 +46,7 @@ class Group(Enum):
     OTHER = "other modes"
 
 
-@record
+@record(kw_only=True)
 class Criterion:
     """One line of a profile.
 
@@ -100,7 +100,11 @@ class Profile:
 
 
 def _profile(name: str, title: str, recalled: bool, *rows: tuple[Quantity, Group, float]) -> Profile:
-    return Profile(name, title, tuple(Criterion(*row, title, recalled) for row in rows))
+    criteria = (
+        Criterion(quantity=quantity, group=group, limit=limit, source=title, recalled=recalled)
+        for quantity, group, limit in rows
+    )
+    return Profile(name, title, tuple(criteria))
 
 
 _Q, _G = Quantity, Group
@@ -179,7 +183,9 @@ def find_profile(name: str) -> Profile:
 def change_limit(profile: Profile, quantity: Quantity, limit: float, source: str) -> Profile:
     """``profile`` with another limit for ``quantity`` in every group, quoted from ``source``."""
     criteria = tuple(
-        Criterion(c.quantity, c.group, limit, source, recalled=False) if c.quantity is quantity else c
+        Criterion(quantity=c.quantity, group=c.group, limit=limit, source=source, recalled=False)
+        if c.quantity is quantity
+        else c
         for c in profile.criteria
     )
     return dataclasses.replace(profile, criteria=criteria)

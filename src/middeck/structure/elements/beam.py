@@ -34,7 +34,7 @@ from middeck.values import record
 Array = np.ndarray
 
 
-@record
+@record(kw_only=True)
 class BeamProperties:
     """Length [m], stiffness and inertia of each element; the fields of `Section`, one row an element."""
 
@@ -63,8 +63,8 @@ def beam_properties(sections: list[Section], lengths: Inexact[np.ndarray, " elem
     lengths = np.asarray(lengths)
     names = ("EA", "GJ", "EI_y", "EI_z", "rho_A", "rho_I_y", "rho_I_z")
     return BeamProperties(
-        lengths,
-        *(column(n) for n in names),
+        length=lengths,
+        **{name: column(name) for name in names},
         # By the flexibility 1/GA: infinity times a complex length would be no number.
         shear_y=12.0 * column("EI_z") * (1.0 / column("GA_y")) / lengths**2,
         shear_z=12.0 * column("EI_y") * (1.0 / column("GA_z")) / lengths**2,

@@ -22,7 +22,7 @@ class SpringLaw:
     length: Inexact[np.ndarray, " spring"]
 
 
-@record
+@record(kw_only=True)
 class SpringState:
     """Tension [N], energy [J], gradient and Hessian in the difference, end minus start.
 
@@ -69,7 +69,13 @@ def spring_state(
     per_length = np.where(length == 0.0, k, pull / length_or_one)
     material = k[:, None, None] * along
     geometric = per_length[:, None, None] * (np.eye(3) - along)
-    return SpringState(pull, energy, per_length[:, None] * span, material, geometric)
+    return SpringState(
+        tension=pull,
+        energy=energy,
+        gradient=per_length[:, None] * span,
+        material=material,
+        geometric=geometric,
+    )
 
 
 def _stretch(law: SpringLaw, length: np.ndarray, drawn: np.ndarray, change: np.ndarray) -> np.ndarray:

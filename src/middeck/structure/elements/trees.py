@@ -10,7 +10,7 @@ from jaxtyping import Bool, Inexact, Int
 from middeck.values import record
 
 
-@record
+@record(kw_only=True)
 class FrameTree:
     """Topology: ``roots`` root frames first, then one frame per joint, parents before children.
 

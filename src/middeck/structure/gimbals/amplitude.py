@@ -33,7 +33,7 @@ LOWEST = 12
 """Modes that are shown where none are named."""
 
 
-@record
+@record(kw_only=True)
 class AmplitudeCurves:
     """Modes of a structure against the amplitude of one joint.
 
@@ -146,20 +146,20 @@ def sweep_amplitude(
     zeta[omega == 0.0] = np.nan
     names = tuple(modes.name[m] for m in chosen)
     return AmplitudeCurves(
-        joint,
-        _slides(modes, joint),
-        A,
-        equal.stiffness,
-        equal.loss,
-        viscous,
-        chosen,
-        names,
-        omega,
-        zeta,
-        likeness,
-        overlap,
-        angle,
-        distortion,
+        joint=joint,
+        slides=_slides(modes, joint),
+        amplitude=A,
+        stiffness=equal.stiffness,
+        loss=equal.loss,
+        viscous=viscous,
+        mode=chosen,
+        name=names,
+        omega=omega,
+        zeta=zeta,
+        likeness=likeness,
+        overlap=overlap,
+        joint_angle=angle,
+        distortion=distortion,
     )
 
 

@@ -29,7 +29,7 @@ BASIS = 30
 """Further poles in the basis of a damped solution; those above are a flexibility."""
 
 
-@record
+@record(kw_only=True)
 class JointSystem:
     """One joint of a structure in modal coordinates; only what moves the joint.
 
@@ -72,11 +72,11 @@ def build_joint_system(modes: Modes, joint: str, zeta: Float[np.ndarray, " mode"
     groups = [kept[group == g] for g in range(group[-1] + 1)]
     weight = np.array([np.sum(angle[g] ** 2) for g in groups])
     return JointSystem(
-        np.array([p[g[0]] for g in groups]),
-        np.sqrt(weight),
-        np.array([angle[g] ** 2 @ zeta[g] for g in groups]) / weight,
-        np.array([g[np.argmax(np.abs(angle[g]))] for g in groups], dtype=int),
-        float(residual_flexibility(modes, row, row, len(modes.omega))[0, 0]),
+        pole=np.array([p[g[0]] for g in groups]),
+        angle=np.sqrt(weight),
+        zeta=np.array([angle[g] ** 2 @ zeta[g] for g in groups]) / weight,
+        mode=np.array([g[np.argmax(np.abs(angle[g]))] for g in groups], dtype=int),
+        flexibility=float(residual_flexibility(modes, row, row, len(modes.omega))[0, 0]),
     )
 
 
@@ -97,7 +97,11 @@ def keep_lowest(system: JointSystem, count: int) -> JointSystem:
     n = min(len(system.pole), count + BASIS)
     above = float(np.sum(system.angle[n:] ** 2 / system.pole[n:]))
     return JointSystem(
-        system.pole[:n], system.angle[:n], system.zeta[:n], system.mode[:n], system.flexibility + above
+        pole=system.pole[:n],
+        angle=system.angle[:n],
+        zeta=system.zeta[:n],
+        mode=system.mode[:n],
+        flexibility=system.flexibility + above,
     )
 
 

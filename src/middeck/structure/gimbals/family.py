@@ -40,7 +40,7 @@ HALVINGS = 4
 FINEST = 1e-9
 
 
-@record
+@record(kw_only=True)
 class StabilityLimit:
     """Where, between two neighbours of the grid, a branch of the family begins to grow.
 
@@ -61,7 +61,7 @@ class StabilityLimit:
         return f"{self.name!r} loses stability at {self.joint} = {np.degrees(self.angle):.6g} deg"
 
 
-@record
+@record(kw_only=True)
 class GimbalFamily:
     """Members of a family; points are all combinations of the angles, the last joint's running fastest.
 
@@ -355,7 +355,13 @@ def _middle(model: Model, start: _Place, end: _Place, count: int) -> _Place | No
         0.5 * (a.law.stiffness + b.law.stiffness),
         0.5 * (a.law.length + b.law.length),
     )
-    loads = Loads(a.gravity, 0.5 * (a.anchor + b.anchor), a.attach_point, law, 0.5 * (a.mass + b.mass))
+    loads = Loads(
+        gravity=a.gravity,
+        anchor=0.5 * (a.anchor + b.anchor),
+        attach_point=a.attach_point,
+        law=law,
+        mass=0.5 * (a.mass + b.mass),
+    )
     angle = 0.5 * (start.config.angle + end.config.angle)
     near = rest_near(model, dataclasses.replace(start.config, angle=angle), loads)
     return near and _Place(near[0], loads, _spectrum_at(model, near[0], loads, count))
@@ -389,7 +395,9 @@ def _limits(
                 angle, branch, name = found
                 where = at[good].copy()
                 where[axis] = angle
-                limits.append(StabilityLimit(joint, angle, where, branch, name, bad))
+                limits.append(
+                    StabilityLimit(joint=joint, angle=angle, at=where, branch=branch, name=name, unstable=bad)
+                )
     return tuple(limits)
 
 

@@ -35,7 +35,7 @@ CORNERS = tuple(itertools.product((0, 1), (0, 1), (0, 1)))
 Corner = tuple[int, int, int]
 
 
-@record
+@record(kw_only=True)
 class GravityBudget:
     """Each mode's omega^2 with every combination of the `EFFECTS` on or off; rows in the order of the lab.
 
@@ -141,7 +141,7 @@ def build_budget(orbit: Modes, lab: Modes, count: int = 26) -> GravityBudget:
     rows = np.argsort(end.found, kind="stable")
     first = np.array([orbit.kind.index("rigid") if k == "rigid" else i for i, k in enumerate(orbit.kind)])
     pairs = np.stack([first[:count], end.found], axis=1)
-    return GravityBudget(orbit, lab, pairs[rows], corner[rows], match[rows])
+    return GravityBudget(orbit=orbit, lab=lab, pairs=pairs[rows], corner=corner[rows], match=match[rows])
 
 
 def corner_matrices(orbit: Equilibrium, lab: Equilibrium, on: Corner) -> tuple[sp.csr_array, sp.csr_array]:

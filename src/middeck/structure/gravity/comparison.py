@@ -20,7 +20,7 @@ ALIKE = 0.01
 RIVAL = 0.5
 
 
-@record
+@record(kw_only=True)
 class ModeComparison:
     """Modes of one structure in two environments: ``orbit`` (0) and ``lab`` (1), the lowest ``count`` each.
 
@@ -68,15 +68,15 @@ def compare_modes(orbit: Modes, lab: Modes, count: int = 26) -> ModeComparison:
     found = [(i, int(j)) for i, j in enumerate(paired.end.found) if orbit.kind[i] == "flexible" and j < count]
     pairs = np.array(found, dtype=int).reshape(-1, 2)
     return ModeComparison(
-        orbit,
-        lab,
-        count,
-        cross,
-        _mac(orbit, phi_0, phi_1),
-        pairs,
-        lab.omega[pairs[:, 1]] / orbit.omega[pairs[:, 0]],
-        _subspace_angles(orbit, lab),
-        tuple(_disputed(orbit, lab, pairs, shares_of(paired.start, lab))),
+        orbit=orbit,
+        lab=lab,
+        count=count,
+        cross_orthogonality=cross,
+        mac=_mac(orbit, phi_0, phi_1),
+        pairs=pairs,
+        ratio=lab.omega[pairs[:, 1]] / orbit.omega[pairs[:, 0]],
+        subspace_angle=_subspace_angles(orbit, lab),
+        warnings=tuple(_disputed(orbit, lab, pairs, shares_of(paired.start, lab))),
     )
 
 

@@ -24,7 +24,7 @@ class EventKind(Enum):
     SLACK = "slack device"  # it would have to push
 
 
-@record
+@record(kw_only=True)
 class GravityEvent:
     """One event.
 

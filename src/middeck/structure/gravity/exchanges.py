@@ -320,5 +320,11 @@ def _event(found: Approach, run: Sequence[Station], names: tuple[str, ...]) -> G
     low, high = np.sqrt(np.maximum(np.sort(at.spectrum.lam[[i, j]]), 0.0)) / (2.0 * np.pi)
     gap = float(high - low) if found.kind is EventKind.VEERING else 0.0
     return GravityEvent(
-        found.kind, at.s, at.gravity, (i, j), (names[i], names[j]), float(0.5 * (low + high)), gap
+        kind=found.kind,
+        s=at.s,
+        gravity=at.gravity,
+        branch=(i, j),
+        name=(names[i], names[j]),
+        frequency_hz=float(0.5 * (low + high)),
+        gap_hz=gap,
     )

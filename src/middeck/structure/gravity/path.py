@@ -45,7 +45,7 @@ EASY = 0.97
 RELEASE = 1e-3
 
 
-@record
+@record(kw_only=True)
 class GravityPath:
     """Modes along a path of gravities; a branch is a mode of the first station, wherever it goes.
 
@@ -172,9 +172,19 @@ def follow_gravity(
         start = _unstable_start(error, places[0])
         nothing = np.zeros((0, 0))
         return GravityPath(
-            structure, environment, devices, places, (), (), (), np.zeros(0), np.zeros((0, 3)), nothing,
-            nothing, (start,),
-        )  # fmt: skip
+            structure=structure,
+            environment=environment,
+            rule=devices,
+            places=places,
+            reached=(),
+            name=(),
+            kind=(),
+            s=np.zeros(0),
+            gravity=np.zeros((0, 3)),
+            omega2=nothing,
+            match=nothing,
+            events=(start,),
+        )
     mass = carried_mass(full.model, full.model.rest)
     legs = [_Leg(full, free, mass, loads_at, a, b, k) for k, (a, b) in enumerate(itertools.pairwise(places))]
     stations, stop, arrived = [_first_station(modes)], None, 1
@@ -189,19 +199,19 @@ def follow_gravity(
         events.append(_ending(_reorder_stop(stop, order), full.suspension.name, modes.name))
     reached = np.searchsorted([x.s for x in stations], np.arange(arrived))
     return GravityPath(
-        structure,
-        environment,
-        devices,
-        places,
-        tuple(map(int, reached)),
-        modes.name,
-        modes.kind,
-        np.array([x.s for x in stations]),
-        np.array([x.gravity for x in stations]),
-        np.array([x.spectrum.lam for x in stations]),
-        np.array([x.match for x in stations]),
-        tuple(events),
-        modes.warnings,
+        structure=structure,
+        environment=environment,
+        rule=devices,
+        places=places,
+        reached=tuple(map(int, reached)),
+        name=modes.name,
+        kind=modes.kind,
+        s=np.array([x.s for x in stations]),
+        gravity=np.array([x.gravity for x in stations]),
+        omega2=np.array([x.spectrum.lam for x in stations]),
+        match=np.array([x.match for x in stations]),
+        events=tuple(events),
+        warnings=modes.warnings,
     )
 
 
@@ -272,7 +282,13 @@ def _settled(full: Equilibrium, loads: Loads) -> Equilibrium:
 def _unstable_start(error: UnstableEquilibriumError, place: Place) -> GravityEvent:
     grows = -float(error.data["growth"]) / (2.0 * np.pi)
     return GravityEvent(
-        EventKind.UNSTABLE_START, 0.0, place.gravity, (), (str(error.data["mode"]),), grows, 0.0
+        kind=EventKind.UNSTABLE_START,
+        s=0.0,
+        gravity=place.gravity,
+        branch=(),
+        name=(str(error.data["mode"]),),
+        frequency_hz=grows,
+        gap_hz=0.0,
     )
 
 
@@ -389,4 +405,6 @@ def _ending(stop: _Stop, devices: tuple[str, ...], names: tuple[str, ...]) -> Gr
         kind, branch = EventKind.SLACK, ()
         name = tuple(n for n, pull in zip(devices, bad.tension, strict=False) if pull <= 0.0)
     f = float(np.sqrt(max(good.spectrum.lam[softest], 0.0))) / (2.0 * np.pi) if branch else 0.0
-    return GravityEvent(kind, good.s, good.gravity, branch, name, f, 0.0)
+    return GravityEvent(
+        kind=kind, s=good.s, gravity=good.gravity, branch=branch, name=name, frequency_hz=f, gap_hz=0.0
+    )

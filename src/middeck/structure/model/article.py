@@ -18,7 +18,7 @@ from middeck.errors import ConfigError
 from middeck.values import record
 
 
-@record
+@record(kw_only=True)
 class Section:
     """Cross-section of a member with its material, all constant along it.
 
@@ -74,7 +74,7 @@ class Node:
     body: Body
 
 
-@record
+@record(kw_only=True)
 class Member:
     """A straight beam between two nodes.
 
@@ -99,7 +99,7 @@ class JointState(Enum):
     DRIVEN = "driven"  # held by a stiff servo at its commanded angle
 
 
-@record
+@record(kw_only=True)
 class Joint:
     """A joint that carries a body, a frame of its own: it turns about its axis, or slides along it.
 
@@ -161,7 +161,7 @@ class AttachPoint:
     offset: Inexact[np.ndarray, "3"]
 
 
-@record
+@record(kw_only=True)
 class Spring:
     """A linear spring between two attach points: stiffness [N/m] and free length [m]."""
 
@@ -179,7 +179,7 @@ class ActuatorKind(Enum):
     FORCE = "force"  # at a point of a frame along one of its axes
 
 
-@record
+@record(kw_only=True)
 class Actuator:
     """A torque [N m] on a frame about one of its axes, or at a joint (``axis`` is then None); or a force [N].
 
@@ -204,7 +204,7 @@ class SensorKind(Enum):
     ACCELEROMETER = "accelerometer"  # specific force [m/s^2] at a point along an axis of its frame
 
 
-@record
+@record(kw_only=True)
 class Sensor:
     """A small inertial rotation of ``frame`` about an axis of frame ``axis_frame``, or a joint angle.
 
@@ -283,7 +283,7 @@ class DampingTable:
             raise ConfigError("a damping table holds ratios from 0 to below 1", where="damping.table")
 
 
-@record
+@record(kw_only=True)
 class Damping:
     """Where damping comes from; a mode's ratio is its base, plus material, plus devices.
 
@@ -331,7 +331,7 @@ class Damping:
             raise ConfigError("a loss factor or damper is negative or not finite", where="damping")
 
 
-@record
+@record(kw_only=True)
 class Structure:
     """A test article, without gravity and without its suspension."""
 

@@ -21,7 +21,7 @@ class DeviceKind(Enum):
     SPRING = "spring"  # is unstretched at the drawn height: the article sinks by load over stiffness
 
 
-@record
+@record(kw_only=True)
 class Device:
     """A cable from an anchor to an attach point, with a device that gives it a force and a stiffness.
 
@@ -90,7 +90,7 @@ class Device:
         return self.force is None or self.bounce_hz is not None or self.cable_length is not None
 
 
-@record
+@record(kw_only=True)
 class Suspension:
     """One cable per attach point, rising to an anchor straight above the undeformed attach point.
 
@@ -132,9 +132,9 @@ class Suspension:
         """Its devices, each named after its attach point."""
         return tuple(
             Device(
-                name,
-                name,
-                self.kind,
+                name=name,
+                attach=name,
+                kind=self.kind,
                 held=held,
                 bounce_hz=self.bounce_hz,
                 cable_length=self.cable_length,
@@ -145,7 +145,7 @@ class Suspension:
         )
 
 
-@record
+@record(kw_only=True)
 class AnchoredSpring:
     """A linear spring from an attach point to a fixed anchor in W: stiffness [N/m], free length [m].
 
@@ -159,7 +159,7 @@ class AnchoredSpring:
     free_length: float
 
 
-@record
+@record(kw_only=True)
 class Environment:
     """Gravity vector in the world frame [m/s^2], and what holds the article, if anything.
 
@@ -195,7 +195,7 @@ class Environment:
     @staticmethod
     def orbit() -> Environment:
         """Zero gravity, no suspension: the free, undeformed structure."""
-        return Environment("orbit", np.zeros(3))
+        return Environment(title="orbit", gravity=np.zeros(3))
 
     @staticmethod
     def lab(
@@ -216,4 +216,8 @@ class Environment:
         middle = len(attach) // 2
         held = tuple("xyz" if i == middle else "yz" for i in range(len(attach)))
         down = np.array([0.0, -gravity, 0.0])
-        return Environment("lab", down, Suspension(attach, held, cable_length, bounce_hz))
+        return Environment(
+            title="lab",
+            gravity=down,
+            suspension=Suspension(attach=attach, held=held, cable_length=cable_length, bounce_hz=bounce_hz),
+        )

@@ -26,7 +26,7 @@ from middeck.values import record
 EQUAL_SIZE = 1e-6
 
 
-@record
+@record(kw_only=True)
 class Modes:
     """Natural modes about an equilibrium, rigid ones first, then ascending; mass-normalised.
 
@@ -100,7 +100,17 @@ def solve_modes(equilibrium: Equilibrium, count: int | None = None) -> Modes:
         *kind_warnings(equilibrium, omega, kind, names, rigid_share, share),
     )
     return Modes(
-        equilibrium, omega, shapes, M, kind, names, rigid_share, share, residual, rigid_residual, warnings
+        equilibrium=equilibrium,
+        omega=omega,
+        shapes=shapes,
+        mass=M,
+        kind=kind,
+        name=names,
+        rigid_share=rigid_share,
+        strain_share=share,
+        residual=residual,
+        rigid_residual=rigid_residual,
+        warnings=warnings,
     )
 
 

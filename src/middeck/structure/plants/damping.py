@@ -40,7 +40,7 @@ UNCOUPLED = 1e-9
 """Part of the largest entry of phi' C phi below which an entry is rounding."""
 
 
-@record
+@record(kw_only=True)
 class ModalDamping:
     """Damping ratios and where they come from.
 
@@ -92,7 +92,9 @@ def estimate_damping(
     if coupling > COUPLING_LIMIT:
         pair = f"{modes.name[i]!r} and {modes.name[j]!r}"
         warnings += (f"dampers couple modes {pair} by {coupling:.2g}; modal damping leaves that out",)
-    return ModalDamping(zeta, base, material, device, coupling, warnings)
+    return ModalDamping(
+        zeta=zeta, base=base, material=material, device=device, coupling=coupling, warnings=warnings
+    )
 
 
 def _base(modes: Modes, damping: Damping, count: int) -> np.ndarray:

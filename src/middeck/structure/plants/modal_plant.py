@@ -65,13 +65,21 @@ def build_plant(
     for text in damped.warnings:
         warnings.warn(text, UserWarning, stacklevel=2)
     dynamics = ModalSystem(
-        modes.omega[:count],
-        damped.zeta,
-        (drive.force @ shapes).T,
-        read.position @ shapes,
-        read.rate @ shapes,
-        modes.name[:count],
-        read.acceleration @ shapes if np.any(read.acceleration) else None,
-        residual_flexibility(modes, drive.force, read.position, count) if static else None,
+        omega=modes.omega[:count],
+        zeta=damped.zeta,
+        psi=(drive.force @ shapes).T,
+        phi=read.position @ shapes,
+        phi_rate=read.rate @ shapes,
+        names=modes.name[:count],
+        phi_acceleration=read.acceleration @ shapes if np.any(read.acceleration) else None,
+        direct=residual_flexibility(modes, drive.force, read.position, count) if static else None,
     )
-    return Plant(dynamics, drive.ports, read.ports, tuple(w), tuple(u), tuple(z), tuple(y))
+    return Plant(
+        dynamics=dynamics,
+        inputs=drive.ports,
+        outputs=read.ports,
+        w=tuple(w),
+        u=tuple(u),
+        z=tuple(z),
+        y=tuple(y),
+    )

@@ -35,7 +35,7 @@ COUPLED = 1e-10
 RESONANT = 1e-6
 
 
-@record
+@record(kw_only=True)
 class StaticGainComparison:
     """Low-frequency gains, undamped, of everything and of the kept modes without and with the residual.
 
@@ -124,8 +124,16 @@ def compare_static_gain(
     # Cauchy and Schwarz: a gain is at most the mean of what each port does to itself.
     most = np.sqrt(np.outer(np.abs(np.sum(C.T * y, axis=0)), np.abs(np.sum(B * x, axis=0))))
     scale = np.where(np.abs(full) > COUPLED * most, np.abs(full), np.nan)
-    errors = (np.abs(gain - full) / scale for gain in (truncated, completed))
-    return StaticGainComparison(frequency_hz, drive.ports, read.ports, full, truncated, completed, *errors)
+    return StaticGainComparison(
+        frequency_hz=frequency_hz,
+        inputs=drive.ports,
+        outputs=read.ports,
+        full=full,
+        truncated=truncated,
+        completed=completed,
+        truncated_error=np.abs(truncated - full) / scale,
+        completed_error=np.abs(completed - full) / scale,
+    )
 
 
 class _Kept(NamedTuple):

@@ -30,7 +30,7 @@ from middeck.values import record
 FAR_TURN = np.radians(30.0)  # three times what an unlevelled article rolls
 
 
-@record
+@record(kw_only=True)
 class Equilibrium:
     """A rest state, converged or not.
 
@@ -99,17 +99,17 @@ def solve_equilibrium(structure: Structure, environment: Environment) -> Equilib
     # At rest dE/d(angle) is the moment that the motor has to balance.
     holding = settled.assembly.gradient[6 * model.tree.roots :] + _spring_torque(model, settled.config)
     return Equilibrium(
-        model,
-        environment,
-        settled.config,
-        loads,
-        tuned,
-        settled.residual,
-        settled.history,
-        holding,
-        settled.assembly.tension,
-        settled.enough,
-        settled.stable,
+        model=model,
+        environment=environment,
+        config=settled.config,
+        loads=loads,
+        suspension=tuned,
+        residual=settled.residual,
+        history=settled.history,
+        holding_torque=holding,
+        tension=settled.assembly.tension,
+        enough=settled.enough,
+        stable=settled.stable,
     )
 
 

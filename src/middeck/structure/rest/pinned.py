@@ -76,7 +76,9 @@ def solve_pinned(
     iteration does not converge. A free motion that no weight drives is ignored: it changes no force.
     """
     other = no_loads() if others is None else others
-    loads = Loads(gravity, other.anchor, other.attach_point, other.law, other.mass)
+    loads = Loads(
+        gravity=gravity, anchor=other.anchor, attach_point=other.attach_point, law=other.law, mass=other.mass
+    )
     state = settle_pinned(model, loads, pinned)
     return support_forces(state.supports, state.force, len(pinned.point))
 

@@ -222,7 +222,13 @@ def _with_linear_springs(model: Model, config: Configuration, loads: Loads, inne
 def scale_loads(loads: Loads, factor: float) -> Loads:
     """Gravity and preloads times ``factor``; stiffnesses as they are."""
     law = SpringLaw(loads.law.preload * factor, loads.law.stiffness, loads.law.length)
-    return Loads(loads.gravity * factor, loads.anchor, loads.attach_point, law, loads.mass)
+    return Loads(
+        gravity=loads.gravity * factor,
+        anchor=loads.anchor,
+        attach_point=loads.attach_point,
+        law=law,
+        mass=loads.mass,
+    )
 
 
 def imbalance_scale(model: Model, loads: Loads) -> Float[np.ndarray, " coordinate"]:

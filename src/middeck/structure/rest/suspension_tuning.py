@@ -25,7 +25,7 @@ LEAST_RISE = 1e-3
 """Cosine to the vertical below which a cable is level, and could carry a weight with no finite force."""
 
 
-@record
+@record(kw_only=True)
 class TunedSuspension:
     """Name, attach point, load R [N] and stiffness [N/m] of each device, those of the suspension first.
 
@@ -61,7 +61,7 @@ def tune_suspension(
     force = np.array([shares[d.name] if d.force is None else d.force for d in devices]) + 0.0
     stiffness = np.array([_stiffness(environment, d, R) for d, R in zip(devices, force, strict=True)]) + 0.0
     names, attach = tuple(d.name for d in devices), tuple(d.attach for d in devices)
-    return TunedSuspension(names, attach, force, stiffness, state)
+    return TunedSuspension(name=names, attach=attach, reaction=force, stiffness=stiffness, pinned=state)
 
 
 def _stiffness(environment: Environment, device: Device, force: float) -> float:
@@ -156,14 +156,20 @@ class _Line(NamedTuple):
 def _loads(environment: Environment, lines: Sequence[_Line]) -> Loads:
     if not lines:
         none = no_loads()
-        return Loads(environment.gravity, none.anchor, none.attach_point, none.law, none.mass)
+        return Loads(
+            gravity=environment.gravity,
+            anchor=none.anchor,
+            attach_point=none.attach_point,
+            law=none.law,
+            mass=none.mass,
+        )
     preload, stiffness, length = np.array([line.law for line in lines]).T
     return Loads(
-        environment.gravity,
-        np.array([line.anchor for line in lines]),
-        np.array([line.point for line in lines], dtype=int),
-        SpringLaw(preload, stiffness, length),
-        np.array([line.mass for line in lines]),
+        gravity=environment.gravity,
+        anchor=np.array([line.anchor for line in lines]),
+        attach_point=np.array([line.point for line in lines], dtype=int),
+        law=SpringLaw(preload, stiffness, length),
+        mass=np.array([line.mass for line in lines]),
     )
 
 

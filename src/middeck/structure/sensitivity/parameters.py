@@ -64,7 +64,7 @@ BECAME = {
 Path = tuple[Any, ...]
 
 
-@record
+@record(kw_only=True)
 class Parameter:
     """One number: its name, its unit ("" for a factor or a direction), and its value.
 
@@ -84,7 +84,8 @@ def list_parameters(structure: Structure, environment: Environment) -> tuple[Par
 
     >>> from middeck.structure.model.article import Body, Damping, Node, Structure
     >>> ball = Node("ball", np.zeros(3), 0.0, Body(2.0, np.zeros(3), np.eye(3)))
-    >>> one = Structure("one", (ball,), (), (), (), (), (), (), Damping())
+    >>> one = Structure(title="one", nodes=(ball,), members=(), joints=(), springs=(), attach_points=(),
+    ...     actuators=(), sensors=(), damping=Damping())
     >>> [p.name for p in list_parameters(one, Environment.orbit()) if p.value == 2.0]
     ['node.ball.mass']
     """
@@ -192,7 +193,7 @@ def _members(structure: Structure) -> Iterator[Parameter]:
 def _factors(name: str, sections: Sequence[tuple[Path, Section]]) -> Iterator[Parameter]:
     for what, fields in (("E", STIFFNESS), ("rho", INERTIA)):
         spots = tuple((*p, f) for p, s in sections for f in fields if np.isfinite(getattr(s, f)))
-        yield Parameter(f"{name}.{what}", "", 1.0, spots, True)
+        yield Parameter(name=f"{name}.{what}", unit="", value=1.0, spots=spots, scales=True)
 
 
 def _joints(structure: Structure) -> Iterator[Parameter]:
@@ -226,7 +227,7 @@ def _damping(damping: Damping) -> Iterator[Parameter]:
         yield from _fields("damping", damping, path, DAMPING)
     for group, text in (("by_mode", "mode"), ("loss_factor", "loss_factor")):
         for i, (key, value) in enumerate(getattr(damping, group)):
-            yield Parameter(f"damping.{text}.{key}", "", value, ((*path, group, i, 1),))
+            yield Parameter(name=f"damping.{text}.{key}", unit="", value=value, spots=((*path, group, i, 1),))
     for i, damper in enumerate(damping.dampers):
         unit = "N m s/rad" if damper.place is DamperPlace.JOINT else "N s/m"
         yield from _fields(
@@ -253,11 +254,18 @@ def _fields(name: str, part: Any, path: Path, fields: dict[str, str]) -> Iterato
         if value is None:
             continue
         if not isinstance(value, np.ndarray):
-            yield Parameter(f"{name}.{field}", unit, value, (spot,))
+            yield Parameter(name=f"{name}.{field}", unit=unit, value=value, spots=(spot,))
         elif value.ndim == 1:
             for i, axis in enumerate(AXES):
-                yield Parameter(f"{name}.{field}.{axis}", unit, float(value[i]), ((*spot, i),))
+                yield Parameter(
+                    name=f"{name}.{field}.{axis}", unit=unit, value=float(value[i]), spots=((*spot, i),)
+                )
         else:
             for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)):
                 spots = tuple((*spot, k) for k in dict.fromkeys([(i, j), (j, i)]))
-                yield Parameter(f"{name}.{field}.{AXES[i]}{AXES[j]}", unit, float(value[i, j]), spots)
+                yield Parameter(
+                    name=f"{name}.{field}.{AXES[i]}{AXES[j]}",
+                    unit=unit,
+                    value=float(value[i, j]),
+                    spots=spots,
+                )

@@ -27,7 +27,7 @@ from middeck.structure.sensitivity.shapes import ModeSensitivity, differentiate_
 from middeck.values import record
 
 
-@record
+@record(kw_only=True)
 class PlantSensitivity:
     """Derivatives in one parameter of what `build_plant` gives without ``static``.
 
@@ -110,7 +110,18 @@ def _of_parameter(
     velocity, d_velocity = rate - accel @ damper, d_rate - d_accel @ damper - accel @ d_damper
     C[:, odd] = d_velocity * s + velocity * d_s
     D = d_accel @ psi + accel @ d_psi
-    return PlantSensitivity(change.parameter, d_psi, d_phi, d_rate, d_accel, d_zeta, A, B, C, D)
+    return PlantSensitivity(
+        parameter=change.parameter,
+        psi=d_psi,
+        phi=d_phi,
+        phi_rate=d_rate,
+        phi_acceleration=d_accel,
+        zeta=d_zeta,
+        A=A,
+        B=B,
+        C=C,
+        D=D,
+    )
 
 
 def _ratios(

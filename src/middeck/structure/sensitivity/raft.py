@@ -53,11 +53,11 @@ def merge_models(models: Sequence[Model]) -> Raft:
         frames=tuple(f for m in models for f in m.frames[: m.tree.roots])
         + tuple(f for m in models for f in m.frames[m.tree.roots :]),
         tree=FrameTree(
-            int(roots[-1]),
-            _joined([f[m.tree.parent] for f, m in zip(frame, models, strict=True)]),
-            _joined([m.tree.offset for m in models]),
-            _joined([m.tree.axis for m in models]),
-            _joined([m.tree.slides for m in models]),
+            roots=int(roots[-1]),
+            parent=_joined([f[m.tree.parent] for f, m in zip(frame, models, strict=True)]),
+            offset=_joined([m.tree.offset for m in models]),
+            axis=_joined([m.tree.axis for m in models]),
+            slides=_joined([m.tree.slides for m in models]),
         ),
         rest=merge_configurations([m.rest for m in models]),
         points=PosePoints(
@@ -68,7 +68,10 @@ def merge_models(models: Sequence[Model]) -> Raft:
         element_triad=_joined([m.element_triad for m in models]),
         element_member=_shifted([m.element_member for m in models], members),
         beams=BeamProperties(
-            *(_joined([getattr(m.beams, f.name) for m in models]) for f in dataclasses.fields(BeamProperties))
+            **{
+                f.name: _joined([getattr(m.beams, f.name) for m in models])
+                for f in dataclasses.fields(BeamProperties)
+            }
         ),
         body_point=_shifted([m.body_point for m in models], poses),
         body_mass=_joined([m.body_mass for m in models]),
@@ -91,11 +94,11 @@ def merge_loads(raft: Raft, loads: Sequence[Loads]) -> Loads:
     """The loads of each model on the raft; gravity must be the same in all."""
     law = (_joined([getattr(x.law, f) for x in loads]) for f in ("preload", "stiffness", "length"))
     return Loads(
-        loads[0].gravity,
-        _joined([x.anchor for x in loads]),
-        _joined([x.attach_point + p for x, p in zip(loads, raft.first_pose, strict=True)]),
-        SpringLaw(*law),
-        _joined([x.mass for x in loads]),
+        gravity=loads[0].gravity,
+        anchor=_joined([x.anchor for x in loads]),
+        attach_point=_joined([x.attach_point + p for x, p in zip(loads, raft.first_pose, strict=True)]),
+        law=SpringLaw(*law),
+        mass=_joined([x.mass for x in loads]),
     )
 
 

@@ -37,7 +37,7 @@ from middeck.structure.sensitivity.static_solver import StaticSolver
 from middeck.values import record
 
 
-@record
+@record(kw_only=True)
 class RestSensitivities:
     """Derivatives of a rest state, one column a parameter.
 
@@ -86,12 +86,12 @@ def differentiate_rest(rest: Equilibrium, parameters: Sequence[Parameter]) -> Re
         for patch, at, loads in zip(moved.patches, along, moved.loads, strict=True)
     ]
     return RestSensitivities(
-        tuple(parameters),
-        moved.motion,
-        columns([derivative(t.reaction) for t in moved.tuned], len(rest.suspension.reaction)),
-        columns([derivative(t.stiffness) for t in moved.tuned], len(rest.suspension.stiffness)),
-        moved.gradient[roots:] + columns(springs, len(rest.holding_torque)),
-        columns(tension, len(rest.tension)),
+        parameters=tuple(parameters),
+        motion=moved.motion,
+        reaction=columns([derivative(t.reaction) for t in moved.tuned], len(rest.suspension.reaction)),
+        stiffness=columns([derivative(t.stiffness) for t in moved.tuned], len(rest.suspension.stiffness)),
+        holding_torque=moved.gradient[roots:] + columns(springs, len(rest.holding_torque)),
+        tension=columns(tension, len(rest.tension)),
     )
 
 

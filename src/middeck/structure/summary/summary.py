@@ -22,7 +22,7 @@ FREE = 500.5639
 STATIONS = 24
 
 
-@record
+@record(kw_only=True)
 class Summary:
     """Masses and measures of a structure, undeformed, with its joints where statics begin.
 
@@ -98,15 +98,15 @@ def summarise(structure: Structure) -> Summary:
     radius = np.sqrt(rods.EI / rods.EA)
     slim = rods.length / rods.elements / radius
     return Summary(
-        mass,
-        centre,
-        inertia,
-        size,
-        6 * (len(structure.nodes) + int(np.sum(rods.elements - 1))) + len(structure.joints),
-        measures.bending_hz,
-        (float(slim.min()), float(slim.max())) if len(slim) else None,
-        measures.rounding,
-        doubt_measures(structure, measures, rods.length, radius, rods.elements),
+        mass=mass,
+        centre=centre,
+        inertia=inertia,
+        size=size,
+        coordinates=6 * (len(structure.nodes) + int(np.sum(rods.elements - 1))) + len(structure.joints),
+        bending_hz=measures.bending_hz,
+        slenderness=(float(slim.min()), float(slim.max())) if len(slim) else None,
+        rounding=measures.rounding,
+        warnings=doubt_measures(structure, measures, rods.length, radius, rods.elements),
     )
 
 

@@ -19,7 +19,7 @@ FITTED = 1e-14
 SPANS = ("point", "line", "plane", "space")
 
 
-@record
+@record(kw_only=True)
 class Attitude:
     """How an article hangs. Rotation vectors [rad] and positions [m] are in W.
 
@@ -72,16 +72,16 @@ def estimate_attitude(equilibrium: Equilibrium) -> Attitude:
     centre = _centre_of_mass(equilibrium)
     span, lies_off = _span(equilibrium, centre)
     return Attitude(
-        tilt,
-        heading,
-        tuple(turned),
-        rotations,
-        tilts,
-        equilibrium.devices,
-        equilibrium.tension,
-        centre,
-        span,
-        lies_off,
+        tilt=tilt,
+        heading=heading,
+        node=tuple(turned),
+        node_rotation=rotations,
+        node_tilt=tilts,
+        device=equilibrium.devices,
+        tension=equilibrium.tension,
+        centre_of_mass=centre,
+        hangs_from=span,
+        lies_off=lies_off,
     )
 
 

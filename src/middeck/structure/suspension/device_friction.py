@@ -92,7 +92,7 @@ def _frictions(equilibrium: Equilibrium) -> tuple[Friction | None, ...]:
     return (*(d.friction for d in environment.hung), *(None for _ in environment.springs))
 
 
-@record
+@record(kw_only=True)
 class DeviceFrictionCurve:
     """One mode of a hung article against its amplitude, with the friction of its devices.
 
@@ -177,7 +177,17 @@ def sweep_device_amplitude(
     names = tuple(modes.equilibrium.devices[i] for i in laws)
     change = _shape_change(modes.omega**2, W, k, index)
     zeta = -np.real(s) / np.abs(s)
-    return DeviceFrictionCurve(modes.name[index], A, names, travel, k, loss, np.sqrt(held), zeta, change)
+    return DeviceFrictionCurve(
+        name=modes.name[index],
+        amplitude=A,
+        device=names,
+        travel=travel,
+        stiffness=k,
+        loss=loss,
+        omega=np.sqrt(held),
+        zeta=zeta,
+        shape_change=change,
+    )
 
 
 def _shape_change(poles: np.ndarray, W: np.ndarray, stiffness: np.ndarray, index: int) -> np.ndarray:

@@ -34,7 +34,7 @@ STUCK = 1e-2
 of offsets that do level an article it is some 10 rad/m."""
 
 
-@record
+@record(kw_only=True)
 class Levelling:
     """An article before and after its attach points were moved.
 
@@ -118,7 +118,15 @@ def level(
     if at.size > LEVEL:
         raise _unreached(task, at, f"still tilts by {np.degrees(at.size):.3g} deg", history)
     moved = _moved(task, at.change)
-    return Levelling(moved, at.rest, before, at.attitude, task.free, at.change, tuple(history))
+    return Levelling(
+        structure=moved,
+        equilibrium=at.rest,
+        before=before,
+        after=at.attitude,
+        moved=task.free,
+        change=at.change,
+        history=tuple(history),
+    )
 
 
 class _Hung(NamedTuple):

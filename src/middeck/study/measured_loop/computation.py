@@ -22,7 +22,7 @@ STATIC_HZ = 0.2  # below the suspension's modes an angle follows its torque stat
 HALF_WIDTHS = 3.0  # on either side of a mode, where its peak is looked for
 
 
-@record
+@record(kw_only=True)
 class DesignCase:
     """Data of a design: a fit, its plant, the fit on all lines, and the measured open loop.
 
@@ -45,7 +45,7 @@ class ModeReduction:
     db: float
 
 
-@record
+@record(kw_only=True)
 class MeasuredLoop:
     """One compensator: its loop as predicted from the fit and as measured on the rig.
 

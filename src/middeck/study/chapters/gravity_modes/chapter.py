@@ -29,13 +29,31 @@ GRAVITY_MODES = Chapter(
     needs=(compare_environments,),
     compute=compute,
     entries=(
-        Entry("figure_4", numbers.figure_4, claims_at="figure-4", warnings_at="figure-4"),
-        Entry("figure_5", numbers.figure_5, claims_at="figure-5", warnings_at="figure-5"),
+        Entry(key="figure_4", numbers=numbers.figure_4, claims_at="figure-4", warnings_at="figure-4"),
+        Entry(key="figure_5", numbers=numbers.figure_5, claims_at="figure-5", warnings_at="figure-5"),
     ),
     drawings=(
-        Drawing("figure-3", TITLE_3, figure_3, sentences.figure_3, tables.rest_tables),
-        Drawing("figure-4", TITLE_4, figure_4, sentences.figure_4, tables.mode_tables),
-        Drawing("figure-5", TITLE_5, figure_5, sentences.figure_5, tables.orthogonality_tables),
+        Drawing(
+            key="figure-3",
+            title=TITLE_3,
+            draw=figure_3,
+            sentence=sentences.figure_3,
+            tables=tables.rest_tables,
+        ),
+        Drawing(
+            key="figure-4",
+            title=TITLE_4,
+            draw=figure_4,
+            sentence=sentences.figure_4,
+            tables=tables.mode_tables,
+        ),
+        Drawing(
+            key="figure-5",
+            title=TITLE_5,
+            draw=figure_5,
+            sentence=sentences.figure_5,
+            tables=tables.orthogonality_tables,
+        ),
     ),
     result=sentences.result,
 )

@@ -13,20 +13,22 @@ GRAVITY_RESPONSES = Chapter(
     share=0.01,
     stream=1,
     compute=computation.compute,
-    entries=(Entry("figure_6", numbers.figure_6, claims_at="figure-6a", warnings_at="figure-6b"),),
+    entries=(
+        Entry(key="figure_6", numbers=numbers.figure_6, claims_at="figure-6a", warnings_at="figure-6b"),
+    ),
     drawings=(
         Drawing(
-            "figure-6a",
-            partial(sentences.title, output=0),
-            partial(figure_6, output=0),
-            partial(sentences.sentence, output=0),
+            key="figure-6a",
+            title=partial(sentences.title, output=0),
+            draw=partial(figure_6, output=0),
+            sentence=partial(sentences.sentence, output=0),
         ),
         Drawing(
-            "figure-6b",
-            partial(sentences.title, output=1),
-            partial(figure_6, output=1),
-            partial(sentences.sentence, output=1),
-            tables.response_tables,
+            key="figure-6b",
+            title=partial(sentences.title, output=1),
+            draw=partial(figure_6, output=1),
+            sentence=partial(sentences.sentence, output=1),
+            tables=tables.response_tables,
         ),
     ),
 )

@@ -27,7 +27,7 @@ class MagnitudeError:
     lab_db: np.ndarray
 
 
-@record
+@record(kw_only=True)
 class GravityResponses:
     """Responses of two models and of the rig.
 
@@ -58,12 +58,14 @@ def compute(study: Study, rng: np.random.Generator) -> GravityResponses:
     experiment = run_rig_experiment(rig_plant(lab, figure.input, figure.outputs), study.rig, test, rng)
     measured = estimate_response(experiment.record, band_hz=figure.band_hz)
     return GravityResponses(
-        evaluate_plant(plants["orbit"], frequency_hz),
-        evaluate_plant(plants["lab"], frequency_hz),
-        measured,
-        study.rig.delay_s,
-        _phase_gap(plants["lab"], measured),
-        _magnitude_error(plants["orbit"], plants["lab"], measured, (figure.band_hz, test.band_hz)),
+        orbit=evaluate_plant(plants["orbit"], frequency_hz),
+        lab=evaluate_plant(plants["lab"], frequency_hz),
+        rig=measured,
+        delay_s=study.rig.delay_s,
+        phase_gap_s=_phase_gap(plants["lab"], measured),
+        magnitude_error=_magnitude_error(
+            plants["orbit"], plants["lab"], measured, (figure.band_hz, test.band_hz)
+        ),
     )
 
 

@@ -17,12 +17,24 @@ MEASURED_CONTROL = Chapter(
     needs=(rig_article,),
     compute=computation.compute,
     entries=(
-        Entry("figure_9a", numbers.figure_9a, claims_at="figure-9a", warnings_at="figure-9a"),
-        Entry("figure_9b", numbers.figure_9b, claims_at="figure-9b", warnings_at="figure-9b"),
+        Entry(key="figure_9a", numbers=numbers.figure_9a, claims_at="figure-9a", warnings_at="figure-9a"),
+        Entry(key="figure_9b", numbers=numbers.figure_9b, claims_at="figure-9b", warnings_at="figure-9b"),
     ),
     drawings=(
-        Drawing("figure-9a", TITLE_A, figure_9a, sentences.figure_9a, tables.fit_tables),
-        Drawing("figure-9b", TITLE_B, figure_9b, sentences.figure_9b, tables.loop_tables),
+        Drawing(
+            key="figure-9a",
+            title=TITLE_A,
+            draw=figure_9a,
+            sentence=sentences.figure_9a,
+            tables=tables.fit_tables,
+        ),
+        Drawing(
+            key="figure-9b",
+            title=TITLE_B,
+            draw=figure_9b,
+            sentence=sentences.figure_9b,
+            tables=tables.loop_tables,
+        ),
     ),
     result=sentences.result,
     shortfalls=sentences.shortfalls,

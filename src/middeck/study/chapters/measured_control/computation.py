@@ -39,7 +39,7 @@ class OutsideMode:
     frequency_hz: float
 
 
-@record
+@record(kw_only=True)
 class MeasuredControl:
     """The measured open loop, the fit to it in its band, the design plant, and a loop at each authority.
 
@@ -87,17 +87,17 @@ def compute(study: Study, rng: np.random.Generator, article: RigArticle) -> Meas
     )
     loops = tuple(measure_loop(name, level, law, case, views, rng) for name, level, law in laws)
     return MeasuredControl(
-        siso.fit_band_hz,
-        measured,
-        fit,
-        drifted_fit,
-        case.fitted,
-        case.plant,
-        siso.pair_shift_hz,
-        later,
-        _below_fit(article, siso, fit),
-        loops,
-        judge_loops(views, design(10.0**robust)),
+        fit_band_hz=siso.fit_band_hz,
+        open_loop=measured,
+        fit=fit,
+        drifted_fit=drifted_fit,
+        fitted=case.fitted,
+        plant=case.plant,
+        pair_shift_hz=siso.pair_shift_hz,
+        drifted_percent=later,
+        below_fit=_below_fit(article, siso, fit),
+        loops=loops,
+        one_model=judge_loops(views, design(10.0**robust)),
     )
 
 
@@ -110,18 +110,27 @@ def _design_case(fit: FitResult, measured: FrequencyResponse, siso: SisoForm) ->
     ports = {"w": (siso.actuator,), "u": (siso.actuator,), "z": (siso.sensor,), "y": (siso.sensor,)}
     plant = approximate_delays(measured_plant(fit.model, **ports), siso.pade_order)
     H = model_response(fit.model, measured.frequency_hz)
-    fitted = FrequencyResponse(measured.frequency_hz, H, measured.inputs, measured.outputs)
-    return DesignCase(fit.model, plant, fitted, measured, siso.band_hz, siso.excitation_nm)
+    fitted = FrequencyResponse(
+        frequency_hz=measured.frequency_hz, H=H, inputs=measured.inputs, outputs=measured.outputs
+    )
+    return DesignCase(
+        model=fit.model,
+        plant=plant,
+        fitted=fitted,
+        measured=measured,
+        band_hz=siso.band_hz,
+        torque_nm=siso.excitation_nm,
+    )
 
 
 def _weights(siso: SisoForm) -> LQGWeights:
     """Disturbance and control enter at the same motor."""
     return LQGWeights(
-        np.array([siso.angle_weight]),
-        np.array([siso.input_weight]),
-        (siso.actuator,),
-        np.array([[siso.disturbance_nm_per_rthz**2]]),
-        np.array([siso.angle_noise_rad_per_rthz**2]),
+        output=np.array([siso.angle_weight]),
+        input=np.array([siso.input_weight]),
+        disturbed=(siso.actuator,),
+        process=np.array([[siso.disturbance_nm_per_rthz**2]]),
+        sensor=np.array([siso.angle_noise_rad_per_rthz**2]),
     )
 
 

@@ -15,9 +15,22 @@ MIRROR = Chapter(
     compute=computation.compute,
     entries=(
         Entry(
-            "mirror", numbers.mirror, claims_at="mirror", warnings_at="mirror", claims=claims.mirror_claims
+            key="mirror",
+            numbers=numbers.mirror,
+            claims_at="mirror",
+            warnings_at="mirror",
+            claims=claims.mirror_claims,
         ),
     ),
-    drawings=(Drawing("mirror", TITLE, drawing.mirror, sentences.mirror, tables.mirror_tables, SOURCE),),
+    drawings=(
+        Drawing(
+            key="mirror",
+            title=TITLE,
+            draw=drawing.mirror,
+            sentence=sentences.mirror,
+            tables=tables.mirror_tables,
+            note=SOURCE,
+        ),
+    ),
     result=sentences.result,
 )

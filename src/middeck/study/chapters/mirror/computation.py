@@ -34,5 +34,7 @@ def compute(study: Study, rng: np.random.Generator) -> MirrorFit:
     measured = estimate_response(train, band_hz=BAND_HZ)
     fit = fit_response(measured, states=study.mirror.states, sample_hz=train.sample_hz)
     H = model_response(fit.model, measured.frequency_hz)
-    fitted = FrequencyResponse(measured.frequency_hz, H, measured.inputs, measured.outputs)
+    fitted = FrequencyResponse(
+        frequency_hz=measured.frequency_hz, H=H, inputs=measured.inputs, outputs=measured.outputs
+    )
     return MirrorFit(measured, fit, fitted, nrmse(fit.model, test))

@@ -42,7 +42,7 @@ ABOVE_HZ = (10.0, np.inf)
 HALF_POWER = 0.01  # the flexible modes' damping: so far to either side a peak is down by 3 dB
 
 
-@record
+@record(kw_only=True)
 class TwoSensorControl:
     """The three paths and their fit, how far each design reaches, and the loops of Figures 11 and 12.
 
@@ -107,18 +107,20 @@ def compute(study: Study, rng: np.random.Generator, article: RigArticle) -> TwoS
     mode_hz = _highest_hz(measured, 2, FLEXIBLE_HZ)
     at_mode = mode_hz * (1.0 - HALF_POWER), mode_hz * (1.0 + HALF_POWER)
     return TwoSensorControl(
-        sensors,
-        smaller,
-        _reach(study, sensors.fit, measured, views, lead=False),
-        _reach(study, sensors.fit, measured, views, lead=True),
-        first,
-        second,
-        tuple(_over(loop.measured, measured, 2, FLEXIBLE_HZ) for loop in (first, second)),
-        tuple(_over(loop.measured, measured, 0, ABOVE_HZ) for loop in (first, second)),
-        _over(take_closed_loop(views[0.0].bench, without_bus, rng).response, measured, 0, ABOVE_HZ),
-        _over(second.measured, first.measured, 0, FLEXIBLE_HZ),
-        mode_hz,
-        _over(second.measured, first.measured, 0, at_mode),
+        sensors=sensors,
+        smaller=smaller,
+        without_lead=_reach(study, sensors.fit, measured, views, lead=False),
+        with_lead=_reach(study, sensors.fit, measured, views, lead=True),
+        payload=first,
+        both=second,
+        bus_db=tuple(_over(loop.measured, measured, 2, FLEXIBLE_HZ) for loop in (first, second)),
+        above_db=tuple(_over(loop.measured, measured, 0, ABOVE_HZ) for loop in (first, second)),
+        above_without_bus_db=_over(
+            take_closed_loop(views[0.0].bench, without_bus, rng).response, measured, 0, ABOVE_HZ
+        ),
+        deeper_db=_over(second.measured, first.measured, 0, FLEXIBLE_HZ),
+        mode_hz=mode_hz,
+        deeper_at_mode_db=_over(second.measured, first.measured, 0, at_mode),
     )
 
 
@@ -127,11 +129,11 @@ def _designs(study: Study, case: DesignCase, *, lead: bool) -> Design:
     siso, sito = study.siso, study.sito
     both = np.array([siso.angle_weight, sito.bus_weight])
     weights = LQGWeights(
-        both[: len(case.plant.z)],
-        np.array([siso.input_weight]),
-        (siso.actuator,),
-        np.array([[siso.disturbance_nm_per_rthz**2]]),
-        np.array(sito.angle_noise_rad_per_rthz) ** 2,
+        output=both[: len(case.plant.z)],
+        input=np.array([siso.input_weight]),
+        disturbed=(siso.actuator,),
+        process=np.array([[siso.disturbance_nm_per_rthz**2]]),
+        sensor=np.array(sito.angle_noise_rad_per_rthz) ** 2,
     )
     kalman = design_filter(case.plant, weights)
     section = second_order_section(

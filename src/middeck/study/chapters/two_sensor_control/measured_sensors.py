@@ -42,7 +42,7 @@ class SensorZeros:
     mirrored_error: float | None
 
 
-@record
+@record(kw_only=True)
 class MeasuredSensors:
     """Three measured paths from one torque, one fit with common poles, its zeros and its design plant.
 
@@ -71,7 +71,15 @@ def study_measured_sensors(study: Study, measured: FrequencyResponse, delay_s: f
     fit = fit_sensors(measured, study.sito.states, band_hz)
     case, banded = design_case(study, fit, measured), in_band(measured, band_hz)
     zeros = tuple(_sensor_zeros(fit, banded, o) for o in range(len(measured.outputs)))
-    return MeasuredSensors(band_hz, measured, fit, case.fitted, zeros, case.plant, delay_s)
+    return MeasuredSensors(
+        fit_band_hz=band_hz,
+        measured=measured,
+        fit=fit,
+        fitted=case.fitted,
+        sensors=zeros,
+        plant=case.plant,
+        delay_s=delay_s,
+    )
 
 
 def design_case(
@@ -84,8 +92,17 @@ def design_case(
     plant = measured_plant(fit.model, w=torque, u=torque, z=z, y=sito.sensors)
     plant = approximate_delays(plant, sito.pade_order)
     H = model_response(fit.model, measured.frequency_hz)
-    fitted = FrequencyResponse(measured.frequency_hz, H, measured.inputs, measured.outputs)
-    return DesignCase(fit.model, plant, fitted, measured, siso.band_hz, siso.excitation_nm)
+    fitted = FrequencyResponse(
+        frequency_hz=measured.frequency_hz, H=H, inputs=measured.inputs, outputs=measured.outputs
+    )
+    return DesignCase(
+        model=fit.model,
+        plant=plant,
+        fitted=fitted,
+        measured=measured,
+        band_hz=siso.band_hz,
+        torque_nm=siso.excitation_nm,
+    )
 
 
 def fit_sensors(measured: FrequencyResponse, states: int | None, band_hz: tuple[float, float]) -> FitResult:

@@ -17,7 +17,7 @@ LEVELS = np.arange(0.0, 4.51, 0.25)  # log10 authority
 Design = Callable[[float], Compensator]
 
 
-@record
+@record(kw_only=True)
 class Reach:
     """Limit of a design on the rig, with the pair of modes unchanged and shifted to either side.
 
@@ -51,11 +51,12 @@ def find_reach(what: str, design: Design, case: DesignCase, views: Mapping[float
         poles = {percent: fastest_pole(view, compensator) for percent, view in views.items()}
         worst = max(poles, key=lambda percent: poles[percent].real)
         if poles[worst].real > GROWTH_LIMIT:
-            return Reach(
-                what, states, *_held(last, case, views), abs(poles[worst].imag) / (2.0 * np.pi), worst
-            )
+            held = _held(last, case, views)
+            stopped_hz = abs(poles[worst].imag) / (2.0 * np.pi)
+            return Reach(what=what, states=states, **held, stopped_hz=stopped_hz, stopped_percent=worst)
         last = float(level), compensator
-    return Reach(what, states, *_held(last, case, views), None, None)
+    held = _held(last, case, views)
+    return Reach(what=what, states=states, **held, stopped_hz=None, stopped_percent=None)
 
 
 def find_level(design: Design, case: DesignCase, improvement_db: float) -> float:
@@ -67,9 +68,13 @@ def find_level(design: Design, case: DesignCase, improvement_db: float) -> float
 
 def _held(
     last: tuple[float, Compensator] | None, case: DesignCase, views: Mapping[float, RigView]
-) -> tuple[float | None, float | None, float | None]:
+) -> dict[str, float | None]:
     if last is None:
-        return None, None, None
+        return dict.fromkeys(("log10_authority", "predicted_db", "least_db"))
     level, compensator = last
     improvements = (loop.improvement_db for loop in judge_loops(views, compensator))
-    return level, predicted_db(case, compensator), max(db for db in improvements if db is not None)
+    return {
+        "log10_authority": level,
+        "predicted_db": predicted_db(case, compensator),
+        "least_db": max(db for db in improvements if db is not None),
+    }

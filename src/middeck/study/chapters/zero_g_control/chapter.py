@@ -16,10 +16,18 @@ ZERO_G_CONTROL = Chapter(
     stream=2,
     needs=(compare_environments,),
     compute=computation.compute,
-    entries=(Entry("figure_7", numbers.figure_7, claims_at="figure-7a", warnings_at="figure-7b"),),
+    entries=(
+        Entry(key="figure_7", numbers=numbers.figure_7, claims_at="figure-7a", warnings_at="figure-7b"),
+    ),
     drawings=(
-        Drawing("figure-7a", TITLE_A, figure_7a, sentences.figure_7a),
-        Drawing("figure-7b", TITLE_B, figure_7b, sentences.figure_7b, tables.authority_tables),
+        Drawing(key="figure-7a", title=TITLE_A, draw=figure_7a, sentence=sentences.figure_7a),
+        Drawing(
+            key="figure-7b",
+            title=TITLE_B,
+            draw=figure_7b,
+            sentence=sentences.figure_7b,
+            tables=tables.authority_tables,
+        ),
     ),
     result=sentences.result,
 )

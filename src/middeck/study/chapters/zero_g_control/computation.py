@@ -36,7 +36,7 @@ SUB_MODELS = ("all", "rigid", "flexible")
 SEARCH_LAST = 7.0  # log10 authority: beyond the plotted range
 
 
-@record
+@record(kw_only=True)
 class SubModelSweep:
     """One sub-model over authority.
 
@@ -167,11 +167,11 @@ def design_weights(control: ControlForm, psd: float) -> LQGWeights:
     process = np.diag([psd] * n_w + [control.actuator_noise_ratio * psd] * n_u)
     sensor = [control.angle_noise_rad_per_rthz**2] * n_y + [control.rate_noise_rad_per_s_per_rthz**2] * n_y
     return LQGWeights(
-        np.array(control.metric_weights),
-        np.array(control.input_weight),
-        (*control.disturbances, *control.inputs),
-        process,
-        np.array(sensor),
+        output=np.array(control.metric_weights),
+        input=np.array(control.input_weight),
+        disturbed=(*control.disturbances, *control.inputs),
+        process=process,
+        sensor=np.array(sensor),
     )
 
 
@@ -193,13 +193,29 @@ def _sweep(
     error = max((_quadrature_error(loop, performance) for loop in ends if loop.stable), default=0.0)
     first = find_first_instability(design, pair["lab"], first=control.log10_authority_first, last=SEARCH_LAST)
     if first is None:
-        return SubModelSweep(sweep, over_orbit, None, None, "", 0, 0, error)
+        return SubModelSweep(
+            sweep=sweep,
+            reference_db_lab_pd=over_orbit,
+            first_instability=None,
+            mode_frequency_hz=None,
+            mode_kind="",
+            unstable_pairs=0,
+            unstable_real=0,
+            quadrature_error=error,
+        )
     mode = lab.name.index(first.mode_name)
     loop = close_loop(pair["lab"], design(10.0**first.log10_authority))
     growing = np.imag(loop.poles)[np.real(loop.poles) > GROWTH_LIMIT]
     pairs, real = int(np.count_nonzero(growing > 0.0)), int(np.count_nonzero(growing == 0.0))
     return SubModelSweep(
-        sweep, over_orbit, first, float(lab.frequency_hz[mode]), lab.kind[mode], pairs, real, error
+        sweep=sweep,
+        reference_db_lab_pd=over_orbit,
+        first_instability=first,
+        mode_frequency_hz=float(lab.frequency_hz[mode]),
+        mode_kind=lab.kind[mode],
+        unstable_pairs=pairs,
+        unstable_real=real,
+        quadrature_error=error,
     )
 
 
