@@ -302,8 +302,8 @@ def test_a_closed_loop_through_everything_runs_and_is_the_same_twice():
 
 def test_named_modes_drift_with_age_and_only_they():
     modal = ModalSystem(
-        omega=2.0 * np.pi * np.array([1.0, 8.8, 9.3]), zeta=np.full(3, 0.01),
-        psi=np.ones((3, 1)), phi=np.ones((1, 3)), phi_rate=np.zeros((1, 3)), names=("first", "second", "third"),
+        omega=2.0 * np.pi * np.array([1.0, 8.8, 9.3]), zeta=np.full(3, 0.01), psi=np.ones((3, 1)),
+        phi=np.ones((1, 3)), phi_rate=np.zeros((1, 3)), names=("first", "second", "third"),
     )  # fmt: skip
     plant = Plant(dynamics=modal, inputs=(Port("u", "N m"),), outputs=(Port("y", "rad"),))
     pair = nearest_modes(plant, 9.0)

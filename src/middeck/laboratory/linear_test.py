@@ -16,7 +16,7 @@ from middeck.structure.plants.modal_plant import build_plant
 from middeck.systems.plant import Plant
 from middeck.values import record
 
-RIG_MODES_HZ = 60.0  # the linear rig carries every mode up to here
+RIG_MODES_HZ = 60.0  # the rig of Figure 6 carries every mode up to here
 EXCITATION_NM = 0.1  # rms of the torque command; the rig is linear, the noise relative
 
 

@@ -28,7 +28,7 @@ from middeck.values import record
 
 @record
 class RigView:
-    """A bench seen through its linear rig, and the response of that on the lines of the excitation."""
+    """A bench, the linear part of its rig, and the response of that on the lines of the excitation."""
 
     bench: Bench
     plant: Plant

@@ -14,7 +14,7 @@ BUTTERWORTH_DELAY = math.sqrt(2.0)  # of the filter of second order at low frequ
 
 @record
 class Sampler:
-    """Reads the output itself, with white noise of ``noise_rms`` at each sample: for comparison."""
+    """Reads an output of any kind as it is, with white noise of ``noise_rms`` at each sample."""
 
     noise_rms: float = 0.0
 
@@ -98,7 +98,7 @@ def _refuse_gain(where: str, gain: float) -> None:
 
 
 def sensor_lag(sensor: Sensor) -> float:
-    """Delay [s] of the sensor's filters are at low frequency."""
+    """Delay [s] of the sensor's filters at low frequency."""
     if not isinstance(sensor, Gyro):
         return 0.0
     return (1.0 / sensor.bandwidth_hz + BUTTERWORTH_DELAY / sensor.anti_alias_hz) / (2.0 * np.pi)
