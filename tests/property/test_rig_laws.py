@@ -18,6 +18,8 @@ from middeck.realtime.simulation import simulate_rig, switch_on
 from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
+from middeck.systems.sampling import sample_dynamics
+from middeck.systems.simulation import simulate
 
 RATE = 500.0
 seeds = st.integers(0, 2**32 - 1)
@@ -115,6 +117,27 @@ def test_an_encoder_is_right_to_half_a_step_and_odd(seed):
     assert np.abs(counted - true).max() <= 0.5 * step * (1.0 + 1e-9)
     np.testing.assert_allclose(counted / step, np.round(counted / step), rtol=0.0, atol=1e-6)
     assert np.array_equal(run(rig_of(plant, sensor=Encoder(step)), -u).readings, -counted)
+
+
+@settings(max_examples=40, deadline=None)
+@given(seeds, st.sampled_from([0.0, 1.0, 2.0, 0.37, 1.5, 4.9]), st.integers(1, 3), st.booleans())
+def test_with_nothing_switched_on_it_is_the_sampled_plant(seed, delay, steps, accelerates):
+    """In blocks and tick by tick, angles and accelerations, with whatever delay."""
+    rng = np.random.default_rng(seed)
+    plant = random_plant(rng, int(rng.integers(1, 4)))
+    if accelerates:
+        delay = max(delay, 0.01)
+        phi = plant.dynamics.phi
+        full = dataclasses.replace(plant.dynamics, phi_acceleration=1e-3 * rng.normal(size=phi.shape))
+        plant = dataclasses.replace(plant, dynamics=full)
+    u = rng.normal(size=(300, len(plant.inputs)))
+    exact, _ = simulate(sample_dynamics(plant.dynamics, 1.0 / RATE, delay / RATE), u)
+    for motor in (Motor(), Motor(torque_limit=1e9)):
+        motors = {p.name: motor for p in plant.inputs}
+        rig = build_rig(plant, motors=motors, sample_hz=RATE, delay_s=(delay + 0.5) / RATE, steps=steps)
+        assert rig.linear == (motor == Motor())
+        # Rounding of 300 steps of undamped modes.
+        np.testing.assert_allclose(run(rig, u).measured, exact, rtol=0.0, atol=1e-11 * np.abs(exact).max())
 
 
 def random_element(rng):

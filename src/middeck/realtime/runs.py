@@ -20,16 +20,13 @@ from middeck.realtime.rig import Rig
 from middeck.realtime.rig_state import RigBlock, RigState, cut_block
 from middeck.realtime.simulation import BLOCK, cut_blocks, linear_state, simulate_rig, switch_on
 from middeck.signals.record import Record
-from middeck.systems.balancing import balance
-from middeck.systems.simulation import simulate
+from middeck.systems.simulation import find_periodic_state
 from middeck.systems.stability import growth_rates, is_stable
 from middeck.systems.statespace import SampledStateSpace
 from middeck.values import record
 
 REST_S = 30.0
 """Rest before a run [s]: white rate noise of 2e-4 rad/s/sqrt(Hz) leaves the bias known to 4e-5 rad/s."""
-LEAST = 1e-9  # relative to the largest; a motion below it has no steady state of its own: the sum of a gyro
-REPEATS = 1e-6  # relative change of the state over a period, below which it is steady
 LOOK_BACK_S = 4.0  # of a stopped run, to find what was growing
 
 
@@ -105,8 +102,8 @@ def run_closed_loop(
     A run that passes a stop, or overflows, has a cause and no record. Where nothing is switched on, a loop
     that is unstable by its eigenvalues is not run at all, and its cause is the mode that diverges.
 
-    Raises `ConfigError` for no period, an unknown output, a law as `place_law`, and for ``steady`` where a
-    rigid-body mode has no steady state.
+    Raises `ConfigError` for no period, an unknown output, or a law as `place_law`; `NumericalError` for
+    ``steady`` where the excitation drives a rigid-body mode on and on.
     """
     if periods < 1 or settle < 0 or len(excitation) < 1:
         raise ConfigError(
@@ -174,21 +171,9 @@ def find_steady_start(
 ) -> RigState:
     """``rested`` with the states of the linear ``loop`` at the start of a steady period of ``u``.
 
-    Where a gyro's sum is a state of its own it may have any constant: of all steady states the smallest is
-    taken. Raises `ConfigError` where there is none.
+    Raises `NumericalError` where there is none.
     """
-    balanced, scale = balance(loop.A)
-    _, end = simulate(loop, np.hstack([u, np.zeros((len(u), len(rig.outputs)))]))
-    end = end / scale
-    left = np.eye(len(scale)) - np.linalg.matrix_power(balanced, len(u))
-    x = np.linalg.lstsq(left, end, rcond=LEAST)[0]
-    if np.linalg.norm(left @ x - end) > REPEATS * np.linalg.norm(end):
-        raise ConfigError(
-            "no periodic steady state to begin in: the excitation moves a rigid-body mode on and on",
-            where="steady",
-            hint="steady=False, a loop that holds it, or an excitation without mean",
-        )
-    x = scale * x
+    x = find_periodic_state(loop, np.hstack([u, np.zeros((len(u), len(rig.outputs)))]))
     rows = gyro_sums(rig)
     sums = np.zeros(0) if rows is None else rows @ x[: len(rested.x) + rested.issued.size]
     return linear_state(rig, rested, x, sums)
