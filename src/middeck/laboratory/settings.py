@@ -32,7 +32,7 @@ class RigSettings:
     umbilical_hz:
         Frequency that a weak cable gives the article in orbit; zero for none.
     hidden_seed:
-        Of the article's hidden errors; None for none.
+        Seed of the article's hidden errors; None for none.
     """
 
     sample_hz: float

@@ -13,7 +13,7 @@ from middeck.realtime.rig_state import RigBlock
 from middeck.signals.ports import Port, port_indices
 from middeck.values import record
 
-FULL = 1.0 - 1e-9  # part of a limit from which on it counts as reached: rounding
+FULL = 1.0 - 1e-9  # share of a limit from which it counts as reached, for rounding
 
 
 @record(kw_only=True)
@@ -23,9 +23,9 @@ class RunEvents:
     Parameters
     ----------
     saturated, slewed, rotor_full:
-        Of each input: at its torque limit, at its slew limit, its rotor at full speed.
+        Each input at its torque limit, at its slew limit, with its rotor at full speed.
     clipped:
-        Of each output: at the end of its converter's range.
+        Each output at the end of its converter's range.
     peak_speed_rad_s:
         Largest rotor speed of each input; zero without a rotor.
     stopped_s:
@@ -61,7 +61,7 @@ def stop_limits(rules: Sequence[StopRule], outputs: Sequence[Port]) -> Float[np.
 
 
 def find_stop(measured: Float[np.ndarray, "sample output"], limits: np.ndarray) -> tuple[int, int] | None:
-    """The first sample beyond its limit and which output it was; None if all keep theirs."""
+    """The first sample beyond its limit, and the number of its output; None if all stay within."""
     beyond = np.abs(measured) > limits
     if not beyond.any():
         return None

@@ -60,7 +60,7 @@ class Rig:
 
     @functools.cached_property
     def readout(self) -> Readout:
-        """What all converters and encoders make of the samples."""
+        """Steps, ranges and errors of all converters and encoders."""
         return gather_readout(self.sensors, self.period_s)
 
 
