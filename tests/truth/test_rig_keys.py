@@ -182,7 +182,7 @@ def test_identification_noise_is_a_part_of_the_rms_of_each_output(dm, lab, form)
         taken = run_rig_experiment(
             plant, dataclasses.replace(settings, noise_share=part), test, np.random.default_rng(0)
         )
-        y = taken.record.y[0]
+        y = taken.y[0]
         noise = np.std(np.diff(y, axis=0), axis=(0, 1)) / np.sqrt(2.0)
         share.append(noise / np.std(y.mean(axis=0), axis=0))
     # 16,000 differences: the rms is known to 0.6 %, taken four times.
