@@ -9,16 +9,17 @@ from typing import Any
 import numpy as np
 
 from measured.rows import cell, peer, row
+from middeck.control.law.compensator import Compensator
 from middeck.control.lqg import LQGWeights, design_lqg
+from middeck.joints.attachment import JointElements
 from middeck.joints.friction import Friction
-from middeck.joints.simulation import JointElements
-from middeck.realtime.hardware_rig import BLOCK, build_hardware_rig, connect_law, cut_blocks
-from middeck.realtime.hybrid import simulate_hybrid
-from middeck.realtime.hybrid_state import HybridSystem, start_hybrid
+from middeck.realtime.computer import build_computer
 from middeck.realtime.motors import Motor
-from middeck.realtime.rig import close_sampled_loop
+from middeck.realtime.rig import Rig, build_rig
 from middeck.realtime.sensors import Encoder
+from middeck.realtime.simulation import BLOCK, cut_blocks, simulate_rig
 from middeck.signals.ports import Port
+from middeck.systems.feedback import feedback
 from middeck.systems.modal import ModalSystem, select_modes
 from middeck.systems.plant import Plant
 from middeck.systems.sampling import sample_dynamics, tustin
@@ -36,7 +37,8 @@ SHORT, LONG = 100_000, 1_000_000  # ticks of the runs whose memory is compared
 def rows(options: Any) -> list[dict]:
     plant = _plant()
     law = _law(plant)
-    loop = close_sampled_loop(sample_dynamics(plant.dynamics, PERIOD_S, PERIOD_S), law)
+    held = sample_dynamics(plant.dynamics, PERIOD_S, PERIOD_S)
+    loop = feedback(held, law, range(INPUTS), range(OUTPUTS))
     # Disturbed at the inputs; the measured outputs.
     system = SampledStateSpace(
         loop.A, loop.B[:, :INPUTS], loop.C[:OUTPUTS], loop.D[:OUTPUTS, :INPUTS], period_s=PERIOD_S
@@ -132,28 +134,27 @@ def _hybrid(plant: Plant, law: SampledStateSpace) -> list[dict]:
     rub = JointElements("u0", "y0", (Friction(0.05, 50.0, 0.01),))
     made = []
     for joints, what in (((), "hybrid tick: limits, slew and converters"), ((rub,), "the same and friction")):
-        rig = build_hardware_rig(
+        rig = build_rig(
             plant, motors=motors, sensors=sensors, joints=joints, sample_hz=1.0 / PERIOD_S, delay_s=1.5e-3
         )
-        system = connect_law(rig, law)
+        placed = Compensator(law, plant.outputs, plant.inputs)
         times = []
         for _ in range(REPEATS):
             rng = np.random.default_rng(0)
             noise = rng.standard_normal((TICKS, INPUTS))
-            start = start_hybrid(system, np.zeros(OUTPUTS))
-            run = simulate_hybrid(system, cut_blocks(noise), rng, start)
+            run = simulate_rig(rig, placed, cut_blocks(noise), rng)
             times.append(_cpu(lambda run=run: [None for _ in run])[0])
         made.append(row(CASE, what, "CPU us", 1e6 * float(np.median(times)) / TICKS, 20.0, states=100))
-    made.append(row(CASE, "of which products with matrices", "CPU us", _products(system), states=100))
-    short, long = (_peak(system, ticks) for ticks in (SHORT, LONG))
+    made.append(row(CASE, "of which products with matrices", "CPU us", _products(rig, law), states=100))
+    short, long = (_peak(rig, placed, ticks) for ticks in (SHORT, LONG))
     made.append(row(CASE, "memory of a million such ticks", "MB", long / 2**20, states=100))
     made.append(row(CASE, "the same over that of 100,000 ticks", "ratio", long / short, 1.1, states=100))
     return made
 
 
-def _products(system: HybridSystem) -> float:
+def _products(rig: Rig, law: SampledStateSpace) -> float:
     """CPU microseconds of a tick's three products alone, the least that it can take."""
-    plant, computer = system.plant, system.computer
+    plant, computer = rig.plant, build_computer(rig.sensors, law)
     pairs = [np.vstack([plant.step[0], plant.read]), computer.step, plant.drive[0]]
     parts = [(m.copy(), np.ones(m.shape[1]), np.empty(len(m))) for m in pairs]
 
@@ -165,12 +166,12 @@ def _products(system: HybridSystem) -> float:
     return 1e6 * float(np.median([_cpu(run)[0] for _ in range(REPEATS)])) / TICKS
 
 
-def _peak(system: HybridSystem, ticks: int) -> int:
+def _peak(rig: Rig, law: Compensator, ticks: int) -> int:
     """Bytes that a run takes at its most, excitation and answer going by in pieces."""
     rng = np.random.default_rng(0)
     tracemalloc.start()
     pieces = (rng.standard_normal((BLOCK, INPUTS)) for _ in range(0, ticks, BLOCK))
-    for _ in simulate_hybrid(system, pieces, rng, start_hybrid(system, np.zeros(OUTPUTS))):
+    for _ in simulate_rig(rig, law, pieces, rng):
         pass
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()

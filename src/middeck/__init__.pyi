@@ -137,15 +137,16 @@ from .realtime.drift import (
     nearest_modes as nearest_modes,
 )
 from .realtime.events import StopRule as StopRule
-from .realtime.hardware_rig import build_hardware_rig as build_hardware_rig
-from .realtime.hardware_runs import (
-    run_hardware_closed_loop as run_hardware_closed_loop,
-    run_hardware_open_loop as run_hardware_open_loop,
-)
 from .realtime.motors import Motor as Motor
+from .realtime.rig import build_rig as build_rig
+from .realtime.runs import (
+    run_closed_loop as run_closed_loop,
+    run_open_loop as run_open_loop,
+)
 from .realtime.sensors import (
     Encoder as Encoder,
     Gyro as Gyro,
+    Sampler as Sampler,
 )
 from .signals.excitation.limits import Limits as Limits
 from .signals.excitation.multisine import design_multisine as design_multisine

@@ -32,7 +32,7 @@ from middeck.errors import ConfigError, MiddeckError, NotStabilisableError
 from middeck.files.exchange import from_scipy
 from middeck.files.models import write_model
 from middeck.identification.model.measurement_model import MeasurementModel
-from middeck.realtime.rig import build_linear_rig
+from middeck.realtime.rig import build_rig
 from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant, delay_plant
@@ -211,9 +211,9 @@ def test_a_delay_against_a_sample_period() -> None:
     )
     refused(lambda: delay_plant(plant(), -0.1), ConfigError, "or one is negative")
     refused(
-        lambda: build_linear_rig(plant(), sample_hz=100.0, delay_s=1e-3, noise_rms=np.zeros(1)),
+        lambda: build_rig(plant(), sample_hz=100.0, delay_s=1e-3),
         ConfigError,
-        "less than the hold's own 0.005 s",
+        "less than hold and filters take, 0.005 s",
     )
 
 

@@ -8,16 +8,18 @@ import numpy as np
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from middeck.joints.attachment import JointElements
 from middeck.joints.deadband import Deadband
 from middeck.joints.friction import Friction
-from middeck.joints.simulation import JointElements
-from middeck.realtime.hardware_rig import build_hardware_rig, connect_law, measure_bias
-from middeck.realtime.hybrid import simulate_hybrid
 from middeck.realtime.motors import Motor, Rotor
+from middeck.realtime.rig import build_rig
 from middeck.realtime.sensors import Encoder, Sampler
+from middeck.realtime.simulation import simulate_rig, switch_on
 from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
+from middeck.systems.sampling import sample_dynamics
+from middeck.systems.simulation import simulate
 
 RATE = 500.0
 seeds = st.integers(0, 2**32 - 1)
@@ -42,15 +44,14 @@ def random_plant(rng, joints):
 
 
 def rig_of(plant, motor=Motor(), sensor=Sampler(), **more):  # noqa: B008
-    return build_hardware_rig(
+    return build_rig(
         plant, motors={p.name: motor for p in plant.inputs}, sensors={p.name: sensor for p in plant.outputs},
         sample_hz=RATE, delay_s=0.004, **more,
     )  # fmt: skip
 
 
 def run(rig, u):
-    rng = np.random.default_rng(0)
-    (block,) = simulate_hybrid(connect_law(rig, None), [u], rng, measure_bias(rig, None, 0.0, rng))
+    (block,) = simulate_rig(rig, None, [u], np.random.default_rng(0))
     return block
 
 
@@ -118,6 +119,27 @@ def test_an_encoder_is_right_to_half_a_step_and_odd(seed):
     assert np.array_equal(run(rig_of(plant, sensor=Encoder(step)), -u).readings, -counted)
 
 
+@settings(max_examples=40, deadline=None)
+@given(seeds, st.sampled_from([0.0, 1.0, 2.0, 0.37, 1.5, 4.9]), st.integers(1, 3), st.booleans())
+def test_with_nothing_switched_on_it_is_the_sampled_plant(seed, delay, steps, accelerates):
+    """In blocks and tick by tick, angles and accelerations, with whatever delay."""
+    rng = np.random.default_rng(seed)
+    plant = random_plant(rng, int(rng.integers(1, 4)))
+    if accelerates:
+        delay = max(delay, 0.01)
+        phi = plant.dynamics.phi
+        full = dataclasses.replace(plant.dynamics, phi_acceleration=1e-3 * rng.normal(size=phi.shape))
+        plant = dataclasses.replace(plant, dynamics=full)
+    u = rng.normal(size=(300, len(plant.inputs)))
+    exact, _ = simulate(sample_dynamics(plant.dynamics, 1.0 / RATE, delay / RATE), u)
+    for motor in (Motor(), Motor(torque_limit=1e9)):
+        motors = {p.name: motor for p in plant.inputs}
+        rig = build_rig(plant, motors=motors, sample_hz=RATE, delay_s=(delay + 0.5) / RATE, steps=steps)
+        assert rig.linear == (motor == Motor())
+        # Rounding of 300 steps of undamped modes.
+        np.testing.assert_allclose(run(rig, u).measured, exact, rtol=0.0, atol=1e-11 * np.abs(exact).max())
+
+
 def random_element(rng):
     if rng.random() < 0.7:
         return Friction(float(10.0 ** rng.uniform(-4.0, 0.0)), float(10.0 ** rng.uniform(-1.0, 4.0)))
@@ -135,12 +157,11 @@ def test_left_alone_a_rig_never_gains_energy(seed, joints, steps):
         for p in plant.inputs
     ]
     rig = rig_of(plant, joints=parts, steps=steps)
-    system = connect_law(rig, None)
     omega = plant.dynamics.omega
     scale, size = np.where(omega > 0.0, omega, 1.0), 2 * len(omega)
     rng0 = np.random.default_rng(0)
     state = dataclasses.replace(
-        measure_bias(rig, None, 0.0, rng0), x=0.05 * rng.normal(size=rig.plant.angle.shape[1])
+        switch_on(rig, None, 0.0, rng0), x=0.05 * rng.normal(size=rig.plant.angle.shape[1])
     )
 
     def energy(state):
@@ -155,7 +176,7 @@ def test_left_alone_a_rig_never_gains_energy(seed, joints, steps):
 
     found = []
     for _ in range(60):
-        (block,) = simulate_hybrid(system, [np.zeros((1, joints))], rng0, state)
+        (block,) = simulate_rig(rig, None, [np.zeros((1, joints))], rng0, state)
         state = block.state
         found.append(energy(state))
     assume(found[0] > 1e-9)

@@ -7,20 +7,18 @@ import tracemalloc
 import numpy as np
 import pytest
 
+from joint_reference import PlainJoints
+from middeck.joints.attachment import JointElements
 from middeck.joints.friction import Friction
-from middeck.joints.simulation import (
-    JointElements,
-    build_joint_stepper,
-    simulate_joints,
-    start_at_rest,
-)
-from middeck.realtime.hardware_rig import build_hardware_rig, cut_blocks, stream_hardware
 from middeck.realtime.motors import Motor, Rotor
+from middeck.realtime.rig import build_rig
 from middeck.realtime.sensors import Encoder
+from middeck.realtime.simulation import cut_blocks, simulate_rig
 from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
 from middeck.systems.statespace import SampledStateSpace
+from rig_checks import on_rig
 
 RATE, DELAY, STEPS = 500.0, 0.0103, 2
 NAMES = ("bus_z", "pri_rel_z")
@@ -55,19 +53,18 @@ def law():
 @pytest.fixture(scope="module")
 def rig(plant):
     motors, sensors = dict(zip(NAMES, (WHEEL, GIMBAL), strict=True)), dict.fromkeys(NAMES, Encoder(STEP))
-    return build_hardware_rig(
+    return build_rig(
         plant, motors=motors, sensors=sensors, joints=[RUB], sample_hz=RATE, delay_s=DELAY, steps=STEPS
     )
 
 
 def written_out(plant, law, u):
-    """One tick after the other in the plainest of ways; only the joint's step is the library's."""
-    stepper = build_joint_stepper(plant, [RUB], step_s=1.0 / RATE / STEPS, delay_s=DELAY - 0.5 / RATE)
-    state, x = start_at_rest(stepper), np.zeros(1)
+    """One tick after the other in the plainest of ways."""
+    plain, x = PlainJoints(plant, [RUB], 1.0 / RATE / STEPS, DELAY - 0.5 / RATE), np.zeros(1)
     given, momentum = np.zeros(2), 0.0
     rows = []
     for e in u:
-        y = np.round(stepper.sampled.C @ state.x / STEP) * STEP
+        y = np.round(plain.outputs / STEP) * STEP
         control = law.C @ x + law.D @ y
         x = law.A @ x + law.B @ y
         torque = np.zeros(2)
@@ -83,7 +80,8 @@ def written_out(plant, law, u):
         momentum -= torque[0] / RATE
         given = torque
         rows.append((y, control, torque))
-        _, state = simulate_joints(stepper, np.tile(torque, (STEPS, 1)), state)
+        for _ in range(STEPS):
+            plain.advance(torque)
     return [np.array(x) for x in zip(*rows, strict=True)]
 
 
@@ -94,7 +92,7 @@ def excitation(samples):
 
 def test_all_at_once_is_the_loop_written_out(plant, rig, law):
     u = excitation(3000)
-    blocks = list(stream_hardware(rig, law, cut_blocks(u), np.random.default_rng(0)))
+    blocks = list(simulate_rig(rig, on_rig(rig, law), cut_blocks(u), np.random.default_rng(0)))
     ours = [np.concatenate([getattr(b, n) for b in blocks]) for n in ("measured", "control", "torque")]
     exact = written_out(plant, law, u)
     for name, a, b in zip(("measured", "control", "torque"), ours, exact, strict=True):
@@ -115,7 +113,7 @@ def test_memory_is_that_of_a_block_however_long_the_run(rig, law):
     for count in (3, 30):
         tracemalloc.start()
         pieces = (excitation(200) for _ in range(count))
-        for _ in stream_hardware(rig, law, pieces, np.random.default_rng(0)):
+        for _ in simulate_rig(rig, on_rig(rig, law), pieces, np.random.default_rng(0)):
             pass
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()

@@ -7,14 +7,11 @@ import pytest
 
 import middeck as md
 from middeck.errors import ConfigError
+from middeck.joints.attachment import JointElements
 from middeck.joints.deadband import Deadband
 from middeck.joints.friction import Friction
-from middeck.joints.simulation import (
-    JointElements,
-    JointStates,
-    build_joint_stepper,
-    simulate_joints,
-)
+from middeck.realtime.rig import build_rig
+from middeck.realtime.simulation import switch_on
 from middeck.signals.ports import Port
 from middeck.structure.gimbals.amplitude import sweep_amplitude
 from middeck.structure.gimbals.branches import JointSystem, solve_undamped
@@ -22,6 +19,7 @@ from middeck.structure.gimbals.damped import follow_damped, pair_undamped
 from middeck.structure.model.article import Joint, JointState
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
+from rig_checks import run_through
 from structure_builders import body, node, structure
 
 J, KP = 0.062, 3.9  # a payload of 5 kg hanging 8 cm below its axis
@@ -96,10 +94,12 @@ def decay(strength, amplitude, slip_angle):
         dynamics=modal, inputs=(Port("t", "N m"),), outputs=(Port("a", "rad"), Port("a_rate", "rad/s"))
     )
     h = 2.0 * np.pi / w / 2000
-    stepper = build_joint_stepper(plant, [JointElements("t", "a", (element,))], step_s=h)
+    joint = JointElements("t", "a", (element,))
+    rig = build_rig(plant, joints=[joint], sample_hz=1.0 / h, delay_s=0.5 * h)
+    rest = switch_on(rig, None, 0.0, np.random.default_rng(0))
     x = np.array([amplitude * np.sqrt(J), 0.0])
-    y, _ = simulate_joints(stepper, np.zeros((5000, 1)), JointStates(x, np.full(1, amplitude)))
-    angle, rate = y.T
+    start = dataclasses.replace(rest, x=x, joints=np.full(1, amplitude))
+    angle, rate = run_through(rig, None, np.zeros((5000, 1)), start=start)["measured"].T
     # Peaks: the rate falls through zero; there the angle and the rate over w make up the amplitude.
     top = np.flatnonzero((rate[:-1] > 0.0) & (rate[1:] <= 0.0))
     part = rate[top] / (rate[top] - rate[top + 1])

@@ -9,14 +9,19 @@ from middeck.control.law.partition import partition_modes
 from middeck.control.loop.closed_loop import close_loop, leave_open
 from middeck.control.lqg import LQGWeights, design_lqg
 from middeck.errors import ConfigError
-from middeck.realtime.rig import build_linear_rig, close_sampled_loop
+from middeck.joints.attachment import JointElements
+from middeck.joints.friction import Friction
+from middeck.realtime.motors import Motor
+from middeck.realtime.rig import build_rig
+from middeck.realtime.sensors import Encoder, Gyro, Sampler
 from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem, modal_response, modal_to_statespace, output_rows, select_modes
 from middeck.systems.plant import Plant
 from middeck.systems.response import statespace_response
 from middeck.systems.rms import band_rms, band_rms_by_quadrature
 from middeck.systems.sampling import sample_dynamics
-from middeck.systems.statespace import SampledStateSpace
+from middeck.systems.simulation import simulate
+from rig_checks import run_through
 
 OMEGA = 2.0 * np.pi * np.array([0.3, 2.0, 11.0, 40.0, 90.0])
 
@@ -147,10 +152,70 @@ def test_a_held_input_comes_through_at_once_or_after_the_delay(delay_s):
 
 
 def test_a_rig_without_delay_is_refused_by_name():
-    rig = build_linear_rig(plant(system(hz=(7.0,))), sample_hz=500.0, delay_s=0.001, noise_rms=np.zeros(2))
-    law = SampledStateSpace(np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((2, 0)), np.eye(2), period_s=0.002)
-    with pytest.raises(ConfigError, match="within the sample"):
-        close_sampled_loop(rig.sampled, law)
+    with pytest.raises(ConfigError, match="'y0' answers a command within the sample"):
+        build_rig(plant(system(hz=(7.0,))), sample_hz=500.0, delay_s=0.001)
+    with pytest.raises(ConfigError, match="'y0' answers a command at once: its rate is infinite"):
+        build_rig(plant(system(hz=(7.0,))), sample_hz=500.0, delay_s=0.01, sensors={"y0": Gyro()})
+    joint = JointElements("u0", "y0", (Friction(0.1, 1.0),))
+    with pytest.raises(ConfigError, match="responds to a torque without delay"):
+        build_rig(plant(system(hz=(7.0,))), sample_hz=500.0, delay_s=0.01, joints=[joint])
+
+
+@pytest.mark.parametrize("delay_s", [0.0001, 0.002, 0.0031, 0.006])
+@pytest.mark.parametrize("ticks", [False, True], ids=["in blocks", "tick by tick"])
+def test_a_rig_reads_accelerations_as_the_sampled_plant_does(delay_s, ticks):
+    modal = system(hz=(0.3, 7.0, 45.0))
+    motors = {f"u{i}": Motor(torque_limit=1e9 if ticks else np.inf) for i in range(2)}
+    rig = build_rig(plant(modal), sample_hz=500.0, delay_s=delay_s + 0.001, motors=motors)
+    assert rig.linear != ticks
+    u = np.random.default_rng(1).standard_normal((700, 2))
+    y, _ = simulate(sample_dynamics(modal, 0.002, delay_s), u)
+    # Rounding of 700 steps.
+    np.testing.assert_allclose(run_through(rig, None, u)["measured"], y, atol=1e-11 * np.abs(y).max())
+
+
+SENSORS = {
+    "a sample that waits": Sampler(),
+    "an encoder that waits": Encoder(1e-12),
+    "a lag": Gyro(bandwidth_hz=100.0),
+    "a lag and a filter": Gyro(bandwidth_hz=100.0, anti_alias_hz=200.0),
+}
+
+
+@pytest.mark.parametrize("sensor", SENSORS.values(), ids=SENSORS)
+@pytest.mark.parametrize("steps", [1, 3])
+def test_residual_flexibility_is_a_mode_without_end(sensor, steps):
+    """A direct term d is a mode of w -> oo with d w^2 = phi psi: the difference falls as 1/w."""
+    soft = ModalSystem(
+        omega=[9.0], zeta=[0.02], psi=[[1.0]], phi=[[1.0], [0.7]], phi_rate=np.zeros((2, 1)), names=("m",)
+    )
+    direct = np.array([[0.004], [0.003]])  # a third of the static 1/81
+    u, error = np.random.default_rng(2).standard_normal((300, 1)), []
+
+    def taken(modal):
+        ports = (Port("u", "N m"),), (Port("y", "rad"), Port("slow", "rad"))
+        sensors = {"y": sensor, "slow": Gyro(bandwidth_hz=30.0, anti_alias_hz=150.0)}
+        rig = build_rig(
+            Plant(dynamics=modal, inputs=ports[0], outputs=ports[1]),
+            sample_hz=500.0,
+            delay_s=0.0117,
+            sensors=sensors,
+            steps=steps,
+        )
+        return run_through(rig, None, u)["readings"]
+
+    exact = taken(dataclasses.replace(soft, direct=direct))
+    for w in (2e5, 2e6):
+        fast = ModalSystem(
+            omega=[9.0, w], zeta=[0.02, 1.0], psi=[[1.0], [w]],
+            phi=np.hstack([soft.phi, direct * w]), phi_rate=np.zeros((2, 2)), names=("m", "fast"),
+        )  # fmt: skip
+        error.append(np.abs(taken(fast) - exact).max(axis=0) / np.abs(exact).max(axis=0))
+    # Filters of 200 Hz are 1256 / w; the encoder counts in 1e-12 rad.
+    assert np.all(error[0] < 4.0 * 1256.0 / 2e5)
+    assert np.all(error[1] < 0.12 * error[0] + 1e-8)
+    without = taken(dataclasses.replace(soft, direct=None))
+    assert np.all(np.abs(without - exact).max(axis=0) > 0.05 * np.abs(exact).max(axis=0))
 
 
 def test_white_noise_straight_onto_the_cost_is_refused_by_name():

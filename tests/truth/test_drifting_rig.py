@@ -10,22 +10,23 @@ from scipy.integrate import solve_ivp
 from scipy.special import jv, yv
 
 from middeck.errors import ConfigError
+from middeck.joints.attachment import JointElements
 from middeck.joints.friction import Friction
-from middeck.joints.simulation import JointElements
 from middeck.realtime.ageing import CHORD, TURN
 from middeck.realtime.drift import Drift, age_plant
-from middeck.realtime.hardware_rig import build_hardware_rig, measure_bias, simulate_rig, stream_hardware
-from middeck.realtime.hardware_runs import StopRule, run_hardware_closed_loop, run_hardware_open_loop
-from middeck.realtime.linear_view import linearise_rig
+from middeck.realtime.linear_view import close_rig
 from middeck.realtime.motors import Motor
-from middeck.realtime.rig import close_sampled_loop
+from middeck.realtime.rig import build_rig
+from middeck.realtime.runs import StopRule, run_closed_loop, run_open_loop
 from middeck.realtime.sensors import Encoder, Gyro, Sampler
+from middeck.realtime.simulation import simulate_rig, switch_on
 from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
 from middeck.systems.sampling import tustin
 from middeck.systems.stability import is_stable
 from middeck.systems.statespace import StateSpace
+from rig_checks import on_rig
 
 RATE, DELAY = 500.0, 0.0103
 T = 1.0 / RATE
@@ -47,7 +48,7 @@ def plant_of(hz, zeta, gain):
 
 
 def rig_of(plant, drifts=(), age_s=0.0, sensor=Sampler(), motor=Motor(), **more):  # noqa: B008
-    return build_hardware_rig(
+    return build_rig(
         plant, motors={"torque": motor}, sensors={"angle": sensor}, sample_hz=RATE, delay_s=DELAY,
         drifts=drifts, age_s=age_s, **more,
     )  # fmt: skip
@@ -59,7 +60,7 @@ def held_for(rig, ticks, pieces=1):
 
 def measured(rig, u, size=2048, seed=0, start=None):
     rng = np.random.default_rng(seed)
-    start = measure_bias(rig, None, 0.0, rng) if start is None else start
+    start = switch_on(rig, None, 0.0, rng) if start is None else start
     pieces = (u[k : k + size] for k in range(0, len(u), size))
     return np.concatenate([b.measured for b in simulate_rig(rig, None, pieces, rng, start)])[:, 0]
 
@@ -69,7 +70,7 @@ def test_an_undamped_mode_that_drifts_is_a_bessel_function():
     w0, percent, seconds = 2.0 * np.pi * 3.0, 12.0, 8.0
     e = 0.01 * percent / seconds
     rig = rig_of(plant_of([3.0], 0.0, [1.0]), [Drift(("a",), percent, seconds)])
-    start = measure_bias(rig, None, 0.0, np.random.default_rng(0))
+    start = switch_on(rig, None, 0.0, np.random.default_rng(0))
     start = dataclasses.replace(start, x=np.array([1.0, 0.0]))
     t = T * np.arange(round(seconds * RATE))
     s, basis = 1.0 + e * t, []
@@ -135,14 +136,14 @@ def test_driven_and_filtered_it_equals_an_independent_integration():
     rig, error = rig_of(plant, drifts, age_s, gyro), []
     for ticks in (8, 4, 2):
         rng = np.random.default_rng(0)
-        start = measure_bias(held_for(rig, ticks), None, 0.0, rng)
+        start = switch_on(held_for(rig, ticks), None, 0.0, rng)
         blocks = simulate_rig(held_for(rig, ticks), None, [u], rng, start)
         error.append(np.abs(np.concatenate([b.readings for b in blocks])[:, 0] - exact).max())
     # Of second order at the least; at 2 ticks, a tenth of a radian of the mode at 9 Hz, a millionth.
     assert np.log2(error[0] / error[2]) / 2.0 > 1.8
     assert error[2] < 1e-6 * np.abs(exact).max()
     still = rig_of(age_plant(plant, drifts, age_s), sensor=gyro)
-    blocks = list(stream_hardware(still, None, [u], np.random.default_rng(0)))
+    blocks = list(simulate_rig(still, None, [u], np.random.default_rng(0)))
     assert np.abs(blocks[0].readings[:, 0] - exact).max() > 0.01 * np.abs(exact).max()
 
 
@@ -190,9 +191,9 @@ def test_where_blocks_are_cut_and_how_long_it_rests_makes_no_other_motion():
     quiet = [rig_of(plant, [drift], age) for age in (0.0, 3.0)]
     ticks = 3 * round(RATE)
     quiet = [held_for(rig, 10) for rig in quiet]  # pieces that begin alike
-    rested = measure_bias(quiet[0], None, 3.0, np.random.default_rng(0))
+    rested = switch_on(quiet[0], None, 3.0, np.random.default_rng(0))
     assert rested.tick == ticks
-    assert measure_bias(rig, None, 1.0, np.random.default_rng(0)).tick == RATE
+    assert switch_on(rig, None, 1.0, np.random.default_rng(0)).tick == RATE
     y = measured(quiet[0], u, start=rested)
     # Rounding: the states' scale is that of the switching on.
     np.testing.assert_allclose(y, measured(quiet[1], u), rtol=0.0, atol=1e-12 * np.abs(y).max())
@@ -211,7 +212,7 @@ def test_a_loop_that_drifts_into_instability_is_stopped_after_it_has():
     drift, law = Drift(("a",), -30.0, 20.0), spring(-300.0)
 
     def holds(age_s, law=law):
-        return is_stable(close_sampled_loop(linearise_rig(rig_of(plant, [drift], age_s)).sampled, law))
+        return is_stable(close_rig(rig_of(plant, [drift], age_s), law))
 
     ages = np.arange(0.0, 20.0, 0.5)
     stable = np.array([holds(a) for a in ages])
@@ -219,16 +220,17 @@ def test_a_loop_that_drifts_into_instability_is_stopped_after_it_has():
     first = ages[int(np.argmin(stable))]
     assert 1.0 < first < 15.0
     u = 0.05 * np.random.default_rng(2).standard_normal((2000, 1))
-    run = run_hardware_closed_loop(
-        rig_of(plant, [drift], sensor=Encoder(1e-6)), law, u, periods=5,
+    rig = rig_of(plant, [drift], sensor=Encoder(1e-6))
+    run = run_closed_loop(
+        rig, on_rig(rig, law), u, periods=5,
         rng=np.random.default_rng(0), settle=0, rest_s=0.0, stops=[StopRule("angle", 0.05)],
     )  # fmt: skip
     assert run.cause.startswith("stopped")
     assert first < run.events.stopped_s < first + 8.0
     weak = spring(-1.0)
     assert all(holds(a, weak) for a in ages)
-    run = run_hardware_closed_loop(
-        rig_of(plant, [drift], sensor=Encoder(1e-6)), weak, u, periods=5,
+    run = run_closed_loop(
+        rig, on_rig(rig, weak), u, periods=5,
         rng=np.random.default_rng(0), settle=0, rest_s=0.0, stops=[StopRule("angle", 0.05)],
     )  # fmt: skip
     assert run.cause == ""
@@ -239,7 +241,7 @@ def test_a_record_shows_where_the_mode_has_gone():
     plant, u = plant_of([9.0], 0.002, [1.0]), np.zeros((2000, 1))
     u[:, 0] = np.fft.irfft(np.exp(2j * np.pi * np.random.default_rng(0).random(1001)), 2000)
     rig = rig_of(plant, [Drift(("a",), 10.0, 50.0)])
-    run = run_hardware_open_loop(rig, u, periods=5, rng=np.random.default_rng(0), settle=1, rest_s=0.0)
+    run = run_open_loop(rig, u, periods=5, rng=np.random.default_rng(0), settle=1, rest_s=0.0)
     peak = [np.argmax(np.abs(np.fft.rfft(y[:, 0]))) / 4.0 for y in run.record.y[0]]
     middle = 9.0 * (1.0 + 2e-3 * (4.0 * (np.arange(5) + 1.5)))
     # Lines are 1/4 Hz apart; within a period the mode moves by 0.07 Hz.
@@ -257,8 +259,8 @@ def test_drifts_that_cannot_be_are_refused():
     with pytest.raises(ConfigError, match="only a plant in modal form"):
         rig_of(Plant(dynamics=plant.system, inputs=PORTS[0], outputs=PORTS[1]), [Drift(("a",), 1.0, 1.0)])
     with pytest.raises(ConfigError, match="a rest of -1"):
-        measure_bias(rig_of(plant), None, -1.0, np.random.default_rng(0))
+        switch_on(rig_of(plant), None, -1.0, np.random.default_rng(0))
     # It is found when it comes to it.
     rig = rig_of(plant, [Drift(("a",), -50.0, 1.0)])
     with pytest.raises(ConfigError, match="brought a frequency to zero"):
-        list(stream_hardware(rig, None, [np.zeros((2000, 1))], np.random.default_rng(0)))
+        list(simulate_rig(rig, None, [np.zeros((2000, 1))], np.random.default_rng(0)))

@@ -1,25 +1,25 @@
 """Friction and gaps in time: energy, order, and free and forced motion against independent solutions."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 from middeck.errors import ConfigError
+from middeck.joints.attachment import JointElements
 from middeck.joints.deadband import Deadband
 from middeck.joints.friction import Friction
-from middeck.joints.simulation import (
-    JointElements,
-    JointStates,
-    build_joint_stepper,
-    simulate_joints,
-    start_at_rest,
-)
+from middeck.realtime.rig import build_rig
+from middeck.realtime.sensors import Gyro, Sampler
+from middeck.realtime.simulation import simulate_rig, switch_on
 from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
 from middeck.systems.sampling import sample_dynamics
 from middeck.systems.simulation import simulate
 from middeck.systems.statespace import StateSpace
+from rig_checks import run_through
 
 J, KP = 0.062, 3.9  # a payload of 5 kg hanging 8 cm below its axis
 BEARING = Friction(slip_torque=0.004, stiffness=2.0)
@@ -59,12 +59,28 @@ def at(*elements):
     return JointElements("gimbal", "gimbal", tuple(elements))
 
 
-def released(stepper, angle):
-    """At rest at ``angle`` with the friction relaxed there."""
-    start = start_at_rest(stepper)
-    x = start.x.copy()
+def rig_of(plant, joints, step_s, delay_s=0.0):
+    """A rig with an internal step in a tick."""
+    return build_rig(plant, joints=joints, sample_hz=1.0 / step_s, delay_s=delay_s + 0.5 * step_s)
+
+
+def at_rest(rig, x=None, joints=None):
+    start = switch_on(rig, None, 0.0, np.random.default_rng(0))
+    x, joints = start.x if x is None else x, start.joints if joints is None else joints
+    return dataclasses.replace(start, x=x, joints=joints)
+
+
+def released(rig, angle, slider):
+    """At rest at ``angle``, the elements in the state ``slider``: relaxed where it is the angle."""
+    x = np.zeros(rig.plant.angle.shape[1])
     x[0] = angle * np.sqrt(J)
-    return JointStates(x, np.full(len(start.elements), angle))
+    return at_rest(rig, x, np.full(1, slider))
+
+
+def step_freely(rig, start, steps):
+    """The states after each step of free motion."""
+    rng, rest = np.random.default_rng(0), np.zeros((1, len(rig.inputs)))
+    return [block.state for block in simulate_rig(rig, None, [rest] * steps, rng, start)]
 
 
 def reference(element, times, angle):
@@ -90,12 +106,10 @@ def test_free_motion_equals_an_independent_integration_to_second_order(element):
     error = []
     for steps in (400, 800, 1600):
         times = np.linspace(0.0, 2.0, steps + 1)
-        stepper = build_joint_stepper(pendulum(), [at(element)], step_s=times[1])
-        start = released(stepper, 0.02)
-        if element is GEAR:
-            start = JointStates(start.x, np.zeros(1))
-        y, _ = simulate_joints(stepper, np.zeros((steps + 1, 1)), start)
-        error.append(np.abs(y[:, 0] - reference(element, times, 0.02)).max())
+        rig = rig_of(pendulum(), [at(element)], times[1])
+        start = released(rig, 0.02, 0.0 if element is GEAR else 0.02)
+        y = run_through(rig, None, np.zeros((steps + 1, 1)), start=start)["measured"][:, 0]
+        error.append(np.abs(y - reference(element, times, 0.02)).max())
     # Second order, give or take where the corners fall within a step.
     assert np.log2(error[0] / error[2]) / 2.0 == pytest.approx(2.0, abs=0.3)
     # A held mean makes a spring of frequency w slow by (w h)^2/12; the phase that is lost in 2 s.
@@ -103,17 +117,15 @@ def test_free_motion_equals_an_independent_integration_to_second_order(element):
     assert error[2] < 0.02 * (w * h) ** 2 / 12.0 * w * 2.0
 
 
-def energies(plant, stepper, steps, start):
+def energies(plant, rig, steps, start):
     """Energy of the plant's modes and of the elements after each step of free motion."""
-    state, total = start, []
-    omega = plant.dynamics.omega
+    total, omega = [], plant.dynamics.omega
     scale = np.where(omega > 0.0, omega, 1.0)
-    for _ in range(steps):
-        _, state = simulate_joints(stepper, np.zeros((1, len(plant.inputs))), state)
+    for state in step_freely(rig, start, steps):
         q, rate = state.x[::2], state.x[1::2] * scale
-        angles = stepper.angle @ state.x
-        parts = [(e, a) for j, a in zip(stepper.joints, angles, strict=True) for e in j.elements]
-        stored = sum(e.stored_energy(a, s) for (e, a), s in zip(parts, state.elements, strict=True))
+        angles = rig.plant.angle @ state.x
+        parts = [(e, a) for j, a in zip(rig.joints, angles, strict=True) for e in j.elements]
+        stored = sum(e.stored_energy(a, s) for (e, a), s in zip(parts, state.joints, strict=True))
         total.append(0.5 * np.sum(rate**2 + (omega * q) ** 2) + stored)
     return np.array(total)
 
@@ -124,11 +136,9 @@ def test_energy_never_grows_and_a_gap_keeps_it(step_s):
     rubbing = [JointElements(n, n, (BEARING, GEAR)) for n in "ab"]
     gap = [JointElements(n, n, (GEAR,)) for n in "ab"]
     for joints, lossless in ((rubbing, False), (gap, True)):
-        stepper = build_joint_stepper(plant, joints, step_s=step_s)
-        rest = start_at_rest(stepper)
-        x = 0.01 * np.random.default_rng(3).normal(size=len(rest.x))
-        elements = rest.elements
-        energy = energies(plant, stepper, 600, JointStates(x, elements))
+        rig = rig_of(plant, joints, step_s)
+        x = 0.01 * np.random.default_rng(3).normal(size=10)
+        energy = energies(plant, rig, 600, at_rest(rig, x))
         # Rounding of a step.
         assert np.diff(energy).max() < 1e-13 * energy[0]
         if lossless:
@@ -138,17 +148,13 @@ def test_energy_never_grows_and_a_gap_keeps_it(step_s):
 
 
 def test_dissipated_energy_is_slip_torque_times_way_slipped():
-    stepper = build_joint_stepper(pendulum(), [at(BEARING)], step_s=0.002)
-    start, way, lost = released(stepper, 0.05), 0.0, 0.0
-    state = start
-    for _ in range(500):
-        before = state
-        _, state = simulate_joints(stepper, np.zeros((1, 1)), state)
-        way += abs(state.elements[0] - before.elements[0])
+    rig = rig_of(pendulum(), [at(BEARING)], 0.002)
+    states = [start := released(rig, 0.05, 0.05), *step_freely(rig, start, 500)]
+    way = np.sum(np.abs(np.diff([state.joints[0] for state in states])))
     energy = [
         0.5 * np.sum(s.x**2) * KP / J
-        + BEARING.stored_energy(float((stepper.angle @ s.x)[0]), float(s.elements[0]))
-        for s in (start, state)
+        + BEARING.stored_energy(float((rig.plant.angle @ s.x)[0]), float(s.joints[0]))
+        for s in (states[0], states[-1])
     ]
     lost = energy[0] - energy[1]
     assert way > 0.1
@@ -158,12 +164,11 @@ def test_dissipated_energy_is_slip_torque_times_way_slipped():
 def test_without_elements_it_is_the_exact_sampled_plant():
     plant = pendulum(zeta=0.02)
     u = np.random.default_rng(4).normal(size=(300, 1))
-    stepper = build_joint_stepper(plant, [], step_s=0.01, delay_s=0.0137)
-    y, end = simulate_joints(stepper, u)
+    taken = run_through(rig_of(plant, [], 0.01, 0.0137), None, u)
     exact, last = simulate(sample_dynamics(plant.dynamics, 0.01, 0.0137), u)
-    # Rounding: one steps, the other goes through in blocks.
-    np.testing.assert_allclose(y, exact, rtol=0.0, atol=1e-13 * np.abs(exact).max())
-    np.testing.assert_allclose(end.x, last, rtol=0.0, atol=1e-13 * np.abs(last).max())
+    # Rounding.
+    np.testing.assert_allclose(taken["measured"], exact, rtol=0.0, atol=1e-13 * np.abs(exact).max())
+    np.testing.assert_allclose(taken["state"].x, last[:2], rtol=0.0, atol=1e-13 * np.abs(last).max())
 
 
 def test_friction_that_never_slips_is_a_spring_and_viscous_damping_is_exact():
@@ -171,7 +176,7 @@ def test_friction_that_never_slips_is_a_spring_and_viscous_damping_is_exact():
     u = np.random.default_rng(4).normal(size=(2000, 1))
     step = 0.001
     sticky = Friction(slip_torque=1e9, stiffness=2.0, viscous=0.05)
-    y, _ = simulate_joints(build_joint_stepper(plant, [at(sticky)], step_s=step), u)
+    y = run_through(rig_of(plant, [at(sticky)], step), None, u)["measured"]
     drag = 2.0 * 0.01 * np.sqrt(KP * J) + 0.05
     A = [[0.0, 1.0], [-(KP + 2.0) / J, -drag / J]]
     spring = StateSpace(A, [[0.0], [1.0 / J]], [[1.0, 0.0]], [[0.0]])
@@ -180,20 +185,22 @@ def test_friction_that_never_slips_is_a_spring_and_viscous_damping_is_exact():
     # 2.7e-6 of 20 rad over the run.
     assert np.abs(y - exact).max() < 6e-5 * np.abs(exact).max()
     only_drag = Friction(slip_torque=0.0, stiffness=1.0, viscous=0.05)
-    y, _ = simulate_joints(build_joint_stepper(plant, [at(only_drag)], step_s=step), u)
+    y = run_through(rig_of(plant, [at(only_drag)], step), None, u)["measured"]
     A[1][0] = -KP / J
     exact, _ = simulate(sample_dynamics(StateSpace(A, spring.B, spring.C, spring.D), step), u)
     assert np.abs(y - exact).max() < 1e-11 * np.abs(exact).max()  # rounding
 
 
 def test_a_joint_sticks_under_a_torque_below_its_friction_and_slips_above():
-    stepper = build_joint_stepper(pendulum(zeta=0.3), [at(BEARING)], step_s=0.002)
-    y, end = simulate_joints(stepper, np.full((4000, 1), 0.005))
-    assert end.elements[0] == 0.0  # the spring carries 0.0017 N m of it
-    assert y[-1, 0] == pytest.approx(0.005 / (KP + BEARING.stiffness), rel=1e-8)  # settled to e^-19
-    y, end = simulate_joints(stepper, np.full((4000, 1), 0.1))
-    assert y[-1, 0] == pytest.approx((0.1 - BEARING.slip_torque) / KP, rel=0.1)
-    assert end.elements[0] > 0.0
+    rig = rig_of(pendulum(zeta=0.3), [at(BEARING)], 0.002)
+    taken = run_through(rig, None, np.full((4000, 1), 0.005))
+    assert taken["state"].joints[0] == 0.0  # the spring carries 0.0017 N m of it
+    assert taken["measured"][-1, 0] == pytest.approx(
+        0.005 / (KP + BEARING.stiffness), rel=1e-8
+    )  # settled to e^-19
+    taken = run_through(rig, None, np.full((4000, 1), 0.1))
+    assert taken["measured"][-1, 0] == pytest.approx((0.1 - BEARING.slip_torque) / KP, rel=0.1)
+    assert taken["state"].joints[0] > 0.0
 
 
 def test_an_accelerometer_feels_the_elements_at_once():
@@ -212,34 +219,66 @@ def test_an_accelerometer_feels_the_elements_at_once():
         phi_acceleration=accelerations,
     )
     element = Friction(slip_torque=0.004, stiffness=2.0, viscous=0.02)
-    stepper = build_joint_stepper(
-        Plant(dynamics=full, inputs=(TORQUE,), outputs=ports), [at(element, GEAR)], step_s=0.005
+    rig = rig_of(
+        Plant(dynamics=full, inputs=(TORQUE,), outputs=ports), [at(element, GEAR)], 0.005, delay_s=0.005
     )
     u = 0.2 * np.sin(0.03 * np.arange(1500))[:, None]
-    y, _ = simulate_joints(stepper, u)
+    y = run_through(rig, None, u)["measured"]
     state, torque = 0.0, []
     for angle in y[:, 0]:
         value, state = element.resist(float(angle), state)
         torque.append(value + GEAR.resist(float(angle), 0.0)[0])
     drag = 2.0 * 0.05 * np.sqrt(KP * J) + element.viscous
-    left = u[:, 0] - KP * y[:, 0] - drag * y[:, 1] - np.array(torque)
+    acts = np.concatenate([[0.0], u[:-1, 0]])
+    left = acts - KP * y[:, 0] - drag * y[:, 1] - np.array(torque)
     assert np.abs(y[:, 0]).max() > 5.0 * element.slip_angle
     # The way within a step is monotone to the integrator, so that its slider is that of the samples.
     np.testing.assert_allclose(J * y[:, 2], left, atol=1e-12)
 
 
+@pytest.mark.parametrize("element", [BEARING, GEAR], ids=["friction", "deadband"])
+def test_an_accelerometer_that_waits_converges_with_the_internal_step(element):
+    """Beside a slow gyro its samples are taken between two ticks, and between two internal steps."""
+    one = np.full((1, 1), 1.0 / np.sqrt(J))
+    phi, accelerations = np.vstack([one, one, 0.0 * one]), np.vstack([0.0 * one, 0.0 * one, one])
+    names = ("gimbal", "inertial", "acceleration")
+    modal = ModalSystem(
+        omega=[np.sqrt(KP / J)],
+        zeta=[0.05],
+        psi=one,
+        phi=phi,
+        phi_rate=0.0 * phi,
+        names=("pendulum",),
+        phi_acceleration=accelerations,
+    )
+    plant = Plant(dynamics=modal, inputs=(TORQUE,), outputs=tuple(Port(n, "rad") for n in names))
+    u = 0.2 * np.sin(0.05 * np.arange(300))[:, None]
+
+    def acceleration(joints, steps):
+        sensors = {"acceleration": Sampler(), "inertial": Gyro(anti_alias_hz=25.0)}
+        rig = build_rig(plant, joints=joints, sensors=sensors, sample_hz=200.0, delay_s=0.0153, steps=steps)
+        return run_through(rig, None, u)["readings"][:, 0]
+
+    exact = acceleration([at(element)], 64)
+    error = [np.abs(acceleration([at(element)], n) - exact) for n in (2, 4, 8)]
+    # Of second order; a sample in whose step a corner lies, one in ten, may be off by more.
+    middle = [np.median(e) for e in error]
+    assert np.log2(middle[0] / middle[2]) / 2.0 > 1.7
+    without = np.std(acceleration([], 1) - exact)
+    assert middle[2] < 2e-3 * without
+    assert error[2].max() < 5e-2 * without
+
+
 def test_ports_that_are_not_of_one_joint_are_refused():
     plant = two_joints()
     with pytest.raises(ConfigError, match=r"not reciprocal|does not turn"):
-        build_joint_stepper(
-            plant, [JointElements("a", "b", (GEAR,)), JointElements("b", "a", (GEAR,))], step_s=0.01
-        )
+        rig_of(plant, [JointElements("a", "b", (GEAR,)), JointElements("b", "a", (GEAR,))], 0.01)
     with pytest.raises(ConfigError, match="two entries for joint 'a'"):
-        build_joint_stepper(plant, [JointElements("a", "a", ()), JointElements("a", "b", ())], step_s=0.01)
+        rig_of(plant, [JointElements("a", "a", ()), JointElements("a", "b", ())], 0.01)
     with pytest.raises(ConfigError, match="no input named 'c'"):
-        build_joint_stepper(plant, [JointElements("c", "a", (GEAR,))], step_s=0.01)
+        rig_of(plant, [JointElements("c", "a", (GEAR,))], 0.01)
     direct = Plant(
         dynamics=StateSpace([[-1.0]], [[1.0]], [[1.0]], [[1.0]]), inputs=(TORQUE,), outputs=(ANGLE,)
     )
     with pytest.raises(ConfigError, match="without delay"):
-        build_joint_stepper(direct, [at(GEAR)], step_s=0.01)
+        rig_of(direct, [at(GEAR)], 0.01, delay_s=0.01)

@@ -6,22 +6,16 @@ import numpy as np
 import pytest
 import scipy.signal
 
+import rig_checks
 from middeck.errors import ConfigError
+from middeck.joints.attachment import JointElements
 from middeck.joints.friction import Friction
-from middeck.joints.simulation import JointElements
 from middeck.realtime.drift import Drift, age_plant, nearest_modes
-from middeck.realtime.hardware_rig import (
-    build_hardware_rig,
-    connect_law,
-    cut_blocks,
-    measure_bias,
-    stream_hardware,
-)
-from middeck.realtime.hardware_runs import run_hardware_closed_loop, run_hardware_open_loop
-from middeck.realtime.hybrid import simulate_hybrid
-from middeck.realtime.hybrid_state import start_hybrid
 from middeck.realtime.motors import Motor, Rotor
+from middeck.realtime.rig import build_rig
+from middeck.realtime.runs import run_closed_loop, run_open_loop
 from middeck.realtime.sensors import Encoder, Gyro, Sampler
+from middeck.realtime.simulation import cut_blocks, simulate_rig, switch_on
 from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
@@ -55,7 +49,7 @@ def oscillator(zeta=0.01, hz=1.3):
 
 
 def rig_of(plant, motor=Motor(), sensor=Sampler(), **more):  # noqa: B008
-    return build_hardware_rig(
+    return build_rig(
         plant, motors={"bus_z": motor}, sensors={"bus_z": sensor}, sample_hz=RATE, delay_s=DELAY, **more
     )
 
@@ -64,12 +58,9 @@ def gain(value):
     return SampledStateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[value]], period_s=T)
 
 
-def run_through(rig, u, law=None, seed=0):
-    system = connect_law(rig, law)
-    start = start_hybrid(system, np.zeros(1))
-    rng = np.random.default_rng(seed)
-    blocks = list(simulate_hybrid(system, cut_blocks(np.reshape(u, (-1, 1))), rng, start))
-    return {n: np.concatenate([getattr(b, n) for b in blocks])[:, 0] for n in blocks[0]._fields[:-1]}
+def run_through(rig, u, law=None):
+    taken = rig_checks.run_through(rig, law, np.reshape(u, (-1, 1)))
+    return {name: values[:, 0] for name, values in taken.items() if name != "state"}
 
 
 # Motors
@@ -103,7 +94,7 @@ def test_a_full_rotor_still_runs_down():
 def test_events_of_a_wheel_are_counted():
     rig = rig_of(free_body(), Motor(torque_limit=0.5, slew_limit=100.0, rotor=Rotor(0.006, 300.0)))
     u = np.full((2500, 1), 2.0)
-    run = run_hardware_open_loop(rig, u, periods=1, rng=np.random.default_rng(0), settle=0)
+    run = run_open_loop(rig, u, periods=1, rng=np.random.default_rng(0), settle=0)
     # 0.2 N m a tick up to 0.5; then 0.5 N m fill what is left of 1.8 N m s.
     up = 0.2 + 0.4
     at_limit = (1.8 - up * T) / (0.5 * T)
@@ -164,8 +155,9 @@ def test_an_encoder_counts():
 
 
 def at_rest(rig, ticks, seed=0, rest_s=0.0, chosen="readings"):
-    pieces = cut_blocks(np.zeros((ticks, 1)))
-    blocks = stream_hardware(rig, None, pieces, np.random.default_rng(seed), rest_s=rest_s)
+    rng = np.random.default_rng(seed)
+    start = switch_on(rig, None, rest_s, rng)
+    blocks = simulate_rig(rig, None, cut_blocks(np.zeros((ticks, 1))), rng, start)
     return np.concatenate([getattr(b, chosen) for b in blocks])[:, 0]
 
 
@@ -218,7 +210,7 @@ def test_bias_is_drawn_walks_and_is_measured_at_rest():
     assert np.std(np.diff(walked[::100])) == pytest.approx(1e-2 * np.sqrt(0.2), rel=0.16)
     left, rig = [], rig_of(oscillator(), sensor=SHEET)
     for seed in range(60):
-        state = measure_bias(rig, None, 1.0, np.random.default_rng(seed))
+        state = switch_on(rig, None, 1.0, np.random.default_rng(seed))
         left.append((state.bias - state.trim)[0])
     # The mean of 1 s of white noise is known to NOISE; the walk adds little. 60 runs: 9 %, three times.
     assert np.std(left) == pytest.approx(NOISE, rel=0.27)
@@ -237,8 +229,8 @@ def test_a_measured_bias_is_no_ramp():
 def test_a_gyro_clips_and_says_so():
     rig = rig_of(oscillator(), sensor=Gyro(range=0.5, resolution=0.5 / 2**15))
     u = 2.0 * np.sin(2.0 * np.pi * 1.3 * np.arange(5000) * T)[:, None]
-    run = run_hardware_open_loop(rig, u, periods=1, rng=np.random.default_rng(0), settle=0)
-    readings = np.concatenate([b.readings for b in stream_hardware(rig, None, [u], np.random.default_rng(0))])
+    run = run_open_loop(rig, u, periods=1, rng=np.random.default_rng(0), settle=0)
+    readings = np.concatenate([b.readings for b in simulate_rig(rig, None, [u], np.random.default_rng(0))])
     assert np.abs(readings).max() == 0.5
     assert run.events.clipped[0] == pytest.approx(np.mean(np.abs(readings) > 0.4999), abs=2e-3)
     assert run.events.clipped[0] > 0.1
@@ -255,8 +247,8 @@ def test_records_of_the_sheets_gyro_serve_identification():
     spectrum = np.zeros(samples // 2 + 1, dtype=complex)
     spectrum[lines] = phases * samples / 2.0 * 0.02
     u = np.fft.irfft(spectrum, samples)[:, None]
-    run = run_hardware_open_loop(rig, u, periods=periods, rng=rng, settle=4, rest_s=10.0)
-    clean = run_hardware_open_loop(
+    run = run_open_loop(rig, u, periods=periods, rng=rng, settle=4, rest_s=10.0)
+    clean = run_open_loop(
         rig_of(plant, sensor=Gyro(bandwidth_hz=100.0, anti_alias_hz=200.0)), u, periods=1, rng=rng, settle=4
     )
     Y, Y0 = (np.fft.rfft(r.record.y[0].mean(axis=0)[:, 0])[lines] for r in (run, clean))
@@ -298,7 +290,8 @@ def test_a_closed_loop_through_everything_runs_and_is_the_same_twice():
     rig = rig_of(oscillator(), motor, SHEET, joints=joints)
     u = 0.05 * np.random.default_rng(6).standard_normal((1000, 1))
     runs = [
-        run_hardware_closed_loop(rig, gain(-1.0), u, periods=2, rng=np.random.default_rng(7)) for _ in "ab"
+        run_closed_loop(rig, rig_checks.on_rig(rig, gain(-1.0)), u, periods=2, rng=np.random.default_rng(7))
+        for _ in "ab"
     ]
     assert runs[0] == runs[1]
     assert np.isfinite(runs[0].record.y).all()
@@ -309,13 +302,9 @@ def test_a_closed_loop_through_everything_runs_and_is_the_same_twice():
 
 def test_named_modes_drift_with_age_and_only_they():
     modal = ModalSystem(
-        omega=2.0 * np.pi * np.array([1.0, 8.8, 9.3]),
-        zeta=np.full(3, 0.01),
-        psi=np.ones((3, 1)),
-        phi=np.ones((1, 3)),
-        phi_rate=np.zeros((1, 3)),
-        names=("first", "second", "third"),
-    )
+        omega=2.0 * np.pi * np.array([1.0, 8.8, 9.3]), zeta=np.full(3, 0.01), psi=np.ones((3, 1)),
+        phi=np.ones((1, 3)), phi_rate=np.zeros((1, 3)), names=("first", "second", "third"),
+    )  # fmt: skip
     plant = Plant(dynamics=modal, inputs=(Port("u", "N m"),), outputs=(Port("y", "rad"),))
     pair = nearest_modes(plant, 9.0)
     assert pair == ("second", "third")

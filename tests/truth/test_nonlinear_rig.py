@@ -1,14 +1,19 @@
-"""The rig with friction and gaps: the linear rig without them, their describing functions with them."""
+"""The rig with friction and gaps: linear without them, their describing functions with them."""
+
+import warnings
 
 import numpy as np
 import pytest
 
 from middeck.errors import ConfigError
+from middeck.identification.spectra import estimate_response
+from middeck.joints.attachment import JointElements
 from middeck.joints.deadband import Deadband
 from middeck.joints.friction import Friction
-from middeck.joints.simulation import JointElements
-from middeck.realtime.nonlinear_rig import build_nonlinear_rig, run_nonlinear_open_loop
-from middeck.realtime.rig import build_linear_rig, run_open_loop
+from middeck.realtime.motors import Motor
+from middeck.realtime.rig import build_rig
+from middeck.realtime.runs import run_open_loop
+from middeck.realtime.sensors import Sampler
 from middeck.signals.excitation import random_multisine
 from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem, modal_response
@@ -44,21 +49,19 @@ def at(*elements):
 
 
 def quiet_rig(plant, joints, steps=8, delay=DELAY):
-    return build_nonlinear_rig(
-        plant, joints, sample_hz=RATE, delay_s=delay, noise_rms=np.zeros(2), steps=steps
-    )
+    return build_rig(plant, joints=joints, sample_hz=RATE, delay_s=delay, steps=steps)
+
+
+def run(rig, u, periods, settle, **more):
+    return run_open_loop(rig, u, periods=periods, rng=np.random.default_rng(1), settle=settle, **more).record
 
 
 @pytest.mark.parametrize("joints", [[], at(Friction(0.0, 5.0)), at(Deadband(1e3, 5.0))])
 def test_without_friction_it_is_the_linear_rig(plant, joints):
     u = np.zeros((2000, 2))
     u[:, 0] = random_multisine((0.5, 60.0), 4.0, RATE, 1.0, np.random.default_rng(0))
-    taken = run_nonlinear_open_loop(
-        quiet_rig(plant, joints, steps=3), u, periods=2, rng=np.random.default_rng(1), settle=7
-    )
-    linear = build_linear_rig(plant, sample_hz=RATE, delay_s=DELAY, noise_rms=np.zeros(2))
-    exact = run_open_loop(linear, u, periods=2, rng=np.random.default_rng(1))
-    assert taken.periodic
+    taken = run(quiet_rig(plant, joints, steps=3), u, 2, settle=7)
+    exact = run(quiet_rig(plant, []), u, 2, settle=0, steady=True)
     # Seven periods of 4 s at 1.13 rad/s and more leave 2e-14 of the start; rounding of 6000 steps.
     np.testing.assert_allclose(taken.y, exact.y, atol=1e-11 * np.abs(exact.y).max())
     assert np.array_equal(taken.u, exact.u)
@@ -71,11 +74,8 @@ def dwell(plant, element, torque, hz=1.5):
     u = np.zeros((samples, 2))
     u[:, 0] = torque * np.cos(2.0 * np.pi * np.arange(samples) / samples)
     # The delay is the linear part's; without it the phase of a held sine is all that is left to undo.
-    taken = run_nonlinear_open_loop(
-        quiet_rig(plant, at(element), delay=0.5 / RATE, steps=4),
-        u, periods=2, rng=np.random.default_rng(0), settle=25,
-    )  # fmt: skip
-    assert taken.periodic
+    taken = run(quiet_rig(plant, at(element), delay=0.5 / RATE, steps=4), u, 2, settle=25)
+    np.testing.assert_allclose(taken.y[0, 1], taken.y[0, 0], rtol=0.0, atol=1e-6 * np.std(taken.y))
     phasors = 2.0 * np.fft.rfft(taken.y[0, -1, :, 0])[:10] / samples
     hold = np.sinc(1.0 / samples) * np.exp(-1j * np.pi / samples)
     return hz, phasors, torque * hold
@@ -122,37 +122,39 @@ def test_below_the_slip_torque_it_is_linear_with_the_joint_sprung(plant):
 def test_noise_is_added_at_the_sample_and_only_there(plant):
     u = np.zeros((500, 2))
     u[:, 0] = np.cos(2.0 * np.pi * np.arange(500) / 500)
-    runs = []
+    taken = []
     for noise in (0.0, 1e-3):
-        rig = build_nonlinear_rig(
-            plant, at(BEARING), sample_hz=RATE, delay_s=DELAY, noise_rms=np.full(2, noise)
-        )
-        runs.append(run_nonlinear_open_loop(rig, u, periods=10, rng=np.random.default_rng(3), settle=0))
+        sensors = {p.name: Sampler(noise) for p in PORTS[1]}
+        rig = build_rig(plant, joints=at(BEARING), sample_hz=RATE, delay_s=DELAY, sensors=sensors)
+        taken.append(run(rig, u, 10, settle=0).y)
     # 10000 values: the rms is known to 0.7 %, taken three times.
-    assert np.std(runs[1].y - runs[0].y) == pytest.approx(1e-3, rel=0.021)
+    assert np.std(taken[1] - taken[0]) == pytest.approx(1e-3, rel=0.021)
 
 
-def test_what_has_not_settled_is_one_run_and_no_period(plant):
-    u = np.ones((100, 2))
-    rig = quiet_rig(plant, at(BEARING))
-    taken = run_nonlinear_open_loop(rig, u, periods=3, rng=np.random.default_rng(0), settle=0)
-    assert not taken.periodic
-    assert taken.u.shape == taken.y.shape == (1, 1, 300, 2)
+def test_what_has_not_settled_is_found_by_who_compares_the_periods(plant):
+    u = random_multisine((2.0, 60.0), 1.0, RATE, 1.0, np.random.default_rng(0))[:, None]
+    rig = build_rig(
+        plant, joints=at(BEARING), motors={"base": Motor()}, sample_hz=RATE, delay_s=DELAY,
+        sensors={p.name: Sampler(1e-4) for p in PORTS[1]},
+    )  # fmt: skip
+    for settle in (0, 20):
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            estimate_response(run(rig, u, 3, settle=settle), band_hz=(2.0, 60.0))
+        assert any("begin with a transient" in str(w.message) for w in caught) == (settle == 0)
 
 
 def test_a_free_wheel_with_friction_runs_though_it_has_no_linear_steady_state():
     wheel = StateSpace([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]])
     plant = Plant(dynamics=wheel, inputs=PORTS[0][:1], outputs=PORTS[1][:1])
-    rig = build_nonlinear_rig(
-        plant, [JointElements("base", "pri_rel_z", (Friction(0.5, 200.0, viscous=2.0),))],
-        sample_hz=RATE, delay_s=DELAY, noise_rms=np.zeros(1),
-    )  # fmt: skip
+    rig = quiet_rig(plant, [JointElements("base", "pri_rel_z", (Friction(0.5, 200.0, viscous=2.0),))])
     u = 0.4 * np.sin(2.0 * np.pi * np.arange(500) / 500)[:, None]
-    taken = run_nonlinear_open_loop(rig, u, periods=1, rng=np.random.default_rng(0), settle=20)
-    assert taken.periodic  # stuck: it swings on the presliding spring
+    taken = run(rig, u, 2, settle=19)
+    # Stuck: it swings on the presliding spring.
+    np.testing.assert_allclose(taken.y[0, 1], taken.y[0, 0], rtol=0.0, atol=1e-6 * np.std(taken.y))
     w = 2.0 * np.pi
     # About where the start has left the slider; the internal step, (w h)^2/12 at 14 rad/s.
-    assert 0.5 * np.ptp(taken.y) == pytest.approx(0.4 / abs(200.0 - w**2 + 2j * w), rel=1e-4)
+    assert 0.5 * np.ptp(taken.y[0, 1]) == pytest.approx(0.4 / abs(200.0 - w**2 + 2j * w), rel=1e-4)
 
 
 def test_settings_that_cannot_be_are_refused(plant):
@@ -161,6 +163,4 @@ def test_settings_that_cannot_be_are_refused(plant):
     with pytest.raises(ConfigError, match="hold"):
         quiet_rig(plant, [], delay=0.0005)
     with pytest.raises(ConfigError, match="periods"):
-        run_nonlinear_open_loop(
-            quiet_rig(plant, []), np.zeros((5, 2)), periods=0, rng=np.random.default_rng(0)
-        )
+        run(quiet_rig(plant, []), np.zeros((5, 2)), 0, settle=0)

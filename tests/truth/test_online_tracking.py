@@ -23,7 +23,8 @@ from middeck.identification.tracking.recovery import (
     patience,
 )
 from middeck.identification.uncertainty.parameters import Uncertainty
-from middeck.realtime.rig import build_linear_rig
+from middeck.realtime.linear_view import linearise_rig
+from middeck.realtime.rig import build_rig
 from middeck.signals.record import Record
 from middeck.systems.simulation import simulate
 
@@ -42,10 +43,8 @@ def test_the_truth_of_these_tests_is_the_rig():
     """Constant modes: the recursion equals the sampled plant of the rig, delays of a fraction included."""
     taken, _ = moving_gimbal.record(0, 4.0, noise=0.0, outputs=3)
     for o in range(3):
-        rig = build_linear_rig(
-            gimbal_model.plant(3), sample_hz=RATE, delay_s=gimbal_record.DELAY_S[o], noise_rms=np.zeros(3)
-        )
-        expected, _ = simulate(rig.sampled, taken.u[0, 0])
+        rig = build_rig(gimbal_model.plant(3), sample_hz=RATE, delay_s=gimbal_record.DELAY_S[o])
+        expected, _ = simulate(linearise_rig(rig).sampled, taken.u[0, 0])
         # Rounding of a thousand steps.
         np.testing.assert_allclose(
             taken.y[0, 0, :, o], expected[:, o], atol=1e-9 * np.abs(expected[:, o]).max()

@@ -11,15 +11,15 @@ import pytest
 from middeck.files.documents import load_environment, load_structure
 from middeck.files.studies import load_study
 from middeck.laboratory.article_rig import build_article_rig, build_rig_article
-from middeck.realtime.hardware_runs import run_hardware_closed_loop, run_hardware_open_loop
-from middeck.realtime.linear_view import linearise_rig
-from middeck.realtime.rig import close_sampled_loop
+from middeck.realtime.linear_view import close_rig, linearise_rig
+from middeck.realtime.runs import run_closed_loop, run_open_loop
 from middeck.signals.excitation import random_multisine
 from middeck.structure.model.environment import Environment
 from middeck.systems.response import statespace_response
 from middeck.systems.sampling import tustin
 from middeck.systems.stability import growth_rates
 from middeck.systems.statespace import StateSpace
+from rig_checks import on_rig
 
 ROOT = Path(__file__).resolve().parents[2]
 LOOPS = ("bus_x", "bus_y", "bus_z", "pri_rel_x", "pri_rel_z")
@@ -84,13 +84,13 @@ def test_a_record_of_the_orbit_rig_is_its_response(rigs, closed):
     u = excitation()
     settings = {"periods": 3, "rng": np.random.default_rng(3), "settle": 1, "rest_s": 30.0}
     if closed:
-        poles = growth_rates(close_sampled_loop(linear, law)).real
+        poles = growth_rates(close_rig(rig, law)).real
         # The sums of four gyros are on no other state's way; everything else comes to rest.
         assert np.sum(poles > -1e-3) == 4
-        run = run_hardware_closed_loop(rig, law, u, **settings)
-        system = close_sampled_loop(linear, law)
+        run = run_closed_loop(rig, on_rig(rig, law), u, **settings)
+        system = close_rig(rig, law)
     else:
-        run = run_hardware_open_loop(rig, u, **settings)
+        run = run_open_loop(rig, u, **settings)
         system = linear
     assert run.cause == ""
     assert run.record.y.shape == (1, 3, len(u), len(OUTPUTS))

@@ -20,8 +20,8 @@ from middeck.laboratory.article import (
 from middeck.laboratory.article_rig import build_article_rig, build_rig_article
 from middeck.laboratory.hidden_errors import HiddenErrors, draw_hidden_errors
 from middeck.realtime.drift import Drift, nearest_modes
-from middeck.realtime.hardware_runs import run_hardware_open_loop
 from middeck.realtime.linear_view import linearise_rig
+from middeck.realtime.runs import run_open_loop
 from middeck.realtime.sensors import Encoder, Gyro
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import solve_modes
@@ -208,6 +208,6 @@ def test_a_study_rig_runs_drifted_and_rubbing(dm, lab, settings):
     assert new == pair
     assert goes_on.ageing.drifts == (Drift(pair, 2.0, 10.0),)
     u = 0.1 * np.sin(2.0 * np.pi * 1.0 * np.arange(500) / 500.0)[:, None]
-    run = run_hardware_open_loop(rig, u, periods=1, rng=np.random.default_rng(0), settle=1, rest_s=1.0)
+    run = run_open_loop(rig, u, periods=1, rng=np.random.default_rng(0), settle=1, rest_s=1.0)
     assert run.cause == ""
     assert np.std(run.record.y) > 1e-4

@@ -13,9 +13,9 @@ from middeck.files.documents import load_environment, load_structure
 from middeck.files.rig_build import build_rig_settings
 from middeck.files.studies import load_study
 from middeck.files.study_form import RigForm
+from middeck.joints.attachment import add_viscous
 from middeck.joints.deadband import Deadband
 from middeck.joints.friction import Friction
-from middeck.joints.simulation import add_viscous
 from middeck.laboratory.article import rig_article_plant
 from middeck.laboratory.article_rig import build_article_rig, build_rig_article
 from middeck.laboratory.linear_test import rig_plant, run_rig_experiment
@@ -182,7 +182,7 @@ def test_identification_noise_is_a_part_of_the_rms_of_each_output(dm, lab, form)
         taken = run_rig_experiment(
             plant, dataclasses.replace(settings, noise_share=part), test, np.random.default_rng(0)
         )
-        y = taken.record.y[0]
+        y = taken.y[0]
         noise = np.std(np.diff(y, axis=0), axis=(0, 1)) / np.sqrt(2.0)
         share.append(noise / np.std(y.mean(axis=0), axis=0))
     # 16,000 differences: the rms is known to 0.6 %, taken four times.

@@ -11,9 +11,7 @@ from middeck.control.law.compensator import Compensator
 from middeck.laboratory.bench import Bench
 from middeck.laboratory.loop import RigView, fastest_pole, judge_loop, view_rig
 from middeck.realtime.drift import Drift, age_plant, nearest_modes
-from middeck.realtime.hardware_rig import build_hardware_rig
-from middeck.realtime.motors import Motor
-from middeck.realtime.sensors import Sampler
+from middeck.realtime.rig import build_rig
 from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
@@ -67,13 +65,7 @@ def drifted(plant: Plant, near_hz: float, percent: float) -> Plant:
 
 def view_of(plant: Plant) -> RigView:
     """A bench without limits, steps and noise, its excitation on the lines of one second."""
-    rig = build_hardware_rig(
-        plant,
-        motors={"u": Motor(torque_limit=np.inf)},
-        sensors={"y": Sampler()},
-        sample_hz=SAMPLE_HZ,
-        delay_s=0.5 / SAMPLE_HZ,
-    )
+    rig = build_rig(plant, sample_hz=SAMPLE_HZ, delay_s=0.5 / SAMPLE_HZ)
     period = np.zeros((round(SAMPLE_HZ), 1))
     return view_rig(
         Bench(rig=rig, open_loop=period, closed_loop=period, periods=1, rest_s=0.0, band_hz=(1.0, 40.0))

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import scipy.linalg as sla
 
-from middeck.realtime.hardware_rig import HardwareRig, build_hardware_rig, stream_hardware
-from middeck.realtime.motors import Motor
+from middeck.realtime.rig import Rig, build_rig
 from middeck.realtime.sensors import Encoder, Gyro, Sensor
+from middeck.realtime.simulation import simulate_rig
 from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
@@ -22,20 +22,18 @@ WHOLE = [1.0 / (np.sqrt(2.0) * np.pi * ticks / RATE_HZ + 1.0 / ALIAS_HZ) for tic
 SLOWER = [39.99, 35.0, 20.0, 8.0, *WHOLE]
 
 
-def _rig(*others: Sensor, alias_hz: float = ALIAS_HZ, steps: int = 1) -> HardwareRig:
+def _rig(*others: Sensor, alias_hz: float = ALIAS_HZ, steps: int = 1) -> Rig:
     modal = ModalSystem(
-        omega=2.0 * np.pi * np.array([1.0]),
-        zeta=np.array([0.05]),
-        psi=np.ones((1, 1)),
+        omega=[2.0 * np.pi],
+        zeta=[0.05],
+        psi=[[1.0]],
         phi=np.ones((3, 1)),
         phi_rate=np.zeros((3, 1)),
         names=("a",),
     )
     plant = Plant(dynamics=modal, inputs=(Port("t", "N m"),), outputs=tuple(Port(n, "rad") for n in "abc"))
     sensors = dict(zip("abc", (Gyro(noise=NOISE, anti_alias_hz=alias_hz), *others), strict=False))
-    return build_hardware_rig(
-        plant, motors={"t": Motor()}, sensors=sensors, sample_hz=RATE_HZ, delay_s=0.1, steps=steps
-    )
+    return build_rig(plant, sensors=sensors, sample_hz=RATE_HZ, delay_s=0.1, steps=steps)
 
 
 def _butterworth(alias_hz: float) -> np.ndarray:
@@ -48,7 +46,7 @@ def _butterworth(alias_hz: float) -> np.ndarray:
     return NOISE**2 * w / (2.0 * np.sqrt(2.0)) * np.exp(-x) * (np.cos(x) + np.sin(x))
 
 
-def _sampled(rig: HardwareRig) -> np.ndarray:
+def _sampled(rig: Rig) -> np.ndarray:
     """The same of the first output's samples on the rig, by the covariance of its states."""
     n = rig.plant.angle.shape[1]
     step = np.eye(n)
@@ -78,7 +76,7 @@ def test_a_filter_may_be_fast_against_the_tick(alias_hz: float) -> None:
 def test_the_readings_of_a_run_are_as_noisy_beside_a_slower_gyro() -> None:
     ticks = 40_000
     rig = _rig(Gyro(anti_alias_hz=8.0))
-    (run,) = stream_hardware(rig, None, [np.zeros((ticks, 1))], np.random.default_rng(3))
+    (run,) = simulate_rig(rig, None, [np.zeros((ticks, 1))], np.random.default_rng(3))
     mean_square = np.mean(run.readings[100:, 0] ** 2)
     wanted = _butterworth(ALIAS_HZ)
     # Bartlett (1946): the variance of a mean square of correlated normal numbers; four deviations.

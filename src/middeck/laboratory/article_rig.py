@@ -1,4 +1,4 @@
-"""The hardware rig of an article: its motors, sensors and bearings as the settings have them."""
+"""The rig of an article: its motors, sensors and bearings as the settings have them."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ import dataclasses
 from collections.abc import Sequence
 
 from middeck.errors import ConfigError
-from middeck.joints.simulation import JointElements
+from middeck.joints.attachment import JointElements
 from middeck.laboratory.article import RigArticle, rig_article_plant, solve_rig_article
 from middeck.laboratory.hidden_errors import draw_hidden_errors
 from middeck.laboratory.settings import RigSettings
 from middeck.realtime.drift import Drift, age_plant
-from middeck.realtime.hardware_rig import HardwareRig, build_hardware_rig
 from middeck.realtime.motors import Motor
+from middeck.realtime.rig import Rig, build_rig
 from middeck.realtime.sensors import Sensor
 from middeck.structure.model.article import Actuator, JointState, Structure
 from middeck.structure.model.environment import Environment
@@ -39,13 +39,13 @@ def build_article_rig(
     age_s: float = 0.0,
     drifting: bool = False,
     steps: int = 1,
-) -> HardwareRig:
+) -> Rig:
     """The rig of ``article`` between torque commands at ``inputs`` and samples of the angles ``outputs``.
 
     Every free gimbal axis has the settings' friction and play, commanded or not. A torque on a node is
     a wheel's, at a joint a gimbal's motor's, which also holds the payload; a joint angle is an encoder's, an
     inertial one an integrated gyro's. ``drifts`` have gone on for ``age_s`` when it is switched on; then they
-    halt or, ``drifting``, go on. Raises `ConfigError` as `build_hardware_rig`, for an unknown port, and where
+    halt or, ``drifting``, go on. Raises `ConfigError` as `build_rig`, for an unknown port, and where
     a motor cannot hold its payload.
     """
     equilibrium = article.equilibrium
@@ -57,7 +57,7 @@ def build_article_rig(
     )
     hidden = article.hidden
     gains = {} if hidden is None else dict(hidden.gain)
-    return build_hardware_rig(
+    return build_rig(
         plant if drifting else age_plant(plant, drifts, age_s),
         motors={name: _motor(equilibrium, name, settings) for name in inputs},
         sensors={name: _sensor(structure, name, settings, gains.get(name, 1.0)) for name in outputs},

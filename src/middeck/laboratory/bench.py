@@ -1,4 +1,4 @@
-"""The bench: one article on its hardware rig, the excitation it is driven with, and what is taken from it.
+"""The bench: one article on its rig, the excitation it is driven with, and what is taken from it.
 
 Open loop and closed loop, before or after its pair of modes has shifted: commands in, records out. A design
 uses nothing else of the rig; only the stability of a loop is read from the rig's own eigenvalues.
@@ -18,13 +18,10 @@ from middeck.laboratory.article import RigArticle, rig_article_plant
 from middeck.laboratory.article_rig import build_article_rig
 from middeck.laboratory.settings import LoopTest, RigSettings
 from middeck.realtime.drift import Drift, nearest_modes
-from middeck.realtime.hardware_rig import HardwareRig
-from middeck.realtime.hardware_runs import run_hardware_closed_loop, run_hardware_open_loop
-from middeck.realtime.law import place_law
-from middeck.realtime.rig import Run
+from middeck.realtime.rig import Rig
+from middeck.realtime.runs import Run, run_closed_loop, run_open_loop
 from middeck.signals.excitation import Limits, design_multisine, random_multisine
 from middeck.systems.response import FrequencyResponse
-from middeck.systems.statespace import SampledStateSpace
 from middeck.values import record
 
 SETTLE = 2  # unrecorded periods of a run
@@ -36,7 +33,7 @@ SATURATED = 1e-3
 class Bench:
     """A rig, one period of the torque command in open and in closed loop, and the number of periods."""
 
-    rig: HardwareRig
+    rig: Rig
     open_loop: Float[np.ndarray, "sample input"]
     closed_loop: Float[np.ndarray, "sample input"]
     periods: int
@@ -91,7 +88,7 @@ def build_bench(
 
 def take_open_loop(bench: Bench, rng: np.random.Generator) -> FrequencyResponse:
     """The measured response from the torque command to all sensors."""
-    run = run_hardware_open_loop(
+    run = run_open_loop(
         bench.rig, bench.open_loop, periods=bench.periods, rng=rng, settle=SETTLE, rest_s=bench.rest_s
     )
     assert run.record is not None, run.cause
@@ -102,9 +99,9 @@ def take_open_loop(bench: Bench, rng: np.random.Generator) -> FrequencyResponse:
 
 def take_closed_loop(bench: Bench, compensator: Compensator, rng: np.random.Generator) -> Taken:
     """The same under control: the law runs in the rig's computer by Tustin's rule."""
-    run = run_hardware_closed_loop(
+    run = run_closed_loop(
         bench.rig,
-        law_on(bench.rig, compensator),
+        emulate(compensator, bench.rig.period_s),
         bench.closed_loop,
         periods=bench.periods,
         rng=rng,
@@ -116,12 +113,6 @@ def take_closed_loop(bench: Bench, compensator: Compensator, rng: np.random.Gene
         return Taken(None, cause, None)
     response = estimate_response(run.record, band_hz=bench.band_hz)
     return Taken(response, "", float(np.sqrt(np.mean(run.control**2))))
-
-
-def law_on(rig: HardwareRig, compensator: Compensator) -> SampledStateSpace:
-    """The compensator sampled by Tustin's rule, from all outputs of the rig to all its inputs."""
-    period_s = 1.0 / rig.sample_hz
-    return place_law(emulate(compensator, period_s), rig.inputs, rig.outputs, period_s)
 
 
 def _limit_cycle(run: Run) -> str:

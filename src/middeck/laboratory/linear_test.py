@@ -1,30 +1,21 @@
-"""Figure 6 on the linear rig of an article in the laboratory: a torque command in, sampled outputs out."""
+"""Figure 6 on the rig of an article in the laboratory with nothing switched on but noise."""
 
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
 
 from middeck.laboratory.settings import LoopTest, RigSettings
-from middeck.realtime.rig import LinearRig, build_linear_rig, run_open_loop
+from middeck.realtime.rig import build_rig
+from middeck.realtime.runs import run_open_loop
+from middeck.realtime.sensors import Sampler
 from middeck.signals.excitation import random_multisine
 from middeck.signals.record import Record
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.systems.plant import Plant
-from middeck.values import record
 
-RIG_MODES_HZ = 60.0  # the linear rig carries every mode up to here
+RIG_MODES_HZ = 60.0  # the rig of Figure 6 carries every mode up to here
 EXCITATION_NM = 0.1  # rms of the torque command; the rig is linear, the noise relative
-
-
-@record
-class RigExperiment:
-    """An open-loop record, the rig it was taken on, and one period of the torque command."""
-
-    rig: LinearRig
-    excitation: Float[np.ndarray, " sample"]
-    record: Record
 
 
 def rig_plant(modes: Modes, actuator: str, sensors: tuple[str, ...]) -> Plant:
@@ -36,13 +27,16 @@ def rig_plant(modes: Modes, actuator: str, sensors: tuple[str, ...]) -> Plant:
 
 def run_rig_experiment(
     plant: Plant, settings: RigSettings, test: LoopTest, rng: np.random.Generator
-) -> RigExperiment:
-    """Random-phase multisine over the band; noise as a fraction of each output's own rms."""
+) -> Record:
+    """Record under a random-phase multisine over the band; noise as a share of each output's own rms."""
     excitation = random_multisine(test.band_hz, test.period_s, settings.sample_hz, EXCITATION_NM, rng)
-    silent = np.zeros(len(plant.outputs))
-    quiet = build_linear_rig(plant, sample_hz=settings.sample_hz, delay_s=settings.delay_s, noise_rms=silent)
-    clean = run_open_loop(quiet, excitation[:, None], periods=1, rng=rng)
-    noise = settings.noise_share * np.sqrt(np.mean(clean.y[0, 0] ** 2, axis=0))
-    real = build_linear_rig(plant, sample_hz=settings.sample_hz, delay_s=settings.delay_s, noise_rms=noise)
-    taken = run_open_loop(real, excitation[:, None], periods=test.periods, rng=rng)
-    return RigExperiment(real, excitation, taken)
+
+    def take(noise_rms: np.ndarray, periods: int) -> Record:
+        sensors = {p.name: Sampler(float(n)) for p, n in zip(plant.outputs, noise_rms, strict=True)}
+        rig = build_rig(plant, sample_hz=settings.sample_hz, delay_s=settings.delay_s, sensors=sensors)
+        run = run_open_loop(rig, excitation[:, None], periods=periods, rng=rng, settle=0, steady=True)
+        assert run.record is not None, run.cause
+        return run.record
+
+    clean = take(np.zeros(len(plant.outputs)), 1)
+    return take(settings.noise_share * np.sqrt(np.mean(clean.y[0, 0] ** 2, axis=0)), test.periods)

@@ -15,18 +15,20 @@ from jaxtyping import Complex, Float
 from middeck.control.analysis import measure_margins
 from middeck.control.law.compensator import Compensator
 from middeck.control.sampled import emulate
-from middeck.laboratory.bench import Bench, law_on
+from middeck.laboratory.bench import Bench
+from middeck.realtime.law import place_law
 from middeck.realtime.linear_view import linearise_rig
-from middeck.realtime.rig import close_sampled_loop
+from middeck.systems.feedback import feedback
 from middeck.systems.plant import Plant
 from middeck.systems.response import evaluate_plant, statespace_response
 from middeck.systems.stability import GROWTH_LIMIT, growth_rates
+from middeck.systems.statespace import SampledStateSpace
 from middeck.values import record
 
 
 @record
 class RigView:
-    """A bench seen through its linear rig, and the response of that on the lines of the excitation."""
+    """A bench, the linear part of its rig, and the response of that on the lines of the excitation."""
 
     bench: Bench
     plant: Plant
@@ -86,7 +88,7 @@ def judge_loop(view: RigView, compensator: Compensator, percent: float) -> RigLo
     )
     if not found.stable:
         return found
-    K = statespace_response(law_on(view.bench.rig, compensator), 2.0 * np.pi * view.frequency_hz)
+    K = statespace_response(_placed(view, compensator), 2.0 * np.pi * view.frequency_hz)
     opened = view.H[:, 0, 0]
     closed = opened / (1.0 - np.einsum("fuy,fyu->f", K, view.H))  # u = K y is added
     better = float(20.0 * np.log10(np.linalg.norm(closed) / np.linalg.norm(opened)))
@@ -95,8 +97,15 @@ def judge_loop(view: RigView, compensator: Compensator, percent: float) -> RigLo
 
 def fastest_pole(view: RigView, compensator: Compensator) -> complex:
     """The pole of the sampled loop [rad/s] that grows fastest or decays slowest."""
-    rates = growth_rates(close_sampled_loop(view.plant.sampled, law_on(view.bench.rig, compensator)))
+    (outputs, inputs), plant = view.H.shape[1:], view.plant.sampled
+    rates = growth_rates(feedback(plant, _placed(view, compensator), range(inputs), range(outputs)))
     return complex(rates[int(np.argmax(np.real(rates)))])
+
+
+def _placed(view: RigView, compensator: Compensator) -> SampledStateSpace:
+    """The compensator sampled by Tustin's rule, from all outputs of the rig to all its inputs."""
+    period_s = view.bench.rig.period_s
+    return place_law(emulate(compensator, period_s), view.plant.inputs, view.plant.outputs, period_s)
 
 
 def judge_loops(views: Mapping[float, RigView], compensator: Compensator) -> tuple[RigLoop, ...]:
@@ -106,8 +115,7 @@ def judge_loops(views: Mapping[float, RigView], compensator: Compensator) -> tup
 
 def _margins(view: RigView, compensator: Compensator) -> dict[str, float | None]:
     """The least gain and phase margin of the loop broken at the one input."""
-    law = emulate(compensator, 1.0 / view.bench.rig.sample_hz)
-    (loop,) = measure_margins(view.plant, law).loops
+    (loop,) = measure_margins(view.plant, emulate(compensator, view.bench.rig.period_s)).loops
     gain_db, gain_hz = _least(np.abs(20.0 * np.log10(loop.gain)), loop.gain_hz)
     phase_deg, phase_hz = _least(np.abs(np.degrees(loop.phase_rad)), loop.phase_hz)
     return {

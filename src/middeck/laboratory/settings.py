@@ -23,7 +23,7 @@ class RigSettings:
     encoder, gyro:
         What reads a joint angle, and an inertial one.
     noise_share:
-        White noise at the outputs of the linear rig, as a share of the rms of each.
+        White noise at the outputs of the rig of Figure 6, as a share of the rms of each.
     rest_s:
         Rest before a run, in which the gyros' biases are measured.
     modes_hz, mesh_factor, shear:
@@ -32,7 +32,7 @@ class RigSettings:
     umbilical_hz:
         Frequency that a weak cable gives the article in orbit; zero for none.
     hidden_seed:
-        Of the article's hidden errors; None for none.
+        Seed of the article's hidden errors; None for none.
     """
 
     sample_hz: float

@@ -10,30 +10,27 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
-from jaxtyping import Float
 
 from middeck.realtime.drift import Drift, age_plant, modal_part
-from middeck.realtime.hybrid import simulate_hybrid
 from middeck.realtime.hybrid_plant import HybridPlant, Wiring, build_hybrid_plant
-from middeck.realtime.hybrid_state import HybridBlock, HybridState, HybridSystem
 from middeck.systems.modal import rate_scale
 from middeck.systems.plant import Plant
 from middeck.systems.statespace import StateSpace
 from middeck.values import record
 
 TURN = 1.0
-"""By how much [rad] the fastest of the drifting modes turns in a piece, unless in a tick."""
+"""Phase [rad] through which the fastest of the drifting modes turns in a piece, unless in a tick."""
 CHORD = 1e-3
-"""Part of itself by which a frequency changes from knot to knot. On the chord it is wrong by a twelfth of the
+"""Relative change of a frequency from knot to knot. On the chord it is wrong by a twelfth of the
 square of that, a hundred-thousandth of the half-width of a mode of 1 % damping."""
 
 
 @record(kw_only=True)
 class Ageing:
-    """How a rig's plant goes on from where it is switched on.
+    """How the plant of a rig drifts from where it is switched on.
 
     Parameters
     ----------
@@ -60,7 +57,7 @@ def plan_ageing(plant: Plant, drifts: Sequence[Drift], age_s: float, wiring: Wir
     if not drifts:
         return None
     modal = modal_part(age_plant(plant, drifts, age_s))
-    change = np.zeros(len(modal.omega))  # part of itself that a frequency changes by in a second
+    change = np.zeros(len(modal.omega))  # relative change of a frequency in a second
     for drift in drifts:
         a_second = 0.01 * abs(drift.percent) / drift.age_s / drift.factor(age_s)
         change += a_second * np.isin(modal.names, drift.modes)
@@ -72,27 +69,17 @@ def plan_ageing(plant: Plant, drifts: Sequence[Drift], age_s: float, wiring: Wir
     return Ageing(plant=plant, drifts=tuple(drifts), age_s=age_s, wiring=wiring, ticks=ticks, pieces=pieces)
 
 
-def simulate_ageing(
-    system: HybridSystem,
-    ageing: Ageing,
-    excitation: Iterable[Float[np.ndarray, "sample input"]],
-    rng: np.random.Generator,
-    start: HybridState,
-) -> Iterator[HybridBlock]:
-    """`simulate_hybrid` on a plant that drifts; blocks also end where it is renewed."""
+def follow_ageing(ageing: Ageing) -> Callable[[int], tuple[HybridPlant, int]]:
+    """What tells the plant that is held at a tick, and for how many ticks from there."""
     knot = functools.lru_cache(maxsize=2)(functools.partial(_build_knot, ageing))
-    for block in excitation:
-        first = 0
-        while first < len(block):
-            number = start.tick // ageing.ticks
-            last = first + (number + 1) * ageing.ticks - start.tick
-            before, place = divmod(number + 0.5, ageing.pieces)
-            plant = _between(knot(int(before)), knot(int(before) + 1), place / ageing.pieces)
-            held = dataclasses.replace(system, plant=plant)
-            for done in simulate_hybrid(held, [block[first:last]], rng, start):
-                start = done.state
-                yield done
-            first = last
+
+    def held_at(tick: int) -> tuple[HybridPlant, int]:
+        number = tick // ageing.ticks
+        before, place = divmod(number + 0.5, ageing.pieces)
+        plant = _between(knot(int(before)), knot(int(before) + 1), place / ageing.pieces)
+        return plant, (number + 1) * ageing.ticks - tick
+
+    return held_at
 
 
 def _build_knot(ageing: Ageing, number: int) -> HybridPlant:

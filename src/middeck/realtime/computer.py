@@ -1,4 +1,4 @@
-"""The digital side of a hybrid simulation: adding up of gyro samples, and the law, as one sampled system."""
+"""The digital side of a rig: the sums of gyro samples, and the compensator, as one sampled system."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import numpy as np
 import scipy.linalg as sla
 from jaxtyping import Float
 
-from middeck.realtime.law import check_law
 from middeck.realtime.sensors import Gyro, Sensor
 from middeck.systems.statespace import SampledStateSpace
 from middeck.values import record
@@ -16,10 +15,10 @@ from middeck.values import record
 
 @record
 class Computer:
-    """From what the converters give to measured outputs and the law's commands, once a tick.
+    """From what the converters give to measured outputs and the compensator's commands, once a tick.
 
     ``step`` takes (states, readings) to (states of the next tick, measured outputs, commands). The states are
-    one sum for each gyro, then the law's.
+    one sum for each gyro, then the compensator's.
     """
 
     step: Float[np.ndarray, "row column"]
@@ -28,18 +27,13 @@ class Computer:
     commands: int
 
 
-def build_computer(
-    sensors: Sequence[Sensor], law: SampledStateSpace | None, inputs: int, period_s: float
-) -> Computer:
-    """The computer of a rig with ``sensors`` and ``inputs`` motors; without a law it commands nothing.
+def build_computer(sensors: Sequence[Sensor], law: SampledStateSpace) -> Computer:
+    """The computer of a rig with ``sensors``, from all of whose outputs ``law`` goes to all inputs.
 
-    A gyro's samples r are added up by the trapezoidal rule, which turns no phase. Raises `ConfigError` for a
-    law of other sizes or another period.
+    A gyro's samples r are added up by the trapezoidal rule, which turns no phase.
     """
-    outputs = len(sensors)
-    law = _no_law(inputs, outputs, period_s) if law is None else law
-    check_law(law, inputs, outputs, period_s)
-    sums = integrators(sensors, period_s)
+    outputs, inputs = len(sensors), len(law.D)
+    sums = integrators(sensors, law.period_s)
     A = np.asarray(sla.block_diag(sums.A, law.A))
     A[len(sums.A) :, : len(sums.A)] = law.B @ sums.C
     B = np.vstack([sums.B, law.B @ sums.D])
@@ -60,13 +54,3 @@ def integrators(sensors: Sequence[Sensor], period_s: float) -> SampledStateSpace
     n = len(select)
     D = np.diag(np.where(gyro, 0.5 * period_s, 1.0))
     return SampledStateSpace(np.eye(n), period_s * select, select.T, D, period_s=period_s)
-
-
-def _no_law(inputs: int, outputs: int, period_s: float) -> SampledStateSpace:
-    return SampledStateSpace(
-        np.zeros((0, 0)),
-        np.zeros((0, outputs)),
-        np.zeros((inputs, 0)),
-        np.zeros((inputs, outputs)),
-        period_s=period_s,
-    )

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
-from middeck.realtime.hybrid_state import HybridBlock, HybridSystem
+from middeck.realtime.rig import Rig
+from middeck.realtime.rig_state import RigBlock
 from middeck.signals.ports import Port, port_indices
 from middeck.values import record
 
-FULL = 1.0 - 1e-9  # part of a limit from which on it counts as reached: rounding
+FULL = 1.0 - 1e-9  # share of a limit from which it counts as reached, for rounding
 
 
 @record(kw_only=True)
@@ -22,9 +23,9 @@ class RunEvents:
     Parameters
     ----------
     saturated, slewed, rotor_full:
-        Of each input: at its torque limit, at its slew limit, its rotor at full speed.
+        Each input at its torque limit, at its slew limit, with its rotor at full speed.
     clipped:
-        Of each output: at the end of its converter's range.
+        Each output at the end of its converter's range.
     peak_speed_rad_s:
         Largest rotor speed of each input; zero without a rotor.
     stopped_s:
@@ -60,7 +61,7 @@ def stop_limits(rules: Sequence[StopRule], outputs: Sequence[Port]) -> Float[np.
 
 
 def find_stop(measured: Float[np.ndarray, "sample output"], limits: np.ndarray) -> tuple[int, int] | None:
-    """The first sample beyond its limit and which output it was; None if all keep theirs."""
+    """The first sample beyond its limit, and the number of its output; None if all stay within."""
     beyond = np.abs(measured) > limits
     if not beyond.any():
         return None
@@ -71,16 +72,15 @@ def find_stop(measured: Float[np.ndarray, "sample output"], limits: np.ndarray) 
 class EventCounter:
     """Adds up the events of a run, block by block."""
 
-    def __init__(self, system: HybridSystem, inertia: Mapping[int, float], period_s: float) -> None:
-        self._system, self._inertia, self._period_s = system, inertia, period_s
-        self._ticks = 0
-        m, p = system.computer.commands, system.computer.outputs
+    def __init__(self, rig: Rig) -> None:
+        self._rig, self._ticks = rig, 0
+        m, p = len(rig.inputs), len(rig.outputs)
         self._saturated, self._slewed, self._full = np.zeros((3, m))
         self._clipped, self._speed = np.zeros(p), np.zeros(m)
 
-    def add(self, block: HybridBlock, before: Float[np.ndarray, " input"]) -> None:
+    def add(self, block: RigBlock, before: Float[np.ndarray, " input"]) -> None:
         """Count one block; ``before`` is the torque issued just before it."""
-        motors, readout = self._system.motors, self._system.readout
+        motors, readout = self._rig.bank, self._rig.readout
         torque = block.torque
         self._ticks += len(torque)
         at_limit = (torque >= motors.upper * FULL) | (torque <= motors.lower * FULL)
@@ -90,9 +90,10 @@ class EventCounter:
         full = np.abs(block.momentum) >= motors.momentum * FULL
         self._full += full.sum(axis=0)
         self._clipped += (np.abs(block.readings) >= readout.range * FULL - readout.step).sum(axis=0)
-        for i, inertia in self._inertia.items():
-            speed = float(np.abs(block.momentum[:, i]).max(initial=0.0)) * self._period_s / inertia
-            self._speed[i] = max(self._speed[i], speed)
+        for i, motor in enumerate(self._rig.motors):
+            if motor.rotor is not None:
+                impulse = float(np.abs(block.momentum[:, i]).max(initial=0.0)) * self._rig.period_s
+                self._speed[i] = max(self._speed[i], impulse / motor.rotor.inertia)
 
     def total(self, stopped_s: float | None = None) -> RunEvents:
         """All that was counted."""

@@ -11,20 +11,24 @@ from jaxtyping import Float
 
 from middeck.control.sampled.integrals import spread_noise
 from middeck.errors import ConfigError
-from middeck.joints.simulation import JointElements, add_viscous
+from middeck.joints.attachment import JointElements, add_viscous
 from middeck.realtime.sensor_filters import anti_alias, sensor_filter
 from middeck.realtime.sensors import Gyro, Sensor
 from middeck.systems.modal import ModalSystem, modal_to_statespace
 from middeck.systems.plant import Plant
-from middeck.systems.statespace import StateSpace
+from middeck.systems.statespace import StateSpace, select_paths
 
 
 class FilteredPlant(NamedTuple):
-    """A plant behind its sensors' filters: torques of the motors, then of the joints; and noise in it."""
+    """From the torques of the motors, then of the joints, to what is sampled; and the noise in the filters.
+
+    ``noise`` is the root of its intensity on the states, one column for each sensor; ``moved`` are the states
+    of the filters behind it.
+    """
 
     system: StateSpace
-    noise: np.ndarray  # root of the intensity of the noise on the states, a column for each
-    moved: list[int]  # states of the filters behind it
+    noise: np.ndarray
+    moved: list[int]
 
 
 def filter_outputs(
@@ -35,47 +39,50 @@ def filter_outputs(
 ) -> FilteredPlant:
     """``plant`` with the torques of motors and joints as inputs and what ``sensors`` sample as outputs."""
     dynamics = add_viscous(plant, joints)
-    system = modal_to_statespace(dynamics) if isinstance(dynamics, ModalSystem) else dynamics
-    columns = [*plant.input_indices(inputs), *plant.input_indices([j.torque for j in joints])]
-    B = system.B[:, columns]
+    system = select_paths(
+        modal_to_statespace(dynamics) if isinstance(dynamics, ModalSystem) else dynamics,
+        plant.input_indices([*inputs, *(j.torque for j in joints)]),
+        plant.output_indices([name for name, _ in sensors]),
+    )
     filters = [sensor_filter(sensor) for _, sensor in sensors]
     n, extra = len(system.A), sum(len(f.A) for f in filters)
-    A, rows = np.zeros((n + extra, n + extra)), np.zeros((len(filters), n + extra))
+    A, C = np.zeros((n + extra, n + extra)), np.zeros((len(filters), n + extra))
+    B, D = np.zeros((n + extra, system.B.shape[1])), np.zeros(system.D.shape)
     moved: list[int] = []
-    A[:n, :n] = system.A
+    A[:n, :n], B[:n] = system.A, system.B
     noise = np.zeros((n + extra, len(filters)))
     first = n
     for o, ((name, sensor), f) in enumerate(zip(sensors, filters, strict=True)):
-        c = _reading(plant, system, B, name, sensor)
+        c, d, jump = _reading(system, o, isinstance(sensor, Gyro))
+        if np.any(jump) and np.any(f.D):
+            raise ConfigError(
+                f"output {name!r} answers a command at once: its rate is infinite",
+                where="sensors",
+                hint="a gyro with a finite bandwidth_hz or anti_alias_hz, or no direct term (static=False)",
+            )
         last = first + len(f.A)
+        # Behind a filter a jump of the angle is a jump of its states: they are counted from there.
         A[first:last, :n], A[first:last, first:last] = f.B @ c[None], f.A
-        rows[o, :n], rows[o, first:last] = f.D[0, 0] * c, f.C[0]
+        B[first:last] = f.B @ d[None] + f.A @ f.B @ jump[None]
+        C[o, :n], C[o, first:last] = f.D[0, 0] * c, f.C[0]
+        D[o] = f.D[0, 0] * d + f.C[0] @ f.B * jump
         if isinstance(sensor, Gyro) and sensor.noise > 0.0:
             into = anti_alias(sensor.anti_alias_hz).B[:, 0]
             noise[last - len(into) : last, o] = sensor.noise * into
             moved += range(last - len(into), last)
         first = last
-    padded = np.vstack([B, np.zeros((extra, B.shape[1]))])
-    return FilteredPlant(StateSpace(A, padded, rows, np.zeros((len(rows), len(columns)))), noise, moved)
+    return FilteredPlant(StateSpace(A, B, C, D), noise, moved)
 
 
-def _reading(plant: Plant, system: StateSpace, B: np.ndarray, name: str, sensor: Sensor) -> np.ndarray:
-    """Row of the states that a sensor reads: the output, or for a gyro its rate."""
-    row = plant.output_indices([name])[0]
-    c = system.C[row]
-    steps = np.any(system.D[row]) or (isinstance(sensor, Gyro) and np.any(_at_once(c, B)))
-    if steps:
-        raise ConfigError(
-            f"output {name!r} answers a command at once",
-            where="sensors",
-            hint="angles of a plant without residual flexibility (static=False)",
-        )
-    return c @ system.A if isinstance(sensor, Gyro) else c
-
-
-def _at_once(c: np.ndarray, B: np.ndarray) -> np.ndarray:
-    """c B beyond rounding: what an angle's rate would jump by."""
-    return np.abs(c @ B) > 1e-12 * (np.abs(c) @ np.abs(B))
+def _reading(system: StateSpace, output: int, rate: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rows of states, inputs and rates of inputs that a sensor reads: the output c x + d u, or its rate."""
+    c, d = system.C[output], system.D[output]
+    if not rate:
+        return c, d, 0.0 * d
+    at_once = c @ system.B
+    # Rounding of an angle's rows is no answer.
+    rounding = 1e-12 * (np.abs(c) @ np.abs(system.B))
+    return c @ system.A, np.where(np.abs(at_once) > rounding, at_once, 0.0), d
 
 
 def sample_noise(

@@ -1,26 +1,30 @@
-"""The continuous part of a hybrid simulation, exactly sampled: plant, filters, delays, and noise in filters.
+"""The continuous part of a rig, exactly sampled: plant, filters, delays, and noise in filters.
 
 Between two ticks of the computer there are one or more internal steps, in which joints rub. Commands are held
-over a tick and act late, also by a part of a tick; what is read without a filter may wait, so that all
-sensors are equally late. Nothing here is approximated but the joints' torques, see
-`middeck.joints.simulation`.
+over a tick and act after their delay, also of a part of a tick. A sample that has no filter waits until it is
+as old as those of the slowest sensor. Only the joints' torques are approximated, see
+`middeck.joints.attachment`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import functools
+from collections.abc import Callable, Sequence
 
 import numpy as np
-import scipy.linalg as sla
 from jaxtyping import Float
 
-from middeck.joints.simulation import JointElements, check_collocated
+from middeck.errors import ConfigError
+from middeck.joints.attachment import JointElements, check_collocated
 from middeck.realtime.filtered_plant import filter_outputs, sample_noise
 from middeck.realtime.sensors import Sensor
 from middeck.systems.plant import Plant
-from middeck.systems.sampling import WHOLE
+from middeck.systems.sampling import WHOLE, hold_inputs, split_delay
 from middeck.systems.statespace import StateSpace
 from middeck.values import record
+
+Hold = Callable[[float], tuple[np.ndarray, np.ndarray]]
+"""exp(A t) and its integral times B."""
 
 
 @record(kw_only=True)
@@ -35,12 +39,14 @@ class HybridPlant:
         What two commands in a row add to that: the one issued ``late`` + 1 ticks ago, then the next.
     push:
         States after a step of a unit torque held at each joint.
+    answer:
+        What samples taken in a step answer at once: to the joints' torques at its beginning, then at its end.
     angle:
         Angle of each joint per state.
     read:
         What is sampled at a tick, per state.
     late:
-        Whole ticks before a command begins to act.
+        Ticks before the later of the two commands begins to act, at the tick's end at the latest.
     noise:
         White normal numbers to what they add at a tick: to the filters' states, and to samples that wait.
     """
@@ -48,6 +54,7 @@ class HybridPlant:
     step: Float[np.ndarray, "internal row state"]
     drive: Float[np.ndarray, "internal row window"]
     push: Float[np.ndarray, "internal state joint"]
+    answer: Float[np.ndarray, "internal state two_joint"]
     angle: Float[np.ndarray, "joint state"]
     read: Float[np.ndarray, "output state"]
     late: int
@@ -67,7 +74,7 @@ class Wiring:
     period_s, steps:
         A tick, and internal steps in it.
     command_delay_s:
-        By how much commands act late.
+        Delay of the commands.
     wait_s:
         How long ago each sample was taken.
     """
@@ -84,24 +91,37 @@ class Wiring:
 def build_hybrid_plant(plant: Plant, wiring: Wiring) -> HybridPlant:
     """``plant`` from held commands to samples, as ``wiring`` has them.
 
-    Raises `ConfigError` for unknown ports, an output that answers at once, or a joint that is none.
+    Raises `ConfigError` for unknown ports, an output that answers within the tick of its command, or a joint
+    whose ports are not its own.
     """
-    joints, period_s, steps = wiring.joints, wiring.period_s, wiring.steps
+    joints, period_s, steps, m = wiring.joints, wiring.period_s, wiring.steps, len(wiring.inputs)
     filtered = filter_outputs(plant, wiring.inputs, wiring.sensors, joints)
-    clock = _Clock(period_s, steps, wiring.command_delay_s / period_s)
-    states, m = len(filtered.system.A), len(wiring.inputs)
-    chains = [_split_wait(w / period_s) for w in wiring.wait_s]
-    size = states + sum(length for length, _ in chains)
-    angle = _joint_angles(plant, joints, size)
-    hold = _Hold(filtered.system)
-    step, drive, push = [], [], []
-    for j in range(steps):
-        A, B, P = _one_step(hold, filtered.system.C, m, clock, j, chains)
-        step.append(np.vstack([A, angle @ A]))
-        drive.append(np.vstack([B, angle @ B]))
-        push.append(P)
-    check_collocated(angle @ push[0], np.zeros((len(joints), len(joints))), joints)
-    heads = states + np.cumsum([0, *(length for length, _ in chains)])
+    system, own = filtered.system, plant.system
+    late, takes_over = _split_command(wiring.command_delay_s / period_s)
+    chains = [_chain(w / period_s, bool(np.any(d))) for w, d in zip(wiring.wait_s, system.D, strict=True)]
+    for (name, _), (_, instant), d in zip(wiring.sensors, chains, system.D, strict=True):
+        if instant == 1.0 and takes_over == 0.0 and np.any(d[:m]):
+            raise ConfigError(
+                f"output {name!r} answers a command within the sample that the command answers",
+                where="sensors",
+                hint="a longer total delay, or no direct term: outputs of a plant with static=False",
+            )
+    heads = len(system.A) + np.cumsum([0, *(length for length, _ in chains)])
+    size = int(heads[-1])
+    rows = plant.output_indices([j.angle for j in joints])
+    angle, read = np.zeros((len(joints), size)), np.zeros((len(chains), size))
+    angle[:, : len(own.A)] = own.C[rows]
+    for output, (length, _) in enumerate(chains):
+        if length:
+            read[output, heads[output + 1] - 1] = 1.0
+        else:
+            read[output, : len(system.A)] = system.C[output]
+    hold = functools.cache(functools.partial(hold_inputs, system))
+    tick = _Tick(system, hold, m, period_s, steps, takes_over)
+    parts = [_one_step(tick, j, chains, heads) for j in range(steps)]
+    step, drive, push, answer = (np.array(x) for x in zip(*parts, strict=True))
+    commands = plant.input_indices([*wiring.inputs, *(j.torque for j in joints)])
+    check_collocated(angle @ push[0], own.D[np.ix_(rows, commands)], joints)
     looks = {
         o: instant * period_s
         for o, (length, instant) in enumerate(chains)
@@ -111,112 +131,76 @@ def build_hybrid_plant(plant: Plant, wiring: Wiring) -> HybridPlant:
     noise = np.zeros((size, len(root)))
     noise[[*filtered.moved, *heads[list(looks)]]] = root
     return HybridPlant(
-        step=np.array(step),
-        drive=np.array(drive),
-        push=np.array(push),
-        angle=angle,
-        read=_read_rows(filtered.system, chains, size),
-        late=clock.late,
-        noise=noise,
-    )
+        step=np.concatenate([step, angle @ step], axis=1),
+        drive=np.concatenate([drive, angle @ drive], axis=1),
+        push=push, answer=answer, angle=angle, read=read, late=late, noise=noise,
+    )  # fmt: skip
 
 
-class _Clock:
-    """Ticks, internal steps, and when in a tick a command takes over from the one before."""
+def _split_command(ticks: float) -> tuple[int, float]:
+    """`HybridPlant.late`, and when in a tick [ticks] the later command takes over: after 0, up to 1.
 
-    def __init__(self, period_s: float, steps: int, delay: float) -> None:
-        nearest = round(delay)
-        delay = nearest if abs(delay - nearest) < WHOLE else delay
-        self.late = int(np.floor(delay))
-        self.takes_over = (delay - self.late) * period_s
-        self.length = period_s / steps
-        self.period_s, self.steps = period_s, steps
-
-    def hold(self, hold: _Hold, begin: float, duration: float) -> tuple[np.ndarray, np.ndarray]:
-        """Gains of the old and the new command over ``duration`` from ``begin`` within the tick."""
-        early = min(max(self.takes_over - begin, 0.0), duration)
-        rest = duration - early
-        old = hold.transition(rest) @ hold.gain(early)
-        return old, hold.gain(rest)
+    Without any delay it takes over at 0.
+    """
+    whole, part = split_delay(ticks)
+    return (whole - 1, 1.0) if whole and not part else (whole, part)
 
 
-class _Hold:
-    """exp(A t) and its integral times B (Van Loan 1978), each computed once."""
+def _chain(ticks: float, direct: bool) -> tuple[int, float]:
+    """Length of the chain in which a sample waits, and when in a tick [ticks] it was taken.
 
-    def __init__(self, system: StateSpace) -> None:
-        self.n, self.inputs = system.B.shape
-        self.block = np.zeros((self.n + self.inputs, self.n + self.inputs))
-        self.block[: self.n, : self.n], self.block[: self.n, self.n :] = system.A, system.B
-        self.known: dict[float, np.ndarray] = {}
-
-    def _at(self, duration: float) -> np.ndarray:
-        if duration not in self.known:
-            self.known[duration] = np.asarray(sla.expm(self.block * duration))
-        return self.known[duration]
-
-    def transition(self, duration: float) -> np.ndarray:
-        return self._at(duration)[: self.n, : self.n]
-
-    def gain(self, duration: float) -> np.ndarray:
-        return self._at(duration)[: self.n, self.n :]
+    What answers a command ``direct`` is sampled at the end of a tick, where the command that acts is known.
+    """
+    whole, part = split_delay(ticks)
+    length = max(whole + (part > 0.0), int(direct))
+    return length, length - (whole + part)
 
 
-def _split_wait(ticks: float) -> tuple[int, float]:
-    """Length of the chain in which a sample waits, and when in a tick [ticks] it was taken."""
-    nearest = round(ticks)
-    ticks = nearest if abs(ticks - nearest) < WHOLE else ticks
-    length = int(np.ceil(ticks))
-    return length, length - ticks
+class _Tick:
+    """A tick with its internal steps, within which one command takes over from another."""
+
+    def __init__(
+        self, system: StateSpace, hold: Hold, m: int, period_s: float, steps: int, takes_over: float
+    ) -> None:
+        self.system, self.hold, self.m = system, hold, m
+        self.period_s, self.steps, self.takes_over = period_s, steps, takes_over
+
+    def rows(self, begin: float, end: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """States, two commands in a row and joints' torques to the states at ``end`` [ticks]."""
+        early = min(max(self.takes_over - begin, 0.0), end - begin)
+        rest = (end - begin - early) * self.period_s
+        transition, new = self.hold(rest)
+        old = transition @ self.hold(early * self.period_s)[1]
+        over, pushed = self.hold((end - begin) * self.period_s)
+        return over, np.hstack([old[:, : self.m], new[:, : self.m]]), pushed[:, self.m :]
+
+    def answers(self, output: int, instant: float) -> np.ndarray:
+        """What ``output`` answers at once to two commands in a row."""
+        direct = self.system.D[output, : self.m]
+        acts = instant > self.takes_over - WHOLE
+        return np.concatenate([0.0 * direct, direct] if acts else [direct, 0.0 * direct])
 
 
 def _one_step(
-    hold: _Hold, C: np.ndarray, m: int, clock: _Clock, j: int, chains: list[tuple[int, float]]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """States, commands and joints' torques to the states after internal step ``j``, waiting samples last."""
-    states = hold.n
-    size = states + sum(length for length, _ in chains)
-    begin = j * clock.length
-    A = np.eye(size)
-    B, P = np.zeros((size, 2 * m)), np.zeros((size, hold.inputs - m))
-
-    def rows_after(duration: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        old, new = clock.hold(hold, begin, duration)
-        window = np.hstack([old[:, :m], new[:, :m]])
-        return hold.transition(duration), window, hold.gain(duration)[:, m:]
-
-    A[:states, :states], B[:states], P[:states] = rows_after(clock.length)
-    first = states
-    for output, (length, instant) in enumerate(chains):
+    tick: _Tick, j: int, chains: Sequence[tuple[int, float]], heads: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """`HybridPlant.step`, ``drive``, ``push`` and ``answer`` of internal step ``j``, waiting samples last."""
+    system, m, states, size = tick.system, tick.m, len(tick.system.A), int(heads[-1])
+    joints = system.B.shape[1] - m
+    A, B, P, answer = np.eye(size), *(np.zeros((size, k)) for k in (2 * m, joints, 2 * joints))
+    begin = j / tick.steps
+    A[:states, :states], B[:states], P[:states] = tick.rows(begin, (j + 1) / tick.steps)
+    for output, ((length, instant), first) in enumerate(zip(chains, heads[:-1], strict=True)):
         if length and j == 0:
-            for age in range(length - 1, 0, -1):
-                A[first + age] = 0.0
-                A[first + age, first + age - 1] = 1.0
-        # The last step of a tick also holds an instant that rounding has put at its end.
-        taken = min(int(instant * clock.steps), clock.steps - 1)
+            A[first + 1 : first + length] = np.eye(size)[first : first + length - 1]
+        # The last step of a tick also holds an instant at its end.
+        taken = min(int(instant * tick.steps), tick.steps - 1)
         if length and j == taken:
-            c = C[output]
-            transition, window, pushed = rows_after(instant * clock.period_s - begin)
+            c = system.C[output]
+            transition, window, pushed = tick.rows(begin, instant)
             A[first] = 0.0
-            A[first, :states], B[first], P[first] = c @ transition, c @ window, c @ pushed
-        first += length
-    return A, B, P
-
-
-def _read_rows(system: StateSpace, chains: list[tuple[int, float]], size: int) -> np.ndarray:
-    read = np.zeros((len(chains), size))
-    first = len(system.A)
-    for output, (length, _) in enumerate(chains):
-        if length:
-            read[output, first + length - 1] = 1.0
-        else:
-            read[output, : len(system.A)] = system.C[output]
-        first += length
-    return read
-
-
-def _joint_angles(plant: Plant, joints: Sequence[JointElements], states: int) -> np.ndarray:
-    system = plant.system
-    angle = np.zeros((len(joints), states))
-    rows = plant.output_indices([j.angle for j in joints])
-    angle[:, : len(system.A)] = system.C[rows]
-    return angle
+            A[first, :states], P[first] = c @ transition, c @ pushed
+            B[first] = c @ window + tick.answers(output, instant)
+            share = instant * tick.steps - j
+            answer[first] = np.kron([1.0 - share, share], system.D[output, m:])
+    return A, B, P, answer

@@ -1,48 +1,58 @@
-"""A hardware rig as a linear one: for eigenvalues and return ratios, not for designs."""
+"""The linear part of a rig, and a loop closed over it: for simulation, eigenvalues and return ratios."""
 
 from __future__ import annotations
+
+import dataclasses
 
 import numpy as np
 from jaxtyping import Float
 
 from middeck.realtime.computer import integrators
-from middeck.realtime.hardware_rig import HardwareRig
-from middeck.realtime.rig import LinearRig
+from middeck.realtime.rig import Rig
+from middeck.systems.feedback import feedback
+from middeck.systems.plant import Plant
 from middeck.systems.statespace import SampledStateSpace
 
 
-def linearise_rig(rig: HardwareRig) -> LinearRig:
-    """The same rig without limits, steps, joints' torques and noise: for eigenvalues, not for a design.
+def linearise_rig(rig: Rig) -> Plant:
+    """The sampled plant of a rig without limits, steps, joints' torques and noise: not for a design.
 
     States: the continuous part's, then commands on their way, the latest first; and of a plant with
     rigid-body modes the sums of the gyros' samples, each a pole at one. Otherwise the sums are rows of the
     other states, see `gyro_sums`, and that pole, which nothing moves, is left out.
     """
-    m, period_s = len(rig.inputs), 1.0 / rig.sample_hz
     A, B, read = _without_sums(rig)
-    sums = integrators(rig.sensors, period_s)
+    sums = integrators(rig.sensors, rig.period_s)
     rows = gyro_sums(rig)
-    p, n = len(rig.outputs), len(sums.A)
+    D = np.zeros((len(rig.outputs), len(rig.inputs)))
     if rows is not None:
-        sampled = SampledStateSpace(A, B, sums.C @ rows + sums.D @ read, np.zeros((p, m)), period_s=period_s)
+        sampled = SampledStateSpace(A, B, sums.C @ rows + sums.D @ read, D, period_s=rig.period_s)
     else:
+        n = len(sums.A)
         sampled = SampledStateSpace(
             np.block([[A, np.zeros((len(A), n))], [sums.B @ read, sums.A]]),
-            np.vstack([B, np.zeros((n, m))]),
+            np.vstack([B, np.zeros((n, B.shape[1]))]),
             np.hstack([sums.D @ read, sums.C]),
-            np.zeros((p, m)),
-            period_s=period_s,
+            D,
+            period_s=rig.period_s,
         )
-    return LinearRig(
-        sampled=sampled,
-        sample_hz=rig.sample_hz,
-        noise_rms=np.zeros(p),
-        inputs=rig.inputs,
-        outputs=rig.outputs,
-    )
+    return Plant(dynamics=sampled, inputs=rig.inputs, outputs=rig.outputs)
 
 
-def gyro_sums(rig: HardwareRig) -> Float[np.ndarray, "gyro state"] | None:
+def close_rig(rig: Rig, law: SampledStateSpace) -> SampledStateSpace:
+    """The loop u = excitation + law(y + noise) of the linear part, ``law`` placed as `place_law` does.
+
+    Inputs: excitation, then noise; outputs: the measured outputs (noise included), then the law's. States:
+    those of `linearise_rig`, then the law's.
+    """
+    p, m = len(rig.outputs), len(rig.inputs)
+    closed = feedback(linearise_rig(rig).sampled, law, range(m), range(p))
+    D = closed.D.copy()
+    D[:p, m:] += np.eye(p)
+    return dataclasses.replace(closed, D=D)
+
+
+def gyro_sums(rig: Rig) -> Float[np.ndarray, "gyro state"] | None:
     """The sum of each gyro's samples as a row L of the other linear states; None with rigid-body modes.
 
     The sum s[k+1] = s[k] + T r[k] of a reading r = c x is L x with L (A - I) = T c, but for a constant. For
@@ -53,10 +63,10 @@ def gyro_sums(rig: HardwareRig) -> Float[np.ndarray, "gyro state"] | None:
     # 1e12: the frequency of the slowest mode in cycles a sample, squared, far above rounding.
     if len(A) and np.linalg.cond(left) > 1e12:
         return None
-    return np.linalg.solve(left.T, (integrators(rig.sensors, 1.0 / rig.sample_hz).B @ read).T).T
+    return np.linalg.solve(left.T, (integrators(rig.sensors, rig.period_s).B @ read).T).T
 
 
-def _without_sums(rig: HardwareRig) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _without_sums(rig: Rig) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """A, B and the readings of the continuous part, followed by commands on their way."""
     plant, m = rig.plant, len(rig.inputs)
     states, depth = plant.angle.shape[1], plant.late + 1

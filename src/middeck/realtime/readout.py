@@ -1,4 +1,4 @@
-"""What converters and encoders make of sampled outputs, as arrays."""
+"""The converters and encoders behind the sampled outputs, as arrays."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from middeck.values import record
 
 @record(kw_only=True)
 class Readout:
-    """What converters and encoders make of the sampled outputs, one entry each.
+    """Steps, ranges and errors of converters and encoders, one entry for each output.
 
     ``step`` is one count (`EXACT` for none), ``range`` the largest reading; ``noise_rms`` is white and added
     before them. ``bias`` and ``walk`` (per tick) are standard deviations of an error and of its random walk;

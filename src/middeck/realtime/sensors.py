@@ -14,7 +14,7 @@ BUTTERWORTH_DELAY = math.sqrt(2.0)  # of the filter of second order at low frequ
 
 @record
 class Sampler:
-    """Reads the output itself, with white noise of ``noise_rms`` at each sample: for comparison."""
+    """Reads an output of any kind as it is, with white noise of ``noise_rms`` at each sample."""
 
     noise_rms: float = 0.0
 
@@ -24,7 +24,7 @@ class Sampler:
 
 @record
 class Encoder:
-    """Counts steps of ``step`` [rad]; ``gain`` is what it makes of a true radian."""
+    """Counts steps of ``step`` [rad]; ``gain`` is its reading per true radian."""
 
     step: float
     gain: float = 1.0
@@ -42,20 +42,20 @@ class Gyro:
     Parameters
     ----------
     bandwidth_hz:
-        Of its first-order lag; infinite for none.
+        Corner frequency of its first-order lag; infinite for none.
     noise:
         Root of its two-sided intensity [rad/s/sqrt(Hz)], white, behind the lag and before the filter.
     bias:
         Standard deviation [rad/s] of the constant error that is drawn when it is switched on.
     bias_walk:
-        Of its random walk [rad/s/sqrt(s)].
+        Intensity of the random walk of this error [rad/s/sqrt(s)].
     anti_alias_hz:
-        Of a Butterworth filter of second order before the converter; infinite for none, and the noise is then
-        taken in the band of the samples.
+        Corner frequency of a Butterworth filter of second order before the converter; infinite for none, and
+        the noise is then taken in the band of the samples.
     resolution, range:
-        Of the converter [rad/s]: one step (zero for none), and the largest rate.
+        One step of the converter [rad/s] (zero for none), and its largest rate.
     gain:
-        What it makes of a true rad/s.
+        Reading per true rad/s.
 
     Raises `ConfigError` for a value out of its range.
     """
@@ -98,7 +98,7 @@ def _refuse_gain(where: str, gain: float) -> None:
 
 
 def sensor_lag(sensor: Sensor) -> float:
-    """Delay [s] of the sensor's filters are at low frequency."""
+    """Delay [s] of the sensor's filters at low frequency."""
     if not isinstance(sensor, Gyro):
         return 0.0
     return (1.0 / sensor.bandwidth_hz + BUTTERWORTH_DELAY / sensor.anti_alias_hz) / (2.0 * np.pi)

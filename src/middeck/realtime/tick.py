@@ -1,4 +1,4 @@
-"""One tick of a hybrid simulation: read, limit, move.
+"""One tick of a rig: read, limit, move.
 
 Channels are few: plain numbers are faster than arrays for all but the states.
 """
@@ -10,9 +10,11 @@ from typing import NamedTuple
 import numpy as np
 
 from middeck.joints.balance import Balance
-from middeck.realtime.hybrid_state import HybridState, HybridSystem
+from middeck.realtime.hybrid_plant import HybridPlant
 from middeck.realtime.motors import EXACT, WHOLE, LimitedMotors, within
 from middeck.realtime.readout import Readout
+from middeck.realtime.rig import Rig
+from middeck.realtime.rig_state import RigState
 
 Array = np.ndarray
 
@@ -28,20 +30,19 @@ class _Output(NamedTuple):
 class Tick:
     """Buffers and matrices of one block; `read`, `limit` (of the motors) and `move` are a tick."""
 
-    def __init__(self, system: HybridSystem, start: HybridState) -> None:
-        plant, readout = system.plant, system.readout
+    def __init__(self, rig: Rig, plant: HybridPlant, start: RigState) -> None:
         self.x = start.x.copy()
-        self.limit = LimitedMotors(system.motors, start.issued[-1], start.momentum).drive
-        self.sensors = _outputs(readout)
+        self.limit = LimitedMotors(rig.bank, start.issued[-1], start.momentum).drive
+        self.sensors = _outputs(rig.readout)
         self.size = len(self.x)
-        first = np.vstack([plant.step[0], plant.read / readout.step[:, None]])
+        first = np.vstack([plant.step[0], plant.read / rig.readout.step[:, None]])
         self.ahead = np.empty(len(first))
         self.after_first, self.sampled = np.split(self.ahead, [len(plant.step[0])])
         self.look = first.dot
         self.steps = [np.ascontiguousarray(a).dot for a in plant.step]
         self.drives = [np.ascontiguousarray(b).dot for b in plant.drive]
         self.noisy = plant.noise.shape[1] > 0
-        self.elements = [j.elements for j in system.joints]
+        self.elements = [j.elements for j in rig.joints]
         values = iter(start.joints.tolist())
         self.inner = [[next(values) for _ in parts] for parts in self.elements]
         self.push = [np.ascontiguousarray(p).dot for p in plant.push]
@@ -50,6 +51,11 @@ class Tick:
         self.balance = [Balance(self.elements, rows) for rows in self.compliance]
         self.angles: list[float] = (plant.angle @ self.x).tolist()
         self.torque = [0.0] * len(self.elements)
+        self.answer = [np.ascontiguousarray(a).dot if np.any(a) else None for a in plant.answer]
+        self.stands = [
+            sum(part.resist(angle, state)[0] for part, state in zip(parts, states, strict=True))
+            for parts, angle, states in zip(self.elements, self.angles, self.inner, strict=True)
+        ]
 
     def joint_states(self) -> Array:
         """State of every joint element in order."""
@@ -78,7 +84,8 @@ class Tick:
             np.add(self.x, noise, self.x)
 
     def _rub(self, j: int, free: list[float]) -> None:
-        """Torques of the joints, held over this step, and where their angles end."""
+        """Torques of the joints, held over this step, where their angles end, and what samples feel."""
+        before, self.stands = self.stands, [0.0] * len(self.elements)
         self.torque = torques = self.balance[j].solve(self.inner, self.angles, free, self.torque)
         for joint, row in enumerate(self.compliance[j]):
             self.held[joint] = torques[joint]
@@ -88,9 +95,12 @@ class Tick:
             self.angles[joint] = end
             states = self.inner[joint]
             for i, part in enumerate(self.elements[joint]):
-                states[i] = part.resist(end, states[i])[1]
+                stands, states[i] = part.resist(end, states[i])
+                self.stands[joint] += stands
         self.push[j](self.held, self.pushed)
         np.subtract(self.x, self.pushed, self.x)
+        if (answer := self.answer[j]) is not None:
+            np.subtract(self.x, answer(np.array(before + self.stands)), self.x)
 
 
 def _outputs(readout: Readout) -> list[_Output]:

@@ -36,11 +36,11 @@ def sample_dynamics(
         raise ConfigError(
             f"a period of {period_s} s and a delay of {delay_s} s", hint="a period > 0 s, a delay >= 0 s"
         )
-    whole, part = _split_delay(delay_s / period_s)
+    whole, part = split_delay(delay_s / period_s)
     rest, early = (1.0 - part) * period_s, part * period_s
-    transition, _ = _hold(dynamics, period_s)
-    propagate, gain_new = _hold(dynamics, rest)
-    gain_old = propagate @ _hold(dynamics, early)[1] if part else np.zeros_like(gain_new)
+    transition, _ = hold_inputs(dynamics, period_s)
+    propagate, gain_new = hold_inputs(dynamics, rest)
+    gain_old = propagate @ hold_inputs(dynamics, early)[1] if part else np.zeros_like(gain_new)
     system = modal_to_statespace(dynamics) if isinstance(dynamics, ModalSystem) else dynamics
     return _append_delay(transition, gain_new, gain_old, system, whole, part > 0.0, period_s)
 
@@ -62,7 +62,8 @@ def tustin(system: StateSpace, period_s: float) -> SampledStateSpace:
     return SampledStateSpace(A, B, C, system.D + 0.5 * C @ system.B * np.sqrt(period_s), period_s=period_s)
 
 
-def _split_delay(samples: float) -> tuple[int, float]:
+def split_delay(samples: float) -> tuple[int, float]:
+    """Whole samples of a delay, and the part of a sample beyond them if it is more than `WHOLE`."""
     nearest = round(samples)
     if abs(samples - nearest) < WHOLE:
         return nearest, 0.0
@@ -70,7 +71,7 @@ def _split_delay(samples: float) -> tuple[int, float]:
     return whole, samples - whole
 
 
-def _hold(
+def hold_inputs(
     dynamics: StateSpace | ModalSystem, duration_s: float
 ) -> tuple[Float[np.ndarray, "state state"], Float[np.ndarray, "state input"]]:
     """exp(A T) and its integral times B."""

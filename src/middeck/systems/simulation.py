@@ -23,6 +23,10 @@ GROWTH = 1e3
 STEP_COST = 60_000
 """What stepping to a state costs beside its own products, in multiplications of a large product."""
 LONGEST = 256
+REPEATS = 1e-9
+"""Change of a free motion over a period, relative to the largest, below which it repeats itself."""
+STEADY = 1e-6
+"""Relative change of a driven state over a period, below which it is steady."""
 CHUNK = 1 << 16  # samples at a time: what a block needs beside its input and output stays below this
 
 
@@ -96,18 +100,19 @@ def find_periodic_state(
 ) -> Float[np.ndarray, " state"]:
     """The state x0 at the start of a steady period of ``u``: x0 = A^N x0 + (one period from rest).
 
-    Raises `NumericalError` for a system with a pole that repeats itself after N samples (a rigid-body mode,
-    an undamped one on a line): it has no steady state.
+    A pole that repeats itself after N samples (a rigid-body mode, an undamped one on a line) has no steady
+    state where ``u`` drives it: `NumericalError`. Where nothing does, it may have any: the smallest is taken.
     """
-    _, end = simulate(system, u)
-    left = np.eye(len(system.A)) - np.linalg.matrix_power(system.A, len(u))
-    # 1e12: a steady state good to four digits at least; a mode short of that does not settle in a lifetime.
-    if len(left) and np.linalg.cond(left) > 1e12:
+    A, scale = balance(system.A)
+    end = simulate(system, u)[1] / scale
+    left = np.eye(len(A)) - np.linalg.matrix_power(A, len(u))
+    x = np.linalg.lstsq(left, end, rcond=REPEATS)[0]
+    if np.linalg.norm(left @ x - end) > STEADY * np.linalg.norm(end):
         raise NumericalError(
             "no periodic steady state: a pole repeats itself from period to period",
             hint="hold the rigid-body modes, or start from rest",
         )
-    return np.linalg.solve(left, end)
+    return x * scale
 
 
 def _as_input(system: SampledStateSpace, u: np.ndarray) -> Float[np.ndarray, "sample input"]:

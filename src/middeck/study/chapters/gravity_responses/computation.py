@@ -55,8 +55,8 @@ def compute(study: Study, rng: np.random.Generator) -> GravityResponses:
         )
         for environment, modes in (("orbit", orbit), ("lab", lab))
     }
-    experiment = run_rig_experiment(rig_plant(lab, figure.input, figure.outputs), study.rig, test, rng)
-    measured = estimate_response(experiment.record, band_hz=figure.band_hz)
+    taken = run_rig_experiment(rig_plant(lab, figure.input, figure.outputs), study.rig, test, rng)
+    measured = estimate_response(taken, band_hz=figure.band_hz)
     return GravityResponses(
         orbit=evaluate_plant(plants["orbit"], frequency_hz),
         lab=evaluate_plant(plants["lab"], frequency_hz),

@@ -1,45 +1,65 @@
-"""Experiments on a simulated test article as on a real one: settle, record, stop where a limit is passed.
+"""Experiments on a rig as on hardware: settle, record, stop where a limit is passed.
 
-A run begins at rest: the gyros' biases are measured, the law is switched on with its states at zero, and
-``settle`` unrecorded periods of the excitation go by before the recorded ones.
+A run begins at rest: the gyros' biases are measured, the compensator is switched on with its states at zero,
+and ``settle`` unrecorded periods of the excitation go by before the recorded ones.
 """
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float
 
+from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError, NumericalError
-from middeck.realtime.events import EventCounter, StopRule, find_stop, stop_limits
-from middeck.realtime.hardware_rig import (
-    HardwareRig,
-    connect_law,
-    cut_blocks,
-    law_on_rig,
-    measure_bias,
-    simulate_rig,
-)
-from middeck.realtime.hybrid_state import HybridBlock, HybridState, cut_block
-from middeck.realtime.law import Law
-from middeck.realtime.linear_view import gyro_sums, linearise_rig
-from middeck.realtime.rig import Run, close_sampled_loop
-from middeck.realtime.sensors import Gyro
+from middeck.realtime.events import EventCounter, RunEvents, StopRule, find_stop, stop_limits
+from middeck.realtime.law import place_law
+from middeck.realtime.linear_view import close_rig, gyro_sums
+from middeck.realtime.rig import Rig
+from middeck.realtime.rig_state import RigBlock, RigState, cut_block
+from middeck.realtime.simulation import BLOCK, cut_blocks, linear_state, simulate_rig, switch_on
 from middeck.signals.record import Record
-from middeck.systems.simulation import simulate
-from middeck.systems.stability import is_stable
+from middeck.systems.simulation import find_periodic_state
+from middeck.systems.stability import growth_rates, is_stable
 from middeck.systems.statespace import SampledStateSpace
+from middeck.values import record
 
 REST_S = 30.0
 """Rest before a run [s]: white rate noise of 2e-4 rad/s/sqrt(Hz) leaves the bias known to 4e-5 rad/s."""
-LEAST = 1e-9  # part of the largest below which a motion has no steady state of its own: the sum of a gyro
 LOOK_BACK_S = 4.0  # of a stopped run, to find what was growing
 
 
-def run_hardware_open_loop(
-    rig: HardwareRig,
+@record(kw_only=True)
+class Run:
+    """Result of an experiment in open or closed loop.
+
+    Parameters
+    ----------
+    record:
+        The excitation (not the whole torque) and the measured outputs; None for a run without a good end.
+    control:
+        What the compensator added, in the same samples; None likewise, as is ``torque``.
+    cause:
+        Why there is no record: which mode diverges, or which output passed its stop; empty for a good run.
+    torque:
+        What the motors gave for compensator and excitation together.
+    events:
+        Which limits were reached how often; None where nothing was run.
+    partial:
+        What was taken until the run was stopped, if it was, settling included.
+    """
+
+    record: Record | None = None
+    control: Float[np.ndarray, "period sample input"] | None = None
+    cause: str = ""
+    torque: Float[np.ndarray, "period sample input"] | None = None
+    events: RunEvents | None = None
+    partial: Record | None = None
+
+
+def run_open_loop(
+    rig: Rig,
     excitation: Float[np.ndarray, "sample input"],
     *,
     periods: int,
@@ -51,17 +71,17 @@ def run_hardware_open_loop(
 ) -> Run:
     """``periods`` periods of the response to a repeated ``excitation``, after ``settle`` from rest.
 
-    ``control`` of the run is zero. See `run_hardware_closed_loop`.
+    ``control`` of the run is zero. See `run_closed_loop`.
     """
-    return run_hardware_closed_loop(
+    return run_closed_loop(
         rig, None, excitation, periods=periods, rng=rng, settle=settle, rest_s=rest_s, stops=stops,
         steady=steady,
     )  # fmt: skip
 
 
-def run_hardware_closed_loop(
-    rig: HardwareRig,
-    law: Law | None,
+def run_closed_loop(
+    rig: Rig,
+    law: Compensator | None,
     excitation: Float[np.ndarray, "sample input"],
     *,
     periods: int,
@@ -71,15 +91,19 @@ def run_hardware_closed_loop(
     stops: Sequence[StopRule] = (),
     steady: bool = False,
 ) -> Run:
-    """``periods`` periods of the loop under a repeated ``excitation`` added to the law's commands.
+    """``periods`` periods of the loop under a repeated ``excitation`` added to the commands of ``law``.
 
     With ``steady``, which no hardware can, it begins where the linear loop would be in its steady state, if
     that is stable, so that less has to settle. A rig that drifts is of the same age at the beginning of every
-    run's rest; its record is called periodic, as on hardware: nobody has told the experimenter.
-    The record holds excitation and measured outputs, from each gyro's angle its ramp taken out (see
-    `remove_ramps`). A run that passes a stop, or overflows, has a cause and no record; ``partial`` is what
-    was taken until then, settling included. Raises `ConfigError` for no period, an unknown output, or a law
-    as `place_law`.
+    run's rest. The record is called periodic, as on hardware: whether ``settle`` was enough shows when
+    periods are compared (`estimate_response`). It holds excitation and measured outputs, from each gyro's
+    angle its ramp taken out (see `remove_ramps`).
+
+    A run that passes a stop, or overflows, has a cause and no record. Where nothing is switched on, a loop
+    that is unstable by its eigenvalues is not run at all, and its cause is the mode that diverges.
+
+    Raises `ConfigError` for no period, an unknown output, or a law as `place_law`; `NumericalError` for
+    ``steady`` where the excitation drives a rigid-body mode on and on.
     """
     if periods < 1 or settle < 0 or len(excitation) < 1:
         raise ConfigError(
@@ -88,42 +112,38 @@ def run_hardware_closed_loop(
         )
     u = np.asarray(excitation, dtype=float)
     limits = stop_limits(stops, rig.outputs)
-    placed = law_on_rig(rig, law)
-    taken = _Taken(rig, placed)
+    loop = close_rig(rig, place_law(law, rig.inputs, rig.outputs, rig.period_s))
+    holds = is_stable(loop)
+    if rig.linear and not holds:
+        return Run(cause=_explain(loop))
+    begin = switch_on(rig, law, rest_s, rng)
+    begin = find_steady_start(rig, loop, u, begin) if steady and holds else begin
+    taken = _Taken(rig, begin)
+    size = len(u) if rig.linear else BLOCK
+    repeated = (block for _ in range(settle + periods) for block in cut_blocks(u, size))
     try:
-        begin = measure_bias(rig, placed, rest_s, rng)
-        begin = find_steady_start(rig, placed, u, begin) if steady else begin
-        taken.before = begin.issued[-1]
-        repeated = (block for _ in range(settle + periods) for block in cut_blocks(u))
-        for block in simulate_rig(rig, placed, repeated, rng, begin):
+        for block in simulate_rig(rig, law, repeated, rng, begin):
             stop = find_stop(block.measured, limits)
             taken.add(block if stop is None else cut_block(block, stop[0] + 1))
             if stop is not None:
                 return _stopped(rig, u, taken, stop[1])
     except NumericalError as error:
-        return Run(
-            record=None,
-            control=None,
-            cause=f"diverged: {error}",
-            events=taken.counter.total(),
-            partial=taken.partial(u),
-        )
+        return Run(cause=f"diverged: {error}", events=taken.counter.total(), partial=taken.partial(u))
     measured, control, torque = (
         x[settle * len(u) :].reshape(periods, len(u), x.shape[1]) for x in taken.joined()
     )
-    gyro = np.array([isinstance(s, Gyro) for s in rig.sensors], dtype=bool)
-    y = remove_ramps(measured, gyro)
-    repeated = np.broadcast_to(u, (periods, *u.shape))
+    y = remove_ramps(measured, rig.readout.gyro)
+    given = np.broadcast_to(u, (periods, *u.shape))
     record = Record(
         sample_hz=rig.sample_hz,
-        u=repeated[None],
+        u=given[None],
         y=y[None],
         inputs=rig.inputs,
         outputs=rig.outputs,
         periodic=True,
         held=True,
     )
-    return Run(record=record, control=control, cause="", torque=torque, events=taken.counter.total())
+    return Run(record=record, control=control, torque=torque, events=taken.counter.total())
 
 
 def remove_ramps(
@@ -147,43 +167,27 @@ def remove_ramps(
 
 
 def find_steady_start(
-    rig: HardwareRig, law: SampledStateSpace | None, u: Float[np.ndarray, "sample input"], rested: HybridState
-) -> HybridState:
-    """``rested`` with the states of the linear loop at the start of a steady period of ``u``.
+    rig: Rig, loop: SampledStateSpace, u: Float[np.ndarray, "sample input"], rested: RigState
+) -> RigState:
+    """``rested`` with the states of the linear ``loop`` at the start of a steady period of ``u``.
 
-    An unstable loop has none: ``rested`` itself. Where a gyro's sum is a state of its own it may have any
-    constant: of all steady states the smallest is taken.
+    Raises `NumericalError` where there is none.
     """
-    linear = linearise_rig(rig).sampled
-    p = len(rig.outputs)
-    loop = linear if law is None else close_sampled_loop(linear, law)
-    if not is_stable(loop):
-        return rested
-    drive = u if law is None else np.hstack([u, np.zeros((len(u), p))])
-    _, end = simulate(loop, drive)
-    left = np.eye(len(loop.A)) - np.linalg.matrix_power(loop.A, len(u))
-    x = np.linalg.lstsq(left, end, rcond=LEAST)[0]
-    states, own = len(rested.x), len(rested.x) + rested.issued.size
+    x = find_periodic_state(loop, np.hstack([u, np.zeros((len(u), len(rig.outputs)))]))
     rows = gyro_sums(rig)
-    sums = x[own:own] if rows is None else rows @ x[:own]
-    return dataclasses.replace(
-        rested,
-        x=x[:states],
-        issued=x[states:own].reshape(rested.issued.shape)[::-1],
-        computer=np.concatenate([sums, x[own:]]),
-    )
+    sums = np.zeros(0) if rows is None else rows @ x[: len(rested.x) + rested.issued.size]
+    return linear_state(rig, rested, x, sums)
 
 
 class _Taken:
     """What has been taken of a run so far."""
 
-    def __init__(self, rig: HardwareRig, law: SampledStateSpace | None) -> None:
-        inertia = {i: m.rotor.inertia for i, m in enumerate(rig.motors) if m.rotor is not None}
-        self.counter = EventCounter(connect_law(rig, law), inertia, 1.0 / rig.sample_hz)
-        self.rig, self.before = rig, np.zeros(len(rig.inputs))
+    def __init__(self, rig: Rig, begin: RigState) -> None:
+        self.counter = EventCounter(rig)
+        self.rig, self.before = rig, begin.issued[-1]
         self.rows: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
 
-    def add(self, block: HybridBlock) -> None:
+    def add(self, block: RigBlock) -> None:
         self.counter.add(block, self.before)
         self.before = block.torque[-1]
         # The measured outputs are a view of all the computer's numbers.
@@ -212,7 +216,16 @@ class _Taken:
         )
 
 
-def _stopped(rig: HardwareRig, u: np.ndarray, taken: _Taken, output: int) -> Run:
+def _explain(loop: SampledStateSpace) -> str:
+    """Frequency and growth of the mode that diverges."""
+    rates = growth_rates(loop)
+    worst = rates[int(np.argmax(np.real(rates)))]
+    return (
+        f"diverged: {abs(worst.imag) / (2.0 * np.pi):.3g} Hz grows by a factor e in {1.0 / worst.real:.3g} s"
+    )
+
+
+def _stopped(rig: Rig, u: np.ndarray, taken: _Taken, output: int) -> Run:
     """The run until ``output`` passed its stop, and what was growing then."""
     measured = taken.joined()[0]
     time_s, port = (len(measured) - 1) / rig.sample_hz, rig.outputs[output]
@@ -221,9 +234,7 @@ def _stopped(rig: HardwareRig, u: np.ndarray, taken: _Taken, output: int) -> Run
         f"stopped: {port.name} at {where[-1]:.3g} {port.unit} after {time_s:.3g} s, mostly at "
         f"{_strongest_hz(where, rig.sample_hz):.3g} Hz"
     )
-    return Run(
-        record=None, control=None, cause=cause, events=taken.counter.total(time_s), partial=taken.partial(u)
-    )
+    return Run(cause=cause, events=taken.counter.total(time_s), partial=taken.partial(u))
 
 
 def _strongest_hz(x: Float[np.ndarray, " sample"], sample_hz: float) -> float:

@@ -1,0 +1,80 @@
+"""Where the simulation of a rig stands, and what a piece of it gives."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.realtime.rig import Rig
+from middeck.systems.statespace import SampledStateSpace
+from middeck.values import record
+
+
+@record(kw_only=True)
+class RigState:
+    """Where a simulation stands.
+
+    Parameters
+    ----------
+    x, computer:
+        States of the continuous part and of the computer: the gyros' sums, then the compensator's.
+    issued:
+        Torques issued in the last ticks, the latest last.
+    momentum:
+        Of each rotor, in units of a torque over one tick; minus what it has given.
+    joints:
+        State of every joint element in order.
+    bias:
+        Error of each reading now.
+    trim:
+        What the computer takes for it and subtracts.
+    tick:
+        Ticks since it was switched on.
+    """
+
+    x: Float[np.ndarray, " state"]
+    computer: Float[np.ndarray, " computer"]
+    issued: Float[np.ndarray, "tick input"]
+    momentum: Float[np.ndarray, " input"]
+    joints: Float[np.ndarray, " element"]
+    bias: Float[np.ndarray, " output"]
+    trim: Float[np.ndarray, " output"]
+    tick: int
+
+
+class RigBlock(NamedTuple):
+    """Some ticks of a simulation.
+
+    ``measured`` are the outputs as the computer has them and ``readings`` what it made them from; ``control``
+    is what the compensator adds, ``torque`` what the motors give for it and the excitation together,
+    ``momentum`` that of their rotors, and ``state`` where the block ends.
+    """
+
+    measured: Float[np.ndarray, "sample output"]
+    readings: Float[np.ndarray, "sample output"]
+    control: Float[np.ndarray, "sample input"]
+    torque: Float[np.ndarray, "sample input"]
+    momentum: Float[np.ndarray, "sample input"]
+    state: RigState
+
+
+def cut_block(block: RigBlock, ticks: int) -> RigBlock:
+    """Its first ``ticks``; the state stays that of its end."""
+    return RigBlock(*(x[:ticks] for x in block[:-1]), state=block.state)
+
+
+def start_at_rest(rig: Rig, law: SampledStateSpace, bias: Float[np.ndarray, " output"]) -> RigState:
+    """Everything at rest and at zero, but for the error of the readings."""
+    m, p = len(rig.inputs), len(rig.outputs)
+    return RigState(
+        x=np.zeros(rig.plant.angle.shape[1]),
+        computer=np.zeros(int(rig.readout.gyro.sum()) + len(law.A)),
+        issued=np.zeros((rig.plant.late + 1, m)),
+        momentum=np.zeros(m),
+        joints=np.zeros(sum(len(j.elements) for j in rig.joints)),
+        bias=bias,
+        trim=np.zeros(p),
+        tick=0,
+    )

@@ -1,0 +1,204 @@
+"""Simulation of a rig: an exactly sampled plant, and once a tick what is not linear.
+
+A converter rounds, a motor saturates, a rotor fills up, a joint sticks: all of it happens at ticks or at
+joints, on a few channels, between which everything is one matrix. So a tick is two products with matrices and
+some twenty operations on short arrays. Where nothing is switched on many ticks are one product. The record
+leaves in blocks, and memory does not grow with its length.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.control.law.compensator import Compensator
+from middeck.errors import ConfigError, DataError, NumericalError
+from middeck.realtime.ageing import follow_ageing
+from middeck.realtime.computer import Computer, build_computer
+from middeck.realtime.hybrid_plant import HybridPlant
+from middeck.realtime.law import place_law
+from middeck.realtime.linear_view import close_rig
+from middeck.realtime.rig import Rig
+from middeck.realtime.rig_state import RigBlock, RigState, start_at_rest
+from middeck.realtime.tick import Tick
+from middeck.systems.simulation import simulate
+from middeck.systems.statespace import SampledStateSpace
+
+BLOCK = 2048  # ticks simulated in one go; nothing depends on it
+
+Array = np.ndarray
+
+
+def simulate_rig(
+    rig: Rig,
+    law: Compensator | None,
+    excitation: Iterable[Float[np.ndarray, "sample input"]],
+    rng: np.random.Generator,
+    start: RigState | None = None,
+) -> Iterator[RigBlock]:
+    """Run ``excitation`` as it comes, in constant memory; each block goes on where the last one ended.
+
+    In each tick the outputs are sampled, the computer answers, and law and excitation together are issued to
+    the motors; the numbers do not depend on where the blocks are cut. It begins at ``start``, or where the
+    rig is switched on without a rest; a plant that drifts is renewed as `Ageing` says, and blocks end there
+    too. Raises `ConfigError` for a law as `place_law` or an excitation of other channels, `DataError` for
+    one that is not finite, and `NumericalError` where the state overflows.
+    """
+    placed = place_law(law, rig.inputs, rig.outputs, rig.period_s)
+    state = switch_on(rig, law, 0.0, rng) if start is None else start
+    computer, loop = build_computer(rig.sensors, placed), close_rig(rig, placed) if rig.linear else None
+    held_at = None if rig.ageing is None else follow_ageing(rig.ageing)
+    for block in excitation:
+        left = _check_excitation(block, len(rig.inputs))
+        while len(left):
+            plant, ticks = (rig.plant, len(left)) if held_at is None else held_at(state.tick)
+            e, left = left[:ticks], left[ticks:]
+            done = (
+                _run_ticks(rig, plant, computer, e, rng, state)
+                if loop is None
+                else _run_linear(rig, loop, e, rng, state)
+            )
+            state = done.state
+            if not (np.isfinite(state.x).all() and np.isfinite(state.computer).all()):
+                raise NumericalError(
+                    "the simulated state overflows",
+                    hint="is the loop, or the law itself, unstable? give motors a torque_limit, or set stops",
+                )
+            yield done
+
+
+def switch_on(rig: Rig, law: Compensator | None, rest_s: float, rng: np.random.Generator) -> RigState:
+    """Switch on and rest for ``rest_s``: where a run with ``law`` begins, gyro biases drawn and measured.
+
+    The law is off while it rests. The mean of the readings is taken for the bias and will be subtracted
+    before the computer adds them up. Raises `ConfigError` for a rest that is negative or has no end.
+    """
+    if not 0.0 <= rest_s < np.inf:
+        raise ConfigError(f"a rest of {rest_s} s", hint="finite, from zero")
+    gyro, p = rig.readout.gyro, len(rig.outputs)
+    bias = rig.readout.bias * rng.standard_normal(p) if gyro.any() else np.zeros(p)
+    begin, rests = (
+        start_at_rest(rig, place_law(each, rig.inputs, rig.outputs, rig.period_s), bias)
+        for each in (law, None)
+    )
+    ticks = round(rest_s * rig.sample_hz)
+    if ticks < 1 or not gyro.any():
+        return dataclasses.replace(begin, tick=ticks)
+    total = np.zeros(p)
+    for block in simulate_rig(rig, None, cut_blocks(np.zeros((ticks, len(rig.inputs)))), rng, rests):
+        total += block.readings.sum(axis=0)
+        rests = block.state
+    return dataclasses.replace(rests, computer=begin.computer, trim=np.where(gyro, total / ticks, 0.0))
+
+
+def cut_blocks(
+    excitation: Float[np.ndarray, "sample input"], size: int = BLOCK
+) -> Iterator[Float[np.ndarray, "sample input"]]:
+    """``excitation`` in blocks of ``size`` samples; the last may be shorter."""
+    return (excitation[k : k + size] for k in range(0, len(excitation), size))
+
+
+def linear_state(
+    rig: Rig, state: RigState, x: Float[np.ndarray, " state"], sums: Float[np.ndarray, " gyro"]
+) -> RigState:
+    """``state`` with the states of `close_rig`, and the gyros' sums."""
+    states, own = len(state.x), len(state.x) + state.issued.size
+    return dataclasses.replace(
+        state,
+        x=x[:states],
+        issued=x[states:own].reshape(state.issued.shape)[::-1],
+        computer=np.concatenate([sums, x[own:]]),
+    )
+
+
+def _check_excitation(block: Array, inputs: int) -> Array:
+    e = np.ascontiguousarray(block, dtype=float)
+    if e.ndim != 2 or e.shape[1] != inputs:
+        raise ConfigError(
+            f"an excitation of shape {e.shape} for {inputs} motors",
+            hint="samples in rows, one column for each motor",
+        )
+    if not np.isfinite(e).all():
+        raise DataError("a sample of the excitation is not finite", hint="leave it out or record again")
+    return e
+
+
+def _run_linear(
+    rig: Rig, loop: SampledStateSpace, e: Array, rng: np.random.Generator, start: RigState
+) -> RigBlock:
+    p = len(rig.outputs)
+    noise = rng.standard_normal((len(e), p)) * rig.readout.noise_rms
+    x = np.concatenate([start.x, start.issued[::-1].ravel(), start.computer])
+    rows, end = simulate(loop, np.hstack([e, noise]), x)
+    measured, control = rows[:, :p], rows[:, p:]
+    torque = e + control
+    momentum = np.subtract.accumulate(np.vstack([start.momentum, torque]))[1:]
+    state = dataclasses.replace(
+        linear_state(rig, start, end, np.zeros(0)), momentum=momentum[-1], tick=start.tick + len(e)
+    )
+    return RigBlock(measured, measured, control, torque, momentum, state)
+
+
+def _run_ticks(
+    rig: Rig, plant: HybridPlant, computer: Computer, e: Array, rng: np.random.Generator, start: RigState
+) -> RigBlock:
+    count = rig.readout.step
+    noise, offset, bias = _draw(rig, plant, len(e), rng, start.bias)
+    states, answer = computer.states, computer.states + computer.outputs
+    # The computer takes counts, and so nothing is scaled in a tick.
+    step = computer.step.copy()
+    step[:, states:] *= count
+    shift = step[:, states:] @ (start.trim / count)
+    trims, compute = bool(shift.any()), step.dot
+    issued = np.vstack([start.issued, np.empty_like(e)])
+    new = issued[len(start.issued) :]
+    rows = np.empty((len(e), len(step)))
+    digital = np.empty((len(e) + 1, step.shape[1]))
+    digital[0, :states] = start.computer
+    counts, commands = digital[:-1, states:], rows[:, answer:]
+    tick = Tick(rig, plant, start)
+    windows = _pairs(issued)[: len(e)]
+    parts = zip(
+        digital[:-1], counts, digital[1:, :states], rows, commands, (offset / count).tolist(), e.tolist(),
+        new, windows, noise, strict=True,
+    )  # fmt: skip
+    for now, reading, kept, row, command, off, excitation, torque, window, white in parts:
+        tick.read(off, reading)
+        compute(now, row)
+        if trims:
+            np.subtract(row, shift, row)
+        kept[:] = row[:states]
+        tick.limit(command.tolist(), excitation, torque)
+        tick.move(window, white)
+    momentum = np.subtract.accumulate(np.vstack([start.momentum, new]))[1:]
+    end = RigState(
+        x=tick.x, computer=digital[-1, :states].copy(), issued=issued[len(e) :], momentum=momentum[-1],
+        joints=tick.joint_states(), bias=bias, trim=start.trim, tick=start.tick + len(e),
+    )  # fmt: skip
+    return RigBlock(rows[:, states:answer], counts * count, commands, new, momentum, end)
+
+
+def _draw(
+    rig: Rig, plant: HybridPlant, count: int, rng: np.random.Generator, bias: Array
+) -> tuple[Array, Array, Array]:
+    """Noise on the states and offsets of the readings at each tick, and the bias after them.
+
+    One stream of numbers, tick by tick: cutting it elsewhere changes nothing.
+    """
+    readout, outputs = rig.readout, len(rig.outputs)
+    white = plant.noise.shape[1]
+    drawn = rng.standard_normal((count, white + 2 * outputs))
+    noise = drawn[:, :white] @ plant.noise.T
+    walked = bias + np.cumsum(drawn[:, white : white + outputs] * readout.walk, axis=0)
+    biased = np.vstack([bias, walked])
+    return noise, biased[:-1] + drawn[:, white + outputs :] * readout.noise_rms, biased[-1]
+
+
+def _pairs(issued: Array) -> Array:
+    """Two rows in a row, each pair as one, without copying."""
+    count, m = issued.shape
+    row, item = issued.strides
+    return np.lib.stride_tricks.as_strided(issued, (count - 1, 2 * m), (row, item), writeable=False)
