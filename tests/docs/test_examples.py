@@ -213,7 +213,7 @@ def qualify_a_compensator(names: Names) -> None:
     """A margin of 2.1 dB; the plants of the last block in order, later is worse; the file is the same law."""
     rows = names["rows"]
     assert [(r.plant, r.setting) for r in rows[:3]] == [
-        ("on time", "continuous"), ("on time", "250 Hz"), ("8 ms late", "continuous"),
+        ("no delay", "continuous"), ("no delay", "250 Hz"), ("8 ms of delay", "continuous"),
     ]  # fmt: skip
     assert all(r.stable for r in rows)
     assert rows[2].loops[0].delay_limit_s == pytest.approx(rows[0].loops[0].delay_limit_s - 0.008, rel=1e-9)
