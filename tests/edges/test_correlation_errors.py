@@ -178,6 +178,8 @@ def test_profiles_are_found_by_name_and_changed_by_hand():
     changed = [c for c in tailored.criteria if c.limit == 0.07]
     assert [(c.source, c.recalled) for c in changed] == [("test plan 3.2", False)]
     assert tailored.recalled
+    with refused(ConfigError, "has no limit for the COMAC", "it judges"):
+        change_limit(find_profile("nasa-std-5002"), Quantity.COMAC, 0.9, "test plan 3.2")
 
 
 # Files
@@ -326,6 +328,16 @@ def test_help_lists_every_profile_and_reduction():
     """The verb repeats the names, as help must not import what computes."""
     assert verb.PROFILES == PROFILE_NAMES
     assert tuple(r.value for r in Reduction) == verb.REDUCTIONS
+    assert [q.name for q in Quantity] == [name.replace("-", "_").upper() for name in verb.QUANTITIES]
+
+
+def test_a_limit_of_ones_own_is_marked(capfd: Capture):
+    ask = ("correlate", ARTICLE, SURVEY, "--runs", 2, "--limit", "frequency-error", 0.02, "--json")
+    found = json.loads(middeck(capfd, *ask).out)
+    limits = {c["quantity"]: (c["limit"], c["source"]) for c in found["criteria"]}
+    assert limits["frequency error"] == (0.02, "--limit of the command line")
+    assert "frequency error by --limit" in found["profile_title"]
+    assert limits["MAC"][1] != limits["frequency error"][1]
 
 
 def test_the_example_survey_is_what_its_script_makes(monkeypatch: pytest.MonkeyPatch):

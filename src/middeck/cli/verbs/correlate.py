@@ -25,6 +25,9 @@ Examples:
 # As in structure/correlation (profiles, reduction), which --help must not import; a test holds them together.
 PROFILES = ("ecss-e-st-32-11c", "nasa-std-5002", "smc-s-004", "orion-well", "orion-adequate", "coppolino")
 REDUCTIONS = ("serep", "guyan", "irs")
+QUANTITIES = (
+    "frequency-error", "cross-off-diagonal", "self-off-diagonal", "cross-diagonal", "mac", "comac",
+)  # fmt: skip
 SHOWN = 6
 PAIRS_NOTE = """\
 cross: cross-orthogonality of the pair, of 1; off: the largest one with another
@@ -47,6 +50,14 @@ it where the article hangs, the rigid-body modes all of it where it is free."""
     show_default=True,
     metavar="NAME",
     help=f"Criteria: {', '.join(PROFILES)}.",
+)
+@click.option(
+    "--limit",
+    "limits",
+    type=(click.Choice(QUANTITIES), click.FloatRange(0.0, 1.0)),
+    multiple=True,
+    metavar="QUANTITY VALUE",
+    help=f"Another limit than the profile's, repeatable: {', '.join(QUANTITIES)}.",
 )
 @click.option(
     "--reduction",
@@ -76,6 +87,7 @@ def verb(
     test: str,
     environment: str,
     profile: str,
+    limits: tuple[tuple[str, float], ...],
     reduction: str,
     noise: tuple[float, float] | None,
     runs: int,
@@ -96,17 +108,21 @@ def verb(
     from middeck.files.measured_modes import load_measured_modes
     from middeck.structure.correlation.correlate import correlate_modes
     from middeck.structure.correlation.measured_modes import MeasurementNoise
-    from middeck.structure.correlation.profiles import find_profile
+    from middeck.structure.correlation.profiles import Quantity, change_limit, find_profile
     from middeck.structure.correlation.reduction import Reduction
 
     measured = load_measured_modes(test)
     given = None if noise is None else MeasurementNoise(*noise)
+    criteria = find_profile(profile)
+    for name, limit in limits:
+        quantity = Quantity[name.replace("-", "_").upper()]
+        criteria = change_limit(criteria, quantity, limit, "--limit of the command line")
     modes = solve_case(article, environment, overrides)
     with reading(test):
         found = correlate_modes(
             modes,
             measured,
-            find_profile(profile),
+            criteria,
             rng=np.random.default_rng(seed),
             noise=given,
             reduction=Reduction(reduction),

@@ -181,11 +181,22 @@ def find_profile(name: str) -> Profile:
 
 
 def change_limit(profile: Profile, quantity: Quantity, limit: float, source: str) -> Profile:
-    """``profile`` with another limit for ``quantity`` in every group, quoted from ``source``."""
+    """``profile`` with another limit for ``quantity`` in every group, quoted from ``source``.
+
+    Raises `ConfigError` for a quantity that the profile does not judge.
+    """
+    judged = dict.fromkeys(c.quantity for c in profile.criteria)
+    if quantity not in judged:
+        raise ConfigError(
+            f"the profile {profile.name} has no limit for the {quantity.value}",
+            where="limit",
+            hint=f"it judges {', '.join(q.value for q in judged)}; or another profile",
+        )
     criteria = tuple(
         Criterion(quantity=c.quantity, group=c.group, limit=limit, source=source, recalled=False)
         if c.quantity is quantity
         else c
         for c in profile.criteria
     )
-    return dataclasses.replace(profile, criteria=criteria)
+    title = f"{profile.title}; {quantity.value} by {source}"
+    return dataclasses.replace(profile, title=title, criteria=criteria)
