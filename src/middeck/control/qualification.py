@@ -109,12 +109,7 @@ class _Tried:
     unheld: tuple[str, ...]
 
 
-def _try(
-    name: str,
-    plant: Plant,
-    compensator: Compensator,
-    weights: LQGWeights,
-) -> _Tried:
+def _try(name: str, plant: Plant, compensator: Compensator, weights: LQGWeights) -> _Tried:
     aligned = align_plant(plant, compensator)
     alone = measure_noise_rms(aligned, idle_compensator(aligned), weights).rms
     return _Tried(name, aligned, alone, _unheld(aligned))

@@ -24,8 +24,7 @@ def strong_components(A: Float[np.ndarray, "state state"]) -> list[np.ndarray]:
     [[1], [0]]
     """
     count, label = cast(
-        "tuple[int, np.ndarray]",
-        csgraph.connected_components(A != 0.0, directed=True, connection="strong"),
+        "tuple[int, np.ndarray]", csgraph.connected_components(A != 0.0, directed=True, connection="strong")
     )
     readers: dict[int, set[int]] = {part: set() for part in range(count)}
     for row, column in np.argwhere((A != 0.0) & (label[:, None] != label)):

@@ -51,8 +51,7 @@ def shift_modes(
     unknown = [name for name in (*frequency, *damping) if name not in known]
     if unknown:
         raise ConfigError(
-            f"no mode named {', '.join(map(repr, unknown))}",
-            hint=f"one of {', '.join(dict.fromkeys(known))}",
+            f"no mode named {', '.join(map(repr, unknown))}", hint=f"one of {', '.join(dict.fromkeys(known))}"
         )
     if not all(np.isfinite(f) and f > 0.0 for f in (*frequency.values(), *damping.values())):
         raise ConfigError("a factor on a frequency or a damping ratio is not positive and finite")
@@ -167,8 +166,7 @@ def mode_states(names: tuple[str, ...], name: str) -> Int[np.ndarray, " 2"]:
 def _loops(A: np.ndarray) -> Int[np.ndarray, " state"]:
     """Which states act on each other, directly or through others: one label for each such set."""
     found = cast(
-        "tuple[int, np.ndarray]",
-        csgraph.connected_components(A != 0.0, directed=True, connection="strong"),
+        "tuple[int, np.ndarray]", csgraph.connected_components(A != 0.0, directed=True, connection="strong")
     )
     return found[1]
 

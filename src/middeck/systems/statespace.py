@@ -58,12 +58,7 @@ def select_paths(system: System, inputs: Sequence[int], outputs: Sequence[int]) 
 
 def series(first: StateSpace, second: StateSpace) -> StateSpace:
     """``second`` driven by ``first``: y = second(first(u)); states ordered (first, second)."""
-    A = np.block(
-        [
-            [first.A, np.zeros((len(first.A), len(second.A)))],
-            [second.B @ first.C, second.A],
-        ]
-    )
+    A = np.block([[first.A, np.zeros((len(first.A), len(second.A)))], [second.B @ first.C, second.A]])
     B = np.vstack([first.B, second.B @ first.D])
     C = np.hstack([second.D @ first.C, second.C])
     return StateSpace(A, B, C, second.D @ first.D)

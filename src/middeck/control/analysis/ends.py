@@ -10,13 +10,7 @@ import numpy as np
 from jaxtyping import Complex
 
 from middeck.control.analysis.lines import AT_REST
-from middeck.control.analysis.loop import (
-    At,
-    FeedbackLoop,
-    approximate_halves,
-    broken_at,
-    open_channel,
-)
+from middeck.control.analysis.loop import At, FeedbackLoop, approximate_halves, broken_at, open_channel
 from middeck.systems.resolvent import balance_states
 from middeck.systems.statespace import StateSpace
 

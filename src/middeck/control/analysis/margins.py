@@ -8,13 +8,7 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.analysis.crossings import (
-    Crossings,
-    Ratio,
-    axis_crossings,
-    circle_crossings,
-    find_peaks,
-)
+from middeck.control.analysis.crossings import Crossings, Ratio, axis_crossings, circle_crossings, find_peaks
 from middeck.control.analysis.delay_limit import sampled_delay_limits
 from middeck.control.analysis.disk import DiskMargin, disk_from_peak
 from middeck.control.analysis.ends import Ends, find_ends

@@ -12,14 +12,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.control.analysis.lines import place_lines, refine_lines
-from middeck.control.analysis.loop import (
-    At,
-    FeedbackLoop,
-    broken_at,
-    evaluate_halves,
-    form_loop,
-    go_round,
-)
+from middeck.control.analysis.loop import At, FeedbackLoop, broken_at, evaluate_halves, form_loop, go_round
 from middeck.control.law.compensator import Compensator
 from middeck.systems.plant import Plant
 from middeck.values import record

@@ -14,12 +14,7 @@ from middeck.control.analysis.stability import LoopStability, decide_loop, large
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import approximation_order
 from middeck.control.law.partition import partition_modes
-from middeck.control.law.uncertainty import (
-    Uncertainty,
-    corner_positions,
-    finished_plants,
-    parameter_names,
-)
+from middeck.control.law.uncertainty import Uncertainty, corner_positions, finished_plants, parameter_names
 from middeck.control.loop.closed_loop import close_loop
 from middeck.control.loop.performance import Performance, loop_metric
 from middeck.systems.delay_approximation import approximate_delays

@@ -78,12 +78,7 @@ def generalize(
         B2=m.control[turn],
         C1=np.vstack([m.C1, effort * m.shaped, np.zeros((nu + held, n))])[:, turn],
         D12=np.vstack(
-            [
-                m.D12,
-                effort * m.shaped_through,
-                effort * np.diag(np.sqrt(m.plain)),
-                np.zeros((held, nu)),
-            ]
+            [m.D12, effort * m.shaped_through, effort * np.diag(np.sqrt(m.plain)), np.zeros((held, nu))]
         ),
         C2=m.C2[:, turn],
         D21=np.hstack([m.D21, np.eye(len(m.sensor))]) @ noise,

@@ -21,11 +21,7 @@ def solve_lqg(model: GeneralizedPlant) -> tuple[Law, RiccatiSolution, RiccatiSol
     S = np.vstack([model.C1.T @ model.D12, np.zeros((len(rows), len(price)))])
     regulator = solve_riccati(A, B, Q, price, S)
     estimator = solve_riccati(
-        model.A.T,
-        model.C2.T,
-        model.B1 @ model.B1.T,
-        model.D21 @ model.D21.T,
-        model.B1 @ model.D21.T,
+        model.A.T, model.C2.T, model.B1 @ model.B1.T, model.D21 @ model.D21.T, model.B1 @ model.D21.T
     )
     K, L = regulator.gain, estimator.gain.T
     inside = -(model.B2 - L @ model.D22) @ K

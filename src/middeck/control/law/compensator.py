@@ -12,13 +12,7 @@ from middeck.errors import ConfigError
 from middeck.signals.ports import Port
 from middeck.systems.plant import Plant
 from middeck.systems.response import FrequencyResponse, statespace_response
-from middeck.systems.statespace import (
-    LinearSystem,
-    SampledStateSpace,
-    StateSpace,
-    gain_system,
-    select_paths,
-)
+from middeck.systems.statespace import LinearSystem, SampledStateSpace, StateSpace, gain_system, select_paths
 from middeck.values import record
 
 

@@ -103,11 +103,7 @@ def _strictly_proper(compensator: Compensator) -> StateSpace:
 
 
 def _report(
-    compensator: Compensator,
-    plants: Sequence[Plant],
-    loops: Sequence[Loop],
-    parts: Separation,
-    found: Trial,
+    compensator: Compensator, plants: Sequence[Plant], loops: Sequence[Loop], parts: Separation, found: Trial
 ) -> ReducedCompensator:
     law, candidate = found.law, found.candidate
     cut = law is candidate.law

@@ -88,11 +88,7 @@ def verify_robustness(
 
 
 def outcomes_on(
-    plants: Sequence[Plant],
-    compensator: Compensator,
-    weights: LQGWeights,
-    *,
-    rates_hz: Sequence[float] = (),
+    plants: Sequence[Plant], compensator: Compensator, weights: LQGWeights, *, rates_hz: Sequence[float] = ()
 ) -> tuple[PlantOutcomes, ...]:
     """The same on plants given one by one."""
     for plant in plants:

@@ -181,11 +181,7 @@ def _widened(uncertainty: Uncertainty, widening: float) -> Uncertainty | None:
 
 
 def _improve(
-    problem: Problem,
-    model: GeneralizedPlant,
-    directions: Directions,
-    place: _Place,
-    tolerance: float,
+    problem: Problem, model: GeneralizedPlant, directions: Directions, place: _Place, tolerance: float
 ) -> _Place:
     integrals = len(model.integrals)
     arranged, free = arrange(place.law, station_ports(problem.structure, problem.nominal), integrals)

@@ -14,12 +14,7 @@ from middeck.control.h2.structure import Structure
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.partition import partition_modes
 from middeck.control.law.stabilisability import require_reachable
-from middeck.control.law.uncertainty import (
-    Uncertainty,
-    end_positions,
-    finished_plants,
-    without_delays,
-)
+from middeck.control.law.uncertainty import Uncertainty, end_positions, finished_plants, without_delays
 from middeck.control.lqg import LQGWeights, Shaping
 from middeck.control.lqg.regulator import append_integrals
 from middeck.errors import ConfigError

@@ -82,11 +82,7 @@ def sample_cost(held: HeldPlant, weights: LQGWeights, authority: float) -> Sampl
 
 
 def design_sampled_lqg(
-    plant: Plant,
-    weights: LQGWeights,
-    authority: float,
-    period_s: float,
-    form: Form = "predictor",
+    plant: Plant, weights: LQGWeights, authority: float, period_s: float, form: Form = "predictor"
 ) -> SampledLQG:
     """The sampled law that minimises the continuous E[z' W^2 z + rho u' diag(input) u], rho = 1/authority.
 
