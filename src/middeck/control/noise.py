@@ -20,12 +20,8 @@ def measure_noise_rms(plant: Plant, compensator: Compensator, weights: LQGWeight
     A continuous compensator's by an integral over frequency after stability is decided (`decide_stability`);
     a sampled one's over all time, between the samples too.
 
-    Raises
-    ------
-    ConfigError
-        For ports that do not exist, weights that do not fit, and process noise that reaches z directly.
-    NumericalError
-        Where stability cannot be decided.
+    Raises `ConfigError` for ports that do not exist, weights that do not fit, and process noise that reaches
+    z directly; `NumericalError` where stability cannot be decided.
     """
     law = arrange_ports(compensator, plant.y, plant.u)
     if law.period_s is None:

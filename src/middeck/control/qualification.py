@@ -79,11 +79,8 @@ def qualify_compensator(
     At a rate a continuous compensator is sampled by Tustin's rule; a sampled one runs at its own rate only.
     ``weights`` say what is measured, under which noise: z, u and y of each plant in their order.
 
-    Raises
-    ------
-    ConfigError
-        For ports that a plant does not have, weights that do not fit, and rates for a sampled compensator.
-        The error's place is the name of the plant.
+    Raises `ConfigError` for ports that a plant does not have, weights that do not fit, and rates for a
+    sampled compensator. The error's place is the name of the plant.
     """
     found: list[Qualified] = []
     for name, plant in plants.items():

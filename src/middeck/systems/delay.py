@@ -25,10 +25,7 @@ def pade(delay_s: float, order: int) -> StateSpace:
     order:
         Number of states, one or more.
 
-    Raises
-    ------
-    ConfigError
-        For a negative or non-finite delay, or an order below one.
+    Raises `ConfigError` for a negative or non-finite delay, or an order below one.
 
     Examples
     --------

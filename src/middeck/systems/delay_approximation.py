@@ -39,10 +39,7 @@ def approximate_delays(plant: Plant, order: int) -> Plant:
 
     A plant without delays stays as it is.
 
-    Raises
-    ------
-    ConfigError
-        For an order below one.
+    Raises `ConfigError` for an order below one.
     """
     if not plant.delayed:
         return plant

@@ -59,10 +59,8 @@ def sample_delayed(
     States: the system's, then past inputs (input by input, the latest first), then outputs that wait. Where
     the delays are no sums (`is_sum`), each input has the system to itself: those states come first.
 
-    Raises
-    ------
-    ConfigError
-        For a period that is not positive, a negative delay, or delays of another shape than D.
+    Raises `ConfigError` for a period that is not positive, a negative delay, or delays of another shape than
+    D.
 
     Examples
     --------

@@ -21,10 +21,7 @@ def part_modes(plant: Plant) -> Plant:
     Names: "mode 1, 2.5 Hz" in order of frequency, "pole 1, -3 rad/s", "at rest". The responses stay;
     integrators that are in none of them are left out.
 
-    Raises
-    ------
-    NumericalError
-        Where modes nearly coincide and share their eigenvectors.
+    Raises `NumericalError` where modes nearly coincide and share their eigenvectors.
 
     Examples
     --------

@@ -30,12 +30,9 @@ def shift_modes(
     needs ``state_names`` and a block of two states for each mode named, driven and read by others, not in a
     loop with them; q is then what the strongest input does not move at once.
 
-    Raises
-    ------
-    ConfigError
-        For modes that do not exist, do not oscillate, or are in a loop with other states (shift the plant
-        without the loop and close it again); outside modal form, where q'' is read, which other frequencies
-        make of other parts of the mode; for factors that are not positive.
+    Raises `ConfigError` for modes that do not exist, do not oscillate, or are in a loop with other states
+    (shift the plant without the loop and close it again); outside modal form, where q'' is read, which other
+    frequencies make of other parts of the mode; for factors that are not positive.
 
     Examples
     --------

@@ -43,11 +43,8 @@ class Plant:
         Delay [s] of each path, exact and beside the states; all zero if it is left out. The delays of a
         sampled plant are among its states.
 
-    Raises
-    ------
-    ConfigError
-        For ports or state names that do not fit the dynamics, groups of unknown ports, and delays of another
-        shape, negative, not finite, or of a sampled plant.
+    Raises `ConfigError` for ports or state names that do not fit the dynamics, groups of unknown ports, and
+    delays of another shape, negative, not finite, or of a sampled plant.
     """
 
     dynamics: Dynamics

@@ -55,10 +55,7 @@ def find_inversion(plant: Plant, law: Compensator, *, within: float = 0.1) -> tu
     the distance is of the order of its damping ratio or less: at the resonance the law is then as small as
     the plant is large.
 
-    Raises
-    ------
-    ConfigError
-        For halves that do not fit (`form_loop`).
+    Raises `ConfigError` for halves that do not fit (`form_loop`).
     """
     loop = form_loop(plant, law)
     found: list[Inversion] = []

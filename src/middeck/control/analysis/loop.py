@@ -77,10 +77,8 @@ def form_loop(plant: Plant, compensator: Compensator) -> FeedbackLoop:
     A sampled compensator meets a continuous plant as its computer does: inputs held over its period, outputs
     sampled, delays exact.
 
-    Raises
-    ------
-    ConfigError
-        For ports that do not exist, a continuous compensator on a sampled plant, and periods that differ.
+    Raises `ConfigError` for ports that do not exist, a continuous compensator on a sampled plant, and periods
+    that differ.
     """
     path, period = loop_path(plant, compensator), compensator.period_s
     if period is None:

@@ -141,10 +141,7 @@ def measure_margins(
     more delayed, is unstable (`middeck.control.analysis.delay_limit`): most of the work, left out with
     ``delays=False``.
 
-    Raises
-    ------
-    ConfigError
-        For halves that do not fit (`form_loop`).
+    Raises `ConfigError` for halves that do not fit (`form_loop`).
 
     Examples
     --------

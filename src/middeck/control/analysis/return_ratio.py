@@ -52,10 +52,7 @@ def trace_return_ratio(
 ) -> ReturnRatio:
     """The return ratio at each channel, delays exact; by default on lines dense enough for a smooth curve.
 
-    Raises
-    ------
-    ConfigError
-        For halves that do not fit (`form_loop`), or lines at which the response is infinite.
+    Raises `ConfigError` for halves that do not fit (`form_loop`), or lines at which the response is infinite.
 
     Examples
     --------

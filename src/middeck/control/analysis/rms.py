@@ -25,13 +25,9 @@ def measure_rms(
     by adaptive quadrature of |T|^2 to 1e-8 and better, only after stability has been decided with exact
     delays (`decide_stability`).
 
-    Raises
-    ------
-    ConfigError
-        For ports that do not exist, intensities that do not fit them, a band that is not
-        0 <= low < high < inf, and a sampled compensator (`measure_noise_rms` takes both).
-    NumericalError
-        Where stability cannot be decided.
+    Raises `ConfigError` for ports that do not exist, intensities that do not fit them, a band that is not 0
+    <= low < high < inf, and a sampled compensator (`measure_noise_rms` takes both); `NumericalError` where
+    stability cannot be decided.
     """
     law = idle_compensator(plant) if compensator is None else compensator
     if not plant.delayed:

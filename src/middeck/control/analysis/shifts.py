@@ -67,12 +67,8 @@ def find_allowed_shifts(
     finish:
         Makes of the shifted plant the one that is controlled: closes an inner loop.
 
-    Raises
-    ------
-    ConfigError
-        For modes that do not exist or do not oscillate (`shift_modes`), or a step that is not positive.
-    NumericalError
-        Where modes without names nearly coincide (`part_modes`).
+    Raises `ConfigError` for modes that do not exist or do not oscillate (`shift_modes`), or a step that is
+    not positive; `NumericalError` where modes without names nearly coincide (`part_modes`).
     """
     if not 0.0 < step <= most < 1.0:
         raise ConfigError(f"steps of {step:g} up to {most:g}: 0 < step <= most < 1")

@@ -68,12 +68,8 @@ def decide_stability(plant: Plant, law: Compensator) -> LoopStability:
     of a line on the left of the axis are counted by the argument principle. Only roots at which the
     determinant vanishes count as found; where found and counted disagree the order is raised.
 
-    Raises
-    ------
-    ConfigError
-        For halves that do not fit (`form_loop`).
-    NumericalError
-        Where roots and count disagree at the highest order, right of every line that was tried.
+    Raises `ConfigError` for halves that do not fit (`form_loop`); `NumericalError` where roots and count
+    disagree at the highest order, right of every line that was tried.
 
     Examples
     --------

@@ -79,10 +79,8 @@ def find_worst_case(
     A lower bound: a search proves nothing between the points that it tried (`measure_disk_margin` bounds from
     the other side).
 
-    Raises
-    ------
-    ConfigError
-        For a box that does not fit the plant (`perturb_plant`), or too many corners without ``corners``.
+    Raises `ConfigError` for a box that does not fit the plant (`perturb_plant`), or too many corners without
+    ``corners``.
     """
     positions = corner_positions(uncertainty, corners, rng)
     count = _Count()

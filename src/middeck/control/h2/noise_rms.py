@@ -52,12 +52,8 @@ def integrate_noise(plant: Plant, compensator: Compensator, weights: LQGWeights)
 
     Stability is decided first (`decide_stability`); then |T|^2 is integrated by adaptive quadrature.
 
-    Raises
-    ------
-    ConfigError
-        For ports that do not exist, weights that do not fit, and process noise that reaches z directly.
-    NumericalError
-        Where stability cannot be decided.
+    Raises `ConfigError` for ports that do not exist, weights that do not fit, and process noise that reaches
+    z directly; `NumericalError` where stability cannot be decided.
     """
     generalize(remove_delays(plant), weights, 1.0)  # it refuses what has no cost
     loop = form_loop(plant, compensator)

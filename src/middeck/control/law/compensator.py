@@ -31,10 +31,7 @@ class Compensator:
     method:
         How it was made, in a word or two; empty if unknown.
 
-    Raises
-    ------
-    ConfigError
-        Where the ports do not fit the law.
+    Raises `ConfigError` where the ports do not fit the law.
     """
 
     dynamics: LinearSystem

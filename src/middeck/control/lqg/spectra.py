@@ -43,10 +43,8 @@ def line_filter(frequency_hz: float, width_hz: float, rms: float) -> StateSpace:
 
     G = g s / (s^2 + 2 zeta w s + w^2), zeta = width / (2 f); its variance is g^2 / (4 zeta w).
 
-    Raises
-    ------
-    ConfigError
-        For a width that is not between zero and twice the frequency, or an rms that is not positive.
+    Raises `ConfigError` for a width that is not between zero and twice the frequency, or an rms that is not
+    positive.
     """
     if not 0.0 < width_hz < 2.0 * frequency_hz or not 0.0 < rms < np.inf:
         raise ConfigError(
@@ -74,10 +72,7 @@ def fit_spectrum(
     and of minimum phase whatever is found; the misfit is that of log S, a section at a time where it is
     largest. (The spectral factor of a rational density; Kwakernaak and Sivan 1972, section 1.11.)
 
-    Raises
-    ------
-    DataError
-        For a table that is not ascending, positive and longer than the filter has numbers.
+    Raises `DataError` for a table that is not ascending, positive and longer than the filter has numbers.
     """
     f, S = np.asarray(frequency_hz, dtype=float), np.asarray(density, dtype=float)
     if f.shape != S.shape or not np.all(np.isfinite(f * S)) or np.any(S <= 0.0) or np.any(np.diff(f) <= 0.0):

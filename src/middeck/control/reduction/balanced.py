@@ -58,11 +58,8 @@ def reduce_balanced(
     input_size, output_size:
         Typical size of each port, in which gains, singular values and errors count; one unless given.
 
-    Raises
-    ------
-    ConfigError
-        For an order below the number of poles that do not decay, sizes that do not fit, or both an order and
-        a bound.
+    Raises `ConfigError` for an order below the number of poles that do not decay, sizes that do not fit, or
+    both an order and a bound.
 
     Examples
     --------

@@ -68,11 +68,8 @@ def reduce_compensator(
         best law of that order that the descent finds (`design_multimodel` goes further, with restarts);
         without them it redesigns for the loop's own sizes.
 
-    Raises
-    ------
-    ConfigError
-        For an order of less than one or no reduction, a compensator that does not hold a plant, unknown
-        ports or methods.
+    Raises `ConfigError` for an order of less than one or no reduction, a compensator that does not hold a
+    plant, unknown ports or methods.
     """
     known = (*get_args(Method), "best")
     if method not in known:

@@ -51,10 +51,8 @@ def reduce_modes(
     of what is dropped in the direct term; without it, a plant that had none has none (an LQG design refuses
     one from process noise to a performance output). All ports unless named.
 
-    Raises
-    ------
-    ConfigError
-        For more modes than there are, fewer than must be kept, a band that is none, or unknown ports.
+    Raises `ConfigError` for more modes than there are, fewer than must be kept, a band that is none, or
+    unknown ports.
     """
     if not 0.0 <= band_hz[0] < band_hz[1] < np.inf:
         raise ConfigError(f"a band of {band_hz} Hz", hint="0 <= low < high, both finite")

@@ -35,11 +35,8 @@ def reduce_weighted(
     weighted difference; there is no bound before the fact. Where two weights would leave an unstable
     remainder, the definite Gramians are taken and ``method`` says so.
 
-    Raises
-    ------
-    ConfigError
-        For weights that are not stable or do not fit, or an order below the number of poles that do not
-        decay.
+    Raises `ConfigError` for weights that are not stable or do not fit, or an order below the number of poles
+    that do not decay.
 
     Examples
     --------

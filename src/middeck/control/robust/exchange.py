@@ -43,10 +43,8 @@ def design_for_worst(
     are the positions among the candidates of those that became models. No candidate costs more than 1 %
     beyond the law's ``cost``.
 
-    Raises
-    ------
-    NumericalError
-        Where some candidate is still worse after thirty rounds, or as `design_multimodel`.
+    Raises `NumericalError` where some candidate is still worse after thirty rounds, or as
+    `design_multimodel`.
     """
     models = [generalize(without_delays(each), weights, authority, shaping=shaping) for each in candidates]
     chosen: list[int] = []

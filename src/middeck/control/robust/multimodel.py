@@ -87,14 +87,9 @@ def design_multimodel(
     tolerance:
         The descent ends when ten steps gain less than this part of the cost.
 
-    Raises
-    ------
-    NotStabilisableError
-        Naming the modes of a plant that nothing can hold.
-    NumericalError
-        Where no law of that form was found that stabilises all models; how far it came is in its data.
-    ConfigError
-        For weights, ports, modes or forms that do not fit.
+    Raises `NotStabilisableError` naming the modes of a plant that nothing can hold; `NumericalError` where no
+    law of that form was found that stabilises all models; how far it came is in its data; `ConfigError` for
+    weights, ports, modes or forms that do not fit.
     """
     if over not in POWERS:
         raise ConfigError(f"over is {over!r}", hint="mean or maximum")

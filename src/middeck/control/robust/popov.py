@@ -89,15 +89,9 @@ def design_popov(
     other arguments are those of `design_multimodel`; the models at
     ``positions`` only report their costs.
 
-    Raises
-    ------
-    NumericalError
-        Where no law was found whose bound covers the box.
-    ConfigError
-        Where z or y reads the acceleration of an uncertain mode, which a shift changes too; and as
-        `design_multimodel`.
-    NotStabilisableError
-        As `design_multimodel`.
+    Raises `NumericalError` where no law was found whose bound covers the box; `ConfigError` where z or y
+    reads the acceleration of an uncertain mode, which a shift changes too; and as `design_multimodel`;
+    `NotStabilisableError` as `design_multimodel`.
     """
     structure = structure or Structure()
     problem = pose_problem(plant, weights, authority, uncertainty, positions, structure, shaping)

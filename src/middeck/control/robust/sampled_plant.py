@@ -25,10 +25,7 @@ def plant_as_sampled(plant: Plant, period_s: float) -> Plant:
     Disturbances are held over a period too, and keep their intensity; what of them reaches z at half the rate
     is left out, or white noise would cost without bound. Ports outside the groups y and z are dropped.
 
-    Raises
-    ------
-    ConfigError
-        Where an input both disturbs and controls, or a mode lies at half the rate.
+    Raises `ConfigError` where an input both disturbs and controls, or a mode lies at half the rate.
 
     Examples
     --------

@@ -74,12 +74,8 @@ def design_sensitivity_weighted(
         Multiplies the half-widths in the cost. None: the one, to a fifth, at which the mean of the plain
         costs of the models at ``positions`` is least; all of them are then stable.
 
-    Raises
-    ------
-    NumericalError
-        Where no strength holds all models.
-    ConfigError, NotStabilisableError
-        As `design_multimodel`.
+    Raises `NumericalError` where no strength holds all models; `ConfigError`, `NotStabilisableError` as
+    `design_multimodel`.
     """
     if strength is not None and not (np.isfinite(strength) and strength >= 0.0):
         raise ConfigError(f"a strength of {strength}: zero or more")
