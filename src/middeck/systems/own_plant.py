@@ -1,4 +1,4 @@
-"""A plant from one's own matrices."""
+"""Plants from state-space matrices."""
 
 from __future__ import annotations
 

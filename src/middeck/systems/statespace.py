@@ -1,4 +1,4 @@
-"""Linear systems as four real matrices, continuous or sampled; which of the two is a type."""
+"""Linear systems as four real matrices, continuous or sampled by type."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ class SampledStateSpace:
 
 
 LinearSystem = StateSpace | SampledStateSpace
-"""Either, where what is computed is the same or the system's period says what it means."""
+"""Either kind, where the computation is the same or depends on the system's period."""
 System = TypeVar("System", bound=LinearSystem)
 
 
 def same_period(one_s: float, other_s: float) -> bool:
-    """Whether two periods [s] are one but for rounding."""
+    """Whether two periods [s] are equal up to rounding."""
     return abs(one_s - other_s) <= 1e-12 * one_s
 
 
@@ -65,7 +65,7 @@ def series(first: StateSpace, second: StateSpace) -> StateSpace:
 
 
 def add(first: StateSpace, second: StateSpace) -> StateSpace:
-    """Both driven by the same inputs, their outputs added; states ordered (first, second)."""
+    """Parallel connection, outputs added; states ordered (first, second)."""
     return StateSpace(
         np.asarray(scipy.linalg.block_diag(first.A, second.A)),
         np.vstack([first.B, second.B]),

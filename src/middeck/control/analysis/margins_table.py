@@ -1,4 +1,4 @@
-"""Margins as text, in the units that people speak."""
+"""Margins as a table of text, in dB, degrees, Hz and ms."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ HEAD = ("broken at", "gain dB", "at Hz", "phase deg", "at Hz", "delay ms", "disk
 
 
 def margins_table(margins: Margins) -> str:
-    """A line for each loop: the least gain, phase and delay that break it and where, disk and peak of S.
+    """One row a loop: gain, phase and delay margins with their frequencies, disk margin and peak of S.
 
-    An unstable loop has no margins: the line says where its fastest root is. ``-``: nothing breaks it.
-    ``?``: a delay that was not looked for (`LoopMargins`).
+    The row of an unstable loop gives its fastest-growing root. ``-``: no limit. ``?``: a delay margin that
+    was not computed (`LoopMargins`).
 
     >>> from middeck.control.analysis import measure_margins
     >>> from middeck.control.law.compensator import Compensator

@@ -1,4 +1,4 @@
-"""The law that is best for one model: two Riccati equations (Kwakernaak and Sivan 1972, chapter 5)."""
+"""Optimal compensator of one model: two Riccati equations (Kwakernaak and Sivan 1972, chapter 5)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from middeck.control.riccati import RiccatiSolution, solve_riccati
 
 
 def solve_lqg(model: GeneralizedPlant) -> tuple[Law, RiccatiSolution, RiccatiSolution, float]:
-    """The law, its integrals beside the rest, the regulator's and the filter's solution, and the cost."""
+    """The law with its integrals, the regulator's and the filter's solution, and the cost."""
     rows, n = [row for row, _ in model.integrals], len(model.A)
     A, B = append_integrals(model.A, model.B2, model.C2, model.D22, rows)
     price = model.D12.T @ model.D12

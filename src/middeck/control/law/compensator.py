@@ -1,4 +1,4 @@
-"""What a design method returns: a dynamic law from named measurements to named inputs."""
+"""Compensators: dynamic control laws from named measurements to named inputs."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Compensator:
     outputs:
         Plant inputs that are driven, in the order of the rows.
     method:
-        How it was made, in a word or two; empty if unknown.
+        Name of the design method; empty if unknown.
 
     Raises `ConfigError` where the ports do not fit the law.
     """
@@ -54,7 +54,7 @@ class Compensator:
 
     @property
     def system(self) -> StateSpace:
-        """The continuous law; raises `ConfigError` for a sampled one, whose matrices mean something else."""
+        """The continuous law; raises `ConfigError` for a sampled one."""
         if isinstance(self.dynamics, SampledStateSpace):
             rate = 1.0 / self.dynamics.period_s
             raise ConfigError(
