@@ -2,8 +2,7 @@
 
 A cascade (a chain of actuator and plant) is block triangular after a permutation of its states. Its poles are
 those of the blocks; computed block by block, rounding moves them by the size and multiplicity of a block
-instead of the whole matrix (Duff, Erisman and Reid 1986,
-"Direct Methods for Sparse Matrices", chapter 6).
+instead of the whole matrix (Duff, Erisman and Reid 1986, "Direct Methods for Sparse Matrices", chapter 6).
 """
 
 from __future__ import annotations

@@ -28,7 +28,7 @@ Named = tuple[StateSpace, tuple[str, ...]]
 
 def approximate_delays(plant: Plant, order: int) -> Plant:
     """The plant with a Pade approximation of ``order`` states for each separate delay.
-    
+
     A delay common to all paths goes to the side with fewer channels; further delay of an input or output has
     its own states. Where delays are not a sum of an input's and an output's (`is_sum`), each channel of the
     smaller side has a copy of the states on its paths, except integrators (rigid modes): these are kept once,

@@ -6,9 +6,8 @@ p_1 = -tau, each path is
     sum over k of  R_k (s^-k + p_1 s^(1-k) + ... + p_(k-1) / s)  +  R_k s^-k (P - 1 - ... - p_(k-1) s^(k-1)).
 
 With P = D + C (s - A)^-1 B the last term has the states of P and the output R_k C A^-k: no pole at the
-origin.
-The rest has as many integrators as its residues require. Where outputs read one force on a free body with
-different delays, their difference is the force integrated once, which needs its own state.
+origin. The rest has as many integrators as its residues require. Where outputs read one force on a free body
+with different delays, their difference is the force integrated once, which needs its own state.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ def approximate_delayed_integrators(
 ) -> tuple[StateSpace, int]:
     """The sum of R_k / s^k and ``direct``, each path times its P; and the number of integrators, its first
     states.
-    
+
     ``banks`` hold P to each output, input by input. ``still`` has the same residues; where it has more states
     than they require it is kept whole, so that a design can refuse its uncontrollable or unobservable states.
     """

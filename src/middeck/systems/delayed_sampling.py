@@ -55,11 +55,10 @@ def sample_delayed(
     system: StateSpace, period_s: float, delay_s: Float[np.ndarray, "output input"]
 ) -> SampledStateSpace:
     """The sampled system: inputs held, each path delayed by its own delay, outputs sampled.
-    
+
     Exact for any delays, fractions of a period included; y[k] is taken at the instant at which u[k] is
-    issued.
-    States: the system's, then past inputs (input by input, the latest first), then waiting outputs. Where the
-    delays are not sums (`is_sum`), each input has a copy of the system, whose states come first.
+    issued. States: the system's, then past inputs (input by input, the latest first), then waiting outputs.
+    Where the delays are not sums (`is_sum`), each input has a copy of the system, whose states come first.
 
     Raises `ConfigError` for a period that is not positive, a negative delay, or delays of another shape than
     D.

@@ -24,7 +24,7 @@ def hold_response(frequency_hz: Float[np.ndarray, " line"], period_s: float) -> 
 
 def release_hold(measured: FrequencyResponse) -> FrequencyResponse:
     """The response with the hold of its inputs divided out: that of the plant behind it, but for aliasing.
-    
+
     A response without a hold, or with an unknown one, is returned unchanged.
     """
     if not measured.hold_s:
@@ -43,7 +43,7 @@ def release_hold(measured: FrequencyResponse) -> FrequencyResponse:
 
 def release_inputs(record: Record) -> Record:
     """The record with its inputs as they leave the hold, up to half the rate; outputs unchanged.
-    
+
     A record without a hold, or with an unknown one, is returned unchanged.
     """
     if not record.held:

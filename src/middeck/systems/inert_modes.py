@@ -30,7 +30,7 @@ def reached_modes(modal: ModalSystem) -> Bool[np.ndarray, " mode"]:
 
 def observed_modes(modal: ModalSystem) -> Bool[np.ndarray, " mode"]:
     """Which modes are observable in at least one output, by displacement or rate.
-    
+
     An accelerometer does not observe a rigid mode's state; it reads the input directly.
     """
     rows = output_rows(modal)

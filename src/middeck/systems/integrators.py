@@ -22,8 +22,7 @@ from middeck.values import record
 
 REST = 1e-11
 """Singular values below this fraction of A (balanced) count as zero: rounding of a plant transformed by a
-matrix
-of condition 1e4. Poles slower than this fraction of the fastest count as integrators."""
+matrix of condition 1e4. Poles slower than this fraction of the fastest count as integrators."""
 NOTHING = 1e-12
 """Residues below this fraction of their output's row and input's column are rounding of a few products."""
 RANK = 1e-10
@@ -109,7 +108,7 @@ def _leading(turn: np.ndarray) -> Int[np.ndarray, " moving"]:
 
 def rest_once(dynamics: ModalSystem | StateSpace) -> tuple[ModalSystem | StateSpace, int]:
     """The dynamics with the fewest integrators for its responses, and the number of poles dropped.
-    
+
     One force moves only one combination of several rigid modes. Unchanged where nothing is dropped; otherwise
     a state space has its integrators first, with eigenvalues exactly zero.
     """
@@ -133,10 +132,9 @@ def rest_once(dynamics: ModalSystem | StateSpace) -> tuple[ModalSystem | StateSp
 
 def realise_residues(residues: Float[np.ndarray, "chain output input"]) -> StateSpace:
     """Sum of R_k / s^k with the fewest states, all eigenvalues exactly zero.
-    
+
     From the singular values of the Hankel matrix of residues (Ho and Kalman 1966); omitting parts below
-    `RANK`
-    changes no residue by more than that fraction of the largest of its row and column.
+    `RANK` changes no residue by more than that fraction of the largest of its row and column.
 
     >>> len(realise_residues(np.array([[[0.0, 0.0]], [[1.0, 2.0]]])).A)     # one body that two forces push
     2
@@ -180,7 +178,7 @@ def realise_residues(residues: Float[np.ndarray, "chain output input"]) -> State
 def _chains(A: np.ndarray, share: float = REST) -> tuple[np.ndarray, list[int]]:
     """Orthogonal matrix that puts the integrators first (null space of A, then of A^2, ...), and their
     numbers.
-    
+
     In these coordinates the first columns of A are strictly upper triangular.
     """
     turn, sizes, left = np.eye(len(A)), [], A

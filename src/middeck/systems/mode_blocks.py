@@ -17,7 +17,7 @@ DEPENDENT = 1e8
 
 def part_modes(plant: Plant) -> Plant:
     """The plant with two states for each oscillating mode, one for each real pole, integrators together.
-    
+
     Names: "mode 1, 2.5 Hz" in order of frequency, "pole 1, -3 rad/s", "at rest" (integrators). Responses are
     unchanged; integrators that are in none of them are left out.
 

@@ -24,11 +24,11 @@ def shift_modes(
     plant: Plant, frequency: Mapping[str, float], damping: Mapping[str, float] | None = None
 ) -> Plant:
     """The plant with natural frequencies and damping ratios of named modes multiplied by factors.
-    
-    A shift keeps the damping ratio, ``damping`` keeps the frequency. The forces psi u of
-    q'' + 2 zeta omega q' + omega^2 q = psi u stay, and so do the outputs of q and q'. A plant without modal
-    form needs ``state_names`` and, for each mode named, two states that are in no loop with others; q is then
-    the coordinate that the strongest input does not move immediately.
+
+    A shift keeps the damping ratio, ``damping`` keeps the frequency. The forces psi u of q'' + 2 zeta omega
+    q' + omega^2 q = psi u stay, and so do the outputs of q and q'. A plant without modal form needs
+    ``state_names`` and, for each mode named, two states that are in no loop with others; q is then the
+    coordinate that the strongest input does not move immediately.
 
     Raises `ConfigError` for modes that do not exist, do not oscillate, or are in a loop with other states
     (shift the plant without the loop and close it again); outside modal form, for outputs that read q''; and
@@ -131,8 +131,7 @@ def _refuse_accelerations(
     plant: Plant, system: StateSpace, index: np.ndarray, at: ModeCoordinates, name: str
 ) -> None:
     """Refuse rows that read q'' = force - 2 zeta omega q' - omega^2 q: those with a direct term, whose part
-    of
-    q' is 2 zeta of that of omega q."""
+    of q' is 2 zeta of that of omega q."""
     others = np.setdiff1d(np.arange(len(system.A)), index)
     driven = np.any(system.B[index], axis=0)
     direct = np.any(np.vstack([system.D, system.B[others]])[:, driven], axis=1)

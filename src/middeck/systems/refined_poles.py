@@ -3,9 +3,9 @@
 LAPACK's rounding, 1e-16 of the matrix, is 1e-11 of the width of a lightly damped mode that is slow beside the
 largest entry. One step of Newton's method removes it if its residual is more accurate than double precision
 (Dongarra, Moler and Wilkinson 1983, SIAM J. Numer. Anal. 20, "Improving the accuracy of computed eigenvalues
-and eigenvectors"). Matrix products suffice for this: factors cut to 22 bits multiply and add exactly
-(Ozaki, Ogita, Oishi and Rump 2012, Numer. Algorithms 59, "Error-free transformations of matrix
-multiplication by using fast routines of matrix multiplication and its applications").
+and eigenvectors"). Matrix products suffice for this: factors cut to 22 bits multiply and add exactly (Ozaki,
+Ogita, Oishi and Rump 2012, Numer. Algorithms 59, "Error-free transformations of matrix multiplication by
+using fast routines of matrix multiplication and its applications").
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class PoleForm:
 
 def refine_poles(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> PoleForm | None:
     """The form after one step of Newton's method; None where eigenvectors are too dependent for it.
-    
+
     Nearly coincident poles are separated within the space they span. None also beyond `EXACT_STATES`.
     """
     if len(A) > EXACT_STATES:

@@ -52,8 +52,8 @@ def band_rms(
     ``inf`` where a pole grows (although the integral over frequency is finite), or lies on the imaginary axis
     within the band. Poles on the axis outside the band are allowed, also double ones (rigid-body motion) and
     longer chains of integrators. A direct term counts with the width of the band. Warns (`UserWarning`) where
-    rounding of A leaves growth undecided or the rms uncertain.
-    Raises `ConfigError` for a band that is not 0 <= low < high < inf.
+    rounding of A leaves growth undecided or the rms uncertain. Raises `ConfigError` for a band that is not 0
+    <= low < high < inf.
 
     >>> lag = StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]])           # |G|^2 = 1 / (1 + w^2)
     >>> float(band_rms(lag, np.eye(1), (0.0, 1.0 / (2.0 * np.pi)))[0] ** 2 * np.pi / np.arctan(1.0))
@@ -117,7 +117,7 @@ def _trusted_response(
 ) -> tuple[Callable[[np.ndarray], np.ndarray], float]:
     """Response over omega, in Schur form where as accurate as solving, and its relative error by rounding of
     A.
-    
+
     The backward error is relative to the norm of A in Schur form, and to each of its entries in solving.
     """
     inside = (np.imag(peaks) > band[0]) & (np.imag(peaks) < band[1])
@@ -147,10 +147,9 @@ def band_rms_by_quadrature(
     system: StateSpace, intensity: Float[np.ndarray, "input input"], band_hz: tuple[float, float]
 ) -> Float[np.ndarray, " output"]:
     """As `band_rms`, by adaptive quadrature of |G|^2 cut at the resonances: slow, an independent check.
-    
+
     The integrand is evaluated in the Schur form of balanced A, which is backward stable and uses no
-    eigenvector.
-    The integral is finite also for an unstable system.
+    eigenvector. The integral is finite also for an unstable system.
     """
     band = _check_band(band_hz)
     response = _on_axis(by_schur_form(_balanced(system, _square_root(intensity))))
@@ -165,7 +164,7 @@ def response_rms(
 ) -> Float[np.ndarray, " output"]:
     """Rms in a band from any ``response`` [line, output, input] over omega [rad/s], e.g. of a loop with
     delays.
-    
+
     ``peaks``, poles beside which the response may be narrow, only place the first cuts.
     """
     band, root = _check_band(band_hz), _square_root(intensity)

@@ -19,10 +19,10 @@ def sample_dynamics(
     dynamics: StateSpace | ModalSystem, period_s: float, delay_s: float = 0.0
 ) -> SampledStateSpace:
     """The sampled system: inputs held over each period, then delayed, outputs sampled.
-    
-    Exact for any delay, fractions of a period included. y[k] is taken at the instant at which u[k] is
-    issued. States: the system's, then the delayed inputs, the latest first. Raises
-    `ConfigError` for a period that is not positive or a negative delay.
+
+    Exact for any delay, fractions of a period included. y[k] is taken at the instant at which u[k] is issued.
+    States: the system's, then the delayed inputs, the latest first. Raises `ConfigError` for a period that is
+    not positive or a negative delay.
 
     The hold integrals come from one matrix exponential (Van Loan 1978, IEEE TAC 23), of 3x3 blocks for a
     modal system; the fractional delay splits them (Franklin, Powell and Workman 1998, section 4.3).

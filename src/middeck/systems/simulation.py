@@ -29,10 +29,9 @@ CHUNK = 1 << 16  # samples at a time: what a block needs beside its input and ou
 @record(kw_only=True)
 class _Blocks:
     """Matrices of a system over L samples, its states scaled.
-    
+
     ``after`` + ``rest`` (its rounding) maps a state to that L samples later, ``collect`` the inputs of a
-    block
-    to the same; ``observe`` and ``through`` map the state before a block and its inputs to its outputs.
+    block to the same; ``observe`` and ``through`` map the state before a block and its inputs to its outputs.
     """
 
     after: Float[np.ndarray, "state state"]
