@@ -1,10 +1,10 @@
-"""A linear plant in time with friction, gaps and stops at its joints.
+"""Simulation of a linear plant with friction, gaps and stops at its joints.
 
-Between two internal steps the linear part is exact under held torques. What an element exerts is held too, at
-its mean over the way that the joint goes in this step, found together with where it ends. The work of a held
-torque is exact, mean torque times way; it is the work done on the element. So nothing but the excitation
-brings energy in, whatever the step; the discrete gradient of Gonzalez 1996, J. Nonlinear Sci. 6, with
-dissipation. In time the rule is of second order.
+Between internal steps the linear part is exact under held torques. The torque of an element is held at its
+mean over the joint's path in the step, solved together with the end angle. The work of a held torque, mean
+torque times path, equals the work done on the element, so that only the excitation adds energy for any step:
+the discrete gradient of Gonzalez 1996, J. Nonlinear Sci. 6, with dissipation. The rule is of second order in
+time.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class JointStepper:
     angle:
         Angle of each joint per state.
     direct:
-        What outputs answer at once to a torque at each joint: accelerations.
+        Direct response of the outputs to a torque at each joint (accelerations).
     joints:
         Elements of each joint.
     """
@@ -191,7 +191,7 @@ def _by_joint(stepper: JointStepper, flat: np.ndarray) -> list[list[float]]:
 def _torques(
     elements: list[tuple[JointElement, ...]], angles: list[float], inner: list[list[float]]
 ) -> list[float]:
-    """Torque of every joint where it stands."""
+    """Torque of every joint at its present angle."""
     return [
         sum(part.resist(angle, state)[0] for part, state in zip(parts, states, strict=True))
         for parts, angle, states in zip(elements, angles, inner, strict=True)
@@ -199,5 +199,5 @@ def _torques(
 
 
 def _settle(parts: tuple[JointElement, ...], angle: float, states: list[float]) -> list[float]:
-    """The elements' states when their joint has gone to ``angle``."""
+    """The elements' states after their joint has moved to ``angle``."""
     return [part.resist(angle, state)[1] for part, state in zip(parts, states, strict=True)]

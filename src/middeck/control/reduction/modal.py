@@ -1,8 +1,8 @@
-"""Modal reduction: modes stay what they are, and those that matter least to chosen ports in a band go.
+"""Modal reduction: remove the modes of least contribution between chosen ports in a band.
 
-What a mode matters is the largest share it has, within the band, of any path's largest response; so units do
-not matter. What is left out keeps its limit: a mode above the band its static gain (residual flexibility),
-one below the band its gain as a mass (an accelerometer's direct part).
+The contribution of a mode is its largest fraction, within the band, of any path's largest response, which is
+independent of units. A removed mode above the band leaves its static gain (residual flexibility), one below
+it leaves its gain as a mass (an accelerometer's direct part).
 """
 
 from __future__ import annotations
@@ -46,10 +46,10 @@ def reduce_modes(
 ) -> ReducedPlant:
     """The plant with the ``modes`` that contribute most from ``inputs`` to ``outputs`` within ``band_hz``.
 
-    Rigid modes, and poles that do not decay, are kept and counted. A modal plant stays modal; of another the
-    modes are its poles, a pair or a real one each, kept by an invariant subspace. ``static`` keeps the limits
-    of what is dropped in the direct term; without it, a plant that had none has none (an LQG design refuses
-    one from process noise to a performance output). All ports unless named.
+    Rigid modes, and poles that do not decay, are kept and counted. A modal plant stays modal; the modes of a
+    state space are its pole pairs and real poles, kept by an invariant subspace. ``static`` keeps the limits
+    of dropped modes in the direct term; without it no direct term is added (an LQG design refuses one from
+    process noise to a performance output). All ports unless named.
 
     Raises `ConfigError` for more modes than there are, fewer than must be kept, a band that is none, or
     unknown ports.
@@ -124,7 +124,7 @@ def _contributions(modal: ModalSystem, band: tuple[float, float]) -> Float[np.nd
 
 
 def _share(part: np.ndarray, size: np.ndarray) -> float:
-    """The largest over paths; a path without response has none."""
+    """The largest fraction over all paths with a response."""
     return float(np.max(part / np.where(size > 0.0, size, np.inf), initial=0.0))
 
 
@@ -209,7 +209,7 @@ def _pole_shares(
         response = residue / (at - values[k])
         if values[k].imag > 0.0:
             response = response + residue.conj() / (at - values[k].conj())
-        # Eigenvectors of a double pole do not overlap: it matters as much as anything can.
+        # Eigenvectors of a double pole do not overlap: give it the largest contribution.
         share[i] = _share(np.abs(response).max(axis=0), size) / max(abs(overlap), np.finfo(float).tiny)
     return values[one], share
 

@@ -1,4 +1,4 @@
-"""From method to method until a law of lower order holds every plant."""
+"""Search over methods for a law of lower order that stabilises every plant."""
 
 from __future__ import annotations
 
@@ -22,7 +22,8 @@ ORDER_OF_TRIAL: tuple[Method, ...] = ("performance", "stability", "coprime", "ba
 
 @record(kw_only=True)
 class Trial:
-    """Where one method led: the law, its first cut, whether it holds all plants, and the words for it."""
+    """Result of one method: the law, its first truncation, whether it stabilises all plants, and a
+    description."""
 
     law: StateSpace
     method: Method
@@ -40,10 +41,7 @@ def search_law(
     homotopy: bool,
     polish: bool,
 ) -> Trial:
-    """The first method that leads to a law that holds, or of all methods the one that costs least.
-
-    Where none holds, that of the first method.
-    """
+    """Result of the first method that stabilises, or of the one of least cost; of the first if none does."""
     asked: Method = "performance" if method == "best" else method
     trials = [_try(system, order, asked, loops, homotopy, polish)]
     steps: list[str] = []
@@ -53,7 +51,7 @@ def search_law(
         try:
             trials.append(_try(system, order, way, loops, homotopy, polish))
         except (ConfigError, NumericalError) as error:
-            # What one way cannot do (keep more unstable poles than states are left) another may.
+            # Another method may succeed, e.g. where this one keeps more unstable poles than ``order``.
             steps.append(f"{way}: {error.what}")
     chosen = trials[0]
     if any(trial.holds for trial in trials):

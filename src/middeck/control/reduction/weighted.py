@@ -1,4 +1,4 @@
-"""Balanced reduction in which some frequencies count more (Enns 1984, 23rd IEEE CDC).
+"""Frequency-weighted balanced reduction (Enns 1984, 23rd IEEE CDC).
 
 The Gramians are those blocks of the weighted system's that belong to the system's own states. With a weight
 on one side what is left is stable; with two it need not be. Then the right-hand sides of the two Lyapunov
@@ -32,8 +32,8 @@ def reduce_weighted(
     """The system with fewer states, its error small in ``after`` (G - G_r) ``before``.
 
     Poles that do not decay are kept as they are and count in the order. ``error`` is the largest gain of the
-    weighted difference; there is no bound before the fact. Where two weights would leave an unstable
-    remainder, the definite Gramians are taken and ``method`` says so.
+    weighted difference; no a priori bound exists. Where two weights would leave an unstable remainder, the
+    definite Gramians are used, as ``method`` states.
 
     Raises `ConfigError` for weights that are not stable or do not fit, or an order below the number of poles
     that do not decay.
@@ -103,7 +103,7 @@ def _weighted_factors(
 
 
 def _definite(system: StateSpace, factors: GramianFactors) -> StateSpace:
-    """Inputs and outputs that would give Gramians no smaller than the weighted ones."""
+    """Inputs and outputs whose Gramians bound the weighted ones from above."""
     P, Q = factors.reach @ factors.reach.T, factors.see @ factors.see.T
     B = _absolute_root(-(system.A @ P + P @ system.A.T))
     C = _absolute_root(-(system.A.T @ Q + Q @ system.A)).T

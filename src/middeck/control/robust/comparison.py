@@ -1,4 +1,4 @@
-"""Designs side by side: decibels, stable share, order and control effort together, on one set of plants."""
+"""Comparison of designs on one set of plants: decibels, stable share, order and control effort."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ class ComparedDesign:
     worst_db, median_db, median_control_rms:
         Over the stable ones among them; ``inf`` where there is none.
     nominal_rms, worst_rms, median_rms:
-        The same as ``..._db``, in the unit of the weighted outputs: of a plant that drifts without control,
-        as a free body does, the decibels are minus infinity, and these tell designs apart.
+        As ``..._db``, in the unit of the weighted outputs; they compare designs where a plant drifts without
+        control (a free body) and all decibels are minus infinity.
     """
 
     name: str
@@ -102,7 +102,7 @@ def _median(values: np.ndarray, stable: np.ndarray) -> float:
 
 
 def comparison_table(rows: Sequence[ComparedDesign]) -> str:
-    """The rows as text, a line each; ``-`` for decibels over a plant that has no rms without control."""
+    """The rows as text; ``-`` for decibels relative to a plant of infinite rms without control."""
     head = (
         "design", "setting", "order", "nominal dB", "nominal rms", "control rms", "stable share", "worst dB",
         "worst rms", "median dB", "median rms",

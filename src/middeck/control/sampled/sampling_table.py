@@ -1,4 +1,4 @@
-"""A comparison of sampled laws as text."""
+"""Comparison of sampled designs as a table of text."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ HEAD = ("rate Hz", "method", "dB", "control rms", "gain dB", "phase deg", "disk"
 
 
 def sampling_table(comparison: SamplingComparison) -> str:
-    """A line for each law and rate: metric over that without control, control rms, least margins.
+    """One row for each law and rate: metric relative to no control, control rms, smallest margins.
 
     Decibels are negative for an improvement. ``-``: the plant alone has no metric, or no gain or
     phase breaks the loop.
