@@ -63,8 +63,6 @@ def sample_delayed(
     Raises `ConfigError` for a period that is not positive, a negative delay, or delays of another shape than
     D.
 
-    Examples
-    --------
     >>> lag = StateSpace([[-1.0]], [[1.0]], [[1.0], [2.0]], [[0.0], [0.0]])
     >>> len(sample_delayed(lag, 0.1, np.array([[0.2], [0.45]])).A)     # one state, five past inputs
     6

@@ -23,8 +23,6 @@ def part_modes(plant: Plant) -> Plant:
 
     Raises `NumericalError` where modes nearly coincide and share their eigenvectors.
 
-    Examples
-    --------
     >>> from middeck.signals.ports import Port
     >>> light = StateSpace([[0.0, 1.0], [-4.0, -0.1]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]])
     >>> part_modes(Plant(dynamics=light, inputs=(Port("force", "N"),), outputs=(Port("way",

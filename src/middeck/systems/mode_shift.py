@@ -34,8 +34,6 @@ def shift_modes(
     (shift the plant without the loop and close it again); outside modal form, for outputs that read q''; and
     for factors that are not positive.
 
-    Examples
-    --------
     >>> from middeck.signals.ports import Port
     >>> modal = ModalSystem(omega=[2.0], zeta=[0.01], psi=[[1.0]], phi=[[1.0]], phi_rate=[[0.0]],
     ...     names=("bending",))

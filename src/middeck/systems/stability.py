@@ -89,6 +89,11 @@ def is_stable(system: StateSpace | SampledStateSpace) -> bool:
     return none_grows(growth_rates(system))
 
 
+def decays(system: StateSpace) -> bool:
+    """Whether all poles decay."""
+    return bool(np.all(np.real(growth_rates(system)) < 0.0))
+
+
 def none_grows(rates: Complex[np.ndarray, " state"]) -> bool:
     """As `is_stable`, for known poles [rad/s].
 

@@ -43,10 +43,11 @@ def follow_roots(
     roots, is_root = _newton(halves, start, open_poles, reach)
     own = np.arange(len(start)) < len(upper[:count])
     roots = _once(roots[is_root], start[is_root], own[is_root])
-    return _with_conjugates(roots), _with_conjugates(np.append(start[own & ~is_root], upper[count:]))
+    return with_conjugates(roots), with_conjugates(np.append(start[own & ~is_root], upper[count:]))
 
 
-def _with_conjugates(upper: np.ndarray) -> Complex[np.ndarray, " root"]:
+def with_conjugates(upper: np.ndarray) -> Complex[np.ndarray, " root"]:
+    """``upper`` and real roots, followed by the conjugates of ``upper``."""
     return np.concatenate([upper, np.conj(upper[np.imag(upper) > 0.0])])
 
 

@@ -142,8 +142,6 @@ def measure_margins(
 
     Raises `ConfigError` for halves that do not fit (`form_loop`).
 
-    Examples
-    --------
     >>> from middeck.control.law.compensator import Compensator
     >>> from middeck.systems.plant import Plant, delay_plant
     >>> from middeck.signals.ports import Port

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from middeck.control.analysis.margins import LoopMargins, Margins
@@ -31,12 +33,13 @@ def margins_table(margins: Margins) -> str:
     if not margins.stable:
         root = margins.stability
         return f"unstable: a root at {root.frequency_hz:.4g} Hz grows by {-root.margin:.3g} 1/s"
-    lines = [HEAD, *(_cells(loop) for loop in margins.loops)]
-    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    return "\n".join(
-        "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip()
-        for line in lines
-    )
+    return align_columns([HEAD, *(_cells(loop) for loop in margins.loops)])
+
+
+def align_columns(rows: Sequence[Sequence[str]]) -> str:
+    """The cells of ``rows`` as lines of text with columns aligned at the left."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return "\n".join("  ".join(map(str.ljust, row, widths)).rstrip() for row in rows)
 
 
 def _cells(loop: LoopMargins) -> tuple[str, ...]:

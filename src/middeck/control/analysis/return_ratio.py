@@ -55,8 +55,6 @@ def trace_return_ratio(
 
     Raises `ConfigError` for halves that do not fit (`form_loop`), or lines at which the response is infinite.
 
-    Examples
-    --------
     >>> from middeck.control.law.compensator import Compensator
     >>> from middeck.systems.plant import Plant
     >>> from middeck.signals.ports import Port

@@ -71,8 +71,6 @@ def decide_stability(plant: Plant, law: Compensator) -> LoopStability:
     Raises `ConfigError` for halves that do not fit (`form_loop`); `NumericalError` where roots and count
     disagree at the highest order, right of every line that was tried.
 
-    Examples
-    --------
     >>> from middeck.control.law.compensator import Compensator
     >>> from middeck.systems.plant import Plant, delay_plant
     >>> from middeck.signals.ports import Port

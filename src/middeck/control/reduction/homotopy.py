@@ -16,7 +16,7 @@ from middeck.control.reduction.candidates import Candidate
 from middeck.control.reduction.loop import absorb, proper_law
 from middeck.control.robust.blend import improve
 from middeck.control.robust.starts import stabilises
-from middeck.systems.stability import growth_rates
+from middeck.systems.stability import decays
 from middeck.systems.statespace import StateSpace
 from middeck.values import record
 
@@ -70,8 +70,3 @@ def polish_law(models: Sequence[GeneralizedPlant], law: Law) -> Law | None:
 
 def _times(system: StateSpace, factor: float) -> StateSpace:
     return StateSpace(system.A, system.B, factor * system.C, factor * system.D)
-
-
-def decays(system: StateSpace) -> bool:
-    """Whether all poles do."""
-    return all(rate.real < 0.0 for rate in growth_rates(system))

@@ -15,6 +15,7 @@ import numpy as np
 import scipy.linalg as sla
 from jaxtyping import Bool, Complex, Float
 
+from middeck.control.analysis.delayed_roots import with_conjugates
 from middeck.control.law.partition import partition_modes
 from middeck.control.reduction.result import ReducedPlant
 from middeck.control.reduction.separation import AXIS, separate_poles
@@ -160,7 +161,7 @@ def _of_statespace(
     values, share = _pole_shares(_between(system, *ports), band)
     grows = np.real(values) > -AXIS * np.abs(values).max(initial=0.0)
     keep, shares = _most(share, grows, modes)
-    parts = separate_poles(system, _both(values[keep]))
+    parts = separate_poles(system, with_conjugates(values[keep]))
     gone = parts.rest
     limit = _static_limit(gone, values[~keep & (np.abs(values) >= band[0])]) if static else gone.D
     smaller = dataclasses.replace(parts.kept, D=limit)
@@ -183,7 +184,7 @@ def _static_limit(gone: StateSpace, above: np.ndarray) -> Float[np.ndarray, "out
     """Static gain of the poles ``above``; what lies below the band has its limit in the direct term."""
     if not len(above):
         return gone.D
-    springs = separate_poles(gone, _both(above)).kept
+    springs = separate_poles(gone, with_conjugates(above)).kept
     return gone.D - springs.C @ np.linalg.solve(springs.A, springs.B)
 
 
@@ -212,10 +213,6 @@ def _pole_shares(
         # Eigenvectors of a double pole do not overlap: give it the largest contribution.
         share[i] = _share(np.abs(response).max(axis=0), size) / max(abs(overlap), np.finfo(float).tiny)
     return values[one], share
-
-
-def _both(values: Complex[np.ndarray, " mode"]) -> Complex[np.ndarray, " pole"]:
-    return np.concatenate([values, np.conj(values[np.imag(values) > 0.0])])
 
 
 def _pole_names(values: Complex[np.ndarray, " mode"]) -> tuple[str, ...]:

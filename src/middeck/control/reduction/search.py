@@ -10,9 +10,10 @@ import numpy as np
 
 from middeck.control.h2.closed_cost import Law, evaluate_cost
 from middeck.control.reduction.candidates import Candidate, Method, find_candidate, find_start
-from middeck.control.reduction.homotopy import Withdrawal, decays, polish_law, withdraw_remainder
+from middeck.control.reduction.homotopy import Withdrawal, polish_law, withdraw_remainder
 from middeck.control.reduction.loop import Loop, proper_law
 from middeck.errors import ConfigError, NumericalError
+from middeck.systems.stability import decays
 from middeck.systems.statespace import StateSpace
 from middeck.values import record
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Float
 
+from middeck.control.analysis.margins_table import align_columns
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.uncertainty import Uncertainty, parameter_names
 from middeck.control.lqg import LQGWeights
@@ -123,11 +124,7 @@ def comparison_table(rows: Sequence[ComparedDesign]) -> str:
         )
         for row in rows
     ]
-    widths = [max(len(line[i]) for line in (head, *lines)) for i in range(len(head))]
-    return "\n".join(
-        "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip()
-        for line in (head, *lines)
-    )
+    return align_columns([head, *lines])
 
 
 def _decibels(value: float) -> str:

@@ -27,8 +27,6 @@ def plant_as_sampled(plant: Plant, period_s: float) -> Plant:
 
     Raises `ConfigError` where an input both disturbs and controls, or a mode lies at half the rate.
 
-    Examples
-    --------
     >>> from middeck.signals.ports import Port
     >>> lag = StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
     >>> plant = Plant(dynamics=lag, inputs=(Port("u", "N"),), outputs=(Port("y", "m"),), w=(), u=("u",),
