@@ -40,8 +40,7 @@ def component_poles(A: Float[np.ndarray, "state state"]) -> Complex[np.ndarray, 
 def component_schur(
     A: Float[np.ndarray, "state state"],
 ) -> tuple[Complex[np.ndarray, "state state"], Complex[np.ndarray, "state state"]]:
-    """T upper triangular and Q unitary with A = Q T Q^H, the diagonal of T computed component by
-    component."""
+    """T upper triangular and Q unitary with A = Q T Q^H, diagonal of T by components."""
     n, at = len(A), 0
     Q, T = np.zeros((n, n), dtype=complex), np.zeros((n, n), dtype=complex)
     for part in strong_components(A):

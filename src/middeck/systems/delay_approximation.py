@@ -230,8 +230,7 @@ def _join_channels(parts: Sequence[Named], *, by_input: bool) -> Named:
 
 
 def _late_channels(system: StateSpace, names: tuple[str, ...], delay_s: np.ndarray, order: int) -> Named:
-    """Approximate delays that are sums: input delays in front, output delays behind, the common one on one
-    side."""
+    """Approximate delays that are sums: of inputs in front, of outputs behind, common ones on one side."""
     before, after = (_late(side, order) for side in _put_delays(delay_s))
     late = series(series(before, system), after)
     return late, (*("delay",) * len(before.A), *names, *("delay",) * len(after.A))

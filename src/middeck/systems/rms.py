@@ -86,8 +86,7 @@ def _diverges(values: np.ndarray, w1: float, w2: float) -> bool:
 
 
 def _rms_of_dependent_poles(system: StateSpace, band: tuple[float, float]) -> Float[np.ndarray, " output"]:
-    """Rms by quadrature; warns where rounding of A leaves growth undecided or moves the rms by
-    `UNCERTAIN`."""
+    """Rms by quadrature; warns where rounding of A leaves growth or the rms uncertain."""
     crowd = find_crowds(system.A)
     if _diverges(crowd.means, *band):
         return np.full(len(system.C), np.inf)
@@ -115,8 +114,7 @@ def _warn(why: str) -> None:
 def _trusted_response(
     system: StateSpace, peaks: np.ndarray, band: tuple[float, float]
 ) -> tuple[Callable[[np.ndarray], np.ndarray], float]:
-    """Response over omega, in Schur form where as accurate as solving, and its relative error by rounding of
-    A.
+    """Response over omega, in Schur form where accurate enough, and its relative error by rounding of A.
 
     The backward error is relative to the norm of A in Schur form, and to each of its entries in solving.
     """

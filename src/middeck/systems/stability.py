@@ -23,8 +23,7 @@ GROWTH_LIMIT = 1e-8
 """Largest real part [rad/s] that still counts as stable: above rounding at an undamped pole, far below any
 growth that an experiment could show (a factor e in three years)."""
 ROUNDINGS = 100.0
-"""Change of A, in roundings, within which eigenvalues near zero that could coincide count as one split by
-it."""
+"""Change of A, in roundings, within which eigenvalues near zero that may coincide count as one."""
 CROWDED = 2e-6
 """Distance from zero, relative to A, to which rounding may move a double eigenvalue: ten times its root."""
 

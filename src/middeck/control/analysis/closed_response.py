@@ -30,8 +30,7 @@ TERMS = 20
 def closed_response(
     plant: Plant, compensator: Compensator, disturbed: Sequence[str]
 ) -> Callable[[np.ndarray], Complex[np.ndarray, "line zu wv"]]:
-    """Response over omega [rad/s] from (inputs ``disturbed``, measurement noise v) to (group z, commands
-    u)."""
+    """Response over omega [rad/s] from (``disturbed``, measurement noise v) to (z, commands u)."""
     active = partition_modes(plant).active
     u_ports, y = (tuple(p.name for p in side) for side in (compensator.outputs, compensator.inputs))
     path = select_ports(active, (*disturbed, *u_ports), (*active.z, *y))

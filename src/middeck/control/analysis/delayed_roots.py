@@ -20,8 +20,7 @@ ON_ROOT = 1e-2
 that the loop hardly moves |f| is rounding so near: there a tenth of the way, where Newton's method rests."""
 ONE_ROOT, TWO_STARTS = 1e-8, 1e-6
 RESTS = 1e-7
-"""Relative distance below which the root beside an open pole is one already known: a mode that hardly
-moves."""
+"""Relative distance below which the root beside an open pole counts as one already known."""
 NEAREST_AXIS = 12
 """Roots followed to the exact delay beside those that are counted."""
 

@@ -17,8 +17,7 @@ from middeck.systems.transmission_zeros import transmission_zeros
 from middeck.values import record
 
 CANCELLED = 1e-8
-"""Relative distance to a pole of the compensator below which a zero cancels it: the state is not in the
-path."""
+"""Relative distance to a pole of the compensator below which a zero cancels it."""
 
 
 @record(kw_only=True)

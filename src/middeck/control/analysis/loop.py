@@ -199,8 +199,7 @@ def broken_at(loop: FeedbackLoop, at: At) -> tuple[str, ...]:
 
 
 def go_round(G: np.ndarray, K: np.ndarray, at: At) -> Complex[np.ndarray, "line channel channel"]:
-    """Loop transfer from channel to channel: K G, G K, or for both (u, y) -> (K y, G u), all channels at
-    once."""
+    """Loop transfer from channel to channel: K G, G K, or for both (u, y) -> (K y, G u)."""
     if at == "inputs":
         return K @ G
     if at == "outputs":

@@ -73,8 +73,7 @@ class LoopMargins:
 
     @property
     def gain_limits(self) -> tuple[float, float]:
-        """Nearest gain factors below and above one; 0 and ``inf`` where there is none, both one if
-        unstable."""
+        """Nearest gain factors below and above one; 0 and ``inf`` if none, both one if unstable."""
         if self.broken:
             return 1.0, 1.0
         below, above = self.gain[self.gain < 1.0], self.gain[self.gain > 1.0]

@@ -101,8 +101,7 @@ def _wall_lines(
 
 
 def _where_small(halves: Halves, wall: float, omega: float, direct: float) -> float:
-    """Frequency above which a wave loses half of itself per round trip, or half of what exceeds
-    ``direct``."""
+    """Frequency above which the loop gain is below the mean of one and ``direct``."""
     for _ in range(DOUBLINGS):
         G, K = halves(wall + 1j * omega * np.array([1.0, 1.3, 1.7, 2.3]))
         if np.abs(np.linalg.eigvals(K @ G)).max(initial=0.0) < 0.5 * (1.0 + direct):

@@ -8,8 +8,7 @@ from jaxtyping import Complex, Float
 
 CLOSE = 1e-9
 MEET, MOST_POLISHED = 1e-3, 8
-"""Relative distance at which two singular values meet, and the most channels that a simplex search then
-takes."""
+"""Relative distance at which two singular values meet; most channels for a simplex search."""
 SWEEPS, BALANCED = 12, 0.05
 """Balancing sweeps for the start; an imperfect balance only costs a few steps of the descent."""
 NEAR = 0.9

@@ -1,5 +1,4 @@
-"""Participation of modes in an eigenvector, independent of the states' scaling (Pérez-Arriaga et al.
-1982)."""
+"""Participation of modes in an eigenvector, whatever the states' scaling (Pérez-Arriaga et al. 1982)."""
 
 from __future__ import annotations
 

@@ -49,8 +49,7 @@ def project(system: StateSpace, coordinates: Balance, order: int, rest: Rest) ->
 
 
 def settle_order(hankel: Float[np.ndarray, " value"], order: int | None, bound: float | None) -> int:
-    """Number of decaying states to keep: ``order``, or as few as ``bound`` allows; equal values stay
-    together."""
+    """Decaying states to keep: ``order``, or as few as ``bound`` allows; equal values stay together."""
     if (order is None) == (bound is None):
         raise ConfigError("a reduction needs an order or a bound, not both", hint="order=8, or bound=1e-3")
     if bound is not None:

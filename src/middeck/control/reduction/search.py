@@ -23,8 +23,7 @@ ORDER_OF_TRIAL: tuple[Method, ...] = ("performance", "stability", "coprime", "ba
 
 @record(kw_only=True)
 class Trial:
-    """Result of one method: the law, its first truncation, whether it stabilises all plants, and a
-    description."""
+    """Result of one method: law, first truncation, whether it stabilises all plants, description."""
 
     law: StateSpace
     method: Method

@@ -14,8 +14,7 @@ from jaxtyping import Float
 from middeck.control.riccati.lyapunov import solve_lyapunov
 
 NEWTON_STEPS = 12
-"""Most steps from a start: a neighbouring solution needs four or five; more would cost more than a fresh
-solution."""
+"""Most steps from a start; four or five suffice from a neighbour, more cost more than a fresh solution."""
 CLOSE = 1e-8
 """Relative residual at which `refine` takes over: one more step squares it."""
 
@@ -38,8 +37,7 @@ def refine(X: np.ndarray, A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[
 def approach(
     start: np.ndarray, A: np.ndarray, B: np.ndarray, Q: np.ndarray
 ) -> Float[np.ndarray, "state state"] | None:
-    """The stabilising solution from a stabilising ``start``; None where not found within the steps
-    allowed."""
+    """The stabilising solution from a stabilising ``start``; None where not found soon."""
     if np.linalg.eigvals(A - B @ (start @ B).T).real.max(initial=-1.0) >= 0.0:
         return None
     here = start

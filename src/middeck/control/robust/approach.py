@@ -1,5 +1,4 @@
-"""Continuation to a law that stabilises all models: by authority, by discount, by size of the
-perturbations."""
+"""Continuation to a law that stabilises all models: by authority, discount and size of perturbation."""
 
 from __future__ import annotations
 

@@ -112,8 +112,7 @@ def design_popov(
 def _minimise(
     problem: Problem, model: GeneralizedPlant, directions: Directions, place: _Place, tolerance: float
 ) -> _Place:
-    """Minimise, restarted in fresh coordinates as long as that helps; ``inf`` if the bound is lost at
-    once."""
+    """Minimise, restarted in fresh coordinates while that helps; ``inf`` if the bound is lost at once."""
     for _ in range(RESTARTS):
         after = _improve(problem, model, directions, place, tolerance)
         gain = place.bound - after.bound if np.isfinite(after.bound) else -np.inf

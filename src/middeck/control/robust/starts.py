@@ -45,8 +45,7 @@ def _factor(gramian: np.ndarray) -> np.ndarray:
 
 
 def pad_law(law: Law, order: int) -> Law:
-    """The law with additional stable states over its frequencies, coupled by a hundredth of its typical
-    gains."""
+    """The law with stable states added over its frequencies, coupled by 1 % of its typical gains."""
     extra = order - len(law.A)
     if extra <= 0:
         return law
@@ -90,8 +89,7 @@ def spread_starts(models: Sequence[GeneralizedPlant], order: int) -> Iterator[tu
 
 
 def _first(models_at: ModelsAt, order: int, ratios: Sequence[float]) -> Iterator[tuple[Law, float]]:
-    """The LQG law at the highest authority where it stabilises, reduced by balancing in the loop if
-    needed."""
+    """The LQG law at the highest stabilising authority, reduced by balancing in the loop if needed."""
     for ratio in ratios:
         models = models_at(float(ratio))
         law = in_the_loop(models[0], order)

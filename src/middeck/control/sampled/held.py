@@ -19,8 +19,7 @@ from middeck.systems.statespace import SampledStateSpace
 from middeck.values import record
 
 MOST_LATE = 200
-"""Largest delay in periods, half a second at 400 Hz: each is a state, and a design costs their number
-cubed."""
+"""Largest delay in periods (half a second at 400 Hz); a design costs the cube of the states."""
 
 
 @record(kw_only=True)

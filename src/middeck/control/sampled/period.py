@@ -45,8 +45,7 @@ class Between:
 
 @record(kw_only=True)
 class _Layout:
-    """Positions of the sampled states: the plant's, past inputs, waiting measurements; then the new
-    inputs."""
+    """Positions of the plant's states, past inputs, waiting measurements and new inputs."""
 
     states: int
     first: np.ndarray
