@@ -1,4 +1,4 @@
-"""The rms of a loop under process and sensor noise, whatever its time domain and delays."""
+"""Rms of a continuous or sampled loop, with or without delays, under process and sensor noise."""
 
 from __future__ import annotations
 
@@ -17,15 +17,11 @@ def measure_noise_rms(plant: Plant, compensator: Compensator, weights: LQGWeight
 
     Weights and noises are in the order of the plant's groups z, u and y, whatever the compensator's order.
 
-    A continuous compensator's by an integral over frequency after stability is decided (`decide_stability`);
-    a sampled one's over all time, between the samples too.
+    For a continuous compensator stability is decided (`decide_stability`), then the response is integrated
+    over frequency; for a sampled one the rms is over all time, between the samples too.
 
-    Raises
-    ------
-    ConfigError
-        For ports that do not exist, weights that do not fit, and process noise that reaches z directly.
-    NumericalError
-        Where stability cannot be decided.
+    Raises `ConfigError` for ports that do not exist, weights that do not fit, and process noise that reaches
+    z directly; `NumericalError` where stability cannot be decided.
     """
     law = arrange_ports(compensator, plant.y, plant.u)
     if law.period_s is None:

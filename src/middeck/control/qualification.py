@@ -1,4 +1,4 @@
-"""A compensator on plants it was not designed for: stability, margins, rms, as it is and as it is sampled."""
+"""Qualification of a compensator on other plants: stability, margins and rms, continuous and sampled."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ CONTINUOUS = "continuous"
 
 @record(kw_only=True)
 class Qualified:
-    """What one plant does under one form of a compensator.
+    """Result of one plant under one form of a compensator.
 
     Parameters
     ----------
@@ -44,10 +44,10 @@ class Qualified:
     loops:
         Margins of each loop, broken at the plant's inputs; empty for an unstable loop.
     unheld:
-        Modes that do not decay and that no law at these ports can hold: the loop is then not stable, whether
-        rounding puts their poles left or right of the axis.
+        Modes that do not decay and are uncontrollable or unobservable at these ports: the loop is then not
+        stable, whether rounding puts their poles left or right of the axis.
     undecided:
-        Why it could not be told whether the loop is stable; empty where it could.
+        Reason why stability could not be decided; empty where it was.
     """
 
     plant: str
@@ -62,7 +62,7 @@ class Qualified:
 
     @property
     def stable(self) -> bool:
-        """Whether it is known that every root decays: one on the axis drifts without bound under noise."""
+        """Whether every root is known to decay; a root on the axis drifts without bound under noise."""
         known = self.stability
         return known is not None and known.stable and known.margin > GROWTH_LIMIT
 
@@ -79,11 +79,8 @@ def qualify_compensator(
     At a rate a continuous compensator is sampled by Tustin's rule; a sampled one runs at its own rate only.
     ``weights`` say what is measured, under which noise: z, u and y of each plant in their order.
 
-    Raises
-    ------
-    ConfigError
-        For ports that a plant does not have, weights that do not fit, and rates for a sampled compensator.
-        The error's place is the name of the plant.
+    Raises `ConfigError` for ports that a plant does not have, weights that do not fit, and rates for a
+    sampled compensator. The error's place is the name of the plant.
     """
     found: list[Qualified] = []
     for name, plant in plants.items():
@@ -101,7 +98,7 @@ def qualify_compensator(
 
 @record
 class _Tried:
-    """A plant with its groups set, what it does alone, and what nothing holds."""
+    """A plant with its groups set, its result without control, and its unstabilisable modes."""
 
     name: str
     plant: Plant
@@ -109,12 +106,7 @@ class _Tried:
     unheld: tuple[str, ...]
 
 
-def _try(
-    name: str,
-    plant: Plant,
-    compensator: Compensator,
-    weights: LQGWeights,
-) -> _Tried:
+def _try(name: str, plant: Plant, compensator: Compensator, weights: LQGWeights) -> _Tried:
     aligned = align_plant(plant, compensator)
     alone = measure_noise_rms(aligned, idle_compensator(aligned), weights).rms
     return _Tried(name, aligned, alone, _unheld(aligned))
@@ -174,7 +166,7 @@ def sampled_forms(compensator: Compensator, rates_hz: Sequence[float]) -> tuple[
 
 
 def _row(tried: _Tried, law: Compensator, weights: LQGWeights) -> Qualified:
-    """One form on one plant; what cannot be decided is said in its row and takes no other row along."""
+    """Result of one form on one plant; an undecided case is reported in its row and affects no other."""
     setting = f"{1.0 / law.period_s:g} Hz" if law.period_s else CONTINUOUS
     unknown = Qualified(
         plant=tried.name,
@@ -208,7 +200,7 @@ def _row(tried: _Tried, law: Compensator, weights: LQGWeights) -> Qualified:
 
 
 def _unheld(plant: Plant) -> tuple[str, ...]:
-    """Modes that do not decay and that u does not reach or y does not see; delays change nothing of that."""
+    """Modes that do not decay and are uncontrollable from u or unobservable in y, whatever the delays."""
     inside = remove_delays(plant)
     path, names = subsystem(inside, inside.u, inside.y), name_states(inside)
     found: list[str] = []

@@ -1,4 +1,4 @@
-"""The torques that the elements of joints exert within a step, and where the joints end: solved together."""
+"""Torques of joint elements within a step and end angles of the joints, solved together."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from middeck.joints.element import JointElement
 from middeck.joints.friction import Friction
 
 MOST_ITERATIONS = 100
-"""A root between brackets takes 60 halvings at most; Newton's method takes three or four."""
+"""Most iterations: 60 halvings of a bracket; Newton's method takes three or four."""
 
 
 class Balance:
     """Mean torques T with end = free - compliance T and T = T(end), joint after joint until none moves.
 
     A monotone law and a symmetric positive compliance are the gradient of a convex function, on which
-    descent along one coordinate after the other converges. One joint is done in one go.
+    coordinate descent converges. One joint is solved directly.
     """
 
     def __init__(self, elements: Sequence[tuple[JointElement, ...]], compliance: list[list[float]]) -> None:
@@ -30,7 +30,7 @@ class Balance:
     def solve(
         self, inner: list[list[float]], begin: list[float], free: list[float], guess: list[float]
     ) -> list[float]:
-        """The torques from the elements' states, where the joints begin and where they would end freely."""
+        """Torques from the elements' states, the joints' start angles and their end angles without torque."""
         torque = guess.copy()
         alone = len(torque) == 1
         for _ in range(MOST_ITERATIONS):

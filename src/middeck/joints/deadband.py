@@ -54,7 +54,7 @@ class Deadband:
 
     @property
     def viscous(self) -> float:
-        """None: a gap and its flanks dissipate nothing."""
+        """Zero: a gap and its flanks dissipate nothing."""
         return 0.0
 
     @property
@@ -80,7 +80,7 @@ class Deadband:
     def harmonic(
         self, amplitude: Float[np.ndarray, " amplitude"], order: int
     ) -> Complex[np.ndarray, " amplitude"]:
-        """Torque [N m] of one harmonic, see `JointElement`; the even ones are of the preload's making."""
+        """Torque [N m] of one harmonic, see `JointElement`; even ones come from the preload."""
         A = check_amplitudes(amplitude)
         cosine = self._flanks(A) / A
         beta = np.arccos(np.clip(cosine, -1.0, 1.0))
@@ -116,7 +116,7 @@ class Deadband:
         return math.copysign(mean, self.preload)
 
     def resist(self, angle: float, state: float) -> tuple[float, float]:
-        """Torque [N m] beyond the preload; ``state`` is handed through."""
+        """Torque [N m] beyond the preload; ``state`` is returned unchanged."""
         return self._flank(angle + self.rest) - self.preload, state
 
     def mean_torque(self, start: float, end: float, state: float) -> tuple[float, float]:
@@ -142,7 +142,7 @@ class Deadband:
         return self.stiffness * (angle - math.copysign(self.gap, angle))
 
     def _flanks(self, amplitude: np.ndarray) -> np.ndarray:
-        """Way [rad] from the mean angle to either flank, upper and lower, for each amplitude."""
+        """Distance [rad] from the mean angle to the upper and lower flank, for each amplitude."""
         mean = np.array([self.mean_angle(float(a)) for a in amplitude])
         return np.array([self.gap - mean, self.gap + mean])
 

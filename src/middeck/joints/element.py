@@ -1,8 +1,8 @@
 """Elements at a joint beside its motor: the interface that friction and deadband share.
 
 An element resists: its torque is positive against a positive angle and acts on the joint with the opposite
-sign. The angle is counted from the joint's rest position. The same object serves in time (a rig) and at
-one frequency (its describing function), so that neither can be about another joint than the other.
+sign. The angle is counted from the joint's rest position. The same object serves simulation in time and the
+describing function.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class JointElement(Protocol):
         ...
 
     def stored_energy(self, angle: float, state: float) -> float:
-        """Energy [J] that it would give back."""
+        """Stored energy [J]."""
         ...
 
 

@@ -1,9 +1,8 @@
-"""Strongly connected components of a matrix: which states act on each other, and in what order.
+"""Strongly connected components of a matrix: states that act on each other, in block triangular order.
 
-States that act on others and are not acted upon by them (a cascade, a chain of actuator and plant) make A
-block triangular after a permutation. The poles are those of the blocks, and a block alone has poles that
-rounding moves by its own size and multiplicity, not by those of the whole (Duff, Erisman and Reid 1986,
-"Direct Methods for Sparse Matrices", chapter 6).
+A cascade (a chain of actuator and plant) is block triangular after a permutation of its states. Its poles are
+those of the blocks; computed block by block, rounding moves them by the size and multiplicity of a block
+instead of the whole matrix (Duff, Erisman and Reid 1986, "Direct Methods for Sparse Matrices", chapter 6).
 """
 
 from __future__ import annotations
@@ -24,8 +23,7 @@ def strong_components(A: Float[np.ndarray, "state state"]) -> list[np.ndarray]:
     [[1], [0]]
     """
     count, label = cast(
-        "tuple[int, np.ndarray]",
-        csgraph.connected_components(A != 0.0, directed=True, connection="strong"),
+        "tuple[int, np.ndarray]", csgraph.connected_components(A != 0.0, directed=True, connection="strong")
     )
     readers: dict[int, set[int]] = {part: set() for part in range(count)}
     for row, column in np.argwhere((A != 0.0) & (label[:, None] != label)):
@@ -34,7 +32,7 @@ def strong_components(A: Float[np.ndarray, "state state"]) -> list[np.ndarray]:
 
 
 def component_poles(A: Float[np.ndarray, "state state"]) -> Complex[np.ndarray, " state"]:
-    """The eigenvalues, each from the component that it belongs to."""
+    """Eigenvalues, computed component by component."""
     parts = [np.linalg.eigvals(A[np.ix_(part, part)]) for part in strong_components(A)]
     return np.concatenate(parts).astype(complex) if parts else np.zeros(0, dtype=complex)
 
@@ -42,7 +40,7 @@ def component_poles(A: Float[np.ndarray, "state state"]) -> Complex[np.ndarray, 
 def component_schur(
     A: Float[np.ndarray, "state state"],
 ) -> tuple[Complex[np.ndarray, "state state"], Complex[np.ndarray, "state state"]]:
-    """T upper triangular and Q unitary with A = Q T Q^H; the diagonal of T from each component alone."""
+    """T upper triangular and Q unitary with A = Q T Q^H, diagonal of T by components."""
     n, at = len(A), 0
     Q, T = np.zeros((n, n), dtype=complex), np.zeros((n, n), dtype=complex)
     for part in strong_components(A):

@@ -25,10 +25,7 @@ def pade(delay_s: float, order: int) -> StateSpace:
     order:
         Number of states, one or more.
 
-    Raises
-    ------
-    ConfigError
-        For a negative or non-finite delay, or an order below one.
+    Raises `ConfigError` for a negative or non-finite delay, or an order below one.
 
     Examples
     --------
@@ -59,7 +56,7 @@ def evaluate_pade(
 ) -> Complex[np.ndarray, " point"]:
     """The response of `pade` at complex frequencies ``s`` [rad/s], by its continued fraction.
 
-    Of ``order`` divisions a point, where the state space asks for a Schur form first.
+    Costs ``order`` divisions a point, against a Schur form for the state space.
 
     >>> lag = evaluate_pade(0.01, 3, np.array([100.0j]))[0]
     >>> bool(abs(lag - np.exp(-1j)) < 1e-5)

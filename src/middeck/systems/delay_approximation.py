@@ -1,4 +1,4 @@
-"""A plant whose exact delays are replaced by Pade approximations, for a design that needs finite states."""
+"""Pade approximations in place of a plant's exact delays, for designs that need finitely many states."""
 
 from __future__ import annotations
 
@@ -19,30 +19,26 @@ from middeck.systems.plant import Plant, name_states, remove_delays
 from middeck.systems.statespace import StateSpace, add, gain_system, series
 from middeck.values import record
 
-# Delays that differ by less [s] are one: far below what any record can tell.
+# Delays that differ by less [s] count as equal: far below the resolution of any record.
 SAME_DELAY_S = 1e-12
 
 Named = tuple[StateSpace, tuple[str, ...]]
-"""A system and what its states belong to."""
+"""A system and the names of its states."""
 
 
 def approximate_delays(plant: Plant, order: int) -> Plant:
-    """The plant with a Pade approximation of ``order`` states for each delay that stands alone.
+    """The plant with a Pade approximation of ``order`` states for each separate delay.
 
-    A delay common to all paths is put on the side with fewer channels; what an input or an output is delayed
-    beyond that needs states of its own. Delays that are not a sum of one for the input and one for the output
-    (`is_sum`) give each channel of the smaller side the states on its paths once more, but for integrators
-    (rigid modes, in modal form or mixed with others): those are kept once, reached and seen or not, with the
-    integrators that such delays add to them (`middeck.systems.delayed_integrators`), and come last. States:
-    those of the inputs' delays (named "delay"), the plant's, those of the outputs' delays. Modes of the plant
-    that no port moves or sees stand apart by exact zeros (`silence_inert`).
+    A delay common to all paths goes to the side with fewer channels; further delay of an input or output has
+    its own states. Where delays are not a sum of an input's and an output's (`is_sum`), each channel of the
+    smaller side has a copy of the states on its paths, except integrators (rigid modes): these are kept once,
+    controllable and observable or not, with the integrators that such delays add
+    (`middeck.systems.delayed_integrators`), and come last. States: the input delays (named "delay"), the
+    plant's, the output delays. Inert modes are separated by exact zeros (`silence_inert`).
 
     A plant without delays stays as it is.
 
-    Raises
-    ------
-    ConfigError
-        For an order below one.
+    Raises `ConfigError` for an order below one.
     """
     if not plant.delayed:
         return plant
@@ -80,7 +76,7 @@ def _states(system: StateSpace, names: tuple[str, ...], which: np.ndarray) -> Na
 
 
 def _joined_to_no_port(system: StateSpace) -> np.ndarray:
-    """States that act on none of those that ports reach or see, nor they on them: inert, by exact zeros."""
+    """Inert states: separated by exact zeros from all states that are controllable or observable."""
     joined = np.any(system.B, axis=1) | np.any(system.C, axis=0)
     return ~_spread((system.A != 0.0) | (system.A.T != 0.0), joined)
 
@@ -88,7 +84,8 @@ def _joined_to_no_port(system: StateSpace) -> np.ndarray:
 def evaluate_approximation(
     delay_s: Float[np.ndarray, "output input"], order: int, s: Complex[np.ndarray, " point"]
 ) -> Complex[np.ndarray, "point output input"]:
-    """What stands for exp(-s tau) of each path in `approximate_delays`, at complex frequencies ``s`` [rad/s].
+    """Approximation of exp(-s tau) of each path in `approximate_delays`, at complex frequencies ``s``
+    [rad/s].
 
     >>> turn = evaluate_approximation(np.array([[0.0, 0.1], [0.2, 0.1]]), 8, np.array([1.0j]))[0]
     >>> bool(np.allclose(turn, np.exp(-1.0j * np.array([[0.0, 0.1], [0.2, 0.1]])), atol=1e-12))
@@ -110,7 +107,7 @@ def _evaluate_sum(delay_s: np.ndarray, order: int, s: np.ndarray) -> np.ndarray:
 
 
 def _approximate_parts(parts: _Parts, delay_s: np.ndarray, order: int) -> Named:
-    """Copies of what moves, as each channel is delayed; integrators once, and last."""
+    """One copy of the moving part for each channel; integrators once, and last."""
     banks = [_bank(delay_s, i, order) for i in range(delay_s.shape[1])]
     integrals, count = approximate_delayed_integrators(parts.residues, parts.still, parts.direct, banks)
     names = (*(parts.at_rest,) * count, *("delay",) * (len(integrals.A) - count))
@@ -122,7 +119,7 @@ def _approximate_parts(parts: _Parts, delay_s: np.ndarray, order: int) -> Named:
 
 @record(kw_only=True)
 class _Parts:
-    """Integrators as residues and as a system, with a name for them all; what moves; the direct term."""
+    """Integrators as residues and as a system, with one name; the moving part; the direct term."""
 
     residues: Float[np.ndarray, "chain output input"]
     still: StateSpace
@@ -173,7 +170,7 @@ def _part_states(system: StateSpace, names: tuple[str, ...]) -> _Parts:
 
 
 def _bank(delay_s: np.ndarray, i: int, order: int) -> StateSpace:
-    """What stands for the delays from input ``i`` to each output, path by path as in `_by_channel`."""
+    """Approximate delays from input ``i`` to each output, path by path as in `_by_channel`."""
     if delay_s.shape[1] <= delay_s.shape[0]:
         return _late_channels(gain_system(np.ones((len(delay_s), 1))), (), delay_s[:, [i]], order)[0]
     common = delay_s.min(axis=1)
@@ -187,12 +184,12 @@ def _doubled(names: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _by_channel(system: StateSpace, names: tuple[str, ...], delay_s: np.ndarray, order: int) -> Named:
-    """One channel of the smaller side at a time: its paths are delayed by one side's delays alone."""
+    """Approximate one channel of the smaller side at a time; its paths have delays of the other side only."""
     by_input = delay_s.shape[1] <= delay_s.shape[0]
     whole, count = slice(None), min(delay_s.shape)
     channels = [(whole, [k]) if by_input else ([k], whole) for k in range(count)]
     on_path = np.array([_on_path(system.A, system.B[:, i], system.C[o]) for o, i in channels])
-    # What is on no path of all is kept once, so that a design may refuse it.
+    # Keep states on no path once, so that a design can refuse them.
     on_path[0] |= ~on_path.any(axis=0)
     parts: list[Named] = []
     for (rows, columns), kept in zip(channels, on_path, strict=True):
@@ -208,7 +205,7 @@ def _by_channel(system: StateSpace, names: tuple[str, ...], delay_s: np.ndarray,
 
 
 def _on_path(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray:
-    """States that an input reaches and an output sees, but for exact zeros."""
+    """States between an input and an output, by exact zeros."""
     return _spread(A != 0.0, np.any(B, axis=1)) & _spread(A.T != 0.0, np.any(C, axis=0))
 
 
@@ -220,7 +217,7 @@ def _spread(acts: np.ndarray, start: np.ndarray) -> np.ndarray:
 
 
 def _join_channels(parts: Sequence[Named], *, by_input: bool) -> Named:
-    """Systems of one input each, their outputs added, or of one output each, driven by the same inputs."""
+    """Join systems of one input each (outputs added), or of one output each (same inputs)."""
     systems = [system for system, _ in parts]
     side_by_side, stacked = (_block, np.hstack) if by_input else (np.vstack, _block)
     joined = StateSpace(
@@ -233,14 +230,14 @@ def _join_channels(parts: Sequence[Named], *, by_input: bool) -> Named:
 
 
 def _late_channels(system: StateSpace, names: tuple[str, ...], delay_s: np.ndarray, order: int) -> Named:
-    """Delays that are sums: inputs' delays in front, outputs' delays behind, the common one on one side."""
+    """Approximate delays that are sums: of inputs in front, of outputs behind, common ones on one side."""
     before, after = (_late(side, order) for side in _put_delays(delay_s))
     late = series(series(before, system), after)
     return late, (*("delay",) * len(before.A), *names, *("delay",) * len(after.A))
 
 
 def _put_delays(delay_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Delays of inputs and of outputs, of which those of the paths are the sums."""
+    """Delays of inputs and of outputs whose sums are the delays of the paths."""
     split = split_delays(delay_s)
     of_input, of_output = split.input_s, split.output_s
     if len(of_input) < len(of_output):
@@ -250,7 +247,7 @@ def _put_delays(delay_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _late(delay_s: Float[np.ndarray, " channel"], order: int) -> StateSpace:
-    """A Pade approximation for each channel, none for those that are on time."""
+    """A Pade approximation for each delayed channel."""
     each = [pade(_if_late(tau), order) for tau in delay_s]
     return StateSpace(*(_block([getattr(s, name) for s in each]) for name in "ABCD"))
 

@@ -1,13 +1,13 @@
-"""Integrators behind delays that are no sums: each kept once, with what the delays add to it.
+"""Integrators under delays that are not sums: each kept once, with the integrators that the delays add.
 
 With R_k / s^k from inputs to outputs and P(s) = 1 + p_1 s + p_2 s^2 + ... for the delay of each path, of size
 p_1 = -tau, each path is
 
     sum over k of  R_k (s^-k + p_1 s^(1-k) + ... + p_(k-1) / s)  +  R_k s^-k (P - 1 - ... - p_(k-1) s^(k-1)).
 
-Of P = D + C (s - A)^-1 B the last is R_k C A^-k in front of the same states: no pole at the origin. The rest
-has as many integrators as its residues ask for. Where outputs see one force on a free body at different
-times, one output less another is that force integrated once: a state of its own.
+With P = D + C (s - A)^-1 B the last term has the states of P and the output R_k C A^-k: no pole at the
+origin. The rest has as many integrators as its residues require. Where outputs read one force on a free body
+with different delays, their difference is the force integrated once, which needs its own state.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ def approximate_delayed_integrators(
     direct: Float[np.ndarray, "output input"],
     banks: Sequence[StateSpace],
 ) -> tuple[StateSpace, int]:
-    """The sum of R_k / s^k and ``direct``, each path with its P; and how many states, the first, integrate.
+    """The sum of R_k / s^k and ``direct``, each path times its P; and the number of integrators, its first
+    states.
 
-    ``banks`` hold, input by input, P to each output. Where ``still``, which has the same residues, has more
-    states than they ask for, it is kept whole: an integrator that no input moves, or no output sees, is for
-    a design to refuse.
+    ``banks`` hold P to each output, input by input. ``still`` has the same residues; where it has more states
+    than they require it is kept whole, so that a design can refuse its uncontrollable or unobservable states.
     """
     late = np.array(residues)
     behind: list[StateSpace] = []

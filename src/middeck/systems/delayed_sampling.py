@@ -1,10 +1,10 @@
-"""Sampled equivalents of a system whose paths are delayed, each by its own time: exact, with few states.
+"""Exact sampled equivalents, with few states, of systems with a separate delay for each path.
 
-Input i is held over each period and reaches the plant late by a_i, output o is delayed by b_o. The plant's
-state is kept as it is at the sampling instants under inputs that are delayed by alpha_i = a_i + beta; an
-output that is delayed by less than beta is looked ahead for, since all inputs on the way are known, and one
-that is late by more waits in a chain. With beta the latest output's, a single input needs no more states than
-its latest path; with beta zero each output has a chain of its own. The beta of fewest states is taken.
+Input i is held over each period and delayed by a_i, output o by b_o. The state is the plant's at the sampling
+instants under inputs delayed by alpha_i = a_i + beta. An output delayed by less than beta is predicted (all
+inputs until then are known); one delayed by more waits in a chain of states. With beta the largest output
+delay, a single input needs no more states than its most delayed path; with beta zero each output has a chain.
+The beta of fewest states is chosen.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from middeck.values import record
 
 @record
 class DelaySplit:
-    """Delays of the paths as delay of the input plus delay of the output [s], and what that leaves."""
+    """Delays of the paths as delay of the input plus delay of the output plus a rest, all [s]."""
 
     input_s: Float[np.ndarray, " input"]
     output_s: Float[np.ndarray, " output"]
@@ -29,7 +29,8 @@ class DelaySplit:
 
 
 def split_delays(delay_s: Float[np.ndarray, "output input"]) -> DelaySplit:
-    """The largest parts that belong to an input or an output as a whole; the common part is the outputs'.
+    """Split path delays into the largest parts common to an input or to an output; the outputs take their
+    common.
 
     >>> split = split_delays(np.array([[1.0, 3.0], [2.0, 4.0]]))
     >>> split.input_s.tolist(), split.output_s.tolist(), split.rest_s.any()
@@ -53,19 +54,15 @@ def is_sum(delay_s: Float[np.ndarray, "output input"], tolerance: float = WHOLE)
 def sample_delayed(
     system: StateSpace, period_s: float, delay_s: Float[np.ndarray, "output input"]
 ) -> SampledStateSpace:
-    """The system as a computer sees it: inputs held, each path delayed by its own delay, outputs sampled.
+    """The sampled system: inputs held, each path delayed by its own delay, outputs sampled.
 
-    Exact for any delays, also of fractions of a period; y[k] is taken at the instant at which u[k] is issued.
-    States: the system's, then past inputs (input by input, the latest first), then outputs that wait. Where
-    the delays are no sums (`is_sum`), each input has the system to itself: those states come first.
+    Exact for any delays, fractions of a period included; y[k] is taken at the instant at which u[k] is
+    issued. States: the system's, then past inputs (input by input, the latest first), then waiting outputs.
+    Where the delays are not sums (`is_sum`), each input has a copy of the system, whose states come first.
 
-    Raises
-    ------
-    ConfigError
-        For a period that is not positive, a negative delay, or delays of another shape than D.
+    Raises `ConfigError` for a period that is not positive, a negative delay, or delays of another shape than
+    D.
 
-    Examples
-    --------
     >>> lag = StateSpace([[-1.0]], [[1.0]], [[1.0], [2.0]], [[0.0], [0.0]])
     >>> len(sample_delayed(lag, 0.1, np.array([[0.2], [0.45]])).A)     # one state, five past inputs
     6
@@ -91,7 +88,7 @@ def sample_delayed(
 
 
 def _side_by_side(alone: list[SampledStateSpace], states: int) -> SampledStateSpace:
-    """Systems of one input each, their outputs added; the ``states`` that begin each of them come first."""
+    """Systems of one input each, outputs added; the first ``states`` of each come first."""
     A, B = (np.asarray(scipy.linalg.block_diag(*(getattr(s, name) for s in alone))) for name in "AB")
     C, D = (np.hstack([getattr(s, name) for s in alone]) for name in "CD")
     first = np.concatenate([np.arange(len(s.A)) < states for s in alone])
@@ -100,7 +97,7 @@ def _side_by_side(alone: list[SampledStateSpace], states: int) -> SampledStateSp
 
 
 def tidy_samples(samples: np.ndarray) -> np.ndarray:
-    """Whole numbers of samples where they are meant: decimals are not exact in binary."""
+    """Round to whole samples what differs from them by binary rounding of decimals only."""
     nearest = np.round(samples)
     return np.where(np.abs(samples - nearest) < WHOLE, nearest, samples)
 

@@ -1,4 +1,4 @@
-"""Closing a loop: positive feedback, what comes back is added at the inputs."""
+"""Closing a loop with positive feedback, added at the inputs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from middeck.errors import ConfigError
 from middeck.systems.statespace import SampledStateSpace, System, same_period
 
 AMPLIFIED = 1e12
-"""By so much an algebraic loop would amplify rounding: to a thousandth and more."""
+"""Componentwise condition number beyond which an algebraic loop is refused: rounding would reach 1e-3."""
 
 
 def close_static(system: System, gain: Float[np.ndarray, "input output"]) -> System:
@@ -30,7 +30,7 @@ def close_static(system: System, gain: Float[np.ndarray, "input output"]) -> Sys
 
 
 def _solve_direct(loop: Float[np.ndarray, "input input"]) -> Float[np.ndarray, "input input"]:
-    """(1 - loop)^-1, refused where rounding of the direct terms is amplified, whatever their units.
+    """(1 - loop)^-1; refused where ill-conditioned in every scaling of the channels.
 
     The spectral radius of |(1 - L)^-1| (1 + |L|): the componentwise condition (Skeel 1979, Journal of the ACM
     26), least over all scalings of the channels (Bauer 1963, Numerische Mathematik 5).
@@ -70,7 +70,7 @@ def feedback(plant: System, law: System, drives: Sequence[int], reads: Sequence[
 
 
 def beside(first: System, second: System) -> System:
-    """Two systems that know nothing of each other, as one.
+    """Two unconnected systems as one.
 
     Raises `ConfigError` for a continuous system beside a sampled one, and for two periods.
     """

@@ -12,7 +12,7 @@ from middeck.systems.response import FrequencyResponse, ResponseCovariance
 
 
 def hold_response(frequency_hz: Float[np.ndarray, " line"], period_s: float) -> Complex[np.ndarray, " line"]:
-    """(1 - exp(-s T)) / (s T) at s = j omega: half a period late, weaker by sin(x) / x, x = omega T / 2.
+    """(1 - exp(-s T)) / (s T) at s = j omega: delayed by T / 2, attenuated by sin(x) / x, x = omega T / 2.
 
     >>> H = hold_response(np.array([0.0, 25.0]), 0.01)
     >>> H[0] == 1.0, round(float(np.degrees(np.angle(H[1]))), 9)
@@ -23,10 +23,9 @@ def hold_response(frequency_hz: Float[np.ndarray, " line"], period_s: float) -> 
 
 
 def release_hold(measured: FrequencyResponse) -> FrequencyResponse:
-    """The response from what an ideal converter would have put out, its inputs' hold divided out.
+    """The response with the hold of its inputs divided out: that of the plant behind it, but for aliasing.
 
-    That of what is behind the hold but for what sampling folds back. A response without a hold, or of which
-    that is not known, stays as it is.
+    A response without a hold, or with an unknown one, is returned unchanged.
     """
     if not measured.hold_s:
         return measured
@@ -43,9 +42,9 @@ def release_hold(measured: FrequencyResponse) -> FrequencyResponse:
 
 
 def release_inputs(record: Record) -> Record:
-    """A record with inputs as they were after their hold, as far as half the rate: the same outputs.
+    """The record with its inputs as they leave the hold, up to half the rate; outputs unchanged.
 
-    One of inputs that were not held, or of which that is not known, stays as it is.
+    A record without a hold, or with an unknown one, is returned unchanged.
     """
     if not record.held:
         return record

@@ -1,4 +1,4 @@
-"""Modes that no input moves and no output sees, but for the rounding of an eigensolution."""
+"""Inert modes: uncontrollable and unobservable up to the rounding of an eigensolution."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ eigensolution leaves where there should be zero, and 180 dB under the best coupl
 
 
 def inert_modes(modal: ModalSystem) -> Bool[np.ndarray, " mode"]:
-    """Which modes are neither reached nor observed: in no transfer function.
+    """Which modes are both uncontrollable and unobservable, hence in no transfer function.
 
     Each port's coupling to a mode is taken relative to its coupling to the mode it couples best with, so
     that units do not matter, and compared with `COUPLING_FLOOR`.
@@ -24,21 +24,21 @@ def inert_modes(modal: ModalSystem) -> Bool[np.ndarray, " mode"]:
 
 
 def reached_modes(modal: ModalSystem) -> Bool[np.ndarray, " mode"]:
-    """Which modes at least one input moves."""
+    """Which modes are controllable from at least one input."""
     return _coupled(np.abs(modal.psi).T)
 
 
 def observed_modes(modal: ModalSystem) -> Bool[np.ndarray, " mode"]:
-    """Which modes at least one output sees, by displacement or rate.
+    """Which modes are observable in at least one output, by displacement or rate.
 
-    An accelerometer does not see the state of a rigid mode: what it reads of it is the input, directly.
+    An accelerometer does not observe a rigid mode's state; it reads the input directly.
     """
     rows = output_rows(modal)
     return _coupled(np.maximum(np.abs(rows.position), np.abs(rows.rate) * rate_scale(modal)))
 
 
 def silence_inert(modal: ModalSystem) -> ModalSystem:
-    """The same with exact zeros where inert modes meet the ports: they can be told from others ever after."""
+    """The system with exact zeros between inert modes and ports, which identify these modes from then on."""
     heard = ~inert_modes(modal)
     return dataclasses.replace(
         modal,

@@ -1,4 +1,4 @@
-"""The integrators of a system: parted from what moves, whatever the coordinates, and as few as they can be.
+"""Separation of the integrators of a system from its other poles, in any coordinates, with fewest states.
 
 A pole at the origin of multiplicity k is spread by rounding over a circle of radius eps^(1/k) |A|, on both
 sides of the axis: nothing may be decided by such eigenvalues. Its invariant subspace is well determined, and
@@ -21,28 +21,28 @@ from middeck.systems.statespace import StateSpace, add, gain_system
 from middeck.values import record
 
 REST = 1e-11
-"""Singular values below this share of A (in balanced states) count as zero: rounding of a plant that was
-turned by a matrix of condition 1e4. Slower poles than that share of the fastest are not told from rest."""
+"""Singular values below this fraction of A (balanced) count as zero: rounding of a plant transformed by a
+matrix of condition 1e4. Poles slower than this fraction of the fastest count as integrators."""
 NOTHING = 1e-12
-"""A residue below this share of its output's row and its input's column is rounding of a few products."""
+"""Residues below this fraction of their output's row and input's column are rounding of a few products."""
 RANK = 1e-10
-"""The same of residues, row by row and column by column scaled: what is left out changes no entry by more."""
+"""Relative rank tolerance of residues scaled by rows and columns: omitted parts change no entry by more."""
 
 
 @record(kw_only=True)
 class PartedSystem:
-    """C (s I - A)^-1 B + D as the sum of R_k / s^k, k = 1, 2, ..., and of what moves.
+    """C (s I - A)^-1 B + D as the sum of R_k / s^k, k = 1, 2, ..., and of a part without pole at the origin.
 
     Parameters
     ----------
     residues:
-        R_1, R_2, ...: with as many as the longest chain of integrators.
+        R_1, R_2, ..., as many as the longest chain of integrators.
     still:
-        What integrates, as a system: C_s (s I - A_s)^-1 B_s is the sum of R_k / s^k.
+        The integrators as a system: C_s (s I - A_s)^-1 B_s is the sum of R_k / s^k.
     states:
-        An orthonormal basis of the states that integrate.
+        Orthonormal basis of the integrating states.
     leading:
-        For each state of ``moving``, the state of the system that has most of it.
+        For each state of ``moving``, the system's state with the largest part in it.
     moving:
         The rest of the system, its direct term included; no pole at the origin.
     """
@@ -55,7 +55,7 @@ class PartedSystem:
 
 
 def part_integrators(system: StateSpace) -> PartedSystem:
-    """The system's integrators apart from its other poles.
+    """Separate the system's integrators from its other poles.
 
     >>> body = StateSpace([[0.0, 1.0], [0.0, 0.0]], [[0.0], [2.0]], [[1.0, 0.0]], [[0.0]])
     >>> part_integrators(body).residues.ravel().tolist()                           # 0 / s + 2 / s^2
@@ -83,13 +83,13 @@ def part_integrators(system: StateSpace) -> PartedSystem:
         )
     A, B, C = turn.T @ balanced.A @ turn, turn.T @ balanced.B, balanced.C @ turn
     chain = _strictly_upper(A[:n, :n], sizes)
-    # (1, 0; mix, 1) takes the coupling between both parts out.
+    # (1, 0; mix, 1) decouples the two parts.
     mix = np.asarray(sla.solve_sylvester(chain, -A[n:, n:], -A[:n, n:])) if n < len(A) else A[:n, n:]
     moving = StateSpace(A[n:, n:], B[n:], C[:, n:] + C[:, :n] @ mix, system.D)
     into = B[:n] - mix @ B[n:]
     still = StateSpace(chain, into, C[:, :n], nothing.D)
     seen, residues = C[:, :n], np.zeros((len(sizes), outputs, inputs))
-    # What rounding may leave of nothing, beside all that the output reads and the input drives.
+    # Rounding of a zero residue, relative to all that the output reads and the input drives.
     floor = np.outer(np.linalg.norm(C, axis=1), np.linalg.norm(np.vstack([into, B]), axis=0))
     pace = float(np.linalg.norm(balanced.A, 2))
     for k in range(len(sizes)):
@@ -107,10 +107,10 @@ def _leading(turn: np.ndarray) -> Int[np.ndarray, " moving"]:
 
 
 def rest_once(dynamics: ModalSystem | StateSpace) -> tuple[ModalSystem | StateSpace, int]:
-    """The dynamics with no more integrators than its responses have; and how many poles at rest that drops.
+    """The dynamics with the fewest integrators for its responses, and the number of poles dropped.
 
-    Of several rigid modes one force moves one combination. As it was where nothing is dropped; a state space
-    that integrates comes back with its integrators first, their eigenvalues zero to the last bit.
+    One force moves only one combination of several rigid modes. Unchanged where nothing is dropped; otherwise
+    a state space has its integrators first, with eigenvalues exactly zero.
     """
     if isinstance(dynamics, ModalSystem):
         rigid = dynamics.omega == 0.0
@@ -131,10 +131,10 @@ def rest_once(dynamics: ModalSystem | StateSpace) -> tuple[ModalSystem | StateSp
 
 
 def realise_residues(residues: Float[np.ndarray, "chain output input"]) -> StateSpace:
-    """Sum of R_k / s^k with the fewest states, all eigenvalues zero to the last bit.
+    """Sum of R_k / s^k with the fewest states, all eigenvalues exactly zero.
 
-    From the singular values of the Hankel matrix of residues (Ho and Kalman 1966); parts below `RANK` are
-    left out, which changes no residue by more than that share of its row's and column's largest.
+    From the singular values of the Hankel matrix of residues (Ho and Kalman 1966); omitting parts below
+    `RANK` changes no residue by more than that fraction of the largest of its row and column.
 
     >>> len(realise_residues(np.array([[[0.0, 0.0]], [[1.0, 2.0]]])).A)     # one body that two forces push
     2
@@ -176,9 +176,10 @@ def realise_residues(residues: Float[np.ndarray, "chain output input"]) -> State
 
 
 def _chains(A: np.ndarray, share: float = REST) -> tuple[np.ndarray, list[int]]:
-    """An orthogonal matrix that puts the integrators first, and how many come off at a time.
+    """Orthogonal matrix that puts the integrators first (null space of A, then of A^2, ...), and their
+    numbers.
 
-    What A sends to nothing, then what it sends there, and so on: its first columns are strictly upper.
+    In these coordinates the first columns of A are strictly upper triangular.
     """
     turn, sizes, left = np.eye(len(A)), [], A
     floor = share * (np.linalg.norm(A, 2) if len(A) else 0.0)

@@ -1,4 +1,4 @@
-"""A state space of unknown coordinates in blocks of its own modes, so that each can be spoken of by name."""
+"""Block diagonal form of a state space, one named block for each mode."""
 
 from __future__ import annotations
 
@@ -12,22 +12,17 @@ from middeck.systems.plant import Plant, remove_delays
 from middeck.systems.statespace import StateSpace, add
 
 DEPENDENT = 1e8
-"""Condition of unit eigenvectors beyond which half of the digits are lost: modes are not told apart."""
+"""Condition number of unit eigenvectors beyond which modes count as inseparable: half the digits are lost."""
 
 
 def part_modes(plant: Plant) -> Plant:
-    """The plant with two states for each mode that oscillates, one for each real pole, integrators together.
+    """The plant with two states for each oscillating mode, one for each real pole, integrators together.
 
-    Names: "mode 1, 2.5 Hz" in order of frequency, "pole 1, -3 rad/s", "at rest". The responses stay;
-    integrators that are in none of them are left out.
+    Names: "mode 1, 2.5 Hz" in order of frequency, "pole 1, -3 rad/s", "at rest" (integrators). Responses are
+    unchanged; integrators that are in none of them are left out.
 
-    Raises
-    ------
-    NumericalError
-        Where modes nearly coincide and share their eigenvectors.
+    Raises `NumericalError` where modes nearly coincide and share their eigenvectors.
 
-    Examples
-    --------
     >>> from middeck.signals.ports import Port
     >>> light = StateSpace([[0.0, 1.0], [-4.0, -0.1]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]])
     >>> part_modes(Plant(dynamics=light, inputs=(Port("force", "N"),), outputs=(Port("way",

@@ -1,4 +1,4 @@
-"""Modes of a plant moved in frequency and damping, whether it comes from a structure or from data."""
+"""Shifts of modes of a plant in frequency and damping."""
 
 from __future__ import annotations
 
@@ -17,28 +17,23 @@ from middeck.systems.statespace import StateSpace
 from middeck.values import record
 
 ROUNDING = 1e-9
-"""Part of a row that is rounding."""
+"""Fraction of a row that counts as rounding."""
 
 
 def shift_modes(
     plant: Plant, frequency: Mapping[str, float], damping: Mapping[str, float] | None = None
 ) -> Plant:
-    """The plant with the natural frequencies of named modes multiplied, and their damping ratios.
+    """The plant with natural frequencies and damping ratios of named modes multiplied by factors.
 
-    A shift leaves the damping ratio, and ``damping`` the frequency. What drives
-    q'' + 2 zeta omega q' + omega^2 q = psi u stays, and what is read of q and q'. A plant without modal form
-    needs ``state_names`` and a block of two states for each mode named, driven and read by others, not in a
-    loop with them; q is then what the strongest input does not move at once.
+    A shift keeps the damping ratio, ``damping`` keeps the frequency. The forces psi u of q'' + 2 zeta omega
+    q' + omega^2 q = psi u stay, and so do the outputs of q and q'. A plant without modal form needs
+    ``state_names`` and, for each mode named, two states that are in no loop with others; q is then the
+    coordinate that the strongest input does not move immediately.
 
-    Raises
-    ------
-    ConfigError
-        For modes that do not exist, do not oscillate, or are in a loop with other states (shift the plant
-        without the loop and close it again); outside modal form, where q'' is read, which other frequencies
-        make of other parts of the mode; for factors that are not positive.
+    Raises `ConfigError` for modes that do not exist, do not oscillate, or are in a loop with other states
+    (shift the plant without the loop and close it again); outside modal form, for outputs that read q''; and
+    for factors that are not positive.
 
-    Examples
-    --------
     >>> from middeck.signals.ports import Port
     >>> modal = ModalSystem(omega=[2.0], zeta=[0.01], psi=[[1.0]], phi=[[1.0]], phi_rate=[[0.0]],
     ...     names=("bending",))
@@ -51,8 +46,7 @@ def shift_modes(
     unknown = [name for name in (*frequency, *damping) if name not in known]
     if unknown:
         raise ConfigError(
-            f"no mode named {', '.join(map(repr, unknown))}",
-            hint=f"one of {', '.join(dict.fromkeys(known))}",
+            f"no mode named {', '.join(map(repr, unknown))}", hint=f"one of {', '.join(dict.fromkeys(known))}"
         )
     if not all(np.isfinite(f) and f > 0.0 for f in (*frequency.values(), *damping.values())):
         raise ConfigError("a factor on a frequency or a damping ratio is not positive and finite")
@@ -98,14 +92,14 @@ def _shift_blocks(
 
 @record(kw_only=True)
 class ModeCoordinates:
-    """The two states of a mode as q'' + 2 zeta omega q' + omega^2 q = what ``push`` is worth.
+    """Coordinates q and q' of the two states of a mode, with q'' + 2 zeta omega q' + omega^2 q = force.
 
     Parameters
     ----------
     push:
-        What a unit of force adds to the rate of the two states.
+        Change of the two states' rates by a unit force.
     position, rate:
-        What reads q and q' of them: position @ push = 0, rate @ push = 1.
+        Rows that read q and q': position @ push = 0, rate @ push = 1.
     """
 
     push: Float[np.ndarray, " 2"]
@@ -116,10 +110,10 @@ class ModeCoordinates:
 
 
 def mode_coordinates(A: np.ndarray, B: np.ndarray, index: np.ndarray, name: str) -> ModeCoordinates:
-    """Of the mode with the states ``index``; raises `ConfigError` where it does not oscillate."""
+    """Coordinates of the mode with the states ``index``; raises `ConfigError` where it does not oscillate."""
     block = A[np.ix_(index, index)]
     pushes = np.hstack([B[index], A[np.ix_(index, np.setdiff1d(np.arange(len(A)), index))]])
-    # Where nothing pushes, the second state is a rate.
+    # Without any input, the second state counts as the rate.
     push = np.linalg.svd(pushes)[0][:, 0] if np.any(pushes) else np.array([0.0, 1.0])
     decay, squared = -float(np.trace(block)) / 2.0, float(np.linalg.det(block))
     if squared <= decay**2:
@@ -134,8 +128,8 @@ def mode_coordinates(A: np.ndarray, B: np.ndarray, index: np.ndarray, name: str)
 def _refuse_accelerations(
     plant: Plant, system: StateSpace, index: np.ndarray, at: ModeCoordinates, name: str
 ) -> None:
-    """Rows that read q'' = force - 2 zeta omega q' - omega^2 q: one with a direct term, whose part of q' is
-    2 zeta of that of omega q."""
+    """Refuse rows that read q'' = force - 2 zeta omega q' - omega^2 q: those with a direct term, whose part
+    of q' is 2 zeta of that of omega q."""
     others = np.setdiff1d(np.arange(len(system.A)), index)
     driven = np.any(system.B[index], axis=0)
     direct = np.any(np.vstack([system.D, system.B[others]])[:, driven], axis=1)
@@ -165,10 +159,9 @@ def mode_states(names: tuple[str, ...], name: str) -> Int[np.ndarray, " 2"]:
 
 
 def _loops(A: np.ndarray) -> Int[np.ndarray, " state"]:
-    """Which states act on each other, directly or through others: one label for each such set."""
+    """Label of the strongly connected component of each state."""
     found = cast(
-        "tuple[int, np.ndarray]",
-        csgraph.connected_components(A != 0.0, directed=True, connection="strong"),
+        "tuple[int, np.ndarray]", csgraph.connected_components(A != 0.0, directed=True, connection="strong")
     )
     return found[1]
 

@@ -1,4 +1,4 @@
-"""A plant from one's own matrices."""
+"""Plants from state-space matrices."""
 
 from __future__ import annotations
 
@@ -48,11 +48,8 @@ def make_plant(
     period_s:
         Of a sampled plant x[k+1] = A x[k] + B u[k]; None for a continuous one.
 
-    Raises
-    ------
-    ConfigError
-        For matrices, names, groups or delays that do not fit, numbers that are not finite, and a period that
-        is not positive.
+    Raises `ConfigError` for matrices, names, groups or delays that do not fit, numbers that are not finite,
+    and a period that is not positive.
 
     Examples
     --------

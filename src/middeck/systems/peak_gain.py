@@ -1,10 +1,10 @@
-r"""The largest gain over frequency, found and not sampled.
+r"""Largest gain over frequency, by a Hamiltonian search instead of sampling.
 
 The gain exceeds g somewhere if and only if a Hamiltonian matrix has imaginary eigenvalues, and these are the
-frequencies at which it passes g (Boyd, Balakrishnan and Kabamba 1989, Math. Control Signals Systems 2; the
-iteration Bruinsma and Steinbuch 1990, Systems and Control Letters 14). Which eigenvalues are imaginary is a
-question of rounding; it is not asked: the gain is evaluated at the imaginary parts of all of them and midway
-between neighbours. A peak above g has at least one of these points under it.
+frequencies at which it passes g (Boyd, Balakrishnan and Kabamba 1989, Math. Control Signals Systems 2;
+iteration of Bruinsma and Steinbuch 1990, Systems and Control Letters 14). Rounding makes it uncertain which
+eigenvalues are imaginary, so the gain is evaluated at the imaginary parts of all and midway between
+neighbours: a peak above g has at least one of these points under it.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from middeck.systems.statespace import StateSpace, poles
 from middeck.values import record
 
 PRECISION = 1e-9
-"""Relative: what is left of a peak that a last round did not rise by. Rounding of a response is 1e-12."""
+"""Relative rise of the peak below which the search ends; rounding of a response is 1e-12."""
 ROUNDS = 40
-"""Each at least squares what is missing; three to six are taken."""
+"""Most rounds; convergence is quadratic, three to six are typical."""
 ON_AXIS = 1e-13
-"""Real part, relative to A, of a pole that counts as on the axis: its gain is infinite."""
+"""Real part, relative to A, below which a pole counts as on the axis, with infinite gain."""
 
 
 @record

@@ -1,4 +1,4 @@
-"""The waist itself: a linear model with named ports, w u z y as in the paper's Figure 8."""
+"""Plants: linear models with named ports, grouped w u z y as in the paper's Figure 8."""
 
 from __future__ import annotations
 
@@ -37,17 +37,13 @@ class Plant:
     z, y:
         Names of the outputs to be kept small and of those fed back. A port may be in several groups.
     state_names:
-        What each state belongs to (a mode's two states carry its name), where the dynamics does not say it
-        itself; empty if unknown.
+        Mode or part of each state (a mode's two states carry its name); empty if unknown or in modal form.
     delay_s:
         Delay [s] of each path, exact and beside the states; all zero if it is left out. The delays of a
         sampled plant are among its states.
 
-    Raises
-    ------
-    ConfigError
-        For ports or state names that do not fit the dynamics, groups of unknown ports, and delays of another
-        shape, negative, not finite, or of a sampled plant.
+    Raises `ConfigError` for ports or state names that do not fit the dynamics, groups of unknown ports, and
+    delays of another shape, negative, not finite, or of a sampled plant.
     """
 
     dynamics: Dynamics
@@ -181,12 +177,12 @@ def require_modal(plant: Plant) -> ModalSystem:
 
 
 def remove_delays(plant: Plant) -> Plant:
-    """The plant with every path on time."""
+    """The plant with all delays zero."""
     return dataclasses.replace(plant, delay_s=_none())
 
 
 def delay_plant(plant: Plant, delay_s: float | Float[np.ndarray, "output input"]) -> Plant:
-    """The plant with ``delay_s`` [s] more on all its paths, or on each its own.
+    """The plant with an additional ``delay_s`` [s], one for all paths or one for each.
 
     Raises `ConfigError` where a delay would be negative, and for a sampled plant.
 

@@ -1,8 +1,8 @@
-"""Poles that rounding has parted: their values, how far each is known, and the means of those that are one.
+"""Multiple poles split by rounding: computed values, and the mean of each inseparable group.
 
-A pole of multiplicity k with one eigenvector is parted into a star of radius eps^(1/k) |A|; the mean of the
-star is known to rounding (Kato 1976, section II.2). How far a value is known follows from the angle between
-its left and right eigenvectors (Wilkinson 1965, chapter 2), within its strongly connected component.
+Rounding splits a pole of multiplicity k with one eigenvector into a star of radius eps^(1/k) |A|; the mean of
+the star is accurate to rounding (Kato 1976, section II.2). The uncertainty of a pole follows from the angle
+between its left and right eigenvectors (Wilkinson 1965, chapter 2), within its strongly connected component.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from middeck.systems.components import strong_components
 from middeck.values import record
 
 ROUNDINGS = 10.0
-"""Roundings of its component by which LAPACK moves an eigenvalue, times its condition."""
+"""Backward error of an eigenvalue of LAPACK in units of rounding of its component."""
 
 
 @record
 class Crowds:
-    """Poles as found, and for each the mean of those that it cannot be told from."""
+    """Computed poles, and for each the mean of the group inseparable from it."""
 
     values: Complex[np.ndarray, " pole"]
     means: Complex[np.ndarray, " pole"]
@@ -56,7 +56,7 @@ def _crowds_within(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _radius(A: np.ndarray, left: np.ndarray, right: np.ndarray) -> Float[np.ndarray, " pole"]:
-    """How far each eigenvalue is known; not farther than a fourfold one is thrown by rounding."""
+    """Uncertainty radius of each eigenvalue, at most that of a fourfold one."""
     aligned = np.abs(np.sum(np.conj(left) * right, axis=0))
     rounding = ROUNDINGS * np.finfo(float).eps
     return rounding * float(np.linalg.norm(A)) / np.maximum(aligned, rounding**0.75)

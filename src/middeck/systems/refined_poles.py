@@ -1,11 +1,11 @@
-"""The poles of a system and what each gives to its response, as good as its matrices.
+"""Poles of a system and their parts of its response, as accurate as its matrices.
 
-The rounding of LAPACK's, 1e-16 of the matrix, is 1e-11 of the width of a mode that is light and slow beside
-the largest entry. One step of Newton's method takes it away if its residual is known better than double
+LAPACK's rounding, 1e-16 of the matrix, is 1e-11 of the width of a lightly damped mode that is slow beside the
+largest entry. One step of Newton's method removes it if its residual is more accurate than double precision
 (Dongarra, Moler and Wilkinson 1983, SIAM J. Numer. Anal. 20, "Improving the accuracy of computed eigenvalues
-and eigenvectors"). Better than double is had from matrix products alone: factors cut to 22 bits multiply and
-add exactly (Ozaki, Ogita, Oishi and Rump 2012, Numer. Algorithms 59, "Error-free transformations of matrix
-multiplication by using fast routines of matrix multiplication and its applications").
+and eigenvectors"). Matrix products suffice for this: factors cut to 22 bits multiply and add exactly (Ozaki,
+Ogita, Oishi and Rump 2012, Numer. Algorithms 59, "Error-free transformations of matrix multiplication by
+using fast routines of matrix multiplication and its applications").
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from scipy.sparse.csgraph import connected_components
 from middeck.values import record
 
 WELL_CONDITIONED = 1e5
-"""Condition of the eigenvectors (in the 1-norm: for hundreds of states ten times that in the 2-norm) up to
-which they are used; a sum over poles loses as many digits."""
+"""Largest condition number of the eigenvectors (1-norm, ten times the 2-norm for hundreds of states); a sum
+over poles loses as many digits."""
 SEPARATE = 1e-5
-"""Change of an eigenvector up to which one step of Newton's method is enough: it squares it."""
+"""Change of an eigenvector up to which one step of Newton's method suffices: the step squares the error."""
 BITS, EXACT_STATES = 22, 512
 """512 products of two factors of 22 bits are summed without rounding in the 53 bits of a double."""
 
@@ -37,7 +37,7 @@ class PoleForm:
     values, B, C:
         Poles, and input and output in the coordinates of the eigenvectors.
     upper, single:
-        Which poles stand for a conjugate pair, and which for themselves; the others follow.
+        Masks of the poles that represent a conjugate pair, and of real ones; the others are conjugates.
     """
 
     values: Complex[np.ndarray, " pole"]
@@ -48,9 +48,9 @@ class PoleForm:
 
 
 def refine_poles(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> PoleForm | None:
-    """The form after one step of Newton's method, None where the eigenvectors are too dependent for one.
+    """The form after one step of Newton's method; None where eigenvectors are too dependent for it.
 
-    Poles that nearly coincide are parted within the space they span. None also beyond `EXACT_STATES`.
+    Nearly coincident poles are separated within the space they span. None also beyond `EXACT_STATES`.
     """
     if len(A) > EXACT_STATES:
         return None
@@ -85,7 +85,7 @@ def _solve_conditioned(V: np.ndarray, right: np.ndarray) -> np.ndarray | None:
 def _left_over(
     A: np.ndarray, values: np.ndarray, V: np.ndarray, kept: np.ndarray
 ) -> Complex[np.ndarray, "state pole"]:
-    """A V - V diag(values) with twenty bits more than a double holds; poles not ``kept`` follow a partner.
+    """A V - V diag(values) with twenty bits beyond double precision; poles not ``kept`` are conjugates.
 
     The leading bits of all factors lie on common grids, so that their products and sums are exact.
     """

@@ -1,9 +1,8 @@
-"""C (p I - A)^-1 B + D at many points p, three ways: by solving, by substitution in Schur form, by poles.
+"""C (p I - A)^-1 B + D at many points p: by solving, by substitution in Schur form, or by poles.
 
-One factorisation costs as much as the answer of a few lines. For many lines A is brought to a form once, in
-which a line costs n^2 (Schur: backward stable, whatever A) or n (poles, where the eigenvectors are far from
-dependent). Laub 1981 (IEEE TAC 26, "Efficient multivariable frequency response computations") stops at the
-Hessenberg form and solves with it line by line.
+For many lines A is reduced once to a form in which a line costs n^2 (Schur: backward stable for every A) or n
+(poles: well-conditioned eigenvectors only). Laub 1981 (IEEE TAC 26, "Efficient multivariable frequency
+response computations") uses the Hessenberg form instead.
 """
 
 from __future__ import annotations
@@ -20,9 +19,9 @@ from middeck.systems.second_order import sum_second_order
 from middeck.systems.statespace import SampledStateSpace, StateSpace
 
 FEW_LINES = 32
-"""Up to here solving is no dearer than a form."""
+"""Number of lines up to which solving costs no more than a reduction."""
 CHUNK_BYTES = 2**20
-"""What is worked on at once: about the cache of a core."""
+"""Numbers processed at once: about the cache of a core."""
 ROWS = 24
 """Rows of the Schur form taken by substitution before the next matrix product."""
 
@@ -34,7 +33,7 @@ Resolvent = Callable[[np.ndarray], np.ndarray]
 def evaluate_transfer(
     system: System, points: Complex[np.ndarray, " line"]
 ) -> Complex[np.ndarray, "line output input"]:
-    """C (p I - A)^-1 B + D at ``points``, by the cheapest way that is as good as solving."""
+    """C (p I - A)^-1 B + D at ``points``, by the cheapest way as accurate as solving."""
     if not len(system.A):
         return np.broadcast_to(system.D.astype(complex), (len(points), *system.D.shape)).copy()
     if len(points) <= FEW_LINES:
@@ -49,7 +48,7 @@ def evaluate_transfer(
 
 
 def balance_states(system: System) -> StateSpace:
-    """The same transfer function in states of comparable size (powers of two: nothing is rounded)."""
+    """The same transfer function in states of comparable size (powers of two: exact)."""
     A, unit = balance(system.A)
     return StateSpace(A, system.B / unit[:, None], system.C * unit, system.D)
 
@@ -79,7 +78,7 @@ def by_poles(form: PoleForm) -> Resolvent:
 
 
 def on_axis(form: PoleForm, omega: Float[np.ndarray, " line"]) -> Complex[np.ndarray, "line output input"]:
-    """The same at j ``omega``; each conjugate pair by its upper pole, in real arithmetic."""
+    """As `by_poles` at j ``omega``, each conjugate pair by its upper pole, in real arithmetic."""
     residues = _residues(form)
     value, residue = form.values[form.upper], residues[form.upper]
     # r / (s - p) + its conjugate = (2 Re(r) s - 2 Re(r conj(p))) / (s^2 - 2 Re(p) s + |p|^2).

@@ -28,17 +28,18 @@ from middeck.systems.stability import GROWTH_LIMIT
 from middeck.systems.statespace import StateSpace, poles
 
 AGREEMENT = 1e-11
-"""Estimated relative error of an rms up to which the sum over poles is used as LAPACK gives them."""
+"""Largest estimated relative error of an rms for which the sum over LAPACK's poles is used."""
 REMAINS = 1e-3
-"""Relative size of what a pole sum leaves of its equation, up to which sending it through once more says how
-wrong it was: the next order is a thousandth of that."""
+"""Relative residual of a pole sum up to which one correction estimates its error: the next order is a
+thousandth of it."""
 GAUSS = np.polynomial.legendre.leggauss(16)
 SCHUR_AGREEMENT = 1e-9
-"""Relative difference of the squares up to which the response in Schur form stands for that by solving."""
+"""Relative difference of the squares up to which the response in Schur form replaces that by solving."""
 UNCERTAIN = 1e-4
-"""Relative change of an rms by rounding of A (to first order, all entries at worst) from which it warns."""
+"""Relative change of an rms by rounding of A (first order, worst case of all entries) that gives a
+warning."""
 BELOW_BAND = 0.1
-"""Share of the lower limit below which the spread of a pole at the origin does not reach the band."""
+"""Fraction of the lower limit below which the spread of a pole at the origin does not reach the band."""
 PANELS_AT_ONCE = 64
 """Panels evaluated together: a thousand lines, some megabytes for a hundred states."""
 
@@ -48,11 +49,11 @@ def band_rms(
 ) -> Float[np.ndarray, " output"]:
     """Rms of each output within ``band_hz`` under white noise of two-sided ``intensity`` [unit^2/Hz].
 
-    ``inf`` where a pole grows, or lies on the imaginary axis within the band (an integral over frequency
-    would stay finite for the first and look good). Poles on the axis outside the band are no obstacle, the
-    double ones of rigid-body motion and longer chains of integrators included. A direct term counts with the
-    width of the band. Warns (`UserWarning`) where rounding of A leaves growth undecided or the rms uncertain.
-    Raises `ConfigError` for a band that is not 0 <= low < high < inf.
+    ``inf`` where a pole grows (although the integral over frequency is finite), or lies on the imaginary axis
+    within the band. Poles on the axis outside the band are allowed, also double ones (rigid-body motion) and
+    longer chains of integrators. A direct term counts with the width of the band. Warns (`UserWarning`) where
+    rounding of A leaves growth undecided or the rms uncertain. Raises `ConfigError` for a band that is not 0
+    <= low < high < inf.
 
     >>> lag = StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]])           # |G|^2 = 1 / (1 + w^2)
     >>> float(band_rms(lag, np.eye(1), (0.0, 1.0 / (2.0 * np.pi)))[0] ** 2 * np.pi / np.arctan(1.0))
@@ -85,7 +86,7 @@ def _diverges(values: np.ndarray, w1: float, w2: float) -> bool:
 
 
 def _rms_of_dependent_poles(system: StateSpace, band: tuple[float, float]) -> Float[np.ndarray, " output"]:
-    """By quadrature; warns where rounding of A moves the poles or the response by more than is meant."""
+    """Rms by quadrature; warns where rounding of A leaves growth or the rms uncertain."""
     crowd = find_crowds(system.A)
     if _diverges(crowd.means, *band):
         return np.full(len(system.C), np.inf)
@@ -113,9 +114,9 @@ def _warn(why: str) -> None:
 def _trusted_response(
     system: StateSpace, peaks: np.ndarray, band: tuple[float, float]
 ) -> tuple[Callable[[np.ndarray], np.ndarray], float]:
-    """The response to omega, in Schur form where as good as solving, and what rounding of A does to it.
+    """Response over omega, in Schur form where accurate enough, and its relative error by rounding of A.
 
-    A backward error of Schur form is as large as A everywhere; one of solving as each of its entries.
+    The backward error is relative to the norm of A in Schur form, and to each of its entries in solving.
     """
     inside = (np.imag(peaks) > band[0]) & (np.imag(peaks) < band[1])
     omega = np.concatenate([np.geomspace(band[0] or 1e-4 * band[1], band[1], 6), np.imag(peaks[inside])])
@@ -132,7 +133,8 @@ def _trusted_response(
 
 
 def _sensitivity(system: StateSpace, omega: np.ndarray) -> Float[np.ndarray, "line output input"]:
-    """|C R| |A| |R B| with R = (jw I - A)^-1: what a relative change of the entries of A may do to C R B."""
+    """|C R| |A| |R B| with R = (jw I - A)^-1: sensitivity of C R B to relative changes of the entries of
+    A."""
     n, m = system.B.shape
     both = StateSpace(system.A, np.hstack([system.B, np.eye(n)]), np.eye(n), np.zeros((n, m + n)))
     R = by_solving(both)(1j * omega)
@@ -142,10 +144,10 @@ def _sensitivity(system: StateSpace, omega: np.ndarray) -> Float[np.ndarray, "li
 def band_rms_by_quadrature(
     system: StateSpace, intensity: Float[np.ndarray, "input input"], band_hz: tuple[float, float]
 ) -> Float[np.ndarray, " output"]:
-    """The same by adaptive quadrature of |G|^2, cut at the resonances: slow, independent, for checks.
+    """As `band_rms`, by adaptive quadrature of |G|^2 cut at the resonances: slow, an independent check.
 
-    The integrand is evaluated in the Schur form of A in balanced coordinates, which is backward stable; no
-    eigenvector enters. It is an integral and does not know whether the system is stable.
+    The integrand is evaluated in the Schur form of balanced A, which is backward stable and uses no
+    eigenvector. The integral is finite also for an unstable system.
     """
     band = _check_band(band_hz)
     response = _on_axis(by_schur_form(_balanced(system, _square_root(intensity))))
@@ -158,9 +160,10 @@ def response_rms(
     intensity: Float[np.ndarray, "input input"],
     band_hz: tuple[float, float],
 ) -> Float[np.ndarray, " output"]:
-    """The same of any ``response`` [line, output, input] to omega [rad/s], e.g. of a loop with delays.
+    """Rms in a band from any ``response`` [line, output, input] over omega [rad/s], e.g. of a loop with
+    delays.
 
-    ``peaks`` are poles beside which it may be narrow; they place the first cuts and enter nowhere else.
+    ``peaks``, poles beside which the response may be narrow, only place the first cuts.
     """
     band, root = _check_band(band_hz), _square_root(intensity)
     return np.sqrt(_quadrature(lambda omega: response(omega) @ root, peaks, band) / np.pi)
@@ -175,8 +178,8 @@ def weighed_rms(
 ) -> Float[np.ndarray, " output"]:
     """Root of 2 times the integral over the band of ``weight`` (of omega, real, not negative) times |G|^2 S.
 
-    Adaptive quadrature in Schur form; ``cuts`` [rad/s] are where the weight changes its course. ``inf`` where
-    a pole on the axis makes the integral diverge; beyond that it does not know whether the system is stable.
+    Adaptive quadrature in Schur form; ``cuts`` [rad/s] separate intervals in which the weight is smooth.
+    ``inf`` where a pole on the axis makes the integral diverge; stability is not checked.
     """
     w1, w2 = _check_band(band_hz)
     noisy = _balanced(system, _square_root(intensity))
@@ -188,7 +191,7 @@ def weighed_rms(
         return response(omega) * np.sqrt(weight(omega))[:, None, None]
 
     inside = cuts[(cuts > w1) & (cuts < w2)]
-    # Panels beside such a pole are halved until they overflow; what then is no number was infinite.
+    # Panels beside such a pole are halved until they overflow; a NaN means infinity.
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         rms = np.sqrt(_quadrature(weighed, poles(system), (w1, w2), inside) / np.pi)
     return np.where(np.isfinite(rms), rms, np.inf)
@@ -205,7 +208,7 @@ def _quadrature(
     cuts: Float[np.ndarray, " cut"] | None = None,
     floor: float = 1e-13,
 ) -> Float[np.ndarray, " output"]:
-    """The integral of |G|^2 over the band by halving panels until nothing changes."""
+    """The integral of |G|^2 over the band, panels halved until it converges."""
     edges = np.unique(np.concatenate([_cuts(values, *band), () if cuts is None else cuts, band]))
     low, high = edges[:-1], edges[1:]
     whole = _panel_integrals(response, low, high)
@@ -271,7 +274,7 @@ def _cuts(values: np.ndarray, w1: float, w2: float) -> Float[np.ndarray, " cut"]
 def _as_pole_sum(
     system: StateSpace, values: np.ndarray, V: np.ndarray, band: tuple[float, float]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """Poles, C V and V^-1 B, or None where the eigenvectors cannot represent the system."""
+    """Poles, C V and V^-1 B; None where the eigenvectors are too ill-conditioned to represent the system."""
     # Dependent eigenvectors (a defective pair) are refused below: SciPy need not warn of them.
     *factors, info = cast("Any", lapack).zgetrf(V)
     if info:
@@ -283,7 +286,7 @@ def _as_pole_sum(
     probe, width = _probes(values, np.linalg.norm(Cv, axis=0) * np.linalg.norm(Bv, axis=1), band)
     resolved = 1.0 / (1j * probe - values[:, None])
     modal = resolved[:, :, None] * Bv[:, None, :]
-    # What the pole sum leaves of (jw I - A) x = B, sent through the pole sum once more, is its error.
+    # The error of the pole sum: its residual in (jw I - A) x = B, passed through the pole sum again.
     states = np.tensordot(V, modal, axes=1)
     remains = system.B[:, None, :] - 1j * probe[:, None] * states + np.tensordot(system.A, states, axes=1)
     if np.linalg.norm(remains) > REMAINS * np.sqrt(len(probe)) * np.linalg.norm(system.B):
@@ -300,10 +303,7 @@ def _as_pole_sum(
 def _probes(
     values: np.ndarray, weight: np.ndarray, band: tuple[float, float]
 ) -> tuple[Float[np.ndarray, " line"], Float[np.ndarray, " line"]]:
-    """Where a pole sum would show that it is wrong, and for what width of the band each line stands.
-
-    Lines throughout the band, and its four strongest resonances.
-    """
+    """Test lines of a pole sum, across the band and at its four strongest resonances, and their weights."""
     low = band[0] or 1e-4 * band[1]
     lines = np.geomspace(low, band[1], 6)
     damping = np.maximum(np.abs(np.real(values)), 1e-300)
@@ -314,7 +314,7 @@ def _probes(
 
 
 def _log_integral(values: np.ndarray, w1: float, w2: float) -> Complex[np.ndarray, " pole"]:
-    """The integral of dw / (jw - l) for poles that are not right of the axis (so no branch is crossed)."""
+    """The integral of dw / (jw - l) for poles not right of the axis (no branch is crossed)."""
     return -1j * (np.log(1j * w2 - values) - np.log(1j * w1 - values))
 
 

@@ -1,4 +1,4 @@
-"""A plant as a computer sees it: held inputs, sampled outputs, delays exact, ports by name."""
+"""Sampled plants: held inputs, sampled outputs, exact delays, ports by name."""
 
 from __future__ import annotations
 

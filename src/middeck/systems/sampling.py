@@ -1,4 +1,4 @@
-"""From continuous to sampled: exact zero-order hold with a true delay, and Tustin's rule."""
+"""Sampling: exact zero-order hold with a true delay, and Tustin's rule."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from middeck.systems.modal import ModalSystem, modal_to_statespace, rate_scale
 from middeck.systems.statespace import SampledStateSpace, StateSpace
 
 WHOLE = 1e-9
-"""A delay within this part of a sample of a whole number is that number: decimals like 0.009 s at 500 Hz
-are not exact in binary, and the response cannot tell."""
+"""Distance in samples within which a delay is rounded to a whole number: decimals like 0.009 s at 500 Hz are
+not exact in binary."""
 
 
 def sample_dynamics(
     dynamics: StateSpace | ModalSystem, period_s: float, delay_s: float = 0.0
 ) -> SampledStateSpace:
-    """The system as a computer sees it: inputs held over each period, then delayed, outputs sampled.
+    """The sampled system: inputs held over each period, then delayed, outputs sampled.
 
-    Exact for any delay, also of a fraction of a period. y[k] is taken at the instant at which u[k] is
-    issued. States: those of the system, then the inputs still on their way, the latest first. Raises
-    `ConfigError` for a period that is not positive or a negative delay.
+    Exact for any delay, fractions of a period included. y[k] is taken at the instant at which u[k] is issued.
+    States: the system's, then the delayed inputs, the latest first. Raises `ConfigError` for a period that is
+    not positive or a negative delay.
 
     The hold integrals come from one matrix exponential (Van Loan 1978, IEEE TAC 23), of 3x3 blocks for a
     modal system; the fractional delay splits them (Franklin, Powell and Workman 1998, section 4.3).

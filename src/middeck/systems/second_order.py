@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 LINES = 256
-"""Lines worked on at once: a hundred modes stay near the processor."""
+"""Lines processed at once: a hundred modes then fit the cache."""
 
 
 def sum_second_order(

@@ -1,9 +1,9 @@
-"""Sampled systems in time: stepping, and the state from which a periodic input gives a periodic output.
+"""Simulation of sampled systems, and the periodic steady state under a periodic input.
 
-Long inputs go through in blocks of L samples: with the powers of A written out, outputs are products of
-matrices for all blocks at once, and only one state in L is stepped to. The block is short enough that no
-power of A grows. The power that is stepped with carries its own rounding along, since that would add up: a
-lightly damped mode would turn by another angle in each block. So the result is that of stepping, to rounding.
+Long inputs are processed in blocks of L samples: with powers of A formed once, the outputs of all blocks are
+matrix products, and only every L-th state is stepped. L is small enough that no power of A grows. The power
+used for stepping is held in two parts, because its rounding would accumulate as a phase error of lightly
+damped modes. The result equals stepping to rounding.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from middeck.values import record
 GROWTH = 1e3
 """Largest norm that a power A^2, A^4, A^8 ... of a balanced A may have within a block."""
 STEP_COST = 60_000
-"""What stepping to a state costs beside its own products, in multiplications of a large product."""
+"""Overhead of one step, in multiplications of a large product."""
 LONGEST = 256
 REPEATS = 1e-9
 """Change of a free motion over a period, relative to the largest, below which it repeats itself."""
@@ -32,11 +32,10 @@ CHUNK = 1 << 16  # samples at a time: what a block needs beside its input and ou
 
 @record(kw_only=True)
 class _Blocks:
-    """A system written out over L samples, its states scaled.
+    """Matrices of a system over L samples, its states scaled.
 
-    ``after`` and ``rest``, what rounding took from it, take a state to that L samples later, ``collect`` the
-    inputs of a block to their part of it; ``observe`` and ``through`` take the state before a block and its
-    inputs to its outputs.
+    ``after`` + ``rest`` (its rounding) maps a state to that L samples later, ``collect`` the inputs of a
+    block to the same; ``observe`` and ``through`` map the state before a block and its inputs to its outputs.
     """
 
     after: Float[np.ndarray, "state state"]
@@ -76,7 +75,7 @@ def stream(
     blocks: Iterable[Float[np.ndarray, "sample input"]],
     start: Float[np.ndarray, " state"] | None = None,
 ) -> Iterator[Float[np.ndarray, "sample output"]]:
-    """`simulate` for an input that comes in pieces and may be longer than memory: the outputs in pieces.
+    """`simulate` for an input in pieces, which may exceed memory; yields the outputs of each piece.
 
     >>> import numpy as np
     >>> sums = SampledStateSpace([[1.0]], [[1.0]], [[1.0]], [[0.0]], period_s=1.0)
@@ -135,7 +134,7 @@ def _as_start(system: SampledStateSpace, start: np.ndarray | None) -> Float[np.n
 def _step(
     system: SampledStateSpace, u: np.ndarray, start: np.ndarray
 ) -> tuple[Float[np.ndarray, "sample output"], Float[np.ndarray, " state"]]:
-    """Sample after sample."""
+    """Outputs and final state, stepped sample by sample."""
     A = np.ascontiguousarray(system.A)
     drive = u @ system.B.T
     states = np.empty((len(u) + 1, len(A)))
@@ -168,7 +167,7 @@ def _advance(
 
 
 def _write_out(system: SampledStateSpace, samples: int) -> _Blocks | None:
-    """The system over as many samples as pay; None where stepping is as good or powers of A grow."""
+    """The system over the cheapest number of samples; None where stepping is as cheap or powers of A grow."""
     n, m, p = len(system.A), system.B.shape[1], len(system.C)
     if n == 0 or m == 0 or p == 0 or not np.isfinite(system.A).all():
         return None
@@ -206,7 +205,7 @@ def _write_out(system: SampledStateSpace, samples: int) -> _Blocks | None:
 def _square(
     high: Float[np.ndarray, "state state"], low: Float[np.ndarray, "state state"]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The square of ``high`` + ``low``, as the nearest matrix and what is left, good to some 70 bits.
+    """The square of ``high`` + ``low`` in two parts, accurate to some 70 bits.
 
     The leading bits of either factor multiply without rounding (Ozaki, Ogita, Oishi and Rump 2012).
     """
@@ -218,7 +217,7 @@ def _square(
 
 
 def _leading(matrix: Float[np.ndarray, "state state"], axis: int) -> Float[np.ndarray, "state state"]:
-    """As many leading bits as a sum of products may have, of each row (axis 1) or column (axis 0)."""
+    """Leading bits of each row (axis 1) or column (axis 0), few enough that sums of products are exact."""
     bits = (53 - int(np.ceil(np.log2(len(matrix) + 1)))) // 2
     peak = np.abs(matrix).max(axis=axis, keepdims=True)
     exponent = np.ceil(np.log2(np.where(peak > 0.0, peak, 1.0)))

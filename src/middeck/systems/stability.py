@@ -1,9 +1,9 @@
-"""Stability, by eigenvalues and nothing else.
+"""Stability by eigenvalues.
 
-Past an instability a frequency integral stays finite and looks good; so no norm ever answers this question.
-Of a multiple eigenvalue with too few eigenvectors (the double one of a free body) rounding makes several, to
-both sides of the axis, by the root of rounding. Their mean is known to rounding, and stands for them all
-(Kato 1976, section II.2; Bavely and Stewart 1979, SIAM J. Numer. Anal. 16).
+A frequency integral stays finite for an unstable system, so no norm decides stability. Rounding splits a
+defective multiple eigenvalue (the double one of a free body) to both sides of the axis, by the root of
+rounding; the mean of the group is accurate to rounding and replaces it (Kato 1976, section II.2; Bavely and
+Stewart 1979, SIAM J. Numer. Anal. 16).
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ GROWTH_LIMIT = 1e-8
 """Largest real part [rad/s] that still counts as stable: above rounding at an undamped pole, far below any
 growth that an experiment could show (a factor e in three years)."""
 ROUNDINGS = 100.0
-"""Eigenvalues at rest that a change of A by so many roundings makes coincide are one that it has split."""
+"""Change of A, in roundings, within which eigenvalues near zero that may coincide count as one."""
 CROWDED = 2e-6
-"""How far from rest, beside A, rounding may throw a double one: the root of that many, and tenfold."""
+"""Distance from zero, relative to A, to which rounding may move a double eigenvalue: ten times its root."""
 
 
 def growth_rates(system: StateSpace | SampledStateSpace) -> Complex[np.ndarray, " state"]:
     """Poles in rad/s; those of a sampled system are mapped by log(p)/T (a pole at zero to -inf).
 
-    Those at rest (z = 1) that rounding has split are their mean.
+    Poles at zero (z = 1) that rounding has split are replaced by their mean.
 
     >>> growth_rates(StateSpace([[-2.0]], [[1.0]], [[1.0]], [[0.0]])).real
     array([-2.])
@@ -39,7 +39,8 @@ def growth_rates(system: StateSpace | SampledStateSpace) -> Complex[np.ndarray, 
     rates = _rates(system, _joined(system.A, poles(system), sampled=isinstance(system, SampledStateSpace)))
     if none_grows(rates):
         return rates
-    # Equal light modes in a cascade are parted to both sides of the axis; each by itself is not.
+    # Rounding splits equal light modes of a cascade to both sides of the axis; each component alone is not
+    # split.
     alone = _rates(system, component_poles(system.A))
     return alone if none_grows(alone) else rates
 
@@ -56,7 +57,7 @@ def _rates(system: StateSpace | SampledStateSpace, p: np.ndarray) -> Complex[np.
 
 
 def _joined(A: np.ndarray, values: np.ndarray, *, sampled: bool) -> Complex[np.ndarray, " state"]:
-    """The eigenvalues, with those that rounding has parted replaced by their mean."""
+    """The eigenvalues, with those split by rounding replaced by their mean."""
     if not len(A):
         return values
     balanced, _ = balance(A)
@@ -68,7 +69,7 @@ def _joined(A: np.ndarray, values: np.ndarray, *, sampled: bool) -> Complex[np.n
     found = found.astype(complex)
     aligned = np.abs(np.sum(np.conj(left) * right, axis=0))
     known = ROUNDINGS * np.finfo(float).eps * size / np.maximum(aligned, np.finfo(float).eps)
-    # Only where rest itself lies within what is known: no mode however slow beside |A|.
+    # Only where zero lies within the uncertainty: never a slow mode.
     at_rest = np.abs(found - rest) < np.minimum(CROWDED * size, 2.0 * known)
     known = np.where(at_rest, known, 0.0)
     together = np.abs(found[:, None] - found) <= 2.0 * np.minimum(known[:, None], known)
@@ -87,8 +88,13 @@ def is_stable(system: StateSpace | SampledStateSpace) -> bool:
     return none_grows(growth_rates(system))
 
 
+def decays(system: StateSpace) -> bool:
+    """Whether all poles decay."""
+    return bool(np.all(np.real(growth_rates(system)) < 0.0))
+
+
 def none_grows(rates: Complex[np.ndarray, " state"]) -> bool:
-    """The same, asked of poles [rad/s] that are known already.
+    """As `is_stable`, for known poles [rad/s].
 
     >>> none_grows(np.array([-1.0 + 2.0j, -1.0 - 2.0j]))
     True

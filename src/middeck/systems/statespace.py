@@ -1,4 +1,4 @@
-"""Linear systems as four real matrices, continuous or sampled; which of the two is a type."""
+"""Linear systems as four real matrices, continuous or sampled by type."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ class SampledStateSpace:
 
 
 LinearSystem = StateSpace | SampledStateSpace
-"""Either, where what is computed is the same or the system's period says what it means."""
+"""Either kind, where the computation is the same or depends on the system's period."""
 System = TypeVar("System", bound=LinearSystem)
 
 
 def same_period(one_s: float, other_s: float) -> bool:
-    """Whether two periods [s] are one but for rounding."""
+    """Whether two periods [s] are equal up to rounding."""
     return abs(one_s - other_s) <= 1e-12 * one_s
 
 
@@ -58,19 +58,14 @@ def select_paths(system: System, inputs: Sequence[int], outputs: Sequence[int]) 
 
 def series(first: StateSpace, second: StateSpace) -> StateSpace:
     """``second`` driven by ``first``: y = second(first(u)); states ordered (first, second)."""
-    A = np.block(
-        [
-            [first.A, np.zeros((len(first.A), len(second.A)))],
-            [second.B @ first.C, second.A],
-        ]
-    )
+    A = np.block([[first.A, np.zeros((len(first.A), len(second.A)))], [second.B @ first.C, second.A]])
     B = np.vstack([first.B, second.B @ first.D])
     C = np.hstack([second.D @ first.C, second.C])
     return StateSpace(A, B, C, second.D @ first.D)
 
 
 def add(first: StateSpace, second: StateSpace) -> StateSpace:
-    """Both driven by the same inputs, their outputs added; states ordered (first, second)."""
+    """Parallel connection, outputs added; states ordered (first, second)."""
     return StateSpace(
         np.asarray(scipy.linalg.block_diag(first.A, second.A)),
         np.vstack([first.B, second.B]),

@@ -1,9 +1,8 @@
-"""Finite transmission zeros of a state space: the staircase that takes off the infinite ones, then QZ.
+"""Finite transmission zeros of a state space, by staircase deflation of the infinite zeros and QZ.
 
-Never by polynomials: their coefficients lose close modes first, and in the end all of them. The pencil
-[A - s I, B; C, D] is scaled, its infinite zeros are deflated by orthogonal transformations with rank
-decisions on singular values (Emami-Naeini and Van Dooren 1982, Automatica 18), and what is left has an
-invertible D, hence finite zeros only.
+The pencil [A - s I, B; C, D] is scaled and its infinite zeros are deflated by orthogonal transformations with
+rank decisions on singular values (Emami-Naeini and Van Dooren 1982, Automatica 18); the remaining system has
+an invertible D, hence finite zeros only. Polynomial coefficients would lose close modes.
 """
 
 from __future__ import annotations
@@ -45,7 +44,7 @@ def transmission_zeros(system: StateSpace | SampledStateSpace) -> Complex[np.nda
 
 
 def _unit(A: np.ndarray) -> float:
-    """A frequency amid those of the system: the geometric mean of its poles, those at zero left out."""
+    """Typical frequency of the system: the geometric mean of its nonzero poles."""
     size = np.abs(np.linalg.eigvals(A))
     size = size[size > np.finfo(float).eps * size.max(initial=0.0)]
     return float(np.exp(np.mean(np.log(size)))) if len(size) else 1.0
@@ -54,7 +53,7 @@ def _unit(A: np.ndarray) -> float:
 def balance(system: StateSpace) -> StateSpace:
     """Rows and columns of the pencil of like size, by powers of two: states, then inputs and outputs.
 
-    After Osborne (1960), with the inputs and outputs free to be scaled on their own: the zeros stay.
+    After Osborne (1960); inputs and outputs are scaled too, which leaves the zeros.
     """
     n = len(system.A)
     pencil = np.block([[system.A, system.B], [system.C, system.D]])

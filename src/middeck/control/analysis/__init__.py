@@ -1,4 +1,4 @@
-"""What a loop bears: stability, margins and worst cases with exact delays, continuous or sampled."""
+"""Stability, margins and worst cases of loops with exact delays, continuous or sampled."""
 
 from middeck.control.analysis.disk import DiskMargin, measure_disk_margin
 from middeck.control.analysis.inversion import Inversion, find_inversion

@@ -1,7 +1,8 @@
-"""The closed loop as a response with exact delays: what disturbances and sensor noise do to z and to u.
+"""Closed-loop response with exact delays, from disturbances and sensor noise to z and u.
 
-Behind an integrator the path that is open and the one that is closed are both without bound at rest, and
-cancel. So integrators, of plant and law, are states here and only the rest is a response: of each path
+Behind an integrator, the open-loop path and the feedback path are both unbounded at zero frequency, and
+cancel. The integrators of plant and compensator are therefore states; only the rest is a response. In each
+path
 
     R_k exp(-s tau) / s^k  =  R_k (1 - s tau + ...) / s^k  +  R_k (exp(-s tau) - 1 + s tau - ...) / s^k
 
@@ -23,16 +24,13 @@ from middeck.systems.integrators import realise_residues
 from middeck.systems.plant import Plant, select_ports
 
 TERMS = 20
-"""Of the power series of an exponential, up to a delay of one radian."""
+"""Terms of the power series of an exponential, up to a delay of one radian."""
 
 
 def closed_response(
     plant: Plant, compensator: Compensator, disturbed: Sequence[str]
 ) -> Callable[[np.ndarray], Complex[np.ndarray, "line zu wv"]]:
-    """From the inputs ``disturbed`` and noise v on the measurements to the group z and commands u.
-
-    Over omega [rad/s]; z first, then u, and ``disturbed`` first, then v.
-    """
+    """Response over omega [rad/s] from (``disturbed``, measurement noise v) to (z, commands u)."""
     active = partition_modes(plant).active
     u_ports, y = (tuple(p.name for p in side) for side in (compensator.outputs, compensator.inputs))
     path = select_ports(active, (*disturbed, *u_ports), (*active.z, *y))
@@ -76,7 +74,7 @@ def closed_response(
 def _late_residues(
     residues: Float[np.ndarray, "chain output input"], late: Float[np.ndarray, "output input"]
 ) -> Float[np.ndarray, "chain output input"]:
-    """What is left at the origin of R_k / s^k behind the delays."""
+    """Residues at the origin of R_k / s^k times the delays."""
     total = np.zeros_like(residues)
     for k in range(len(residues)):
         for j in range(k + 1):

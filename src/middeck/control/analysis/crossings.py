@@ -13,10 +13,10 @@ from middeck.control.analysis.lines import WIDEST
 from middeck.values import record
 
 SKEW = 1.07
-"""Points are not put half-way: that may be a pole on the axis, around which lines were placed."""
+"""Exponent that keeps new points off the middle of an interval, where a pole on the axis may lie."""
 MOST_PEAKS, MOST_ROUNDS = 12, 12
 FLAT = 1e-10
-"""A parabola whose points beside the highest lie no further below it rises by a quarter of that at most."""
+"""Drop to the neighbours of the highest point; a parabola through them rises by a quarter of it at most."""
 Ratio = Callable[[np.ndarray], np.ndarray]
 
 
@@ -41,7 +41,7 @@ class Crossings:
 
 def axis_crossings(ratio: Ratio, omega: Float[np.ndarray, " line"], L: np.ndarray) -> Crossings:
     """Where L is real and negative, within 80 dB of one."""
-    # Projected on a sphere, so that the way through a pole on the axis stays finite and is recognised.
+    # Project on a sphere: the curve stays finite through a pole on the axis, which is then recognised.
     found = _roots(ratio, omega, L, lambda x: np.imag(x) / (1.0 + np.abs(x) ** 2))
     size = np.abs(found.L)
     return _keep(found, (np.real(found.L) < 0.0) & (size < WIDEST) & (size > 1.0 / WIDEST))
@@ -60,14 +60,14 @@ def _keep(found: Crossings, which: np.ndarray) -> Crossings:
 def _roots(
     ratio: Ratio, omega: np.ndarray, L: np.ndarray, value: Callable[[np.ndarray], np.ndarray]
 ) -> Crossings:
-    """Bracketed by neighbouring lines, then by Chandrupatla's method (1997), all at once."""
+    """Roots bracketed by neighbouring frequency lines, found together by Chandrupatla's method (1997)."""
     levels = value(L)
     line, channel = np.nonzero(np.signbit(levels[1:]) != np.signbit(levels[:-1]))
     if not len(line):
         return Crossings(np.zeros(0), np.zeros(0, dtype=int), np.zeros(0, dtype=complex))
 
     def at(x: np.ndarray, k: np.ndarray) -> np.ndarray:
-        # A pole on the axis is no crossing: it is told by its gain afterwards.
+        # A pole on the axis is no crossing; its gain shows it afterwards.
         return np.nan_to_num(value(_pick(ratio, x, k)))
 
     solve: Any = elementwise.find_root
@@ -84,10 +84,10 @@ def _pick(ratio: Ratio, omega: np.ndarray, channel: np.ndarray) -> np.ndarray:
 def find_peaks(
     function: Callable[[np.ndarray], np.ndarray], omega: Float[np.ndarray, " line"], value: np.ndarray
 ) -> tuple[float, float]:
-    """The largest of a positive function of frequency, beyond the grid: where, and how large.
+    """Frequency and size of the largest value of a positive function, refined between the lines.
 
-    The highest peaks, those within a tenth of the highest line, are narrowed to an eighth time and again
-    until they are flat: narrower there is rounding only, the more the nearer to a pole that cancels.
+    Peaks within a tenth of the highest line are narrowed to an eighth repeatedly until they are flat;
+    narrower intervals show rounding only, most of all beside a pole that cancels.
     """
     padded = np.concatenate([[-np.inf], value, [-np.inf]])
     peaks = np.flatnonzero((value >= padded[:-2]) & (value >= padded[2:]) & (value >= 0.9 * value.max()))

@@ -1,9 +1,9 @@
-"""How much a path of a sampled loop may be delayed before the loop is unstable.
+"""Delay margin of each channel of a sampled loop.
 
 A further delay of n whole periods multiplies L(exp(j w T)) by exp(-j w n T): only frequencies of unit gain
-can become roots on the circle, and each does whenever its phase has been turned to the critical point. So the
-roots that grow are known for all n at once from those at n = 0 and from the frequencies of unit gain (Walton
-and Marshall 1987, IEE Proceedings D 134, "Direct method for TDS stability analysis", for sampled loops).
+can become roots on the circle, and each does whenever its phase has turned to the critical point. The number
+of unstable roots thus follows for all n from that at n = 0 and from the frequencies of unit gain (Walton and
+Marshall 1987, IEE Proceedings D 134, "Direct method for TDS stability analysis", for sampled loops).
 
 A delay of a part of a period does not turn L: each mode turns at its own frequency, also beyond half the
 rate, where its image may turn the other way. So the plant is sampled anew at every part.
@@ -30,28 +30,28 @@ from middeck.systems.statespace import StateSpace, poles
 from middeck.values import record
 
 TURN = 0.5
-"""Of the fastest light mode from one delay tried to the next [rad]: a loop of the mode alone that is unstable
-over less of its turn, 2 arccos(1/L), lacks 3 % of gain."""
+"""Phase step [rad] of the fastest light mode between delays tried: a loop of this mode alone that is unstable
+over less of a turn, 2 arccos(1/L), has a gain within 3 % of the limit."""
 LOOKED = 20
-"""Periods that are looked through beyond the first turn of the slowest frequency of falling unit gain."""
+"""Periods searched beyond the first turn of the slowest frequency of falling unit gain."""
 AT_ONCE = 2**16
 PRECISION = 1e-10
 
 
 @record(kw_only=True)
 class UnitGain:
-    """A loop delayed by a part of a period, as whole periods of further delay will find it.
+    """Frequencies of unit gain of a loop delayed by part of a period.
 
     Parameters
     ----------
     growing:
-        How many of its roots grow as it is.
+        Number of unstable roots without further delay.
     angle:
         w T of each frequency of unit gain, ascending.
     lag:
-        What turns L to the critical point there, from 0 to 2 pi.
+        Phase lag there that turns L to the critical point, from 0 to 2 pi.
     falling:
-        Whether the gain falls through one there; else it rises.
+        Whether the gain falls through one there; otherwise it rises.
     open_end:
         Whether the gain is above one at half the rate: a real or complex root then grows with each period.
     """
@@ -64,9 +64,9 @@ class UnitGain:
 
 
 def sampled_delay_limits(plant: Plant, compensator: Compensator, at: At) -> list[float]:
-    """The least further delay [s] of each channel alone at which the sampled loop is unstable.
+    """Least additional delay [s] of each channel alone that makes the sampled loop unstable; ``inf`` if none.
 
-    ``inf`` where there is none. The continuous plant is sampled anew with that channel so much later.
+    The continuous plant is sampled anew with that channel delayed.
     """
     path, period = loop_path(plant, compensator), compensator.sampled.period_s
     system = remove_delays(path).system
@@ -114,9 +114,9 @@ def _unit_gain(
 
 
 def find_delay_limit(gain_at: Callable[[float], UnitGain], system: StateSpace, period_s: float) -> float:
-    """The least further delay [s] at which the loop is unstable; ``inf`` where none is found.
+    """Least additional delay [s] at which the loop is unstable; ``inf`` where none is found.
 
-    ``gain_at`` is asked for parts of a period from 0 to 1.
+    ``gain_at`` takes fractions of a period from 0 to 1.
     """
     parts = np.arange(count := _steps(system, period_s)) / count
     first = [_first_unstable(gain_at(float(part))) for part in parts]
@@ -134,7 +134,7 @@ def find_delay_limit(gain_at: Callable[[float], UnitGain], system: StateSpace, p
     def clearance(part: float) -> float:
         return _clearance(gain_at(part), whole)
 
-    # On the very edge the two ends may be told apart by rounding alone: then the unstable one is the answer.
+    # At the stability limit rounding alone may separate the two ends: return the unstable one.
     if clearance(low) <= 0.0 or clearance(high) >= 0.0:
         return period_s * (whole + high)
     solve: Any = opt.brentq
@@ -142,7 +142,7 @@ def find_delay_limit(gain_at: Callable[[float], UnitGain], system: StateSpace, p
 
 
 def _steps(system: StateSpace, period_s: float) -> int:
-    """Parts of a period that are tried."""
+    """Number of fractions of a period tried."""
     rates = np.asarray(poles(system))
     turning = np.abs(np.imag(rates))
     light = turning[turning > np.abs(np.real(rates))]
@@ -163,8 +163,8 @@ def _first_unstable(gain: UnitGain) -> float:
 
 
 def _growing(gain: UnitGain, whole: np.ndarray) -> np.ndarray:
-    """Roots that grow: a pair more each time that L is turned through the critical point where its gain
-    falls through one, a pair less where it rises."""
+    """Number of unstable roots: two more each time L turns through the critical point where its gain falls
+    through one, two fewer where it rises."""
     passed = np.ceil((whole[:, None] * gain.angle - gain.lag) / (2.0 * np.pi))
     pairs = passed @ np.where(gain.falling, 1.0, -1.0)
     return gain.growing + 2.0 * pairs + whole * float(gain.open_end)

@@ -12,15 +12,15 @@ LIGHT = 0.1
 """Damping ratio below which a pole needs a good approximation at its own frequency."""
 NEWTON_STEPS = 12
 UNMOVED = 1e-9
-"""A mode that the loop moves by less, relative to itself, is found from its own pole, to first order."""
+"""Relative shift by the loop below which a mode's root is found from its open pole, to first order."""
 CIRCLE = np.exp(2j * np.pi * np.arange(16) / 16.0)
-"""A mean over these directions keeps the constant term, to the 16th power of the share of way gone."""
+"""Directions of a mean that keeps the constant term, to the 16th power of the relative radius."""
 ON_ROOT = 1e-2
 """|f| at a root beside |f| a thousandth of the way to the next pole: within 1e-5 of that way. Beside a mode
 that the loop hardly moves |f| is rounding so near: there a tenth of the way, where Newton's method rests."""
 ONE_ROOT, TWO_STARTS = 1e-8, 1e-6
 RESTS = 1e-7
-"""From an open pole, how near to a root that is known already: a mode that hardly moves, in dense states."""
+"""Relative distance below which the root beside an open pole counts as one already known."""
 NEAREST_AXIS = 12
 """Roots followed to the exact delay beside those that are counted."""
 
@@ -28,28 +28,30 @@ NEAREST_AXIS = 12
 def follow_roots(
     halves: Halves, near: np.ndarray, open_poles: np.ndarray, reach: float
 ) -> tuple[Complex[np.ndarray, " root"], Complex[np.ndarray, " root"]]:
-    """Roots of the loop from the poles ``near`` them and from the open loop's light ones; and what is none.
+    """Roots of the loop, from the poles ``near`` them and the light open poles; and the poles that led to
+    none.
 
-    The latter are poles of the approximation that lead to no root, or that are too far left to be followed.
+    The latter lead to no root, or lie too far left to be followed.
     """
     upper = near[np.imag(near) >= 0.0]
     upper = upper[np.argsort(-np.real(upper), kind="stable")]
     count = int(np.sum(np.real(upper) > -reach)) + NEAREST_AXIS
     light = open_poles[is_light(open_poles) & (np.abs(open_poles) > 1e-3 * reach)]
-    # Not on the pole itself, where nothing is finite.
+    # Start beside the pole, where everything is finite.
     start = np.concatenate([upper[:count], light + 1e-6 * np.abs(light)])
     roots, is_root = _newton(halves, start, open_poles, reach)
     own = np.arange(len(start)) < len(upper[:count])
     roots = _once(roots[is_root], start[is_root], own[is_root])
-    return _with_conjugates(roots), _with_conjugates(np.append(start[own & ~is_root], upper[count:]))
+    return with_conjugates(roots), with_conjugates(np.append(start[own & ~is_root], upper[count:]))
 
 
-def _with_conjugates(upper: np.ndarray) -> Complex[np.ndarray, " root"]:
+def with_conjugates(upper: np.ndarray) -> Complex[np.ndarray, " root"]:
+    """``upper`` and real roots, followed by the conjugates of ``upper``."""
     return np.concatenate([upper, np.conj(upper[np.imag(upper) > 0.0])])
 
 
 def _once(roots: np.ndarray, start: np.ndarray, own: np.ndarray) -> Complex[np.ndarray, " root"]:
-    """Each root once; twice where two poles of the approximation coincide there."""
+    """Distinct roots; a root is kept twice where two poles of the approximation coincide."""
     kept: list[int] = []
     for i in range(len(roots)):
         size = np.abs(roots[i])
@@ -62,7 +64,7 @@ def _once(roots: np.ndarray, start: np.ndarray, own: np.ndarray) -> Complex[np.n
 
 
 def find_open_poles(loop: FeedbackLoop) -> Complex[np.ndarray, " pole"]:
-    """Poles of plant and law."""
+    """Poles of plant and compensator."""
     own = remove_delays(loop.plant).system.A
     return np.concatenate([np.linalg.eigvals(own), np.linalg.eigvals(loop.law.A)]).astype(complex)
 
@@ -75,7 +77,7 @@ def is_light(poles: np.ndarray) -> np.ndarray:
 def _newton(
     halves: Halves, start: np.ndarray, open_poles: np.ndarray, reach: float
 ) -> tuple[Complex[np.ndarray, " root"], np.ndarray]:
-    """Newton's method on f(s) times all (s - p), which has no poles; and where it ended at a root.
+    """Newton's method on f(s) times all (s - p), which has no poles: end points, and which are roots.
 
     A mode that the loop does not move is a root of this product, though not of f (`_beside_pole`).
     """
@@ -105,9 +107,9 @@ def _newton(
 def _beside_pole(halves: Halves, near: np.ndarray, open_poles: np.ndarray) -> Complex[np.ndarray, " root"]:
     """The root of f = r / (s - p) + c beside each pole p that is ``near``: p - r / c.
 
-    Better than any eigenvalue of the whole, whose rounding may outweigh the mode's own damping. What was
-    given where other poles lie too near for that, and where the root beside is another's: a copy of the mode
-    that no port sees stays on the pole.
+    More exact than an eigenvalue of the whole loop, whose rounding may exceed the mode's damping. Returns
+    ``near`` unchanged where other poles are too close, and where the root belongs to another pole: a copy of
+    the mode that no port observes stays on the pole.
     """
     if not len(near):
         return near

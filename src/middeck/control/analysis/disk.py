@@ -31,11 +31,11 @@ class DiskMargin:
     alpha:
         Its radius, from 0 to 2 and beyond; 0 for an unstable loop.
     frequency_hz:
-        Where a larger disk puts a pole on the axis.
+        Frequency [Hz] at which a larger disk puts a pole on the axis.
     gain:
         Limits of the gain factor, 1/g and g; ``inf`` above for a radius of 2 or more.
     phase_rad:
-        The phase, lag or lead.
+        Limit of the phase change, lag or lead.
     """
 
     alpha: float
@@ -45,13 +45,13 @@ class DiskMargin:
 
 
 def disk_from_peak(peak: float, omega: float) -> DiskMargin:
-    """From the largest mu(S - 1/2); infinite for an unstable loop.
+    """Disk margin from the largest mu(S - 1/2), which is infinite for an unstable loop.
 
     >>> disk_from_peak(2.0, 0.0).gain                    # alpha = 1/2: from 3/5 to 5/3
     (0.6, 1.6666666666666667)
     """
     alpha = 1.0 / peak if peak > 0.0 else np.inf
-    # From a radius of two on, the disk covers every positive gain, though no phase beyond its own.
+    # A radius of two or more covers every positive gain, but no phase beyond its own.
     low = (2.0 - alpha) / (2.0 + alpha) if alpha < 2.0 else 0.0
     high = 1.0 / low if low > 0.0 else np.inf
     phase = 2.0 * np.arctan(0.5 * alpha)

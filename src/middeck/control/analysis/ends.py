@@ -1,7 +1,7 @@
-"""The real ends of a loop's curve: rest, and half the sampling rate or what is infinitely fast.
+"""Real end points of the return ratio: zero frequency, and half the sampling rate or infinity.
 
-A real pole crosses the axis there, and the ratio seen along the axis need not show it: behind a pole at rest
-that another loop holds too, each half of the loop is infinite, and the ratio is not.
+A real pole crosses the axis there, and the ratio along the axis need not show it: with a pole at the origin
+that another loop stabilises too, each half of the loop is infinite while the ratio is finite.
 """
 
 from __future__ import annotations
@@ -10,27 +10,21 @@ import numpy as np
 from jaxtyping import Complex
 
 from middeck.control.analysis.lines import AT_REST
-from middeck.control.analysis.loop import (
-    At,
-    FeedbackLoop,
-    approximate_halves,
-    broken_at,
-    open_channel,
-)
+from middeck.control.analysis.loop import At, FeedbackLoop, approximate_halves, broken_at, open_channel
 from middeck.systems.resolvent import balance_states
 from middeck.systems.statespace import StateSpace
 
 Ends = tuple[tuple[float, Complex[np.ndarray, " channel"]], ...]
 """Angular frequency [rad/s] and the ratio of each channel there; infinite on a pole."""
 REGULAR = 1e10
-"""Condition up to which a system is solved for at the end itself."""
+"""Condition number up to which the equations are solved at the end point itself."""
 BESIDE = 1e-3
-"""Else it is extrapolated to the end from points so far away, of the way to the next pole; of third order."""
+"""Otherwise: distances of the points of a third-order extrapolation, relative to the next pole."""
 
 
 def find_ends(loop: FeedbackLoop, at: At) -> Ends:
-    """The ratio at rest (a delay is nothing there), and at the other end; none there for delayed loops, whose
-    curve has no limit."""
+    """The ratio at zero frequency, where delays have no effect, and at the other end; delayed loops have no
+    limit there and give the first only."""
     halves = approximate_halves(loop)
     first = len(loop.inputs) if at == "outputs" else 0
     channels = [
@@ -57,7 +51,7 @@ def _at(system: StateSpace, point: float) -> float:
     away = np.abs(np.linalg.eigvals(system.A) - point)
     others = away[away > AT_REST * max(away.max(), 1.0)]
     step = BESIDE * (float(others.min()) if len(others) else 1.0)
-    # From outside: right of the origin, or beyond the unit circle.
+    # Approach from the unstable side: right of the origin, or outside the unit circle.
     sign = -1.0 if point < 0.0 else 1.0
     far, middle, near = (_solve(system, point + sign * step * part) for part in (1.0, 0.5, 0.25))
     # On a pole the value doubles with each halving.

@@ -1,7 +1,7 @@
-"""Which plant poles a law inverts: its zeros that lie beside them, and how near.
+"""Plant inversion: zeros of the compensator beside poles of the plant, and their distances.
 
-A law that cancels a light mode works for the plant it was made for; the phase turns by half a turn between
-pole and zero, so that a shift of the mode by more than their distance may make it unstable.
+A compensator that cancels a lightly damped mode works for its design plant only: the phase changes by 180
+degrees between pole and zero, so that a shift of the mode by more than their distance may destabilise it.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from middeck.systems.transmission_zeros import transmission_zeros
 from middeck.values import record
 
 CANCELLED = 1e-8
-"""A zero as near as this to a pole of the law itself is none: that state is not in the path."""
+"""Relative distance to a pole of the compensator below which a zero cancels it."""
 
 
 @record(kw_only=True)
@@ -29,7 +29,7 @@ class Inversion:
     mode:
         The plant's mode.
     reads, drives:
-        The path of the law that has the zero.
+        Measurement and input of the compensator's path that has the zero.
     pole, zero:
         Both [rad/s], imaginary parts positive; of sampled loops log(z)/T.
     distance:
@@ -49,16 +49,14 @@ class Inversion:
 
 
 def find_inversion(plant: Plant, law: Compensator, *, within: float = 0.1) -> tuple[Inversion, ...]:
-    """The nearest zero of each path of the law to each oscillating pole of the plant, nearest pairs first.
+    """Nearest zero of each path of the compensator to each oscillating pole of the plant, closest pairs
+    first.
 
     Pairs further apart than ``within``, relative to the pole, are left out. A pole counts as inverted where
     the distance is of the order of its damping ratio or less: at the resonance the law is then as small as
     the plant is large.
 
-    Raises
-    ------
-    ConfigError
-        For halves that do not fit (`form_loop`).
+    Raises `ConfigError` for halves that do not fit (`form_loop`).
     """
     loop = form_loop(plant, law)
     found: list[Inversion] = []
@@ -119,9 +117,9 @@ def _plant_poles(loop: FeedbackLoop) -> list[tuple[str, complex]]:
 
 
 def _named_poles(loop: FeedbackLoop, A: np.ndarray, names: tuple[str, ...]) -> list[tuple[str, complex]]:
-    """Each pole by the name of the state that takes the largest part in it."""
+    """Each pole with the name of the state of largest participation."""
     values, right = np.linalg.eig(A)
-    # The rows of the pseudo-inverse are the left eigenvectors; of a defective pair, something near them.
+    # Rows of the pseudo-inverse are the left eigenvectors (approximately, for a defective pair).
     shares = np.abs(np.linalg.pinv(right).T * right)
     upper = np.flatnonzero(np.imag(values) > 0.0)
     rates = _as_rates(loop, values[upper].astype(complex))

@@ -1,4 +1,4 @@
-"""Where to look at a loop: around every pole and zero, then wherever its curve still turns."""
+"""Frequency lines for a loop: around every pole and zero, then refined wherever the ratio still changes."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Curve = tuple[Float[np.ndarray, " line"], Complex[np.ndarray, "line channel"]]
 """Angular frequencies and the ratio there."""
 
 WIDEST = 1e4
-"""Loop gains and their inverses beyond 80 dB are no crossing that anybody designs for."""
+"""Loop gain (or its inverse) beyond which crossings are left out: 80 dB."""
 PER_DECADE = 30
 HALF_WIDTHS = np.array([0.0, 0.3, 1.0, 3.0, 10.0, 30.0])
 TURN, STRETCH = 0.35, 0.7
@@ -32,23 +32,23 @@ TURN, STRETCH = 0.35, 0.7
 ROUNDS, FINEST = 40, 1e-10
 SLOWEST_DECADES = 16
 AT_REST = 1e-9
-"""Poles slower than this share of the fastest count as at rest: rounding splits double ones."""
+"""Poles slower than this fraction of the fastest count as zero: rounding splits double poles."""
 UNDAMPED = 1e-8
-"""Damping ratio that cannot be told from none: a zero that cancels a pole, as rounding leaves it."""
+"""Damping ratio below which a pole counts as undamped: rounding of a zero that cancels a pole."""
 BESIDE, OFF_MIDDLE = 1e-4, 0.47
-"""Lines keep off a pole on the axis: two loops that cancel there leave rounding only. So they are never put
-half-way between others."""
+"""Relative position of a new line between two others: not half-way, where a pole on the axis may lie, beside
+which two cancelling loops leave rounding only."""
 SAME = 0.05
 MOST_DELAY_LINES = 20_000
 SHORT_OF_NYQUIST = 1e-9
-"""At half the sampling rate itself everything is real: an end of the curve, not a line of it."""
+"""Relative distance of the last line from half the sampling rate, which is an end point (`ends`)."""
 
 
 def place_lines(loop: FeedbackLoop, at: At, ratio: Response) -> Float[np.ndarray, " line"]:
-    """Angular frequencies [rad/s] from well below the slowest feature to where the loop gain is negligible.
+    """Angular frequencies [rad/s] from well below the slowest pole or zero to a negligible loop gain.
 
     Poles and zeros are those of the loop broken at each channel with the others closed, delays by a Pade
-    approximation of high order: they say where to look, no more.
+    approximation of high order: they place the lines, no more.
     """
     features = _features(loop, at)
     size = np.abs(features)
@@ -89,7 +89,7 @@ def _finite(rates: np.ndarray) -> np.ndarray:
 
 
 def _on_pole(features: np.ndarray, omega: np.ndarray) -> np.ndarray:
-    """Lines that met a pole on the axis by chance."""
+    """Which lines lie on a pole on the axis."""
     centre = np.abs(np.imag(features))
     bare = np.sort(centre[(np.abs(np.real(features)) < UNDAMPED * centre) & (centre > 0.0)])
     if not len(bare):
@@ -102,7 +102,7 @@ def _on_pole(features: np.ndarray, omega: np.ndarray) -> np.ndarray:
 
 
 def _clusters(features: np.ndarray) -> np.ndarray:
-    """Lines around each resonance and antiresonance; never on one that is not damped at all."""
+    """Lines around each resonance and antiresonance, never on an undamped one."""
     centre, width = _apart(np.abs(np.imag(features)), np.abs(np.real(features)))
     undamped = width < UNDAMPED * centre
     width = np.where(undamped, BESIDE * centre, width)
@@ -112,7 +112,7 @@ def _clusters(features: np.ndarray) -> np.ndarray:
 
 
 def _apart(centre: np.ndarray, width: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """One of those that differ by a twentieth of their width or less: of many channels most coincide."""
+    """Centres that differ by more than a twentieth of their width: those of many channels mostly coincide."""
     size = np.maximum(width, UNDAMPED * centre) + np.finfo(float).tiny
     grain = np.exp(SAME * np.round(np.log(size) / SAME))
     _, first = np.unique(np.stack([np.round(centre / (SAME * grain)), grain]), axis=1, return_index=True)
@@ -120,7 +120,7 @@ def _apart(centre: np.ndarray, width: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 def add_ends(loop: FeedbackLoop, ratio: Response, curve: Curve) -> Curve:
-    """The lines with rest, and half the sampling rate, before and after them, where finite."""
+    """The curve extended by zero frequency and by half the sampling rate, where finite."""
     period = loop.period_s
     ends = np.array([0.0] if period is None else [0.0, np.pi / period])
     omega, value = (
@@ -131,7 +131,7 @@ def add_ends(loop: FeedbackLoop, ratio: Response, curve: Curve) -> Curve:
 
 
 def _where_settled(ratio: Response, omega: float) -> float:
-    """From ``omega`` downwards, where all gains are constant or beyond `WIDEST` on either side."""
+    """Frequency at or below ``omega`` where all gains are constant, or outside 1 / `WIDEST` to `WIDEST`."""
     for _ in range(SLOWEST_DECADES):
         L = np.abs(ratio(1j * omega * np.array([0.1, 1.0])))
         beyond = np.all((L > WIDEST) | (L < 1.0 / WIDEST), axis=0)
@@ -142,9 +142,9 @@ def _where_settled(ratio: Response, omega: float) -> float:
 
 
 def _where_gone(ratio: Response, omega: float) -> float:
-    """From ``omega`` upwards, where no loop gain is above 1 / `WIDEST`; or a thousand times ``omega``.
+    """Frequency at or above ``omega`` where no loop gain exceeds 1 / `WIDEST`; at most a thousand ``omega``.
 
-    With a direct term in the loop the gain never goes: there the crossings repeat.
+    With a direct term the gain never falls and crossings repeat.
     """
     for factor in np.geomspace(1.0, 1e3, 13):
         there = np.abs(ratio(1j * omega * factor * np.array([1.0, 1.3, 1.7])))
@@ -154,10 +154,10 @@ def _where_gone(ratio: Response, omega: float) -> float:
 
 
 def refine_lines(ratio: Response, omega: Float[np.ndarray, " line"], finer: float = 1.0) -> Curve:
-    """The ratio on more lines, wherever gain or phase of any channel changes much from one to the next.
+    """The ratio with lines added where gain or phase of any channel changes much from line to line.
 
-    Only where the gain is within `WIDEST` of one, so that a pole or a zero on the axis is approached no
-    further than that. Lines on which the ratio is infinite are left out. ``finer`` divides the steps allowed.
+    Only within a factor `WIDEST` of unit gain, which limits the approach to poles and zeros on the axis.
+    Lines where the ratio is infinite are dropped. ``finer`` divides the steps allowed.
     """
     omega, value = _finite_lines(omega, ratio(1j * omega))
     for _ in range(ROUNDS):

@@ -1,4 +1,4 @@
-"""A plant and a law as the two halves of one feedback loop, continuous with exact delays, or sampled."""
+"""Plant and compensator as the two halves of a feedback loop, continuous with exact delays, or sampled."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ WELL_APART = 1e3
 
 @record
 class FeedbackLoop:
-    """y = G u and u = K y; what no port reaches or sees is left out.
+    """y = G u and u = K y, without uncontrollable and unobservable modes.
 
     Parameters
     ----------
@@ -74,13 +74,11 @@ def loop_path(plant: Plant, compensator: Compensator) -> Plant:
 def form_loop(plant: Plant, compensator: Compensator) -> FeedbackLoop:
     """The loop of ``compensator`` around ``plant``.
 
-    A sampled compensator meets a continuous plant as its computer does: inputs held over its period, outputs
-    sampled, delays exact.
+    A continuous plant under a sampled compensator is sampled: inputs held over the period, outputs sampled,
+    delays exact.
 
-    Raises
-    ------
-    ConfigError
-        For ports that do not exist, a continuous compensator on a sampled plant, and periods that differ.
+    Raises `ConfigError` for ports that do not exist, a continuous compensator on a sampled plant, and periods
+    that differ.
     """
     path, period = loop_path(plant, compensator), compensator.period_s
     if period is None:
@@ -118,7 +116,7 @@ def evaluate_halves(loop: FeedbackLoop) -> Halves:
 
 
 def transfer_of(dynamics: ModalSystem | StateSpace) -> Resolvent:
-    """A plant's transfer function over s, mode by mode where there are modes; integrators by themselves."""
+    """A plant's transfer function over s, as a sum over modes if modal, integrators kept apart."""
     if isinstance(dynamics, ModalSystem):
         return _sum_modes(dynamics)
     residues, moving = part_transfer(dynamics)
@@ -152,7 +150,7 @@ def _with_integrals(residues: np.ndarray, moving: Resolvent) -> Resolvent:
 
 
 def resolve(system: LinearSystem) -> Resolvent:
-    """C (p I - A)^-1 B + D for many p: by poles where they are well apart, else in Schur form."""
+    """C (p I - A)^-1 B + D for many p: a sum over poles where well-conditioned, else in Schur form."""
     if not len(system.A):
         return lambda points: np.broadcast_to(system.D.astype(complex), (len(points), *system.D.shape))
     balanced = balance_states(system)
@@ -201,10 +199,7 @@ def broken_at(loop: FeedbackLoop, at: At) -> tuple[str, ...]:
 
 
 def go_round(G: np.ndarray, K: np.ndarray, at: At) -> Complex[np.ndarray, "line channel channel"]:
-    """What comes back to each channel from each: K G, G K, or both halves beside each other.
-
-    With both, v = (u, y) comes back as (K y, G u): one loop whose channels are all of both.
-    """
+    """Loop transfer from channel to channel: K G, G K, or for both (u, y) -> (K y, G u)."""
     if at == "inputs":
         return K @ G
     if at == "outputs":
@@ -216,10 +211,10 @@ def go_round(G: np.ndarray, K: np.ndarray, at: At) -> Complex[np.ndarray, "line 
 
 
 def approximate_halves(loop: FeedbackLoop, order: int | None = None) -> LinearSystem:
-    """The halves side by side as one system without delays: from (u, y) to (K y, G u).
+    """Both halves as one system without delays, from (u, y) to (K y, G u).
 
-    States: the plant's, with those of its delays in a Pade approximation of ``order`` (by default as the
-    fastest mode asks), then the law's.
+    States: the plant's with its Pade approximations of ``order`` (by default chosen for the fastest mode),
+    then the compensator's.
     """
     law = loop.law
     if loop.period_s is not None:
@@ -233,7 +228,7 @@ def approximate_halves(loop: FeedbackLoop, order: int | None = None) -> LinearSy
 
 
 def close_channels(halves: LinearSystem, left_open: Sequence[int] = ()) -> LinearSystem:
-    """Each output of `approximate_halves` led back to its channel, but for those ``left_open``.
+    """Close the channels of `approximate_halves`, except those ``left_open``.
 
     Raises `ConfigError` where the loop through the direct terms has no solution.
     """
@@ -243,5 +238,5 @@ def close_channels(halves: LinearSystem, left_open: Sequence[int] = ()) -> Linea
 
 
 def open_channel(halves: LinearSystem, i: int) -> LinearSystem:
-    """What comes back to channel ``i`` from itself, all others closed: minus its return ratio."""
+    """Transfer of channel ``i`` around the loop, the others closed: minus its return ratio."""
     return select_paths(close_channels(halves, [i]), [i], [i])

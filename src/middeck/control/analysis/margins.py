@@ -8,13 +8,7 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.analysis.crossings import (
-    Crossings,
-    Ratio,
-    axis_crossings,
-    circle_crossings,
-    find_peaks,
-)
+from middeck.control.analysis.crossings import Crossings, Ratio, axis_crossings, circle_crossings, find_peaks
 from middeck.control.analysis.delay_limit import sampled_delay_limits
 from middeck.control.analysis.disk import DiskMargin, disk_from_peak
 from middeck.control.analysis.ends import Ends, find_ends
@@ -37,25 +31,25 @@ class Peak:
 
 @record(kw_only=True)
 class LoopMargins:
-    """What one loop bears before it lies on the stability limit, the others closed as they are.
+    """Margins of one loop, the others closed.
 
     Parameters
     ----------
     channel:
         Where the loop is broken.
     gain:
-        Every factor on the loop gain, above and below one, that puts a pole on the axis, ascending.
+        Factors on the loop gain, above and below one, that put a pole on the axis, ascending.
     gain_hz:
-        Where that pole lies.
+        Frequency [Hz] of that pole.
     phase_rad:
-        At each frequency of unit gain, the lag (positive) or lead (negative) that does; the shorter way.
+        Lag (positive) or lead (negative) that does so at each frequency of unit gain, the smaller of the two.
     phase_hz:
-        Those frequencies, ascending.
+        Frequencies of unit gain [Hz], ascending.
     delay_s:
-        At each of them, the least further delay that does, also by more than half a turn; before them zero,
-        where the gain stays at one or above at infinite frequency: any delay then does. Of a sampled loop
-        the first of all delays alone; None where its continuous plant is not known, since what was sampled
-        does not say how a mode beyond half the rate turns, and where it was not asked for.
+        Least additional delay that does so at each of these frequencies (possibly beyond half a turn),
+        preceded by zero where the gain stays at one or above at infinite frequency: any delay is then
+        unstable. Sampled loops give the smallest only; None where it was not requested, and where the
+        continuous plant is unknown (samples do not tell how a delay turns a mode beyond half the rate).
     sensitivity, complementary:
         Peaks of 1 / (1 + L) and of L / (1 + L).
     disk:
@@ -74,12 +68,12 @@ class LoopMargins:
 
     @property
     def broken(self) -> bool:
-        """Whether the loop is unstable as it is: it has crossings then, and limits of zero."""
+        """Whether the loop is unstable: it then has crossings, and limits of zero."""
         return self.disk.alpha == 0.0
 
     @property
     def gain_limits(self) -> tuple[float, float]:
-        """The nearest factors below and above one, 0 and ``inf`` where there is none; one if unstable."""
+        """Nearest gain factors below and above one; 0 and ``inf`` if none, both one if unstable."""
         if self.broken:
             return 1.0, 1.0
         below, above = self.gain[self.gain < 1.0], self.gain[self.gain > 1.0]
@@ -87,19 +81,19 @@ class LoopMargins:
 
     @property
     def gain_db(self) -> float:
-        """The lesser of the two in decibels, not negative."""
+        """Smaller gain margin [dB], not negative."""
         below, above = self.gain_limits
         down = -20.0 * np.log10(below) if below else np.inf
         return float(min(down, 20.0 * np.log10(above)))
 
     @property
     def phase_limit_rad(self) -> float:
-        """The least phase, lag or lead; ``inf`` where the gain is never one; none if unstable as it is."""
+        """Smallest phase margin [rad], lag or lead; ``inf`` where the gain is never one, 0 if unstable."""
         return 0.0 if self.broken else float(np.abs(self.phase_rad).min(initial=np.inf))
 
     @property
     def delay_limit_s(self) -> float:
-        """The least further delay; none if unstable as it is. Raises `ConfigError` where it is not known."""
+        """Delay margin [s], 0 if unstable. Raises `ConfigError` where it is not known."""
         if self.broken:
             return 0.0
         if self.delay_s is None:
@@ -112,12 +106,12 @@ class LoopMargins:
 
 @record
 class Margins:
-    """Margins of all loops of a plant and its law.
+    """Margins of all loops of a plant and its compensator.
 
     Parameters
     ----------
     stability:
-        Of the loop as it is. An unstable loop has crossings, but no margins: its limits and disks are zero.
+        Stability of the loop. An unstable loop has crossings but no margins: its limits and disks are zero.
     loops:
         One for each channel.
     """
@@ -127,7 +121,7 @@ class Margins:
 
     @property
     def stable(self) -> bool:
-        """Whether the loop is."""
+        """Whether the loop is stable."""
         return self.stability.stable
 
 
@@ -137,23 +131,16 @@ def measure_margins(
     """Margins with one loop broken at a time, all others closed, delays exact.
 
     L = -K G; a crossing is a frequency at which 1 + k L exp(-j phi) = 0 for a gain k or a phase phi alone.
-    Crossings are bracketed on lines around every pole and zero and then solved for to rounding; those that
-    ask for a change of gain beyond 80 dB are left out. A real pole that passes through the origin, through
-    z = -1, or through infinity (direct terms, no delay) counts among the gains. A delay of the loop is in the
-    plant and stays as it is.
+    Crossings are bracketed on lines around every pole and zero and solved to rounding; those that need a
+    change of gain beyond 80 dB are left out. Real poles through the origin, z = -1 or infinity (direct terms,
+    no delay) count among the gains. Delays of the plant stay in the loop.
 
-    A sampled compensator has margins of L(exp(j w T)): what the hold and the delays cost is in them already.
-    Its delay margin is the least delay at which the loop, its plant sampled anew with that channel so much
-    more delayed, is unstable (`middeck.control.analysis.delay_limit`): most of the work, left out with
-    ``delays=False``.
+    For a sampled compensator L(exp(j w T)) includes hold and delays. Its delay margin is the least additional
+    delay of a channel with which the plant, sampled anew, gives an unstable loop
+    (`middeck.control.analysis.delay_limit`): most of the work, skipped with ``delays=False``.
 
-    Raises
-    ------
-    ConfigError
-        For halves that do not fit (`form_loop`).
+    Raises `ConfigError` for halves that do not fit (`form_loop`).
 
-    Examples
-    --------
     >>> from middeck.control.law.compensator import Compensator
     >>> from middeck.systems.plant import Plant, delay_plant
     >>> from middeck.signals.ports import Port
@@ -170,7 +157,7 @@ def measure_margins(
     stability = decide_loop(loop)
     ratio = broken_ratio(loop, at)
     curve = refine_lines(ratio, place_lines(loop, at, ratio))
-    # The ends are real: no crossing of theirs has a sign to change.
+    # The ends are real: no change of sign shows a crossing there.
     crossings = axis_crossings(ratio, *curve), circle_crossings(ratio, *curve)
     omega, L = add_ends(loop, ratio, curve)
     ends = find_ends(loop, at)
@@ -243,7 +230,7 @@ def _describe(
 def _peak(
     curve: tuple[Ratio, np.ndarray, np.ndarray], size: Callable[[np.ndarray], np.ndarray]
 ) -> tuple[float, float]:
-    """Where a function of one channel's ratio is largest, and how large."""
+    """Largest value of a function of one channel's ratio, and its frequency."""
     ratio, omega, L = curve
 
     def gain(w: np.ndarray) -> np.ndarray:
@@ -251,7 +238,7 @@ def _peak(
         # On a pole of the ratio nothing peaks: S vanishes there, and T is one.
         return size(np.where(np.isfinite(there), there, 0.0))
 
-    with np.errstate(divide="ignore"):  # on a root of the loop itself all of them are infinite
+    with np.errstate(divide="ignore"):  # all are infinite on a root of the loop
         return find_peaks(gain, omega, size(L))
 
 
@@ -269,5 +256,5 @@ def _skewed(L: np.ndarray) -> np.ndarray:
 
 
 def _bears_gain(value: complex) -> bool:
-    """Whether a real end of the curve is a crossing within 80 dB of one."""
+    """Whether a real end point is a crossing within 80 dB of unit gain."""
     return bool(1.0 / WIDEST < -value.real < WIDEST)

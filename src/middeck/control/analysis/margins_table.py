@@ -1,6 +1,8 @@
-"""Margins as text, in the units that people speak."""
+"""Margins as a table of text, in dB, degrees, Hz and ms."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -10,10 +12,10 @@ HEAD = ("broken at", "gain dB", "at Hz", "phase deg", "at Hz", "delay ms", "disk
 
 
 def margins_table(margins: Margins) -> str:
-    """A line for each loop: the least gain, phase and delay that break it and where, disk and peak of S.
+    """One row a loop: gain, phase and delay margins with their frequencies, disk margin and peak of S.
 
-    An unstable loop has no margins: the line says where its fastest root is. ``-``: nothing breaks it.
-    ``?``: a delay that was not looked for (`LoopMargins`).
+    The row of an unstable loop gives its fastest-growing root. ``-``: no limit. ``?``: a delay margin that
+    was not computed (`LoopMargins`).
 
     >>> from middeck.control.analysis import measure_margins
     >>> from middeck.control.law.compensator import Compensator
@@ -31,12 +33,13 @@ def margins_table(margins: Margins) -> str:
     if not margins.stable:
         root = margins.stability
         return f"unstable: a root at {root.frequency_hz:.4g} Hz grows by {-root.margin:.3g} 1/s"
-    lines = [HEAD, *(_cells(loop) for loop in margins.loops)]
-    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    return "\n".join(
-        "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip()
-        for line in lines
-    )
+    return align_columns([HEAD, *(_cells(loop) for loop in margins.loops)])
+
+
+def align_columns(rows: Sequence[Sequence[str]]) -> str:
+    """The cells of ``rows`` as lines of text with columns aligned at the left."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return "\n".join("  ".join(map(str.ljust, row, widths)).rstrip() for row in rows)
 
 
 def _cells(loop: LoopMargins) -> tuple[str, ...]:

@@ -1,7 +1,7 @@
-"""Loops whose gain stays at one or above at infinite frequency: the least further delay is one too many.
+"""Loops whose gain stays at one or above at infinite frequency, which any additional delay destabilises.
 
-A delay makes an equation of neutral type of them, with a chain of roots whose real parts go to
-log(gain)/delay (Hale and Verduyn Lunel 1993, section 9.6): however short the delay, infinitely many grow.
+The delayed loop is of neutral type, with a chain of roots whose real parts tend to log(gain)/delay (Hale and
+Verduyn Lunel 1993, section 9.6): however short the delay, infinitely many roots are unstable.
 """
 
 from __future__ import annotations
@@ -13,17 +13,17 @@ from middeck.control.analysis.loop import At, FeedbackLoop, broken_at
 from middeck.systems.plant import remove_delays
 
 AT_ONE = 1e-9
-"""A gain this near to one counts as one: rounding of a few products, and on the axis is not stable."""
+"""Distance below one at which a gain counts as one: rounding of a few products."""
 TURNS = 720
-"""Phases at which a wave that comes back by delayed paths is looked at: to half a degree."""
+"""Number of phases tried for a wave that returns through delayed paths: steps of half a degree."""
 
 
 def bears_no_delay(loop: FeedbackLoop, at: At) -> Bool[np.ndarray, " channel"]:
-    """Channel by channel, whether the stable loop is lost to any further delay there, the others closed.
+    """Whether any additional delay of a channel destabilises the stable loop, the other channels closed.
 
-    Where the direct paths are on time, by the gain at infinite frequency. Where they are delayed alike, a
-    further delay turns this channel's part of the wave against the others' by any angle. Where they are
-    delayed unlike, a stable loop bears any angles of them all (`direct_gain`).
+    Direct paths without delay are decided by the gain at infinite frequency. Under equal delays, a further
+    delay turns the channel's part of the wave against the others by any angle. Under unequal delays a stable
+    loop tolerates all angles (`direct_gain`).
     """
     count = len(broken_at(loop, at))
     if loop.plant.period_s is not None:
@@ -43,7 +43,7 @@ def bears_no_delay(loop: FeedbackLoop, at: At) -> Bool[np.ndarray, " channel"]:
 
 
 def _gain_alone(P: Float[np.ndarray, "channel channel"], i: int) -> float:
-    """Of channel i round the loop, the others closed; none where those alone have no solution."""
+    """Direct gain of channel i around the loop, the others closed."""
     others = np.arange(len(P)) != i
     rest = np.eye(len(P) - 1) - P[np.ix_(others, others)]
     if np.linalg.matrix_rank(rest) < len(rest):
@@ -52,7 +52,7 @@ def _gain_alone(P: Float[np.ndarray, "channel channel"], i: int) -> float:
 
 
 def _most_turned(P: Float[np.ndarray, "channel channel"], i: int) -> float:
-    """The largest spectral radius with what goes into channel i turned by any angle."""
+    """Largest spectral radius over all phase angles of channel i's input."""
     if len(P) == 1:
         return float(abs(P[0, 0]))
     turn: Complex[np.ndarray, "turn one channel"] = np.ones((TURNS, 1, len(P)), dtype=complex)

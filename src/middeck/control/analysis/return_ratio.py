@@ -1,4 +1,4 @@
-"""Loops broken at one channel, all others closed, on lines that miss no resonance.
+"""Return ratios: loops broken at one channel, all others closed, on lines that resolve every resonance.
 
 The return ratio is L = -K G, so that 1 + L = 0 is the stability limit and the critical point is -1, as in the
 field's plots, although u = K y is added at the plant's input.
@@ -12,14 +12,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.control.analysis.lines import place_lines, refine_lines
-from middeck.control.analysis.loop import (
-    At,
-    FeedbackLoop,
-    broken_at,
-    evaluate_halves,
-    form_loop,
-    go_round,
-)
+from middeck.control.analysis.loop import At, FeedbackLoop, broken_at, evaluate_halves, form_loop, go_round
 from middeck.control.law.compensator import Compensator
 from middeck.systems.plant import Plant
 from middeck.values import record
@@ -28,7 +21,7 @@ Ratio = Callable[[np.ndarray], np.ndarray]
 """L [line, channel] at complex frequencies s [rad/s]."""
 
 SMOOTH = 6.0
-"""Steps of a curve that is looked at are a sixth of those that find crossings: three degrees."""
+"""Refinement of lines for plots against those that find crossings: steps of three degrees."""
 
 
 @record
@@ -40,7 +33,8 @@ class ReturnRatio:
     frequency_hz:
         Lines.
     L:
-        Response from what is put in behind the break to minus what arrives before it: critical point -1.
+        Response from the signal injected behind the break to minus the signal arriving before it: critical
+        point -1.
     channels:
         Inputs or measurements at which the loop is broken.
     """
@@ -59,13 +53,8 @@ def trace_return_ratio(
 ) -> ReturnRatio:
     """The return ratio at each channel, delays exact; by default on lines dense enough for a smooth curve.
 
-    Raises
-    ------
-    ConfigError
-        For halves that do not fit (`form_loop`), or lines at which the response is infinite.
+    Raises `ConfigError` for halves that do not fit (`form_loop`), or lines at which the response is infinite.
 
-    Examples
-    --------
     >>> from middeck.control.law.compensator import Compensator
     >>> from middeck.systems.plant import Plant
     >>> from middeck.signals.ports import Port
@@ -86,7 +75,7 @@ def trace_return_ratio(
 
 
 def broken_ratio(loop: FeedbackLoop, at: At) -> Ratio:
-    """L at each channel as a function of s, all from one inverse of what goes round.
+    """L at each channel as a function of s, all from one inverse of 1 - P.
 
     With P = K G, S = (1 - P)^-1 and r the other channels, L_i = -(P_ii + P_ir (1 - P_rr)^-1 P_ri) is
     -(S P)_ii / S_ii term by term: no cancellation where the loop is weak, as 1 / S_ii - 1 would have.
@@ -96,7 +85,7 @@ def broken_ratio(loop: FeedbackLoop, at: At) -> Ratio:
     ends: tuple[At, ...] = ("inputs", "outputs") if at == "both" else (at,)
 
     def ratio(s: np.ndarray) -> np.ndarray:
-        # On a pole the ratio is infinite; who asks there decides what that means.
+        # On a pole the ratio is infinite; the caller interprets it.
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             G, K = halves(np.asarray(s, dtype=complex))
             return np.concatenate([_one_by_one(go_round(G, K, end)) for end in ends], axis=1)
@@ -113,7 +102,7 @@ def _one_by_one(P: Complex[np.ndarray, "line channel channel"]) -> Complex[np.nd
     regular = bounded & ~on_root
     S = np.linalg.inv(difference[regular])
     through, own = np.sum(S * P[regular].transpose(0, 2, 1), axis=2), np.diagonal(S, axis1=1, axis2=2)
-    # Where the other loops alone have a pole on the line, this one is without bound.
+    # The ratio is unbounded where the other loops alone have a pole on the line.
     L = np.full(P.shape[:2], np.inf + 0.0j)
     L[regular] = np.where(own == 0.0, np.inf, -through / own)
     for k in np.flatnonzero(on_root):

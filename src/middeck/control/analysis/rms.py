@@ -21,17 +21,13 @@ def measure_rms(
 ) -> Float[np.ndarray, " z"]:
     """Rms of each output z within the band, delays exact; ``inf`` for an unstable loop.
 
-    Without a compensator (None) of the plant alone. Without delays by the closed form (`band_rms`); with them
-    by adaptive quadrature of |T|^2 to 1e-8 and better, only after stability has been decided with exact
-    delays (`decide_stability`).
+    ``compensator`` None: the plant alone. Without delays the closed form (`band_rms`) is used; with delays
+    stability is decided first (`decide_stability`), then |T|^2 is integrated by adaptive quadrature to 1e-8
+    or better.
 
-    Raises
-    ------
-    ConfigError
-        For ports that do not exist, intensities that do not fit them, a band that is not
-        0 <= low < high < inf, and a sampled compensator (`measure_noise_rms` takes both).
-    NumericalError
-        Where stability cannot be decided.
+    Raises `ConfigError` for ports that do not exist, intensities that do not fit them, a band that is not 0
+    <= low < high < inf, and a sampled compensator (`measure_noise_rms` takes both); `NumericalError` where
+    stability cannot be decided.
     """
     law = idle_compensator(plant) if compensator is None else compensator
     if not plant.delayed:
@@ -40,7 +36,7 @@ def measure_rms(
 
 
 def measure_metric(plant: Plant, compensator: Compensator | None, performance: Performance) -> float:
-    """The weighted rms of all outputs, one number; as `measure_rms`."""
+    """Weighted rms of all outputs together, otherwise as `measure_rms`."""
     require_one_each(
         "weights", len(performance.weights), tuple(plant.outputs[i] for i in plant.output_indices(plant.z))
     )
@@ -51,10 +47,7 @@ def measure_metric(plant: Plant, compensator: Compensator | None, performance: P
 def measure_control_rms(
     plant: Plant, compensator: Compensator, performance: Performance
 ) -> Float[np.ndarray, " u"]:
-    """Rms of each control input that the compensator drives, under the disturbance and in the band.
-
-    Sensor noise is not in it. ``inf`` for an unstable loop.
-    """
+    """Rms of each command under the disturbance in the band, without sensor noise; ``inf`` if unstable."""
     if not plant.delayed:
         return commands_rms(plant, compensator, performance)
     return _delayed_rms(plant, compensator, performance)[len(plant.z) :]
@@ -63,8 +56,8 @@ def measure_control_rms(
 def _delayed_rms(
     plant: Plant, compensator: Compensator, performance: Performance
 ) -> Float[np.ndarray, " zu"]:
-    """Of the outputs z, then of the commands."""
-    system = compensator.system  # a sampled compensator is refused whether its loop is stable or not
+    """Rms of the outputs z, then of the commands."""
+    system = compensator.system  # refuses a sampled compensator, stable loop or not
     require_one_each(
         "intensities",
         len(performance.intensity),
@@ -73,7 +66,7 @@ def _delayed_rms(
     loop = FeedbackLoop(loop_path(plant, compensator), system)
     if not decide_loop(loop).stable:
         return np.full(len(plant.z) + len(compensator.outputs), np.inf)
-    # The integrand peaks where the loop does; the approximation says where, and no more.
+    # Poles of the approximation only tell where the integrand peaks.
     peaks = poles(close_channels(approximate_halves(loop)))
     closed, nw = closed_response(plant, compensator, plant.w), len(plant.w)
     return response_rms(

@@ -1,4 +1,4 @@
-"""How many roots a loop with exact delays has right of a line, by the argument principle.
+"""Number of roots of a loop with exact delays right of a vertical line, by the argument principle.
 
 With f = det(1 - K G) and f_n the same with delays approximated, f / f_n has no open-loop poles: it has the
 roots of the delayed loop as zeros and those of the approximation, which are eigenvalues, as poles. Its change
@@ -21,17 +21,18 @@ from middeck.systems.delay_approximation import evaluate_approximation
 from middeck.systems.plant import remove_delays
 
 STEP = 0.7
-"""Largest change of phase [rad] that is believed from line to line."""
+"""Largest change of phase [rad] accepted from line to line."""
 ROUNDS, DOUBLINGS = 60, 40
 WALLS = 4
-"""Lines tried, where roots found and counted disagree right of the first."""
+"""Number of vertical lines tried where the roots found and counted disagree right of the first."""
 
 
 def clear_walls(real: np.ndarray, reach: float) -> list[float]:
-    """Lines Re s left of the axis with nothing beside them: amid the widest gaps within ``reach``.
+    """Re s of vertical lines left of the axis, each in the middle of a wide gap between roots within
+    ``reach``.
 
-    Whatever grows, and what is nearer to the axis than a line, is to its right: found and counted. The widest
-    first, then those nearer to the axis, with less to be found.
+    Unstable roots, and all that are nearer to the axis than the line, lie to its right and are counted. The
+    line of the widest gap comes first, then those nearer to the axis.
     """
     inside = np.sort(real[(real > -reach) & (real < 0.0)])
     edges = np.concatenate([[-reach], inside, [0.0]])
@@ -42,7 +43,7 @@ def clear_walls(real: np.ndarray, reach: float) -> list[float]:
 
 
 def count_more(loop: FeedbackLoop, halves: Halves, order: int, roots: np.ndarray, wall: float) -> int | None:
-    """How many roots right of ``wall`` the delayed loop has more than its approximation; None if unclear."""
+    """Roots right of ``wall`` of the delayed loop minus those of its approximation; None if unclear."""
     phase = _phase(loop, halves, order)
     omega = _wall_lines(loop, halves, roots, wall)
     ratio, away = phase(wall + 1j * omega)
@@ -56,7 +57,7 @@ def count_more(loop: FeedbackLoop, halves: Halves, order: int, roots: np.ndarray
         place = np.flatnonzero(coarse) + 1
         omega, ratio = np.insert(omega, place, middle), np.insert(ratio, place, between)
     step = np.angle(ratio[1:] * np.conj(ratio[:-1]))
-    # From the last line along Re s to infinity both loops are small: their phase is that of 1 - K G itself.
+    # Beyond the last line both loop gains are small: the phase is that of 1 - K G itself.
     half_turns = (away[-1] - step.sum()) / np.pi
     near = round(float(half_turns)) if np.isfinite(half_turns) else 0
     clear = np.all(np.abs(step) <= STEP) and abs(half_turns - near) < 0.1
@@ -100,7 +101,7 @@ def _wall_lines(
 
 
 def _where_small(halves: Halves, wall: float, omega: float, direct: float) -> float:
-    """From where on a wave is less than half of itself each time round, or half-way to what stays of it."""
+    """Frequency above which the loop gain is below the mean of one and ``direct``."""
     for _ in range(DOUBLINGS):
         G, K = halves(wall + 1j * omega * np.array([1.0, 1.3, 1.7, 2.3]))
         if np.abs(np.linalg.eigvals(K @ G)).max(initial=0.0) < 0.5 * (1.0 + direct):
@@ -110,10 +111,9 @@ def _where_small(halves: Halves, wall: float, omega: float, direct: float) -> fl
 
 
 def direct_gain(loop: FeedbackLoop) -> float:
-    """How much a wave without end keeps of itself each time round; one or more is unstable.
+    """Gain of one round trip through the direct terms; one or more is unstable.
 
-    Exact where all paths with a direct term are delayed alike; otherwise from absolute values, an upper
-    bound.
+    Exact where all paths with a direct term have one delay; otherwise an upper bound from absolute values.
     """
     if not loop.plant.delayed:
         return 0.0

@@ -8,11 +8,11 @@ from jaxtyping import Complex, Float
 
 CLOSE = 1e-9
 MEET, MOST_POLISHED = 1e-3, 8
-"""Singular values this close make a corner; beyond so many channels a simplex takes too long to turn it."""
+"""Relative distance at which two singular values meet; most channels for a simplex search."""
 SWEEPS, BALANCED = 12, 0.05
-"""A start that is not quite balanced costs a few steps of the descent, no more."""
+"""Balancing sweeps for the start; an imperfect balance only costs a few steps of the descent."""
 NEAR = 0.9
-"""Share of the largest value below which nobody asks for a value more exact than a bound."""
+"""Fraction of the largest value below which an upper bound is accepted."""
 
 
 def scaled_norms(M: Complex[np.ndarray, "line channel channel"]) -> Float[np.ndarray, " line"]:
@@ -46,7 +46,7 @@ def _minimised(M: np.ndarray, start: np.ndarray) -> Float[np.ndarray, " line"]:
     done = np.zeros(len(M), dtype=bool)
     best = 0.0
     while True:
-        # A scaling that is best on one line is good on those beside it: most are settled without a descent.
+        # The best scaling of one line is good on its neighbours: most need no descent.
         above = np.flatnonzero(~done & (bound > best * (1.0 + CLOSE)))
         if not len(above):
             return bound
@@ -63,20 +63,20 @@ def _norms(M: np.ndarray, log_d: np.ndarray) -> Float[np.ndarray, " line"]:
 
 
 def _frobenius(square: np.ndarray, log_d: np.ndarray) -> Float[np.ndarray, " line"]:
-    """The Frobenius norm, which is no less, of D M D^-1; from |M|^2."""
+    """Frobenius norm of D M D^-1 (an upper bound of the norm), from |M|^2."""
     d = np.exp(2.0 * log_d)
     return np.sqrt(np.sum(d * np.sum(square / d[:, None, :], axis=2), axis=1))
 
 
 def _balance(square: Float[np.ndarray, "line channel channel"]) -> Float[np.ndarray, "line channel"]:
-    """log D for which rows and columns are of like size, all lines at once; from |M|^2 (Osborne 1960)."""
+    """log D that balances rows and columns, all lines at once, from |M|^2 (Osborne 1960)."""
     channels = square.shape[1]
     scaled, log_d = square * ~np.eye(channels, dtype=bool), np.zeros(square.shape[:2])
     for _ in range(SWEEPS):
         before = log_d.copy()
         for i in range(channels):
             row, column = scaled[:, i].sum(axis=1), scaled[:, :, i].sum(axis=1)
-            # An empty row or column: the block matters no further, and need not be scaled without end.
+            # An empty row or column has no effect; leave its scale.
             both = (row > 0.0) & (column > 0.0)
             factor = np.sqrt(np.divide(column, row, out=np.ones_like(row), where=both))
             scaled[:, i] *= factor[:, None]
@@ -88,7 +88,7 @@ def _balance(square: Float[np.ndarray, "line channel channel"]) -> Float[np.ndar
 
 
 def _minimise(M: np.ndarray, log_d: np.ndarray) -> tuple[float, np.ndarray]:
-    """By the gradient of the largest singular value; where two meet, without one from there on."""
+    """Minimise by the gradient of the largest singular value; without gradient once two of them meet."""
 
     def level(x: np.ndarray) -> tuple[float, np.ndarray]:
         left, value, right = np.linalg.svd(np.exp(x)[:, None] * M * np.exp(-x))

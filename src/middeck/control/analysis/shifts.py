@@ -20,15 +20,15 @@ from middeck.values import record
 
 @record(kw_only=True)
 class AllowedShift:
-    """The shifts of one mode's frequency, in parts of it, at which the loop first becomes unstable.
+    """Relative shifts of one mode's frequency at which the loop first becomes unstable.
 
     Parameters
     ----------
     mode:
         Its name.
     down, up:
-        Negative and positive; -``inf`` and ``inf`` where the loop is stable as far as was looked, both zero
-        where it is unstable without any shift.
+        Negative and positive; -``inf`` and ``inf`` where the loop is stable up to ``most``, both zero where
+        it is unstable without a shift.
     down_hz, up_hz:
         Frequency of the pole that reaches the axis; 0 where none does.
     """
@@ -50,10 +50,10 @@ def find_allowed_shifts(
     resolution: float = 1e-8,
     finish: Callable[[Plant], Plant] | None = None,
 ) -> tuple[AllowedShift, ...]:
-    """The first shift to instability of each mode alone, damping ratio kept, delays exact.
+    """Smallest destabilising shift of each mode alone, damping ratio kept, delays exact.
 
-    Under a sampled compensator the shifted plant is sampled anew each time, hold and delays exact: modes
-    beyond half the rate count too.
+    A sampled compensator meets the shifted plant sampled anew, hold and delays exact: modes beyond half the
+    rate count too.
 
     Marches outwards in steps of ``step`` up to ``most`` with eigenvalues (delays by an approximation of high
     order), then bisects with exact delays to ``resolution``. Unstable intervals narrower than ``step``, a
@@ -62,17 +62,13 @@ def find_allowed_shifts(
     Parameters
     ----------
     modes:
-        All that oscillate and that a port reaches or sees, if None. Those of a state space without
+        None: all oscillating modes that are controllable or observable. Modes of a state space without
         ``state_names`` are named by number and frequency (`part_modes`).
     finish:
-        Makes of the shifted plant the one that is controlled: closes an inner loop.
+        Function from the shifted plant to the plant controlled, e.g. closing an inner loop.
 
-    Raises
-    ------
-    ConfigError
-        For modes that do not exist or do not oscillate (`shift_modes`), or a step that is not positive.
-    NumericalError
-        Where modes without names nearly coincide (`part_modes`).
+    Raises `ConfigError` for modes that do not exist or do not oscillate (`shift_modes`), or a step that is
+    not positive; `NumericalError` where modes without names nearly coincide (`part_modes`).
     """
     if not 0.0 < step <= most < 1.0:
         raise ConfigError(f"steps of {step:g} up to {most:g}: 0 < step <= most < 1")

@@ -1,4 +1,4 @@
-"""Stability of a loop with exact delays: roots found from an approximation, and counted, lest one is lost."""
+"""Stability of a loop with exact delays: roots are found from an approximation and verified by counting."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from middeck.values import record
 
 MOST_ORDER = 64
 REACH = 0.1
-"""How far left of the axis roots are counted, times the longest delay: a wave changes by a tenth there."""
+"""Distance left of the axis up to which roots are counted, times the longest delay."""
 
 
 @record(kw_only=True)
@@ -61,22 +61,16 @@ class LoopStability:
 
 
 def decide_stability(plant: Plant, law: Compensator) -> LoopStability:
-    """Stability with exact delays, modes included that the law does not move; unstable is an outcome.
+    """Stability with exact delays, including modes that the compensator does not move.
 
-    Without delays, and for sampled loops, by eigenvalues. With delays the poles of an approximation, good at
-    the frequencies of all light modes, are carried to roots of det(1 - K G) by Newton's method; those right
-    of a line on the left of the axis are counted by the argument principle. Only roots at which the
-    determinant vanishes count as found; where found and counted disagree the order is raised.
+    Loops without delays and sampled loops are decided by eigenvalues. With delays, the poles of an
+    approximation valid for all light modes start Newton's method on det(1 - K G); roots right of a line left
+    of the axis are also counted by the argument principle. Only roots at which the determinant vanishes count
+    as found; where found and counted disagree the order is raised.
 
-    Raises
-    ------
-    ConfigError
-        For halves that do not fit (`form_loop`).
-    NumericalError
-        Where roots and count disagree at the highest order, right of every line that was tried.
+    Raises `ConfigError` for halves that do not fit (`form_loop`); `NumericalError` where roots and count
+    disagree at the highest order, right of every line that was tried.
 
-    Examples
-    --------
     >>> from middeck.control.law.compensator import Compensator
     >>> from middeck.systems.plant import Plant, delay_plant
     >>> from middeck.signals.ports import Port
@@ -92,7 +86,7 @@ def decide_stability(plant: Plant, law: Compensator) -> LoopStability:
 
 
 def decide_loop(loop: FeedbackLoop) -> LoopStability:
-    """The same of a loop that is formed."""
+    """As `decide_stability`, for a loop already formed."""
     if not loop.plant.delayed:
         loop, unmoved = _split_unmoved(loop)
         return _outcome(np.concatenate([loop_poles(loop), unmoved]))
@@ -128,9 +122,9 @@ def decide_loop(loop: FeedbackLoop) -> LoopStability:
 
 
 def _split_unmoved(loop: FeedbackLoop) -> tuple[FeedbackLoop, Complex[np.ndarray, " pole"]]:
-    """The loop without what u does not reach or y does not see; and those poles, which nothing moves.
+    """The loop without modes uncontrollable from u or unobservable in y, and the poles of these modes.
 
-    They are in no return ratio: its roots cannot be counted with them, least of all where several coincide.
+    No return ratio contains them, so that counting its roots must not include them.
     """
     if loop.plant.period_s is not None:
         return loop, np.zeros(0, dtype=complex)
@@ -145,9 +139,9 @@ def _split_unmoved(loop: FeedbackLoop) -> tuple[FeedbackLoop, Complex[np.ndarray
 
 
 def _orders(loop: FeedbackLoop, open_poles: np.ndarray) -> list[int]:
-    """Orders to try: first one that is right at the fastest light mode, then twice and four times that.
+    """Orders to try: one accurate at the fastest light mode, then twice and four times that.
 
-    Modes too fast for `MOST_ORDER` are found from their own poles.
+    Modes too fast for `MOST_ORDER` are found from their open poles.
     """
     fastest = np.abs(open_poles[is_light(open_poles)]).max(initial=0.0)
     first = min(pade_order(fastest * loop.plant.delay_s.max()), MOST_ORDER)
@@ -155,14 +149,14 @@ def _orders(loop: FeedbackLoop, open_poles: np.ndarray) -> list[int]:
 
 
 def _reach(loop: FeedbackLoop) -> float:
-    """How far left of the axis [rad/s] to count: not into the chain of roots that a direct term has."""
+    """Distance left of the axis [rad/s] for counting, short of the chain of roots of a direct term."""
     direct = direct_gain(loop)
     chain = -0.25 * np.log(direct) if direct > 0.0 else np.inf
     return float(min(REACH, chain) / loop.plant.delay_s.max())
 
 
 def loop_poles(loop: FeedbackLoop, order: int | None = None) -> Complex[np.ndarray, " root"]:
-    """Poles of the closed loop [rad/s] with approximated delays, or of the sampled loop: to rank by."""
+    """Poles of the closed loop [rad/s] with approximated delays, or of the sampled loop, for ranking."""
     return growth_rates(close_channels(approximate_halves(loop, order)))
 
 

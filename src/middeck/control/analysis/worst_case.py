@@ -1,4 +1,4 @@
-"""The worst plant of a box: all corners, then a search from the worst of them, delays exact at the end."""
+"""Worst plant of a box: all corners, then a search from the worst of them; the result has exact delays."""
 
 from __future__ import annotations
 
@@ -14,12 +14,7 @@ from middeck.control.analysis.stability import LoopStability, decide_loop, large
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import approximation_order
 from middeck.control.law.partition import partition_modes
-from middeck.control.law.uncertainty import (
-    Uncertainty,
-    corner_positions,
-    finished_plants,
-    parameter_names,
-)
+from middeck.control.law.uncertainty import Uncertainty, corner_positions, finished_plants, parameter_names
 from middeck.control.loop.closed_loop import close_loop
 from middeck.control.loop.performance import Performance, loop_metric
 from middeck.systems.delay_approximation import approximate_delays
@@ -28,32 +23,32 @@ from middeck.systems.stability import GROWTH_LIMIT
 from middeck.values import record
 
 SEARCHED = 4
-"""Corners from which the box is searched, besides the middle."""
+"""Number of corners from which the search starts, besides the middle."""
 FIRST_STEP, LAST_STEP = 0.5, 1e-3
 UNSTABLE = 1e6
-"""Beyond any sensitivity worth telling from instability."""
+"""Offset of unstable loops in the ranking, above any sensitivity."""
 
 Objective = Callable[[Float[np.ndarray, " parameter"]], float]
 
 
 @record(kw_only=True)
 class WorstCase:
-    """The worst that was found in a box of plants.
+    """Worst plant found in a box.
 
     Parameters
     ----------
     parameters:
-        What the numbers of a position stand for.
+        Names of the numbers of a position.
     position:
-        Each from -1 to 1: where in the box.
+        Position in the box, each number from -1 to 1.
     stability:
-        Of that plant, delays exact.
+        Stability of that plant, delays exact.
     metric:
         The performance metric there; ``inf`` where unstable; None where no performance was asked for.
     nominal_metric:
         The same in the middle of the box.
     unstable_corners:
-        Part of the corners that are unstable, by the approximation of delays that ranks them.
+        Fraction of unstable corners, by the approximation of delays that ranks them.
     tried:
         Plants evaluated.
     """
@@ -76,18 +71,15 @@ def find_worst_case(
     corners: int | None = None,
     rng: np.random.Generator | None = None,
 ) -> WorstCase:
-    """The plant of the box with the fastest growth; or, where all are stable, the worst performance.
+    """Plant of the box with the fastest growth; where all are stable, with the worst performance.
 
-    All corners, or ``corners`` of them drawn with ``rng``, then a search along the parameters from the
-    middle and the worst corners with steps that are halved. Growth and rms are ranked with delays in an
-    approximation of the order that the fastest mode asks; stability and metric of the answer are exact.
-    A lower bound: a search proves nothing between the points that it tried (`measure_disk_margin` bounds from
-    the other side).
+    Evaluates all corners, or ``corners`` of them drawn with ``rng``, then searches along the parameters from
+    the middle and the worst corners with halved steps. Ranking uses approximated delays, of the order that
+    the fastest mode needs; stability and metric of the result are exact. The result is a lower bound of the
+    true worst (`measure_disk_margin` bounds from the other side).
 
-    Raises
-    ------
-    ConfigError
-        For a box that does not fit the plant (`perturb_plant`), or too many corners without ``corners``.
+    Raises `ConfigError` for a box that does not fit the plant (`perturb_plant`), or too many corners without
+    ``corners``.
     """
     positions = corner_positions(uncertainty, corners, rng)
     count = _Count()
@@ -131,10 +123,11 @@ class _Count:
 
 
 def _closeness(loop: FeedbackLoop) -> float:
-    """How near a loop is to instability, rising through it: its sensitivity, then its growth.
+    """Closeness to instability: the peak sensitivity of a stable loop; any unstable loop ranks above, by
+    growth.
 
-    The pole furthest right says nothing while it belongs to a mode that the loop hardly moves; the
-    sensitivity at the poles' frequencies does. A loop that grows is nearer than any that does not.
+    The rightmost pole is no measure where it belongs to a mode that the loop hardly moves; the sensitivity at
+    the poles' frequencies is.
     """
     rates = loop_poles(loop)
     growth = largest_growth(rates)
@@ -151,7 +144,7 @@ def _closeness(loop: FeedbackLoop) -> float:
 def _climb(
     objective: Objective, positions: np.ndarray, values: np.ndarray
 ) -> Float[np.ndarray, " parameter"]:
-    """From the middle and the worst corners to where no step along a parameter makes it worse."""
+    """Search from the middle and the worst corners until no step along a parameter makes it worse."""
     starts = dict.fromkeys([0, *(int(k) for k in np.argsort(-values, kind="stable")[:SEARCHED])])
     found = [_pattern_search(objective, positions[k], float(values[k])) for k in starts]
     return max(found, key=lambda each: each[1])[0]

@@ -1,1 +1,1 @@
-"""The quadratic cost of a closed loop, its gradient, and laws of a given form."""
+"""Quadratic cost of a closed loop, its gradient, and compensators of fixed structure."""

@@ -29,11 +29,11 @@ class Law:
 
 @record(kw_only=True)
 class LawCost:
-    """The cost of a model under a law, its gradient, and what scales the law's coordinates.
+    """Cost of a model under a compensator, its gradient, and the scales of the compensator's coordinates.
 
-    ``cost`` is ``inf`` and the rest None where the loop is unstable. ``covariance`` is that of the law's
-    states, ``worth`` the cost of a unit of each (the block of P); ``measured`` the mean square of each
-    measurement without sensor noise, ``pushed`` the worth of a push at each input.
+    ``cost`` is ``inf`` and the rest None where the loop is unstable. ``covariance`` and ``worth`` are the
+    compensator's blocks of X and P; ``measured`` is the mean square of each measurement without sensor noise,
+    ``pushed`` the cost of a unit impulse at each input.
     """
 
     cost: float
@@ -89,7 +89,7 @@ def law_gradient(
     P: Float[np.ndarray, "state state"],
     halves: tuple[np.ndarray, np.ndarray, np.ndarray],
 ) -> LawCost:
-    """From half the loop's dJ/dA, dJ/dB and dJ/dC (PX, PB and CX of an H2 cost) to the law's blocks."""
+    """Gradient by the law's matrices from half of dJ/dA, dJ/dB and dJ/dC (PX, PB and CX of an H2 cost)."""
     PX, PB, CX = halves
     n, through = len(model.A), model.D22 @ law.C
     return LawCost(
@@ -116,8 +116,7 @@ def solve_gramian(
 
 
 def _stable_form(A: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """T, V and V^-1 of A = V T V^-1, T the real Schur form of A balanced first, so that units of states do
-    not matter; None where A is not stable."""
+    """T, V and V^-1 of A = V T V^-1, T the real Schur form of balanced A; None where A is not stable."""
     if not np.isfinite(A).all():
         return None
     balanced, _, _, scale, _ = cast("Any", lapack).dgebal(A, scale=1, permute=0)

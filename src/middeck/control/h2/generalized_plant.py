@@ -1,8 +1,8 @@
-"""A plant with its weights and noise, all of unit size: what an H2 design sees.
+"""Generalized plant of an H2 design: a plant with its weights and noise, normalised.
 
 x' = A x + B1 w + B2 u, e = C1 x + D12 u, y = C2 x + D21 w + D22 u, with white w of unit intensity (process,
-then sensor noise) and the cost E[e'e] = E[z' W^2 z + rho u' R u]. Filters of a `Shaping` are states behind
-the plant's. Measurements that are integrated are so by the last states of the law.
+then sensor noise) and the cost E[e'e] = E[z' W^2 z + rho u' R u]. States of `Shaping` filters follow the
+plant's. The last states of the compensator integrate measurements.
 """
 
 from __future__ import annotations
@@ -23,16 +23,13 @@ from middeck.systems.statespace import StateSpace
 from middeck.values import record
 
 INNER = 1e-3
-"""Part of the price and of the noise that is put on the free law itself where filters are fixed."""
+"""Fraction of control weight and noise put on the free part of the compensator beside fixed filters."""
 
 
 @record(kw_only=True)
 class GeneralizedPlant:
-    """One model of a design, see the module.
-
-    ``integrals`` are rows of y, and the weight of the integral of each; the last rows of C1 and D12 are kept
-    free for them.
-    """
+    """One model of a design, see the module; ``integrals`` are pairs of a row of y and its integral's weight,
+    for which the last rows of C1 and D12 are reserved."""
 
     A: Float[np.ndarray, "state state"]
     B1: Float[np.ndarray, "state w"]
@@ -54,11 +51,10 @@ def generalize(
     before: StateSpace | None = None,
     after: StateSpace | None = None,
 ) -> GeneralizedPlant:
-    """The model of ``plant`` without inert modes, with fixed filters ``before`` and ``after`` what is free.
+    """The model of ``plant`` without inert modes, filters ``before`` on measurements, ``after`` on commands.
 
-    ``before`` filters the measurements, ``after`` the commands. At a notch commands would then cost nothing
-    and nothing would be measured, and what is free would undo the notch: a thousandth of the price and of the
-    noise is put on what it commands and reads itself.
+    At the frequency of a notch commands would have no cost and measurements no content, and the free part
+    would invert the notch: a thousandth of the control weight and noise is put on its own ports.
 
     Raises `ConfigError` for weights and filters that do not fit, and for process noise that reaches z
     directly (the cost would be infinite).
@@ -78,12 +74,7 @@ def generalize(
         B2=m.control[turn],
         C1=np.vstack([m.C1, effort * m.shaped, np.zeros((nu + held, n))])[:, turn],
         D12=np.vstack(
-            [
-                m.D12,
-                effort * m.shaped_through,
-                effort * np.diag(np.sqrt(m.plain)),
-                np.zeros((held, nu)),
-            ]
+            [m.D12, effort * m.shaped_through, effort * np.diag(np.sqrt(m.plain)), np.zeros((held, nu))]
         ),
         C2=m.C2[:, turn],
         D21=np.hstack([m.D21, np.eye(len(m.sensor))]) @ noise,
@@ -106,13 +97,13 @@ def _noise_root(m: lqg_problem.LQGProblem) -> Float[np.ndarray, "noise noise"]:
 
 
 def square_root(intensity: Float[np.ndarray, "w w"]) -> Float[np.ndarray, "w w"]:
-    """A factor G with G G' = intensity, which need not be definite."""
+    """A factor G with G G' = intensity (semidefinite)."""
     values, vectors = np.linalg.eigh(intensity)
     return vectors * np.sqrt(np.maximum(values, 0.0))
 
 
 def discounted(model: GeneralizedPlant, rate: float) -> GeneralizedPlant:
-    """The model whose states decay faster by ``rate``: it is stable under a law that is nearly so."""
+    """The model with poles shifted left by ``rate``, stable under a compensator that nearly stabilises it."""
     return dataclasses.replace(model, A=model.A - rate * np.eye(len(model.A)))
 
 

@@ -1,4 +1,4 @@
-"""The rms of a loop under process and sensor noise with exact delays: an integral over all frequencies."""
+"""Rms of a loop with exact delays under process and sensor noise, by integration over all frequencies."""
 
 from __future__ import annotations
 
@@ -22,24 +22,24 @@ from middeck.systems.statespace import poles
 from middeck.values import record
 
 FAR = 1e5
-"""The integral ends at so many times the fastest pole; what is left falls with the square of frequency and is
-taken from its last value, which errs by 1 / FAR^2 of it."""
+"""Upper limit of the integral relative to the fastest pole; the rest falls with the square of frequency and
+is extrapolated with a relative error of 1 / FAR^2."""
 REST = 1e-4
-"""And it begins at this part of the slowest pole, below which all is flat to its square: nearer to rest a
-plant that integrates outweighs the loop's own return by more than numbers hold."""
+"""Lower limit relative to the slowest pole; the integrand is flat below, and nearer to zero frequency the
+integrators of a plant cancel beyond double precision."""
 
 
 @record
 class NoiseOutcome:
-    """What a loop does under noise.
+    """Stability and rms of a loop under noise.
 
     Parameters
     ----------
     stable:
         By `decide_stability`, delays exact.
     rms, control_rms:
-        (E[z' W^2 z])^1/2 and (E[u' R u])^1/2; ``inf`` where a root does not decay, and where white noise
-        comes through a direct term.
+        (E[z' W^2 z])^1/2 and (E[u' R u])^1/2; ``inf`` for an unstable loop, and for white noise through a
+        direct term.
     """
 
     stable: bool
@@ -52,14 +52,10 @@ def integrate_noise(plant: Plant, compensator: Compensator, weights: LQGWeights)
 
     Stability is decided first (`decide_stability`); then |T|^2 is integrated by adaptive quadrature.
 
-    Raises
-    ------
-    ConfigError
-        For ports that do not exist, weights that do not fit, and process noise that reaches z directly.
-    NumericalError
-        Where stability cannot be decided.
+    Raises `ConfigError` for ports that do not exist, weights that do not fit, and process noise that reaches
+    z directly; `NumericalError` where stability cannot be decided.
     """
-    generalize(remove_delays(plant), weights, 1.0)  # it refuses what has no cost
+    generalize(remove_delays(plant), weights, 1.0)  # refuses a plant of infinite cost
     loop = form_loop(plant, compensator)
     found = decide_loop(loop)
     if not found.stable or found.margin <= GROWTH_LIMIT:
@@ -73,7 +69,7 @@ def integrate_noise(plant: Plant, compensator: Compensator, weights: LQGWeights)
     band = response_rms(respond, peaks, unit, (low / (2.0 * np.pi), top / (2.0 * np.pi)))
     first, *last = respond(np.array([low, top, 10.0 * top]))
     square = band**2 + np.sum(low * np.abs(first) ** 2 + top * np.abs(last[0]) ** 2, axis=1) / np.pi
-    # Where a response does not fall any more from the last line on, white noise comes through.
+    # A response that does not fall beyond the last line passes white noise: infinite rms.
     level = np.linalg.norm(last, axis=2)
     square[(level[1] > 0.5 * level[0]) & (level[1] > 0.0)] = np.inf
     return NoiseOutcome(True, float(np.sqrt(square[:outputs].sum())), float(np.sqrt(square[outputs:].sum())))

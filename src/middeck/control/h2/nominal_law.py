@@ -1,4 +1,4 @@
-"""The law that is best for one model: two Riccati equations (Kwakernaak and Sivan 1972, chapter 5)."""
+"""Optimal compensator of one model: two Riccati equations (Kwakernaak and Sivan 1972, chapter 5)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from middeck.control.riccati import RiccatiSolution, solve_riccati
 
 
 def solve_lqg(model: GeneralizedPlant) -> tuple[Law, RiccatiSolution, RiccatiSolution, float]:
-    """The law, its integrals beside the rest, the regulator's and the filter's solution, and the cost."""
+    """The law with its integrals, the regulator's and the filter's solution, and the cost."""
     rows, n = [row for row, _ in model.integrals], len(model.A)
     A, B = append_integrals(model.A, model.B2, model.C2, model.D22, rows)
     price = model.D12.T @ model.D12
@@ -21,11 +21,7 @@ def solve_lqg(model: GeneralizedPlant) -> tuple[Law, RiccatiSolution, RiccatiSol
     S = np.vstack([model.C1.T @ model.D12, np.zeros((len(rows), len(price)))])
     regulator = solve_riccati(A, B, Q, price, S)
     estimator = solve_riccati(
-        model.A.T,
-        model.C2.T,
-        model.B1 @ model.B1.T,
-        model.D21 @ model.D21.T,
-        model.B1 @ model.D21.T,
+        model.A.T, model.C2.T, model.B1 @ model.B1.T, model.D21 @ model.D21.T, model.B1 @ model.D21.T
     )
     K, L = regulator.gain, estimator.gain.T
     inside = -(model.B2 - L @ model.D22) @ K

@@ -1,4 +1,4 @@
-"""What of a law is free: its order, who reads and drives what, and the fixed filters around it."""
+"""Structure of a compensator: order, ports of each station, fixed filters, and its free entries."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from middeck.systems.statespace import StateSpace
 from middeck.values import record
 
 WORST_BASIS = 1e8
-"""Condition of a law's eigenvectors beyond which its modal form is not used: half the digits are left."""
+"""Condition number of a law's eigenvectors beyond which its modal form is not used."""
 
 
 @record
@@ -36,7 +36,7 @@ class Structure:
     order:
         States of K; None for as many as the design model has.
     stations:
-        Parts that know nothing of each other; their orders add up to that of K. Empty for one that reads all.
+        Decentralised parts whose orders add up to that of K; empty for a centralised law.
     before, after:
         Fixed filters, e.g. notches or leads, of the measurements and of the commands, square.
 
@@ -76,7 +76,7 @@ def order_of(structure: Structure, default: int) -> int:
 
 
 def station_ports(structure: Structure, plant: Plant) -> list[tuple[list[int], list[int], int]]:
-    """Of each station: its measurements among y, its inputs among u, its states."""
+    """Rows of y, rows of u and number of states of each station."""
     return [
         (_positions(plant.y, s.inputs, "y"), _positions(plant.u, s.outputs, "u"), s.order)
         for s in structure.stations
@@ -96,12 +96,12 @@ def _positions(group: tuple[str, ...], names: tuple[str, ...], which: str) -> li
 def arrange(
     law: Law, stations: list[tuple[list[int], list[int], int]], integrals: int = 0
 ) -> tuple[Law, Free]:
-    """The law in real modal coordinates, station by station, and what of it may then change.
+    """The law in real modal coordinates, station by station, and its free entries.
 
-    A is free on three diagonals within each station: every real matrix is similar to such a one, modes that
-    meet stay differentiable in it, and its 3 k - 2 numbers leave little of the k^2 directions that change
-    coordinates only. Where eigenvectors are nearly dependent the coordinates stay and all of A is free.
-    ``integrals`` last states stand beside the rest; of them C alone is free.
+    A is tridiagonal within each station: every real matrix is similar to such a matrix, it stays
+    differentiable where modes meet, and its 3 k - 2 numbers leave few directions that only change
+    coordinates. Where eigenvectors are nearly dependent the coordinates stay and all of A is free. Of the
+    last states, the ``integrals``, only C is free.
     """
     law = decouple(law, integrals)
     ny, nu = law.B.shape[1], len(law.C)
@@ -122,7 +122,7 @@ def arrange(
     back = np.linalg.inv(turn)
     turned = Law(back @ law.A @ turn, back @ law.B, law.C @ turn)
     C[:, first:] = True
-    # Rounding outside the free pattern is dropped; what integrates stays.
+    # Drop rounding outside the free pattern; keep the integrators.
     fixed = np.zeros(len(law.A), dtype=bool)
     fixed[first:] = True
     kept = Law(
@@ -143,7 +143,7 @@ def decouple(law: Law, integrals: int) -> Law:
     if not integrals:
         return law
     n = len(law.A) - integrals
-    # x = x' + M i with (A + r) M = -G, where r is a decay lent to all states.
+    # x = x' + M i with (A + r) M = -G, where r is a decay added to all states.
     M = -np.linalg.solve(law.A[:n, :n] - law.A[-1, -1] * np.eye(n), law.A[:n, n:])
     A, B, C = law.A.copy(), law.B.copy(), law.C.copy()
     A[:n, n:] = 0.0
@@ -170,7 +170,7 @@ def add_laws(first: Law, second: Law) -> Law:
 
 
 def _modal_basis(A: Float[np.ndarray, "state state"]) -> Float[np.ndarray, "state state"] | None:
-    """Real and imaginary parts of the eigenvectors, slow modes first; None where they cannot carry A."""
+    """Real and imaginary parts of the eigenvectors, slow modes first; None where ill-conditioned."""
     values, vectors = np.linalg.eig(A)
     rate, turn = np.real(values), np.imag(values)
     columns: list[np.ndarray] = []

@@ -1,1 +1,1 @@
-"""What a control law is: compensators, ports, parts that nothing moves, orders of delays, uncertainty."""
+"""Compensators, their ports, inert modes, stabilisability, delay orders and uncertainty."""

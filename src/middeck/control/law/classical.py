@@ -38,8 +38,8 @@ class PDLoops:
 def close_inner_loop(plant: Plant, pd: PDLoops) -> Plant:
     """The plant with ``pd`` closed: same ports, and the states of its modes in their order.
 
-    Modes that no port reaches or sees are left out (`partition_modes` names them): they belong to no
-    transfer function, and no loop could hold them. Raises `ConfigError` for loops whose ports do not exist.
+    Modes that are uncontrollable and unobservable are left out (`partition_modes` names them). Raises
+    `ConfigError` for loops whose ports do not exist.
     """
     active = partition_modes(plant).active
     system = active.system

@@ -1,4 +1,4 @@
-"""What a design method returns: a dynamic law from named measurements to named inputs."""
+"""Compensators: dynamic control laws from named measurements to named inputs."""
 
 from __future__ import annotations
 
@@ -12,13 +12,7 @@ from middeck.errors import ConfigError
 from middeck.signals.ports import Port
 from middeck.systems.plant import Plant
 from middeck.systems.response import FrequencyResponse, statespace_response
-from middeck.systems.statespace import (
-    LinearSystem,
-    SampledStateSpace,
-    StateSpace,
-    gain_system,
-    select_paths,
-)
+from middeck.systems.statespace import LinearSystem, SampledStateSpace, StateSpace, gain_system, select_paths
 from middeck.values import record
 
 
@@ -35,12 +29,9 @@ class Compensator:
     outputs:
         Plant inputs that are driven, in the order of the rows.
     method:
-        How it was made, in a word or two; empty if unknown.
+        Name of the design method; empty if unknown.
 
-    Raises
-    ------
-    ConfigError
-        Where the ports do not fit the law.
+    Raises `ConfigError` where the ports do not fit the law.
     """
 
     dynamics: LinearSystem
@@ -63,7 +54,7 @@ class Compensator:
 
     @property
     def system(self) -> StateSpace:
-        """The continuous law; raises `ConfigError` for a sampled one, whose matrices mean something else."""
+        """The continuous law; raises `ConfigError` for a sampled one."""
         if isinstance(self.dynamics, SampledStateSpace):
             rate = 1.0 / self.dynamics.period_s
             raise ConfigError(

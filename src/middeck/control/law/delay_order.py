@@ -1,4 +1,4 @@
-"""How many states a delay needs so that every mode of a loop comes back with the right phase."""
+"""Order of the delay approximation that keeps the phase of every mode of a loop."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from middeck.systems.statespace import SampledStateSpace, StateSpace, poles
 System = StateSpace | SampledStateSpace
 
 LEAST_PADE, MOST_PADE = 8, 40
-"""Beyond 40 (50 radians, 800 Hz for 10 ms) a plant by itself with its exact delay is cheaper."""
+"""Largest order, for 50 radians (800 Hz at 10 ms); beyond, the exact delay is cheaper."""
 
 
 def pade_order(phase: float) -> int:
     """The order at which a Pade approximation of exp(-j ``phase``) errs by less than 1e-9.
 
-    Half of ``phase`` is what an all-pass of that order can turn at all with an error below one; from there
-    on the error falls faster than any power. The root is fitted to errors computed up to 100 radians.
+    An all-pass needs an order of half of ``phase`` for an error below one; beyond that order the error falls
+    faster than any power. The root term is fitted to errors computed up to 100 radians.
 
     >>> [pade_order(x) for x in (0.6, 6.0, 25.0)]
     [8, 11, 24]
@@ -34,12 +34,12 @@ def phase_of_modes(plant: Plant, law: System | None = None) -> float:
 
 
 def approximation_order(plant: Plant, law: System | None = None) -> int:
-    """The order at which every mode of plant and law comes back with the right phase, at most `MOST_PADE`."""
+    """Order that keeps the phase of every mode of plant and compensator, at most `MOST_PADE`."""
     return min(pade_order(phase_of_modes(plant, law)), MOST_PADE)
 
 
 def is_within(order: int, plant: Plant, values: np.ndarray) -> bool:
-    """Whether the pole furthest right among ``values`` is where an approximation of ``order`` is right."""
+    """Whether an approximation of ``order`` is valid at the rightmost pole among ``values``."""
     if not len(values):
         return True
     lead = values[np.argmax(np.real(values))]

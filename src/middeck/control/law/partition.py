@@ -1,4 +1,4 @@
-"""Modes that no port moves and no port sees, set aside by name before a design.
+"""Modes both uncontrollable and unobservable, set aside by name before a design.
 
 A free translation of a structure driven by torques alone is a double pole at the origin that is neither
 reachable nor observed. It belongs to no transfer function, yet it makes both Riccati equations unsolvable;
@@ -22,7 +22,7 @@ from middeck.values import record
 
 @record
 class ModePartition:
-    """A plant without the modes that its ports cannot tell from absent ones.
+    """A plant without its inert modes.
 
     Parameters
     ----------
@@ -39,14 +39,14 @@ class ModePartition:
 def partition_modes(plant: Plant) -> ModePartition:
     """Set aside the modes that are neither reachable from any input nor observed by any output.
 
-    Of modal dynamics by `inert_modes`, of a state space those states of one name that are joined to no other
-    state and no port, by exact zeros; of either those that do not grow. A mode that is only unreachable, or
-    only unobserved, stays: a design then refuses it by name.
+    Modal dynamics use `inert_modes`; a state space loses the states of one name that exact zeros separate
+    from all other states and ports. Modes that grow stay, and so do those only uncontrollable or only
+    unobservable: a design then refuses them by name.
     """
     modal = plant.modal
     if modal is None:
         return _partition_states(plant, remove_delays(plant).system)
-    # One that grows is for a verdict and a design to name.
+    # An unstable mode stays for verdict and design to name.
     inert = inert_modes(modal) & ~(-modal.zeta * modal.omega > GROWTH_LIMIT)
     names = tuple(name for name, out in zip(modal.names, inert, strict=True) if out)
     active = dataclasses.replace(plant, dynamics=select_modes(modal, ~inert)) if names else plant

@@ -1,4 +1,4 @@
-"""Which modes no feedback can hold, and their names (Popov, Belevitch and Hautus test)."""
+"""Unstabilisable modes by name (Popov, Belevitch and Hautus test)."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def unreachable_states(
     only_axis: bool = False,
     sampled: bool = False,
 ) -> Float[np.ndarray, " state"]:
-    """How much each state belongs to modes that do not decay and that no input reaches (0: not at all).
+    """Participation of each state in uncontrollable modes that do not decay (0: none).
 
     The squared row norms of an orthonormal basis of the left null spaces of [A - lambda I, B], one
     lambda per group of equal eigenvalues with real part >= 0 (``only_axis``: = 0). Of a ``sampled`` system
@@ -88,7 +88,7 @@ def require_reachable(
     complaint: str = "no input reaches it",
     hint: str = "give it an actuator (of a filter, a sensor), or leave it out if no port reaches or sees it",
 ) -> None:
-    """Raise `NotStabilisableError` that names the modes (``names``: one per state) which nothing can hold."""
+    """Raise `NotStabilisableError` naming the unstabilisable modes (``names``: one per state)."""
     share = unreachable_states(A, B, only_axis=only_axis, sampled=sampled)
     if not share.any():
         return
@@ -96,7 +96,7 @@ def require_reachable(
     total: dict[str, float] = {}
     for label, part in zip(labels, share, strict=True):
         total[label] = total.get(label, 0.0) + float(part)
-    # A tenth: parts of a mode spread over several names are all named, traces of rounding are not.
+    # A tenth: name every part of a mode spread over several names, but no traces of rounding.
     blamed = tuple(label for label, part in total.items() if part > 0.1)
     raise NotStabilisableError(
         f"{complaint}, and it does not decay: {_said(blamed, round(float(share.sum())))}",
@@ -107,7 +107,7 @@ def require_reachable(
 
 
 def _said(blamed: tuple[str, ...], directions: int) -> str:
-    """The modes; as combinations where more of them take part than are out of reach."""
+    """The modes; combinations of them where more take part than are uncontrollable."""
     names = ", ".join(blamed)
     if directions >= len(blamed):
         return names

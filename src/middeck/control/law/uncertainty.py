@@ -1,4 +1,4 @@
-"""What is not known about a plant: which modes move, together or apart, and by how much."""
+"""Uncertainty of a plant: shifts of modes (together or apart), damping, gain and delay."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ MOST_CORNERS = 4096
 
 
 def without_delays(plant: Plant) -> Plant:
-    """The plant of a design: with Pade approximations of order 3 for delays."""
+    """The plant for a design, its delays replaced by Pade approximations of order 3."""
     return approximate_delays(plant, PADE_ORDER)
 
 
@@ -51,7 +51,7 @@ class Uncertainty:
     Parameters
     ----------
     shifts:
-        Modes that move, each group by one number of its own.
+        Groups of modes, each shifted by one parameter.
     damping:
         Damping ratios of the modes in ``shifts`` are multiplied by exp(+-damping), each by its own number.
     gain:
@@ -59,7 +59,7 @@ class Uncertainty:
     delay:
         Relative half-width of one factor on all delays; the plant must have some.
     finish:
-        What makes of a plant so changed the one that is controlled, e.g. closes an inner loop. None: nothing.
+        Function from the perturbed plant to the plant controlled, e.g. closing an inner loop; None: identity.
 
     Examples
     --------
@@ -86,7 +86,7 @@ class Uncertainty:
 
 
 def parameter_names(uncertainty: Uncertainty) -> tuple[str, ...]:
-    """What each number of a position stands for."""
+    """Names of the numbers of a position."""
     modes = [mode for shift in uncertainty.shifts for mode in shift.modes]
     return (
         *(f"frequency of {' and '.join(shift.modes)}" for shift in uncertainty.shifts),
@@ -124,7 +124,7 @@ def perturb_plant(plant: Plant, uncertainty: Uncertainty, position: Sequence[flo
 def finished_plants(
     plant: Plant, uncertainty: Uncertainty, positions: Float[np.ndarray, "plant parameter"]
 ) -> tuple[Plant, ...]:
-    """The plants at ``positions``, as they are controlled."""
+    """The plants at ``positions``, with ``finish`` applied."""
     moved = (perturb_plant(plant, uncertainty, position) for position in positions)
     return tuple(p if uncertainty.finish is None else uncertainty.finish(p) for p in moved)
 

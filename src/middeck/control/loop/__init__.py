@@ -1,1 +1,1 @@
-"""Loops closed: responses, performance, authority, participation, pointing."""
+"""Closed loops: response, performance, authority, participation, pointing."""

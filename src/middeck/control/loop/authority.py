@@ -1,4 +1,4 @@
-"""One design at many authorities, on many plants: where it helps, and what breaks first."""
+"""Authority sweeps: performance of a design on several plants, and the first mode to go unstable."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class AuthoritySweep:
 
 @record(kw_only=True)
 class FirstInstability:
-    """The lowest authority found unstable, and who takes part.
+    """Lowest authority found unstable, and the participation of modes.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ class FirstInstability:
     mode_name:
         The mode with the largest share.
     participation:
-        That share, over all states of the plant.
+        The share of ``mode_name``, over all its states.
     compensator_share:
         Share of the compensator's states, over all states.
     """
@@ -81,7 +81,7 @@ def sweep_authority(
     performance: Performance,
     reference: float,
 ) -> AuthoritySweep:
-    """Close every plant with the design at every authority; ``reference`` is the metric called 0 dB."""
+    """Metric of every plant under the design at every authority; ``reference`` is the metric called 0 dB."""
     if not 0.0 < reference < np.inf:
         raise ConfigError(f"a reference of {reference}", hint="the metric called 0 dB, > 0")
     laws = [design(float(level)) for level in levels]

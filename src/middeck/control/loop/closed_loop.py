@@ -1,4 +1,4 @@
-"""A plant and a compensator, joined; and the same join made line by line on frequency responses."""
+"""Closed loops of plant and compensator, as systems or as frequency responses line by line."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from middeck.values import record
 
 @record(kw_only=True)
 class ClosedLoop:
-    """From w to z with the compensator at work; unstable is an expected outcome, not an error.
+    """Closed loop from w to z; an unstable loop is an outcome, not an error.
 
     Parameters
     ----------
@@ -28,13 +28,13 @@ class ClosedLoop:
     inputs, outputs:
         The plant's groups w and z.
     state_names:
-        What each plant state belongs to; the states beyond are the compensator's.
+        Mode or part of each plant state; the remaining states are the compensator's.
     poles:
         Eigenvalues [rad/s].
     stable:
         No pole grows (`middeck.systems.stability`); a free body that merely drifts counts as stable.
     inert:
-        Modes of the plant that no port reaches or sees: in no transfer function, and not in ``system``.
+        Uncontrollable and unobservable modes of the plant, which ``system`` leaves out.
     """
 
     system: StateSpace
@@ -71,7 +71,7 @@ def close_loop(plant: Plant, compensator: Compensator) -> ClosedLoop:
 
 
 def leave_open(plant: Plant) -> ClosedLoop:
-    """The plant from w to z under no control but its own."""
+    """The plant from w to z without a compensator."""
     return close_loop(plant, idle_compensator(plant))
 
 

@@ -1,4 +1,4 @@
-"""Which mode moves in an eigenvector, whatever the scaling of the states (Pérez-Arriaga et al. 1982)."""
+"""Participation of modes in an eigenvector, whatever the states' scaling (Pérez-Arriaga et al. 1982)."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Participation:
 
 
 def find_participation(loop: ClosedLoop) -> Participation:
-    """Who takes part in the eigenvalue of largest real part.
+    """Participation in the eigenvalue of largest real part.
 
     For a plant built from modes the states are the modal ones, position and rate, with or without static
     feedback around it. Raises `NumericalError` for a defective eigenvalue, where shares do not exist.
@@ -49,7 +49,7 @@ def find_participation(loop: ClosedLoop) -> Participation:
 
 
 def find_participations(loop: ClosedLoop) -> tuple[Participation, ...]:
-    """The same of every pole, one of each pair, the furthest right first; defective ones are left out."""
+    """Participation in every pole, one of each pair, rightmost first; defective poles are left out."""
     values, left, right = _eigenvectors(loop)
     order = np.argsort(-np.real(values), kind="stable")
     return tuple(

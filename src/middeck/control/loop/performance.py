@@ -1,4 +1,4 @@
-"""How well a loop does: the weighted, band-limited root mean square of its outputs."""
+"""Performance of a loop: the weighted, band-limited root mean square of its outputs."""
 
 from __future__ import annotations
 
@@ -75,10 +75,7 @@ def require_one_each(what: str, count: int, ports: tuple[Port, ...]) -> None:
 
 
 def commands_rms(plant: Plant, compensator: Compensator, performance: Performance) -> Float[np.ndarray, " u"]:
-    """Rms of each control input that the compensator drives, under the disturbance and in the band.
-
-    Sensor noise is not in it. ``inf`` for an unstable loop.
-    """
+    """Rms of each command under the disturbance in the band, without sensor noise; ``inf`` if unstable."""
     loop = close_loop(_show_commands(plant, compensator), compensator)
     return loop_rms(loop, performance)
 
@@ -86,7 +83,7 @@ def commands_rms(plant: Plant, compensator: Compensator, performance: Performanc
 def _show_commands(plant: Plant, compensator: Compensator) -> Plant:
     """The plant with the compensator's commands as its performance outputs.
 
-    Disturbances get inputs of their own: where one acts at a port that is driven too, it is no command.
+    Disturbances get separate inputs: at a port that is also driven, a disturbance is no command.
     """
     active = partition_modes(plant).active
     system, w = active.system, active.input_indices(active.w)

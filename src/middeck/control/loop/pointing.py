@@ -1,4 +1,4 @@
-r"""Pointing budgets: the absolute error, its mean over a window, what moves in one, what drifts between two.
+r"""Pointing budgets: absolute error, mean over a window, jitter within it, drift between two windows.
 
 Terms of ECSS-E-ST-60-10C (Control performance, 2008): absolute, mean and relative performance error and
 performance drift. As variances of a stationary error with two-sided density S each is \int F(f) S(f) df
@@ -25,21 +25,21 @@ from middeck.systems.rms import weighed_rms
 from middeck.values import record
 
 PERIODS = 20_000
-"""Periods of a window's weight within the band beyond which quadrature takes minutes."""
+"""Largest number of periods of a window's weight in the band; more take minutes of quadrature."""
 PERIODS_A_PANEL = 2.0
-"""A Gauss rule of 16 points integrates two periods of a cosine to 1e-13 without being halved."""
+"""Periods per panel: a Gauss rule of 16 points integrates two periods of a cosine to 1e-13."""
 
 
 @record
 class PointingWindow:
-    """Over what time an error is averaged, and how far apart two averages are.
+    """Averaging window of an error, and the time between two windows.
 
     Parameters
     ----------
     length_s:
         T, the window (an exposure).
     lag_s:
-        tau, from the beginning of one window to that of the other.
+        tau, between the beginnings of two windows.
     """
 
     length_s: float
@@ -61,15 +61,15 @@ class PointingBudget:
     outputs:
         Names of the outputs z.
     window:
-        The window of the other three.
+        The window of ``mean``, ``relative`` and ``drift``.
     absolute:
-        The rms itself.
+        Rms of the error.
     mean:
-        Of the mean over a window.
+        Rms of the mean over a window.
     relative:
-        About that mean; absolute^2 = mean^2 + relative^2.
+        Rms about that mean (jitter); absolute^2 = mean^2 + relative^2.
     drift:
-        Of the difference of two windows' means.
+        Rms of the difference of two windows' means.
     """
 
     outputs: tuple[str, ...]
@@ -83,8 +83,8 @@ class PointingBudget:
 def budget_pointing(loop: ClosedLoop, performance: Performance, window: PointingWindow) -> PointingBudget:
     """The budget of each output z, disturbed at w within the band of ``performance``.
 
-    Absolute in closed form, the others by adaptive quadrature with the exact weights. One sigma: a level of
-    confidence multiplies all. Raises `ConfigError` for a window too long for the band.
+    The absolute error has a closed form; the others use adaptive quadrature with exact weights. All are one
+    standard deviation. Raises `ConfigError` for a window too long for the band.
 
     >>> from middeck.control.loop.closed_loop import leave_open
     >>> from middeck.systems.plant import Plant
@@ -122,7 +122,7 @@ def budget_pointing(loop: ClosedLoop, performance: Performance, window: Pointing
 def mean_weight(
     frequency_hz: Float[np.ndarray, " line"], window: PointingWindow
 ) -> Float[np.ndarray, " line"]:
-    """sinc^2(pi f T), NumPy's sinc having the pi in it."""
+    """sinc^2(pi f T); NumPy's sinc includes the pi."""
     return np.sinc(frequency_hz * window.length_s) ** 2
 
 

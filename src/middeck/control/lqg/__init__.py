@@ -1,4 +1,4 @@
-"""Linear-quadratic Gaussian designs: weights, filter, regulator, and what they are extended by."""
+"""Linear-quadratic Gaussian designs: weights, filter, regulator, shaping filters and topologies."""
 
 from middeck.control.lqg.coloured_plant import colour_disturbances
 from middeck.control.lqg.design import LQGCompensator, design_lqg

@@ -1,4 +1,4 @@
-"""A plant disturbed by spectra instead of white noise, for judging a loop under what a design assumed."""
+"""Plants under coloured disturbances, for evaluating a loop under the spectra assumed in its design."""
 
 from __future__ import annotations
 
@@ -17,9 +17,8 @@ from middeck.systems.statespace import StateSpace
 def colour_disturbances(plant: Plant, colours: PortFilters) -> Plant:
     """The plant with filters in front of disturbances: its group w becomes the white noises that drive them.
 
-    The noises are inputs ``"noise of NAME"`` (with a number where a filter takes several); the inputs
-    themselves stay, so that one that also controls is not coloured. In w the noises stand where their
-    disturbances stood, and disturbances without a filter stay. Modes that no port reaches or sees are left
+    The noises are inputs ``"noise of NAME"`` (numbered where a filter takes several) and replace their
+    disturbances in w; the original inputs remain, so that commands are not coloured. Inert modes are left
     out. Raises `ConfigError` for filters that are not stable or at ports that are not in w.
     """
     Shaping(colours=colours)  # its checks

@@ -24,7 +24,7 @@ AUTHORITY = "1/rho > 0, as 10"
 
 @record(kw_only=True)
 class LQGCompensator(Compensator):
-    """A compensator that knows how it was made.
+    """An LQG compensator with its design data.
 
     Parameters
     ----------
@@ -33,12 +33,12 @@ class LQGCompensator(Compensator):
     regulator, estimator:
         The two Riccati solutions: residuals, regulator poles and filter poles.
     cost:
-        The minimum of E[z' W^2 z + rho u' diag(input) u] on the design plant, white noise unlimited in band;
-        with filters, of what comes out of them; with integrals, of them too, sensor noise included.
+        Minimum of E[z' W^2 z + rho u' diag(input) u] on the design plant under white noise of unlimited band;
+        z and u as filtered by the weights; integrals and their sensor noise included.
     inert:
-        Modes of the plant left out because no port reaches or sees them.
+        Uncontrollable and unobservable modes of the plant, left out.
     state_names:
-        What each state of the law estimates (or integrates).
+        Name of what each state of the compensator estimates or integrates.
     """
 
     authority: float
@@ -60,12 +60,12 @@ def design_lqg(
 ) -> LQGCompensator:
     """The compensator that minimises E[z' W^2 z + rho u' diag(input) u], rho = 1/authority.
 
-    Modes that no port reaches or sees are set aside by name and listed in ``inert``. Direct terms from u to
-    z, and from any input to y, are part of the design; one from process noise to z is refused, for it makes
-    the cost infinite. ``shaping`` adds filters, integral action and correlated noise (give the same to
-    `design_filter`); ``start`` may be the regulator's solution at another authority, see `solve_riccati`.
-    Raises `NotStabilisableError` naming the modes that cannot be held and `ConfigError` for weights that do
-    not fit the plant.
+    Uncontrollable and unobservable modes are set aside and listed in ``inert``. Direct terms from u to z, and
+    from any input to y, are part of the design; one from process noise to z is refused (infinite cost).
+    ``shaping`` adds filters, integral action and correlated noise (give the same to `design_filter`);
+    ``start`` may be the regulator's solution at another authority, see `solve_riccati`. Raises
+    `NotStabilisableError` naming the modes that cannot be held and `ConfigError` for weights that do not fit
+    the plant.
     """
     if not 0.0 < authority < np.inf:
         raise ConfigError(f"authority is {authority}; it must be positive and finite", hint=AUTHORITY)
@@ -106,13 +106,13 @@ def design_lqg(
 
 
 def _require_ports(model: LQGProblem) -> None:
-    """Blame the ports before cost and noise, which may miss the same mode."""
+    """Report uncontrollable and unobservable modes before those missing from cost or noise."""
     require_reachable(model.A, model.control, model.names, complaint="no control input in u reaches it")
     require_reachable(model.A.T, model.C2.T, model.names, complaint="no measurement in y sees it")
 
 
 def _join(model: LQGProblem, gain: np.ndarray, injection: np.ndarray) -> StateSpace:
-    """u = -K (xhat, integrals); the integrals are of the measurements themselves, and known."""
+    """u = -K (xhat, integrals); the integrals are of the measurements, hence known exactly."""
     n, rows = len(model.A), list(model.integral)
     driven = model.control - injection @ model.D22
     A = np.zeros((n + len(rows), n + len(rows)))
@@ -123,7 +123,7 @@ def _join(model: LQGProblem, gain: np.ndarray, injection: np.ndarray) -> StateSp
 
 
 def _cost(model: LQGProblem, regulator: Regulator, error: np.ndarray) -> float:
-    """tr(X N) + tr(R K Sigma K'): what noise on states and integrals costs, and what not knowing them."""
+    """tr(X N) + tr(R K Sigma K'): cost of noise on states and integrals, plus cost of estimation errors."""
     n, rows = len(model.A), list(model.integral)
     joint = np.block([[model.process, model.cross], [model.cross.T, np.diag(model.sensor)]])
     sensors = np.eye(len(model.C2))[rows]

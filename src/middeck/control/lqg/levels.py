@@ -1,4 +1,4 @@
-"""Designs at many authorities, each from its neighbour where that is cheaper."""
+"""Designs at many authorities, each started from its neighbour where that is cheaper."""
 
 from __future__ import annotations
 
@@ -13,11 +13,10 @@ from middeck.control.lqg.weights import LQGWeights
 from middeck.systems.plant import Plant
 
 WARM_STATES = 300
-"""States from which Newton steps on n states are cheaper than a Schur form of 2n (measured, four levels a
-decade: 0.58 s for 0.73 s at 500 states, 0.23 s for 0.27 s at 300, nothing gained at 60)."""
+"""Number of states above which Newton steps on n states are cheaper than a Schur form of 2n (measured, four
+levels a decade: 0.58 s for 0.73 s at 500 states, 0.23 s for 0.27 s at 300, nothing gained at 60)."""
 GROWTH = 0.5
-"""X grows about like the root of rho where control is dear to where it is cheap: the double integrator's
-elements like rho^1/4 to rho^3/4."""
+"""Exponent of rho in the growth of X: the elements of the double integrator grow as rho^1/4 to rho^3/4."""
 
 
 def design_levels(
@@ -31,8 +30,8 @@ def design_levels(
 ) -> tuple[LQGCompensator, ...]:
     """`design_lqg` at each authority of ``levels``, in the order given, with one filter for all.
 
-    From ``warm_states`` states on each regulator is found by Newton's method from the two before it; where
-    what they foretell does not stabilise, the level is solved afresh. Raises as `design_lqg` does.
+    With ``warm_states`` states or more, each regulator is found by Newton's method from an extrapolation of
+    the two before it; where this does not stabilise, the level is solved afresh. Raises as `design_lqg` does.
     """
     kalman = design_filter(plant, weights, shaping) if kalman is None else kalman
     laws: list[LQGCompensator] = []

@@ -1,4 +1,4 @@
-"""The model a design works on: the plant between the filters that shape its disturbances and its cost."""
+"""Design model of LQG: the plant between the filters of its disturbances and of its cost."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ class LQGProblem:
     A, noise, control:
         Dynamics; states: colours, plant, weights.
     C1, D11, D12:
-        Weighed performance outputs.
+        Weighted performance outputs.
     shaped, shaped_through:
-        Weighed control: rows of control inputs behind their filters, to be divided by the root of the
+        Weighted control: rows of control inputs behind their filters, to be divided by the root of the
         authority.
     plain:
         Weight of each squared control input that has no filter, zero for the others.
     C2, D21, D22:
         Measurements.
     process, sensor, cross:
-        Intensities of w (behind colours that take several noises each: of those), of v, and of both.
+        Intensities of w (of the noises in front of the colours), of v, and of w with v.
     names:
-        What each state belongs to.
+        Name of the part of each state.
     integral:
         Rows of y that are integrated and the weights of the integrals; and their names.
     """
@@ -61,7 +61,7 @@ class LQGProblem:
 
 
 def pose_problem(plant: Plant, weights: LQGWeights, shaping: Shaping) -> LQGProblem:
-    """The model of ``plant``, whose modes are all reachable or observed (`partition_modes`).
+    """The model of ``plant``, whose modes are all controllable or observable (`partition_modes`).
 
     Raises `ConfigError` for weights, intensities and filters that do not fit its ports.
     """
@@ -132,7 +132,7 @@ def _middle(plant: Plant, disturbed: tuple[str, ...], kept: list[int]) -> StateS
 def _intensities(
     weights: LQGWeights, shaping: Shaping, colours: list[StateSpace | None]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Of the noises in front of the colours, and with the sensors'; the whole positive semidefinite."""
+    """Intensities of the noises in front of the colours, and their cross intensity with the sensors'."""
     cross = np.zeros((len(weights.process), len(weights.sensor))) if shaping.cross is None else shaping.cross
     if cross.shape != (len(weights.process), len(weights.sensor)):
         raise ConfigError(
@@ -141,7 +141,7 @@ def _intensities(
         )
     joint = np.block([[weights.process, cross], [cross.T, np.diag(weights.sensor)]])
     size = np.sqrt(np.where(np.diag(joint) > 0.0, np.diag(joint), 1.0))
-    # Of correlations, so that units do not matter; rounding of an eigenvalue of some tens of rows.
+    # Compare correlations, which have no units; 1e-9 is rounding of an eigenvalue of some tens of rows.
     if np.linalg.eigvalsh(joint / np.outer(size, size)).min(initial=0.0) < -1e-12:
         raise ConfigError(
             "process and sensor noise correlate more than fully",
@@ -173,6 +173,6 @@ def _name_filters(what: str, ports: tuple[str, ...], filters: list[StateSpace | 
 
 
 def put_beside(systems: list[StateSpace]) -> StateSpace:
-    """Systems that know nothing of each other."""
+    """Unconnected systems as one block diagonal system."""
     parts = (np.asarray(sla.block_diag(*(getattr(s, k) for s in systems))) for k in "ABCD")
     return StateSpace(*parts)

@@ -14,7 +14,7 @@ from middeck.values import record
 
 @record
 class Regulator:
-    """Gain and Riccati solution on the states of the model, then its integrals; ``R`` is what u costs."""
+    """Gain and Riccati solution on the states of the model, then its integrals; ``R`` weights u."""
 
     solution: RiccatiSolution
     R: Float[np.ndarray, "u u"]

@@ -1,4 +1,4 @@
-"""Beyond constant weights and white noise: filters at ports, integral action, correlated noise."""
+"""Shaping of designs: filters at ports, integral action, correlated noise."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ class Shaping:
     Parameters
     ----------
     outputs:
-        Filters by name of a performance output: z is weighed after it (Gupta 1980, J. Guidance and Control 3,
-        "Frequency-shaped cost functionals"). One input and one output each.
+        Filters by name of a performance output: the filtered z is weighted (Gupta 1980, J. Guidance and
+        Control 3, "Frequency-shaped cost functionals"). One input and one output each.
     inputs:
-        Filters by name of a control input: u costs what comes out of it. A direct term is needed, or u at
-        high frequency would cost nothing.
+        Filters by name of a control input: the filtered u is weighted. A direct term is required, or u would
+        have no cost at high frequency.
     colours:
-        Filters by name of a disturbed input: its white noise passes one. One output; several inputs are
-        independent noises of the intensity stated for the port, as `sum_spectra` returns them.
+        Filters by name of a disturbed input, through which its white noise passes. One output; several inputs
+        are independent noises, each of the port's intensity, as `sum_spectra` returns them.
     integral:
-        Measured outputs whose integral is weighed too, by this weight [1/s]; the compensator then has a pole
-        at exactly zero for each.
+        Measured outputs whose integral is weighted too, by this weight [1/s]; each gives the compensator a
+        pole at exactly zero.
     cross:
         Two-sided intensity of process noise with sensor noise, E[w v'], in the order of ``disturbed`` and y.
     """

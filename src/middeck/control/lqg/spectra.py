@@ -1,4 +1,4 @@
-"""Disturbance spectra as shaping filters: what white noise of unit intensity must pass to have them.
+"""Disturbance spectra as shaping filters of white noise of unit intensity.
 
 Two-sided densities S(f) [unit^2/Hz]; the filter's |G|^2 is S, the noise in front of it has intensity one.
 """
@@ -20,14 +20,14 @@ from middeck.values import record
 
 @record
 class SpectrumFit:
-    """A shaping filter for a table of power against frequency, and how wrong it is.
+    """A shaping filter fitted to a table of power against frequency, with its errors.
 
     Parameters
     ----------
     filter:
         Stable, without zeros right of the axis, falling at high frequency; one input, one output.
     rms_error_db, worst_error_db:
-        Of 10 log10 of the density over the lines of the table.
+        Errors of 10 log10 of the density over the frequencies of the table.
     power_ratio:
         Power of the filter's output over that of the table, both by trapezia over its lines.
     """
@@ -39,14 +39,12 @@ class SpectrumFit:
 
 
 def line_filter(frequency_hz: float, width_hz: float, rms: float) -> StateSpace:
-    """A lightly damped line, as a wheel's harmonic makes, by its half-power width and its rms.
+    """A spectral line of a wheel's harmonic as a lightly damped mode, by half-power width and rms.
 
     G = g s / (s^2 + 2 zeta w s + w^2), zeta = width / (2 f); its variance is g^2 / (4 zeta w).
 
-    Raises
-    ------
-    ConfigError
-        For a width that is not between zero and twice the frequency, or an rms that is not positive.
+    Raises `ConfigError` for a width that is not between zero and twice the frequency, or an rms that is not
+    positive.
     """
     if not 0.0 < width_hz < 2.0 * frequency_hz or not 0.0 < rms < np.inf:
         raise ConfigError(
@@ -60,7 +58,7 @@ def line_filter(frequency_hz: float, width_hz: float, rms: float) -> StateSpace:
 
 
 def sum_spectra(filters: Sequence[StateSpace]) -> StateSpace:
-    """One colour whose density is the sum of several: an independent noise for each, outputs added."""
+    """One filter whose density is the sum of several: an independent noise for each, outputs added."""
     A, B, C = (np.asarray(sla.block_diag(*(getattr(s, k) for s in filters))) for k in "ABC")
     return StateSpace(A, B, C.sum(axis=0, keepdims=True), np.hstack([s.D for s in filters]))
 
@@ -70,14 +68,11 @@ def fit_spectrum(
 ) -> SpectrumFit:
     """Fit a table of two-sided density [unit^2/Hz] by a chain of ``sections`` of second order and one lag.
 
-    Frequencies and dampings of poles and zeros are sought by their logarithms, so that the filter is stable
-    and of minimum phase whatever is found; the misfit is that of log S, a section at a time where it is
+    The logarithms of frequencies and dampings of poles and zeros are fitted, so that the filter is always
+    stable and of minimum phase; the misfit is that of log S, with sections added one by one where it is
     largest. (The spectral factor of a rational density; Kwakernaak and Sivan 1972, section 1.11.)
 
-    Raises
-    ------
-    DataError
-        For a table that is not ascending, positive and longer than the filter has numbers.
+    Raises `DataError` for a table that is not ascending, positive and longer than the filter has numbers.
     """
     f, S = np.asarray(frequency_hz, dtype=float), np.asarray(density, dtype=float)
     if f.shape != S.shape or not np.all(np.isfinite(f * S)) or np.any(S <= 0.0) or np.any(np.diff(f) <= 0.0):
@@ -95,7 +90,7 @@ def fit_spectrum(
     found = _improved(found, f, target)
     for _ in range(sections):
         trials = [_improved(_grown(found, f, target, sign), f, target) for sign in (1.0, -1.0)]
-        # A section that does not help, rise or dip, is taken all the same: the order is the caller's.
+        # Take a section even if it does not help: the caller chooses the order.
         found = min(trials, key=lambda p: float(np.sum(_misfit(p, f, target) ** 2)))
     return _described(found, f, S)
 
@@ -154,7 +149,7 @@ def _biquad(zero_hz: float, zero_damping: float, pole_hz: float, pole_damping: f
     """((s/z)^2 + 2 zeta_z s/z + 1) / ((s/p)^2 + 2 zeta_p s/p + 1) with states of one size."""
     z, p = 2.0 * np.pi * zero_hz, 2.0 * np.pi * pole_hz
     ratio = (p / z) ** 2
-    # ratio u, and what is left of the numerator over the denominator, as position and rate.
+    # ratio u, and the remainder of the numerator over the denominator, as position and rate.
     rate = 2.0 * (zero_damping * p / z - ratio * pole_damping)
     A = np.array([[0.0, p], [-p, -2.0 * pole_damping * p]])
     return StateSpace(A, np.array([[0.0], [p]]), np.array([[1.0 - ratio, rate]]), np.array([[ratio]]))

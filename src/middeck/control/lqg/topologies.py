@@ -1,4 +1,4 @@
-"""Sensors and actuators compared: one plant, one cost, several choices of what is driven and what is read."""
+"""Comparison of sensor and actuator topologies on one plant and one cost."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Topology = tuple[Sequence[str], Sequence[str]]
 
 @record(kw_only=True)
 class TopologyTable:
-    """What each topology reaches at each authority.
+    """Performance of each topology at each authority.
 
     Parameters
     ----------
@@ -33,8 +33,8 @@ class TopologyTable:
     db:
         20 log10 of the metric over that of the open loop; ``inf`` where unstable.
     control_rms:
-        Root of the sum of the squared rms of all control inputs, under the disturbance and in the band of the
-        performance; ``inf`` where unstable. In the inputs' units, so that only like inputs may be compared.
+        Root sum of squares of the rms of all control inputs, under the disturbance and in the band of the
+        performance; ``inf`` where unstable. In the inputs' units: compare like inputs only.
     stable:
         By eigenvalues.
     order:

@@ -1,4 +1,4 @@
-"""What an LQG design is asked to minimise, and against what noise."""
+"""Cost weights and noise intensities of LQG designs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from middeck.values import record
 
 @record(kw_only=True)
 class LQGWeights:
-    """What a design is asked to minimise, and against what noise: E[z' W^2 z + rho u' diag(input) u].
+    """Weights of the cost E[z' W^2 z + rho u' diag(input) u], and noise intensities.
 
     Parameters
     ----------

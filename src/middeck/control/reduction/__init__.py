@@ -1,4 +1,4 @@
-"""Less of a plant or a compensator, and what that changes: bound, actual error, stability of the loop."""
+"""Reduction of plants and compensators, with error bound, actual error and stability of the loop."""
 
 from middeck.control.reduction.balanced import hankel_values, reduce_balanced
 from middeck.control.reduction.compensators import reduce_compensator

@@ -1,8 +1,8 @@
-"""Balanced truncation and residualisation; what does not decay is kept apart, exactly.
+"""Balanced truncation and residualisation; poles that do not decay are kept exactly.
 
 The error is at most twice the sum of the Hankel singular values left out (Enns 1984, 23rd IEEE CDC; Glover
-1984, Int. J. Control 39; of residualisation Liu and Anderson 1989, Int. J. Control 50). How large it is is
-found, not bounded, see `middeck.systems.peak_gain`.
+1984, Int. J. Control 39; of residualisation Liu and Anderson 1989, Int. J. Control 50). The actual error is
+computed too, see `middeck.systems.peak_gain`.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def reduce_balanced(
     input_size: Sizes | None = None,
     output_size: Sizes | None = None,
 ) -> Reduction:
-    """The system with fewer states: those that are both hardest to reach and least seen go.
+    """The system with fewer states: the least controllable and observable ones are removed.
 
     Parameters
     ----------
@@ -58,11 +58,8 @@ def reduce_balanced(
     input_size, output_size:
         Typical size of each port, in which gains, singular values and errors count; one unless given.
 
-    Raises
-    ------
-    ConfigError
-        For an order below the number of poles that do not decay, sizes that do not fit, or both an order and
-        a bound.
+    Raises `ConfigError` for an order below the number of poles that do not decay, sizes that do not fit, or
+    both an order and a bound.
 
     Examples
     --------
@@ -93,14 +90,14 @@ def reduce_balanced(
 
 
 def in_sizes(system: StateSpace, input_size: Sizes | None, output_size: Sizes | None) -> StateSpace:
-    """The system whose ports are counted in their sizes."""
+    """The system with its ports scaled to their sizes."""
     outputs, inputs = system.D.shape
     u, y = _check_size(input_size, inputs, "input"), _check_size(output_size, outputs, "output")
     return StateSpace(system.A, system.B * u, system.C / y[:, None], system.D * u / y[:, None])
 
 
 def out_of_sizes(system: StateSpace, input_size: Sizes | None, output_size: Sizes | None) -> StateSpace:
-    """Back to the ports' units."""
+    """The system with its ports scaled back to their units."""
     outputs, inputs = system.D.shape
     u, y = _check_size(input_size, inputs, "input"), _check_size(output_size, outputs, "output")
     return in_sizes(system, 1.0 / u, 1.0 / y)

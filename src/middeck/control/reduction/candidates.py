@@ -1,4 +1,4 @@
-"""Ways to fewer states of a compensator; none of them promises a stable loop, each is checked.
+"""Methods to reduce a compensator; none guarantees a stable loop, so each result is checked.
 
 - performance: balanced in the loop, all states, by noise and cost (weights of both sides, Anderson and Liu
   1989, IEEE TAC 34, "Controller reduction: concepts and approaches");
@@ -30,12 +30,12 @@ from middeck.values import record
 Method = Literal["performance", "stability", "coprime", "balanced"]
 
 MIRROR = 1e-2
-"""Damping, of a pole on the axis, once it is mirrored."""
+"""Damping ratio given to a mirrored pole that lies on the axis."""
 
 
 @record
 class Candidate:
-    """A law of lower order, what was taken away (``remainder`` = K - K_r), and how it was chosen."""
+    """A law K_r of lower order, its ``remainder`` K - K_r, and the singular values of its choice."""
 
     law: StateSpace
     remainder: StateSpace
@@ -53,10 +53,10 @@ def find_candidate(system: StateSpace, order: int, method: Method, loops: Sequen
 
 
 def find_start(system: StateSpace, order: int, loops: Sequence[Loop]) -> Candidate | None:
-    """A cut whose remainder decays whatever K is, for a homotopy; None where no state may go.
+    """A truncation with a decaying remainder for any K, the start of a homotopy; None where no state may go.
 
-    The part of K that does not decay is kept, the other balanced in the loop; what a cut makes grow is
-    mirrored at the axis. It need not be good: with its remainder beside it, it is K.
+    Poles of K that do not decay are kept, the rest is balanced in the loop; poles made unstable are mirrored
+    at the axis. It need not be good: together with its remainder it equals K.
     """
     parts = separate_unstable(system)
     kept = len(parts.kept.A)
@@ -111,7 +111,7 @@ def _of_what_decays(system: StateSpace, order: int, loops: Sequence[Loop], *, we
 
 
 def _by_factors(system: StateSpace, order: int, loop: Loop) -> Candidate:
-    """K = N M^-1, both with the states of K under the feedback that normalises them; reduced together."""
+    """Reduce the normalised coprime factors of K = N M^-1 together; both have the states of K."""
     sizes = loop.output_size, loop.input_size
     sized = in_sizes(system, *sizes)
     feedback = -solve_riccati(

@@ -1,4 +1,4 @@
-"""Compensators of lower order that still hold the plants they were made for."""
+"""Compensators of lower order that stabilise the plants of the original."""
 
 from __future__ import annotations
 
@@ -39,19 +39,19 @@ def reduce_compensator(
 ) -> ReducedCompensator:
     """The compensator with ``order`` states, the loop with every plant kept stable wherever a way is found.
 
-    First by ``method``. Where that leaves a loop unstable, the remainder is withdrawn step by step while the
-    law descends the H2 cost of the loops (a stability homotopy); where that is blocked, the other methods
-    are tried, each with its homotopy. ``steps`` of the result says what was done, ``stable`` whether it
-    holds: where nothing does, the law of ``method`` comes back and says so. A direct term stays as it is;
-    poles on the axis (integral action) are kept exactly, and count.
+    ``method`` is tried first. Where it leaves a loop unstable, the remainder is withdrawn step by step while
+    the law descends the H2 cost of the loops (a stability homotopy); where that is blocked, the other methods
+    are tried likewise. ``steps`` of the result lists the attempts, ``stable`` the outcome: where all fail,
+    the law of ``method`` is returned as unstable. A direct term is kept; poles on the axis (integral action)
+    are kept exactly and count in the order.
 
     Parameters
     ----------
     compensator:
-        It must hold all ``plants``. States of an unstable part count in the order.
+        The compensator, which must stabilise all ``plants``. States of an unstable part count in the order.
     plants:
-        One or several; the first gives the typical sizes of u and y. Delays enter by Pade approximations of
-        order 3; what is said of stability is exact.
+        One or several; the first gives the typical sizes of u and y. Delays enter the design by Pade
+        approximations of order 3; ``stable`` uses exact delays.
     order:
         States to be left.
     method:
@@ -59,20 +59,17 @@ def reduce_compensator(
         `middeck.control.reduction.candidates`; or ``"best"``: all four, and of those that hold the law that
         costs least.
     weights, authority:
-        What was minimised, e.g. of `design_lqg`; unless given the loop's own sizes are the weights, under
-        unit white noise on the group w.
+        Those of the original design, e.g. of `design_lqg`; by default typical sizes of the loop's signals
+        under unit white noise on the group w are the weights.
     homotopy:
-        Without it only the cut by ``method`` is made.
+        Whether to try the homotopy; otherwise only ``method`` is applied.
     polish:
-        Descend the cost from there also where the cut was stable. With ``weights`` of the design this is the
-        best law of that order that the descent finds (`design_multimodel` goes further, with restarts);
-        without them it redesigns for the loop's own sizes.
+        Descend the cost also where the first result is stable. With ``weights`` of the design this gives the
+        best law of that order that the descent finds (`design_multimodel` adds restarts); without them it
+        redesigns for the typical sizes.
 
-    Raises
-    ------
-    ConfigError
-        For an order of less than one or no reduction, a compensator that does not hold a plant, unknown
-        ports or methods.
+    Raises `ConfigError` for an order of less than one or no reduction, a compensator that does not hold a
+    plant, unknown ports or methods.
     """
     known = (*get_args(Method), "best")
     if method not in known:
@@ -103,11 +100,7 @@ def _strictly_proper(compensator: Compensator) -> StateSpace:
 
 
 def _report(
-    compensator: Compensator,
-    plants: Sequence[Plant],
-    loops: Sequence[Loop],
-    parts: Separation,
-    found: Trial,
+    compensator: Compensator, plants: Sequence[Plant], loops: Sequence[Loop], parts: Separation, found: Trial
 ) -> ReducedCompensator:
     law, candidate = found.law, found.candidate
     cut = law is candidate.law

@@ -1,4 +1,4 @@
-"""Gramians as factors, never as products: what is squared loses half its digits.
+"""Gramians as Cholesky factors: a product would lose half the digits.
 
 Hammarling (1982, IMA J. Numer. Anal. 2, "Numerical solution of the stable, non-negative definite Lyapunov
 equation"), in complex Schur form and with as many rows of the right-hand side as the system has ports
@@ -29,7 +29,7 @@ class GramianFactors:
 
 
 def factor_gramians(system: StateSpace) -> GramianFactors:
-    """Both factors of a system all of whose poles decay.
+    """Both factors of a stable system.
 
     >>> lag = StateSpace([[-2.0]], [[6.0]], [[4.0]], [[0.0]])
     >>> factors = factor_gramians(lag)

@@ -1,7 +1,7 @@
-"""From a law that holds the plants to one of lower order that does not yet, by way of laws that do.
+"""Stability homotopy from a stabilising law to one of lower order, through stabilising laws.
 
 K(a) = K_r + (1 - a) R with the remainder R = K - K_r of the first cut: at a = 0 it is K, at a = 1 it is K_r.
-On the way K_r descends the H2 cost of the loops, which grows without bound at the edge of stability, so that
+On the way K_r descends the H2 cost of the loops, which grows without bound at the stability limit, so that
 the remainder can be withdrawn further (as multi-model designs grow their perturbation, see
 `middeck.control.robust.approach`).
 """
@@ -16,14 +16,14 @@ from middeck.control.reduction.candidates import Candidate
 from middeck.control.reduction.loop import absorb, proper_law
 from middeck.control.robust.blend import improve
 from middeck.control.robust.starts import stabilises
-from middeck.systems.stability import growth_rates
+from middeck.systems.stability import decays
 from middeck.systems.statespace import StateSpace
 from middeck.values import record
 
 SMALLEST_STEP = 1.0 / 256.0
-"""Of the remainder, withdrawn at once; with less the way is taken as blocked."""
+"""Smallest fraction of the remainder withdrawn in a step; below it the homotopy counts as blocked."""
 SHORT_OF_EDGE = 0.75
-"""Part of a step that is taken: at the edge itself the cost is infinite."""
+"""Fraction of a step taken: at the stability limit itself the cost is infinite."""
 ON_THE_WAY, AT_THE_END = 25, 200
 """Steps of the descent at each stop, and once the remainder is gone."""
 LOOSE, TIDY = 1e-3, 1e-6
@@ -31,7 +31,7 @@ LOOSE, TIDY = 1e-3, 1e-6
 
 @record
 class Withdrawal:
-    """How far the remainder was withdrawn (1: wholly), and the law there; ``stops`` counts the descents."""
+    """Fraction of the remainder withdrawn, the law there, and the number of descents (``stops``)."""
 
     law: Law
     share: float
@@ -39,7 +39,7 @@ class Withdrawal:
 
 
 def withdraw_remainder(models: Sequence[GeneralizedPlant], candidate: Candidate) -> Withdrawal:
-    """The law of the candidate's order at the end of the way, or where the way was blocked."""
+    """The law of the candidate's order at the end of the homotopy, or where it was blocked."""
     law, share, stops = proper_law(candidate.law), 0.0, 0
 
     def at(a: float) -> Sequence[GeneralizedPlant]:
@@ -63,15 +63,10 @@ def withdraw_remainder(models: Sequence[GeneralizedPlant], candidate: Candidate)
 
 
 def polish_law(models: Sequence[GeneralizedPlant], law: Law) -> Law | None:
-    """The law at the end of a descent of the mean cost; None where it does not hold all models."""
+    """The law at the end of a descent of the mean cost; None where it does not stabilise all models."""
     found = improve(law, models, [], power=1.0, tolerance=TIDY, steps=AT_THE_END)
     return None if found is None else found[0]
 
 
 def _times(system: StateSpace, factor: float) -> StateSpace:
     return StateSpace(system.A, system.B, factor * system.C, factor * system.D)
-
-
-def decays(system: StateSpace) -> bool:
-    """Whether all poles do."""
-    return all(rate.real < 0.0 for rate in growth_rates(system))

@@ -1,7 +1,7 @@
-"""The loop that a compensator is reduced in: what disturbs it, what counts in it, and how large it is.
+"""The loop in which a compensator is reduced: its disturbances, weights and signal sizes.
 
-Where no weights are given they are those of the loop itself: unit white noise on the group w, each
-measurement with noise of a tenth of its rms in the compensator's band, each output and input over its rms.
+Default weights come from the loop itself: unit white noise on the group w, each measurement with noise of a
+tenth of its rms in the compensator's band, each output and input over its rms.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from middeck.systems.statespace import StateSpace, gain_system
 from middeck.values import record
 
 SENSOR_SHARE = 0.1
-"""Noise of a measurement over its rms: what the law does between its resonances counts a little."""
+"""Noise of a measurement relative to its rms; gives the law some weight between its resonances."""
 
 
 @record
@@ -62,9 +62,9 @@ def proper_law(system: StateSpace) -> Law:
 
 
 def absorb(model: GeneralizedPlant, beside: StateSpace) -> GeneralizedPlant:
-    """The model with the fixed feedback ``beside`` closed around it; what is added to it at u is free.
+    """The model with the fixed feedback ``beside`` closed around it, for a free law added at u.
 
-    White noise straight through to u would count infinitely, and in every law alike: it is left out.
+    Direct white noise in u is left out: its cost would be infinite for every law.
     """
     nw, nz, (nu, ny) = model.B1.shape[1], len(model.C1), beside.D.shape
     plant = StateSpace(
@@ -88,23 +88,22 @@ def absorb(model: GeneralizedPlant, beside: StateSpace) -> GeneralizedPlant:
 
 
 def response_in_loop(model: GeneralizedPlant, law: StateSpace) -> StateSpace:
-    """G (I - K G)^-1, from what is added at u to y."""
+    """G (I - K G)^-1, from a signal added at u to y."""
     closed = absorb(model, law)
     return StateSpace(closed.A, closed.B2, closed.C2, closed.D22)
 
 
 def gramians_in_loop(models: Sequence[GeneralizedPlant], law: Law) -> GramianFactors:
-    """Of the law's states in the loop, mean over the models: how far they move, and what moving them costs.
+    """Gramians of the law's states in the loop under the model's noises and cost, mean over the models.
 
-    Driven by the noises of the model, judged by its cost. With (I - G K)^-1 behind y and (I - K G)^-1 before
-    u as weights Enns' Gramians of a stable K are these (the weight's copy of K moves as K does); they exist
-    for an unstable one too.
+    For a stable K they are Enns' Gramians with the weights (I - G K)^-1 behind y and (I - K G)^-1 before u;
+    they exist for an unstable K too.
     """
     return _mean([_blocks(*closed_matrices(model, law), len(model.A)) for model in models])
 
 
 def seen_at_y(models: Sequence[GeneralizedPlant], law: Law, output_size: np.ndarray) -> GramianFactors:
-    """The same judged by what comes back at y, each measurement over its size."""
+    """As `gramians_in_loop`, observed at y, each measurement relative to its size."""
     found: list[GramianFactors] = []
     for model in models:
         A, B, _ = closed_matrices(model, law)
@@ -151,7 +150,7 @@ def _weights_of_loop(plant: Plant, model: GeneralizedPlant, law: Law, unit: LQGW
 def _mean_squares(
     model: GeneralizedPlant, law: Law, noises: int, outputs: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of z, y and u under the process noise alone."""
+    """Mean squares of z, y and u under the process noise alone."""
     if not spectral_abscissa(model, law) < 0.0:
         raise ConfigError(
             "the compensator to be reduced does not stabilise the plant",
@@ -165,7 +164,7 @@ def _mean_squares(
 
 
 def _positive(squares: np.ndarray) -> Float[np.ndarray, " port"]:
-    """What nothing moves has the size of the largest; one where nothing moves at all."""
+    """Roots, with zeros replaced by the largest; one where all are zero."""
     largest = float(squares.max(initial=0.0))
     if not largest > 0.0:
         return np.ones(len(squares))

@@ -1,8 +1,8 @@
-"""Modal reduction: modes stay what they are, and those that matter least to chosen ports in a band go.
+"""Modal reduction: remove the modes of least contribution between chosen ports in a band.
 
-What a mode matters is the largest share it has, within the band, of any path's largest response; so units do
-not matter. What is left out keeps its limit: a mode above the band its static gain (residual flexibility),
-one below the band its gain as a mass (an accelerometer's direct part).
+The contribution of a mode is its largest fraction, within the band, of any path's largest response, which is
+independent of units. A removed mode above the band leaves its static gain (residual flexibility), one below
+it leaves its gain as a mass (an accelerometer's direct part).
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import numpy as np
 import scipy.linalg as sla
 from jaxtyping import Bool, Complex, Float
 
+from middeck.control.analysis.delayed_roots import with_conjugates
 from middeck.control.law.partition import partition_modes
 from middeck.control.reduction.result import ReducedPlant
 from middeck.control.reduction.separation import AXIS, separate_poles
@@ -46,15 +47,13 @@ def reduce_modes(
 ) -> ReducedPlant:
     """The plant with the ``modes`` that contribute most from ``inputs`` to ``outputs`` within ``band_hz``.
 
-    Rigid modes, and poles that do not decay, are kept and counted. A modal plant stays modal; of another the
-    modes are its poles, a pair or a real one each, kept by an invariant subspace. ``static`` keeps the limits
-    of what is dropped in the direct term; without it, a plant that had none has none (an LQG design refuses
-    one from process noise to a performance output). All ports unless named.
+    Rigid modes, and poles that do not decay, are kept and counted. A modal plant stays modal; the modes of a
+    state space are its pole pairs and real poles, kept by an invariant subspace. ``static`` keeps the limits
+    of dropped modes in the direct term; without it no direct term is added (an LQG design refuses one from
+    process noise to a performance output). All ports unless named.
 
-    Raises
-    ------
-    ConfigError
-        For more modes than there are, fewer than must be kept, a band that is none, or unknown ports.
+    Raises `ConfigError` for more modes than there are, fewer than must be kept, a band that is none, or
+    unknown ports.
     """
     if not 0.0 <= band_hz[0] < band_hz[1] < np.inf:
         raise ConfigError(f"a band of {band_hz} Hz", hint="0 <= low < high, both finite")
@@ -126,7 +125,7 @@ def _contributions(modal: ModalSystem, band: tuple[float, float]) -> Float[np.nd
 
 
 def _share(part: np.ndarray, size: np.ndarray) -> float:
-    """The largest over paths; a path without response has none."""
+    """The largest fraction over all paths with a response."""
     return float(np.max(part / np.where(size > 0.0, size, np.inf), initial=0.0))
 
 
@@ -162,7 +161,7 @@ def _of_statespace(
     values, share = _pole_shares(_between(system, *ports), band)
     grows = np.real(values) > -AXIS * np.abs(values).max(initial=0.0)
     keep, shares = _most(share, grows, modes)
-    parts = separate_poles(system, _both(values[keep]))
+    parts = separate_poles(system, with_conjugates(values[keep]))
     gone = parts.rest
     limit = _static_limit(gone, values[~keep & (np.abs(values) >= band[0])]) if static else gone.D
     smaller = dataclasses.replace(parts.kept, D=limit)
@@ -185,7 +184,7 @@ def _static_limit(gone: StateSpace, above: np.ndarray) -> Float[np.ndarray, "out
     """Static gain of the poles ``above``; what lies below the band has its limit in the direct term."""
     if not len(above):
         return gone.D
-    springs = separate_poles(gone, _both(above)).kept
+    springs = separate_poles(gone, with_conjugates(above)).kept
     return gone.D - springs.C @ np.linalg.solve(springs.A, springs.B)
 
 
@@ -211,13 +210,9 @@ def _pole_shares(
         response = residue / (at - values[k])
         if values[k].imag > 0.0:
             response = response + residue.conj() / (at - values[k].conj())
-        # Eigenvectors of a double pole do not overlap: it matters as much as anything can.
+        # Eigenvectors of a double pole do not overlap: give it the largest contribution.
         share[i] = _share(np.abs(response).max(axis=0), size) / max(abs(overlap), np.finfo(float).tiny)
     return values[one], share
-
-
-def _both(values: Complex[np.ndarray, " mode"]) -> Complex[np.ndarray, " pole"]:
-    return np.concatenate([values, np.conj(values[np.imag(values) > 0.0])])
 
 
 def _pole_names(values: Complex[np.ndarray, " mode"]) -> tuple[str, ...]:

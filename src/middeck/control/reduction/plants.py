@@ -24,11 +24,11 @@ def reduce_plant(
     input_size: Sizes | None = None,
     output_size: Sizes | None = None,
 ) -> ReducedPlant:
-    """The plant with fewer states by balanced reduction of what decays; same ports and groups.
+    """The plant with fewer states by balanced reduction of its decaying part; same ports and groups.
 
-    Modes that no port reaches or sees go first. Rigid modes of a modal plant stay as they are, by name, and
-    so does whatever else does not decay; both count in the order. Sizes, ``bound`` and ``rest`` as for
-    `reduce_balanced`: give sizes where ports differ in unit, e.g. rad beside rad/s.
+    Inert modes are removed first. Rigid modes of a modal plant (by name) and all other poles that do not
+    decay are kept exactly and count in the order. Sizes, ``bound`` and ``rest`` as for `reduce_balanced`:
+    give sizes where ports differ in unit, e.g. rad beside rad/s.
     """
     active = partition_modes(plant).active
     rigid, names, flexible = _set_rigid_aside(active)

@@ -13,7 +13,7 @@ from middeck.systems.statespace import StateSpace
 from middeck.values import record
 
 EQUAL = 1e-9
-"""Relative difference of singular values that no order can part: their states may be turned at will."""
+"""Relative difference below which singular values count as equal and their states are not separated."""
 
 
 @record
@@ -34,7 +34,7 @@ def balance(factors: GramianFactors) -> Balance:
 
 
 def project(system: StateSpace, coordinates: Balance, order: int, rest: Rest) -> StateSpace:
-    """The first ``order`` states of the balanced system, the others cut off or at rest."""
+    """The first ``order`` states of the balanced system, the others truncated or residualised."""
     left, right = coordinates.left, coordinates.right
     A, B, C = left.T @ system.A @ right, left.T @ system.B, system.C @ right
     k = min(order, len(A))
@@ -49,10 +49,7 @@ def project(system: StateSpace, coordinates: Balance, order: int, rest: Rest) ->
 
 
 def settle_order(hankel: Float[np.ndarray, " value"], order: int | None, bound: float | None) -> int:
-    """States to keep of those that decay: ``order`` of them, or as few as ``bound`` allows.
-
-    Lower by one or more where equal singular values would be parted.
-    """
+    """Decaying states to keep: ``order``, or as few as ``bound`` allows; equal values stay together."""
     if (order is None) == (bound is None):
         raise ConfigError("a reduction needs an order or a bound, not both", hint="order=8, or bound=1e-3")
     if bound is not None:
@@ -67,7 +64,7 @@ def settle_order(hankel: Float[np.ndarray, " value"], order: int | None, bound: 
 
 
 def bound_of(hankel: Float[np.ndarray, " value"], order: int) -> float:
-    """2 (sum of those left out) >= the largest gain of the difference (Enns 1984; Glover 1984).
+    """2 (sum of the singular values left out) >= largest gain of the error (Enns 1984; Glover 1984).
 
     >>> bound_of(np.array([3.0, 0.5, 0.25]), 1)
     1.5
@@ -76,7 +73,7 @@ def bound_of(hankel: Float[np.ndarray, " value"], order: int) -> float:
 
 
 def check_order(order: int | None, kept: int, whole: int) -> int | None:
-    """States left for the part that is reduced; refuses an order below what must be kept."""
+    """Order left for the decaying part; refuses an order below the number of states to be kept."""
     if order is None:
         return None
     if order < max(kept, 0) or order < 0:

@@ -1,4 +1,4 @@
-"""What a reduction returns, and what it says of itself."""
+"""Results of reductions."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from middeck.systems.statespace import StateSpace
 from middeck.values import record
 
 Rest = Literal["truncate", "residualise"]
-"""What becomes of the states left out: nothing, or their static gain. Truncation is exact at high frequency,
-residualisation at zero frequency; both have the same bound."""
+"""Treatment of the states left out. Truncation is exact at high frequency, residualisation (their static gain
+stays) at zero frequency; both have the same bound."""
 
 
 @record(kw_only=True)
@@ -24,22 +24,22 @@ class Reduction:
     Parameters
     ----------
     system:
-        What is left; states: those kept as they are, then those reduced.
+        The reduced system; states kept exactly come first.
     order:
         Its states.
     method:
-        How it was made, in words.
+        Description of the method.
     kept:
         States of poles that do not decay: kept exactly, never reduced.
     hankel:
-        Hankel singular values of what was reduced, largest first, in the sizes of the ports.
+        Hankel singular values of the reduced part, largest first, in the sizes of the ports.
     bound:
         2 (sum of those left out) >= ``error``; None where the method has none.
     error:
         The largest gain of first minus second system over all frequencies, in the sizes of the ports and
         through the weights: the actual error, not a bound.
     error_omega:
-        Where that is [rad/s].
+        Its frequency [rad/s].
     """
 
     system: StateSpace
@@ -59,15 +59,15 @@ class ReducedPlant:
     Parameters
     ----------
     plant:
-        What is left. Modal where modes were chosen from a modal plant.
+        The reduced plant; modal where modes of a modal plant were chosen.
     order:
         Its states.
     method:
-        How it was made, in words.
+        Description of the method.
     kept:
-        Names of the modes (or of what states belong to) that were kept as they are.
+        Names of the modes (or other parts) kept exactly.
     dropped:
-        Names of those left out as a whole; empty for a balanced reduction, which mixes them.
+        Names of the modes left out; empty for a balanced reduction, which mixes them.
     hankel, bound, error, error_hz:
         As in `Reduction`; of a modal reduction ``hankel`` holds the modes' contributions, largest first, and
         the error is that within the band.
@@ -86,7 +86,7 @@ class ReducedPlant:
 
 @record(kw_only=True)
 class ReducedCompensator(Compensator):
-    """A compensator of lower order that knows what it replaces.
+    """A compensator of lower order, with its errors against the original.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ class ReducedCompensator(Compensator):
     method:
         ``"performance"``, ``"stability"``, ``"coprime"`` or ``"balanced"``: the one that gave this law.
     steps:
-        What was tried and what came of it, in words.
+        Attempts and their outcomes, in words.
     hankel:
         Singular values by which states were chosen; what they measure depends on the method.
     bound:
@@ -106,11 +106,10 @@ class ReducedCompensator(Compensator):
         Largest gain of (K - K_r) G (I - K G)^-1, one for each plant. Below one it proves stability, if K and
         K_r have equally many unstable poles (Anderson and Liu 1989).
     stable:
-        Whether the loop with the law is stable: an array, one for each plant, also of a single one; delays
-        exact (`decide_stability`).
+        Whether the loop with each plant is stable, delays exact (`decide_stability`).
     cost_ratio:
-        What is minimised with the law over the same with the first one, on each plant; ``inf`` where
-        unstable with delays approximated.
+        H2 cost of each plant relative to that with the original; ``inf`` where unstable with approximated
+        delays.
     """
 
     order: int

@@ -1,4 +1,4 @@
-"""From method to method until a law of lower order holds every plant."""
+"""Search over methods for a law of lower order that stabilises every plant."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ import numpy as np
 
 from middeck.control.h2.closed_cost import Law, evaluate_cost
 from middeck.control.reduction.candidates import Candidate, Method, find_candidate, find_start
-from middeck.control.reduction.homotopy import Withdrawal, decays, polish_law, withdraw_remainder
+from middeck.control.reduction.homotopy import Withdrawal, polish_law, withdraw_remainder
 from middeck.control.reduction.loop import Loop, proper_law
 from middeck.errors import ConfigError, NumericalError
+from middeck.systems.stability import decays
 from middeck.systems.statespace import StateSpace
 from middeck.values import record
 
@@ -22,7 +23,7 @@ ORDER_OF_TRIAL: tuple[Method, ...] = ("performance", "stability", "coprime", "ba
 
 @record(kw_only=True)
 class Trial:
-    """Where one method led: the law, its first cut, whether it holds all plants, and the words for it."""
+    """Result of one method: law, first truncation, whether it stabilises all plants, description."""
 
     law: StateSpace
     method: Method
@@ -40,10 +41,7 @@ def search_law(
     homotopy: bool,
     polish: bool,
 ) -> Trial:
-    """The first method that leads to a law that holds, or of all methods the one that costs least.
-
-    Where none holds, that of the first method.
-    """
+    """Result of the first method that stabilises, or of the one of least cost; of the first if none does."""
     asked: Method = "performance" if method == "best" else method
     trials = [_try(system, order, asked, loops, homotopy, polish)]
     steps: list[str] = []
@@ -53,7 +51,7 @@ def search_law(
         try:
             trials.append(_try(system, order, way, loops, homotopy, polish))
         except (ConfigError, NumericalError) as error:
-            # What one way cannot do (keep more unstable poles than states are left) another may.
+            # Another method may succeed, e.g. where this one keeps more unstable poles than ``order``.
             steps.append(f"{way}: {error.what}")
     chosen = trials[0]
     if any(trial.holds for trial in trials):

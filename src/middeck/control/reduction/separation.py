@@ -1,4 +1,4 @@
-"""A system as the sum of two: the poles asked for, and the others.
+"""Separation of a system into the sum of two: chosen poles, and the others.
 
 Ordered real Schur form and one Sylvester equation (Bavely and Stewart 1979, SIAM J. Numer. Anal. 16, "An
 algorithm for computing reducing subspaces by block diagonalization"). The sum is the system to rounding,
@@ -20,10 +20,10 @@ from middeck.systems.statespace import StateSpace, add
 from middeck.values import record
 
 AXIS = float(np.sqrt(np.finfo(float).eps))
-"""Real part, relative to A, left of which a pole near the origin counts as decaying: a double one there is
-known to the square root of rounding."""
+"""Distance left of the axis, relative to A, beyond which a pole near the origin counts as decaying: a double
+pole there is accurate to the square root of rounding."""
 APART, SINGLE = 10.0, 1e-11
-"""Beyond so many times that from the origin, a light mode is known to rounding."""
+"""Multiple of that distance from the origin beyond which a light mode is accurate to rounding."""
 
 
 @record
@@ -35,7 +35,7 @@ class Separation:
 
 
 def separate_unstable(system: StateSpace) -> Separation:
-    """The part that does not decay is kept apart."""
+    """Separate the poles that do not decay."""
     balanced = balance_states(system)
     size = float(np.linalg.norm(balanced.A, 2)) if len(balanced.A) else 0.0
     form = _schur(balanced)
@@ -43,7 +43,7 @@ def separate_unstable(system: StateSpace) -> Separation:
 
 
 def separate_axis(system: StateSpace) -> Separation:
-    """Poles on the axis, integrators first of all, are kept apart."""
+    """Separate the poles on the axis, integrators included."""
     balanced = balance_states(system)
     size = float(np.linalg.norm(balanced.A, 2)) if len(balanced.A) else 0.0
     form = _schur(balanced)
@@ -51,18 +51,18 @@ def separate_axis(system: StateSpace) -> Separation:
 
 
 def _known_to(values: Complex[np.ndarray, " pole"], size: float) -> Float[np.ndarray, " pole"]:
-    """How far off the axis a pole of a matrix of that ``size`` may be and not be told from one on it."""
+    """Distance from the axis within which a pole of a matrix of norm ``size`` counts as on it."""
     return np.where(np.abs(values) > APART * AXIS * size, SINGLE, AXIS) * size
 
 
 def separate_poles(system: StateSpace, wanted: Complex[np.ndarray, " wanted"]) -> Separation:
-    """The part with the poles ``wanted`` (both of a pair) is kept apart."""
+    """Separate the poles ``wanted`` (both of a pair)."""
     balanced = balance_states(system)
     form = _schur(balanced)
     values = form[2]
     which = np.zeros(len(values), dtype=bool)
     for pole in wanted:
-        # The nearest that is not taken, so that of equal poles as many are kept as are asked for.
+        # Take the nearest pole not yet taken, so that multiple poles are kept as often as wanted.
         which[int(np.argmin(np.where(which, np.inf, np.abs(values - pole))))] = True
     return _separate(balanced, *form, which)
 
@@ -113,5 +113,5 @@ def _part(system: StateSpace, which: slice, D: np.ndarray) -> StateSpace:
 
 
 def subtract(first: StateSpace, second: StateSpace) -> StateSpace:
-    """What the first does beyond the second."""
+    """The difference of two systems."""
     return add(first, StateSpace(second.A, second.B, -second.C, -second.D))

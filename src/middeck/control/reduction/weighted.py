@@ -1,4 +1,4 @@
-"""Balanced reduction in which some frequencies count more (Enns 1984, 23rd IEEE CDC).
+"""Frequency-weighted balanced reduction (Enns 1984, 23rd IEEE CDC).
 
 The Gramians are those blocks of the weighted system's that belong to the system's own states. With a weight
 on one side what is left is stable; with two it need not be. Then the right-hand sides of the two Lyapunov
@@ -17,7 +17,7 @@ from middeck.control.reduction.result import Reduction, Rest
 from middeck.control.reduction.separation import separate_unstable, subtract
 from middeck.errors import ConfigError
 from middeck.systems.peak_gain import peak_gain
-from middeck.systems.stability import growth_rates
+from middeck.systems.stability import decays
 from middeck.systems.statespace import StateSpace, add, series
 
 
@@ -32,17 +32,12 @@ def reduce_weighted(
     """The system with fewer states, its error small in ``after`` (G - G_r) ``before``.
 
     Poles that do not decay are kept as they are and count in the order. ``error`` is the largest gain of the
-    weighted difference; there is no bound before the fact. Where two weights would leave an unstable
-    remainder, the definite Gramians are taken and ``method`` says so.
+    weighted difference; no a priori bound exists. Where two weights would leave an unstable remainder, the
+    definite Gramians are used, as ``method`` states.
 
-    Raises
-    ------
-    ConfigError
-        For weights that are not stable or do not fit, or an order below the number of poles that do not
-        decay.
+    Raises `ConfigError` for weights that are not stable or do not fit, or an order below the number of poles
+    that do not decay.
 
-    Examples
-    --------
     >>> two = StateSpace(np.diag([-1.0, -30.0]), np.ones((2, 1)), np.array([[1.0, 20.0]]), np.zeros((1, 1)))
     >>> slow = StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
     >>> low = reduce_weighted(two, 1, before=slow, rest="residualise")
@@ -56,7 +51,7 @@ def reduce_weighted(
     count = check_order(order, kept, len(system.A))
     factors, method = _weighted_factors(stable, before, after), "frequency-weighted (Enns)"
     hankel, reduced = _cut(stable, factors, count, rest)
-    if not _decays(reduced):
+    if not decays(reduced):
         factors = factor_gramians(_definite(stable, factors))
         hankel, reduced = _cut(stable, factors, count, rest)
         method = "frequency-weighted (Wang, Sreeram and Liu): Enns' would not be stable"
@@ -106,7 +101,7 @@ def _weighted_factors(
 
 
 def _definite(system: StateSpace, factors: GramianFactors) -> StateSpace:
-    """Inputs and outputs that would give Gramians no smaller than the weighted ones."""
+    """Inputs and outputs whose Gramians bound the weighted ones from above."""
     P, Q = factors.reach @ factors.reach.T, factors.see @ factors.see.T
     B = _absolute_root(-(system.A @ P + P @ system.A.T))
     C = _absolute_root(-(system.A.T @ Q + Q @ system.A)).T
@@ -118,10 +113,6 @@ def _absolute_root(X: np.ndarray) -> Float[np.ndarray, "state column"]:
     return vectors * np.sqrt(np.abs(values))
 
 
-def _decays(system: StateSpace) -> bool:
-    return bool(np.all(np.real(growth_rates(system)) < 0.0))
-
-
 def _check_weight(weight: StateSpace | None, ports: int, name: str, *, into: bool) -> None:
     if weight is None:
         return
@@ -129,5 +120,5 @@ def _check_weight(weight: StateSpace | None, ports: int, name: str, *, into: boo
     if joint != ports:
         side = "outputs" if into else "inputs"
         raise ConfigError(f"the weight {name} has {joint} {side}, the system {ports} ports there")
-    if not _decays(weight):
+    if not decays(weight):
         raise ConfigError(f"the weight {name} is not stable", hint="its mirror image has the same gain")

@@ -1,4 +1,4 @@
-"""Units of the states in which a Riccati equation is solved: powers of two, so that nothing is rounded."""
+"""State units (exact powers of two) in which a Riccati equation is solved."""
 
 from __future__ import annotations
 
@@ -21,6 +21,6 @@ def unit_scales(A: np.ndarray, G: np.ndarray, Q: np.ndarray) -> Float[np.ndarray
 
 
 def unit_diagonal(X: Float[np.ndarray, "state state"]) -> Float[np.ndarray, " state"]:
-    """Powers of two that give X about a unit diagonal: its small entries matter as much as its large ones."""
+    """Powers of two that give X about a unit diagonal, so that small entries keep their relative accuracy."""
     diagonal = np.diag(X)
     return np.exp2(-np.round(np.log2(np.where(diagonal > 0.0, diagonal, 1.0)) / 2.0))

@@ -3,8 +3,8 @@
 Balanced Hamiltonian (Benner 2001), ordered real Schur form (Laub 1979), Newton steps (Kleinman 1968); SciPy's
 generalised Schur method where the first finds no solution.
 
-Two habits keep the residual at rounding although X B cancels where sensors are good: X B R^-1/2 is formed
-before it is squared, and Newton adds a correction driven by the residual instead of solving afresh, in
+Two measures keep the residual at rounding although X B cancels with good sensors: X B R^-1/2 is formed before
+it is squared, and Newton's method adds a correction driven by the residual instead of solving afresh, in
 coordinates where X has a unit diagonal.
 """
 
@@ -24,12 +24,12 @@ from middeck.errors import ConfigError, NumericalError
 from middeck.values import record
 
 SPOILT = 1e3
-"""How far above rounding a residual may be after refinement in finer units, before coarser are tried too."""
+"""Residual after refinement in fine units, in units of rounding, above which coarser units are tried too."""
 WORTHLESS = 1e-6
 """Relative residual above which there is no solution to return; rounding leaves 1e-15 to 1e-12."""
 PROPORTION = 1e3
-"""Feedback, relative to A, up to which a closed loop proves that its modes are reachable: to move a pole by
-`CANDIDATE` through a coupling of `RANK_FLOOR` (see `stabilisability`) takes ten times as much."""
+"""Feedback, relative to A, up to which a closed loop proves that its modes are controllable: to move a pole
+by `CANDIDATE` through a coupling of `RANK_FLOOR` (see `stabilisability`) takes ten times as much."""
 
 MISSED = "the cost (or process noise) misses it"
 WEIGH_IT = "weigh an output that sees it; of a filter, let process noise reach it"
@@ -118,10 +118,10 @@ def solve_riccati(
 
 
 def _doubtful(poles: np.ndarray, gain: np.ndarray, A: np.ndarray, B: np.ndarray) -> bool:
-    """Whether a mode may be unreachable or outside the cost although a solution was found.
+    """Whether a mode may be uncontrollable or missing from the cost although a solution was found.
 
-    Such a mode keeps its place under any feedback, or is left on the axis. So poles that are all clear of it
-    prove the contrary, unless a gain out of all proportion moved them through a coupling that is rounding.
+    Such a mode keeps its pole under any feedback, or stays on the axis. Poles all clear of the axis exclude
+    it, unless an excessive gain moved them through a coupling that is rounding.
     """
     # Between the largest singular value and, of a modal form, not much more.
     size = float(np.sqrt(np.linalg.norm(A, 1) * np.linalg.norm(A, np.inf)))
@@ -133,7 +133,7 @@ def _doubtful(poles: np.ndarray, gain: np.ndarray, A: np.ndarray, B: np.ndarray)
 def _solve_balanced(
     A: np.ndarray, B: np.ndarray, Q: np.ndarray, start: np.ndarray | None
 ) -> tuple[Float[np.ndarray, "state state"] | None, float]:
-    """The X of A'X + XA - (XB)(XB)' + Q = 0, and what of that remains."""
+    """X of A'X + XA - (XB)(XB)' + Q = 0, and its relative residual."""
     if not np.all(np.isfinite(A)) or not np.all(np.isfinite(B)) or not np.all(np.isfinite(Q)):
         raise ConfigError("the Riccati equation contains a number that is not finite", hint="check the plant")
     t = unit_scales(A, B @ B.T, Q)
@@ -150,7 +150,7 @@ def _solve_balanced(
     remains = residual(refined, A, B, Q)[1]
     if remains <= SPOILT * rounding(A):
         return refined, remains
-    # Of states that cost nothing the diagonal is rounding, and a unit made of it spoils the others.
+    # The diagonal of a state without cost is rounding, and a unit derived from it spoils the others.
     coarse = refine(found, *scaled) / np.outer(t, t)
     other = residual(coarse, A, B, Q)[1]
     return (refined, remains) if remains <= other else (coarse, other)

@@ -2,9 +2,9 @@
 
 Structure-preserving doubling (Chu, Fan, Lin and Wang 2004, Int. J. Control 77, "Structure-preserving
 algorithms for periodic discrete-time algebraic Riccati equations"): each step squares the closed loop, so
-that a pole at distance d from the circle needs log2(40/d) of them. No inverse of the transition matrix is
-taken: poles at zero, which delays bring, are the easiest of all. Newton steps follow (Hewer 1971, IEEE TAC
-16) in correction form; SciPy's generalised Schur method where doubling finds nothing.
+that a pole at distance d from the circle needs log2(40/d) of them. The transition matrix is never inverted,
+so that poles at zero (delays) do no harm. Newton steps follow (Hewer 1971, IEEE TAC 16) in correction form;
+SciPy's generalised Schur method is used where doubling finds nothing.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from middeck.errors import ConfigError, NumericalError
 from middeck.values import record
 
 DOUBLINGS = 60
-"""A pole at 1 - 1e-16, the nearest to the circle that a double can say, takes this many."""
+"""Number of doublings for a pole at 1 - 1e-16, the closest to the circle in double precision."""
 
 
 @record
@@ -88,10 +88,10 @@ def solve_discrete_riccati(
     gain = np.linalg.solve(through, (A.T @ (X @ B) + cross).T)
     poles = np.linalg.eigvals(A - B @ gain).astype(complex)
     size = float(np.abs(poles).max(initial=0.0))
-    # R + B'XB is the second variation of the cost: without its sign the law is stable but a maximum.
+    # R + B'XB is the second variation of the cost; where not positive the law is stable but no minimum.
     minimum = bool(np.linalg.eigvalsh(through).min(initial=1.0) > 0.0)
     if size >= 1.0:
-        # A mode that grows unseen by the cost: doubling finds a solution, and not the one that moves it.
+        # An unstable mode missing from the cost: doubling finds a solution that does not move it.
         require_reachable(Abar.T, Qbar, names, sampled=True, complaint=MISSED, hint=WEIGH_IT)
     if not np.isfinite(residual) or residual > WORTHLESS or size >= 1.0 or not minimum:
         raise NumericalError(

@@ -1,4 +1,4 @@
-"""Lyapunov equations: the linear half of every Newton step, and of every covariance."""
+"""Lyapunov equations, continuous and discrete."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from jaxtyping import Float
 from scipy.linalg import lapack
 
 SQUARINGS = 60
-"""As many as a pole at 1 - 1e-16 takes."""
+"""Number of doublings for a pole at 1 - 1e-16."""
 BLOCK = 48
 """Rows solved by substitution at once; the rest of the work is matrix products (Jonsson and Kågström 2002,
 ACM Trans. Math. Software 28, recursive blocked algorithms)."""
@@ -66,7 +66,7 @@ def solve_discrete_lyapunov(
     array([[4.]])
     """
     total, power = Q, A
-    # Past overflow the sum is not finite, which is asked below.
+    # After overflow the sum is not finite, which is checked below.
     with np.errstate(over="ignore", invalid="ignore"):
         for _ in range(SQUARINGS):
             more = power.T @ total @ power

@@ -1,9 +1,9 @@
 """Newton's method for the continuous Riccati equation (Kleinman 1968, IEEE TAC 13), in correction form.
 
-The residual drives the step instead of a fresh solution, so that what rounding leaves is relative to the
-correction. From afar the step is shortened to where the residual is least, which a polynomial of third degree
-says (Benner and Byers 1998, IEEE TAC 43, "An exact line search method for solving generalized continuous-time
-algebraic Riccati equations").
+The residual drives the step instead of a fresh solution, so that rounding is relative to the correction. Far
+from the solution the step length minimises the residual, by the roots of a polynomial of third degree (Benner
+and Byers 1998, IEEE TAC 43, "An exact line search method for solving generalized continuous-time algebraic
+Riccati equations").
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from jaxtyping import Float
 from middeck.control.riccati.lyapunov import solve_lyapunov
 
 NEWTON_STEPS = 12
-"""From a neighbour four or five suffice; a start that needs more is dearer than none."""
+"""Most steps from a start; four or five suffice from a neighbour, more cost more than a fresh solution."""
 CLOSE = 1e-8
-"""Relative residual from which `refine` goes on: one more step squares it."""
+"""Relative residual at which `refine` takes over: one more step squares it."""
 
 
 def refine(X: np.ndarray, A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[np.ndarray, "state state"]:
@@ -37,7 +37,7 @@ def refine(X: np.ndarray, A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[
 def approach(
     start: np.ndarray, A: np.ndarray, B: np.ndarray, Q: np.ndarray
 ) -> Float[np.ndarray, "state state"] | None:
-    """The stabilising solution from a ``start`` that stabilises; None where that is not found soon."""
+    """The stabilising solution from a stabilising ``start``; None where not found soon."""
     if np.linalg.eigvals(A - B @ (start @ B).T).real.max(initial=-1.0) >= 0.0:
         return None
     here = start
@@ -55,14 +55,14 @@ def approach(
 
 
 def rounding(A: np.ndarray) -> float:
-    """Relative residual that rounding alone may leave."""
+    """Relative residual attributable to rounding."""
     return 0.1 * len(A) * float(np.finfo(float).eps)
 
 
 def residual(
     X: np.ndarray, A: np.ndarray, B: np.ndarray, Q: np.ndarray
 ) -> tuple[Float[np.ndarray, "state state"], float]:
-    """A'X + XA - (XB)(XB)' + Q, and its Frobenius norm over the sum of its terms'."""
+    """A'X + XA - (XB)(XB)' + Q, and its Frobenius norm relative to the sum of those of its terms."""
     linear, factor = A.T @ X, X @ B
     quadratic = factor @ factor.T
     defect = linear + linear.T - quadratic + Q

@@ -1,8 +1,8 @@
-"""The stable invariant subspace of a Hamiltonian, and what it says of the Riccati equation.
+"""Riccati solutions from the stable invariant subspace of a Hamiltonian.
 
-LAPACK orders a Schur form by swapping neighbours, which at 1000 rows costs as much as the form itself. Here
-each half is ordered for itself, and one Sylvester equation with one QR takes the stable part of the lower
-half past the unstable part of the upper (Bai and Demmel 1993, Linear Algebra Appl. 186, "On swapping diagonal
+LAPACK orders a Schur form by swapping neighbours, which at 1000 rows costs as much as the form. Here each
+half is ordered separately, and one Sylvester equation with one QR swaps the stable part of the lower half
+with the unstable part of the upper (Bai and Demmel 1993, Linear Algebra Appl. 186, "On swapping diagonal
 blocks in real Schur form"; blocked).
 """
 

@@ -1,4 +1,4 @@
-"""Designs that survive what is not known of a plant, and how they do on plants they have not seen."""
+"""Robust designs for uncertain plants, and their verification on other plants."""
 
 from middeck.control.h2.structure import Station, Structure
 from middeck.control.law.uncertainty import (

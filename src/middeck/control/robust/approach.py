@@ -1,4 +1,4 @@
-"""The way to a law that stabilises all models: by authority, by discount, by the size of what is unknown."""
+"""Continuation to a law that stabilises all models: by authority, discount and size of perturbation."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from middeck.errors import ConfigError, NumericalError
 from middeck.values import record
 
 ROUGH, LOOSE, TIDY = 1e-4, 1e-5, 1e-7
-"""Relative gain of ten steps at which a descent on the way ends, and one that is compared with others."""
+"""Relative gain in ten steps at which an intermediate descent ends, and one for comparison of starts."""
 STEPS_ON_THE_WAY = 200
 SMALLEST_STEP = 1e-4
-"""Of the size of the perturbations: a law that cannot be carried so far stands before a wall."""
+"""Smallest step of the size of the perturbations; below it the continuation counts as blocked."""
 ROUNDS, ROUND_STEPS = 40, 20
 RESTARTS = 4
 FINALISTS = 3
 ENOUGH = 1.02
-"""A start within two per cent of what no law can do better than is not searched beyond."""
+"""A start within two per cent of the lower bound of the cost ends the search for starts."""
 
 
 @record
 class Arrival:
-    """A law, the relative norm of the gradient there, and the legs so far."""
+    """A law, the relative norm of its gradient, and the stages so far."""
 
     law: Law
     gradient: float
@@ -39,27 +39,27 @@ class Arrival:
 
 
 def approach(problem: Problem, start: Law | None, power: float) -> Arrival:
-    """A law that stabilises all models at full size, not yet the best.
+    """A law that stabilises all models at full size, not yet optimal.
 
-    At the size where the way begins (the nominal model alone for a box, all plants where they were given one
-    by one) a start is an LQG law of the right order, at the authority asked for or at a lower one, where laws
-    are weak and hold anything that is stable; the cost at a higher authority is then finite, and the law
-    descends it. Where nothing holds, all states are lent a decay and it is withdrawn as the law improves. The
-    perturbations then grow as far as the law holds, which is improved there, and so on.
+    At the first size (the nominal model alone for a box, all plants where listed) a start is an LQG law of
+    the right order, at the authority requested or a lower one, where a weak law stabilises any stable plant;
+    its cost at a higher authority is then finite and is descended. Otherwise all states are given a decay
+    (discount), which is withdrawn as the law improves. The perturbations then grow as far as the law
+    stabilises, the law is improved there, and so on.
     """
     stations = station_ports(problem.structure, problem.nominal)
     return _grow(problem, stations, begin(problem, start, power), power)
 
 
 def begin(problem: Problem, start: Law | None, power: float) -> Arrival:
-    """A law that stabilises where the way begins."""
+    """A law that stabilises the models at the first size."""
     if start is not None:
         return _given(problem, start)
     return _best_start(problem, station_ports(problem.structure, problem.nominal), power)
 
 
 def carry_on(problem: Problem, arrival: Arrival, power: float, tolerance: float) -> Arrival:
-    """Descend at full size; begun again in fresh coordinates as long as that helps."""
+    """Descend at full size, restarted in fresh coordinates as long as that helps."""
     stations = station_ports(problem.structure, problem.nominal)
     models = models_of(problem, 1.0, 1.0)
     for _ in range(RESTARTS):
@@ -117,7 +117,7 @@ def _best_start(problem: Problem, stations: Stations, power: float) -> Arrival:
 def _best_of(
     problem: Problem, stations: Stations, starts: Iterable[tuple[Law, float]], power: float
 ) -> Arrival | None:
-    """The best three after a while are followed to their minima, and the least of these is taken."""
+    """The lowest of the minima reached from the three best starts."""
     climbed = [_climb(problem, stations, law, ratio, power) for law, ratio in starts]
     climbed.sort(key=lambda arrival: arrival.history[-1].cost)
     models = models_of(problem, 1.0, 0.0)
@@ -126,12 +126,12 @@ def _best_of(
 
 
 def _least_cost(models: Sequence[GeneralizedPlant]) -> float:
-    """No law of any order does better: the mean cost of the models, each under its own LQG law."""
+    """Lower bound for any order: the mean cost of the models, each under its own LQG law."""
     return float(np.mean([evaluate_cost(model, lqg_law(model)).cost for model in models]))
 
 
 def _climb(problem: Problem, stations: Stations, law: Law, ratio: float, power: float) -> Arrival:
-    """From a lower authority to the one asked for, in half decades."""
+    """Raise the authority to the one requested, in half decades."""
     arrival = Arrival(law, np.inf, ())
     for level in sorted(r for r in LADDER if ratio < r < 1.0):
         models = models_of(problem, level, 0.0)
@@ -154,7 +154,7 @@ def _grow(problem: Problem, stations: Stations, arrival: Arrival, power: float) 
                     law=arrival.law,
                     history=arrival.history,
                 )
-        # Short of the edge, where the cost would be nearly infinite.
+        # Stay short of the stability limit, where the cost is nearly infinite.
         size = 1.0 if size + step >= 1.0 else size + 0.75 * step
         models = models_of(problem, 1.0, size)
         if size < 1.0:

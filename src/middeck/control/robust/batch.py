@@ -1,4 +1,4 @@
-"""Many loops at once: stability by eigenvalues and root mean squares, for stacks of matrices."""
+"""Stability and rms of many loops at once, for stacks of matrices."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from jaxtyping import Complex, Float
 from middeck.systems.stability import GROWTH_LIMIT
 
 TRUSTED = 1e-8
-"""Relative residual up to which a covariance from eigenvectors is taken; beyond, one Schur form each."""
+"""Relative residual up to which a covariance from eigenvectors is used; otherwise by a Schur form."""
 DOUBLINGS = 60
 
 
@@ -44,7 +44,7 @@ def _solve_each(M: np.ndarray, right: np.ndarray) -> np.ndarray:
     try:
         return np.linalg.solve(M, right)
     except np.linalg.LinAlgError:
-        # A defective loop has no basis of eigenvectors: what this gives, the residual refuses.
+        # A defective loop has no basis of eigenvectors: the residual then refuses the result.
         return np.asarray([np.linalg.pinv(one) @ r for one, r in zip(M, right, strict=True)])
 
 

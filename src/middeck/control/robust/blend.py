@@ -1,4 +1,4 @@
-"""The costs of several models made one: their mean, or a smooth maximum with its dual weights."""
+"""Blended cost of several models: their mean, or a smooth maximum with its dual weights."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def improve(
     tolerance: float,
     steps: int = 2000,
 ) -> tuple[Law, Descent] | None:
-    """Descend from ``law``, its coordinates evened out first; None where it does not stabilise all models."""
+    """Descend from ``law`` in scaled coordinates; None where it does not stabilise all models."""
     integrals = len(models[0].integrals)
     arranged, free = arrange(law, stations, integrals)
     start = evaluate_models(models, arranged)

@@ -1,4 +1,4 @@
-"""Designs side by side: decibels, stable share, order and control effort together, on one set of plants."""
+"""Comparison of designs on one set of plants: decibels, stable share, order and control effort."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Float
 
+from middeck.control.analysis.margins_table import align_columns
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.uncertainty import Uncertainty, parameter_names
 from middeck.control.lqg import LQGWeights
@@ -32,8 +33,8 @@ class ComparedDesign:
     worst_db, median_db, median_control_rms:
         Over the stable ones among them; ``inf`` where there is none.
     nominal_rms, worst_rms, median_rms:
-        The same as ``..._db``, in the unit of the weighted outputs: of a plant that drifts without control,
-        as a free body does, the decibels are minus infinity, and these tell designs apart.
+        As ``..._db``, in the unit of the weighted outputs; they compare designs where a plant drifts without
+        control (a free body) and all decibels are minus infinity.
     """
 
     name: str
@@ -102,7 +103,7 @@ def _median(values: np.ndarray, stable: np.ndarray) -> float:
 
 
 def comparison_table(rows: Sequence[ComparedDesign]) -> str:
-    """The rows as text, a line each; ``-`` for decibels over a plant that has no rms without control."""
+    """The rows as text; ``-`` for decibels relative to a plant of infinite rms without control."""
     head = (
         "design", "setting", "order", "nominal dB", "nominal rms", "control rms", "stable share", "worst dB",
         "worst rms", "median dB", "median rms",
@@ -123,11 +124,7 @@ def comparison_table(rows: Sequence[ComparedDesign]) -> str:
         )
         for row in rows
     ]
-    widths = [max(len(line[i]) for line in (head, *lines)) for i in range(len(head))]
-    return "\n".join(
-        "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip()
-        for line in (head, *lines)
-    )
+    return align_columns([head, *lines])
 
 
 def _decibels(value: float) -> str:

@@ -1,4 +1,4 @@
-"""Coordinates of a law in which all that is free is of about the same size and consequence."""
+"""Scaling of a law's states and free entries to similar size and effect on the cost."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from middeck.control.h2.structure import Free
 
 
 def even_scale(costs: Sequence[LawCost], integrals: int = 0) -> Float[np.ndarray, " law"]:
-    """States as large as they are worth: the diagonal of what balancing would do to all but integrals."""
+    """Scales that equalise covariance and cost of each state except integrals (the diagonal of balancing)."""
     X, P = _diagonals(costs)
     scale = (X / P) ** 0.25
     scale[len(scale) - integrals :] = 1.0
@@ -24,7 +24,7 @@ def _diagonals(costs: Sequence[LawCost]) -> tuple[np.ndarray, np.ndarray]:
     diagonals: list[np.ndarray] = []
     for name in ("covariance", "worth"):
         mean = np.mean([np.diag(getattr(cost, name)) for cost in costs], axis=0)
-        # A state that nothing drives or that nothing reads keeps a size: 1e-6 of the largest in amplitude.
+        # A state without drive or without effect keeps a size: 1e-6 of the largest in amplitude.
         diagonals.append(np.maximum(mean, max(1e-12 * float(mean.max(initial=0.0)), 1e-300)))
     return diagonals[0], diagonals[1]
 
@@ -32,7 +32,7 @@ def _diagonals(costs: Sequence[LawCost]) -> tuple[np.ndarray, np.ndarray]:
 def parameter_scale(
     law: Law, free: Free, costs: Sequence[LawCost], even: np.ndarray, models: Sequence[GeneralizedPlant]
 ) -> Float[np.ndarray, " parameter"]:
-    """How far each entry may go for about the same change of the cost.
+    """Step of each free entry for about the same change of the cost.
 
     An entry A_ij makes x_j drive x_i: its second derivative is about P_ii X_jj times how long x_j lasts, and
     for B and C the noise of a measurement and the price of an input are added.

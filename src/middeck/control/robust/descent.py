@@ -31,7 +31,7 @@ class Descent:
     values:
         The function after each step.
     evaluations:
-        How often it was asked for.
+        Number of evaluations.
     """
 
     x: Float[np.ndarray, " parameter"]
@@ -44,9 +44,10 @@ class Descent:
 def descend(
     objective: Objective, x: Float[np.ndarray, " parameter"], *, tolerance: float, steps: int = 2000
 ) -> Descent:
-    """Until ten steps gain less than ``tolerance`` of the value, or the line search finds nothing lower.
+    """Descend until ten steps gain less than ``tolerance`` of the value, or the line search finds nothing
+    lower.
 
-    ``x`` must lie in the domain: the value there is returned as it is if it is not finite.
+    ``x`` must lie in the domain; an infinite value there is returned unchanged.
     """
     value, gradient = objective(x)
     values, evaluations = [value], 1

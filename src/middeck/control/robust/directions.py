@@ -22,14 +22,14 @@ from middeck.systems.statespace import poles
 from middeck.values import record
 
 BESIDE = (0.77, 1.31)
-"""Lines beside each pole at which two plants are compared: neither on a mode nor far from all."""
+"""Relative frequencies beside each pole at which two plants are compared: near modes, but not on them."""
 MISSED, ROUNDING = 1e-6, 1e-9
 """Parts of what a shift changes, and of the response, by which they may differ."""
 
 
 @record(kw_only=True)
 class Directions:
-    """Where what is uncertain enters, one column and row for each number.
+    """Input column and output row of each uncertain parameter.
 
     Parameters
     ----------
@@ -38,9 +38,9 @@ class Directions:
     low, high:
         Bounds of each delta: (1 -+ half-width)^2 - 1 of a stiffness, -+ half-width of a damping.
     group:
-        Which shift of the `Uncertainty` each belongs to.
+        Index of the shift in `Uncertainty` of each.
     stiff:
-        Whether it is a stiffness.
+        Whether each is a stiffness; otherwise a damping.
     """
 
     into: Float[np.ndarray, "state delta"]
@@ -52,7 +52,8 @@ class Directions:
 
 
 def stiffness_directions(plant: Plant, finished: Plant, uncertainty: Uncertainty) -> Directions:
-    """Of the modes in ``uncertainty.shifts``; ``finished`` is the nominal plant as it is controlled.
+    """Stiffness directions of the modes in ``uncertainty.shifts``; ``finished`` is the nominal plant
+    controlled.
 
     Raises `ConfigError` where a mode has not its two states in both, or nothing but these is uncertain.
     """
@@ -60,10 +61,10 @@ def stiffness_directions(plant: Plant, finished: Plant, uncertainty: Uncertainty
 
 
 def shift_directions(plant: Plant, finished: Plant, uncertainty: Uncertainty) -> Directions:
-    """Stiffnesses, then the dampings that move with them, each as if it were free in its bounds.
+    """Directions of stiffnesses, then of the dampings that move with them, each free within its bounds.
 
-    Raises `ConfigError` as `stiffness_directions`, and where a shift does more to the plant than this: what
-    reads the acceleration of an uncertain mode changes too.
+    Raises `ConfigError` as `stiffness_directions`, and where a shift changes more of the plant: outputs that
+    read the acceleration of an uncertain mode.
     """
     found = _directions(plant, finished, uncertainty, damped=True)
     for end in (-1.0, 1.0):
@@ -104,7 +105,7 @@ def _directions(plant: Plant, finished: Plant, uncertainty: Uncertainty, *, damp
 def _require_whole(
     plant: Plant, finished: Plant, uncertainty: Uncertainty, found: Directions, end: float
 ) -> None:
-    """That at an end of the box the directions make the plant that the box means."""
+    """Check that the directions reproduce the plant at an end of the box."""
     box = Uncertainty(shifts=uncertainty.shifts, finish=uncertainty.finish)
     there = finished_plants(plant, box, np.full((1, len(box.shifts)), end))[0]
     meant, nominal = (partition_modes(without_delays(p)).active for p in (there, finished))

@@ -1,4 +1,4 @@
-"""The growth rate of loops with delays: poles of a fine Pade approximation, corrected with exp(-s tau)."""
+"""Growth rates of loops with delays: poles of a fine Pade approximation, corrected with exp(-s tau)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from middeck.systems.plant import Plant, remove_delays
 RIGHTMOST, NEWTON_STEPS = 6, 3
 DECIDES = 30.0
 NEAR = 1e-3
-"""Largest correction, relative to the pole: a root further off belongs to another pole."""
+"""Largest correction relative to the pole; a root further away belongs to another pole."""
 
 
 def exact_growth(
@@ -33,7 +33,7 @@ def _growth(plant: Plant, law: Law, values: np.ndarray) -> float:
         return float(np.real(values).max(initial=-np.inf))
     upper = values[np.imag(values) >= 0.0]
     upper = upper[np.argsort(-np.real(upper))]
-    # A root so far left that its delay would be a factor beyond all numbers decides nothing.
+    # Skip roots so far left that exp(-s tau) overflows: they do not decide stability.
     count = np.count_nonzero(-np.real(upper[:RIGHTMOST]) * plant.delay_s.max(initial=0.0) < DECIDES)
     lead, rest = upper[:count], upper[count:]
     roots = np.concatenate([_corrected(plant, law, lead), rest])
@@ -59,7 +59,7 @@ def _corrected(plant: Plant, law: Law, poles: Complex[np.ndarray, " pole"]) -> C
         except np.linalg.LinAlgError:  # exactly on a root, or on a pole that the loop does not move
             break
         step = np.divide(-1.0, slope, out=np.zeros_like(slope), where=np.abs(slope) > 0.0)
-        # Once away from its pole an iterate belongs to another, or to none and grows beyond all numbers.
+        # An iterate away from its pole belongs to another, or diverges.
         near = near & (np.abs(root + step - poles) <= NEAR * np.abs(poles))
         root = np.where(near, root + step, poles)
     return root

@@ -1,12 +1,12 @@
-"""One law on many modal plants with exact delays: stability by phase with a bound, rms by quadrature.
+"""One law on many modal plants with exact delays: stability by a verified phase count, rms by quadrature.
 
-Of modes that all decay the open loop's unstable poles are those of the law, P of them, known once for all
+If all modes decay, the unstable poles of the open loop are the P unstable poles of the law, the same for all
 plants. With f = det(I - K G), which tends to one,
 
     Z = P - (change of the phase of f from rest to infinity) / pi
 
-roots of the closed loop grow (argument principle). A step from line a to line b, h apart, is believed where
-I - L, L = K G, cannot come near to singular between them. |L''| is at most B there, from the distances to the
+roots of the closed loop grow (argument principle). A step from line a to line b, h apart, is accepted where I
+- L, L = K G, cannot come near to singular between them. |L''| is at most B there, from the distances to the
 poles and the magnitudes of their residues, so that L is within B h^2 / 8 of the chord. Where
 
     |(I - L(a))^-1 (L(b) - L(a))| + |(I - L(a))^-1| B h^2 / 8 <= rho < 1
@@ -34,14 +34,14 @@ from middeck.systems.resolvent import Resolvent, balance_states
 from middeck.values import record
 
 RHO = 0.7
-"""Over the number of inputs: so far an eigenvalue may stray from one between two lines."""
+"""Largest distance of an eigenvalue from one between two lines, times the number of inputs."""
 ROUNDS, MOST_LINES, SPLIT = 24, 40_000, 8
 LIGHTEST = 1e-6
-"""Nearest that lines come to each other [rad/s]: a root nearer to the axis than this is left undecided."""
+"""Smallest spacing of lines [rad/s]: a root nearer to the axis than this is left undecided."""
 SMALL = 0.5
 BESIDE = np.array([0.0, 3.0])
 TOLERANCE = 1e-7
-"""Of the integral's total: what the rule of 15 points and that of 7 may differ by on a panel."""
+"""Allowed difference of the rules of 15 and 7 points on a panel, relative to the whole integral."""
 KRONROD = np.array(
     [
         [0.991455371120813, 0.022935322010529],
@@ -60,7 +60,7 @@ GAUSS = np.array([0.129484966168870, 0.279705391489277, 0.381830050505119, 0.417
 
 @record
 class _Poles:
-    """A transfer function's poles and its residues' magnitudes, and what is left at infinity."""
+    """Poles, magnitudes of residues, and direct term of a transfer function."""
 
     poles: Complex[np.ndarray, " pole"]
     size: Float[np.ndarray, "pole entry"]
@@ -82,7 +82,7 @@ class FamilyLaw:
 
 
 def family_law(compensator: Compensator, weights: LQGWeights) -> FamilyLaw | None:
-    """None for a law that does not fall with frequency, or has a pole on the axis."""
+    """The prepared law; None for one that does not fall with frequency, or has a pole on the axis."""
     system = balance_states(compensator.system)
     values, vectors = np.linalg.eig(system.A) if len(system.A) else (np.zeros(0), np.zeros((0, 0)))
     if np.any(system.D) or np.any(np.abs(np.real(values)) < LIGHTEST):
@@ -106,7 +106,7 @@ def family_law(compensator: Compensator, weights: LQGWeights) -> FamilyLaw | Non
 
 
 def measure_in_family(plant: Plant, known: FamilyLaw) -> NoiseOutcome | None:
-    """As `measure_noise_rms`, of a plant of decaying modes; None where another way has to decide.
+    """As `measure_noise_rms`, for a plant of decaying modes; None where undecided.
 
     Raises `ConfigError` for process noise that reaches z directly.
     """
@@ -114,7 +114,7 @@ def measure_in_family(plant: Plant, known: FamilyLaw) -> NoiseOutcome | None:
     if modal is None or np.any(modal.zeta * modal.omega < LIGHTEST):
         return None
     if modal.direct is not None or modal.phi_acceleration is not None:
-        generalize(remove_delays(plant), known.weights, 1.0)  # it refuses what has no cost
+        generalize(remove_delays(plant), known.weights, 1.0)  # refuses a plant of infinite cost
     w, z = plant.input_indices(known.weights.disturbed), plant.output_indices(plant.z)
     u, y = plant.input_indices(known.outputs), plant.output_indices(known.inputs)
     delay_s = plant.delay_s
@@ -151,7 +151,7 @@ def _poles_of(modal: ModalSystem, rows: Sequence[int], columns: Sequence[int]) -
     half = modal.omega * np.sqrt(modal.zeta**2 - 1.0 + 0.0j)
     poles = np.concatenate([-modal.zeta * modal.omega + half, -modal.zeta * modal.omega - half])
     seen = np.hstack([part.phi, part.phi]) + np.hstack([part.phi_rate, part.phi_rate]) * poles
-    # Near critical damping the two residues grow beyond bounds: then lines run out, and another way decides.
+    # Near critical damping the two residues are unbounded: the lines run out and the plant stays undecided.
     apart = np.where(np.abs(half) > 0.0, 2.0 * half, np.finfo(float).tiny)
     scale = np.concatenate([1.0 / apart, -1.0 / apart])
     residue = np.abs(seen.T * scale[:, None])[:, :, None] * np.abs(np.tile(part.psi, (2, 1)))[:, None, :]
@@ -164,7 +164,7 @@ def _upper(modal: ModalSystem) -> Complex[np.ndarray, " pole"]:
 
 
 def _growing(plant: _Poles, late: np.ndarray, known: FamilyLaw, path: Resolvent) -> int | None:
-    """Roots right of the axis; None where lines run out, or come too near to one another."""
+    """Number of roots right of the axis; None where lines run out or come too close."""
     top = _small_beyond(plant, late, known.law)
     if top is None:
         return None
@@ -234,7 +234,7 @@ def _sizes(of: _Poles, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, n
 
 
 def _small_beyond(plant: _Poles, late: np.ndarray, law: _Poles) -> float | None:
-    """From where on K G is smaller than one half: f stays right of one half there."""
+    """Frequency above which K G is smaller than one half, so that f keeps to the right of one half."""
     top = 2.0 * float(np.abs(np.concatenate([plant.poles, law.poles])).max())
     for _ in range(ROUNDS):
         ends = np.array([top]), np.array([np.inf])
@@ -247,7 +247,7 @@ def _small_beyond(plant: _Poles, late: np.ndarray, law: _Poles) -> float | None:
 
 
 def _rms(path: Resolvent, nz: int, nw: int, known: FamilyLaw, peaks: np.ndarray) -> tuple[float, float]:
-    """Of the weighted outputs and inputs, from REST of the slowest to FAR times the fastest pole."""
+    """Rms of the weighted outputs and inputs, from REST times the slowest to FAR times the fastest pole."""
 
     def power(omega: np.ndarray) -> Float[np.ndarray, "line zu"]:
         s = 1j * omega
@@ -276,7 +276,7 @@ def _panels(peaks: np.ndarray, low: float, top: float) -> Float[np.ndarray, " ed
 
 
 def _integral(power: Callable[[np.ndarray], np.ndarray], edges: np.ndarray) -> Float[np.ndarray, " zu"]:
-    """By Gauss and Kronrod's rules of 7 and 15 points, panels halved while they differ."""
+    """Gauss-Kronrod quadrature of 7 and 15 points, panels halved while these differ."""
     half = np.concatenate([-KRONROD[:, 0], KRONROD[-2::-1, 0]])
     fine = np.concatenate([KRONROD[:, 1], KRONROD[-2::-1, 1]])
     coarse = np.zeros(15)

@@ -1,4 +1,4 @@
-"""One law for more plants than a design can hold as models: the worst are added until none is worse.
+"""Minimax law for many plants by exchange: the worst plants are added to the models until none is worse.
 
 The exchange method of semi-infinite programming (Hettich and Kortanek 1993, SIAM Review 35): a minimax law
 for few plants, the worst of all plants under it, a minimax law for these too. It ends when no plant costs
@@ -24,7 +24,7 @@ from middeck.systems.plant import Plant
 
 ADDED, ROUNDS = 6, 30
 WITHIN = 1.01
-"""A plant that costs so many times the worst of the models, or less, is not added."""
+"""Cost relative to that of the worst model up to which a plant is not added."""
 
 
 def design_for_worst(
@@ -37,16 +37,14 @@ def design_for_worst(
     shaping: Shaping | None = None,
     tolerance: float = 1e-5,
 ) -> tuple[MultiModelCompensator, tuple[int, ...]]:
-    """The law whose greatest cost over ``plant`` and thousands of ``candidates`` is least, and its models.
+    """The minimax law over ``plant`` and thousands of ``candidates``, and the indices of those used as
+    models.
 
-    All that is not ``candidates`` is as in `design_multimodel` with ``over="maximum"``; returned with the law
-    are the positions among the candidates of those that became models. No candidate costs more than 1 %
-    beyond the law's ``cost``.
+    Other arguments are as in `design_multimodel` with ``over="maximum"``. No candidate costs more than 1 %
+    above the law's ``cost``.
 
-    Raises
-    ------
-    NumericalError
-        Where some candidate is still worse after thirty rounds, or as `design_multimodel`.
+    Raises `NumericalError` where some candidate is still worse after thirty rounds, or as
+    `design_multimodel`.
     """
     models = [generalize(without_delays(each), weights, authority, shaping=shaping) for each in candidates]
     chosen: list[int] = []
@@ -73,7 +71,7 @@ def design_for_worst(
 def _worse_than(
     limit: float, models: Sequence[GeneralizedPlant], compensator: Compensator
 ) -> tuple[list[int], bool]:
-    """The unstable ones, the fastest growing first; if there are none, those beyond ``limit``, and True."""
+    """Unstable plants, fastest growth first; if none, those of cost above ``limit``, and True."""
     law = law_of(compensator)
     costs = np.array([evaluate_cost(model, law).cost for model in models])
     unstable = [int(i) for i in np.flatnonzero(~np.isfinite(costs))]

@@ -1,4 +1,4 @@
-"""One compensator on many plants that it was not designed for, with exact delays and as it is sampled."""
+"""Monte Carlo verification of a compensator on many plants, with exact delays, continuous and sampled."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ from middeck.values import record
 
 @record(kw_only=True)
 class PlantOutcomes:
-    """What each plant did under one form of the compensator.
+    """Outcomes of all plants under one form of the compensator.
 
     Parameters
     ----------
     setting:
         ``"continuous"``, or the sampling rate, as ``"500 Hz"``.
     stable:
-        By roots. A loop whose rms is infinite is not called stable: a root on the axis drifts.
+        By roots. A loop of infinite rms does not count as stable: a root on the axis drifts.
     rms:
         Of the weighted outputs, (E[z' W^2 z])^1/2 under process and sensor noise; ``inf`` where unstable. Of
         a sampled loop at the sampling instants.
@@ -72,13 +72,13 @@ def verify_robustness(
 ) -> Verification:
     """Close the loop on the plants at ``positions`` of the box (`draw_positions` draws unseen ones).
 
-    Of decaying modes with delays the roots that grow are counted and the rms is integrated, both with
-    exp(-s tau) itself (`exact_family`). Other delays are approximated, of an order at which every mode's
-    phase is right to 1e-9 (`pade_order`); the poles furthest right are then carried to roots with the exact
-    delay, and the rms is that of the approximation. Where the order would be beyond 40, or the leading pole
-    lies beyond what the approximation knows, or approximation and roots disagree, the plant is taken by
-    itself, all of it exact (`measure_noise_rms`). At each rate of ``rates_hz`` the compensator is sampled by
-    Tustin's rule and its output held over a period, which comes on top of the plant's delay.
+    For plants of decaying modes with delays, unstable roots are counted and the rms is integrated with exact
+    exp(-s tau) (`exact_family`). Other delays are approximated with an order that keeps every mode's phase to
+    1e-9 (`pade_order`); the rightmost poles are then corrected for the exact delay, and the rms is that of
+    the approximation. Where the order would exceed 40, the leading pole lies outside the range of the
+    approximation, or approximation and roots disagree, the plant is evaluated singly and exactly
+    (`measure_noise_rms`). At each rate of ``rates_hz`` the compensator is sampled by Tustin's rule and held,
+    in addition to the plant's delay.
 
     Raises `ConfigError` for a compensator of other ports than the plant's groups y and u, `NumericalError`
     where the stability of a plant taken by itself cannot be decided.
@@ -88,13 +88,9 @@ def verify_robustness(
 
 
 def outcomes_on(
-    plants: Sequence[Plant],
-    compensator: Compensator,
-    weights: LQGWeights,
-    *,
-    rates_hz: Sequence[float] = (),
+    plants: Sequence[Plant], compensator: Compensator, weights: LQGWeights, *, rates_hz: Sequence[float] = ()
 ) -> tuple[PlantOutcomes, ...]:
-    """The same on plants given one by one."""
+    """As `verify_robustness`, for a list of plants."""
     for plant in plants:
         _require_ports(plant, compensator)
     if np.any(compensator.system.D):
@@ -113,7 +109,7 @@ def outcomes_on(
 
 
 def stable_share(outcomes: PlantOutcomes) -> float:
-    """Part of the plants that are stable."""
+    """Fraction of the plants that are stable."""
     return float(np.mean(outcomes.stable))
 
 
@@ -132,7 +128,7 @@ def _require_ports(plant: Plant, compensator: Compensator) -> None:
 
 
 def _uncontrolled(plant: Plant, weights: LQGWeights) -> Plant:
-    """Without the delays of paths not from w to z, nor what all paths to an output share."""
+    """The plant from w to z without the delays common to all paths of an output."""
     late = np.zeros_like(plant.delay_s)
     kept = np.ix_(plant.output_indices(plant.z), plant.input_indices(weights.disturbed))
     late[kept] = plant.delay_s[kept] - plant.delay_s[kept].min(axis=1, keepdims=True, initial=np.inf)
@@ -158,14 +154,14 @@ def _rms_of(
 def _approximated(
     plants: Sequence[Plant], compensator: Compensator, weights: LQGWeights
 ) -> list[NoiseOutcome]:
-    """All at once with approximated delays, but for those that need their own."""
+    """Evaluate all plants together with approximated delays, except those that need exact evaluation."""
     system = compensator.system
     law = Law(system.A, system.B, system.C)
     orders = [pade_order(phase_of_modes(p, system)) if p.delayed else 1 for p in plants]
     order = max((n for n in orders if n <= MOST_PADE), default=LEAST_PADE)
     models = [generalize(approximate_delays(p, order), weights, 1.0) for p in plants]
     values, rms, control = _rms(models, [law] * len(models))
-    # A root at rest drifts, whether noise drives it or not; on which side of the axis it lies is rounding.
+    # A root at zero drifts, driven by noise or not; its side of the axis is rounding.
     drifts = np.array([np.real(v).max(initial=-np.inf) > -GROWTH_LIMIT for v in values], dtype=bool)
     rms[drifts] = control[drifts] = np.inf
     stable = settled(exact_growth(plants, law, values))
@@ -211,7 +207,7 @@ def _rms(
 
 
 def same_shapes(shapes: Sequence[tuple[int, ...]]) -> list[list[int]]:
-    """Positions of those that can be stacked."""
+    """Groups of indices of equal shapes, which can be stacked."""
     groups: dict[tuple[int, ...], list[int]] = {}
     for i, shape in enumerate(shapes):
         groups.setdefault(shape, []).append(i)

@@ -29,7 +29,7 @@ from middeck.values import record
 
 Over = Literal["mean", "maximum"]
 POWERS: dict[str, tuple[float, ...]] = {"mean": (1.0,), "maximum": (4.0, 16.0, 64.0)}
-"""Exponents of the blend, one after the other: the last is at most the 64th root of N under the maximum."""
+"""Successive exponents of the blend; the last one's value is within the 64th root of N of the maximum."""
 
 
 @record(kw_only=True)
@@ -62,18 +62,18 @@ def design_multimodel(
     start: Compensator | None = None,
     tolerance: float = 1e-9,
 ) -> MultiModelCompensator:
-    """The law of a given form that minimises the mean or the maximum of the costs of several plants.
+    """The law of a given structure that minimises the mean or the maximum of the costs of several plants.
 
     Parameters
     ----------
     plant:
-        The nominal one, before its `Uncertainty` finishes it.
+        The nominal plant, before ``uncertainty.finish``.
     weights, authority:
         As for `design_lqg`; rho = 1/authority.
     uncertainty:
-        A box, or the other plants one by one. They may differ in their number of states, not in their ports.
+        A box, or a list of the other plants, which may differ in number of states but not in ports.
     positions:
-        Where in the box the models are (`end_positions` unless given; also `corner_positions`).
+        Positions of the models in the box (`end_positions` unless given; also `corner_positions`).
     over:
         ``"mean"`` or ``"maximum"``.
     structure:
@@ -82,19 +82,14 @@ def design_multimodel(
         Filters at ports, integral action and correlated noise, as for `design_lqg`. Integrals come as last
         states, beside those of ``structure``; they go with no stations and no fixed filters.
     start:
-        A law to begin with, e.g. of a lower authority: strictly proper, in the form of ``structure`` without
-        its filters, integrals last. Otherwise a start is found.
+        A law to begin with, e.g. of a lower authority: strictly proper, of ``structure`` without its filters,
+        integrals last; found if not given.
     tolerance:
-        The descent ends when ten steps gain less than this part of the cost.
+        The descent ends when ten steps gain less than this fraction of the cost.
 
-    Raises
-    ------
-    NotStabilisableError
-        Naming the modes of a plant that nothing can hold.
-    NumericalError
-        Where no law of that form was found that stabilises all models; how far it came is in its data.
-    ConfigError
-        For weights, ports, modes or forms that do not fit.
+    Raises `NotStabilisableError` naming the modes of a plant that nothing can hold; `NumericalError` where no
+    law of that form was found that stabilises all models; how far it came is in its data; `ConfigError` for
+    weights, ports, modes or forms that do not fit.
     """
     if over not in POWERS:
         raise ConfigError(f"over is {over!r}", hint="mean or maximum")

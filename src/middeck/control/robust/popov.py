@@ -1,4 +1,4 @@
-"""Popov/H2: a law with a guaranteed cost over a whole box of modal frequencies (How, Hall and Haddad 1994).
+"""Popov/H2: a law with a guaranteed cost over a box of modal frequencies (How, Hall and Haddad 1994).
 
 The bound of `middeck.control.robust.popov_bound` is minimised over the law and the multipliers together, by
 quasi-Newton descent with analytic gradients.
@@ -32,14 +32,14 @@ from middeck.systems.plant import Plant
 from middeck.values import record
 
 WIDENINGS, WIDEST = (1.0, 2.0, 4.0, 6.0, 9.0), 0.5
-"""Boxes of the models that a start is designed for, over the one asked for, and their greatest half-width."""
+"""Widths of the boxes of a start's models relative to the one requested, and their largest half-width."""
 FEW = 3
-"""Modes up to which all corners of such a box are models."""
+"""Largest number of modes for which all corners of such a box are models."""
 ROUGH = 1e-4
 MORE, HEAVIER = (1.0, 2.0, 4.0, 8.0), (1.0, 2.0)
-"""Factors on N that are tried, their roots on H of dampings, which have no N; and factors on all H."""
+"""Factors tried on N (their roots on H of dampings, which have no N), and on all H."""
 FURTHEST = 20.0
-"""Logarithms of the multipliers are held within so many of where they began."""
+"""Largest change of the logarithm of a multiplier from its start."""
 
 
 @record(kw_only=True)
@@ -52,9 +52,9 @@ class PopovCompensator(RobustCompensator):
     Parameters
     ----------
     directions:
-        Which states the stiffness of each uncertain mode enters, then its damping, and the bounds.
+        Input and output directions and bounds of the uncertain stiffnesses, then dampings.
     multipliers:
-        H and N of each of these; N of a damping is zero.
+        H and N of each direction; N of a damping is zero.
     """
 
     directions: Directions
@@ -84,20 +84,13 @@ def design_popov(
 ) -> PopovCompensator:
     """The law that minimises a bound on the cost over all frequencies in a box.
 
-    Every mode of ``uncertainty.shifts`` may be anywhere in its width, also those of one group apart, with the
-    damping ratio that it has; other uncertainty of damping, and gain and delay, do not enter the bound. The
-    other arguments are those of `design_multimodel`; the models at
-    ``positions`` only report their costs.
+    Every mode of ``uncertainty.shifts`` moves independently within its width, also within a group, with
+    constant damping ratio; uncertain damping, gain and delay do not enter the bound. Other arguments are
+    those of `design_multimodel`; the models at ``positions`` only report their costs.
 
-    Raises
-    ------
-    NumericalError
-        Where no law was found whose bound covers the box.
-    ConfigError
-        Where z or y reads the acceleration of an uncertain mode, which a shift changes too; and as
-        `design_multimodel`.
-    NotStabilisableError
-        As `design_multimodel`.
+    Raises `NumericalError` where no law was found whose bound covers the box; `ConfigError` where z or y
+    reads the acceleration of an uncertain mode, which a shift changes too; and as `design_multimodel`;
+    `NotStabilisableError` as `design_multimodel`.
     """
     structure = structure or Structure()
     problem = pose_problem(plant, weights, authority, uncertainty, positions, structure, shaping)
@@ -119,7 +112,7 @@ def design_popov(
 def _minimise(
     problem: Problem, model: GeneralizedPlant, directions: Directions, place: _Place, tolerance: float
 ) -> _Place:
-    """Begun again in fresh coordinates as long as that helps; the bound is ``inf`` if it was lost at once."""
+    """Minimise, restarted in fresh coordinates while that helps; ``inf`` if the bound is lost at once."""
     for _ in range(RESTARTS):
         after = _improve(problem, model, directions, place, tolerance)
         gain = place.bound - after.bound if np.isfinite(after.bound) else -np.inf
@@ -137,10 +130,10 @@ def _covering_starts(
     directions: Directions,
     law: Law | None,
 ) -> Iterator[_Place]:
-    """Laws whose bound covers the box: those of several models, in boxes as wide as it takes.
+    """Laws whose bound covers the box: multi-model laws for boxes of increasing width.
 
-    The law of least bound for a smaller box is no good start for a larger one: it has spent its robustness up
-    to the edge, where the bound still is finite, and the box could grow by parts of a per cent only.
+    The optimal law of a smaller box is a poor start: its bound is finite only up to the edge of that box,
+    which could then grow by less than a per cent.
     """
     history: tuple[Stage, ...] = ()
     for widening in WIDENINGS:
@@ -159,7 +152,7 @@ def _covering_starts(
 
 
 def _covering_multipliers(model: GeneralizedPlant, law: Law, directions: Directions) -> Multipliers | None:
-    """Those of a small box, or with more weight on the frequencies of the modes, if they cover this one."""
+    """Multipliers of a small box, or scaled ones, if they cover this box."""
     first = first_multipliers(model, law, directions)
     assert first is not None  # the law stabilises the nominal model
     for heavier, more in itertools.product(HEAVIER, MORE):
@@ -171,7 +164,7 @@ def _covering_multipliers(model: GeneralizedPlant, law: Law, directions: Directi
 
 
 def _widened(uncertainty: Uncertainty, widening: float) -> Uncertainty | None:
-    """Each mode apart, in a wider box; None where a frequency would come near zero."""
+    """Each mode independent, in a wider box; None where a frequency would come near zero."""
     apart = [(mode, s.half_width * widening) for s in uncertainty.shifts for mode in s.modes]
     if max(width for _, width in apart) > WIDEST:
         return None
@@ -181,11 +174,7 @@ def _widened(uncertainty: Uncertainty, widening: float) -> Uncertainty | None:
 
 
 def _improve(
-    problem: Problem,
-    model: GeneralizedPlant,
-    directions: Directions,
-    place: _Place,
-    tolerance: float,
+    problem: Problem, model: GeneralizedPlant, directions: Directions, place: _Place, tolerance: float
 ) -> _Place:
     integrals = len(model.integrals)
     arranged, free = arrange(place.law, station_ports(problem.structure, problem.nominal), integrals)

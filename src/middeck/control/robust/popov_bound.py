@@ -31,12 +31,12 @@ from middeck.control.robust.directions import Directions
 from middeck.values import record
 
 SOUND = 1e-9
-"""Largest relative residual, and negative eigenvalue over the largest, of a Riccati solution that is used."""
+"""Largest relative residual, and ratio of negative to largest eigenvalue, of an accepted Riccati solution."""
 
 
 @record
 class Multipliers:
-    """H and N of each uncertain number, positive; N of a damping is zero."""
+    """H and N of each uncertain parameter, positive; N of a damping is zero."""
 
     H: Float[np.ndarray, " delta"]
     N: Float[np.ndarray, " delta"]
@@ -86,7 +86,7 @@ def _infinite(modes: int) -> Bound:
 
 
 def first_multipliers(model: GeneralizedPlant, law: Law, directions: Directions) -> Multipliers | None:
-    """What is best for small boxes with N = 0, and N = H / omega of a stiffness; None if unstable."""
+    """Optimal H of small boxes with N = 0, and N = H / omega of a stiffness; None if unstable."""
     A, B, C = closed_matrices(model, law)
     L, P = solve_gramian(A, B), solve_gramian(A.T, C.T)
     if L is None or P is None:
@@ -118,13 +118,13 @@ def _solve(
         return None
     solved = P + step
     lowest, *_, highest = np.linalg.eigvalsh(solved)
-    # A bound is a promise: none without a solution to nearly rounding, positive as it must be.
+    # A guaranteed bound needs a positive solution accurate to nearly rounding.
     sound = _defect(solved, moved, R, Q)[1] <= SOUND and lowest >= -SOUND * highest
     return solved if sound else None
 
 
 def _defect(P: np.ndarray, A: np.ndarray, R: np.ndarray, Q: np.ndarray) -> tuple[np.ndarray, float]:
-    """What is left of the Riccati equation, and its norm over that of the terms."""
+    """Residual of the Riccati equation, and its norm relative to that of the terms."""
     linear, square = P @ A, P @ R @ P
     defect = linear + linear.T + square + Q
     size = 2.0 * np.linalg.norm(linear) + np.linalg.norm(square) + np.linalg.norm(Q)

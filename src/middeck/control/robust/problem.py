@@ -1,4 +1,4 @@
-"""A design of one law for several plants: which plants, at which size of the perturbation and authority."""
+"""Problem of one law for several plants: the plants at each size of the perturbation and authority."""
 
 from __future__ import annotations
 
@@ -14,12 +14,7 @@ from middeck.control.h2.structure import Structure
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.partition import partition_modes
 from middeck.control.law.stabilisability import require_reachable
-from middeck.control.law.uncertainty import (
-    Uncertainty,
-    end_positions,
-    finished_plants,
-    without_delays,
-)
+from middeck.control.law.uncertainty import Uncertainty, end_positions, finished_plants, without_delays
 from middeck.control.lqg import LQGWeights, Shaping
 from middeck.control.lqg.regulator import append_integrals
 from middeck.errors import ConfigError
@@ -32,11 +27,8 @@ Plants = Sequence[Plant]
 
 @record(kw_only=True)
 class Problem:
-    """What is asked for.
-
-    ``plants_at`` gives the plants at a size of the perturbation from 0 to 1, the nominal one first; where
-    ``growing`` is False they are the same at every size.
-    """
+    """Data of a design; ``plants_at`` gives the plants at a size of the perturbation from 0 to 1, nominal
+    first, the same at every size where ``growing`` is False."""
 
     nominal: Plant
     plants_at: Callable[[float], tuple[Plant, ...]]
@@ -56,7 +48,7 @@ def pose_problem(
     structure: Structure,
     shaping: Shaping | None = None,
 ) -> Problem:
-    """From the arguments of a design; raises what bad ones deserve, modes that cannot be held by name."""
+    """The problem from the arguments of a design; checks them and names unstabilisable modes."""
     shaping = shaping or Shaping()
     if shaping.integral and (structure.stations or structure.before or structure.after):
         raise ConfigError(
@@ -162,7 +154,7 @@ def _same_groups(plants: tuple[Plant, ...]) -> None:
 
 
 def _require_a_cost(weights: LQGWeights, shaping: Shaping) -> None:
-    """Without noise, or with nothing to be kept small, the best law is none: no cost to compare."""
+    """Refuse zero noise or zero output weights: the optimal law would be zero."""
     if not np.any(weights.process):
         raise ConfigError("the process intensity is zero: nothing disturbs the plant", hint="some noise on w")
     if not np.any(weights.output) and not shaping.integral:

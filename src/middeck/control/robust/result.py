@@ -1,4 +1,4 @@
-"""What every robust design returns, and how it got there."""
+"""Results common to all robust designs, with the stages of their search."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from middeck.values import record
 
 @record(kw_only=True)
 class Stage:
-    """One leg of the way to a design.
+    """One stage of the search for a design.
 
     Parameters
     ----------
     size:
-        Of the perturbations, from 0 (the nominal model) to 1; of sensitivity weighting the strength tried.
+        Size of the perturbations from 0 (nominal model) to 1; for sensitivity weighting the strength tried.
     authority_ratio:
-        Authority over the one asked for.
+        Authority relative to the one requested.
     discount:
         Decay [rad/s] lent to all states while the law does not yet stabilise.
     cost:
-        At the end of the leg.
+        Cost at the end of the stage.
     evaluations:
-        Of the cost and its gradient, all models each time.
+        Evaluations of cost and gradient, all models each time.
     """
 
     size: float
@@ -43,9 +43,9 @@ class RobustCompensator(Compensator):
     authority:
         1/rho.
     order:
-        Free states; fixed filters and integrals have theirs beside.
+        Number of free states, without those of fixed filters and integrals.
     cost:
-        What was minimised: the mean or the maximum over the models, a bound, or a weighted cost.
+        Value minimised: the mean or the maximum over the models, a bound, or a weighted cost.
     costs:
         E[z' W^2 z + rho u' R u] on each design model, the nominal one first; ``inf`` where unstable. With a
         `Shaping`, of what its filters and integrals make of them.
@@ -53,9 +53,9 @@ class RobustCompensator(Compensator):
         Norm of the gradient over the cost where the method descends, in coordinates of unit size; the largest
         relative residual where it solves Riccati equations.
     history:
-        The legs of the way.
+        Stages of the search.
     inert:
-        Modes of the nominal plant that no port reaches or sees.
+        Uncontrollable and unobservable modes of the nominal plant.
     """
 
     authority: float

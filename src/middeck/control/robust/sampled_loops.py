@@ -1,4 +1,4 @@
-"""Sampled loops on many plants: the true delay, inputs held, and the covariance at the sampling instants."""
+"""Sampled loops on many plants: true delays, held inputs, covariance at the sampling instants."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from middeck.systems.statespace import SampledStateSpace
 from middeck.values import record
 
 GRID = 1e-6
-"""Part of a period to which delays are rounded: turns a signal of half the rate by 1.6e-6 rad at most."""
+"""Fraction of a period to which delays are rounded: at most 1.6e-6 rad at half the rate."""
 
 
 @record(kw_only=True)
@@ -44,7 +44,7 @@ def sampled_outcomes(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Whether each loop is stable, the rms of its weighted outputs and of its weighted inputs.
 
-    Sensor noise is taken as averaged over a period: variance = intensity / period.
+    Sensor noise is averaged over a period: variance = intensity / period.
     """
     if not (np.isfinite(rate_hz) and rate_hz > 0.0):
         raise ConfigError(f"a rate of {rate_hz} Hz: a positive one, please")
@@ -60,7 +60,7 @@ def sampled_outcomes(
         values, X = sampled_covariances(
             np.array([loops[i].A for i in group]), np.array([loops[i].Q for i in group])
         )
-        # A root at rest drifts: on which side of the circle it lies is rounding.
+        # A root at z = 1 drifts: its side of the circle is rounding.
         stable[group] = np.abs(values).max(axis=1) < np.exp(-GROWTH_LIMIT * period)
         rms[group] = np.linalg.norm(row_rms(np.array([loops[i].outputs for i in group]), X), axis=1)
         moved = row_rms(np.array([loops[i].inputs for i in group]), X)
@@ -109,11 +109,11 @@ def _close(
 
 
 def delay_at_the_hold(plant: Plant, period_s: float) -> tuple[Plant, float]:
-    """All delay that the measurements or the commands have in common is put behind the hold.
+    """Split off the delay common to all measurements or commands, to be applied exactly behind the hold.
 
-    A delay of the measurements and one of the commands are the same to a compensator: that part is exact.
-    What single paths are delayed beyond it is approximated, of an order at which every mode's phase is right,
-    or not at all where it is far below a period: states as fast as that would only cost digits.
+    Delays of measurements and of commands are equivalent to a compensator. Further delays of single paths are
+    approximated with an order that keeps every mode's phase, or dropped where far below a period, because
+    such fast states would only cost digits.
     """
     if not plant.delayed:
         return plant, 0.0

@@ -1,10 +1,9 @@
-"""A plant under a hold, in the plane in which a law sampled by Tustin's rule is itself again.
+"""A sampled plant in the w-plane, where a law sampled by Tustin's rule becomes continuous.
 
-Tustin's rule takes a law to a computer by s = (2/T) (z - 1)/(z + 1). Taken the other way, the exactly sampled
-plant becomes a continuous one (Franklin, Powell and Workman 1998, section 7.4, the w-plane): the loop of that
-plant and the continuous law has the poles of the sampled loop, mapped, whatever the rate. So a rate is one
-more model of a design. A spectrum of samples is that of the mapped plant over 1 + (w T/2)^2, which matters
-beyond half the rate only, and is left out.
+The inverse of Tustin's rule s = (2/T) (z - 1)/(z + 1) maps the exactly sampled plant to a continuous one
+(Franklin, Powell and Workman 1998, section 7.4). Its loop with the continuous law has the mapped poles of the
+sampled loop at any rate, so that a sampling rate is one more model of a design. The factor 1 + (w T/2)^2 on
+spectra, which matters beyond half the rate only, is left out.
 """
 
 from __future__ import annotations
@@ -20,18 +19,14 @@ from middeck.systems.statespace import StateSpace
 
 
 def plant_as_sampled(plant: Plant, period_s: float) -> Plant:
-    """The plant as a law meets it that runs by Tustin's rule every ``period_s``, delay and hold exact.
+    """The plant seen by a law sampled by Tustin's rule every ``period_s``, delay and hold exact.
 
-    Disturbances are held over a period too, and keep their intensity; what of them reaches z at half the rate
-    is left out, or white noise would cost without bound. Ports outside the groups y and z are dropped.
+    Disturbances are held over a period too and keep their intensity; their direct term to z (at half the
+    rate) is left out, because white noise would make the cost infinite. Ports outside the groups y and z are
+    dropped.
 
-    Raises
-    ------
-    ConfigError
-        Where an input both disturbs and controls, or a mode lies at half the rate.
+    Raises `ConfigError` where an input both disturbs and controls, or a mode lies at half the rate.
 
-    Examples
-    --------
     >>> from middeck.signals.ports import Port
     >>> lag = StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
     >>> plant = Plant(dynamics=lag, inputs=(Port("u", "N"),), outputs=(Port("y", "m"),), w=(), u=("u",),
@@ -64,7 +59,7 @@ def plant_as_sampled(plant: Plant, period_s: float) -> Plant:
 def _without_tustin(
     A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, period_s: float
 ) -> StateSpace:
-    """The continuous system of which Tustin's rule makes this one."""
+    """The continuous system that Tustin's rule maps to this one."""
     unit, root = np.eye(len(A)), 2.0 / np.sqrt(period_s)
     if np.linalg.norm(unit + A, -2) < 1e-12:
         raise ConfigError(f"a mode at half the rate of {1.0 / period_s:g} Hz", hint="another rate")

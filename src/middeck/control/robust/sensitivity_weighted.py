@@ -1,9 +1,9 @@
-"""Sensitivity-weighted LQG: modes that are not known well are priced, and their noise raised (Grocott 1994).
+"""Sensitivity-weighted LQG: extra cost and process noise for uncertain modes (Grocott 1994).
 
-Beside z the cost holds what z would change with each uncertain parameter, E[sum h_i^2 z_i' W^2 z_i] with
-z_i = dz/d alpha_i. The sensitivities obey x_i' = A x_i + A_i x; taken quasi-statically, x_i = -A^-1 A_i x,
-they need no states of their own, and the problem stays an LQG of the plant's order. The filter is the dual:
-noise that the parameters would make of noise, A_i A^-1 B1 w.
+The cost includes the sensitivity of z to each uncertain parameter, E[sum h_i^2 z_i' W^2 z_i] with z_i = dz/d
+alpha_i. The sensitivities obey x_i' = A x_i + A_i x; taken quasi-statically, x_i = -A^-1 A_i x, they need no
+states, and the problem stays an LQG of the plant's order. The filter is dual, with additional process noise
+A_i A^-1 B1 w.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from middeck.systems.plant import Plant
 from middeck.values import record
 
 RUNGS = (0.0, *(0.1 * 2.0**k for k in range(20)))
-"""Strengths that are tried: none, then from a tenth of what the half-widths say, doubled."""
+"""Strengths tried: zero, then doubled from a tenth of the half-widths."""
 FINER = 7
 """Strengths tried between the neighbours of the best rung: steps of a fifth."""
 
@@ -44,7 +44,7 @@ class SensitivityWeightedCompensator(RobustCompensator):
     Parameters
     ----------
     strength:
-        By how much the half-widths were multiplied.
+        Factor on the half-widths.
     regulator, estimator:
         The two Riccati solutions.
     """
@@ -64,22 +64,18 @@ def design_sensitivity_weighted(
     shaping: Shaping | None = None,
     strength: float | None = None,
 ) -> SensitivityWeightedCompensator:
-    """The LQG compensator of a cost and a noise that count the modes' uncertainty, of the plant's own order.
+    """The LQG compensator, of the plant's order, for cost and noise extended by the modes' uncertainty.
 
     Parameters
     ----------
     plant, weights, authority, uncertainty, positions, shaping:
         As for `design_multimodel`; only ``uncertainty.shifts`` enter the cost, and of what is weighed only z.
     strength:
-        Multiplies the half-widths in the cost. None: the one, to a fifth, at which the mean of the plain
-        costs of the models at ``positions`` is least; all of them are then stable.
+        Factor on the half-widths in the cost. None: chosen, in steps of a fifth, for the least mean of the
+        plain costs of the models at ``positions``, all of which are then stable.
 
-    Raises
-    ------
-    NumericalError
-        Where no strength holds all models.
-    ConfigError, NotStabilisableError
-        As `design_multimodel`.
+    Raises `NumericalError` where no strength holds all models; `ConfigError`, `NotStabilisableError` as
+    `design_multimodel`.
     """
     if strength is not None and not (np.isfinite(strength) and strength >= 0.0):
         raise ConfigError(f"a strength of {strength}: zero or more")
@@ -92,7 +88,7 @@ def design_sensitivity_weighted(
 
 
 def _best_strength(models: Sequence[GeneralizedPlant], directions: Directions, tried: list[Stage]) -> float:
-    """On the ladder first, then between the neighbours of the best rung; an unstable model costs ``inf``."""
+    """Best strength on a coarse ladder, then between its neighbours; an unstable model costs ``inf``."""
 
     def mean_cost(strength: float) -> float:
         law = _solve(models[0], directions, strength)[0]
@@ -142,7 +138,7 @@ def _weighted(model: GeneralizedPlant, directions: Directions, strength: float) 
 
 
 def _changes(directions: Directions, states: int) -> list[np.ndarray]:
-    """h_i A_i of each shift: what half its width does to A, modes that move together in one."""
+    """h_i A_i of each shift: change of A by its half-width, all modes of a group together."""
     found: list[np.ndarray] = []
     for group in sorted(set(directions.group)):
         mine = np.array([g == group for g in directions.group])

@@ -1,4 +1,4 @@
-"""Laws to begin a design of any order with: LQG laws, reduced or with states added."""
+"""Starting laws of any order: LQG laws, reduced or with states added."""
 
 from __future__ import annotations
 
@@ -15,14 +15,13 @@ from middeck.control.h2.nominal_law import lqg_law
 from middeck.control.h2.structure import add_laws, join_stations, split_law
 
 LADDER = tuple(10.0 ** (-0.5 * k) for k in range(13))
-"""Ratios of authority at which a start is looked for, the one asked for first."""
+"""Ratios of authority at which a start is sought, the one requested first."""
 OWN_BALANCE = (1e-3, 1e-4, 1e-5)
-"""Ratios at which laws are reduced by their own Gramians: weak laws are stable, and reduce to different sets
-of modes. Different starts end in different minima; the best is taken."""
+"""Ratios at which laws are reduced by their own Gramians: weak laws are stable and reduce to different sets
+of modes, which lead to different minima."""
 HALVINGS = 16
 SMALL, SPREAD = 6, 32
-"""Laws of so few states bear little likeness to any LQG law: so many more starts are spread over all that are
-stable."""
+"""Largest order at which starts unrelated to LQG laws are added, and their number."""
 
 PRIMES = np.array([2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53])
 Stations = list[tuple[list[int], list[int], int]]
@@ -46,14 +45,14 @@ def _factor(gramian: np.ndarray) -> np.ndarray:
 
 
 def pad_law(law: Law, order: int) -> Law:
-    """More states, stable, spread over the law's frequencies, joined by a hundredth of its typical gains."""
+    """The law with stable states added over its frequencies, coupled by 1 % of its typical gains."""
     extra = order - len(law.A)
     if extra <= 0:
         return law
     values = np.abs(np.linalg.eigvals(law.A))
     rates = np.geomspace(np.quantile(values, 0.2), np.quantile(values, 0.8), extra)
     small_B, small_C = (0.01 * float(np.sqrt(np.mean(M**2))) for M in (law.B, law.C))
-    # Signs that alternate differently for each port, so that no two states are alike.
+    # Signs alternate differently for each port, so that no two states are equal.
     B = small_B * np.cos(np.outer(np.arange(extra) + 1.0, np.arange(law.B.shape[1]) + 1.0))
     C = small_C * np.cos(np.outer(np.arange(len(law.C)) + 1.0, np.arange(extra) + 2.0))
     return add_laws(law, Law(-np.diag(rates), B, C))
@@ -65,9 +64,10 @@ def stabilises(models: Sequence[GeneralizedPlant], law: Law) -> bool:
 
 
 def find_starts(models_at: ModelsAt, order: int, stations: Stations) -> Iterator[tuple[Law, float]]:
-    """Laws of ``order`` states, and the ratio of authority at which each stabilises all models.
+    """Laws of ``order`` states, each with a ratio of authority at which it stabilises all models (may be
+    empty).
 
-    ``models_at`` gives the models at a ratio, the nominal one first. Nothing comes where nothing was found.
+    ``models_at`` gives the models at a ratio, the nominal one first.
     """
     if stations:
         yield from _decentralised(models_at, stations)
@@ -81,7 +81,7 @@ def find_starts(models_at: ModelsAt, order: int, stations: Stations) -> Iterator
 
 
 def spread_starts(models: Sequence[GeneralizedPlant], order: int) -> Iterator[tuple[Law, float]]:
-    """Small laws that stabilise ``models`` and come from no LQG law; none for larger orders or integrals."""
+    """Small stabilising laws unrelated to LQG laws; none for larger orders or integrals."""
     for number in range(SPREAD if order <= SMALL and not models[0].integrals else 0):
         spread = _weakened(models, _spread_law(models[0], order, number))
         if spread is not None:
@@ -89,7 +89,7 @@ def spread_starts(models: Sequence[GeneralizedPlant], order: int) -> Iterator[tu
 
 
 def _first(models_at: ModelsAt, order: int, ratios: Sequence[float]) -> Iterator[tuple[Law, float]]:
-    """The LQG law at the highest authority where it stabilises, balanced in the loop if it must shrink."""
+    """The LQG law at the highest stabilising authority, reduced by balancing in the loop if needed."""
     for ratio in ratios:
         models = models_at(float(ratio))
         law = in_the_loop(models[0], order)
@@ -99,7 +99,7 @@ def _first(models_at: ModelsAt, order: int, ratios: Sequence[float]) -> Iterator
 
 
 def in_the_loop(model: GeneralizedPlant, order: int) -> Law:
-    """The LQG law with states added, or reduced by the Gramians that its states have in the loop."""
+    """The LQG law with states added, or reduced by the Gramians of its states in the loop."""
     law, n = lqg_law(model), len(model.A)
     free, integrals = split_law(law, len(model.integrals))
     if order >= n:
@@ -130,8 +130,8 @@ def _reduced_alone(law: Law, order: int) -> Law | None:
 def _spread_law(model: GeneralizedPlant, order: int, number: int) -> Law:
     """Damped pairs, and a real pole if the order is odd, from below the model's poles to far above them.
 
-    Frequencies, damping and directions follow multiples of square roots of primes, which fill a box evenly
-    (Niederreiter 1992, section 3.1) without any chance.
+    Frequencies, damping and directions follow the quasi-random multiples of square roots of primes
+    (Niederreiter 1992, section 3.1).
     """
     poles = np.abs(np.linalg.eigvals(model.A))
     low, high = np.log(0.3 * np.median(poles)), np.log(30.0 * np.median(poles))
@@ -147,7 +147,7 @@ def _spread_law(model: GeneralizedPlant, order: int, number: int) -> Law:
 
 
 def _weakened(models: Sequence[GeneralizedPlant], law: Law) -> Law | None:
-    """With its gain halved until it stabilises: a stable law does, where the plants are stable."""
+    """The law with its gain halved until it stabilises, as a stable law does on stable plants."""
     for _ in range(HALVINGS):
         if stabilises(models, law):
             return law
@@ -156,7 +156,7 @@ def _weakened(models: Sequence[GeneralizedPlant], law: Law) -> Law | None:
 
 
 def _decentralised(models_at: ModelsAt, stations: Stations) -> Iterator[tuple[Law, float]]:
-    """Each station designed as if it were alone, at the highest authority at which all together hold."""
+    """Stations designed independently, at the highest authority at which all together stabilise."""
     for ratio in LADDER:
         models = models_at(float(ratio))
         laws = [_alone(models[0], station) for station in stations]

@@ -1,4 +1,4 @@
-"""Sampled control: the continuous problem as a computer meets it, solved directly or emulated."""
+"""Sampled control: direct design and emulation of continuous designs."""
 
 from middeck.control.sampled.aliases import Alias, AliasReport, find_aliases
 from middeck.control.sampled.antialias import filter_measurements

@@ -1,4 +1,4 @@
-"""Modes beyond half the sampling rate: where the computer sees them, and what they do to its loop."""
+"""Aliases of modes beyond half the sampling rate, and their effect on the sampled loop."""
 
 from __future__ import annotations
 
@@ -21,24 +21,24 @@ from middeck.values import record
 
 @record(kw_only=True)
 class Alias:
-    """A mode beyond half the rate, as the computer meets it.
+    """A mode beyond half the rate and its alias.
 
     Parameters
     ----------
     name, frequency_hz:
         The mode.
     alias_hz:
-        Where its samples say it is: folded about whole multiples of half the rate.
+        Frequency of the alias, folded about whole multiples of half the rate.
     damping:
-        Damping ratio of that image: it decays as the mode does, but turns more slowly.
+        Damping ratio of the alias: same decay rate, lower frequency.
     filter_gain:
-        What the filter leaves of it; one without a filter.
+        Gain of the filter at the mode; one without a filter.
     loop_gain:
-        Size of this mode's part of the return ratio at the image, the largest over the loops.
+        Size of the mode's part of the return ratio at the alias, the largest over the loops.
     stable:
-        Whether the loop is, with this mode beside those that the rate can tell.
+        Whether the loop with this mode and those below half the rate is stable.
     metric:
-        That loop's.
+        Metric of that loop.
     """
 
     name: str
@@ -81,11 +81,12 @@ def find_aliases(
     *,
     antialias: StateSpace | None = None,
 ) -> AliasReport:
-    """What modes beyond half the rate become, and do, with ``compensator`` on ``plant``.
+    """Aliases of the modes beyond half the rate, and their effect on the loop of ``compensator`` and
+    ``plant``.
 
-    ``antialias`` is put behind each measurement, as in `filter_measurements`; the law should be designed for
-    the plant with it, since it costs phase. The cost of the loop counts the modes' own motion too: what a law
-    does to them is the difference between two laws, or between filter and none.
+    ``antialias`` is put behind each measurement (`filter_measurements`); the law should be designed for the
+    plant with it, because of its phase lag. Metrics include the modes' own motion: compare two laws, or
+    filter and no filter.
 
     Raises `ConfigError` for a plant that is not in modal form, and what `measure_sampled_loop` does.
     """

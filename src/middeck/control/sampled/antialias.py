@@ -1,4 +1,4 @@
-"""An analogue filter in front of the sampler, as part of the plant."""
+"""Analogue anti-alias filters as part of the plant."""
 
 from __future__ import annotations
 
@@ -17,9 +17,8 @@ UNFILTERED = "_unfiltered"
 def filter_measurements(plant: Plant, section: StateSpace) -> Plant:
     """The plant with ``section`` (one input, one output) behind each of its measurements y.
 
-    A measurement keeps its name: it is what the computer reads. Where it is a performance output z too, z
-    reads a copy in front of the filter, named with the suffix ``_unfiltered``. Modes that no port reaches or
-    sees are left out.
+    The filtered measurement keeps its name. Where it is also a performance output, z reads a copy in front of
+    the filter, with the suffix ``_unfiltered``. Inert modes are left out.
 
     Raises `ConfigError` for a section with more than one input or output.
 

@@ -1,4 +1,4 @@
-"""One plant, one cost, several ways to a sampled law, at several rates."""
+"""Comparison of sampled designs of one plant and cost at several rates."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class SamplingRow:
     ----------
     method:
         ``"direct, current"`` and ``"direct, predictor"``; ``"hold"``, ``"tustin"`` or ``"matched"`` for an
-        emulated law, with ``", hold known"`` where its continuous design held half a period for a delay.
+        emulated law, with ``", hold known"`` where the continuous design included half a period of delay.
     rate_hz:
         Sampling rate.
     law:
@@ -38,7 +38,7 @@ class SamplingRow:
     outcome:
         Stability, rms between the samples too, control and cost.
     margins:
-        At the plant's inputs, at this rate, delays not looked for; None for an unstable loop.
+        Margins at the plant's inputs without delay margins; None for an unstable loop.
     """
 
     method: str
@@ -57,9 +57,9 @@ class SamplingComparison:
     rows:
         Rate by rate, in the order of ``rates_hz``.
     open_metric:
-        The metric without control; ``inf`` where the plant alone does not settle.
+        The metric without control; ``inf`` where the plant alone does not decay.
     continuous_cost:
-        What the continuous design promises on its own plant, delays approximated: the limit of fast sampling.
+        Cost of the continuous design on its own plant with approximated delays: the limit of fast sampling.
     """
 
     rows: tuple[SamplingRow, ...]
@@ -78,10 +78,9 @@ def compare_sampling(
 ) -> SamplingComparison:
     """Direct sampled designs beside emulated ones, each measured with true delay, between samples too.
 
-    Emulated laws come from `design_lqg` with delays approximated to ``pade_order``: once on the plant as it
-    is, once on the plant delayed by half a period more, which is what the hold costs. ``match_hz`` is where
-    Tustin's rule is prewarped and a matched law's gain met. Matched laws are left out for more than one input
-    or measurement.
+    Emulated laws come from `design_lqg` with delays approximated to ``pade_order``: on the plant, and on the
+    plant with half a period more delay (the effect of the hold). Tustin's rule is prewarped, and the gain of
+    a matched law met, at ``match_hz``. Matched laws need one input and one measurement.
 
     Raises what `design_lqg`, `design_sampled_lqg` and `emulate` do.
     """
@@ -110,7 +109,7 @@ def compare_sampling(
 
 
 def _later(plant: Plant, more_s: float) -> Plant:
-    """The plant with its control inputs delayed by more."""
+    """The plant with its control inputs delayed by a further ``more_s``."""
     delay_s = np.zeros_like(plant.delay_s)
     delay_s[:, plant.input_indices(plant.u)] = more_s
     return delay_plant(plant, delay_s)

@@ -1,9 +1,9 @@
-"""Where the delays of a plant are put before it is sampled.
+"""Placement of a plant's delays before sampling.
 
-The delays are those of sums: input i late by a_i, measurement o late by b_o. White noise and a mean square do
-not care when they are, so that delays of disturbances and of z drop out, and what all measurements are late
-by may as well be waited for at the inputs. Left are inputs that change within the period, each at its own
-instant, and measurements that are delayed by what they are later than the earliest.
+Input i is delayed by a_i, measurement o by b_o. White noise and mean squares are invariant under a shift of
+time, so that delays of disturbances and of z drop out, and the delay common to all measurements moves to the
+inputs. There remain inputs that each change at an instant within the period, and measurements delayed
+relative to the earliest.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from middeck.values import record
 
 @record
 class TimedPlant:
-    """A plant whose inputs u and measurements y are late, the earliest measurement on time."""
+    """A plant with delayed inputs u and measurements y; the earliest measurement has no delay."""
 
     plant: Plant
     input_s: Float[np.ndarray, " u"]
@@ -34,8 +34,8 @@ class TimedPlant:
 def place_delays(plant: Plant, disturbed: Sequence[str], process: Float[np.ndarray, "w w"]) -> TimedPlant:
     """The plant with its delays at u and y, under white noise of intensity ``process`` on ``disturbed``.
 
-    Exact where each path is delayed by its input's delay plus its output's; what single paths are delayed
-    beyond that is approximated, of the order that the fastest mode asks.
+    Exact where each path is delayed by its input's delay plus its output's; further delays of single paths
+    are approximated, with the order that the fastest mode needs.
 
     Raises `ConfigError` for correlated disturbances with different delays.
     """

@@ -28,7 +28,7 @@ Form = Literal["predictor", "current"]
 
 @record(kw_only=True)
 class SampledLQG(Compensator):
-    """A sampled compensator that knows how it was made.
+    """A sampled LQG compensator with its design data.
 
     Parameters
     ----------
@@ -41,9 +41,9 @@ class SampledLQG(Compensator):
     cost:
         The minimum of E[z' W^2 z + rho u' diag(input) u], the mean over time, between the samples too.
     noise_cost:
-        What no sampled law can do anything about: the part that noise makes within its own period.
+        Part of the cost from noise within its own period, which no sampled law can change.
     inert:
-        Modes of the plant left out because no port reaches or sees them.
+        Uncontrollable and unobservable modes of the plant, left out.
     """
 
     authority: float
@@ -59,7 +59,7 @@ class SampledLQG(Compensator):
 class SampledCost:
     """The mean over a period of z' W^2 z + rho u' diag(input) u as x' Q x + 2 x' S u + u' R u at the sample.
 
-    ``noise`` is the part of it that noise makes within the period.
+    ``noise`` is the part from noise within the period.
     """
 
     Q: Float[np.ndarray, "state state"]
@@ -82,11 +82,7 @@ def sample_cost(held: HeldPlant, weights: LQGWeights, authority: float) -> Sampl
 
 
 def design_sampled_lqg(
-    plant: Plant,
-    weights: LQGWeights,
-    authority: float,
-    period_s: float,
-    form: Form = "predictor",
+    plant: Plant, weights: LQGWeights, authority: float, period_s: float, form: Form = "predictor"
 ) -> SampledLQG:
     """The sampled law that minimises the continuous E[z' W^2 z + rho u' diag(input) u], rho = 1/authority.
 

@@ -37,11 +37,8 @@ def emulate(
         Where the response is to be met: Tustin's rule is prewarped there, a matched law has its gain there.
         None for zero frequency. The hold has no such choice.
 
-    Raises
-    ------
-    ConfigError
-        For a period that is not positive, a frequency beyond half the rate, an unknown rule, or a matched law
-        of more than one input or output.
+    Raises `ConfigError` for a period that is not positive, a frequency beyond half the rate, an unknown rule,
+    or a matched law of more than one input or output.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""A plant between two samples: what held inputs, late by true delays, and white noise do to it, exactly."""
+"""Exact motion of a plant between samples under held inputs with true delays and white noise."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from middeck.systems.statespace import SampledStateSpace
 from middeck.values import record
 
 MOST_LATE = 200
-"""Periods of delay: half a second at 400 Hz. Each is a state, and a design takes their number cubed."""
+"""Largest delay in periods (half a second at 400 Hz); a design costs the cube of the states."""
 
 
 @record(kw_only=True)
@@ -29,10 +29,10 @@ class HeldPlant:
     Parameters
     ----------
     system:
-        From u to y. States: the plant's, then past inputs (input by input, the latest first), then
-        measurements that wait. y[k] is taken at the instant at which u[k] is issued.
+        From u to y. States: the plant's, then past inputs (input by input, the latest first), then waiting
+        measurements. y[k] is taken at the instant at which u[k] is issued.
     noise:
-        Covariance of what white process noise adds to the states in one period.
+        Covariance added to the states by white process noise in one period.
     sensor:
         Variance of the noise on each sampled measurement: its intensity over the period.
     generator, segments:
@@ -40,13 +40,13 @@ class HeldPlant:
     performance:
         z from (x, inputs in force).
     dwell:
-        Covariance of x within the period that the noise of this period alone makes, averaged over it.
+        Mean covariance of x within the period due to the noise of this period alone.
     inputs, outputs, z:
         Ports u, y and z.
     state_names:
-        What each state of ``system`` belongs to.
+        Mode or part of each state of ``system``.
     inert:
-        Modes left out because no port reaches or sees them.
+        Uncontrollable and unobservable modes, left out.
     """
 
     system: SampledStateSpace
@@ -66,8 +66,8 @@ class HeldPlant:
 def hold_plant(plant: Plant, weights: LQGWeights, period_s: float) -> HeldPlant:
     """The plant with its inputs held over ``period_s``, under the noises of ``weights``.
 
-    Delays are exact where each path is delayed by its input's delay plus its output's; what single paths are
-    delayed beyond that is approximated (`approximation_order`).
+    Delays are exact where each path is delayed by its input's delay plus its output's; further delays of
+    single paths are approximated (`approximation_order`).
 
     Raises `ConfigError` for a period that is not positive, for weights that do not fit, and for white noise
     that reaches z or y directly: its samples are infinite.

@@ -1,8 +1,8 @@
-"""Integrals of a quadratic form along exp(A t): what sampling turns cost and noise into.
+"""Integrals of a quadratic form along exp(A t), for the cost and noise of a sampled problem.
 
-Van Loan (1978, IEEE TAC 23, "Computing integrals involving the matrix exponential") takes them from one
-exponential that also holds exp(-A T). Here they are taken over a piece so short that Gauss and Legendre leave
-rounding, and then doubled, as an exponential is squared: poles fast against the period do no harm.
+Van Loan (1978, IEEE TAC 23, "Computing integrals involving the matrix exponential") uses one exponential that
+contains exp(-A T). Here a Gauss-Legendre rule integrates to rounding over a short interval, which is then
+doubled by squaring the exponential; poles fast against the period do no harm.
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ from jaxtyping import Float
 from middeck.values import record
 
 NODES = 10
-"""On a piece of |A| h <= 1 the integrand has exp(2 |A| t) as its bound: the error is below 2^20 / 20!^1.5."""
+"""Gauss points: for |A| h <= 1 the integrand is bounded by exp(2 |A| t) and the error by 2^20 / 20!^1.5."""
 
 
 @record
 class Spread:
-    """What white noise of intensity V on x' = A x + w leaves after a time h.
+    """Effect of white noise of intensity V on x' = A x + w over a time h.
 
     Parameters
     ----------
     transition:
         exp(A h).
     covariance:
-        That of the state, from rest: the integral of exp(A t) V exp(A' t).
+        Covariance of the state, from rest: the integral of exp(A t) V exp(A' t).
     dwell:
         The integral of that covariance from 0 to h.
     """
@@ -53,7 +53,7 @@ def spread_noise(
     nodes, weights = np.polynomial.legendre.leggauss(NODES)
     t = 0.5 * h * (nodes + 1.0)
     along = np.asarray(sla.expm(t[:, None, None] * A))
-    # What came in t ago; it has been there for t.
+    # Noise of t ago has acted for t.
     each = 0.5 * h * weights[:, None, None] * (along @ V @ along.transpose(0, 2, 1))
     step = np.asarray(sla.expm(h * A))
     covariance, dwell = each.sum(axis=0), np.tensordot(h - t, each, axes=1)

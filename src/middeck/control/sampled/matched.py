@@ -1,4 +1,4 @@
-"""Matched poles and zeros: a law sampled root by root, as sections in series.
+"""Matched poles and zeros: the roots of a law mapped one by one, as sections in series.
 
 Each pole and zero s goes to exp(s T), each zero at infinity to z = -1, and the gain is met at one frequency
 (Franklin, Powell and Workman 1998, section 6.2). Sections are written in the differences of their roots, so
@@ -30,7 +30,8 @@ def match_roots(system: StateSpace, period_s: float, omega: float) -> SampledSta
     found, zeros = poles(system), transmission_zeros(system)
     chain = _in_series(_group(found, period_s), _group(zeros, period_s), period_s)
     roots = np.concatenate([found, zeros])
-    # Each factor (s - r) / (z - exp(r T)) is positive at rest; far out a mode beyond half the rate turns it.
+    # Each factor (s - r) / (z - exp(r T)) is positive at zero frequency; a mode beyond half the rate may turn
+    # it.
     at = [_beside(roots, w, 1.0 / period_s) for w in (0.0, omega)]
     wanted, have = (statespace_response(s, np.array(at))[:, 0, 0] for s in (system, chain))
     if not np.all(wanted):
@@ -41,7 +42,7 @@ def match_roots(system: StateSpace, period_s: float, omega: float) -> SampledSta
 
 
 def _beside(roots: np.ndarray, omega: float, rate: float) -> float:
-    """``omega``; where a root is, no gain could be met: then a thousandth of the way to the next."""
+    """``omega``, moved by a thousandth of the way to the next root where it meets a root."""
     away = np.abs(roots - 1j * omega)
     there = away <= 1e-9 * np.abs(roots).max(initial=0.0)
     return omega + 1e-3 * float(away[~there].min(initial=rate)) if there.any() else omega
@@ -58,7 +59,7 @@ def _group(roots: np.ndarray, period_s: float) -> list[Roots]:
 
 
 def _in_series(below: list[Roots], above: list[Roots], period_s: float) -> SampledStateSpace:
-    """Each group of poles with the nearest zeros that are no more than they, pairs first."""
+    """Each group of poles with the nearest group of at most as many zeros, pairs first."""
     left = list(above)
     system = SampledStateSpace(
         np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.ones((1, 1)), period_s=period_s

@@ -1,4 +1,4 @@
-"""A sampled law on a plant that does not stop between samples: stability, and rms over all time."""
+"""Stability of a sampled loop, and its rms over all time, between samples too."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from middeck.values import record
 
 @record(kw_only=True)
 class SampledOutcome:
-    """What a sampled loop does; unstable is an expected outcome, not an error.
+    """Stability and rms of a sampled loop; an unstable loop is an outcome, not an error.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ class SampledOutcome:
         Of each output z over all time, between the samples too; ``inf`` for an unstable loop, and for one
         with a pole on the circle that noise drives.
     rms_at_samples:
-        The same at the sampling instants alone (of the plant's state: an output's own delay left out).
+        Rms at the sampling instants alone (of the plant's state, without output delays).
     control_rms:
         Of each input u.
     metric:
@@ -55,8 +55,8 @@ def measure_sampled_loop(
 ) -> SampledOutcome:
     """The loop of ``plant`` and a sampled law under the noises of ``weights``, delays and hold exact.
 
-    The covariance at the samples solves a discrete Lyapunov equation; within the period it is followed
-    under held inputs and its mean taken, so that nothing is missed that happens between the samples.
+    The covariance at the samples solves a discrete Lyapunov equation; between the samples it is propagated
+    under held inputs and averaged.
 
     Raises `ConfigError` for ports that differ from the groups u and y, weights that do not fit, and a law
     that reads its own input within the sample.
@@ -120,7 +120,7 @@ def _close(held: HeldPlant, law: SampledStateSpace) -> SampledStateSpace:
 def _covariance(
     held: HeldPlant, law: SampledStateSpace, loop: SampledStateSpace
 ) -> Float[np.ndarray, "all all"] | None:
-    """Of the held plant's states and the inputs issued, at the samples; None where it has no bound."""
+    """Covariance of the held plant's states and the inputs issued, at the samples; None where unbounded."""
     sensor = np.diag(held.sensor)
     n = len(held.system.A)
     noise = loop.B @ sensor @ loop.B.T
@@ -135,7 +135,7 @@ def _covariance(
 
 
 def _mean_within(held: HeldPlant, covariance: np.ndarray) -> Float[np.ndarray, "held held"]:
-    """Of (x, inputs in force), the mean over the period."""
+    """Covariance of (x, inputs in force), mean over the period."""
     total = np.zeros_like(held.generator)
     for segment in held.segments:
         start = segment.start @ covariance @ segment.start.T

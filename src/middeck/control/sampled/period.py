@@ -1,4 +1,4 @@
-"""One sampling period of a plant with delayed inputs and measurements, from instant to instant."""
+"""One sampling period of a plant with delayed inputs and measurements."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Between:
 
 @record(kw_only=True)
 class _Layout:
-    """Where the sampled states are: the plant's, past inputs, waiting measurements; then the new inputs."""
+    """Positions of the plant's states, past inputs, waiting measurements and new inputs."""
 
     states: int
     first: np.ndarray
@@ -63,7 +63,7 @@ class _Layout:
 
 
 def follow_period(between: Between) -> tuple[SampledStateSpace, np.ndarray, tuple[Segment, ...]]:
-    """Through one period, from one instant at which something happens to the next.
+    """Propagate through one period, from event to event (a change of an input, or a measurement).
 
     The system from u to y, the covariance that noise adds to its states, and the segments between instants.
     """
@@ -98,7 +98,7 @@ def follow_period(between: Between) -> tuple[SampledStateSpace, np.ndarray, tupl
 
 
 def _instants(parts: np.ndarray) -> list[float]:
-    """From 0 to 1, each instant once."""
+    """Distinct instants from 0 to 1."""
     found = [0.0]
     for part in np.sort(parts):
         if found[-1] + WHOLE < part < 1.0 - WHOLE:

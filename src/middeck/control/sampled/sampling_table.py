@@ -1,25 +1,22 @@
-"""A comparison of sampled laws as text."""
+"""Comparison of sampled designs as a table of text."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from middeck.control.analysis.margins_table import align_columns
 from middeck.control.sampled.comparison import SamplingComparison, SamplingRow
 
 HEAD = ("rate Hz", "method", "dB", "control rms", "gain dB", "phase deg", "disk")
 
 
 def sampling_table(comparison: SamplingComparison) -> str:
-    """A line for each law and rate: metric over that without control, control rms, least margins.
+    """One row for each law and rate: metric relative to no control, control rms, smallest margins.
 
     Decibels are negative for an improvement. ``-``: the plant alone has no metric, or no gain or
     phase breaks the loop.
     """
-    rows = [HEAD, *(_cells(row, comparison.open_metric) for row in comparison.rows)]
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return "\n".join(
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
-    )
+    return align_columns([HEAD, *(_cells(row, comparison.open_metric) for row in comparison.rows)])
 
 
 def _cells(row: SamplingRow, open_metric: float) -> tuple[str, ...]:

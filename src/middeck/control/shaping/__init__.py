@@ -1,4 +1,4 @@
-"""Shaping of a law by hand: leads, lags, notches and roll-off in series with it."""
+"""Classical shaping of a compensator: leads, lags, notches and roll-off in series."""
 
 from middeck.control.shaping.sections import (
     design_pd,

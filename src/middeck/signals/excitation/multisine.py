@@ -71,11 +71,8 @@ def design_multisine(
         found from there, each realisation and input from its own random share of a turn; the same on all
         processors.
 
-    Raises
-    ------
-    ConfigError
-        As `random_multisine`, for an unknown grid or kind of phases, or for amplitudes that are not finite,
-        negative or all zero.
+    Raises `ConfigError` as `random_multisine`, for an unknown grid or kind of phases, or for amplitudes that
+    are not finite, negative or all zero.
 
     Examples
     --------
