@@ -36,11 +36,7 @@ def is_own(names: Sequence[str]) -> bool:
 
 
 def describe(
-    sample_hz: float,
-    periodic: bool,
-    inputs: Sequence[Port],
-    outputs: Sequence[Port],
-    held: bool | None,
+    sample_hz: float, periodic: bool, inputs: Sequence[Port], outputs: Sequence[Port], held: bool | None
 ) -> dict[str, Any]:
     """Everything but ``u`` and ``y``; what is not known is left out."""
     contents: dict[str, Any] = {

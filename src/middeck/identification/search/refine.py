@@ -19,10 +19,7 @@ from jaxtyping import Complex, Float
 
 from middeck.identification.model.descent import Step, is_positive
 from middeck.identification.problem.data import Data
-from middeck.identification.problem.design import (
-    Terms,
-    build_terms,
-)
+from middeck.identification.problem.design import Terms, build_terms
 from middeck.identification.problem.gram_blocks import Functions, weigh
 from middeck.identification.problem.layout import Layout
 from middeck.identification.problem.normal_equations import Solved, solve_normal
