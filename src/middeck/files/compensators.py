@@ -26,12 +26,8 @@ AGAIN = "write the compensator again"
 class StoredCompensator(Compensator):
     """A compensator as stored in a file.
 
-    Parameters
-    ----------
-    authority, cost:
-        1/rho, and what was minimised; None if unknown.
-    inert:
-        Modes left out of the design because no port reaches or sees them.
+    authority, cost: 1/rho, and what was minimised; None if unknown.
+    inert: Modes left out of the design because no port reaches or sees them.
     """
 
     authority: float | None = None

@@ -30,10 +30,7 @@ def write_model(path: str | Path, model: MeasurementModel, covariance: ModelCova
     Delays of paths, rigid-body modes and integrators are written where the model has any, and so is the joint
     covariance of its unknowns (a root of it): infinitely many degrees of freedom are null.
 
-    Raises
-    ------
-    ConfigError
-        If ``covariance`` is that of another model.
+    Raises `ConfigError` if ``covariance`` is that of another model.
     """
     given = (*COMPLEX, *REAL, *(name for name in OPTIONAL if getattr(model, name) is not None))
     arrays = {name: getattr(model, name) for name in given}

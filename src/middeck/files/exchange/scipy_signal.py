@@ -53,11 +53,8 @@ def from_scipy(
     Ports without a name are u1, u2 ... and y1, y2 ... Poles and zeros become a chain of sections of second
     order, not coefficients of high order. ``period_s`` is for a ``dlti`` whose dt is True.
 
-    Raises
-    ------
-    ConfigError
-        For a complex or improper system, an open sampling period, names that are not as many as the ports,
-        or an object that is none of these.
+    Raises `ConfigError` for a complex or improper system, an open sampling period, names that are not as many
+    as the ports, or an object that is none of these.
     """
     import scipy.signal
 

@@ -38,13 +38,9 @@ SEVERITIES = ("unusable", "serious", "note")
 def detect_faults(record: Record, reference: FrequencyResponse | None = None) -> tuple[Fault, ...]:
     """What is wrong with ``record``, worst first; empty for a clean one.
 
-    Parameters
-    ----------
-    record:
-        Samples may be NaN where they are missing.
-    reference:
-        The response that is expected, of the same ports, such as that of a model or an earlier record: signs,
-        gains, swapped channels and delays are then judged by it.
+    record: Samples may be NaN where they are missing.
+    reference: The response that is expected, of the same ports, such as that of a model or an earlier record:
+        signs, gains, swapped channels and delays are then judged by it.
 
     Found in each channel and experiment: gaps, dead channels, clipping, dropouts, spikes, offset, drift,
     coarse steps, channels held at a slower rate; in periodic records transients and inputs that do not
@@ -53,8 +49,6 @@ def detect_faults(record: Record, reference: FrequencyResponse | None = None) ->
     joined, feedback and long delays. docs/explanation/records-and-faults.md says how, with rates of detection
     and false alarm.
 
-    Examples
-    --------
     >>> rng = np.random.default_rng(0)
     >>> u, y = rng.standard_normal((1, 1, 500, 1)), rng.standard_normal((1, 1, 500, 1))
     >>> y[0, 0, 200] = 40.0

@@ -19,10 +19,7 @@ def simulate_periodic(
 
     A continuous model whose data had held inputs (``hold_s``) has them held here too.
 
-    Raises
-    ------
-    DataError
-        If the record is not periodic or has other inputs than the model.
+    Raises `DataError` if the record is not periodic or has other inputs than the model.
     """
     if not record.periodic:
         raise DataError("a steady state needs a periodic record")

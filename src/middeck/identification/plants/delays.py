@@ -35,14 +35,10 @@ Groups = list[list[int]]
 class MergedDelays:
     """A model whose delays are common where they may be.
 
-    Parameters
-    ----------
-    model:
-        All its unknowns moved as the covariance ties them to the delays; the fit's own where none was merged.
-    sentences:
-        Which delays were made one, for people; empty where none was.
-    p:
-        Probability that delays which are one differ as much by chance; one where none was merged.
+    model: All its unknowns moved as the covariance ties them to the delays; the fit's own where none was
+        merged.
+    sentences: Which delays were made one, for people; empty where none was.
+    p: Probability that delays which are one differ as much by chance; one where none was merged.
     """
 
     model: MeasurementModel
@@ -57,20 +53,11 @@ def merge_delays(covariance: ModelCovariance, *, level: float = LEVEL) -> Merged
     that way the coarsest is taken whose joint test has a probability of ``level`` or more. Where the
     constraint would move a decay rate by more than a linear covariance can say, the fit is left as it is.
 
-    Parameters
-    ----------
-    covariance:
-        ``covariance`` of a fit, or of a model file (`load_fitted`).
-    level:
-        Probability that delays which are one are kept apart.
+    covariance: ``covariance`` of a fit, or of a model file (`load_fitted`).
+    level: Probability that delays which are one are kept apart.
 
-    Raises
-    ------
-    ConfigError
-        For a level that is no probability.
+    Raises `ConfigError` for a level that is no probability.
 
-    Examples
-    --------
     ``plant = measured_plant(merge_delays(fit.covariance).model, u=("torque",), y=("base", "tip"))``
     """
     check_level(level)

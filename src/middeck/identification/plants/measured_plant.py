@@ -29,10 +29,7 @@ def measured_plant(
     States are block-modal; rigid-body modes have q and q'. The term L / s^2 of modes below the band is left
     out: it is no part of the plant, only of its neighbourhood.
 
-    Raises
-    ------
-    ConfigError
-        For a sampled model or an unknown port.
+    Raises `ConfigError` for a sampled model or an unknown port.
     """
     if model.sample_hz is not None:
         raise ConfigError(

@@ -34,10 +34,7 @@ FIRST_STEPS = 3
 class Run:
     """A model at the end of a search.
 
-    Parameters
-    ----------
-    likelihood:
-        Negative logarithm of the likelihood, up to a constant: sum of log v + |r|^2 / v.
+    likelihood: Negative logarithm of the likelihood, up to a constant: sum of log v + |r|^2 / v.
     """
 
     layout: Layout

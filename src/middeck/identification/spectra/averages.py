@@ -32,14 +32,11 @@ CLEAR_OF_NOISE = 25.0
 class Spectra:
     """Power and cross spectra, two-sided [unit^2/Hz].
 
-    Parameters
-    ----------
-    S_uu, S_yu, S_yy:
-        Averages of U U^H, Y U^H and Y Y^H.
-    averages:
-        How many independent spectra they are worth; overlapping segments count for less than their number.
-    window_hz:
-        Equivalent noise bandwidth of the window [Hz]: what is narrower is smeared. Zero for whole periods.
+    S_uu, S_yu, S_yy: Averages of U U^H, Y U^H and Y Y^H.
+    averages: How many independent spectra they are worth; overlapping segments count for less than their
+        number.
+    window_hz: Equivalent noise bandwidth of the window [Hz]: what is narrower is smeared. Zero for whole
+        periods.
     """
 
     frequency_hz: Float[np.ndarray, " line"]
@@ -65,24 +62,15 @@ def estimate_spectra(
     1 % damping the response is 10 to 40 % wrong near resonance with any usual length; that of local models,
     or of whole periods, is not.
 
-    Parameters
-    ----------
-    record:
-        In memory or longer than it: segments are summed as they are read. Records of a campaign may differ in
-        length.
-    segment:
-        Samples of a segment; by default the power of two that leaves at least 16. A periodic
-        record is cut into its periods, whatever this says.
-    window, overlap:
-        Of the segments, by the names of `scipy.signal.get_window`; each segment's mean is removed.
+    record: In memory or longer than it: segments are summed as they are read. Records of a campaign may
+        differ in length.
+    segment: Samples of a segment; by default the power of two that leaves at least 16. A periodic record is
+        cut into its periods, whatever this says.
+    window, overlap: Of the segments, by the names of `scipy.signal.get_window`; each segment's mean is
+        removed.
 
-    Raises
-    ------
-    DataError
-        If a channel is constant or not finite, or a segment is longer than the record.
+    Raises `DataError` if a channel is constant or not finite, or a segment is longer than the record.
 
-    Examples
-    --------
     >>> rng = np.random.default_rng(0)
     >>> u = rng.standard_normal((1, 1, 4096, 1))
     >>> S = estimate_spectra(Record(sample_hz=10.0, u=u, y=2 * u, inputs=(Port("u", "V"),),
@@ -196,8 +184,6 @@ def _worth(segments: int, taper: Float[np.ndarray, " sample"], hop: int) -> floa
 def doubts_of_window(found: ResponseScatter, spectra: Spectra) -> list[str]:
     """Peaks of a response that are as narrow as the window it was seen through; none for whole periods.
 
-    Examples
-    --------
     >>> from middeck.identification.spectra.ratios import spectra_response
     >>> from middeck.signals.ports import Port
     >>> from middeck.signals.record import Record

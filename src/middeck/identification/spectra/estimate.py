@@ -47,54 +47,36 @@ def estimate_response(
 ) -> FrequencyResponse:
     """The frequency response of a record, on its excited lines.
 
-    Parameters
-    ----------
-    record:
-        Whole steady periods, or any other record; several experiments are used together. A record longer than
-        memory (`RecordStream`) is read in pieces by every method; local models hold the lines of ``band_hz``,
-        all others a period or some segments.
-    band_hz:
-        Lowest and highest frequency to keep; all excited lines above zero by default.
+    record: Whole steady periods, or any other record; several experiments are used together. A record longer
+        than memory (`RecordStream`) is read in pieces by every method; local models hold the lines of
+        ``band_hz``, all others a period or some segments.
+    band_hz: Lowest and highest frequency to keep; all excited lines above zero by default.
     method:
         - ``"periods"``: period averages, without leakage and window. The default for periodic records; it
-          takes
-          as many independent experiments as inputs.
+          takes as many independent experiments as inputs.
         - ``"local rational"``: smooth models of response and transient around each line, with a denominator
           where it predicts better; no leakage, no window. The default for all others.
         - ``"local polynomial"``: the same without denominators: linear in the data, but resonances narrower
-          than
-          some ten lines are rounded off.
+          than some ten lines are rounded off.
         - ``"h1"``, ``"h2"``, ``"hv"``: of averaged spectra (`spectra_response`); for pictures. Welch's
-          windows
-          put 10 to 40 % on 1 % damping; whole periods have none.
-    reference:
-        For a record taken in closed loop: the channels that no noise of the loop gets into, by name, or their
-        samples [experiment, period, sample, reference]. The response is that of the plant, from the inputs
-        that are left to the outputs that are left.
-    controller:
-        Instead: K with u = r + K y, as it ran, from all outputs to all inputs.
-    segment:
-        Samples of Welch's segments.
+          windows put 10 to 40 % on 1 % damping; whole periods have none.
+    reference: For a record taken in closed loop: the channels that no noise of the loop gets into, by name,
+        or their samples [experiment, period, sample, reference]. The response is that of the plant, from the
+        inputs that are left to the outputs that are left.
+    controller: Instead: K with u = r + K y, as it ran, from all outputs to all inputs.
+    segment: Samples of Welch's segments.
 
-    Returns
-    -------
-    The response. Its ``variance`` is the one for a weighted fit, which takes lines as independent: the total
+    The response's ``variance`` is the one for a weighted fit, which takes lines as independent: the total
     variance (noise and nonlinear distortion) where it is known, otherwise the noise variance (over periods),
     otherwise None; ``covariance`` belongs to it. Of local models, whose neighbouring lines share data and err
     together, it is that of a line's own data, larger than the error of the response drawn: that,
     and its degrees of freedom, are in `response_scatter`. The hold of the record's inputs is in it
     (``hold_s``).
 
-    Raises
-    ------
-    DataError
-        If a channel is constant or not finite, no line in the band is excited, the inputs cannot be told
-        apart, or the record is too short or too long for the method.
-    ConfigError
-        For a method, reference or controller that does not fit the record.
+    Raises `DataError` if a channel is constant or not finite, no line in the band is excited, the inputs
+    cannot be told apart, or the record is too short or too long for the method; `ConfigError` for a method,
+    reference or controller that does not fit the record.
 
-    Examples
-    --------
     >>> import numpy as np
     >>> from middeck.signals.ports import Port
     >>> u = np.random.default_rng(0).standard_normal((1, 2, 64, 1))

@@ -18,20 +18,13 @@ from middeck.values import record
 class Tracked:
     """Modal parameters at the end of each block.
 
-    Parameters
-    ----------
-    time_s:
-        Time of the last sample of each block.
-    natural_hz, frequency_std_hz, damping, damping_std:
-        With standard deviations.
-    trusted:
-        Whether the innovations were white and as large as stated.
-    jumps:
-        How often each mode, or a neighbour, was thought to have jumped by then.
-    restarts:
-        How often the modes had been lost and were looked for again by then; ``state.restarts`` says when.
-    state:
-        At the end, from which to go on.
+    time_s: Time of the last sample of each block.
+    natural_hz, frequency_std_hz, damping, damping_std: With standard deviations.
+    trusted: Whether the innovations were white and as large as stated.
+    jumps: How often each mode, or a neighbour, was thought to have jumped by then.
+    restarts: How often the modes had been lost and were looked for again by then; ``state.restarts`` says
+        when.
+    state: At the end, from which to go on.
     """
 
     time_s: Float[np.ndarray, " block"]
@@ -48,19 +41,11 @@ class Tracked:
 def track_modes(state: Tracking, measured: Record, *, block: int = 256) -> Tracked:
     """Follow the first experiment of a record, all its periods one after the other.
 
-    Parameters
-    ----------
-    state:
-        `start_tracking`, or the end of an earlier record that this one continues.
-    block:
-        Samples from one row of the result to the next; it changes nothing else.
+    state: `start_tracking`, or the end of an earlier record that this one continues.
+    block: Samples from one row of the result to the next; it changes nothing else.
 
-    Raises
-    ------
-    ConfigError
-        For a block without samples or a record of another rate.
-    DataError
-        As `update_tracking`.
+    Raises `ConfigError` for a block without samples or a record of another rate; `DataError` as
+    `update_tracking`.
     """
     if block < 1:
         raise ConfigError(f"blocks of {block} samples", hint="one or more")

@@ -24,22 +24,13 @@ def sample_models(
     logarithms, so that every member is stable; delays that come out negative are zero. Members have the
     structure of their fit: order, real constants, rank-one residues, which terms there are.
 
-    Parameters
-    ----------
-    covariances:
-        Of one fit, or of fits to records of different days: the set is then their union, and spans what
-        changed between them.
-    count:
-        Members in all. Each fit gives count / fits of them, the first ones of the list one more if needed.
+    covariances: Of one fit, or of fits to records of different days: the set is then their union, and spans
+        what changed between them.
+    count: Members in all. Each fit gives count / fits of them, the first ones of the list one more if needed.
 
-    Raises
-    ------
-    ConfigError
-        If there is nothing to draw, if the fits have unlike ports or rates, or if a decay or a delay is known
-        so badly that the set would hold anything.
+    Raises `ConfigError` if there is nothing to draw, if the fits have unlike ports or rates, or if a decay or
+    a delay is known so badly that the set would hold anything.
 
-    Examples
-    --------
     ``members = sample_models(monday.covariance, friday.covariance, count=50, rng=np.random.default_rng(1))``
     """
     _check(covariances, count)

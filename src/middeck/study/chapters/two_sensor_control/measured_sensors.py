@@ -27,13 +27,10 @@ from middeck.values import record
 class SensorZeros:
     """Zeros of the fitted path to one sensor.
 
-    Parameters
-    ----------
-    frequency_deviation_hz, damping_deviation:
-        Their standard deviations; infinite where the data do not determine the zero.
-    mirrored_error:
-        Relative complex error of the path in the band of the fit once its zeros are fitted anew with all of
-        them in the left half-plane (`refit_left`); None where none is in the right one.
+    frequency_deviation_hz, damping_deviation: Their standard deviations; infinite where the data do not
+        determine the zero.
+    mirrored_error: Relative complex error of the path in the band of the fit once its zeros are fitted anew
+        with all of them in the left half-plane (`refit_left`); None where none is in the right one.
     """
 
     zeros: Zeros
@@ -46,14 +43,9 @@ class SensorZeros:
 class MeasuredSensors:
     """Three measured paths from one torque, one fit with common poles, its zeros and its design plant.
 
-    Parameters
-    ----------
-    measured, fitted:
-        Outputs: the performance, then the two sensors of Figures 10a and 10b.
-    sensors:
-        Zeros of each path, in the same order.
-    delay_s:
-        The rig's own, hidden error included.
+    measured, fitted: Outputs: the performance, then the two sensors of Figures 10a and 10b.
+    sensors: Zeros of each path, in the same order.
+    delay_s: The rig's own, hidden error included.
     """
 
     fit_band_hz: tuple[float, float]
