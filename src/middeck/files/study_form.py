@@ -126,8 +126,7 @@ class SisoForm(Form):
 class SitoForm(Form):
     """One input to two sensors and the performance: fitted together (Figures 10a, 10b), controlled (11, 12).
 
-    Article, environment, actuator, excitation and rig are those of `SisoForm`, and its sensor is the
-    performance.
+    Article, environment, actuator, excitation and rig are those of `SisoForm`, its sensor the performance.
     """
 
     sensors: Names

@@ -40,8 +40,7 @@ class ImpactTest:
     """Averaged response of an impact test.
 
     response: That of the windowed signals, H(s + 1/window_s), with its variance over blows.
-    coherence: Of each line and output: the share of the response that the force explains, over the good
-        blows.
+    coherence: Of each line and output: the share of the response explained by the force, over the good blows.
     blocks: The good blows under the force window alone, each an experiment.
     window_s: Time constant tau of the exponential window [s]; infinite without.
     blows: All blows, the rejected ones with the reason.

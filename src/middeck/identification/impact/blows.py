@@ -41,8 +41,7 @@ class Blow:
     """One blow.
 
     experiment: In which experiment it fell.
-    first, struck, last: Samples of its block: the first, that of the largest force, and the one after the
-        last.
+    first, struck, last: Its block: first sample, that of the largest force, and the one after the last.
     pulse_end: The sample after the pulse.
     peak: Largest force.
     rejected: Why it is no use; empty for a good one.

@@ -30,8 +30,7 @@ class MeasurementModel:
     direct: Constant term D: also what modes above the band leave in it.
     lower: L, what modes below the band leave in it; zero unless asked for. No part of a plant.
     delay_s: Delay of each output [s], exact in responses, a Pade approximation only in a plant (`plants`).
-    sample_hz: None for a continuous model; otherwise the rate at which its inputs are held and outputs
-        sampled.
+    sample_hz: None for a continuous model; else the rate at which its inputs are held and outputs sampled.
     path_delay_s: What each path is late beyond its output's ``delay_s`` [s]; None where that is all.
     rigid: R = Phi Psi of free rigid-body modes, two states at zero for each of its rank; None without.
     integral: Q of integrators, one state at zero for each of its rank; None without.

@@ -35,8 +35,7 @@ Groups = list[list[int]]
 class MergedDelays:
     """A model whose delays are common where they may be.
 
-    model: All its unknowns moved as the covariance ties them to the delays; the fit's own where none was
-        merged.
+    model: All its unknowns moved as the covariance ties them to the delays; the fit's own if none was merged.
     sentences: Which delays were made one, for people; empty where none was.
     p: Probability that delays which are one differ as much by chance; one where none was merged.
     """

@@ -45,8 +45,7 @@ class Zeros:
     """Zeros between some inputs and outputs.
 
     value: One of each conjugate pair (positive imaginary part), or a real zero [rad/s], ascending in size;
-        those of a sampled model are log(q) / T, on the negative real axis of q with the imaginary part pi /
-        T.
+        those of a sampled model are log(q) / T, for negative real q with the imaginary part pi / T.
     residual: How far each is off, as a share of its size: |H / (s dH/ds)| there, what is left to Newton's
         method.
     by_response: G with dz = sum over outputs and inputs of G_oi dH_oi(z), for any change dH of the response

@@ -23,8 +23,7 @@ class Transient:
     first, last: How many samples at the record's start and end may be anything: those that answer to an input
         before the record (a delay of n samples needs n + 1), and what a band-limited input does between
         samples.
-    steady: Spectra of what goes on in the outputs whatever the inputs do, such as the hum of the mains; None
-        without.
+    steady: Spectra of outputs that no input causes, such as the hum of the mains; None without.
     """
 
     period_s: float

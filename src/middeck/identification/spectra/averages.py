@@ -33,8 +33,7 @@ class Spectra:
     """Power and cross spectra, two-sided [unit^2/Hz].
 
     S_uu, S_yu, S_yy: Averages of U U^H, Y U^H and Y Y^H.
-    averages: How many independent spectra they are worth; overlapping segments count for less than their
-        number.
+    averages: Number of independent spectra; overlapping segments count for less than their number.
     window_hz: Equivalent noise bandwidth of the window [Hz]: what is narrower is smeared. Zero for whole
         periods.
     """
@@ -66,8 +65,7 @@ def estimate_spectra(
         differ in length.
     segment: Samples of a segment; by default the power of two that leaves at least 16. A periodic record is
         cut into its periods, whatever this says.
-    window, overlap: Of the segments, by the names of `scipy.signal.get_window`; each segment's mean is
-        removed.
+    window, overlap: Of the segments, as in `scipy.signal.get_window`; each segment's mean is removed.
 
     Raises `DataError` if a channel is constant or not finite, or a segment is longer than the record.
 

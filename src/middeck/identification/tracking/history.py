@@ -22,8 +22,7 @@ class Tracked:
     natural_hz, frequency_std_hz, damping, damping_std: With standard deviations.
     trusted: Whether the innovations were white and as large as stated.
     jumps: How often each mode, or a neighbour, was thought to have jumped by then.
-    restarts: How often the modes had been lost and were looked for again by then; ``state.restarts`` says
-        when.
+    restarts: How often the modes had been lost and sought again by then; ``state.restarts`` says when.
     state: At the end, from which to go on.
     """
 

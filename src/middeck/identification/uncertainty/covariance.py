@@ -61,8 +61,7 @@ class ModelCovariance:
     degrees: Degrees of freedom of the variance behind it: Student's t, and F, stand for the normal law.
     robust: True where the residual is clearly more than noise or correlated from line to line, or a record's
         weights are not those of noise, and the covariance follows the residual.
-    loose: How many of the last columns of ``root`` are directions along which the data do not fix the
-        unknowns.
+    loose: How many of the last columns of ``root`` are directions in which the data do not fix the unknowns.
     """
 
     model: MeasurementModel

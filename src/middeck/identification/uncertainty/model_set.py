@@ -54,8 +54,7 @@ def _check(covariances: tuple[ModelCovariance, ...], count: int) -> None:
 
 
 def _check_known(of: ModelCovariance) -> None:
-    """Raise `ConfigError` where a draw would leave all that the fit can say: its covariance is that of small
-    errors."""
+    """Raise `ConfigError` where a draw would leave the range of the covariance, that of small errors."""
     at, deviation = of.at, of.deviation()
     size = np.abs(of.model.poles)
     late = np.where(at.delay >= 0, deviation[at.delay], 0.0) * size.max()

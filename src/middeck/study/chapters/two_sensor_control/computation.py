@@ -49,12 +49,10 @@ class TwoSensorControl:
     sensors: Figures 10a and 10b.
     smaller: Reach of designs on fits of fewer states.
     without_lead, with_lead: Reach of the payload's design on the fit.
-    payload, both: The loop of Figure 11 (payload penalty, with the lead) and that of Figure 12 (payload and
-        bus).
+    payload, both: The loops of Figure 11 (payload penalty, with the lead) and Figure 12 (payload and bus).
     bus_db: Of both loops, the measured bus in 7-9 Hz over that of the open loop.
     above_db: The payload above 10 Hz, likewise.
-    above_without_bus_db: The same of the loop that differs from Figure 12's in nothing but the penalty on the
-        bus.
+    above_without_bus_db: The same of the loop that differs from Figure 12's only in the penalty on the bus.
     deeper_db: The payload in 7-9 Hz under both penalties over that under the payload's alone.
     mode_hz, deeper_at_mode_db: Where the bus is highest there in open loop, and the same between that mode's
         half-power points.

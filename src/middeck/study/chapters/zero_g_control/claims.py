@@ -46,8 +46,7 @@ def _level_claims(whole: SubModelSweep) -> list[Claim]:
 def _instability_claims(sweeps: dict[str, SubModelSweep], lowest: float) -> list[Claim]:
     """What goes unstable first in 1-g, and whether the sub-models repeat it.
 
-    A loop that is unstable at the ``lowest`` level already has its onset somewhere below: two such are not
-    compared.
+    A loop already unstable at the ``lowest`` level has its onset somewhere below: two such are not compared.
     """
     whole = sweeps["all"]
     first = whole.first_instability
