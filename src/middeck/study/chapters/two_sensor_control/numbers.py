@@ -1,14 +1,18 @@
-"""Figures 10 to 12 in numbers.json."""
+"""Figures 10 to 12 in numbers.json, with the claims."""
 
 from __future__ import annotations
 
+import numpy as np
+
 from middeck.files.json_results import fitted_numbers, response_numbers
+from middeck.identification.model.measurement_model import path_delay
 from middeck.identification.plants.zeros import name_zeros
 from middeck.identification.uncertainty.parameters import stated
-from middeck.study.chapters.two_sensor_control import claims
-from middeck.study.chapters.two_sensor_control.computation import TwoSensorControl
+from middeck.study.chapters.two_sensor_control.computation import ABOVE_HZ, FLEXIBLE_HZ, TwoSensorControl
 from middeck.study.chapters.two_sensor_control.measured_sensors import MeasuredSensors, SensorZeros
-from middeck.study.measured_loop.numbers import fit_numbers, loop_numbers
+from middeck.study.chapters.two_sensor_control.reach import Reach
+from middeck.study.claim import Claim, above, at_most, below, largest, row
+from middeck.study.measured_loop.numbers import fit_numbers, loop_numbers, prediction_claims
 from middeck.study.words import Numbers
 
 
@@ -19,7 +23,7 @@ def figure_10a(control: TwoSensorControl) -> Numbers:
 
 def figure_10b(control: TwoSensorControl) -> Numbers:
     """The bus's path, and what is claimed of the three."""
-    return {**_path(control.sensors, 2), "claims": claims.figure_10_claims(control.sensors)}
+    return {**_path(control.sensors, 2), "claims": figure_10_claims(control.sensors)}
 
 
 def _path(sensors: MeasuredSensors, output: int) -> Numbers:
@@ -55,7 +59,7 @@ def figure_11(control: TwoSensorControl) -> Numbers:
         "open_loop": response_numbers(control.sensors.measured),
         "reach": designs,
         "payload": loop_numbers(control.payload),
-        "claims": claims.figure_11_claims(control),
+        "claims": figure_11_claims(control),
     }
 
 
@@ -78,5 +82,131 @@ def figure_12(control: TwoSensorControl) -> Numbers:
         "payload_deeper_db_7_to_9_hz": control.deeper_db,
         "payload_deeper_db_at_mode": control.deeper_at_mode_db,
         "mode_hz": control.mode_hz,
-        "claims": claims.figure_12_claims(control),
+        "claims": figure_12_claims(control),
     }
+
+
+WORSE = 2.0  # 6 dB
+ORDER_DB = -20.0
+PAIR_HZ = (8.0, 10.0)
+AT_PAIR = "{:g} to {:g}".format(*PAIR_HZ)
+SUSPENSION_HZ = 1.0  # below, the modes of the suspension, which ten states do not hold
+SPILLS_HZ = 15.0  # the modes from 17 Hz on, which twelve states do not hold
+
+
+def figure_10_claims(sensors: MeasuredSensors) -> list[Claim]:
+    """The bus needs zeros in the right half-plane where payload and encoder need none."""
+    low, high = sensors.fit_band_hz
+    words = [port.name for port in sensors.measured.outputs]
+    wrong = [
+        float(np.count_nonzero(z.is_nonminimum_phase & (z.frequency_hz >= low) & (z.frequency_hz <= high)))
+        for z in (sensor.zeros for sensor in sensors.sensors)
+    ]
+    bus = sensors.sensors[2]
+    ratio = None if bus.mirrored_error is None else bus.mirrored_error / float(sensors.fit.error[2])
+    late = float(np.max(np.abs(path_delay(sensors.fit.model) - sensors.delay_s)) * 1e3)
+    where = f"from {low:g} to {high:g} Hz"
+    return [
+        row(
+            f"{words[2]}: non-minimum-phase zeros {where}; zeros or pairs",
+            wrong[2] > 0.0,
+            wrong[2],
+            "\u2265 1",
+        ),
+        *(row(f"{words[k]}: none {where}; zeros or pairs", wrong[k] == 0.0, wrong[k], "= 0") for k in (0, 1)),
+        above(
+            f"{words[2]}: refitted with all zeros in the left half-plane, its error is over {WORSE:g} times"
+            " as large; ratio",
+            ratio,
+            WORSE,
+            "",
+        ),
+        below("the fitted delays are the rig's within 0.2 ms; largest difference [ms]", late, 0.2, "ms"),
+    ]
+
+
+def figure_11_claims(control: TwoSensorControl) -> list[Claim]:
+    """Which orders fail and where, the limit with and without the lead, and the measured loop."""
+    bare, lead, loop = control.without_lead, control.with_lead, control.payload
+    moves = ", ".join(f"{r.percent:+g}" if r.percent else "0" for r in loop.on_rig)
+    return [
+        *(_order(reach) for reach in control.smaller),
+        row(
+            f"{bare.states} states without lead become unstable near 9 Hz; at [Hz]",
+            _at_pair(bare),
+            bare.stopped_hz,
+            AT_PAIR,
+            "Hz",
+        ),
+        above("and do not reach 18 dB; at the last stable level [dB]", bare.predicted_db, -18.0),
+        at_most(
+            f"with the lead the same design reaches 20 dB with the pair moved by {moves} %; least [dB]",
+            lead.least_db,
+            -20.0,
+        ),
+        at_most(
+            "the loop with the lead reduces the payload by over 20 dB, measured [dB]", loop.measured_db, -20.0
+        ),
+        at_most(
+            f"that loop, unchanged, still reaches 20 dB with the pair moved by {moves} %; least [dB]",
+            largest(rig.improvement_db for rig in loop.on_rig),
+            -20.0,
+        ),
+        *prediction_claims((loop,), "payload penalty"),
+    ]
+
+
+def _order(reach: Reach) -> Claim:
+    """The paper's observations with few states; from 16 states on the pair near 9 Hz is the limit."""
+    hz = reach.stopped_hz
+    if reach.states <= 10:
+        text, good = "is unstable at any authority, on the suspension below 1 Hz", _at_once(reach)
+        asked = f"< {SUSPENSION_HZ:g}"
+    elif reach.states <= 12:
+        text, good = "spills over into a mode outside its model", hz is not None and hz > SPILLS_HZ
+        asked = f"> {SPILLS_HZ:g}"
+    else:
+        text, good, asked = "is limited by the pair near 9 Hz", _at_pair(reach), AT_PAIR
+    return row(f"a design on {reach.states} states {text}; at [Hz]", good, hz, asked, "Hz")
+
+
+def _at_once(reach: Reach) -> bool:
+    return reach.log10_authority is None and reach.stopped_hz is not None and reach.stopped_hz < SUSPENSION_HZ
+
+
+def _at_pair(reach: Reach) -> bool:
+    return reach.stopped_hz is not None and PAIR_HZ[0] <= reach.stopped_hz <= PAIR_HZ[1]
+
+
+def figure_12_claims(control: TwoSensorControl) -> list[Claim]:
+    """The bus at 7-9 Hz, the payload above 10 Hz, and the paper's further order of magnitude."""
+    both = control.both
+    without, raised = control.above_without_bus_db, control.above_db[1]
+    more = None if without is None or raised is None else raised - without
+    band = "{:g}-{:g} Hz".format(*FLEXIBLE_HZ)
+    beyond = f"above {ABOVE_HZ[0]:g} Hz"
+    return [
+        at_most(
+            "with payload and bus penalised the payload is down by 20 dB, measured [dB]",
+            both.measured_db,
+            -20.0,
+        ),
+        at_most(
+            f"the bus at {band} is lower than in open loop by at least 12 dB [dB]", control.bus_db[1], -12.0
+        ),
+        above(f"the payload {beyond} is raised over the open loop [dB]", raised, 0.0),
+        above(
+            "and more than with no bus penalty and all else, authority and no lead, the same [dB]", more, 0.0
+        ),
+        at_most(
+            f"the payload at {band} falls by a further order of magnitude below the payload penalty's [dB]",
+            control.deeper_db,
+            ORDER_DB,
+        ),
+        at_most(
+            f"at the mode near {control.mode_hz:.1f} Hz itself, between its half-power points, it does [dB]",
+            control.deeper_at_mode_db,
+            ORDER_DB,
+        ),
+        *prediction_claims((both,), "payload and bus penalty"),
+    ]
