@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Complex, Float
 
 from middeck.signals.ports import Port
+from middeck.systems.response import FrequencyResponse
 from middeck.values import record
 
 # Share of the largest singular value below which another of a matrix is rounding.
@@ -87,6 +88,12 @@ def model_response(
     """Response at ``frequency_hz`` with the exact delay."""
     s = 2j * np.pi * np.asarray(frequency_hz, dtype=float)
     return rational_response(model, s) * np.exp(-s[:, None, None] * path_delay(model))
+
+
+def evaluate_model(model: MeasurementModel, frequency_hz: Float[np.ndarray, " line"]) -> FrequencyResponse:
+    """`model_response` with the ports of the model."""
+    H = model_response(model, frequency_hz)
+    return FrequencyResponse(frequency_hz=frequency_hz, H=H, inputs=model.inputs, outputs=model.outputs)
 
 
 def rational_response(

@@ -2,17 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from functools import partial
 
 import numpy as np
 from jaxtyping import Float
+from numpy.typing import ArrayLike
 
 from middeck.control.law.compensator import Compensator, evaluate_compensator
 from middeck.control.loop.closed_loop import close_loop, leave_open, predict_closed_loop_response
 from middeck.control.loop.performance import Performance, loop_rms
-from middeck.identification.model.measurement_model import MeasurementModel, damping_ratio, natural_hz
-from middeck.laboratory.bench import take_closed_loop
-from middeck.laboratory.loop import RigLoop, RigView, judge_loops
+from middeck.control.lqg import LQGWeights
+from middeck.files.studies import Study
+from middeck.files.study_form import SisoForm
+from middeck.identification.model.measurement_model import (
+    MeasurementModel,
+    damping_ratio,
+    evaluate_model,
+    natural_hz,
+)
+from middeck.laboratory.article import RigArticle
+from middeck.laboratory.bench import build_bench, take_closed_loop
+from middeck.laboratory.loop import RigLoop, RigView, judge_loops, view_rig
 from middeck.systems.plant import Plant
 from middeck.systems.response import FrequencyResponse
 from middeck.values import record
@@ -35,6 +46,41 @@ class DesignCase:
     measured: FrequencyResponse
     band_hz: tuple[float, float]
     torque_nm: float
+
+
+def design_case(
+    siso: SisoForm, model: MeasurementModel, plant: Plant, measured: FrequencyResponse
+) -> DesignCase:
+    """The case of a fitted ``model`` and its design ``plant``, with the band and torque of ``siso``."""
+    return DesignCase(
+        model=model,
+        plant=plant,
+        fitted=evaluate_model(model, measured.frequency_hz),
+        measured=measured,
+        band_hz=siso.band_hz,
+        torque_nm=siso.excitation_nm,
+    )
+
+
+def design_weights(siso: SisoForm, output: Sequence[float], noise: ArrayLike) -> LQGWeights:
+    """Weights of outputs, and sensor ``noise`` [rad^2/Hz]; disturbance and control enter at the same motor."""
+    return LQGWeights(
+        output=np.array(output),
+        input=np.array([siso.input_weight]),
+        disturbed=(siso.actuator,),
+        process=np.array([[siso.disturbance_nm_per_rthz**2]]),
+        sensor=np.asarray(noise),
+    )
+
+
+def view_shifted_rigs(
+    study: Study, article: RigArticle, sensors: tuple[str, ...], percent: float, rng: np.random.Generator
+) -> dict[float, RigView]:
+    """The rig with the pair of modes where it was, and shifted down and up, under one excitation."""
+    bench_at = partial(build_bench, article, study.rig, study.loop_test, sensors)
+    seed = int(rng.integers(2**63))
+    shifts = (0.0, -percent, percent)
+    return {p: view_rig(bench_at(np.random.default_rng(seed), shift_percent=p)) for p in shifts}
 
 
 @record

@@ -16,7 +16,7 @@ from middeck.identification.plants.zeros import Zeros, path_zeros
 from middeck.identification.search.doubts import FAR, HALF
 from middeck.identification.uncertainty.parameters import zero_deviation
 from middeck.study.chapters.two_sensor_control.left_zeros import refit_left
-from middeck.study.measured_loop.computation import DesignCase
+from middeck.study.measured_loop.computation import DesignCase, design_case
 from middeck.systems.delay_approximation import approximate_delays
 from middeck.systems.plant import Plant
 from middeck.systems.response import FrequencyResponse, in_band
@@ -61,7 +61,7 @@ def study_measured_sensors(study: Study, measured: FrequencyResponse, delay_s: f
     """Fit the three measured paths together and find the zeros of each; ``delay_s`` is for a claim alone."""
     band_hz = study.sito.fit_band_hz
     fit = fit_sensors(measured, study.sito.states, band_hz)
-    case, banded = design_case(study, fit, measured), in_band(measured, band_hz)
+    case, banded = sensor_case(study, fit, measured), in_band(measured, band_hz)
     zeros = tuple(_sensor_zeros(fit, banded, o) for o in range(len(measured.outputs)))
     return MeasuredSensors(
         fit_band_hz=band_hz,
@@ -74,7 +74,7 @@ def study_measured_sensors(study: Study, measured: FrequencyResponse, delay_s: f
     )
 
 
-def design_case(
+def sensor_case(
     study: Study, fit: FitResult, measured: FrequencyResponse, *, bus: bool = False
 ) -> DesignCase:
     """The plant of a fit, with the payload for its performance, or payload and bus."""
@@ -82,19 +82,7 @@ def design_case(
     torque = (siso.actuator,)
     z = (siso.sensor, sito.sensors[1]) if bus else (siso.sensor,)
     plant = measured_plant(fit.model, w=torque, u=torque, z=z, y=sito.sensors)
-    plant = approximate_delays(plant, sito.pade_order)
-    H = model_response(fit.model, measured.frequency_hz)
-    fitted = FrequencyResponse(
-        frequency_hz=measured.frequency_hz, H=H, inputs=measured.inputs, outputs=measured.outputs
-    )
-    return DesignCase(
-        model=fit.model,
-        plant=plant,
-        fitted=fitted,
-        measured=measured,
-        band_hz=siso.band_hz,
-        torque_nm=siso.excitation_nm,
-    )
+    return design_case(siso, fit.model, approximate_delays(plant, sito.pade_order), measured)
 
 
 def fit_sensors(measured: FrequencyResponse, states: int | None, band_hz: tuple[float, float]) -> FitResult:
