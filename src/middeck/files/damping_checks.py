@@ -6,7 +6,7 @@ import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, cast
 
-from middeck.files.faults import Finding, nearest, show
+from middeck.files.faults import Finding, finding, nearest
 
 Table = dict[str, Any]
 
@@ -30,21 +30,17 @@ def _table(damping: Table) -> Iterator[Finding]:
         return
     for key in (k for k in ("flexible", "suspension", "rule") if k in damping):
         message = "a ratio or rule beside a table that holds for every mode"
-        yield Finding(
-            path=("damping", key), message=message, value=show(damping[key]), hint="leave out one of the two"
-        )
+        yield finding(("damping", key), message, damping[key], hint="leave out one of the two")
     f, ratio = (cast("Table", table).get(key) for key in ("frequency_hz", "ratio"))
     if not isinstance(f, list) or not isinstance(ratio, list):
         return
     frequencies, ratios = cast("list[Any]", f), cast("list[Any]", ratio)
     if len(frequencies) != len(ratios):
         message = f"{len(ratios)} ratios for {len(frequencies)} frequencies; must be one each"
-        yield Finding(path=("damping", "table", "ratio"), message=message)
+        yield finding(("damping", "table", "ratio"), message)
     numbers = all(isinstance(x, int | float) for x in frequencies)
     if numbers and any(b <= a for a, b in itertools.pairwise(frequencies)):
-        yield Finding(
-            path=("damping", "table", "frequency_hz"), message="must ascend, in Hz", value=show(frequencies)
-        )
+        yield finding(("damping", "table", "frequency_hz"), "must ascend, in Hz", frequencies)
 
 
 def _loss_factors(damping: Table, known: Mapping[str, Sequence[str]]) -> Iterator[Finding]:
@@ -62,20 +58,16 @@ def _devices(damping: Table, known: Mapping[str, Sequence[str]]) -> Iterator[Fin
         device, path = cast("Table", item), ("damping", "device", i)
         places = [p for p in PLACES if p in device]
         if len(places) != 1:
-            yield Finding(
-                path=path, message=f"names {len(places)} places; must be one", hint="joint, spring or attach"
-            )
+            yield finding(path, f"names {len(places)} places; must be one", hint="joint, spring or attach")
             continue
         (place,) = places
         yield from _unknown((*path, place), device[place], place, known)
         wanted, other = KEY[place], next(k for k in KEY.values() if k != KEY[place])
         if other in device:
             message = f"a damper at a {WORDS.get(place, place)} has {wanted} instead"
-            yield Finding(path=(*path, other), message=message, value=show(device[other]))
+            yield finding((*path, other), message, device[other])
         elif wanted not in device:
-            yield Finding(
-                path=(*path, wanted), message=f"missing; a damper at a {WORDS.get(place, place)} needs it"
-            )
+            yield finding((*path, wanted), f"missing; a damper at a {WORDS.get(place, place)} needs it")
 
 
 def _unknown(
@@ -84,4 +76,4 @@ def _unknown(
     if isinstance(name, str) and name not in known[key]:
         word = WORDS.get(key, key)
         hint = nearest(name, known[key]) or f"define a {word} first"
-        yield Finding(path=path, message=f"no {word} of this name", value=show(name), hint=hint)
+        yield finding(path, f"no {word} of this name", name, hint=hint)

@@ -7,7 +7,7 @@ from typing import Any, cast
 import numpy as np
 
 from middeck.files.environment_form import TUNED, default_name
-from middeck.files.faults import Finding, show
+from middeck.files.faults import Finding, finding
 from middeck.files.toml_lines import Path
 
 Table = dict[str, Any]
@@ -31,11 +31,9 @@ def _gravity_findings(data: Table, gravity: Any) -> list[Finding]:
     if _is_number(gravity) and gravity > 0.0 and not held:
         advice = "add [suspension], [[device]] or [[spring]], or leave [constants] out for orbit"
         path = ("constants", "gravity_m_s2")
-        found.append(
-            Finding(path=path, message="a missing suspension in gravity", value=show(gravity), hint=advice)
-        )
+        found.append(finding(path, "a missing suspension in gravity", gravity, hint=advice))
     if _table(data, "constants").get("gravity_direction") == [0.0, 0.0, 0.0]:
-        found.append(Finding(path=("constants", "gravity_direction"), message="must not be the zero vector"))
+        found.append(finding(("constants", "gravity_direction"), "must not be the zero vector"))
     return found
 
 
@@ -45,11 +43,9 @@ def _suspension_findings(data: Table, gravity: Any) -> list[Finding]:
     found = _friction_findings(path, suspension)
     if suspension and gravity == 0.0:
         advice = "give [constants] gravity_m_s2, or use [[spring]]"
-        found.append(Finding(path=path, message="cables carry nothing without gravity", hint=advice))
+        found.append(finding(path, "cables carry nothing without gravity", hint=advice))
     if suspension.get("held") == {}:
-        found.append(
-            Finding(path=(*path, "held"), message="no attach point hangs on a cable", hint='n1 = "xyz"')
-        )
+        found.append(finding((*path, "held"), "no attach point hangs on a cable", hint='n1 = "xyz"'))
     length: Any = suspension.get("cable_length_m")
     bounce: Any = suspension.get("bounce_hz")
     numbers = all(_is_number(x) and x > 0.0 for x in (length, bounce, gravity))
@@ -58,9 +54,7 @@ def _suspension_findings(data: Table, gravity: Any) -> list[Finding]:
         if not length > sink:
             message = f"a spring at this bounce_hz stretches by {sink:.4g} m: no free length is left"
             advice = f"more than {sink:.4g}, a higher bounce_hz, or a constant_force device"
-            found.append(
-                Finding(path=(*path, "cable_length_m"), message=message, value=show(length), hint=advice)
-            )
+            found.append(finding((*path, "cable_length_m"), message, length, hint=advice))
     return found
 
 
@@ -68,31 +62,21 @@ def _device_findings(path: Path, device: Table, weightless: bool) -> list[Findin
     found: list[Finding] = []
     for this, that in (("stiffness_n_per_m", "bounce_hz"), ("cable_length_m", "anchor_m")):
         if this in device and that in device:
-            found.append(
-                Finding(
-                    path=(*path, that),
-                    message=f"instead of {this!r}, not beside it",
-                    value=show(device[that]),
-                )
-            )
+            found.append(finding((*path, that), f"instead of {this!r}, not beside it", device[that]))
         elif this not in device and that not in device:
-            found.append(Finding(path=path, message=f"needs {this!r} or {that!r}"))
+            found.append(finding(path, f"needs {this!r} or {that!r}"))
     tuned = device.get("force_n", TUNED) == TUNED
     if tuned and "held" not in device:
         advice = 'held = "yz", the world directions pinned while its load is found; or give force_n'
-        found.append(Finding(path=path, message="a tuned device needs 'held'", hint=advice))
+        found.append(finding(path, "a tuned device needs 'held'", hint=advice))
     if not tuned and "held" in device:
         message = "is for a tuned device; this one has a force"
-        found.append(
-            Finding(
-                path=(*path, "held"), message=message, value=show(device["held"]), hint=f'force_n = "{TUNED}"'
-            )
-        )
+        found.append(finding((*path, "held"), message, device["held"], hint=f'force_n = "{TUNED}"'))
     idle = [key for key in ("bounce_hz", "cable_length_m") if key in device]
     if weightless and (tuned or idle):
         key = idle[0] if idle else "force_n"
         advice = "give [constants] gravity_m_s2; or force_n, stiffness_n_per_m and anchor_m"
-        found.append(Finding(path=(*path, key), message="means nothing without gravity", hint=advice))
+        found.append(finding((*path, key), "means nothing without gravity", hint=advice))
     return found
 
 
@@ -100,17 +84,10 @@ def _friction_findings(path: Path, table: Table) -> list[Finding]:
     friction = table.get("friction_n", 0.0)
     if _is_number(friction) and friction > 0.0 and "presliding_m" not in table:
         advice = "presliding_m, how far it gives before it slips: 1e-5 to 1e-3 is usual"
-        return [
-            Finding(
-                path=(*path, "friction_n"),
-                message="needs 'presliding_m' beside it",
-                value=show(friction),
-                hint=advice,
-            )
-        ]
+        return [finding((*path, "friction_n"), "needs 'presliding_m' beside it", friction, hint=advice)]
     if friction == 0.0 and "presliding_m" in table:
         message = "means nothing without 'friction_n'"
-        return [Finding(path=(*path, "presliding_m"), message=message, value=show(table["presliding_m"]))]
+        return [finding((*path, "presliding_m"), message, table["presliding_m"])]
     return []
 
 
@@ -129,9 +106,7 @@ def _name_findings(data: Table) -> list[Finding]:
     found: list[Finding] = []
     for path, name in names:
         if isinstance(name, str) and first.setdefault(name, path) != path:
-            found.append(
-                Finding(path=path, message="names a second device or spring", value=show(name), hint=advice)
-            )
+            found.append(finding(path, "names a second device or spring", name, hint=advice))
     return found
 
 

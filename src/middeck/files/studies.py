@@ -23,7 +23,7 @@ from middeck.files.documents import (
 )
 from middeck.files.environment_checks import environment_findings
 from middeck.files.environment_form import EnvironmentForm, build_environment
-from middeck.files.faults import Fault, Finding, raise_faults, show
+from middeck.files.faults import Fault, Finding, finding, raise_faults
 from middeck.files.overrides import Target, apply_overrides
 from middeck.files.rig_build import build_loop_test, build_rig_settings
 from middeck.files.study_checks import fixed_axes, signal_findings
@@ -153,10 +153,8 @@ def _raise_missing(source: Source, data: Any, changed: dict[KeyPath, str], base:
         wanted += [((table, name), file) for name, file in _references(data, table)]
     advice = "a path from the study file's own folder"
     missing = [(key, file) for key, file in wanted if not (base / file).is_file()]
-    findings = (
-        Finding(path=key, message="no such file", value=show(file), hint=advice) for key, file in missing
-    )
-    raise_faults([place_in(source, changed, finding) for finding in findings])
+    findings = (finding(key, "no such file", file, hint=advice) for key, file in missing)
+    raise_faults([place_in(source, changed, f) for f in findings])
 
 
 def _references(data: Any, key: str) -> list[tuple[str, str]]:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, cast
 
 from middeck.files.article_checks import tables
-from middeck.files.faults import Finding, nearest, show
+from middeck.files.faults import Finding, finding, nearest
 from middeck.files.study_form import StudyForm
 from middeck.files.toml_lines import Path
 from middeck.structure.model.article import JointState, Structure
@@ -33,10 +33,10 @@ def _metric(data: Table) -> Iterator[Finding]:
     known = _names(data, "control", "angles", "pd_loops")
     for i, name in enumerate(_names(data, "control", "metric")):
         if known and name not in known:
-            yield Finding(
-                path=("control", "metric", i),
-                message="neither among angles nor among pd_loops: no output of the plant",
-                value=show(name),
+            yield finding(
+                ("control", "metric", i),
+                "neither among angles nor among pd_loops: no output of the plant",
+                name,
                 hint=nearest(name, known),
             )
 
@@ -45,10 +45,10 @@ def _loops(data: Table) -> Iterator[Finding]:
     known = _names(data, "control", "inputs", "disturbances")
     for i, name in enumerate(_names(data, "control", "pd_loops")):
         if known and name not in known:
-            yield Finding(
-                path=("control", "pd_loops", i),
-                message="neither among inputs nor among disturbances: no input of the plant",
-                value=show(name),
+            yield finding(
+                ("control", "pd_loops", i),
+                "neither among inputs nor among disturbances: no input of the plant",
+                name,
                 hint="add it to one of them, or leave its loop out",
             )
 
@@ -70,12 +70,7 @@ def _hold(data: Table) -> Iterator[Finding]:
     sample_hz, delay_s = _number(data, "rig", "sample_hz"), _number(data, "rig", "delay_s")
     if sample_hz and delay_s is not None and delay_s < (1.0 - ROUNDING) * 0.5 / sample_hz:
         message = f"must be >= {0.5 / sample_hz:g} s, the hold's own half sample at {sample_hz:g} Hz"
-        yield Finding(
-            path=("rig", "delay_s"),
-            message=message,
-            value=show(delay_s),
-            hint="a longer delay or a higher sample_hz",
-        )
+        yield finding(("rig", "delay_s"), message, delay_s, hint="a longer delay or a higher sample_hz")
 
 
 def _excitation(data: Table) -> Iterator[Finding]:
@@ -85,16 +80,11 @@ def _excitation(data: Table) -> Iterator[Finding]:
         samples = period_s * sample_hz
         if abs(samples - round(samples)) > ROUNDING * samples:
             message = f"{samples:g} samples at rig.sample_hz = {sample_hz:g} Hz; must be a whole number"
-            yield Finding(path=("siso", "period_s"), message=message, value=show(period_s))
+            yield finding(("siso", "period_s"), message, period_s)
     last = _number(data, "siso", "band_hz", 1)
     if sample_hz and last is not None and last >= 0.5 * sample_hz:
         message = f"must end below half of rig.sample_hz = {sample_hz:g} Hz"
-        yield Finding(
-            path=("siso", "band_hz", 1),
-            message=message,
-            value=show(last),
-            hint="a narrower band or a higher sample_hz",
-        )
+        yield finding(("siso", "band_hz", 1), message, last, hint="a narrower band or a higher sample_hz")
 
 
 def fixed_axes(form: StudyForm, article: str, structure: Structure, data: Table) -> Iterator[Finding]:
@@ -107,10 +97,10 @@ def fixed_axes(form: StudyForm, article: str, structure: Structure, data: Table)
         if joint is None or joint.name in seen or joint.state in (JointState.FREE, JointState.SPRUNG):
             continue
         seen.add(joint.name)
-        yield Finding(
-            path=_state_of(data, joint.name),
-            message=f"{key} of the study drives {port!r}: this axis must turn",
-            value=show(joint.state.value),
+        yield finding(
+            _state_of(data, joint.name),
+            f"{key} of the study drives {port!r}: this axis must turn",
+            joint.state.value,
             hint=f'"free" or "sprung", or leave the port out of {key}',
         )
 

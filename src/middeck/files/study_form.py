@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, cast
 
 from pydantic import Field
 
-from middeck.files.faults import Finding, nearest, show
+from middeck.files.faults import Finding, finding, nearest
 from middeck.files.form import Finite, Form, Name, NotNegative, Positive, whole, within
 
 Names = Annotated[tuple[str, ...], Field(strict=False, min_length=1)]
@@ -212,14 +212,14 @@ def _one_each(table: Table, names: str, keys: list[str], where: str = "control")
             count, needed = len(cast("list[Any]", given)), len(cast("list[Any]", wanted))
             if count != needed:
                 message = f"{count} values for the {needed} {names}; must be one each"
-                yield Finding(path=(where, key), message=message, value=show(given))
+                yield finding((where, key), message, given)
 
 
 def _ascending(data: Table, table: str, key: str) -> Iterator[Finding]:
     band = _table(data, table).get(key)
     match band:
         case [int() | float() as low, int() | float() as high] if not low < high:
-            yield Finding(path=(table, key), message="must ascend, [lowest, highest] in Hz", value=show(band))
+            yield finding((table, key), "must ascend, [lowest, highest] in Hz", band)
         case _:
             return
 
@@ -228,14 +228,14 @@ def _levels(control: Table) -> Iterator[Finding]:
     first, last = control.get("log10_authority_first"), control.get("log10_authority_last")
     if isinstance(first, int | float) and isinstance(last, int | float) and not first < last:
         message = f"must be > log10_authority_first = {first:g}"
-        yield Finding(path=("control", "log10_authority_last"), message=message, value=show(last))
+        yield finding(("control", "log10_authority_last"), message, last)
 
 
 def _weighed(control: Table) -> Iterator[Finding]:
     match control.get("metric_weights"):
         case [_, *_] as weights if all(w == 0 for w in cast("list[Any]", weights)):
             message = "every weight is zero; at least one must be > 0"
-            yield Finding(path=("control", "metric_weights"), message=message, value=show(weights))
+            yield finding(("control", "metric_weights"), message, weights)
         case _:
             return
 
@@ -248,7 +248,7 @@ def _two_rates(data: Table) -> Iterator[Finding]:
         case list() as given:
             message = "must be two rates: a payload's (Figure 6a), then the bus's (Figure 6b)"
             advice = "names of sensors that end in _rate"
-            yield Finding(path=("figure_6", "outputs"), message=message, value=show(given), hint=advice)
+            yield finding(("figure_6", "outputs"), message, given, hint=advice)
         case _:
             return
 
@@ -256,7 +256,7 @@ def _two_rates(data: Table) -> Iterator[Finding]:
 def _even(data: Table, table: str) -> Iterator[Finding]:
     states = _table(data, table).get("states")
     if isinstance(states, int) and states % 2:
-        yield Finding(path=(table, "states"), message="must be even: two for each mode", value=show(states))
+        yield finding((table, "states"), "must be even: two for each mode", states)
 
 
 def _smaller(data: Table) -> Iterator[Finding]:
@@ -264,16 +264,12 @@ def _smaller(data: Table) -> Iterator[Finding]:
     table = _table(data, "sito")
     for k, states in enumerate(_list(table, "smaller_states")):
         if isinstance(states, int) and states % 2:
-            yield Finding(
-                path=("sito", "smaller_states", k),
-                message="must be even: two for each mode",
-                value=show(states),
-            )
+            yield finding(("sito", "smaller_states", k), "must be even: two for each mode", states)
     for k, band in enumerate(_list(table, "smaller_bands_hz")):
         match band:
             case [int() | float() as low, int() | float() as high] if not low < high:
                 where = ("sito", "smaller_bands_hz", k)
-                yield Finding(path=where, message="must ascend, [lowest, highest] in Hz", value=show(band))
+                yield finding(where, "must ascend, [lowest, highest] in Hz", band)
             case _:
                 pass
 
@@ -291,7 +287,7 @@ def _two_sensors(data: Table) -> Iterator[Finding]:
             return
         case list():
             message = "must be two sensors (Figures 10a and 10b), neither of them siso.sensor"
-            yield Finding(path=("sito", "sensors"), message=message, value=show(given))
+            yield finding(("sito", "sensors"), message, given)
         case _:
             return
 
@@ -303,12 +299,10 @@ def _rubs(data: Table) -> Iterator[Finding]:
     if _is_positive(coulomb) and "gimbal_presliding_deg" not in rig:
         advice = "how far a gimbal gives before it slips, studies/mace-1993.toml has 0.05; or no friction, 0"
         where = ("rig", "gimbal_friction_nm")
-        yield Finding(
-            path=where, message="needs 'gimbal_presliding_deg' beside it", value=show(coulomb), hint=advice
-        )
+        yield finding(where, "needs 'gimbal_presliding_deg' beside it", coulomb, hint=advice)
     if _is_positive(viscous) and coulomb == 0:
         where, message = ("rig", "gimbal_viscous_nms_per_rad"), "has no effect where gimbal_friction_nm is 0"
-        yield Finding(path=where, message=message, value=show(viscous), hint="0, or give gimbal_friction_nm")
+        yield finding(where, message, viscous, hint="0, or give gimbal_friction_nm")
 
 
 def _is_positive(value: Any) -> bool:
@@ -320,12 +314,7 @@ def _gap(data: Table) -> Iterator[Finding]:
     rig, pair = _table(data, "rig"), ("gimbal_deadband_deg", "gimbal_flank_nm_per_rad")
     for key, other in (pair, pair[::-1]):
         if key in rig and other not in rig:
-            yield Finding(
-                path=("rig", key),
-                message=f"given without {other}",
-                value=show(rig[key]),
-                hint="give both or neither",
-            )
+            yield finding(("rig", key), f"given without {other}", rig[key], hint="give both or neither")
 
 
 def _documents(data: Table) -> Iterator[Finding]:
@@ -334,15 +323,10 @@ def _documents(data: Table) -> Iterator[Finding]:
     for table, key in wanted:
         name, known = _table(data, table).get(key), _table(data, key)
         if isinstance(name, str) and known and name not in known:
-            yield Finding(
-                path=(table, key),
-                message=f"no {key} of this name in [{key}]",
-                value=show(name),
-                hint=nearest(name, known),
-            )
+            yield finding((table, key), f"no {key} of this name in [{key}]", name, hint=nearest(name, known))
     for key in ("orbit", "lab"):
         if _table(data, "environment") and key not in _table(data, "environment"):
-            yield Finding(path=("environment", key), message="missing: the path of an environment file")
+            yield finding(("environment", key), "missing: the path of an environment file")
 
 
 def port_findings(form: StudyForm, ports: dict[str, tuple[list[str], list[str]]]) -> list[Finding]:
@@ -372,9 +356,7 @@ def port_findings(form: StudyForm, ports: dict[str, tuple[list[str], list[str]]]
         ),
     ]
     return [
-        Finding(
-            path=path, message="the article has no such port", value=show(name), hint=nearest(name, known)
-        )
+        finding(path, "the article has no such port", name, hint=nearest(name, known))
         for path, name, known in wanted
         if name not in known
     ]

@@ -8,7 +8,7 @@ import numpy as np
 
 from middeck.errors import DataError
 from middeck.files.records.columns import Columns, NamedColumn, Side
-from middeck.signals.fault import Fault
+from middeck.signals.fault import Fault, Severity
 from middeck.signals.ports import Channel, Port
 from middeck.signals.record import Record
 from middeck.values import record
@@ -25,6 +25,29 @@ class Head:
     unit: str | None
     side: Side
     channel: Channel | None = None
+
+
+def channel_fault(
+    kind: str,
+    severity: Severity,
+    head: Head,
+    what: str,
+    hint: str,
+    *,
+    experiment: int | None = 0,
+    samples: tuple[tuple[int, int], ...] = (),
+) -> Fault:
+    """A fault of one channel that the reader of a file found; outputs are named where it has no side."""
+    return Fault(
+        kind=kind,
+        severity=severity,
+        side=head.side or "output",
+        channel=head.name,
+        experiment=experiment,
+        samples=samples,
+        what=what,
+        hint=hint,
+    )
 
 
 @dataclass(frozen=True, kw_only=True)  # views of what was read, not copies
