@@ -11,9 +11,8 @@ import numpy as np
 
 from middeck.control.law.compensator import Compensator
 from middeck.errors import DataError
-from middeck.files.json_input import json_numbers, read_json
+from middeck.files.json_input import json_numbers, read_json, read_ports, require_keys
 from middeck.files.json_output import write_json
-from middeck.files.json_parts import read_ports, require_keys
 from middeck.signals.ports import Port
 from middeck.systems.statespace import SampledStateSpace, StateSpace
 from middeck.values import record

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 import numpy as np
 
 from middeck.files.studies import Study
-from middeck.study.claim import Claim
-from middeck.study.words import Line, Numbers, Table
+from middeck.study.words import Claim, Line, Numbers, Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -40,10 +40,9 @@ def verb(
     (orbit, lab, or a file) also the rest state: how the article hangs, attach points and directions that
     nothing holds, loose joints and instability. Mistakes in the files are errors, as everywhere.
     """
-    from middeck.cli.attitude import attitude_lines
     from middeck.cli.blame import reading
     from middeck.cli.cases import find_case
-    from middeck.cli.summary import measure_lines, summary_lines, summary_numbers
+    from middeck.cli.summary import attitude_lines, measure_lines, summary_lines, summary_numbers
     from middeck.files.documents import find_document, load_case, load_structure
     from middeck.structure.summary.summary import summarise
 
@@ -83,7 +82,7 @@ def _in_environment(
     """How the article hangs (None in orbit, or without a rest state), and the findings."""
     import numpy as np
 
-    from middeck.cli.attitude import attitude_numbers
+    from middeck.cli.summary import attitude_numbers
     from middeck.errors import NumericalError
     from middeck.structure.modes.mesh_error import mesh_warnings
     from middeck.structure.modes.solve import solve_modes

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import figures, options
-from middeck.cli.columns import columns, told_columns
+from middeck.cli.options import columns, told_columns
 from middeck.cli.screen import Table, deviation_words, show
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import options
-from middeck.cli.columns import columns, told_columns
+from middeck.cli.options import columns, told_columns
 from middeck.cli.screen import Table, show
 
 if TYPE_CHECKING:

@@ -14,10 +14,15 @@ import numpy as np
 
 from middeck.errors import DataError
 from middeck.files.looks import NO_RECORD, looks_like
-from middeck.files.records.checked import check_channels, check_finite, check_shape
 from middeck.files.records.columns import Columns, columns_beside, name_columns
 from middeck.files.records.raw import Raw, build_record
-from middeck.files.records.together import join_records, split_periods
+from middeck.files.records.together import (
+    check_channels,
+    check_finite,
+    check_shape,
+    join_records,
+    split_periods,
+)
 from middeck.signals.fault import Fault
 from middeck.signals.record import Campaign, Record, RecordStream, stream_record
 from middeck.values import record

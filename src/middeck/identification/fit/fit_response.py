@@ -22,8 +22,8 @@ from middeck.identification.fit.standing import (
 from middeck.identification.fit.tidy import tidied
 from middeck.identification.model.checks import check_logarithms, check_response, check_word
 from middeck.identification.model.fit_options import Constants, Delay, FitOptions, decided
-from middeck.identification.model.held_response import folded_response
 from middeck.identification.model.measurement_model import MeasurementModel, model_response
+from middeck.identification.model.simulation import folded_response
 from middeck.identification.order.order import EXPLAINED
 from middeck.identification.order.outside_band import choose_order
 from middeck.identification.order.race import count_unknowns, model_error, race, spread_to_follow

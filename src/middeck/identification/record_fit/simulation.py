@@ -15,7 +15,6 @@ from jaxtyping import Float
 
 from middeck.errors import ConfigError, DataError, NumericalError
 from middeck.identification.model.checks import check_record, check_word
-from middeck.identification.model.held_response import held_response
 from middeck.identification.model.measurement_model import (
     RANK,
     MeasurementModel,
@@ -24,6 +23,7 @@ from middeck.identification.model.measurement_model import (
     path_delay,
     single_pole,
 )
+from middeck.identification.model.simulation import held_response
 from middeck.signals.record import Record
 
 Between = Literal["hold", "band-limited"]

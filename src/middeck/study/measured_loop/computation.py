@@ -63,7 +63,7 @@ def design_case(
 
 
 def design_weights(siso: SisoForm, output: Sequence[float], noise: ArrayLike) -> LQGWeights:
-    """Weights of outputs, and sensor ``noise`` [rad^2/Hz]; disturbance and control enter at the same motor."""
+    """Weights of outputs, sensor ``noise`` [rad^2/Hz]; disturbance and control enter at the same motor."""
     return LQGWeights(
         output=np.array(output),
         input=np.array([siso.input_weight]),

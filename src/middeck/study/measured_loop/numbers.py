@@ -8,9 +8,8 @@ from middeck.files.json_results import response_numbers
 from middeck.identification.fit.fit_response import FitResult
 from middeck.identification.model.measurement_model import damping_ratio, natural_hz, path_delay
 from middeck.identification.uncertainty.parameters import stated
-from middeck.study.claim import Claim, at_most, largest
 from middeck.study.measured_loop.computation import SEEN_DB, MeasuredLoop
-from middeck.study.words import Numbers
+from middeck.study.words import Claim, Numbers, at_most, largest
 from middeck.systems.plant import Plant
 
 

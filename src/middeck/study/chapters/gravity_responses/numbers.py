@@ -6,8 +6,7 @@ import numpy as np
 
 from middeck.files.json_results import response_numbers
 from middeck.study.chapters.gravity_responses.computation import GravityResponses
-from middeck.study.claim import Claim, below
-from middeck.study.words import Numbers
+from middeck.study.words import Claim, Numbers, below
 
 
 def figure_6(responses: GravityResponses) -> Numbers:

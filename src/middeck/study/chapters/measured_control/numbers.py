@@ -8,10 +8,9 @@ from middeck.files.json_results import fitted_numbers, response_numbers
 from middeck.identification.model.measurement_model import damping_ratio, natural_hz
 from middeck.laboratory.loop import RigLoop
 from middeck.study.chapters.measured_control.computation import MeasuredControl
-from middeck.study.claim import Claim, at_most, below, largest, row
 from middeck.study.measured_loop.computation import STATIC_HZ, MeasuredLoop, ModeReduction
 from middeck.study.measured_loop.numbers import fit_numbers, loop_numbers, prediction_claims
-from middeck.study.words import Numbers
+from middeck.study.words import Claim, Numbers, at_most, below, largest, row
 
 
 def figure_9a(control: MeasuredControl) -> Numbers:

@@ -11,9 +11,8 @@ from middeck.identification.uncertainty.parameters import stated
 from middeck.study.chapters.two_sensor_control.computation import ABOVE_HZ, FLEXIBLE_HZ, TwoSensorControl
 from middeck.study.chapters.two_sensor_control.measured_sensors import MeasuredSensors, SensorZeros
 from middeck.study.chapters.two_sensor_control.reach import Reach
-from middeck.study.claim import Claim, above, at_most, below, largest, row
 from middeck.study.measured_loop.numbers import fit_numbers, loop_numbers, prediction_claims
-from middeck.study.words import Numbers
+from middeck.study.words import Claim, Numbers, above, at_most, below, largest, row
 
 
 def figure_10a(control: TwoSensorControl) -> Numbers:

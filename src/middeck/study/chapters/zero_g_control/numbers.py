@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from middeck.study.chapters.zero_g_control.computation import SubModelSweep, ZeroGControl
-from middeck.study.claim import Claim, at_most, below, row
-from middeck.study.words import Numbers
+from middeck.study.words import Claim, Numbers, at_most, below, row
 
 
 def figure_7(control: ZeroGControl) -> Numbers:
