@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, cast
 
+from middeck.files import study_form
 from middeck.files.article_build import build_structure
 from middeck.files.article_checks import article_findings
 from middeck.files.article_form import ArticleForm
@@ -27,16 +28,6 @@ from middeck.files.faults import Fault, Finding, finding, raise_faults
 from middeck.files.overrides import Target, apply_overrides
 from middeck.files.rig_build import build_loop_test, build_rig_settings
 from middeck.files.study_checks import fixed_axes, signal_findings
-from middeck.files.study_form import (
-    ControlForm,
-    Figure6Form,
-    MirrorForm,
-    SisoForm,
-    SitoForm,
-    StudyForm,
-    port_findings,
-    study_findings,
-)
 from middeck.files.toml_lines import Path as KeyPath
 from middeck.laboratory.settings import LoopTest, RigSettings
 from middeck.structure.model.article import Structure
@@ -70,13 +61,13 @@ class Study:
     title: str
     seed: int
     cases: tuple[Case, ...]
-    control: ControlForm
+    control: study_form.ControlForm
     rig: RigSettings
     loop_test: LoopTest
-    figure_6: Figure6Form
-    siso: SisoForm
-    sito: SitoForm
-    mirror: MirrorForm
+    figure_6: study_form.Figure6Form
+    siso: study_form.SisoForm
+    sito: study_form.SitoForm
+    mirror: study_form.MirrorForm
     train_file: Path
     test_file: Path
     inputs: tuple[tuple[str, str], ...]
@@ -98,7 +89,7 @@ def load_study(path: str | Path, overrides: Sequence[str] = ()) -> Study:
     source = read_source(path, "study")
     # The file names must be known, overridden or not, before the other documents can be overridden.
     (data,), (changed,) = apply_overrides(
-        [Target(source.file, source.data, StudyForm)], [o for o in overrides if _is_reference(o)]
+        [Target(source.file, source.data, study_form.StudyForm)], [o for o in overrides if _is_reference(o)]
     )
     base = Path(path).parent
     _raise_missing(source, data, changed, base)
@@ -137,7 +128,7 @@ def load_study(path: str | Path, overrides: Sequence[str] = ()) -> Study:
 
 def study_rules(data: dict[str, Any]) -> list[Finding]:
     """Faults of the tables of a study beyond the form of their keys."""
-    return [*study_findings(data), *signal_findings(data)]
+    return [*study_form.study_findings(data), *signal_findings(data)]
 
 
 def _is_reference(override: str) -> bool:
@@ -169,7 +160,7 @@ def _check(
     """Override and check all documents together; an environment once for each article it may hold."""
     pairs = [(a, e) for a in articles for e in environments]
     parts = [
-        (study, StudyForm, study_rules, ""),
+        (study, study_form.StudyForm, study_rules, ""),
         *((s, ArticleForm, article_findings, name) for name, s in articles.items()),
         *((environments[e], EnvironmentForm, environment_findings, a) for a, e in pairs),
     ]
@@ -196,7 +187,7 @@ def _joint_faults(study: Checked[Any], structures: dict[str, Checked[Any]]) -> l
     built = {name: build_structure(cast("ArticleForm", c.form)) for name, c in structures.items()}
     ports = {n: ([a.name for a in s.actuators], [x.name for x in s.sensors]) for n, s in built.items()}
     return [
-        *(study.place(finding) for finding in port_findings(study.form, ports)),
+        *(study.place(finding) for finding in study_form.port_findings(study.form, ports)),
         *(
             structures[name].place(finding)
             for name, structure in built.items()

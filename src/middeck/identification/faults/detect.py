@@ -15,7 +15,7 @@ from middeck.identification.faults.levels import (
 )
 from middeck.identification.faults.pairs import find_pair_faults
 from middeck.identification.faults.relation import find_relation_faults
-from middeck.identification.faults.runs import Found, Runs, Signal, levels_of
+from middeck.identification.faults.runs import Found, Runs, Signal, fault, levels_of
 from middeck.identification.faults.samples import (
     find_clipping,
     find_dropouts,
@@ -105,14 +105,8 @@ def _channel_faults(
     gaps, x = find_gaps(periods.ravel()), _filled(periods.ravel())
     if is_dead(x):
         what = f"does not move: constant at {x[0]:.6g} {port.unit}".rstrip()
-        dead = Found(
-            kind="dead",
-            what=what,
-            hint="check cable and gain, or leave the channel out",
-            severity="unusable",
-            samples=((0, len(x)),),
-        )
-        return gaps or [dead]
+        hint = "check cable and gain, or leave the channel out"
+        return gaps or [fault("dead", what, hint, severity="unusable", samples=((0, len(x)),))]
     levels = levels_of(x)
     found = [*gaps, *find_clipping(x, levels)]
     found += find_dropouts(x, levels, period=period, is_input=is_input)

@@ -30,13 +30,7 @@ from middeck.identification.model.measurement_model import MeasurementModel, mod
 from middeck.identification.model.simulation import folded_response
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.design import residual_of
-from middeck.identification.record_fit.causes import (
-    causes_of,
-    doubts_of_folding,
-    doubts_of_growth,
-    growth_score,
-    named_cause,
-)
+from middeck.identification.record_fit import causes
 from middeck.identification.record_fit.continuous import fit_continuous
 from middeck.identification.record_fit.model import record_covariance
 from middeck.identification.record_fit.noise import negative_log_likelihood, noise_variance
@@ -173,7 +167,7 @@ def _fit(
     lines = _lines(record, data, np.zeros((len(data.s), len(record.outputs), len(record.inputs)), complex))
     options = decided(lines, asked)
     _check_length(record, options.moving + options.at_zero)
-    with named_cause(measured):
+    with causes.named_cause(measured):
         if sampled:
             run, reason = choose_record(
                 record, options, band_hz, states=states, weighting=weighting, tell=tell
@@ -184,7 +178,7 @@ def _fit(
                 record, data, options, local, states=states, weighting=weighting
             )
         fitted = Tidied(data, run, ()) if states is not None else tidied(record, data, run, sampled=sampled)
-        score = np.maximum(growth_score(data, run), growth_score(fitted.data, fitted.run))
+        score = np.maximum(causes.growth_score(data, run), causes.growth_score(fitted.data, fitted.run))
         return _result(measured, record, fitted, reason, score)
 
 
@@ -260,9 +254,9 @@ def _result(measured: Record, record: Record, fit: Tidied, reason: str, score: n
     error = np.sqrt(np.sum(np.abs(r) ** 2, axis=(1, 2)) / np.sum(np.abs(data.H) ** 2, axis=(1, 2)))
     warnings += _doubts(run, record, error)
     warnings += doubts_of_deviations(lines, covariance, of_samples=True)
-    wrong = [*doubts_of_growth(record, score), *_undamped(lines, model, fit)]
-    wrong += [] if model.sample_hz is not None else doubts_of_folding(record)
-    wrong += causes_of(measured, data, run, _lead(fitted, uncertainty.delay_s), error)
+    wrong = [*causes.doubts_of_growth(record, score), *_undamped(lines, model, fit)]
+    wrong += [] if model.sample_hz is not None else causes.doubts_of_folding(record)
+    wrong += causes.causes_of(measured, data, run, _lead(fitted, uncertainty.delay_s), error)
     warnings += [*wrong, *doubts_of_lines(fit.lines)]
     standing = standing_of(lines, covariance, holds=not wrong)
     warnings += doubts_of_standing(covariance, standing)

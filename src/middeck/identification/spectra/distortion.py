@@ -12,14 +12,9 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from middeck.errors import DataError
+from middeck.identification.spectra import periods
 from middeck.identification.spectra.averages import checked_stream
 from middeck.identification.spectra.lines import in_band, refuse_silence
-from middeck.identification.spectra.periods import (
-    PeriodMoments,
-    designed_lines,
-    period_moments,
-    silent_outputs,
-)
 from middeck.signals.ports import Port
 from middeck.signals.record import Record, RecordStream
 from middeck.values import record as frozen
@@ -69,9 +64,9 @@ def estimate_distortion(
         raise DataError(
             "distortion shows on silent lines of periodic records only", hint="an odd random multisine"
         )
-    moments = period_moments(stream)
+    moments = periods.period_moments(stream)
     band = in_band(moments.frequency_hz, band_hz)
-    excited = designed_lines(moments) & band
+    excited = periods.designed_lines(moments) & band
     refuse_silence(excited, band_hz)
     first, last = np.flatnonzero(excited)[[0, -1]]
     lines = np.arange(first, last + 1)
@@ -82,7 +77,7 @@ def estimate_distortion(
         )
     kind = np.where(excited[lines], 1, np.where(lines % 2 == 1, 3, 2))
     scale = 2.0 / stream.period**2
-    left = silent_outputs(moments, excited, lines)
+    left = periods.silent_outputs(moments, excited, lines)
     Y = np.where(excited[lines][:, None, None], moments.mean[lines][:, :, moments.inputs :], left)
     return Distortion(
         frequency_hz=moments.frequency_hz[lines],
@@ -93,7 +88,7 @@ def estimate_distortion(
     )
 
 
-def _noise(moments: PeriodMoments, lines: np.ndarray, scale: float) -> np.ndarray | None:
+def _noise(moments: periods.PeriodMoments, lines: np.ndarray, scale: float) -> np.ndarray | None:
     if moments.periods < 2:
         return None
     outputs = np.real(np.linalg.diagonal(moments.scatter[lines]))[:, moments.inputs :]
