@@ -15,8 +15,7 @@ import numpy as np
 from middeck.files.article_form import GimbalForm, NodeForm, RevoluteForm
 from middeck.files.damping_checks import damping_findings
 from middeck.files.faults import Finding, finding, nearest, show
-from middeck.files.form import inertia_matrix
-from middeck.files.shapes import keys_of
+from middeck.files.form import inertia_matrix, keys_of
 from middeck.files.toml_lines import Path
 from middeck.structure.model.connectivity import separate_parts, some_names
 

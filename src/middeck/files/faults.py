@@ -9,8 +9,7 @@ from typing import Any, NoReturn
 from pydantic import ValidationError
 
 from middeck.errors import ConfigError
-from middeck.files.form import UNITS, Form, stem, unit_of
-from middeck.files.shapes import form_at
+from middeck.files.form import UNITS, Form, form_at, stem, unit_of
 from middeck.files.toml_lines import Path
 from middeck.values import record
 

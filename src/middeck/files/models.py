@@ -13,7 +13,7 @@ from middeck.files.exchange.mat import write_mat
 from middeck.files.json_input import json_numbers, read_json, read_ports, require_keys
 from middeck.files.json_output import write_json
 from middeck.identification.model.measurement_model import MeasurementModel, path_delay
-from middeck.identification.plants.modal_states import rational_statespace
+from middeck.identification.plants.measured_plant import rational_statespace
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.unknowns import Structure, places_of
 from middeck.systems.plant import Plant, delay_plant

@@ -11,7 +11,6 @@ from middeck.cli import options
 from middeck.cli.screen import show
 
 if TYPE_CHECKING:
-    from middeck.errors import NumericalError
     from middeck.structure.model.article import Structure
     from middeck.structure.model.environment import Environment
 
@@ -103,16 +102,12 @@ def _in_environment(
         modes = solve_modes(rest, COUNT)
         found += [_doubt(text) for text in (*mesh_warnings(modes, SHOWN), *modes.warnings)]
     except NumericalError as error:
-        found.append(_fault(error))
+        found.append({"grade": "fault", "where": error.where, "what": error.what, "hint": error.hint})
     return numbers, found
 
 
 def _doubt(what: str, where: str = "", hint: str = "") -> dict[str, Any]:
     return {"grade": "doubt", "where": where, "what": what, "hint": hint}
-
-
-def _fault(error: NumericalError) -> dict[str, Any]:
-    return {"grade": "fault", "where": error.where, "what": error.what, "hint": error.hint}
 
 
 WORD = {"doubt": "warning", "fault": "fault"}

@@ -12,7 +12,7 @@ from middeck.cli.screen import Table, show
 
 if TYPE_CHECKING:
     from middeck.cli.lqg import DesignedLoop
-    from middeck.cli.plants import Band, FittedPlant, Wanted
+    from middeck.cli.plants import FittedPlant, Wanted
     from middeck.cli.settings import LoopSettings
     from middeck.systems.plant import Plant
 
@@ -100,7 +100,10 @@ def verb(
     wanted = Wanted(options.separate_names(control), options.separate_names(measure))
     warnings: tuple[str, ...] = ()
     if from_article:
-        plant, band_hz = _article_plant(sources[0], environment, overrides, count, wanted)
+        from middeck.cli.cases import solve_case
+        from middeck.cli.plants import article_plant
+
+        plant, band_hz = article_plant(solve_case(sources[0], environment, overrides), count, wanted)
     else:
         fitted = _fitted_plant(sources, settings, wanted)
         plant, band_hz, warnings = fitted.plant, fitted.band_hz, fitted.warnings
@@ -120,15 +123,6 @@ def _log10_authority(authority: float | None, log10_authority: float | None) -> 
     if log10_authority is not None:
         return log10_authority
     return math.log10(10.0 if authority is None else authority)
-
-
-def _article_plant(
-    article: str, environment: str, overrides: tuple[str, ...], count: int, wanted: Wanted
-) -> tuple[Plant, Band]:
-    from middeck.cli.cases import solve_case
-    from middeck.cli.plants import article_plant
-
-    return article_plant(solve_case(article, environment, overrides), count, wanted)
 
 
 def _fitted_plant(sources: tuple[str, ...], settings: LoopSettings, wanted: Wanted) -> FittedPlant:

@@ -135,7 +135,7 @@ def recommend_states(
         return runs[states][0]
 
     best: Polished | None = None
-    lacking, most = True, np.hypot(LACKING, _noise_of(spread))
+    lacking, most = True, np.hypot(LACKING, float(np.sqrt(np.mean(spread.variance / spread.at(1.0)))))
     for states in order.sizes():
         sized = options.sized(states)
         if 2 * count_unknowns(measured, sized) > part.H.size:
@@ -180,11 +180,6 @@ def _no_order(measured: FrequencyResponse, part: Data, options: FitOptions) -> D
         f"{len(part.s)} lines are too few to choose an order by: the least model has {unknowns} unknowns",
         hint=f"{least} lines or more (a wider band, a longer period), or say how many states",
     )
-
-
-def _noise_of(spread: Spread) -> float:
-    """Error that the measured variance alone leaves, as `_held_out` counts it."""
-    return float(np.sqrt(np.mean(spread.variance / spread.at(1.0))))
 
 
 def _started(

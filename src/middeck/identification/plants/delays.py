@@ -67,7 +67,7 @@ def merge_delays(covariance: ModelCovariance, *, level: float = LEVEL) -> Merged
     unchanged = MergedDelays(model, (), 1.0)
     if len(J) < 2 or not np.all(np.diag(spread) > 0.0):
         return unchanged
-    delay_s = _delays(model)
+    delay_s = model.delay_s if model.path_delay_s is None else path_delay(model).ravel()
     groups, merged_s, p = _coarsest(delay_s, spread, covariance.degrees, level)
     if len(groups) == len(delay_s):
         return unchanged
@@ -92,10 +92,6 @@ def _delay_rows(covariance: ModelCovariance) -> Float[np.ndarray, "delay unknown
         return unit[at.delay]
     beyond = np.where(at.path[:, :, None] >= 0, unit[at.path], 0.0)
     return (unit[at.delay][:, None] + beyond).reshape(-1, at.size)
-
-
-def _delays(model: MeasurementModel) -> Float[np.ndarray, " delay"]:
-    return model.delay_s if model.path_delay_s is None else path_delay(model).ravel()
 
 
 def _with_delays(model: MeasurementModel, delay_s: np.ndarray) -> MeasurementModel:

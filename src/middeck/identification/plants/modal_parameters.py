@@ -85,6 +85,7 @@ def modal_parameters(
     turned = shapes * np.exp(-0.5j * np.angle(np.sum(shapes**2, axis=0)))
     largest = np.argmax(np.abs(turned.real), axis=0)
     turned = turned * np.where(np.take_along_axis(turned.real, largest[None], axis=0) < 0.0, -1.0, 1.0)
+    size = np.sum(np.abs(turned) ** 2, axis=0)
     return ModalParameters(
         natural_hz=natural_hz(model)[pairs],
         damping=damping_ratio(model)[pairs],
@@ -93,7 +94,7 @@ def modal_parameters(
         real_shapes=turned.real,
         modal_mass=mass,
         complexity=np.abs(np.sum(turned**2, axis=0)) ** 2 / np.sum(np.abs(turned) ** 2, axis=0) ** 2,
-        mac=_mac(turned),
+        mac=np.abs(turned.conj().T @ turned) ** 2 / np.outer(size, size),
         inputs=model.inputs,
         outputs=model.outputs,
     )
@@ -117,8 +118,3 @@ def _positive(at_point: np.ndarray, hz: np.ndarray, drive_point: tuple[str, str]
             hint="the same point and direction, a displacement from a force, and modes that move it",
         )
     return at_point
-
-
-def _mac(shapes: np.ndarray) -> Float[np.ndarray, "mode mode"]:
-    size = np.sum(np.abs(shapes) ** 2, axis=0)
-    return np.abs(shapes.conj().T @ shapes) ** 2 / np.outer(size, size)

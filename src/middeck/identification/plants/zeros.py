@@ -21,7 +21,7 @@ from middeck.identification.model.measurement_model import (
     rational_slope,
 )
 from middeck.identification.model.selection import select_channels
-from middeck.identification.plants.modal_states import rational_statespace
+from middeck.identification.plants.measured_plant import rational_statespace
 from middeck.systems.delay_approximation import SAME_DELAY_S
 from middeck.systems.delayed_sampling import is_sum
 from middeck.systems.transmission_zeros import transmission_zeros

@@ -59,7 +59,9 @@ def fit_continuous(
     first, failed = (None, None) if short and states is None else _attempt(local)
     starts, reason = [], ""
     if first is not None:
-        options, reason = _terms_of(first, options), first.order_reason
+        structure = first.covariance.structure
+        options = dataclasses.replace(options, residuals=structure.with_lower, direct=structure.with_direct)
+        reason = first.order_reason
         starts = _prompt(record, [_start_of(first, options)])
     found = _led(record, data, starts, weighting)
     if short or found is None or first is None or float(np.max(first.error)) > POOR:
@@ -73,12 +75,6 @@ def fit_continuous(
     if found is None:
         raise failed or _no_start()
     return *_finished(record, *found, weighting), reason
-
-
-def _terms_of(first: FitResult, options: FitOptions) -> FitOptions:
-    """With the terms for modes outside the band that a response of no stated order has asked for."""
-    structure = first.covariance.structure
-    return dataclasses.replace(options, residuals=structure.with_lower, direct=structure.with_direct)
 
 
 def _finished(

@@ -256,7 +256,9 @@ def _result(measured: Record, record: Record, fit: Tidied, reason: str, score: n
     warnings += doubts_of_deviations(lines, covariance, of_samples=True)
     wrong = [*causes.doubts_of_growth(record, score), *_undamped(lines, model, fit)]
     wrong += [] if model.sample_hz is not None else causes.doubts_of_folding(record)
-    wrong += causes.causes_of(measured, data, run, _lead(fitted, uncertainty.delay_s), error)
+    leads = (fitted.delay_s < 0.0) & (uncertainty.delay_s > 0.0)
+    lead = np.divide(-fitted.delay_s, uncertainty.delay_s, out=np.zeros(len(leads)), where=leads)
+    wrong += causes.causes_of(measured, data, run, lead, error)
     warnings += [*wrong, *doubts_of_lines(fit.lines)]
     standing = standing_of(lines, covariance, holds=not wrong)
     warnings += doubts_of_standing(covariance, standing)
@@ -274,12 +276,6 @@ def _result(measured: Record, record: Record, fit: Tidied, reason: str, score: n
         lines=fit.lines,
         delay_standing=standing_of_delays(lines, covariance, holds=not wrong),
     )
-
-
-def _lead(fitted: MeasurementModel, deviation: Float[np.ndarray, " output"]) -> Float[np.ndarray, " output"]:
-    """By how many of its deviations each output leads its input; zero for one that does not."""
-    leads = (fitted.delay_s < 0.0) & (deviation > 0.0)
-    return np.divide(-fitted.delay_s, deviation, out=np.zeros(len(deviation)), where=leads)
 
 
 def _undamped(lines: FrequencyResponse, model: MeasurementModel, fit: Tidied) -> list[str]:

@@ -77,7 +77,8 @@ def _refined(data: Data, run: RecordRun, rounds: int, steps: int) -> RecordRun |
         r = residual_of(layout, data, found.theta, found.step.linear)
         v = _variance_of(r, data, layout, found.theta, weighting)
         likelihood = noise.negative_log_likelihood(r, v)
-    if layout.options.period_s > 0.0 and _slow_reals(layout, data, found.theta) > 1:
+    decays = np.exp(found.theta[layout.pairs : len(layout.pair)]) * data.length_s
+    if layout.options.period_s > 0.0 and int(np.sum(decays < SLOW_REAL)) > 1:
         return None
     return dataclasses.replace(run, refined=found, variance=v, likelihood=likelihood)
 
@@ -101,11 +102,6 @@ def _variance_of(
 def _denominator(data: Data, start: Start) -> Float[np.ndarray, " line"]:
     p = start.point.poles
     return noise.denominator(data.s, np.concatenate([p, p[start.layout.pair].conj()]), data.period_s)
-
-
-def _slow_reals(layout: Layout, data: Data, theta: np.ndarray) -> int:
-    decays = np.exp(theta[layout.pairs : len(layout.pair)]) * data.length_s
-    return int(np.sum(decays < SLOW_REAL))
 
 
 def _bounds(layout: Layout, data: Data) -> tuple[np.ndarray, np.ndarray]:

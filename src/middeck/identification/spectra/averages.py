@@ -116,7 +116,7 @@ def _cut(
     if period is not None:
         return period, period, np.ones(period)
     shortest = min(stream.samples for stream in streams)
-    size = _default(shortest) if segment is None else segment
+    size = max(SHORTEST, 2 ** int(np.log2(2 * shortest / (SEGMENTS + 1)))) if segment is None else segment
     if not (SHORTEST <= size <= shortest and 0.0 <= overlap < 1.0):
         raise DataError(
             f"segments of {size} samples that overlap by {overlap:g} do not fit {shortest} samples",
@@ -131,10 +131,6 @@ def checked_stream(record: Record | RecordStream) -> RecordStream:
         return record
     check_record(record)
     return stream_record(record)
-
-
-def _default(samples: int) -> int:
-    return max(SHORTEST, 2 ** int(np.log2(2 * samples / (SEGMENTS + 1))))
 
 
 def _sum(

@@ -57,7 +57,9 @@ def _stand_still(before: np.ndarray, after: np.ndarray) -> bool:
 
 def _relocated(data: Data, q: np.ndarray, poles: np.ndarray, *, sampled: bool) -> np.ndarray | None:
     upper, real = poles[np.imag(poles) > 0.0], np.real(poles[np.imag(poles) == 0.0])
-    phi = _fractions(q, upper, real)
+    up, low = (1.0 / (q - p[:, None]) for p in (upper, upper.conj()))
+    pairs = np.stack([up + low, 1j * (up - low)], axis=1).reshape(-1, len(q))
+    phi = np.vstack([pairs, 1.0 / (q - real[:, None])])
     size = np.linalg.norm(phi, axis=1)
     phi = phi / size[:, None]
     rows = [
@@ -76,13 +78,6 @@ def _relocated(data: Data, q: np.ndarray, poles: np.ndarray, *, sampled: bool) -
     if not np.isfinite(found).all() or abs(d) < SMALLEST_CONSTANT * np.abs(found).max():
         return None
     return _stable(_zeros(upper, real, found[:-1] / size / d), sampled=sampled)
-
-
-def _fractions(q: np.ndarray, upper: np.ndarray, real: np.ndarray) -> Complex[np.ndarray, "column line"]:
-    """1/(q - p) of a pair as its sum and as j times its difference, then of the real poles."""
-    up, low = (1.0 / (q - p[:, None]) for p in (upper, upper.conj()))
-    pairs = np.stack([up + low, 1j * (up - low)], axis=1).reshape(-1, len(q))
-    return np.vstack([pairs, 1.0 / (q - real[:, None])])
 
 
 def _common_rows(

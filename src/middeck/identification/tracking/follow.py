@@ -140,13 +140,6 @@ class Tracking:
         return 1.0 + self.mean[len(self.mean) - outputs * modes :].reshape(outputs, modes)
 
     @property
-    def gain_std(self) -> Float[np.ndarray, "output mode"]:
-        """Their standard deviations."""
-        outputs, modes = self.followed.shapes.shape
-        first = len(self.mean) - outputs * modes
-        return self._deviation(np.arange(first, len(self.mean))).reshape(outputs, modes)
-
-    @property
     def trusted(self) -> bool:
         """Whether the innovations are white and as large as stated; if not, the model does not hold."""
         return is_trusted(self.products, self.weight, len(self.followed.noise_rms))

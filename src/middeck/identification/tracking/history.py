@@ -55,18 +55,9 @@ def track_modes(state: Tracking, measured: Record, *, block: int = 256) -> Track
         )
     u, y = (x[0].reshape(-1, x.shape[3]) for x in (measured.u, measured.y))
     states = list(_blocks(state, u, y, block))
-
-    def column(name: str) -> np.ndarray:
-        return np.array([getattr(s, name) for s in states])
-
+    names = ("time_s", "natural_hz", "frequency_std_hz", "damping", "damping_std", "trusted", "jumps")
     return Tracked(
-        time_s=column("time_s"),
-        natural_hz=column("natural_hz"),
-        frequency_std_hz=column("frequency_std_hz"),
-        damping=column("damping"),
-        damping_std=column("damping_std"),
-        trusted=column("trusted"),
-        jumps=column("jumps"),
+        **{name: np.array([getattr(s, name) for s in states]) for name in names},
         restarts=np.array([len(s.restarts) for s in states]),
         state=states[-1],
     )

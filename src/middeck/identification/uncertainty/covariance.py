@@ -22,11 +22,12 @@ from middeck.identification.spectra.weights import NEIGHBOURS, by_output
 from middeck.identification.uncertainty import orthogonal
 from middeck.identification.uncertainty.entry_factors import (
     EntrySlopes,
+    common_noise,
+    common_scores,
     entry_factors,
     entry_slopes,
     shared_functions,
 )
-from middeck.identification.uncertainty.entry_noise import common_noise, common_scores
 from middeck.identification.uncertainty.unknowns import Places, Structure, places_of, ties, unknowns_of
 from middeck.systems.response import FrequencyResponse
 from middeck.values import record

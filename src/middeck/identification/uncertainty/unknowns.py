@@ -67,7 +67,7 @@ def places_of(model: MeasurementModel, structure: Structure) -> Places:
     first = np.argmax(model.poles[:, None] == model.poles[None], axis=1)
     alone = np.bincount(first, minlength=modes)[first] == 1
     free_b = parts[:, None] & alone[:, None, None] & np.ones((modes, inputs, 1), bool)
-    free_b[np.arange(modes), _pivot(model)] = False
+    free_b[np.arange(modes), np.argmax(np.abs(model.participation), axis=1)] = False
     own = first == np.arange(modes)
     late = np.arange(outputs) < (1 if structure.common_delay else outputs)
     entries = (outputs, inputs)
@@ -112,10 +112,6 @@ def _free_paths(model: MeasurementModel, structure: Structure) -> Bool[np.ndarra
         return np.zeros(model.direct.shape, bool)
     earliest = np.argmin(model.path_delay_s, axis=1)
     return np.arange(model.direct.shape[1]) != earliest[:, None]
-
-
-def _pivot(model: MeasurementModel) -> np.ndarray:
-    return np.argmax(np.abs(model.participation), axis=1)
 
 
 def unknowns_of(model: MeasurementModel, structure: Structure) -> Float[np.ndarray, " unknown"]:

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 
 import numpy as np
-from jaxtyping import Float
 from numpy.typing import ArrayLike
 
 from middeck.control.law.compensator import Compensator, evaluate_compensator
@@ -207,7 +206,8 @@ def _predicted_rms(case: DesignCase, compensator: Compensator | None) -> float:
 def _worst_error(
     open_loop: FrequencyResponse, predicted: FrequencyResponse, measured: FrequencyResponse
 ) -> tuple[float, float]:
-    seen = _seen(open_loop.H[:, 0, 0])
+    size = np.abs(open_loop.H[:, 0, 0])
+    seen = np.flatnonzero(size > size.max() * 10.0 ** (-SEEN_DB / 20.0))
     error = np.abs(20.0 * np.log10(np.abs(predicted.H[seen, 0, 0] / measured.H[seen, 0, 0])))
     at = int(np.argmax(error))
     return float(error[at]), float(measured.frequency_hz[seen][at])
@@ -228,8 +228,3 @@ def _mode_reductions(case: DesignCase, closed: FrequencyResponse) -> tuple[ModeR
             peaks = [float(np.max(np.abs(r.H[near, 0, 0]))) for r in (closed, case.measured)]
             found.append(ModeReduction(float(mode), float(20.0 * np.log10(peaks[0] / peaks[1]))))
     return tuple(found)
-
-
-def _seen(H: np.ndarray) -> Float[np.ndarray, " line"]:
-    size = np.abs(H)
-    return np.flatnonzero(size > size.max() * 10.0 ** (-SEEN_DB / 20.0))

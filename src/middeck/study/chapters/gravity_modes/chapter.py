@@ -8,8 +8,7 @@ from middeck.structure.gravity.comparison import ModeComparison
 from middeck.study.chapter import Chapter, Drawing, Entry
 from middeck.study.chapters.gravity_modes import numbers, text
 from middeck.study.chapters.gravity_modes.figure_3 import figure_3
-from middeck.study.chapters.gravity_modes.figure_4 import figure_4
-from middeck.study.chapters.gravity_modes.figure_5 import figure_5
+from middeck.study.chapters.gravity_modes.figures_4_5 import figure_4, figure_5
 from middeck.study.shared import compare_environments
 
 TITLE_3 = "Figure 3: the article in 0-g and hung in 1-g"
