@@ -19,6 +19,8 @@ SYSTEMS = (".json", ".mat")
 COMMANDS = (".csv", ".npz")
 RECORDS = (".npz", ".csv", ".h5", ".hdf5", ".mat", ".uff", ".unv", ".uf", ".58")
 RESPONSES = (".uff", ".unv", ".uf", ".58")
+# Help of options that `design` and `qualify` share.
+SENSOR_NOISE, INPUT_NOISE = "Sensor noise, output unit/sqrt(Hz).", "Noise at the inputs, unit/sqrt(Hz)."
 STREAMS = (".h5", ".hdf5", ".csv")
 
 
@@ -126,6 +128,11 @@ def written(*flags: str, endings: Sequence[str], help: str, metavar: str = "") -
 
     named = metavar or f"FILE{'|'.join(endings)}"
     return click.option(*flags, metavar=named, callback=check, help=help)
+
+
+model_file = written(
+    "-o", "--output", "model_file", endings=SYSTEMS, metavar="MODEL.json|mat", help="Write the model."
+)
 
 
 def require_writable(path: str, endings: Sequence[str], option: str) -> None:

@@ -16,10 +16,9 @@ from middeck.files.article_form import GimbalForm, NodeForm, RevoluteForm
 from middeck.files.damping_checks import damping_findings
 from middeck.files.faults import Finding, finding, nearest, show
 from middeck.files.form import inertia_matrix, keys_of
+from middeck.files.tables import Table, array_of, is_number, table_of, tables
 from middeck.files.toml_lines import Path
 from middeck.structure.model.connectivity import separate_parts, some_names
-
-Table = dict[str, Any]
 
 TUBE_KEYS = ("outer_diameter_m", "inner_diameter_m", "shear")
 STIFFNESS_KEYS = ("EA_n", "GJ_nm2", "EI_y_nm2", "EI_z_nm2", "rho_A_kg_per_m")
@@ -49,19 +48,9 @@ def article_findings(data: Table) -> list[Finding]:
     ]
 
 
-def tables(data: Table, key: str) -> Iterator[tuple[int, Table]]:
-    """The tables of the array ``key`` with their indices; nothing if it is no array of tables."""
-    items = data.get(key)
-    for index, item in enumerate(cast("list[Any]", items) if isinstance(items, list) else []):
-        if isinstance(item, dict):
-            yield index, cast("Table", item)
-
-
 def named_tables(data: Table, key: str) -> dict[str, Table]:
     """The sub-tables of table ``key`` by name."""
-    found = data.get(key)
-    pairs = cast("Table", found).items() if isinstance(found, dict) else ()
-    return {name: cast("Table", t) for name, t in pairs if isinstance(t, dict)}
+    return {name: t for name, t in table_of(data, key).items() if isinstance(t, dict)}
 
 
 def node_names(data: Table) -> list[str]:
@@ -82,7 +71,7 @@ def _axis_names(data: Table) -> list[str]:
 def attach_names(data: Table) -> list[str]:
     """Names of the attach points: the suspension's nodes and the listed ones."""
     listed = [str(t["name"]) for _, t in tables(data, "attach") if "name" in t]
-    return [*map(str, _suspension_array(data, "nodes")), *listed]
+    return [*map(str, array_of(table_of(data, "suspension"), "nodes")), *listed]
 
 
 def _damped_names(data: Table) -> dict[str, list[str]]:
@@ -95,12 +84,6 @@ def _damped_names(data: Table) -> dict[str, list[str]]:
         "material": list(named_tables(data, "material")),
         "section": list(named_tables(data, "section")),
     }
-
-
-def _suspension_array(data: Table, key: str) -> list[Any]:
-    suspension = data.get("suspension")
-    value = cast("Table", suspension).get(key) if isinstance(suspension, dict) else None
-    return cast("list[Any]", value) if isinstance(value, list) else []
 
 
 def _sections(data: Table) -> Iterator[Finding]:
@@ -135,7 +118,9 @@ def _names(data: Table) -> Iterator[Finding]:
     for table in ("revolute", "proof_mass"):
         frames += [((table, i, "name"), t.get("name")) for i, t in tables(data, table)]
     yield from _twice(frames, "frame")
-    points = [(("suspension", "nodes", i), n) for i, n in enumerate(_suspension_array(data, "nodes"))]
+    points = [
+        (("suspension", "nodes", i), n) for i, n in enumerate(array_of(table_of(data, "suspension"), "nodes"))
+    ]
     points += [(("attach", i, "name"), t.get("name")) for i, t in tables(data, "attach")]
     yield from _twice(points, "attach point")
     for kind in ("strut", "spring"):
@@ -192,7 +177,7 @@ def _references(data: Table) -> Iterator[Finding]:
             anywhere = "axis" in t or t.get("kind") in AT_POINT
             known, kind = (frames, "frame") if anywhere else (joints, "joint (or give an axis)")
             yield from _unknown((table, i, "frame"), t.get("frame"), known, kind)
-    for i, name in enumerate(_suspension_array(data, "nodes")):
+    for i, name in enumerate(array_of(table_of(data, "suspension"), "nodes")):
         yield from _unknown(("suspension", "nodes", i), name, frames, "frame")
 
 
@@ -234,7 +219,7 @@ def _position(node: Table) -> np.ndarray | None:
 
 
 def _all_numbers(*values: Any) -> bool:
-    return all(isinstance(v, int | float) and not isinstance(v, bool) and math.isfinite(v) for v in values)
+    return all(is_number(v) and math.isfinite(v) for v in values)
 
 
 def _is_vector(value: Any) -> bool:
@@ -261,7 +246,7 @@ def _joined(data: Table, nodes: set[str]) -> list[tuple[str, str]]:
         carrier |= {f"{t.get('name')}_x": str(t.get("node")), f"{t.get('name')}_z": str(t.get("node"))}
     for table, key in (("revolute", "parent"), ("proof_mass", "node")):
         carrier |= {str(t.get("name")): str(t.get(key)) for _, t in tables(data, table)}
-    frame = {str(name): str(name) for name in _suspension_array(data, "nodes")}
+    frame = {str(name): str(name) for name in array_of(table_of(data, "suspension"), "nodes")}
     frame |= {str(t.get("name")): str(t.get("frame")) for _, t in tables(data, "attach")}
     ends = [(str(t.get("from")), str(t.get("to"))) for _, t in tables(data, "strut")]
     for _, t in tables(data, "spring"):
@@ -330,7 +315,7 @@ def _travels(data: Table) -> Iterator[Finding]:
 
 
 def _travel(path: Path, t: Table, key: str, start: str) -> Iterator[Finding]:
-    ends = cast("list[Any]", t[key]) if isinstance(t.get(key), list) else []
+    ends = array_of(t, key)
     if len(ends) != 2 or not _all_numbers(*ends):  # the form has refused it, or there is none
         return
     at = 0.0 if start == key else t.get(start, 0.0)
@@ -388,10 +373,11 @@ def _axis_state(path: Path, t: Table, middle: str) -> Iterator[Finding]:
 
 
 def _attach(data: Table) -> Iterator[Finding]:
-    nodes, offsets = _suspension_array(data, "nodes"), _suspension_array(data, "offsets_m")
-    suspension = data.get("suspension")
-    both = isinstance(suspension, dict) and "nodes" in suspension and "offsets_m" in suspension
-    if both and len(nodes) != len(offsets):
+    nodes, offsets = (
+        array_of(table_of(data, "suspension"), "nodes"),
+        array_of(table_of(data, "suspension"), "offsets_m"),
+    )
+    if {"nodes", "offsets_m"} <= set(table_of(data, "suspension")) and len(nodes) != len(offsets):
         message = f"{len(offsets)} offsets for {len(nodes)} nodes; must be one each, in m"
         yield finding(("suspension", "offsets_m"), message)
     for i, t in tables(data, "spring"):

@@ -7,8 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, cast
 
 from middeck.files.faults import Finding, finding, nearest
-
-Table = dict[str, Any]
+from middeck.files.tables import Table, table_of, tables
 
 PLACES = ("joint", "spring", "attach")
 KEY = {"joint": "c_joint_nms_per_rad", "spring": "c_ns_per_m", "attach": "c_ns_per_m"}
@@ -17,21 +16,18 @@ WORDS = {"attach": "attach point"}
 
 def damping_findings(data: Table, known: Mapping[str, Sequence[str]]) -> list[Finding]:
     """Faults of ``[damping]`` in an article; ``known`` has the names of its parts by key."""
-    damping = data.get("damping")
-    if not isinstance(damping, dict):
-        return []
-    table = cast("Table", damping)
-    return [*_table(table), *_loss_factors(table, known), *_devices(table, known)]
+    damping = table_of(data, "damping")
+    return [*_table(damping), *_loss_factors(damping, known), *_devices(damping, known)]
 
 
 def _table(damping: Table) -> Iterator[Finding]:
-    table = damping.get("table")
-    if not isinstance(table, dict):
+    ratios_at = damping.get("table")
+    if not isinstance(ratios_at, dict):
         return
     for key in (k for k in ("flexible", "suspension", "rule") if k in damping):
         message = "a ratio or rule beside a table that holds for every mode"
         yield finding(("damping", key), message, damping[key], hint="leave out one of the two")
-    f, ratio = (cast("Table", table).get(key) for key in ("frequency_hz", "ratio"))
+    f, ratio = (cast("Table", ratios_at).get(key) for key in ("frequency_hz", "ratio"))
     if not isinstance(f, list) or not isinstance(ratio, list):
         return
     frequencies, ratios = cast("list[Any]", f), cast("list[Any]", ratio)
@@ -45,17 +41,13 @@ def _table(damping: Table) -> Iterator[Finding]:
 
 def _loss_factors(damping: Table, known: Mapping[str, Sequence[str]]) -> Iterator[Finding]:
     for key in ("material", "section"):
-        factors = damping.get(key)
-        for name in cast("Table", factors) if isinstance(factors, dict) else ():
+        for name in table_of(damping, key):
             yield from _unknown(("damping", key, name), name, key, known)
 
 
 def _devices(damping: Table, known: Mapping[str, Sequence[str]]) -> Iterator[Finding]:
-    devices = damping.get("device")
-    for i, item in enumerate(cast("list[Any]", devices) if isinstance(devices, list) else []):
-        if not isinstance(item, dict):
-            continue
-        device, path = cast("Table", item), ("damping", "device", i)
+    for i, device in tables(damping, "device"):
+        path = ("damping", "device", i)
         places = [p for p in PLACES if p in device]
         if len(places) != 1:
             yield finding(path, f"names {len(places)} places; must be one", hint="joint, spring or attach")

@@ -120,22 +120,12 @@ def sha256_of(path: str | Path) -> str:
 
 def place_in(source: Source, changed: Mapping[KeyPath, str], finding: Finding) -> Fault:
     """Where ``finding`` lies: at the override in ``changed`` that set the value, or in the file."""
-    key = ".".join(map(str, finding.path))
-    for end in range(len(finding.path), 0, -1):
-        setter = changed.get(finding.path[:end])
-        if setter:
-            return Fault(
-                file=f"--set {setter}",
-                line=0,
-                key=key,
-                message=finding.message,
-                value=finding.value,
-                hint=finding.hint,
-            )
-    line = line_of(source.lines, finding.path)
-    return Fault(
-        file=source.file, line=line, key=key, message=finding.message, value=finding.value, hint=finding.hint
-    )
+    file, line = source.file, line_of(source.lines, finding.path)
+    for end in range(1, len(finding.path) + 1):
+        if setter := changed.get(finding.path[:end]):
+            file, line = f"--set {setter}", 0
+    key, value = ".".join(map(str, finding.path)), finding.value
+    return Fault(file=file, line=line, key=key, message=finding.message, value=value, hint=finding.hint)
 
 
 def check(

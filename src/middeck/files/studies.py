@@ -99,7 +99,7 @@ def load_study(path: str | Path, overrides: Sequence[str] = ()) -> Study:
     articles = {name: s for (name, _), s in zip(names, sources, strict=False)}
     environments = {name: s for (name, _), s in zip(files, sources[len(names) :], strict=True)}
     study, structures, surroundings = _check(source, articles, environments, overrides)
-    form = cast("StudyForm", study.form)
+    form = cast("study_form.StudyForm", study.form)
     records = [base / form.mirror.train, base / form.mirror.test]
     files = [Path(path), *(Path(s.file) for s in (*articles.values(), *environments.values())), *records]
     built = {name: build_structure(cast("ArticleForm", c.form)) for name, c in structures.items()}

@@ -9,6 +9,8 @@ from pydantic import Field
 
 from middeck.files.faults import Finding, finding, nearest
 from middeck.files.form import Finite, Form, Name, NotNegative, Positive, whole, within
+from middeck.files.tables import Table, array_of, table_of
+from middeck.files.toml_lines import Path
 
 Names = Annotated[tuple[str, ...], Field(strict=False, min_length=1)]
 Numbers = Annotated[tuple[NotNegative, ...], Field(strict=False, min_length=1)]
@@ -169,45 +171,38 @@ class StudyForm(Form):
     mirror: MirrorForm
 
 
-Table = dict[str, Any]
+BANDS = (
+    *(("control", "band_hz"), ("figure_6", "band_hz"), ("siso", "band_hz")),
+    *(("siso", "fit_band_hz"), ("sito", "fit_band_hz")),
+)
 
 
 def study_findings(data: Table) -> list[Finding]:
     """Faults of a study beyond the form of its keys; tolerates a broken form."""
-    control = _table(data, "control")
+    control = table_of(data, "control")
     return [
         *_one_each(control, "pd_loops", ["pd_kp_nm_per_rad", "pd_kd_nms_per_rad"]),
         *_one_each(control, "metric", ["metric_weights"]),
         *_one_each(control, "inputs", ["input_weight"]),
-        *_ascending(data, "control", "band_hz"),
-        *_ascending(data, "figure_6", "band_hz"),
-        *_ascending(data, "siso", "band_hz"),
-        *_ascending(data, "siso", "fit_band_hz"),
-        *_ascending(data, "sito", "fit_band_hz"),
-        *_one_each(_table(data, "sito"), "sensors", ["angle_noise_rad_per_rthz"], "sito"),
-        *_one_each(_table(data, "sito"), "smaller_states", ["smaller_bands_hz"], "sito"),
+        *(f for where in BANDS for f in _ascending(where, table_of(data, where[0]).get(where[1]))),
+        *_one_each(table_of(data, "sito"), "sensors", ["angle_noise_rad_per_rthz"], "sito"),
+        *_one_each(table_of(data, "sito"), "smaller_states", ["smaller_bands_hz"], "sito"),
         *_levels(control),
         *_weighed(control),
         *_two_rates(data),
         *_documents(data),
         *_rubs(data),
         *_gap(data),
-        *_even(data, "siso"),
-        *_even(data, "sito"),
+        *(f for key in ("siso", "sito") for f in _even((key, "states"), table_of(data, key).get("states"))),
         *_smaller(data),
         *_two_sensors(data),
     ]
 
 
-def _table(data: Table, key: str) -> Table:
-    value = data.get(key)
-    return cast("Table", value) if isinstance(value, dict) else {}
-
-
-def _one_each(table: Table, names: str, keys: list[str], where: str = "control") -> Iterator[Finding]:
-    wanted = table.get(names)
+def _one_each(settings: Table, names: str, keys: list[str], where: str = "control") -> Iterator[Finding]:
+    wanted = settings.get(names)
     for key in keys:
-        given = table.get(key)
+        given = settings.get(key)
         if isinstance(wanted, list) and isinstance(given, list):
             count, needed = len(cast("list[Any]", given)), len(cast("list[Any]", wanted))
             if count != needed:
@@ -215,11 +210,10 @@ def _one_each(table: Table, names: str, keys: list[str], where: str = "control")
                 yield finding((where, key), message, given)
 
 
-def _ascending(data: Table, table: str, key: str) -> Iterator[Finding]:
-    band = _table(data, table).get(key)
+def _ascending(where: Path, band: Any) -> Iterator[Finding]:
     match band:
         case [int() | float() as low, int() | float() as high] if not low < high:
-            yield finding((table, key), "must ascend, [lowest, highest] in Hz", band)
+            yield finding(where, "must ascend, [lowest, highest] in Hz", band)
         case _:
             return
 
@@ -242,7 +236,7 @@ def _weighed(control: Table) -> Iterator[Finding]:
 
 def _two_rates(data: Table) -> Iterator[Finding]:
     """Figures 6a and 6b show one rate each, of payload and bus in the paper."""
-    match _table(data, "figure_6").get("outputs"):
+    match table_of(data, "figure_6").get("outputs"):
         case [str() as first, str() as second] if first.endswith("_rate") and second.endswith("_rate"):
             return
         case list() as given:
@@ -253,35 +247,23 @@ def _two_rates(data: Table) -> Iterator[Finding]:
             return
 
 
-def _even(data: Table, table: str) -> Iterator[Finding]:
-    states = _table(data, table).get("states")
+def _even(where: Path, states: Any) -> Iterator[Finding]:
     if isinstance(states, int) and states % 2:
-        yield finding((table, "states"), "must be even: two for each mode", states)
+        yield finding(where, "must be even: two for each mode", states)
 
 
 def _smaller(data: Table) -> Iterator[Finding]:
     """The smaller designs of Figure 11: two states for each mode, each in a band."""
-    table = _table(data, "sito")
-    for k, states in enumerate(_list(table, "smaller_states")):
-        if isinstance(states, int) and states % 2:
-            yield finding(("sito", "smaller_states", k), "must be even: two for each mode", states)
-    for k, band in enumerate(_list(table, "smaller_bands_hz")):
-        match band:
-            case [int() | float() as low, int() | float() as high] if not low < high:
-                where = ("sito", "smaller_bands_hz", k)
-                yield finding(where, "must ascend, [lowest, highest] in Hz", band)
-            case _:
-                pass
-
-
-def _list(table: Table, key: str) -> list[Any]:
-    value = table.get(key)
-    return cast("list[Any]", value) if isinstance(value, list) else []
+    sito = table_of(data, "sito")
+    for k, states in enumerate(array_of(sito, "smaller_states")):
+        yield from _even(("sito", "smaller_states", k), states)
+    for k, band in enumerate(array_of(sito, "smaller_bands_hz")):
+        yield from _ascending(("sito", "smaller_bands_hz", k), band)
 
 
 def _two_sensors(data: Table) -> Iterator[Finding]:
     """Figures 10a and 10b show one sensor each, encoder and bus in the paper; the third is [siso]'s own."""
-    performance, given = _table(data, "siso").get("sensor"), _table(data, "sito").get("sensors")
+    performance, given = table_of(data, "siso").get("sensor"), table_of(data, "sito").get("sensors")
     match given:
         case [str() as first, str() as second] if len({first, second, performance}) == 3:
             return
@@ -294,7 +276,7 @@ def _two_sensors(data: Table) -> Iterator[Finding]:
 
 def _rubs(data: Table) -> Iterator[Finding]:
     """Friction slips once it has given: without that distance, or a torque to slip at, there is none."""
-    rig = _table(data, "rig")
+    rig = table_of(data, "rig")
     coulomb, viscous = rig.get("gimbal_friction_nm"), rig.get("gimbal_viscous_nms_per_rad")
     if _is_positive(coulomb) and "gimbal_presliding_deg" not in rig:
         advice = "how far a gimbal gives before it slips, studies/mace-1993.toml has 0.05; or no friction, 0"
@@ -311,7 +293,7 @@ def _is_positive(value: Any) -> bool:
 
 def _gap(data: Table) -> Iterator[Finding]:
     """A gap has flanks and flanks have a gap between them."""
-    rig, pair = _table(data, "rig"), ("gimbal_deadband_deg", "gimbal_flank_nm_per_rad")
+    rig, pair = table_of(data, "rig"), ("gimbal_deadband_deg", "gimbal_flank_nm_per_rad")
     for key, other in (pair, pair[::-1]):
         if key in rig and other not in rig:
             yield finding(("rig", key), f"given without {other}", rig[key], hint="give both or neither")
@@ -320,43 +302,40 @@ def _gap(data: Table) -> Iterator[Finding]:
 def _documents(data: Table) -> Iterator[Finding]:
     """Settings name articles and environments of the study."""
     wanted = [("control", "article"), ("figure_6", "article"), ("siso", "article"), ("siso", "environment")]
-    for table, key in wanted:
-        name, known = _table(data, table).get(key), _table(data, key)
+    for where, key in wanted:
+        name, known = table_of(data, where).get(key), table_of(data, key)
         if isinstance(name, str) and known and name not in known:
-            yield finding((table, key), f"no {key} of this name in [{key}]", name, hint=nearest(name, known))
+            yield finding((where, key), f"no {key} of this name in [{key}]", name, hint=nearest(name, known))
     for key in ("orbit", "lab"):
-        if _table(data, "environment") and key not in _table(data, "environment"):
+        if table_of(data, "environment") and key not in table_of(data, "environment"):
             yield finding(("environment", key), "missing: the path of an environment file")
 
 
 def port_findings(form: StudyForm, ports: dict[str, tuple[list[str], list[str]]]) -> list[Finding]:
     """Ports that an article of the study lacks; ``ports`` gives its actuators and its sensors by article."""
-    control, figure_6, siso, sito = form.control, form.figure_6, form.siso, form.sito
-    actuators, sensors = ports.get(control.article, ([], []))
-    rates = [f"{s}_rate" for s in ports.get(figure_6.article, ([], []))[1]]
+    control, figure_6, siso = form.control, form.figure_6, form.siso
+    (drives, angles), (torques, sensors), (motors, sensed) = (
+        ports.get(setting.article, ([], [])) for setting in (control, figure_6, siso)
+    )
     wanted = [
-        *((("control", "inputs", i), n, actuators) for i, n in enumerate(control.inputs)),
-        *((("control", "disturbances", i), n, actuators) for i, n in enumerate(control.disturbances)),
-        *((("control", "angles", i), n, sensors) for i, n in enumerate(control.angles)),
-        *((("control", "metric", i), n, sensors) for i, n in enumerate(control.metric)),
-        *(
-            (("control", "pd_loops", i), n, [a for a in actuators if a in sensors])
-            for i, n in enumerate(control.pd_loops)
-        ),
-        (("figure_6", "input"), figure_6.input, ports.get(figure_6.article, ([], []))[0]),
-        *(
-            (("figure_6", "outputs", i), n, [*ports.get(figure_6.article, ([], []))[1], *rates])
-            for i, n in enumerate(figure_6.outputs)
-        ),
-        (("siso", "actuator"), siso.actuator, ports.get(siso.article, ([], []))[0]),
-        (("siso", "sensor"), siso.sensor, ports.get(siso.article, ([], []))[1]),
-        *(
-            (("sito", "sensors", i), n, ports.get(siso.article, ([], []))[1])
-            for i, n in enumerate(sito.sensors)
-        ),
+        ("control", "inputs", control.inputs, drives),
+        ("control", "disturbances", control.disturbances, drives),
+        ("control", "angles", control.angles, angles),
+        ("control", "metric", control.metric, angles),
+        ("control", "pd_loops", control.pd_loops, [a for a in drives if a in angles]),
+        ("figure_6", "input", figure_6.input, torques),
+        ("figure_6", "outputs", figure_6.outputs, [*sensors, *(f"{s}_rate" for s in sensors)]),
+        ("siso", "actuator", siso.actuator, motors),
+        ("siso", "sensor", siso.sensor, sensed),
+        ("sito", "sensors", form.sito.sensors, sensed),
+    ]
+    places = [
+        ((where, key), given, known) if isinstance(given, str) else ((where, key, i), name, known)
+        for where, key, given, known in wanted
+        for i, name in enumerate([given] if isinstance(given, str) else given)
     ]
     return [
         finding(path, "the article has no such port", name, hint=nearest(name, known))
-        for path, name, known in wanted
+        for path, name, known in places
         if name not in known
     ]

@@ -25,6 +25,8 @@ Examples:
     --log10-authority 12 --angle-noise 1e-7 --disturbance 0.1 -o law.json
 """
 
+UNREACHED = "left out of the design, as no port reaches or sees it"
+
 
 @click.command("design", cls=options.Verb, epilog=EPILOG)
 @click.argument("sources", nargs=-1, required=True, metavar="ARTICLE|MODEL.json|RECORD...")
@@ -34,8 +36,8 @@ Examples:
 @click.option("--measure", multiple=True, metavar="PORT", help="Output to measure and keep small; same.")
 @click.option("--authority", type=click.FloatRange(min=0.0, min_open=True), help="1/rho.  [default: 10]")
 @click.option("--log10-authority", type=float, help="Logarithm of --authority instead.")
-@click.option("--angle-noise", default=2e-5, show_default=True, help="Sensor noise, output unit/sqrt(Hz).")
-@click.option("--disturbance", default=1e-2, show_default=True, help="Noise at the inputs, unit/sqrt(Hz).")
+@click.option("--angle-noise", default=2e-5, show_default=True, help=options.SENSOR_NOISE)
+@click.option("--disturbance", default=1e-2, show_default=True, help=options.INPUT_NOISE)
 @click.option("--pade-order", default=3, show_default=True, help="States for each delay of a fitted model.")
 @click.option(
     "--band",
@@ -186,13 +188,8 @@ def describe(
         "rms_closed": by_output(closed),
         "db": by_output(db),
         "riccati_residual": [law.regulator.residual, law.estimator.residual],
-        "warnings": [*warnings, *_inert(designed)],
+        "warnings": [*warnings, *(f"{UNREACHED}: {name}" for name in law.inert)],
     }
-
-
-def _inert(designed: DesignedLoop) -> list[str]:
-    law = designed.compensator
-    return [f"left out of the design, as no port reaches or sees it: {name}" for name in law.inert]
 
 
 def _tables(document: dict[str, Any]) -> list[str | Table]:

@@ -81,9 +81,7 @@ METHODS = ("samples", "periods", "local rational", "local polynomial", "h1", "h2
     "--relative-degree", type=click.IntRange(0, 2), help="Relative degree of a model with complex constants."
 )
 @click.option("--validate", multiple=True, metavar="RECORD", help="Held-out record; may be repeated.")
-@options.written(
-    "-o", "--output", "model_file", endings=options.SYSTEMS, metavar="MODEL.json|mat", help="Write the model."
-)
+@options.model_file
 @figures.figure
 @options.written(
     "--stabilisation",

@@ -58,9 +58,7 @@ Examples:
 @options.written(
     "--response", "response_file", endings=options.RESPONSES, metavar="FILE.uff", help="Write the average."
 )
-@options.written(
-    "-o", "--output", "model_file", endings=options.SYSTEMS, metavar="MODEL.json|mat", help="Write the model."
-)
+@options.model_file
 @options.common
 def verb(
     records: tuple[str, ...],

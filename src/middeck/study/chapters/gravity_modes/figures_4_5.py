@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
-from middeck.plot.style import COLOUR, new_figure, styled
+from middeck.plot.style import COLOUR, new_figure, note, styled
 from middeck.structure.gravity.comparison import ModeComparison
 
 
@@ -50,14 +50,7 @@ def _stems(axes: Axes, values: np.ndarray, base: float, names: list[str], form: 
     axes.hlines(rows, base, values, color=COLOUR["lab"], linewidth=1.6)
     axes.plot(values, rows, "o", color=COLOUR["lab"])
     for row, value in zip(rows, values, strict=True):
-        axes.annotate(
-            form.format(value),
-            (max(value, base), row),
-            (6, 0),
-            textcoords="offset points",
-            va="center",
-            fontsize=7.5,
-        )
+        note(axes, form.format(value), (max(value, base), row), (6, 0), va="center")
     axes.set_yticks(rows, names)
     axes.tick_params(axis="y", length=0)
     axes.set_ylim(len(values) - 0.4, -0.6)

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from middeck.plot.curves import bode_figure, decibels, draw_bode
 from middeck.plot.ports import path_words, port_words
-from middeck.plot.style import COLOUR, FITTED, styled
+from middeck.plot.style import COLOUR, FITTED, note, styled
 from middeck.study.chapters.two_sensor_control.computation import FLEXIBLE_HZ, TwoSensorControl
 from middeck.study.chapters.two_sensor_control.measured_sensors import MeasuredSensors
 from middeck.study.measured_loop.drawing import Look, begin_loops, draw_measured, draw_predicted, end_loops
@@ -51,17 +51,9 @@ def _mark_zeros(axes: Axes, sensors: MeasuredSensors, output: int, floor_db: flo
             axes.plot(f, np.full(len(f), level), linestyle="none", marker=marker, label=label,
                       markerfacecolor=face, markeredgecolor=colour, zorder=order)  # fmt: skip
     for k in np.flatnonzero(inside & wrong):
-        kind = "pair" if zeros.is_pair[k] else "real"
-        axes.annotate(
-            f"{zeros.frequency_hz[k]:.2f} Hz, {kind}",
-            (float(zeros.frequency_hz[k]), level),
-            (0, -5),
-            textcoords="offset points",
-            ha="right" if zeros.frequency_hz[k] > 0.5 * band_hz[1] else "center",
-            va="top",
-            fontsize=8.0,
-            color=COLOUR["lab"],
-        )
+        hz, kind = float(zeros.frequency_hz[k]), "pair" if zeros.is_pair[k] else "real"
+        look = {"fontsize": 8.0, "color": COLOUR["lab"], "ha": "right" if hz > 0.5 * band_hz[1] else "center"}
+        note(axes, f"{hz:.2f} Hz, {kind}", (hz, level), (0, -5), va="top", **look)
     axes.set_ylim(bottom=level - 1.3 * BELOW_DB)
 
 
