@@ -16,9 +16,8 @@ def figure_3(figures: Numbers) -> str:
     load = sum(lab["reactions_n"].values())
     joint, torque = max(lab["holding_torque_nm"].items(), key=lambda item: abs(item[1]))
     return (
-        f"The article as it floats in 0-g and as it hangs in 1-g, where its cables carry {fixed(load, 1)}"
-        " N and"
-        f" the gimbal motor {joint} has to hold {fixed(torque, 2)} N m."
+        f"The article as it floats in 0-g and as it hangs in 1-g, where its cables carry {fixed(load, 1)} N"
+        f" and the gimbal motor {joint} has to hold {fixed(torque, 2)} N m."
     )
 
 

@@ -52,8 +52,8 @@ def _mark_zeros(axes: Axes, sensors: MeasuredSensors, output: int, floor_db: flo
                       markerfacecolor=face, markeredgecolor=colour, zorder=order)  # fmt: skip
     for k in np.flatnonzero(inside & wrong):
         hz, kind = float(zeros.frequency_hz[k]), "pair" if zeros.is_pair[k] else "real"
-        look = {"fontsize": 8.0, "color": COLOUR["lab"], "ha": "right" if hz > 0.5 * band_hz[1] else "center"}
-        note(axes, f"{hz:.2f} Hz, {kind}", (hz, level), (0, -5), va="top", **look)
+        look = {"color": COLOUR["lab"], "ha": "right" if hz > 0.5 * band_hz[1] else "center", "va": "top"}
+        note(axes, f"{hz:.2f} Hz, {kind}", (hz, level), (0, -5), fontsize=8.0, **look)
     axes.set_ylim(bottom=level - 1.3 * BELOW_DB)
 
 

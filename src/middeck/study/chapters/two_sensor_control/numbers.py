@@ -104,22 +104,12 @@ def figure_10_claims(sensors: MeasuredSensors) -> list[Claim]:
     bus = sensors.sensors[2]
     ratio = None if bus.mirrored_error is None else bus.mirrored_error / float(sensors.fit.error[2])
     late = float(np.max(np.abs(path_delay(sensors.fit.model) - sensors.delay_s)) * 1e3)
-    where = f"from {low:g} to {high:g} Hz"
+    count = f"from {low:g} to {high:g} Hz; zeros or pairs"
+    refitted = "refitted with all zeros in the left half-plane, its error is"
     return [
-        row(
-            f"{words[2]}: non-minimum-phase zeros {where}; zeros or pairs",
-            wrong[2] > 0.0,
-            wrong[2],
-            "\u2265 1",
-        ),
-        *(row(f"{words[k]}: none {where}; zeros or pairs", wrong[k] == 0.0, wrong[k], "= 0") for k in (0, 1)),
-        above(
-            f"{words[2]}: refitted with all zeros in the left half-plane, its error is over {WORSE:g} times"
-            " as large; ratio",
-            ratio,
-            WORSE,
-            "",
-        ),
+        row(f"{words[2]}: non-minimum-phase zeros {count}", wrong[2] > 0.0, wrong[2], "\u2265 1"),
+        *(row(f"{words[k]}: none {count}", wrong[k] == 0.0, wrong[k], "= 0") for k in (0, 1)),
+        above(f"{words[2]}: {refitted} over {WORSE:g} times as large; ratio", ratio, WORSE, ""),
         below("the fitted delays are the rig's within 0.2 ms; largest difference [ms]", late, 0.2, "ms"),
     ]
 
@@ -128,28 +118,18 @@ def figure_11_claims(control: TwoSensorControl) -> list[Claim]:
     """Which orders fail and where, the limit with and without the lead, and the measured loop."""
     bare, lead, loop = control.without_lead, control.with_lead, control.payload
     moves = ", ".join(f"{r.percent:+g}" if r.percent else "0" for r in loop.on_rig)
+    without = f"{bare.states} states without lead become unstable near 9 Hz; at [Hz]"
+    moved = f"reaches 20 dB with the pair moved by {moves} %; least [dB]"
+    least = largest(rig.improvement_db for rig in loop.on_rig)
+    reduced = "the loop with the lead reduces the payload by over 20 dB, measured [dB]"
     return [
         *(_order(reach) for reach in control.smaller),
-        row(
-            f"{bare.states} states without lead become unstable near 9 Hz; at [Hz]",
-            _at_pair(bare),
-            bare.stopped_hz,
-            AT_PAIR,
-            "Hz",
-        ),
+        row(without, _at_pair(bare), bare.stopped_hz, AT_PAIR, "Hz"),
         above("and do not reach 18 dB; at the last stable level [dB]", bare.predicted_db, -18.0),
+        at_most(f"with the lead the same design {moved}", lead.least_db, -20.0),
+        at_most(reduced, loop.measured_db, -20.0),
         at_most(
-            f"with the lead the same design reaches 20 dB with the pair moved by {moves} %; least [dB]",
-            lead.least_db,
-            -20.0,
-        ),
-        at_most(
-            "the loop with the lead reduces the payload by over 20 dB, measured [dB]", loop.measured_db, -20.0
-        ),
-        at_most(
-            f"that loop, unchanged, still reaches 20 dB with the pair moved by {moves} %; least [dB]",
-            largest(rig.improvement_db for rig in loop.on_rig),
-            -20.0,
+            f"that loop, unchanged, still {moved}", largest(on.improvement_db for on in loop.on_rig), -20.0
         ),
         *prediction_claims((loop,), "payload penalty"),
     ]
@@ -183,29 +163,17 @@ def figure_12_claims(control: TwoSensorControl) -> list[Claim]:
     without, raised = control.above_without_bus_db, control.above_db[1]
     more = None if without is None or raised is None else raised - without
     band = "{:g}-{:g} Hz".format(*FLEXIBLE_HZ)
-    beyond = f"above {ABOVE_HZ[0]:g} Hz"
+    down = "with payload and bus penalised the payload is down by 20 dB, measured [dB]"
+    bus = f"the bus at {band} is lower than in open loop by at least 12 dB [dB]"
+    same = "and more than with no bus penalty and all else, authority and no lead, the same [dB]"
+    deeper = f"the payload at {band} falls by a further order of magnitude below the payload penalty's [dB]"
+    at_mode = f"at the mode near {control.mode_hz:.1f} Hz itself, between its half-power points, it does [dB]"
     return [
-        at_most(
-            "with payload and bus penalised the payload is down by 20 dB, measured [dB]",
-            both.measured_db,
-            -20.0,
-        ),
-        at_most(
-            f"the bus at {band} is lower than in open loop by at least 12 dB [dB]", control.bus_db[1], -12.0
-        ),
-        above(f"the payload {beyond} is raised over the open loop [dB]", raised, 0.0),
-        above(
-            "and more than with no bus penalty and all else, authority and no lead, the same [dB]", more, 0.0
-        ),
-        at_most(
-            f"the payload at {band} falls by a further order of magnitude below the payload penalty's [dB]",
-            control.deeper_db,
-            ORDER_DB,
-        ),
-        at_most(
-            f"at the mode near {control.mode_hz:.1f} Hz itself, between its half-power points, it does [dB]",
-            control.deeper_at_mode_db,
-            ORDER_DB,
-        ),
+        at_most(down, both.measured_db, -20.0),
+        at_most(bus, control.bus_db[1], -12.0),
+        above(f"the payload above {ABOVE_HZ[0]:g} Hz is raised over the open loop [dB]", raised, 0.0),
+        above(same, more, 0.0),
+        at_most(deeper, control.deeper_db, ORDER_DB),
+        at_most(at_mode, control.deeper_at_mode_db, ORDER_DB),
         *prediction_claims((both,), "payload and bus penalty"),
     ]

@@ -65,22 +65,12 @@ def _level_claims(whole: SubModelSweep) -> list[Claim]:
     top = float(sweep.db[orbit, -1]) if sweep.stable[orbit, -1] else None
     both = sweep.stable[orbit, 0] and sweep.stable[lab, 0]
     low = float(sweep.db[lab, 0] - sweep.db[orbit, 0]) if both else None
+    stable, count = float(np.count_nonzero(sweep.stable[orbit])), sweep.stable[orbit].size
+    improves = "0-g improves by 36 dB at the top level, within 3 dB (40 dB was the target) [dB]"
     return [
-        row(
-            "0-g improves by 36 dB at the top level, within 3 dB (40 dB was the target) [dB]",
-            top is not None and abs(top + 36.0) <= 3.0,
-            top,
-            "-39 to -33",
-            "dB",
-        ),
+        row(improves, top is not None and abs(top + 36.0) <= 3.0, top, "-39 to -33", "dB"),
         at_most("0-g reaches the 40 dB target at the top level [dB]", top, -40.0),
-        row(
-            "the 0-g loop is stable at every level; levels",
-            bool(np.all(sweep.stable[orbit])),
-            float(np.count_nonzero(sweep.stable[orbit])),
-            f"= {sweep.stable[orbit].size}",
-            "levels",
-        ),
+        row("the 0-g loop is stable at every level; levels", stable == count, stable, f"= {count}", "levels"),
         below("1-g is better than 0-g at low authority [dB]", low, 0.0),
     ]
 
@@ -101,37 +91,20 @@ def _instability_claims(sweeps: dict[str, SubModelSweep], lowest: float) -> list
     real = f" (here {whole.unstable_real} real, a divergence)" if whole.unstable_real else ""
     leader = "" if first is None else f" ({first.mode_name})"
     same = first is not None and repeats is not None and repeats.mode_name == first.mode_name
+    level, pairs, share = None, None, None
+    if first is not None:
+        level, pairs, share = first.log10_authority, whole.unstable_pairs, first.participation
+    single = f"one complex pair goes unstable first in 1-g{real}; pairs"
+    led = f"a suspension mode leads it with over half of all structural states' shares{leader}; share"
+    rigid = "the rigid sub-model repeats it with the same mode within 0.25 decade; decades apart"
+    flexible = "the flexible pair goes unstable only at over ten times the authority, or never; decades above"
+    leads = share is not None and whole.mode_kind == "suspension" and share > LEADS
+    later = first is not None and (parts is None or (apart is not None and apart > 1.0))
+    near = same and decades is not None and decades <= 0.25
     return [
-        row(
-            "1-g goes unstable as authority rises; log10 authority",
-            first is not None,
-            None if first is None else first.log10_authority,
-            "any",
-        ),
-        row(
-            f"one complex pair goes unstable first in 1-g{real}; pairs",
-            whole.unstable_pairs == 1 and whole.unstable_real == 0,
-            None if first is None else whole.unstable_pairs,
-            "= 1",
-        ),
-        row(
-            f"a suspension mode leads it with over half of all structural states' shares{leader}; share",
-            first is not None and whole.mode_kind == "suspension" and first.participation > LEADS,
-            None if first is None else first.participation,
-            f"> {LEADS:g}",
-        ),
-        row(
-            "the rigid sub-model repeats it with the same mode within 0.25 decade; decades apart",
-            same and decades is not None and decades <= 0.25,
-            decades,
-            "\u2264 0.25",
-            "decades",
-        ),
-        row(
-            "the flexible pair goes unstable only at over ten times the authority, or never; decades above",
-            first is not None and (parts is None or (apart is not None and apart > 1.0)),
-            apart,
-            "> 1, or never",
-            "decades",
-        ),
+        row("1-g goes unstable as authority rises; log10 authority", first is not None, level, "any"),
+        row(single, whole.unstable_pairs == 1 and whole.unstable_real == 0, pairs, "= 1"),
+        row(led, leads, share, f"> {LEADS:g}"),
+        row(rigid, near, decades, "\u2264 0.25", "decades"),
+        row(flexible, later, apart, "> 1, or never", "decades"),
     ]
