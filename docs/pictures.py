@@ -30,7 +30,7 @@ from middeck.plot.svg import svg_text
 from middeck.report.build import write_text
 from middeck.structure.gravity.comparison import ModeComparison
 from middeck.study.chapters.gravity_modes.figure_3 import figure_3
-from middeck.study.chapters.gravity_modes.figure_4 import figure_4
+from middeck.study.chapters.gravity_modes.figures_4_5 import figure_4
 from middeck.study.chapters.zero_g_control.chapter import ZERO_G_CONTROL
 from middeck.study.chapters.zero_g_control.computation import ZeroGControl
 from middeck.study.chapters.zero_g_control.figure_7 import figure_7a

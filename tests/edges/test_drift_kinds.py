@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from middeck.cli.fitting import identify
-from middeck.cli.kinds import alike
+from middeck.cli.fitting import alike, identify
 from middeck.cli.settings import FitSettings
 from middeck.files.models import load_fitted, write_model
 from middeck.files.records import write_record

@@ -33,9 +33,9 @@ from middeck.plot.svg import svg_text
 from middeck.report.build import StudyWriter
 from middeck.report.summary import came_out, claim_rows, does_not_hold, warned
 from middeck.study.chapters.gravity_modes.figure_3 import figure_3
-from middeck.study.chapters.two_sensor_control.sentences import half_plane
+from middeck.study.chapters.two_sensor_control.text import half_plane
 from middeck.study.chapters.zero_g_control.figure_7 import figure_7a, figure_7b
-from middeck.study.measured_loop.sentences import held
+from middeck.study.measured_loop.text import held
 from middeck.study.mission import CHAPTERS, run_chapters
 from middeck.study.picture import headline
 from middeck.study.words import fixed

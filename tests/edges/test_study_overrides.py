@@ -21,8 +21,8 @@ from middeck.files.json_output import json_text
 from middeck.files.studies import load_study
 from middeck.report.build import StudyWriter
 from middeck.study.chapters.zero_g_control.chapter import ZERO_G_CONTROL
-from middeck.study.chapters.zero_g_control.claims import figure_7_claims
 from middeck.study.chapters.zero_g_control.computation import ZeroGControl
+from middeck.study.chapters.zero_g_control.numbers import figure_7_claims
 from middeck.study.mission import run_chapters
 
 ROOT = Path(__file__).parents[2]

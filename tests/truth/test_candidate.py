@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from middeck.identification.model.fit_options import FitOptions
-from middeck.identification.order.candidate import find_candidate
-from middeck.identification.order.exchange import grown
+from middeck.identification.order.exchange import find_candidate, grown
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.layout import unpack
 from middeck.identification.search.polish import polish

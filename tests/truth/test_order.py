@@ -13,12 +13,11 @@ from middeck.identification.order.race import race, recommend_states
 from middeck.identification.order.thinning import take_lines, thin_lines
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.layout import Layout, Point, Start, pack, unpack
-from middeck.identification.search.bounds import bound_theta, bounded
-from middeck.identification.search.polish import polish
+from middeck.identification.search.polish import bound_theta, bounded, polish
 from middeck.identification.search.refine import weighted
 from middeck.identification.spectra.weights import Spread, spread_of
-from middeck.identification.start.pruning import prune
 from middeck.identification.start.start import drive_vectors
+from middeck.identification.start.subspace import prune
 
 
 def data_of(measured):

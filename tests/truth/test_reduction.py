@@ -7,7 +7,7 @@ import pytest
 
 from middeck.errors import ConfigError
 from middeck.identification.model.measurement_model import MeasurementModel, model_response, natural_hz
-from middeck.identification.plants.modal_states import sampled_statespace
+from middeck.identification.plants.measured_plant import sampled_statespace
 from middeck.identification.plants.reduction import minimal_model
 from middeck.signals.ports import Port
 

@@ -14,8 +14,8 @@ from middeck.identification.uncertainty.covariance import estimate_covariance
 from middeck.identification.uncertainty.parameters import stated, uncertainty_of
 from middeck.identification.uncertainty.unknowns import Structure
 from middeck.signals.ports import Port
-from middeck.study.chapters.measured_control.tables import fit_tables
-from middeck.study.chapters.two_sensor_control.tables import encoder_tables
+from middeck.study.chapters.measured_control.text import fit_tables
+from middeck.study.chapters.two_sensor_control.text import encoder_tables
 from middeck.study.words import UNDETERMINED
 from middeck.systems.response import FrequencyResponse
 

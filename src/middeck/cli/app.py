@@ -9,24 +9,10 @@ import click
 
 from middeck import __version__
 
+# In the order of the work.
 VERBS = (
-    "study",
-    "check",
-    "level",
-    "modes",
-    "compare",
-    "budget",
-    "path",
-    "sensitivity",
-    "correlate",
-    "response",
-    "excite",
-    "record",
-    "identify",
-    "impact",
-    "drift",
-    "design",
-    "qualify",
+    *("study", "check", "level", "modes", "compare", "budget", "path", "sensitivity", "correlate"),
+    *("response", "excite", "record", "identify", "impact", "drift", "design", "qualify"),
 )
 
 EXAMPLES = """\

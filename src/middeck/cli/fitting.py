@@ -6,6 +6,8 @@ import dataclasses
 import warnings as python_warnings
 from collections.abc import Callable, Sequence
 
+import numpy as np
+
 from middeck.cli.blame import reading
 from middeck.cli.settings import FitSettings
 from middeck.errors import ConfigError
@@ -13,6 +15,7 @@ from middeck.files.records import Columns, check_finite, join_records, read_reco
 from middeck.identification.faults import detect_faults
 from middeck.identification.fit.fit_response import FitResult, fit_asked
 from middeck.identification.model.fit_options import FitOptions
+from middeck.identification.model.measurement_model import MeasurementModel, rank_of
 from middeck.identification.record_fit.fit_record import HELD_ABOVE, fit_samples
 from middeck.identification.spectra import (
     doubts_of_window,
@@ -20,6 +23,9 @@ from middeck.identification.spectra import (
     estimate_spectra,
     spectra_response,
 )
+from middeck.identification.uncertainty.covariance import ModelCovariance
+from middeck.identification.uncertainty.parameters import distinct_poles
+from middeck.identification.uncertainty.unknowns import Structure
 from middeck.signals.excitation import cut_periods, recognise_excitation
 from middeck.signals.fault import Fault
 from middeck.signals.record import Record
@@ -225,3 +231,42 @@ def load_periods(
             return taken, (*mended, f"not cut into periods: {found.what}, but {dying}; --periods cuts it")
         cut = cut_periods(taken, found)
         return cut, (f"cut into {cut.u.shape[1]} steady periods of {cut.u.shape[2]} samples: {found.what}",)
+
+
+def alike(settings: FitSettings, model: MeasurementModel, covariance: ModelCovariance | None) -> FitSettings:
+    """``settings``, with open choices taken from ``model``; always sampled or continuous as it is."""
+    modes = distinct_poles(model)
+    rigid, integrators = rank_of(model.rigid), rank_of(model.integral)
+    kind: dict[str, object] = {
+        # A residue of full rank has its pole several times, but in the order once.
+        "states": int(np.sum(np.where(model.is_pair, 2, 1)[modes])) + 2 * rigid + integrators,
+        "full_rank": len(modes) < len(model.poles),
+        "rigid": rigid,
+        "integrators": integrators,
+    }
+    if model.hold_s is not None:
+        kind["held"] = model.hold_s > 0.0
+    if covariance is not None and model.sample_hz is None:
+        kind |= _choices(model, covariance.structure)
+    default = FitSettings()
+    left = {name: value for name, value in kind.items() if getattr(settings, name) == getattr(default, name)}
+    return settings.model_copy(update={**left, "sampled": model.sample_hz is not None})
+
+
+def _choices(model: MeasurementModel, structure: Structure) -> dict[str, object]:
+    late = "common" if structure.common_delay else "output" if model.path_delay_s is None else "path"
+    return {
+        "constants": "real" if structure.real_constants else "complex",
+        "delay": late if structure.with_delay else "none",
+        "residuals": structure.with_lower,
+        "relative_degree": _relative_degree(structure),
+    }
+
+
+def _relative_degree(structure: Structure) -> int | None:
+    """None where it is that of the constants, or of residual terms, anyway."""
+    if structure.relative_degree_two:
+        return 2
+    if structure.with_lower or structure.with_direct is not structure.real_constants:
+        return None
+    return 0 if structure.with_direct else 1

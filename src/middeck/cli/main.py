@@ -17,10 +17,11 @@ Nothing heavy is imported before `run` has arranged for interruptions.
 from __future__ import annotations
 
 import os
+import signal
 import sys
 import warnings
 from collections.abc import Callable, Sequence
-from typing import NoReturn
+from typing import Any, NoReturn
 
 INTERNAL = 70
 INTERRUPTED = 130
@@ -28,8 +29,6 @@ INTERRUPTED = 130
 
 def run() -> NoReturn:
     """Entry point of the ``middeck`` command."""
-    from middeck.cli.interrupts import catch_interrupts
-
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ.setdefault(variable, "1")  # docs/decisions/0004-one-blas-thread.md
     interrupted = catch_interrupts()
@@ -107,3 +106,34 @@ def _show_warning(message: Warning | str, *place: object) -> None:
 def _say(message: str, code: int) -> int:
     print(message, file=sys.stderr)
     return code
+
+
+AGAIN_S = 0.05
+
+
+def catch_interrupts() -> Callable[[], bool]:
+    """Raise KeyboardInterrupt on SIGINT and SIGTERM; the answer tells whether that has happened.
+
+    An exception that reaches Python inside a weak-reference callback or a destructor is dropped (imports are
+    full of those); the interruption is then raised again a moment later.
+    """
+    seen: list[int] = []
+
+    def interrupt(number: int, frame: Any) -> None:
+        seen.append(number)
+        raise KeyboardInterrupt
+
+    def dropped(lost: Any) -> None:
+        if not issubclass(lost.exc_type, KeyboardInterrupt):
+            sys.__unraisablehook__(lost)
+            return
+        import threading
+
+        timer = threading.Timer(AGAIN_S, signal.raise_signal, [signal.SIGINT])
+        timer.daemon = True
+        timer.start()
+
+    signal.signal(signal.SIGINT, interrupt)
+    signal.signal(signal.SIGTERM, interrupt)
+    sys.unraisablehook = dropped
+    return lambda: bool(seen)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
@@ -19,6 +19,8 @@ SYSTEMS = (".json", ".mat")
 COMMANDS = (".csv", ".npz")
 RECORDS = (".npz", ".csv", ".h5", ".hdf5", ".mat", ".uff", ".unv", ".uf", ".58")
 RESPONSES = (".uff", ".unv", ".uf", ".58")
+# Help of options that `design` and `qualify` share.
+SENSOR_NOISE, INPUT_NOISE = "Sensor noise, output unit/sqrt(Hz).", "Noise at the inputs, unit/sqrt(Hz)."
 STREAMS = (".h5", ".hdf5", ".csv")
 
 
@@ -128,6 +130,11 @@ def written(*flags: str, endings: Sequence[str], help: str, metavar: str = "") -
     return click.option(*flags, metavar=named, callback=check, help=help)
 
 
+model_file = written(
+    "-o", "--output", "model_file", endings=SYSTEMS, metavar="MODEL.json|mat", help="Write the model."
+)
+
+
 def require_writable(path: str, endings: Sequence[str], option: str) -> None:
     """Refuse, before any work, a file whose folder is not there or whose ending no writer has."""
     file = Path(path)
@@ -170,3 +177,39 @@ def separate_names(values: tuple[str, ...]) -> tuple[str, ...]:
     ('a', 'b', 'c')
     """
     return tuple(name.strip() for value in values for name in value.split(",") if name.strip())
+
+
+if TYPE_CHECKING:
+    from middeck.files.records import Columns
+
+
+def columns(command: F) -> F:
+    """``--inputs``, ``--outputs``, ``--sample-hz`` and ``--variable``."""
+    for option in (
+        click.option("--variable", default="", metavar="NAME", help="The matrix in a MAT or HDF5 file."),
+        click.option("--sample-hz", type=float, metavar="HZ", help="Sampling rate, if the file has none."),
+        _named("--outputs", 'Output columns: "angle [rad]", "3=angle [rad]"; may be repeated.'),
+        _named("--inputs", 'Input columns: "torque [N m]", "2=torque [N m]"; may be repeated.'),
+    ):
+        command = option(command)
+    return command
+
+
+def _named(option: str, help: str) -> Callable[[F], F]:
+    return click.option(option, multiple=True, callback=joined(), metavar="COLUMNS", help=help)
+
+
+def told_columns(
+    inputs: str | None, outputs: str | None, sample_hz: float | None, variable: str
+) -> Columns | None:
+    """Columns by the options; None without any, so that a file of channels beside the record is read."""
+    from middeck.errors import ConfigError
+    from middeck.files.records import name_columns
+
+    if sample_hz is not None and not sample_hz > 0.0:
+        raise ConfigError(f"--sample-hz is {sample_hz:g}", hint="a rate > 0 Hz")
+    return name_columns(_split(inputs), _split(outputs), sample_hz=sample_hz, variable=variable)
+
+
+def _split(texts: str | None) -> Sequence[str]:
+    return () if texts is None else texts.split(",")

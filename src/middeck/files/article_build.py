@@ -8,18 +8,8 @@ from typing import TypedDict
 import numpy as np
 from jaxtyping import Float
 
-from middeck.files.article_form import (
-    ArticleForm,
-    GimbalForm,
-    MaterialForm,
-    NodeForm,
-    ProofMassForm,
-    RevoluteForm,
-    SectionForm,
-    SensorForm,
-    StrutForm,
-)
-from middeck.files.damping_build import build_damping
+from middeck.files import article_form as forms
+from middeck.files.article_form import ArticleForm, DamperForm, DampingForm
 from middeck.structure.model.article import (
     Actuator,
     ActuatorKind,
@@ -28,6 +18,7 @@ from middeck.structure.model.article import (
     Damper,
     DamperPlace,
     Damping,
+    DampingTable,
     Joint,
     JointState,
     Member,
@@ -42,7 +33,7 @@ from middeck.structure.model.article import (
 AXES = {"x": np.array([1.0, 0.0, 0.0]), "y": np.array([0.0, 1.0, 0.0]), "z": np.array([0.0, 0.0, 1.0])}
 
 
-def build_structure(form: ArticleForm) -> Structure:
+def build_structure(form: forms.ArticleForm) -> Structure:
     """The value that a valid form describes; ports are those of `default_ports` and the listed ones."""
     nodes = tuple(_node(n) for n in form.node)
     actuators, sensors = default_ports(form)
@@ -82,7 +73,7 @@ def build_structure(form: ArticleForm) -> Structure:
     )
 
 
-def _sensor(form: SensorForm) -> Sensor:
+def _sensor(form: forms.SensorForm) -> Sensor:
     axis_frame = (form.axis_frame or form.frame) if form.axis else ""
     kind = SensorKind(form.kind)
     return Sensor(
@@ -95,7 +86,7 @@ def _sensor(form: SensorForm) -> Sensor:
     )
 
 
-def default_ports(form: ArticleForm) -> tuple[tuple[Actuator, ...], tuple[Sensor, ...]]:
+def default_ports(form: forms.ArticleForm) -> tuple[tuple[Actuator, ...], tuple[Sensor, ...]]:
     """The ports that an article has without listing them.
 
     The wheel node gives ``bus_x``, ``bus_y``, ``bus_z``: torque on it and its inertial rotation about its own
@@ -124,7 +115,7 @@ def default_ports(form: ArticleForm) -> tuple[tuple[Actuator, ...], tuple[Sensor
     return tuple(actuators), tuple(sensors)
 
 
-def tube_section(section: SectionForm, material: MaterialForm) -> Section:
+def tube_section(section: forms.SectionForm, material: forms.MaterialForm) -> Section:
     """Round tube: I = pi (D^4 - d^4) / 64, torsion constant 2 I, shear stiffness k G A if k is given."""
     outer, inner = section.outer_diameter_m or 0.0, section.inner_diameter_m or 0.0
     area = np.pi * (outer**2 - inner**2) / 4.0
@@ -147,7 +138,7 @@ def tube_section(section: SectionForm, material: MaterialForm) -> Section:
     )
 
 
-def _section(form: SectionForm, materials: dict[str, MaterialForm]) -> Section:
+def _section(form: forms.SectionForm, materials: dict[str, forms.MaterialForm]) -> Section:
     if form.material is not None:
         return tube_section(form, materials[form.material])
     return Section(
@@ -168,13 +159,13 @@ def _body(mass: float, cg: tuple[float, ...], inertia: object, rotors_excluded: 
     return Body(mass, np.array(cg), about_cg, rotors_excluded)
 
 
-def _node(form: NodeForm) -> Node:
+def _node(form: forms.NodeForm) -> Node:
     position = np.array([form.x_m, form.y_m, form.z_m])
     body = _body(form.mass_kg, form.cg_m, form.inertia_kg_m2, form.rotors_excluded)
     return Node(form.name, position, form.size_m, body)
 
 
-def _member(strut: StrutForm, form: ArticleForm, positions: dict[str, np.ndarray]) -> Member:
+def _member(strut: forms.StrutForm, form: forms.ArticleForm, positions: dict[str, np.ndarray]) -> Member:
     along = positions[strut.to] - positions[strut.from_]
     return Member(
         name=strut.name or f"{strut.from_}-{strut.to}",
@@ -195,7 +186,7 @@ def default_up(along: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
     return AXES["x"] if abs(along[1]) > 0.99 * np.linalg.norm(along) else AXES["y"]
 
 
-def _gimbal(form: GimbalForm) -> tuple[Joint, Joint]:
+def _gimbal(form: forms.GimbalForm) -> tuple[Joint, Joint]:
     stage = _body(form.stage_mass_kg, form.stage_cg_m, form.stage_inertia_kg_m2, form.rotors_excluded)
     payload = _body(form.payload_mass_kg, form.payload_cg_m, form.payload_inertia_kg_m2, form.rotors_excluded)
     rest_x = form.rest_x_deg if form.state_x == "sprung" else form.command_x_deg
@@ -215,7 +206,7 @@ def _gimbal(form: GimbalForm) -> tuple[Joint, Joint]:
     )  # fmt: skip
 
 
-def _revolute(form: RevoluteForm) -> Joint:
+def _revolute(form: forms.RevoluteForm) -> Joint:
     axis = np.array(form.axis) / np.linalg.norm(form.axis)
     body = _body(form.mass_kg, form.cg_m, form.inertia_kg_m2, form.rotors_excluded)
     target = form.rest_deg if form.state == "sprung" else form.command_deg
@@ -235,7 +226,7 @@ def _limit(torque: float | None) -> float:
     return np.inf if torque is None else torque
 
 
-def _proof_mass(form: ProofMassForm) -> Joint:
+def _proof_mass(form: forms.ProofMassForm) -> Joint:
     """A slide of a point mass, at rest where its spring and, in gravity, its weight put it."""
     axis = np.array(form.axis) / np.linalg.norm(form.axis)
     return Joint(
@@ -253,14 +244,14 @@ def _proof_mass(form: ProofMassForm) -> Joint:
     )
 
 
-def _spring_of(form: ProofMassForm) -> float:
+def _spring_of(form: forms.ProofMassForm) -> float:
     """Stiffness [N/m], given or by the mass's frequency on a carrier that is held."""
     if form.natural_hz is None:
         return form.stiffness_n_per_m or 0.0
     return form.mass_kg * (2.0 * np.pi * form.natural_hz) ** 2
 
 
-def _damping(form: ArticleForm) -> Damping:
+def _damping(form: forms.ArticleForm) -> Damping:
     """``[damping]`` and a damper c = 2 zeta sqrt(k m) at every proof mass that has a ratio."""
     own = tuple(
         Damper(DamperPlace.JOINT, p.name, 2.0 * p.damping * float(np.sqrt(_spring_of(p) * p.mass_kg)))
@@ -288,7 +279,7 @@ def _axis(state: str, angle_deg: float, stiffness: float | None, target_deg: flo
     }
 
 
-def _attach_points(form: ArticleForm) -> tuple[AttachPoint, ...]:
+def _attach_points(form: forms.ArticleForm) -> tuple[AttachPoint, ...]:
     listed = tuple(AttachPoint(a.name, a.frame, np.array(a.offset_m)) for a in form.attach)
     if form.suspension is None:
         return listed
@@ -298,3 +289,51 @@ def _attach_points(form: ArticleForm) -> tuple[AttachPoint, ...]:
 
 def _unit(axis: tuple[float, float, float] | None) -> Float[np.ndarray, "3"] | None:
     return None if axis is None else np.array(axis) / np.linalg.norm(axis)
+
+
+def build_damping(form: ArticleForm) -> Damping:
+    """Ratios, table, loss factors by member, dampers, and modes of their own.
+
+    A default gives way to what is more definite: both to a table, the flexible one to loss factors.
+    """
+    d = form.damping
+    given = d.model_fields_set
+    lossy = bool(d.material or d.section)
+    flexible = 0.0 if "flexible" not in given and (d.table or lossy) else d.flexible
+    suspension = 0.0 if "suspension" not in given and d.table else d.suspension
+    return Damping(
+        flexible=flexible,
+        suspension=suspension,
+        rigid=d.rigid,
+        table=_table(d),
+        loss_factor=_loss_factors(form),
+        dampers=tuple(_damper(device) for device in d.device),
+        by_mode=tuple((int(key) if key.isdigit() else key, ratio) for key, ratio in d.mode.items()),
+        by_rank=d.rule == "rank",
+    )
+
+
+def _table(form: DampingForm) -> DampingTable | None:
+    table = form.table
+    if table is None:
+        return None
+    return DampingTable(np.array(table.frequency_hz), np.array(table.ratio), table.outside == "hold")
+
+
+def _loss_factors(form: ArticleForm) -> tuple[tuple[str, float], ...]:
+    """Loss factor of each member, by its section or else by the material of its section."""
+    d = form.damping
+    found: list[tuple[str, float]] = []
+    for strut in form.strut:
+        material = form.section[strut.section].material
+        eta = d.section.get(strut.section, 0.0 if material is None else d.material.get(material, 0.0))
+        if eta > 0.0:
+            found.append((strut.name or f"{strut.from_}-{strut.to}", eta))
+    return tuple(found)
+
+
+def _damper(form: DamperForm) -> Damper:
+    places = {DamperPlace.JOINT: form.joint, DamperPlace.SPRING: form.spring, DamperPlace.DEVICE: form.attach}
+    place, at = next((place, at) for place, at in places.items() if at is not None)
+    c = form.c_joint_nms_per_rad if place is DamperPlace.JOINT else form.c_ns_per_m
+    return Damper(place, at, c or 0.0)

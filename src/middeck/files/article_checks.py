@@ -14,13 +14,11 @@ import numpy as np
 
 from middeck.files.article_form import GimbalForm, NodeForm, RevoluteForm
 from middeck.files.damping_checks import damping_findings
-from middeck.files.faults import Finding, nearest, show
-from middeck.files.form import inertia_matrix
-from middeck.files.shapes import keys_of
+from middeck.files.faults import Finding, finding, nearest, show
+from middeck.files.form import inertia_matrix, keys_of
+from middeck.files.tables import Table, array_of, is_number, table_of, tables
 from middeck.files.toml_lines import Path
 from middeck.structure.model.connectivity import separate_parts, some_names
-
-Table = dict[str, Any]
 
 TUBE_KEYS = ("outer_diameter_m", "inner_diameter_m", "shear")
 STIFFNESS_KEYS = ("EA_n", "GJ_nm2", "EI_y_nm2", "EI_z_nm2", "rho_A_kg_per_m")
@@ -50,19 +48,9 @@ def article_findings(data: Table) -> list[Finding]:
     ]
 
 
-def tables(data: Table, key: str) -> Iterator[tuple[int, Table]]:
-    """The tables of the array ``key`` with their indices; nothing if it is no array of tables."""
-    items = data.get(key)
-    for index, item in enumerate(cast("list[Any]", items) if isinstance(items, list) else []):
-        if isinstance(item, dict):
-            yield index, cast("Table", item)
-
-
 def named_tables(data: Table, key: str) -> dict[str, Table]:
     """The sub-tables of table ``key`` by name."""
-    found = data.get(key)
-    pairs = cast("Table", found).items() if isinstance(found, dict) else ()
-    return {name: cast("Table", t) for name, t in pairs if isinstance(t, dict)}
+    return {name: t for name, t in table_of(data, key).items() if isinstance(t, dict)}
 
 
 def node_names(data: Table) -> list[str]:
@@ -83,7 +71,7 @@ def _axis_names(data: Table) -> list[str]:
 def attach_names(data: Table) -> list[str]:
     """Names of the attach points: the suspension's nodes and the listed ones."""
     listed = [str(t["name"]) for _, t in tables(data, "attach") if "name" in t]
-    return [*map(str, _suspension_array(data, "nodes")), *listed]
+    return [*map(str, array_of(table_of(data, "suspension"), "nodes")), *listed]
 
 
 def _damped_names(data: Table) -> dict[str, list[str]]:
@@ -98,44 +86,28 @@ def _damped_names(data: Table) -> dict[str, list[str]]:
     }
 
 
-def _suspension_array(data: Table, key: str) -> list[Any]:
-    suspension = data.get("suspension")
-    value = cast("Table", suspension).get(key) if isinstance(suspension, dict) else None
-    return cast("list[Any]", value) if isinstance(value, list) else []
-
-
 def _sections(data: Table) -> Iterator[Finding]:
     materials = named_tables(data, "material")
     for name, section in named_tables(data, "section").items():
         path = ("section", name)
         tube, general = "material" in section, any(k in section for k in GENERAL_KEYS)
         if not tube and not general:
-            yield Finding(
-                path=(*path, "material"),
-                message="missing",
-                hint="a material and diameters, or EA_n, GJ_nm2, ...",
+            yield finding(
+                (*path, "material"), "missing", hint="a material and diameters, or EA_n, GJ_nm2, ..."
             )
         for key in (k for k in (GENERAL_KEYS if tube else TUBE_KEYS if general else ()) if k in section):
             kind = "material and diameters" if tube else "stiffnesses"
-            yield Finding(
-                path=(*path, key),
-                message=f"a section by its {kind} has no such key",
-                value=show(section[key]),
-            )
+            yield finding((*path, key), f"a section by its {kind} has no such key", section[key])
         for key in (k for k in STIFFNESS_KEYS if general and not tube and k not in section):
-            yield Finding(path=(*path, key), message="missing in a section by its stiffnesses")
+            yield finding((*path, key), "missing in a section by its stiffnesses")
         if not tube:
             continue
         yield from _unknown((*path, "material"), section["material"], list(materials), "material")
         outer, inner = section.get("outer_diameter_m"), section.get("inner_diameter_m", 0.0)
         if outer is None:
-            yield Finding(path=(*path, "outer_diameter_m"), message="missing, in m")
+            yield finding((*path, "outer_diameter_m"), "missing, in m")
         elif _all_numbers(outer, inner) and not inner < outer:
-            yield Finding(
-                path=(*path, "inner_diameter_m"),
-                message=f"must be < outer_diameter_m = {outer:g} m",
-                value=show(inner),
-            )
+            yield finding((*path, "inner_diameter_m"), f"must be < outer_diameter_m = {outer:g} m", inner)
 
 
 def _names(data: Table) -> Iterator[Finding]:
@@ -146,7 +118,9 @@ def _names(data: Table) -> Iterator[Finding]:
     for table in ("revolute", "proof_mass"):
         frames += [((table, i, "name"), t.get("name")) for i, t in tables(data, table)]
     yield from _twice(frames, "frame")
-    points = [(("suspension", "nodes", i), n) for i, n in enumerate(_suspension_array(data, "nodes"))]
+    points = [
+        (("suspension", "nodes", i), n) for i, n in enumerate(array_of(table_of(data, "suspension"), "nodes"))
+    ]
     points += [(("attach", i, "name"), t.get("name")) for i, t in tables(data, "attach")]
     yield from _twice(points, "attach point")
     for kind in ("strut", "spring"):
@@ -172,12 +146,7 @@ def _twice(named: Sequence[tuple[Path, Any]], kind: str) -> Iterator[Finding]:
     seen: set[Any] = set()
     for path, name in named:
         if isinstance(name, str) and name in seen:
-            yield Finding(
-                path=path,
-                message=f"a second {kind} of this name",
-                value=show(name),
-                hint="give each its own name",
-            )
+            yield finding(path, f"a second {kind} of this name", name, hint="give each its own name")
         seen.add(name if isinstance(name, str) else None)
 
 
@@ -208,14 +177,14 @@ def _references(data: Table) -> Iterator[Finding]:
             anywhere = "axis" in t or t.get("kind") in AT_POINT
             known, kind = (frames, "frame") if anywhere else (joints, "joint (or give an axis)")
             yield from _unknown((table, i, "frame"), t.get("frame"), known, kind)
-    for i, name in enumerate(_suspension_array(data, "nodes")):
+    for i, name in enumerate(array_of(table_of(data, "suspension"), "nodes")):
         yield from _unknown(("suspension", "nodes", i), name, frames, "frame")
 
 
 def _unknown(path: Path, name: Any, known: list[str], kind: str) -> Iterator[Finding]:
     if isinstance(name, str) and name not in known:
         hint = nearest(name, known) or f"define a {kind} first"
-        yield Finding(path=path, message=f"no {kind} of this name", value=show(name), hint=hint)
+        yield finding(path, f"no {kind} of this name", name, hint=hint)
 
 
 def _geometry(data: Table) -> Iterator[Finding]:
@@ -241,9 +210,7 @@ def _geometry(data: Table) -> Iterator[Finding]:
         if _is_vector(up) and spacing > 0.0:
             across = np.linalg.norm(np.cross(along / spacing, np.array(up, dtype=float)))
             if across <= 1e-6 * np.linalg.norm(np.array(up, dtype=float)):  # own y axis undefined to 6 digits
-                yield Finding(
-                    path=("strut", i, "up"), message="must not be zero nor along the member", value=show(up)
-                )
+                yield finding(("strut", i, "up"), "must not be zero nor along the member", up)
 
 
 def _position(node: Table) -> np.ndarray | None:
@@ -252,7 +219,7 @@ def _position(node: Table) -> np.ndarray | None:
 
 
 def _all_numbers(*values: Any) -> bool:
-    return all(isinstance(v, int | float) and not isinstance(v, bool) and math.isfinite(v) for v in values)
+    return all(is_number(v) and math.isfinite(v) for v in values)
 
 
 def _is_vector(value: Any) -> bool:
@@ -269,12 +236,7 @@ def _unconnected(data: Table) -> Iterator[Finding]:
             message = "an unconnected node: no strut or spring joins it"
         else:
             message = f"a disconnected part: no strut or spring joins {some_names(part)} to the rest"
-        yield Finding(
-            path=path,
-            message=message,
-            value=show(part[0]),
-            hint="add a [[strut]] from or to it, or remove it",
-        )
+        yield finding(path, message, part[0], hint="add a [[strut]] from or to it, or remove it")
 
 
 def _joined(data: Table, nodes: set[str]) -> list[tuple[str, str]]:
@@ -284,7 +246,7 @@ def _joined(data: Table, nodes: set[str]) -> list[tuple[str, str]]:
         carrier |= {f"{t.get('name')}_x": str(t.get("node")), f"{t.get('name')}_z": str(t.get("node"))}
     for table, key in (("revolute", "parent"), ("proof_mass", "node")):
         carrier |= {str(t.get("name")): str(t.get(key)) for _, t in tables(data, table)}
-    frame = {str(name): str(name) for name in _suspension_array(data, "nodes")}
+    frame = {str(name): str(name) for name in array_of(table_of(data, "suspension"), "nodes")}
     frame |= {str(t.get("name")): str(t.get("frame")) for _, t in tables(data, "attach")}
     ends = [(str(t.get("from")), str(t.get("to"))) for _, t in tables(data, "strut")]
     for _, t in tables(data, "spring"):
@@ -311,9 +273,7 @@ def _bodies(data: Table) -> Iterator[Finding]:
                 continue
             whole = set(t) <= set(keys_of(FORMS[table]))  # else the mass may be there, misspelt
             if t.get(f"{prefix}mass_kg", 0.0) == 0.0 and whole:
-                yield Finding(
-                    path=(table, i, key), message="an inertia without mass", hint=f"give {prefix}mass_kg"
-                )
+                yield finding((table, i, key), "an inertia without mass", hint=f"give {prefix}mass_kg")
             spins = "rotors_excluded" in keys_of(FORMS[table])
             if not (spins and t.get("rotors_excluded")):
                 yield from _triangle((table, i, key), t[key], spins)
@@ -329,7 +289,7 @@ def _triangle(path: Path, inertia: Any, spins: bool) -> Iterator[Finding]:
         message = f"no body has this inertia: {a:g} + {b:g} < {c:g} kg m^2 (triangle inequality)"
         advice = f"{c:g} or more for the sum of the smaller two; a flat plate has just that"
         rotors = "; or rotors_excluded = true if it leaves spinning rotors out" if spins else ""
-        yield Finding(path=path, message=message, value=show(inertia), hint=advice + rotors)
+        yield finding(path, message, inertia, hint=advice + rotors)
 
 
 def _axes(data: Table) -> Iterator[Finding]:
@@ -337,9 +297,7 @@ def _axes(data: Table) -> Iterator[Finding]:
     for table in ("revolute", "proof_mass", "actuator", "sensor"):
         for i, t in tables(data, table):
             if _is_vector(t.get("axis")) and not any(t["axis"]):
-                yield Finding(
-                    path=(table, i, "axis"), message="must not be the zero vector", value=show(t["axis"])
-                )
+                yield finding((table, i, "axis"), "must not be the zero vector", t["axis"])
     for table, middles in (("gimbal", ("_x", "_z")), ("revolute", ("",))):
         for (i, t), middle in itertools.product(tables(data, table), middles):
             yield from _axis_state((table, i), t, middle)
@@ -357,21 +315,16 @@ def _travels(data: Table) -> Iterator[Finding]:
 
 
 def _travel(path: Path, t: Table, key: str, start: str) -> Iterator[Finding]:
-    ends = cast("list[Any]", t[key]) if isinstance(t.get(key), list) else []
+    ends = array_of(t, key)
     if len(ends) != 2 or not _all_numbers(*ends):  # the form has refused it, or there is none
         return
     at = 0.0 if start == key else t.get(start, 0.0)
     if not ends[0] < ends[1]:
-        yield Finding(path=(*path, key), message="must rise from the least to the largest", value=show(ends))
+        yield finding((*path, key), "must rise from the least to the largest", ends)
     elif _all_numbers(at) and not ends[0] <= at <= ends[1]:
         place = (*path, start if start in t else key)
         message = f"outside of {key} = {show(ends)}" if start != key else "must hold 0, where the mass begins"
-        yield Finding(
-            path=place,
-            message=message,
-            value=show(t.get(start, 0.0)),
-            hint="widen the travel or move the angle",
-        )
+        yield finding(place, message, t.get(start, 0.0), hint="widen the travel or move the angle")
 
 
 def _proof_masses(data: Table) -> Iterator[Finding]:
@@ -380,12 +333,12 @@ def _proof_masses(data: Table) -> Iterator[Finding]:
         given = [key for key in ("stiffness_n_per_m", "natural_hz") if key in t]
         if not given:
             message = "missing; a proof mass needs it, or natural_hz"
-            yield Finding(path=("proof_mass", i, "stiffness_n_per_m"), message=message)
+            yield finding(("proof_mass", i, "stiffness_n_per_m"), message)
         elif len(given) == 2:
-            yield Finding(
-                path=("proof_mass", i, "natural_hz"),
-                message="beside stiffness_n_per_m",
-                value=show(t["natural_hz"]),
+            yield finding(
+                ("proof_mass", i, "natural_hz"),
+                "beside stiffness_n_per_m",
+                t["natural_hz"],
                 hint="leave out one of the two",
             )
 
@@ -396,53 +349,40 @@ def _ports(data: Table) -> Iterator[Finding]:
         for i, t in tables(data, table):
             kind = t.get("kind")
             if kind in AT_POINT and "axis" not in t:
-                yield Finding(path=(table, i, "axis"), message=f"missing; {AT_POINT[kind]} needs one")
+                yield finding((table, i, "axis"), f"missing; {AT_POINT[kind]} needs one")
             if kind not in AT_POINT and "offset_m" in t:
                 message = "a torque or an angle is the same all over its frame: it has no offset"
-                yield Finding(path=(table, i, "offset_m"), message=message, value=show(t["offset_m"]))
+                yield finding((table, i, "offset_m"), message, t["offset_m"])
             if kind == "accelerometer" and t.get("axis_frame", t.get("frame")) != t.get("frame"):
                 message = "an accelerometer's axis is fixed to its own frame"
-                yield Finding(
-                    path=(table, i, "axis_frame"),
-                    message=message,
-                    value=show(t["axis_frame"]),
-                    hint="leave it out",
-                )
+                yield finding((table, i, "axis_frame"), message, t["axis_frame"], hint="leave it out")
 
 
 def _axis_state(path: Path, t: Table, middle: str) -> Iterator[Finding]:
     state = t.get(f"state{middle}", "free")
     stiffness = f"stiffness{middle}_nm_per_rad"
     if state == "sprung" and stiffness not in t:
-        yield Finding(
-            path=(*path, stiffness), message="missing: a sprung axis needs its stiffness, in N m/rad"
-        )
+        yield finding((*path, stiffness), "missing: a sprung axis needs its stiffness, in N m/rad")
     owners = {stiffness: "sprung", f"rest{middle}_deg": "sprung", f"command{middle}_deg": "driven"}
     for key, owner in owners.items():
         if key in t and state != owner and state in ("free", "sprung", "locked", "driven"):
             advice = f'state{middle} = "{owner}"'
-            yield Finding(
-                path=(*path, key),
-                message=f"only a {owner} axis has this; this one is {state}",
-                value=show(t[key]),
-                hint=advice,
+            yield finding(
+                (*path, key), f"only a {owner} axis has this; this one is {state}", t[key], hint=advice
             )
 
 
 def _attach(data: Table) -> Iterator[Finding]:
-    nodes, offsets = _suspension_array(data, "nodes"), _suspension_array(data, "offsets_m")
-    suspension = data.get("suspension")
-    both = isinstance(suspension, dict) and "nodes" in suspension and "offsets_m" in suspension
-    if both and len(nodes) != len(offsets):
+    nodes, offsets = (
+        array_of(table_of(data, "suspension"), "nodes"),
+        array_of(table_of(data, "suspension"), "offsets_m"),
+    )
+    if {"nodes", "offsets_m"} <= set(table_of(data, "suspension")) and len(nodes) != len(offsets):
         message = f"{len(offsets)} offsets for {len(nodes)} nodes; must be one each, in m"
-        yield Finding(path=("suspension", "offsets_m"), message=message)
+        yield finding(("suspension", "offsets_m"), message)
     for i, t in tables(data, "spring"):
         if t.get("from") == t.get("to"):
-            yield Finding(
-                path=("spring", i, "to"),
-                message="a spring from an attach point to itself",
-                value=show(t.get("to")),
-            )
+            yield finding(("spring", i, "to"), "a spring from an attach point to itself", t.get("to"))
 
 
 def _cycles(data: Table) -> Iterator[Finding]:
@@ -461,8 +401,6 @@ def _cycles(data: Table) -> Iterator[Finding]:
             trail.add(parent)
             parent = parents[parent][0]
         if parent == name:
-            yield Finding(
-                path=path,
-                message=f"joint {name!r} carries itself",
-                hint="let the chain of joints end at a node",
+            yield finding(
+                path, f"joint {name!r} carries itself", hint="let the chain of joints end at a node"
             )

@@ -11,9 +11,8 @@ import numpy as np
 
 from middeck.control.law.compensator import Compensator
 from middeck.errors import DataError
-from middeck.files.json_input import json_numbers, read_json
+from middeck.files.json_input import json_numbers, read_json, read_ports, require_keys
 from middeck.files.json_output import write_json
-from middeck.files.json_parts import read_ports, require_keys
 from middeck.signals.ports import Port
 from middeck.systems.statespace import SampledStateSpace, StateSpace
 from middeck.values import record
@@ -26,12 +25,8 @@ AGAIN = "write the compensator again"
 class StoredCompensator(Compensator):
     """A compensator as stored in a file.
 
-    Parameters
-    ----------
-    authority, cost:
-        1/rho, and what was minimised; None if unknown.
-    inert:
-        Modes left out of the design because no port reaches or sees them.
+    authority, cost: 1/rho, and what was minimised; None if unknown.
+    inert: Modes left out of the design because no port reaches or sees them.
     """
 
     authority: float | None = None

@@ -8,11 +8,12 @@ import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, Generic, Literal, TypeVar, cast
+from typing import Any, Generic, Literal, NoReturn, TypeVar, cast
 
 from pydantic import ValidationError
 
 from middeck.errors import ConfigError
+from middeck.files import looks
 from middeck.files.article_build import build_structure
 from middeck.files.article_checks import article_findings, attach_names
 from middeck.files.article_form import ArticleForm
@@ -20,18 +21,6 @@ from middeck.files.environment_checks import environment_findings
 from middeck.files.environment_form import EnvironmentForm, build_environment, joint_findings
 from middeck.files.faults import Fault, Finding, form_findings, nearest, raise_fault, raise_faults
 from middeck.files.form import Form
-from middeck.files.looks import (
-    ARTICLE,
-    CHANNELS,
-    EMPTY,
-    ENVIRONMENT,
-    NOT_UTF8,
-    STUDY,
-    TEXT,
-    TOML,
-    looks_like,
-    stray,
-)
 from middeck.files.overrides import Target, apply_overrides
 from middeck.files.toml_lines import Path as KeyPath
 from middeck.files.toml_lines import key_lines, line_of
@@ -44,7 +33,7 @@ F = TypeVar("F", bound=Form)
 Kind = Literal["article", "environment", "study"]
 # What ``--environment orbit`` means far from any environments/: it is the same everywhere.
 ORBIT = Path(__file__).with_name("orbit.toml")
-DOCUMENTS = (ARTICLE, ENVIRONMENT, STUDY)
+DOCUMENTS = (looks.ARTICLE, looks.ENVIRONMENT, looks.STUDY)
 FOLDERS: dict[Kind, str] = {"article": "articles", "environment": "environments", "study": "studies"}
 
 
@@ -76,43 +65,33 @@ def read_source(path: str | Path, kind: Kind | None = None) -> Source:
     try:
         raw = Path(path).read_bytes()
     except IsADirectoryError:
-        raise_fault(
-            Fault(
-                file=file,
-                line=0,
-                key="",
-                message="is a folder, not a file",
-                hint=f"one of the files in {file}",
-            )
-        )
+        _refuse(file, "is a folder, not a file", f"one of the files in {file}")
     except OSError as error:
-        raise_fault(
-            Fault(
-                file=file, line=0, key="", message=f"cannot be read: {error.strerror}", hint="check the path"
-            )
-        )
-    wanted = CHANNELS if kind is None else _a(kind)
-    strange = stray(path, wanted, (EMPTY, TOML, TEXT, NOT_UTF8, *([] if kind else DOCUMENTS)))
+        _refuse(file, f"cannot be read: {error.strerror}", "check the path")
+    wanted = looks.CHANNELS if kind is None else _a(kind)
+    strange = looks.stray(
+        path, wanted, (looks.EMPTY, looks.TOML, looks.TEXT, looks.NOT_UTF8, *([] if kind else DOCUMENTS))
+    )
     if strange:
-        raise_fault(Fault(file=file, line=0, key="", message=strange, hint=f"{wanted} in this place"))
+        _refuse(file, strange, f"{wanted} in this place")
     try:
         text = raw.decode("utf-8-sig").replace("\r\n", "\n")
     except UnicodeDecodeError as error:
         line = raw[: error.start].count(b"\n") + 1
-        raise_fault(
-            Fault(file=file, line=line, key="", message="not UTF-8 text", hint="save the file as UTF-8")
-        )
+        _refuse(file, "not UTF-8 text", "save the file as UTF-8", line=line)
     if not text.strip():
-        raise_fault(
-            Fault(file=file, line=1, key="", message="the file is empty", hint=f"{wanted} in this place")
-        )
+        _refuse(file, "the file is empty", f"{wanted} in this place", line=1)
     try:
         return Source(file, tomllib.loads(text), key_lines(text))
     except tomllib.TOMLDecodeError as error:
         found = re.search(r"line (\d+)", str(error))
         line = int(found.group(1)) if found else text.rstrip().count("\n") + 1
         line, what, cure = explain(text, line, str(error))
-        raise_fault(Fault(file=file, line=line, key="", message=f"not valid TOML: {what}", hint=cure))
+        _refuse(file, f"not valid TOML: {what}", cure, line=line)
+
+
+def _refuse(file: str, message: str, hint: str, *, line: int = 0) -> NoReturn:
+    raise_fault(Fault(file=file, line=line, key="", message=message, hint=hint))
 
 
 def _a(kind: Kind) -> str:
@@ -141,22 +120,12 @@ def sha256_of(path: str | Path) -> str:
 
 def place_in(source: Source, changed: Mapping[KeyPath, str], finding: Finding) -> Fault:
     """Where ``finding`` lies: at the override in ``changed`` that set the value, or in the file."""
-    key = ".".join(map(str, finding.path))
-    for end in range(len(finding.path), 0, -1):
-        setter = changed.get(finding.path[:end])
-        if setter:
-            return Fault(
-                file=f"--set {setter}",
-                line=0,
-                key=key,
-                message=finding.message,
-                value=finding.value,
-                hint=finding.hint,
-            )
-    line = line_of(source.lines, finding.path)
-    return Fault(
-        file=source.file, line=line, key=key, message=finding.message, value=finding.value, hint=finding.hint
-    )
+    file, line = source.file, line_of(source.lines, finding.path)
+    for end in range(1, len(finding.path) + 1):
+        if setter := changed.get(finding.path[:end]):
+            file, line = f"--set {setter}", 0
+    key, value = ".".join(map(str, finding.path)), finding.value
+    return Fault(file=file, line=line, key=key, message=finding.message, value=value, hint=finding.hint)
 
 
 def check(
@@ -222,16 +191,8 @@ def load_offset_keys(
 def _check_case(article: str | Path, environment: str | Path, overrides: Sequence[str]) -> list[Checked[Any]]:
     """The article, then the environment."""
     around = _environment_file(environment)
-    if (looks_like(article), looks_like(around)) == (ENVIRONMENT, ARTICLE):
-        raise_fault(
-            Fault(
-                file=f"{article}, {around}",
-                line=0,
-                key="",
-                message="environment and article are swapped",
-                hint="the article first",
-            )
-        )
+    if (looks.looks_like(article), looks.looks_like(around)) == (looks.ENVIRONMENT, looks.ARTICLE):
+        _refuse(f"{article}, {around}", "environment and article are swapped", "the article first")
     body, surroundings = read_sources([article, around], ["article", "environment"])
     return _check_all(
         [(body, ArticleForm, article_findings), (surroundings, EnvironmentForm, environment_findings)],

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import AfterValidator, Field, PlainValidator
 from pydantic_core import PydanticCustomError
 
-from middeck.files.faults import Finding, nearest
+from middeck.files.faults import Finding, finding, nearest
 from middeck.files.form import Form, Name, NotNegative, Positive, Vector
 from middeck.joints.friction import Friction
 from middeck.structure.model.environment import AnchoredSpring, Device, DeviceKind, Environment, Suspension
@@ -109,11 +109,7 @@ def joint_findings(form: EnvironmentForm, attach_points: list[str], article: str
     devices = [(("device", i, "attach"), device.attach) for i, device in enumerate(form.device)]
     springs = [(("spring", i, "attach"), spring.attach) for i, spring in enumerate(form.spring)]
     return [
-        Finding(
-            path=path,
-            message=f"article {article!r} has no attach point {name!r}",
-            hint=nearest(name, attach_points),
-        )
+        finding(path, f"article {article!r} has no attach point {name!r}", hint=nearest(name, attach_points))
         for path, name in (*used, *devices, *springs)
         if name not in attach_points
     ]

@@ -9,8 +9,7 @@ from typing import Any, NoReturn
 from pydantic import ValidationError
 
 from middeck.errors import ConfigError
-from middeck.files.form import UNITS, Form, stem, unit_of
-from middeck.files.shapes import form_at
+from middeck.files.form import UNITS, Form, form_at, stem, unit_of
 from middeck.files.toml_lines import Path
 from middeck.values import record
 
@@ -20,6 +19,9 @@ FOREIGN_UNITS = frozenset(ending[1:] for ending in UNITS) | {
     *("ms", "us", "ns", "min", "khz", "mhz", "rad", "degrees", "rpm", "kn", "nmm", "ncm", "deg_s", "percent"),
     *("kgm2", "kg_mm2", "g_mm2", "g_cm3", "n_per_mm", "nm_per_deg"),
 }
+
+
+ABSENT = object()
 
 
 @record(kw_only=True)
@@ -61,6 +63,12 @@ class Finding:
     value: str = ""
     hint: str = ""
     expected: str = ""  # the key that an unknown one stands for
+
+
+def finding(path: Path, message: str, value: Any = ABSENT, *, hint: str = "", expected: str = "") -> Finding:
+    """A finding at ``path``, with its ``value``, if there is one, as TOML would write it."""
+    shown = "" if value is ABSENT else show(value)
+    return Finding(path=path, message=message, value=shown, hint=hint, expected=expected)
 
 
 def raise_faults(faults: Sequence[Fault]) -> None:
@@ -114,7 +122,7 @@ def _finding(item: Any, form: type[Form]) -> Finding:
     if kind == "extra_forbidden":
         return _unknown_key(path, key, item["input"], form)
     if kind == "missing":
-        return Finding(path=path, message="missing" + _in_unit(key))
+        return finding(path, "missing" + _in_unit(key))
     messages: dict[str, str] = {
         "range": f"must be {item.get('ctx', {}).get('allowed')}{_in_unit(key, ' ')}",
         "finite": "must be a finite number" + _in_unit(key),
@@ -133,7 +141,7 @@ def _finding(item: Any, form: type[Form]) -> Finding:
         return _wrong_length(path, item)
     if kind == "literal_error":
         messages[kind] = f"must be {item['ctx']['expected']}".replace("'", '"')
-    return Finding(path=path, message=messages.get(kind, str(item["msg"])), value=show(item["input"]))
+    return finding(path, messages.get(kind, str(item["msg"])), item["input"])
 
 
 def _wrong_length(path: Path, item: Any) -> Finding:
@@ -142,9 +150,7 @@ def _wrong_length(path: Path, item: Any) -> Finding:
     wanted = limits.get("max_length", limits.get("min_length"))
     commas = len(value) == 2 * wanted and all(isinstance(x, int) for x in value[1::2])
     advice = "decimal points: 0,25 is two numbers" if commas else ""
-    return Finding(
-        path=path, message=f"has {len(value)} items; must be {wanted}", value=show(value), hint=advice
-    )
+    return finding(path, f"has {len(value)} items; must be {wanted}", value, hint=advice)
 
 
 def _unknown_key(path: Path, key: str, value: Any, form: type[Form]) -> Finding:
@@ -152,17 +158,13 @@ def _unknown_key(path: Path, key: str, value: Any, form: type[Form]) -> Finding:
     known = [f.alias or name for name, f in table.model_fields.items()] if table else []
     same = next((k for k in known if k.lower() == key.lower()), "")
     if same:
-        return Finding(
-            path=path, message="unknown key", value=show(value), hint=f"did you mean {same!r}?", expected=same
-        )
+        return finding(path, "unknown key", value, hint=f"did you mean {same!r}?", expected=same)
     for expected in known:
         if _is_other_unit(key, expected):
             unit = unit_of(expected) or "a pure number"
             message = f"unknown key; {expected!r} is expected, in {unit}"
-            return Finding(
-                path=path, message=message, value=show(value), hint=f"convert to {unit}", expected=expected
-            )
-    return Finding(path=path, message="unknown key", value=show(value), hint=nearest(key, known))
+            return finding(path, message, value, hint=f"convert to {unit}", expected=expected)
+    return finding(path, "unknown key", value, hint=nearest(key, known))
 
 
 def _is_other_unit(key: str, expected: str) -> bool:

@@ -1,4 +1,4 @@
-"""JSON documents on their way in: text, schema and arrays of numbers, refused by file and key."""
+"""JSON documents on their way in: text, schema, ports and arrays of numbers, refused by file and key."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from typing import Any, cast
 import numpy as np
 
 from middeck.errors import DataError
+from middeck.files.channels import build_channel
 from middeck.files.looks import EMPTY, JSON, NOT_UTF8, SCHEMAS, TEXT, is_json, stray
+from middeck.signals.ports import Port
 
 
 def read_json(path: str | Path, schema: str, hint: str) -> dict[str, Any]:
@@ -51,3 +53,25 @@ def json_numbers(value: Any, where: str, *, ragged: str, infinite: str) -> np.nd
     if not np.isfinite(array).all():
         raise DataError("a number is not finite", where=where, hint=infinite)
     return array
+
+
+def require_keys(data: Any, keys: tuple[str, ...], where: str, hint: str) -> None:
+    """Raise `DataError` unless ``data`` is a table with all ``keys``."""
+    missing = [k for k in keys if not isinstance(data, dict) or k not in data]
+    if missing:
+        raise DataError(f"keys missing: {', '.join(missing)}", where=where, hint=hint)
+
+
+def read_ports(value: Any, where: str, hint: str) -> tuple[Port, ...]:
+    """The ports of a list of names, units and channels; raises `DataError` where it is none."""
+    if not isinstance(value, list) or not value:
+        raise DataError("no ports", where=where, hint='a list of {"name": ..., "unit": ...}')
+    return tuple(_port(item, where, hint) for item in cast("list[Any]", value))
+
+
+def _port(item: Any, where: str, hint: str) -> Port:
+    require_keys(item, ("name", "unit"), where, hint)
+    channel = item.get("channel")
+    if channel is None:
+        return Port(str(item["name"]), str(item["unit"]))
+    return Port(str(item["name"]), str(item["unit"]), build_channel(channel, f"{where}, channel"))

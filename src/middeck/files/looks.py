@@ -14,6 +14,9 @@ MAT, HDF5, UNIVERSAL = "a MATLAB file", "an HDF5 file", "a universal file"
 JSON, TOML, NOT_UTF8 = "a JSON file", "a TOML file", "text that is not UTF-8"
 PAGE, NUMBERS = "a drawing or a web page", "the numbers of a study"
 
+# What no record looks like, whatever its ending; the reader of the ending speaks of the rest.
+NO_RECORD = (ARTICLE, ENVIRONMENT, STUDY, CHANNELS, TOML, MODEL, LAW, SURVEY, NUMBERS, JSON, PAGE)
+
 HEAD = 65536
 MAGIC = {
     b"PK\x03\x04": ARCHIVE,
@@ -24,22 +27,21 @@ MAGIC = {
     b"\xfe\xff": NOT_UTF8,
 }
 SCHEMAS = {"model": MODEL, "compensator": LAW, "measured-modes": SURVEY}
+PARTS = (
+    "node",
+    "strut",
+    "gimbal",
+    "revolute",
+    "mesh",
+    "material",
+    "section",
+    "actuator",
+    "sensor",
+    "damping",
+)
 # Tables and keys that only one kind of document has.
 KEYS: dict[str, frozenset[str]] = {
-    ARTICLE: frozenset(
-        (
-            "node",
-            "strut",
-            "gimbal",
-            "revolute",
-            "mesh",
-            "material",
-            "section",
-            "actuator",
-            "sensor",
-            "damping",
-        )
-    ),
+    ARTICLE: frozenset(PARTS),
     ENVIRONMENT: frozenset(("constants", "device")),
     STUDY: frozenset(("control", "rig", "figure_6", "siso", "sito", "mirror")),
     CHANNELS: frozenset(("channel",)),

@@ -1,4 +1,4 @@
-"""Measurement models as JSON, so that one verb's result is another's input."""
+"""Measurement models as JSON (and MAT), so that one verb's result is another's input."""
 
 from __future__ import annotations
 
@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 
 from middeck.errors import ConfigError, DataError
-from middeck.files.json_input import json_numbers, read_json
+from middeck.files.exchange.mat import write_mat
+from middeck.files.json_input import json_numbers, read_json, read_ports, require_keys
 from middeck.files.json_output import write_json
-from middeck.files.json_parts import read_ports, require_keys
-from middeck.identification.model.measurement_model import MeasurementModel
+from middeck.identification.model.measurement_model import MeasurementModel, path_delay
+from middeck.identification.plants.measured_plant import rational_statespace
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.unknowns import Structure, places_of
+from middeck.systems.plant import Plant, delay_plant
 
 MODEL_SCHEMA = "middeck.model/1"
 COMPLEX = ("poles", "shapes", "participation")
@@ -30,10 +32,7 @@ def write_model(path: str | Path, model: MeasurementModel, covariance: ModelCova
     Delays of paths, rigid-body modes and integrators are written where the model has any, and so is the joint
     covariance of its unknowns (a root of it): infinitely many degrees of freedom are null.
 
-    Raises
-    ------
-    ConfigError
-        If ``covariance`` is that of another model.
+    Raises `ConfigError` if ``covariance`` is that of another model.
     """
     given = (*COMPLEX, *REAL, *(name for name in OPTIONAL if getattr(model, name) is not None))
     arrays = {name: getattr(model, name) for name in given}
@@ -159,3 +158,12 @@ def _rate(value: Any, where: str) -> float | None:
     if rate.shape != () or not rate > 0.0:
         raise DataError(f"sample_hz is {value}; must be > 0 Hz, or null", where=where)
     return float(rate)
+
+
+def write_mat_model(path: str | Path, model: MeasurementModel) -> None:
+    """Write a fitted model as a MAT file of `write_mat`, its delays [s] as ``ss`` has them.
+
+    Terms in 1/s^2 of modes below the band are states. The model itself is in the JSON file of `write_model`.
+    """
+    plant = Plant(dynamics=rational_statespace(model), inputs=model.inputs, outputs=model.outputs)
+    write_mat(path, delay_plant(plant, path_delay(model)))

@@ -18,8 +18,7 @@ from enum import Enum
 from typing import Any, cast
 
 from middeck.files.faults import Fault, nearest, raise_fault, raise_faults
-from middeck.files.form import Form, sheet_name
-from middeck.files.shapes import bare, child, is_form, keys_of
+from middeck.files.form import Form, bare, child, is_form, keys_of, sheet_name
 from middeck.files.toml_lines import Path
 from middeck.values import record
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, cast
 
+from middeck.files import study_form
 from middeck.files.article_build import build_structure
 from middeck.files.article_checks import article_findings
 from middeck.files.article_form import ArticleForm
@@ -23,20 +24,10 @@ from middeck.files.documents import (
 )
 from middeck.files.environment_checks import environment_findings
 from middeck.files.environment_form import EnvironmentForm, build_environment
-from middeck.files.faults import Fault, Finding, raise_faults, show
+from middeck.files.faults import Fault, Finding, finding, raise_faults
 from middeck.files.overrides import Target, apply_overrides
 from middeck.files.rig_build import build_loop_test, build_rig_settings
 from middeck.files.study_checks import fixed_axes, signal_findings
-from middeck.files.study_form import (
-    ControlForm,
-    Figure6Form,
-    MirrorForm,
-    SisoForm,
-    SitoForm,
-    StudyForm,
-    port_findings,
-    study_findings,
-)
 from middeck.files.toml_lines import Path as KeyPath
 from middeck.laboratory.settings import LoopTest, RigSettings
 from middeck.structure.model.article import Structure
@@ -58,32 +49,25 @@ class Case:
 class Study:
     """All that a study needs, read and checked.
 
-    Parameters
-    ----------
-    cases:
-        Every article in every environment; see `case`.
-    control, figure_6, siso, sito, mirror:
-        The tables of the study file: attributes are its keys, units in their endings.
-    rig, loop_test:
-        The simulated rig, and the experiments on it with the motor of ``siso``.
-    train_file, test_file:
-        Paths of the mirror's records.
-    inputs:
-        Name (from the study's folder) and SHA-256 of every file that was read or is to be read.
-    overrides:
-        What ``--set`` has changed.
+    cases: Every article in every environment; see `case`.
+    control, figure_6, siso, sito, mirror: The tables of the study file: attributes are its keys, units in
+        their endings.
+    rig, loop_test: The simulated rig, and the experiments on it with the motor of ``siso``.
+    train_file, test_file: Paths of the mirror's records.
+    inputs: Name (from the study's folder) and SHA-256 of every file that was read or is to be read.
+    overrides: What ``--set`` has changed.
     """
 
     title: str
     seed: int
     cases: tuple[Case, ...]
-    control: ControlForm
+    control: study_form.ControlForm
     rig: RigSettings
     loop_test: LoopTest
-    figure_6: Figure6Form
-    siso: SisoForm
-    sito: SitoForm
-    mirror: MirrorForm
+    figure_6: study_form.Figure6Form
+    siso: study_form.SisoForm
+    sito: study_form.SitoForm
+    mirror: study_form.MirrorForm
     train_file: Path
     test_file: Path
     inputs: tuple[tuple[str, str], ...]
@@ -105,7 +89,7 @@ def load_study(path: str | Path, overrides: Sequence[str] = ()) -> Study:
     source = read_source(path, "study")
     # The file names must be known, overridden or not, before the other documents can be overridden.
     (data,), (changed,) = apply_overrides(
-        [Target(source.file, source.data, StudyForm)], [o for o in overrides if _is_reference(o)]
+        [Target(source.file, source.data, study_form.StudyForm)], [o for o in overrides if _is_reference(o)]
     )
     base = Path(path).parent
     _raise_missing(source, data, changed, base)
@@ -115,7 +99,7 @@ def load_study(path: str | Path, overrides: Sequence[str] = ()) -> Study:
     articles = {name: s for (name, _), s in zip(names, sources, strict=False)}
     environments = {name: s for (name, _), s in zip(files, sources[len(names) :], strict=True)}
     study, structures, surroundings = _check(source, articles, environments, overrides)
-    form = cast("StudyForm", study.form)
+    form = cast("study_form.StudyForm", study.form)
     records = [base / form.mirror.train, base / form.mirror.test]
     files = [Path(path), *(Path(s.file) for s in (*articles.values(), *environments.values())), *records]
     built = {name: build_structure(cast("ArticleForm", c.form)) for name, c in structures.items()}
@@ -144,7 +128,7 @@ def load_study(path: str | Path, overrides: Sequence[str] = ()) -> Study:
 
 def study_rules(data: dict[str, Any]) -> list[Finding]:
     """Faults of the tables of a study beyond the form of their keys."""
-    return [*study_findings(data), *signal_findings(data)]
+    return [*study_form.study_findings(data), *signal_findings(data)]
 
 
 def _is_reference(override: str) -> bool:
@@ -160,10 +144,8 @@ def _raise_missing(source: Source, data: Any, changed: dict[KeyPath, str], base:
         wanted += [((table, name), file) for name, file in _references(data, table)]
     advice = "a path from the study file's own folder"
     missing = [(key, file) for key, file in wanted if not (base / file).is_file()]
-    findings = (
-        Finding(path=key, message="no such file", value=show(file), hint=advice) for key, file in missing
-    )
-    raise_faults([place_in(source, changed, finding) for finding in findings])
+    findings = (finding(key, "no such file", file, hint=advice) for key, file in missing)
+    raise_faults([place_in(source, changed, f) for f in findings])
 
 
 def _references(data: Any, key: str) -> list[tuple[str, str]]:
@@ -178,7 +160,7 @@ def _check(
     """Override and check all documents together; an environment once for each article it may hold."""
     pairs = [(a, e) for a in articles for e in environments]
     parts = [
-        (study, StudyForm, study_rules, ""),
+        (study, study_form.StudyForm, study_rules, ""),
         *((s, ArticleForm, article_findings, name) for name, s in articles.items()),
         *((environments[e], EnvironmentForm, environment_findings, a) for a, e in pairs),
     ]
@@ -205,7 +187,7 @@ def _joint_faults(study: Checked[Any], structures: dict[str, Checked[Any]]) -> l
     built = {name: build_structure(cast("ArticleForm", c.form)) for name, c in structures.items()}
     ports = {n: ([a.name for a in s.actuators], [x.name for x in s.sensors]) for n, s in built.items()}
     return [
-        *(study.place(finding) for finding in port_findings(study.form, ports)),
+        *(study.place(finding) for finding in study_form.port_findings(study.form, ports)),
         *(
             structures[name].place(finding)
             for name, structure in built.items()

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from typing import Any, cast
+from collections.abc import Iterator
+from typing import Any
 
-from middeck.files.article_checks import tables
-from middeck.files.faults import Finding, nearest, show
+from middeck.files.faults import Finding, finding, nearest
 from middeck.files.study_form import StudyForm
+from middeck.files.tables import Table, array_of, is_number, table_of, tables
 from middeck.files.toml_lines import Path
 from middeck.structure.model.article import JointState, Structure
 
-Table = dict[str, Any]
 # Decimals are not exact in binary.
 ROUNDING = 1e-9
 
@@ -22,79 +21,54 @@ def signal_findings(data: Table) -> list[Finding]:
     return [*_metric(data), *_loops(data), *_hold(data), *_excitation(data)]
 
 
-def _names(data: Table, table: str, *keys: str) -> list[str]:
-    """All texts in the arrays ``keys`` of ``table``."""
-    held = data.get(table)
-    arrays = [cast("Table", held).get(key) for key in keys] if isinstance(held, dict) else []
-    return [n for a in arrays if isinstance(a, list) for n in cast("list[Any]", a) if isinstance(n, str)]
+def _names(data: Table, *keys: str) -> list[str]:
+    """All texts in the arrays ``keys`` of the table ``control``."""
+    return [n for key in keys for n in array_of(table_of(data, "control"), key) if isinstance(n, str)]
 
 
 def _metric(data: Table) -> Iterator[Finding]:
-    known = _names(data, "control", "angles", "pd_loops")
-    for i, name in enumerate(_names(data, "control", "metric")):
+    known = _names(data, "angles", "pd_loops")
+    for i, name in enumerate(_names(data, "metric")):
         if known and name not in known:
-            yield Finding(
-                path=("control", "metric", i),
-                message="neither among angles nor among pd_loops: no output of the plant",
-                value=show(name),
-                hint=nearest(name, known),
-            )
+            message = "neither among angles nor among pd_loops: no output of the plant"
+            yield finding(("control", "metric", i), message, name, hint=nearest(name, known))
 
 
 def _loops(data: Table) -> Iterator[Finding]:
-    known = _names(data, "control", "inputs", "disturbances")
-    for i, name in enumerate(_names(data, "control", "pd_loops")):
+    known = _names(data, "inputs", "disturbances")
+    for i, name in enumerate(_names(data, "pd_loops")):
         if known and name not in known:
-            yield Finding(
-                path=("control", "pd_loops", i),
-                message="neither among inputs nor among disturbances: no input of the plant",
-                value=show(name),
-                hint="add it to one of them, or leave its loop out",
-            )
+            message = "neither among inputs nor among disturbances: no input of the plant"
+            hint = "add it to one of them, or leave its loop out"
+            yield finding(("control", "pd_loops", i), message, name, hint=hint)
 
 
-def _number(data: Table, table: str, key: str, index: int | None = None) -> float | None:
-    """The positive number or zero that stands there; None for anything else."""
-    held = data.get(table)
-    value = cast("Table", held).get(key) if isinstance(held, dict) else None
-    if index is not None:
-        items = cast("list[Any]", value) if isinstance(value, list) else []
-        value = items[index] if index < len(items) else None
-    if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value < math.inf:
-        return None
-    return float(value)
+def _number(value: Any) -> float | None:
+    """The positive number or zero; None for anything else."""
+    return float(value) if is_number(value) and 0.0 <= value < math.inf else None
 
 
 def _hold(data: Table) -> Iterator[Finding]:
     """A held command takes effect half a sample late in the mean, whatever else is late."""
-    sample_hz, delay_s = _number(data, "rig", "sample_hz"), _number(data, "rig", "delay_s")
+    sample_hz, delay_s = (_number(table_of(data, "rig").get(key)) for key in ("sample_hz", "delay_s"))
     if sample_hz and delay_s is not None and delay_s < (1.0 - ROUNDING) * 0.5 / sample_hz:
         message = f"must be >= {0.5 / sample_hz:g} s, the hold's own half sample at {sample_hz:g} Hz"
-        yield Finding(
-            path=("rig", "delay_s"),
-            message=message,
-            value=show(delay_s),
-            hint="a longer delay or a higher sample_hz",
-        )
+        yield finding(("rig", "delay_s"), message, delay_s, hint="a longer delay or a higher sample_hz")
 
 
 def _excitation(data: Table) -> Iterator[Finding]:
     """One period is a whole number of samples, and the band ends below half the rate."""
-    sample_hz, period_s = _number(data, "rig", "sample_hz"), _number(data, "siso", "period_s")
+    siso = table_of(data, "siso")
+    sample_hz, period_s = _number(table_of(data, "rig").get("sample_hz")), _number(siso.get("period_s"))
     if sample_hz and period_s:
         samples = period_s * sample_hz
         if abs(samples - round(samples)) > ROUNDING * samples:
             message = f"{samples:g} samples at rig.sample_hz = {sample_hz:g} Hz; must be a whole number"
-            yield Finding(path=("siso", "period_s"), message=message, value=show(period_s))
-    last = _number(data, "siso", "band_hz", 1)
+            yield finding(("siso", "period_s"), message, period_s)
+    last = next(map(_number, array_of(siso, "band_hz")[1:2]), None)
     if sample_hz and last is not None and last >= 0.5 * sample_hz:
         message = f"must end below half of rig.sample_hz = {sample_hz:g} Hz"
-        yield Finding(
-            path=("siso", "band_hz", 1),
-            message=message,
-            value=show(last),
-            hint="a narrower band or a higher sample_hz",
-        )
+        yield finding(("siso", "band_hz", 1), message, last, hint="a narrower band or a higher sample_hz")
 
 
 def fixed_axes(form: StudyForm, article: str, structure: Structure, data: Table) -> Iterator[Finding]:
@@ -107,24 +81,18 @@ def fixed_axes(form: StudyForm, article: str, structure: Structure, data: Table)
         if joint is None or joint.name in seen or joint.state in (JointState.FREE, JointState.SPRUNG):
             continue
         seen.add(joint.name)
-        yield Finding(
-            path=_state_of(data, joint.name),
-            message=f"{key} of the study drives {port!r}: this axis must turn",
-            value=show(joint.state.value),
-            hint=f'"free" or "sprung", or leave the port out of {key}',
-        )
+        message = f"{key} of the study drives {port!r}: this axis must turn"
+        hint = f'"free" or "sprung", or leave the port out of {key}'
+        yield finding(_state_of(data, joint.name), message, joint.state.value, hint=hint)
 
 
 def _driven(form: StudyForm, article: str) -> list[tuple[str, str]]:
     """Key and name of every port of ``article`` that the study drives."""
     control, found = form.control, list[tuple[str, str]]()
     if control.article == article:
-        arrays: Mapping[str, tuple[str, ...]] = {
-            "inputs": control.inputs,
-            "disturbances": control.disturbances,
-            "pd_loops": control.pd_loops,
-        }
-        found += [(f"control.{key}", port) for key, ports in arrays.items() for port in ports]
+        arrays = (("inputs", control.inputs), ("disturbances", control.disturbances))
+        arrays = (*arrays, ("pd_loops", control.pd_loops))
+        found += [(f"control.{key}", port) for key, ports in arrays for port in ports]
     if form.figure_6.article == article:
         found.append(("figure_6.input", form.figure_6.input))
     if form.siso.article == article:

@@ -7,8 +7,10 @@ from typing import Annotated, Any, Literal, cast
 
 from pydantic import Field
 
-from middeck.files.faults import Finding, nearest, show
+from middeck.files.faults import Finding, finding, nearest
 from middeck.files.form import Finite, Form, Name, NotNegative, Positive, whole, within
+from middeck.files.tables import Table, array_of, table_of
+from middeck.files.toml_lines import Path
 
 Names = Annotated[tuple[str, ...], Field(strict=False, min_length=1)]
 Numbers = Annotated[tuple[NotNegative, ...], Field(strict=False, min_length=1)]
@@ -126,8 +128,7 @@ class SisoForm(Form):
 class SitoForm(Form):
     """One input to two sensors and the performance: fitted together (Figures 10a, 10b), controlled (11, 12).
 
-    Article, environment, actuator, excitation and rig are those of `SisoForm`, and its sensor is the
-    performance.
+    Article, environment, actuator, excitation and rig are those of `SisoForm`, its sensor the performance.
     """
 
     sensors: Names
@@ -170,57 +171,49 @@ class StudyForm(Form):
     mirror: MirrorForm
 
 
-Table = dict[str, Any]
+BANDS = (
+    *(("control", "band_hz"), ("figure_6", "band_hz"), ("siso", "band_hz")),
+    *(("siso", "fit_band_hz"), ("sito", "fit_band_hz")),
+)
 
 
 def study_findings(data: Table) -> list[Finding]:
     """Faults of a study beyond the form of its keys; tolerates a broken form."""
-    control = _table(data, "control")
+    control = table_of(data, "control")
     return [
         *_one_each(control, "pd_loops", ["pd_kp_nm_per_rad", "pd_kd_nms_per_rad"]),
         *_one_each(control, "metric", ["metric_weights"]),
         *_one_each(control, "inputs", ["input_weight"]),
-        *_ascending(data, "control", "band_hz"),
-        *_ascending(data, "figure_6", "band_hz"),
-        *_ascending(data, "siso", "band_hz"),
-        *_ascending(data, "siso", "fit_band_hz"),
-        *_ascending(data, "sito", "fit_band_hz"),
-        *_one_each(_table(data, "sito"), "sensors", ["angle_noise_rad_per_rthz"], "sito"),
-        *_one_each(_table(data, "sito"), "smaller_states", ["smaller_bands_hz"], "sito"),
+        *(f for where in BANDS for f in _ascending(where, table_of(data, where[0]).get(where[1]))),
+        *_one_each(table_of(data, "sito"), "sensors", ["angle_noise_rad_per_rthz"], "sito"),
+        *_one_each(table_of(data, "sito"), "smaller_states", ["smaller_bands_hz"], "sito"),
         *_levels(control),
         *_weighed(control),
         *_two_rates(data),
         *_documents(data),
         *_rubs(data),
         *_gap(data),
-        *_even(data, "siso"),
-        *_even(data, "sito"),
+        *(f for key in ("siso", "sito") for f in _even((key, "states"), table_of(data, key).get("states"))),
         *_smaller(data),
         *_two_sensors(data),
     ]
 
 
-def _table(data: Table, key: str) -> Table:
-    value = data.get(key)
-    return cast("Table", value) if isinstance(value, dict) else {}
-
-
-def _one_each(table: Table, names: str, keys: list[str], where: str = "control") -> Iterator[Finding]:
-    wanted = table.get(names)
+def _one_each(settings: Table, names: str, keys: list[str], where: str = "control") -> Iterator[Finding]:
+    wanted = settings.get(names)
     for key in keys:
-        given = table.get(key)
+        given = settings.get(key)
         if isinstance(wanted, list) and isinstance(given, list):
             count, needed = len(cast("list[Any]", given)), len(cast("list[Any]", wanted))
             if count != needed:
                 message = f"{count} values for the {needed} {names}; must be one each"
-                yield Finding(path=(where, key), message=message, value=show(given))
+                yield finding((where, key), message, given)
 
 
-def _ascending(data: Table, table: str, key: str) -> Iterator[Finding]:
-    band = _table(data, table).get(key)
+def _ascending(where: Path, band: Any) -> Iterator[Finding]:
     match band:
         case [int() | float() as low, int() | float() as high] if not low < high:
-            yield Finding(path=(table, key), message="must ascend, [lowest, highest] in Hz", value=show(band))
+            yield finding(where, "must ascend, [lowest, highest] in Hz", band)
         case _:
             return
 
@@ -229,87 +222,69 @@ def _levels(control: Table) -> Iterator[Finding]:
     first, last = control.get("log10_authority_first"), control.get("log10_authority_last")
     if isinstance(first, int | float) and isinstance(last, int | float) and not first < last:
         message = f"must be > log10_authority_first = {first:g}"
-        yield Finding(path=("control", "log10_authority_last"), message=message, value=show(last))
+        yield finding(("control", "log10_authority_last"), message, last)
 
 
 def _weighed(control: Table) -> Iterator[Finding]:
     match control.get("metric_weights"):
         case [_, *_] as weights if all(w == 0 for w in cast("list[Any]", weights)):
             message = "every weight is zero; at least one must be > 0"
-            yield Finding(path=("control", "metric_weights"), message=message, value=show(weights))
+            yield finding(("control", "metric_weights"), message, weights)
         case _:
             return
 
 
 def _two_rates(data: Table) -> Iterator[Finding]:
     """Figures 6a and 6b show one rate each, of payload and bus in the paper."""
-    match _table(data, "figure_6").get("outputs"):
+    match table_of(data, "figure_6").get("outputs"):
         case [str() as first, str() as second] if first.endswith("_rate") and second.endswith("_rate"):
             return
         case list() as given:
             message = "must be two rates: a payload's (Figure 6a), then the bus's (Figure 6b)"
             advice = "names of sensors that end in _rate"
-            yield Finding(path=("figure_6", "outputs"), message=message, value=show(given), hint=advice)
+            yield finding(("figure_6", "outputs"), message, given, hint=advice)
         case _:
             return
 
 
-def _even(data: Table, table: str) -> Iterator[Finding]:
-    states = _table(data, table).get("states")
+def _even(where: Path, states: Any) -> Iterator[Finding]:
     if isinstance(states, int) and states % 2:
-        yield Finding(path=(table, "states"), message="must be even: two for each mode", value=show(states))
+        yield finding(where, "must be even: two for each mode", states)
 
 
 def _smaller(data: Table) -> Iterator[Finding]:
     """The smaller designs of Figure 11: two states for each mode, each in a band."""
-    table = _table(data, "sito")
-    for k, states in enumerate(_list(table, "smaller_states")):
-        if isinstance(states, int) and states % 2:
-            yield Finding(
-                path=("sito", "smaller_states", k),
-                message="must be even: two for each mode",
-                value=show(states),
-            )
-    for k, band in enumerate(_list(table, "smaller_bands_hz")):
-        match band:
-            case [int() | float() as low, int() | float() as high] if not low < high:
-                where = ("sito", "smaller_bands_hz", k)
-                yield Finding(path=where, message="must ascend, [lowest, highest] in Hz", value=show(band))
-            case _:
-                pass
-
-
-def _list(table: Table, key: str) -> list[Any]:
-    value = table.get(key)
-    return cast("list[Any]", value) if isinstance(value, list) else []
+    sito = table_of(data, "sito")
+    for k, states in enumerate(array_of(sito, "smaller_states")):
+        yield from _even(("sito", "smaller_states", k), states)
+    for k, band in enumerate(array_of(sito, "smaller_bands_hz")):
+        yield from _ascending(("sito", "smaller_bands_hz", k), band)
 
 
 def _two_sensors(data: Table) -> Iterator[Finding]:
     """Figures 10a and 10b show one sensor each, encoder and bus in the paper; the third is [siso]'s own."""
-    performance, given = _table(data, "siso").get("sensor"), _table(data, "sito").get("sensors")
+    performance, given = table_of(data, "siso").get("sensor"), table_of(data, "sito").get("sensors")
     match given:
         case [str() as first, str() as second] if len({first, second, performance}) == 3:
             return
         case list():
             message = "must be two sensors (Figures 10a and 10b), neither of them siso.sensor"
-            yield Finding(path=("sito", "sensors"), message=message, value=show(given))
+            yield finding(("sito", "sensors"), message, given)
         case _:
             return
 
 
 def _rubs(data: Table) -> Iterator[Finding]:
     """Friction slips once it has given: without that distance, or a torque to slip at, there is none."""
-    rig = _table(data, "rig")
+    rig = table_of(data, "rig")
     coulomb, viscous = rig.get("gimbal_friction_nm"), rig.get("gimbal_viscous_nms_per_rad")
     if _is_positive(coulomb) and "gimbal_presliding_deg" not in rig:
         advice = "how far a gimbal gives before it slips, studies/mace-1993.toml has 0.05; or no friction, 0"
         where = ("rig", "gimbal_friction_nm")
-        yield Finding(
-            path=where, message="needs 'gimbal_presliding_deg' beside it", value=show(coulomb), hint=advice
-        )
+        yield finding(where, "needs 'gimbal_presliding_deg' beside it", coulomb, hint=advice)
     if _is_positive(viscous) and coulomb == 0:
         where, message = ("rig", "gimbal_viscous_nms_per_rad"), "has no effect where gimbal_friction_nm is 0"
-        yield Finding(path=where, message=message, value=show(viscous), hint="0, or give gimbal_friction_nm")
+        yield finding(where, message, viscous, hint="0, or give gimbal_friction_nm")
 
 
 def _is_positive(value: Any) -> bool:
@@ -318,64 +293,49 @@ def _is_positive(value: Any) -> bool:
 
 def _gap(data: Table) -> Iterator[Finding]:
     """A gap has flanks and flanks have a gap between them."""
-    rig, pair = _table(data, "rig"), ("gimbal_deadband_deg", "gimbal_flank_nm_per_rad")
+    rig, pair = table_of(data, "rig"), ("gimbal_deadband_deg", "gimbal_flank_nm_per_rad")
     for key, other in (pair, pair[::-1]):
         if key in rig and other not in rig:
-            yield Finding(
-                path=("rig", key),
-                message=f"given without {other}",
-                value=show(rig[key]),
-                hint="give both or neither",
-            )
+            yield finding(("rig", key), f"given without {other}", rig[key], hint="give both or neither")
 
 
 def _documents(data: Table) -> Iterator[Finding]:
     """Settings name articles and environments of the study."""
     wanted = [("control", "article"), ("figure_6", "article"), ("siso", "article"), ("siso", "environment")]
-    for table, key in wanted:
-        name, known = _table(data, table).get(key), _table(data, key)
+    for where, key in wanted:
+        name, known = table_of(data, where).get(key), table_of(data, key)
         if isinstance(name, str) and known and name not in known:
-            yield Finding(
-                path=(table, key),
-                message=f"no {key} of this name in [{key}]",
-                value=show(name),
-                hint=nearest(name, known),
-            )
+            yield finding((where, key), f"no {key} of this name in [{key}]", name, hint=nearest(name, known))
     for key in ("orbit", "lab"):
-        if _table(data, "environment") and key not in _table(data, "environment"):
-            yield Finding(path=("environment", key), message="missing: the path of an environment file")
+        if table_of(data, "environment") and key not in table_of(data, "environment"):
+            yield finding(("environment", key), "missing: the path of an environment file")
 
 
 def port_findings(form: StudyForm, ports: dict[str, tuple[list[str], list[str]]]) -> list[Finding]:
     """Ports that an article of the study lacks; ``ports`` gives its actuators and its sensors by article."""
-    control, figure_6, siso, sito = form.control, form.figure_6, form.siso, form.sito
-    actuators, sensors = ports.get(control.article, ([], []))
-    rates = [f"{s}_rate" for s in ports.get(figure_6.article, ([], []))[1]]
+    control, figure_6, siso = form.control, form.figure_6, form.siso
+    (drives, angles), (torques, sensors), (motors, sensed) = (
+        ports.get(setting.article, ([], [])) for setting in (control, figure_6, siso)
+    )
     wanted = [
-        *((("control", "inputs", i), n, actuators) for i, n in enumerate(control.inputs)),
-        *((("control", "disturbances", i), n, actuators) for i, n in enumerate(control.disturbances)),
-        *((("control", "angles", i), n, sensors) for i, n in enumerate(control.angles)),
-        *((("control", "metric", i), n, sensors) for i, n in enumerate(control.metric)),
-        *(
-            (("control", "pd_loops", i), n, [a for a in actuators if a in sensors])
-            for i, n in enumerate(control.pd_loops)
-        ),
-        (("figure_6", "input"), figure_6.input, ports.get(figure_6.article, ([], []))[0]),
-        *(
-            (("figure_6", "outputs", i), n, [*ports.get(figure_6.article, ([], []))[1], *rates])
-            for i, n in enumerate(figure_6.outputs)
-        ),
-        (("siso", "actuator"), siso.actuator, ports.get(siso.article, ([], []))[0]),
-        (("siso", "sensor"), siso.sensor, ports.get(siso.article, ([], []))[1]),
-        *(
-            (("sito", "sensors", i), n, ports.get(siso.article, ([], []))[1])
-            for i, n in enumerate(sito.sensors)
-        ),
+        ("control", "inputs", control.inputs, drives),
+        ("control", "disturbances", control.disturbances, drives),
+        ("control", "angles", control.angles, angles),
+        ("control", "metric", control.metric, angles),
+        ("control", "pd_loops", control.pd_loops, [a for a in drives if a in angles]),
+        ("figure_6", "input", figure_6.input, torques),
+        ("figure_6", "outputs", figure_6.outputs, [*sensors, *(f"{s}_rate" for s in sensors)]),
+        ("siso", "actuator", siso.actuator, motors),
+        ("siso", "sensor", siso.sensor, sensed),
+        ("sito", "sensors", form.sito.sensors, sensed),
+    ]
+    places = [
+        ((where, key), given, known) if isinstance(given, str) else ((where, key, i), name, known)
+        for where, key, given, known in wanted
+        for i, name in enumerate([given] if isinstance(given, str) else given)
     ]
     return [
-        Finding(
-            path=path, message="the article has no such port", value=show(name), hint=nearest(name, known)
-        )
-        for path, name, known in wanted
+        finding(path, "the article has no such port", name, hint=nearest(name, known))
+        for path, name, known in places
         if name not in known
     ]

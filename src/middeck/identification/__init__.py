@@ -14,8 +14,7 @@ from middeck.identification.model.measurement_model import (
 )
 from middeck.identification.model.selection import scale_channels, select_channels
 from middeck.identification.model.simulation import nrmse, simulate_periodic
-from middeck.identification.plants.measured_plant import measured_plant
-from middeck.identification.plants.modal_states import sampled_statespace
+from middeck.identification.plants.measured_plant import measured_plant, sampled_statespace
 from middeck.identification.plants.pole_zero_gain import PoleZeroGain, from_pole_zero_gain, pole_zero_gain
 from middeck.identification.plants.zeros import Zeros, matrix_zeros, name_zeros, path_zeros
 from middeck.identification.spectra import ResponseScatter, estimate_response, response_scatter

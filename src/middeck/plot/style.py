@@ -110,6 +110,13 @@ def legend_below(figure: Figure, pictures: Sequence[Axes], columns: int = 3) -> 
     figure.legend(named.values(), named.keys(), loc="outside lower left", ncols=columns)
 
 
+def note(
+    axes: Axes, text: str, at: Any, offset: tuple[float, float], *, fontsize: float = 7.5, **look: Any
+) -> None:
+    """Small text beside a point, ``offset`` in points."""
+    axes.annotate(text, at, offset, textcoords="offset points", fontsize=fontsize, **look)
+
+
 class PlainNumbers(LogFormatter):
     """Labels between decades where matplotlib wants some, as plain numbers."""
 

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 import numpy as np
 
 from middeck.files.studies import Study
-from middeck.study.claim import Claim
-from middeck.study.words import Line, Numbers, Table
+from middeck.study.words import Claim, Line, Numbers, Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -63,17 +62,13 @@ class Drawing(Generic[T]):
 class Chapter(Generic[T]):
     """One stage of the study, and all that the report shows of its outcome.
 
-    Parameters
-    ----------
-    name, share:
-        As progress is told, and the part of the whole time, measured, for the estimate of what remains.
-    stream:
-        Which stream of the study's seed it draws from; its own, so that it depends on no other chapter.
-    needs, compute:
-        ``compute(study, rng, *values)`` with a value of the study from each of ``needs``; values that
-        several chapters need are computed once.
-    result, shortfalls:
-        Of the summary: the line of what came out, and those of what does not hold beside claims and warnings.
+    name, share: As progress is told, and the part of the whole time, measured, for the estimate of what
+        remains.
+    stream: Which stream of the study's seed it draws from; its own, so that it depends on no other chapter.
+    needs, compute: ``compute(study, rng, *values)`` with a value of the study from each of ``needs``; values
+        that several chapters need are computed once.
+    result, shortfalls: Of the summary: the line of what came out, and those of what does not hold beside
+        claims and warnings.
     """
 
     name: str

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from middeck.plot.style import new_figure, styled
 from middeck.structure.gravity.comparison import ModeComparison
 from middeck.study.chapters.gravity_modes.chapter import GRAVITY_MODES
-from middeck.study.chapters.gravity_modes.figure_4 import draw_ratios, draw_suspension_modes
+from middeck.study.chapters.gravity_modes.figures_4_5 import draw_ratios, draw_suspension_modes
 from middeck.study.chapters.zero_g_control.chapter import ZERO_G_CONTROL
 from middeck.study.chapters.zero_g_control.computation import ZeroGControl
 from middeck.study.chapters.zero_g_control.figure_7 import draw_performance

@@ -1,9 +1,10 @@
-"""How numbers are written in the report, and what a table and a line of it are."""
+"""How numbers are written in the report, and what a table, a line and a claim of it are."""
 
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from collections.abc import Iterable
+from typing import Any, NamedTuple, TypedDict
 
 Numbers = dict[str, Any]
 
@@ -87,3 +88,45 @@ def signed(value: float) -> str:
     '+2'
     """
     return f"{value:+g}".replace("-", "\N{MINUS SIGN}")
+
+
+class Claim(TypedDict):
+    """What is claimed, whether it holds here, and the number that says so.
+
+    ``number`` and ``asked`` are in one ``unit`` and have one sign; a number of decibels is a change: negative
+    is less. Where a loop is unstable or nothing was found there is no number, and the claim does not hold. A
+    word of the paper such as "much higher" is judged by a number that stands in the claim.
+    """
+
+    claim: str
+    holds: bool
+    number: float | str | None
+    asked: str
+    unit: str
+
+
+def row(claim: str, holds: bool, number: float | str | None, asked: str, unit: str = "") -> Claim:
+    """A claim with its verdict, its number and what that is asked to be."""
+    return {"claim": claim, "holds": bool(holds), "number": number, "asked": asked, "unit": unit}
+
+
+def at_most(claim: str, number: float | None, most: float, unit: str = "dB") -> Claim:
+    """It holds where there is a number that is no larger than ``most``."""
+    return row(claim, number is not None and number <= most, number, f"\u2264 {most:g}", unit)
+
+
+def below(claim: str, number: float | None, limit: float, unit: str = "dB") -> Claim:
+    """It holds where there is a number that is smaller than ``limit``."""
+    return row(claim, number is not None and number < limit, number, f"< {limit:g}", unit)
+
+
+def above(claim: str, number: float | None, limit: float, unit: str = "dB") -> Claim:
+    """It holds where there is a number that is larger than ``limit``."""
+    return row(claim, number is not None and number > limit, number, f"> {limit:g}", unit)
+
+
+def largest(values: Iterable[float | None]) -> float | None:
+    """The largest of some numbers; None where one is missing or there are none."""
+    given = list(values)
+    known = [value for value in given if value is not None]
+    return max(known) if known and len(known) == len(given) else None

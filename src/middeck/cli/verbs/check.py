@@ -11,7 +11,6 @@ from middeck.cli import options
 from middeck.cli.screen import show
 
 if TYPE_CHECKING:
-    from middeck.errors import NumericalError
     from middeck.structure.model.article import Structure
     from middeck.structure.model.environment import Environment
 
@@ -40,10 +39,9 @@ def verb(
     (orbit, lab, or a file) also the rest state: how the article hangs, attach points and directions that
     nothing holds, loose joints and instability. Mistakes in the files are errors, as everywhere.
     """
-    from middeck.cli.attitude import attitude_lines
     from middeck.cli.blame import reading
     from middeck.cli.cases import find_case
-    from middeck.cli.summary import measure_lines, summary_lines, summary_numbers
+    from middeck.cli.summary import attitude_lines, measure_lines, summary_lines, summary_numbers
     from middeck.files.documents import find_document, load_case, load_structure
     from middeck.structure.summary.summary import summarise
 
@@ -83,7 +81,7 @@ def _in_environment(
     """How the article hangs (None in orbit, or without a rest state), and the findings."""
     import numpy as np
 
-    from middeck.cli.attitude import attitude_numbers
+    from middeck.cli.summary import attitude_numbers
     from middeck.errors import NumericalError
     from middeck.structure.modes.mesh_error import mesh_warnings
     from middeck.structure.modes.solve import solve_modes
@@ -104,16 +102,12 @@ def _in_environment(
         modes = solve_modes(rest, COUNT)
         found += [_doubt(text) for text in (*mesh_warnings(modes, SHOWN), *modes.warnings)]
     except NumericalError as error:
-        found.append(_fault(error))
+        found.append({"grade": "fault", "where": error.where, "what": error.what, "hint": error.hint})
     return numbers, found
 
 
 def _doubt(what: str, where: str = "", hint: str = "") -> dict[str, Any]:
     return {"grade": "doubt", "where": where, "what": what, "hint": hint}
-
-
-def _fault(error: NumericalError) -> dict[str, Any]:
-    return {"grade": "fault", "where": error.where, "what": error.what, "hint": error.hint}
 
 
 WORD = {"doubt": "warning", "fault": "fault"}

@@ -199,6 +199,7 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
     overall = document["probability_of_a_correct_model"]
     criteria = document["criteria"]
     marks = sorted({f"[R] = {c['status']}" for c in criteria if c["recalled"]})
+    lowest = sorted(document["comac"].items(), key=lambda item: item[1])[:SHOWN]
     return [
         f"article      {document['article']}",
         f"environment  {document['environment']}",
@@ -216,7 +217,7 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         *marks,
         _effective(document),
         EFFECTIVE_NOTE,
-        _comac(document["comac"]),
+        Table("lowest COMAC", ["channel", "COMAC"], [[name, f"{value:.4f}"] for name, value in lowest]),
     ]
 
 
@@ -275,8 +276,3 @@ def _effective(document: dict[str, Any]) -> Table:
         )
     ]
     return Table("effective mass, % of the rigid article", ["", "x", "y", "z", "rx", "ry", "rz"], rows)
-
-
-def _comac(comac: dict[str, float]) -> Table:
-    lowest = sorted(comac.items(), key=lambda item: item[1])[:SHOWN]
-    return Table("lowest COMAC", ["channel", "COMAC"], [[name, f"{value:.4f}"] for name, value in lowest])

@@ -12,7 +12,7 @@ from middeck.cli.screen import Table, show
 
 if TYPE_CHECKING:
     from middeck.cli.lqg import DesignedLoop
-    from middeck.cli.plants import Band, FittedPlant, Wanted
+    from middeck.cli.plants import FittedPlant, Wanted
     from middeck.cli.settings import LoopSettings
     from middeck.systems.plant import Plant
 
@@ -25,6 +25,8 @@ Examples:
     --log10-authority 12 --angle-noise 1e-7 --disturbance 0.1 -o law.json
 """
 
+UNREACHED = "left out of the design, as no port reaches or sees it"
+
 
 @click.command("design", cls=options.Verb, epilog=EPILOG)
 @click.argument("sources", nargs=-1, required=True, metavar="ARTICLE|MODEL.json|RECORD...")
@@ -34,8 +36,8 @@ Examples:
 @click.option("--measure", multiple=True, metavar="PORT", help="Output to measure and keep small; same.")
 @click.option("--authority", type=click.FloatRange(min=0.0, min_open=True), help="1/rho.  [default: 10]")
 @click.option("--log10-authority", type=float, help="Logarithm of --authority instead.")
-@click.option("--angle-noise", default=2e-5, show_default=True, help="Sensor noise, output unit/sqrt(Hz).")
-@click.option("--disturbance", default=1e-2, show_default=True, help="Noise at the inputs, unit/sqrt(Hz).")
+@click.option("--angle-noise", default=2e-5, show_default=True, help=options.SENSOR_NOISE)
+@click.option("--disturbance", default=1e-2, show_default=True, help=options.INPUT_NOISE)
 @click.option("--pade-order", default=3, show_default=True, help="States for each delay of a fitted model.")
 @click.option(
     "--band",
@@ -100,7 +102,10 @@ def verb(
     wanted = Wanted(options.separate_names(control), options.separate_names(measure))
     warnings: tuple[str, ...] = ()
     if from_article:
-        plant, band_hz = _article_plant(sources[0], environment, overrides, count, wanted)
+        from middeck.cli.cases import solve_case
+        from middeck.cli.plants import article_plant
+
+        plant, band_hz = article_plant(solve_case(sources[0], environment, overrides), count, wanted)
     else:
         fitted = _fitted_plant(sources, settings, wanted)
         plant, band_hz, warnings = fitted.plant, fitted.band_hz, fitted.warnings
@@ -120,15 +125,6 @@ def _log10_authority(authority: float | None, log10_authority: float | None) -> 
     if log10_authority is not None:
         return log10_authority
     return math.log10(10.0 if authority is None else authority)
-
-
-def _article_plant(
-    article: str, environment: str, overrides: tuple[str, ...], count: int, wanted: Wanted
-) -> tuple[Plant, Band]:
-    from middeck.cli.cases import solve_case
-    from middeck.cli.plants import article_plant
-
-    return article_plant(solve_case(article, environment, overrides), count, wanted)
 
 
 def _fitted_plant(sources: tuple[str, ...], settings: LoopSettings, wanted: Wanted) -> FittedPlant:
@@ -192,13 +188,8 @@ def describe(
         "rms_closed": by_output(closed),
         "db": by_output(db),
         "riccati_residual": [law.regulator.residual, law.estimator.residual],
-        "warnings": [*warnings, *_inert(designed)],
+        "warnings": [*warnings, *(f"{UNREACHED}: {name}" for name in law.inert)],
     }
-
-
-def _inert(designed: DesignedLoop) -> list[str]:
-    law = designed.compensator
-    return [f"left out of the design, as no port reaches or sees it: {name}" for name in law.inert]
 
 
 def _tables(document: dict[str, Any]) -> list[str | Table]:

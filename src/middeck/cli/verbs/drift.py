@@ -85,8 +85,7 @@ def verb(
 def compare(before: str, after: str, settings: FitSettings, level: float) -> dict[str, Any]:
     """The JSON document of a comparison."""
     from middeck.cli.blame import reading
-    from middeck.cli.fitting import identify
-    from middeck.cli.kinds import alike
+    from middeck.cli.fitting import alike, identify
     from middeck.files.models import load_fitted
     from middeck.identification.uncertainty.covariance import as_exact
     from middeck.identification.uncertainty.drift import compare_fits

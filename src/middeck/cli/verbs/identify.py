@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import figures, options
-from middeck.cli.columns import columns, told_columns
+from middeck.cli.options import columns, told_columns
 from middeck.cli.screen import Table, deviation_words, show
 
 if TYPE_CHECKING:
@@ -81,9 +81,7 @@ METHODS = ("samples", "periods", "local rational", "local polynomial", "h1", "h2
     "--relative-degree", type=click.IntRange(0, 2), help="Relative degree of a model with complex constants."
 )
 @click.option("--validate", multiple=True, metavar="RECORD", help="Held-out record; may be repeated.")
-@options.written(
-    "-o", "--output", "model_file", endings=options.SYSTEMS, metavar="MODEL.json|mat", help="Write the model."
-)
+@options.model_file
 @figures.figure
 @options.written(
     "--stabilisation",

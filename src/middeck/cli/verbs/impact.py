@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import options
-from middeck.cli.columns import columns, told_columns
+from middeck.cli.options import columns, told_columns
 from middeck.cli.screen import Table, deviation_words, show
 
 if TYPE_CHECKING:
@@ -58,9 +58,7 @@ Examples:
 @options.written(
     "--response", "response_file", endings=options.RESPONSES, metavar="FILE.uff", help="Write the average."
 )
-@options.written(
-    "-o", "--output", "model_file", endings=options.SYSTEMS, metavar="MODEL.json|mat", help="Write the model."
-)
+@options.model_file
 @options.common
 def verb(
     records: tuple[str, ...],

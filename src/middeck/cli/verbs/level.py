@@ -95,7 +95,7 @@ def describe(found: Levelling, keys: dict[str, str]) -> dict[str, Any]:
     """The JSON document."""
     import numpy as np
 
-    from middeck.cli.attitude import attitude_numbers
+    from middeck.cli.summary import attitude_numbers
 
     moved = {name for name, _ in found.moved}
     return {
@@ -111,7 +111,7 @@ def describe(found: Levelling, keys: dict[str, str]) -> dict[str, Any]:
 
 
 def _blocks(document: dict[str, Any]) -> list[str | Table]:
-    from middeck.cli.attitude import attitude_lines
+    from middeck.cli.summary import attitude_lines
 
     rows = [[name, f"{1e3 * by:+z.3f}"] for name, by in document["change_m"].items()]
     keys = [f"{key}={_toml(offset)}" for key, offset in document["offsets"].items()]

@@ -22,6 +22,7 @@ Examples:
   middeck qualify law.json model.json --shift 300:1000 0.5 \\
     --angle-noise 1e-7 --disturbance 0.1 --require stable --require gain_db=6
 """
+POSITIVE = click.FloatRange(min=0.0, min_open=True)
 AT_LEAST = ("gain_db", "phase_deg", "delay_ms", "disk", "damping")
 AT_MOST = ("db", "control_rms")
 
@@ -55,20 +56,8 @@ AT_MOST = ("db", "control_rms")
 )
 @click.option("--limits", is_flag=True, help="Largest stable shift of each mode, up to 20 %.")
 @click.option("--delay-ms", type=click.FloatRange(min=0.0), default=0.0, help="Delay added to each plant.")
-@click.option(
-    "--angle-noise",
-    type=click.FloatRange(min=0.0, min_open=True),
-    default=2e-5,
-    show_default=True,
-    help="Sensor noise, output unit/sqrt(Hz).",
-)
-@click.option(
-    "--disturbance",
-    type=click.FloatRange(min=0.0, min_open=True),
-    default=1e-2,
-    show_default=True,
-    help="Noise at the inputs, unit/sqrt(Hz).",
-)
+@click.option("--angle-noise", type=POSITIVE, default=2e-5, show_default=True, help=options.SENSOR_NOISE)
+@click.option("--disturbance", type=POSITIVE, default=1e-2, show_default=True, help=options.INPUT_NOISE)
 @click.option(
     "--require",
     "required",

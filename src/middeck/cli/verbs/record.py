@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import options
-from middeck.cli.columns import columns, told_columns
+from middeck.cli.options import columns, told_columns
 from middeck.cli.screen import Table, show
 
 if TYPE_CHECKING:
@@ -154,16 +154,13 @@ def _expected(reference: str, taken: Record) -> FrequencyResponse:
 
     from middeck.files.models import load_model
     from middeck.files.records import load_response
-    from middeck.identification.model.measurement_model import model_response
-    from middeck.systems.response import FrequencyResponse
+    from middeck.identification.model.measurement_model import evaluate_model
 
     if Path(reference).suffix.lower() != ".json":
         return load_response(reference)
     model = load_model(reference)
     lines = np.fft.rfftfreq(taken.u.shape[2], 1.0 / taken.sample_hz)[1:-1]
-    return FrequencyResponse(
-        frequency_hz=lines, H=model_response(model, lines), inputs=model.inputs, outputs=model.outputs
-    )
+    return evaluate_model(model, lines)
 
 
 def describe(taken: Record, excitation: Recognised | None, faults: tuple[Fault, ...]) -> dict[str, Any]:
@@ -194,6 +191,8 @@ def _recognised(excitation: Recognised) -> dict[str, Any]:
 
 def _channel(side: str, port: Port, x: Any) -> dict[str, Any]:
     """Port, transducer and statistics of the samples that are numbers; None where there are none."""
+    import dataclasses
+
     import numpy as np
 
     from middeck.signals.ports import Channel
@@ -207,12 +206,7 @@ def _channel(side: str, port: Port, x: Any) -> dict[str, Any]:
         "side": side,
         "name": port.name,
         "unit": port.unit,
-        "node": channel.node,
-        "direction": channel.direction,
-        "role": channel.role,
-        "gain": channel.gain,
-        "raw_unit": channel.raw_unit,
-        "calibrated": channel.calibrated,
+        **dataclasses.asdict(channel),
         "mean": level,
         "rms": swing,
         "peak": peak,

@@ -98,26 +98,16 @@ def load_mat(
 ) -> Plant | StoredCompensator:
     """The plant, compensator or system in a MAT file, of `write_mat` or with A, B, C and D of any origin.
 
-    Parameters
-    ----------
-    path:
-        File of version 5 or 7.3.
-    variable:
-        The structure that holds A, B, C and D; empty where they stand by themselves.
-    period_s:
-        For a file without Ts, or with Ts = -1; 0 for a continuous system.
+    path: File of version 5 or 7.3.
+    variable: The structure that holds A, B, C and D; empty where they stand by themselves.
+    period_s: For a file without Ts, or with Ts = -1; 0 for a continuous system.
 
-    Returns
-    -------
-    A compensator always for u = K y added: one that was written for u = -K y is turned.
+    A compensator is always returned for u = K y added: one written for u = -K y is turned.
 
-    Raises
-    ------
-    DataError
-        Naming file and variable, for a file that is missing or broken, matrices that are missing, complex,
-        not finite or do not fit, names that are not as many as the ports, or what a plant does not say: a
-        matrix E, an internal delay or that of a sampled system, a unit of time other than the second, a kind
-        or sign that is not known.
+    Raises `DataError` naming file and variable, for a file that is missing or broken, matrices that are
+    missing, complex, not finite or do not fit, names that are not as many as the ports, or what a plant does
+    not say: a matrix E, an internal delay or that of a sampled system, a unit of time other than the second,
+    a kind or sign that is not known.
     """
     where = str(path)
     found = _part(_arrays(Path(path)), variable)

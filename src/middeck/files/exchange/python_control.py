@@ -27,12 +27,8 @@ def to_control(value: Exchangeable, *, negative_feedback: bool = False, name: st
     A dot in the name of a port becomes "·". States of one name are numbered: "bending #1", "bending #2".
     Units and groups have no place there; `from_control` finds units again in ``like``.
 
-    Raises
-    ------
-    MissingExtraError
-        Where python-control is not installed.
-    ConfigError
-        For what cannot be exchanged, as two ports of one name or a number that is not finite.
+    Raises `MissingExtraError` where python-control is not installed; `ConfigError` for what cannot be
+    exchanged, as two ports of one name or a number that is not finite.
     """
     control = _library()
     named = exchanged(value, negative_feedback=negative_feedback)
@@ -51,20 +47,12 @@ def to_control(value: Exchangeable, *, negative_feedback: bool = False, name: st
 def from_control(system: Any, *, like: Sequence[Port] = (), period_s: float | None = None) -> Plant:
     """A state space, or a transfer function of one input and output, of python-control, with its names.
 
-    Parameters
-    ----------
-    system:
-        ``control.StateSpace`` or ``control.TransferFunction``.
-    like:
-        Ports whose namesakes here get their units and transducers.
-    period_s:
-        For a system whose dt is None or True; 0 for a continuous one.
+    system: ``control.StateSpace`` or ``control.TransferFunction``.
+    like: Ports whose namesakes here get their units and transducers.
+    period_s: For a system whose dt is None or True; 0 for a continuous one.
 
-    Raises
-    ------
-    ConfigError
-        For a complex or improper system, an open time base, a transfer function with several inputs or
-        outputs, or an object that is neither.
+    Raises `ConfigError` for a complex or improper system, an open time base, a transfer function with several
+    inputs or outputs, or an object that is neither.
     """
     what = f"{type(system).__name__} {getattr(system, 'name', '') or ''}".strip()
     if not hasattr(system, "dt") or not hasattr(system, "input_labels"):

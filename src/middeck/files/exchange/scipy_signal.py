@@ -8,13 +8,7 @@ from typing import Any, cast
 import numpy as np
 
 from middeck.errors import ConfigError
-from middeck.files.exchange.foreign import (
-    build_foreign,
-    real_matrix,
-    realise_ratio,
-    realise_roots,
-    settle_period,
-)
+from middeck.files.exchange import foreign
 from middeck.files.exchange.named import Exchangeable, exchanged, matrices_of
 from middeck.signals.ports import Port
 from middeck.systems.own_plant import name_ports
@@ -53,11 +47,8 @@ def from_scipy(
     Ports without a name are u1, u2 ... and y1, y2 ... Poles and zeros become a chain of sections of second
     order, not coefficients of high order. ``period_s`` is for a ``dlti`` whose dt is True.
 
-    Raises
-    ------
-    ConfigError
-        For a complex or improper system, an open sampling period, names that are not as many as the ports,
-        or an object that is none of these.
+    Raises `ConfigError` for a complex or improper system, an open sampling period, names that are not as many
+    as the ports, or an object that is none of these.
     """
     import scipy.signal
 
@@ -66,7 +57,7 @@ def from_scipy(
         raise ConfigError(f"{what} is no system of scipy.signal", hint="scipy.signal.lti or dlti")
     # A continuous system has dt None there.
     continuous = isinstance(system, scipy.signal.lti)
-    period = settle_period(0 if continuous else system.dt, period_s, what)
+    period = foreign.settle_period(0 if continuous else system.dt, period_s, what)
     found = _matrices(system, period, what)
     rows, columns = found.D.shape
     ports = tuple(inputs) or name_ports("u", columns), tuple(outputs) or name_ports("y", rows)
@@ -80,11 +71,11 @@ def _matrices(system: Any, period: float | None, what: str) -> LinearSystem:
         case scipy.signal.TransferFunction():
             if np.ndim(cast("Any", system).num) > 1:
                 raise ConfigError("one input to several outputs", where=what, hint="system.to_ss() first")
-            found = realise_ratio(system.num, system.den, what)
+            found = foreign.realise_ratio(system.num, system.den, what)
         case scipy.signal.ZerosPolesGain():
             form = cast("Any", system)
-            gain = float(real_matrix(form.gain, f"{what}, gain"))
-            found = realise_roots(np.atleast_1d(form.zeros), np.atleast_1d(form.poles), gain, what)
+            gain = float(foreign.real_matrix(form.gain, f"{what}, gain"))
+            found = foreign.realise_roots(np.atleast_1d(form.zeros), np.atleast_1d(form.poles), gain, what)
         case _:
             found = system
-    return build_foreign({name: getattr(found, name) for name in "ABCD"}, period, what)
+    return foreign.build_foreign({name: getattr(found, name) for name in "ABCD"}, period, what)

@@ -13,24 +13,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from middeck.errors import DataError
-from middeck.files.looks import (
-    ARTICLE,
-    CHANNELS,
-    ENVIRONMENT,
-    JSON,
-    LAW,
-    MODEL,
-    NUMBERS,
-    PAGE,
-    STUDY,
-    SURVEY,
-    TOML,
-    looks_like,
-)
-from middeck.files.records.checked import check_channels, check_finite, check_shape
+from middeck.files.looks import NO_RECORD, looks_like
 from middeck.files.records.columns import Columns, columns_beside, name_columns
 from middeck.files.records.raw import Raw, build_record
-from middeck.files.records.together import join_records, split_periods
+from middeck.files.records.together import (
+    check_channels,
+    check_finite,
+    check_shape,
+    join_records,
+    split_periods,
+)
 from middeck.signals.fault import Fault
 from middeck.signals.record import Campaign, Record, RecordStream, stream_record
 from middeck.values import record
@@ -58,8 +50,6 @@ __all__ = [
 
 UFF = (".uff", ".unv", ".uf", ".58")
 HDF5 = (".h5", ".hdf5")
-# What no record looks like, whatever its ending; the reader of the ending speaks of the rest.
-FOREIGN = (ARTICLE, ENVIRONMENT, STUDY, CHANNELS, TOML, MODEL, LAW, SURVEY, NUMBERS, JSON, PAGE)
 SUFFIXES = (".npz", ".csv", *HDF5, ".mat", ".npy", *UFF)
 
 
@@ -218,7 +208,7 @@ def _present(path: str | Path) -> Path:
     if file.stat().st_size == 0:
         raise DataError("the file is empty", where=str(path), hint="copy or record it again")
     kind = looks_like(path)
-    if kind in FOREIGN:
+    if kind in NO_RECORD:
         raise DataError(
             f"looks like {kind}, not a record", where=str(path), hint=f"one of {', '.join(SUFFIXES)}"
         )

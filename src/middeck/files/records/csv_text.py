@@ -19,7 +19,7 @@ from middeck.files.atomic import replacing
 from middeck.files.channels import KEYS, build_channel
 from middeck.files.records.columns import Side
 from middeck.files.records.ending import cut_short
-from middeck.files.records.raw import SAME_RATE, Head, Raw
+from middeck.files.records.raw import SAME_RATE, Head, Raw, channel_fault
 from middeck.files.records.stamps import JITTER, is_even, last_digit, mean_step, open_share, rate_of
 from middeck.signals.fault import Fault
 from middeck.signals.ports import Channel
@@ -164,23 +164,13 @@ def _opening(line: str, number: int, told: dict[str, Any], file: Path) -> Openin
     separator = next((s for s in ("\t", ";") if s in line), ",")
     cells = [c.strip() for c in next(csv.reader([line], delimiter=separator))]
     periods, samples = (_whole(told, key, where) for key in ("periods", "samples"))
-    if all(map(_is_number, cells)):
-        return Opening(
-            line=number - 1,
-            heads=tuple(Head("", None, "") for _ in cells),
-            timed=False,
-            periods=periods,
-            separator=separator,
-            samples=samples,
-        )
-    heads = [_head(cell, k, told, where) for k, cell in enumerate(cells)]
+    named = not all(map(_is_number, cells))
+    heads = [_head(cell, k, told, where) if named else Head("", None, "") for k, cell in enumerate(cells)]
     timed = heads[0].name.lower() in ("time", "t")
-    if timed and heads[0].unit not in ("s", None):
-        raise DataError(f"the first column is {cells[0]!r}, not time [s]", where=where, hint=ADVICE)
-    if any(h.side for h in heads) and not timed:
+    if heads[0].unit not in ("s", None) if timed else any(h.side for h in heads):
         raise DataError(f"the first column is {cells[0]!r}, not time [s]", where=where, hint=ADVICE)
     return Opening(
-        line=number,
+        line=number if named else number - 1,
         heads=tuple(heads[timed:]),
         timed=timed,
         periods=periods,
@@ -239,29 +229,21 @@ def _line(row: Row, width: int, file: Path) -> list[float]:
     """One line; raises `DataError` with the reason why it is none."""
     number, cells = row
     where = f"{file}:{number}"
-    if len(cells) == 2 * width:
-        what = f"mismatched lengths: {len(cells)} values for {width} columns"
-        raise DataError(what, where=where, hint="decimal commas? write numbers with a decimal point")
+    cut = "the file may be truncated here; cut or mend the line"
     if len(cells) != width:
         what = f"mismatched lengths: {len(cells)} values for {width} columns"
-        raise DataError(what, where=where, hint="the file may be truncated here; cut or mend the line")
+        commas = "decimal commas? write numbers with a decimal point"
+        raise DataError(what, where=where, hint=commas if len(cells) == 2 * width else cut)
     empty = next((k for k, c in enumerate(cells, 1) if not c.strip()), None)
     if empty is not None:
-        hint = (
-            "the file may be truncated here; cut or mend the line"
-            if empty == width
-            else "nan where there is no sample"
-        )
+        hint = cut if empty == width else "nan where there is no sample"
         raise DataError(f"cell {empty} of {width} is empty", where=where, hint=hint)
     try:
         return [float(c) for c in cells]
     except ValueError as error:
-        commas = any("," in c for c in cells)
-        hint = (
-            "decimal commas: write numbers with a decimal point"
-            if commas
-            else "numbers with a decimal point only"
-        )
+        hint = "numbers with a decimal point only"
+        if any("," in c for c in cells):
+            hint = "decimal commas: write numbers with a decimal point"
         raise DataError(str(error), where=where, hint=hint) from None
 
 
@@ -328,19 +310,7 @@ def _with_gaps(
     missing = len(whole) - len(table)
     what = f"{missing} time stamps are missing, the first at {time[0] + step * runs[0][0]:.6g} s"
     hint = "cut the record before the gap, or record it again"
-    faults = tuple(
-        Fault(
-            kind="gap",
-            severity="unusable",
-            side=h.side or "output",
-            channel=h.name,
-            experiment=0,
-            samples=runs[:100],
-            what=what,
-            hint=hint,
-        )
-        for h in heads
-    )
+    faults = tuple(channel_fault("gap", "unusable", h, what, hint, samples=runs[:100]) for h in heads)
     return rate_of(step, len(time), digit), whole, faults
 
 

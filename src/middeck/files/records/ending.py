@@ -12,7 +12,7 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from middeck.files.records.raw import Head
+from middeck.files.records.raw import Head, channel_fault
 from middeck.signals.fault import Fault
 
 # Bytes at the end of a file that are looked at.
@@ -36,20 +36,7 @@ def cut_short(file: Path, heads: Sequence[Head], separator: str) -> tuple[Fault,
     what = f"the last line has no end; its last value is {cells[-1]}"
     what += ", with fewer digits than all before it: the file was cut there" if short else ""
     hint = "copy or record it again; a file that is whole ends its last line"
-    last = heads[-1]
-    severity = "serious" if short else "note"
-    return (
-        Fault(
-            kind="truncated",
-            severity=severity,
-            side=last.side or "output",
-            channel=last.name,
-            experiment=0,
-            samples=(),
-            what=what,
-            hint=hint,
-        ),
-    )
+    return (channel_fault("truncated", "serious" if short else "note", heads[-1], what, hint),)
 
 
 def is_short(cell: str, others: Sequence[str]) -> bool:

@@ -13,8 +13,7 @@ import numpy as np
 from middeck.errors import DataError
 from middeck.files.atomic import replacing
 from middeck.files.records.layout import build_raw, check_samples, contents_of, describe, is_own
-from middeck.files.records.matrix import raw_matrix
-from middeck.files.records.raw import Raw
+from middeck.files.records.raw import Raw, raw_matrix
 from middeck.signals.record import Record, RecordStream
 
 # Samples in a chunk: half a megabyte for eight channels, so that a block of a Welch estimate is a few chunks.

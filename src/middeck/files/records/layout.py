@@ -17,17 +17,8 @@ from middeck.signals.record import Record
 
 SCHEMA = 1
 SIDES: tuple[tuple[str, Side], ...] = (("u", "input"), ("y", "output"))
-REQUIRED = (
-    "schema",
-    "sample_hz",
-    "periodic",
-    "u",
-    "y",
-    "input_names",
-    "input_units",
-    "output_names",
-    "output_units",
-)
+NAMES = ("input_names", "input_units", "output_names", "output_units")
+REQUIRED = ("schema", "sample_hz", "periodic", "u", "y", *NAMES)
 
 
 def is_own(names: Sequence[str]) -> bool:
@@ -36,11 +27,7 @@ def is_own(names: Sequence[str]) -> bool:
 
 
 def describe(
-    sample_hz: float,
-    periodic: bool,
-    inputs: Sequence[Port],
-    outputs: Sequence[Port],
-    held: bool | None,
+    sample_hz: float, periodic: bool, inputs: Sequence[Port], outputs: Sequence[Port], held: bool | None
 ) -> dict[str, Any]:
     """Everything but ``u`` and ``y``; what is not known is left out."""
     contents: dict[str, Any] = {

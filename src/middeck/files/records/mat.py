@@ -15,8 +15,7 @@ from middeck.errors import DataError
 from middeck.files.atomic import replacing
 from middeck.files.records.hdf5 import opened, pick, plain
 from middeck.files.records.layout import build_raw, contents_of, is_own
-from middeck.files.records.matrix import raw_matrix
-from middeck.files.records.raw import Raw
+from middeck.files.records.raw import Raw, raw_matrix
 from middeck.signals.record import Record
 
 # Of a system in state space, as `write_mat` and others write one.

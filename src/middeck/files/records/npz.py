@@ -14,8 +14,7 @@ import numpy as np
 from middeck.errors import DataError
 from middeck.files.atomic import replacing
 from middeck.files.records.layout import build_raw, check_samples, contents_of
-from middeck.files.records.matrix import raw_matrix
-from middeck.files.records.raw import Raw
+from middeck.files.records.raw import Raw, raw_matrix
 from middeck.signals.record import Record
 
 AGAIN = "copy or record it again"

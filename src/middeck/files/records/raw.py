@@ -1,14 +1,15 @@
-"""What a file holds before its channels have sides: the common form of all readers."""
+"""What a file, or a plain matrix, holds before its channels have sides: the common form of all readers."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from middeck.errors import DataError
 from middeck.files.records.columns import Columns, NamedColumn, Side
-from middeck.signals.fault import Fault
+from middeck.signals.fault import Fault, Severity
 from middeck.signals.ports import Channel, Port
 from middeck.signals.record import Record
 from middeck.values import record
@@ -25,6 +26,29 @@ class Head:
     unit: str | None
     side: Side
     channel: Channel | None = None
+
+
+def channel_fault(
+    kind: str,
+    severity: Severity,
+    head: Head,
+    what: str,
+    hint: str,
+    *,
+    experiment: int | None = 0,
+    samples: tuple[tuple[int, int], ...] = (),
+) -> Fault:
+    """A fault of one channel that the reader of a file found; outputs are named where it has no side."""
+    return Fault(
+        kind=kind,
+        severity=severity,
+        side=head.side or "output",
+        channel=head.name,
+        experiment=experiment,
+        samples=samples,
+        what=what,
+        hint=hint,
+    )
 
 
 @dataclass(frozen=True, kw_only=True)  # views of what was read, not copies
@@ -142,3 +166,23 @@ def _port(head: Head, column: NamedColumn, where: str) -> Port:
             hint=f'state it: name_columns([], ["{head.name} [m/s^2]"]), or in a file of channels beside it',
         )  # fmt: skip
     return Port(column.name, unit or "", column.channel or head.channel)
+
+
+def raw_matrix(matrix: np.ndarray, file: Path) -> Raw:
+    """``matrix`` as one experiment of one run; raises `DataError` unless it is two-dimensional and real.
+
+    A matrix with more columns than rows is refused: it has its samples in rows.
+    """
+    if matrix.ndim != 2 or matrix.dtype.kind not in "fiu":
+        raise DataError(
+            f"an array of shape {matrix.shape} of {matrix.dtype}; must be numbers by (sample, channel)",
+            where=str(file), hint="docs/how-to/your-own-record.md shows how to reorder axes",
+        )  # fmt: skip
+    rows, columns = matrix.shape
+    if columns > rows > 0:
+        raise DataError(
+            f"{rows} rows of {columns} columns: fewer samples than channels", where=str(file),
+            hint="transpose it"
+        )  # fmt: skip
+    heads = tuple(Head("", None, "") for _ in range(columns))
+    return Raw(sample_hz=None, heads=heads, x=tuple(x[None, None].astype(float) for x in matrix.T))

@@ -19,24 +19,31 @@ def stream_npz(file: Path, columns: Columns | None) -> RecordStream:
     """NPZ, compressed or not."""
     from middeck.files.records.npz import head_npz, pieces_npz
 
-    raw, shape = head_npz(file)
-    chosen = choose(raw.heads, columns, str(file))
-    return _stream(
-        raw, shape, chosen, columns, file,
-        lambda e, size: _picked(pieces_npz(file, e, size), chosen),
-    )  # fmt: skip
+    return _stream_layout(file, columns, head_npz, pieces_npz)
 
 
 def stream_hdf5(file: Path, columns: Columns | None) -> RecordStream:
     """HDF5 in the package's layout."""
     from middeck.files.records.hdf5 import head_hdf5, pieces_hdf5
 
-    raw, shape = head_hdf5(file)
+    return _stream_layout(file, columns, head_hdf5, pieces_hdf5)
+
+
+def _stream_layout(
+    file: Path,
+    columns: Columns | None,
+    head: Callable[[Path], tuple[Raw, tuple[int, int, int]]],
+    pieces: Callable[[Path, int, int], Pieces],
+) -> RecordStream:
+    raw, shape = head(file)
     chosen = choose(raw.heads, columns, str(file))
-    return _stream(
-        raw, shape, chosen, columns, file,
-        lambda e, size: _picked(pieces_hdf5(file, e, size), chosen),
-    )  # fmt: skip
+
+    def picked(experiment: int, size: int) -> Pieces:
+        for u, y in pieces(file, experiment, size):
+            table = np.hstack([u, y])
+            yield table[:, list(chosen.u)], table[:, list(chosen.y)]
+
+    return _stream(raw, shape, chosen, columns, file, picked)
 
 
 def stream_csv(file: Path, columns: Columns | None) -> RecordStream:
@@ -82,12 +89,6 @@ def stream_uff(file: Path, columns: Columns | None) -> RecordStream:
 
     shape = (len(runs), first.periods or 1, first.samples // (first.periods or 1))
     return _stream(raw, shape, chosen, columns, file, pieces)
-
-
-def _picked(pieces: Pieces, chosen: Chosen) -> Pieces:
-    for u, y in pieces:
-        table = np.hstack([u, y])
-        yield table[:, list(chosen.u)], table[:, list(chosen.y)]
 
 
 def _stream(

@@ -14,7 +14,7 @@ from middeck.errors import DataError
 from middeck.files.atomic import replacing
 from middeck.files.channels import build_channel
 from middeck.files.records.columns import Side
-from middeck.files.records.raw import SAME_RATE, Head, Raw
+from middeck.files.records.raw import SAME_RATE, Head, Raw, channel_fault
 from middeck.files.records.uff58 import RESPONSE, TIME, Dataset, Place, is_si, read_values, scan
 from middeck.files.records.uff58_write import Header, write_58
 from middeck.signals.fault import Fault
@@ -225,18 +225,7 @@ def _cut_faults(
         if skip or end:
             what = f"begins {skip} samples before and ends {end} after what all channels have: cut"
             hint = "check that the channels were triggered together"
-            found.append(
-                Fault(
-                    kind="starts",
-                    severity="note",
-                    side=head.side or "output",
-                    channel=head.name,
-                    experiment=None,
-                    samples=(),
-                    what=what,
-                    hint=hint,
-                )
-            )
+            found.append(channel_fault("starts", "note", head, what, hint, experiment=None))
     return tuple(found)
 
 

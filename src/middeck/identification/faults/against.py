@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.errors import DataError
-from middeck.identification.faults.runs import Found
+from middeck.identification.faults.runs import Found, fault
 from middeck.signals.fault import Fault
 from middeck.signals.record import Record
 from middeck.systems.response import FrequencyResponse
@@ -108,9 +108,7 @@ def _judge(record: Record, gains: np.ndarray, explained: np.ndarray, delay: np.n
         if row != o and left > LEFT and least < LESS * left and explained[o, row] > EXPLAINED:
             swapped.add(o)
             what = f"looks like {names[row]} of the reference"
-            found.append(
-                Found(kind="swap", what=what, hint="check the wiring").at("output", record.outputs[o])
-            )
+            found.append(fault("swap", what, "check the wiring").at("output", record.outputs[o]))
     known = [o for o in range(len(names)) if o not in swapped and explained[o, o] > EXPLAINED]
     turned = [i for i in range(own.shape[1]) if known and np.all(own[known, i] < 0.0) and own.shape[1] > 1]
     # With one input, an output that alone is turned is at fault; if all are, it is the input.
@@ -118,20 +116,18 @@ def _judge(record: Record, gains: np.ndarray, explained: np.ndarray, delay: np.n
         turned = [0]
     for i in turned:
         what = "has the wrong sign against the reference, in all outputs"
-        found.append(Found(kind="sign", what=what, hint="turn its sign").at("input", record.inputs[i]))
+        found.append(fault("sign", what, "turn its sign").at("input", record.inputs[i]))
     for o in known:
         here: list[Found] = []
         gain = own[o] * np.where(np.isin(np.arange(own.shape[1]), turned), -1.0, 1.0)
         if np.mean(gain) < 0.0:
-            here.append(
-                Found(kind="sign", what="has the wrong sign against the reference", hint="turn its sign")
-            )
+            here.append(fault("sign", "has the wrong sign against the reference", "turn its sign"))
         size = float(np.sqrt(np.mean(gain**2)))
         if not 1.0 / WRONG_GAIN < size < WRONG_GAIN:
             what = f"is {size:.3g} times what the reference says"
-            here.append(Found(kind="gain", what=what, hint="check unit and calibration"))
+            here.append(fault("gain", what, "check unit and calibration"))
         if abs(delay[o]) * record.sample_hz > LATE:
             what = f"is {1e3 * delay[o]:.3g} ms later than the reference says"
-            here.append(Found(kind="delay", what=what, hint="check triggers and filters"))
+            here.append(fault("delay", what, "check triggers and filters"))
         found += [f.at("output", record.outputs[o]) for f in here]
     return found

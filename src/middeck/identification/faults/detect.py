@@ -15,7 +15,7 @@ from middeck.identification.faults.levels import (
 )
 from middeck.identification.faults.pairs import find_pair_faults
 from middeck.identification.faults.relation import find_relation_faults
-from middeck.identification.faults.runs import Found, Runs, Signal, levels_of
+from middeck.identification.faults.runs import Found, Runs, Signal, fault, levels_of
 from middeck.identification.faults.samples import (
     find_clipping,
     find_dropouts,
@@ -38,13 +38,9 @@ SEVERITIES = ("unusable", "serious", "note")
 def detect_faults(record: Record, reference: FrequencyResponse | None = None) -> tuple[Fault, ...]:
     """What is wrong with ``record``, worst first; empty for a clean one.
 
-    Parameters
-    ----------
-    record:
-        Samples may be NaN where they are missing.
-    reference:
-        The response that is expected, of the same ports, such as that of a model or an earlier record: signs,
-        gains, swapped channels and delays are then judged by it.
+    record: Samples may be NaN where they are missing.
+    reference: The response that is expected, of the same ports, such as that of a model or an earlier record:
+        signs, gains, swapped channels and delays are then judged by it.
 
     Found in each channel and experiment: gaps, dead channels, clipping, dropouts, spikes, offset, drift,
     coarse steps, channels held at a slower rate; in periodic records transients and inputs that do not
@@ -53,8 +49,6 @@ def detect_faults(record: Record, reference: FrequencyResponse | None = None) ->
     joined, feedback and long delays. docs/explanation/records-and-faults.md says how, with rates of detection
     and false alarm.
 
-    Examples
-    --------
     >>> rng = np.random.default_rng(0)
     >>> u, y = rng.standard_normal((1, 1, 500, 1)), rng.standard_normal((1, 1, 500, 1))
     >>> y[0, 0, 200] = 40.0
@@ -111,14 +105,8 @@ def _channel_faults(
     gaps, x = find_gaps(periods.ravel()), _filled(periods.ravel())
     if is_dead(x):
         what = f"does not move: constant at {x[0]:.6g} {port.unit}".rstrip()
-        dead = Found(
-            kind="dead",
-            what=what,
-            hint="check cable and gain, or leave the channel out",
-            severity="unusable",
-            samples=((0, len(x)),),
-        )
-        return gaps or [dead]
+        hint = "check cable and gain, or leave the channel out"
+        return gaps or [fault("dead", what, hint, severity="unusable", samples=((0, len(x)),))]
     levels = levels_of(x)
     found = [*gaps, *find_clipping(x, levels)]
     found += find_dropouts(x, levels, period=period, is_input=is_input)

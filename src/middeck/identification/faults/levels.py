@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from middeck.identification.faults.runs import Found, Levels, Signal
+from middeck.identification.faults.runs import Found, Levels, Signal, fault
 
 # Level over swing (rms) from which an offset is told: an output that never crosses zero much; a command may
 # have one by intention (a binary sequence of 0 and 1 has 1).
@@ -33,14 +33,8 @@ def find_offset(x: Signal, unit: str, *, is_input: bool) -> list[Found]:
     if abs(level) <= SURE * np.sqrt(np.mean(lowest**2)):
         return []
     what = f"offset of {level:.3g} {unit}, {abs(level) / swing:.1f} times its swing".replace("  ", " ")
-    return [
-        Found(
-            kind="offset",
-            what=what,
-            hint="responses leave it out; check range and zero of the sensor",
-            severity="note",
-        )
-    ]
+    hint = "responses leave it out; check range and zero of the sensor"
+    return [fault("offset", what, hint, severity="note")]
 
 
 def find_drift(x: Signal, unit: str, *, period: int | None) -> list[Found]:
@@ -54,7 +48,7 @@ def find_drift(x: Signal, unit: str, *, period: int | None) -> list[Found]:
         "  ", " "
     )
     hint = "let sensors and article warm up; take the drift out before a fit of slow modes"
-    return [Found(kind="drift", what=what, hint=hint)]
+    return [fault("drift", what, hint)]
 
 
 def _trend(x: Signal, periods: int) -> tuple[float, float]:
@@ -83,9 +77,7 @@ def find_coarse_steps(x: Signal, levels: Levels) -> list[Found]:
         return []
     what = f"coarse steps of {step:.3g}: their noise is {noise:.1%} of the signal"
     hint = "amplify before the converter, or choose a smaller range"
-    return [
-        Found(kind="quantisation", what=what, hint=hint, severity="serious" if noise > TOO_COARSE else "note")
-    ]
+    return [fault("quantisation", what, hint, severity="serious" if noise > TOO_COARSE else "note")]
 
 
 def find_held(x: Signal) -> list[Found]:
@@ -99,7 +91,7 @@ def find_held(x: Signal) -> list[Found]:
         return []
     what = f"moves at every {every}. sample only: recorded at a {every} times slower rate and held"
     hint = "resample all channels to the slower rate, or take the hold into account"
-    return [Found(kind="held", what=what, hint=hint)]
+    return [fault("held", what, hint)]
 
 
 def find_transient(x: Signal, period: int) -> list[Found]:
@@ -114,15 +106,8 @@ def find_transient(x: Signal, period: int) -> list[Found]:
         return []
     what = f"not steady: the first period differs from the last by {size:.1%} of the rms"
     hint = "leave the first period out, or wait longer before recording"
-    return [
-        Found(
-            kind="transient",
-            what=what,
-            hint=hint,
-            severity="serious" if size > SERIOUS else "note",
-            samples=((0, period),),
-        )
-    ]
+    grade = "serious" if size > SERIOUS else "note"
+    return [fault("transient", what, hint, severity=grade, samples=((0, period),))]
 
 
 def _dies(rest: Signal) -> bool:
@@ -148,8 +133,4 @@ def find_unsteady_input(u: Signal, period: int) -> list[Found]:
     if scatter <= REPEATS * size:
         return []
     what = f"does not repeat: it scatters by {scatter / max(size, 1e-300):.0%} of its mean period"
-    return [
-        Found(
-            kind="repeat", what=what, hint="count the periods; record only steady ones", severity="unusable"
-        )
-    ]
+    return [fault("repeat", what, "count the periods; record only steady ones", severity="unusable")]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from middeck.identification.faults.runs import Found
+from middeck.identification.faults.runs import Found, fault
 from middeck.signals.fault import Fault
 from middeck.signals.ports import Channel, Port
 from middeck.signals.record import Record
@@ -54,9 +54,7 @@ def _duplicate(y: Runs, z: Runs, other: Port) -> list[Found]:
     if abs(alike) < 1.0 - ONE_SIGNAL:
         return []
     how = "the same signal as" if alike > 0.0 else "the same signal, turned round, as"
-    return [
-        Found(kind="duplicate", what=f"{how} {other.name}", hint="check the wiring; leave one of them out")
-    ]
+    return [fault("duplicate", f"{how} {other.name}", "check the wiring; leave one of them out")]
 
 
 def _collocated(record: Record, port: Port, y: Runs, other: Port, z: Runs) -> list[Found]:
@@ -67,13 +65,11 @@ def _collocated(record: Record, port: Port, y: Runs, other: Port, z: Runs) -> li
     lag, alike = _lag(sign * y, z)
     if alike < -ALIKE:
         what = f"has the opposite sign of {other.name}, at the same place (correlation {alike:.2f})"
-        return [
-            Found(kind="sign", what=what, hint="one of the two is mounted or calibrated with the wrong sign")
-        ]
+        return [fault("sign", what, "one of the two is mounted or calibrated with the wrong sign")]
     if alike > ALIKE and abs(lag) > LATE:
         when = f"{abs(lag):.1f} samples ({abs(lag) / record.sample_hz:.3g} s)"
         what = f"{when} {'after' if lag > 0 else 'before'} {other.name}, at the same place"
-        return [Found(kind="delay", what=what, hint="start the channels together, or shift one")]
+        return [fault("delay", what, "start the channels together, or shift one")]
     return []
 
 
@@ -113,7 +109,7 @@ def _driven(record: Record, port: Port, y: Runs, at: Port, u: Runs) -> list[Foun
         return []
     what = f"has the wrong sign against {at.name} there: the article gives off power ({share:.0%})"
     hint = f"turn the sign of the sensor or of {at.name}; a passive article takes power in"
-    return [Found(kind="sign", what=what, hint=hint)]
+    return [fault("sign", what, hint)]
 
 
 def _power_share(y: Runs, u: Runs, derivative: int) -> float:

@@ -11,7 +11,7 @@ import scipy.linalg
 import scipy.signal
 from jaxtyping import Float
 
-from middeck.identification.faults.runs import Found
+from middeck.identification.faults.runs import Found, fault
 from middeck.signals.excitation.repetition import find_repetition
 from middeck.signals.fault import Fault
 from middeck.signals.ports import Port
@@ -105,7 +105,7 @@ def _lost(record: Record, near: int, shift: int) -> Found:
         f"samples were {here} there, or {there} in the inputs"
     )
     hint = "cut the record there and fit the longer part, or shift what follows; check buffers and clocks"
-    return Found(kind="shift", what=what, hint=hint, samples=((max(near - 1, 0), near + 1),))
+    return fault("shift", what, hint, samples=((max(near - 1, 0), near + 1),))
 
 
 def _shift(U: Float[np.ndarray, "input sample"], y: Signal) -> tuple[int, int] | None:
@@ -213,7 +213,7 @@ def _joined(record: Record, at: int) -> Found:
         "were lost there, or two runs joined"
     )
     hint = "cut the record there: each part is a record of its own, with a state to begin with"
-    return Found(kind="joint", what=what, hint=hint, samples=((at, at + 1),))
+    return fault("joint", what, hint, samples=((at, at + 1),))
 
 
 def _told_later(x: Signal, own: np.ndarray, after: np.ndarray) -> float | None:
@@ -233,7 +233,7 @@ def _fed_back(share: float) -> Found:
         "fit from a signal outside the loop (--reference CHANNEL), or with the controller known: from the "
         "inputs directly one finds something between the plant and 1/K"
     )
-    return Found(kind="feedback", what=what, hint=hint)
+    return fault("feedback", what, hint)
 
 
 def _beside(
@@ -266,7 +266,7 @@ def _long_delays(record: Record, U: np.ndarray, Y: np.ndarray) -> list[Place]:
                 f"answers {first} samples ({first / record.sample_hz:.4g} s) after the inputs, and not before"
             )
             hint = "shift the output by that before a fit; check triggers, and that it is this test's record"
-            found.append((Found(kind="delay", what=what, hint=hint), port))
+            found.append((fault("delay", what, hint), port))
     return found
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import KW_ONLY
+from collections.abc import Iterable
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -13,6 +13,7 @@ from middeck.values import record
 
 Signal = Float[np.ndarray, " sample"]
 Runs = list[tuple[int, int]]
+Spans = Iterable[tuple[int, int]]
 # The levels themselves are rounded, to 1e-7 of their size in single precision: finer steps are not told.
 FINEST = 1e-6
 
@@ -72,7 +73,6 @@ class Found:
     kind: str
     what: str
     hint: str
-    _: KW_ONLY
     severity: Severity = "serious"
     samples: tuple[tuple[int, int], ...] = ()
 
@@ -89,3 +89,8 @@ class Found:
             what=self.what,
             hint=self.hint,
         )
+
+
+def fault(kind: str, what: str, hint: str, *, severity: Severity = "serious", samples: Spans = ()) -> Found:
+    """What was found of a channel, with the runs of samples where it shows."""
+    return Found(kind=kind, what=what, hint=hint, severity=severity, samples=tuple(samples))

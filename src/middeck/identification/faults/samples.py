@@ -9,7 +9,7 @@ import scipy.linalg
 import scipy.ndimage
 import scipy.signal
 
-from middeck.identification.faults.runs import Found, Levels, Runs, Signal, equal_runs, runs_of
+from middeck.identification.faults.runs import Found, Levels, Runs, Signal, equal_runs, fault, runs_of
 
 # A channel whose swing is within this share of its level is constant up to rounding.
 ROUNDING = 1e-13
@@ -54,15 +54,8 @@ def find_gaps(x: Signal) -> list[Found]:
         return []
     count = sum(b - a for a, b in runs)
     what = f"{count} samples are missing or no numbers, in {_times(runs)}, first at {runs[0][0]}"
-    return [
-        Found(
-            kind="gap",
-            what=what,
-            hint="cut the record before the gap, or record it again",
-            severity="unusable",
-            samples=tuple(runs),
-        )
-    ]
+    hint = "cut the record before the gap, or record it again"
+    return [fault("gap", what, hint, severity="unusable", samples=runs)]
 
 
 def is_dead(x: Signal) -> bool:
@@ -81,14 +74,7 @@ def find_clipping(x: Signal, levels: Levels) -> list[Found]:
     limits = sorted({float(f"{x[a]:.3g}") for a, _ in runs})
     at = " and ".join(f"{v:g}" for v in (limits[:1] + limits[-1:] if len(limits) > 1 else limits))
     what = f"clipped: {count} samples at the limits near {at}, in {_times(runs)}"
-    return [
-        Found(
-            kind="clipping",
-            what=what,
-            hint="record it again with a wider range or less drive",
-            samples=tuple(runs),
-        )
-    ]
+    return [fault("clipping", what, "record it again with a wider range or less drive", samples=runs)]
 
 
 def _exact_limits(x: Signal, step: float) -> Runs:
@@ -140,7 +126,7 @@ def find_dropouts(x: Signal, levels: Levels, *, period: int, is_input: bool) -> 
     hint = "check cable and transmission; cut the record there"
     if runs[-1][1] == len(x):
         hint = "the end may have been cut and padded: cut it off, or copy the record again"
-    return [Found(kind="dropout", what=what, hint=hint, samples=tuple(runs))]
+    return [fault("dropout", what, hint, samples=runs)]
 
 
 def _leaps(x: Signal, run: tuple[int, int], step: float) -> bool:
@@ -165,7 +151,7 @@ def find_spikes(x: Signal, levels: Levels, driven: Runs | None = None) -> list[F
     largest = max(float(np.abs(x[a:b] - np.median(x)).max()) for a, b in runs)
     what = f"{len(runs)} spikes up to {largest:.3g}, first at {runs[0][0]}"
     hint = "check for loose contacts and switching nearby; repair the samples, or leave the period out"
-    return [Found(kind="spike", what=what, hint=hint, samples=tuple(runs))]
+    return [fault("spike", what, hint, samples=runs)]
 
 
 def spike_runs(x: Signal, levels: Levels) -> Runs:

@@ -30,8 +30,7 @@ def name_missing_delay(
 ) -> list[str]:
     """Add the delays that a poor model seems to need to its warnings, ``doubts``.
 
-    They stand for the modes that it would else be said to lack, and beside outputs that it leaves mostly
-    unexplained.
+    They stand for the modes that it would seem to lack, and beside outputs that it leaves mostly unexplained.
     """
     model, structure = covariance.model, covariance.structure
     if not doubts or model.sample_hz is not None or structure.with_delay or structure.real_constants:

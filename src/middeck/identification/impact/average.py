@@ -39,20 +39,12 @@ INCOHERENT = 0.9
 class ImpactTest:
     """Averaged response of an impact test.
 
-    Parameters
-    ----------
-    response:
-        That of the windowed signals, H(s + 1/window_s), with its variance over blows.
-    coherence:
-        Of each line and output: the share of the response that the force explains, over the good blows.
-    blocks:
-        The good blows under the force window alone, each an experiment.
-    window_s:
-        Time constant tau of the exponential window [s]; infinite without.
-    blows:
-        All blows, the rejected ones with the reason.
-    warnings:
-        What the user should know; empty if nothing.
+    response: That of the windowed signals, H(s + 1/window_s), with its variance over blows.
+    coherence: Of each line and output: the share of the response explained by the force, over the good blows.
+    blocks: The good blows under the force window alone, each an experiment.
+    window_s: Time constant tau of the exponential window [s]; infinite without.
+    blows: All blows, the rejected ones with the reason.
+    warnings: What the user should know; empty if nothing.
     """
 
     response: FrequencyResponse
@@ -73,26 +65,15 @@ def average_blows(
 ) -> ImpactTest:
     """The response by the good blows of a record, each a block of its own.
 
-    Parameters
-    ----------
-    record:
-        One input, the force; one or several experiments, of one blow or several each.
-    ratio:
-        "h1" where the responses are noisy, "h2" where the force is (and at resonances).
-    window_s:
-        Time constant of the exponential window [s]; infinity for none. By default the longest that leaves a
-        thousandth of the response at the end of a block, none where it has decayed so far.
-    band_hz:
-        Lines to keep; by default up to where the force falls 20 dB below its largest power.
-    blow_s:
-        As of `locate_blows`.
+    record: One input, the force; one or several experiments, of one blow or several each.
+    ratio: "h1" where the responses are noisy, "h2" where the force is (and at resonances).
+    window_s: Time constant of the exponential window [s]; infinity for none. By default the longest that
+        leaves a thousandth of the response at the end of a block, none where it has decayed so far.
+    band_hz: Lines to keep; by default up to where the force falls 20 dB below its largest power.
+    blow_s: As of `locate_blows`.
 
-    Raises
-    ------
-    ConfigError
-        If the record has several inputs, or is periodic.
-    DataError
-        If fewer than two good blows are left.
+    Raises `ConfigError` if the record has several inputs, or is periodic; `DataError` if fewer than two good
+    blows are left.
     """
     blows = locate_blows(record, blow_s=blow_s)
     good = [b for b in blows if not b.rejected]

@@ -40,18 +40,11 @@ STILL_RINGING = 0.3
 class Blow:
     """One blow.
 
-    Parameters
-    ----------
-    experiment:
-        In which experiment it fell.
-    first, struck, last:
-        Samples of its block: the first, that of the largest force, and the one after the last.
-    pulse_end:
-        The sample after the pulse.
-    peak:
-        Largest force.
-    rejected:
-        Why it is no use; empty for a good one.
+    experiment: In which experiment it fell.
+    first, struck, last: Its block: first sample, that of the largest force, and the one after the last.
+    pulse_end: The sample after the pulse.
+    peak: Largest force.
+    rejected: Why it is no use; empty for a good one.
     """
 
     experiment: int
@@ -69,17 +62,9 @@ def locate_blows(record: Record, *, blow_s: float | None = None) -> tuple[Blow, 
     Rejected are double hits, overloads (a channel that clips), weak blows, blows cut short by the next one or
     by the end, and those struck while the response still rings from the one before.
 
-    Parameters
-    ----------
-    blow_s:
-        Least time between two blows [s]; by default a quarter of the longest in the record.
+    blow_s: Least time between two blows [s]; by default a quarter of the longest in the record.
 
-    Raises
-    ------
-    ConfigError
-        If the record has several inputs, or is periodic.
-    DataError
-        If no blow is found.
+    Raises `ConfigError` if the record has several inputs, or is periodic; `DataError` if no blow is found.
     """
     check_record(record)
     if len(record.inputs) != 1 or record.periodic:

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Complex, Float
 
 from middeck.signals.ports import Port
+from middeck.systems.response import FrequencyResponse
 from middeck.values import record
 
 # Share of the largest singular value below which another of a matrix is rounding.
@@ -22,34 +23,21 @@ class MeasurementModel:
     + (R + L)_oi / s^2 + Q_oi / s + D_oi ], with q = s and lambda = pole in continuous time, q = exp(s T) and
     lambda = exp(pole T) if sampled.
 
-    Parameters
-    ----------
-    poles:
-        One of each conjugate pair (positive imaginary part), or a real pole [rad/s], also of a sampled
+    poles: One of each conjugate pair (positive imaginary part), or a real pole [rad/s], also of a sampled
         model; a sampled pole on the negative real axis has the imaginary part pi / T and is single. A residue
         of higher rank has its pole as often as its rank.
-    shapes:
-        Output vectors c; the residue of ``poles[m]`` is ``shapes[:, m]`` times ``participation[m]``.
-    participation:
-        Input vectors b.
-    direct:
-        Constant term D: also what modes above the band leave in it.
-    lower:
-        L, what modes below the band leave in it; zero unless asked for. No part of a plant.
-    delay_s:
-        Delay of each output [s], exact in responses, a Pade approximation only in a plant (`plants`).
-    sample_hz:
-        None for a continuous model; otherwise the rate at which its inputs are held and outputs sampled.
-    path_delay_s:
-        What each path is late beyond its output's ``delay_s`` [s]; None where that is all.
-    rigid:
-        R = Phi Psi of free rigid-body modes, two states at zero for each of its rank; None without.
-    integral:
-        Q of integrators, one state at zero for each of its rank; None without.
-    hold_s:
-        Of a continuous model, the period over which the inputs of its data were held: that hold is taken out,
-        and the model is of what is behind it. Zero where they were not held. None where that is not known: if
-        they were, half a period is in the delays.
+    shapes: Output vectors c; the residue of ``poles[m]`` is ``shapes[:, m]`` times ``participation[m]``.
+    participation: Input vectors b.
+    direct: Constant term D: also what modes above the band leave in it.
+    lower: L, what modes below the band leave in it; zero unless asked for. No part of a plant.
+    delay_s: Delay of each output [s], exact in responses, a Pade approximation only in a plant (`plants`).
+    sample_hz: None for a continuous model; else the rate at which its inputs are held and outputs sampled.
+    path_delay_s: What each path is late beyond its output's ``delay_s`` [s]; None where that is all.
+    rigid: R = Phi Psi of free rigid-body modes, two states at zero for each of its rank; None without.
+    integral: Q of integrators, one state at zero for each of its rank; None without.
+    hold_s: Of a continuous model, the period over which the inputs of its data were held: that hold is taken
+        out, and the model is of what is behind it. Zero where they were not held. None where that is not
+        known: if they were, half a period is in the delays.
     """
 
     poles: Complex[np.ndarray, " mode"]
@@ -100,6 +88,12 @@ def model_response(
     """Response at ``frequency_hz`` with the exact delay."""
     s = 2j * np.pi * np.asarray(frequency_hz, dtype=float)
     return rational_response(model, s) * np.exp(-s[:, None, None] * path_delay(model))
+
+
+def evaluate_model(model: MeasurementModel, frequency_hz: Float[np.ndarray, " line"]) -> FrequencyResponse:
+    """`model_response` with the ports of the model."""
+    H = model_response(model, frequency_hz)
+    return FrequencyResponse(frequency_hz=frequency_hz, H=H, inputs=model.inputs, outputs=model.outputs)
 
 
 def rational_response(

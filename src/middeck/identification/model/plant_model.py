@@ -20,14 +20,9 @@ def model_of_plant(plant: Plant, *, delay_s: float = 0.0) -> MeasurementModel:
     ``delay_s`` is that of the test beyond the plant's own, hold and computer included, on every output. Modal
     plants keep their real constants to rounding.
 
-    Raises
-    ------
-    ConfigError
-        For a plant with a pole that does not decay (a rigid-body mode): a test of finite length has no
-        steady response of it.
+    Raises `ConfigError` for a plant with a pole that does not decay (a rigid-body mode): a test of finite
+    length has no steady response of it.
 
-    Examples
-    --------
     >>> from middeck.signals.ports import Port
     >>> mode = ModalSystem(omega=[10.0], zeta=[0.01], psi=[[2.0]], phi=[[3.0]], phi_rate=[[0.0]],
     ...     names=("bounce",))

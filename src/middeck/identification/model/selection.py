@@ -33,10 +33,7 @@ def select_channels(
     Modes that no chosen input moves or no chosen output sees, but for rounding, are left out and named. The
     pole of a residue of higher rank stays as often as the rank of the chosen channels asks.
 
-    Raises
-    ------
-    ConfigError
-        For an unknown name, naming those there are.
+    Raises `ConfigError` for an unknown name, naming those there are.
     """
     columns, rows = (
         list(range(len(ports))) if names is None else port_indices(ports, names, side)

@@ -1,15 +1,68 @@
-"""Steady-state simulation of a periodic record, and the error of a model on it."""
+"""Response of a model to held inputs, its steady simulation of a periodic record, and its error on it."""
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Complex, Float
 
 from middeck.errors import DataError
 from middeck.identification.model.checks import check_record
-from middeck.identification.model.held_response import held_response
-from middeck.identification.model.measurement_model import MeasurementModel, model_response
+from middeck.identification.model.measurement_model import (
+    MeasurementModel,
+    double_pole,
+    model_response,
+    path_delay,
+    single_pole,
+)
 from middeck.signals.record import Record
+from middeck.systems.hold import hold_response
+
+
+def held_response(
+    model: MeasurementModel, frequency_hz: np.ndarray, rate_hz: float
+) -> Complex[np.ndarray, "line output input"]:
+    """From held input samples to output samples, delays exact: tau = d T + f with 0 <= f < T.
+
+    A mode at k T - f has gone a step from its last sample: x = exp(p (T - f)) x[k-1] + gamma(T - f) u[k-1]
+    with gamma(t) = (exp(p t) - 1) / p.
+    """
+    T = 1.0 / rate_hz
+    z = np.exp(2j * np.pi * frequency_hz * T)
+    tau = path_delay(model)
+    # A delay within rounding of whole samples is whole.
+    whole = np.floor(tau / T + 1e-9)
+    beyond = np.maximum(tau - whole * T, 0.0)
+    p, pairs = model.poles, model.is_pair
+    p = np.concatenate([p, p[pairs].conj()])
+    c = np.concatenate([model.shapes, model.shapes[:, pairs].conj()], axis=1)
+    b = np.concatenate([model.participation, model.participation[pairs].conj()])
+    step = T - beyond[:, :, None]
+    decay, gain = np.exp(p * step), np.expm1(p * step) / p
+    residue = c[:, None, :] * b.T[None]
+    full = np.expm1(p * T) / p
+    sum_of_terms = np.einsum("oim,km->koi", residue * decay * full, 1.0 / (z[:, None] - np.exp(p * T)))
+    sum_of_terms += np.sum(residue * gain, axis=2)
+    # A double pole: position and rate a step later, and half the square of the step.
+    d, double = step[:, :, 0], double_pole(model)
+    w = (z - 1.0)[:, None, None]
+    sum_of_terms += double * (T**2 * (z[:, None, None] + 1.0) / (2.0 * w**2) + d * T / w + 0.5 * d**2)
+    sum_of_terms += single_pole(model) * (T / w + d)
+    sum_of_terms += model.direct * np.where(beyond > 0.0, 1.0, z[:, None, None])
+    return sum_of_terms * z[:, None, None] ** -(1.0 + whole)
+
+
+def folded_response(
+    model: MeasurementModel, frequency_hz: np.ndarray, rate_hz: float
+) -> Complex[np.ndarray, "line output input"]:
+    """The part of `held_response` that sampling folds back from beyond half the rate.
+
+    The constant term is left out: it stands for what is above the band, where it is not constant.
+    """
+    moving = dataclasses.replace(model, direct=np.zeros(model.direct.shape))
+    hold = hold_response(frequency_hz, 1.0 / rate_hz)[:, None, None]
+    return held_response(moving, frequency_hz, rate_hz) - hold * model_response(moving, frequency_hz)
 
 
 def simulate_periodic(
@@ -19,10 +72,7 @@ def simulate_periodic(
 
     A continuous model whose data had held inputs (``hold_s``) has them held here too.
 
-    Raises
-    ------
-    DataError
-        If the record is not periodic or has other inputs than the model.
+    Raises `DataError` if the record is not periodic or has other inputs than the model.
     """
     if not record.periodic:
         raise DataError("a steady state needs a periodic record")

@@ -46,14 +46,9 @@ class Tried:
 class OrderChoice:
     """A recommended order.
 
-    Parameters
-    ----------
-    states:
-        The order, without delays.
-    reason:
-        One sentence for the user.
-    tried:
-        The orders tried.
+    states: The order, without delays.
+    reason: One sentence for the user.
+    tried: The orders tried.
     """
 
     states: int

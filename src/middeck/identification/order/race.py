@@ -9,17 +9,8 @@ import numpy as np
 
 from middeck.errors import DataError, FitError
 from middeck.identification.model.fit_options import FitOptions
+from middeck.identification.order import order
 from middeck.identification.order.exchange import exchanges, grown, shrunk
-from middeck.identification.order.order import (
-    EXPLAINED,
-    OrderChoice,
-    Tried,
-    choose,
-    description_length,
-    has_met,
-    is_settled,
-    sizes,
-)
 from middeck.identification.order.thinning import take_lines, thin_lines
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.layout import Start
@@ -123,29 +114,29 @@ def _some_lines(data: Data, spread: Spread, options: FitOptions) -> tuple[Data, 
 
 def recommend_states(
     measured: FrequencyResponse, data: Data, spread: Spread, options: FitOptions
-) -> OrderChoice:
+) -> order.OrderChoice:
     """The order that `choose` takes, each from the best of a few starts and of the order before.
 
     As long as a mode is lacking (`LACKING`) an order has all starts, and the search does not end: what a few
     sizes do not find is no sign that there is nothing more.
     """
     part, some = _some_lines(data, spread, options)
-    runs: dict[int, tuple[Tried, Polished]] = {}
+    runs: dict[int, tuple[order.Tried, Polished]] = {}
 
-    def judge(run: Polished) -> Tried:
+    def judge(run: Polished) -> order.Tried:
         states = run.layout.states
         # Terms for modes outside the band are the same at each order, and dearer than poles there otherwise.
         sized = dataclasses.replace(options.sized(states), residuals=False, direct=False)
         unknowns = count_unknowns(measured, sized)
-        length = description_length(run.likelihood, unknowns, 2 * part.H.size)
+        length = order.description_length(run.likelihood, unknowns, 2 * part.H.size)
         # Without a measured variance nothing tells noise from what the model lacks.
         excess = 0.0 if measured.variance is None else model_error(run, some)
-        runs[states] = Tried(states, length, _held_out(data, spread, part, some, run), excess), run
+        runs[states] = order.Tried(states, length, _held_out(data, spread, part, some, run), excess), run
         return runs[states][0]
 
     best: Polished | None = None
-    lacking, most = True, np.hypot(LACKING, _noise_of(spread))
-    for states in sizes():
+    lacking, most = True, np.hypot(LACKING, float(np.sqrt(np.mean(spread.variance / spread.at(1.0)))))
+    for states in order.sizes():
         sized = options.sized(states)
         if 2 * count_unknowns(measured, sized) > part.H.size:
             break
@@ -157,12 +148,12 @@ def recommend_states(
         judge(best)
         known = [t for t, _ in runs.values()]
         lacking = min(t.held_out for t in known) > most
-        if not lacking and (is_settled([t.length for t in known]) or has_met(known)):
+        if not lacking and (order.is_settled([t.length for t in known]) or order.has_met(known)):
             break
     if not runs:
         raise _no_order(measured, part, options)
     shortest, best = min(runs.values(), key=lambda of: of[0].length)
-    explained = any(t.excess <= EXPLAINED for t, _ in runs.values())
+    explained = any(t.excess <= order.EXPLAINED for t, _ in runs.values())
     while explained and shortest.states != max(runs) and shortest.states - 2 not in runs:
         start = shrunk(part, options.sized(shortest.states - 2), best, some)
         best = (
@@ -175,7 +166,7 @@ def recommend_states(
         if smaller.length >= shortest.length:
             break
         shortest = smaller
-    return choose([runs[states][0] for states in sorted(runs)])
+    return order.choose([runs[states][0] for states in sorted(runs)])
 
 
 def _no_order(measured: FrequencyResponse, part: Data, options: FitOptions) -> DataError | FitError:
@@ -189,11 +180,6 @@ def _no_order(measured: FrequencyResponse, part: Data, options: FitOptions) -> D
         f"{len(part.s)} lines are too few to choose an order by: the least model has {unknowns} unknowns",
         hint=f"{least} lines or more (a wider band, a longer period), or say how many states",
     )
-
-
-def _noise_of(spread: Spread) -> float:
-    """Error that the measured variance alone leaves, as `_held_out` counts it."""
-    return float(np.sqrt(np.mean(spread.variance / spread.at(1.0))))
 
 
 def _started(

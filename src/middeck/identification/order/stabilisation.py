@@ -37,22 +37,14 @@ FEWEST = 3
 class Stabilisation:
     """Poles of all orders, those of one pair once, in rising order; real poles are left out.
 
-    Parameters
-    ----------
-    orders:
-        The orders tried [states].
-    order:
-        The order each pole belongs to.
-    natural_hz, damping:
-        |pole| / 2 pi [Hz] and damping ratio.
-    stable_frequency, stable_damping, stable_shape:
-        Whether the nearest pole of the order before lies within the tolerance in frequency; whether its
-        damping, and the MAC of its residue matrix, do so too. A single path has no shape: there, its residue
-        is held to the tolerance of the damping.
-    cluster:
-        Which cluster the pole belongs to, or -1.
-    cluster_hz, cluster_damping:
-        Median over each cluster, by frequency.
+    orders: The orders tried [states].
+    order: The order each pole belongs to.
+    natural_hz, damping: |pole| / 2 pi [Hz] and damping ratio.
+    stable_frequency, stable_damping, stable_shape: Whether the nearest pole of the order before lies within
+        the tolerance in frequency; whether its damping, and the MAC of its residue matrix, do so too. A
+        single path has no shape: there, its residue is held to the tolerance of the damping.
+    cluster: Which cluster the pole belongs to, or -1.
+    cluster_hz, cluster_damping: Median over each cluster, by frequency.
     """
 
     orders: tuple[int, ...]
@@ -83,25 +75,15 @@ def stabilisation(
 ) -> Stabilisation:
     """The stabilisation diagram of a measured response.
 
-    Parameters
-    ----------
-    measured:
-        Response, with its variance where there is one.
-    orders:
-        Rising orders [states]; those that the lines are too few for are left out.
-    sample_hz:
-        The sampling rate, for a sampled model; continuous without.
-    frequency_tolerance, damping_tolerance:
-        How far a stable pole may be from that of the order before, relative.
-    mac_tolerance:
-        By how much the MAC of the residue matrices may fall short of one.
+    measured: Response, with its variance where there is one.
+    orders: Rising orders [states]; those that the lines are too few for are left out.
+    sample_hz: The sampling rate, for a sampled model; continuous without.
+    frequency_tolerance, damping_tolerance: How far a stable pole may be from that of the order before,
+        relative.
+    mac_tolerance: By how much the MAC of the residue matrices may fall short of one.
 
-    Raises
-    ------
-    ConfigError
-        For orders that do not rise from one or more, or tolerances that are not positive.
-    FitError
-        If the lines are too few for the lowest order.
+    Raises `ConfigError` for orders that do not rise from one or more, or tolerances that are not positive;
+    `FitError` if the lines are too few for the lowest order.
     """
     if not orders or orders[0] < 1 or any(b <= a for a, b in pairwise(orders)):
         raise ConfigError(f"orders {tuple(orders)[:5]} do not rise from one or more")

@@ -35,14 +35,9 @@ Groups = list[list[int]]
 class MergedDelays:
     """A model whose delays are common where they may be.
 
-    Parameters
-    ----------
-    model:
-        All its unknowns moved as the covariance ties them to the delays; the fit's own where none was merged.
-    sentences:
-        Which delays were made one, for people; empty where none was.
-    p:
-        Probability that delays which are one differ as much by chance; one where none was merged.
+    model: All its unknowns moved as the covariance ties them to the delays; the fit's own if none was merged.
+    sentences: Which delays were made one, for people; empty where none was.
+    p: Probability that delays which are one differ as much by chance; one where none was merged.
     """
 
     model: MeasurementModel
@@ -57,20 +52,11 @@ def merge_delays(covariance: ModelCovariance, *, level: float = LEVEL) -> Merged
     that way the coarsest is taken whose joint test has a probability of ``level`` or more. Where the
     constraint would move a decay rate by more than a linear covariance can say, the fit is left as it is.
 
-    Parameters
-    ----------
-    covariance:
-        ``covariance`` of a fit, or of a model file (`load_fitted`).
-    level:
-        Probability that delays which are one are kept apart.
+    covariance: ``covariance`` of a fit, or of a model file (`load_fitted`).
+    level: Probability that delays which are one are kept apart.
 
-    Raises
-    ------
-    ConfigError
-        For a level that is no probability.
+    Raises `ConfigError` for a level that is no probability.
 
-    Examples
-    --------
     ``plant = measured_plant(merge_delays(fit.covariance).model, u=("torque",), y=("base", "tip"))``
     """
     check_level(level)
@@ -81,7 +67,7 @@ def merge_delays(covariance: ModelCovariance, *, level: float = LEVEL) -> Merged
     unchanged = MergedDelays(model, (), 1.0)
     if len(J) < 2 or not np.all(np.diag(spread) > 0.0):
         return unchanged
-    delay_s = _delays(model)
+    delay_s = model.delay_s if model.path_delay_s is None else path_delay(model).ravel()
     groups, merged_s, p = _coarsest(delay_s, spread, covariance.degrees, level)
     if len(groups) == len(delay_s):
         return unchanged
@@ -106,10 +92,6 @@ def _delay_rows(covariance: ModelCovariance) -> Float[np.ndarray, "delay unknown
         return unit[at.delay]
     beyond = np.where(at.path[:, :, None] >= 0, unit[at.path], 0.0)
     return (unit[at.delay][:, None] + beyond).reshape(-1, at.size)
-
-
-def _delays(model: MeasurementModel) -> Float[np.ndarray, " delay"]:
-    return model.delay_s if model.path_delay_s is None else path_delay(model).ravel()
 
 
 def _with_delays(model: MeasurementModel, delay_s: np.ndarray) -> MeasurementModel:

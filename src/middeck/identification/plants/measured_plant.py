@@ -1,13 +1,120 @@
-"""From a measurement model to a plant: block-modal states, delays exact, ports by name."""
+"""From a measurement model to a plant: balanced real 2x2 blocks of its pairs, delays exact."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+import scipy.linalg
+
 from middeck.errors import ConfigError
-from middeck.identification.model.measurement_model import MeasurementModel, path_delay
-from middeck.identification.plants.modal_states import modal_statespace, state_names
+from middeck.identification.model.measurement_model import (
+    RANK,
+    MeasurementModel,
+    double_pole,
+    natural_hz,
+    path_delay,
+    rank_of,
+)
 from middeck.systems.plant import Plant
+from middeck.systems.statespace import SampledStateSpace, StateSpace
+
+# A pair whose pole is closer to the real axis than this share of its size is near critical damping.
+CRITICAL = 0.5
+# Integrators in a row: 1/s^2 and 1/s.
+DOUBLE, SINGLE = np.array([[0.0, 1.0], [0.0, 0.0]]), np.zeros((1, 1))
+
+
+def sampled_statespace(model: MeasurementModel) -> SampledStateSpace:
+    """Real block-modal form of a sampled model, of ``model.states`` states."""
+    if model.sample_hz is None or np.any(path_delay(model)):
+        raise ConfigError(
+            "only a sampled model without a delay has this state space",
+            hint="sample_plant(measured_plant(model), period_s)",
+        )
+    A, B, C = _modal_blocks(model, np.exp(model.poles / model.sample_hz))
+    return SampledStateSpace(A, B, C, model.direct, period_s=1.0 / model.sample_hz)
+
+
+def modal_statespace(model: MeasurementModel) -> StateSpace:
+    """Real block-modal form of a continuous model without its delays, of ``model.states`` states.
+
+    Rigid-body modes come last but for integrators, each with the states q and q'.
+    """
+    modes = StateSpace(*_modal_blocks(model, model.poles), model.direct)
+    modes = modes if model.rigid is None else _beside(modes, model.rigid, DOUBLE)
+    return modes if model.integral is None else _beside(modes, model.integral, SINGLE)
+
+
+def rational_statespace(model: MeasurementModel) -> StateSpace | SampledStateSpace:
+    """All of the model but its delays, with 1/s^2 as two states for each direction of L."""
+    if model.sample_hz is not None:
+        A, B, C = _modal_blocks(model, np.exp(model.poles / model.sample_hz))
+        return SampledStateSpace(A, B, C, model.direct, period_s=1.0 / model.sample_hz)
+    modes = StateSpace(*_modal_blocks(model, model.poles), model.direct)
+    double = double_pole(model)
+    modes = _beside(modes, double, DOUBLE) if np.any(double) else modes
+    return modes if model.integral is None else _beside(modes, model.integral, SINGLE)
+
+
+def state_names(model: MeasurementModel) -> tuple[str, ...]:
+    """One for each state of `modal_statespace`, so that a design can say which pole it cannot hold."""
+    pairs = zip(natural_hz(model), model.is_pair, strict=True)
+    poles = tuple(f"pole at {hz:.4g} Hz" for hz, pair in pairs for _ in range(1 + pair))
+    rigid = tuple(f"rigid-body mode {1 + k}" for k in range(rank_of(model.rigid)) for _ in range(2))
+    return (*poles, *rigid, *(f"integrator {1 + k}" for k in range(rank_of(model.integral))))
+
+
+def _beside(modes: StateSpace, residue: np.ndarray, drift: np.ndarray) -> StateSpace:
+    """With a residue at zero in parallel, as many chains ``drift`` of integrators as it has rank.
+
+    q'' = psi u and y = phi q, or q' = psi u.
+    """
+    left, size, right = np.linalg.svd(residue)
+    rank = int(np.sum(size > RANK * size[0]))
+    root = np.sqrt(size[:rank])
+    psi, phi = root[:, None] * right[:rank], left[:, :rank] * root
+    each = len(drift)
+    into, out = np.zeros((each * rank, psi.shape[1])), np.zeros((len(phi), each * rank))
+    into[each - 1 :: each], out[:, ::each] = psi, phi
+    A = block([modes.A, np.kron(np.eye(rank), drift)])
+    return StateSpace(A, np.vstack([modes.B, into]), np.hstack([modes.C, out]), modes.D)
+
+
+def block(blocks: Sequence[np.ndarray]) -> np.ndarray:
+    """Block-diagonal matrix."""
+    return np.asarray(scipy.linalg.block_diag(*blocks))
+
+
+def _modal_blocks(model: MeasurementModel, pole: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A, B, C in real 2x2 and 1x1 blocks, of x' = pole x + b u and y = 2 Re(c x), or c x."""
+    A: list[np.ndarray] = []
+    B: list[np.ndarray] = []
+    C: list[np.ndarray] = []
+    for m, pair in enumerate(model.is_pair):
+        a, b, c = _pair(model, m, pole[m]) if pair else _single(model, m, pole[m])
+        # Inputs and outputs of like size keep the blocks balanced.
+        ratio = np.sqrt(np.linalg.norm(c) / np.linalg.norm(b)) if np.any(c) and np.any(b) else 1.0
+        A.append(a)
+        B.append(b * ratio)
+        C.append(c / ratio)
+    rows, columns = model.direct.shape
+    empty_B, empty_C = np.zeros((0, columns)), np.zeros((rows, 0))
+    return block(A), np.vstack([*B, empty_B]), np.hstack([*C, empty_C])
+
+
+def _pair(model: MeasurementModel, m: int, p: complex) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """States Re x and Im x / k. A pair near critical damping has a small Im p and, with real constants, an
+    Im c that is as large: k = Im p / |p| takes the one from the other."""
+    c, b = model.shapes[:, m], model.participation[m]
+    k = abs(p.imag / p) if abs(p.imag) < CRITICAL * abs(p) else 1.0
+    a = np.array([[p.real, -p.imag * k], [p.imag / k, p.real]])
+    into = np.stack([np.real(b), np.imag(b) / k])
+    return a, into, 2.0 * np.stack([np.real(c), -np.imag(c) * k], axis=1)
+
+
+def _single(model: MeasurementModel, m: int, p: complex) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    return np.array([[p.real]]), np.real(model.participation[[m]]), np.real(model.shapes[:, [m]])
 
 
 def measured_plant(
@@ -29,10 +136,7 @@ def measured_plant(
     States are block-modal; rigid-body modes have q and q'. The term L / s^2 of modes below the band is left
     out: it is no part of the plant, only of its neighbourhood.
 
-    Raises
-    ------
-    ConfigError
-        For a sampled model or an unknown port.
+    Raises `ConfigError` for a sampled model or an unknown port.
     """
     if model.sample_hz is not None:
         raise ConfigError(

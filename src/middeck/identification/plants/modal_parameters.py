@@ -25,24 +25,15 @@ from middeck.values import record
 class ModalParameters:
     """Modes in rising frequency; real poles and rigid modes are not among them.
 
-    Parameters
-    ----------
-    natural_hz, damping:
-        |pole| / 2 pi [Hz] and damping ratio.
-    constants:
-        Complex modal constants A [output/input times (rad/s)^2]; real for a lightly damped structure.
-    shapes:
-        Complex shapes over the outputs, each turned so that it is as real as it can be. Of unit modal mass if
-        a drive point was given, otherwise with a largest entry of size one.
-    real_shapes:
-        Their real parts, whose largest entry is positive (the masses that the sign rule of models weighs by
-        are not known here).
-    modal_mass:
-        Of the shape that is one at the drive point, 1 / A there [kg for m from N]; None without one.
-    complexity:
-        Modal phase collinearity (Juang and Pappa 1985): one for a real shape, zero for a travelling wave.
-    mac:
-        |phi_m^H phi_n|^2 / (phi_m^H phi_m phi_n^H phi_n) of the complex shapes (Allemang and Brown 1982).
+    natural_hz, damping: |pole| / 2 pi [Hz] and damping ratio.
+    constants: Complex modal constants A [output/input times (rad/s)^2]; real for a lightly damped structure.
+    shapes: Complex shapes over the outputs, each turned so that it is as real as it can be. Of unit modal
+        mass if a drive point was given, otherwise with a largest entry of size one.
+    real_shapes: Their real parts, whose largest entry is positive (the masses that the sign rule of models
+        weighs by are not known here).
+    modal_mass: Of the shape that is one at the drive point, 1 / A there [kg for m from N]; None without one.
+    complexity: Modal phase collinearity (Juang and Pappa 1985): 1 for a real shape, 0 for a travelling wave.
+    mac: |phi_m^H phi_n|^2 / (phi_m^H phi_m phi_n^H phi_n) of the complex shapes (Allemang and Brown 1982).
     """
 
     natural_hz: Float[np.ndarray, " mode"]
@@ -62,20 +53,11 @@ def modal_parameters(
 ) -> ModalParameters:
     """Modal parameters of a fit or of its model.
 
-    Parameters
-    ----------
-    drive_point:
-        (output, input) by name that are one point and direction, a displacement and a force.
+    drive_point: (output, input) by name that are one point and direction, a displacement and a force.
 
-    Raises
-    ------
-    ConfigError
-        For a drive point that the model does not have, or a model without a pair of poles.
-    FitError
-        If the modal constant of some mode at the drive point is not positive: then it is none.
+    Raises `ConfigError` for a drive point that the model does not have, or a model without a pair of poles;
+    `FitError` if the modal constant of some mode at the drive point is not positive: then it is none.
 
-    Examples
-    --------
     >>> zero = np.zeros((1, 1))                        # 1 / (4 (s^2 + ...)): a mass of 4 kg at 10 rad/s
     >>> model = MeasurementModel(
     ...     poles=[-0.1 + 10j], shapes=[[1 / 80j]], participation=[[1.0]], direct=zero, lower=zero,
@@ -103,6 +85,7 @@ def modal_parameters(
     turned = shapes * np.exp(-0.5j * np.angle(np.sum(shapes**2, axis=0)))
     largest = np.argmax(np.abs(turned.real), axis=0)
     turned = turned * np.where(np.take_along_axis(turned.real, largest[None], axis=0) < 0.0, -1.0, 1.0)
+    size = np.sum(np.abs(turned) ** 2, axis=0)
     return ModalParameters(
         natural_hz=natural_hz(model)[pairs],
         damping=damping_ratio(model)[pairs],
@@ -111,7 +94,7 @@ def modal_parameters(
         real_shapes=turned.real,
         modal_mass=mass,
         complexity=np.abs(np.sum(turned**2, axis=0)) ** 2 / np.sum(np.abs(turned) ** 2, axis=0) ** 2,
-        mac=_mac(turned),
+        mac=np.abs(turned.conj().T @ turned) ** 2 / np.outer(size, size),
         inputs=model.inputs,
         outputs=model.outputs,
     )
@@ -135,8 +118,3 @@ def _positive(at_point: np.ndarray, hz: np.ndarray, drive_point: tuple[str, str]
             hint="the same point and direction, a displacement from a force, and modes that move it",
         )
     return at_point
-
-
-def _mac(shapes: np.ndarray) -> Float[np.ndarray, "mode mode"]:
-    size = np.sum(np.abs(shapes) ** 2, axis=0)
-    return np.abs(shapes.conj().T @ shapes) ** 2 / np.outer(size, size)

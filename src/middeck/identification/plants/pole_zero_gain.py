@@ -34,17 +34,11 @@ ROUNDING = 1e-9
 class PoleZeroGain:
     """H = gain prod (q - zeros) / prod (q - poles) exp(-s delay), q = s, or exp(s T) of a sampled model.
 
-    Parameters
-    ----------
-    poles, zeros:
-        One of each conjugate pair (positive imaginary part) or a real one [rad/s]; those of a sampled model
-        are log(q) / T. Two poles at zero stand for 1/s^2, one for 1/s.
-    gain:
-        Ratio of the leading coefficients.
-    static_gain:
-        H at zero frequency; None with a pole there.
-    delay_s:
-        Delay [s].
+    poles, zeros: One of each conjugate pair (positive imaginary part) or a real one [rad/s]; those of a
+        sampled model are log(q) / T. Two poles at zero stand for 1/s^2, one for 1/s.
+    gain: Ratio of the leading coefficients.
+    static_gain: H at zero frequency; None with a pole there.
+    delay_s: Delay [s].
     """
 
     poles: Complex[np.ndarray, " pole"]
@@ -62,10 +56,7 @@ def pole_zero_gain(model: MeasurementModel, output: str, input: str) -> PoleZero
 
     Modes that the path does not hold are left out.
 
-    Raises
-    ------
-    ConfigError
-        For an unknown name, or a path that is zero.
+    Raises `ConfigError` for an unknown name, or a path that is zero.
     """
     path = select_channels(model, outputs=(output,), inputs=(input,)).model
     still = 2 if double_pole(path).any() else rank_of(path.integral)
@@ -88,11 +79,8 @@ def pole_zero_gain(model: MeasurementModel, output: str, input: str) -> PoleZero
 def from_pole_zero_gain(form: PoleZeroGain) -> MeasurementModel:
     """The model of one input and one output with these poles, zeros, gain and delay.
 
-    Raises
-    ------
-    ConfigError
-        For more zeros than poles, for poles that coincide (two at zero apart, whose part in 1/s must vanish),
-        or for a pole in the right half-plane.
+    Raises `ConfigError` for more zeros than poles, for poles that coincide (two at zero apart, whose part in
+    1/s must vanish), or for a pole in the right half-plane.
     """
     p, z = _both(form.poles, form.sample_hz), _both(form.zeros, form.sample_hz)
     if len(z) > len(p):

@@ -36,16 +36,10 @@ ACROSS = np.array([-4.0, -2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0, 4.0])
 class MinimalModel:
     """A model with fewer modes.
 
-    Parameters
-    ----------
-    model:
-        What is left.
-    dropped_hz:
-        Natural frequencies of the modes that were dropped or merged, in that order [Hz].
-    error:
-        Largest change of each path's response, as a share of its largest size.
-    hankel:
-        Hankel singular values of the first model, each output and input scaled by its largest response.
+    model: What is left.
+    dropped_hz: Natural frequencies of the modes that were dropped or merged, in that order [Hz].
+    error: Largest change of each path's response, as a share of its largest size.
+    hankel: Hankel singular values of the first model, each output and input scaled by its largest response.
     """
 
     model: MeasurementModel
@@ -57,10 +51,7 @@ class MinimalModel:
 def minimal_model(model: MeasurementModel, *, error: float = 1e-3) -> MinimalModel:
     """The model without modes that change no path's response by more than ``error`` of its largest size.
 
-    Raises
-    ------
-    ConfigError
-        If ``error`` is not a share between zero and one.
+    Raises `ConfigError` if ``error`` is not a share between zero and one.
     """
     if not 0.0 < error < 1.0:
         raise ConfigError(f"an error of {error} is no share of the response", hint="1e-6 to 0.1")

@@ -21,7 +21,7 @@ from middeck.identification.model.measurement_model import (
     rational_slope,
 )
 from middeck.identification.model.selection import select_channels
-from middeck.identification.plants.modal_states import rational_statespace
+from middeck.identification.plants.measured_plant import rational_statespace
 from middeck.systems.delay_approximation import SAME_DELAY_S
 from middeck.systems.delayed_sampling import is_sum
 from middeck.systems.transmission_zeros import transmission_zeros
@@ -44,18 +44,14 @@ STANDING = 1e-6
 class Zeros:
     """Zeros between some inputs and outputs.
 
-    Parameters
-    ----------
-    value:
-        One of each conjugate pair (positive imaginary part), or a real zero [rad/s], ascending in size; those
-        of a sampled model are log(q) / T, on the negative real axis of q with the imaginary part pi / T.
-    residual:
-        How far each is off, as a share of its size: |H / (s dH/ds)| there, what is left to Newton's method.
-    by_response:
-        G with dz = sum over outputs and inputs of G_oi dH_oi(z), for any change dH of the response without
-        its delays; None for a matrix that is not square or singular everywhere: any change removes its zeros.
-    inputs, outputs:
-        Names of the channels.
+    value: One of each conjugate pair (positive imaginary part), or a real zero [rad/s], ascending in size;
+        those of a sampled model are log(q) / T, for negative real q with the imaginary part pi / T.
+    residual: How far each is off, as a share of its size: |H / (s dH/ds)| there, what is left to Newton's
+        method.
+    by_response: G with dz = sum over outputs and inputs of G_oi dH_oi(z), for any change dH of the response
+        without its delays; None for a matrix that is not square or singular everywhere: any change removes
+        its zeros.
+    inputs, outputs: Names of the channels.
     """
 
     value: Complex[np.ndarray, " zero"]
@@ -93,10 +89,7 @@ def path_zeros(model: MeasurementModel, output: str, input: str) -> Zeros:
     A mode that the path does not hold has neither pole nor zero in it. The term L / s^2 counts as part of
     the response: the zeros are where the model's response has its antiresonances.
 
-    Raises
-    ------
-    ConfigError
-        For an unknown name.
+    Raises `ConfigError` for an unknown name.
     """
     return matrix_zeros(model, outputs=(output,), inputs=(input,))
 
@@ -106,13 +99,9 @@ def matrix_zeros(
 ) -> Zeros:
     """Transmission zeros between some inputs and outputs: where their matrix loses rank; None for all.
 
-    Raises
-    ------
-    ConfigError
-        For an unknown name, or delays that are no sum of one for the input and one for the output: they take
-        part in the determinant, whose zeros are then infinitely many.
-    NumericalError
-        If a zero cannot be told from its surroundings.
+    Raises `ConfigError` for an unknown name, or delays that are no sum of one for the input and one for the
+    output: they take part in the determinant, whose zeros are then infinitely many; `NumericalError` if a
+    zero cannot be told from its surroundings.
     """
     chosen = select_channels(model, inputs=inputs, outputs=outputs).model
     if not is_sum(path_delay(chosen), SAME_DELAY_S):

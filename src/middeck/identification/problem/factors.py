@@ -3,8 +3,7 @@
 With u = 1/(q - lambda) and l = 1/(q - conj lambda), any term of a pair is z u + conj(z) l = Re z (u + l) +
 Im z j(u - l), whatever c and b are in z: so all columns and slopes of all outputs and inputs are made of
 u + l, j(u - l), u^2 + l^2, j(u^2 - l^2) of each pair (ul, ul(u + l), j ul(u - l) where constants are real), u
-and u^2 of each real pole, 1/s^2, 1/s and 1. Gram matrices of hundreds of columns follow from that of these
-few.
+and u^2 of each real pole, 1/s^2, 1/s and 1. Gram matrices of hundreds of columns follow from those of few.
 """
 
 from __future__ import annotations

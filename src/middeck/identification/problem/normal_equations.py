@@ -7,6 +7,8 @@ the solution until it is orthogonal to the columns (corrected seminormal equatio
 gradient, less what the last correction, left out, would change in it. So only the Gram matrix of theta
 itself, which no more than steers the search, has the squared condition's rounding. Where that is too large
 (`WORST`, `SKEW`), or the residual itself is rounding (`Solved.rounding`), the caller takes another way.
+
+The constraint of relative degree two: the residues of each path add up to zero.
 """
 
 from __future__ import annotations
@@ -20,8 +22,59 @@ from jaxtyping import Complex, Float, Int
 from middeck.identification.problem.design import Terms
 from middeck.identification.problem.factors import column_factors, slope_factors
 from middeck.identification.problem.gram_blocks import Functions, Weighted, on_functions
-from middeck.identification.problem.layout import Layout
-from middeck.identification.problem.zero_sum import ZeroSum
+from middeck.identification.problem.layout import Layout, Point
+from middeck.identification.problem.terms import linear_of_terms
+
+
+class ZeroSum:
+    """Linear unknowns x of an output under the constraint C x = 0, at one theta."""
+
+    def __init__(self, layout: Layout, point: Point) -> None:
+        self._layout = layout
+        self._C = _ties(layout, point)
+        # Orthonormal: what is free is as well conditioned as all was.
+        self._free = np.linalg.svd(self._C)[2][len(self._C) :] if len(self._C) else None
+
+    def free(self, rows: Float[np.ndarray, "column number"]) -> Float[np.ndarray, "free number"]:
+        """The columns' combinations that are free."""
+        return rows if self._free is None else self._free @ rows
+
+    def whole(self, y: Float[np.ndarray, " free"]) -> Float[np.ndarray, " column"]:
+        """x from the factors of those combinations."""
+        return y if self._free is None else y @ self._free
+
+    def moved(self, x: Float[np.ndarray, " column"], rows: np.ndarray) -> np.ndarray | float:
+        """What x gains on ``rows`` [column, ...] as it moves with theta (delays apart) to stay tied.
+
+        Its free part is projected out later, so that any such move will do.
+        """
+        if self._free is None:
+            return 0.0
+        return np.tensordot(-_tie_slopes(self._layout, x) @ np.linalg.pinv(self._C).T, rows, axes=1)
+
+
+def _ties(layout: Layout, point: Point) -> Float[np.ndarray, "tie column"]:
+    """What must vanish, as a matrix on the linear unknowns of an output: the sum of residues of each path."""
+    if not layout.options.zero_sum:
+        return np.zeros((0, layout.columns))
+    C = np.zeros((layout.inputs, layout.columns))
+    pairs = layout.pairs * layout.copies
+    b = point.b[:pairs]
+    C[:, 0 : 2 * pairs : 2] = 2.0 * np.real(b).T
+    C[:, 1 : 2 * pairs : 2] = -2.0 * np.imag(b).T
+    C[:, 2 * pairs : layout.mode_columns] = np.real(point.b[pairs:]).T
+    return C
+
+
+def _tie_slopes(layout: Layout, x: Float[np.ndarray, " column"]) -> Float[np.ndarray, "unknown tie"]:
+    """Derivative of `_ties` times ``x`` by theta: only b is in it."""
+    found = np.zeros((layout.size - layout.delays[0] * layout.delays[1], layout.inputs))
+    c = linear_of_terms(layout, x)
+    for k, (m, i, part) in enumerate(layout.free_b):
+        weight = 2.0 if layout.pair[m] else 1.0
+        found[len(layout.pair) + layout.pairs + k, i] = weight * (-c[m].imag if part else c[m].real)
+    return found
+
 
 # Smallest pivot of the scaled normal equations: below it a correction gains less than four digits.
 WORST = 1e-12
@@ -61,7 +114,10 @@ def solve_normal(terms: Terms, shared: Functions, of: Weighted) -> Solved | None
     if layout.options.zero_sum:
         slopes += np.stack([tied.moved(one, columns) for one in each])
     late, late_place = _delay_slopes(layout, of, -terms.data.s * solved.path)
-    by_theta = _by_theta(shared, of, solve, free, _by_group(of, slopes), late, solved)
+    apart = np.swapaxes(slopes.reshape(*of.outputs.shape, *slopes.shape[1:]), 1, 2)
+    by_theta = _by_theta(
+        shared, of, solve, free, apart.reshape(*apart.shape[:2], -1, apart.shape[-1]), late, solved
+    )
     cost = 0.5 * float(np.sum(_squares(solved.left)))
     gradient, gram = _added(layout, slopes.shape[1] + late_place, *by_theta)
     terms_of = solved.x.reshape(len(solved.x), -1) * solve.lengths if not layout.options.zero_sum else 0.0
@@ -98,12 +154,6 @@ def _solve_linear(
         if np.all(skew <= ORTHOGONAL * rest + rounding):
             break
     return found if np.all(skew <= SKEW * rest + 10.0 * rounding) else None
-
-
-def _by_group(of: Weighted, factors: np.ndarray) -> Float[np.ndarray, "group row path function"]:
-    """Factors [output, row, input, function] by the groups of outputs."""
-    apart = np.swapaxes(factors.reshape(*of.outputs.shape, *factors.shape[1:]), 1, 2)
-    return apart.reshape(*apart.shape[:2], -1, apart.shape[-1])
 
 
 def _added(

@@ -50,7 +50,7 @@ def columns(
     X[used : layout.mode_columns] = _along(np.real(point.b)[pairs:], drive) * up[pairs:]
     used = layout.mode_columns
     if point.psi is not None and len(point.psi):
-        X[used : used + len(point.psi)] = _along(point.psi, drive) / _powers(layout, s)[:, :, None]
+        X[used : used + len(point.psi)] = _along(point.psi, drive) / (s ** layout.powers[:, None])[:, :, None]
         used += len(point.psi)
     if layout.options.residuals:
         X[used : used + layout.inputs] = each_input / (s**2)[None, :, None]
@@ -85,11 +85,6 @@ def constant_terms(
     R, Q = (none, none) if point.psi is None else (x[:, own] @ point.psi[own] for own in layout.at_zero)
     L = x[:, drifting : drifting + inputs] if layout.options.residuals else none
     return R, Q, L, x[:, -inputs:] if layout.options.direct else none
-
-
-def _powers(layout: Layout, s: np.ndarray) -> Complex[np.ndarray, "rigid line"]:
-    """s^2 of rigid modes, s of integrators."""
-    return s ** layout.powers[:, None]
 
 
 def slopes(

@@ -1,8 +1,7 @@
 """Why the deviations of a fit of a record do not hold: structure in its residual, or a fault.
 
 What is left of a model that holds is noise: no input, earlier or later, tells it (Ljung 1999, sec. 16.6), and
-no part of the record asks for another delay than the rest. Where it is not so, the faults of the record are
-looked for.
+no part of the record asks for another delay than the rest. Otherwise the faults of the record are looked for.
 
 Noise of sensors, and forces that the inputs do not make, do not know how large the response is. Blows that
 scatter, a clipped or nonlinear sensor and a wrong model leave most where the response is large: with the

@@ -20,12 +20,7 @@ from middeck.identification.model.measurement_model import MeasurementModel, pat
 from middeck.identification.order.order import is_settled, sizes
 from middeck.identification.problem.data import Data, Transient
 from middeck.identification.problem.layout import Point, Start
-from middeck.identification.record_fit.order import (
-    enough_samples,
-    error_held_out,
-    record_length,
-    shortest_reason,
-)
+from middeck.identification.record_fit import order
 from middeck.identification.record_fit.search import RecordRun, Weighting, further, leader, refine_record
 from middeck.identification.record_fit.starts import PastOfRecord, continuous_starts, past_of
 from middeck.identification.start.start import start_from_point
@@ -64,7 +59,9 @@ def fit_continuous(
     first, failed = (None, None) if short and states is None else _attempt(local)
     starts, reason = [], ""
     if first is not None:
-        options, reason = _terms_of(first, options), first.order_reason
+        structure = first.covariance.structure
+        options = dataclasses.replace(options, residuals=structure.with_lower, direct=structure.with_direct)
+        reason = first.order_reason
         starts = _prompt(record, [_start_of(first, options)])
     found = _led(record, data, starts, weighting)
     if short or found is None or first is None or float(np.max(first.error)) > POOR:
@@ -78,12 +75,6 @@ def fit_continuous(
     if found is None:
         raise failed or _no_start()
     return *_finished(record, *found, weighting), reason
-
-
-def _terms_of(first: FitResult, options: FitOptions) -> FitOptions:
-    """With the terms for modes outside the band that a response of no stated order has asked for."""
-    structure = first.covariance.structure
-    return dataclasses.replace(options, residuals=structure.with_lower, direct=structure.with_direct)
 
 
 def _finished(
@@ -160,7 +151,7 @@ def _held_out(record: Record, data: Data, best: RecordRun) -> RecordRun:
         return best
     lines = data.omega / (2.0 * np.pi)
     of_best, of_flat = (
-        error_held_out(record, (float(lines[0]), float(lines[-1])), run, data.transient)
+        order.error_held_out(record, (float(lines[0]), float(lines[-1])), run, data.transient)
         for run in (best, flat)
     )
     return flat if of_flat < CLEARLY * of_best else best
@@ -172,7 +163,7 @@ def _choose_order(
     """The order of the shortest description of the record, its transients counted, and why."""
     tried: list[tuple[int, float]] = []
     for states in sizes():
-        if not enough_samples(record, states + options.at_zero):
+        if not order.enough_samples(record, states + options.at_zero):
             break
         starts = _prompt(record, continuous_starts(past, data, options.sized(states)))
         if not starts:
@@ -181,13 +172,13 @@ def _choose_order(
         run = leader(edged, starts, "output")
         if run is None:
             continue
-        tried.append((states + options.at_zero, record_length(edged, run)))
+        tried.append((states + options.at_zero, order.record_length(edged, run)))
         if is_settled([length for _, length in tried]):
             break
     if not tried:
         raise FitError("no order could be fitted", hint="a longer record, or say how many states")
     best = min(tried, key=lambda t: t[1])[0]
-    return dataclasses.replace(options, states=best), shortest_reason(tried)
+    return dataclasses.replace(options, states=best), order.shortest_reason(tried)
 
 
 def _edges(record: Record, starts: Sequence[Start]) -> Transient:

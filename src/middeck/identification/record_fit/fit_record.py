@@ -26,17 +26,11 @@ from middeck.identification.fit.standing import (
 )
 from middeck.identification.model.checks import check_record, check_word, refuse_growth
 from middeck.identification.model.fit_options import Constants, Delay, FitOptions, decided
-from middeck.identification.model.held_response import folded_response
 from middeck.identification.model.measurement_model import MeasurementModel, model_response, natural_hz
+from middeck.identification.model.simulation import folded_response
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.design import residual_of
-from middeck.identification.record_fit.causes import (
-    causes_of,
-    doubts_of_folding,
-    doubts_of_growth,
-    growth_score,
-    named_cause,
-)
+from middeck.identification.record_fit import causes
 from middeck.identification.record_fit.continuous import fit_continuous
 from middeck.identification.record_fit.model import record_covariance
 from middeck.identification.record_fit.noise import negative_log_likelihood, noise_variance
@@ -87,39 +81,25 @@ def fit_record(
     that nothing leaks and no window is needed; an offset and a ramp of any channel are part of it. The noise
     on each line is estimated from what is left.
 
-    Parameters
-    ----------
-    record:
-        One or several experiments; periods are taken as one run of samples. Where it says that its inputs
+    record: One or several experiments; periods are taken as one run of samples. Where it says that its inputs
         were ``held``, a continuous model is of what is behind the hold: that is divided out, and what is
         folded back from beyond half the rate is taken off by a first fit.
-    states:
-        Order of the model without its delays. By default that of the shortest description: of the record,
+    states: Order of the model without its delays. By default that of the shortest description: of the record,
         or for a continuous model of a long one, of an estimated response.
-    sampled:
-        A sampled model, right for held inputs; or a continuous one, whose inputs are band-limited between
-        samples. By default sampled where the inputs drive all frequencies up to half the rate, as no
+    sampled: A sampled model, right for held inputs; or a continuous one, whose inputs are band-limited
+        between samples. By default sampled where the inputs drive all frequencies up to half the rate, as no
         band-limited ones do, and neither the band nor an option asks for a continuous model.
-    band_hz:
-        Lines to fit: by default those of the band that the inputs drive, and all of a sampled model.
-    constants, delay, direct, residuals, full_rank, rigid, integrators, relative_degree:
-        As for `fit_response`.
-    weighting:
-        "flat": the error of the simulation is least. "output": by the noise of sensors, "motion": by forces
-        that shake the article as the inputs do. By default the likelier of the last two, or of a sampled
-        model those that simulate samples held out best.
-    tell:
-        Called with what is done next, some words, as often as that changes.
+    band_hz: Lines to fit: by default those of the band that the inputs drive, and all of a sampled model.
+    constants, delay, direct, residuals, full_rank, rigid, integrators, relative_degree: As for
+        `fit_response`.
+    weighting: "flat": the error of the simulation is least. "output": by the noise of sensors, "motion": by
+        forces that shake the article as the inputs do. By default the likelier of the last two, or of a
+        sampled model those that simulate samples held out best.
+    tell: Called with what is done next, some words, as often as that changes.
 
-    Raises
-    ------
-    ConfigError
-        For options that exclude each other.
-    DataError
-        If a channel is constant or not finite.
-    FitError
-        If the record is shorter than the unknowns, if it is described no worse as noise alone (the delay may
-        be longer than the record), if an output leads its input, or if no start could be refined.
+    Raises `ConfigError` for options that exclude each other; `DataError` if a channel is constant or not
+    finite; `FitError` if the record is shorter than the unknowns, if it is described no worse as noise alone
+    (the delay may be longer than the record), if an output leads its input, or if no start could be refined.
     """
     asked = FitOptions(
         states=states,
@@ -187,7 +167,7 @@ def _fit(
     lines = _lines(record, data, np.zeros((len(data.s), len(record.outputs), len(record.inputs)), complex))
     options = decided(lines, asked)
     _check_length(record, options.moving + options.at_zero)
-    with named_cause(measured):
+    with causes.named_cause(measured):
         if sampled:
             run, reason = choose_record(
                 record, options, band_hz, states=states, weighting=weighting, tell=tell
@@ -198,7 +178,7 @@ def _fit(
                 record, data, options, local, states=states, weighting=weighting
             )
         fitted = Tidied(data, run, ()) if states is not None else tidied(record, data, run, sampled=sampled)
-        score = np.maximum(growth_score(data, run), growth_score(fitted.data, fitted.run))
+        score = np.maximum(causes.growth_score(data, run), causes.growth_score(fitted.data, fitted.run))
         return _result(measured, record, fitted, reason, score)
 
 
@@ -274,9 +254,11 @@ def _result(measured: Record, record: Record, fit: Tidied, reason: str, score: n
     error = np.sqrt(np.sum(np.abs(r) ** 2, axis=(1, 2)) / np.sum(np.abs(data.H) ** 2, axis=(1, 2)))
     warnings += _doubts(run, record, error)
     warnings += doubts_of_deviations(lines, covariance, of_samples=True)
-    wrong = [*doubts_of_growth(record, score), *_undamped(lines, model, fit)]
-    wrong += [] if model.sample_hz is not None else doubts_of_folding(record)
-    wrong += causes_of(measured, data, run, _lead(fitted, uncertainty.delay_s), error)
+    wrong = [*causes.doubts_of_growth(record, score), *_undamped(lines, model, fit)]
+    wrong += [] if model.sample_hz is not None else causes.doubts_of_folding(record)
+    leads = (fitted.delay_s < 0.0) & (uncertainty.delay_s > 0.0)
+    lead = np.divide(-fitted.delay_s, uncertainty.delay_s, out=np.zeros(len(leads)), where=leads)
+    wrong += causes.causes_of(measured, data, run, lead, error)
     warnings += [*wrong, *doubts_of_lines(fit.lines)]
     standing = standing_of(lines, covariance, holds=not wrong)
     warnings += doubts_of_standing(covariance, standing)
@@ -294,12 +276,6 @@ def _result(measured: Record, record: Record, fit: Tidied, reason: str, score: n
         lines=fit.lines,
         delay_standing=standing_of_delays(lines, covariance, holds=not wrong),
     )
-
-
-def _lead(fitted: MeasurementModel, deviation: Float[np.ndarray, " output"]) -> Float[np.ndarray, " output"]:
-    """By how many of its deviations each output leads its input; zero for one that does not."""
-    leads = (fitted.delay_s < 0.0) & (deviation > 0.0)
-    return np.divide(-fitted.delay_s, deviation, out=np.zeros(len(deviation)), where=leads)
 
 
 def _undamped(lines: FrequencyResponse, model: MeasurementModel, fit: Tidied) -> list[str]:

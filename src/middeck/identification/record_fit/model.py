@@ -13,15 +13,9 @@ from middeck.identification.problem.projection import TransientProjection, as_re
 from middeck.identification.problem.transient import transient_slopes
 from middeck.identification.record_fit.noise import likelier_variance
 from middeck.identification.record_fit.search import RecordRun
+from middeck.identification.uncertainty import orthogonal
 from middeck.identification.uncertainty.covariance import MOST_LEVERAGE, ModelCovariance
 from middeck.identification.uncertainty.entry_factors import entry_slopes
-from middeck.identification.uncertainty.orthogonal import (
-    canonical_root,
-    factor_of,
-    inverse_root,
-    root_of,
-    triangle,
-)
 from middeck.identification.uncertainty.unknowns import Structure, places_of, ties
 
 
@@ -41,14 +35,16 @@ def record_covariance(run: RecordRun, data: Data, model: MeasurementModel) -> Mo
         J, own = each.of(o)
         at = np.flatnonzero(J.any(axis=(1, 2)))  # poles, inputs and what is this output's own
         alone[at] += np.sum(as_real(J[at] / np.sqrt(run.variance[o])) ** 2, axis=1)
-        R = triangle(own.removed(J[at]).T)
+        R = orthogonal.triangle(own.removed(J[at]).T)
         blocks.append(np.zeros((len(R), size)))
         blocks[-1][:, at] = R
     held = ties(model, structure)
-    inverse, loose = inverse_root(factor_of(blocks), held)
+    inverse, loose = orthogonal.inverse_root(orthogonal.factor_of(blocks), held)
     inflation = np.maximum(alone * np.sum(inverse**2, axis=1), 1.0)
     W, free = np.split(inverse, [inverse.shape[1] - loose], axis=1)
-    root = np.hstack([canonical_root(W @ root_of(_scores_spread(each, W))), np.sqrt(0.5) * free])
+    root = np.hstack(
+        [orthogonal.canonical_root(W @ orthogonal.root_of(_scores_spread(each, W))), np.sqrt(0.5) * free]
+    )
     unknowns = size - len(held) + data.H.shape[0] * data.H.shape[2] * len(each.terms.B)
     degrees = float(2 * data.H.size - unknowns)
     return ModelCovariance(

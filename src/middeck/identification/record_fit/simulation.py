@@ -15,7 +15,6 @@ from jaxtyping import Float
 
 from middeck.errors import ConfigError, DataError, NumericalError
 from middeck.identification.model.checks import check_record, check_word
-from middeck.identification.model.held_response import held_response
 from middeck.identification.model.measurement_model import (
     RANK,
     MeasurementModel,
@@ -24,6 +23,7 @@ from middeck.identification.model.measurement_model import (
     path_delay,
     single_pole,
 )
+from middeck.identification.model.simulation import held_response
 from middeck.signals.record import Record
 
 Between = Literal["hold", "band-limited"]
@@ -36,29 +36,17 @@ def simulate_record(
 ) -> Float[np.ndarray, "experiment period sample output"]:
     """Outputs of the model for the record's inputs, the initial state fitted to the record's outputs.
 
-    Parameters
-    ----------
-    record:
-        Periods are taken as one run of samples.
-    state_share:
-        Share of each experiment, from its first sample, to which its initial state is fitted, outputs weighed
-        by their rms. The rest is then a simulation that has never seen the outputs.
-    between:
-        What the inputs of a continuous model do between samples: "hold" (a converter before the plant) or
-        "band-limited" (both sides measured behind the same filters; Pintelon and Schoukens 2012, ch. 13). By
-        default what they did in the data of the model, its ``hold_s``; band-limited where that is not known.
+    record: Periods are taken as one run of samples.
+    state_share: Share of each experiment, from its first sample, to which its initial state is fitted,
+        outputs weighed by their rms. The rest is then a simulation that has never seen the outputs.
+    between: What the inputs of a continuous model do between samples: "hold" (a converter before the plant)
+        or "band-limited" (both sides measured behind the same filters; Pintelon and Schoukens 2012, ch. 13).
+        By default as in the data of the model, its ``hold_s``; band-limited where that is not known.
 
-    Raises
-    ------
-    ConfigError
-        If the record has other ports than the model, the share is no share, or the rates differ.
-    DataError
-        If the share holds fewer numbers than the model has states.
-    NumericalError
-        For a model that is not stable: its response to repeated inputs is none.
+    Raises `ConfigError` if the record has other ports than the model, the share is no share, or the rates
+    differ; `DataError` if the share holds fewer numbers than the model has states; `NumericalError` for a
+    model that is not stable: its response to repeated inputs is none.
 
-    Examples
-    --------
     >>> from middeck.signals.ports import Port
     >>> port = (Port("x", "1"),)
     >>> one = np.ones((1, 1))

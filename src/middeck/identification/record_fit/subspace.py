@@ -34,10 +34,7 @@ SMOOTH = 1e-8
 class PastFuture:
     """The triangle of one choice of block rows: future inputs, past, future outputs.
 
-    Parameters
-    ----------
-    L:
-        Lower triangle; its first ``rows * inputs`` rows are future inputs, its last ``rows * outputs`` future
+    L: Lower triangle; its first ``rows * inputs`` rows are future inputs, its last ``rows * outputs`` future
         outputs.
     """
 

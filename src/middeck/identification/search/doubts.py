@@ -109,7 +109,7 @@ def doubts_of_deviations(
     """
     return [
         *_doubts_of_variance(measured, covariance),
-        *_doubts_of_delays(measured, covariance),
+        *list(confounded_delays(measured, covariance).values()),
         *_doubts_of_modes(measured, covariance, of_samples=of_samples),
     ]
 
@@ -126,10 +126,6 @@ def _doubts_of_variance(measured: FrequencyResponse, covariance: ModelCovariance
             "deviations; record more periods"
         ]
     return []
-
-
-def _doubts_of_delays(measured: FrequencyResponse, covariance: ModelCovariance) -> list[str]:
-    return list(confounded_delays(measured, covariance).values())
 
 
 def confounded_delays(measured: FrequencyResponse, covariance: ModelCovariance) -> dict[int, str]:

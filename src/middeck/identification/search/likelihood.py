@@ -22,8 +22,7 @@ from middeck.errors import FitError
 from middeck.identification.model.descent import search
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.design import residual_of
-from middeck.identification.search.bounds import bound_theta, bounded
-from middeck.identification.search.polish import Polished
+from middeck.identification.search.polish import Polished, bound_theta, bounded
 from middeck.identification.search.refine import weighted
 from middeck.identification.spectra.weights import ROUNDING, averaged
 from middeck.systems.response import ResponseCovariance
@@ -103,10 +102,6 @@ def _mixed(mix: np.ndarray | None, left: np.ndarray) -> np.ndarray:
     return left if mix is None else np.einsum("lqo,olk->qlk", mix, left)
 
 
-def _log_size(mix: np.ndarray | None, left: np.ndarray) -> float:
-    return 0.0 if mix is None else left.shape[2] * float(np.sum(np.log(np.linalg.det(mix).real)))
-
-
 def _excess(left: Complex[np.ndarray, "output line column"], noise: Noise) -> float:
     """The share e that the model leaves beyond the noise; zero where nothing is left."""
 
@@ -118,3 +113,7 @@ def _excess(left: Complex[np.ndarray, "output line column"], noise: Noise) -> fl
     top = float(np.max(np.mean(np.abs(left) ** 2, axis=2) / noise.size[:, None])) * len(left)
     share: Any = scipy.optimize.brentq(beyond_one, 0.0, top, xtol=1e-9 * top)
     return float(share)
+
+
+def _log_size(mix: np.ndarray | None, left: np.ndarray) -> float:
+    return 0.0 if mix is None else left.shape[2] * float(np.sum(np.log(np.linalg.det(mix).real)))

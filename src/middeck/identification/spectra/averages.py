@@ -32,14 +32,10 @@ CLEAR_OF_NOISE = 25.0
 class Spectra:
     """Power and cross spectra, two-sided [unit^2/Hz].
 
-    Parameters
-    ----------
-    S_uu, S_yu, S_yy:
-        Averages of U U^H, Y U^H and Y Y^H.
-    averages:
-        How many independent spectra they are worth; overlapping segments count for less than their number.
-    window_hz:
-        Equivalent noise bandwidth of the window [Hz]: what is narrower is smeared. Zero for whole periods.
+    S_uu, S_yu, S_yy: Averages of U U^H, Y U^H and Y Y^H.
+    averages: Number of independent spectra; overlapping segments count for less than their number.
+    window_hz: Equivalent noise bandwidth of the window [Hz]: what is narrower is smeared. Zero for whole
+        periods.
     """
 
     frequency_hz: Float[np.ndarray, " line"]
@@ -65,24 +61,14 @@ def estimate_spectra(
     1 % damping the response is 10 to 40 % wrong near resonance with any usual length; that of local models,
     or of whole periods, is not.
 
-    Parameters
-    ----------
-    record:
-        In memory or longer than it: segments are summed as they are read. Records of a campaign may differ in
-        length.
-    segment:
-        Samples of a segment; by default the power of two that leaves at least 16. A periodic
-        record is cut into its periods, whatever this says.
-    window, overlap:
-        Of the segments, by the names of `scipy.signal.get_window`; each segment's mean is removed.
+    record: In memory or longer than it: segments are summed as they are read. Records of a campaign may
+        differ in length.
+    segment: Samples of a segment; by default the power of two that leaves at least 16. A periodic record is
+        cut into its periods, whatever this says.
+    window, overlap: Of the segments, as in `scipy.signal.get_window`; each segment's mean is removed.
 
-    Raises
-    ------
-    DataError
-        If a channel is constant or not finite, or a segment is longer than the record.
+    Raises `DataError` if a channel is constant or not finite, or a segment is longer than the record.
 
-    Examples
-    --------
     >>> rng = np.random.default_rng(0)
     >>> u = rng.standard_normal((1, 1, 4096, 1))
     >>> S = estimate_spectra(Record(sample_hz=10.0, u=u, y=2 * u, inputs=(Port("u", "V"),),
@@ -130,7 +116,7 @@ def _cut(
     if period is not None:
         return period, period, np.ones(period)
     shortest = min(stream.samples for stream in streams)
-    size = _default(shortest) if segment is None else segment
+    size = max(SHORTEST, 2 ** int(np.log2(2 * shortest / (SEGMENTS + 1)))) if segment is None else segment
     if not (SHORTEST <= size <= shortest and 0.0 <= overlap < 1.0):
         raise DataError(
             f"segments of {size} samples that overlap by {overlap:g} do not fit {shortest} samples",
@@ -145,10 +131,6 @@ def checked_stream(record: Record | RecordStream) -> RecordStream:
         return record
     check_record(record)
     return stream_record(record)
-
-
-def _default(samples: int) -> int:
-    return max(SHORTEST, 2 ** int(np.log2(2 * samples / (SEGMENTS + 1))))
 
 
 def _sum(
@@ -196,8 +178,6 @@ def _worth(segments: int, taper: Float[np.ndarray, " sample"], hop: int) -> floa
 def doubts_of_window(found: ResponseScatter, spectra: Spectra) -> list[str]:
     """Peaks of a response that are as narrow as the window it was seen through; none for whole periods.
 
-    Examples
-    --------
     >>> from middeck.identification.spectra.ratios import spectra_response
     >>> from middeck.signals.ports import Port
     >>> from middeck.signals.record import Record

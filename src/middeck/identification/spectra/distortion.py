@@ -12,14 +12,9 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from middeck.errors import DataError
+from middeck.identification.spectra import periods
 from middeck.identification.spectra.averages import checked_stream
 from middeck.identification.spectra.lines import in_band, refuse_silence
-from middeck.identification.spectra.periods import (
-    PeriodMoments,
-    designed_lines,
-    period_moments,
-    silent_outputs,
-)
 from middeck.signals.ports import Port
 from middeck.signals.record import Record, RecordStream
 from middeck.values import record as frozen
@@ -29,16 +24,11 @@ from middeck.values import record as frozen
 class Distortion:
     """Output power line by line, averaged over experiments: of excitation, distortion and noise.
 
-    Parameters
-    ----------
-    kind:
-        1 for an excited line, 3 for a silent odd one and 2 for an even one: the lowest power of the input
+    kind: 1 for an excited line, 3 for a silent odd one and 2 for an even one: the lowest power of the input
         that gets there.
-    power:
-        Mean square of the output on the line, 2 |Y|^2 / N^2 [unit^2]; on silent lines less the response to
+    power: Mean square of the output on the line, 2 |Y|^2 / N^2 [unit^2]; on silent lines less the response to
         what input is measured there.
-    noise:
-        The part of it that noise explains, from the scatter over periods; None with one period.
+    noise: The part of it that noise explains, from the scatter over periods; None with one period.
     """
 
     frequency_hz: Float[np.ndarray, " line"]
@@ -64,25 +54,19 @@ def estimate_distortion(
 ) -> Distortion:
     """Levels of response, even and odd distortion and noise between the lowest and highest excited line.
 
-    Parameters
-    ----------
-    record:
-        Whole steady periods of a multisine that leaves lines silent; of several experiments with the same
+    record: Whole steady periods of a multisine that leaves lines silent; of several experiments with the same
         lines the powers are averaged.
 
-    Raises
-    ------
-    DataError
-        If the record is not periodic, or leaves no line silent.
+    Raises `DataError` if the record is not periodic, or leaves no line silent.
     """
     stream = checked_stream(record)
     if stream.period is None:
         raise DataError(
             "distortion shows on silent lines of periodic records only", hint="an odd random multisine"
         )
-    moments = period_moments(stream)
+    moments = periods.period_moments(stream)
     band = in_band(moments.frequency_hz, band_hz)
-    excited = designed_lines(moments) & band
+    excited = periods.designed_lines(moments) & band
     refuse_silence(excited, band_hz)
     first, last = np.flatnonzero(excited)[[0, -1]]
     lines = np.arange(first, last + 1)
@@ -93,7 +77,7 @@ def estimate_distortion(
         )
     kind = np.where(excited[lines], 1, np.where(lines % 2 == 1, 3, 2))
     scale = 2.0 / stream.period**2
-    left = silent_outputs(moments, excited, lines)
+    left = periods.silent_outputs(moments, excited, lines)
     Y = np.where(excited[lines][:, None, None], moments.mean[lines][:, :, moments.inputs :], left)
     return Distortion(
         frequency_hz=moments.frequency_hz[lines],
@@ -104,7 +88,7 @@ def estimate_distortion(
     )
 
 
-def _noise(moments: PeriodMoments, lines: np.ndarray, scale: float) -> np.ndarray | None:
+def _noise(moments: periods.PeriodMoments, lines: np.ndarray, scale: float) -> np.ndarray | None:
     if moments.periods < 2:
         return None
     outputs = np.real(np.linalg.diagonal(moments.scatter[lines]))[:, moments.inputs :]

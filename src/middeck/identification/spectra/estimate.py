@@ -10,17 +10,9 @@ import numpy as np
 
 from middeck.errors import ConfigError, DataError
 from middeck.identification.model.checks import check_record
+from middeck.identification.spectra import loop
 from middeck.identification.spectra.averages import estimate_spectra
 from middeck.identification.spectra.local_models import scatter_of_local_models
-from middeck.identification.spectra.loop import (
-    Controller,
-    Reference,
-    from_channels,
-    from_controller,
-    from_signal,
-    plant_ports,
-    plant_scatter,
-)
 from middeck.identification.spectra.periods import excited_lines, period_moments, scatter_of_periods
 from middeck.identification.spectra.ratios import spectra_response
 from middeck.identification.spectra.scatter import ResponseScatter, trusted
@@ -41,60 +33,41 @@ def estimate_response(
     *,
     band_hz: tuple[float, float] | None = None,
     method: Method | None = None,
-    reference: Reference | None = None,
-    controller: Controller | None = None,
+    reference: loop.Reference | None = None,
+    controller: loop.Controller | None = None,
     segment: int | None = None,
 ) -> FrequencyResponse:
     """The frequency response of a record, on its excited lines.
 
-    Parameters
-    ----------
-    record:
-        Whole steady periods, or any other record; several experiments are used together. A record longer than
-        memory (`RecordStream`) is read in pieces by every method; local models hold the lines of ``band_hz``,
-        all others a period or some segments.
-    band_hz:
-        Lowest and highest frequency to keep; all excited lines above zero by default.
+    record: Whole steady periods, or any other record; several experiments are used together. A record longer
+        than memory (`RecordStream`) is read in pieces by every method; local models hold the lines of
+        ``band_hz``, all others a period or some segments.
+    band_hz: Lowest and highest frequency to keep; all excited lines above zero by default.
     method:
         - ``"periods"``: period averages, without leakage and window. The default for periodic records; it
-          takes
-          as many independent experiments as inputs.
+          takes as many independent experiments as inputs.
         - ``"local rational"``: smooth models of response and transient around each line, with a denominator
           where it predicts better; no leakage, no window. The default for all others.
         - ``"local polynomial"``: the same without denominators: linear in the data, but resonances narrower
-          than
-          some ten lines are rounded off.
+          than some ten lines are rounded off.
         - ``"h1"``, ``"h2"``, ``"hv"``: of averaged spectra (`spectra_response`); for pictures. Welch's
-          windows
-          put 10 to 40 % on 1 % damping; whole periods have none.
-    reference:
-        For a record taken in closed loop: the channels that no noise of the loop gets into, by name, or their
-        samples [experiment, period, sample, reference]. The response is that of the plant, from the inputs
-        that are left to the outputs that are left.
-    controller:
-        Instead: K with u = r + K y, as it ran, from all outputs to all inputs.
-    segment:
-        Samples of Welch's segments.
+          windows put 10 to 40 % on 1 % damping; whole periods have none.
+    reference: For a record taken in closed loop: the channels that no noise of the loop gets into, by name,
+        or their samples [experiment, period, sample, reference]. The response is that of the plant, from the
+        inputs that are left to the outputs that are left.
+    controller: Instead: K with u = r + K y, as it ran, from all outputs to all inputs.
+    segment: Samples of Welch's segments.
 
-    Returns
-    -------
-    The response. Its ``variance`` is the one for a weighted fit, which takes lines as independent: the total
+    The response's ``variance`` is the one for a weighted fit, which takes lines as independent: the total
     variance (noise and nonlinear distortion) where it is known, otherwise the noise variance (over periods),
     otherwise None; ``covariance`` belongs to it. Of local models, whose neighbouring lines share data and err
-    together, it is that of a line's own data, larger than the error of the response drawn: that,
-    and its degrees of freedom, are in `response_scatter`. The hold of the record's inputs is in it
-    (``hold_s``).
+    together, it is that of a line's own data, larger than the error of the response drawn: that, and its
+    degrees of freedom, are in `response_scatter`. The hold of the record's inputs is in it (``hold_s``).
 
-    Raises
-    ------
-    DataError
-        If a channel is constant or not finite, no line in the band is excited, the inputs cannot be told
-        apart, or the record is too short or too long for the method.
-    ConfigError
-        For a method, reference or controller that does not fit the record.
+    Raises `DataError` if a channel is constant or not finite, no line in the band is excited, the inputs
+    cannot be told apart, or the record is too short or too long for the method; `ConfigError` for a method,
+    reference or controller that does not fit the record.
 
-    Examples
-    --------
     >>> import numpy as np
     >>> from middeck.signals.ports import Port
     >>> u = np.random.default_rng(0).standard_normal((1, 2, 64, 1))
@@ -111,7 +84,7 @@ def estimate_response(
     )
     variance, covariance = trusted(found)
     hold_s = None if record.held is None else 1.0 / record.sample_hz if record.held else 0.0
-    inputs, outputs = plant_ports(record, reference)
+    inputs, outputs = loop.plant_ports(record, reference)
     return FrequencyResponse(
         frequency_hz=found.frequency_hz,
         H=found.H,
@@ -128,8 +101,8 @@ def response_scatter(
     *,
     band_hz: tuple[float, float] | None = None,
     method: Method | None = None,
-    reference: Reference | None = None,
-    controller: Controller | None = None,
+    reference: loop.Reference | None = None,
+    controller: loop.Controller | None = None,
     segment: int | None = None,
 ) -> ResponseScatter:
     """The response with its noise and total variance and their covariances; see `estimate_response`."""
@@ -141,24 +114,24 @@ def response_scatter(
         raise ConfigError(
             "reference and controller are both given", hint="one of them; the reference if known"
         )
-    _, outputs = plant_ports(record, reference)
+    _, outputs = loop.plant_ports(record, reference)
     joint = _from_reference(record, reference, controller)
-    return plant_scatter(_scatter(joint, band_hz, method, segment), len(outputs))
+    return loop.plant_scatter(_scatter(joint, band_hz, method, segment), len(outputs))
 
 
 def _from_reference(
-    record: Record | RecordStream, reference: Reference | None, controller: Controller | None
+    record: Record | RecordStream, reference: loop.Reference | None, controller: loop.Controller | None
 ) -> Record | RecordStream:
     if reference is not None and not isinstance(reference, np.ndarray):
-        return from_channels(record, [str(name) for name in reference])
+        return loop.from_channels(record, [str(name) for name in reference])
     if isinstance(record, RecordStream):
         raise ConfigError(
             "a record longer than memory takes references by name only", hint="record the reference with it"
         )
     joint = (
-        from_controller(record, controller)
+        loop.from_controller(record, controller)
         if controller is not None
-        else from_signal(record, np.asarray(reference, dtype=float))
+        else loop.from_signal(record, np.asarray(reference, dtype=float))
     )
     check_record(joint)
     return joint

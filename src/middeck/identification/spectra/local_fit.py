@@ -47,16 +47,10 @@ class LocalModel:
 class LocalFit:
     """What the windows give, and how well they predict the line that they leave out.
 
-    Parameters
-    ----------
-    covariance:
-        Of what is left of the outputs.
-    line_inverse_power:
-        Inverse of the inputs' power on one line, averaged over the window.
-    prediction:
-        Mean square error of each line's outputs predicted without it (Allen 1974).
-    denominator:
-        d1 and d2 of each window, zero for polynomials.
+    covariance: Of what is left of the outputs.
+    line_inverse_power: Inverse of the inputs' power on one line, averaged over the window.
+    prediction: Mean square error of each line's outputs predicted without it (Allen 1974).
+    denominator: d1 and d2 of each window, zero for polynomials.
     """
 
     H: Complex[np.ndarray, "line output input"]
@@ -157,13 +151,14 @@ def _solve(
     covariance /= freedom(model, experiments, inputs, outputs)
     inverse_power = A[:, :inputs, :inputs].conj()
     slope = theta[:, 1:]
+    power = np.sum(U @ U.conj().mT, axis=1) / U.shape[3]
     return LocalFit(
         H=np.einsum("kcoi,kc->koi", theta, full),
         variance=variance_of(covariance, inverse_power)
         + np.real(np.einsum("ktoi,kts,ksoi->koi", slope, spread, slope.conj())),
         covariance=covariance,
         inverse_power=inverse_power,
-        line_inverse_power=_line_inverse_power(U),
+        line_inverse_power=scaled_inverse(power).conj(),
         prediction=_prediction(Q, X, A, left, own),
         denominator=d if model.rational else np.zeros((count, ORDER)),
     )
@@ -185,11 +180,6 @@ def _columns(
     rY = powers[:, None, : last + 1, None, :] * Y[:, :, None]
     X, Z = (beside(Q, r.reshape(count, -1, width)) for r in (rU, rY))
     return X.reshape(count, experiments, -1, width), Z.reshape(count, experiments, -1, width)
-
-
-def _line_inverse_power(U: Complex[np.ndarray, "estimate experiment input row"]) -> np.ndarray:
-    power = np.sum(U @ U.conj().mT, axis=1) / U.shape[3]
-    return scaled_inverse(power).conj()
 
 
 def scaled_inverse(A: Complex[np.ndarray, "estimate a a"]) -> Complex[np.ndarray, "estimate a a"]:

@@ -8,21 +8,13 @@ import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
 
 from middeck.errors import DataError
+from middeck.identification.spectra import local_fit
 from middeck.identification.spectra.lines import (
     FAINTEST,
     WORST_CONDITION,
     in_band,
     refuse_alike,
     refuse_silence,
-)
-from middeck.identification.spectra.local_fit import (
-    LocalModel,
-    beside,
-    fit_windows,
-    freedom,
-    transient_basis,
-    unknowns,
-    window_rows,
 )
 from middeck.identification.spectra.scatter import ResponseScatter
 from middeck.identification.spectra.zoom import zoomed_lines
@@ -118,9 +110,9 @@ def _band_spectra(stream: RecordStream, band_hz: tuple[float, float] | None, mar
 
 def _models(
     rows: tuple[float, ...], experiments: int, inputs: int, stride: int, *, rational: bool
-) -> list[LocalModel]:
-    needed = unknowns(experiments, inputs) / experiments
-    return [LocalModel(int(np.ceil(0.5 * share * needed)) * stride, rational) for share in rows]
+) -> list[local_fit.LocalModel]:
+    needed = local_fit.unknowns(experiments, inputs) / experiments
+    return [local_fit.LocalModel(int(np.ceil(0.5 * share * needed)) * stride, rational) for share in rows]
 
 
 def _excited(
@@ -128,10 +120,10 @@ def _excited(
 ) -> np.ndarray:
     """Lines where the inputs do more than a transient could; refuses inputs that are alike there."""
     refuse_silence(np.ones(len(lines), dtype=bool), band_hz)
-    rows, own, x = window_rows(len(U), lines, half)
-    Q = transient_basis(x, own, None)
+    rows, own, x = local_fit.window_rows(len(U), lines, half)
+    Q = local_fit.transient_basis(x, own, None)
     window = np.moveaxis(U[rows], 1, 3)
-    rough = beside(Q, window.reshape(len(lines), -1, 2 * half + 1)).reshape(window.shape)
+    rough = local_fit.beside(Q, window.reshape(len(lines), -1, 2 * half + 1)).reshape(window.shape)
     power = np.linalg.eigvalsh(np.sum(rough @ rough.conj().mT, axis=1))
     raw = np.sum(np.abs(window) ** 2, axis=(1, 2, 3))
     excited = power[:, -1] > FAINTEST**2 * raw.max()
@@ -146,14 +138,14 @@ def _excited(
 
 
 def _choice(
-    U: np.ndarray, Y: np.ndarray, lines: Int[np.ndarray, " estimate"], models: list[LocalModel]
+    U: np.ndarray, Y: np.ndarray, lines: Int[np.ndarray, " estimate"], models: list[local_fit.LocalModel]
 ) -> Int[np.ndarray, " estimate"]:
     """The model that predicts best around each line, all outputs counting by the factor of their error."""
     judged = lines[::JUDGED]
     width = 2 * AVERAGED + 1
     scores: list[np.ndarray] = []
     for model in models:
-        error = fit_windows(U, Y, judged, model).prediction
+        error = local_fit.fit_windows(U, Y, judged, model).prediction
         smooth = _moving_mean(error, -(-width // (2 * JUDGED)))
         scores.append(np.mean(np.log(smooth + np.finfo(float).tiny), axis=1))
     penalty = np.array([np.log(PAYS) if m.rational else 0.0 for m in models])
@@ -198,7 +190,7 @@ def _by_choice(
     Y: Complex[np.ndarray, "line experiment output"],
     frequency: np.ndarray,
     lines: np.ndarray,
-    models: list[LocalModel],
+    models: list[local_fit.LocalModel],
     choice: np.ndarray,
 ) -> ResponseScatter:
     experiments, inputs = U.shape[1:]
@@ -210,11 +202,11 @@ def _by_choice(
     inverse_power, of_line = np.empty((2, len(lines), inputs, inputs), dtype=complex)
     for k in np.unique(choice):
         here = choice == k
-        found = fit_windows(U, Y, lines[here], models[k], reweigh=True)
+        found = local_fit.fit_windows(U, Y, lines[here], models[k], reweigh=True)
         H[here], total[here] = found.H, found.variance
         covariance[here], inverse_power[here] = found.covariance, found.inverse_power
         of_line[here] = found.line_inverse_power
-        dof[here] = freedom(models[k], experiments, inputs, outputs)
+        dof[here] = local_fit.freedom(models[k], experiments, inputs, outputs)
     return ResponseScatter(
         frequency_hz=frequency[lines],
         H=H,

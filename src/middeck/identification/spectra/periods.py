@@ -27,14 +27,9 @@ POOLED_DOF = 12.0
 class PeriodMoments:
     """Mean and scatter of the spectra z = (u, y) over the periods of each experiment.
 
-    Parameters
-    ----------
-    periods:
-        In each experiment.
-    mean:
-        Average over periods.
-    scatter:
-        Sum over periods and experiments of (z - mean)(z - mean)^H.
+    periods: In each experiment.
+    mean: Average over periods.
+    scatter: Sum over periods and experiments of (z - mean)(z - mean)^H.
     """
 
     frequency_hz: Float[np.ndarray, " line"]

@@ -27,8 +27,6 @@ def zoomed_lines(
 
     Raises `DataError` for more lines than may be held, and for a channel that is constant or not finite.
 
-    Examples
-    --------
     >>> from middeck.signals.ports import Port
     >>> from middeck.signals.record import Record, stream_record
     >>> u, y = np.random.default_rng(0).standard_normal((2, 1, 1, 9000, 1))

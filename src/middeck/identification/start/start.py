@@ -23,8 +23,7 @@ from middeck.identification.problem.design import build_terms
 from middeck.identification.problem.layout import Layout, Point, Start, pack
 from middeck.identification.problem.projection import as_real
 from middeck.identification.problem.terms import columns, fractions, shapes
-from middeck.identification.start.pruning import prune
-from middeck.identification.start.subspace import block_rows, subspace_modes, subspace_poles
+from middeck.identification.start.subspace import block_rows, prune, subspace_modes, subspace_poles
 from middeck.identification.start.vector_fitting import relocate
 
 # Size of the subspace as a multiple of the states kept, and its block rows as a multiple of the least.

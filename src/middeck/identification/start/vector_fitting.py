@@ -32,14 +32,9 @@ def relocate(
 ) -> Complex[np.ndarray, " state"]:
     """Poles after so many relocations, both of each conjugate pair, all stable.
 
-    Parameters
-    ----------
-    data:
-        Response and weights; every entry of H has residues of its own.
-    poles:
-        First guess [rad/s], closed under conjugation.
-    period_s:
-        Sampling period, or zero in continuous time. A sampled pole on the negative real axis has the
+    data: Response and weights; every entry of H has residues of its own.
+    poles: First guess [rad/s], closed under conjugation.
+    period_s: Sampling period, or zero in continuous time. A sampled pole on the negative real axis has the
         imaginary part pi / T and no conjugate.
     """
     q, p = (np.exp(data.s * period_s), np.exp(poles * period_s)) if period_s else (data.s, poles)
@@ -62,7 +57,9 @@ def _stand_still(before: np.ndarray, after: np.ndarray) -> bool:
 
 def _relocated(data: Data, q: np.ndarray, poles: np.ndarray, *, sampled: bool) -> np.ndarray | None:
     upper, real = poles[np.imag(poles) > 0.0], np.real(poles[np.imag(poles) == 0.0])
-    phi = _fractions(q, upper, real)
+    up, low = (1.0 / (q - p[:, None]) for p in (upper, upper.conj()))
+    pairs = np.stack([up + low, 1j * (up - low)], axis=1).reshape(-1, len(q))
+    phi = np.vstack([pairs, 1.0 / (q - real[:, None])])
     size = np.linalg.norm(phi, axis=1)
     phi = phi / size[:, None]
     rows = [
@@ -81,13 +78,6 @@ def _relocated(data: Data, q: np.ndarray, poles: np.ndarray, *, sampled: bool) -
     if not np.isfinite(found).all() or abs(d) < SMALLEST_CONSTANT * np.abs(found).max():
         return None
     return _stable(_zeros(upper, real, found[:-1] / size / d), sampled=sampled)
-
-
-def _fractions(q: np.ndarray, upper: np.ndarray, real: np.ndarray) -> Complex[np.ndarray, "column line"]:
-    """1/(q - p) of a pair as its sum and as j times its difference, then of the real poles."""
-    up, low = (1.0 / (q - p[:, None]) for p in (upper, upper.conj()))
-    pairs = np.stack([up + low, 1j * (up - low)], axis=1).reshape(-1, len(q))
-    return np.vstack([pairs, 1.0 / (q - real[:, None])])
 
 
 def _common_rows(

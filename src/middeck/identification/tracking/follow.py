@@ -24,15 +24,11 @@ FIRST_FREQUENCY, FIRST_DAMPING, FIRST_GAIN = 0.005, 0.2, 0.05
 class Drift:
     """How parameters are thought to move.
 
-    Parameters
-    ----------
-    frequency, damping, gain:
-        Relative drift of each in one second; it grows with the square root of time. A slower one gives
-        smaller deviations and follows later.
-    frequency_jump, damping_jump:
-        Relative size of a sudden change. When the corrections of a parameter go one way for longer than
-        chance allows, its mode is thought to have jumped, and is found again from so large a deviation,
-        with its neighbours within a tenth of its frequency.
+    frequency, damping, gain: Relative drift of each in one second; it grows with the square root of time. A
+        slower one gives smaller deviations and follows later.
+    frequency_jump, damping_jump: Relative size of a sudden change. When the corrections of a parameter go one
+        way for longer than chance allows, its mode is thought to have jumped, and is found again from so
+        large a deviation, with its neighbours within a tenth of its frequency.
     """
 
     frequency: float = 3e-5
@@ -51,18 +47,13 @@ class Drift:
 class Followed:
     """What does not change while it is followed.
 
-    Parameters
-    ----------
-    T:
-        Sampling period [s].
-    shapes, participation, direct:
-        Of the model; the former divided by the loss of a hold that the model has in its constants already.
-    real_constants:
-        Whether phi psi is held when a frequency moves, and the residue phi psi / (2 j omega_d) goes with it.
-    group:
-        Which delay each output has, of ``whole`` samples and ``part`` of another.
-    noise_rms:
-        Of each output's samples.
+    T: Sampling period [s].
+    shapes, participation, direct: Of the model; the former divided by the loss of a hold that the model has
+        in its constants already.
+    real_constants: Whether phi psi is held when a frequency moves, and the residue phi psi / (2 j omega_d)
+        goes with it.
+    group: Which delay each output has, of ``whole`` samples and ``part`` of another.
+    noise_rms: Of each output's samples.
     """
 
     T: float
@@ -82,27 +73,17 @@ class Followed:
 class Tracking:
     """Modal parameters as known after so many samples, with all that is needed to go on.
 
-    Parameters
-    ----------
-    samples:
-        Seen so far.
-    mean, covariance:
-        Of the modal states (real parts, imaginary parts; for each delay), log frequency, log damping and
-        gains, in that order.
-    past:
-        Inputs on their way through the delays, latest first.
-    corrections, chance:
-        Weighted sum of late corrections of log frequency and log damping, and its variance by chance.
-    products:
-        Weighted means of the products of normalised innovations, lags zero and on.
-    late:
-        Latest normalised innovations, latest first.
-    weight:
-        Weight of what the means have seen, up to one.
-    jumps:
-        How often each mode, or one within a tenth of its frequency, was thought to have jumped.
-    recovery:
-        What a restart begins from, should the modes be lost.
+    samples: Seen so far.
+    mean, covariance: Of the modal states (real parts, imaginary parts; for each delay), log frequency, log
+        damping and gains, in that order.
+    past: Inputs on their way through the delays, latest first.
+    corrections, chance: Weighted sum of late corrections of log frequency and log damping, and its variance
+        by chance.
+    products: Weighted means of the products of normalised innovations, lags zero and on.
+    late: Latest normalised innovations, latest first.
+    weight: Weight of what the means have seen, up to one.
+    jumps: How often each mode, or one within a tenth of its frequency, was thought to have jumped.
+    recovery: What a restart begins from, should the modes be lost.
     """
 
     followed: Followed
@@ -159,13 +140,6 @@ class Tracking:
         return 1.0 + self.mean[len(self.mean) - outputs * modes :].reshape(outputs, modes)
 
     @property
-    def gain_std(self) -> Float[np.ndarray, "output mode"]:
-        """Their standard deviations."""
-        outputs, modes = self.followed.shapes.shape
-        first = len(self.mean) - outputs * modes
-        return self._deviation(np.arange(first, len(self.mean))).reshape(outputs, modes)
-
-    @property
     def trusted(self) -> bool:
         """Whether the innovations are white and as large as stated; if not, the model does not hold."""
         return is_trusted(self.products, self.weight, len(self.followed.noise_rms))
@@ -193,33 +167,21 @@ def start_tracking(
 ) -> Tracking:
     """The state before the first sample.
 
-    Parameters
-    ----------
-    model:
-        Where to start: a continuous model of conjugate pairs, fitted to an earlier record or made from a
+    model: Where to start: a continuous model of conjugate pairs, fitted to an earlier record or made from a
         plant (`model_of_plant`). Frequencies, damping and the size of each mode at each output are followed;
         delays and the direct term are taken as they are.
-    sample_hz:
-        Rate of the samples that will come; inputs are held from each to the next.
-    noise_rms:
-        Of the white noise on each output's samples.
-    input_rms:
-        Of what moved the article before the first sample, by which the unknown motion at the start is judged;
-        zero for an article at rest.
-    known:
-        Standard deviations of the model's frequencies and damping; 0.5 and 20 per cent by default.
-    drift:
-        How parameters are thought to move.
-    hold_in_model:
-        Whether the model was fitted to records of held inputs, so that its delays hold half a sample of hold
-        (docs/conventions.md). False for a plant of a structure with a pure delay.
+    sample_hz: Rate of the samples that will come; inputs are held from each to the next.
+    noise_rms: Of the white noise on each output's samples.
+    input_rms: Of what moved the article before the first sample, by which the unknown motion at the start is
+        judged; zero for an article at rest.
+    known: Standard deviations of the model's frequencies and damping; 0.5 and 20 per cent by default.
+    drift: How parameters are thought to move.
+    hold_in_model: Whether the model was fitted to records of held inputs, so that its delays hold half a
+        sample of hold (docs/conventions.md). False for a plant of a structure with a pure delay.
 
-    Raises
-    ------
-    ConfigError
-        For a sampled model, one with real poles or terms of modes below the band, delays that differ by
-        input, a mode at or above half the sampling rate, noise that is not positive, an input that is
-        negative or not finite, or a delay shorter than the hold in it.
+    Raises `ConfigError` for a sampled model, one with real poles or terms of modes below the band, delays
+    that differ by input, a mode at or above half the sampling rate, noise that is not positive, an input that
+    is negative or not finite, or a delay shorter than the hold in it.
     """
     noise = np.broadcast_to(np.asarray(noise_rms, dtype=float), (len(model.outputs),))
     rms = np.broadcast_to(np.asarray(input_rms, dtype=float), (len(model.inputs),))

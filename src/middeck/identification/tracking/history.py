@@ -18,20 +18,12 @@ from middeck.values import record
 class Tracked:
     """Modal parameters at the end of each block.
 
-    Parameters
-    ----------
-    time_s:
-        Time of the last sample of each block.
-    natural_hz, frequency_std_hz, damping, damping_std:
-        With standard deviations.
-    trusted:
-        Whether the innovations were white and as large as stated.
-    jumps:
-        How often each mode, or a neighbour, was thought to have jumped by then.
-    restarts:
-        How often the modes had been lost and were looked for again by then; ``state.restarts`` says when.
-    state:
-        At the end, from which to go on.
+    time_s: Time of the last sample of each block.
+    natural_hz, frequency_std_hz, damping, damping_std: With standard deviations.
+    trusted: Whether the innovations were white and as large as stated.
+    jumps: How often each mode, or a neighbour, was thought to have jumped by then.
+    restarts: How often the modes had been lost and sought again by then; ``state.restarts`` says when.
+    state: At the end, from which to go on.
     """
 
     time_s: Float[np.ndarray, " block"]
@@ -48,19 +40,11 @@ class Tracked:
 def track_modes(state: Tracking, measured: Record, *, block: int = 256) -> Tracked:
     """Follow the first experiment of a record, all its periods one after the other.
 
-    Parameters
-    ----------
-    state:
-        `start_tracking`, or the end of an earlier record that this one continues.
-    block:
-        Samples from one row of the result to the next; it changes nothing else.
+    state: `start_tracking`, or the end of an earlier record that this one continues.
+    block: Samples from one row of the result to the next; it changes nothing else.
 
-    Raises
-    ------
-    ConfigError
-        For a block without samples or a record of another rate.
-    DataError
-        As `update_tracking`.
+    Raises `ConfigError` for a block without samples or a record of another rate; `DataError` as
+    `update_tracking`.
     """
     if block < 1:
         raise ConfigError(f"blocks of {block} samples", hint="one or more")
@@ -71,18 +55,9 @@ def track_modes(state: Tracking, measured: Record, *, block: int = 256) -> Track
         )
     u, y = (x[0].reshape(-1, x.shape[3]) for x in (measured.u, measured.y))
     states = list(_blocks(state, u, y, block))
-
-    def column(name: str) -> np.ndarray:
-        return np.array([getattr(s, name) for s in states])
-
+    names = ("time_s", "natural_hz", "frequency_std_hz", "damping", "damping_std", "trusted", "jumps")
     return Tracked(
-        time_s=column("time_s"),
-        natural_hz=column("natural_hz"),
-        frequency_std_hz=column("frequency_std_hz"),
-        damping=column("damping"),
-        damping_std=column("damping_std"),
-        trusted=column("trusted"),
-        jumps=column("jumps"),
+        **{name: np.array([getattr(s, name) for s in states]) for name in names},
         restarts=np.array([len(s.restarts) for s in states]),
         state=states[-1],
     )

@@ -14,22 +14,9 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import DataError
-from middeck.identification.tracking.dynamics import poles_at, step_modes
+from middeck.identification.tracking import recovery
 from middeck.identification.tracking.follow import Followed, Tracking, log_places, motion_deviation
-from middeck.identification.tracking.recovery import (
-    BLOCK,
-    BRIEF,
-    MEMORY,
-    PATIENCE_S,
-    Restart,
-    healed,
-    is_large,
-    is_lost,
-    is_trusted,
-    no_blocks,
-    opening,
-    patience,
-)
+from middeck.identification.tracking.recovery import poles_at, step_modes
 
 # An innovation pulls no further than so many of its deviations: a spike is no news.
 CLIPPED = 5.0
@@ -128,7 +115,7 @@ class _Work:
     def take_input(self, u: np.ndarray) -> None:
         self.past[1:] = self.past[:-1]
         self.past[0] = u
-        self.loudness += (u * u - self.loudness) / MEMORY
+        self.loudness += (u * u - self.loudness) / recovery.MEMORY
 
     def correct(self, y: np.ndarray) -> None:
         followed, n = self.followed, self.states
@@ -169,13 +156,13 @@ class _Work:
         self.sums = self.forget * self.sums + move
         self.chance = self.forget**2 * self.chance + np.sum(W * W, axis=1)
         product = np.concatenate([[news @ news], self.late @ news]) / self.outputs
-        self.products += (product - self.products) / MEMORY
-        self.weight += (1.0 - self.weight) / MEMORY
-        self.brief += (product - self.brief) / BRIEF
-        self.brief_weight += (1.0 - self.brief_weight) / BRIEF
+        self.products += (product - self.products) / recovery.MEMORY
+        self.weight += (1.0 - self.weight) / recovery.MEMORY
+        self.brief += (product - self.brief) / recovery.BRIEF
+        self.brief_weight += (1.0 - self.brief_weight) / recovery.BRIEF
         self.blocks[0] += product
         self.seen += 1
-        if self.seen % BLOCK == 0:
+        if self.seen % recovery.BLOCK == 0:
             self._end_block()
         self.late[1:] = self.late[:-1]
         self.late[0] = news
@@ -183,7 +170,7 @@ class _Work:
     def _end_block(self) -> None:
         self.blocks[1:] = self.blocks[:-1]
         self.blocks[0] = 0.0
-        new = healed(self.products, self.weight, self.blocks, self.seen, self.outputs)
+        new = recovery.healed(self.products, self.weight, self.blocks, self.seen, self.outputs)
         if new is not None:
             self.products, self.weight = new
 
@@ -246,18 +233,18 @@ class _Work:
     def look_for_loss(self, samples: int) -> None:
         """Keep what is good; begin again from it when the modes have been lost for long."""
         kept, T = self.recovery, self.followed.T
-        lost = is_lost(self.brief, self.brief_weight)
+        lost = recovery.is_lost(self.brief, self.brief_weight)
         count = max(0, kept.lost + (LOOK if lost else -LOOK))
         self.recovery = dataclasses.replace(kept, lost=count)
-        if count * T > patience(kept.tries) and is_large(self.blocks, self.seen):
+        if count * T > recovery.patience(kept.tries) and recovery.is_large(self.blocks, self.seen):
             self._restart(samples)
-        elif count == 0 and is_trusted(self.products, self.weight, self.outputs):
+        elif count == 0 and recovery.is_trusted(self.products, self.weight, self.outputs):
             self._keep(samples)
 
     def _keep(self, samples: int) -> None:
         kept = self.recovery
         self.recovery = dataclasses.replace(kept, tries=0)
-        if (samples - kept.taken[1]) * self.followed.T < PATIENCE_S:
+        if (samples - kept.taken[1]) * self.followed.T < recovery.PATIENCE_S:
             return
         first = self.logs.start
         mean, variance = self.x[first:], self.cov[self.diagonal[first:], self.diagonal[first:]]
@@ -271,15 +258,15 @@ class _Work:
     def _restart(self, samples: int) -> None:
         """Parameters of the older good state, as uncertain as they now are; motion by what moves it."""
         kept, n, T, first = self.recovery, self.states, self.followed.T, self.logs.start
-        opened = opening(kept.tries) * self.followed.drift.frequency_jump
+        opened = recovery.opening(kept.tries) * self.followed.drift.frequency_jump
         variance = kept.variance[0] + (samples - kept.taken[0]) * self.Q[first:]
         variance[: self.modes] += opened**2
         moving = np.tile(motion_deviation(self.followed, self.loudness) ** 2, 2 * self.groups)
         self.x, self.poles = np.concatenate([np.zeros(2 * n), kept.mean[0]]), None
         self.cov = np.diag(np.concatenate([moving, variance]))
         self.sums[:], self.chance[:], self.brief[:], self.brief_weight = 0.0, 0.0, 0.0, 0.0
-        self.blocks, self.seen = no_blocks()
-        event = Restart(samples * T, float(kept.taken[0]) * T, opened)
+        self.blocks, self.seen = recovery.no_blocks()
+        event = recovery.Restart(samples * T, float(kept.taken[0]) * T, opened)
         self.recovery = dataclasses.replace(
             kept, lost=0, tries=kept.tries + 1, restarts=(*kept.restarts, event)
         )

@@ -19,20 +19,14 @@ from jaxtyping import Complex, Float
 
 from middeck.identification.model.measurement_model import MeasurementModel, model_response
 from middeck.identification.spectra.weights import NEIGHBOURS, by_output
+from middeck.identification.uncertainty import orthogonal
 from middeck.identification.uncertainty.entry_factors import (
     EntrySlopes,
+    common_noise,
+    common_scores,
     entry_factors,
     entry_slopes,
     shared_functions,
-)
-from middeck.identification.uncertainty.entry_noise import common_noise, common_scores
-from middeck.identification.uncertainty.orthogonal import (
-    LOOSE,
-    canonical_root,
-    factor_of,
-    inverse_root,
-    root_of,
-    triangle,
 )
 from middeck.identification.uncertainty.unknowns import Places, Structure, places_of, ties, unknowns_of
 from middeck.systems.response import FrequencyResponse
@@ -54,22 +48,14 @@ NO_SCATTER = 0.01
 class ModelCovariance:
     """How well the unknowns of a model are known, jointly.
 
-    Parameters
-    ----------
-    model, structure:
-        What was fitted; the unknowns and their order are those of `unknowns`.
-    root:
-        R of their covariance R R^T: deviations that come from it keep the digits that those from the matrix
+    model, structure: What was fitted; the unknowns and their order are those of `unknowns`.
+    root: R of their covariance R R^T: deviations that come from it keep the digits that those from the matrix
         lose where unknowns are told apart badly. Lower triangular, but for what is loose.
-    inflation:
-        Of each unknown, its variance as a multiple of what it would be if all others were known.
-    degrees:
-        Degrees of freedom of the variance behind it: Student's t, and F, stand for the normal law.
-    robust:
-        True where the residual is clearly more than noise or correlated from line to line, or a record's
+    inflation: Of each unknown, its variance as a multiple of what it would be if all others were known.
+    degrees: Degrees of freedom of the variance behind it: Student's t, and F, stand for the normal law.
+    robust: True where the residual is clearly more than noise or correlated from line to line, or a record's
         weights are not those of noise, and the covariance follows the residual.
-    loose:
-        How many of the last columns of ``root`` are directions along which the data do not fix the unknowns.
+    loose: How many of the last columns of ``root`` are directions in which the data do not fix the unknowns.
     """
 
     model: MeasurementModel
@@ -114,7 +100,7 @@ class ModelCovariance:
         if not self.loose:
             return known
         alone = np.linalg.norm(slope * (np.linalg.norm(self.root, axis=1) / np.sqrt(self.inflation)), axis=1)
-        sure = (np.linalg.norm(loose, axis=1) <= known) & (np.cbrt(LOOSE) * known <= alone)
+        sure = (np.linalg.norm(loose, axis=1) <= known) & (np.cbrt(orthogonal.LOOSE) * known <= alone)
         return np.where(sure, known, np.inf)
 
 
@@ -128,20 +114,15 @@ def estimate_covariance(
 ) -> ModelCovariance:
     """The covariance of a weighted least-squares fit at its end.
 
-    Parameters
-    ----------
-    measured:
-        What was fitted.
-    assumed:
-        The variance whose inverse weighed the residual, of real and imaginary part together.
-    noise:
-        The part of it that was measured, averaged over neighbouring lines; without a measured variance it is
-        not looked at.
+    measured: What was fitted.
+    assumed: The variance whose inverse weighed the residual, of real and imaginary part together.
+    noise: The part of it that was measured, averaged over neighbouring lines; without a measured variance it
+        is not looked at.
     """
     s = 2j * np.pi * measured.frequency_hz
     each = _Entries(model, structure, s, assumed)
     F = each.factor()
-    inverse, loose = inverse_root(F, ties(model, structure))
+    inverse, loose = orthogonal.inverse_root(F, ties(model, structure))
     inflation = np.maximum(np.linalg.norm(F, axis=0) * np.linalg.norm(inverse, axis=1), 1.0) ** 2
     W, free = np.split(inverse, [inverse.shape[1] - loose], axis=1)
     residual = by_output(measured.H - model_response(model, measured.frequency_hz))
@@ -150,10 +131,10 @@ def estimate_covariance(
     common = None if robust else common_noise(measured, 0.5 * degrees)
     if common is not None:
         flat = (v.mT.reshape(-1, len(s)) for v in (assumed, noise))
-        root = W @ root_of(common_scores(each.slopes(), W, common, *flat))
+        root = W @ orthogonal.root_of(common_scores(each.slopes(), W, common, *flat))
     if robust:
-        root = W @ root_of(_scores_spread(each, residual, W), least=0.5)
-    root = np.hstack([canonical_root(root), np.sqrt(0.5) * free])
+        root = W @ orthogonal.root_of(_scores_spread(each, residual, W), least=0.5)
+    root = np.hstack([orthogonal.canonical_root(root), np.sqrt(0.5) * free])
     return ModelCovariance(
         model=model,
         structure=structure,
@@ -198,7 +179,7 @@ class _Entries:
 
     def factor(self) -> Float[np.ndarray, "row unknown"]:
         """Orthogonal factor of the derivatives of all entries by all unknowns."""
-        return factor_of(self._blocks())
+        return orthogonal.factor_of(self._blocks())
 
     def _blocks(self) -> Iterator[Float[np.ndarray, "row unknown"]]:
         """The derivatives of one output at a time."""
@@ -207,7 +188,7 @@ class _Entries:
             for entry in self.factors:
                 f = self.weighted(entry, lines, shared).view(float).T
                 before = functions.get(entry)
-                functions[entry] = triangle(f if before is None else np.vstack([before, f]))
+                functions[entry] = orthogonal.triangle(f if before is None else np.vstack([before, f]))
         for o in range(len(self.model.direct)):
             rows = [np.zeros((0, self.unknowns))]
             for (output, i), R in functions.items():
@@ -262,7 +243,7 @@ def _scores_spread(
     """
     scores = np.zeros((each.unknowns, residual.shape[1]))
     # |T f|^2 is the leverage of f.
-    hats = {k: triangle(W[e.place].T @ e.by) for k, e in each.factors.items()}
+    hats = {k: orthogonal.triangle(W[e.place].T @ e.by) for k, e in each.factors.items()}
     for lines, shared in each.some_lines():
         for (o, i), entry in each.factors.items():
             f = each.weighted((o, i), lines, shared)

@@ -10,15 +10,9 @@ import scipy.optimize
 from jaxtyping import Float
 
 from middeck.identification.model.measurement_model import MeasurementModel, damping_ratio, natural_hz
+from middeck.identification.uncertainty import parameters
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.model_set import check_alike
-from middeck.identification.uncertainty.parameters import (
-    check_level,
-    distinct_poles,
-    joint_tail,
-    modal_constant,
-    pole_slopes,
-)
 from middeck.identification.uncertainty.response_drift import holm
 from middeck.values import record
 
@@ -37,19 +31,12 @@ RANK = 1e-9
 class ModeChange:
     """One mode in both fits.
 
-    Parameters
-    ----------
-    before, after:
-        Its index in the two models.
-    frequency_hz, damping:
-        Before and after.
-    frequency_std_hz, damping_std:
-        Standard deviations of the two differences.
-    p_pole, p_constants:
-        Probability of a difference as large by chance, of frequency and damping together and of the modal
-        constants together (T^2 against F).
-    moved, reshaped:
-        Whether that counts, among all tests made, at the level of the comparison.
+    before, after: Its index in the two models.
+    frequency_hz, damping: Before and after.
+    frequency_std_hz, damping_std: Standard deviations of the two differences.
+    p_pole, p_constants: Probability of a difference as large by chance, of frequency and damping together and
+        of the modal constants together (T^2 against F).
+    moved, reshaped: Whether that counts, among all tests made, at the level of the comparison.
     """
 
     before: int
@@ -98,18 +85,12 @@ class DelayChange:
 class Drift:
     """What changed between two fits.
 
-    Parameters
-    ----------
-    modes, delays:
-        Every mode found in both, in rising frequency, and every delay.
-    only_before, only_after:
-        Natural frequencies [Hz] of modes without a counterpart: unlike orders, or a mode that one record does
-        not show. They are not tested.
-    p_overall:
-        Probability of all differences together by chance, in one test.
-    level:
-        Probability that anything is said to have changed when nothing has (Holm 1979, over all tests of modes
-        and delays).
+    modes, delays: Every mode found in both, in rising frequency, and every delay.
+    only_before, only_after: Natural frequencies [Hz] of modes without a counterpart: unlike orders, or a mode
+        that one record does not show. They are not tested.
+    p_overall: Probability of all differences together by chance, in one test.
+    level: Probability that anything is said to have changed when nothing has (Holm 1979, over all tests of
+        modes and delays).
     """
 
     modes: tuple[ModeChange, ...]
@@ -154,19 +135,12 @@ def compare_fits(before: ModelCovariance, after: ModelCovariance, *, level: floa
     difference has the sum of the two fits' covariances, correlations within each fit included; its T^2 is
     judged by F with the degrees of freedom of both (Satterthwaite 1946).
 
-    Parameters
-    ----------
-    before, after:
-        ``covariance`` of the two fits.
-    level:
-        Probability of any false alarm.
+    before, after: ``covariance`` of the two fits.
+    level: Probability of any false alarm.
 
-    Raises
-    ------
-    ConfigError
-        If the fits have unlike channels or rates, or for a level that is no probability.
+    Raises `ConfigError` if the fits have unlike channels or rates, or for a level that is no probability.
     """
-    check_level(level)
+    parameters.check_level(level)
     check_alike(before.model, after.model)
     pairs = _match(before, after)
     compared = _compare(before, after, pairs)
@@ -228,14 +202,14 @@ def _quantities(
 ) -> tuple[_Quantities, list[np.ndarray]]:
     """Frequency and damping, constants, delays; their derivatives, and which are tested together."""
     at = of.at
-    frequency, damping = pole_slopes(of)
+    frequency, damping = parameters.pole_slopes(of)
     f, zeta = natural_hz(of.model), damping_ratio(of.model)
     rows: list[list[tuple[float, np.ndarray]]] = []
     for m in modes:
         pole = [(float(f[m]), frequency[m]), (float(zeta[m]), damping[m])]
         rows.append(pole if of.model.is_pair[m] else pole[:1])
     for m, places, is_real in zip(modes, entries, real, strict=True):
-        constants = [modal_constant(of, at, m, o, i) for o, i in places]
+        constants = [parameters.modal_constant(of, at, m, o, i) for o, i in places]
         parts = [(k.real, np.real(by)) for k, by in constants]
         parts += [] if is_real else [(k.imag, np.imag(by)) for k, by in constants]
         rows.append(parts)
@@ -289,7 +263,7 @@ def _probability(
     share = float(np.trace(inverse @ (both[0] / scale[:, None] / scale))) / numbers
     slowness = share**2 / degrees[0] + (1.0 - share) ** 2 / degrees[1]
     nu = 1.0 / slowness if slowness > 0.0 else np.inf
-    return float(joint_tail(d @ inverse @ d, numbers, nu))
+    return float(parameters.joint_tail(d @ inverse @ d, numbers, nu))
 
 
 def _match(before: ModelCovariance, after: ModelCovariance) -> list[tuple[int, int]]:
@@ -316,7 +290,7 @@ class _Signature(NamedTuple):
 
 def _signature(model: MeasurementModel) -> _Signature:
     """Frequency and constants of every pole, each entry in units of its largest mode."""
-    modes = distinct_poles(model)
+    modes = parameters.distinct_poles(model)
     unit = np.where(model.is_pair, 2j * np.imag(model.poles), 1.0)
     each = (model.shapes * unit).T[:, :, None] * model.participation[:, None, :]
     constants = np.array([np.sum(each[model.poles == model.poles[m]], axis=0) for m in modes])
@@ -327,7 +301,7 @@ def _signature(model: MeasurementModel) -> _Signature:
 
 
 def _alone(model: MeasurementModel, matched: list[int]) -> Float[np.ndarray, " mode"]:
-    return natural_hz(model)[[m for m in distinct_poles(model) if m not in matched]]
+    return natural_hz(model)[[m for m in parameters.distinct_poles(model) if m not in matched]]
 
 
 def _mode_change(

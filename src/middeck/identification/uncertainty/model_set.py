@@ -24,22 +24,13 @@ def sample_models(
     logarithms, so that every member is stable; delays that come out negative are zero. Members have the
     structure of their fit: order, real constants, rank-one residues, which terms there are.
 
-    Parameters
-    ----------
-    covariances:
-        Of one fit, or of fits to records of different days: the set is then their union, and spans what
-        changed between them.
-    count:
-        Members in all. Each fit gives count / fits of them, the first ones of the list one more if needed.
+    covariances: Of one fit, or of fits to records of different days: the set is then their union, and spans
+        what changed between them.
+    count: Members in all. Each fit gives count / fits of them, the first ones of the list one more if needed.
 
-    Raises
-    ------
-    ConfigError
-        If there is nothing to draw, if the fits have unlike ports or rates, or if a decay or a delay is known
-        so badly that the set would hold anything.
+    Raises `ConfigError` if there is nothing to draw, if the fits have unlike ports or rates, or if a decay or
+    a delay is known so badly that the set would hold anything.
 
-    Examples
-    --------
     ``members = sample_models(monday.covariance, friday.covariance, count=50, rng=np.random.default_rng(1))``
     """
     _check(covariances, count)
@@ -63,8 +54,7 @@ def _check(covariances: tuple[ModelCovariance, ...], count: int) -> None:
 
 
 def _check_known(of: ModelCovariance) -> None:
-    """Raise `ConfigError` where a draw would leave all that the fit can say: its covariance is that of small
-    errors."""
+    """Raise `ConfigError` where a draw would leave the range of the covariance, that of small errors."""
     at, deviation = of.at, of.deviation()
     size = np.abs(of.model.poles)
     late = np.where(at.delay >= 0, deviation[at.delay], 0.0) * size.max()

@@ -21,12 +21,8 @@ from middeck.values import record
 class Uncertainty:
     """Standard deviations; see `ModelCovariance` for what they cover.
 
-    Parameters
-    ----------
-    natural_hz, damping:
-        Of the natural frequency [Hz] and the damping ratio of each mode.
-    delay_s:
-        Of the delay of each output [s]; zero where no delay was fitted.
+    natural_hz, damping: Of the natural frequency [Hz] and the damping ratio of each mode.
+    delay_s: Of the delay of each output [s]; zero where no delay was fitted.
 
     Infinite where the data do not determine the number: the deviation would be larger than the frequency or
     the damping ratio itself, or a delay's than a period of the slowest mode.
@@ -41,18 +37,13 @@ class Uncertainty:
 class Parameters:
     """All physical parameters of a model with their joint covariance.
 
-    Parameters
-    ----------
-    names:
-        ``natural_hz[m]``, ``damping[m]``; ``constant[m, output, input]`` for real modal constants,
-        otherwise ``residue_re[...]`` and ``residue_im[...]``; ``rigid``, ``integral``, ``lower``,
-        ``direct`` and ``path_delay_s[output, input]``; ``delay_s[output]``. m is the place of the mode in the
-        model, the first where a residue of full rank has several; its terms are added.
-    values, covariance:
-        In SI units, frequencies in Hz. Rank-one residues of several inputs and outputs have fewer free
-        numbers than entries: their covariance is singular then.
-    degrees:
-        Degrees of freedom of Student's t that stands for the normal law.
+    names: ``natural_hz[m]``, ``damping[m]``; ``constant[m, output, input]`` for real modal constants,
+        otherwise ``residue_re[...]`` and ``residue_im[...]``; ``rigid``, ``integral``, ``lower``, ``direct``
+        and ``path_delay_s[output, input]``; ``delay_s[output]``. m is the place of the mode in the model, the
+        first where a residue of full rank has several; its terms are added.
+    values, covariance: In SI units, frequencies in Hz. Rank-one residues of several inputs and outputs have
+        fewer free numbers than entries: their covariance is singular then.
+    degrees: Degrees of freedom of Student's t that stands for the normal law.
     """
 
     names: tuple[str, ...]
@@ -266,10 +257,7 @@ def zero_deviation(
     By the implicit function theorem dz = -(dH / dx) / (dH / ds) at the zero; right for simple zeros that lie
     farther from each other, and from the real axis, than their deviations.
 
-    Raises
-    ------
-    ConfigError
-        For an unknown port.
+    Raises `ConfigError` for an unknown port.
     """
     model = _without_delay(covariance.model)
     channels = (model.outputs, output), (model.inputs, input)

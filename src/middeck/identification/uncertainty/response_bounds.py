@@ -31,21 +31,13 @@ FLAT = 1e-6
 class ResponseBounds:
     """Where the true response lies with probability ``level``, on each line alone or on all together.
 
-    Parameters
-    ----------
-    H:
-        Response of the fitted model.
-    axes:
-        The two semi-axes of the ellipse around H, as complex numbers: H + axes[0] cos t + axes[1] sin t.
-    magnitude_low, magnitude_high:
-        Band of |H|; at a zero of the response it begins at zero.
-    phase_error:
-        Half width of the band of phase [rad]; pi where the phase is not known at all.
-    level:
-        Probability. The bands hold it far from zeros, and more than it near them.
-    simultaneous:
-        True if all lines and entries lie within their ellipses at once with that probability; false if each
-        does by itself.
+    H: Response of the fitted model.
+    axes: The two semi-axes of the ellipse around H, as complex numbers: H + axes[0] cos t + axes[1] sin t.
+    magnitude_low, magnitude_high: Band of |H|; at a zero of the response it begins at zero.
+    phase_error: Half width of the band of phase [rad]; pi where the phase is not known at all.
+    level: Probability. The bands hold it far from zeros, and more than it near them.
+    simultaneous: True if all lines and entries lie within their ellipses at once with that probability; false
+        if each does by itself.
     """
 
     frequency_hz: Float[np.ndarray, " line"]
@@ -65,10 +57,7 @@ def response_bounds(
 
     Ellipses by Hotelling's T^2 with the degrees of freedom of the variance, bands by Student's t.
 
-    Raises
-    ------
-    ConfigError
-        For a level that is no probability or a frequency that is not positive.
+    Raises `ConfigError` for a level that is no probability or a frequency that is not positive.
     """
     check_level(level)
     ellipse = joint_factor(level, 2, covariance.degrees)
@@ -88,10 +77,7 @@ def simultaneous_bounds(
     linearised response (Montiel Olea and Plagborg-Moller 2019): narrower than Scheffe's, which would hold
     for any combination of the unknowns.
 
-    Raises
-    ------
-    ConfigError
-        As `response_bounds`.
+    Raises `ConfigError` as `response_bounds`.
     """
     check_level(level)
     draws = draw_errors(covariance, DRAWS, rng)

@@ -27,14 +27,9 @@ TRUSTED = 1.5
 class MovedBand:
     """Neighbouring lines on which an entry of the response changed.
 
-    Parameters
-    ----------
-    low_hz, high_hz:
-        First and last line.
-    output, input:
-        The path that changed by the most deviations, ``deviations`` on its worst line.
-    change:
-        |after - before| / |before| there.
+    low_hz, high_hz: First and last line.
+    output, input: The path that changed by the most deviations, ``deviations`` on its worst line.
+    change: |after - before| / |before| there.
     """
 
     low_hz: float
@@ -49,22 +44,14 @@ class MovedBand:
 class ResponseDrift:
     """Where two responses differ.
 
-    Parameters
-    ----------
-    frequency_hz:
-        Lines that both have.
-    statistic:
-        |difference|^2 over the sum of both variances: F of 2 and many degrees if nothing changed.
-    inflation:
-        By how much the statistic's median exceeds that of F, one at least. What moves all lines alike is no
-        mode but a variance that was stated too small: distortion that changes with the signal, say, where the
-        record knows its noise only. It is divided by this before it counts (Devlin and Roeder 1999).
-    moved:
-        Whether that counts among all lines and paths.
-    bands:
-        What moved, from low to high frequency.
-    level:
-        Probability that any line is said to have moved when nothing has (Holm 1979).
+    frequency_hz: Lines that both have.
+    statistic: |difference|^2 over the sum of both variances: F of 2 and many degrees if nothing changed.
+    inflation: By how much the statistic's median exceeds that of F, one at least. What moves all lines alike
+        is no mode but a variance that was stated too small: distortion that changes with the signal, say,
+        where the record knows its noise only. The statistic is divided by it (Devlin and Roeder 1999).
+    moved: Whether that counts among all lines and paths.
+    bands: What moved, from low to high frequency.
+    level: Probability that any line is said to have moved when nothing has (Holm 1979).
     """
 
     frequency_hz: Float[np.ndarray, " line"]
@@ -118,17 +105,11 @@ def compare_responses(
     sum is then F-distributed. It says where something changed, not what, and needs no order. A change on more
     than half of all lines is taken for noise (`ResponseDrift.inflation`): that is for `compare_fits` to find.
 
-    Parameters
-    ----------
-    before, after:
-        Responses of the same channels with their variances.
-    level:
-        Probability of any false alarm.
+    before, after: Responses of the same channels with their variances.
+    level: Probability of any false alarm.
 
-    Raises
-    ------
-    ConfigError
-        If the channels differ, a variance is missing, no line is common, or the level is no probability.
+    Raises `ConfigError` if the channels differ, a variance is missing, no line is common, or the level is no
+    probability.
     """
     check_level(level)
     check_channels(before, after)

@@ -24,16 +24,10 @@ from middeck.values import record
 class Structure:
     """Which parts of a model were free in its fit.
 
-    Parameters
-    ----------
-    real_constants:
-        Pairs are phi psi / ((s - p)(s - conj p)) with real phi and psi.
-    with_delay, with_lower, with_direct:
-        Whether delays, the term L / s^2 and the constant term D were fitted.
-    common_delay:
-        Whether all outputs have one delay.
-    relative_degree_two:
-        Whether the residues of each path were made to add up to zero.
+    real_constants: Pairs are phi psi / ((s - p)(s - conj p)) with real phi and psi.
+    with_delay, with_lower, with_direct: Whether delays, the term L / s^2 and the constant term D were fitted.
+    common_delay: Whether all outputs have one delay.
+    relative_degree_two: Whether the residues of each path were made to add up to zero.
     """
 
     real_constants: bool
@@ -73,7 +67,7 @@ def places_of(model: MeasurementModel, structure: Structure) -> Places:
     first = np.argmax(model.poles[:, None] == model.poles[None], axis=1)
     alone = np.bincount(first, minlength=modes)[first] == 1
     free_b = parts[:, None] & alone[:, None, None] & np.ones((modes, inputs, 1), bool)
-    free_b[np.arange(modes), _pivot(model)] = False
+    free_b[np.arange(modes), np.argmax(np.abs(model.participation), axis=1)] = False
     own = first == np.arange(modes)
     late = np.arange(outputs) < (1 if structure.common_delay else outputs)
     entries = (outputs, inputs)
@@ -118,10 +112,6 @@ def _free_paths(model: MeasurementModel, structure: Structure) -> Bool[np.ndarra
         return np.zeros(model.direct.shape, bool)
     earliest = np.argmin(model.path_delay_s, axis=1)
     return np.arange(model.direct.shape[1]) != earliest[:, None]
-
-
-def _pivot(model: MeasurementModel) -> np.ndarray:
-    return np.argmax(np.abs(model.participation), axis=1)
 
 
 def unknowns_of(model: MeasurementModel, structure: Structure) -> Float[np.ndarray, " unknown"]:

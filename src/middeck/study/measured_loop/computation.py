@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from functools import partial
 
 import numpy as np
-from jaxtyping import Float
+from numpy.typing import ArrayLike
 
 from middeck.control.law.compensator import Compensator, evaluate_compensator
 from middeck.control.loop.closed_loop import close_loop, leave_open, predict_closed_loop_response
 from middeck.control.loop.performance import Performance, loop_rms
-from middeck.identification.model.measurement_model import MeasurementModel, damping_ratio, natural_hz
-from middeck.laboratory.bench import take_closed_loop
-from middeck.laboratory.loop import RigLoop, RigView, judge_loops
+from middeck.control.lqg import LQGWeights
+from middeck.files.studies import Study
+from middeck.files.study_form import SisoForm
+from middeck.identification.model.measurement_model import (
+    MeasurementModel,
+    damping_ratio,
+    evaluate_model,
+    natural_hz,
+)
+from middeck.laboratory.article import RigArticle
+from middeck.laboratory.bench import build_bench, take_closed_loop
+from middeck.laboratory.loop import RigLoop, RigView, judge_loops, view_rig
 from middeck.systems.plant import Plant
 from middeck.systems.response import FrequencyResponse
 from middeck.values import record
@@ -37,6 +47,41 @@ class DesignCase:
     torque_nm: float
 
 
+def design_case(
+    siso: SisoForm, model: MeasurementModel, plant: Plant, measured: FrequencyResponse
+) -> DesignCase:
+    """The case of a fitted ``model`` and its design ``plant``, with the band and torque of ``siso``."""
+    return DesignCase(
+        model=model,
+        plant=plant,
+        fitted=evaluate_model(model, measured.frequency_hz),
+        measured=measured,
+        band_hz=siso.band_hz,
+        torque_nm=siso.excitation_nm,
+    )
+
+
+def design_weights(siso: SisoForm, output: Sequence[float], noise: ArrayLike) -> LQGWeights:
+    """Weights of outputs, sensor ``noise`` [rad^2/Hz]; disturbance and control enter at the same motor."""
+    return LQGWeights(
+        output=np.array(output),
+        input=np.array([siso.input_weight]),
+        disturbed=(siso.actuator,),
+        process=np.array([[siso.disturbance_nm_per_rthz**2]]),
+        sensor=np.asarray(noise),
+    )
+
+
+def view_shifted_rigs(
+    study: Study, article: RigArticle, sensors: tuple[str, ...], percent: float, rng: np.random.Generator
+) -> dict[float, RigView]:
+    """The rig with the pair of modes where it was, and shifted down and up, under one excitation."""
+    bench_at = partial(build_bench, article, study.rig, study.loop_test, sensors)
+    seed = int(rng.integers(2**63))
+    shifts = (0.0, -percent, percent)
+    return {p: view_rig(bench_at(np.random.default_rng(seed), shift_percent=p)) for p in shifts}
+
+
 @record
 class ModeReduction:
     """The measured peak of one fitted mode in the performance, closed over open loop."""
@@ -49,25 +94,16 @@ class ModeReduction:
 class MeasuredLoop:
     """One compensator: its loop as predicted from the fit and as measured on the rig.
 
-    Parameters
-    ----------
-    predicted, measured:
-        Closed-loop responses of all sensors; ``measured`` is None where the rig gave none, for ``cause``.
-    predicted_db, measured_db:
-        20 log10 of the closed-loop rms of the performance in the band over the open-loop one, each from its
-        own open loop. None where one of its two has no finite rms.
-    rms_error_db:
-        Compares the two closed-loop rms values.
-    worst_error_db, worst_hz:
-        Largest difference of the two responses where the open loop is within 40 dB of its peak.
-    control_rms_nm:
-        Torque of the law alone.
-    static_db:
-        The performance below 0.2 Hz, measured, over that of the open loop.
-    modes:
-        Each mode of the fit in the measured band, the lowest first; empty where nothing was measured.
-    on_rig:
-        The loop by the rig's own eigenvalues and return ratio: the pair where it was, then each shift of it.
+    predicted, measured: Closed-loop responses of all sensors; ``measured`` is None where the rig gave none,
+        for ``cause``.
+    predicted_db, measured_db: 20 log10 of the closed-loop rms of the performance in the band over the
+        open-loop one, each from its own open loop. None where one of its two has no finite rms.
+    rms_error_db: Compares the two closed-loop rms values.
+    worst_error_db, worst_hz: Largest difference of the two where the open loop is within 40 dB of its peak.
+    control_rms_nm: Torque of the law alone.
+    static_db: The performance below 0.2 Hz, measured, over that of the open loop.
+    modes: Each mode of the fit in the measured band, the lowest first; empty where nothing was measured.
+    on_rig: The loop by the rig's own eigenvalues and return ratio: the pair unshifted, then each shift of it.
     """
 
     name: str
@@ -170,7 +206,8 @@ def _predicted_rms(case: DesignCase, compensator: Compensator | None) -> float:
 def _worst_error(
     open_loop: FrequencyResponse, predicted: FrequencyResponse, measured: FrequencyResponse
 ) -> tuple[float, float]:
-    seen = _seen(open_loop.H[:, 0, 0])
+    size = np.abs(open_loop.H[:, 0, 0])
+    seen = np.flatnonzero(size > size.max() * 10.0 ** (-SEEN_DB / 20.0))
     error = np.abs(20.0 * np.log10(np.abs(predicted.H[seen, 0, 0] / measured.H[seen, 0, 0])))
     at = int(np.argmax(error))
     return float(error[at]), float(measured.frequency_hz[seen][at])
@@ -191,8 +228,3 @@ def _mode_reductions(case: DesignCase, closed: FrequencyResponse) -> tuple[ModeR
             peaks = [float(np.max(np.abs(r.H[near, 0, 0]))) for r in (closed, case.measured)]
             found.append(ModeReduction(float(mode), float(20.0 * np.log10(peaks[0] / peaks[1]))))
     return tuple(found)
-
-
-def _seen(H: np.ndarray) -> Float[np.ndarray, " line"]:
-    size = np.abs(H)
-    return np.flatnonzero(size > size.max() * 10.0 ** (-SEEN_DB / 20.0))

@@ -1,13 +1,15 @@
-"""A fit and a measured loop in the form of numbers.json."""
+"""A fit and a measured loop in the form of numbers.json, and whether the loop was predicted."""
 
 from __future__ import annotations
+
+from collections.abc import Iterable
 
 from middeck.files.json_results import response_numbers
 from middeck.identification.fit.fit_response import FitResult
 from middeck.identification.model.measurement_model import damping_ratio, natural_hz, path_delay
 from middeck.identification.uncertainty.parameters import stated
-from middeck.study.measured_loop.computation import MeasuredLoop
-from middeck.study.words import Numbers
+from middeck.study.measured_loop.computation import SEEN_DB, MeasuredLoop
+from middeck.study.words import Claim, Numbers, at_most, largest
 from middeck.systems.plant import Plant
 
 
@@ -46,3 +48,20 @@ def loop_numbers(loop: MeasuredLoop) -> Numbers:
         "survives_shift_percent": {f"{percent:+g}": ok for percent, ok in loop.survives},
         "rig": loop.on_rig,
     }
+
+
+RMS_DB, LINE_DB = 1.0, 3.0  # how closely a measured loop is to be predicted, in rms and line by line
+
+
+def prediction_claims(loops: Iterable[MeasuredLoop], which: str) -> list[Claim]:
+    """Whether each loop is measured as it was predicted."""
+    loops = tuple(loops)
+    rms = largest(None if loop.rms_error_db is None else abs(loop.rms_error_db) for loop in loops)
+    line = largest(loop.worst_error_db for loop in loops)
+    seen = f"within {LINE_DB:g} dB wherever the open loop is within {SEEN_DB:g} dB of its peak"
+    return [
+        at_most(
+            f"{which}: predicted and measured rms agree within {RMS_DB:g} dB; difference [dB]", rms, RMS_DB
+        ),
+        at_most(f"{which}: and line by line {seen}; largest [dB]", line, LINE_DB),
+    ]

@@ -6,10 +6,9 @@ from typing import Any
 
 from middeck.structure.gravity.comparison import ModeComparison
 from middeck.study.chapter import Chapter, Drawing, Entry
-from middeck.study.chapters.gravity_modes import numbers, sentences, tables
+from middeck.study.chapters.gravity_modes import numbers, text
 from middeck.study.chapters.gravity_modes.figure_3 import figure_3
-from middeck.study.chapters.gravity_modes.figure_4 import figure_4
-from middeck.study.chapters.gravity_modes.figure_5 import figure_5
+from middeck.study.chapters.gravity_modes.figures_4_5 import figure_4, figure_5
 from middeck.study.shared import compare_environments
 
 TITLE_3 = "Figure 3: the article in 0-g and hung in 1-g"
@@ -34,26 +33,18 @@ GRAVITY_MODES = Chapter(
     ),
     drawings=(
         Drawing(
-            key="figure-3",
-            title=TITLE_3,
-            draw=figure_3,
-            sentence=sentences.figure_3,
-            tables=tables.rest_tables,
+            key="figure-3", title=TITLE_3, draw=figure_3, sentence=text.figure_3, tables=text.rest_tables
         ),
         Drawing(
-            key="figure-4",
-            title=TITLE_4,
-            draw=figure_4,
-            sentence=sentences.figure_4,
-            tables=tables.mode_tables,
+            key="figure-4", title=TITLE_4, draw=figure_4, sentence=text.figure_4, tables=text.mode_tables
         ),
         Drawing(
             key="figure-5",
             title=TITLE_5,
             draw=figure_5,
-            sentence=sentences.figure_5,
-            tables=tables.orthogonality_tables,
+            sentence=text.figure_5,
+            tables=text.orthogonality_tables,
         ),
     ),
-    result=sentences.result,
+    result=text.result,
 )

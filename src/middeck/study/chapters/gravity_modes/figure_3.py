@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from scipy.spatial import ConvexHull
 
-from middeck.plot.style import COLOUR, new_figure, styled
+from middeck.plot.style import COLOUR, new_figure, note, styled
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.frames import PosePoints, frame_poses, points_in_world
 from middeck.structure.gravity.comparison import ModeComparison
@@ -80,7 +80,7 @@ def _name_parts(axes: Axes, model: Model) -> None:
     """Node names above the nodes, the names of the carried bodies' last axes beside their boxes."""
     for node in model.structure.nodes:
         x, y, _ = node.position
-        axes.annotate(node.name, (x, y), (0, 9), textcoords="offset points", ha="center", fontsize=7.5)
+        note(axes, node.name, (x, y), (0, 9), ha="center")
     poses = frame_poses(model.tree, model.rest)
     for joint in model.structure.joints:
         if np.any(joint.body.cg):
@@ -88,8 +88,7 @@ def _name_parts(axes: Axes, model: Model) -> None:
             centre = poses.p[frame] + poses.R[frame] @ joint.body.cg
             text = f"payload\n{joint.name.partition('_')[0]}"
             left = centre[0] > np.mean([node.position[0] for node in model.structure.nodes])
-            axes.annotate(text, centre[:2], (-16 if left else 16, -9), textcoords="offset points",
-                          ha="right" if left else "left", fontsize=7.5)  # fmt: skip
+            note(axes, text, centre[:2], (-16 if left else 16, -9), ha="right" if left else "left")
 
 
 def _round_factor(wanted: float, have: float) -> float:
@@ -186,8 +185,7 @@ def _draw_cables(axes: Axes, drawing: Drawing, view: str) -> None:
             length = float(np.linalg.norm(span))
             text = f"{rest.suspension.attach[k]}: {rest.tension[k]:.1f} N\n{length:.2f} m cable"
             last = k == len(feet) - 1
-            axes.annotate(text, top[[right, up]], (-6 if last else 6, -14), textcoords="offset points",
-                          ha="right" if last else "left", fontsize=7.5)  # fmt: skip
+            note(axes, text, top[[right, up]], (-6 if last else 6, -14), ha="right" if last else "left")
 
 
 def _attach_points(model: Model, poses: np.ndarray) -> PosePoints:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 
 from middeck.study.chapter import Chapter, Drawing, Entry
-from middeck.study.chapters.gravity_responses import computation, numbers, sentences, tables
+from middeck.study.chapters.gravity_responses import computation, numbers, text
 from middeck.study.chapters.gravity_responses.figure_6 import figure_6
 
 GRAVITY_RESPONSES = Chapter(
@@ -19,16 +19,16 @@ GRAVITY_RESPONSES = Chapter(
     drawings=(
         Drawing(
             key="figure-6a",
-            title=partial(sentences.title, output=0),
+            title=partial(text.title, output=0),
             draw=partial(figure_6, output=0),
-            sentence=partial(sentences.sentence, output=0),
+            sentence=partial(text.sentence, output=0),
         ),
         Drawing(
             key="figure-6b",
-            title=partial(sentences.title, output=1),
+            title=partial(text.title, output=1),
             draw=partial(figure_6, output=1),
-            sentence=partial(sentences.sentence, output=1),
-            tables=tables.response_tables,
+            sentence=partial(text.sentence, output=1),
+            tables=text.response_tables,
         ),
     ),
 )

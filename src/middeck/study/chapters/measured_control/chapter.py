@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from middeck.study.chapter import Chapter, Drawing, Entry
-from middeck.study.chapters.measured_control import computation, numbers, sentences, tables
+from middeck.study.chapters.measured_control import computation, numbers, text
 from middeck.study.chapters.measured_control.figure_9 import figure_9a, figure_9b
 from middeck.study.shared import rig_article
 
@@ -22,20 +22,12 @@ MEASURED_CONTROL = Chapter(
     ),
     drawings=(
         Drawing(
-            key="figure-9a",
-            title=TITLE_A,
-            draw=figure_9a,
-            sentence=sentences.figure_9a,
-            tables=tables.fit_tables,
+            key="figure-9a", title=TITLE_A, draw=figure_9a, sentence=text.figure_9a, tables=text.fit_tables
         ),
         Drawing(
-            key="figure-9b",
-            title=TITLE_B,
-            draw=figure_9b,
-            sentence=sentences.figure_9b,
-            tables=tables.loop_tables,
+            key="figure-9b", title=TITLE_B, draw=figure_9b, sentence=text.figure_9b, tables=text.loop_tables
         ),
     ),
-    result=sentences.result,
-    shortfalls=sentences.shortfalls,
+    result=text.result,
+    shortfalls=text.shortfalls,
 )

@@ -10,17 +10,24 @@ from functools import partial
 
 import numpy as np
 
-from middeck.control.lqg import LQGWeights, design_filter, design_lqg
+from middeck.control.lqg import design_filter, design_lqg
 from middeck.control.robust import design_multimodel
 from middeck.files.studies import Study
 from middeck.files.study_form import SisoForm
 from middeck.identification.fit.fit_response import FitResult, fit_response
-from middeck.identification.model.measurement_model import model_response, natural_hz
+from middeck.identification.model.measurement_model import natural_hz
 from middeck.identification.plants.measured_plant import measured_plant
 from middeck.laboratory.article import RigArticle, rig_article_plant
-from middeck.laboratory.bench import Bench, build_bench, take_open_loop
-from middeck.laboratory.loop import RigLoop, judge_loops, view_rig
-from middeck.study.measured_loop.computation import DesignCase, MeasuredLoop, measure_loop
+from middeck.laboratory.bench import Bench, take_open_loop
+from middeck.laboratory.loop import RigLoop, judge_loops
+from middeck.study.measured_loop.computation import (
+    DesignCase,
+    MeasuredLoop,
+    design_case,
+    design_weights,
+    measure_loop,
+    view_shifted_rigs,
+)
 from middeck.systems.delay_approximation import approximate_delays
 from middeck.systems.modal import output_rows
 from middeck.systems.plant import Plant, require_modal
@@ -64,18 +71,13 @@ class MeasuredControl:
 
 def compute(study: Study, rng: np.random.Generator, article: RigArticle) -> MeasuredControl:
     """Excite, fit, design at two authorities and for two records, predict, then measure each loop."""
-    siso = study.siso
-    bench_at = partial(build_bench, article, study.rig, study.loop_test, (siso.sensor,))
-    seed = int(rng.integers(2**63))  # one excitation for all
-    shift = siso.pair_shift_percent
-    views = {
-        p: view_rig(bench_at(np.random.default_rng(seed), shift_percent=p)) for p in (0.0, -shift, shift)
-    }
+    siso, shift = study.siso, study.siso.pair_shift_percent
+    views = view_shifted_rigs(study, article, (siso.sensor,), shift, rng)
     measured, fit = _identify(views[0.0].bench, siso, rng)
     later = shift if siso.drifted == "up" else -shift
     _, drifted_fit = _identify(views[later].bench, siso, rng)
     case = _design_case(fit, measured, siso)
-    weights = _weights(siso)
+    weights = design_weights(siso, [siso.angle_weight], [siso.angle_noise_rad_per_rthz**2])
     kalman = design_filter(case.plant, weights)
     design = partial(design_lqg, case.plant, weights, kalman=kalman)
     low, high, robust = (level.log10_authority for level in (siso.low, siso.high, siso.robust))
@@ -109,29 +111,7 @@ def _identify(bench: Bench, siso: SisoForm, rng: np.random.Generator) -> tuple[F
 def _design_case(fit: FitResult, measured: FrequencyResponse, siso: SisoForm) -> DesignCase:
     ports = {"w": (siso.actuator,), "u": (siso.actuator,), "z": (siso.sensor,), "y": (siso.sensor,)}
     plant = approximate_delays(measured_plant(fit.model, **ports), siso.pade_order)
-    H = model_response(fit.model, measured.frequency_hz)
-    fitted = FrequencyResponse(
-        frequency_hz=measured.frequency_hz, H=H, inputs=measured.inputs, outputs=measured.outputs
-    )
-    return DesignCase(
-        model=fit.model,
-        plant=plant,
-        fitted=fitted,
-        measured=measured,
-        band_hz=siso.band_hz,
-        torque_nm=siso.excitation_nm,
-    )
-
-
-def _weights(siso: SisoForm) -> LQGWeights:
-    """Disturbance and control enter at the same motor."""
-    return LQGWeights(
-        output=np.array([siso.angle_weight]),
-        input=np.array([siso.input_weight]),
-        disturbed=(siso.actuator,),
-        process=np.array([[siso.disturbance_nm_per_rthz**2]]),
-        sensor=np.array([siso.angle_noise_rad_per_rthz**2]),
-    )
+    return design_case(siso, fit.model, plant, measured)
 
 
 def _below_fit(article: RigArticle, siso: SisoForm, fit: FitResult) -> OutsideMode | None:

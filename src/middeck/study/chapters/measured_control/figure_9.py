@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from middeck.plot.curves import bode_figure, decibels, draw_bode
 from middeck.plot.ports import path_words
-from middeck.plot.style import COLOUR, FITTED, styled
+from middeck.plot.style import COLOUR, FITTED, note, styled
 from middeck.study.chapters.measured_control.computation import MeasuredControl
 from middeck.study.measured_loop.drawing import Look, begin_loops, draw_measured, draw_predicted, end_loops
 
@@ -50,16 +50,10 @@ def _name_what_is_outside(axes: Axes, control: MeasuredControl) -> None:
         return
     at = int(np.argmin(np.abs(f - mode.frequency_hz)))
     near = slice(max(at - 2, 0), at + 3)  # the peak, wherever on the lines it falls
-    axes.annotate(
-        f"{mode.kind} mode at {mode.frequency_hz:.2f} Hz:\noutside the fit",
-        (mode.frequency_hz, float(decibels(control.open_loop.H[near, 0, 0]).max())),
-        (0, -48),
-        textcoords="offset points",
-        ha="center",
-        va="top",
-        fontsize=8.0,
-        arrowprops={"arrowstyle": "-", "linewidth": 0.7, "color": COLOUR["ink"]},
-    )
+    text = f"{mode.kind} mode at {mode.frequency_hz:.2f} Hz:\noutside the fit"
+    peak = mode.frequency_hz, float(decibels(control.open_loop.H[near, 0, 0]).max())
+    arrow = {"arrowstyle": "-", "linewidth": 0.7, "color": COLOUR["ink"]}
+    note(axes, text, peak, (0, -48), ha="center", va="top", fontsize=8.0, arrowprops=arrow)
 
 
 @styled

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from middeck.study.chapter import Chapter, Drawing, Entry
-from middeck.study.chapters.mirror import claims, computation, drawing, numbers, sentences, tables
+from middeck.study.chapters.mirror import computation, drawing, numbers, text
 
 TITLE = "A real steering mirror, measured and fitted"
 SOURCE = "study/chapters/mirror/source.html"
@@ -19,7 +19,7 @@ MIRROR = Chapter(
             numbers=numbers.mirror,
             claims_at="mirror",
             warnings_at="mirror",
-            claims=claims.mirror_claims,
+            claims=numbers.mirror_claims,
         ),
     ),
     drawings=(
@@ -27,10 +27,10 @@ MIRROR = Chapter(
             key="mirror",
             title=TITLE,
             draw=drawing.mirror,
-            sentence=sentences.mirror,
-            tables=tables.mirror_tables,
+            sentence=text.mirror,
+            tables=text.mirror_tables,
             note=SOURCE,
         ),
     ),
-    result=sentences.result,
+    result=text.result,
 )

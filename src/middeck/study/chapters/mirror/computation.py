@@ -8,7 +8,7 @@ from jaxtyping import Float
 from middeck.files.records import load_record
 from middeck.files.studies import Study
 from middeck.identification.fit.fit_response import FitResult, fit_response
-from middeck.identification.model.measurement_model import model_response
+from middeck.identification.model.measurement_model import evaluate_model
 from middeck.identification.model.simulation import nrmse
 from middeck.identification.spectra import estimate_response
 from middeck.systems.response import FrequencyResponse
@@ -33,8 +33,5 @@ def compute(study: Study, rng: np.random.Generator) -> MirrorFit:
     train, test = load_record(study.train_file), load_record(study.test_file)
     measured = estimate_response(train, band_hz=BAND_HZ)
     fit = fit_response(measured, states=study.mirror.states, sample_hz=train.sample_hz)
-    H = model_response(fit.model, measured.frequency_hz)
-    fitted = FrequencyResponse(
-        frequency_hz=measured.frequency_hz, H=H, inputs=measured.inputs, outputs=measured.outputs
-    )
+    fitted = evaluate_model(fit.model, measured.frequency_hz)
     return MirrorFit(measured, fit, fitted, nrmse(fit.model, test))

@@ -30,16 +30,14 @@ def mirror(fit: MirrorFit) -> Figure:
             if row == 0:
                 axes.set_title(f"from {port.name}")
         grid[row, 0].set_ylabel(f"{output.name} [dB re {output.unit}/{measured.inputs[0].unit}]")
-        _write_error(grid[row, -1], float(fit.held_out_nrmse[row]), PUBLISHED_NRMSE[row])
+        text = f"held-out NRMSE {float(fit.held_out_nrmse[row]):.2%}\npublished {PUBLISHED_NRMSE[row]:.2%}"
+        grid[row, -1].annotate(
+            text, (1.03, 0.5), xycoords="axes fraction", rotation=270, va="center", fontsize=8.0
+        )
     level = decibels(measured.H.ravel())
     grid[0, 0].set_ylim(float(np.quantile(level, 0.1)) - FLOOR_DB, float(level.max()) + 5.0)
     figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside upper right", ncols=3)
     return figure
-
-
-def _write_error(axes: Axes, ours: float, published: float) -> None:
-    text = f"held-out NRMSE {ours:.2%}\npublished {published:.2%}"
-    axes.annotate(text, (1.03, 0.5), xycoords="axes fraction", rotation=270, va="center", fontsize=8.0)
 
 
 def _draw_entry(axes: Axes, fit: MirrorFit, row: int, column: int) -> None:

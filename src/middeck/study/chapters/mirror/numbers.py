@@ -1,11 +1,11 @@
-"""The mirror in numbers.json."""
+"""The mirror in numbers.json, with the claims."""
 
 from __future__ import annotations
 
 from middeck.files.json_results import fitted_numbers
 from middeck.identification.model.measurement_model import damping_ratio, natural_hz
 from middeck.study.chapters.mirror.computation import PUBLISHED_NRMSE, MirrorFit
-from middeck.study.words import Numbers
+from middeck.study.words import Claim, Numbers, percent, row
 
 
 def mirror(fit: MirrorFit) -> Numbers:
@@ -25,3 +25,17 @@ def mirror(fit: MirrorFit) -> Numbers:
         "entries": entries,
         "warnings": fit.fit.warnings,
     }
+
+
+def mirror_claims(numbers: Numbers) -> list[Claim]:
+    """One for each output."""
+    pairs = zip(numbers["held_out_nrmse"], numbers["published_nrmse"], strict=True)
+    return [
+        row(
+            f"mirror, output {k + 1}: held-out NRMSE no worse than the published {percent(theirs)}",
+            ours <= theirs,
+            percent(ours),
+            f"≤ {percent(theirs)}",
+        )
+        for k, (ours, theirs) in enumerate(pairs)
+    ]

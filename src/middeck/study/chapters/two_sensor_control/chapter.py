@@ -5,9 +5,8 @@ from __future__ import annotations
 from functools import partial
 
 from middeck.study.chapter import Chapter, Drawing, Entry
-from middeck.study.chapters.two_sensor_control import computation, numbers, sentences, tables
-from middeck.study.chapters.two_sensor_control.figure_10 import figure_10
-from middeck.study.chapters.two_sensor_control.figures_11_12 import figure_11, figure_12
+from middeck.study.chapters.two_sensor_control import computation, numbers, text
+from middeck.study.chapters.two_sensor_control.figures_10_to_12 import figure_10, figure_11, figure_12
 from middeck.study.shared import rig_article
 
 TITLE_11 = "Figure 11: payload held by encoder and bus"
@@ -29,39 +28,32 @@ TWO_SENSOR_CONTROL = Chapter(
     drawings=(
         Drawing(
             key="figure-10a",
-            title=partial(sentences.title_10, entry="figure_10a"),
+            title=partial(text.title_10, entry="figure_10a"),
             draw=partial(figure_10, output=1),
-            sentence=partial(sentences.figure_10, entry="figure_10a"),
-            tables=tables.encoder_tables,
+            sentence=partial(text.figure_10, entry="figure_10a"),
+            tables=text.encoder_tables,
         ),
         Drawing(
             key="figure-10b",
-            title=partial(sentences.title_10, entry="figure_10b"),
+            title=partial(text.title_10, entry="figure_10b"),
             draw=partial(figure_10, output=2),
-            sentence=partial(sentences.figure_10, entry="figure_10b"),
-            tables=tables.bus_tables,
+            sentence=partial(text.figure_10, entry="figure_10b"),
+            tables=text.bus_tables,
         ),
         Drawing(
-            key="figure-11",
-            title=TITLE_11,
-            draw=figure_11,
-            sentence=sentences.figure_11,
-            tables=tables.reach_tables,
+            key="figure-11", title=TITLE_11, draw=figure_11, sentence=text.figure_11, tables=text.reach_tables
         ),
         Drawing(
-            key="figure-12a",
-            title=TITLE_12A,
-            draw=partial(figure_12, output=0),
-            sentence=sentences.figure_12a,
+            key="figure-12a", title=TITLE_12A, draw=partial(figure_12, output=0), sentence=text.figure_12a
         ),
         Drawing(
             key="figure-12b",
             title=TITLE_12B,
             draw=partial(figure_12, output=2),
-            sentence=sentences.figure_12b,
-            tables=tables.both_tables,
+            sentence=text.figure_12b,
+            tables=text.both_tables,
         ),
     ),
-    result=sentences.result,
-    shortfalls=sentences.shortfalls,
+    result=text.result,
+    shortfalls=text.shortfalls,
 )

@@ -7,23 +7,22 @@ modes near 9 Hz, which the filter inverts; a lead about the pair gives it the ph
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import partial
 
 import numpy as np
 
 from middeck.control.law.compensator import Compensator
-from middeck.control.lqg import LQGWeights, design_filter, design_lqg
+from middeck.control.lqg import design_filter, design_lqg
 from middeck.control.shaping import second_order_section, shape_compensator
 from middeck.files.studies import Study
 from middeck.identification.fit.fit_response import FitResult
 from middeck.laboratory.article import RigArticle
 from middeck.laboratory.article_rig import rig_delay
-from middeck.laboratory.bench import build_bench, take_closed_loop, take_open_loop
-from middeck.laboratory.loop import RigView, view_rig
+from middeck.laboratory.bench import take_closed_loop, take_open_loop
+from middeck.laboratory.loop import RigView
 from middeck.study.chapters.two_sensor_control.measured_sensors import (
     MeasuredSensors,
-    design_case,
     fit_sensors,
+    sensor_case,
     study_measured_sensors,
 )
 from middeck.study.chapters.two_sensor_control.reach import Design, Reach, find_level, find_reach
@@ -31,8 +30,10 @@ from middeck.study.measured_loop.computation import (
     DesignCase,
     MeasuredLoop,
     decibel,
+    design_weights,
     measure_loop,
     measured_rms_of,
+    view_shifted_rigs,
 )
 from middeck.systems.response import FrequencyResponse
 from middeck.values import record
@@ -46,26 +47,16 @@ HALF_POWER = 0.01  # the flexible modes' damping: so far to either side a peak i
 class TwoSensorControl:
     """The three paths and their fit, how far each design reaches, and the loops of Figures 11 and 12.
 
-    Parameters
-    ----------
-    sensors:
-        Figures 10a and 10b.
-    smaller:
-        Reach of designs on fits of fewer states.
-    without_lead, with_lead:
-        Reach of the payload's design on the fit.
-    payload, both:
-        The loop of Figure 11 (payload penalty, with the lead) and that of Figure 12 (payload and bus).
-    bus_db:
-        Of both loops, the measured bus in 7-9 Hz over that of the open loop.
-    above_db:
-        The payload above 10 Hz, likewise.
-    above_without_bus_db:
-        The same of the loop that differs from Figure 12's in nothing but the penalty on the bus.
-    deeper_db:
-        The payload in 7-9 Hz under both penalties over that under the payload's alone.
-    mode_hz, deeper_at_mode_db:
-        Where the bus is highest there in open loop, and the same between that mode's half-power points.
+    sensors: Figures 10a and 10b.
+    smaller: Reach of designs on fits of fewer states.
+    without_lead, with_lead: Reach of the payload's design on the fit.
+    payload, both: The loops of Figure 11 (payload penalty, with the lead) and Figure 12 (payload and bus).
+    bus_db: Of both loops, the measured bus in 7-9 Hz over that of the open loop.
+    above_db: The payload above 10 Hz, likewise.
+    above_without_bus_db: The same of the loop that differs from Figure 12's only in the penalty on the bus.
+    deeper_db: The payload in 7-9 Hz under both penalties over that under the payload's alone.
+    mode_hz, deeper_at_mode_db: Where the bus is highest there in open loop, and the same between that mode's
+        half-power points.
     """
 
     sensors: MeasuredSensors
@@ -85,18 +76,16 @@ class TwoSensorControl:
 def compute(study: Study, rng: np.random.Generator, article: RigArticle) -> TwoSensorControl:
     """Excite once, fit the three paths together, search each design's reach, then measure the two loops."""
     sito = study.sito
-    bench_at = partial(build_bench, article, study.rig, study.loop_test, (study.siso.sensor, *sito.sensors))
-    seed, shift = int(rng.integers(2**63)), sito.pair_shift_percent
-    views = {
-        p: view_rig(bench_at(np.random.default_rng(seed), shift_percent=p)) for p in (0.0, -shift, shift)
-    }
+    views = view_shifted_rigs(
+        study, article, (study.siso.sensor, *sito.sensors), sito.pair_shift_percent, rng
+    )
     measured = take_open_loop(views[0.0].bench, rng)
     sensors = study_measured_sensors(study, measured, rig_delay(article, study.rig))
     smaller = tuple(
         _reach(study, fit_sensors(measured, states, band), measured, views, lead=False)
         for states, band in zip(sito.smaller_states, sito.smaller_bands_hz, strict=True)
     )
-    payload, both = (design_case(study, sensors.fit, measured, bus=bus) for bus in (False, True))
+    payload, both = (sensor_case(study, sensors.fit, measured, bus=bus) for bus in (False, True))
     design = _designs(study, payload, lead=True)
     level = find_level(design, payload, sito.payload.predicted_db)
     first = measure_loop("payload", level, design(10.0**level), payload, views, rng)
@@ -127,14 +116,9 @@ def compute(study: Study, rng: np.random.Generator, article: RigArticle) -> TwoS
 def _designs(study: Study, case: DesignCase, *, lead: bool) -> Design:
     """LQG by authority, with or without the lead about the pair."""
     siso, sito = study.siso, study.sito
-    both = np.array([siso.angle_weight, sito.bus_weight])
-    weights = LQGWeights(
-        output=both[: len(case.plant.z)],
-        input=np.array([siso.input_weight]),
-        disturbed=(siso.actuator,),
-        process=np.array([[siso.disturbance_nm_per_rthz**2]]),
-        sensor=np.array(sito.angle_noise_rad_per_rthz) ** 2,
-    )
+    both = [siso.angle_weight, sito.bus_weight]
+    noise = np.array(sito.angle_noise_rad_per_rthz) ** 2
+    weights = design_weights(siso, both[: len(case.plant.z)], noise)
     kalman = design_filter(case.plant, weights)
     section = second_order_section(
         sito.lead_zeros_hz, sito.lead_damping, sito.lead_poles_hz, sito.lead_damping
@@ -150,7 +134,7 @@ def _designs(study: Study, case: DesignCase, *, lead: bool) -> Design:
 def _reach(
     study: Study, fit: FitResult, measured: FrequencyResponse, views: Mapping[float, RigView], *, lead: bool
 ) -> Reach:
-    case = design_case(study, fit, measured)
+    case = sensor_case(study, fit, measured)
     what = f"{fit.model.states} states" + (" and the lead" if lead else "")
     return find_reach(what, _designs(study, case, lead=lead), case, views)
 

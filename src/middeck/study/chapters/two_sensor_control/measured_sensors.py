@@ -16,7 +16,7 @@ from middeck.identification.plants.zeros import Zeros, path_zeros
 from middeck.identification.search.doubts import FAR, HALF
 from middeck.identification.uncertainty.parameters import zero_deviation
 from middeck.study.chapters.two_sensor_control.left_zeros import refit_left
-from middeck.study.measured_loop.computation import DesignCase
+from middeck.study.measured_loop.computation import DesignCase, design_case
 from middeck.systems.delay_approximation import approximate_delays
 from middeck.systems.plant import Plant
 from middeck.systems.response import FrequencyResponse, in_band
@@ -27,13 +27,10 @@ from middeck.values import record
 class SensorZeros:
     """Zeros of the fitted path to one sensor.
 
-    Parameters
-    ----------
-    frequency_deviation_hz, damping_deviation:
-        Their standard deviations; infinite where the data do not determine the zero.
-    mirrored_error:
-        Relative complex error of the path in the band of the fit once its zeros are fitted anew with all of
-        them in the left half-plane (`refit_left`); None where none is in the right one.
+    frequency_deviation_hz, damping_deviation: Their standard deviations; infinite where the data do not
+        determine the zero.
+    mirrored_error: Relative complex error of the path in the band of the fit once its zeros are fitted anew
+        with all of them in the left half-plane (`refit_left`); None where none is in the right one.
     """
 
     zeros: Zeros
@@ -46,14 +43,9 @@ class SensorZeros:
 class MeasuredSensors:
     """Three measured paths from one torque, one fit with common poles, its zeros and its design plant.
 
-    Parameters
-    ----------
-    measured, fitted:
-        Outputs: the performance, then the two sensors of Figures 10a and 10b.
-    sensors:
-        Zeros of each path, in the same order.
-    delay_s:
-        The rig's own, hidden error included.
+    measured, fitted: Outputs: the performance, then the two sensors of Figures 10a and 10b.
+    sensors: Zeros of each path, in the same order.
+    delay_s: The rig's own, hidden error included.
     """
 
     fit_band_hz: tuple[float, float]
@@ -69,7 +61,7 @@ def study_measured_sensors(study: Study, measured: FrequencyResponse, delay_s: f
     """Fit the three measured paths together and find the zeros of each; ``delay_s`` is for a claim alone."""
     band_hz = study.sito.fit_band_hz
     fit = fit_sensors(measured, study.sito.states, band_hz)
-    case, banded = design_case(study, fit, measured), in_band(measured, band_hz)
+    case, banded = sensor_case(study, fit, measured), in_band(measured, band_hz)
     zeros = tuple(_sensor_zeros(fit, banded, o) for o in range(len(measured.outputs)))
     return MeasuredSensors(
         fit_band_hz=band_hz,
@@ -82,7 +74,7 @@ def study_measured_sensors(study: Study, measured: FrequencyResponse, delay_s: f
     )
 
 
-def design_case(
+def sensor_case(
     study: Study, fit: FitResult, measured: FrequencyResponse, *, bus: bool = False
 ) -> DesignCase:
     """The plant of a fit, with the payload for its performance, or payload and bus."""
@@ -90,19 +82,7 @@ def design_case(
     torque = (siso.actuator,)
     z = (siso.sensor, sito.sensors[1]) if bus else (siso.sensor,)
     plant = measured_plant(fit.model, w=torque, u=torque, z=z, y=sito.sensors)
-    plant = approximate_delays(plant, sito.pade_order)
-    H = model_response(fit.model, measured.frequency_hz)
-    fitted = FrequencyResponse(
-        frequency_hz=measured.frequency_hz, H=H, inputs=measured.inputs, outputs=measured.outputs
-    )
-    return DesignCase(
-        model=fit.model,
-        plant=plant,
-        fitted=fitted,
-        measured=measured,
-        band_hz=siso.band_hz,
-        torque_nm=siso.excitation_nm,
-    )
+    return design_case(siso, fit.model, approximate_delays(plant, sito.pade_order), measured)
 
 
 def fit_sensors(measured: FrequencyResponse, states: int | None, band_hz: tuple[float, float]) -> FitResult:

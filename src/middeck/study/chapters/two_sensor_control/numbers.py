@@ -1,15 +1,18 @@
-"""Figures 10 to 12 in numbers.json."""
+"""Figures 10 to 12 in numbers.json, with the claims."""
 
 from __future__ import annotations
 
+import numpy as np
+
 from middeck.files.json_results import fitted_numbers, response_numbers
+from middeck.identification.model.measurement_model import path_delay
 from middeck.identification.plants.zeros import name_zeros
 from middeck.identification.uncertainty.parameters import stated
-from middeck.study.chapters.two_sensor_control import claims
-from middeck.study.chapters.two_sensor_control.computation import TwoSensorControl
+from middeck.study.chapters.two_sensor_control.computation import ABOVE_HZ, FLEXIBLE_HZ, TwoSensorControl
 from middeck.study.chapters.two_sensor_control.measured_sensors import MeasuredSensors, SensorZeros
-from middeck.study.measured_loop.numbers import fit_numbers, loop_numbers
-from middeck.study.words import Numbers
+from middeck.study.chapters.two_sensor_control.reach import Reach
+from middeck.study.measured_loop.numbers import fit_numbers, loop_numbers, prediction_claims
+from middeck.study.words import Claim, Numbers, above, at_most, below, largest, row
 
 
 def figure_10a(control: TwoSensorControl) -> Numbers:
@@ -19,7 +22,7 @@ def figure_10a(control: TwoSensorControl) -> Numbers:
 
 def figure_10b(control: TwoSensorControl) -> Numbers:
     """The bus's path, and what is claimed of the three."""
-    return {**_path(control.sensors, 2), "claims": claims.figure_10_claims(control.sensors)}
+    return {**_path(control.sensors, 2), "claims": figure_10_claims(control.sensors)}
 
 
 def _path(sensors: MeasuredSensors, output: int) -> Numbers:
@@ -55,7 +58,7 @@ def figure_11(control: TwoSensorControl) -> Numbers:
         "open_loop": response_numbers(control.sensors.measured),
         "reach": designs,
         "payload": loop_numbers(control.payload),
-        "claims": claims.figure_11_claims(control),
+        "claims": figure_11_claims(control),
     }
 
 
@@ -78,5 +81,97 @@ def figure_12(control: TwoSensorControl) -> Numbers:
         "payload_deeper_db_7_to_9_hz": control.deeper_db,
         "payload_deeper_db_at_mode": control.deeper_at_mode_db,
         "mode_hz": control.mode_hz,
-        "claims": claims.figure_12_claims(control),
+        "claims": figure_12_claims(control),
     }
+
+
+WORSE = 2.0  # 6 dB
+ORDER_DB = -20.0
+PAIR_HZ = (8.0, 10.0)
+AT_PAIR = "{:g} to {:g}".format(*PAIR_HZ)
+SUSPENSION_HZ = 1.0  # below, the modes of the suspension, which ten states do not hold
+SPILLS_HZ = 15.0  # the modes from 17 Hz on, which twelve states do not hold
+
+
+def figure_10_claims(sensors: MeasuredSensors) -> list[Claim]:
+    """The bus needs zeros in the right half-plane where payload and encoder need none."""
+    low, high = sensors.fit_band_hz
+    words = [port.name for port in sensors.measured.outputs]
+    wrong = [
+        float(np.count_nonzero(z.is_nonminimum_phase & (z.frequency_hz >= low) & (z.frequency_hz <= high)))
+        for z in (sensor.zeros for sensor in sensors.sensors)
+    ]
+    bus = sensors.sensors[2]
+    ratio = None if bus.mirrored_error is None else bus.mirrored_error / float(sensors.fit.error[2])
+    late = float(np.max(np.abs(path_delay(sensors.fit.model) - sensors.delay_s)) * 1e3)
+    count = f"from {low:g} to {high:g} Hz; zeros or pairs"
+    refitted = "refitted with all zeros in the left half-plane, its error is"
+    return [
+        row(f"{words[2]}: non-minimum-phase zeros {count}", wrong[2] > 0.0, wrong[2], "\u2265 1"),
+        *(row(f"{words[k]}: none {count}", wrong[k] == 0.0, wrong[k], "= 0") for k in (0, 1)),
+        above(f"{words[2]}: {refitted} over {WORSE:g} times as large; ratio", ratio, WORSE, ""),
+        below("the fitted delays are the rig's within 0.2 ms; largest difference [ms]", late, 0.2, "ms"),
+    ]
+
+
+def figure_11_claims(control: TwoSensorControl) -> list[Claim]:
+    """Which orders fail and where, the limit with and without the lead, and the measured loop."""
+    bare, lead, loop = control.without_lead, control.with_lead, control.payload
+    moves = ", ".join(f"{r.percent:+g}" if r.percent else "0" for r in loop.on_rig)
+    without = f"{bare.states} states without lead become unstable near 9 Hz; at [Hz]"
+    moved = f"reaches 20 dB with the pair moved by {moves} %; least [dB]"
+    least = largest(rig.improvement_db for rig in loop.on_rig)
+    reduced = "the loop with the lead reduces the payload by over 20 dB, measured [dB]"
+    return [
+        *(_order(reach) for reach in control.smaller),
+        row(without, _at_pair(bare), bare.stopped_hz, AT_PAIR, "Hz"),
+        above("and do not reach 18 dB; at the last stable level [dB]", bare.predicted_db, -18.0),
+        at_most(f"with the lead the same design {moved}", lead.least_db, -20.0),
+        at_most(reduced, loop.measured_db, -20.0),
+        at_most(f"that loop, unchanged, still {moved}", least, -20.0),
+        *prediction_claims((loop,), "payload penalty"),
+    ]
+
+
+def _order(reach: Reach) -> Claim:
+    """The paper's observations with few states; from 16 states on the pair near 9 Hz is the limit."""
+    hz = reach.stopped_hz
+    if reach.states <= 10:
+        text, good = "is unstable at any authority, on the suspension below 1 Hz", _at_once(reach)
+        asked = f"< {SUSPENSION_HZ:g}"
+    elif reach.states <= 12:
+        text, good = "spills over into a mode outside its model", hz is not None and hz > SPILLS_HZ
+        asked = f"> {SPILLS_HZ:g}"
+    else:
+        text, good, asked = "is limited by the pair near 9 Hz", _at_pair(reach), AT_PAIR
+    return row(f"a design on {reach.states} states {text}; at [Hz]", good, hz, asked, "Hz")
+
+
+def _at_once(reach: Reach) -> bool:
+    return reach.log10_authority is None and reach.stopped_hz is not None and reach.stopped_hz < SUSPENSION_HZ
+
+
+def _at_pair(reach: Reach) -> bool:
+    return reach.stopped_hz is not None and PAIR_HZ[0] <= reach.stopped_hz <= PAIR_HZ[1]
+
+
+def figure_12_claims(control: TwoSensorControl) -> list[Claim]:
+    """The bus at 7-9 Hz, the payload above 10 Hz, and the paper's further order of magnitude."""
+    both = control.both
+    without, raised = control.above_without_bus_db, control.above_db[1]
+    more = None if without is None or raised is None else raised - without
+    band = "{:g}-{:g} Hz".format(*FLEXIBLE_HZ)
+    down = "with payload and bus penalised the payload is down by 20 dB, measured [dB]"
+    bus = f"the bus at {band} is lower than in open loop by at least 12 dB [dB]"
+    same = "and more than with no bus penalty and all else, authority and no lead, the same [dB]"
+    deeper = f"the payload at {band} falls by a further order of magnitude below the payload penalty's [dB]"
+    at_mode = f"at the mode near {control.mode_hz:.1f} Hz itself, between its half-power points, it does [dB]"
+    return [
+        at_most(down, both.measured_db, -20.0),
+        at_most(bus, control.bus_db[1], -12.0),
+        above(f"the payload above {ABOVE_HZ[0]:g} Hz is raised over the open loop [dB]", raised, 0.0),
+        above(same, more, 0.0),
+        at_most(deeper, control.deeper_db, ORDER_DB),
+        at_most(at_mode, control.deeper_at_mode_db, ORDER_DB),
+        *prediction_claims((both,), "payload and bus penalty"),
+    ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from middeck.study.chapter import Chapter, Drawing, Entry
-from middeck.study.chapters.zero_g_control import computation, numbers, sentences, tables
+from middeck.study.chapters.zero_g_control import computation, numbers, text
 from middeck.study.chapters.zero_g_control.figure_7 import figure_7a, figure_7b
 from middeck.study.shared import compare_environments
 
@@ -20,14 +20,14 @@ ZERO_G_CONTROL = Chapter(
         Entry(key="figure_7", numbers=numbers.figure_7, claims_at="figure-7a", warnings_at="figure-7b"),
     ),
     drawings=(
-        Drawing(key="figure-7a", title=TITLE_A, draw=figure_7a, sentence=sentences.figure_7a),
+        Drawing(key="figure-7a", title=TITLE_A, draw=figure_7a, sentence=text.figure_7a),
         Drawing(
             key="figure-7b",
             title=TITLE_B,
             draw=figure_7b,
-            sentence=sentences.figure_7b,
-            tables=tables.authority_tables,
+            sentence=text.figure_7b,
+            tables=text.authority_tables,
         ),
     ),
-    result=sentences.result,
+    result=text.result,
 )

@@ -40,19 +40,13 @@ SEARCH_LAST = 7.0  # log10 authority: beyond the plotted range
 class SubModelSweep:
     """One sub-model over authority.
 
-    Parameters
-    ----------
-    reference_db_lab_pd:
-        The lab metric under PD alone, over the orbit one.
-    first_instability:
-        In the lab, searched beyond the plotted range; None if there is none.
-    mode_frequency_hz, mode_kind:
-        Of the lab mode that leads it, in the lab without any control.
-    unstable_pairs, unstable_real:
-        Numbers of complex pairs and of real poles, which diverge, past the stability limit there.
-    quadrature_error:
-        Largest relative difference of the closed-form metric from adaptive quadrature, over the stable loops
-        of the first and the last level.
+    reference_db_lab_pd: The lab metric under PD alone, over the orbit one.
+    first_instability: In the lab, searched beyond the plotted range; None if there is none.
+    mode_frequency_hz, mode_kind: Of the lab mode that leads it, in the lab without any control.
+    unstable_pairs, unstable_real: Numbers of complex pairs and of real poles, which diverge, past the
+        stability limit there.
+    quadrature_error: Largest relative difference of the closed-form metric from adaptive quadrature, over the
+        stable loops of the first and the last level.
     """
 
     sweep: AuthoritySweep
@@ -192,29 +186,19 @@ def _sweep(
     ends = [close_loop(plant, design(10.0**level)) for level in levels[[0, -1]] for plant in pair.values()]
     error = max((_quadrature_error(loop, performance) for loop in ends if loop.stable), default=0.0)
     first = find_first_instability(design, pair["lab"], first=control.log10_authority_first, last=SEARCH_LAST)
-    if first is None:
-        return SubModelSweep(
-            sweep=sweep,
-            reference_db_lab_pd=over_orbit,
-            first_instability=None,
-            mode_frequency_hz=None,
-            mode_kind="",
-            unstable_pairs=0,
-            unstable_real=0,
-            quadrature_error=error,
-        )
-    mode = lab.name.index(first.mode_name)
-    loop = close_loop(pair["lab"], design(10.0**first.log10_authority))
-    growing = np.imag(loop.poles)[np.real(loop.poles) > GROWTH_LIMIT]
-    pairs, real = int(np.count_nonzero(growing > 0.0)), int(np.count_nonzero(growing == 0.0))
+    mode, growing = None, np.zeros(0)
+    if first is not None:
+        mode = lab.name.index(first.mode_name)
+        loop = close_loop(pair["lab"], design(10.0**first.log10_authority))
+        growing = np.imag(loop.poles)[np.real(loop.poles) > GROWTH_LIMIT]
     return SubModelSweep(
         sweep=sweep,
         reference_db_lab_pd=over_orbit,
         first_instability=first,
-        mode_frequency_hz=float(lab.frequency_hz[mode]),
-        mode_kind=lab.kind[mode],
-        unstable_pairs=pairs,
-        unstable_real=real,
+        mode_frequency_hz=None if mode is None else float(lab.frequency_hz[mode]),
+        mode_kind="" if mode is None else lab.kind[mode],
+        unstable_pairs=int(np.count_nonzero(growing > 0.0)),
+        unstable_real=int(np.count_nonzero(growing == 0.0)),
         quadrature_error=error,
     )
 

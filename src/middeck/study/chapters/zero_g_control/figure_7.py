@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from middeck.control.loop.authority import FirstInstability
-from middeck.plot.style import COLOUR, LABEL, new_figure, styled
+from middeck.plot.style import COLOUR, LABEL, new_figure, note, styled
 from middeck.study.chapters.zero_g_control.computation import ZeroGControl
 
 TARGET_DB = -40.0  # the paper's wish for the 0-g system
@@ -69,8 +69,7 @@ def draw_performance(axes: Axes, control: ZeroGControl, curves: tuple[Curve, ...
         )  # fmt: skip
     if any(curve.which == "all" for curve in curves):
         axes.axhline(TARGET_DB, color=COLOUR["ink"], linewidth=0.8, linestyle=":")
-        axes.annotate("0-g target: 40 dB", (control.log10_authority[0], TARGET_DB), (2, 3),
-                      textcoords="offset points", fontsize=7.5)  # fmt: skip
+        note(axes, "0-g target: 40 dB", (control.log10_authority[0], TARGET_DB), (2, 3))
     axes.margins(y=0.06)
     onsets = [(curve, first) for curve in curves if curve.environment == "lab"
               if (first := sweeps[curve.which].first_instability)]  # fmt: skip

@@ -1,10 +1,10 @@
-"""What Figures 3, 4 and 5 show."""
+"""Sentences and tables of Figures 3, 4 and 5."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from middeck.study.words import Line, Numbers, fixed
+from middeck.study.words import Line, Numbers, Table, fixed
 
 COUPLED = 0.1  # cross-orthogonality from which on two modes are said to mix
 PAIRED = 0.9  # and above which a flexible mode has kept its pair
@@ -16,9 +16,8 @@ def figure_3(figures: Numbers) -> str:
     load = sum(lab["reactions_n"].values())
     joint, torque = max(lab["holding_torque_nm"].items(), key=lambda item: abs(item[1]))
     return (
-        f"The article as it floats in 0-g and as it hangs in 1-g, where its cables carry {fixed(load, 1)}"
-        " N and"
-        f" the gimbal motor {joint} has to hold {fixed(torque, 2)} N m."
+        f"The article as it floats in 0-g and as it hangs in 1-g, where its cables carry {fixed(load, 1)} N"
+        f" and the gimbal motor {joint} has to hold {fixed(torque, 2)} N m."
     )
 
 
@@ -75,3 +74,50 @@ def result(figures: Numbers) -> Line:
         return Line("No flexible mode is among those compared.", "figure-4")
     low, high = (fixed(100.0 * (r - 1.0), 1) for r in (min(ratio), max(ratio)))
     return Line(f"Gravity and suspension shift the flexible modes by {low} to {high} %.", "figure-4")
+
+
+def rest_tables(figures: Numbers) -> list[Table]:
+    """What the cables carry and the motors hold in 1-g."""
+    lab = figures["figure_4"]["lab"]
+    return [
+        Table("Pinned reactions (1-g)", ("attach point", "reaction [N]"),
+              [[name, fixed(v, 2)] for name, v in lab["reactions_n"].items()]),
+        Table("Holding torques (1-g)", ("joint", "torque [N m]"),
+              [[name, fixed(v, 4)] for name, v in lab["holding_torque_nm"].items()]),
+        Table("Rotation of the nodes at rest (1-g)", ("node", "x [deg]", "y [deg]", "z [deg]"),
+              [[name, *(fixed(a, 4) for a in v)] for name, v in lab["node_rotation_deg"].items()]),
+    ]  # fmt: skip
+
+
+def mode_tables(figures: Numbers) -> list[Table]:
+    """All modes of both environments, flexible ones beside their pair."""
+    numbers = figures["figure_4"]
+    orbit, lab = numbers["orbit"], numbers["lab"]
+    ratio = {j: (i, r) for (i, j), r in zip(numbers["pairs"], numbers["ratio"], strict=True)}
+    partner = {j: i for j, (i, _) in ratio.items()}
+    unpaired = [i for i in range(len(orbit["name"])) if i not in partner.values()]
+    rest = iter(unpaired)
+    rows: list[list[str]] = []
+    for j, name in enumerate(lab["name"]):
+        i = partner[j] if j in partner else next(rest, None)
+        left = (
+            ["–", "–", "–"] if i is None else [str(i), orbit["name"][i], fixed(orbit["frequency_hz"][i], 4)]
+        )
+        quotient = fixed(ratio[j][1], 4) if j in ratio else "–"
+        rows.append([str(j), name, fixed(lab["frequency_hz"][j], 4), *left, quotient])
+    head = ("1-g", "mode in 1-g", "[Hz]", "0-g", "mode in 0-g", "[Hz]", "ratio")
+    return [Table("Frequencies; rigid-body and suspension modes are not paired", head, rows)]
+
+
+def orthogonality_tables(figures: Numbers) -> list[Table]:
+    """The pairs, and the rigid subspace."""
+    numbers, matrix, mac = figures["figure_4"], figures["figure_5"]["matrix"], figures["figure_5"]["mac"]
+    rows = [
+        [str(j), numbers["lab"]["name"][j], str(i), fixed(matrix[i][j], 4), fixed(mac[i][j], 4)]
+        for i, j in numbers["pairs"]
+    ]
+    angles = [[str(k + 1), fixed(a, 3)] for k, a in enumerate(numbers["subspace_angle_deg"])]
+    return [
+        Table("Pairs of flexible modes", ("1-g", "mode in 1-g", "0-g", "cross-orthogonality", "MAC"), rows),
+        Table("Angles between rigid-body and suspension subspace", ("angle", "[deg]"), angles),
+    ]

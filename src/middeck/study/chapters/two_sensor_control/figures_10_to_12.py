@@ -1,4 +1,4 @@
-"""Figures 10a and 10b: gimbal torque to encoder and bus angle, measured and fitted, with the zeros."""
+"""Figures 10 to 12: paths measured and fitted with their zeros, then loops under one and two penalties."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from middeck.plot.curves import bode_figure, decibels, draw_bode
-from middeck.plot.ports import port_words
-from middeck.plot.style import COLOUR, FITTED, styled
-from middeck.study.chapters.two_sensor_control.computation import TwoSensorControl
+from middeck.plot.ports import path_words, port_words
+from middeck.plot.style import COLOUR, FITTED, note, styled
+from middeck.study.chapters.two_sensor_control.computation import FLEXIBLE_HZ, TwoSensorControl
 from middeck.study.chapters.two_sensor_control.measured_sensors import MeasuredSensors
+from middeck.study.measured_loop.drawing import Look, begin_loops, draw_measured, draw_predicted, end_loops
 
 BELOW_DB = 9.0  # room under the curves for the zeros' marks
 
@@ -50,15 +51,40 @@ def _mark_zeros(axes: Axes, sensors: MeasuredSensors, output: int, floor_db: flo
             axes.plot(f, np.full(len(f), level), linestyle="none", marker=marker, label=label,
                       markerfacecolor=face, markeredgecolor=colour, zorder=order)  # fmt: skip
     for k in np.flatnonzero(inside & wrong):
-        kind = "pair" if zeros.is_pair[k] else "real"
-        axes.annotate(
-            f"{zeros.frequency_hz[k]:.2f} Hz, {kind}",
-            (float(zeros.frequency_hz[k]), level),
-            (0, -5),
-            textcoords="offset points",
-            ha="right" if zeros.frequency_hz[k] > 0.5 * band_hz[1] else "center",
-            va="top",
-            fontsize=8.0,
-            color=COLOUR["lab"],
-        )
+        hz, kind = float(zeros.frequency_hz[k]), "pair" if zeros.is_pair[k] else "real"
+        look = {"color": COLOUR["lab"], "ha": "right" if hz > 0.5 * band_hz[1] else "center", "va": "top"}
+        note(axes, f"{hz:.2f} Hz, {kind}", (hz, level), (0, -5), fontsize=8.0, **look)
     axes.set_ylim(bottom=level - 1.3 * BELOW_DB)
+
+
+PAYLOAD = Look("payload penalty, with lead", COLOUR["high"], (0, (6, 3)))
+ALONE = PAYLOAD._replace(who="payload penalty alone, with lead")
+BOTH = Look("payload and bus penalty", COLOUR["robust"], (0, (1, 2)))
+
+
+@styled
+def figure_11(control: TwoSensorControl) -> Figure:
+    """The open loop, and the closed one measured and predicted."""
+    measured = control.sensors.measured
+    title = f"{path_words(measured)}; dB: rms angle in the band over the open loop's"
+    figure, axes = begin_loops(measured, title)
+    draw_measured(axes, control.payload, PAYLOAD)
+    draw_predicted(axes, control.payload, PAYLOAD)
+    return end_loops(figure, axes)
+
+
+@styled
+def figure_12(control: TwoSensorControl, output: int) -> Figure:
+    """The payload or the bus; shaded where the bus's penalty is meant to act."""
+    measured = control.sensors.measured
+    torque, angle = measured.inputs[0].name, measured.outputs[output].name
+    title = f"{port_words(torque)} torque to {port_words(angle)} angle"
+    payload = output == 0
+    if payload:
+        title += "; dB: rms angle in the band over the open loop's"
+    figure, axes = begin_loops(measured, title, output=output)
+    axes.axvspan(*FLEXIBLE_HZ, color=COLOUR["shade"], linewidth=0.0, zorder=0)
+    draw_measured(axes, control.payload, ALONE, output=output, decibels=payload)
+    draw_measured(axes, control.both, BOTH, output=output, decibels=payload)
+    draw_predicted(axes, control.both, BOTH, output=output, decibels=payload)
+    return end_loops(figure, axes)
