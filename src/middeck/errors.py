@@ -23,16 +23,10 @@ from typing import Any
 class MiddeckError(Exception):
     """Base of all errors raised on purpose.
 
-    Parameters
-    ----------
-    what:
-        One sentence: what is wrong, with the offending value.
-    where:
-        File, line and key, or the name of the part of the model; empty if there is none.
-    hint:
-        What to try.
-    **data:
-        Whatever the caller may act on (residual history, last iterate, mode name); kept in ``.data``.
+    what: One sentence: what is wrong, with the offending value.
+    where: File, line and key, or the name of the part of the model; empty if there is none.
+    hint: What to try.
+    **data: Whatever the caller may act on (residual history, last iterate, mode name); kept in ``.data``.
     """
 
     exit_code = 1

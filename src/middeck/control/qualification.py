@@ -26,28 +26,20 @@ CONTINUOUS = "continuous"
 class Qualified:
     """Result of one plant under one form of a compensator.
 
-    Parameters
-    ----------
-    plant:
-        Its name.
-    setting:
-        ``"continuous"``, or the sampling rate, as ``"250 Hz"``.
-    stability:
-        By roots, delays exact; unstable is an outcome. None where ``unheld`` decides, or nothing could.
-    rms, control_rms:
-        (E[z' W^2 z])^1/2 and (E[u' R u])^1/2 under process and sensor noise, delays exact
-        (`measure_noise_rms`), of a sampled loop between the samples too; ``inf`` where unstable, and where a
-        direct term passes on white sensor noise.
-    db:
-        20 log10 of ``rms`` over that without control; ``inf`` where unstable, ``-inf`` where without control
-        there is no rms (a mode that does not decay), NaN never: ``inf`` where neither has one.
-    loops:
-        Margins of each loop, broken at the plant's inputs; empty for an unstable loop.
-    unheld:
-        Modes that do not decay and are uncontrollable or unobservable at these ports: the loop is then not
-        stable, whether rounding puts their poles left or right of the axis.
-    undecided:
-        Reason why stability could not be decided; empty where it was.
+    Attributes:
+        plant: Its name.
+        setting: ``"continuous"``, or the sampling rate, as ``"250 Hz"``.
+        stability: By roots, delays exact; unstable is an outcome. None where ``unheld`` decides, or nothing
+            could.
+        rms, control_rms: (E[z' W^2 z])^1/2 and (E[u' R u])^1/2 under process and sensor noise, delays exact
+            (`measure_noise_rms`), of a sampled loop between the samples too; ``inf`` where unstable, and
+            where a direct term passes on white sensor noise.
+        db: 20 log10 of ``rms`` over that without control; ``inf`` where unstable, ``-inf`` where without
+            control there is no rms (a mode that does not decay), NaN never: ``inf`` where neither has one.
+        loops: Margins of each loop, broken at the plant's inputs; empty for an unstable loop.
+        unheld: Modes that do not decay and are uncontrollable or unobservable at these ports: the loop is
+            then not stable, whether rounding puts their poles left or right of the axis.
+        undecided: Reason why stability could not be decided; empty where it was.
     """
 
     plant: str

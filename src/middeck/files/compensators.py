@@ -25,8 +25,9 @@ AGAIN = "write the compensator again"
 class StoredCompensator(Compensator):
     """A compensator as stored in a file.
 
-    authority, cost: 1/rho, and what was minimised; None if unknown.
-    inert: Modes left out of the design because no port reaches or sees them.
+    Attributes:
+        authority, cost: 1/rho, and what was minimised; None if unknown.
+        inert: Modes left out of the design because no port reaches or sees them.
     """
 
     authority: float | None = None

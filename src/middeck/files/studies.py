@@ -49,13 +49,14 @@ class Case:
 class Study:
     """All that a study needs, read and checked.
 
-    cases: Every article in every environment; see `case`.
-    control, figure_6, siso, sito, mirror: The tables of the study file: attributes are its keys, units in
-        their endings.
-    rig, loop_test: The simulated rig, and the experiments on it with the motor of ``siso``.
-    train_file, test_file: Paths of the mirror's records.
-    inputs: Name (from the study's folder) and SHA-256 of every file that was read or is to be read.
-    overrides: What ``--set`` has changed.
+    Attributes:
+        cases: Every article in every environment; see `case`.
+        control, figure_6, siso, sito, mirror: The tables of the study file: attributes are its keys, units in
+            their endings.
+        rig, loop_test: The simulated rig, and the experiments on it with the motor of ``siso``.
+        train_file, test_file: Paths of the mirror's records.
+        inputs: Name (from the study's folder) and SHA-256 of every file that was read or is to be read.
+        overrides: What ``--set`` has changed.
     """
 
     title: str

@@ -21,15 +21,11 @@ from middeck.values import record
 class Deadband:
     """A gap between two elastic flanks, with a constant torque that presses on one of them.
 
-    Parameters
-    ----------
-    gap:
-        Half the free play [rad]: to either side of the middle.
-    stiffness:
-        Of each flank [N m/rad].
-    preload:
-        Constant torque [N m] that the flank carries at rest, e.g. of a weight; zero rests in the middle.
-        It is a dead load: it does not change with the angle.
+    Attributes:
+        gap: Half the free play [rad]: to either side of the middle.
+        stiffness: Of each flank [N m/rad].
+        preload: Constant torque [N m] that the flank carries at rest, e.g. of a weight; zero rests in the
+            middle. It is a dead load: it does not change with the angle.
 
     The angle counts from rest and the torque beyond ``preload``, so that both are zero there. No state.
     Raises `ConfigError` for a gap below zero, or a stiffness that is not positive and finite.

@@ -21,14 +21,10 @@ from middeck.values import record
 class Friction:
     """A bearing with Coulomb friction, presliding stiffness and viscous drag.
 
-    Parameters
-    ----------
-    slip_torque:
-        Torque T_c [N m] at which it slips; of a slide or a cable's device the force [N].
-    stiffness:
-        Presliding stiffness k_s [N m/rad] while it sticks; [N/m] along a travel.
-    viscous:
-        Viscous damping [N m s/rad] beside it; [N s/m] along a travel.
+    Attributes:
+        slip_torque: Torque T_c [N m] at which it slips; of a slide or a cable's device the force [N].
+        stiffness: Presliding stiffness k_s [N m/rad] while it sticks; [N/m] along a travel.
+        viscous: Viscous damping [N m s/rad] beside it; [N s/m] along a travel.
 
     The same law serves what turns and what travels: read m, N, N/m for rad, N m, N m/rad throughout. The
     state of its time-domain law is the angle [rad] at which the slider stands. Raises `ConfigError` for a

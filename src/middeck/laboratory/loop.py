@@ -40,22 +40,16 @@ class RigView:
 class RigLoop:
     """One law on one bench.
 
-    Parameters
-    ----------
-    percent:
-        Shift of the pair of modes.
-    stable:
-        By the eigenvalues of the sampled loop.
-    growth_hz, growth_rad_s:
-        Frequency and real part of the pole that grows fastest or decays slowest.
-    improvement_db:
-        20 log10 of the closed-loop rms of the first output in the band over the open-loop one on the same
-        bench; None for an unstable loop, as are the margins.
-    gain_margin_db, phase_margin_deg:
-        The least change of the loop's gain, up or down, and the least turn of its phase, either way, that
-        bring a pole to the axis, at rest and at half the sampling rate too; None where none does.
-    gain_margin_hz, phase_margin_hz:
-        Where.
+    Attributes:
+        percent: Shift of the pair of modes.
+        stable: By the eigenvalues of the sampled loop.
+        growth_hz, growth_rad_s: Frequency and real part of the pole that grows fastest or decays slowest.
+        improvement_db: 20 log10 of the closed-loop rms of the first output in the band over the open-loop one
+            on the same bench; None for an unstable loop, as are the margins.
+        gain_margin_db, phase_margin_deg: The least change of the loop's gain, up or down, and the least turn
+            of its phase, either way, that bring a pole to the axis, at rest and at half the sampling rate
+            too; None where none does.
+        gain_margin_hz, phase_margin_hz: Where.
     """
 
     percent: float

@@ -32,16 +32,11 @@ square of that, a hundred-thousandth of the half-width of a mode of 1 % damping.
 class Ageing:
     """How the plant of a rig drifts from where it is switched on.
 
-    Parameters
-    ----------
-    plant:
-        The plant as new.
-    drifts, age_s:
-        What moves its modes, and how old it is when it is switched on.
-    wiring:
-        What stands between it and the computer.
-    ticks, pieces:
-        Ticks for which it is held, and how many such pieces lie between two knots.
+    Attributes:
+        plant: The plant as new.
+        drifts, age_s: What moves its modes, and how old it is when it is switched on.
+        wiring: What stands between it and the computer.
+        ticks, pieces: Ticks for which it is held, and how many such pieces lie between two knots.
     """
 
     plant: Plant

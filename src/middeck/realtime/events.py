@@ -20,16 +20,12 @@ FULL = 1.0 - 1e-9  # share of a limit from which it counts as reached, for round
 class RunEvents:
     """Shares of the ticks in which a limit was reached, settling included.
 
-    Parameters
-    ----------
-    saturated, slewed, rotor_full:
-        Each input at its torque limit, at its slew limit, with its rotor at full speed.
-    clipped:
-        Each output at the end of its converter's range.
-    peak_speed_rad_s:
-        Largest rotor speed of each input; zero without a rotor.
-    stopped_s:
-        When the run was stopped, from its beginning; None where it was not.
+    Attributes:
+        saturated, slewed, rotor_full: Each input at its torque limit, at its slew limit, with its rotor at
+            full speed.
+        clipped: Each output at the end of its converter's range.
+        peak_speed_rad_s: Largest rotor speed of each input; zero without a rotor.
+        stopped_s: When the run was stopped, from its beginning; None where it was not.
     """
 
     saturated: Float[np.ndarray, " input"]

@@ -31,24 +31,18 @@ Hold = Callable[[float], tuple[np.ndarray, np.ndarray]]
 class HybridPlant:
     """One tick of the continuous part, in internal steps.
 
-    Parameters
-    ----------
-    step:
-        States after each internal step; below them the angles of the joints there, their torques left out.
-    drive:
-        What two commands in a row add to that: the one issued ``late`` + 1 ticks ago, then the next.
-    push:
-        States after a step of a unit torque held at each joint.
-    answer:
-        What samples taken in a step answer at once: to the joints' torques at its beginning, then at its end.
-    angle:
-        Angle of each joint per state.
-    read:
-        What is sampled at a tick, per state.
-    late:
-        Ticks before the later of the two commands begins to act, at the tick's end at the latest.
-    noise:
-        White normal numbers to what they add at a tick: to the filters' states, and to samples that wait.
+    Attributes:
+        step: States after each internal step; below them the angles of the joints there, their torques left
+            out.
+        drive: What two commands in a row add to that: the one issued ``late`` + 1 ticks ago, then the next.
+        push: States after a step of a unit torque held at each joint.
+        answer: What samples taken in a step answer at once: to the joints' torques at its beginning, then at
+            its end.
+        angle: Angle of each joint per state.
+        read: What is sampled at a tick, per state.
+        late: Ticks before the later of the two commands begins to act, at the tick's end at the latest.
+        noise: White normal numbers to what they add at a tick: to the filters' states, and to samples that
+            wait.
     """
 
     step: Float[np.ndarray, "internal row state"]
@@ -65,18 +59,12 @@ class HybridPlant:
 class Wiring:
     """What stands between a computer and a plant, and when.
 
-    Parameters
-    ----------
-    inputs, sensors:
-        The plant's inputs that motors drive, and its outputs with what reads each.
-    joints:
-        Friction and gaps.
-    period_s, steps:
-        A tick, and internal steps in it.
-    command_delay_s:
-        Delay of the commands.
-    wait_s:
-        How long ago each sample was taken.
+    Attributes:
+        inputs, sensors: The plant's inputs that motors drive, and its outputs with what reads each.
+        joints: Friction and gaps.
+        period_s, steps: A tick, and internal steps in it.
+        command_delay_s: Delay of the commands.
+        wait_s: How long ago each sample was taken.
     """
 
     inputs: tuple[str, ...]

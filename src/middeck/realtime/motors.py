@@ -46,18 +46,12 @@ class Rotor:
 class Motor:
     """What stands between a torque command and the torque [N m] (a force [N] where the input is one).
 
-    Parameters
-    ----------
-    torque_limit:
-        Most that the motor gives, to either side.
-    holding:
-        Constant part of it that gravity takes; commands count from there.
-    slew_limit:
-        Most that the torque changes in a second [N m/s].
-    resolution:
-        One step of its converter [N m]; zero for none.
-    rotor:
-        Of a wheel; None for a motor between two bodies.
+    Attributes:
+        torque_limit: Most that the motor gives, to either side.
+        holding: Constant part of it that gravity takes; commands count from there.
+        slew_limit: Most that the torque changes in a second [N m/s].
+        resolution: One step of its converter [N m]; zero for none.
+        rotor: Of a wheel; None for a motor between two bodies.
 
     Raises `ConfigError` for limits that are not positive, or a holding torque beyond the limit.
     """

@@ -78,28 +78,22 @@ def build_rig(
 ) -> Rig:
     """The rig of ``plant``, commanded at ``motors`` and read by ``sensors``: its ports are in their order.
 
-    Parameters
-    ----------
-    delay_s:
-        From torque command to sampled output, for every sensor: half a sample of hold and the low-frequency
-        lag of its filters are in it, the rest is true delay. A sample without a filter waits for the slowest.
-    motors, sensors:
-        By the name of the plant's input, and of its output: an angle, of which a gyro reads the rate. All
-        inputs with motors without limits, and all outputs sampled without noise, if they are left out.
-    joints:
-        Friction and gaps, at any joint of the plant; those need not be commanded.
-    steps:
-        Internal steps h in a tick. They lower the frequency w of a mode that the joints' elements alone would
-        hold by (w h)^2/12 of itself; without elements the rig is exact.
-    drifts, age_s:
-        Modes that drift while it runs, and how old the plant is whenever it is switched on; ``plant`` is as
-        new.
+    Args:
+        delay_s: From torque command to sampled output, for every sensor: half a sample of hold and the
+            low-frequency lag of its filters are in it, the rest is true delay. A sample without a filter
+            waits for the slowest.
+        motors, sensors: By the name of the plant's input, and of its output: an angle, of which a gyro reads
+            the rate. All inputs with motors without limits, and all outputs sampled without noise, if they
+            are left out.
+        joints: Friction and gaps, at any joint of the plant; those need not be commanded.
+        steps: Internal steps h in a tick. They lower the frequency w of a mode that the joints' elements
+            alone would hold by (w h)^2/12 of itself; without elements the rig is exact.
+        drifts, age_s: Modes that drift while it runs, and how old the plant is whenever it is switched on;
+            ``plant`` is as new.
 
-    Raises
-    ------
-    ConfigError
-        If the filters alone take more than ``delay_s``; for unknown ports, a joint twice, no step, or an
-        output that answers a command within the sample that the command answers; for drifts as `age_plant`.
+    Raises `ConfigError` if the filters alone take more than ``delay_s``; for unknown ports, a joint twice, no
+    step, or an output that answers a command within the sample that the command answers; for drifts as
+    `age_plant`.
     """
     if steps < 1:
         raise ConfigError(f"{steps} internal steps in a tick", hint="one or more")

@@ -16,22 +16,15 @@ from middeck.values import record
 class RigState:
     """Where a simulation stands.
 
-    Parameters
-    ----------
-    x, computer:
-        States of the continuous part and of the computer: the gyros' sums, then the compensator's.
-    issued:
-        Torques issued in the last ticks, the latest last.
-    momentum:
-        Of each rotor, in units of a torque over one tick; minus what it has given.
-    joints:
-        State of every joint element in order.
-    bias:
-        Error of each reading now.
-    trim:
-        What the computer takes for it and subtracts.
-    tick:
-        Ticks since it was switched on.
+    Attributes:
+        x, computer: States of the continuous part and of the computer: the gyros' sums, then the
+            compensator's.
+        issued: Torques issued in the last ticks, the latest last.
+        momentum: Of each rotor, in units of a torque over one tick; minus what it has given.
+        joints: State of every joint element in order.
+        bias: Error of each reading now.
+        trim: What the computer takes for it and subtracts.
+        tick: Ticks since it was switched on.
     """
 
     x: Float[np.ndarray, " state"]

@@ -34,20 +34,15 @@ LOOK_BACK_S = 4.0  # of a stopped run, to find what was growing
 class Run:
     """Result of an experiment in open or closed loop.
 
-    Parameters
-    ----------
-    record:
-        The excitation (not the whole torque) and the measured outputs; None for a run without a good end.
-    control:
-        What the compensator added, in the same samples; None likewise, as is ``torque``.
-    cause:
-        Why there is no record: which mode diverges, or which output passed its stop; empty for a good run.
-    torque:
-        What the motors gave for compensator and excitation together.
-    events:
-        Which limits were reached how often; None where nothing was run.
-    partial:
-        What was taken until the run was stopped, if it was, settling included.
+    Attributes:
+        record: The excitation (not the whole torque) and the measured outputs; None for a run without a good
+            end.
+        control: What the compensator added, in the same samples; None likewise, as is ``torque``.
+        cause: Why there is no record: which mode diverges, or which output passed its stop; empty for a good
+            run.
+        torque: What the motors gave for compensator and excitation together.
+        events: Which limits were reached how often; None where nothing was run.
+        partial: What was taken until the run was stopped, if it was, settling included.
     """
 
     record: Record | None = None

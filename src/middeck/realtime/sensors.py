@@ -39,23 +39,15 @@ class Encoder:
 class Gyro:
     """A rate gyro behind an anti-alias filter, whose samples the computer adds up to an angle.
 
-    Parameters
-    ----------
-    bandwidth_hz:
-        Corner frequency of its first-order lag; infinite for none.
-    noise:
-        Root of its two-sided intensity [rad/s/sqrt(Hz)], white, behind the lag and before the filter.
-    bias:
-        Standard deviation [rad/s] of the constant error that is drawn when it is switched on.
-    bias_walk:
-        Intensity of the random walk of this error [rad/s/sqrt(s)].
-    anti_alias_hz:
-        Corner frequency of a Butterworth filter of second order before the converter; infinite for none, and
-        the noise is then taken in the band of the samples.
-    resolution, range:
-        One step of the converter [rad/s] (zero for none), and its largest rate.
-    gain:
-        Reading per true rad/s.
+    Attributes:
+        bandwidth_hz: Corner frequency of its first-order lag; infinite for none.
+        noise: Root of its two-sided intensity [rad/s/sqrt(Hz)], white, behind the lag and before the filter.
+        bias: Standard deviation [rad/s] of the constant error that is drawn when it is switched on.
+        bias_walk: Intensity of the random walk of this error [rad/s/sqrt(s)].
+        anti_alias_hz: Corner frequency of a Butterworth filter of second order before the converter; infinite
+            for none, and the noise is then taken in the band of the samples.
+        resolution, range: One step of the converter [rad/s] (zero for none), and its largest rate.
+        gain: Reading per true rad/s.
 
     Raises `ConfigError` for a value out of its range.
     """

@@ -16,22 +16,15 @@ MOST_RUNS = 100
 class Fault:
     """One thing wrong with one channel of a record.
 
-    Parameters
-    ----------
-    kind:
-        In one word: gap, dead, clipping, dropout, spike, offset, drift, quantisation, transient, repeat,
-        sign, delay, duplicate, held, gain, swap, shift, joint, feedback, truncated.
-    severity:
-        ``unusable``: no estimate can be had from the channel; ``serious``: estimates are wrong or much worse;
-        ``note``: worth knowing.
-    side, channel:
-        Which of the record's ports.
-    experiment:
-        Counted from zero; None where all are meant.
-    samples:
-        Runs (first, last + 1), counted through the periods of the experiment; the first hundred.
-    what, hint:
-        For people: what was found with its figures, and what to try.
+    Attributes:
+        kind: In one word: gap, dead, clipping, dropout, spike, offset, drift, quantisation, transient,
+            repeat, sign, delay, duplicate, held, gain, swap, shift, joint, feedback, truncated.
+        severity: ``unusable``: no estimate can be had from the channel; ``serious``: estimates are wrong or
+            much worse; ``note``: worth knowing.
+        side, channel: Which of the record's ports.
+        experiment: Counted from zero; None where all are meant.
+        samples: Runs (first, last + 1), counted through the periods of the experiment; the first hundred.
+        what, hint: For people: what was found with its figures, and what to try.
     """
 
     kind: str

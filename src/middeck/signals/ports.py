@@ -15,18 +15,14 @@ Role = Literal["", "sensor", "actuator"]
 class Channel:
     """The transducer behind a port, as far as it is known; empty texts and None stand for unknown.
 
-    Parameters
-    ----------
-    node, direction:
-        Where it sits and which way it is positive, e.g. ``"12"`` and ``"+z"``; a turn about z is ``"+rz"``.
-    role:
-        ``"sensor"`` or ``"actuator"``: an input may be a command to an actuator or the reading of a force
-        cell.
-    gain, raw_unit:
-        Units of the port per unit of the raw signal, e.g. 9.81 m/s^2 per ``"V"``. Samples of a record are
-        calibrated already: they are not multiplied by it.
-    calibrated:
-        Date of the calibration, as ``"2026-01-31"``.
+    Attributes:
+        node, direction: Where it sits and which way it is positive, e.g. ``"12"`` and ``"+z"``; a turn about
+            z is ``"+rz"``.
+        role: ``"sensor"`` or ``"actuator"``: an input may be a command to an actuator or the reading of a
+            force cell.
+        gain, raw_unit: Units of the port per unit of the raw signal, e.g. 9.81 m/s^2 per ``"V"``. Samples of
+            a record are calibrated already: they are not multiplied by it.
+        calibrated: Date of the calibration, as ``"2026-01-31"``.
     """
 
     node: str = ""
@@ -41,14 +37,10 @@ class Channel:
 class Port:
     """One scalar input or output of a system.
 
-    Parameters
-    ----------
-    name:
-        Unique among the ports on its side, e.g. ``"pri_rel_z"``; a rate carries the suffix ``_rate``.
-    unit:
-        SI unit in words, e.g. ``"N m"``, ``"rad"``, ``"rad/s"``, ``"V"``.
-    channel:
-        The transducer that measured it; None for a port of a computed system.
+    Attributes:
+        name: Unique among the ports on its side, e.g. ``"pri_rel_z"``; a rate carries the suffix ``_rate``.
+        unit: SI unit in words, e.g. ``"N m"``, ``"rad"``, ``"rad/s"``, ``"V"``.
+        channel: The transducer that measured it; None for a port of a computed system.
     """
 
     name: str

@@ -18,17 +18,13 @@ Samples = Float[np.ndarray, "sample channel"]
 class Record:
     """Sampled inputs and outputs.
 
-    Parameters
-    ----------
-    sample_hz:
-        Sampling rate, common to all channels.
-    u, y:
-        Input and output samples. Several experiments share the test article, not the signals. With
-        ``periodic`` true, the samples of an experiment are whole steady periods of one repeated input;
-        otherwise there is one period, the record itself.
-    held:
-        Whether each input was held from its sample to the next, as a computer commands it; False: measured
-        behind the same filters as the outputs; None where that is not known.
+    Attributes:
+        sample_hz: Sampling rate, common to all channels.
+        u, y: Input and output samples. Several experiments share the test article, not the signals. With
+            ``periodic`` true, the samples of an experiment are whole steady periods of one repeated input;
+            otherwise there is one period, the record itself.
+        held: Whether each input was held from its sample to the next, as a computer commands it; False:
+            measured behind the same filters as the outputs; None where that is not known.
     """
 
     sample_hz: float
@@ -70,21 +66,14 @@ class Campaign:
 class RecordStream:
     """A record read piece by piece, so that it may be longer than memory.
 
-    Parameters
-    ----------
-    sample_hz, inputs, outputs:
-        As of a `Record`.
-    samples:
-        Samples in each experiment, all its periods together.
-    experiments:
-        How many there are.
-    period:
-        Samples of a period if the samples are whole steady periods, otherwise None.
-    pieces:
-        ``pieces(experiment, size)`` reads u[sample, input] and y[sample, output] from the start, at most
-        ``size`` samples at a time.
-    held:
-        As of a `Record`.
+    Attributes:
+        sample_hz, inputs, outputs: As of a `Record`.
+        samples: Samples in each experiment, all its periods together.
+        experiments: How many there are.
+        period: Samples of a period if the samples are whole steady periods, otherwise None.
+        pieces: ``pieces(experiment, size)`` reads u[sample, input] and y[sample, output] from the start, at
+            most ``size`` samples at a time.
+        held: As of a `Record`.
     """
 
     sample_hz: float

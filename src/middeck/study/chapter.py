@@ -62,13 +62,15 @@ class Drawing(Generic[T]):
 class Chapter(Generic[T]):
     """One stage of the study, and all that the report shows of its outcome.
 
-    name, share: As progress is told, and the part of the whole time, measured, for the estimate of what
-        remains.
-    stream: Which stream of the study's seed it draws from; its own, so that it depends on no other chapter.
-    needs, compute: ``compute(study, rng, *values)`` with a value of the study from each of ``needs``; values
-        that several chapters need are computed once.
-    result, shortfalls: Of the summary: the line of what came out, and those of what does not hold beside
-        claims and warnings.
+    Attributes:
+        name, share: As progress is told, and the part of the whole time, measured, for the estimate of what
+            remains.
+        stream: Which stream of the study's seed it draws from; its own, so that it depends on no other
+            chapter.
+        needs, compute: ``compute(study, rng, *values)`` with a value of the study from each of ``needs``;
+            values that several chapters need are computed once.
+        result, shortfalls: Of the summary: the line of what came out, and those of what does not hold beside
+            claims and warnings.
     """
 
     name: str

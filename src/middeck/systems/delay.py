@@ -18,17 +18,12 @@ def pade(delay_s: float, order: int) -> StateSpace:
     entries 1/sqrt(4 k^2 - 1), damped in its first state. Its inverse is the A used here: no polynomial, no
     root, and a condition number below the square of the order (the companion form: 1e19 at order 6).
 
-    Parameters
-    ----------
-    delay_s:
-        Delay tau [s], zero or more; a delay of zero has no states.
-    order:
-        Number of states, one or more.
+    Args:
+        delay_s: Delay tau [s], zero or more; a delay of zero has no states.
+        order: Number of states, one or more.
 
     Raises `ConfigError` for a negative or non-finite delay, or an order below one.
 
-    Examples
-    --------
     >>> from middeck.systems.response import statespace_response
     >>> G = statespace_response(pade(0.01, 3), np.array([100.0]))[0, 0, 0]
     >>> bool(abs(G - np.exp(-1j)) < 1e-5)   # one radian of phase; Pade 3 errs by tau^7 omega^7 / 100800

@@ -33,18 +33,12 @@ RANK = 1e-10
 class PartedSystem:
     """C (s I - A)^-1 B + D as the sum of R_k / s^k, k = 1, 2, ..., and of a part without pole at the origin.
 
-    Parameters
-    ----------
-    residues:
-        R_1, R_2, ..., as many as the longest chain of integrators.
-    still:
-        The integrators as a system: C_s (s I - A_s)^-1 B_s is the sum of R_k / s^k.
-    states:
-        Orthonormal basis of the integrating states.
-    leading:
-        For each state of ``moving``, the system's state with the largest part in it.
-    moving:
-        The rest of the system, its direct term included; no pole at the origin.
+    Attributes:
+        residues: R_1, R_2, ..., as many as the longest chain of integrators.
+        still: The integrators as a system: C_s (s I - A_s)^-1 B_s is the sum of R_k / s^k.
+        states: Orthonormal basis of the integrating states.
+        leading: For each state of ``moving``, the system's state with the largest part in it.
+        moving: The rest of the system, its direct term included; no pole at the origin.
     """
 
     residues: Float[np.ndarray, "chain output input"]

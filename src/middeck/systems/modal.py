@@ -22,21 +22,14 @@ from middeck.values import record
 class ModalSystem:
     """A sum of modes: y = phi q + phi_rate q' + phi_acceleration q'' + direct u.
 
-    Parameters
-    ----------
-    omega, zeta:
-        Angular frequency [rad/s], zero for a rigid mode, and damping ratio of each mode.
-    psi:
-        Modal input matrix: generalised force per unit input.
-    phi, phi_rate:
-        Output per unit modal coordinate, and per unit modal rate.
-    names:
-        Name of each mode.
-    phi_acceleration:
-        Output per unit modal acceleration; None where no output reads one. Kept apart from ``phi`` so that a
-        mode taken out takes its part of the direct term along.
-    direct:
-        Output per unit input that goes through no mode; None for nothing.
+    Attributes:
+        omega, zeta: Angular frequency [rad/s], zero for a rigid mode, and damping ratio of each mode.
+        psi: Modal input matrix: generalised force per unit input.
+        phi, phi_rate: Output per unit modal coordinate, and per unit modal rate.
+        names: Name of each mode.
+        phi_acceleration: Output per unit modal acceleration; None where no output reads one. Kept apart from
+            ``phi`` so that a mode taken out takes its part of the direct term along.
+        direct: Output per unit input that goes through no mode; None for nothing.
     """
 
     omega: Float[np.ndarray, " mode"]

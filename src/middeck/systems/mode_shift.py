@@ -94,12 +94,9 @@ def _shift_blocks(
 class ModeCoordinates:
     """Coordinates q and q' of the two states of a mode, with q'' + 2 zeta omega q' + omega^2 q = force.
 
-    Parameters
-    ----------
-    push:
-        Change of the two states' rates by a unit force.
-    position, rate:
-        Rows that read q and q': position @ push = 0, rate @ push = 1.
+    Attributes:
+        push: Change of the two states' rates by a unit force.
+        position, rate: Rows that read q and q': position @ push = 0, rate @ push = 1.
     """
 
     push: Float[np.ndarray, " 2"]

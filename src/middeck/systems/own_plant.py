@@ -34,25 +34,17 @@ def make_plant(
 ) -> Plant:
     """The plant x' = A x + B u, y = C x + D u with named ports.
 
-    Parameters
-    ----------
-    D:
-        Zero if None.
-    inputs, outputs:
-        One for each column of B and row of C: a `Port`, or a name with its unit as ``"torque [N m]"``; u1, u2
-        ... and y1, y2 ... if left out.
-    w, u, z, y, state_names:
-        As in `Plant`.
-    delay_s:
-        Delay [s] of all paths, or of each.
-    period_s:
-        Of a sampled plant x[k+1] = A x[k] + B u[k]; None for a continuous one.
+    Args:
+        D: Zero if None.
+        inputs, outputs: One for each column of B and row of C: a `Port`, or a name with its unit as ``"torque
+            [N m]"``; u1, u2 ... and y1, y2 ... if left out.
+        w, u, z, y, state_names: As in `Plant`.
+        delay_s: Delay [s] of all paths, or of each.
+        period_s: Of a sampled plant x[k+1] = A x[k] + B u[k]; None for a continuous one.
 
     Raises `ConfigError` for matrices, names, groups or delays that do not fit, numbers that are not finite,
     and a period that is not positive.
 
-    Examples
-    --------
     >>> A, B, C = [[0, 1], [0, 0]], [[0], [2]], [[1, 0]]
     >>> body = make_plant(A, B, C, inputs=["torque [N m]"], outputs=["angle [rad]"])
     >>> body.inputs[0].unit, body.system.D.tolist()

@@ -25,22 +25,16 @@ def _none() -> np.ndarray:
 class Plant:
     """A linear time-invariant model between named inputs and outputs, continuous or sampled.
 
-    Parameters
-    ----------
-    dynamics:
-        Modal form where the model has one (from a structure), otherwise a state space; a sampled one has its
-        period.
-    inputs, outputs:
-        Ports in the order of the columns and rows.
-    w, u:
-        Names of the inputs that disturb and of those that control.
-    z, y:
-        Names of the outputs to be kept small and of those fed back. A port may be in several groups.
-    state_names:
-        Mode or part of each state (a mode's two states carry its name); empty if unknown or in modal form.
-    delay_s:
-        Delay [s] of each path, exact and beside the states; all zero if it is left out. The delays of a
-        sampled plant are among its states.
+    Attributes:
+        dynamics: Modal form where the model has one (from a structure), otherwise a state space; a sampled
+            one has its period.
+        inputs, outputs: Ports in the order of the columns and rows.
+        w, u: Names of the inputs that disturb and of those that control.
+        z, y: Names of the outputs to be kept small and of those fed back. A port may be in several groups.
+        state_names: Mode or part of each state (a mode's two states carry its name); empty if unknown or in
+            modal form.
+        delay_s: Delay [s] of each path, exact and beside the states; all zero if it is left out. The delays
+            of a sampled plant are among its states.
 
     Raises `ConfigError` for ports or state names that do not fit the dynamics, groups of unknown ports, and
     delays of another shape, negative, not finite, or of a sampled plant.

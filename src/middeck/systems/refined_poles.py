@@ -32,12 +32,10 @@ BITS, EXACT_STATES = 22, 512
 class PoleForm:
     """C (p I - A)^-1 B = C_poles (p I - diag(values))^-1 B_poles.
 
-    Parameters
-    ----------
-    values, B, C:
-        Poles, and input and output in the coordinates of the eigenvectors.
-    upper, single:
-        Masks of the poles that represent a conjugate pair, and of real ones; the others are conjugates.
+    Attributes:
+        values, B, C: Poles, and input and output in the coordinates of the eigenvectors.
+        upper, single: Masks of the poles that represent a conjugate pair, and of real ones; the others are
+            conjugates.
     """
 
     values: Complex[np.ndarray, " pole"]

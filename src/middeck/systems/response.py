@@ -17,13 +17,10 @@ from middeck.values import record
 class ResponseCovariance:
     """Covariance of all entries of an estimated response on each line: E[dH_oi conj(dH_pj)] = C_op R_ij.
 
-    Parameters
-    ----------
-    outputs:
-        C, the covariance of what the outputs have beyond response to the inputs; noise of measured inputs is
-        in it, through the response (Pintelon and Schoukens 2012, ch. 9: errors in variables).
-    inverse_power:
-        R, the inverse of the inputs' power over all experiments.
+    Attributes:
+        outputs: C, the covariance of what the outputs have beyond response to the inputs; noise of measured
+            inputs is in it, through the response (Pintelon and Schoukens 2012, ch. 9: errors in variables).
+        inverse_power: R, the inverse of the inputs' power over all experiments.
     """
 
     outputs: Complex[np.ndarray, "line output output"]

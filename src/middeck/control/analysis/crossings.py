@@ -24,14 +24,10 @@ Ratio = Callable[[np.ndarray], np.ndarray]
 class Crossings:
     """Where one quantity of L changes sign, channel by channel.
 
-    Parameters
-    ----------
-    omega:
-        Angular frequency [rad/s].
-    channel:
-        Position of the channel.
-    L:
-        The ratio there.
+    Attributes:
+        omega: Angular frequency [rad/s].
+        channel: Position of the channel.
+        L: The ratio there.
     """
 
     omega: Float[np.ndarray, " crossing"]

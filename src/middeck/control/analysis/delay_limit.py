@@ -42,18 +42,13 @@ PRECISION = 1e-10
 class UnitGain:
     """Frequencies of unit gain of a loop delayed by part of a period.
 
-    Parameters
-    ----------
-    growing:
-        Number of unstable roots without further delay.
-    angle:
-        w T of each frequency of unit gain, ascending.
-    lag:
-        Phase lag there that turns L to the critical point, from 0 to 2 pi.
-    falling:
-        Whether the gain falls through one there; otherwise it rises.
-    open_end:
-        Whether the gain is above one at half the rate: a real or complex root then grows with each period.
+    Attributes:
+        growing: Number of unstable roots without further delay.
+        angle: w T of each frequency of unit gain, ascending.
+        lag: Phase lag there that turns L to the critical point, from 0 to 2 pi.
+        falling: Whether the gain falls through one there; otherwise it rises.
+        open_end: Whether the gain is above one at half the rate: a real or complex root then grows with each
+            period.
     """
 
     growing: int

@@ -26,16 +26,11 @@ from middeck.values import record
 class DiskMargin:
     """The largest disk of simultaneous changes that leaves a loop stable.
 
-    Parameters
-    ----------
-    alpha:
-        Its radius, from 0 to 2 and beyond; 0 for an unstable loop.
-    frequency_hz:
-        Frequency [Hz] at which a larger disk puts a pole on the axis.
-    gain:
-        Limits of the gain factor, 1/g and g; ``inf`` above for a radius of 2 or more.
-    phase_rad:
-        Limit of the phase change, lag or lead.
+    Attributes:
+        alpha: Its radius, from 0 to 2 and beyond; 0 for an unstable loop.
+        frequency_hz: Frequency [Hz] at which a larger disk puts a pole on the axis.
+        gain: Limits of the gain factor, 1/g and g; ``inf`` above for a radius of 2 or more.
+        phase_rad: Limit of the phase change, lag or lead.
     """
 
     alpha: float

@@ -24,18 +24,12 @@ CANCELLED = 1e-8
 class Inversion:
     """A zero of the law beside a pole of the plant.
 
-    Parameters
-    ----------
-    mode:
-        The plant's mode.
-    reads, drives:
-        Measurement and input of the compensator's path that has the zero.
-    pole, zero:
-        Both [rad/s], imaginary parts positive; of sampled loops log(z)/T.
-    distance:
-        |zero - pole| / |pole|.
-    pole_damping, zero_damping:
-        Damping ratios; a zero right of the axis has a negative one.
+    Attributes:
+        mode: The plant's mode.
+        reads, drives: Measurement and input of the compensator's path that has the zero.
+        pole, zero: Both [rad/s], imaginary parts positive; of sampled loops log(z)/T.
+        distance: |zero - pole| / |pole|.
+        pole_damping, zero_damping: Damping ratios; a zero right of the axis has a negative one.
     """
 
     mode: str

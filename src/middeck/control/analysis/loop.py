@@ -34,12 +34,9 @@ WELL_APART = 1e3
 class FeedbackLoop:
     """y = G u and u = K y, without uncontrollable and unobservable modes.
 
-    Parameters
-    ----------
-    plant:
-        G, its ports those of the law: continuous with its delays, or sampled.
-    law:
-        K, in the time domain of the plant.
+    Attributes:
+        plant: G, its ports those of the law: continuous with its delays, or sampled.
+        law: K, in the time domain of the plant.
     """
 
     plant: Plant

@@ -33,27 +33,20 @@ class Peak:
 class LoopMargins:
     """Margins of one loop, the others closed.
 
-    Parameters
-    ----------
-    channel:
-        Where the loop is broken.
-    gain:
-        Factors on the loop gain, above and below one, that put a pole on the axis, ascending.
-    gain_hz:
-        Frequency [Hz] of that pole.
-    phase_rad:
-        Lag (positive) or lead (negative) that does so at each frequency of unit gain, the smaller of the two.
-    phase_hz:
-        Frequencies of unit gain [Hz], ascending.
-    delay_s:
-        Least additional delay that does so at each of these frequencies (possibly beyond half a turn),
-        preceded by zero where the gain stays at one or above at infinite frequency: any delay is then
-        unstable. Sampled loops give the smallest only; None where it was not requested, and where the
-        continuous plant is unknown (samples do not tell how a delay turns a mode beyond half the rate).
-    sensitivity, complementary:
-        Peaks of 1 / (1 + L) and of L / (1 + L).
-    disk:
-        The balanced disk margin of this loop alone.
+    Attributes:
+        channel: Where the loop is broken.
+        gain: Factors on the loop gain, above and below one, that put a pole on the axis, ascending.
+        gain_hz: Frequency [Hz] of that pole.
+        phase_rad: Lag (positive) or lead (negative) that does so at each frequency of unit gain, the smaller
+            of the two.
+        phase_hz: Frequencies of unit gain [Hz], ascending.
+        delay_s: Least additional delay that does so at each of these frequencies (possibly beyond half a
+            turn), preceded by zero where the gain stays at one or above at infinite frequency: any delay is
+            then unstable. Sampled loops give the smallest only; None where it was not requested, and where
+            the continuous plant is unknown (samples do not tell how a delay turns a mode beyond half the
+            rate).
+        sensitivity, complementary: Peaks of 1 / (1 + L) and of L / (1 + L).
+        disk: The balanced disk margin of this loop alone.
     """
 
     channel: str
@@ -108,12 +101,10 @@ class LoopMargins:
 class Margins:
     """Margins of all loops of a plant and its compensator.
 
-    Parameters
-    ----------
-    stability:
-        Stability of the loop. An unstable loop has crossings but no margins: its limits and disks are zero.
-    loops:
-        One for each channel.
+    Attributes:
+        stability: Stability of the loop. An unstable loop has crossings but no margins: its limits and disks
+            are zero.
+        loops: One for each channel.
     """
 
     stability: LoopStability

@@ -28,15 +28,11 @@ SMOOTH = 6.0
 class ReturnRatio:
     """The loop broken at each channel in turn, the others closed.
 
-    Parameters
-    ----------
-    frequency_hz:
-        Lines.
-    L:
-        Response from the signal injected behind the break to minus the signal arriving before it: critical
-        point -1.
-    channels:
-        Inputs or measurements at which the loop is broken.
+    Attributes:
+        frequency_hz: Lines.
+        L: Response from the signal injected behind the break to minus the signal arriving before it: critical
+            point -1.
+        channels: Inputs or measurements at which the loop is broken.
     """
 
     frequency_hz: Float[np.ndarray, " line"]

@@ -22,15 +22,11 @@ from middeck.values import record
 class AllowedShift:
     """Relative shifts of one mode's frequency at which the loop first becomes unstable.
 
-    Parameters
-    ----------
-    mode:
-        Its name.
-    down, up:
-        Negative and positive; -``inf`` and ``inf`` where the loop is stable up to ``most``, both zero where
-        it is unstable without a shift.
-    down_hz, up_hz:
-        Frequency of the pole that reaches the axis; 0 where none does.
+    Attributes:
+        mode: Its name.
+        down, up: Negative and positive; -``inf`` and ``inf`` where the loop is stable up to ``most``, both
+            zero where it is unstable without a shift.
+        down_hz, up_hz: Frequency of the pole that reaches the axis; 0 where none does.
     """
 
     mode: str
@@ -59,13 +55,10 @@ def find_allowed_shifts(
     order), then bisects with exact delays to ``resolution``. Unstable intervals narrower than ``step``, a
     fraction of the damping ratio by default, may be stepped over.
 
-    Parameters
-    ----------
-    modes:
-        None: all oscillating modes that are controllable or observable. Modes of a state space without
-        ``state_names`` are named by number and frequency (`part_modes`).
-    finish:
-        Function from the shifted plant to the plant controlled, e.g. closing an inner loop.
+    Args:
+        modes: None: all oscillating modes that are controllable or observable. Modes of a state space without
+            ``state_names`` are named by number and frequency (`part_modes`).
+        finish: Function from the shifted plant to the plant controlled, e.g. closing an inner loop.
 
     Raises `ConfigError` for modes that do not exist or do not oscillate (`shift_modes`), or a step that is
     not positive; `NumericalError` where modes without names nearly coincide (`part_modes`).

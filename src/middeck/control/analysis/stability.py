@@ -36,20 +36,13 @@ REACH = 0.1
 class LoopStability:
     """Whether a loop is stable, and by how much.
 
-    Parameters
-    ----------
-    stable:
-        No root grows by more than 1e-8 rad/s.
-    pole:
-        The root of largest real part [rad/s], imaginary part not negative; of a sampled loop log(z)/T.
-    frequency_hz:
-        Its imaginary part.
-    margin:
-        Minus its real part [rad/s]: the least decay, negative for growth.
-    damping:
-        Its damping ratio.
-    growing:
-        How many roots grow, conjugates counted.
+    Attributes:
+        stable: No root grows by more than 1e-8 rad/s.
+        pole: The root of largest real part [rad/s], imaginary part not negative; of a sampled loop log(z)/T.
+        frequency_hz: Its imaginary part.
+        margin: Minus its real part [rad/s]: the least decay, negative for growth.
+        damping: Its damping ratio.
+        growing: How many roots grow, conjugates counted.
     """
 
     stable: bool

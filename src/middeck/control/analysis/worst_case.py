@@ -35,22 +35,14 @@ Objective = Callable[[Float[np.ndarray, " parameter"]], float]
 class WorstCase:
     """Worst plant found in a box.
 
-    Parameters
-    ----------
-    parameters:
-        Names of the numbers of a position.
-    position:
-        Position in the box, each number from -1 to 1.
-    stability:
-        Stability of that plant, delays exact.
-    metric:
-        The performance metric there; ``inf`` where unstable; None where no performance was asked for.
-    nominal_metric:
-        The same in the middle of the box.
-    unstable_corners:
-        Fraction of unstable corners, by the approximation of delays that ranks them.
-    tried:
-        Plants evaluated.
+    Attributes:
+        parameters: Names of the numbers of a position.
+        position: Position in the box, each number from -1 to 1.
+        stability: Stability of that plant, delays exact.
+        metric: The performance metric there; ``inf`` where unstable; None where no performance was asked for.
+        nominal_metric: The same in the middle of the box.
+        unstable_corners: Fraction of unstable corners, by the approximation of delays that ranks them.
+        tried: Plants evaluated.
     """
 
     parameters: tuple[str, ...]

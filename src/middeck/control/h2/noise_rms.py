@@ -33,13 +33,10 @@ integrators of a plant cancel beyond double precision."""
 class NoiseOutcome:
     """Stability and rms of a loop under noise.
 
-    Parameters
-    ----------
-    stable:
-        By `decide_stability`, delays exact.
-    rms, control_rms:
-        (E[z' W^2 z])^1/2 and (E[u' R u])^1/2; ``inf`` for an unstable loop, and for white noise through a
-        direct term.
+    Attributes:
+        stable: By `decide_stability`, delays exact.
+        rms, control_rms: (E[z' W^2 z])^1/2 and (E[u' R u])^1/2; ``inf`` for an unstable loop, and for white
+            noise through a direct term.
     """
 
     stable: bool

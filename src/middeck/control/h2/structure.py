@@ -31,17 +31,11 @@ class Station:
 class Structure:
     """The form of a law u = after K before y; K is strictly proper.
 
-    Parameters
-    ----------
-    order:
-        States of K; None for as many as the design model has.
-    stations:
-        Decentralised parts whose orders add up to that of K; empty for a centralised law.
-    before, after:
-        Fixed filters, e.g. notches or leads, of the measurements and of the commands, square.
+    Attributes:
+        order: States of K; None for as many as the design model has.
+        stations: Decentralised parts whose orders add up to that of K; empty for a centralised law.
+        before, after: Fixed filters, e.g. notches or leads, of the measurements and of the commands, square.
 
-    Examples
-    --------
     >>> Structure(order=8).stations
     ()
     """

@@ -20,10 +20,8 @@ class PDLoops:
 
     Loop ``name`` reads the outputs ``name`` [rad] and ``name_rate`` [rad/s] and drives the input ``name``.
 
-    Parameters
-    ----------
-    kp, kd:
-        Gains [N m/rad] and [N m s/rad].
+    Attributes:
+        kp, kd: Gains [N m/rad] and [N m s/rad].
     """
 
     names: tuple[str, ...]

@@ -20,16 +20,11 @@ from middeck.values import record
 class Compensator:
     """u = K y, added at the plant's inputs; a sampled one's u[k] is held until u[k+1].
 
-    Parameters
-    ----------
-    dynamics:
-        The law, from ``inputs`` to ``outputs``; a sampled one has its period.
-    inputs:
-        Plant outputs that are measured, in the order of the columns.
-    outputs:
-        Plant inputs that are driven, in the order of the rows.
-    method:
-        Name of the design method; empty if unknown.
+    Attributes:
+        dynamics: The law, from ``inputs`` to ``outputs``; a sampled one has its period.
+        inputs: Plant outputs that are measured, in the order of the columns.
+        outputs: Plant inputs that are driven, in the order of the rows.
+        method: Name of the design method; empty if unknown.
 
     Raises `ConfigError` where the ports do not fit the law.
     """

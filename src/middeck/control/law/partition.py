@@ -24,12 +24,9 @@ from middeck.values import record
 class ModePartition:
     """A plant without its inert modes.
 
-    Parameters
-    ----------
-    active:
-        The plant of the other modes: the same transfer functions.
-    inert:
-        Names of the modes left out, in the order of the plant.
+    Attributes:
+        active: The plant of the other modes: the same transfer functions.
+        inert: Names of the modes left out, in the order of the plant.
     """
 
     active: Plant

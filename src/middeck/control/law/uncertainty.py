@@ -48,21 +48,15 @@ class ModeShift:
 class Uncertainty:
     """A box of plants around a nominal one.
 
-    Parameters
-    ----------
-    shifts:
-        Groups of modes, each shifted by one parameter.
-    damping:
-        Damping ratios of the modes in ``shifts`` are multiplied by exp(+-damping), each by its own number.
-    gain:
-        Relative half-width of one factor on all inputs in the plant's group u.
-    delay:
-        Relative half-width of one factor on all delays; the plant must have some.
-    finish:
-        Function from the perturbed plant to the plant controlled, e.g. closing an inner loop; None: identity.
+    Attributes:
+        shifts: Groups of modes, each shifted by one parameter.
+        damping: Damping ratios of the modes in ``shifts`` are multiplied by exp(+-damping), each by its own
+            number.
+        gain: Relative half-width of one factor on all inputs in the plant's group u.
+        delay: Relative half-width of one factor on all delays; the plant must have some.
+        finish: Function from the perturbed plant to the plant controlled, e.g. closing an inner loop; None:
+            identity.
 
-    Examples
-    --------
     >>> apart = Uncertainty(shifts=(ModeShift(("a",), 0.02), ModeShift(("b",), 0.02)), gain=0.1)
     >>> parameter_names(apart)
     ('frequency of a', 'frequency of b', 'gain')

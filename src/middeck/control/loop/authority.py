@@ -24,18 +24,12 @@ Design = Callable[[float], Compensator]
 class AuthoritySweep:
     """The metric of each plant at each authority.
 
-    Parameters
-    ----------
-    authority:
-        The levels.
-    plants:
-        Names of the plants, in the order of the rows.
-    db:
-        20 log10 of the metric over the reference; improvement is negative, ``inf`` where unstable.
-    stable:
-        Whether the closed loop is stable.
-    compensator_stable:
-        Whether the compensator is, by the same threshold.
+    Attributes:
+        authority: The levels.
+        plants: Names of the plants, in the order of the rows.
+        db: 20 log10 of the metric over the reference; improvement is negative, ``inf`` where unstable.
+        stable: Whether the closed loop is stable.
+        compensator_stable: Whether the compensator is, by the same threshold.
     """
 
     authority: Float[np.ndarray, " level"]
@@ -49,20 +43,13 @@ class AuthoritySweep:
 class FirstInstability:
     """Lowest authority found unstable, and the participation of modes.
 
-    Parameters
-    ----------
-    log10_authority:
-        The unstable end of the last interval.
-    pole:
-        The eigenvalue of largest real part there [rad/s].
-    frequency_hz:
-        Its imaginary part.
-    mode_name:
-        The mode with the largest share.
-    participation:
-        The share of ``mode_name``, over all its states.
-    compensator_share:
-        Share of the compensator's states, over all states.
+    Attributes:
+        log10_authority: The unstable end of the last interval.
+        pole: The eigenvalue of largest real part there [rad/s].
+        frequency_hz: Its imaginary part.
+        mode_name: The mode with the largest share.
+        participation: The share of ``mode_name``, over all its states.
+        compensator_share: Share of the compensator's states, over all states.
     """
 
     log10_authority: float

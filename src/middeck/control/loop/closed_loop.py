@@ -21,20 +21,13 @@ from middeck.values import record
 class ClosedLoop:
     """Closed loop from w to z; an unstable loop is an outcome, not an error.
 
-    Parameters
-    ----------
-    system:
-        States: the plant's, then the compensator's.
-    inputs, outputs:
-        The plant's groups w and z.
-    state_names:
-        Mode or part of each plant state; the remaining states are the compensator's.
-    poles:
-        Eigenvalues [rad/s].
-    stable:
-        No pole grows (`middeck.systems.stability`); a free body that merely drifts counts as stable.
-    inert:
-        Uncontrollable and unobservable modes of the plant, which ``system`` leaves out.
+    Attributes:
+        system: States: the plant's, then the compensator's.
+        inputs, outputs: The plant's groups w and z.
+        state_names: Mode or part of each plant state; the remaining states are the compensator's.
+        poles: Eigenvalues [rad/s].
+        stable: No pole grows (`middeck.systems.stability`); a free body that merely drifts counts as stable.
+        inert: Uncontrollable and unobservable modes of the plant, which ``system`` leaves out.
     """
 
     system: StateSpace

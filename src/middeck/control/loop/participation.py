@@ -17,16 +17,12 @@ from middeck.values import record
 class Participation:
     """Shares in one eigenvalue of a closed loop.
 
-    Parameters
-    ----------
-    pole:
-        The eigenvalue [rad/s], imaginary part not negative.
-    names:
-        The modes (or other parts) of the plant, in its order.
-    shares:
-        |left * right eigenvector|, summed over each mode's states; ``shares`` and ``compensator`` sum to one.
-    compensator:
-        Share of all compensator states together.
+    Attributes:
+        pole: The eigenvalue [rad/s], imaginary part not negative.
+        names: The modes (or other parts) of the plant, in its order.
+        shares: |left * right eigenvector|, summed over each mode's states; ``shares`` and ``compensator`` sum
+            to one.
+        compensator: Share of all compensator states together.
     """
 
     pole: complex

@@ -23,14 +23,10 @@ from middeck.values import record
 class Performance:
     """metric^2 = sum (weight * rms)^2 over the outputs z, disturbed at w within a band.
 
-    Parameters
-    ----------
-    weights:
-        One for each port of the group z.
-    intensity:
-        Two-sided intensity matrix [unit^2/Hz] of the white disturbance on the group w.
-    band_hz:
-        Lower and upper limit [Hz].
+    Attributes:
+        weights: One for each port of the group z.
+        intensity: Two-sided intensity matrix [unit^2/Hz] of the white disturbance on the group w.
+        band_hz: Lower and upper limit [Hz].
     """
 
     weights: Float[np.ndarray, " z"]

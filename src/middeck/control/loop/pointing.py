@@ -34,12 +34,9 @@ PERIODS_A_PANEL = 2.0
 class PointingWindow:
     """Averaging window of an error, and the time between two windows.
 
-    Parameters
-    ----------
-    length_s:
-        T, the window (an exposure).
-    lag_s:
-        tau, between the beginnings of two windows.
+    Attributes:
+        length_s: T, the window (an exposure).
+        lag_s: tau, between the beginnings of two windows.
     """
 
     length_s: float
@@ -56,20 +53,13 @@ class PointingWindow:
 class PointingBudget:
     """Root mean squares of each output, in its unit; ``inf`` for an unstable loop.
 
-    Parameters
-    ----------
-    outputs:
-        Names of the outputs z.
-    window:
-        The window of ``mean``, ``relative`` and ``drift``.
-    absolute:
-        Rms of the error.
-    mean:
-        Rms of the mean over a window.
-    relative:
-        Rms about that mean (jitter); absolute^2 = mean^2 + relative^2.
-    drift:
-        Rms of the difference of two windows' means.
+    Attributes:
+        outputs: Names of the outputs z.
+        window: The window of ``mean``, ``relative`` and ``drift``.
+        absolute: Rms of the error.
+        mean: Rms of the mean over a window.
+        relative: Rms about that mean (jitter); absolute^2 = mean^2 + relative^2.
+        drift: Rms of the difference of two windows' means.
     """
 
     outputs: tuple[str, ...]

@@ -26,19 +26,13 @@ AUTHORITY = "1/rho > 0, as 10"
 class LQGCompensator(Compensator):
     """An LQG compensator with its design data.
 
-    Parameters
-    ----------
-    authority:
-        1/rho.
-    regulator, estimator:
-        The two Riccati solutions: residuals, regulator poles and filter poles.
-    cost:
-        Minimum of E[z' W^2 z + rho u' diag(input) u] on the design plant under white noise of unlimited band;
-        z and u as filtered by the weights; integrals and their sensor noise included.
-    inert:
-        Uncontrollable and unobservable modes of the plant, left out.
-    state_names:
-        Name of what each state of the compensator estimates or integrates.
+    Attributes:
+        authority: 1/rho.
+        regulator, estimator: The two Riccati solutions: residuals, regulator poles and filter poles.
+        cost: Minimum of E[z' W^2 z + rho u' diag(input) u] on the design plant under white noise of unlimited
+            band; z and u as filtered by the weights; integrals and their sensor noise included.
+        inert: Uncontrollable and unobservable modes of the plant, left out.
+        state_names: Name of what each state of the compensator estimates or integrates.
     """
 
     authority: float

@@ -18,25 +18,17 @@ from middeck.values import record
 class LQGProblem:
     """x' = A x + noise w + control u, cost z'z + u' plain u / authority, y = C2 x + D21 w + D22 u + v.
 
-    Parameters
-    ----------
-    A, noise, control:
-        Dynamics; states: colours, plant, weights.
-    C1, D11, D12:
-        Weighted performance outputs.
-    shaped, shaped_through:
-        Weighted control: rows of control inputs behind their filters, to be divided by the root of the
-        authority.
-    plain:
-        Weight of each squared control input that has no filter, zero for the others.
-    C2, D21, D22:
-        Measurements.
-    process, sensor, cross:
-        Intensities of w (of the noises in front of the colours), of v, and of w with v.
-    names:
-        Name of the part of each state.
-    integral:
-        Rows of y that are integrated and the weights of the integrals; and their names.
+    Attributes:
+        A, noise, control: Dynamics; states: colours, plant, weights.
+        C1, D11, D12: Weighted performance outputs.
+        shaped, shaped_through: Weighted control: rows of control inputs behind their filters, to be divided
+            by the root of the authority.
+        plain: Weight of each squared control input that has no filter, zero for the others.
+        C2, D21, D22: Measurements.
+        process, sensor, cross: Intensities of w (of the noises in front of the colours), of v, and of w with
+            v.
+        names: Name of the part of each state.
+        integral: Rows of y that are integrated and the weights of the integrals; and their names.
     """
 
     A: Float[np.ndarray, "x x"]

@@ -20,22 +20,18 @@ PortFilters = tuple[tuple[str, StateSpace], ...]
 class Shaping:
     """Dynamic weights, coloured disturbances, integral action and correlated noise of one design.
 
-    Parameters
-    ----------
-    outputs:
-        Filters by name of a performance output: the filtered z is weighted (Gupta 1980, J. Guidance and
-        Control 3, "Frequency-shaped cost functionals"). One input and one output each.
-    inputs:
-        Filters by name of a control input: the filtered u is weighted. A direct term is required, or u would
-        have no cost at high frequency.
-    colours:
-        Filters by name of a disturbed input, through which its white noise passes. One output; several inputs
-        are independent noises, each of the port's intensity, as `sum_spectra` returns them.
-    integral:
-        Measured outputs whose integral is weighted too, by this weight [1/s]; each gives the compensator a
-        pole at exactly zero.
-    cross:
-        Two-sided intensity of process noise with sensor noise, E[w v'], in the order of ``disturbed`` and y.
+    Attributes:
+        outputs: Filters by name of a performance output: the filtered z is weighted (Gupta 1980, J. Guidance
+            and Control 3, "Frequency-shaped cost functionals"). One input and one output each.
+        inputs: Filters by name of a control input: the filtered u is weighted. A direct term is required, or
+            u would have no cost at high frequency.
+        colours: Filters by name of a disturbed input, through which its white noise passes. One output;
+            several inputs are independent noises, each of the port's intensity, as `sum_spectra` returns
+            them.
+        integral: Measured outputs whose integral is weighted too, by this weight [1/s]; each gives the
+            compensator a pole at exactly zero.
+        cross: Two-sided intensity of process noise with sensor noise, E[w v'], in the order of ``disturbed``
+            and y.
     """
 
     outputs: PortFilters = ()

@@ -22,14 +22,10 @@ from middeck.values import record
 class SpectrumFit:
     """A shaping filter fitted to a table of power against frequency, with its errors.
 
-    Parameters
-    ----------
-    filter:
-        Stable, without zeros right of the axis, falling at high frequency; one input, one output.
-    rms_error_db, worst_error_db:
-        Errors of 10 log10 of the density over the frequencies of the table.
-    power_ratio:
-        Power of the filter's output over that of the table, both by trapezia over its lines.
+    Attributes:
+        filter: Stable, without zeros right of the axis, falling at high frequency; one input, one output.
+        rms_error_db, worst_error_db: Errors of 10 log10 of the density over the frequencies of the table.
+        power_ratio: Power of the filter's output over that of the table, both by trapezia over its lines.
     """
 
     filter: StateSpace

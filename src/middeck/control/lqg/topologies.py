@@ -24,21 +24,14 @@ Topology = tuple[Sequence[str], Sequence[str]]
 class TopologyTable:
     """Performance of each topology at each authority.
 
-    Parameters
-    ----------
-    names:
-        The topologies, in the order of the rows.
-    authority:
-        The levels, in the order of the columns.
-    db:
-        20 log10 of the metric over that of the open loop; ``inf`` where unstable.
-    control_rms:
-        Root sum of squares of the rms of all control inputs, under the disturbance and in the band of the
-        performance; ``inf`` where unstable. In the inputs' units: compare like inputs only.
-    stable:
-        By eigenvalues.
-    order:
-        States of the compensator.
+    Attributes:
+        names: The topologies, in the order of the rows.
+        authority: The levels, in the order of the columns.
+        db: 20 log10 of the metric over that of the open loop; ``inf`` where unstable.
+        control_rms: Root sum of squares of the rms of all control inputs, under the disturbance and in the
+            band of the performance; ``inf`` where unstable. In the inputs' units: compare like inputs only.
+        stable: By eigenvalues.
+        order: States of the compensator.
     """
 
     names: tuple[str, ...]

@@ -15,19 +15,14 @@ from middeck.values import record
 class LQGWeights:
     """Weights of the cost E[z' W^2 z + rho u' diag(input) u], and noise intensities.
 
-    Parameters
-    ----------
-    output:
-        Weight W of each performance output, in the order of the plant's group z (z is multiplied by it).
-    input:
-        Weight of each squared control input, in the order of the group u.
-    disturbed:
-        Names of the inputs on which white process noise acts.
-    process:
-        Its two-sided intensity matrix [unit^2/Hz], in that order.
-    sensor:
-        Two-sided intensity [unit^2/Hz] of each measurement's white noise, in the order of the group y.
-        Process and sensor noise are independent.
+    Attributes:
+        output: Weight W of each performance output, in the order of the plant's group z (z is multiplied by
+            it).
+        input: Weight of each squared control input, in the order of the group u.
+        disturbed: Names of the inputs on which white process noise acts.
+        process: Its two-sided intensity matrix [unit^2/Hz], in that order.
+        sensor: Two-sided intensity [unit^2/Hz] of each measurement's white noise, in the order of the group
+            y. Process and sensor noise are independent.
     """
 
     output: Float[np.ndarray, " z"]

@@ -45,24 +45,18 @@ def reduce_balanced(
 ) -> Reduction:
     """The system with fewer states: the least controllable and observable ones are removed.
 
-    Parameters
-    ----------
-    system:
-        Any; the poles that do not decay are kept as they are and count in the order.
-    order:
-        States to be left; fewer where equal singular values would be parted, or where there are no more.
-    bound:
-        Instead of an order: the fewest states whose bound is at most this.
-    rest:
-        ``"truncate"`` (the limit at high frequency stays) or ``"residualise"`` (the static gain stays).
-    input_size, output_size:
-        Typical size of each port, in which gains, singular values and errors count; one unless given.
+    Args:
+        system: Any; the poles that do not decay are kept as they are and count in the order.
+        order: States to be left; fewer where equal singular values would be parted, or where there are no
+            more.
+        bound: Instead of an order: the fewest states whose bound is at most this.
+        rest: ``"truncate"`` (the limit at high frequency stays) or ``"residualise"`` (the static gain stays).
+        input_size, output_size: Typical size of each port, in which gains, singular values and errors count;
+            one unless given.
 
     Raises `ConfigError` for an order below the number of poles that do not decay, sizes that do not fit, or
     both an order and a bound.
 
-    Examples
-    --------
     >>> two = StateSpace(np.diag([-1.0, -9.0]), np.ones((2, 1)), np.array([[1.0, 0.01]]), np.zeros((1, 1)))
     >>> small = reduce_balanced(two, 1)
     >>> small.order, small.error <= small.bound

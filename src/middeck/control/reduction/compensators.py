@@ -45,28 +45,21 @@ def reduce_compensator(
     the law of ``method`` is returned as unstable. A direct term is kept; poles on the axis (integral action)
     are kept exactly and count in the order.
 
-    Parameters
-    ----------
-    compensator:
-        The compensator, which must stabilise all ``plants``. States of an unstable part count in the order.
-    plants:
-        One or several; the first gives the typical sizes of u and y. Delays enter the design by Pade
-        approximations of order 3; ``stable`` uses exact delays.
-    order:
-        States to be left.
-    method:
-        ``"performance"``, ``"stability"``, ``"coprime"`` or ``"balanced"``, see
-        `middeck.control.reduction.candidates`; or ``"best"``: all four, and of those that hold the law that
-        costs least.
-    weights, authority:
-        Those of the original design, e.g. of `design_lqg`; by default typical sizes of the loop's signals
-        under unit white noise on the group w are the weights.
-    homotopy:
-        Whether to try the homotopy; otherwise only ``method`` is applied.
-    polish:
-        Descend the cost also where the first result is stable. With ``weights`` of the design this gives the
-        best law of that order that the descent finds (`design_multimodel` adds restarts); without them it
-        redesigns for the typical sizes.
+    Args:
+        compensator: The compensator, which must stabilise all ``plants``. States of an unstable part count in
+            the order.
+        plants: One or several; the first gives the typical sizes of u and y. Delays enter the design by Pade
+            approximations of order 3; ``stable`` uses exact delays.
+        order: States to be left.
+        method: ``"performance"``, ``"stability"``, ``"coprime"`` or ``"balanced"``, see
+            `middeck.control.reduction.candidates`; or ``"best"``: all four, and of those that hold the law
+            that costs least.
+        weights, authority: Those of the original design, e.g. of `design_lqg`; by default typical sizes of
+            the loop's signals under unit white noise on the group w are the weights.
+        homotopy: Whether to try the homotopy; otherwise only ``method`` is applied.
+        polish: Descend the cost also where the first result is stable. With ``weights`` of the design this
+            gives the best law of that order that the descent finds (`design_multimodel` adds restarts);
+            without them it redesigns for the typical sizes.
 
     Raises `ConfigError` for an order of less than one or no reduction, a compensator that does not hold a
     plant, unknown ports or methods.

@@ -21,25 +21,16 @@ stays) at zero frequency; both have the same bound."""
 class Reduction:
     """A system of lower order.
 
-    Parameters
-    ----------
-    system:
-        The reduced system; states kept exactly come first.
-    order:
-        Its states.
-    method:
-        Description of the method.
-    kept:
-        States of poles that do not decay: kept exactly, never reduced.
-    hankel:
-        Hankel singular values of the reduced part, largest first, in the sizes of the ports.
-    bound:
-        2 (sum of those left out) >= ``error``; None where the method has none.
-    error:
-        The largest gain of first minus second system over all frequencies, in the sizes of the ports and
-        through the weights: the actual error, not a bound.
-    error_omega:
-        Its frequency [rad/s].
+    Attributes:
+        system: The reduced system; states kept exactly come first.
+        order: Its states.
+        method: Description of the method.
+        kept: States of poles that do not decay: kept exactly, never reduced.
+        hankel: Hankel singular values of the reduced part, largest first, in the sizes of the ports.
+        bound: 2 (sum of those left out) >= ``error``; None where the method has none.
+        error: The largest gain of first minus second system over all frequencies, in the sizes of the ports
+            and through the weights: the actual error, not a bound.
+        error_omega: Its frequency [rad/s].
     """
 
     system: StateSpace
@@ -56,21 +47,14 @@ class Reduction:
 class ReducedPlant:
     """A plant of lower order with the same ports.
 
-    Parameters
-    ----------
-    plant:
-        The reduced plant; modal where modes of a modal plant were chosen.
-    order:
-        Its states.
-    method:
-        Description of the method.
-    kept:
-        Names of the modes (or other parts) kept exactly.
-    dropped:
-        Names of the modes left out; empty for a balanced reduction, which mixes them.
-    hankel, bound, error, error_hz:
-        As in `Reduction`; of a modal reduction ``hankel`` holds the modes' contributions, largest first, and
-        the error is that within the band.
+    Attributes:
+        plant: The reduced plant; modal where modes of a modal plant were chosen.
+        order: Its states.
+        method: Description of the method.
+        kept: Names of the modes (or other parts) kept exactly.
+        dropped: Names of the modes left out; empty for a balanced reduction, which mixes them.
+        hankel, bound, error, error_hz: As in `Reduction`; of a modal reduction ``hankel`` holds the modes'
+            contributions, largest first, and the error is that within the band.
     """
 
     plant: Plant
@@ -88,28 +72,19 @@ class ReducedPlant:
 class ReducedCompensator(Compensator):
     """A compensator of lower order, with its errors against the original.
 
-    Parameters
-    ----------
-    order:
-        States.
-    method:
-        ``"performance"``, ``"stability"``, ``"coprime"`` or ``"balanced"``: the one that gave this law.
-    steps:
-        Attempts and their outcomes, in words.
-    hankel:
-        Singular values by which states were chosen; what they measure depends on the method.
-    bound:
-        2 (sum of those left out) for ``"balanced"``, None for the others.
-    error:
-        Largest gain of the difference K - K_r over all frequencies, in the sizes of the ports.
-    loop_error:
-        Largest gain of (K - K_r) G (I - K G)^-1, one for each plant. Below one it proves stability, if K and
-        K_r have equally many unstable poles (Anderson and Liu 1989).
-    stable:
-        Whether the loop with each plant is stable, delays exact (`decide_stability`).
-    cost_ratio:
-        H2 cost of each plant relative to that with the original; ``inf`` where unstable with approximated
-        delays.
+    Attributes:
+        order: States.
+        method: ``"performance"``, ``"stability"``, ``"coprime"`` or ``"balanced"``: the one that gave this
+            law.
+        steps: Attempts and their outcomes, in words.
+        hankel: Singular values by which states were chosen; what they measure depends on the method.
+        bound: 2 (sum of those left out) for ``"balanced"``, None for the others.
+        error: Largest gain of the difference K - K_r over all frequencies, in the sizes of the ports.
+        loop_error: Largest gain of (K - K_r) G (I - K G)^-1, one for each plant. Below one it proves
+            stability, if K and K_r have equally many unstable poles (Anderson and Liu 1989).
+        stable: Whether the loop with each plant is stable, delays exact (`decide_stability`).
+        cost_ratio: H2 cost of each plant relative to that with the original; ``inf`` where unstable with
+            approximated delays.
     """
 
     order: int

@@ -39,16 +39,12 @@ WEIGH_IT = "weigh an output that sees it; of a filter, let process noise reach i
 class RiccatiSolution:
     """The stabilising solution of A'X + XA - (XB + S) R^-1 (XB + S)' + Q = 0.
 
-    Parameters
-    ----------
-    X:
-        Symmetric solution.
-    gain:
-        K = R^-1 (XB + S)'; the regulator is u = -K x.
-    poles:
-        Eigenvalues of A - BK [rad/s].
-    residual:
-        Frobenius norm of the left-hand side over the sum of its terms' norms, in the caller's coordinates.
+    Attributes:
+        X: Symmetric solution.
+        gain: K = R^-1 (XB + S)'; the regulator is u = -K x.
+        poles: Eigenvalues of A - BK [rad/s].
+        residual: Frobenius norm of the left-hand side over the sum of its terms' norms, in the caller's
+            coordinates.
     """
 
     X: Float[np.ndarray, "state state"]

@@ -30,16 +30,12 @@ DOUBLINGS = 60
 class DiscreteRiccatiSolution:
     """The stabilising solution of A'XA - X - (A'XB + S)(R + B'XB)^-1 (A'XB + S)' + Q = 0.
 
-    Parameters
-    ----------
-    X:
-        Symmetric solution.
-    gain:
-        K = (R + B'XB)^-1 (A'XB + S)'; the regulator is u = -K x.
-    poles:
-        Eigenvalues of A - BK in the z-plane.
-    residual:
-        Frobenius norm of the left-hand side over the sum of its terms' norms, in the caller's coordinates.
+    Attributes:
+        X: Symmetric solution.
+        gain: K = (R + B'XB)^-1 (A'XB + S)'; the regulator is u = -K x.
+        poles: Eigenvalues of A - BK in the z-plane.
+        residual: Frobenius norm of the left-hand side over the sum of its terms' norms, in the caller's
+            coordinates.
     """
 
     X: Float[np.ndarray, "state state"]

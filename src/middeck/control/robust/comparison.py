@@ -20,21 +20,14 @@ from middeck.values import record
 class ComparedDesign:
     """One design in one setting.
 
-    Parameters
-    ----------
-    name, setting:
-        The design, and ``"continuous"`` or the sampling rate.
-    order:
-        States of the compensator, fixed filters included.
-    nominal_db, nominal_control_rms:
-        On the nominal plant; ``inf`` where unstable.
-    stable_share:
-        Of the unseen plants.
-    worst_db, median_db, median_control_rms:
-        Over the stable ones among them; ``inf`` where there is none.
-    nominal_rms, worst_rms, median_rms:
-        As ``..._db``, in the unit of the weighted outputs; they compare designs where a plant drifts without
-        control (a free body) and all decibels are minus infinity.
+    Attributes:
+        name, setting: The design, and ``"continuous"`` or the sampling rate.
+        order: States of the compensator, fixed filters included.
+        nominal_db, nominal_control_rms: On the nominal plant; ``inf`` where unstable.
+        stable_share: Of the unseen plants.
+        worst_db, median_db, median_control_rms: Over the stable ones among them; ``inf`` where there is none.
+        nominal_rms, worst_rms, median_rms: As ``..._db``, in the unit of the weighted outputs; they compare
+            designs where a plant drifts without control (a free body) and all decibels are minus infinity.
     """
 
     name: str

@@ -24,14 +24,10 @@ PATIENCE = 10
 class Descent:
     """Where a descent ended.
 
-    Parameters
-    ----------
-    gradient:
-        Norm of the gradient over the value, in the coordinates given.
-    values:
-        The function after each step.
-    evaluations:
-        Number of evaluations.
+    Attributes:
+        gradient: Norm of the gradient over the value, in the coordinates given.
+        values: The function after each step.
+        evaluations: Number of evaluations.
     """
 
     x: Float[np.ndarray, " parameter"]

@@ -31,16 +31,11 @@ MISSED, ROUNDING = 1e-6, 1e-9
 class Directions:
     """Input column and output row of each uncertain parameter.
 
-    Parameters
-    ----------
-    into, out:
-        B0 and C0 on the states of the finished plant, without its inert modes.
-    low, high:
-        Bounds of each delta: (1 -+ half-width)^2 - 1 of a stiffness, -+ half-width of a damping.
-    group:
-        Index of the shift in `Uncertainty` of each.
-    stiff:
-        Whether each is a stiffness; otherwise a damping.
+    Attributes:
+        into, out: B0 and C0 on the states of the finished plant, without its inert modes.
+        low, high: Bounds of each delta: (1 -+ half-width)^2 - 1 of a stiffness, -+ half-width of a damping.
+        group: Index of the shift in `Uncertainty` of each.
+        stiff: Whether each is a stiffness; otherwise a damping.
     """
 
     into: Float[np.ndarray, "state delta"]

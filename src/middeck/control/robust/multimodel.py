@@ -36,13 +36,10 @@ POWERS: dict[str, tuple[float, ...]] = {"mean": (1.0,), "maximum": (4.0, 16.0, 6
 class MultiModelCompensator(RobustCompensator):
     """A multi-model compensator with the weight (dual variable) of each model.
 
-    Parameters
-    ----------
-    over:
-        ``"mean"`` or ``"maximum"`` of the models' costs.
-    multipliers:
-        Weight of each model's cost in the mean whose minimum this is; they add up to one. Equal for the mean;
-        the dual weights of the maximum.
+    Attributes:
+        over: ``"mean"`` or ``"maximum"`` of the models' costs.
+        multipliers: Weight of each model's cost in the mean whose minimum this is; they add up to one. Equal
+            for the mean; the dual weights of the maximum.
     """
 
     over: str
@@ -64,28 +61,19 @@ def design_multimodel(
 ) -> MultiModelCompensator:
     """The law of a given structure that minimises the mean or the maximum of the costs of several plants.
 
-    Parameters
-    ----------
-    plant:
-        The nominal plant, before ``uncertainty.finish``.
-    weights, authority:
-        As for `design_lqg`; rho = 1/authority.
-    uncertainty:
-        A box, or a list of the other plants, which may differ in number of states but not in ports.
-    positions:
-        Positions of the models in the box (`end_positions` unless given; also `corner_positions`).
-    over:
-        ``"mean"`` or ``"maximum"``.
-    structure:
-        Order, stations and fixed filters; as many states as the nominal model unless given.
-    shaping:
-        Filters at ports, integral action and correlated noise, as for `design_lqg`. Integrals come as last
-        states, beside those of ``structure``; they go with no stations and no fixed filters.
-    start:
-        A law to begin with, e.g. of a lower authority: strictly proper, of ``structure`` without its filters,
-        integrals last; found if not given.
-    tolerance:
-        The descent ends when ten steps gain less than this fraction of the cost.
+    Args:
+        plant: The nominal plant, before ``uncertainty.finish``.
+        weights, authority: As for `design_lqg`; rho = 1/authority.
+        uncertainty: A box, or a list of the other plants, which may differ in number of states but not in
+            ports.
+        positions: Positions of the models in the box (`end_positions` unless given; also `corner_positions`).
+        over: ``"mean"`` or ``"maximum"``.
+        structure: Order, stations and fixed filters; as many states as the nominal model unless given.
+        shaping: Filters at ports, integral action and correlated noise, as for `design_lqg`. Integrals come
+            as last states, beside those of ``structure``; they go with no stations and no fixed filters.
+        start: A law to begin with, e.g. of a lower authority: strictly proper, of ``structure`` without its
+            filters, integrals last; found if not given.
+        tolerance: The descent ends when ten steps gain less than this fraction of the cost.
 
     Raises `NotStabilisableError` naming the modes of a plant that nothing can hold; `NumericalError` where no
     law of that form was found that stabilises all models; how far it came is in its data; `ConfigError` for

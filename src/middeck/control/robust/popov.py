@@ -49,12 +49,9 @@ class PopovCompensator(RobustCompensator):
     The box is that of `finished_plants`: damping ratios stay. Plants whose dampings 2 zeta omega stay while
     the frequencies move are in it too.
 
-    Parameters
-    ----------
-    directions:
-        Input and output directions and bounds of the uncertain stiffnesses, then dampings.
-    multipliers:
-        H and N of each direction; N of a damping is zero.
+    Attributes:
+        directions: Input and output directions and bounds of the uncertain stiffnesses, then dampings.
+        multipliers: H and N of each direction; N of a damping is zero.
     """
 
     directions: Directions

@@ -13,18 +13,13 @@ from middeck.values import record
 class Stage:
     """One stage of the search for a design.
 
-    Parameters
-    ----------
-    size:
-        Size of the perturbations from 0 (nominal model) to 1; for sensitivity weighting the strength tried.
-    authority_ratio:
-        Authority relative to the one requested.
-    discount:
-        Decay [rad/s] lent to all states while the law does not yet stabilise.
-    cost:
-        Cost at the end of the stage.
-    evaluations:
-        Evaluations of cost and gradient, all models each time.
+    Attributes:
+        size: Size of the perturbations from 0 (nominal model) to 1; for sensitivity weighting the strength
+            tried.
+        authority_ratio: Authority relative to the one requested.
+        discount: Decay [rad/s] lent to all states while the law does not yet stabilise.
+        cost: Cost at the end of the stage.
+        evaluations: Evaluations of cost and gradient, all models each time.
     """
 
     size: float
@@ -38,24 +33,16 @@ class Stage:
 class RobustCompensator(Compensator):
     """A compensator made for more than one plant.
 
-    Parameters
-    ----------
-    authority:
-        1/rho.
-    order:
-        Number of free states, without those of fixed filters and integrals.
-    cost:
-        Value minimised: the mean or the maximum over the models, a bound, or a weighted cost.
-    costs:
-        E[z' W^2 z + rho u' R u] on each design model, the nominal one first; ``inf`` where unstable. With a
-        `Shaping`, of what its filters and integrals make of them.
-    gradient:
-        Norm of the gradient over the cost where the method descends, in coordinates of unit size; the largest
-        relative residual where it solves Riccati equations.
-    history:
-        Stages of the search.
-    inert:
-        Uncontrollable and unobservable modes of the nominal plant.
+    Attributes:
+        authority: 1/rho.
+        order: Number of free states, without those of fixed filters and integrals.
+        cost: Value minimised: the mean or the maximum over the models, a bound, or a weighted cost.
+        costs: E[z' W^2 z + rho u' R u] on each design model, the nominal one first; ``inf`` where unstable.
+            With a `Shaping`, of what its filters and integrals make of them.
+        gradient: Norm of the gradient over the cost where the method descends, in coordinates of unit size;
+            the largest relative residual where it solves Riccati equations.
+        history: Stages of the search.
+        inert: Uncontrollable and unobservable modes of the nominal plant.
     """
 
     authority: float

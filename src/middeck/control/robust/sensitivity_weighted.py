@@ -41,12 +41,9 @@ FINER = 7
 class SensitivityWeightedCompensator(RobustCompensator):
     """An LQG compensator of a cost with sensitivities.
 
-    Parameters
-    ----------
-    strength:
-        Factor on the half-widths.
-    regulator, estimator:
-        The two Riccati solutions.
+    Attributes:
+        strength: Factor on the half-widths.
+        regulator, estimator: The two Riccati solutions.
     """
 
     strength: float
@@ -66,13 +63,11 @@ def design_sensitivity_weighted(
 ) -> SensitivityWeightedCompensator:
     """The LQG compensator, of the plant's order, for cost and noise extended by the modes' uncertainty.
 
-    Parameters
-    ----------
-    plant, weights, authority, uncertainty, positions, shaping:
-        As for `design_multimodel`; only ``uncertainty.shifts`` enter the cost, and of what is weighed only z.
-    strength:
-        Factor on the half-widths in the cost. None: chosen, in steps of a fifth, for the least mean of the
-        plain costs of the models at ``positions``, all of which are then stable.
+    Args:
+        plant, weights, authority, uncertainty, positions, shaping: As for `design_multimodel`; only
+            ``uncertainty.shifts`` enter the cost, and of what is weighed only z.
+        strength: Factor on the half-widths in the cost. None: chosen, in steps of a fifth, for the least mean
+            of the plain costs of the models at ``positions``, all of which are then stable.
 
     Raises `NumericalError` where no strength holds all models; `ConfigError`, `NotStabilisableError` as
     `design_multimodel`.

@@ -23,22 +23,14 @@ from middeck.values import record
 class Alias:
     """A mode beyond half the rate and its alias.
 
-    Parameters
-    ----------
-    name, frequency_hz:
-        The mode.
-    alias_hz:
-        Frequency of the alias, folded about whole multiples of half the rate.
-    damping:
-        Damping ratio of the alias: same decay rate, lower frequency.
-    filter_gain:
-        Gain of the filter at the mode; one without a filter.
-    loop_gain:
-        Size of the mode's part of the return ratio at the alias, the largest over the loops.
-    stable:
-        Whether the loop with this mode and those below half the rate is stable.
-    metric:
-        Metric of that loop.
+    Attributes:
+        name, frequency_hz: The mode.
+        alias_hz: Frequency of the alias, folded about whole multiples of half the rate.
+        damping: Damping ratio of the alias: same decay rate, lower frequency.
+        filter_gain: Gain of the filter at the mode; one without a filter.
+        loop_gain: Size of the mode's part of the return ratio at the alias, the largest over the loops.
+        stable: Whether the loop with this mode and those below half the rate is stable.
+        metric: Metric of that loop.
     """
 
     name: str
@@ -55,16 +47,11 @@ class Alias:
 class AliasReport:
     """The loop of one law at one rate.
 
-    Parameters
-    ----------
-    rate_hz:
-        Sampling rate.
-    aliases:
-        Each mode beyond half of it, ascending in frequency.
-    resolved:
-        The loop with the modes below half the rate alone.
-    together:
-        The loop with all modes.
+    Attributes:
+        rate_hz: Sampling rate.
+        aliases: Each mode beyond half of it, ascending in frequency.
+        resolved: The loop with the modes below half the rate alone.
+        together: The loop with all modes.
     """
 
     rate_hz: float

@@ -26,19 +26,14 @@ FORMS: tuple[Form, ...] = ("current", "predictor")
 class SamplingRow:
     """One law at one rate.
 
-    Parameters
-    ----------
-    method:
-        ``"direct, current"`` and ``"direct, predictor"``; ``"hold"``, ``"tustin"`` or ``"matched"`` for an
-        emulated law, with ``", hold known"`` where the continuous design included half a period of delay.
-    rate_hz:
-        Sampling rate.
-    law:
-        The law itself.
-    outcome:
-        Stability, rms between the samples too, control and cost.
-    margins:
-        Margins at the plant's inputs without delay margins; None for an unstable loop.
+    Attributes:
+        method: ``"direct, current"`` and ``"direct, predictor"``; ``"hold"``, ``"tustin"`` or ``"matched"``
+            for an emulated law, with ``", hold known"`` where the continuous design included half a period of
+            delay.
+        rate_hz: Sampling rate.
+        law: The law itself.
+        outcome: Stability, rms between the samples too, control and cost.
+        margins: Margins at the plant's inputs without delay margins; None for an unstable loop.
     """
 
     method: str
@@ -52,14 +47,11 @@ class SamplingRow:
 class SamplingComparison:
     """All laws at all rates.
 
-    Parameters
-    ----------
-    rows:
-        Rate by rate, in the order of ``rates_hz``.
-    open_metric:
-        The metric without control; ``inf`` where the plant alone does not decay.
-    continuous_cost:
-        Cost of the continuous design on its own plant with approximated delays: the limit of fast sampling.
+    Attributes:
+        rows: Rate by rate, in the order of ``rates_hz``.
+        open_metric: The metric without control; ``inf`` where the plant alone does not decay.
+        continuous_cost: Cost of the continuous design on its own plant with approximated delays: the limit of
+            fast sampling.
     """
 
     rows: tuple[SamplingRow, ...]

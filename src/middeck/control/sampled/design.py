@@ -30,20 +30,15 @@ Form = Literal["predictor", "current"]
 class SampledLQG(Compensator):
     """A sampled LQG compensator with its design data.
 
-    Parameters
-    ----------
-    authority:
-        1/rho.
-    form:
-        ``"predictor"``: u[k] from y up to y[k-1], a whole period to compute in; ``"current"``: from y[k] too.
-    regulator, estimator:
-        The two Riccati solutions: residuals, regulator poles and filter poles in the z-plane.
-    cost:
-        The minimum of E[z' W^2 z + rho u' diag(input) u], the mean over time, between the samples too.
-    noise_cost:
-        Part of the cost from noise within its own period, which no sampled law can change.
-    inert:
-        Uncontrollable and unobservable modes of the plant, left out.
+    Attributes:
+        authority: 1/rho.
+        form: ``"predictor"``: u[k] from y up to y[k-1], a whole period to compute in; ``"current"``: from
+            y[k] too.
+        regulator, estimator: The two Riccati solutions: residuals, regulator poles and filter poles in the
+            z-plane.
+        cost: The minimum of E[z' W^2 z + rho u' diag(input) u], the mean over time, between the samples too.
+        noise_cost: Part of the cost from noise within its own period, which no sampled law can change.
+        inert: Uncontrollable and unobservable modes of the plant, left out.
     """
 
     authority: float

@@ -25,23 +25,17 @@ def emulate(
 ) -> Compensator:
     """The law as a computer of ``period_s`` may run it.
 
-    Parameters
-    ----------
-    compensator, period_s:
-        The law, and the time from sample to sample [s].
-    rule:
-        ``"hold"``: exact where its input stands still over each period. ``"tustin"``: the trapezoidal rule.
-        ``"matched"``: each pole and zero goes to exp(s T), zeros at infinity to z = -1; for one input and one
-        output.
-    match_hz:
-        Where the response is to be met: Tustin's rule is prewarped there, a matched law has its gain there.
-        None for zero frequency. The hold has no such choice.
+    Args:
+        compensator, period_s: The law, and the time from sample to sample [s].
+        rule: ``"hold"``: exact where its input stands still over each period. ``"tustin"``: the trapezoidal
+            rule. ``"matched"``: each pole and zero goes to exp(s T), zeros at infinity to z = -1; for one
+            input and one output.
+        match_hz: Where the response is to be met: Tustin's rule is prewarped there, a matched law has its
+            gain there. None for zero frequency. The hold has no such choice.
 
     Raises `ConfigError` for a period that is not positive, a frequency beyond half the rate, an unknown rule,
     or a matched law of more than one input or output.
 
-    Examples
-    --------
     >>> from middeck.signals.ports import Port
     >>> y, u = (Port("y", "m"),), (Port("u", "N"),)
     >>> lag = Compensator(StateSpace([[-2.0]], [[2.0]], [[1.0]], [[0.0]]), y, u)

@@ -26,27 +26,17 @@ MOST_LATE = 200
 class HeldPlant:
     """A plant under held inputs: between samples, and from sample to sample.
 
-    Parameters
-    ----------
-    system:
-        From u to y. States: the plant's, then past inputs (input by input, the latest first), then waiting
-        measurements. y[k] is taken at the instant at which u[k] is issued.
-    noise:
-        Covariance added to the states by white process noise in one period.
-    sensor:
-        Variance of the noise on each sampled measurement: its intensity over the period.
-    generator, segments:
-        d/dt (x, inputs in force) = generator (x, inputs in force) within each segment.
-    performance:
-        z from (x, inputs in force).
-    dwell:
-        Mean covariance of x within the period due to the noise of this period alone.
-    inputs, outputs, z:
-        Ports u, y and z.
-    state_names:
-        Mode or part of each state of ``system``.
-    inert:
-        Uncontrollable and unobservable modes, left out.
+    Attributes:
+        system: From u to y. States: the plant's, then past inputs (input by input, the latest first), then
+            waiting measurements. y[k] is taken at the instant at which u[k] is issued.
+        noise: Covariance added to the states by white process noise in one period.
+        sensor: Variance of the noise on each sampled measurement: its intensity over the period.
+        generator, segments: d/dt (x, inputs in force) = generator (x, inputs in force) within each segment.
+        performance: z from (x, inputs in force).
+        dwell: Mean covariance of x within the period due to the noise of this period alone.
+        inputs, outputs, z: Ports u, y and z.
+        state_names: Mode or part of each state of ``system``.
+        inert: Uncontrollable and unobservable modes, left out.
     """
 
     system: SampledStateSpace

@@ -21,14 +21,10 @@ NODES = 10
 class Spread:
     """Effect of white noise of intensity V on x' = A x + w over a time h.
 
-    Parameters
-    ----------
-    transition:
-        exp(A h).
-    covariance:
-        Covariance of the state, from rest: the integral of exp(A t) V exp(A' t).
-    dwell:
-        The integral of that covariance from 0 to h.
+    Attributes:
+        transition: exp(A h).
+        covariance: Covariance of the state, from rest: the integral of exp(A t) V exp(A' t).
+        dwell: The integral of that covariance from 0 to h.
     """
 
     transition: Float[np.ndarray, "state state"]

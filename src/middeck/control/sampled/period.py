@@ -17,12 +17,10 @@ from middeck.values import record
 class Segment:
     """A part of the period within which no input changes.
 
-    Parameters
-    ----------
-    duration_s:
-        Its length.
-    start:
-        The plant's state at its start, then the inputs in force, from (states, new inputs) at the sample.
+    Attributes:
+        duration_s: Its length.
+        start: The plant's state at its start, then the inputs in force, from (states, new inputs) at the
+            sample.
     """
 
     duration_s: float

@@ -98,9 +98,10 @@ def load_mat(
 ) -> Plant | StoredCompensator:
     """The plant, compensator or system in a MAT file, of `write_mat` or with A, B, C and D of any origin.
 
-    path: File of version 5 or 7.3.
-    variable: The structure that holds A, B, C and D; empty where they stand by themselves.
-    period_s: For a file without Ts, or with Ts = -1; 0 for a continuous system.
+    Args:
+        path: File of version 5 or 7.3.
+        variable: The structure that holds A, B, C and D; empty where they stand by themselves.
+        period_s: For a file without Ts, or with Ts = -1; 0 for a continuous system.
 
     A compensator is always returned for u = K y added: one written for u = -K y is turned.
 

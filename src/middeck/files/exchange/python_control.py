@@ -47,9 +47,10 @@ def to_control(value: Exchangeable, *, negative_feedback: bool = False, name: st
 def from_control(system: Any, *, like: Sequence[Port] = (), period_s: float | None = None) -> Plant:
     """A state space, or a transfer function of one input and output, of python-control, with its names.
 
-    system: ``control.StateSpace`` or ``control.TransferFunction``.
-    like: Ports whose namesakes here get their units and transducers.
-    period_s: For a system whose dt is None or True; 0 for a continuous one.
+    Args:
+        system: ``control.StateSpace`` or ``control.TransferFunction``.
+        like: Ports whose namesakes here get their units and transducers.
+        period_s: For a system whose dt is None or True; 0 for a continuous one.
 
     Raises `ConfigError` for a complex or improper system, an open time base, a transfer function with several
     inputs or outputs, or an object that is neither.

@@ -47,12 +47,15 @@ SEARCHED = 1_000_000
 class Dataset:
     """One data set 58: its header, and where its numbers stand.
 
-    line: On which it begins.
-    texts: The five lines of identification.
-    step, step_text: Step of the abscissa and its digits as printed; None if each value has its own abscissa.
-    quantity, unit, divisor_unit: Specific data type and unit of the ordinate, and unit of its denominator.
-    order: Byte order of the numbers; "" for ASCII.
-    start, size: Bytes of the file that hold the numbers.
+    Attributes:
+        line: On which it begins.
+        texts: The five lines of identification.
+        step, step_text: Step of the abscissa and its digits as printed; None if each value has its own
+            abscissa.
+        quantity, unit, divisor_unit: Specific data type and unit of the ordinate, and unit of its
+            denominator.
+        order: Byte order of the numbers; "" for ASCII.
+        start, size: Bytes of the file that hold the numbers.
     """
 
     line: int

@@ -38,9 +38,10 @@ SEVERITIES = ("unusable", "serious", "note")
 def detect_faults(record: Record, reference: FrequencyResponse | None = None) -> tuple[Fault, ...]:
     """What is wrong with ``record``, worst first; empty for a clean one.
 
-    record: Samples may be NaN where they are missing.
-    reference: The response that is expected, of the same ports, such as that of a model or an earlier record:
-        signs, gains, swapped channels and delays are then judged by it.
+    Args:
+        record: Samples may be NaN where they are missing.
+        reference: The response that is expected, of the same ports, such as that of a model or an earlier
+            record: signs, gains, swapped channels and delays are then judged by it.
 
     Found in each channel and experiment: gaps, dead channels, clipping, dropouts, spikes, offset, drift,
     coarse steps, channels held at a slower rate; in periodic records transients and inputs that do not

@@ -51,20 +51,23 @@ Cost = Literal["weighted", "likelihood", "logarithmic"]
 class FitResult:
     """A fitted model and how good it is.
 
-    model: The measurement model.
-    cost: Mean of |weight times residual|^2: one where the model leaves what its weights expect.
-    error: Relative complex error of each output on the fitted lines, sqrt(sum |E - H|^2 / sum |H|^2).
-    excess: Standard deviation of each output's response that the model leaves beyond the measured variance;
-        zero for a model that explains its data.
-    uncertainty: Standard deviations of frequencies, damping and delays.
-    covariance: Joint covariance of all unknowns, for intervals (`parameters_of`), bounds of the response,
-        sets of models and tests of drift.
-    history: Cost of each step of the last search, in that search's weights.
-    order_reason: Why the model has the order it has.
-    warnings: What the user should know; empty if nothing.
-    standing: Of each mode, whether its numbers may be believed (`Standing`); "sound" where nothing is said.
-    delay_standing: Of the delay of each output, the same; "sound" where none was fitted.
-    lines: Sines in the outputs that no input makes, such as hum: they were fitted, and are none of the modes.
+    Attributes:
+        model: The measurement model.
+        cost: Mean of |weight times residual|^2: one where the model leaves what its weights expect.
+        error: Relative complex error of each output on the fitted lines, sqrt(sum |E - H|^2 / sum |H|^2).
+        excess: Standard deviation of each output's response that the model leaves beyond the measured
+            variance; zero for a model that explains its data.
+        uncertainty: Standard deviations of frequencies, damping and delays.
+        covariance: Joint covariance of all unknowns, for intervals (`parameters_of`), bounds of the response,
+            sets of models and tests of drift.
+        history: Cost of each step of the last search, in that search's weights.
+        order_reason: Why the model has the order it has.
+        warnings: What the user should know; empty if nothing.
+        standing: Of each mode, whether its numbers may be believed (`Standing`); "sound" where nothing is
+            said.
+        delay_standing: Of the delay of each output, the same; "sound" where none was fitted.
+        lines: Sines in the outputs that no input makes, such as hum: they were fitted, and are none of the
+            modes.
     """
 
     model: MeasurementModel
@@ -102,38 +105,40 @@ def fit_response(
     lines, plus the variance that the model cannot follow (`weights`); the starts are subspace models of
     several sizes, of which the likeliest after a short refinement is refined to the end.
 
-    measured: Response with its variance (`estimate_response`). Of inputs that were held (``hold_s``), a
-        continuous model is of what is behind the hold, which is divided out; what is folded back from beyond
-        half the rate is taken off by a first fit.
-    states: Order of the model without its delays: two for each pair of poles and each rigid mode, one for
-        each integrator; with ``full_rank`` the poles, each counted once. By default the order of the shortest
-        description (`order`), which takes longer.
-    sample_hz: Give the sampling rate to fit a sampled model, right when the inputs were held and the band
-        comes near half the rate; by default the model is continuous.
-    constants: "real": each residue is that of a mode driven by a force and seen as a displacement (relative
-        degree two), which makes a delay identifiable; the default in continuous time. "complex": any residue;
-        the default where the unit of an output is that of a rate or an acceleration, and all there is for a
-        sampled model.
-    delay: Whether each "output" (or True), each "path" or all of them in "common" have a delay; by default
-        each output, with real constants only. Complex constants take up a short delay themselves, so that the
-        two are confounded: the result then warns.
-    direct: Whether there is a constant term, which also stands for modes above the band; by default with
-        complex constants, or where the recommended order would else have poles outside the band.
-    residuals: Whether terms for the modes outside the band are fitted beside the states: 1/s^2 for those
-        below, a constant for those above (Ewins 2000, sec. 4.2). Continuous models only. They are tried, too,
-        where the recommended order would else have poles there and nothing is said of ``direct``.
-    full_rank: Residues of any rank, as vector fitting has them, rather than rank one: for modes too close to
-        be told apart, and for what is no modal model.
-    rigid: How many free rigid-body modes phi psi / s^2 the article has: part of the plant, unlike the
-        residual term of modes below the band.
-    integrators: How many single poles at zero, phi psi / s, it has: a wheel, or a free body, seen by its
-        rate. Not beside rigid modes.
-    relative_degree: Of every path: 0, a constant term; 1, none; 2, none, and complex residues that add up to
-        zero, so that the response falls with 1/s^2 as that of any structure from force to displacement does.
-    cost: "weighted" least squares on the complex response, by the variance that comes with it (the total one,
-        noise and nonlinear distortion, where `estimate_response` knows it). "likelihood": by its covariance,
-        noise that outputs share and noise of the inputs included. "logarithmic": on log magnitude and phase
-        (the 1993 paper's), which follows the antiresonances as closely as the peaks.
+    Args:
+        measured: Response with its variance (`estimate_response`). Of inputs that were held (``hold_s``), a
+            continuous model is of what is behind the hold, which is divided out; what is folded back from
+            beyond half the rate is taken off by a first fit.
+        states: Order of the model without its delays: two for each pair of poles and each rigid mode, one for
+            each integrator; with ``full_rank`` the poles, each counted once. By default the order of the
+            shortest description (`order`), which takes longer.
+        sample_hz: Give the sampling rate to fit a sampled model, right when the inputs were held and the band
+            comes near half the rate; by default the model is continuous.
+        constants: "real": each residue is that of a mode driven by a force and seen as a displacement
+            (relative degree two), which makes a delay identifiable; the default in continuous time.
+            "complex": any residue; the default where the unit of an output is that of a rate or an
+            acceleration, and all there is for a sampled model.
+        delay: Whether each "output" (or True), each "path" or all of them in "common" have a delay; by
+            default each output, with real constants only. Complex constants take up a short delay themselves,
+            so that the two are confounded: the result then warns.
+        direct: Whether there is a constant term, which also stands for modes above the band; by default with
+            complex constants, or where the recommended order would else have poles outside the band.
+        residuals: Whether terms for the modes outside the band are fitted beside the states: 1/s^2 for those
+            below, a constant for those above (Ewins 2000, sec. 4.2). Continuous models only. They are tried,
+            too, where the recommended order would else have poles there and nothing is said of ``direct``.
+        full_rank: Residues of any rank, as vector fitting has them, rather than rank one: for modes too close
+            to be told apart, and for what is no modal model.
+        rigid: How many free rigid-body modes phi psi / s^2 the article has: part of the plant, unlike the
+            residual term of modes below the band.
+        integrators: How many single poles at zero, phi psi / s, it has: a wheel, or a free body, seen by its
+            rate. Not beside rigid modes.
+        relative_degree: Of every path: 0, a constant term; 1, none; 2, none, and complex residues that add up
+            to zero, so that the response falls with 1/s^2 as that of any structure from force to displacement
+            does.
+        cost: "weighted" least squares on the complex response, by the variance that comes with it (the total
+            one, noise and nonlinear distortion, where `estimate_response` knows it). "likelihood": by its
+            covariance, noise that outputs share and noise of the inputs included. "logarithmic": on log
+            magnitude and phase (the 1993 paper's), which follows the antiresonances as closely as the peaks.
 
     Raises `ConfigError` for options that exclude each other; `DataError` if there are too few lines to choose
     an order by, if a variance is negative or not finite, or, for the logarithmic cost, if a line is exactly

@@ -143,9 +143,10 @@ def doubts_of_lines(lines: Sequence[SteadyLine]) -> list[str]:
 class SteadyLine:
     """A sine that goes on through the record, not made by its inputs.
 
-    hz: Its frequency.
-    deviation_hz: Standard deviation of that.
-    name: "mains 50 Hz", "harmonic 3 of mains 50 Hz", or "steady line".
+    Attributes:
+        hz: Its frequency.
+        deviation_hz: Standard deviation of that.
+        name: "mains 50 Hz", "harmonic 3 of mains 50 Hz", or "steady line".
     """
 
     hz: float

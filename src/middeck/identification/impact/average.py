@@ -39,12 +39,14 @@ INCOHERENT = 0.9
 class ImpactTest:
     """Averaged response of an impact test.
 
-    response: That of the windowed signals, H(s + 1/window_s), with its variance over blows.
-    coherence: Of each line and output: the share of the response explained by the force, over the good blows.
-    blocks: The good blows under the force window alone, each an experiment.
-    window_s: Time constant tau of the exponential window [s]; infinite without.
-    blows: All blows, the rejected ones with the reason.
-    warnings: What the user should know; empty if nothing.
+    Attributes:
+        response: That of the windowed signals, H(s + 1/window_s), with its variance over blows.
+        coherence: Of each line and output: the share of the response explained by the force, over the good
+            blows.
+        blocks: The good blows under the force window alone, each an experiment.
+        window_s: Time constant tau of the exponential window [s]; infinite without.
+        blows: All blows, the rejected ones with the reason.
+        warnings: What the user should know; empty if nothing.
     """
 
     response: FrequencyResponse
@@ -65,12 +67,13 @@ def average_blows(
 ) -> ImpactTest:
     """The response by the good blows of a record, each a block of its own.
 
-    record: One input, the force; one or several experiments, of one blow or several each.
-    ratio: "h1" where the responses are noisy, "h2" where the force is (and at resonances).
-    window_s: Time constant of the exponential window [s]; infinity for none. By default the longest that
-        leaves a thousandth of the response at the end of a block, none where it has decayed so far.
-    band_hz: Lines to keep; by default up to where the force falls 20 dB below its largest power.
-    blow_s: As of `locate_blows`.
+    Args:
+        record: One input, the force; one or several experiments, of one blow or several each.
+        ratio: "h1" where the responses are noisy, "h2" where the force is (and at resonances).
+        window_s: Time constant of the exponential window [s]; infinity for none. By default the longest that
+            leaves a thousandth of the response at the end of a block, none where it has decayed so far.
+        band_hz: Lines to keep; by default up to where the force falls 20 dB below its largest power.
+        blow_s: As of `locate_blows`.
 
     Raises `ConfigError` if the record has several inputs, or is periodic; `DataError` if fewer than two good
     blows are left.

@@ -40,11 +40,12 @@ STILL_RINGING = 0.3
 class Blow:
     """One blow.
 
-    experiment: In which experiment it fell.
-    first, struck, last: Its block: first sample, that of the largest force, and the one after the last.
-    pulse_end: The sample after the pulse.
-    peak: Largest force.
-    rejected: Why it is no use; empty for a good one.
+    Attributes:
+        experiment: In which experiment it fell.
+        first, struck, last: Its block: first sample, that of the largest force, and the one after the last.
+        pulse_end: The sample after the pulse.
+        peak: Largest force.
+        rejected: Why it is no use; empty for a good one.
     """
 
     experiment: int
@@ -62,7 +63,8 @@ def locate_blows(record: Record, *, blow_s: float | None = None) -> tuple[Blow, 
     Rejected are double hits, overloads (a channel that clips), weak blows, blows cut short by the next one or
     by the end, and those struck while the response still rings from the one before.
 
-    blow_s: Least time between two blows [s]; by default a quarter of the longest in the record.
+    Args:
+        blow_s: Least time between two blows [s]; by default a quarter of the longest in the record.
 
     Raises `ConfigError` if the record has several inputs, or is periodic; `DataError` if no blow is found.
     """

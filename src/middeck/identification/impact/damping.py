@@ -32,10 +32,11 @@ def fit_impact(
 ) -> FitResult:
     """The model of an impact test, the damping of its exponential window taken out.
 
-    of: "samples": the good blows without an exponential window, each with a transient of the model's own
-        poles (`fit_record`), so that neither the ends of blocks nor what rings from the blow before count.
-        "response": the averaged response (`fit_response`), which is faster.
-    options: Those of that fit, but for the band.
+    Args:
+        of: "samples": the good blows without an exponential window, each with a transient of the model's own
+            poles (`fit_record`), so that neither the ends of blocks nor what rings from the blow before
+            count. "response": the averaged response (`fit_response`), which is faster.
+        options: Those of that fit, but for the band.
 
     Raises `ConfigError` for terms that a window does not leave what they are: residuals, rigid modes,
     integrators, delays of paths; `DataError` and `FitError` as the fit does.

@@ -23,21 +23,24 @@ class MeasurementModel:
     + (R + L)_oi / s^2 + Q_oi / s + D_oi ], with q = s and lambda = pole in continuous time, q = exp(s T) and
     lambda = exp(pole T) if sampled.
 
-    poles: One of each conjugate pair (positive imaginary part), or a real pole [rad/s], also of a sampled
-        model; a sampled pole on the negative real axis has the imaginary part pi / T and is single. A residue
-        of higher rank has its pole as often as its rank.
-    shapes: Output vectors c; the residue of ``poles[m]`` is ``shapes[:, m]`` times ``participation[m]``.
-    participation: Input vectors b.
-    direct: Constant term D: also what modes above the band leave in it.
-    lower: L, what modes below the band leave in it; zero unless asked for. No part of a plant.
-    delay_s: Delay of each output [s], exact in responses, a Pade approximation only in a plant (`plants`).
-    sample_hz: None for a continuous model; else the rate at which its inputs are held and outputs sampled.
-    path_delay_s: What each path is late beyond its output's ``delay_s`` [s]; None where that is all.
-    rigid: R = Phi Psi of free rigid-body modes, two states at zero for each of its rank; None without.
-    integral: Q of integrators, one state at zero for each of its rank; None without.
-    hold_s: Of a continuous model, the period over which the inputs of its data were held: that hold is taken
-        out, and the model is of what is behind it. Zero where they were not held. None where that is not
-        known: if they were, half a period is in the delays.
+    Attributes:
+        poles: One of each conjugate pair (positive imaginary part), or a real pole [rad/s], also of a sampled
+            model; a sampled pole on the negative real axis has the imaginary part pi / T and is single. A
+            residue of higher rank has its pole as often as its rank.
+        shapes: Output vectors c; the residue of ``poles[m]`` is ``shapes[:, m]`` times ``participation[m]``.
+        participation: Input vectors b.
+        direct: Constant term D: also what modes above the band leave in it.
+        lower: L, what modes below the band leave in it; zero unless asked for. No part of a plant.
+        delay_s: Delay of each output [s], exact in responses, a Pade approximation only in a plant
+            (`plants`).
+        sample_hz: None for a continuous model; else the rate at which its inputs are held and outputs
+            sampled.
+        path_delay_s: What each path is late beyond its output's ``delay_s`` [s]; None where that is all.
+        rigid: R = Phi Psi of free rigid-body modes, two states at zero for each of its rank; None without.
+        integral: Q of integrators, one state at zero for each of its rank; None without.
+        hold_s: Of a continuous model, the period over which the inputs of its data were held: that hold is
+            taken out, and the model is of what is behind it. Zero where they were not held. None where that
+            is not known: if they were, half a period is in the delays.
     """
 
     poles: Complex[np.ndarray, " mode"]

@@ -46,9 +46,10 @@ class Tried:
 class OrderChoice:
     """A recommended order.
 
-    states: The order, without delays.
-    reason: One sentence for the user.
-    tried: The orders tried.
+    Attributes:
+        states: The order, without delays.
+        reason: One sentence for the user.
+        tried: The orders tried.
     """
 
     states: int

@@ -37,14 +37,15 @@ FEWEST = 3
 class Stabilisation:
     """Poles of all orders, those of one pair once, in rising order; real poles are left out.
 
-    orders: The orders tried [states].
-    order: The order each pole belongs to.
-    natural_hz, damping: |pole| / 2 pi [Hz] and damping ratio.
-    stable_frequency, stable_damping, stable_shape: Whether the nearest pole of the order before lies within
-        the tolerance in frequency; whether its damping, and the MAC of its residue matrix, do so too. A
-        single path has no shape: there, its residue is held to the tolerance of the damping.
-    cluster: Which cluster the pole belongs to, or -1.
-    cluster_hz, cluster_damping: Median over each cluster, by frequency.
+    Attributes:
+        orders: The orders tried [states].
+        order: The order each pole belongs to.
+        natural_hz, damping: |pole| / 2 pi [Hz] and damping ratio.
+        stable_frequency, stable_damping, stable_shape: Whether the nearest pole of the order before lies
+            within the tolerance in frequency; whether its damping, and the MAC of its residue matrix, do so
+            too. A single path has no shape: there, its residue is held to the tolerance of the damping.
+        cluster: Which cluster the pole belongs to, or -1.
+        cluster_hz, cluster_damping: Median over each cluster, by frequency.
     """
 
     orders: tuple[int, ...]
@@ -75,12 +76,13 @@ def stabilisation(
 ) -> Stabilisation:
     """The stabilisation diagram of a measured response.
 
-    measured: Response, with its variance where there is one.
-    orders: Rising orders [states]; those that the lines are too few for are left out.
-    sample_hz: The sampling rate, for a sampled model; continuous without.
-    frequency_tolerance, damping_tolerance: How far a stable pole may be from that of the order before,
-        relative.
-    mac_tolerance: By how much the MAC of the residue matrices may fall short of one.
+    Args:
+        measured: Response, with its variance where there is one.
+        orders: Rising orders [states]; those that the lines are too few for are left out.
+        sample_hz: The sampling rate, for a sampled model; continuous without.
+        frequency_tolerance, damping_tolerance: How far a stable pole may be from that of the order before,
+            relative.
+        mac_tolerance: By how much the MAC of the residue matrices may fall short of one.
 
     Raises `ConfigError` for orders that do not rise from one or more, or tolerances that are not positive;
     `FitError` if the lines are too few for the lowest order.

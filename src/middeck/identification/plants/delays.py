@@ -35,9 +35,11 @@ Groups = list[list[int]]
 class MergedDelays:
     """A model whose delays are common where they may be.
 
-    model: All its unknowns moved as the covariance ties them to the delays; the fit's own if none was merged.
-    sentences: Which delays were made one, for people; empty where none was.
-    p: Probability that delays which are one differ as much by chance; one where none was merged.
+    Attributes:
+        model: All its unknowns moved as the covariance ties them to the delays; the fit's own if none was
+            merged.
+        sentences: Which delays were made one, for people; empty where none was.
+        p: Probability that delays which are one differ as much by chance; one where none was merged.
     """
 
     model: MeasurementModel
@@ -52,8 +54,9 @@ def merge_delays(covariance: ModelCovariance, *, level: float = LEVEL) -> Merged
     that way the coarsest is taken whose joint test has a probability of ``level`` or more. Where the
     constraint would move a decay rate by more than a linear covariance can say, the fit is left as it is.
 
-    covariance: ``covariance`` of a fit, or of a model file (`load_fitted`).
-    level: Probability that delays which are one are kept apart.
+    Args:
+        covariance: ``covariance`` of a fit, or of a model file (`load_fitted`).
+        level: Probability that delays which are one are kept apart.
 
     Raises `ConfigError` for a level that is no probability.
 

@@ -25,15 +25,20 @@ from middeck.values import record
 class ModalParameters:
     """Modes in rising frequency; real poles and rigid modes are not among them.
 
-    natural_hz, damping: |pole| / 2 pi [Hz] and damping ratio.
-    constants: Complex modal constants A [output/input times (rad/s)^2]; real for a lightly damped structure.
-    shapes: Complex shapes over the outputs, each turned so that it is as real as it can be. Of unit modal
-        mass if a drive point was given, otherwise with a largest entry of size one.
-    real_shapes: Their real parts, whose largest entry is positive (the masses that the sign rule of models
-        weighs by are not known here).
-    modal_mass: Of the shape that is one at the drive point, 1 / A there [kg for m from N]; None without one.
-    complexity: Modal phase collinearity (Juang and Pappa 1985): 1 for a real shape, 0 for a travelling wave.
-    mac: |phi_m^H phi_n|^2 / (phi_m^H phi_m phi_n^H phi_n) of the complex shapes (Allemang and Brown 1982).
+    Attributes:
+        natural_hz, damping: |pole| / 2 pi [Hz] and damping ratio.
+        constants: Complex modal constants A [output/input times (rad/s)^2]; real for a lightly damped
+            structure.
+        shapes: Complex shapes over the outputs, each turned so that it is as real as it can be. Of unit modal
+            mass if a drive point was given, otherwise with a largest entry of size one.
+        real_shapes: Their real parts, whose largest entry is positive (the masses that the sign rule of
+            models weighs by are not known here).
+        modal_mass: Of the shape that is one at the drive point, 1 / A there [kg for m from N]; None without
+            one.
+        complexity: Modal phase collinearity (Juang and Pappa 1985): 1 for a real shape, 0 for a travelling
+            wave.
+        mac: |phi_m^H phi_n|^2 / (phi_m^H phi_m phi_n^H phi_n) of the complex shapes (Allemang and Brown
+            1982).
     """
 
     natural_hz: Float[np.ndarray, " mode"]
@@ -53,7 +58,8 @@ def modal_parameters(
 ) -> ModalParameters:
     """Modal parameters of a fit or of its model.
 
-    drive_point: (output, input) by name that are one point and direction, a displacement and a force.
+    Args:
+        drive_point: (output, input) by name that are one point and direction, a displacement and a force.
 
     Raises `ConfigError` for a drive point that the model does not have, or a model without a pair of poles;
     `FitError` if the modal constant of some mode at the drive point is not positive: then it is none.

@@ -34,11 +34,12 @@ ROUNDING = 1e-9
 class PoleZeroGain:
     """H = gain prod (q - zeros) / prod (q - poles) exp(-s delay), q = s, or exp(s T) of a sampled model.
 
-    poles, zeros: One of each conjugate pair (positive imaginary part) or a real one [rad/s]; those of a
-        sampled model are log(q) / T. Two poles at zero stand for 1/s^2, one for 1/s.
-    gain: Ratio of the leading coefficients.
-    static_gain: H at zero frequency; None with a pole there.
-    delay_s: Delay [s].
+    Attributes:
+        poles, zeros: One of each conjugate pair (positive imaginary part) or a real one [rad/s]; those of a
+            sampled model are log(q) / T. Two poles at zero stand for 1/s^2, one for 1/s.
+        gain: Ratio of the leading coefficients.
+        static_gain: H at zero frequency; None with a pole there.
+        delay_s: Delay [s].
     """
 
     poles: Complex[np.ndarray, " pole"]

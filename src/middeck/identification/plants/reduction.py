@@ -36,10 +36,12 @@ ACROSS = np.array([-4.0, -2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0, 4.0])
 class MinimalModel:
     """A model with fewer modes.
 
-    model: What is left.
-    dropped_hz: Natural frequencies of the modes that were dropped or merged, in that order [Hz].
-    error: Largest change of each path's response, as a share of its largest size.
-    hankel: Hankel singular values of the first model, each output and input scaled by its largest response.
+    Attributes:
+        model: What is left.
+        dropped_hz: Natural frequencies of the modes that were dropped or merged, in that order [Hz].
+        error: Largest change of each path's response, as a share of its largest size.
+        hankel: Hankel singular values of the first model, each output and input scaled by its largest
+            response.
     """
 
     model: MeasurementModel

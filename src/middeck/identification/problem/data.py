@@ -19,11 +19,12 @@ FIRST_EXCESS = 0.03
 class Transient:
     """What of a record's spectrum is no response to its own input: it began, and ended, in motion.
 
-    period_s: Sampling period of the record [s].
-    first, last: How many samples at the record's start and end may be anything: those that answer to an input
-        before the record (a delay of n samples needs n + 1), and what a band-limited input does between
-        samples.
-    steady: Spectra of outputs that no input causes, such as the hum of the mains; None without.
+    Attributes:
+        period_s: Sampling period of the record [s].
+        first, last: How many samples at the record's start and end may be anything: those that answer to an
+            input before the record (a delay of n samples needs n + 1), and what a band-limited input does
+            between samples.
+        steady: Spectra of outputs that no input causes, such as the hum of the mains; None without.
     """
 
     period_s: float
@@ -36,11 +37,13 @@ class Transient:
 class Data:
     """What is fitted, at s = j omega.
 
-    H: The response, a column for each input; with a ``drive``, output spectra, a column for each experiment.
-    weight: One over the standard deviation of H.
-    drive: Spectra of the inputs in each experiment; None for a response.
-    transient: Whether each column has a free transient with the poles of the model (`transient`).
-    mix: How outputs that err together are combined before they are weighed; not with a transient.
+    Attributes:
+        H: The response, a column for each input; with a ``drive``, output spectra, a column for each
+            experiment.
+        weight: One over the standard deviation of H.
+        drive: Spectra of the inputs in each experiment; None for a response.
+        transient: Whether each column has a free transient with the poles of the model (`transient`).
+        mix: How outputs that err together are combined before they are weighed; not with a transient.
     """
 
     s: Complex[np.ndarray, " line"]

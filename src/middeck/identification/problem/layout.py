@@ -25,13 +25,14 @@ from middeck.values import record
 class Layout:
     """What the entries of theta are.
 
-    pair: True for a conjugate pair, false for a real pole. Pairs come first.
-    fixed_imag: Imaginary part of the real poles [rad/s]: zero, or pi / T on the negative real axis of z.
-    pivot: The input whose entry of b is held, for each mode.
-    options: The kind of model, decided. Real constants: pairs are phi psi / ((s - p)(s - conj p)), phi and
-        psi real. Full rank: each input has output vectors of its own, and there is no b.
-    rigid_pivot, integral_pivot: The inputs whose entries of psi are held, one for each rigid mode phi psi /
-        s^2 and each integrator phi psi / s; how many there are may differ from the options.
+    Attributes:
+        pair: True for a conjugate pair, false for a real pole. Pairs come first.
+        fixed_imag: Imaginary part of the real poles [rad/s]: zero, or pi / T on the negative real axis of z.
+        pivot: The input whose entry of b is held, for each mode.
+        options: The kind of model, decided. Real constants: pairs are phi psi / ((s - p)(s - conj p)), phi
+            and psi real. Full rank: each input has output vectors of its own, and there is no b.
+        rigid_pivot, integral_pivot: The inputs whose entries of psi are held, one for each rigid mode phi psi
+            / s^2 and each integrator phi psi / s; how many there are may differ from the options.
     """
 
     pair: np.ndarray

@@ -81,21 +81,22 @@ def fit_record(
     that nothing leaks and no window is needed; an offset and a ramp of any channel are part of it. The noise
     on each line is estimated from what is left.
 
-    record: One or several experiments; periods are taken as one run of samples. Where it says that its inputs
-        were ``held``, a continuous model is of what is behind the hold: that is divided out, and what is
-        folded back from beyond half the rate is taken off by a first fit.
-    states: Order of the model without its delays. By default that of the shortest description: of the record,
-        or for a continuous model of a long one, of an estimated response.
-    sampled: A sampled model, right for held inputs; or a continuous one, whose inputs are band-limited
-        between samples. By default sampled where the inputs drive all frequencies up to half the rate, as no
-        band-limited ones do, and neither the band nor an option asks for a continuous model.
-    band_hz: Lines to fit: by default those of the band that the inputs drive, and all of a sampled model.
-    constants, delay, direct, residuals, full_rank, rigid, integrators, relative_degree: As for
-        `fit_response`.
-    weighting: "flat": the error of the simulation is least. "output": by the noise of sensors, "motion": by
-        forces that shake the article as the inputs do. By default the likelier of the last two, or of a
-        sampled model those that simulate samples held out best.
-    tell: Called with what is done next, some words, as often as that changes.
+    Args:
+        record: One or several experiments; periods are taken as one run of samples. Where it says that its
+            inputs were ``held``, a continuous model is of what is behind the hold: that is divided out, and
+            what is folded back from beyond half the rate is taken off by a first fit.
+        states: Order of the model without its delays. By default that of the shortest description: of the
+            record, or for a continuous model of a long one, of an estimated response.
+        sampled: A sampled model, right for held inputs; or a continuous one, whose inputs are band-limited
+            between samples. By default sampled where the inputs drive all frequencies up to half the rate, as
+            no band-limited ones do, and neither the band nor an option asks for a continuous model.
+        band_hz: Lines to fit: by default those of the band that the inputs drive, and all of a sampled model.
+        constants, delay, direct, residuals, full_rank, rigid, integrators, relative_degree: As for
+            `fit_response`.
+        weighting: "flat": the error of the simulation is least. "output": by the noise of sensors, "motion":
+            by forces that shake the article as the inputs do. By default the likelier of the last two, or of
+            a sampled model those that simulate samples held out best.
+        tell: Called with what is done next, some words, as often as that changes.
 
     Raises `ConfigError` for options that exclude each other; `DataError` if a channel is constant or not
     finite; `FitError` if the record is shorter than the unknowns, if it is described no worse as noise alone

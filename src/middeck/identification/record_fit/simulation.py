@@ -36,12 +36,14 @@ def simulate_record(
 ) -> Float[np.ndarray, "experiment period sample output"]:
     """Outputs of the model for the record's inputs, the initial state fitted to the record's outputs.
 
-    record: Periods are taken as one run of samples.
-    state_share: Share of each experiment, from its first sample, to which its initial state is fitted,
-        outputs weighed by their rms. The rest is then a simulation that has never seen the outputs.
-    between: What the inputs of a continuous model do between samples: "hold" (a converter before the plant)
-        or "band-limited" (both sides measured behind the same filters; Pintelon and Schoukens 2012, ch. 13).
-        By default as in the data of the model, its ``hold_s``; band-limited where that is not known.
+    Args:
+        record: Periods are taken as one run of samples.
+        state_share: Share of each experiment, from its first sample, to which its initial state is fitted,
+            outputs weighed by their rms. The rest is then a simulation that has never seen the outputs.
+        between: What the inputs of a continuous model do between samples: "hold" (a converter before the
+            plant) or "band-limited" (both sides measured behind the same filters; Pintelon and Schoukens
+            2012, ch. 13). By default as in the data of the model, its ``hold_s``; band-limited where that is
+            not known.
 
     Raises `ConfigError` if the record has other ports than the model, the share is no share, or the rates
     differ; `DataError` if the share holds fewer numbers than the model has states; `NumericalError` for a

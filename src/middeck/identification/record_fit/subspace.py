@@ -34,8 +34,9 @@ SMOOTH = 1e-8
 class PastFuture:
     """The triangle of one choice of block rows: future inputs, past, future outputs.
 
-    L: Lower triangle; its first ``rows * inputs`` rows are future inputs, its last ``rows * outputs`` future
-        outputs.
+    Attributes:
+        L: Lower triangle; its first ``rows * inputs`` rows are future inputs, its last ``rows * outputs``
+            future outputs.
     """
 
     L: Float[np.ndarray, "row row"]

@@ -95,7 +95,8 @@ FIRST_STEPS = 3
 class Run:
     """A model at the end of a search.
 
-    likelihood: Negative logarithm of the likelihood, up to a constant: sum of log v + |r|^2 / v.
+    Attributes:
+        likelihood: Negative logarithm of the likelihood, up to a constant: sum of log v + |r|^2 / v.
     """
 
     layout: Layout

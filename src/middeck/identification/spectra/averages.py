@@ -32,10 +32,11 @@ CLEAR_OF_NOISE = 25.0
 class Spectra:
     """Power and cross spectra, two-sided [unit^2/Hz].
 
-    S_uu, S_yu, S_yy: Averages of U U^H, Y U^H and Y Y^H.
-    averages: Number of independent spectra; overlapping segments count for less than their number.
-    window_hz: Equivalent noise bandwidth of the window [Hz]: what is narrower is smeared. Zero for whole
-        periods.
+    Attributes:
+        S_uu, S_yu, S_yy: Averages of U U^H, Y U^H and Y Y^H.
+        averages: Number of independent spectra; overlapping segments count for less than their number.
+        window_hz: Equivalent noise bandwidth of the window [Hz]: what is narrower is smeared. Zero for whole
+            periods.
     """
 
     frequency_hz: Float[np.ndarray, " line"]
@@ -61,11 +62,12 @@ def estimate_spectra(
     1 % damping the response is 10 to 40 % wrong near resonance with any usual length; that of local models,
     or of whole periods, is not.
 
-    record: In memory or longer than it: segments are summed as they are read. Records of a campaign may
-        differ in length.
-    segment: Samples of a segment; by default the power of two that leaves at least 16. A periodic record is
-        cut into its periods, whatever this says.
-    window, overlap: Of the segments, as in `scipy.signal.get_window`; each segment's mean is removed.
+    Args:
+        record: In memory or longer than it: segments are summed as they are read. Records of a campaign may
+            differ in length.
+        segment: Samples of a segment; by default the power of two that leaves at least 16. A periodic record
+            is cut into its periods, whatever this says.
+        window, overlap: Of the segments, as in `scipy.signal.get_window`; each segment's mean is removed.
 
     Raises `DataError` if a channel is constant or not finite, or a segment is longer than the record.
 

@@ -24,11 +24,12 @@ from middeck.values import record as frozen
 class Distortion:
     """Output power line by line, averaged over experiments: of excitation, distortion and noise.
 
-    kind: 1 for an excited line, 3 for a silent odd one and 2 for an even one: the lowest power of the input
-        that gets there.
-    power: Mean square of the output on the line, 2 |Y|^2 / N^2 [unit^2]; on silent lines less the response to
-        what input is measured there.
-    noise: The part of it that noise explains, from the scatter over periods; None with one period.
+    Attributes:
+        kind: 1 for an excited line, 3 for a silent odd one and 2 for an even one: the lowest power of the
+            input that gets there.
+        power: Mean square of the output on the line, 2 |Y|^2 / N^2 [unit^2]; on silent lines less the
+            response to what input is measured there.
+        noise: The part of it that noise explains, from the scatter over periods; None with one period.
     """
 
     frequency_hz: Float[np.ndarray, " line"]
@@ -54,8 +55,9 @@ def estimate_distortion(
 ) -> Distortion:
     """Levels of response, even and odd distortion and noise between the lowest and highest excited line.
 
-    record: Whole steady periods of a multisine that leaves lines silent; of several experiments with the same
-        lines the powers are averaged.
+    Args:
+        record: Whole steady periods of a multisine that leaves lines silent; of several experiments with the
+            same lines the powers are averaged.
 
     Raises `DataError` if the record is not periodic, or leaves no line silent.
     """

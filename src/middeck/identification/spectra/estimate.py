@@ -39,24 +39,25 @@ def estimate_response(
 ) -> FrequencyResponse:
     """The frequency response of a record, on its excited lines.
 
-    record: Whole steady periods, or any other record; several experiments are used together. A record longer
-        than memory (`RecordStream`) is read in pieces by every method; local models hold the lines of
-        ``band_hz``, all others a period or some segments.
-    band_hz: Lowest and highest frequency to keep; all excited lines above zero by default.
-    method:
-        - ``"periods"``: period averages, without leakage and window. The default for periodic records; it
-          takes as many independent experiments as inputs.
-        - ``"local rational"``: smooth models of response and transient around each line, with a denominator
-          where it predicts better; no leakage, no window. The default for all others.
-        - ``"local polynomial"``: the same without denominators: linear in the data, but resonances narrower
-          than some ten lines are rounded off.
-        - ``"h1"``, ``"h2"``, ``"hv"``: of averaged spectra (`spectra_response`); for pictures. Welch's
-          windows put 10 to 40 % on 1 % damping; whole periods have none.
-    reference: For a record taken in closed loop: the channels that no noise of the loop gets into, by name,
-        or their samples [experiment, period, sample, reference]. The response is that of the plant, from the
-        inputs that are left to the outputs that are left.
-    controller: Instead: K with u = r + K y, as it ran, from all outputs to all inputs.
-    segment: Samples of Welch's segments.
+    Args:
+        record: Whole steady periods, or any other record; several experiments are used together. A record
+            longer than memory (`RecordStream`) is read in pieces by every method; local models hold the lines
+            of ``band_hz``, all others a period or some segments.
+        band_hz: Lowest and highest frequency to keep; all excited lines above zero by default.
+        method:
+            - ``"periods"``: period averages, without leakage and window. The default for periodic records; it
+              takes as many independent experiments as inputs.
+            - ``"local rational"``: smooth models of response and transient around each line, with a
+              denominator where it predicts better; no leakage, no window. The default for all others.
+            - ``"local polynomial"``: the same without denominators: linear in the data, but resonances
+              narrower than some ten lines are rounded off.
+            - ``"h1"``, ``"h2"``, ``"hv"``: of averaged spectra (`spectra_response`); for pictures. Welch's
+              windows put 10 to 40 % on 1 % damping; whole periods have none.
+        reference: For a record taken in closed loop: the channels that no noise of the loop gets into, by
+            name, or their samples [experiment, period, sample, reference]. The response is that of the plant,
+            from the inputs that are left to the outputs that are left.
+        controller: Instead: K with u = r + K y, as it ran, from all outputs to all inputs.
+        segment: Samples of Welch's segments.
 
     The response's ``variance`` is the one for a weighted fit, which takes lines as independent: the total
     variance (noise and nonlinear distortion) where it is known, otherwise the noise variance (over periods),

@@ -47,10 +47,11 @@ class LocalModel:
 class LocalFit:
     """What the windows give, and how well they predict the line that they leave out.
 
-    covariance: Of what is left of the outputs.
-    line_inverse_power: Inverse of the inputs' power on one line, averaged over the window.
-    prediction: Mean square error of each line's outputs predicted without it (Allen 1974).
-    denominator: d1 and d2 of each window, zero for polynomials.
+    Attributes:
+        covariance: Of what is left of the outputs.
+        line_inverse_power: Inverse of the inputs' power on one line, averaged over the window.
+        prediction: Mean square error of each line's outputs predicted without it (Allen 1974).
+        denominator: d1 and d2 of each window, zero for polynomials.
     """
 
     H: Complex[np.ndarray, "line output input"]

@@ -27,9 +27,10 @@ POOLED_DOF = 12.0
 class PeriodMoments:
     """Mean and scatter of the spectra z = (u, y) over the periods of each experiment.
 
-    periods: In each experiment.
-    mean: Average over periods.
-    scatter: Sum over periods and experiments of (z - mean)(z - mean)^H.
+    Attributes:
+        periods: In each experiment.
+        mean: Average over periods.
+        scatter: Sum over periods and experiments of (z - mean)(z - mean)^H.
     """
 
     frequency_hz: Float[np.ndarray, " line"]

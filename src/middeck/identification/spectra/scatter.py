@@ -13,21 +13,23 @@ from middeck.values import record as frozen
 class ResponseScatter:
     """A measured response with what scatters it.
 
-    H: Estimate on the excited lines ``frequency_hz``.
-    noise: Variance of H from the scatter over periods: what does not repeat. None without several periods.
-    total: Variance of H with all that scatters it: noise and the part of nonlinear distortion that changes
-        with the signal (Pintelon and Schoukens 2012, ch. 4). From the scatter over experiments, or from what
-        local models and averages leave. None where neither can tell.
-    noise_dof, total_dof: Complex degrees of freedom nu of the two at each line: 2 nu (estimate / truth) is
-        chi-square distributed with 2 nu degrees of freedom, where noise is normal. Several lines of a local
-        model share their data, so these do not add up over lines.
-    noise_covariance, total_covariance: C[line, output, output]: of the outputs' noise that is not response to
-        the inputs.
-    inverse_power: R[line, input, input]: E[dH_oi conj(dH_pj)] = C_op R_ij. Of local rational models it holds
-        on the diagonal, and off it with the correlation of the outputs' noise.
-    line_inverse_power: R of each line's own data, for uses that take lines as independent. None where they
-        are; neighbouring lines of local models share their data, and ``inverse_power`` is smaller by the
-        lines that count.
+    Attributes:
+        H: Estimate on the excited lines ``frequency_hz``.
+        noise: Variance of H from the scatter over periods: what does not repeat. None without several
+            periods.
+        total: Variance of H with all that scatters it: noise and the part of nonlinear distortion that
+            changes with the signal (Pintelon and Schoukens 2012, ch. 4). From the scatter over experiments,
+            or from what local models and averages leave. None where neither can tell.
+        noise_dof, total_dof: Complex degrees of freedom nu of the two at each line: 2 nu (estimate / truth)
+            is chi-square distributed with 2 nu degrees of freedom, where noise is normal. Several lines of a
+            local model share their data, so these do not add up over lines.
+        noise_covariance, total_covariance: C[line, output, output]: of the outputs' noise that is not
+            response to the inputs.
+        inverse_power: R[line, input, input]: E[dH_oi conj(dH_pj)] = C_op R_ij. Of local rational models it
+            holds on the diagonal, and off it with the correlation of the outputs' noise.
+        line_inverse_power: R of each line's own data, for uses that take lines as independent. None where
+            they are; neighbouring lines of local models share their data, and ``inverse_power`` is smaller by
+            the lines that count.
 
     Variances are of the complex number: real and imaginary part together.
     """

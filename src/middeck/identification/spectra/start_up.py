@@ -43,11 +43,12 @@ STEPS = 30
 class StartUp:
     """What was done about the beginning of a record.
 
-    record: The steady periods, or all of them without the free motion.
-    what: What was found and done; empty for a steady record.
-    unknown: Covariance, per unit of that of the periods' differences, that the motion taken out adds to each
-        line of an average of periods.
-    spread: Covariance of the differences' samples, of all outputs.
+    Attributes:
+        record: The steady periods, or all of them without the free motion.
+        what: What was found and done; empty for a steady record.
+        unknown: Covariance, per unit of that of the periods' differences, that the motion taken out adds to
+            each line of an average of periods.
+        spread: Covariance of the differences' samples, of all outputs.
     """
 
     record: Record

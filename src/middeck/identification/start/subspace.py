@@ -111,8 +111,10 @@ def prune(
 ) -> list[int] | None:
     """Backward elimination, exact for least squares of ``y`` on the columns of ``A``.
 
-    blocks, states: The columns of each mode and the states it counts for. Columns of no mode are always kept.
-    wanted: States to keep; None is returned where the modes do not add up to that.
+    Args:
+        blocks, states: The columns of each mode and the states it counts for. Columns of no mode are always
+            kept.
+        wanted: States to keep; None is returned where the modes do not add up to that.
     """
     size = np.linalg.norm(A, axis=0)
     scaled = A / np.where(size > 0.0, size, 1.0)

@@ -32,10 +32,11 @@ def relocate(
 ) -> Complex[np.ndarray, " state"]:
     """Poles after so many relocations, both of each conjugate pair, all stable.
 
-    data: Response and weights; every entry of H has residues of its own.
-    poles: First guess [rad/s], closed under conjugation.
-    period_s: Sampling period, or zero in continuous time. A sampled pole on the negative real axis has the
-        imaginary part pi / T and no conjugate.
+    Args:
+        data: Response and weights; every entry of H has residues of its own.
+        poles: First guess [rad/s], closed under conjugation.
+        period_s: Sampling period, or zero in continuous time. A sampled pole on the negative real axis has
+            the imaginary part pi / T and no conjugate.
     """
     q, p = (np.exp(data.s * period_s), np.exp(poles * period_s)) if period_s else (data.s, poles)
     # Rounding leaves an imaginary part to the real ones.

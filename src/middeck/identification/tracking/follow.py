@@ -24,11 +24,12 @@ FIRST_FREQUENCY, FIRST_DAMPING, FIRST_GAIN = 0.005, 0.2, 0.05
 class Drift:
     """How parameters are thought to move.
 
-    frequency, damping, gain: Relative drift of each in one second; it grows with the square root of time. A
-        slower one gives smaller deviations and follows later.
-    frequency_jump, damping_jump: Relative size of a sudden change. When the corrections of a parameter go one
-        way for longer than chance allows, its mode is thought to have jumped, and is found again from so
-        large a deviation, with its neighbours within a tenth of its frequency.
+    Attributes:
+        frequency, damping, gain: Relative drift of each in one second; it grows with the square root of time.
+            A slower one gives smaller deviations and follows later.
+        frequency_jump, damping_jump: Relative size of a sudden change. When the corrections of a parameter go
+            one way for longer than chance allows, its mode is thought to have jumped, and is found again from
+            so large a deviation, with its neighbours within a tenth of its frequency.
     """
 
     frequency: float = 3e-5
@@ -47,13 +48,14 @@ class Drift:
 class Followed:
     """What does not change while it is followed.
 
-    T: Sampling period [s].
-    shapes, participation, direct: Of the model; the former divided by the loss of a hold that the model has
-        in its constants already.
-    real_constants: Whether phi psi is held when a frequency moves, and the residue phi psi / (2 j omega_d)
-        goes with it.
-    group: Which delay each output has, of ``whole`` samples and ``part`` of another.
-    noise_rms: Of each output's samples.
+    Attributes:
+        T: Sampling period [s].
+        shapes, participation, direct: Of the model; the former divided by the loss of a hold that the model
+            has in its constants already.
+        real_constants: Whether phi psi is held when a frequency moves, and the residue phi psi / (2 j
+            omega_d) goes with it.
+        group: Which delay each output has, of ``whole`` samples and ``part`` of another.
+        noise_rms: Of each output's samples.
     """
 
     T: float
@@ -73,17 +75,18 @@ class Followed:
 class Tracking:
     """Modal parameters as known after so many samples, with all that is needed to go on.
 
-    samples: Seen so far.
-    mean, covariance: Of the modal states (real parts, imaginary parts; for each delay), log frequency, log
-        damping and gains, in that order.
-    past: Inputs on their way through the delays, latest first.
-    corrections, chance: Weighted sum of late corrections of log frequency and log damping, and its variance
-        by chance.
-    products: Weighted means of the products of normalised innovations, lags zero and on.
-    late: Latest normalised innovations, latest first.
-    weight: Weight of what the means have seen, up to one.
-    jumps: How often each mode, or one within a tenth of its frequency, was thought to have jumped.
-    recovery: What a restart begins from, should the modes be lost.
+    Attributes:
+        samples: Seen so far.
+        mean, covariance: Of the modal states (real parts, imaginary parts; for each delay), log frequency,
+            log damping and gains, in that order.
+        past: Inputs on their way through the delays, latest first.
+        corrections, chance: Weighted sum of late corrections of log frequency and log damping, and its
+            variance by chance.
+        products: Weighted means of the products of normalised innovations, lags zero and on.
+        late: Latest normalised innovations, latest first.
+        weight: Weight of what the means have seen, up to one.
+        jumps: How often each mode, or one within a tenth of its frequency, was thought to have jumped.
+        recovery: What a restart begins from, should the modes be lost.
     """
 
     followed: Followed
@@ -167,17 +170,18 @@ def start_tracking(
 ) -> Tracking:
     """The state before the first sample.
 
-    model: Where to start: a continuous model of conjugate pairs, fitted to an earlier record or made from a
-        plant (`model_of_plant`). Frequencies, damping and the size of each mode at each output are followed;
-        delays and the direct term are taken as they are.
-    sample_hz: Rate of the samples that will come; inputs are held from each to the next.
-    noise_rms: Of the white noise on each output's samples.
-    input_rms: Of what moved the article before the first sample, by which the unknown motion at the start is
-        judged; zero for an article at rest.
-    known: Standard deviations of the model's frequencies and damping; 0.5 and 20 per cent by default.
-    drift: How parameters are thought to move.
-    hold_in_model: Whether the model was fitted to records of held inputs, so that its delays hold half a
-        sample of hold (docs/conventions.md). False for a plant of a structure with a pure delay.
+    Args:
+        model: Where to start: a continuous model of conjugate pairs, fitted to an earlier record or made from
+            a plant (`model_of_plant`). Frequencies, damping and the size of each mode at each output are
+            followed; delays and the direct term are taken as they are.
+        sample_hz: Rate of the samples that will come; inputs are held from each to the next.
+        noise_rms: Of the white noise on each output's samples.
+        input_rms: Of what moved the article before the first sample, by which the unknown motion at the start
+            is judged; zero for an article at rest.
+        known: Standard deviations of the model's frequencies and damping; 0.5 and 20 per cent by default.
+        drift: How parameters are thought to move.
+        hold_in_model: Whether the model was fitted to records of held inputs, so that its delays hold half a
+            sample of hold (docs/conventions.md). False for a plant of a structure with a pure delay.
 
     Raises `ConfigError` for a sampled model, one with real poles or terms of modes below the band, delays
     that differ by input, a mode at or above half the sampling rate, noise that is not positive, an input that

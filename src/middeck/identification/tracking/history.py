@@ -18,12 +18,13 @@ from middeck.values import record
 class Tracked:
     """Modal parameters at the end of each block.
 
-    time_s: Time of the last sample of each block.
-    natural_hz, frequency_std_hz, damping, damping_std: With standard deviations.
-    trusted: Whether the innovations were white and as large as stated.
-    jumps: How often each mode, or a neighbour, was thought to have jumped by then.
-    restarts: How often the modes had been lost and sought again by then; ``state.restarts`` says when.
-    state: At the end, from which to go on.
+    Attributes:
+        time_s: Time of the last sample of each block.
+        natural_hz, frequency_std_hz, damping, damping_std: With standard deviations.
+        trusted: Whether the innovations were white and as large as stated.
+        jumps: How often each mode, or a neighbour, was thought to have jumped by then.
+        restarts: How often the modes had been lost and sought again by then; ``state.restarts`` says when.
+        state: At the end, from which to go on.
     """
 
     time_s: Float[np.ndarray, " block"]
@@ -40,8 +41,9 @@ class Tracked:
 def track_modes(state: Tracking, measured: Record, *, block: int = 256) -> Tracked:
     """Follow the first experiment of a record, all its periods one after the other.
 
-    state: `start_tracking`, or the end of an earlier record that this one continues.
-    block: Samples from one row of the result to the next; it changes nothing else.
+    Args:
+        state: `start_tracking`, or the end of an earlier record that this one continues.
+        block: Samples from one row of the result to the next; it changes nothing else.
 
     Raises `ConfigError` for a block without samples or a record of another rate; `DataError` as
     `update_tracking`.

@@ -85,9 +85,10 @@ LIMIT = 5.0
 class Restart:
     """A restart of a tracker that had lost its modes.
 
-    time_s: When [s].
-    good_s: Of the state whose parameters it took up again.
-    opening: Relative deviation by which its frequencies were opened.
+    Attributes:
+        time_s: When [s].
+        good_s: Of the state whose parameters it took up again.
+        opening: Relative deviation by which its frequencies were opened.
     """
 
     time_s: float
@@ -99,15 +100,16 @@ class Restart:
 class Recovery:
     """State from which a tracker restarts.
 
-    products, weight: As of the tracker, with a brief memory.
-    lost: Samples for which the modes were lost, less those since.
-    tries: Restarts since all was well.
-    mean, variance, taken: Parameters of two good states, the older one first, and the samples after which
-        each was taken.
-    loudness: Mean square of late inputs: by it motion is judged that is not known.
-    restarts: All of them.
-    blocks: Sums of the products, the block that is being filled first, then the late ones.
-    seen: Samples in all blocks since the last restart.
+    Attributes:
+        products, weight: As of the tracker, with a brief memory.
+        lost: Samples for which the modes were lost, less those since.
+        tries: Restarts since all was well.
+        mean, variance, taken: Parameters of two good states, the older one first, and the samples after which
+            each was taken.
+        loudness: Mean square of late inputs: by it motion is judged that is not known.
+        restarts: All of them.
+        blocks: Sums of the products, the block that is being filled first, then the late ones.
+        seen: Samples in all blocks since the last restart.
     """
 
     products: Float[np.ndarray, " lag"]

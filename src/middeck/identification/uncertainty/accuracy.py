@@ -39,12 +39,15 @@ ROUNDING = 1e-9
 class ExpectedAccuracy:
     """What a test of so many periods would say, if its noise is all that disturbs it.
 
-    covariance: Joint covariance of all unknowns: `response_bounds`, `draw_models` and others take it.
-    uncertainty: Standard deviations of natural frequencies, damping ratios and delays.
-    gain: Standard deviation of each modal constant as a share of its size; infinite for a constant of zero.
-    error: Expected relative complex error of each output, sqrt(sum E|dH|^2 / sum |H|^2) over ``scored_hz``.
-    periods: Of each experiment.
-    duration_s: Of all experiments together, without what is waited for the steady state.
+    Attributes:
+        covariance: Joint covariance of all unknowns: `response_bounds`, `draw_models` and others take it.
+        uncertainty: Standard deviations of natural frequencies, damping ratios and delays.
+        gain: Standard deviation of each modal constant as a share of its size; infinite for a constant of
+            zero.
+        error: Expected relative complex error of each output, sqrt(sum E|dH|^2 / sum |H|^2) over
+            ``scored_hz``.
+        periods: Of each experiment.
+        duration_s: Of all experiments together, without what is waited for the steady state.
     """
 
     covariance: ModelCovariance
@@ -67,16 +70,17 @@ def expected_accuracy(
 ) -> ExpectedAccuracy:
     """Standard deviations that a fit of ``model`` would have after the test, by the Cramer-Rao bound.
 
-    model: What is thought to be there: a plant of a structure (with the delay ``delay_s`` of the test), or a
-        model of an earlier record.
-    command: A designed excitation, or a record whose inputs are to be used again.
-    noise_rms: Rms of the white noise on each output's samples.
-    periods: Steady periods of each experiment; one for a signal that does not repeat, whose transient is then
-        taken as known (it costs as many unknowns as states, of all lines).
-    structure: What will be free in the fit; as `fit_response` would choose by default: real constants and
-        delays where the model has real constants, otherwise complex constants without a delay, and the
-        constant terms that the model has.
-    scored_hz: Where the error of the response is expected; the excited lines by default.
+    Args:
+        model: What is thought to be there: a plant of a structure (with the delay ``delay_s`` of the test),
+            or a model of an earlier record.
+        command: A designed excitation, or a record whose inputs are to be used again.
+        noise_rms: Rms of the white noise on each output's samples.
+        periods: Steady periods of each experiment; one for a signal that does not repeat, whose transient is
+            then taken as known (it costs as many unknowns as states, of all lines).
+        structure: What will be free in the fit; as `fit_response` would choose by default: real constants and
+            delays where the model has real constants, otherwise complex constants without a delay, and the
+            constant terms that the model has.
+        scored_hz: Where the error of the response is expected; the excited lines by default.
 
     Raises `ConfigError` for a number of inputs or noises that does not fit, a noise that is not positive, no
     period, or a test that leaves an unknown undetermined.

@@ -48,14 +48,16 @@ NO_SCATTER = 0.01
 class ModelCovariance:
     """How well the unknowns of a model are known, jointly.
 
-    model, structure: What was fitted; the unknowns and their order are those of `unknowns`.
-    root: R of their covariance R R^T: deviations that come from it keep the digits that those from the matrix
-        lose where unknowns are told apart badly. Lower triangular, but for what is loose.
-    inflation: Of each unknown, its variance as a multiple of what it would be if all others were known.
-    degrees: Degrees of freedom of the variance behind it: Student's t, and F, stand for the normal law.
-    robust: True where the residual is clearly more than noise or correlated from line to line, or a record's
-        weights are not those of noise, and the covariance follows the residual.
-    loose: How many of the last columns of ``root`` are directions in which the data do not fix the unknowns.
+    Attributes:
+        model, structure: What was fitted; the unknowns and their order are those of `unknowns`.
+        root: R of their covariance R R^T: deviations that come from it keep the digits that those from the
+            matrix lose where unknowns are told apart badly. Lower triangular, but for what is loose.
+        inflation: Of each unknown, its variance as a multiple of what it would be if all others were known.
+        degrees: Degrees of freedom of the variance behind it: Student's t, and F, stand for the normal law.
+        robust: True where the residual is clearly more than noise or correlated from line to line, or a
+            record's weights are not those of noise, and the covariance follows the residual.
+        loose: How many of the last columns of ``root`` are directions in which the data do not fix the
+            unknowns.
     """
 
     model: MeasurementModel
@@ -114,10 +116,11 @@ def estimate_covariance(
 ) -> ModelCovariance:
     """The covariance of a weighted least-squares fit at its end.
 
-    measured: What was fitted.
-    assumed: The variance whose inverse weighed the residual, of real and imaginary part together.
-    noise: The part of it that was measured, averaged over neighbouring lines; without a measured variance it
-        is not looked at.
+    Args:
+        measured: What was fitted.
+        assumed: The variance whose inverse weighed the residual, of real and imaginary part together.
+        noise: The part of it that was measured, averaged over neighbouring lines; without a measured variance
+            it is not looked at.
     """
     s = 2j * np.pi * measured.frequency_hz
     each = _Entries(model, structure, s, assumed)

@@ -31,12 +31,13 @@ RANK = 1e-9
 class ModeChange:
     """One mode in both fits.
 
-    before, after: Its index in the two models.
-    frequency_hz, damping: Before and after.
-    frequency_std_hz, damping_std: Standard deviations of the two differences.
-    p_pole, p_constants: Probability of a difference as large by chance, of frequency and damping together and
-        of the modal constants together (T^2 against F).
-    moved, reshaped: Whether that counts, among all tests made, at the level of the comparison.
+    Attributes:
+        before, after: Its index in the two models.
+        frequency_hz, damping: Before and after.
+        frequency_std_hz, damping_std: Standard deviations of the two differences.
+        p_pole, p_constants: Probability of a difference as large by chance, of frequency and damping together
+            and of the modal constants together (T^2 against F).
+        moved, reshaped: Whether that counts, among all tests made, at the level of the comparison.
     """
 
     before: int
@@ -85,12 +86,13 @@ class DelayChange:
 class Drift:
     """What changed between two fits.
 
-    modes, delays: Every mode found in both, in rising frequency, and every delay.
-    only_before, only_after: Natural frequencies [Hz] of modes without a counterpart: unlike orders, or a mode
-        that one record does not show. They are not tested.
-    p_overall: Probability of all differences together by chance, in one test.
-    level: Probability that anything is said to have changed when nothing has (Holm 1979, over all tests of
-        modes and delays).
+    Attributes:
+        modes, delays: Every mode found in both, in rising frequency, and every delay.
+        only_before, only_after: Natural frequencies [Hz] of modes without a counterpart: unlike orders, or a
+            mode that one record does not show. They are not tested.
+        p_overall: Probability of all differences together by chance, in one test.
+        level: Probability that anything is said to have changed when nothing has (Holm 1979, over all tests
+            of modes and delays).
     """
 
     modes: tuple[ModeChange, ...]
@@ -135,8 +137,9 @@ def compare_fits(before: ModelCovariance, after: ModelCovariance, *, level: floa
     difference has the sum of the two fits' covariances, correlations within each fit included; its T^2 is
     judged by F with the degrees of freedom of both (Satterthwaite 1946).
 
-    before, after: ``covariance`` of the two fits.
-    level: Probability of any false alarm.
+    Args:
+        before, after: ``covariance`` of the two fits.
+        level: Probability of any false alarm.
 
     Raises `ConfigError` if the fits have unlike channels or rates, or for a level that is no probability.
     """

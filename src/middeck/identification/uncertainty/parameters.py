@@ -21,8 +21,9 @@ from middeck.values import record
 class Uncertainty:
     """Standard deviations; see `ModelCovariance` for what they cover.
 
-    natural_hz, damping: Of the natural frequency [Hz] and the damping ratio of each mode.
-    delay_s: Of the delay of each output [s]; zero where no delay was fitted.
+    Attributes:
+        natural_hz, damping: Of the natural frequency [Hz] and the damping ratio of each mode.
+        delay_s: Of the delay of each output [s]; zero where no delay was fitted.
 
     Infinite where the data do not determine the number: the deviation would be larger than the frequency or
     the damping ratio itself, or a delay's than a period of the slowest mode.
@@ -37,13 +38,14 @@ class Uncertainty:
 class Parameters:
     """All physical parameters of a model with their joint covariance.
 
-    names: ``natural_hz[m]``, ``damping[m]``; ``constant[m, output, input]`` for real modal constants,
-        otherwise ``residue_re[...]`` and ``residue_im[...]``; ``rigid``, ``integral``, ``lower``, ``direct``
-        and ``path_delay_s[output, input]``; ``delay_s[output]``. m is the place of the mode in the model, the
-        first where a residue of full rank has several; its terms are added.
-    values, covariance: In SI units, frequencies in Hz. Rank-one residues of several inputs and outputs have
-        fewer free numbers than entries: their covariance is singular then.
-    degrees: Degrees of freedom of Student's t that stands for the normal law.
+    Attributes:
+        names: ``natural_hz[m]``, ``damping[m]``; ``constant[m, output, input]`` for real modal constants,
+            otherwise ``residue_re[...]`` and ``residue_im[...]``; ``rigid``, ``integral``, ``lower``,
+            ``direct`` and ``path_delay_s[output, input]``; ``delay_s[output]``. m is the place of the mode in
+            the model, the first where a residue of full rank has several; its terms are added.
+        values, covariance: In SI units, frequencies in Hz. Rank-one residues of several inputs and outputs
+            have fewer free numbers than entries: their covariance is singular then.
+        degrees: Degrees of freedom of Student's t that stands for the normal law.
     """
 
     names: tuple[str, ...]

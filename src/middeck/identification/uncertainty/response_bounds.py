@@ -31,13 +31,15 @@ FLAT = 1e-6
 class ResponseBounds:
     """Where the true response lies with probability ``level``, on each line alone or on all together.
 
-    H: Response of the fitted model.
-    axes: The two semi-axes of the ellipse around H, as complex numbers: H + axes[0] cos t + axes[1] sin t.
-    magnitude_low, magnitude_high: Band of |H|; at a zero of the response it begins at zero.
-    phase_error: Half width of the band of phase [rad]; pi where the phase is not known at all.
-    level: Probability. The bands hold it far from zeros, and more than it near them.
-    simultaneous: True if all lines and entries lie within their ellipses at once with that probability; false
-        if each does by itself.
+    Attributes:
+        H: Response of the fitted model.
+        axes: The two semi-axes of the ellipse around H, as complex numbers: H + axes[0] cos t + axes[1] sin
+            t.
+        magnitude_low, magnitude_high: Band of |H|; at a zero of the response it begins at zero.
+        phase_error: Half width of the band of phase [rad]; pi where the phase is not known at all.
+        level: Probability. The bands hold it far from zeros, and more than it near them.
+        simultaneous: True if all lines and entries lie within their ellipses at once with that probability;
+            false if each does by itself.
     """
 
     frequency_hz: Float[np.ndarray, " line"]

@@ -27,9 +27,10 @@ TRUSTED = 1.5
 class MovedBand:
     """Neighbouring lines on which an entry of the response changed.
 
-    low_hz, high_hz: First and last line.
-    output, input: The path that changed by the most deviations, ``deviations`` on its worst line.
-    change: |after - before| / |before| there.
+    Attributes:
+        low_hz, high_hz: First and last line.
+        output, input: The path that changed by the most deviations, ``deviations`` on its worst line.
+        change: |after - before| / |before| there.
     """
 
     low_hz: float
@@ -44,14 +45,16 @@ class MovedBand:
 class ResponseDrift:
     """Where two responses differ.
 
-    frequency_hz: Lines that both have.
-    statistic: |difference|^2 over the sum of both variances: F of 2 and many degrees if nothing changed.
-    inflation: By how much the statistic's median exceeds that of F, one at least. What moves all lines alike
-        is no mode but a variance that was stated too small: distortion that changes with the signal, say,
-        where the record knows its noise only. The statistic is divided by it (Devlin and Roeder 1999).
-    moved: Whether that counts among all lines and paths.
-    bands: What moved, from low to high frequency.
-    level: Probability that any line is said to have moved when nothing has (Holm 1979).
+    Attributes:
+        frequency_hz: Lines that both have.
+        statistic: |difference|^2 over the sum of both variances: F of 2 and many degrees if nothing changed.
+        inflation: By how much the statistic's median exceeds that of F, one at least. What moves all lines
+            alike is no mode but a variance that was stated too small: distortion that changes with the
+            signal, say, where the record knows its noise only. The statistic is divided by it (Devlin and
+            Roeder 1999).
+        moved: Whether that counts among all lines and paths.
+        bands: What moved, from low to high frequency.
+        level: Probability that any line is said to have moved when nothing has (Holm 1979).
     """
 
     frequency_hz: Float[np.ndarray, " line"]
@@ -105,8 +108,9 @@ def compare_responses(
     sum is then F-distributed. It says where something changed, not what, and needs no order. A change on more
     than half of all lines is taken for noise (`ResponseDrift.inflation`): that is for `compare_fits` to find.
 
-    before, after: Responses of the same channels with their variances.
-    level: Probability of any false alarm.
+    Args:
+        before, after: Responses of the same channels with their variances.
+        level: Probability of any false alarm.
 
     Raises `ConfigError` if the channels differ, a variance is missing, no line is common, or the level is no
     probability.

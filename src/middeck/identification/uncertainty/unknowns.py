@@ -24,10 +24,12 @@ from middeck.values import record
 class Structure:
     """Which parts of a model were free in its fit.
 
-    real_constants: Pairs are phi psi / ((s - p)(s - conj p)) with real phi and psi.
-    with_delay, with_lower, with_direct: Whether delays, the term L / s^2 and the constant term D were fitted.
-    common_delay: Whether all outputs have one delay.
-    relative_degree_two: Whether the residues of each path were made to add up to zero.
+    Attributes:
+        real_constants: Pairs are phi psi / ((s - p)(s - conj p)) with real phi and psi.
+        with_delay, with_lower, with_direct: Whether delays, the term L / s^2 and the constant term D were
+            fitted.
+        common_delay: Whether all outputs have one delay.
+        relative_degree_two: Whether the residues of each path were made to add up to zero.
     """
 
     real_constants: bool

@@ -16,14 +16,10 @@ from middeck.values import record
 class Limits:
     """Limits of one input; a design is as large as all of them together allow.
 
-    Parameters
-    ----------
-    rms:
-        Root mean square over a period, or over the whole signal.
-    peak:
-        Largest absolute sample.
-    slew:
-        Largest step between samples times the sampling rate [unit/s]; what an amplifier follows.
+    Attributes:
+        rms: Root mean square over a period, or over the whole signal.
+        peak: Largest absolute sample.
+        slew: Largest step between samples times the sampling rate [unit/s]; what an amplifier follows.
     """
 
     rms: float | None = None

@@ -53,29 +53,21 @@ def design_multisine(
 ) -> Excitation:
     """One period of a multisine, for one or several inputs.
 
-    Parameters
-    ----------
-    band_hz, period_s:
-        Lines are the multiples of 1/``period_s`` within the band, limits included.
-    limits:
-        Of every input, or of each.
-    inputs, realisations:
-        A realisation is ``inputs`` experiments, orthogonal on every line (`inputs`). Phases are drawn anew
-        for each realisation and input: several of them show nonlinear distortion, which changes with phases.
-    grid:
-        "full", "odd", "odd-odd" or "random-odd" (`grids.choose_lines`); silent lines detect distortion.
-    amplitude:
-        Amplitude of a line of so many Hz, up to a factor; equal by default.
-    phases:
-        "random", uniform; "schroeder" (Schroeder 1970; sums to a sweep); "compact", of the least peak that is
-        found from there, each realisation and input from its own random share of a turn; the same on all
-        processors.
+    Args:
+        band_hz, period_s: Lines are the multiples of 1/``period_s`` within the band, limits included.
+        limits: Of every input, or of each.
+        inputs, realisations: A realisation is ``inputs`` experiments, orthogonal on every line (`inputs`).
+            Phases are drawn anew for each realisation and input: several of them show nonlinear distortion,
+            which changes with phases.
+        grid: "full", "odd", "odd-odd" or "random-odd" (`grids.choose_lines`); silent lines detect distortion.
+        amplitude: Amplitude of a line of so many Hz, up to a factor; equal by default.
+        phases: "random", uniform; "schroeder" (Schroeder 1970; sums to a sweep); "compact", of the least peak
+            that is found from there, each realisation and input from its own random share of a turn; the same
+            on all processors.
 
     Raises `ConfigError` as `random_multisine`, for an unknown grid or kind of phases, or for amplitudes that
     are not finite, negative or all zero.
 
-    Examples
-    --------
     >>> made = design_multisine(
     ...     (1.0, 8.0), 4.0, 64.0, Limits(peak=1.0), np.random.default_rng(0), phases="compact"
     ... )

@@ -30,34 +30,23 @@ ORTHOGONAL = 0.05
 class Recognised:
     """What an input signal is.
 
-    Parameters
-    ----------
-    kind:
-        "multisine", "swept sine", "stepped sine", "binary", "noise" (repeated or not), "burst random",
-        "sine" or "silence".
-    what:
-        One sentence, for a report.
-    period:
-        Samples after which the input repeats; None if it does not within the record.
-    periods:
-        Whole periods in each experiment, counted from its end; zero if it does not repeat.
-    offset:
-        Samples before the first of them.
-    steady_from:
-        First of these periods from which inputs and outputs repeat; zero where only inputs were given.
-    scatter:
-        Power of the input that is not repeated, as a share of what is: its sensor's noise. None without.
-    lines:
-        Excited lines, as multiples of the sampling rate over the period (or over the record).
-    band_hz:
-        First and last of them.
-    crest_factor:
-        Peak over rms of each input, that of the worst experiment.
-    odd:
-        Whether only odd lines are excited: the second half of each period is minus the first.
-    orthogonality:
-        Largest rms correlation over the lines between two inputs in successive experiments, as many as
-        inputs; 0 is orthogonal. None for one input or fewer experiments than inputs.
+    Attributes:
+        kind: "multisine", "swept sine", "stepped sine", "binary", "noise" (repeated or not), "burst random",
+            "sine" or "silence".
+        what: One sentence, for a report.
+        period: Samples after which the input repeats; None if it does not within the record.
+        periods: Whole periods in each experiment, counted from its end; zero if it does not repeat.
+        offset: Samples before the first of them.
+        steady_from: First of these periods from which inputs and outputs repeat; zero where only inputs were
+            given.
+        scatter: Power of the input that is not repeated, as a share of what is: its sensor's noise. None
+            without.
+        lines: Excited lines, as multiples of the sampling rate over the period (or over the record).
+        band_hz: First and last of them.
+        crest_factor: Peak over rms of each input, that of the worst experiment.
+        odd: Whether only odd lines are excited: the second half of each period is minus the first.
+        orthogonality: Largest rms correlation over the lines between two inputs in successive experiments, as
+            many as inputs; 0 is orthogonal. None for one input or fewer experiments than inputs.
     """
 
     kind: str

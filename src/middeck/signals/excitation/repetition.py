@@ -31,14 +31,10 @@ MOST_LAGS = 400
 class Repetition:
     """A signal's shortest repetition.
 
-    Parameters
-    ----------
-    lag:
-        Samples after which it comes back.
-    sign:
-        1, or -1 where it comes back with its sign turned: odd lines only, and a period of two lags.
-    scatter:
-        Power of what is not repeated over the power of the mean repetition.
+    Attributes:
+        lag: Samples after which it comes back.
+        sign: 1, or -1 where it comes back with its sign turned: odd lines only, and a period of two lags.
+        scatter: Power of what is not repeated over the power of the mean repetition.
     """
 
     lag: int

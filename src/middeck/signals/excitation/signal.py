@@ -13,21 +13,14 @@ from middeck.values import record
 class Excitation:
     """A designed test signal.
 
-    Parameters
-    ----------
-    kind:
-        "multisine", "swept sine", "stepped sine", "binary", "noise" or "burst random".
-    what:
-        One sentence on what it is, for a report.
-    sample_hz:
-        Rate at which the samples are issued; each is held until the next.
-    u:
-        One period of each experiment, or the whole signal if it does not repeat. With several inputs the
-        experiments are to be run one after the other; together they tell the inputs apart.
-    lines:
-        Excited lines: whole multiples of 1/``period_s``.
-    periodic:
-        Whether ``u`` may be repeated without a jump in its spectrum.
+    Attributes:
+        kind: "multisine", "swept sine", "stepped sine", "binary", "noise" or "burst random".
+        what: One sentence on what it is, for a report.
+        sample_hz: Rate at which the samples are issued; each is held until the next.
+        u: One period of each experiment, or the whole signal if it does not repeat. With several inputs the
+            experiments are to be run one after the other; together they tell the inputs apart.
+        lines: Excited lines: whole multiples of 1/``period_s``.
+        periodic: Whether ``u`` may be repeated without a jump in its spectrum.
     """
 
     kind: str

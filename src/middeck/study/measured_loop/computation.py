@@ -94,16 +94,19 @@ class ModeReduction:
 class MeasuredLoop:
     """One compensator: its loop as predicted from the fit and as measured on the rig.
 
-    predicted, measured: Closed-loop responses of all sensors; ``measured`` is None where the rig gave none,
-        for ``cause``.
-    predicted_db, measured_db: 20 log10 of the closed-loop rms of the performance in the band over the
-        open-loop one, each from its own open loop. None where one of its two has no finite rms.
-    rms_error_db: Compares the two closed-loop rms values.
-    worst_error_db, worst_hz: Largest difference of the two where the open loop is within 40 dB of its peak.
-    control_rms_nm: Torque of the law alone.
-    static_db: The performance below 0.2 Hz, measured, over that of the open loop.
-    modes: Each mode of the fit in the measured band, the lowest first; empty where nothing was measured.
-    on_rig: The loop by the rig's own eigenvalues and return ratio: the pair unshifted, then each shift of it.
+    Attributes:
+        predicted, measured: Closed-loop responses of all sensors; ``measured`` is None where the rig gave
+            none, for ``cause``.
+        predicted_db, measured_db: 20 log10 of the closed-loop rms of the performance in the band over the
+            open-loop one, each from its own open loop. None where one of its two has no finite rms.
+        rms_error_db: Compares the two closed-loop rms values.
+        worst_error_db, worst_hz: Largest difference of the two where the open loop is within 40 dB of its
+            peak.
+        control_rms_nm: Torque of the law alone.
+        static_db: The performance below 0.2 Hz, measured, over that of the open loop.
+        modes: Each mode of the fit in the measured band, the lowest first; empty where nothing was measured.
+        on_rig: The loop by the rig's own eigenvalues and return ratio: the pair unshifted, then each shift of
+            it.
     """
 
     name: str

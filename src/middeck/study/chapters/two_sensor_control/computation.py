@@ -47,16 +47,19 @@ HALF_POWER = 0.01  # the flexible modes' damping: so far to either side a peak i
 class TwoSensorControl:
     """The three paths and their fit, how far each design reaches, and the loops of Figures 11 and 12.
 
-    sensors: Figures 10a and 10b.
-    smaller: Reach of designs on fits of fewer states.
-    without_lead, with_lead: Reach of the payload's design on the fit.
-    payload, both: The loops of Figure 11 (payload penalty, with the lead) and Figure 12 (payload and bus).
-    bus_db: Of both loops, the measured bus in 7-9 Hz over that of the open loop.
-    above_db: The payload above 10 Hz, likewise.
-    above_without_bus_db: The same of the loop that differs from Figure 12's only in the penalty on the bus.
-    deeper_db: The payload in 7-9 Hz under both penalties over that under the payload's alone.
-    mode_hz, deeper_at_mode_db: Where the bus is highest there in open loop, and the same between that mode's
-        half-power points.
+    Attributes:
+        sensors: Figures 10a and 10b.
+        smaller: Reach of designs on fits of fewer states.
+        without_lead, with_lead: Reach of the payload's design on the fit.
+        payload, both: The loops of Figure 11 (payload penalty, with the lead) and Figure 12 (payload and
+            bus).
+        bus_db: Of both loops, the measured bus in 7-9 Hz over that of the open loop.
+        above_db: The payload above 10 Hz, likewise.
+        above_without_bus_db: The same of the loop that differs from Figure 12's only in the penalty on the
+            bus.
+        deeper_db: The payload in 7-9 Hz under both penalties over that under the payload's alone.
+        mode_hz, deeper_at_mode_db: Where the bus is highest there in open loop, and the same between that
+            mode's half-power points.
     """
 
     sensors: MeasuredSensors

@@ -27,10 +27,11 @@ from middeck.values import record
 class SensorZeros:
     """Zeros of the fitted path to one sensor.
 
-    frequency_deviation_hz, damping_deviation: Their standard deviations; infinite where the data do not
-        determine the zero.
-    mirrored_error: Relative complex error of the path in the band of the fit once its zeros are fitted anew
-        with all of them in the left half-plane (`refit_left`); None where none is in the right one.
+    Attributes:
+        frequency_deviation_hz, damping_deviation: Their standard deviations; infinite where the data do not
+            determine the zero.
+        mirrored_error: Relative complex error of the path in the band of the fit once its zeros are fitted
+            anew with all of them in the left half-plane (`refit_left`); None where none is in the right one.
     """
 
     zeros: Zeros
@@ -43,9 +44,10 @@ class SensorZeros:
 class MeasuredSensors:
     """Three measured paths from one torque, one fit with common poles, its zeros and its design plant.
 
-    measured, fitted: Outputs: the performance, then the two sensors of Figures 10a and 10b.
-    sensors: Zeros of each path, in the same order.
-    delay_s: The rig's own, hidden error included.
+    Attributes:
+        measured, fitted: Outputs: the performance, then the two sensors of Figures 10a and 10b.
+        sensors: Zeros of each path, in the same order.
+        delay_s: The rig's own, hidden error included.
     """
 
     fit_band_hz: tuple[float, float]

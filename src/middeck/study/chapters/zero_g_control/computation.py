@@ -40,13 +40,14 @@ SEARCH_LAST = 7.0  # log10 authority: beyond the plotted range
 class SubModelSweep:
     """One sub-model over authority.
 
-    reference_db_lab_pd: The lab metric under PD alone, over the orbit one.
-    first_instability: In the lab, searched beyond the plotted range; None if there is none.
-    mode_frequency_hz, mode_kind: Of the lab mode that leads it, in the lab without any control.
-    unstable_pairs, unstable_real: Numbers of complex pairs and of real poles, which diverge, past the
-        stability limit there.
-    quadrature_error: Largest relative difference of the closed-form metric from adaptive quadrature, over the
-        stable loops of the first and the last level.
+    Attributes:
+        reference_db_lab_pd: The lab metric under PD alone, over the orbit one.
+        first_instability: In the lab, searched beyond the plotted range; None if there is none.
+        mode_frequency_hz, mode_kind: Of the lab mode that leads it, in the lab without any control.
+        unstable_pairs, unstable_real: Numbers of complex pairs and of real poles, which diverge, past the
+            stability limit there.
+        quadrature_error: Largest relative difference of the closed-form metric from adaptive quadrature, over
+            the stable loops of the first and the last level.
     """
 
     sweep: AuthoritySweep
