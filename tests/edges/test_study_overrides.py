@@ -24,18 +24,18 @@ from middeck.study.chapters.zero_g_control.chapter import ZERO_G_CONTROL
 from middeck.study.chapters.zero_g_control.claims import figure_7_claims
 from middeck.study.chapters.zero_g_control.computation import ZeroGControl
 from middeck.study.mission import run_chapters
+from repeats import LONG, repeats
 
 ROOT = Path(__file__).parents[2]
 STUDY = ROOT / "studies/mace-1993.toml"
-LONG = os.environ.get("MIDDECK_LONG") == "1"
 CONTRACT = json.loads((ROOT / "tests/reference/numbers.schema.json").read_text())
 SHIPPED = json.loads(files("middeck.study").joinpath("numbers.schema.json").read_text())
 
 # Each case sets what cannot touch another: Figures 4 to 7 stand on [control], the others on their own tables.
 # A shorter period and a slower computer on the rig: fewer lines and less time, in every case.
 SHORT = ("siso.period_s=16", "siso.periods=2", "rig.rest_s=2", "rig.sample_hz=250")
-if not LONG:  # fewer states and smaller designs too
-    SHORT += ("rig.sample_hz=200", "sito.states=16")
+if not LONG:  # fewer levels, fewer states and smaller designs too
+    SHORT += ("siso.period_s=8", "rig.rest_s=1", "rig.sample_hz=150", "control.levels=7", "sito.states=12")
     SHORT += ("sito.smaller_states=[10]", "sito.smaller_bands_hz=[[0.6, 12]]")
 CASES = {
     "moon": (
@@ -49,8 +49,6 @@ CASES = {
         "figure_6.band_hz=[0.1, 4]",
         "rig.identification_noise=0.3",
     ),
-}
-LONG_CASES = {
     "soft": ("suspension.bounce_hz=0.2", "siso.pair_shift_hz=7", "siso.high.log10_authority=6"),
     "late": ("control.log10_authority_first=3", "siso.states=4", "siso.pade_order=1"),
     "many modes": ("control.modes_kept=60", "figure_6.band_hz=[35, 40]"),
@@ -76,7 +74,7 @@ class Result:
         return next(c for c in self.figures[figure]["claims"] if beginning in c["claim"])
 
 
-@pytest.fixture(scope="module", params=[*CASES, *LONG_CASES] if LONG else CASES)
+@pytest.fixture(scope="module", params=repeats(CASES, 2))
 def case(request: pytest.FixtureRequest) -> str:
     return request.param
 
@@ -88,7 +86,7 @@ RESULTS: dict[str, Result] = {}
 def result(case: str, tmp_path_factory: pytest.TempPathFactory) -> Result:
     """All chapters but the mirror, on which none of these values acts."""
     if case not in RESULTS:
-        study = load_study(STUDY, (*SHORT, *(CASES | LONG_CASES)[case]))
+        study = load_study(STUDY, (*SHORT, *CASES[case]))
         out = tmp_path_factory.mktemp("case")
         writer = StudyWriter(out, study)
         for name, compute in run_chapters(study):
