@@ -30,7 +30,7 @@ def middeck(capfd: pytest.CaptureFixture[str], *arguments: object) -> Ended:
 
 
 def identify_once(*asked: Any) -> Any:
-    """In place of `middeck.cli.fitting.identify`: what examples of several verbs ask for alike is fitted once."""
+    """For `middeck.cli.fitting.identify`: what examples of several verbs ask for alike is fitted once."""
     known = str(asked[:3])
     if known not in FITTED:
         FITTED[known] = identify(*asked)

@@ -10,5 +10,5 @@ LONG = os.environ.get("MIDDECK_LONG") == "1"
 
 
 def repeats(cases: Iterable[Any], quick: int = 1) -> list[Any]:
-    """Cases of one law: of `make test` the first few, so put first what is hardest or most unlike the rest."""
+    """Cases of one law; `make test` runs the first few: put first what is hardest or most unlike the rest."""
     return list(cases)[: None if LONG else quick]

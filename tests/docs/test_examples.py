@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cli_runner import identify_once
 from doc_pages import ROOT, Block, blocks
 
+from cli_runner import identify_once
 from middeck.cli.main import execute
 
 PAGES = [

@@ -60,7 +60,6 @@ def examples(text: str) -> list[list[str]]:
     return [shlex.split(line)[1:] for line in below.splitlines() if line.strip().startswith("middeck")]
 
 
-
 @pytest.fixture
 def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder with the project's documents and data, where examples may write."""

@@ -18,6 +18,7 @@ from middeck.structure.model.environment import AnchoredSpring, Environment, Sus
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.structure.rest.statics import static_coordinates
+from repeats import repeats
 from structure_builders import GRAVITY, body, member, node, structure
 
 TUBE = Section(1e6, 80.0, 90.0, 110.0, 0.5, 1e-4, 2e-4)
@@ -129,7 +130,7 @@ def rotated_lab(env: Environment, R: np.ndarray) -> Environment:
     return dataclasses.replace(env, gravity=R @ env.gravity, springs=springs)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", repeats(range(4)))
 def test_rotating_article_gravity_and_springs_together_changes_nothing(seed: int):
     parts = random_tree(seed, 3, 2, (JointState.SPRUNG,))
     env = Environment("lab", GRAVITY, None, springs_from(parts, seed))

@@ -1,6 +1,5 @@
 """Orders that could be chosen wrongly: a narrow band, single lines that distortion moves, few lines."""
 
-import os
 import re
 
 import numpy as np
@@ -14,8 +13,8 @@ from middeck.identification.spectra import estimate_response
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
 from middeck.systems.response import FrequencyResponse
+from repeats import repeats
 
-LONG = os.environ.get("MIDDECK_LONG") == "1"
 PORTS = (Port("force", "N"),), (Port("way", "m"),)
 
 
@@ -66,7 +65,7 @@ def late(low, high, *, free=0.0, delay_s=0.0113, seed=1, lines=200, noise=5e-3):
     return FrequencyResponse(f, H + size * (re + 1j * im), *PORTS, np.full(H.shape, size**2))
 
 
-@pytest.mark.parametrize("seed", [1, 2] if LONG else [1])
+@pytest.mark.parametrize("seed", repeats([1, 2]))
 @pytest.mark.parametrize("free", [0.0, 2.0])
 @pytest.mark.parametrize(("low", "high", "hz", "zeta"), [(2.8, 3.4, 3.1, 0.008), (8.0, 9.5, 8.7, 0.015)])
 def test_a_delay_in_a_narrow_band_is_not_half_a_period_off(low, high, hz, zeta, free, seed):
