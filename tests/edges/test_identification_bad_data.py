@@ -181,7 +181,7 @@ UNUSUAL = {
 
 
 @pytest.mark.parametrize(
-    "options", repeats([{"states": 8}, {"states": 4, "constants": "complex"}, {"states": 2}])
+    "options", repeats([{"states": 8}, {"states": 4, "constants": "complex"}, {"states": 2}], 2)
 )
 @pytest.mark.parametrize("measured", UNUSUAL.values(), ids=UNUSUAL.keys())
 def test_no_nan_leaves_a_fit(measured, options):
