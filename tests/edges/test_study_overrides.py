@@ -82,32 +82,38 @@ def case(request: pytest.FixtureRequest) -> str:
 RESULTS: dict[str, Result] = {}
 
 
+def with_rig(case: str) -> bool:
+    return LONG or case == "moon"
+
+
 @pytest.fixture(scope="module")
 def result(case: str, tmp_path_factory: pytest.TempPathFactory) -> Result:
-    """All chapters but the mirror, on which none of these values acts."""
+    """All chapters but the mirror, on which none of these values acts; `make test` runs one rig of them."""
+    without = ("mirror",) if with_rig(case) else ("mirror", "figure 9", "figures 10 to 12")
     if case not in RESULTS:
         study = load_study(STUDY, (*SHORT, *CASES[case]))
         out = tmp_path_factory.mktemp("case")
         writer = StudyWriter(out, study)
         for name, compute in run_chapters(study):
-            if name != "mirror":
+            if name not in without:
                 writer.add(name, compute())
         writer.finish()
         RESULTS[case] = Result(out)
     return RESULTS[case]
 
 
-def without_mirror(schema: dict[str, Any]) -> dict[str, Any]:
+def of_chapters(case: str, schema: dict[str, Any]) -> dict[str, Any]:
+    """The schema, without the figures of chapters that do not run."""
     schema = json.loads(json.dumps(schema))
-    required = schema["properties"]["figures"]["required"]
-    if "mirror" in required:
-        required.remove("mirror")
+    asked = schema["properties"]["figures"]
+    early = ("figure_4", "figure_5", "figure_6", "figure_7")
+    asked["required"] = [n for n in asked["required"] if n in early or (n != "mirror" and with_rig(case))]
     return schema
 
 
-def test_numbers_keep_both_schemas(result: Result) -> None:
-    for schema in (CONTRACT, without_mirror(SHIPPED)):
-        jsonschema.validate(result.document, schema)
+def test_numbers_keep_both_schemas(case: str, result: Result) -> None:
+    for schema in (CONTRACT, SHIPPED):
+        jsonschema.validate(result.document, of_chapters(case, schema))
 
 
 def test_the_page_says_nothing_that_is_no_number(result: Result) -> None:
@@ -117,7 +123,7 @@ def test_the_page_says_nothing_that_is_no_number(result: Result) -> None:
 
 def test_claims_hold_only_with_what_they_need(result: Result) -> None:
     for figure in ("figure_6", "figure_7", "figure_9b", "figure_10b", "figure_11", "figure_12"):
-        for row in result.figures[figure]["claims"]:
+        for row in result.figures.get(figure, {"claims": ()})["claims"]:
             never = "or never" in row["claim"]
             assert row["number"] is not None or not row["holds"] or never, row
 
