@@ -34,8 +34,8 @@ SHIPPED = json.loads(files("middeck.study").joinpath("numbers.schema.json").read
 # Each case sets what cannot touch another: Figures 4 to 7 stand on [control], the others on their own tables.
 # A shorter period and a slower computer on the rig: fewer lines and less time, in every case.
 SHORT = ("siso.period_s=16", "siso.periods=2", "rig.rest_s=2", "rig.sample_hz=250")
-if not LONG:  # fewer levels, fewer states and smaller designs too
-    SHORT += ("siso.period_s=8", "rig.rest_s=1", "rig.sample_hz=150", "control.levels=7", "sito.states=12")
+if not LONG:  # fewer states and smaller designs too
+    SHORT += ("siso.period_s=8", "rig.rest_s=1", "rig.sample_hz=150", "sito.states=12")
     SHORT += ("sito.smaller_states=[10]", "sito.smaller_bands_hz=[[0.6, 12]]")
 CASES = {
     "moon": (
